@@ -17,6 +17,7 @@
 //! faults         the faults that the user injects, and their result
 //! host           the computer of a run
 //! listening      the sockets that nodes and benches hold open for others
+//! counted        a number with the noun that it counts
 //! run_directory  the files of a measurement
 //! ```
 
@@ -24,6 +25,7 @@ pub mod arms;
 pub mod attached;
 pub mod calibrated;
 pub mod conditions;
+pub(crate) mod counted;
 pub mod distance;
 pub mod disturbances;
 pub mod faults;

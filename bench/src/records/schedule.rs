@@ -6,6 +6,8 @@ use plc_node::{ExecutionType, OverrideSchedule};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use crate::records::counted::counted;
+
 /// Seed of runs without a given seed.
 pub(crate) const SEED: u64 = 1;
 
@@ -47,7 +49,7 @@ pub struct Schedule {
 
 /// Formats a number of repetitions as text.
 pub(crate) fn repetitions(count: u32) -> String {
-    format!("{count} repetition{}", if count == 1 { "" } else { "s" })
+    counted(count, "repetition")
 }
 
 impl Schedule {

@@ -11,6 +11,7 @@ use machine::Instant;
 use plc_node::ExecutionType;
 use virtual_time::Side;
 
+use crate::records::counted::counted;
 use crate::records::results::PerType;
 
 /// Time of a run, by the clock that both nodes of a real run share.
@@ -173,9 +174,8 @@ impl Trace {
         let gaps = ExecutionType::ALL.into_iter().filter_map(|execution_type| {
             let [scans, cycles] = self.types.get(execution_type)?.gaps();
             let name = execution_type.to_string().to_uppercase();
-            let plural = |count: u64| if count == 1 { "" } else { "s" };
-            let scans = (scans > 0).then(|| format!("{scans} scan{} of the PLC", plural(scans)));
-            let cycles = (cycles > 0).then(|| format!("{cycles} cycle{} of the robot", plural(cycles)));
+            let scans = (scans > 0).then(|| format!("{} of the PLC", counted(scans, "scan")));
+            let cycles = (cycles > 0).then(|| format!("{} of the robot", counted(cycles, "cycle")));
             let lacking: Vec<_> = scans.into_iter().chain(cycles).collect();
             (!lacking.is_empty()).then(|| format!("The recording of {name} lacks {}.", lacking.join(" and ")))
         });

@@ -51,32 +51,32 @@ impl Served {
 }
 
 /// Returns the routes.
-pub(super) fn routes(shown: Served) -> Router {
+pub(super) fn routes(served: Served) -> Router {
     Router::new()
         .route("/", get(page))
         .route("/events", get(events))
         .layer(middleware::from_fn(only_this_machine))
-        .with_state(shown)
+        .with_state(served)
 }
 
-async fn page(State(shown): State<Served>) -> Html<String> {
-    Html(shown.page.to_string())
+async fn page(State(served): State<Served>) -> Html<String> {
+    Html(served.page.to_string())
 }
 
 /// Sends the state, then each change, as server-sent events. A page that another run served gets an event that makes it
 /// load this run's page.
-async fn events(State(shown): State<Served>, headers: HeaderMap) -> Response {
-    if headers.get("last-event-id").is_some_and(|last| last.as_bytes() != shown.digest.as_bytes()) {
+async fn events(State(served): State<Served>, headers: HeaderMap) -> Response {
+    if headers.get("last-event-id").is_some_and(|last| last.as_bytes() != served.digest.as_bytes()) {
         let reload = stream::iter([Ok::<_, Infallible>(
             Event::default().event("other-run").data("load this page again"),
         )]);
         return Sse::new(reload).into_response();
     }
-    let Some(parts) = shown.hub().open() else {
+    let Some(parts) = served.hub().open() else {
         let text = "too many pages show this run: close one of them\n";
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
-    let events = stream::unfold((parts, shown.digest), |(mut parts, digest)| async {
+    let events = stream::unfold((parts, served.digest), |(mut parts, digest)| async {
         let text = parts.recv().await?;
         Some((Ok::<_, Infallible>(Event::default().id(&*digest).data(text)), (parts, digest)))
     });
@@ -130,11 +130,11 @@ mod tests {
     use tower_service::Service as _;
 
     fn ask(method: Method, path: &str, headers: &[(&str, &str)]) -> Response {
-        let shown = Served::new("the page");
+        let served = Served::new("the page");
         let request = Request::builder().method(method).uri(path);
         let request = headers.iter().fold(request, |request, (name, value)| request.header(*name, *value));
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
-        runtime.block_on(routes(shown).call(request.body(Body::empty()).unwrap())).unwrap()
+        runtime.block_on(routes(served).call(request.body(Body::empty()).unwrap())).unwrap()
     }
 
     #[test]

@@ -6,6 +6,7 @@ use std::path::Path;
 use plc_node::ExecutionType;
 use serde::Serialize;
 
+use crate::records::counted::counted;
 use crate::records::interval::Mean;
 use crate::records::results::{PerType, Results, Status};
 use crate::records::run_directory;
@@ -63,7 +64,7 @@ impl Entry {
         let host = run_directory::host(path);
         let text = |key: &str| Some(host.as_ref()?.get(key)?.as_str()?.to_owned());
         let cores = host.as_ref().and_then(|host| host.get("cores")?.as_u64());
-        let cores = cores.map(|count| format!("{count} core{}", if count == 1 { "" } else { "s" }));
+        let cores = cores.map(|count| counted(count, "core"));
         let kernel = text("kernel").map(|kernel| format!("Linux {kernel}"));
         let computer: Vec<_> = text("cpu").into_iter().chain(cores).chain(kernel).collect();
         let mut entry = Self {
@@ -141,9 +142,14 @@ impl Entry {
         if self.is_incomplete { format!("{ended}, records incomplete") } else { ended.to_owned() }
     }
 
-    /// Returns whether all that was asked for was done on nodes that the bench started.
+    /// Returns whether all repetitions were done, and all records are there.
+    pub(super) const fn is_complete(&self) -> bool {
+        matches!(self.status, Status::Complete) && !self.is_incomplete
+    }
+
+    /// Returns whether it is complete, on nodes that the bench started.
     pub(super) const fn is_whole(&self) -> bool {
-        matches!(self.status, Status::Complete) && !self.is_incomplete && !self.is_attached
+        self.is_complete() && !self.is_attached
     }
 
     pub(super) fn by_age(&self, other: &Self) -> Ordering {

@@ -13,6 +13,7 @@ use crate::output::html::document::fill;
 use crate::output::html::figure::Figure;
 use crate::output::progress::label;
 use crate::output::report;
+use crate::records::counted::counted;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -100,15 +101,11 @@ fn readable(date: &str) -> String {
     date.replace('T', " ").replace('Z', " UTC")
 }
 
-fn runs(count: usize) -> String {
-    format!("{count} run{}", if count == 1 { "" } else { "s" })
-}
-
 fn summary(history: &History) -> String {
     if let Some(reason) = &history.is_empty_because {
         return reason.clone();
     }
-    let all = runs(history.entries.len());
+    let all = counted(history.entries.len(), "run");
     let changed: Vec<_> = history.entries.iter().filter(|entry| !changes(entry).is_empty()).collect();
     match changed.last() {
         None => format!("{all}. No AET changed by more than the 95\u{a0}% intervals allow."),
@@ -171,13 +168,17 @@ fn section(
     Ok(Section {
         id: format!("kind-{}", index + 1),
         title: format!("Setup {setup}, {application}, {mode} mode"),
-        about: format!("{}, {number_of_changes} with a change", runs(entries.len())),
+        about: format!("{}, {number_of_changes} with a change", counted(entries.len(), "run")),
         figure: Figure::draw(
             "AET of RC, SM and CM with its 95 % interval, run by run; the table below has the same",
             |format| chart::draw(&numbered, format),
         )?,
         shown: is_cut_off.then(|| {
-            format!("The figure has the last {} of {}; the table has all.", chart::MOST, runs(entries.len()))
+            format!(
+                "The figure has the last {} of {}; the table has all.",
+                chart::MOST,
+                counted(entries.len(), "run")
+            )
         }),
         changes: changed.collect(),
         rows: numbered.iter().map(|run| row(*run, hosts, report(run.entry))).collect(),
@@ -225,7 +226,7 @@ fn row(run: Run<'_>, hosts: &[String], report: Option<String>) -> Row {
         cells: ExecutionType::ALL.into_iter().map(|execution_type| cell(entry, execution_type)).collect(),
         improvement: improvement.unwrap_or_else(|| NONE.to_owned()),
         ended: entry.ended(),
-        is_complete: entry.ended() == "complete",
+        is_complete: entry.is_complete(),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::table::{depths, percent, slots};
 use super::{Point, Sweep};
+use crate::records::counted::counted;
 
 /// Returns sentences on why this number of slots suffices, and up to where.
 #[must_use]
@@ -84,10 +85,9 @@ fn short_sight(sweep: &Sweep) -> Option<String> {
     let short = || sweep.points.iter().filter(|point| point.looks_too_short());
     let deepest = short().map(|point| point.depth).max()?;
     let most = short().map(Point::loss).fold(0.0, f64::max);
-    let count = short().count();
-    let points = if count == 1 { "point" } else { "points" };
+    let points = counted(short().count(), "point");
     Some(format!(
-        "At {count} {points}, with at most {}, CM loses up to {} but no blend: the robot plans for a stop at the end of the \
+        "At {points}, with at most {}, CM loses up to {} but no blend: the robot plans for a stop at the end of the \
          motions that it knows, and knows too few to be as quick as with its whole program.",
         slots(deepest),
         percent(most)

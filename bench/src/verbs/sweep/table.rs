@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use node::screen;
 
 use super::{Point, Sweep, sentences};
+use crate::records::counted::counted;
 use crate::records::schedule::repetitions;
 
 /// Formats a block for each depth and the sentences below them.
@@ -56,7 +57,7 @@ pub(crate) fn rows(sweep: &Sweep, depth: u32) -> Vec<Vec<Point>> {
 
 /// Formats a depth in words.
 pub(crate) fn slots(depth: u32) -> String {
-    if depth == 1 { "1 slot".to_owned() } else { format!("{depth} slots") }
+    counted(depth, "slot")
 }
 
 fn block(sweep: &Sweep, depth: u32) -> String {

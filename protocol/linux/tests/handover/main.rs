@@ -97,33 +97,33 @@ fn take_asleep<T>(
 }
 
 #[test]
-fn a_reader_that_sleeps_while_there_is_no_news_reads_all_news() {
+fn a_reader_that_sleeps_while_there_is_no_notice_receives_all_notices() {
     in_every_order(|| {
         let (sender, mut receiver) = ring(2);
         let reader = Notifier::new();
         let mut notices = NoticeSender::new(sender, reader.clone());
-        let telling = thread::spawn(move || {
+        let sending = thread::spawn(move || {
             notices.send(1);
             notices.send(2);
             // It stays: its end would notify as well.
             notices
         });
-        let news = take_asleep(&mut receiver, &reader, |news, _| news.len() == 2);
-        assert_eq!(news, [1, 2]);
-        drop(telling.join().unwrap());
+        let received = take_asleep(&mut receiver, &reader, |received, _| received.len() == 2);
+        assert_eq!(received, [1, 2]);
+        drop(sending.join().unwrap());
     });
 }
 
 #[test]
-fn a_reader_that_sleeps_while_there_is_no_news_learns_of_the_end_after_the_last() {
+fn a_reader_that_sleeps_while_there_is_no_notice_learns_of_the_end_after_the_last() {
     in_every_order(|| {
         let (sender, mut receiver) = ring(2);
         let reader = Notifier::new();
         let mut notices = NoticeSender::new(sender, reader.clone());
-        let telling = thread::spawn(move || notices.send(1));
-        let news = take_asleep(&mut receiver, &reader, |_, taken| *taken == Taken::Ended);
-        assert_eq!(news, [1]);
-        telling.join().unwrap();
+        let sending = thread::spawn(move || notices.send(1));
+        let received = take_asleep(&mut receiver, &reader, |_, taken| *taken == Taken::Ended);
+        assert_eq!(received, [1]);
+        sending.join().unwrap();
     });
 }
 

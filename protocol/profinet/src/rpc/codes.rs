@@ -100,17 +100,24 @@ impl From<u16> for Operation {
     }
 }
 
+impl Operation {
+    /// Returns the operation number.
+    pub(super) const fn code(self) -> u16 {
+        match self {
+            Self::Connect => 0,
+            Self::Release => 1,
+            Self::Read => 2,
+            Self::Write => 3,
+            Self::Control => 4,
+            Self::ReadImplicit => 5,
+            Self::Unknown(code) => code,
+        }
+    }
+}
+
 impl From<Operation> for u16 {
     fn from(operation: Operation) -> Self {
-        match operation {
-            Operation::Connect => 0,
-            Operation::Release => 1,
-            Operation::Read => 2,
-            Operation::Write => 3,
-            Operation::Control => 4,
-            Operation::ReadImplicit => 5,
-            Operation::Unknown(code) => code,
-        }
+        operation.code()
     }
 }
 

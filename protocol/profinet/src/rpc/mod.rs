@@ -124,15 +124,6 @@ impl Header {
         activity: Uuid,
         sequence: u32,
     ) -> Self {
-        let operation = match operation {
-            Operation::Connect => 0,
-            Operation::Release => 1,
-            Operation::Read => 2,
-            Operation::Write => 3,
-            Operation::Control => 4,
-            Operation::ReadImplicit => 5,
-            Operation::Unknown(code) => code,
-        };
         Self {
             kind: Kind::Request,
             flags: flags::IDEMPOTENT,
@@ -145,7 +136,7 @@ impl Header {
             server_boot: 0,
             interface_version: 1,
             sequence,
-            operation,
+            operation: operation.code(),
             interface_hint: 0xFFFF,
             activity_hint: 0xFFFF,
             fragment: 0,
