@@ -1,0 +1,95 @@
+//! A calibration from the command line: what it prints, what it writes into a setup's file, and what it refuses.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+
+struct Said {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+fn calibrate(directory: &Path, arguments: &str) -> Said {
+    let mut command = Command::cargo_bin("bench").unwrap();
+    let output = command.current_dir(directory).arg("calibrate").args(arguments.split(' ')).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+fn shipped(name: &str) -> &'static str {
+    setup::SETUPS.iter().find(|(known, _)| *known == name).unwrap().1
+}
+
+#[test]
+fn the_numbers_go_into_the_setups_file_and_everything_else_in_it_stays() {
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("mine.toml");
+    // A programmed speed far off, a call that costs much less, and a quantum that a datasheet gives.
+    let number = |line: &str, value: &str, from: &str| {
+        let key = line.split_once(" = ").map_or(line, |(key, _)| key);
+        format!("{key} = {{ value = {value}, from = \"{from}\", note = \"of the test\" }}")
+    };
+    let text: Vec<_> = shipped("A")
+        .lines()
+        .map(|line| match line.split_once(" = ").map(|(key, _)| key) {
+            Some("velocity_percent") => number(line, "60.0", "calibrated"),
+            Some("skill_overhead_us") => number(line, "20000", "calibrated"),
+            Some("interpreter_quantum_us") => number(line, "12000", "datasheet"),
+            _ => line.to_owned(),
+        })
+        .collect();
+    let text = text.join("\n") + "\n";
+    std::fs::write(&file, &text).unwrap();
+    let said = calibrate(place.path(), "--setup mine.toml --seeds 3 --reps 4 --write");
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let written = std::fs::read_to_string(&file).unwrap();
+    let key = |line: &str| line.split_once(" = ").map_or_else(|| line.to_owned(), |(key, _)| key.to_owned());
+    let changed: Vec<_> = text.lines().zip(written.lines()).filter(|(old, new)| old != new).collect();
+    assert_eq!(written.lines().count(), text.lines().count());
+    for (old, new) in &changed {
+        assert_eq!(key(old), key(new));
+        assert!(new.contains("from = \"calibrated\", note = \"`bench calibrate` on "), "{new}");
+        assert!(said.stdout.contains(new), "what is printed is what is written: {new}");
+    }
+    let keys: Vec<_> = changed.iter().map(|(old, _)| key(old)).collect();
+    assert!(
+        keys.iter().any(|key| key == "velocity_percent") && keys.iter().any(|key| key == "skill_overhead_us")
+    );
+    // What a datasheet gives stays, and the figures' opinion is printed.
+    assert!(!keys.iter().any(|key| key == "interpreter_quantum_us"), "{keys:?}");
+    assert!(
+        said.stdout.contains("# interpreter_quantum_us = 12000 is from \"datasheet\" and stays"),
+        "{}",
+        said.stdout
+    );
+    let setup = setup::setup(file.to_str().unwrap()).unwrap();
+    assert!(
+        (15.0..45.0).contains(&setup.motions.velocity_percent.value),
+        "{:?}",
+        setup.motions.velocity_percent
+    );
+    assert!(
+        (120_000..180_000).contains(&setup.robot.skill_overhead_us.value),
+        "{:?}",
+        setup.robot.skill_overhead_us
+    );
+    let line = |name: &str| said.stdout.lines().find(|line| line.contains(name)).unwrap_or_default();
+    assert!(line("# SM AET").contains("paper 6477.0 ± 2.9"), "{}", said.stdout);
+    assert!(line("# RC's AET changes by -").contains("1 % more velocity_percent"), "{}", said.stdout);
+}
+
+#[test]
+fn a_built_in_setup_is_not_written_and_one_without_figures_is_not_calibrated() {
+    let place = tempfile::tempdir().unwrap();
+    let said = calibrate(place.path(), "--setup A --write");
+    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""));
+    insta::assert_snapshot!(said.stderr, @"error: --write changes a setup's file, and A is built in: name its file by --setup");
+    let figures = shipped("A").find("[paper]").unwrap();
+    let plc = shipped("A").find("[plc]").unwrap();
+    let without = format!("{}{}", &shipped("A")[..figures], &shipped("A")[plc..]);
+    std::fs::write(place.path().join("mine.toml"), without).unwrap();
+    let said = calibrate(place.path(), "--setup mine.toml");
+    insta::assert_snapshot!(said.stderr, @"error: setup A has no [paper] figures to calibrate on");
+    assert_ne!(said.code, Some(0));
+}

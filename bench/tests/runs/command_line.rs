@@ -1,0 +1,600 @@
+//! The command line: its messages on bad input, its exit codes, and the files of a run.
+//!
+//! In one file, because each test program of the bench is linked on its own, which takes longer than these tests.
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+
+/// Output and exit code of a call, without the path of its directory.
+struct Said {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+fn bench(directory: &Path, arguments: &[&str]) -> Said {
+    let output =
+        Command::cargo_bin("bench").unwrap().current_dir(directory).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+fn refused(arguments: &[&str]) -> String {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), arguments);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
+    said.stderr
+}
+
+#[test]
+fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
+    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B, C, D; or give the path of a .toml file");
+}
+
+/// Runs Setup C in virtual mode, with these lines in its section of the bus.
+fn setup_c_with(lines: &str, options: &[&str]) -> Said {
+    let directory = tempfile::tempdir().unwrap();
+    let shipped = include_str!("../../../cell/setups/C.toml");
+    let changed = shipped.replacen("\n[robot]\n", &format!("\n{lines}\n[robot]\n"), 1);
+    fs::write(directory.path().join("c.toml"), changed).unwrap();
+    let arguments = ["--setup", "c.toml", "--mode", "virtual", "--reps", "1", "--quiet", "--out", "run"];
+    bench(directory.path(), &[&arguments[..], options].concat())
+}
+
+#[test]
+fn a_robot_with_another_identity_or_other_process_data_than_the_setup_wants_is_refused_with_both() {
+    let device = |product: u32, output_bytes: u32| {
+        let said = setup_c_with(
+            &format!(
+                "[bus.ethercat.device]\nvendor = 0xFFFFFFFF\nproduct = {product}\n\
+                 output_bytes = {output_bytes}\ninput_bytes = 256\n"
+            ),
+            &[],
+        );
+        assert_eq!(said.code, Some(2), "{}", said.stderr);
+        said.stderr
+    };
+    insta::assert_snapshot!(device(9, 256), @"error: no connection to the robot: the EtherCAT cable has other devices: expected 1: vendor 0xFFFFFFFF, product 0x00000009; found 1: `skillbench-robot` (vendor 0xFFFFFFFF, product 0x00000001, revision 0x00010000)");
+    insta::assert_snapshot!(device(1, 64), @"error: no connection to the robot: device 1, `skillbench-robot` (vendor 0xFFFFFFFF, product 0x00000001, revision 0x00010000), has 256 bytes of outputs and 256 of inputs; expected 64 and 256");
+}
+
+#[test]
+fn over_ethercat_a_run_survives_lost_doubled_and_late_frames_and_a_short_cut() {
+    let faults = ["loss=0.002", "duplicate=0.01", "reorder=0.01@2ms", "cut-at=2s..2.1s"];
+    let options: Vec<_> = faults.iter().flat_map(|fault| ["--fault", fault]).collect();
+    let said = setup_c_with("", &options);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let longer = setup_c_with("", &["--fault", "cut-at=2s..3s"]);
+    assert_eq!(longer.code, Some(4), "{}", longer.stderr);
+    assert!(longer.stderr.contains("error: repetition rc 1 of 1 failed"), "{}", longer.stderr);
+}
+
+#[test]
+fn a_closed_pipe_is_no_failure_and_the_run_is_saved() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = ["--mode", "virtual", "--reps", "1", "--out", "run"];
+    let without_reader = || std::io::pipe().unwrap().1;
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_bench"));
+    command.current_dir(directory.path()).args(arguments);
+    let ended = command.stdout(without_reader()).stderr(without_reader()).status().unwrap();
+    assert_eq!(ended.code(), Some(0));
+    let results = fs::read_to_string(directory.path().join("run/results.json")).unwrap();
+    assert!(results.contains("\"complete\""), "{results}");
+}
+
+#[test]
+fn output_to_a_full_disk_is_an_error_and_the_run_is_saved() {
+    let directory = tempfile::tempdir().unwrap();
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_bench"))
+        .current_dir(directory.path())
+        .args(["--mode", "virtual", "--reps", "1", "--quiet", "--out", "run"])
+        .stdout(full)
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("error: cannot write to standard output: No space left on device"), "{stderr}");
+    assert!(directory.path().join("run/results.json").exists());
+}
+
+#[test]
+fn the_error_for_an_unknown_execution_type_lists_the_existing_ones() {
+    insta::assert_snapshot!(refused(&["--types", "rc,xm"]), @"
+    error: invalid value 'rc,xm' for '--types <TYPES>...': there is no execution type `xm`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill
+
+    For more information, try '--help'.
+    ");
+}
+
+#[test]
+fn zero_repetitions_are_refused() {
+    insta::assert_snapshot!(refused(&["--reps", "0"]), @"
+    error: invalid value '0' for '--reps <N>': 0 is not in 1..=100000
+
+    For more information, try '--help'.
+    ");
+}
+
+#[test]
+fn the_error_for_a_wrong_override_shows_a_correct_one() {
+    for (text, reason) in [
+        ("120", "`120`: an override of 120 % was asked for; it is 0 (the arm stops on its path) to 100 %"),
+        (
+            "50@2s,0@3s",
+            "`50@2s,0@3s` leaves the arm standing for ever; let a later step raise the override, as in 0,100@10s",
+        ),
+        (
+            "half",
+            "`half` is no override; write percent, and a time after the start of the run: 50, 50@2s or 80,0@2s,100@3s",
+        ),
+    ] {
+        let said = refused(&["--mode", "virtual", "--override", text]);
+        let expected =
+            format!("error: invalid value '{text}' for '--override <PERCENT[@TIME],...>': {reason}\n");
+        assert!(said.starts_with(&expected), "{said}");
+    }
+}
+
+#[test]
+fn the_error_for_a_broken_setup_file_gives_line_key_and_expectation() {
+    let directory = tempfile::tempdir().unwrap();
+    let broken = setup::SETUPS[0].1.replace("scan_cost_us", "scan_costs");
+    fs::write(directory.path().join("my.toml"), broken).unwrap();
+    let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
+    assert_eq!(said.code, Some(2));
+    insta::assert_snapshot!(said.stderr, @r#"
+    error: my.toml:16: in `plc.scan_costs`: unknown field `scan_costs`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
+       16 | scan_costs = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
+    "#);
+}
+
+/// Returns the error for Setup A in a directory whose application is the shipped one with one passage replaced.
+fn refused_application(from: &str, to: &str) -> String {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("my.toml"), naming("jobs/mine.toml")).unwrap();
+    fs::create_dir(directory.path().join("jobs")).unwrap();
+    let (_, text) = planning::APPLICATIONS[0];
+    assert!(text.contains(from), "{from}");
+    fs::write(directory.path().join("jobs/mine.toml"), text.replacen(from, to, 1)).unwrap();
+    let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual", "--reps", "1"]);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+    assert!(!directory.path().join("runs").exists(), "nothing is written");
+    said.stderr
+}
+
+/// Returns Setup A with another application.
+fn naming(application: &str) -> String {
+    let named = format!("application = \"{application}\"");
+    setup::SETUPS[0].1.replace("application = \"pick-and-place\"", &named)
+}
+
+#[test]
+fn the_error_for_a_broken_application_file_gives_line_key_and_expectation() {
+    insta::assert_snapshot!(refused_application("approach_mm", "aproach_mm"), @"
+    error: jobs/mine.toml:43: unknown field `aproach_mm`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
+       43 | aproach_mm = 70.0
+    ");
+    insta::assert_snapshot!(refused_application("reach = \"home\"", "reach = \"hom\""), @"error: jobs/mine.toml:71: reach: there is no frame `hom`; there is above-assembly, carrier-rim, grip, home, inserted");
+}
+
+#[test]
+fn the_error_for_an_application_that_cannot_be_planned_gives_step_motion_quantity_and_limit() {
+    insta::assert_snapshot!(refused_application("line = \"grip\"", "line = \"carrier-rim\""), @"error: jobs/mine.toml on setup A: step `A`, motion 3: its length is 0.000 mm and it does not turn; a motion needs at least 0.01 mm: remove it or move its frame");
+    insta::assert_snapshot!(refused_application("table = 1", "table = 2"), @"error: jobs/mine.toml on setup A: step `A`, motion 1: the setup's robot has no base 2; it has 0, 1");
+}
+
+#[test]
+fn the_error_for_an_unknown_application_lists_the_existing_ones() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("my.toml"), naming("juggle")).unwrap();
+    let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
+    assert_eq!(said.code, Some(2));
+    insta::assert_snapshot!(said.stderr, @"error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force; or give the path of a .toml file");
+}
+
+#[test]
+fn a_built_in_application_runs_by_its_name_and_its_text_is_saved() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("my.toml"), naming("pick-and-place-gripper")).unwrap();
+    let arguments = ["--setup", "my.toml", "--mode", "virtual", "--reps", "1", "--out", "run"];
+    let said = bench(directory.path(), &arguments);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let kept = fs::read_to_string(directory.path().join("run/application.toml")).unwrap();
+    let (_, text) = planning::APPLICATIONS[1];
+    assert_eq!(kept, text);
+}
+
+#[test]
+fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(
+        directory.path(),
+        &["--mode", "virtual", "--reps", "2", "--out", "run", "--export-json", "out.json"],
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stdout.contains("AETi") && said.stdout.contains("Saved in run."), "{}", said.stdout);
+    assert!(
+        said.stderr.contains("virtual: ") && said.stderr.contains(" s of the plant in "),
+        "{}",
+        said.stderr
+    );
+    let mut names: Vec<_> = fs::read_dir(directory.path().join("run"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(
+        names,
+        [
+            "application.toml",
+            "host.json",
+            "race.html",
+            "report.html",
+            "results.json",
+            "samples.csv",
+            "setup.toml",
+            "trace-plc.csv",
+            "trace-robot.csv",
+        ]
+    );
+    let read = |path: &str| fs::read_to_string(directory.path().join(path)).unwrap();
+    assert_eq!(read("run/results.json"), read("out.json"));
+    assert_eq!(read("run/samples.csv").lines().count(), 1 + 6);
+    let host: serde_json::Value = serde_json::from_str(&read("run/host.json")).unwrap();
+    assert!(host["kernel"].is_string() && host["cores"].as_u64() > Some(0), "{host}");
+}
+
+#[test]
+fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
+    // Longer than a screen, because it is one list: all fields of the file.
+    let directory = tempfile::tempdir().unwrap();
+    let export = |name: &str| {
+        let said =
+            bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--export-json", name, "--quiet"]);
+        assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
+        fs::read_to_string(directory.path().join(name)).unwrap()
+    };
+    let json = export("a.json");
+    assert_eq!(json, export("b.json"));
+    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let mut paths = Vec::new();
+    leaves(&value, String::new(), &mut paths);
+    insta::assert_snapshot!(paths.join("\n"), @"
+    .aet_improvement
+    .application
+    .arms.a_as_b_ms
+    .arms.a_ms
+    .arms.b_as_a_ms
+    .arms.b_ms
+    .bus.foreign
+    .bus.frames_received
+    .bus.frames_sent
+    .bus.lost
+    .bus.skipped
+    .calibrated[].key
+    .calibrated[].note
+    .calibrated[].value
+    .connected_after_ms
+    .cycle.plc.buckets[][]
+    .cycle.plc.max_us
+    .cycle.plc.missed
+    .cycle.plc.p50_us
+    .cycle.plc.p99_us
+    .cycle.robot.buckets[][]
+    .cycle.robot.max_us
+    .cycle.robot.missed
+    .cycle.robot.p50_us
+    .cycle.robot.p99_us
+    .cyclic_allocations
+    .images.plc_altered
+    .images.plc_unchecked
+    .images.robot_altered
+    .images.robot_unchecked
+    .mode
+    .paper.cm.aet_ms
+    .paper.cm.mad_ms
+    .paper.rc.aet_ms
+    .paper.rc.mad_ms
+    .paper.sm.aet_ms
+    .paper.sm.mad_ms
+    .repeated
+    .reps
+    .results.cm.aet_ms
+    .results.cm.blends_suppressed[]
+    .results.cm.failed[]
+    .results.cm.mad_ms
+    .results.cm.missed_cycles[].held_up
+    .results.cm.missed_cycles[].plc
+    .results.cm.missed_cycles[].robot
+    .results.cm.quality.energy_proxy_s
+    .results.cm.quality.joint_acceleration.peak
+    .results.cm.quality.joint_acceleration.rms
+    .results.cm.quality.joint_jerk.peak
+    .results.cm.quality.joint_jerk.rms
+    .results.cm.quality.joint_speed.peak
+    .results.cm.quality.joint_speed.rms
+    .results.cm.quality.path_deviation_mm
+    .results.cm.quality.repetitions
+    .results.cm.quality.stops
+    .results.cm.quality.tool_acceleration_mm_s2.peak
+    .results.cm.quality.tool_acceleration_mm_s2.rms
+    .results.cm.quality.tool_jerk_mm_s3.peak
+    .results.cm.quality.tool_jerk_mm_s3.rms
+    .results.cm.robot_samples_ms[]
+    .results.cm.samples_ms[]
+    .results.rc.aet_ms
+    .results.rc.blends_suppressed[]
+    .results.rc.failed[]
+    .results.rc.mad_ms
+    .results.rc.missed_cycles[].held_up
+    .results.rc.missed_cycles[].plc
+    .results.rc.missed_cycles[].robot
+    .results.rc.quality.energy_proxy_s
+    .results.rc.quality.joint_acceleration.peak
+    .results.rc.quality.joint_acceleration.rms
+    .results.rc.quality.joint_jerk.peak
+    .results.rc.quality.joint_jerk.rms
+    .results.rc.quality.joint_speed.peak
+    .results.rc.quality.joint_speed.rms
+    .results.rc.quality.path_deviation_mm
+    .results.rc.quality.repetitions
+    .results.rc.quality.stops
+    .results.rc.quality.tool_acceleration_mm_s2.peak
+    .results.rc.quality.tool_acceleration_mm_s2.rms
+    .results.rc.quality.tool_jerk_mm_s3.peak
+    .results.rc.quality.tool_jerk_mm_s3.rms
+    .results.rc.robot_samples_ms[]
+    .results.rc.samples_ms[]
+    .results.sm.aet_ms
+    .results.sm.blends_suppressed[]
+    .results.sm.failed[]
+    .results.sm.mad_ms
+    .results.sm.missed_cycles[].held_up
+    .results.sm.missed_cycles[].plc
+    .results.sm.missed_cycles[].robot
+    .results.sm.quality.energy_proxy_s
+    .results.sm.quality.joint_acceleration.peak
+    .results.sm.quality.joint_acceleration.rms
+    .results.sm.quality.joint_jerk.peak
+    .results.sm.quality.joint_jerk.rms
+    .results.sm.quality.joint_speed.peak
+    .results.sm.quality.joint_speed.rms
+    .results.sm.quality.path_deviation_mm
+    .results.sm.quality.repetitions
+    .results.sm.quality.stops
+    .results.sm.quality.tool_acceleration_mm_s2.peak
+    .results.sm.quality.tool_acceleration_mm_s2.rms
+    .results.sm.quality.tool_jerk_mm_s3.peak
+    .results.sm.quality.tool_jerk_mm_s3.rms
+    .results.sm.robot_samples_ms[]
+    .results.sm.samples_ms[]
+    .schema_version
+    .seed
+    .setup
+    .status
+    .title
+    .without_skill_overhead.aet_improvement
+    .without_skill_overhead.results.cm.aet_ms
+    .without_skill_overhead.results.cm.mad_ms
+    .without_skill_overhead.results.rc.aet_ms
+    .without_skill_overhead.results.rc.mad_ms
+    .without_skill_overhead.results.sm.aet_ms
+    .without_skill_overhead.results.sm.mad_ms
+    ");
+}
+
+/// Collects the paths of everything that is not an object; elements of an array count once.
+fn leaves(value: &serde_json::Value, path: String, paths: &mut Vec<String>) {
+    match value {
+        serde_json::Value::Object(object) => {
+            object.iter().for_each(|(key, value)| leaves(value, format!("{path}.{key}"), paths));
+        }
+        serde_json::Value::Array(items) => match items.first() {
+            Some(first) => leaves(first, format!("{path}[]"), paths),
+            None => paths.push(format!("{path}[]")),
+        },
+        _ => paths.push(path),
+    }
+}
+
+#[test]
+fn the_help_shows_examples_and_exit_codes() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), &["--help"]);
+    assert_eq!(said.code, Some(0));
+    insta::assert_snapshot!(said.stdout);
+}
+
+#[test]
+fn the_error_for_a_directory_that_cannot_be_created_gives_its_path() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("file"), "").unwrap();
+    let said = bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--out", "file/run"]);
+    assert_eq!(said.code, Some(1));
+    insta::assert_snapshot!(said.stderr, @"error: cannot make the run directory file/run; choose another by --out: Not a directory (os error 20)");
+}
+
+#[test]
+fn faults_that_delay_frames_longer_than_a_real_cable_can_are_refused() {
+    insta::assert_snapshot!(refused(&["--fault", "delay=600ms", "--fault", "reorder=0.01@1s"]), @"error: these faults hold frames for up to 1.6s, and a cable between two processes for 1s at most: ask for less, or add --mode virtual");
+}
+
+#[test]
+fn faults_are_refused_for_nodes_that_already_run() {
+    insta::assert_snapshot!(refused(&["--attach", "plc=127.0.0.1:1", "--fault", "loss=0.01"]), @"error: --fault impairs the cable that the bench lays: leave it out with --attach, and impair the nodes' network, by `tc qdisc add dev IF root netem` for instance");
+}
+
+#[test]
+#[cfg(not(feature = "mcap"))]
+fn a_bench_built_without_mcap_says_how_to_build_it_with_mcap() {
+    insta::assert_snapshot!(refused(&["--mode", "virtual", "--mcap"]), @"error: --mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and `cargo run -p bench --features mcap -- …` runs it");
+}
+
+#[test]
+fn the_commit_of_a_run_is_that_of_the_build_and_nothing_is_asked_at_run_time() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut command = Command::cargo_bin("bench").unwrap();
+    command.args(["--mode", "virtual", "--types", "rc", "--reps", "1", "--quiet", "--out", "run"]);
+    // A repository of another commit, and no Git.
+    fs::create_dir(directory.path().join(".git")).unwrap();
+    command.current_dir(directory.path()).env("PATH", "").assert().success();
+    let host = fs::read_to_string(directory.path().join("run/host.json")).unwrap();
+    let host: serde_json::Value = serde_json::from_str(&host).unwrap();
+    let built = env!("SKILLBENCH_COMMIT");
+    assert_eq!(host["commit"].as_str().unwrap_or_default(), built);
+    let hash = built.strip_suffix("-modified").unwrap_or(built);
+    assert!(hash.is_empty() || hash.len() == 12 && hash.chars().all(|c| c.is_ascii_hexdigit()), "{built}");
+}
+
+#[test]
+fn a_node_that_is_not_there_is_waited_for_and_then_named() {
+    let directory = tempfile::tempdir().unwrap();
+    // A port that was free a moment ago, so nobody listens on it.
+    let address = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let said = bench(directory.path(), &["--attach", &format!("plc={address}")]);
+    assert_eq!(said.code, Some(5), "{}", said.stderr);
+    let told = format!("no plc-node answers at {address} within 10 s");
+    assert!(said.stderr.contains(&told), "{}", said.stderr);
+}
+
+#[test]
+fn what_cannot_be_asked_of_running_nodes_is_refused() {
+    let attached = ["--attach", "plc=127.0.0.1:7700"];
+    refused(&[&attached[..], &["--mode", "virtual"]].concat());
+    refused(&[&attached[..], &["--capture", "always"]].concat());
+    refused(&["--attach", "robot=a:1"]);
+}
+
+#[test]
+fn a_live_view_of_a_virtual_run_and_one_for_other_hosts_are_refused() {
+    insta::assert_snapshot!(refused(&["--mode", "virtual", "--live"]), @"error: --live shows a run in real time, and a virtual one is over in seconds: leave out `--mode virtual`, or open the race.html that every run writes");
+    let other_hosts = refused(&["--live", "0.0.0.0:8642"]);
+    assert!(other_hosts.contains("0.0.0.0:8642") && other_hosts.contains("loopback"), "{other_hosts}");
+}
+
+#[test]
+fn a_live_view_on_a_taken_port_is_refused_before_anything_is_written() {
+    let directory = tempfile::tempdir().unwrap();
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let said = bench(directory.path(), &["--reps", "1", "--live", &address]);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(5), ""), "{}", said.stderr);
+    for part in [address.as_str(), "takes another port"] {
+        assert!(said.stderr.contains(part), "{}", said.stderr);
+    }
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
+}
+
+#[test]
+fn an_occupied_run_directory_is_refused_and_left_as_it_is() {
+    let directory = tempfile::tempdir().unwrap();
+    let run = |out| bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--out", out]);
+    assert_eq!(run("run").code, Some(0));
+    let samples = fs::read(directory.path().join("run/samples.csv")).unwrap();
+    let said = run("run");
+    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""));
+    insta::assert_snapshot!(said.stderr, @"error: run holds a run already; choose another directory by --out");
+    let said = run("run/samples.csv");
+    assert_eq!(said.code, Some(2));
+    insta::assert_snapshot!(said.stderr, @"error: run/samples.csv is a file; choose another directory by --out");
+    assert_eq!(fs::read(directory.path().join("run/samples.csv")).unwrap(), samples);
+}
+
+#[test]
+fn types_are_separated_by_commas_and_blanks_alike() {
+    let directory = tempfile::tempdir().unwrap();
+    let types = [&["rc,cm"][..], &["rc", "cm"], &["rc,", "cm"], &["rc, cm"]];
+    let tables = types.map(|types| {
+        let arguments = [&["--mode", "virtual", "--reps", "2", "--quiet", "--types"], types].concat();
+        let said = bench(directory.path(), &arguments);
+        assert_eq!(said.code, Some(0), "{types:?}: {}", said.stderr);
+        said.stdout.lines().take_while(|line| !line.contains("Saved")).collect::<Vec<_>>().join("\n")
+    });
+    assert!(tables.iter().all(|table| *table == tables[0]), "{tables:#?}");
+}
+
+#[test]
+fn one_repetition_has_no_mad_and_so_none_that_is_calibrated() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), &["--mode", "virtual", "--types", "rc", "--reps", "1", "--quiet"]);
+    let row = said.stdout.lines().find(|line| line.starts_with(" RC")).unwrap();
+    assert_eq!(row.split_whitespace().nth(2), Some("–"), "{}", said.stdout);
+    assert!(!said.stdout.contains("MADs"), "no line about a mark that is not there: {}", said.stdout);
+}
+
+#[test]
+fn a_file_that_is_not_there_is_told_of_once() {
+    let error = refused(&["--setup", "nosuch.toml", "--mode", "virtual"]);
+    insta::assert_snapshot!(error, @"error: cannot read the setup file nosuch.toml: No such file or directory (os error 2)");
+}
+
+#[test]
+fn the_version_names_the_commit() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), &["--version"]);
+    assert_eq!(said.stdout.trim(), concat!("bench ", env!("SKILLBENCH_VERSION")));
+    let commit = env!("SKILLBENCH_COMMIT");
+    assert!(commit.is_empty() || said.stdout.contains(commit), "{}", said.stdout);
+}
+
+#[test]
+fn there_are_completions_and_manual_pages_of_all_programs() {
+    let directory = tempfile::tempdir().unwrap();
+    for (program, option) in
+        [("bench", "--capture"), ("plc-node", "--interface"), ("robot-node", "--control")]
+    {
+        for shell in ["bash", "zsh", "fish"] {
+            let said = bench(directory.path(), &["completions", shell, "--program", program]);
+            let option = if shell == "fish" { option.trim_start_matches('-') } else { option };
+            assert!(
+                said.code == Some(0) && said.stdout.contains(option),
+                "{shell} {program}: {}",
+                said.stderr
+            );
+        }
+    }
+    assert_eq!(bench(directory.path(), &["man"]).code, Some(0));
+    for page in ["bench.1", "bench-sweep.1", "plc-node.1", "plc-node-plan.1", "robot-node-run.1"] {
+        let text = fs::read_to_string(directory.path().join("man").join(page)).unwrap();
+        assert!(text.contains(".SH NAME"), "{page}");
+    }
+}
+
+#[test]
+fn a_new_cell_runs_as_it_is_and_is_not_written_over() {
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = ["new", "mine", "--setup", "B", "--application", "gluing"];
+    let said = bench(directory.path(), &arguments);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let run =
+        ["--setup", "mine/setup.toml", "--mode", "virtual", "--types", "rc", "--reps", "1", "--out", "run"];
+    let said = bench(directory.path(), &run);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert!(said.stdout.starts_with("Setup mine: my cell mine\nmine, 1 repetition"), "{}", said.stdout);
+    let said = bench(directory.path(), &arguments);
+    assert_eq!(said.code, Some(2));
+    insta::assert_snapshot!(said.stderr, @"error: mine holds a cell already; name another directory");
+}
+
+#[test]
+fn an_application_takes_the_place_of_the_setups() {
+    let directory = tempfile::tempdir().unwrap();
+    let own = planning::APPLICATIONS.iter().find(|(name, _)| *name == "gluing").unwrap().1;
+    fs::write(directory.path().join("own.toml"), own).unwrap();
+    let tables = ["gluing", "own.toml"].map(|application| {
+        let arguments = ["--application", application, "--mode", "virtual", "--types", "rc", "--reps", "1"];
+        let said = bench(directory.path(), &arguments);
+        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        assert!(
+            said.stdout.contains("\ngluing, 1 repetition") && !said.stdout.contains("paper AET"),
+            "{}",
+            said.stdout
+        );
+        said.stdout.lines().take_while(|line| !line.contains("Saved")).collect::<Vec<_>>().join("\n")
+    });
+    assert_eq!(tables[0], tables[1]);
+}

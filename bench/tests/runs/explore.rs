@@ -1,0 +1,91 @@
+//! `bench explore`: every run with a fault ends as without it, later, or with a reason, and can be run again.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+fn bench(place: &Path, args: &[&str]) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_bench")).args(args).current_dir(place).output().unwrap();
+    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
+    (output.status.code(), text)
+}
+
+/// Runs an exploration into the directory `out` of this place.
+fn explore(place: &Path, options: &str) -> (Option<i32>, String) {
+    let args: Vec<_> = ["explore", "--quiet", "--out", "out"].into_iter().chain(options.split(' ')).collect();
+    bench(place, &args)
+}
+
+/// Returns the command that the first reason with these words is told with, as arguments.
+fn command<'a>(said: &'a str, words: &str) -> Vec<&'a str> {
+    let mut lines = said.lines().skip_while(|line| !line.contains(words));
+    lines.nth(1).unwrap().split_whitespace().skip(1).collect()
+}
+
+#[test]
+fn no_single_fault_of_any_kind_lets_an_altered_run_pass_or_keeps_the_next_one_from_passing_on_any_bus() {
+    for setup in ["A", "B", "C"] {
+        let place = tempfile::tempdir().unwrap();
+        let (code, said) = explore(place.path(), &format!("--setup {setup} --types cm --every 197"));
+        assert_eq!(code, Some(0), "{said}");
+        let rows: Vec<Vec<&str>> = said
+            .lines()
+            .filter(|line| line.trim_start().starts_with("CM "))
+            .map(|line| line.split_whitespace().collect())
+            .collect();
+        assert_eq!(rows.len(), 8, "{said}");
+        for row in rows {
+            assert_eq!(row[row.len() - 4..], ["0"; 4], "too late, stuck, altered, panicked: {said}");
+        }
+        assert!(said.contains("0 ended otherwise"), "{said}");
+        let page = fs::read_to_string(place.path().join("out/explore.html")).unwrap();
+        assert!(page.contains("to PLC, robot restarts") && page.contains("--fault to-robot:restart-robot="));
+    }
+}
+
+#[test]
+fn an_exploration_that_was_interrupted_goes_on_and_says_the_same_in_the_end() {
+    let place = tempfile::tempdir().unwrap();
+    let options = "--types rc --every 150 --kinds lose,restart-plc --threads 1";
+    let (_, whole) = explore(place.path(), options);
+    let outcomes = place.path().join("out/outcomes.csv");
+    let all = fs::read_to_string(&outcomes).unwrap();
+    let cut = all.len() / 2;
+    fs::write(&outcomes, &all[..cut]).unwrap();
+    assert_eq!(explore(place.path(), options), (Some(0), whole));
+    assert_eq!(fs::read_to_string(&outcomes).unwrap(), all);
+    let (code, said) = explore(place.path(), "--types rc --every 150 --kinds lose --threads 1");
+    assert!(code != Some(0) && said.contains("has an exploration with other options"), "{said}");
+}
+
+#[test]
+fn a_run_that_ends_too_late_fails_the_exploration_and_is_shrunk_to_the_one_fault_that_does_it() {
+    let place = tempfile::tempdir().unwrap();
+    let options = "--types rc --pairs 24 --kinds double,restart-plc --late-ms 0 --seed 1";
+    let (code, said) = explore(place.path(), options);
+    assert_eq!(code, Some(4), "{said}");
+    let command = command(&said, "too late: the run ended too late");
+    assert_eq!(command.iter().filter(|word| **word == "--fault").count(), 1, "{said}");
+    assert!(command.last().unwrap().contains(":restart-plc="), "{said}");
+}
+
+#[test]
+fn the_command_of_a_refused_run_is_refused_for_the_same_reason() {
+    let place = tempfile::tempdir().unwrap();
+    let (_, said) = explore(place.path(), "--types sm --every 900 --kinds restart-robot");
+    let (code, again) =
+        bench(place.path(), &[&command(&said, "refused: sm failed")[..], &["--quiet"]].concat());
+    assert_eq!(code, Some(4), "{again}");
+    assert!(again.contains("no frame came from the robot for 500 scans"), "{again}");
+}
+
+#[test]
+fn the_first_frame_of_a_connection_that_is_lost_is_sent_again_and_the_fault_can_be_asked_for() {
+    let place = tempfile::tempdir().unwrap();
+    let run = ["--mode", "virtual", "--types", "cm", "--reps", "1", "--quiet", "--fault"];
+    let (code, said) = bench(place.path(), &[&run[..], &["to-robot:lose-frame=1"]].concat());
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("Faults put in (to-robot:lose-frame=1): 1 frames lost, 0 twice"), "{said}");
+    let (code, said) = bench(place.path(), &["--mode", "virtual", "--fault", "lose-frame=1"]);
+    assert_eq!(code, Some(2), "{said}");
+}

@@ -1,0 +1,142 @@
+//! The gate: it passes on the unchanged program, fails for a millisecond, and explains a baseline that does not fit
+//! the run.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use bench::records::schedule::Schedule;
+use bench::stands::virtual_run::whole;
+use bench::verbs::gate::{Baseline, judge};
+use planning::Application;
+use plc_node::ExecutionType;
+use setup::Setup;
+
+fn setup_a() -> (Setup, Application) {
+    let (setup, found) = planning::setup_with_application("A").unwrap();
+    (setup, found.application)
+}
+
+/// Returns the baseline of the unchanged program; with fewer repetitions than the committed one.
+fn baseline(setup: &Setup, application: &Application) -> Baseline {
+    let results = whole(setup, application, &Schedule::new(&ExecutionType::ALL, 5, 1)).unwrap();
+    Baseline::of(&results, None)
+}
+
+struct Said {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+fn gate(directory: &Path, arguments: &[&str]) -> Said {
+    let mut command = Command::cargo_bin("bench").unwrap();
+    let output = command.current_dir(directory).arg("gate").args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+#[test]
+fn a_run_of_the_same_program_passes_to_the_microsecond() {
+    let (setup, application) = setup_a();
+    let baseline = baseline(&setup, &application);
+    let verdict = judge(&setup, &application, &baseline).unwrap();
+    assert!(verdict.is_pass());
+    assert!(verdict.changes.iter().all(|change| change.difference() == Some(0.0)));
+}
+
+#[test]
+fn a_millisecond_more_in_the_plcs_scan_fails_and_sm_pays_it_in_every_call() {
+    let (mut setup, application) = setup_a();
+    let baseline = baseline(&setup, &application);
+    setup.plc.scan_cost_us.value += 1_000;
+    let verdict = judge(&setup, &application, &baseline).unwrap();
+    assert!(!verdict.is_pass());
+    let sm = verdict
+        .changes
+        .iter()
+        .find(|change| change.expected.as_ref().is_some_and(|expected| expected.figure == "SM AET"));
+    let by = sm.unwrap().difference().unwrap();
+    // One for each of 13 skill calls on average; the robot's cycle rounds each up or down.
+    assert!(by > 5.0, "{by} ms");
+}
+
+#[test]
+fn the_committed_baseline_of_each_setup_holds() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    for (name, _) in bench::verbs::gate::BASELINES {
+        let said = gate(root, &["--setup", name]);
+        assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
+    }
+}
+
+#[test]
+fn a_slower_plc_gives_exit_code_3_and_the_update_accepts_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let setup = setup::SETUPS.iter().find(|(name, _)| *name == "A").unwrap().1;
+    std::fs::write(directory.path().join("A.toml"), setup).unwrap();
+    let options = ["--setup", "A.toml", "--baseline", "mine.json"];
+    let update = ["--setup", "A.toml", "--baseline", "mine.json", "--update"];
+
+    let none = gate(directory.path(), &options);
+    assert_eq!(none.code, Some(2));
+    insta::assert_snapshot!(none.stderr, @"error: there is no baseline mine.json for setup A; make one by --update, or name another by --baseline");
+
+    let made = gate(directory.path(), &update);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    assert!(made.stdout.contains("+ SM AET"), "{}", made.stdout);
+    let green = gate(directory.path(), &options);
+    assert_eq!(green.code, Some(0), "{}", green.stdout);
+
+    // Twice the scan cycle and a millisecond more scan time, as a slower PLC has.
+    let slower = setup
+        .replace("scan_cycle_us = { value = 1000", "scan_cycle_us = { value = 2000")
+        .replace("scan_cost_us = { value = 150", "scan_cost_us = { value = 1150");
+    assert_ne!(slower, setup);
+    std::fs::write(directory.path().join("A.toml"), slower).unwrap();
+    let red = gate(directory.path(), &options);
+    assert_eq!(red.code, Some(3), "{}", red.stderr);
+    assert!(red.stdout.contains("Fail: ") && red.stdout.contains("SM AET: "), "{}", red.stdout);
+
+    let mut tolerant: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(directory.path().join("mine.json")).unwrap()).unwrap();
+    tolerant["figures"][0]["tolerance"] = 7.0.into();
+    std::fs::write(directory.path().join("mine.json"), tolerant.to_string()).unwrap();
+    let taken = gate(directory.path(), &update);
+    assert!(taken.stdout.contains("- SM AET") && taken.stdout.contains("+ SM AET"), "{}", taken.stdout);
+    assert!(taken.stdout.contains("± 7 ms"), "a tolerance outlives an update: {}", taken.stdout);
+    assert_eq!(gate(directory.path(), &options).code, Some(0));
+}
+
+#[test]
+fn a_baseline_of_another_setup_or_version_and_a_broken_one_are_refused_and_kept() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("b.json");
+    let (setup, application) = setup_a();
+    let good = baseline(&setup, &application);
+    let refused = |text: &str, update: &[&str]| {
+        std::fs::write(&path, text).unwrap();
+        let said = gate(directory.path(), &[&["--baseline", "b.json"], update].concat());
+        assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+        said.stderr
+    };
+    let other = Baseline { setup: "B".to_owned(), ..good.clone() }.to_json().unwrap();
+    for update in [&[][..], &["--update"]] {
+        insta::allow_duplicates! {
+            insta::assert_snapshot!(refused(&other, update), @"error: cannot use b.json: it is the baseline of setup B with pick-and-place, and setup A with pick-and-place was to be run; name the one of A with pick-and-place by --baseline, or leave the option out");
+        }
+    }
+    let older = good.to_json().unwrap().replace("\"schema_version\": 1", "\"schema_version\": 0");
+    insta::assert_snapshot!(refused(&older, &[]), @"error: cannot use b.json: it has schema version 0, and this program reads 1; move it away and make a new one by --update");
+    insta::assert_snapshot!(refused("{}", &[]), @"error: cannot use b.json: it is no baseline: missing field `schema_version` at line 1 column 2; make a new one by --update after moving this file away");
+    let senseless = good.to_json().unwrap().replace("\"tolerance\": 0.5", "\"tolerance\": -0.5");
+    insta::assert_snapshot!(refused(&senseless, &[]), @"error: cannot use b.json: its figure `RC AET` has a value or a tolerance that is no number from zero up; correct it by hand");
+}
+
+#[test]
+fn the_error_for_an_update_that_cannot_be_written_says_where_to_run_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = gate(directory.path(), &["--update"]);
+    assert_eq!((said.code, said.stdout.as_str()), (Some(1), ""));
+    insta::assert_snapshot!(said.stderr, @"error: no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline: cannot write bench/baselines/A.json: No such file or directory (os error 2)");
+}

@@ -1,0 +1,23 @@
+//! The verbs of the bench and its runs in virtual time: a file for each, in one program, since every program links the
+//! whole bench again. What needs a network, a browser or an allocator of its own stands beside this folder.
+
+#![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod failure;
+
+mod altered_image;
+mod applications;
+mod calibrate;
+mod captures;
+mod causes;
+mod command_line;
+mod corrupted;
+mod drives;
+mod explore;
+mod gate;
+mod key_reference;
+mod long;
+mod report;
+mod studies;
+mod sweep;
+mod virtual_run;

@@ -1,0 +1,304 @@
+//! The report: it has every section whatever happened to the run, loads nothing from elsewhere, and names what cannot
+//! be drawn.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use bench::records::lateness::CycleLateness;
+use bench::records::results::{Results, Status};
+
+const SECTIONS: [&str; 12] = [
+    "look", "table", "claims", "quality", "race", "speed", "samples", "path", "queue", "lateness", "numbers",
+    "host",
+];
+
+struct Said {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+fn bench(directory: &Path, arguments: &[&str]) -> Said {
+    let mut command = Command::cargo_bin("bench").unwrap();
+    let output = command.current_dir(directory).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+/// Executes a virtual run in `run`.
+fn a_run() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    let said = bench(directory.path(), &["--mode", "virtual", "--reps", "3", "--out", "run", "--quiet"]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    directory
+}
+
+fn report(directory: &Path) -> String {
+    std::fs::read_to_string(directory.join("run/report.html")).unwrap()
+}
+
+/// Changes the results of the run and draws its report again.
+fn redrawn(directory: &Path, change: impl FnOnce(&mut Results)) -> String {
+    let path = directory.join("run/results.json");
+    let mut results: Results = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    change(&mut results);
+    std::fs::write(&path, results.to_json().unwrap()).unwrap();
+    let said = bench(directory, &["report", "run"]);
+    assert_eq!((said.code, said.stdout.trim()), (Some(0), "run/report.html"), "{}", said.stderr);
+    report(directory)
+}
+
+/// Returns a section's text.
+fn section<'a>(html: &'a str, id: &str) -> &'a str {
+    let start = html.find(&format!("<section id=\"{id}\">")).unwrap_or_else(|| panic!("no section {id}"));
+    let rest = html.get(start..).unwrap();
+    rest.get(..rest.find("</section>").unwrap()).unwrap()
+}
+
+#[test]
+fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
+    let directory = a_run();
+    let html = report(directory.path());
+    for id in SECTIONS {
+        section(&html, id);
+    }
+    for id in ["look", "race", "speed", "samples", "path", "queue"] {
+        assert_eq!(section(&html, id).matches("<svg").count(), 2, "{id}");
+    }
+    for id in ["look", "speed", "samples", "path", "queue"] {
+        assert!(section(&html, id).contains("The figure as a table"), "{id}");
+    }
+    assert!(section(&html, "samples").contains("<title>SM, repetition 2: "));
+    assert!(html.contains("3 repetitions of each type are too few for confidence intervals"));
+    assert!(!html.contains("class=\"banner\""));
+    let table = section(&html, "table");
+    assert!(["3725", "6477", "3729", "42 %", "Calibrated", "h = 0"].iter().all(|text| table.contains(text)));
+    assert!(table.contains("by construction"));
+    assert!(!html.contains("<section id=\"distance\">"), "three repetitions are too few for errors");
+    let claims = section(&html, "claims");
+    assert!(claims.contains("Energy proxy of CM") && claims.contains("programmed motions B"));
+    assert!(section(&html, "numbers").contains("robot.skill_overhead_us"));
+    assert!(section(&html, "host").contains("kernel"));
+    assert!(section(&html, "lateness").contains("In virtual time nothing is late"));
+}
+
+#[test]
+fn with_enough_repetitions_each_figure_has_its_distance_from_the_papers() {
+    let directory = a_run();
+    let html = redrawn(directory.path(), |results| {
+        for execution_type in plc_node::ExecutionType::ALL {
+            let samples = results.results.entry(execution_type).as_mut().unwrap();
+            let all: Vec<f64> = samples.samples_ms.iter().copied().cycle().take(9).collect();
+            samples.samples_ms = all;
+        }
+    });
+    let look = section(&html, "look");
+    assert!(
+        look.contains("half the 95 % interval")
+            && look.contains("CM − RC")
+            && look.contains("paper 3725 ± 1.9 ms")
+    );
+    assert!(html.contains("less time than SM (95\u{a0}% interval "), "the summary has its interval");
+    let distance = section(&html, "distance");
+    for figure in ["RC AET", "SM AET", "CM AET", "RC MAD", "SM MAD", "CM MAD", "CM − RC"] {
+        assert!(distance.contains(figure), "{figure}: {distance}");
+    }
+    assert!(distance.contains("3725.0 ± 0.9") && distance.contains("+4.0 ± 1.2"), "{distance}");
+}
+
+#[test]
+fn a_run_of_a_copy_with_another_speed_has_no_paper_in_table_report_exports_and_comparison() {
+    let directory = a_run();
+    let text = setup::SETUPS[0].1.replace("velocity_percent = { value = 2", "velocity_percent = { value = 4");
+    assert_ne!(text, setup::SETUPS[0].1);
+    std::fs::write(directory.path().join("copy.toml"), text).unwrap();
+    let said = bench(
+        directory.path(),
+        &["--setup", "copy.toml", "--mode", "virtual", "--reps", "1", "--out", "copy", "--quiet"],
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let is_told =
+        |text: &str| text.contains("motions.velocity_percent is 4") && !text.contains("alibrated on");
+    assert!(is_told(&said.stdout) && !said.stdout.contains("paper AET"), "{}", said.stdout);
+    let html = std::fs::read_to_string(directory.path().join("copy/report.html")).unwrap();
+    assert!(is_told(section(&html, "table")) && !html.contains("paper AET"));
+    assert!(["distance", "claims"].iter().all(|id| !html.contains(&format!("<section id=\"{id}\">"))));
+    let said = bench(directory.path(), &["compare", "run", "copy"]);
+    let told = said.stdout.replace("\n   ", "");
+    assert!(told.contains("; not the paper's cell: motions.velocity_percent is 4"), "{}", said.stdout);
+}
+
+#[test]
+fn the_page_loads_nothing_from_elsewhere_and_needs_no_script() {
+    let directory = a_run();
+    let html = report(directory.path()).replace("http://www.w3.org/2000/svg", "");
+    for from_elsewhere in
+        ["http://", "https://", "src=", "<script", "<link rel=\"stylesheet", "@import", "url("]
+    {
+        assert!(!html.contains(from_elsewhere), "{from_elsewhere}");
+    }
+    // Every opened element is closed.
+    for tag in ["section", "table", "tr", "td", "figure", "div", "svg", "text", "dl", "ul", "p"] {
+        let opened = html.matches(&format!("<{tag}>")).count() + html.matches(&format!("<{tag} ")).count();
+        assert_eq!(opened, html.matches(&format!("</{tag}>")).count(), "{tag}");
+    }
+}
+
+#[test]
+fn the_traces_have_a_row_for_each_tick_of_each_type() {
+    let directory = a_run();
+    let read = |name: &str| std::fs::read_to_string(directory.path().join("run").join(name)).unwrap();
+    let (robot, plc) = (read("trace-robot.csv"), read("trace-plc.csv"));
+    let results: Results = serde_json::from_str(&read("results.json")).unwrap();
+    for execution_type in plc_node::ExecutionType::ALL {
+        let rows = |table: &str| {
+            table.lines().filter(|line| line.starts_with(&format!("{execution_type},"))).count()
+        };
+        let took_ms = results.results.get(execution_type).unwrap().samples_ms[0];
+        assert!(
+            (rows(&robot) as f64 - took_ms / 4.0).abs() < 3.0,
+            "{execution_type}: {} of 4 ms",
+            rows(&robot)
+        );
+        assert!((rows(&plc) as f64 - took_ms).abs() < 3.0, "{execution_type}: {} of 1 ms", rows(&plc));
+    }
+}
+
+#[test]
+fn the_report_of_an_incomplete_run_says_so_and_shows_its_results() {
+    let directory = a_run();
+    let html = redrawn(directory.path(), |results| results.status = Status::Interrupted);
+    assert!(html.contains("This run was interrupted.</strong> 9 of 9 runs are done"));
+    let html = redrawn(directory.path(), |results| {
+        results.record_failure(plc_node::ExecutionType::Sm, 3, "the <robot> was lost".to_owned());
+        results.status = Status::Failed;
+    });
+    assert!(html.contains("A repetition of this run failed."));
+    assert!(section(&html, "failures").contains("the &lt;robot&gt; was lost"));
+    let html = redrawn(directory.path(), |results| {
+        results.status = Status::Running;
+        (results.results.sm, results.results.cm) = (None, None);
+    });
+    assert!(html.contains("This run is not finished."));
+    assert_eq!(section(&html, "samples").matches("<svg").count(), 2);
+}
+
+#[test]
+fn a_run_whose_records_are_incomplete_says_so_in_its_report_on_its_race_and_beside_another() {
+    let lacking = "The recording of CM lacks 5 scans of the PLC and 2 cycles of the robot.";
+    let directory = a_run();
+    let run = directory.path().join("run");
+    let compared = || {
+        let said = bench(directory.path(), &["compare", "run", "run", "--html", "both.html"]).stdout;
+        said.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let page = || std::fs::read_to_string(directory.path().join("both.html")).unwrap();
+    assert!(!report(directory.path()).contains("lacks"));
+    assert!(!compared().contains("incomplete") && !page().contains("incomplete"));
+    let html = redrawn(directory.path(), |results| results.incomplete.push(lacking.to_owned()));
+    assert!(html.contains(lacking));
+    assert!(std::fs::read_to_string(run.join("race.html")).unwrap().contains(lacking));
+    assert_eq!(compared().matches(", records incomplete").count(), 2);
+    assert_eq!(page().matches(", records incomplete").count(), 2);
+}
+
+#[test]
+fn the_report_names_files_that_are_missing_in_the_run_directory() {
+    let directory = a_run();
+    let run = directory.path().join("run");
+    for file in ["trace-robot.csv", "host.json", "setup.toml"] {
+        std::fs::remove_file(run.join(file)).unwrap();
+    }
+    let html = redrawn(directory.path(), |_| {});
+    for id in SECTIONS {
+        section(&html, id);
+    }
+    assert!(section(&html, "speed").contains("Not recorded"));
+    assert!(section(&html, "host").contains("cannot read run&#x2f;host.json"));
+    std::fs::write(run.join("trace-robot.csv"), "t\n1\n").unwrap();
+    assert!(redrawn(directory.path(), |_| {}).contains("does not have the columns of this version"));
+}
+
+#[test]
+fn the_report_of_a_real_run_shows_the_lateness_of_its_cycles() {
+    let directory = a_run();
+    let html = redrawn(directory.path(), |results| {
+        results.mode = "real".to_owned();
+        let buckets = vec![(12.0, 100_000), (13.0, 50_000), (95.0, 400), (11_800.0, 1)];
+        let late = CycleLateness { p50_us: 12.0, p99_us: 14.0, max_us: 11_734.0, missed: 10, buckets };
+        (results.cycle.plc, results.cycle.robot) = (late.clone(), late);
+    });
+    let section = section(&html, "lateness").to_owned();
+    assert_eq!(section.matches("<svg").count(), 2);
+    assert!(section.contains("11734"));
+    std::fs::remove_file(directory.path().join("run/trace-robot.csv")).unwrap();
+    assert!(
+        redrawn(directory.path(), |_| {}).contains("the nodes left no trace. bench --mode virtual --setup")
+    );
+}
+
+#[test]
+fn a_missing_run_and_one_of_another_version_are_refused_with_a_reason() {
+    let directory = tempfile::tempdir().unwrap();
+    let refused = || {
+        let said = bench(directory.path(), &["report", "run"]);
+        assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+        said.stderr
+    };
+    insta::assert_snapshot!(refused(), @"error: there is no run directory run; name one, such as one below runs/");
+    let run = directory.path().join("run");
+    std::fs::create_dir(&run).unwrap();
+    insta::assert_snapshot!(refused(), @"error: run holds no run: results.json is missing; name a run directory, such as one below runs/");
+    std::fs::write(run.join("samples.csv"), "").unwrap();
+    insta::assert_snapshot!(refused(), @"error: the run in run ended before its first repetition did, so there is nothing to report");
+    std::fs::write(run.join("results.json"), "{\"schema_version\": 0}").unwrap();
+    insta::assert_snapshot!(refused(), @"error: run/results.json has schema version 0, and this program reads 1; use the version of skillbench that wrote it, or run again");
+    std::fs::write(run.join("results.json"), "{\"schema_version\": 1").unwrap();
+    insta::assert_snapshot!(refused(), @"error: run/results.json is no results file: EOF while parsing an object at line 1 column 20");
+}
+
+#[test]
+fn a_report_links_to_the_race_beside_it_and_names_it_from_elsewhere() {
+    let directory = a_run();
+    assert!(directory.path().join("run/race.html").is_file());
+    assert!(section(&report(directory.path()), "race").contains("href=\"race.html\""));
+    let said = bench(directory.path(), &["report", "run", "--out", "elsewhere.html"]);
+    assert_eq!((said.code, said.stdout.trim()), (Some(0), "elsewhere.html"), "{}", said.stderr);
+    let html = std::fs::read_to_string(directory.path().join("elsewhere.html")).unwrap();
+    let race = section(&html, "race");
+    assert!(race.contains("<svg") && !race.contains("href") && race.contains("in the run's directory"));
+}
+
+#[test]
+fn a_report_that_cannot_be_written_keeps_the_old_one() {
+    let directory = a_run();
+    let before = report(directory.path());
+    std::fs::write(directory.path().join("file"), "").unwrap();
+    let said = bench(directory.path(), &["report", "run", "--out", "file/report.html"]);
+    assert_eq!(said.code, Some(1));
+    insta::assert_snapshot!(said.stderr, @"error: the run is as it was; name a file that can be written by --out: cannot write file/report.html: Not a directory (os error 20)");
+    assert_eq!(report(directory.path()), before);
+}
+
+#[test]
+fn runs_are_compared_on_screen_and_as_a_page() {
+    let directory = a_run();
+    let said = bench(
+        directory.path(),
+        &["--mode", "virtual", "--reps", "3", "--seed", "2", "--types", "rc,cm", "--out", "other", "--quiet"],
+    );
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let said = bench(directory.path(), &["compare", "run", "other", "--html", "both.html"]);
+    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let row = |name: &str| said.stdout.lines().find(|line| line.trim().starts_with(name)).unwrap_or_default();
+    assert!(
+        row("run 2: other (setup A, virtual mode, 3 repetitions, seed 2").ends_with(')'),
+        "{}",
+        said.stdout
+    );
+    assert!(row("SM AET").ends_with('–') && row("CM AET − run 1").contains('.'), "{}", said.stdout);
+    let html = std::fs::read_to_string(directory.path().join("both.html")).unwrap();
+    assert_eq!(html.matches("<svg").count(), 2 * 3);
+    let one = bench(directory.path(), &["compare", "run"]);
+    assert_eq!(one.code, Some(2), "one run is nothing to compare");
+}

@@ -1,0 +1,40 @@
+//! The robot from outside: a file for each thing that it must do, in one program, since every program links the whole
+//! robot again.
+//!
+//! Two of the helpers drive it: [`driven`] feeds a bare controller every cycle, [`plc`] writes to a robot on a cable. The
+//! others are what its motions are compared with: [`recorded`] records what is driven, [`fastest`] finds the least time.
+
+#![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod driven;
+mod fastest;
+mod plc;
+mod recorded;
+
+mod altered_images;
+mod application;
+mod bad_input;
+mod blocks;
+mod buffer_mode;
+mod cell;
+mod commands;
+mod configuration;
+mod corners;
+mod curves;
+mod drives;
+mod driving;
+mod force;
+mod force_limits;
+mod limits;
+mod optimum;
+mod outputs;
+mod overrides;
+mod planned_reach;
+mod quality;
+mod rehearsal;
+mod six_axes;
+mod skills;
+mod states;
+mod straight_on;
+mod suspending;
+mod zones;

@@ -1,0 +1,143 @@
+//! What the interpolator drives, recorded finely: the path between two rests, and how long the law took for it.
+
+use protocol::image::{Motion, SLOTS};
+use robot_node::RobotConfig;
+use robot_node::arm::{AXES, Joints};
+use robot_node::motion::{Interpolator, Segment};
+
+use crate::fastest::{Bounds, Point};
+
+/// The recording's cycle, in s.
+const CYCLE_S: f64 = 1e-4;
+
+/// So little of a rated speed is a rest: twice as much is had within the next cycle.
+const REST: f64 = 1e-6;
+
+/// A path from rest to rest, as it was driven.
+pub(crate) struct Section {
+    /// How long the law took, in s.
+    pub(crate) duration: f64,
+    /// Every [`CYCLE_S`], from before its start until after its end.
+    samples: Vec<Sample>,
+}
+
+#[derive(Clone, Copy)]
+struct Sample {
+    joints: Joints,
+    /// The motions that the arm is in.
+    motions: [usize; 2],
+}
+
+/// The limits of one motion.
+pub(crate) fn bounds(motion: &Motion, config: &RobotConfig) -> Bounds {
+    let rated = config.arm.limits();
+    if motion.kind.is_point_to_point() {
+        let (speed, acceleration) = (motion.velocity_share(), motion.acceleration_share());
+        let joints = [
+            rated.speed.map(|limit| speed * limit),
+            rated.acceleration.map(|limit| acceleration * limit),
+            rated.jerk.map(|limit| acceleration * limit),
+        ];
+        Bounds { joints, tool: [f64::INFINITY; 3] }
+    } else {
+        let tool = [motion.velocity_mm_s(), motion.acceleration_mm_s2(), config.path_jerk_mm_s3];
+        Bounds { joints: [rated.speed, rated.acceleration, rated.jerk], tool }
+    }
+}
+
+/// Drives motions from joints where the arm rests, as a PLC that is never late feeds them. None if one is refused.
+pub(crate) fn sections(motions: &[Motion], from: &Joints, config: &RobotConfig) -> Option<Vec<Section>> {
+    let mut interpolator = Interpolator::at_rest(config.arm.clone(), *from, CYCLE_S);
+    let rated = config.arm.limits().speed;
+    let mut ends = Vec::new();
+    let mut current = 0;
+    let mut sections = Vec::new();
+    let mut section = Section { duration: 0.0, samples: Vec::new() };
+    let rest = |joints: &Joints| Sample { joints: *joints, motions: [0; 2] };
+    section.samples.push(rest(from));
+    loop {
+        while ends.len() < motions.len() && ends.len() - (interpolator.path().executed() as usize) < SLOTS {
+            let segment = interpolator.path().prepare(&motions[ends.len()], config).ok()?;
+            ends.push(segment.end);
+            interpolator.append(segment, ends.len() == motions.len());
+        }
+        let step = interpolator.drive(1.0).ok()?;
+        // Pieces of a spline change their ends by rounding.
+        let is_current = |segment: &Segment, end: &Joints| {
+            segment.end.iter().zip(end).all(|(one, other)| (one - other).abs() < 2e-3)
+        };
+        if let Some(segment) = interpolator.path().current() {
+            while current + 1 < ends.len() && !is_current(segment, &ends[current]) {
+                current += 1;
+            }
+        }
+        let next = current + usize::from(interpolator.path().corner().is_some());
+        let joints = *interpolator.joints();
+        let before = section.samples.last().unwrap().joints;
+        let speed = (0..AXES)
+            .map(|axis| (joints[axis] - before[axis]).abs() / CYCLE_S / rated[axis])
+            .fold(0.0, f64::max);
+        section.samples.push(Sample { joints, motions: [current, next] });
+        section.duration += CYCLE_S;
+        let is_rest = speed < REST && section.samples.len() > 10;
+        if is_rest || step.ended.is_some() {
+            section.duration -= step.ended.unwrap_or(CYCLE_S / 2.0);
+            sections.push(core::mem::replace(
+                &mut section,
+                Section { duration: 0.0, samples: vec![rest(&joints)] },
+            ));
+        }
+        if step.ended.is_some() {
+            sections.retain(|section: &Section| section.duration > 2e-3);
+            return Some(sections);
+        }
+    }
+}
+
+impl Section {
+    /// Points of the path at even steps of the law's time, `steps` of them; see [`fastest`](crate::fastest::fastest).
+    pub(crate) fn points(&self, steps: usize, motions: &[Motion], config: &RobotConfig) -> (Vec<Point>, f64) {
+        let half = self.duration / (2 * steps) as f64;
+        let points = (0..=2 * steps).map(|index| {
+            let joints = self.joints(index as f64 * half);
+            let at = ((index as f64 * half / CYCLE_S) as usize + 1).min(self.samples.len() - 1);
+            let [one, next] = self.samples[at].motions.map(|motion| &motions[motion]);
+            let tool = config.tools[usize::from(one.tool)].unwrap();
+            let tool = (config.arm.forward(&joints) * tool).position;
+            Point { joints, tool, bounds: both(bounds(one, config), bounds(next, config)) }
+        });
+        (points.collect(), half)
+    }
+
+    /// The joints at a time, between the samples by a polynomial of degree five.
+    fn joints(&self, time: f64) -> Joints {
+        let at = time / CYCLE_S;
+        let first = at.floor() - 2.0;
+        let share = at - first;
+        let mut joints = [0.0; AXES];
+        for node in 0..6 {
+            let weight: f64 = (0..6)
+                .filter(|other| *other != node)
+                .map(|other| (share - other as f64) / (node as f64 - other as f64))
+                .product();
+            let index = (first as isize + node as isize).clamp(0, self.samples.len() as isize - 1);
+            for (joint, sample) in joints.iter_mut().zip(&self.samples[index as usize].joints) {
+                *joint += weight * sample;
+            }
+        }
+        joints
+    }
+}
+
+/// What both limits allow in a corner, where the speed passes from that of one motion to that of the other.
+fn both(one: Bounds, other: Bounds) -> Bounds {
+    let of = |order: usize, one: f64, other: f64| if order == 0 { one.max(other) } else { one.min(other) };
+    let joints = |order: usize| {
+        let (one, other) = (&one.joints[order], &other.joints[order]);
+        core::array::from_fn(|axis| of(order, one[axis], other[axis]))
+    };
+    Bounds {
+        joints: core::array::from_fn(joints),
+        tool: core::array::from_fn(|order| of(order, one.tool[order], other.tool[order])),
+    }
+}

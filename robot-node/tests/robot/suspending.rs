@@ -1,0 +1,30 @@
+//! Suspend and resume: whenever they come, the arm goes on and ends where it should.
+
+use protocol::image::{Control, Motion, MotionKind, Skill};
+use robot_node::{Program, RobotConfig};
+
+use crate::driven::{Driven, bare};
+
+#[test]
+fn a_resume_goes_on_in_whichever_cycle_of_a_stop_it_comes() {
+    let slow = Motion {
+        kind: MotionKind::PtpCartesian,
+        target: [124.5356, 478.25, 76.0, 166.0, 0.0, 180.0],
+        velocity: 1_386,
+        acceleration: 5_480,
+        ..Motion::EMPTY
+    };
+    let home = [100.641, -25.059, 82.8, -262.186, 0.0, 0.0];
+    for suspended in (1..100).step_by(4) {
+        for later in 1..30 {
+            let mut robot = Driven::ready(RobotConfig { home, ..bare("A") }, Program::default());
+            robot.call(Skill::MoveContinuous, vec![slow]);
+            (0..suspended).for_each(|_| robot.tick());
+            robot.control(Control::SUSPEND);
+            (0..later).for_each(|_| robot.tick());
+            robot.control(Control::RESUME);
+            robot.wait_for_end();
+            assert!(robot.is_done(), "after {suspended} and {later} cycles: {:?}", robot.feedback());
+        }
+    }
+}

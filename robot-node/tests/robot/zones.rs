@@ -1,0 +1,66 @@
+//! A larger zone never makes a path slower, whatever the angle of its corners.
+
+use proptest::prelude::*;
+use protocol::image::{Motion, MotionKind, SLOTS};
+use robot_node::RobotConfig;
+use robot_node::motion::{Interpolator, Segment};
+
+fn config(setup: &str) -> RobotConfig {
+    RobotConfig::from_setup(&setup::setup(setup).unwrap()).unwrap()
+}
+
+/// How long lines through these places take, in s, fed as a PLC that is never late would.
+fn duration(places: &[[f64; 2]], limits: &Motion, zone_mm: f64, config: &RobotConfig) -> f64 {
+    let motions = places.iter().map(|[x, y]| Motion {
+        target: [*x as f32, *y as f32, 60.0, 0.0, 0.0, 180.0],
+        approximation: (zone_mm * 100.0) as u16,
+        ..*limits
+    });
+    let motions: Vec<Motion> = motions.collect();
+    let (start, motions) = motions.split_first().unwrap();
+    let start = Motion { kind: MotionKind::PtpCartesian, velocity: 10_000, acceleration: 10_000, ..*start };
+    let from = Segment::prepare(&start, &config.home, config).unwrap().end;
+    let cycle_s = config.cycle.as_secs_f64();
+    let mut interpolator = Interpolator::at_rest(config.arm.clone(), from, cycle_s);
+    let (mut appended, mut seconds) = (0, 0.0);
+    loop {
+        while appended < motions.len() && appended - (interpolator.path().executed() as usize) < SLOTS {
+            let segment = interpolator.path().prepare(&motions[appended], config).unwrap();
+            appended += 1;
+            interpolator.append(segment, appended == motions.len());
+        }
+        let step = interpolator.drive(1.0).unwrap();
+        assert_eq!(step.suppressed, None, "every motion is there in time");
+        seconds += cycle_s;
+        if let Some(left) = step.ended {
+            return seconds - left;
+        }
+    }
+}
+
+/// Two lines of these lengths with a corner of this angle, 0 where they are straight on.
+fn corner(lengths: [f64; 2], angle_deg: f64) -> [[f64; 2]; 3] {
+    let (sin, cos) = libm::sincos(angle_deg.to_radians());
+    [[60.0, 0.0], [60.0 + lengths[0], 0.0], [60.0 + lengths[0] + lengths[1] * cos, lengths[1] * sin]]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_larger_zone_is_never_slower(
+        setup in prop_oneof![Just("A"), Just("B")],
+        angle_deg in 0.0..180.0_f64,
+        lengths in [20.0..90.0_f64, 20.0..90.0_f64],
+        speed in 500..15_000_u16,
+        acceleration in 300..5_000_u16,
+        zones in [0.01..40.0_f64, 0.01..40.0_f64],
+    ) {
+        let config = config(setup);
+        let limits = Motion { kind: MotionKind::LinCartesian, velocity: speed, acceleration, base: 1, ..Motion::EMPTY };
+        let places = corner(lengths, angle_deg);
+        let times = [zones[0].min(zones[1]), zones[0].max(zones[1])]
+            .map(|zone_mm| duration(&places, &limits, zone_mm, &config));
+        prop_assert!(times[1] <= times[0] * 1.005, "{times:?} s");
+    }
+}
