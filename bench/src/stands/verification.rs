@@ -284,12 +284,12 @@ mod tests {
     use super::*;
     use crate::records::schedule::{PAUSE, Step};
     use crate::stands::Stand as _;
-    use crate::stands::virtual_run::{VirtualBus, VirtualRun};
+    use crate::stands::virtual_run::VirtualRun;
 
     /// Runs an application of a setup once, without faults; returns what verifies it and what was measured.
     fn run(execution_type: ExecutionType) -> (Verification, Measured) {
         let (setup, found) = planning::setup_with_application("A").unwrap();
-        let mut run = VirtualRun::start(&setup, &found.application, 1, VirtualBus::Direct).unwrap();
+        let mut run = VirtualRun::start(&setup, &found.application, 1).unwrap();
         let step = Step { execution_type, repetition: 2, pause: PAUSE, overrides: None };
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
         let measured = runtime.block_on(run.execute(step)).unwrap();

@@ -6,7 +6,7 @@ use std::path::Path;
 use bench::records::schedule::Schedule;
 use bench::stands::Stand as _;
 use bench::stands::capture::{PLC_FILE, ROBOT_FILE};
-use bench::stands::virtual_run::{Extras, VirtualBus, VirtualRun};
+use bench::stands::virtual_run::{Extras, VirtualRun};
 use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketOption;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use plc_node::ExecutionType;
@@ -52,8 +52,7 @@ fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<bench::recor
         capture: Some((place.path().to_owned(), Retention::All)),
         frames: false,
     };
-    let mut run =
-        VirtualRun::start_with(&setup, &found.application, 1, VirtualBus::OfSetup, &extras).unwrap();
+    let mut run = VirtualRun::start_with(&setup, &found.application, 1, &extras).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
     let step = Schedule::new(&[ExecutionType::Cm], 1, 1).steps().next().unwrap();
     let _ = runtime.block_on(run.execute(step));

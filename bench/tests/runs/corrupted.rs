@@ -11,7 +11,7 @@ use bench::records::mode::Mode;
 use bench::records::schedule::Step;
 use bench::stands::Stand as _;
 use bench::stands::verification::Verification;
-use bench::stands::virtual_run::{Extras, VirtualBus, VirtualRun};
+use bench::stands::virtual_run::{Extras, VirtualRun};
 use planning::Found;
 use plc_node::ExecutionType;
 use setup::Setup;
@@ -59,7 +59,7 @@ impl Cell {
         let Self { setup, found, .. } = self;
         let extras = Extras { faults: faults.to_vec(), ..Extras::default() };
         let application = &found.application;
-        let started = VirtualRun::start_with(setup, application, seed, VirtualBus::OfSetup, &extras);
+        let started = VirtualRun::start_with(setup, application, seed, &extras);
         let mut run = match started {
             Ok(run) => run,
             Err(error) => return (Err(error), 0),

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bench::records::schedule::Step;
 use bench::stands::Stand as _;
-use bench::stands::virtual_run::{Extras, VirtualBus, VirtualRun};
+use bench::stands::virtual_run::{Extras, VirtualRun};
 use planning::Application;
 use plc_node::ExecutionType;
 use setup::Setup;
@@ -12,7 +12,7 @@ use setup::Setup;
 /// Runs CM once with a fault, and returns the reason of its failure.
 pub(crate) fn failure(setup: &Setup, application: &Application, fault: &str) -> Option<String> {
     let extras = Extras { faults: vec![fault.parse().unwrap()], ..Extras::default() };
-    let mut run = VirtualRun::start_with(setup, application, 1, VirtualBus::OfSetup, &extras).unwrap();
+    let mut run = VirtualRun::start_with(setup, application, 1, &extras).unwrap();
     let pause = Duration::from_millis(50);
     let step = Step { execution_type: ExecutionType::Cm, repetition: 2, pause, overrides: None };
     let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();

@@ -1,5 +1,6 @@
 //! The verbs of the bench and its runs in virtual time: a file for each, in one program, since every program links the
-//! whole bench again. What needs a network, a browser or an allocator of its own stands beside this folder.
+//! whole bench again. What needs a network or a browser, or counts the allocations of its process, stands beside this
+//! folder.
 
 #![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -16,7 +17,6 @@ mod drives;
 mod explore;
 mod gate;
 mod key_reference;
-mod long;
 mod report;
 mod studies;
 mod sweep;

@@ -18,6 +18,8 @@
 //! task is not convex, so that this is a near-optimal value and no proven bound. Tests hold it against laws that are
 //! known to be optimal, begin from other laws, and say how little a halved step changes.
 
+#![expect(clippy::disallowed_methods, reason = "last bits of a reference decide nothing")]
+
 use core::ops::Range;
 
 use robot_node::arm::{AXES, Joints};

@@ -1,7 +1,7 @@
 //! Both nodes in virtual time: the machines of a real run on a virtual cable.
 //!
 //! ```text
-//! cell           the nodes on the cable: from event to event, from the start edge of a run to its end
+//! nodes          the nodes on the cable: from event to event, from the start edge of a run to its end
 //! changes        when the faults change cable, nodes and drives
 //! new_nodes      both nodes, and once more where they are started again
 //! phases         what the seed determines
@@ -10,9 +10,9 @@
 //! watch          looks at both nodes after each of their ticks, for a trace
 //! ```
 
-mod cell;
 mod changes;
 mod new_nodes;
+mod nodes;
 mod phases;
 mod plant_speed;
 mod reaction;
@@ -32,15 +32,12 @@ use protocol::image::{Digest, Motion};
 use protocol_linux::capture::Retention;
 use robot_node::RobotConfig;
 use setup::Setup;
-use virtual_time::Side;
 
-pub(crate) use cell::{NeverEnded, Nodes};
+pub(crate) use nodes::{NeverEnded, Nodes};
 pub use plant_speed::PlantSpeed;
 pub use reaction::reactions;
 
-use cell::{Cell, OtherRobot, SharedCapture, Surroundings, cell};
-use new_nodes::Restart;
-use phases::Phases;
+use nodes::{OtherRobot, SharedCapture, Surroundings};
 
 use crate::output::exit::{Exit, Failure};
 use crate::records::conditions::{Health, Measured};
@@ -59,18 +56,9 @@ use watch::SharedFrames;
 const PLC_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 1]);
 const ROBOT_MAC: Mac = Mac([0x02, 0, 0, 0, 0, 2]);
 
-/// The bus of a virtual run.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum VirtualBus {
-    /// The one that the setup names.
-    OfSetup,
-    /// A connection without a bus protocol, for tests that are not about a bus.
-    Direct,
-}
-
 /// Two connected nodes in virtual time.
 pub struct VirtualRun {
-    cell: Box<dyn Cell>,
+    nodes: Nodes,
     trace: Trace,
     capture: Option<SharedCapture>,
     /// When it was started, by the host's clock.
@@ -131,13 +119,8 @@ impl VirtualRun {
     /// # Errors
     ///
     /// The setup does not describe a robot, or the nodes do not connect.
-    pub fn start(
-        setup: &Setup,
-        application: &Application,
-        seed: u64,
-        bus: VirtualBus,
-    ) -> anyhow::Result<Self> {
-        Self::start_with(setup, application, seed, bus, &Extras::default())
+    pub fn start(setup: &Setup, application: &Application, seed: u64) -> anyhow::Result<Self> {
+        Self::start_with(setup, application, seed, &Extras::default())
     }
 
     /// Starts a run like [`VirtualRun::start`], with faults and captures.
@@ -149,11 +132,10 @@ impl VirtualRun {
         setup: &Setup,
         application: &Application,
         seed: u64,
-        bus: VirtualBus,
         extras: &Extras,
     ) -> anyhow::Result<Self> {
         let work = Work::with(PlannedCell::of(setup, application)?, &extras.faults);
-        Self::start_on(setup, work, seed, bus, extras)
+        Self::start_on(setup, work, seed, extras)
     }
 
     /// Switches on both nodes of a cell that is planned already, which do not know each other yet:
@@ -164,29 +146,23 @@ impl VirtualRun {
         seed: u64,
         extras: &Extras,
     ) -> anyhow::Result<Self> {
-        Self::new(setup, Work::with(planned, &extras.faults), seed, VirtualBus::OfSetup, extras)
+        Self::new(setup, Work::with(planned, &extras.faults), seed, extras)
     }
 
     /// Waits until the nodes are connected and the robot is ready.
     pub(crate) fn connect(&mut self) -> anyhow::Result<()> {
-        self.cell.connect()
+        self.nodes.connect()
     }
 
     /// Waits until the robot is ready again after a run that failed.
     pub(crate) fn recover(&mut self) -> anyhow::Result<()> {
-        self.cell.recover()
+        self.nodes.recover()
     }
 
     /// Starts a run like [`VirtualRun::start_with`], of motions that were planned elsewhere.
-    pub(crate) fn start_on(
-        setup: &Setup,
-        work: Work,
-        seed: u64,
-        bus: VirtualBus,
-        extras: &Extras,
-    ) -> anyhow::Result<Self> {
-        let mut run = Self::new(setup, work, seed, bus, extras)?;
-        if let Err(error) = run.cell.connect() {
+    pub(crate) fn start_on(setup: &Setup, work: Work, seed: u64, extras: &Extras) -> anyhow::Result<Self> {
+        let mut run = Self::new(setup, work, seed, extras)?;
+        if let Err(error) = run.nodes.connect() {
             // Captures matter most when a run failed.
             run.end_capture(true)?;
             return Err(error);
@@ -194,34 +170,13 @@ impl VirtualRun {
         Ok(run)
     }
 
-    fn new(
-        setup: &Setup,
-        mut work: Work,
-        seed: u64,
-        bus: VirtualBus,
-        extras: &Extras,
-    ) -> anyhow::Result<Self> {
+    fn new(setup: &Setup, work: Work, seed: u64, extras: &Extras) -> anyhow::Result<Self> {
         let started = std::time::Instant::now();
         let capture = extras.start_capture(setup)?;
         let frames = extras.frames.then(SharedFrames::default);
-        let faults = &Surroundings { faults: &extras.faults, capture: capture.clone(), frames };
-        let mut phases = Phases::new(setup, seed);
-        let cell = match bus {
-            VirtualBus::Direct => {
-                let (plc, robot) = (phases.direct(setup, Side::A), phases.direct(setup, Side::B));
-                cell(setup, work, &mut phases, (plc, robot), faults, None)
-            }
-            VirtualBus::OfSetup => {
-                let restart = work.again.take().map(|planned| Restart::of(setup, *planned, seed));
-                let bus = &setup.bus;
-                let start = phases.first(Side::A, bus.cycle_us.value);
-                let plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
-                let start = || phases.first(Side::B, bus.cycle_us.value);
-                let robot = robot_node::bus::open(bus, ROBOT_MAC, None, seed, start);
-                cell(setup, work, &mut phases, (plc, robot), faults, restart)
-            }
-        };
-        Ok(Self { cell, trace: Trace::default(), capture, started })
+        let surroundings = Surroundings { faults: &extras.faults, capture: capture.clone(), frames };
+        let nodes = Nodes::switch_on(setup, work, seed, surroundings)?;
+        Ok(Self { nodes, trace: Trace::default(), capture, started })
     }
 
     /// Ends the captures, if any. Captures held in memory are written only if `wanted`.
@@ -247,33 +202,33 @@ impl VirtualRun {
 
     /// Sets the start edge of a run; [`run_for`](Self::run_for) continues it.
     pub(crate) fn begin(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
-        self.cell.start_run(execution_type)
+        self.nodes.start_run(execution_type)
     }
 
     /// Runs for up to `time` of true time, or until the PLC's next event.
     pub(crate) fn run_for(&mut self, time: Duration) -> Option<PlcEvent> {
-        self.cell.next_plc_event(self.cell.now() + time)
+        self.nodes.next_event(self.nodes.now() + time)
     }
 
     /// Returns digests of the motions that the PLC sent in this run, and of those that the robot put on its path.
     pub(crate) fn digests(&self) -> [Digest; 2] {
-        self.cell.digests()
+        self.nodes.digests()
     }
 
     /// Returns how many frames were put into the cable towards the robot, and towards the PLC.
     pub(crate) fn frames_sent(&self) -> [u64; 2] {
-        self.cell.frames_sent()
+        self.nodes.frames_sent()
     }
 
     /// Executes one step of a schedule without a recording.
     pub(crate) fn execute_unrecorded(&mut self, step: Step) -> anyhow::Result<Measured> {
-        self.cell.execute(step, None)
+        self.nodes.execute(step, None)
     }
 
     /// Returns the true time since the nodes were switched on: what a plant would have taken.
     #[must_use]
     pub fn plant_time(&self) -> Duration {
-        self.cell.now().since(Instant::ZERO)
+        self.nodes.now().since(Instant::ZERO)
     }
 }
 
@@ -296,14 +251,14 @@ pub fn whole_planned(setup: &Setup, planned: PlannedCell, schedule: &Schedule) -
     let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, &[])?;
     let mut results = Results::new(setup, &planned.name, Mode::Virtual, schedule);
     let work = Work::of(planned);
-    let mut run = VirtualRun::start_on(setup, work, schedule.seed, VirtualBus::OfSetup, &Extras::default())?;
+    let mut run = VirtualRun::start_on(setup, work, schedule.seed, &Extras::default())?;
     for step in schedule.steps() {
-        let measured = run.cell.execute(step, None)?;
+        let measured = run.nodes.execute(step, None)?;
         verification.check(&measured)?;
         results.record(step.execution_type, &measured)?;
     }
     results.status = Status::Complete;
-    results.set_health(&run.cell.health());
+    results.set_health(&run.nodes.health());
     Ok(results)
 }
 
@@ -315,7 +270,7 @@ impl Stand for VirtualRun {
             frames: config.frames,
         };
         let StandConfig { setup, application, seed, .. } = *config;
-        let started = Self::start_with(setup, application, seed, VirtualBus::OfSetup, &extras);
+        let started = Self::start_with(setup, application, seed, &extras);
         started.map_err(|error| match error.is::<OtherRobot>() {
             true => Failure::new(Exit::Usage, error),
             false => error.into(),
@@ -326,11 +281,11 @@ impl Stand for VirtualRun {
         let is_first = step.repetition == 1;
         let recording =
             is_first.then(|| self.trace.types.entry(step.execution_type).insert(Recording::default()));
-        self.cell.execute(step, recording)
+        self.nodes.execute(step, recording)
     }
 
     fn health(&self) -> Health {
-        self.cell.health()
+        self.nodes.health()
     }
 
     async fn finish(self, keeps_capture: bool) -> Finished {

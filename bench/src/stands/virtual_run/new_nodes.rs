@@ -6,7 +6,6 @@ use machine::Instant;
 use planning::{PROGRAM, Stop, ToStart};
 use plc_node::bus::PlcBus;
 use plc_node::{MotionSource, PlcConfig, PlcNode};
-use protocol::fieldbus::Fieldbus;
 use protocol::image::Motion;
 use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotConfig, RobotNode};
@@ -20,25 +19,25 @@ const UNTIL_FIRST_CYCLE: Duration = Duration::from_micros(100);
 
 /// Creates the PLC of a cell; `plan` is what it sends, where its continuous motions end, and how the arm gets to their
 /// start.
-pub(super) fn new_plc<P: Fieldbus>(
+pub(super) fn new_plc(
     setup: &Setup,
     plan: (Box<dyn MotionSource>, Vec<Stop>, ToStart<Motion>),
-    bus: P,
+    bus: PlcBus,
     start: Instant,
-) -> PlcNode<P> {
+) -> PlcNode<PlcBus> {
     let (motions, stops, to_start) = plan;
     let config = PlcConfig { motions, to_start, stops, ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM) };
     PlcNode::new(config, bus, start)
 }
 
 /// Creates the robot of a cell, with a program of these motions and stops in its store.
-pub(super) fn new_robot<R: Fieldbus>(
+pub(super) fn new_robot(
     config: RobotConfig,
     (program, stops): (Vec<Motion>, &[Stop]),
-    bus: R,
+    bus: RobotBus,
     seed: u64,
     start: Instant,
-) -> RobotNode<R> {
+) -> RobotNode<RobotBus> {
     RobotNode::new(config, vec![(PROGRAM, Program::new(program, stops))], bus, seed, start)
 }
 
@@ -46,12 +45,12 @@ pub(super) fn new_robot<R: Fieldbus>(
 type Make<N> = Box<dyn Fn(Instant) -> anyhow::Result<N>>;
 
 /// Makes each node of a cell once more.
-pub(super) struct Restart<P: Fieldbus, R: Fieldbus> {
-    pub(super) plc: Make<PlcNode<P>>,
-    pub(super) robot: Make<RobotNode<R>>,
+pub(super) struct Restart {
+    pub(super) plc: Make<PlcNode<PlcBus>>,
+    pub(super) robot: Make<RobotNode<RobotBus>>,
 }
 
-impl Restart<PlcBus, RobotBus> {
+impl Restart {
     /// Prepares the nodes of a cell on the bus that its setup names. Their numbers of connections are others than those
     /// of the first nodes.
     pub(super) fn of(setup: &Setup, planned: PlannedCell, seed: u64) -> Self {

@@ -4,7 +4,6 @@
 use std::time::Duration;
 
 use machine::Instant;
-use protocol::direct::Direct;
 use rand_core::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use setup::Setup;
@@ -17,7 +16,6 @@ const OFFSET: Duration = Duration::from_secs(1);
 
 /// Clocks and phases, drawn in sequence.
 pub(super) struct Phases {
-    pub(super) seed: u64,
     random: Pcg64Mcg,
     pub(super) clocks: [Clock; 2],
 }
@@ -32,7 +30,7 @@ impl Phases {
             Clock { offset_ns, drift_ppb }
         };
         let clocks = [clock(), clock()];
-        Self { seed, random, clocks }
+        Self { random, clocks }
     }
 
     /// Returns when a task of this cycle runs first, on its side's own clock.
@@ -41,10 +39,5 @@ impl Phases {
         let clock = if side == Side::A { a } else { b };
         let cycle = Duration::from_micros(cycle_us.into());
         clock.local_time(Instant::ZERO) + below(&mut self.random, cycle)
-    }
-
-    pub(super) fn direct(&mut self, setup: &Setup, side: Side) -> Direct {
-        let cycle = Duration::from_micros(setup.bus.cycle_us.value.into());
-        Direct::new(self.first(side, setup.bus.cycle_us.value), cycle, setup.bus.watchdog())
     }
 }

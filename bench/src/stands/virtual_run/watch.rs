@@ -5,10 +5,9 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use machine::Instant;
-use plc_node::{PlcEvent, PlcNode};
-use protocol::fieldbus::Fieldbus;
-use robot_node::RobotNode;
-use virtual_time::{Pair, Side};
+use plc_node::PlcEvent;
+use virtual_cell::VirtualCell;
+use virtual_time::Side;
 
 use super::Nodes;
 use crate::records::trace::{Frame, PlcScan, Recording, RobotTick};
@@ -47,11 +46,7 @@ impl<'a> Watch<'a> {
     }
 
     /// Returns the PLC's next event up to `until` in true time, and records what happens meanwhile.
-    pub(crate) fn next_plc_event<P: Fieldbus, R: Fieldbus>(
-        &mut self,
-        nodes: &mut Nodes<P, R>,
-        until: Instant,
-    ) -> Option<PlcEvent> {
+    pub(crate) fn next_plc_event(&mut self, nodes: &mut Nodes, until: Instant) -> Option<PlcEvent> {
         while nodes.pair().now() < until {
             let event = nodes.next_event(until.min(nodes.pair().now() + LOOK));
             let pair = nodes.pair();
@@ -66,7 +61,7 @@ impl<'a> Watch<'a> {
         None
     }
 
-    fn record<P: Fieldbus, R: Fieldbus>(&mut self, pair: &Pair<PlcNode<P>, RobotNode<R>>) {
+    fn record(&mut self, pair: &VirtualCell) {
         let Some(start) = self.start else { return };
         let since = |at: Instant| at.as_nanos() as f64 - start.as_nanos() as f64;
         if let Some(frames) = &self.frames {
@@ -91,11 +86,7 @@ impl<'a> Watch<'a> {
 }
 
 /// Converts a side's clock of less than a cycle ago to true time: the drift since then is far below a nanosecond.
-fn true_time<P: Fieldbus, R: Fieldbus>(
-    pair: &Pair<PlcNode<P>, RobotNode<R>>,
-    side: Side,
-    local: Instant,
-) -> Instant {
+fn true_time(pair: &VirtualCell, side: Side, local: Instant) -> Instant {
     let ago = pair.local_time(side).as_nanos().saturating_sub(local.as_nanos());
     Instant::from_nanos(pair.now().as_nanos().saturating_sub(ago))
 }

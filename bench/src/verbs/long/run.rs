@@ -9,7 +9,7 @@ use protocol::image::{Digest, Motion, Sum};
 use setup::Setup;
 
 use super::supply::{Origin, SupplyThread};
-use crate::stands::virtual_run::{Extras, VirtualBus, VirtualRun, Work};
+use crate::stands::virtual_run::{Extras, VirtualRun, Work};
 
 /// Both nodes, executing one long sequence.
 pub struct LongRun {
@@ -101,7 +101,7 @@ impl LongRun {
     ) -> anyhow::Result<Self> {
         let total = source.total();
         let work = Work::sent(setup, source, to_start)?;
-        let mut run = VirtualRun::start_on(setup, work, seed, VirtualBus::OfSetup, &Extras::default())?;
+        let mut run = VirtualRun::start_on(setup, work, seed, &Extras::default())?;
         run.begin(ExecutionType::Cm)?;
         let begun = run.plant_time();
         Ok(Self { run, supply, total, begun })

@@ -1,5 +1,7 @@
 //! Long runs: constant memory, and every lost, duplicated or reordered motion is noticed.
 
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+
 use std::fs;
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
 //! Both nodes of a virtual run on their cable, for every bus.
 //!
-//! In one file, because events, faults and runs change the same state of the pair.
+//! In one file, because events, faults and runs change the same state.
 
 use std::cell::RefCell;
 use std::net::Ipv4Addr;
@@ -11,19 +11,20 @@ use ::node::report::LatenessReport;
 use ::node::role::NodeRole;
 use anyhow::{Context as _, anyhow, bail};
 use machine::{Instant, Lateness};
-use plc_node::{ExecutionType, PlcEvent, PlcNode};
-use protocol::fieldbus::{Down, DownCause, Fieldbus, LinkEvent};
+use plc_node::{ExecutionType, PlcEvent};
+use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
 use protocol::image::Digest;
 use protocol_linux::capture::CableEvent;
-use robot_node::{RobotEvent, RobotNode};
+use robot_node::RobotEvent;
 use setup::Setup;
+use virtual_cell::VirtualCell;
 use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
 
-use super::Work;
 use super::changes::Changes;
 use super::new_nodes::{Restart, new_plc, new_robot};
 use super::phases::Phases;
 use super::watch::{SharedFrames, Watch};
+use super::{PLC_MAC, ROBOT_MAC, Work};
 use crate::records::conditions::{Counts, Health, Measured, MotionTotals};
 use crate::records::faults::{self, Change, Fault, FaultReport};
 use crate::records::schedule::Step;
@@ -60,70 +61,20 @@ pub(super) struct Surroundings<'a> {
     pub(super) frames: Option<SharedFrames>,
 }
 
-/// A pair of nodes on any bus.
-pub(super) trait Cell {
-    fn connect(&mut self) -> anyhow::Result<()>;
-    fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured>;
-    /// Waits until the robot is ready again after a run that failed.
-    fn recover(&mut self) -> anyhow::Result<()>;
-    fn start_run(&mut self, execution_type: ExecutionType) -> anyhow::Result<()>;
-    fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent>;
-    fn digests(&self) -> [Digest; 2];
-    fn health(&self) -> Health;
-    fn now(&self) -> Instant;
-    fn frames_sent(&self) -> [u64; 2];
-}
-
-/// Connects both nodes by a cable.
-pub(super) fn cell<P: Fieldbus + 'static, R: Fieldbus + 'static>(
-    setup: &Setup,
-    Work { source, program, stops, to_start, robot, .. }: Work,
-    phases: &mut Phases,
-    buses: (P, R),
-    Surroundings { faults, capture, frames }: &Surroundings<'_>,
-    restart: Option<Restart<P, R>>,
-) -> Box<dyn Cell> {
-    let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
-    let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
-    let robot = new_robot(robot, (program, &stops), buses.1, phases.seed, robot_start);
-    let plc = new_plc(setup, (source, stops, to_start), buses.0, plc_start);
-    let delay = Duration::from_micros(setup.bus.cable_delay_us.value.into());
-    let config = PairConfig {
-        seed: phases.seed,
-        clocks: phases.clocks,
-        links: faults::links(faults, Impairment { delay, ..Impairment::default() }),
-        addresses: [
-            setup.bus.addresses().map(|addresses| addresses.plc),
-            robot_node::bus::address_from_project(&setup.bus.kind),
-        ],
-    };
-    let mut pair = Pair::new(plc, robot, config);
-    if capture.is_some() || frames.is_some() {
-        let (capture, frames) = (capture.clone(), frames.clone());
-        pair.set_tap(move |tapped| {
-            if let Some(capture) = &capture
-                && let Some(capture) = &mut *capture.borrow_mut()
-            {
-                capture.see(&tapped);
-            }
-            if let Some(frames) = &frames
-                && let Some(frames) = &mut *frames.borrow_mut()
-            {
-                frames.push((tapped.at, frame(&tapped)));
-            }
-        });
+/// Writes tapped frames to the capture and to the frame log.
+fn tap(capture: Option<SharedCapture>, frames: Option<SharedFrames>) -> impl FnMut(Tapped<'_>) {
+    move |tapped| {
+        if let Some(capture) = &capture
+            && let Some(capture) = &mut *capture.borrow_mut()
+        {
+            capture.see(&tapped);
+        }
+        if let Some(frames) = &frames
+            && let Some(frames) = &mut *frames.borrow_mut()
+        {
+            frames.push((tapped.at, frame(&tapped)));
+        }
     }
-    Box::new(Nodes {
-        pair,
-        addresses: config.addresses,
-        faults: faults.to_vec(),
-        changes: Changes::of(faults),
-        restart,
-        killed: None,
-        capture: capture.clone(),
-        frames: frames.clone(),
-        moved: MotionTotals::default(),
-    })
 }
 
 /// Converts a tapped frame to a timeline's frame; the watch sets its time since the start edge.
@@ -143,14 +94,14 @@ fn frame(tapped: &Tapped<'_>) -> Frame {
 }
 
 /// Both nodes on a cable, and the changes that the faults make.
-pub(crate) struct Nodes<P: Fieldbus, R: Fieldbus> {
-    pair: Pair<PlcNode<P>, RobotNode<R>>,
+pub(crate) struct Nodes {
+    pair: VirtualCell,
     /// IP addresses that the sides had at the start.
     addresses: [Option<Ipv4Addr>; 2],
     faults: Vec<Fault>,
     changes: Changes,
     /// What makes a node once more; `None` where no fault asks for it.
-    restart: Option<Restart<P, R>>,
+    restart: Option<Restart>,
     /// The first node that a fault has killed.
     killed: Option<NodeRole>,
     capture: Option<SharedCapture>,
@@ -159,8 +110,53 @@ pub(crate) struct Nodes<P: Fieldbus, R: Fieldbus> {
     moved: MotionTotals,
 }
 
-impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
-    pub(crate) const fn pair(&self) -> &Pair<PlcNode<P>, RobotNode<R>> {
+impl Nodes {
+    /// Switches both nodes on, on the two ends of a cable. They do not know each other yet.
+    ///
+    /// # Errors
+    ///
+    /// The setup gives no bus endpoint for the PLC.
+    pub(super) fn switch_on(
+        setup: &Setup,
+        work: Work,
+        seed: u64,
+        Surroundings { faults, capture, frames }: Surroundings<'_>,
+    ) -> anyhow::Result<Self> {
+        let Work { source, program, stops, to_start, robot, again } = work;
+        let mut phases = Phases::new(setup, seed);
+        let bus = &setup.bus;
+        let start = phases.first(Side::A, bus.cycle_us.value);
+        let plc_bus = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
+        let start = || phases.first(Side::B, bus.cycle_us.value);
+        let robot_bus = robot_node::bus::open(bus, ROBOT_MAC, None, seed, start);
+        let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
+        let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
+        let robot = new_robot(robot, (program, &stops), robot_bus, seed, robot_start);
+        let plc = new_plc(setup, (source, stops, to_start), plc_bus, plc_start);
+        let delay = Duration::from_micros(bus.cable_delay_us.value.into());
+        let addresses = [
+            bus.addresses().map(|addresses| addresses.plc),
+            robot_node::bus::address_from_project(&bus.kind),
+        ];
+        let links = faults::links(faults, Impairment { delay, ..Impairment::default() });
+        let mut pair = Pair::new(plc, robot, PairConfig { seed, clocks: phases.clocks, links, addresses });
+        if capture.is_some() || frames.is_some() {
+            pair.set_tap(tap(capture.clone(), frames.clone()));
+        }
+        Ok(Self {
+            pair,
+            addresses,
+            faults: faults.to_vec(),
+            changes: Changes::of(faults),
+            restart: again.map(|planned| Restart::of(setup, *planned, seed)),
+            killed: None,
+            capture,
+            frames,
+            moved: MotionTotals::default(),
+        })
+    }
+
+    pub(crate) const fn pair(&self) -> &VirtualCell {
         &self.pair
     }
 
@@ -219,7 +215,7 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
 
     fn change(&mut self, change: Change) {
         let lost =
-            |pair: &Pair<_, _>| [Side::A, Side::B].map(|side| pair.link_counters(side).lost).iter().sum();
+            |pair: &VirtualCell| [Side::A, Side::B].map(|side| pair.link_counters(side).lost).iter().sum();
         let before: u64 = lost(&self.pair);
         match change {
             Change::Cut | Change::Mend => {
@@ -267,12 +263,11 @@ impl<P: Fieldbus, R: Fieldbus> Nodes<P, R> {
         }
         self.killed.take_if(|killed| *killed == node);
     }
-}
 
-impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
-    fn connect(&mut self) -> anyhow::Result<()> {
+    /// Waits until the nodes are connected and the robot is ready.
+    pub(super) fn connect(&mut self) -> anyhow::Result<()> {
         let until = self.pair.now() + CONNECT;
-        while let Some(event) = self.next_plc_event(until) {
+        while let Some(event) = self.next_event(until) {
             match event {
                 PlcEvent::Ready => {
                     self.changes.ready(self.pair.now());
@@ -285,10 +280,14 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         bail!("the robot was not ready within {} s of virtual time", CONNECT.as_secs())
     }
 
-    fn execute(&mut self, step: Step, recording: Option<&mut Recording>) -> anyhow::Result<Measured> {
+    pub(super) fn execute(
+        &mut self,
+        step: Step,
+        recording: Option<&mut Recording>,
+    ) -> anyhow::Result<Measured> {
         self.until_at_start(LONGEST_RUN)?;
         let start = self.pair.now() + step.pause;
-        while self.next_plc_event(start).is_some() {}
+        while self.next_event(start).is_some() {}
         self.pair.command_a(|plc, _| plc.schedule_overrides(step.overrides));
         let before = self.counts();
         self.start_run(step.execution_type)?;
@@ -296,7 +295,7 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
         while let Some(event) = match &mut watch {
             Some(watch) => watch.next_plc_event(self, until),
-            None => self.next_plc_event(until),
+            None => self.next_event(until),
         } {
             match event {
                 PlcEvent::Finished(execution) => {
@@ -328,23 +327,20 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         Err(NeverEnded.into())
     }
 
-    fn recover(&mut self) -> anyhow::Result<()> {
+    /// Waits until the robot is ready again after a run that failed.
+    pub(super) fn recover(&mut self) -> anyhow::Result<()> {
         self.until_at_start(RECOVERY)
     }
 
-    fn start_run(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
+    pub(super) fn start_run(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
         self.pair.command_a(|plc, now| plc.start(now, execution_type)).context("cannot start the run")
     }
 
-    fn next_plc_event(&mut self, until: Instant) -> Option<PlcEvent> {
-        self.next_event(until)
-    }
-
-    fn digests(&self) -> [Digest; 2] {
+    pub(super) fn digests(&self) -> [Digest; 2] {
         [*self.pair.a().sent(), *self.pair.b().controller().accepted()]
     }
 
-    fn health(&self) -> Health {
+    pub(super) fn health(&self) -> Health {
         let (plc, robot): (&Lateness, &Lateness) = (self.pair.a().lateness(), self.pair.b().lateness());
         Health {
             plc: (&LatenessReport::from(plc)).into(),
@@ -361,24 +357,20 @@ impl<P: Fieldbus, R: Fieldbus> Cell for Nodes<P, R> {
         }
     }
 
-    fn now(&self) -> Instant {
+    pub(super) fn now(&self) -> Instant {
         self.pair.now()
     }
 
-    fn frames_sent(&self) -> [u64; 2] {
+    pub(super) fn frames_sent(&self) -> [u64; 2] {
         [Side::A, Side::B].map(|side| self.pair.link_counters(side).sent)
     }
 }
 
 /// Returns the PLC's next event up to `until` in true time. Meanwhile it sets the addresses that the stations ask for,
 /// and adds the robot's reports on its skills to `moved`.
-fn next_plc_event<P: Fieldbus, R: Fieldbus>(
-    pair: &mut Pair<PlcNode<P>, RobotNode<R>>,
-    until: Instant,
-    moved: &mut MotionTotals,
-) -> Option<PlcEvent> {
+fn next_plc_event(pair: &mut VirtualCell, until: Instant, moved: &mut MotionTotals) -> Option<PlcEvent> {
     loop {
-        match pair.next_event(until)? {
+        match virtual_cell::next_event(pair, until)? {
             Event::A(PlcEvent::Link(LinkEvent::SetAddress { address, .. })) => {
                 pair.set_address(Side::A, Some(address));
                 pair.command_a(|plc, now| plc.bus_mut().address_set(now, true));
