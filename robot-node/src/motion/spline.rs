@@ -28,6 +28,17 @@ const PARTS: usize = 8;
 /// One of them, as a share of the piece.
 const PART: f64 = 1.0 / PARTS as f64;
 
+/// Largest number of intervals within a part whose ways are measured one by one: where the curve almost turns back.
+const MOST_INTERVALS: u8 = 16;
+
+/// Where the derivative of the position by the share changes within a part by no more than this share of it, one interval is
+/// enough.
+const STEADY: f64 = 0.75;
+
+/// Largest share by which twice as many intervals may change the way of a part. The speed along it is off by some twenty times
+/// as much.
+const WELL_MEASURED: f64 = 1e-7;
+
 /// A step of Newton's method that is smaller than this share of a part leaves an error of less than a hundred-millionth
 /// of it: each step squares the error.
 const LAST_STEP: f64 = 1e-4;
@@ -60,14 +71,17 @@ pub struct Spline {
     factors: [Pose; 6],
     /// The way at the end of each part, in mm.
     ways: [f64; PARTS],
+    /// How many intervals of each part are measured one by one.
+    intervals: [u8; PARTS],
     /// How τ grows with the way where each part begins, and at the end: its first two derivatives, by mm.
     growth: [[f64; 2]; PARTS + 1],
     flange: Flange,
 }
 
-/// A guessed share: within a part from `start` to `end`, which begins after a way in mm.
+/// A guessed share: within a part from `start` to `end`, which begins after a way in mm and is measured in intervals.
 #[derive(Clone, Copy)]
 struct Guess {
+    intervals: u8,
     start: f64,
     end: f64,
     start_way: f64,
@@ -116,8 +130,8 @@ impl Spline {
                 factor[i] = value;
             }
         }
-        let (ways, growth) = ([0.0; PARTS], [[0.0; 2]; PARTS + 1]);
-        let mut piece = Self { before, from, to, after, factors, ways, growth, flange };
+        let (ways, intervals, growth) = ([0.0; PARTS], [1; PARTS], [[0.0; 2]; PARTS + 1]);
+        let mut piece = Self { before, from, to, after, factors, ways, intervals, growth, flange };
         if before.is_none() && after.is_none() {
             let way = distance(from.position, to.position);
             piece.ways = core::array::from_fn(|part| way * (part + 1) as f64 * PART);
@@ -126,8 +140,9 @@ impl Spline {
         }
         let mut way = 0.0;
         for part in 0..PARTS {
-            way += piece.way_between(part as f64 * PART, (part + 1) as f64 * PART);
-            piece.ways[part] = way;
+            let (of_part, intervals) = piece.measured(part as f64 * PART, (part + 1) as f64 * PART);
+            way += of_part;
+            (piece.ways[part], piece.intervals[part]) = (way, intervals);
         }
         piece.growth = core::array::from_fn(|border| piece.growth_at(border as f64 * PART));
         piece
@@ -217,8 +232,8 @@ impl Spline {
         for _ in 0..NEWTON_STEPS {
             for ((guess, is_off), way) in guesses.iter_mut().zip(&mut is_off).zip(ways) {
                 if *is_off {
-                    let Guess { start, end, start_way, share } = *guess;
-                    let off = start_way + self.way_between(start, share) - way;
+                    let Guess { intervals, start, end, start_way, share } = *guess;
+                    let off = start_way + self.way_between(start, share, intervals) - way;
                     let step = off / self.speed(share).max(1e-9);
                     guess.share = (share - step).clamp(start, end);
                     *is_off = step.abs() >= LAST_STEP * PART;
@@ -244,11 +259,37 @@ impl Spline {
         let quartic = -15.0 * rest + 7.0 * of_slope - of_bend;
         let quintic = 6.0 * rest - 3.0 * of_slope + of_bend / 2.0;
         let grown = t * (slope + t * (bend / 2.0 + t * (cubic + t * (quartic + t * quintic))));
-        Guess { start, end, start_way, share: (start + grown).clamp(start, end) }
+        let share = (start + grown).clamp(start, end);
+        Guess { intervals: self.intervals[part], start, end, start_way, share }
     }
 
-    /// The way in mm from one share to another.
-    fn way_between(&self, from: f64, to: f64) -> f64 {
+    /// The way in mm from one share to another, and the number of intervals that it takes to measure it well.
+    fn measured(&self, from: f64, to: f64) -> (f64, u8) {
+        let (mut way, mut intervals) = (self.way_between(from, to, 1), 1);
+        let [start, end] = [from, to].map(|share| self.slope(share));
+        if distance(start, end) <= STEADY * length(start).min(length(end)) {
+            return (way, intervals);
+        }
+        while intervals < MOST_INTERVALS {
+            let finer = self.way_between(from, to, 2 * intervals);
+            if (finer - way).abs() <= WELL_MEASURED * finer {
+                break;
+            }
+            (way, intervals) = (finer, 2 * intervals);
+        }
+        (way, intervals)
+    }
+
+    /// The way in mm from one share to another, in so many intervals.
+    fn way_between(&self, from: f64, to: f64, intervals: u8) -> f64 {
+        if intervals == 1 {
+            return self.way_in_one(from, to);
+        }
+        let border = |interval| from + f64::from(interval) / f64::from(intervals) * (to - from);
+        (0..intervals).map(|interval| self.way_in_one(border(interval), border(interval + 1))).sum()
+    }
+
+    fn way_in_one(&self, from: f64, to: f64) -> f64 {
         let sum: f64 = GAUSS.iter().map(|(at, weight)| weight * self.speed(from + at * (to - from))).sum();
         sum * (to - from)
     }

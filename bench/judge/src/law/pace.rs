@@ -16,7 +16,7 @@ use crate::way::Way;
 const COMPLIANT: u32 = 10;
 
 /// The way along a spline is known by quadrature: what its speed may be off, as a share.
-const QUADRATURE: f64 = 1e-4;
+const QUADRATURE: f64 = 1e-5;
 
 /// What a bend may add to chords from one cycle to the next while the way along it grows no faster.
 const BEND: f64 = 1e-3;
