@@ -5,8 +5,9 @@
 
 use arrayvec::ArrayVec;
 
+use super::chebyshev::{NODES, POINT_SHARES, SHARES, place_of};
 use super::curve::Curve;
-use super::derivatives::{Derivatives, NODES, POINT_SHARES, SHARES, Samples, place_of};
+use super::derivatives::{Derivatives, Samples};
 use super::node::{Node, Ratings};
 use super::nodes::{Nodes, PIECES, points_of};
 use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};

@@ -17,8 +17,9 @@
 //! tool faster than the faster of the two.
 
 use super::along::{AXIS_RESERVE, is_resolved};
+use super::chebyshev::{POINT_SHARES, SHARES, place_of};
 use super::curve::Curve;
-use super::derivatives::{Derivatives, POINT_SHARES, SHARES, Samples, place_of};
+use super::derivatives::{Derivatives, Samples};
 use super::flange::Flange;
 use super::node::{Node, Ratings, ramp_s};
 use super::nodes::{Nodes, points_of};

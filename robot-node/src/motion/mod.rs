@@ -12,6 +12,7 @@ mod arc;
 mod axis_monitor;
 mod blend;
 mod cell;
+mod chebyshev;
 mod curve;
 mod derivatives;
 mod flange;

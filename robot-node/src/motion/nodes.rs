@@ -3,7 +3,7 @@
 use core::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard};
 
-use super::derivatives::POINTS;
+use super::chebyshev::POINTS;
 use super::node::Node;
 
 /// Largest number of pieces into which a curve is cut.

@@ -4,8 +4,8 @@ use protocol::image::{ErrorNumber, Motion, MotionKind};
 
 use super::along::{AXIS_RESERVE, Followed, TOOL_RESERVE, along};
 use super::arc::Arc;
+use super::chebyshev::POINT_SHARES;
 use super::curve::{AxisLine, Curve, Line};
-use super::derivatives::POINT_SHARES;
 use super::flange::Flange;
 use super::node::{Limits, Node, Ratings};
 use super::nodes::Nodes;
