@@ -1,12 +1,15 @@
 //! A case: an arm in its cell, the motions that it is asked for, and what happens on the way. As a TOML file it runs
 //! again, to the bit.
 
-use protocol::image::{Motion, MotionKind};
-use robot_node::{ConfigError, RobotConfig};
-use serde::{Deserialize, Serialize};
-use setup::{Provenance, Setup, Sourced};
+mod arm;
+mod robot;
 
-use crate::kinematics::{AXES, Joints, Links, Vector};
+use protocol::image::{Motion, MotionKind};
+use robot_node::ConfigError;
+use serde::{Deserialize, Serialize};
+
+use crate::kinematics::Vector;
+pub use arm::{Arm, by_joint};
 
 /// Version of the file format.
 pub const SCHEMA: u32 = 1;
@@ -42,26 +45,6 @@ pub struct Case {
     /// What the PLC commands, one after another.
     #[serde(rename = "run")]
     pub runs: Vec<Run>,
-}
-
-/// The arm's links and limits, and its joints at the start.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Arm {
-    /// Its links.
-    pub links: Links,
-    /// Lowest values of the joints, in degrees (mm).
-    pub lower_deg: Vec<f64>,
-    /// Highest values, in degrees (mm).
-    pub upper_deg: Vec<f64>,
-    /// Rated speeds, in degrees (mm) per second.
-    pub speed_deg_s: Vec<f64>,
-    /// Rated accelerations, in degrees (mm) per second².
-    pub acceleration_deg_s2: Vec<f64>,
-    /// Rated jerks, in degrees (mm) per second³.
-    pub jerk_deg_s3: Vec<f64>,
-    /// Joints at the start, in degrees (mm).
-    pub home_deg: Vec<f64>,
 }
 
 /// A numbered frame.
@@ -281,146 +264,4 @@ impl Case {
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }
-
-    /// The robot of this case; `setup` is the one that it names.
-    ///
-    /// # Errors
-    ///
-    /// Which number makes no sense.
-    pub fn robot(&self, setup: &Setup) -> Result<RobotConfig, ConfigError> {
-        let mut config = RobotConfig::from_setup(&self.setup_with_its_arm(setup))?;
-        config.surfaces = self
-            .surfaces
-            .iter()
-            .map(|surface| robot_node::arm::Surface {
-                point: surface.point_mm,
-                normal: surface.normal,
-                radius_mm: f64::INFINITY,
-                stiffness_n_per_mm: surface.stiffness_n_per_mm,
-            })
-            .collect();
-        Ok(config)
-    }
-
-    fn setup_with_its_arm(&self, setup: &Setup) -> Setup {
-        let mut setup = setup.clone();
-        let robot = &mut setup.robot;
-        robot.kinematics = kinematics(&self.arm.links);
-        robot.axes.lower_deg.value.clone_from(&self.arm.lower_deg);
-        robot.axes.upper_deg.value.clone_from(&self.arm.upper_deg);
-        robot.axes.speed_deg_s.value.clone_from(&self.arm.speed_deg_s);
-        robot.axes.acceleration_deg_s2.value.clone_from(&self.arm.acceleration_deg_s2);
-        robot.axes.jerk_deg_s3.value.clone_from(&self.arm.jerk_deg_s3);
-        robot.axes.home_deg = Some(drawn(self.arm.home_deg.clone()));
-        robot.tools = frames(&self.tools);
-        robot.bases = frames(&self.bases);
-        robot.interpreter_quantum_us.value = 0;
-        robot.start_quantum_us = None;
-        robot.skill_overhead_us.value = self.skill_overhead_ms.saturating_mul(1_000);
-        setup
-    }
-}
-
-impl Arm {
-    /// That of a setup.
-    #[must_use]
-    pub fn of(setup: &Setup) -> Self {
-        let axes = &setup.robot.axes;
-        let links = match &setup.robot.kinematics {
-            setup::Kinematics::Scara(scara) => Links::Scara {
-                link_1_mm: scara.link_1_mm.value,
-                link_2_mm: scara.link_2_mm.value,
-                height_mm: scara.height_mm.value,
-            },
-            setup::Kinematics::Opw(opw) => Links::SixAxes {
-                a1_mm: opw.a1_mm.value,
-                a2_mm: opw.a2_mm.value,
-                b_mm: opw.b_mm.value,
-                c1_mm: opw.c1_mm.value,
-                c2_mm: opw.c2_mm.value,
-                c3_mm: opw.c3_mm.value,
-                c4_mm: opw.c4_mm.value,
-                offsets_deg: opw.offsets_deg.value,
-                signs: opw.signs.value,
-            },
-            setup::Kinematics::ThreeParallel(arm) => Links::ThreeParallel {
-                d_mm: [&arm.d1_mm, &arm.d4_mm, &arm.d5_mm, &arm.d6_mm].map(|length| length.value),
-                a_mm: [&arm.a2_mm, &arm.a3_mm].map(|length| length.value),
-                offsets_deg: arm.offsets_deg.value,
-                signs: arm.signs.value,
-            },
-        };
-        let middles = || {
-            let ranges = axes.lower_deg.value.iter().zip(&axes.upper_deg.value);
-            ranges.map(|(lower, upper)| f64::midpoint(*lower, *upper)).collect()
-        };
-        Self {
-            links,
-            lower_deg: axes.lower_deg.value.clone(),
-            upper_deg: axes.upper_deg.value.clone(),
-            speed_deg_s: axes.speed_deg_s.value.clone(),
-            acceleration_deg_s2: axes.acceleration_deg_s2.value.clone(),
-            jerk_deg_s3: axes.jerk_deg_s3.value.clone(),
-            home_deg: axes.home_deg.as_ref().map_or_else(middles, |home| home.value.clone()),
-        }
-    }
-
-    /// Returns the joints at the start; joints that it lacks are 0.
-    #[must_use]
-    pub fn home(&self) -> Joints {
-        by_joint(&self.home_deg, 0.0)
-    }
-}
-
-/// One value a joint; those that a list lacks are `rest`.
-#[must_use]
-pub fn by_joint(values: &[f64], rest: f64) -> Joints {
-    let mut joints = [rest; AXES];
-    for (joint, value) in joints.iter_mut().zip(values) {
-        *joint = *value;
-    }
-    joints
-}
-
-const fn drawn<T>(value: T) -> Sourced<T> {
-    Sourced { value, from: Provenance::Assumed, note: String::new() }
-}
-
-fn kinematics(links: &Links) -> setup::Kinematics {
-    match *links {
-        Links::Scara { link_1_mm, link_2_mm, height_mm } => setup::Kinematics::Scara(setup::Scara {
-            link_1_mm: drawn(link_1_mm),
-            link_2_mm: drawn(link_2_mm),
-            height_mm: drawn(height_mm),
-        }),
-        Links::SixAxes { a1_mm, a2_mm, b_mm, c1_mm, c2_mm, c3_mm, c4_mm, offsets_deg, signs } => {
-            setup::Kinematics::Opw(Box::new(setup::Opw {
-                a1_mm: drawn(a1_mm),
-                a2_mm: drawn(a2_mm),
-                b_mm: drawn(b_mm),
-                c1_mm: drawn(c1_mm),
-                c2_mm: drawn(c2_mm),
-                c3_mm: drawn(c3_mm),
-                c4_mm: drawn(c4_mm),
-                offsets_deg: drawn(offsets_deg),
-                signs: drawn(signs),
-            }))
-        }
-        Links::ThreeParallel { d_mm: [d1, d4, d5, d6], a_mm: [a2, a3], offsets_deg, signs } => {
-            setup::Kinematics::ThreeParallel(Box::new(setup::ThreeParallel {
-                d1_mm: drawn(d1),
-                a2_mm: drawn(a2),
-                a3_mm: drawn(a3),
-                d4_mm: drawn(d4),
-                d5_mm: drawn(d5),
-                d6_mm: drawn(d6),
-                offsets_deg: drawn(offsets_deg),
-                signs: drawn(signs),
-            }))
-        }
-    }
-}
-
-fn frames(frames: &[Frame]) -> Vec<setup::Frame> {
-    frames.iter().map(|frame| setup::Frame { number: frame.number, mm_deg: drawn(frame.mm_deg) }).collect()
 }

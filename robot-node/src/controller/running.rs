@@ -19,23 +19,9 @@ impl Controller {
         let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. });
         let took_one = takes && execution.bad.is_none() && self.take_motion(&mut execution, command);
         if let Phase::Dispatch { until } = execution.phase {
-            let checked = execution.bad.is_some()
-                || execution.check_ahead(took_one, command, &self.config, &self.programs);
-            if let Some((motion, violation)) = execution.bad {
-                self.refuse(execution.number, motion, violation);
-                return self.finish(at, &execution, Ending::of(violation, motion));
+            if let Some(ending) = self.dispatch(at, until, took_one, command, &mut execution) {
+                return self.finish(at, &execution, ending);
             }
-            let there = !self.interpolator.path().is_finished() || self.is_pressing(press::Phase::Waiting);
-            // All that is written is checked before anything moves.
-            let may_be_more = took_one && !execution.is_complete();
-            if checked && there && !may_be_more && at >= until && !self.hold {
-                match execution.cycles_to_start.checked_sub(1) {
-                    Some(left) => execution.cycles_to_start = left,
-                    None => execution.phase = Phase::Driving,
-                }
-            }
-            // The motion starts at this tick: at the next one the arm is a cycle further.
-            self.rest();
         } else if let Phase::Waiting { until } = execution.phase {
             self.rest();
             if at >= until && !self.hold {
@@ -73,6 +59,36 @@ impl Controller {
                 self.execution = Some(execution);
             }
         }
+    }
+
+    /// Checks all motions that are written, and begins to drive when the time `until` has come. Returns how the skill ends if a
+    /// motion is wrong.
+    fn dispatch(
+        &mut self,
+        at: Instant,
+        until: Instant,
+        took_one: bool,
+        command: Option<&Command>,
+        execution: &mut Execution,
+    ) -> Option<Ending> {
+        let checked =
+            execution.bad.is_some() || execution.check_ahead(took_one, command, &self.config, &self.programs);
+        if let Some((motion, violation)) = execution.bad {
+            self.refuse(execution.number, motion, violation);
+            return Some(Ending::of(violation, motion));
+        }
+        let there = !self.interpolator.path().is_finished() || self.is_pressing(press::Phase::Waiting);
+        // All that is written is checked before anything moves.
+        let may_be_more = took_one && !execution.is_complete();
+        if checked && there && !may_be_more && at >= until && !self.hold {
+            match execution.cycles_to_start.checked_sub(1) {
+                Some(left) => execution.cycles_to_start = left,
+                None => execution.phase = Phase::Driving,
+            }
+        }
+        // The motion starts at this tick: at the next one the arm is a cycle further.
+        self.rest();
+        None
     }
 
     /// Takes one motion that the PLC has written, or that comes next in the program, if the queue has room. One a cycle:

@@ -110,88 +110,9 @@ impl Segment {
         from: &Joints,
         config: &RobotConfig,
     ) -> Result<Self, Violation> {
-        match motion.kind {
-            MotionKind::LinCartesian | MotionKind::PtpCartesian | MotionKind::PtpJoint => {}
-            MotionKind::Circular | MotionKind::Spline => {}
-            // Its line; the force is the force controller's task.
-            MotionKind::LinForceCartesian if config.force.is_some() => {}
-            MotionKind::LinForceCartesian => return Err(ErrorNumber::MotionKindNotSupported.into()),
-            MotionKind::None | MotionKind::Unknown(_) => return Err(Violation::Kind(motion.kind.into())),
-        }
-        let used =
-            if matches!(motion.kind, MotionKind::Circular | MotionKind::LinForceCartesian) { 9 } else { 6 };
-        let mut coordinates = motion.target.iter().chain(&motion.auxiliary).take(used);
-        if let Some(index) = coordinates.position(|coordinate| !coordinate.is_finite()) {
-            return Err(Violation::NotFinite(index as u8 + 1));
-        }
-        let frame =
-            |frames: &[Option<Frame>; 16], number: u8| frames.get(usize::from(number)).copied().flatten();
-        let tool = frame(&config.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
-        let base = frame(&config.bases, motion.base).ok_or(Violation::Base(motion.base))?;
-        let target = motion.target.map(f64::from);
-        let to = base * Frame::from_mm_deg(target);
-        let (flange, base_inverse) = (Flange::of_tool(&tool), base.inverse());
-        let arm = &config.arm;
-        let approximation_mm = motion.approximation_mm();
-        let programmed = Programmed::of(motion, config)?;
-        if !motion.kind.is_point_to_point() {
-            let ratings = along_a_path(&programmed, arm);
-            let start = arm.forward(from) * tool;
-            let curve = if motion.kind == MotionKind::Circular {
-                let through = base.point(motion.auxiliary.map(f64::from));
-                Curve::Arc(Arc::new(start, through, to, flange)?)
-            } else {
-                let way_mm = distance(start.position, to.position);
-                let line = Line::new(start, to, flange);
-                let is_spline = motion.kind == MotionKind::Spline;
-                if line.is_a_point() || (is_spline && way_mm < LEAST_WAY_MM) {
-                    return Err(Violation::ZeroLength { way_mm });
-                }
-                if is_spline { Curve::Spline(Spline::new(start, to, flange)) } else { Curve::Line(line) }
-            };
-            let most = [programmed.acceleration, programmed.jerk];
-            let follow = |curve: &Curve| along(curve, from, programmed.speed, most, &ratings, arm);
-            // Where the arm cannot follow the bend, the motion is a line that begins at a stop.
-            let bent = going_on(before, &curve).and_then(|bent| Some((bent, follow(&bent).ok()?)));
-            let (curve, Followed { end, nodes, zones, .. }) =
-                match bent.filter(|(_, found)| found.is_resolved) {
-                    Some(bent) => bent,
-                    None => (curve, follow(&curve)?),
-                };
-            if let Some(configuration) = motion.configuration {
-                arm.ends_in(&end, configuration)?;
-            }
-            Ok(Self { curve, end, programmed, ratings, nodes, zones, approximation_mm, tool, base_inverse })
-        } else {
-            let end = if motion.kind == MotionKind::PtpJoint {
-                let joints = core::array::from_fn(|axis| if axis < arm.axes() { target[axis] } else { 0.0 });
-                if let Some(configuration) = motion.configuration {
-                    return Err(Violation::NotCartesian(configuration));
-                }
-                arm.within_range(&joints)?;
-                joints
-            } else {
-                let flange = flange.when_tool_at(to);
-                match motion.configuration {
-                    Some(configuration) => arm.inverse_in(&flange, configuration, from)?,
-                    None => arm.inverse(&flange, from)?,
-                }
-            };
-            let axes = AxisLine::new(*from, end);
-            let (ratings, nodes) = point_to_point(&axes.way(), &programmed, arm);
-            let curve = Curve::Axes(axes);
-            Ok(Self {
-                curve,
-                end,
-                programmed,
-                ratings,
-                nodes,
-                zones: [curve.length() / 2.0; 2],
-                approximation_mm,
-                tool,
-                base_inverse,
-            })
-        }
+        check(motion, config)?;
+        let asked = Asked::of(motion, from, config)?;
+        if motion.kind.is_point_to_point() { asked.point_to_point() } else { asked.along_a_path(before) }
     }
 
     /// Returns the same motion of a spline in the shape that its neighbours give it, from the joints `from`. None where
@@ -240,6 +161,117 @@ impl Segment {
     #[must_use]
     pub fn tool_at(&self, joints: &Joints, arm: &Arm) -> [f64; 3] {
         arm.forward(joints).origin_of(&self.tool)
+    }
+}
+
+/// Checks that the robot knows the motion's kind, and that its coordinates are numbers.
+fn check(motion: &Motion, config: &RobotConfig) -> Result<(), Violation> {
+    match motion.kind {
+        MotionKind::LinCartesian | MotionKind::PtpCartesian | MotionKind::PtpJoint => {}
+        MotionKind::Circular | MotionKind::Spline => {}
+        // Its line; the force is the force controller's task.
+        MotionKind::LinForceCartesian if config.force.is_some() => {}
+        MotionKind::LinForceCartesian => return Err(ErrorNumber::MotionKindNotSupported.into()),
+        MotionKind::None | MotionKind::Unknown(_) => return Err(Violation::Kind(motion.kind.into())),
+    }
+    let used =
+        if matches!(motion.kind, MotionKind::Circular | MotionKind::LinForceCartesian) { 9 } else { 6 };
+    let mut coordinates = motion.target.iter().chain(&motion.auxiliary).take(used);
+    match coordinates.position(|coordinate| !coordinate.is_finite()) {
+        Some(index) => Err(Violation::NotFinite(index as u8 + 1)),
+        None => Ok(()),
+    }
+}
+
+/// A motion from the joints `from`, with the frames that it names.
+struct Asked<'a> {
+    motion: &'a Motion,
+    from: &'a Joints,
+    arm: &'a Arm,
+    tool: Frame,
+    base: Frame,
+    programmed: Programmed,
+}
+
+impl<'a> Asked<'a> {
+    fn of(motion: &'a Motion, from: &'a Joints, config: &'a RobotConfig) -> Result<Self, Violation> {
+        let frame =
+            |frames: &[Option<Frame>; 16], number: u8| frames.get(usize::from(number)).copied().flatten();
+        let tool = frame(&config.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
+        let base = frame(&config.bases, motion.base).ok_or(Violation::Base(motion.base))?;
+        let programmed = Programmed::of(motion, config)?;
+        Ok(Self { motion, from, arm: &config.arm, tool, base, programmed })
+    }
+
+    /// The target of a motion that is not given in joints: the tool in the root.
+    fn to(&self) -> Frame {
+        self.base * Frame::from_mm_deg(self.motion.target.map(f64::from))
+    }
+
+    fn along_a_path(self, before: Option<&Segment>) -> Result<Segment, Violation> {
+        let Self { motion, from, arm, tool, base, programmed } = self;
+        let ratings = along_a_path(&programmed, arm);
+        let curve = self.curve()?;
+        let most = [programmed.acceleration, programmed.jerk];
+        let follow = |curve: &Curve| along(curve, from, programmed.speed, most, &ratings, arm);
+        // Where the arm cannot follow the bend, the motion is a line that begins at a stop.
+        let bent = going_on(before, &curve).and_then(|bent| Some((bent, follow(&bent).ok()?)));
+        let (curve, Followed { end, nodes, zones, .. }) = match bent.filter(|(_, found)| found.is_resolved) {
+            Some(bent) => bent,
+            None => (curve, follow(&curve)?),
+        };
+        if let Some(configuration) = motion.configuration {
+            arm.ends_in(&end, configuration)?;
+        }
+        let (approximation_mm, base_inverse) = (motion.approximation_mm(), base.inverse());
+        Ok(Segment { curve, end, programmed, ratings, nodes, zones, approximation_mm, tool, base_inverse })
+    }
+
+    /// The curve of the tool, without the motion before.
+    fn curve(&self) -> Result<Curve, Violation> {
+        let start = self.arm.forward(self.from) * self.tool;
+        let (to, flange) = (self.to(), Flange::of_tool(&self.tool));
+        if self.motion.kind == MotionKind::Circular {
+            let through = self.base.point(self.motion.auxiliary.map(f64::from));
+            return Ok(Curve::Arc(Arc::new(start, through, to, flange)?));
+        }
+        let way_mm = distance(start.position, to.position);
+        let line = Line::new(start, to, flange);
+        let is_spline = self.motion.kind == MotionKind::Spline;
+        if line.is_a_point() || (is_spline && way_mm < LEAST_WAY_MM) {
+            return Err(Violation::ZeroLength { way_mm });
+        }
+        Ok(if is_spline { Curve::Spline(Spline::new(start, to, flange)) } else { Curve::Line(line) })
+    }
+
+    fn point_to_point(self) -> Result<Segment, Violation> {
+        let Self { motion, from, arm, tool, base, programmed } = self;
+        let end = self.joints_at_the_end()?;
+        let axes = AxisLine::new(*from, end);
+        let (ratings, nodes) = point_to_point(&axes.way(), &programmed, arm);
+        let curve = Curve::Axes(axes);
+        let zones = [curve.length() / 2.0; 2];
+        let (approximation_mm, base_inverse) = (motion.approximation_mm(), base.inverse());
+        Ok(Segment { curve, end, programmed, ratings, nodes, zones, approximation_mm, tool, base_inverse })
+    }
+
+    /// Where a point-to-point motion ends.
+    fn joints_at_the_end(&self) -> Result<Joints, Violation> {
+        let Self { motion, arm, .. } = self;
+        if motion.kind == MotionKind::PtpJoint {
+            let target = motion.target.map(f64::from);
+            let joints = core::array::from_fn(|axis| if axis < arm.axes() { target[axis] } else { 0.0 });
+            if let Some(configuration) = motion.configuration {
+                return Err(Violation::NotCartesian(configuration));
+            }
+            arm.within_range(&joints)?;
+            return Ok(joints);
+        }
+        let flange = Flange::of_tool(&self.tool).when_tool_at(self.to());
+        match motion.configuration {
+            Some(configuration) => arm.inverse_in(&flange, configuration, self.from),
+            None => arm.inverse(&flange, self.from),
+        }
     }
 }
 

@@ -77,12 +77,11 @@ impl Session {
         let mut interrupt = std::pin::pin!(interrupt);
         let mut failures = Vec::new();
         let feed = self.live.as_ref().map(Live::feed);
+        let show = |results: &Results| feed.iter().for_each(|feed| feed.results(results));
         // A file that cannot be written should be noticed before the first repetition.
         self.save(&results, Durability::Written)?;
         results.status = Status::Complete;
-        if let Some(feed) = &feed {
-            feed.results(&results);
-        }
+        show(&results);
         for step in schedule.steps() {
             self.progress.running(step.execution_type, step.repetition);
             if let Some(feed) = &feed {
@@ -109,9 +108,7 @@ impl Session {
                 .save(&step, &outcome, &results)
                 .and_then(|()| self.exports.write(&results, Durability::Written));
             self.progress.finished(step.execution_type, step.repetition, &results);
-            if let Some(feed) = &feed {
-                feed.results(&results);
-            }
+            show(&results);
             if let Err(error) = outcome {
                 failures.push(failure(error, &step, schedule.reps, feed.as_ref()));
             }
