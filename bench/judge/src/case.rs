@@ -33,6 +33,9 @@ pub struct Case {
     pub skill_overhead_ms: u32,
     /// The arm.
     pub arm: Arm,
+    /// The robot's controller, if it is another one than the setup's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub controller: Option<OtherController>,
     /// Tool frames by number; 0 is the flange.
     #[serde(default, rename = "tool", skip_serializing_if = "Vec::is_empty")]
     pub tools: Vec<Frame>,
@@ -45,6 +48,22 @@ pub struct Case {
     /// What the PLC commands, one after another.
     #[serde(rename = "run")]
     pub runs: Vec<Run>,
+}
+
+/// What another robot controller makes of the same arm.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OtherController {
+    /// The robot's cycle.
+    pub cycle_us: u32,
+    /// Highest speed of a path.
+    pub path_velocity_mm_s: f64,
+    /// Highest acceleration of a path.
+    pub path_acceleration_mm_s2: f64,
+    /// Highest jerk of a path.
+    pub path_jerk_mm_s3: f64,
+    /// Highest jerk of a LIN force, where the setup has force control.
+    pub force_jerk_mm_s3: f64,
 }
 
 /// A numbered frame.

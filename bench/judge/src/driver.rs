@@ -44,7 +44,7 @@ pub fn run(case: &Case, setup: &Setup, classes: &[Class]) -> Result<Outcome, Con
         cycle: config.cycle,
         controller: Controller::new(config, programs, case.seed),
         command: Command::default(),
-        law: Law::new(case, setup, classes),
+        law: Law::new(case, &case.its_setup(setup), classes),
         at: Instant::ZERO,
         run_cycle: 0,
         is_connected: true,

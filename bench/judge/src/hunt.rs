@@ -6,7 +6,7 @@ use robot_node::ConfigError;
 use setup::Setup;
 
 use crate::violation::{Class, Violation};
-use crate::{driver, generator};
+use crate::{Case, driver};
 
 /// Results of many cases.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -15,6 +15,8 @@ pub struct Tally {
     pub cases: u64,
     /// Robot cycles that were judged.
     pub cycles: u64,
+    /// How long they would have taken, in s.
+    pub plant_s: f64,
     /// Motions that were executed.
     pub motions: u64,
     /// Skills that ended as wanted, were given up, ended by an error.
@@ -28,6 +30,7 @@ impl Tally {
     pub fn add(&mut self, other: Self) {
         self.cases += other.cases;
         self.cycles += other.cycles;
+        self.plant_s += other.plant_s;
         self.motions += other.motions;
         for (sum, other) in self.ended.iter_mut().zip(other.ended) {
             *sum += other;
@@ -44,19 +47,37 @@ impl Tally {
     }
 }
 
+/// What draws the case of a number of a seed: a function of the [`generator`](crate::generator).
+pub type Draw = fn(&Setup, u64, u64) -> Case;
+
 /// Runs the cases of these numbers of a seed, and looks for violations of the `classes`.
 ///
 /// # Errors
 ///
 /// A random arm makes no sense: an error of the generator.
-pub fn hunt(setup: &Setup, seed: u64, numbers: Range<u64>, classes: &[Class]) -> Result<Tally, ConfigError> {
+pub fn hunt(
+    draw: Draw,
+    setup: &Setup,
+    seed: u64,
+    numbers: Range<u64>,
+    classes: &[Class],
+) -> Result<Tally, ConfigError> {
     let mut tally = Tally::default();
     for number in numbers {
-        let case = generator::case(setup, seed, number);
+        let case = draw(setup, seed, number);
         let outcome = driver::run(&case, setup, classes)?;
         let ended = outcome.ended;
         let found = outcome.violation.map(|violation| (number, violation)).into_iter().collect();
-        tally.add(Tally { cases: 1, cycles: outcome.cycles, motions: outcome.motions, ended, found });
+        let cycle_us = case.its_setup(setup).robot.cycle_us.value;
+        let plant_s = outcome.cycles as f64 * f64::from(cycle_us) / 1e6;
+        tally.add(Tally {
+            cases: 1,
+            cycles: outcome.cycles,
+            plant_s,
+            motions: outcome.motions,
+            ended,
+            found,
+        });
     }
     Ok(tally)
 }

@@ -105,6 +105,7 @@ impl Shrinker<'_> {
     fn simplify(&mut self) {
         let own = Arm::of(self.setup);
         self.try_with(|case| case.arm = Arm { home_deg: case.arm.home_deg.clone(), ..own });
+        self.try_with(|case| case.controller = None);
         self.try_with(|case| case.skill_overhead_ms = 0);
         self.try_with(|case| case.seed = 0);
         for digits in [0, 1, 3] {

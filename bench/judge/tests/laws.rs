@@ -1,4 +1,4 @@
-//! Random lists on both setups' arms and on others of their kind, and the lists that once broke a law. `bench judge` runs as
+//! Random lists on the setups' arms and controllers and on others of their kind, and the lists that once broke a law. `bench judge` runs as
 //! many as one asks for.
 #![expect(clippy::unwrap_used, reason = "a test fails where there is nothing to unwrap")]
 
@@ -8,10 +8,10 @@ use judge::{Case, Class, generator, hunt, run};
 use setup::Setup;
 
 /// Lists for each setup.
-const LISTS: u64 = 3_000;
+const LISTS: u64 = 5_000;
 
-/// Lists for each change of a setup.
-const LISTS_OF_CHANGED: u64 = 300;
+/// Lists on the slower arm.
+const LISTS_OF_D: u64 = 1_000;
 
 #[track_caller]
 fn no_list_breaks_a_law(setup: &str, seed: u64) {
@@ -20,7 +20,7 @@ fn no_list_breaks_a_law(setup: &str, seed: u64) {
 
 #[track_caller]
 fn no_list_of(setup: &Setup, seed: u64, lists: u64) {
-    let tally = hunt(setup, seed, 0..lists, &Class::ALL).unwrap();
+    let tally = hunt(generator::any_case, setup, seed, 0..lists, &Class::ALL).unwrap();
     let words: Vec<String> =
         tally.found.iter().map(|(number, violation)| format!("list {number}: {violation}")).collect();
     assert!(words.is_empty(), "setup {}, seed {seed}:\n{}", setup.name, words.join("\n"));
@@ -41,13 +41,12 @@ fn no_list_breaks_a_law_on_the_six_axis_arm() {
 
 #[test]
 fn no_list_breaks_a_law_on_an_arm_without_a_spherical_wrist() {
-    no_list_of(&setup::setup("D").unwrap(), 1, LISTS_OF_CHANGED);
+    no_list_of(&setup::setup("D").unwrap(), 1, LISTS_OF_D);
 }
 
-/// Velocity, acceleration and jerk of a path in mm and s: gentle, as shipped, and rough.
+/// Velocity, acceleration and jerk of a path in mm and s: gentle, and as shipped.
 const GENTLE: [f64; 3] = [2_000.0, 1_000.0, 20_000.0];
 const SHIPPED: [f64; 3] = [2_000.0, 5_000.0, 500_000.0];
-const ROUGH: [f64; 3] = [6_000.0, 20_000.0, 5_000_000.0];
 
 /// A shipped setup with another robot cycle and other limits of the path.
 fn changed(name: &str, cycle_us: u32, [velocity, acceleration, jerk]: [f64; 3]) -> Setup {
@@ -57,24 +56,6 @@ fn changed(name: &str, cycle_us: u32, [velocity, acceleration, jerk]: [f64; 3]) 
     setup.robot.path_acceleration_mm_s2.value = acceleration;
     setup.robot.path_jerk_mm_s3.value = jerk;
     setup
-}
-
-#[test]
-fn no_list_breaks_a_law_whatever_the_robots_cycle() {
-    for cycle_us in [1_000, 2_000, 8_000, 12_000, 24_000] {
-        for name in ["A", "B"] {
-            no_list_of(&changed(name, cycle_us, SHIPPED), 77, LISTS_OF_CHANGED);
-        }
-    }
-}
-
-#[test]
-fn no_list_breaks_a_law_whatever_the_limits_of_the_path() {
-    for (limits, cycle_us) in [(GENTLE, 4_000), (GENTLE, 12_000), (ROUGH, 2_000), (ROUGH, 4_000)] {
-        for name in ["A", "B"] {
-            no_list_of(&changed(name, cycle_us, limits), 78, LISTS_OF_CHANGED);
-        }
-    }
 }
 
 #[test]
@@ -94,7 +75,7 @@ fn lists_that_broke_a_law_with_other_cycles_or_limits_break_none_any_more() {
     for (name, cycle_us, limits, seed, numbers) in found {
         let setup = changed(name, cycle_us, limits);
         for number in numbers {
-            let found = hunt(&setup, seed, *number..number + 1, &Class::ALL).unwrap().found;
+            let found = hunt(generator::case, &setup, seed, *number..number + 1, &Class::ALL).unwrap().found;
             assert!(found.is_empty(), "{name}, {cycle_us} µs, list {number}: {}", found[0].1);
         }
     }
@@ -104,7 +85,7 @@ fn lists_that_broke_a_law_with_other_cycles_or_limits_break_none_any_more() {
 fn a_case_runs_from_its_file_as_it_ran_from_its_seed() {
     let setup = setup::setup("B").unwrap();
     for number in 0..40 {
-        let case = generator::case(&setup, 3, number);
+        let case = generator::any_case(&setup, 3, number);
         let again = Case::parse(&case.to_toml().unwrap()).unwrap();
         assert_eq!(again, case);
         assert_eq!(run(&again, &setup, &Class::ALL), run(&case, &setup, &Class::ALL), "list {number}");

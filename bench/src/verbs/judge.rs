@@ -41,7 +41,7 @@ Examples:
 #[command(after_help = EXAMPLES)]
 pub struct JudgeOptions {
     /// A built-in setup's name, or the path of a .toml file: the arm and its limits. A third of the lists runs on other
-    /// arms of its kind.
+    /// arms of its kind, a third on robot controllers with another cycle and other limits of paths.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     pub setup: String,
     /// Number of lists.
@@ -116,7 +116,8 @@ fn run_lists(options: &JudgeOptions, setup: &Setup, classes: &[Class]) -> Result
         if is_interrupted.load(Ordering::Relaxed) {
             return Ok(Tally::default());
         }
-        hunt(setup, options.seed, numbers.clone(), classes).context("a random arm makes no sense")
+        hunt(generator::any_case, setup, options.seed, numbers.clone(), classes)
+            .context("a random arm makes no sense")
     })?;
     let mut tally = Tally::default();
     tallies.into_iter().for_each(|one| tally.add(one));
@@ -144,8 +145,7 @@ fn watch_for_interrupt() -> Result<Arc<AtomicBool>, Failure> {
 }
 
 fn print(tally: &Tally, options: &JudgeOptions, setup: &Setup, started: Instant) {
-    let Tally { cases, cycles, motions, ended: [done, given_up, failed], .. } = *tally;
-    let plant_s = cycles as f64 * f64::from(setup.robot.cycle_us.value) / 1e6;
+    let Tally { cases, cycles, plant_s, motions, ended: [done, given_up, failed], .. } = *tally;
     outln!("Setup {}: {}", setup.name, setup.title);
     outln!(
         "{cases} lists of seed {}, {motions} motions, {cycles} robot cycles: {:.1} h",
@@ -180,7 +180,7 @@ fn write_cases(
     }
     fs::create_dir_all(&options.out).with_context(|| format!("cannot create {}", options.out.display()))?;
     let lines = jobs::run("shrink", options.quiet, &chosen, |(number, violation)| {
-        let case = generator::case(setup, options.seed, *number);
+        let case = generator::any_case(setup, options.seed, *number);
         let (mut case, least) = shrink::shrink(&case, violation, setup, classes);
         case.setup.clone_from(&options.setup);
         case.found = format!("{least} (list {number} of seed {})", options.seed);

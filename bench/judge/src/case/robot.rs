@@ -3,7 +3,7 @@
 use robot_node::{ConfigError, RobotConfig};
 use setup::{Provenance, Setup, Sourced};
 
-use super::{Case, Frame};
+use super::{Case, Frame, OtherController};
 use crate::kinematics::Links;
 
 impl Case {
@@ -13,7 +13,7 @@ impl Case {
     ///
     /// Which number makes no sense.
     pub fn robot(&self, setup: &Setup) -> Result<RobotConfig, ConfigError> {
-        let mut config = RobotConfig::from_setup(&self.setup_with_its_arm(setup))?;
+        let mut config = RobotConfig::from_setup(&self.its_setup(setup))?;
         config.surfaces = self
             .surfaces
             .iter()
@@ -27,8 +27,10 @@ impl Case {
         Ok(config)
     }
 
-    fn setup_with_its_arm(&self, setup: &Setup) -> Setup {
-        let mut setup = setup.clone();
+    /// The setup that it names, with what the case says.
+    #[must_use]
+    pub fn its_setup(&self, setup: &Setup) -> Setup {
+        let mut setup = self.controller.map_or_else(|| setup.clone(), |other| other.of(setup));
         let robot = &mut setup.robot;
         robot.kinematics = kinematics(&self.arm.links);
         robot.axes.lower_deg.value.clone_from(&self.arm.lower_deg);
@@ -42,6 +44,23 @@ impl Case {
         robot.interpreter_quantum_us.value = 0;
         robot.start_quantum_us = None;
         robot.skill_overhead_us.value = self.skill_overhead_ms.saturating_mul(1_000);
+        setup
+    }
+}
+
+impl OtherController {
+    /// The same setup with this controller.
+    #[must_use]
+    pub fn of(&self, setup: &Setup) -> Setup {
+        let mut setup = setup.clone();
+        let robot = &mut setup.robot;
+        robot.cycle_us.value = self.cycle_us;
+        robot.path_velocity_mm_s.value = self.path_velocity_mm_s;
+        robot.path_acceleration_mm_s2.value = self.path_acceleration_mm_s2;
+        robot.path_jerk_mm_s3.value = self.path_jerk_mm_s3;
+        if let Some(force) = &mut robot.force {
+            force.jerk_mm_s3.value = self.force_jerk_mm_s3;
+        }
         setup
     }
 }

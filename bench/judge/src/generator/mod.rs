@@ -6,27 +6,47 @@
 //! range or pass a singular position: the robot has to refuse it properly.
 
 mod arm;
+mod controller;
 mod dice;
 mod phrase;
 
 use setup::Setup;
 
-use crate::case::{Arm, Case, Event, Execution, Happening, Run, SCHEMA};
+use crate::case::{Arm, Case, Event, Execution, Happening, OtherController, Run, SCHEMA};
 use dice::Dice;
 use phrase::Walk;
-
-/// Whether overrides of 0 % are drawn: the arm stops on its path, and goes on with the next override.
-const OVERRIDE_OF_NOTHING: bool = false;
 
 /// The share of cases with an arm of other links and limits than the setup's.
 const OTHER_ARM: f64 = 0.35;
 
-/// Returns the case of this number among the cases of a seed.
+/// The lowest override that moves the arm, in percent: with less, most lists would take longer than the judge waits.
+const LEAST_OVERRIDE_PERCENT: u8 = 8;
+
+/// The share of cases with another robot controller than the setup's.
+const OTHER_CONTROLLER: f64 = 0.35;
+
+/// Returns the case of this number among the cases of a seed, on the setup's controller and with overrides above 0 %.
 #[must_use]
 pub fn case(setup: &Setup, seed: u64, number: u64) -> Case {
+    draw(&mut dice(seed, number), setup, None, LEAST_OVERRIDE_PERCENT)
+}
+
+/// Returns a case that may also have another controller than the setup's, and overrides of 0 %: the arm stops on its path,
+/// and goes on with the next override.
+#[must_use]
+pub fn any_case(setup: &Setup, seed: u64, number: u64) -> Case {
+    let mut dice = dice(!seed, number);
+    let other = dice.chance(OTHER_CONTROLLER).then(|| controller::another(&mut dice, setup));
+    draw(&mut dice, setup, other, 0)
+}
+
+fn dice(seed: u64, number: u64) -> Dice {
     // Any two numbers give unrelated streams: the generator mixes its seed.
-    let mut dice = Dice::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(number));
-    let dice = &mut dice;
+    Dice::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(number))
+}
+
+fn draw(dice: &mut Dice, setup: &Setup, controller: Option<OtherController>, least_override: u8) -> Case {
+    let setup = &controller.map_or_else(|| setup.clone(), |other| other.of(setup));
     let mut arm = Arm::of(setup);
     if dice.chance(OTHER_ARM) {
         arm = arm::another(dice, &arm);
@@ -42,18 +62,19 @@ pub fn case(setup: &Setup, seed: u64, number: u64) -> Case {
         tools: arm::tools(dice, &arm),
         bases: arm::bases(dice, &arm),
         arm,
+        controller,
         surfaces: Vec::new(),
         runs: Vec::new(),
     };
     let runs = if dice.chance(0.15) { 2 } else { 1 };
     for _ in 0..runs {
-        let run = run(dice, &mut case, setup);
+        let run = run(dice, &mut case, setup, least_override);
         case.runs.push(run);
     }
     case
 }
 
-fn run(dice: &mut Dice, case: &mut Case, setup: &Setup) -> Run {
+fn run(dice: &mut Dice, case: &mut Case, setup: &Setup, least_override: u8) -> Run {
     let execution = dice.pick(&[(Execution::Continuous, 8), (Execution::Program, 1), (Execution::Single, 1)]);
     let count = match dice.below(20) {
         0 => 12 + dice.below(24),
@@ -79,11 +100,15 @@ fn run(dice: &mut Dice, case: &mut Case, setup: &Setup) -> Run {
             motion.written_in_cycle = cycle;
         }
     }
-    Run { execution: execution.unwrap_or(Execution::Continuous), events: events(dice), motions }
+    Run {
+        execution: execution.unwrap_or(Execution::Continuous),
+        events: events(dice, least_override),
+        motions,
+    }
 }
 
 /// Draws the events: none as a rule, or some changes of the override, suspends, and at most one end.
-fn events(dice: &mut Dice) -> Vec<Event> {
+fn events(dice: &mut Dice, least_override: u8) -> Vec<Event> {
     let mut events = Vec::new();
     let mut cycle = 0;
     let mut at = |dice: &mut Dice, what: Happening| {
@@ -92,10 +117,10 @@ fn events(dice: &mut Dice) -> Vec<Event> {
     };
     if dice.chance(0.3) {
         for _ in 0..=dice.below(5) {
-            let percent = override_percent(dice);
+            let percent = override_percent(dice, least_override);
             at(dice, Happening::Override(percent));
         }
-        if OVERRIDE_OF_NOTHING {
+        if least_override == 0 {
             at(dice, Happening::Override(100));
         }
     }
@@ -112,9 +137,9 @@ fn events(dice: &mut Dice) -> Vec<Event> {
     events
 }
 
-fn override_percent(dice: &mut Dice) -> u8 {
-    if OVERRIDE_OF_NOTHING && dice.chance(0.3) {
+fn override_percent(dice: &mut Dice, least: u8) -> u8 {
+    if least == 0 && dice.chance(0.3) {
         return 0;
     }
-    (dice.scale(8.0, 101.0) as u8).min(100)
+    (dice.scale(LEAST_OVERRIDE_PERCENT.into(), 101.0) as u8).min(100)
 }

@@ -138,8 +138,7 @@ struct Skill {
 }
 
 impl Law {
-    /// The judge of a case; `setup` is the one that it names, and has what the case does not say. Only the `classes` are
-    /// looked for.
+    /// The judge of a case; `setup` is [its own](Case::its_setup). Only the `classes` are looked for.
     #[must_use]
     pub fn new(case: &Case, setup: &setup::Setup, classes: &[Class]) -> Self {
         let arm = &case.arm;
