@@ -6,18 +6,17 @@
 //!                  ├─ 0xFC01, 0xFE01 ─────────── alarms
 //!                  └─ the output IOCR's ──────── relation: cyclic data        (RT_CLASS_1)
 //! UDP 34962 ───────── the same two ───────────── alarms, relation             (RT_CLASS_UDP)
-//! UDP 34964 ───────── RPC ────────────────────── server, answers, records, admission
+//! UDP 34964 ───────── RPC ────────────────────── dispatch, server, answers, records, admission
 //! ```
 //!
 //! One controller at a time. The device refuses a second one. The same controller, with the same IP and MAC address, may
 //! connect again: its new AR replaces the old one. While there is an AR, no other station can end or change it, and the
 //! station's name and address cannot be changed.
-//!
-//! In one file, because frames, timeouts and the end of a connection change the same state.
 
 mod admission;
 mod alarms;
 mod answers;
+mod dispatch;
 mod owner;
 mod process_data;
 mod records;
@@ -31,6 +30,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use alarms::{AlarmReceived, FinalError};
 use answers::Answers;
+use dispatch::Reply;
 use relation::Relation;
 use requests::Requests;
 
@@ -39,7 +39,7 @@ use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, Priority};
 use super::dcp::{self, IpSuite};
 use super::description::Description;
 use super::provided::Provided;
-use super::rpc::{Header, Kind, Message, Received as Fragment, flags, rpc_status};
+use super::rpc::Message;
 use super::rt::{Received, Transport, UDP_PORT};
 use super::station::{Effect, Refusal, SetPermission, Station};
 use super::status::{Service, Status, Violation};
@@ -99,14 +99,6 @@ struct Core {
     acyclic: bool,
 }
 
-/// A PDU of RPC without blocks: a Reject, Fault, NoCall or FragmentAck.
-#[derive(Clone, Copy, Debug)]
-struct Reply {
-    header: Header,
-    status: Option<u32>,
-    to: SocketAddrV4,
-}
-
 const fn closed_by_peer(status: Status) -> (DownCause, Status) {
     (DownCause::ClosedByPeer, status)
 }
@@ -146,39 +138,6 @@ impl Device {
     #[must_use]
     pub fn station_name(&self) -> &[u8] {
         self.core.station.name()
-    }
-
-    fn handle_rpc(&mut self, now: Instant, from: SocketAddrV4, datagram: &[u8]) {
-        let core = &mut self.core;
-        core.acyclic = true;
-        let Ok((header, body)) = Header::parse(datagram) else {
-            core.counters.malformed += 1;
-            return;
-        };
-        match header.kind {
-            Kind::Request if !server::is_served(header.interface) => {
-                core.counters.foreign += 1;
-                core.reply(&header, Kind::Reject, Some(rpc_status::UNKNOWN_INTERFACE), from);
-            }
-            Kind::Request => match self.requests.take(*from.ip(), core.controller(), &header, body) {
-                Fragment::Whole(body) => core.handle_request(now, from, &header, body),
-                Fragment::Part if header.flags & flags::NO_FRAGMENT_ACK == 0 => {
-                    core.reply(&header, Kind::FragmentAck, None, from);
-                }
-                Fragment::Part => {}
-                Fragment::Refused => core.counters.malformed += 1,
-            },
-            Kind::Ping => {
-                if !core.answers.look_up_ping(&header, from) {
-                    core.reply(&header, Kind::NoCall, None, from);
-                }
-            }
-            Kind::Response if header.is_fragment() => core.counters.malformed += 1,
-            Kind::Response => core.handle_response(now, from, &header, body),
-            // The controller cannot take the call yet. The call is repeated later.
-            Kind::Working | Kind::NoCall | Kind::Reject | Kind::Fault | Kind::Ack | Kind::FragmentAck => {}
-            Kind::Cancel | Kind::CancelAck | Kind::Unknown(_) => core.counters.foreign += 1,
-        }
     }
 }
 
@@ -345,21 +304,6 @@ impl Core {
         if self.events.len() < MOST_EVENTS {
             self.events.push_back(event);
         }
-    }
-
-    fn reply(&mut self, request: &Header, kind: Kind, status: Option<u32>, to: SocketAddrV4) {
-        let header = match kind {
-            Kind::FragmentAck => Header { fragment: request.fragment, ..request.answer(kind) },
-            _ => request.answer(kind),
-        };
-        self.reply = Some(Reply { header, status, to });
-    }
-
-    fn poll_reply(&mut self, buf: &mut [u8]) -> Option<Transmit> {
-        let Reply { header, status, to } = self.reply.take()?;
-        let body = status.map(u32::to_be_bytes);
-        let len = header.emit(body.as_ref().map_or(&[], |body| &body[..]), buf).ok()?;
-        Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len })
     }
 
     /// Writes the next frame that is not cyclic.
