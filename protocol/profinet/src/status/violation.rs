@@ -1,130 +1,11 @@
-//! PNIOStatus: the status of a refusal, and the only table of the violations' statuses.
-//!
-//! ```text
-//! 0 ErrorCode · 1 ErrorDecode · 2 ErrorCode1 · 3 ErrorCode2        IEC 61158-6-10, PNIOStatus
-//! ```
-//!
-//! In an RPC PDU it is one 32-bit number in the sender's byte order. ErrorCode names the service that failed, ErrorDecode
-//! defines the meaning of the other two, ErrorCode1 names the block or the state machine, ErrorCode2 the field or reason.
-//!
-//! In one file, because a table of the standard is looked up as a whole.
+//! The violations of the protocol, with the only table of their statuses and texts, and the blocks that they name.
 
-use core::fmt;
-
-/// A PNIOStatus.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Status(pub u32);
-
-impl Status {
-    /// Success.
-    pub const OK: Self = Self(0);
-
-    /// Creates a status from its four bytes.
-    #[must_use]
-    pub const fn new(code: u8, decode: u8, code1: u8, code2: u8) -> Self {
-        Self(u32::from_be_bytes([code, decode, code1, code2]))
-    }
-
-    /// Returns whether it is success.
-    #[must_use]
-    pub const fn is_ok(self) -> bool {
-        self.0 == 0
-    }
-
-    /// Returns ErrorCode: the service that failed, see [`Service::error_code`].
-    #[must_use]
-    pub const fn code(self) -> u8 {
-        self.0.to_be_bytes()[0]
-    }
-
-    /// Returns ErrorDecode: 0x80 for PNIORW, 0x81 for PNIO.
-    #[must_use]
-    pub const fn decode(self) -> u8 {
-        self.0.to_be_bytes()[1]
-    }
-
-    /// Returns ErrorCode1: the block, the state machine or the class of an access error.
-    #[must_use]
-    pub const fn code1(self) -> u8 {
-        self.0.to_be_bytes()[2]
-    }
-
-    /// Returns ErrorCode2: the field of the block, or the reason.
-    #[must_use]
-    pub const fn code2(self) -> u8 {
-        self.0.to_be_bytes()[3]
-    }
-
-    /// Returns the status as text.
-    #[must_use]
-    pub fn text(self) -> &'static str {
-        if self.is_ok() {
-            return "";
-        }
-        let reason = [self.decode(), self.code1(), self.code2()];
-        let named = Violation::NAMED.iter().find(|violation| violation.codes() == reason);
-        let user_code2 = || {
-            let class = [self.decode(), self.code1(), 0];
-            Violation::NAMED.iter().find(|violation| self.decode() == PNIORW && violation.codes() == class)
-        };
-        let block = || {
-            let block = Block::ALL.iter().find(|block| block.code1() == self.code1());
-            block.filter(|_| self.decode() == PNIO)
-        };
-        named
-            .or_else(user_code2)
-            .map(|violation| violation.text())
-            .or_else(|| block().map(|block| block.text()))
-            .unwrap_or("a status that has no name here; IEC 61158-6-10, PNIOStatus lists more")
-    }
-}
-
-impl fmt::Debug for Status {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [code, decode, code1, code2] = self.0.to_be_bytes();
-        write!(f, "Status({code:02X} {decode:02X} {code1:02X} {code2:02X} {})", self.text())
-    }
-}
+use super::{Service, Status};
 
 /// ErrorDecode of read and write access.
-const PNIORW: u8 = 0x80;
+pub(super) const PNIORW: u8 = 0x80;
 /// ErrorDecode of everything else.
-const PNIO: u8 = 0x81;
-
-/// The service that a status answers.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Service {
-    /// Connect.
-    Connect,
-    /// Release.
-    Release,
-    /// Control: PrmBegin, PrmEnd, ApplicationReady.
-    Control,
-    /// Read.
-    Read,
-    /// Write.
-    Write,
-    /// An error PDU that aborts the AR.
-    Abort,
-    /// An acknowledged alarm.
-    AlarmAck,
-}
-
-impl Service {
-    /// Returns the ErrorCode of this service.
-    #[must_use]
-    pub const fn error_code(self) -> u8 {
-        match self {
-            Self::Abort => 0xCF,
-            Self::AlarmAck => 0xDA,
-            Self::Connect => 0xDB,
-            Self::Release => 0xDC,
-            Self::Control => 0xDD,
-            Self::Read => 0xDE,
-            Self::Write => 0xDF,
-        }
-    }
-}
+pub(super) const PNIO: u8 = 0x81;
 
 /// A field of every block's header.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -146,7 +27,7 @@ macro_rules! blocks {
         pub enum Block { $($(#[$doc])* $name,)* }
 
         impl Block {
-            const ALL: &[Self] = &[$(Self::$name),*];
+            pub(super) const ALL: &[Self] = &[$(Self::$name),*];
 
             /// Returns the ErrorCode1 of this block.
             #[must_use]
@@ -154,7 +35,7 @@ macro_rules! blocks {
                 match self { $(Self::$name => $code1,)* }
             }
 
-            const fn text(self) -> &'static str {
+            pub(super) const fn text(self) -> &'static str {
                 match self { $(Self::$name => concat!($text, " is faulty"),)* }
             }
         }
@@ -225,7 +106,7 @@ macro_rules! violations {
         }
 
         impl Violation {
-            const NAMED: &[Self] = &[$(Self::$name),*];
+            pub(super) const NAMED: &[Self] = &[$(Self::$name),*];
 
             /// Returns ErrorDecode, ErrorCode1 and ErrorCode2.
             #[must_use]
@@ -378,28 +259,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_violation_gives_its_status_and_the_status_its_text() {
-        let status = Violation::IoDataOffset.status(Service::Connect);
-        assert_eq!(status, Status::new(0xDB, 0x81, 0x02, 0x18));
-        assert_eq!(status.text(), "IOCRBlockReq: an IODataObject lies past DataLength or over another one");
-
-        let status = Violation::Head(Block::AlarmCr, HeadField::Length).status(Service::Connect);
-        assert_eq!(status, Status(0xDB81_0401));
-        assert_eq!(status.text(), "AlarmCRBlockReq is faulty");
-    }
-
-    #[test]
     fn no_two_violations_give_the_same_status() {
         for (index, one) in Violation::NAMED.iter().enumerate() {
             for other in &Violation::NAMED[..index] {
                 assert_ne!(one.codes(), other.codes(), "{one:?} and {other:?}");
             }
         }
-    }
-
-    #[test]
-    fn the_text_of_an_access_error_does_not_depend_on_its_second_code() {
-        assert_eq!(Status(0xDE80_B0FF).text(), "there is no record of this index");
-        assert!(Status(0xDE99_0000).text().starts_with("a status that has no name here"));
     }
 }
