@@ -1,10 +1,9 @@
 //! One connection of a scanner: its TCP connection and session, its establishment, and its cyclic data.
-//!
-//! In one file, because the owner's calls and the scanner's change the same state.
 
 mod dialogue;
 mod establish;
 mod io;
+mod owner;
 mod refusal;
 
 pub use refusal::{Refusal, RequestedConnection};
@@ -13,7 +12,6 @@ use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec;
 use alloc::vec::Vec;
-use core::fmt;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use machine::{
@@ -25,7 +23,6 @@ use self::io::Io;
 use super::config::ConnectionConfig;
 use crate::class1::Frame;
 use crate::connection::Triad;
-use crate::data::DataError;
 use crate::description::Identity;
 use crate::encapsulation::{Message, Reassembly};
 use crate::{ENCAPSULATION_PORT, IO_PORT};
@@ -131,86 +128,6 @@ impl Connection {
             events: VecDeque::with_capacity(8),
             counters: Counters::default(),
             config,
-        }
-    }
-
-    /// Returns whether data are exchanged in both directions.
-    #[must_use]
-    pub const fn is_up(&self) -> bool {
-        self.up
-    }
-
-    /// Returns the adapter's refusal of the last connection, with what the adapter has instead.
-    #[must_use]
-    pub const fn refusal(&self) -> Option<&Refusal> {
-        self.refusal.as_ref()
-    }
-
-    /// Writes why the adapter refused the last connection and what it has instead, where that is more than [`Down`]
-    /// holds; otherwise nothing.
-    pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.refusal.as_ref().map_or(Ok(()), |refusal| write!(words, "{refusal}"))
-    }
-
-    /// Returns the identity that the adapter reported, once it was asked.
-    #[must_use]
-    pub const fn identity(&self) -> Option<&Identity> {
-        self.found.as_ref()
-    }
-
-    /// Returns the numbers of frames of this connection since its start.
-    #[must_use]
-    pub const fn counters(&self) -> Counters {
-        self.counters
-    }
-
-    /// Returns the newest data of the T→O assembly; none while the connection is not up.
-    #[must_use]
-    pub fn input(&self) -> Option<&[u8]> {
-        self.up.then_some(&self.input)
-    }
-
-    /// Sets the data of the O→T assembly, for the next cyclic frame and every one after it. Until then they are zeros.
-    pub fn set_output(&mut self, data: &[u8]) -> Result<(), DataError> {
-        if data.len() != self.output.len() {
-            return Err(DataError::Length { expected: self.output.len(), found: data.len() });
-        }
-        self.output.copy_from_slice(data);
-        Ok(())
-    }
-
-    /// Returns the data of the O→T assembly, to be changed in place.
-    pub fn output_mut(&mut self) -> &mut [u8] {
-        &mut self.output
-    }
-
-    /// Sets the run/idle state in the frames; it is run at the start.
-    pub const fn set_run(&mut self, run: bool) {
-        self.run = run;
-    }
-
-    /// Closes the connection by a Forward_Close, and then the session; over a new TCP connection if the old one is gone.
-    /// [`LinkEvent::Down`] reports the end.
-    pub fn disconnect(&mut self, now: Instant) {
-        if self.leaving {
-            return;
-        }
-        self.leaving = true;
-        self.up = false;
-        self.keep_alive_at = None;
-        match (self.step, self.stream) {
-            (Step::Running, Some(_)) => {
-                self.io = None;
-                self.enter(now, Step::Closing, ScannerMessage::Close);
-            }
-            (Step::Running, None) => {
-                self.io = None;
-                self.connect(now);
-            }
-            _ => {
-                self.connect = false;
-                self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text: "" });
-            }
         }
     }
 
