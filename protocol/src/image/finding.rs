@@ -103,7 +103,6 @@ pub struct InWords {
 
 impl fmt::Display for InWords {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Longer than a screen, because it is one list: the words of each finding.
         let Self { number, finding } = *self;
         write!(f, "{number}")?;
         if finding == Finding::NONE {
@@ -116,14 +115,7 @@ impl fmt::Display for InWords {
             ErrorNumber::AxisLimit => {
                 write!(f, " (joint {index} would be at {value}, its range is {lower} to {upper})")
             }
-            ErrorNumber::Unreachable => match index {
-                2 => write!(
-                    f,
-                    " (the wrist centre would be {value} mm from axis 2, reached are {lower} to {upper} mm)"
-                ),
-                3 => write!(f, " (the flange would be tilted by {value}°, which this arm cannot)"),
-                _ => write!(f, " (it is {value} mm from axis 1, reached are {lower} to {upper} mm)"),
-            },
+            ErrorNumber::Unreachable => finding.write_unreachable(f),
             ErrorNumber::Singular => write!(
                 f,
                 " (joint {index} leaves {value} of the programmed velocity, at least {lower} must be left)"
@@ -131,36 +123,12 @@ impl fmt::Display for InWords {
             ErrorNumber::ConfigurationChange => {
                 write!(f, " (joint {index} would turn by {value}° at once, at most by {upper}°)")
             }
-            ErrorNumber::ConfigurationMismatch => match index {
-                7 => write!(f, " (it has status {value}, this arm has only the bits of {upper})"),
-                8 => write!(f, " (it has turn {value}, this arm has only the bits of {upper})"),
-                9 => write!(f, " (it has status {lower}, the line leads to status {value})"),
-                10 => write!(f, " (it has turn {lower}, the line leads to turn {value})"),
-                11 => write!(f, " (a target of joints has none; leave it out)"),
-                _ => write!(
-                    f,
-                    " (by its turn joint {index} would be at {value}, its range is {lower} to {upper}; change bit {} of the turn)",
-                    index.saturating_sub(1)
-                ),
-            },
-            ErrorNumber::VelocityOutOfRange => {
-                write!(
-                    f,
-                    " (it is {value}, allowed is above {lower} up to {upper}: mm/s, for PTP 1 is rated)"
-                )
-            }
+            ErrorNumber::ConfigurationMismatch => finding.write_configuration_mismatch(f),
+            ErrorNumber::VelocityOutOfRange => finding.write_out_of_range(f, "mm/s"),
             ErrorNumber::AccelerationOutOfRange | ErrorNumber::DecelerationOutOfRange => {
-                write!(
-                    f,
-                    " (it is {value}, allowed is above {lower} up to {upper}: mm/s², for PTP 1 is rated)"
-                )
+                finding.write_out_of_range(f, "mm/s²")
             }
-            ErrorNumber::JerkOutOfRange => {
-                write!(
-                    f,
-                    " (it is {value}, allowed is above {lower} up to {upper}: mm/s³, for PTP 1 is rated)"
-                )
-            }
+            ErrorNumber::JerkOutOfRange => finding.write_out_of_range(f, "mm/s³"),
             // The digits of a rounding error are not worth printing.
             ErrorNumber::ZeroLength => {
                 write!(f, " (it is {value:.6} mm away, at least {lower} mm are a motion)")
@@ -181,20 +149,55 @@ impl fmt::Display for InWords {
             ErrorNumber::ForceDirection => {
                 write!(f, " (it points {value}° away from the line, at most {upper}°)")
             }
-            ErrorNumber::ForceNotReached => {
-                write!(f, " (found {value} N of {lower} N after {upper} mm)")
-            }
-            ErrorNumber::JointSpeed => {
-                write!(f, " (joint {index}: {value} degrees or mm per s, it is rated for {upper})")
-            }
-            ErrorNumber::JointAcceleration => {
-                write!(f, " (joint {index}: {value} degrees or mm per s², it is rated for {upper})")
-            }
-            ErrorNumber::JointJerk => {
-                write!(f, " (joint {index}: {value} degrees or mm per s³, it is rated for {upper})")
-            }
+            ErrorNumber::ForceNotReached => write!(f, " (found {value} N of {lower} N after {upper} mm)"),
+            ErrorNumber::JointSpeed => finding.write_above_rating(f, "s"),
+            ErrorNumber::JointAcceleration => finding.write_above_rating(f, "s²"),
+            ErrorNumber::JointJerk => finding.write_above_rating(f, "s³"),
             _ => write!(f, " (it is {value}, allowed is {lower} to {upper})"),
         }
+    }
+}
+
+// The texts that depend on the index, and those that differ from each other only by the unit.
+impl Finding {
+    fn write_unreachable(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (value, lower, upper) = (self.value(), self.lower(), self.upper());
+        match self.index {
+            2 => write!(
+                f,
+                " (the wrist centre would be {value} mm from axis 2, reached are {lower} to {upper} mm)"
+            ),
+            3 => write!(f, " (the flange would be tilted by {value}°, which this arm cannot)"),
+            _ => write!(f, " (it is {value} mm from axis 1, reached are {lower} to {upper} mm)"),
+        }
+    }
+
+    fn write_configuration_mismatch(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (index, value, lower, upper) = (self.index, self.value(), self.lower(), self.upper());
+        match index {
+            7 => write!(f, " (it has status {value}, this arm has only the bits of {upper})"),
+            8 => write!(f, " (it has turn {value}, this arm has only the bits of {upper})"),
+            9 => write!(f, " (it has status {lower}, the line leads to status {value})"),
+            10 => write!(f, " (it has turn {lower}, the line leads to turn {value})"),
+            11 => write!(f, " (a target of joints has none; leave it out)"),
+            _ => write!(
+                f,
+                " (by its turn joint {index} would be at {value}, its range is {lower} to {upper}; change bit {} of the turn)",
+                index.saturating_sub(1)
+            ),
+        }
+    }
+
+    /// Writes the limits of a motion's velocity, acceleration or jerk, in this unit.
+    fn write_out_of_range(self, f: &mut fmt::Formatter<'_>, unit: &str) -> fmt::Result {
+        let (value, lower, upper) = (self.value(), self.lower(), self.upper());
+        write!(f, " (it is {value}, allowed is above {lower} up to {upper}: {unit}, for PTP 1 is rated)")
+    }
+
+    /// Writes the rating of a joint's speed, acceleration or jerk, per this power of a second.
+    fn write_above_rating(self, f: &mut fmt::Formatter<'_>, per: &str) -> fmt::Result {
+        let (index, value, upper) = (self.index, self.value(), self.upper());
+        write!(f, " (joint {index}: {value} degrees or mm per {per}, it is rated for {upper})")
     }
 }
 
