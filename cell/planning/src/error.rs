@@ -244,7 +244,6 @@ pub(crate) fn line_of(text: &str, offset: usize) -> usize {
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Longer than a screen, because it is one list: the words of each refusal.
         match self {
             Self::ZeroLength { length_mm } => write!(
                 f,
@@ -294,20 +293,30 @@ impl fmt::Display for Refusal {
             ),
             Self::NoWay { obstacle, top_mm, needs_mm, inside_mm, ceiling_mm } => {
                 write!(f, "no way over obstacle `{obstacle}`, {top_mm:.1} mm high, is free: ")?;
-                match needs_mm {
-                    Some(needs) => write!(
-                        f,
-                        "it needs a height of {needs:.1} mm, {:.1} mm above ceiling_mm = {ceiling_mm}: raise that, or \
-                         move the frames or the obstacle",
-                        needs - ceiling_mm
-                    ),
-                    None => write!(
-                        f,
-                        "no height helps; at ceiling_mm = {ceiling_mm} the way is too near for {inside_mm:.1} mm: move the \
-                         frames or lower clearance_mm"
-                    ),
-                }
+                what_helps(f, *needs_mm, *inside_mm, *ceiling_mm)
             }
         }
+    }
+}
+
+/// Writes what would make a way over an obstacle free.
+fn what_helps(
+    f: &mut fmt::Formatter<'_>,
+    needs_mm: Option<f64>,
+    inside_mm: f64,
+    ceiling_mm: f64,
+) -> fmt::Result {
+    match needs_mm {
+        Some(needs) => write!(
+            f,
+            "it needs a height of {needs:.1} mm, {:.1} mm above ceiling_mm = {ceiling_mm}: raise that, or move the \
+             frames or the obstacle",
+            needs - ceiling_mm
+        ),
+        None => write!(
+            f,
+            "no height helps; at ceiling_mm = {ceiling_mm} the way is too near for {inside_mm:.1} mm: move the frames \
+             or lower clearance_mm"
+        ),
     }
 }
