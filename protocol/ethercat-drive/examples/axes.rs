@@ -104,7 +104,7 @@ impl Machine for Controller {
     }
 }
 
-/// Switches the axes on once the bus is up, and ends some seconds later, or where an axis stops by itself.
+/// Switches the axes on once the bus is up, and ends some seconds later, or when an axis stops by itself.
 struct Run {
     length: Duration,
     end: Option<Instant>,

@@ -1,4 +1,4 @@
-//! Six emulated drives on one cable, until they are killed.
+//! Six emulated drives on one cable. The program runs until it is killed.
 //!
 //! ```console
 //! $ sudo cargo run -p ethercat-drive --example drives -- eth0

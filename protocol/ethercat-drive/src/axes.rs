@@ -1,5 +1,5 @@
-//! The controller's side of several drives that move together: they are switched on together, and where one of them stops
-//! by itself, the others are stopped.
+//! The controller's side of several drives that move together. It switches them on together, and if one of them stops by
+//! itself, it stops the others.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -45,7 +45,7 @@ impl fmt::Display for AxisError {
 pub struct Axes {
     axes: Vec<Axis>,
     wanted: Wanted,
-    /// All drives were on since they were switched on.
+    /// Whether all drives have been on at the same time since the owner wanted that.
     were_on: bool,
     error: Option<AxisError>,
 }
@@ -81,7 +81,7 @@ impl Axes {
         self.error
     }
 
-    /// Asks for something of all drives. Only [`Wanted::Reset`] leads out of an error.
+    /// Sets what all drives have to do. Only [`Wanted::Reset`] ends an error.
     pub fn want(&mut self, wanted: Wanted) {
         if wanted == Wanted::Reset {
             self.error = None;
@@ -99,7 +99,8 @@ impl Axes {
         self.send(targets, outputs);
     }
 
-    /// Takes the inputs of all drives. Where one of them stopped by itself, the others are stopped from now on.
+    /// Takes the inputs of all drives. If one of them stopped by itself, the others get a quick stop from
+    /// now on.
     pub fn receive(&mut self, inputs: &[u8]) {
         let was_on = self.were_on;
         let mut stopped = None;

@@ -4,7 +4,7 @@ use crate::error_code::ErrorCode;
 use crate::process_data::{Inputs, Outputs};
 use crate::state::{Mode, State, control};
 
-/// What a controller wants of its drives.
+/// What a controller wants its drives to do.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub enum Wanted {
     /// No voltage.
@@ -18,7 +18,7 @@ pub enum Wanted {
     Reset,
 }
 
-/// Where a drive is.
+/// What a drive does.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub enum Power {
     /// Without torque.
@@ -44,7 +44,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Returns where the drive is, as of its last inputs.
+    /// Returns what the drive does, according to its last inputs.
     #[must_use]
     pub const fn power(&self) -> Power {
         self.power
@@ -90,7 +90,7 @@ impl Axis {
             (Wanted::QuickStop, Some(State::OperationEnabled | State::QuickStopActive)) => {
                 control::QUICK_STOP
             }
-            // Only an edge resets.
+            // Only a rising edge of this bit resets a fault.
             (Wanted::Reset, Some(State::Fault)) if self.sent & control::FAULT_RESET == 0 => {
                 control::FAULT_RESET
             }

@@ -12,9 +12,9 @@ pub(crate) const QUICK_STOP_OPTION: u16 = 0x605A;
 /// Quick stop deceleration in increments/s², object 0x6085.
 pub(crate) const QUICK_STOP_DECELERATION: u16 = 0x6085;
 
-/// Following error window of a drive as it leaves its maker, in increments.
+/// Default of the following error window, in increments.
 pub(crate) const DEFAULT_WINDOW: u32 = 10_000;
-/// Quick stop deceleration of a drive as it leaves its maker, in increments/s².
+/// Default of the quick stop deceleration, in increments/s².
 pub(crate) const DEFAULT_DECELERATION: u32 = 10_000_000;
 
 const fn entry(index: u16, bits: u8, data_type: DataType, name: &'static str) -> PdoEntry {

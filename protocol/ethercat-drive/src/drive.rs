@@ -19,7 +19,7 @@ pub enum QuickStop {
 }
 
 impl QuickStop {
-    /// Returns what an option code means; brakes by its ramp for codes that the drive does not have.
+    /// Returns what an option code means. For a code that the drive does not know, it brakes by its ramp.
     #[must_use]
     pub const fn of(code: i16) -> Self {
         match code {
@@ -43,7 +43,7 @@ impl QuickStop {
 pub struct Parameters {
     /// Largest following error in increments; `None` for any (0xFFFFFFFF in object 0x6065).
     pub window: Option<u32>,
-    /// Time outside of the window after which it is a fault.
+    /// Time outside of the window after which the drive has a fault.
     pub window_time: Duration,
     /// What happens at a quick stop.
     pub quick_stop: QuickStop,
@@ -60,7 +60,7 @@ pub struct Drive {
     /// Target in use: the actual position outside of operation enabled.
     target: i32,
     error: ErrorCode,
-    /// A cause of a fault that lasts.
+    /// The cause of a fault, while the cause lasts.
     cause: ErrorCode,
     /// Time that the following error has been outside of its window.
     outside: Duration,
@@ -99,17 +99,17 @@ impl Drive {
         self.motor.position()
     }
 
-    /// Holds the shaft, or lets it go.
+    /// Blocks the shaft, or releases it.
     pub const fn block(&mut self, blocked: bool) {
         self.motor.blocked = blocked;
     }
 
-    /// Lets the cause of a fault begin; with [`ErrorCode::NONE`] it ends, and a fault reset is possible.
+    /// Starts a cause of a fault. [`ErrorCode::NONE`] ends the cause, so that a fault reset is possible.
     pub const fn set_cause(&mut self, cause: ErrorCode) {
         self.cause = cause;
     }
 
-    /// Lets a fault happen whose cause is over at once.
+    /// Causes a fault whose cause ends at once.
     pub fn trip(&mut self, error: ErrorCode) {
         self.fail(error);
     }
@@ -163,7 +163,7 @@ impl Drive {
         self.target.wrapping_sub(self.position())
     }
 
-    /// Leaves the state that only a start has.
+    /// Leaves the state in which the drive starts.
     fn start(&mut self) {
         if self.state == State::NotReadyToSwitchOn {
             self.state = State::SwitchOnDisabled;
@@ -209,14 +209,14 @@ impl Drive {
             (State::SwitchOnDisabled, Command::Shutdown) => State::ReadyToSwitchOn,
             (State::SwitchOnDisabled, _) => State::SwitchOnDisabled,
             (_, Command::Shutdown) => State::ReadyToSwitchOn,
-            // A step a cycle: switched on is passed on the way to operation enabled.
+            // One transition in each cycle: on the way to operation enabled, the drive passes switched on.
             (State::ReadyToSwitchOn, Command::SwitchOn | Command::EnableOperation) => State::SwitchedOn,
             (_, Command::SwitchOn) => State::SwitchedOn,
             (_, Command::EnableOperation) => State::OperationEnabled,
         };
     }
 
-    /// Moves the motor as the state says.
+    /// Moves the motor as the state requires.
     fn turn(&mut self, time: Duration, outputs: Option<&Outputs>, parameters: &Parameters) {
         match (self.state, outputs) {
             (State::OperationEnabled, Some(outputs)) if self.mode == Mode::CyclicSynchronousPosition => {

@@ -27,9 +27,9 @@ pub struct DriveConfig {
     pub position: i32,
     /// Highest speed of its motor in increments/s.
     pub max_speed: f64,
-    /// Largest following error in increments, as the drive is commissioned; by SDO it can be changed.
+    /// Largest following error in increments. It is the first value of an object that the controller can write by SDO.
     pub window: u32,
-    /// Deceleration of a quick stop and of a fault in increments/s², in the same way.
+    /// Deceleration of a quick stop and of a fault in increments/s². It is the first value of such an object, too.
     pub deceleration: u32,
 }
 
@@ -59,11 +59,11 @@ pub enum DriveEvent {
         /// The error that it reports.
         error: ErrorCode,
     },
-    /// Something of the SubDevice.
+    /// An event of the SubDevice.
     Device {
         /// Which drive.
         drive: usize,
-        /// What.
+        /// The event.
         event: Event,
     },
 }
@@ -103,7 +103,7 @@ impl Drives {
         self.drives.get(drive)
     }
 
-    /// Returns a drive, to block its shaft or to let it fail.
+    /// Returns a drive, to block its shaft or to cause a fault.
     pub fn drive_mut(&mut self, drive: usize) -> Option<&mut Drive> {
         self.drives.get_mut(drive)
     }

@@ -1,5 +1,5 @@
-//! A motor with its position control, simulated. It reaches each target at the end of one interpolation period, at a
-//! constant speed, or as soon as it can where that is too fast for it.
+//! A motor with its position control, simulated. It moves at a constant speed and reaches each target at the end of
+//! one interpolation period, or as soon as it can if that speed is too high for it.
 
 use machine::Duration;
 
@@ -14,11 +14,11 @@ pub(crate) struct Motor {
     max_speed: f64,
     /// Whether something holds the shaft.
     pub(crate) blocked: bool,
-    /// Whether the last step was shorter than the target wanted.
+    /// Whether the last step was too short to reach the target in time.
     limited: bool,
-    /// The target that it is on its way to.
+    /// The target to which it moves.
     target: i32,
-    /// Time until it is to be there.
+    /// Time until it has to be there.
     left: Duration,
 }
 
@@ -37,7 +37,7 @@ impl Motor {
 
     /// Returns the position, rounded to the nearest increment.
     pub(crate) fn position(&self) -> i32 {
-        // `as` saturates; half is added because it cuts off.
+        // `as` saturates, and truncates the fraction: half is added before.
         let half = if self.position < 0.0 { -0.5 } else { 0.5 };
         (self.position + half) as i32
     }

@@ -22,11 +22,11 @@ pub mod control {
     pub const QUICK_STOP: u16 = 0x0002;
     /// Leads to switch on disabled.
     pub const DISABLE_VOLTAGE: u16 = 0x0000;
-    /// Bit 7: leads out of a fault where it is set and was not before.
+    /// Bit 7: ends a fault when it changes from 0 to 1.
     pub const FAULT_RESET: u16 = 0x0080;
 }
 
-/// What a control word asks for. Bit 7 is apart from these.
+/// What a control word requests by its bits 0 to 3. Bit 7 is handled separately.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Command {
     /// Bit 1 is 0.
@@ -42,7 +42,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Returns what a control word asks for.
+    /// Returns what a control word requests by its bits 0 to 3.
     #[must_use]
     pub const fn of(control_word: u16) -> Self {
         match control_word & 0x0F {
@@ -86,7 +86,7 @@ impl State {
             0x23 => Self::SwitchedOn,
             0x21 => Self::ReadyToSwitchOn,
             0x07 => Self::QuickStopActive,
-            // Bit 5 says nothing in the others.
+            // In the other states, bit 5 has no meaning.
             word => match word & 0x4F {
                 0x00 => Self::NotReadyToSwitchOn,
                 0x40 => Self::SwitchOnDisabled,
@@ -129,7 +129,7 @@ pub struct StatusWord(pub u16);
 impl StatusWord {
     /// Bit 4: voltage is on.
     pub const VOLTAGE: u16 = 1 << 4;
-    /// Bit 9: the drive listens to the bus.
+    /// Bit 9: the drive takes commands from the bus.
     pub const REMOTE: u16 = 1 << 9;
     /// Bit 11: the drive cannot follow because of a limit of its own.
     pub const LIMIT: u16 = 1 << 11;

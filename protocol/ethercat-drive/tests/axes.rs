@@ -1,4 +1,5 @@
-//! Six drives under ethercrab at 1 ms, in virtual time: they move together, and an axis that stops is named.
+//! Six drives under ethercrab at 1 ms, in virtual time: they move together, and the error names an axis
+//! that stops.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
@@ -14,7 +15,7 @@ use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 const MS: Duration = Duration::from_millis(1);
 const AXES: usize = 6;
 
-/// A robot controller as far as its drives are concerned: each exchange of process data is a cycle.
+/// The part of a robot controller that moves the drives: each exchange of process data is a cycle.
 struct Controller {
     main: MainDevice,
     axes: Axes,
@@ -174,7 +175,7 @@ fn a_blocked_axis_is_named_with_its_code_and_the_others_stop() {
     run(&mut cell, MS * 100);
     assert_eq!([0, 1, 2, 3, 4, 5].map(|drive| cell.b().drive(drive).unwrap().position()), stood);
 
-    // Nothing but a reset leads out of it, and then the axes go on from where they stand.
+    // Only a reset ends the error; then the axes continue from where they stand.
     cell.command_a(|controller, _| controller.axes.want(Wanted::On));
     run(&mut cell, MS * 50);
     assert!(!cell.a().axes.are_on());

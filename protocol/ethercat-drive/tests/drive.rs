@@ -55,7 +55,7 @@ impl Told {
         }
     }
 
-    /// Lets the following error become a fault, and the reaction to it end.
+    /// Runs the drive until the following error is a fault and the reaction to the fault has ended.
     fn fault(&mut self) {
         self.drive.set_cause(ErrorCode::OVER_CURRENT);
         while self.drive.state() != State::Fault {
@@ -134,7 +134,7 @@ fn no_control_words_in_any_order_lead_to_a_state_that_the_status_word_does_not_s
     let mut seen = BTreeSet::new();
     let mut number = 1_u32;
     for _ in 0..200_000 {
-        // A generator of numbers without any meaning.
+        // A simple generator of pseudo-random numbers.
         number = number.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let word = [0x00, 0x02, 0x06, 0x07, 0x0F, 0x0F, 0x0F, 0x80][(number >> 29) as usize];
         told.drive.set_cause(if number >> 16 & 0xFF == 0 { ErrorCode::ENCODER } else { ErrorCode::NONE });

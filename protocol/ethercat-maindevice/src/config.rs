@@ -2,10 +2,10 @@
 
 use machine::Duration;
 
-/// Devices on a cable at most.
+/// Largest number of devices on a cable.
 pub(crate) const MAX_DEVICES: usize = 16;
 
-/// Bytes of process data of all devices at most, so that one frame carries them.
+/// Largest length in bytes of the process data of all devices, so that one frame carries them.
 pub const MAX_PROCESS_DATA: usize = 1400;
 
 /// A MainDevice and the devices that it drives.
@@ -15,7 +15,8 @@ pub struct Config {
     pub devices: Vec<ExpectedDevice>,
     /// Time from one exchange of process data to the next.
     pub cycle: Duration,
-    /// Time without a good exchange after which either side gives up: the devices' watchdog has it, too.
+    /// Time without a good exchange after which the MainDevice ends the connection. The watchdogs of the devices use the
+    /// same time.
     pub watchdog: Duration,
 }
 

@@ -7,14 +7,14 @@ use machine::ethernet::MIN_FRAME_LEN;
 
 use crate::lend::Place;
 
-/// Frames that ethercrab may have under way at a time.
+/// Largest number of frames that ethercrab has under way at a time.
 pub(crate) const IN_FLIGHT: usize = 8;
 
 /// Longest frame in bytes: an Ethernet frame without tag.
 const LONGEST: usize = 1514;
 
 thread_local! {
-    /// Those of the machine that runs at the moment.
+    /// The frames of the machine that runs at the moment.
     pub(crate) static FRAMES: RefCell<Frames> = const { RefCell::new(Frames::none()) };
 }
 
@@ -30,7 +30,7 @@ pub(crate) struct Frames {
     ring: Vec<Frame>,
     first: usize,
     waiting: usize,
-    /// Received frames that ethercrab had no use for.
+    /// Received frames that ethercrab could not use.
     refused: u64,
 }
 

@@ -9,7 +9,7 @@ use std::thread::LocalKey;
 /// The thread-local place of the shared value.
 pub(crate) type Place<T> = LocalKey<RefCell<T>>;
 
-/// Runs `poll` while `value` is in its place. The value comes back if `poll` panics, too.
+/// Runs `poll` while `value` is in its place. The value comes back even if `poll` panics.
 pub(crate) fn lend<T, R>(place: &'static Place<T>, value: &mut T, poll: impl FnOnce() -> R) -> R {
     place.with_borrow_mut(|place| swap(place, value));
     let _lent = Lent { place, value };

@@ -13,15 +13,15 @@ use crate::problem::Problem;
 use crate::process::{PLACE, Process};
 use crate::script::Scripted;
 
-/// Runs in the thread of its machine alone, and moves with it.
+/// Runs only in the thread of its machine, and moves to another thread together with the machine.
 type Operation = Pin<Box<dyn Future<Output = ()> + Send>>;
 
 /// A MainDevice that drives the devices of its [`Config`]: it brings them to OP and exchanges process data with each
-/// cycle. When a device falls back, it is brought to OP again; when nothing answers, the MainDevice starts over.
+/// cycle. When a device leaves OP, the MainDevice brings it to OP again; when no device answers, it starts over.
 pub struct MainDevice {
     config: Config,
     operation: Scripted<Operation>,
-    /// Received frames that earlier operations had no use for.
+    /// Received frames that earlier operations could not use.
     refused_before: u64,
     process: Process,
 }
@@ -75,7 +75,7 @@ impl MainDevice {
         self.process.explain(words)
     }
 
-    /// Polls the operation. Some answers of devices make ethercrab panic; that must not end a PLC.
+    /// Polls the operation. Some answers of devices make ethercrab panic; that must not end the PLC's process.
     fn run(&mut self, now: Instant, poll: impl FnOnce(&mut Scripted<Operation>)) {
         let poll = || lend(PLACE, &mut self.process, || poll(&mut self.operation));
         if catch_unwind(AssertUnwindSafe(poll)).is_err() {

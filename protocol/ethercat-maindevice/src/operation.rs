@@ -29,8 +29,8 @@ const FRAME: Duration = Duration::from_millis(30);
 /// Frames in a row that may be lost before the watchdog expires.
 const LOSSES: u32 = 3;
 
-/// How often a frame is sent once more while devices are brought up. It takes some thousand frames, and each must come
-/// back.
+/// How often a frame is repeated while devices are brought up. This takes some thousand frames, and each of them must
+/// come back.
 const REPETITIONS: usize = 3;
 
 /// Requests for a state in the register AL control (ETG.1000.6): the state, and bit 4 to acknowledge an error.
@@ -52,7 +52,7 @@ pub(crate) async fn operate(config: Config, start: Instant) {
     let (tx, rx, pdu_loop) = storage.try_split().expect("new memory");
     let timeouts = Timeouts {
         pdu: FRAME,
-        // Longer than a frame that is sent once more.
+        // Long enough for a frame that is sent again and again.
         eeprom: FRAME * (REPETITIONS as u32 + 1),
         mailbox_echo: FRAME * (REPETITIONS as u32 + 1),
         state_transition: TO_OP,
@@ -186,7 +186,7 @@ impl<'a> Exchange<'a> {
             time::wait_until(self.cycle.next()).await;
             let Some(tick) = self.cycle.tick(time::now()) else { continue };
             let leaving = PROCESS.with_borrow_mut(|process| {
-                // Cycles that passed while a lost frame was waited for are no fault of this host.
+                // This host is not the cause of the cycles that passed while the MainDevice waited for a lost frame.
                 let passed = if std::mem::take(&mut self.frame_lost) {
                     &mut process.counters.lost
                 } else {
@@ -203,7 +203,7 @@ impl<'a> Exchange<'a> {
             }
             write_outputs(main, group);
             PROCESS.with_borrow_mut(|process| process.counters.sent += 1);
-            // Old outputs are not sent once more: what waits no longer than a frame's time is not repeated.
+            // ethercrab repeats a frame only after its timeout, and this wait ends no later. So old outputs are not sent again.
             match time::by(self.deadline(), group.tx_rx(main)).await {
                 Some(Ok(response)) if self.is_good(&response) => {
                     self.good_at = time::now();
@@ -228,7 +228,7 @@ impl<'a> Exchange<'a> {
             && response.subdevice_states.iter().all(|state| *state == SubDeviceState::Op)
     }
 
-    /// Looks for devices that are not in OP, reports them, and requests it again.
+    /// Looks for devices that are not in OP, reports them, and requests OP again.
     async fn recover(
         &mut self,
         main: &ethercrab::MainDevice<'_>,
@@ -267,13 +267,14 @@ impl<'a> Exchange<'a> {
         Ok(())
     }
 
-    /// Returns how long a reply is waited for.
+    /// Returns the instant until which the MainDevice waits for a reply.
     fn deadline(&self) -> Instant {
         let frame = (self.config.watchdog / LOSSES).clamp(self.config.cycle.min(FRAME), FRAME);
         (time::now() + frame).min(self.good_at + self.longest_silence())
     }
 
-    /// Returns how long there may be no good exchange: on the way to OP, the time for that.
+    /// Returns the longest time without a good exchange: while all devices are in OP the watchdog's, otherwise the time in
+    /// which they come to OP.
     fn longest_silence(&self) -> Duration {
         if self.out_of_op_since.is_some() { TO_OP } else { self.config.watchdog }
     }

@@ -52,7 +52,7 @@ pub(crate) enum Problem {
     Watchdog,
     /// ethercrab panicked.
     Panic,
-    /// Whatever else ethercrab found.
+    /// Any other error of ethercrab.
     Other(Error),
 }
 

@@ -9,14 +9,14 @@ use machine::{Counters, Down, DownCause, Duration, Instant, LinkEvent};
 use crate::lend::Place;
 use crate::problem::Problem;
 
-/// Events that wait for the owner at most; the owner takes them after each call.
+/// Largest number of events that wait for the owner, who takes them after each call.
 const EVENTS: usize = 4;
 
-/// Time without an answer after which that is reported: a device may be switched on later than this MainDevice.
+/// Time without an answer after which the MainDevice reports this: a device may be switched on later than the MainDevice.
 const REPORTED_SILENCE: Duration = Duration::from_secs(1);
 
 thread_local! {
-    /// Those of the machine that runs at the moment.
+    /// The process data of the machine that runs at the moment.
     pub(crate) static PROCESS: RefCell<Process> = const { RefCell::new(Process::none()) };
 }
 
@@ -38,7 +38,7 @@ pub(crate) struct Process {
     events: VecDeque<LinkEvent>,
     /// Last problem that was reported since the connection was up.
     reported: Option<Problem>,
-    /// Since when nothing answers.
+    /// Since when no device answers.
     silent_since: Option<Instant>,
 }
 
@@ -88,7 +88,7 @@ impl Process {
         }
     }
 
-    /// Notes why there is no connection, or no longer one. Reports it unless it is known.
+    /// Notes why there is no connection, or no longer one. Reports the reason unless it was the last one reported.
     pub(crate) fn fail(&mut self, now: Instant, problem: Problem) {
         let was_up = std::mem::take(&mut self.up);
         let down = problem.down();

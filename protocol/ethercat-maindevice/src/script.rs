@@ -38,7 +38,7 @@ pub async fn with_main_device<T>(
     exchange(tx, rx, script).await
 }
 
-/// Set when ethercrab has frames to send. To look for them costs more than all else of a poll.
+/// Set when ethercrab has frames to send. To look for frames takes longer than all other steps of a poll.
 #[derive(Debug)]
 struct HasFrames(AtomicBool);
 
@@ -57,7 +57,7 @@ pub(crate) async fn exchange<T>(
     let has_frames = Arc::new(HasFrames(AtomicBool::new(false)));
     let waker = Waker::from(Arc::clone(&has_frames));
     poll_fn(|context| {
-        // A wake takes it away.
+        // ethercrab removes the waker when it wakes it.
         tx.replace_waker(&waker);
         FRAMES.with_borrow_mut(|frames| frames.give(&mut rx));
         let result = script.as_mut().poll(context);
@@ -85,7 +85,7 @@ impl<F: Future> Scripted<F> {
         Self { script: Some(Box::pin(script)), frames: Frames::new(), wake: Some(start), result: None }
     }
 
-    /// Returns how many received frames ethercrab had no use for: late, doubled and damaged ones.
+    /// Returns how many received frames ethercrab could not use: late, duplicated and damaged ones.
     pub const fn refused(&self) -> u64 {
         self.frames.refused()
     }

@@ -3,7 +3,8 @@
 //!
 //! ethercrab's own way of finding devices takes all of them to INIT and gives them new station addresses. A search must
 //! not do that, so it addresses them by their position, reads registers, and writes only to the EEPROM interface, whose
-//! registers say what to read. Where a device's own processor holds the EEPROM, it is not taken away.
+//! registers say what to read. If a device's own processor uses the EEPROM, the search does not
+//! take the EEPROM away from it.
 
 use std::fmt;
 
@@ -16,13 +17,13 @@ use crate::script::{Scripted, with_main_device};
 use crate::sii::{Identity, Sii, Unreadable};
 use crate::time;
 
-/// Largest number of devices of a listing. More on one cable must be forged.
+/// Largest number of devices in a listing. No real cable has more.
 const MOST_DEVICES: u16 = 1024;
 
-/// How often a frame that does not come back is sent once more.
+/// How often a frame that does not come back is repeated.
 const REPETITIONS: usize = 3;
 
-/// Part of a search's length that a frame may take.
+/// Least number of frames that a search has time for: it sets how long one of them may take.
 const FRAMES: u32 = 20;
 
 /// Longest time that a frame may take.
@@ -75,7 +76,7 @@ impl FoundSubDevice {
 pub struct Found {
     /// The devices, in their order on the cable.
     pub devices: Vec<FoundSubDevice>,
-    /// Whether any frame came back: without a device, or a switch that returns it, none does.
+    /// Whether any frame came back. Only a device, or a switch that returns frames, sends one back.
     pub frames_return: bool,
     /// Whether the end of the cable was reached before the time was over.
     pub complete: bool,

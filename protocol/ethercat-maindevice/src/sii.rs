@@ -5,7 +5,7 @@ use machine::Duration;
 
 use crate::time;
 
-/// Registers: who holds the interface, then control, address and data.
+/// Registers: which side uses the interface, then control, address and data.
 const CONFIG: u16 = 0x0500;
 const CONTROL: u16 = 0x0502;
 const DATA: u16 = 0x0508;
@@ -18,7 +18,8 @@ const READ: u8 = 0x01;
 const ERRORS: u8 = 0x78;
 const BUSY: u8 = 0x80;
 
-/// Time from one look at the busy bit to the next, and how many of them. An EEPROM takes about 0.5 ms for 8 bytes.
+/// Time from one read of the busy bit to the next, and the largest number of reads. An EEPROM takes about 0.5 ms for 8
+/// bytes.
 const LOOK: Duration = Duration::from_micros(200);
 const LOOKS: u32 = 100;
 
@@ -31,14 +32,14 @@ const STRINGS: u16 = 10;
 const GENERAL: u16 = 30;
 const END: u16 = 0xFFFF;
 
-/// Most categories that are looked through; a device has about ten.
+/// Largest number of categories that are read; a device has about ten.
 const MOST_CATEGORIES: u32 = 64;
 
 /// In the category General: the numbers of the strings with order code and name.
 const ORDER_CODE: u32 = 2;
 const NAME: u32 = 3;
 
-/// What a device is, by its EEPROM.
+/// The identity of a device, from its EEPROM.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Identity {
     /// Vendor ID.
@@ -58,7 +59,7 @@ pub struct Identity {
 /// Why a device's EEPROM cannot be read.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Unreadable {
-    /// The device's own processor holds it.
+    /// The device's own processor uses it.
     HeldByDevice,
     /// The chip reports an error, or is not ready in time.
     Failed,
@@ -66,7 +67,7 @@ pub enum Unreadable {
     NoAnswer,
 }
 
-/// The EEPROM of the device in one place of the cable, with the bytes that were read last.
+/// The EEPROM of the device at one position on the cable, with the bytes that were read last.
 pub(crate) struct Sii<'a> {
     main: &'a ethercrab::MainDevice<'a>,
     position: u16,

@@ -1,7 +1,7 @@
-//! The time that ethercrab waits by: that of the machine which its thread runs at the moment.
+//! The time by which ethercrab waits: the time of the machine that runs in the calling thread at the moment.
 //!
-//! Without its feature `std`, ethercrab takes time from the crate `embassy-time`, which asks one driver for all of a
-//! program. This one answers with the instant that was given to the machine; so machines of one thread may have different
+//! Without its feature `std`, ethercrab takes the time from the crate `embassy-time`, which has one driver for a whole
+//! program. This driver returns the instant that was given to the machine. So machines of one thread may have different
 //! clocks, and the driver of the machines decides whether time is real or virtual.
 
 use std::cell::Cell;
@@ -21,7 +21,7 @@ impl embassy_time_driver::Driver for ThreadTime {
         NOW.get()
     }
 
-    /// Keeps the earliest wake. A machine polls its future whole, so it needs no waker.
+    /// Keeps the earliest wake. A machine always polls its whole future, so it needs no waker.
     fn schedule_wake(&self, at: u64, _waker: &Waker) {
         WAKE.set(WAKE.get().min(at));
     }

@@ -1,4 +1,4 @@
-//! The MainDevice drives emulated SubDevices in virtual time, and bears what happens to them.
+//! The MainDevice drives emulated SubDevices in virtual time, and recovers from what happens to them.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
@@ -120,7 +120,7 @@ fn cause(event: Option<(LinkEvent, Instant)>) -> Option<DownCause> {
     }
 }
 
-/// Returns the words for a connection that does not come about.
+/// Returns the text that explains why there is no connection.
 fn refusal(config: Config, devices: usize) -> String {
     let mut cell = cell(config, devices);
     let Some((LinkEvent::Down(down), _)) = event(&mut cell, MS * 10_000) else {
@@ -205,7 +205,7 @@ fn the_devices_have_the_watchdog_of_the_config() {
     let mut cell = running();
     let gone_at = cell.now();
     cell.command_a(|main, now| {
-        // A MainDevice that is gone sends nothing.
+        // A MainDevice that has ended sends nothing.
         *main = MainDevice::new(config(&[]), now + MS * 100_000);
     });
     let fell_at = loop {
@@ -278,7 +278,7 @@ fn with_one_frame_in_fifty_lost_the_devices_come_to_op_and_each_loss_is_counted(
             seed,
             Impairment { loss_ppm: 10_000, delay: Duration::from_micros(20), ..Impairment::default() },
         );
-        // The answer of a mailbox that is lost is not repeated: then all starts over.
+        // A device does not repeat a lost answer of its mailbox: then the MainDevice starts over.
         while event(&mut cell, MS * 10_000).unwrap().0 != LinkEvent::Up {}
         let (from, before) = (cell.now(), cell.a().counters());
         while cell.now() < from + MS * 5_000 {
@@ -310,8 +310,8 @@ fn a_damaged_eeprom_on_which_ethercrab_panics_is_reported_and_a_mended_one_is_fo
     assert!(echoes_one(&mut cell));
 }
 
-/// Connects while one bit flips in every hundredth frame, behind the checksums, and then on a good cable. Returns whether ethercrab
-/// panicked, and whether data were exchanged at last.
+/// Connects while one bit flips in every hundredth frame where no checksum protects it, and then on a good cable. Returns
+/// whether ethercrab panicked, and whether data were exchanged at last.
 fn connect_with_flipped_bits(seed: u64) -> (bool, bool) {
     let good = Impairment { delay: Duration::from_micros(20), ..Impairment::default() };
     let cable = Impairment { corrupt_ppm: 10_000, ..good };
@@ -334,7 +334,7 @@ fn connect_with_flipped_bits(seed: u64) -> (bool, bool) {
 #[test]
 fn flipped_bits_while_it_connects_can_make_ethercrab_panic_and_it_starts_over_until_it_is_connected() {
     let ended: Vec<_> = (0..40).map(connect_with_flipped_bits).collect();
-    assert!(ended.iter().any(|(panicked, _)| *panicked), "ethercrab bears them now: change the README");
+    assert!(ended.iter().any(|(panicked, _)| *panicked), "ethercrab no longer panics: change the README");
     assert!(ended.iter().all(|(_, exchanges)| *exchanges), "{ended:?}");
 }
 

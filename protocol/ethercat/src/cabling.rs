@@ -1,4 +1,5 @@
-//! The cables between devices, and the way a frame takes: in by one port of a device, out by the next open one.
+//! The cables between devices, and the way of a frame: it enters a device by one port and leaves it by
+//! the next open one.
 
 use alloc::vec::Vec;
 

@@ -15,7 +15,7 @@ pub struct DeviceConfig {
     pub serial_number: u32,
     /// Its station alias; 0 for none.
     pub alias: u16,
-    /// What the MainDevice may choose of its process data.
+    /// Which parts of its process data the MainDevice may choose.
     pub pdo_configuration: PdoConfiguration,
     /// Time that its application takes to follow a request for a state.
     pub answer_delay: Duration,

@@ -30,7 +30,7 @@ const TYPE_DATAGRAMS: u16 = 1;
 /// How a command finds its devices.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Addressing {
-    /// By position in the ring: each device adds one, and the one that finds zero is meant.
+    /// By position in the ring: each device adds one; the datagram is for the device that finds zero.
     Position,
     /// By station address or alias.
     Station,
@@ -40,7 +40,7 @@ pub enum Addressing {
     Logical,
 }
 
-/// What a command does at a device that it is for.
+/// What a command does at a device that it addresses.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Operation {
     /// Copies memory to the datagram.
@@ -155,7 +155,7 @@ impl<'a> Datagrams<'a> {
 impl<'a> Iterator for Datagrams<'a> {
     type Item = Datagram<'a>;
 
-    /// Returns the next datagram. A datagram that is cut ends the frame, as a device has nothing to count it in.
+    /// Returns the next datagram. A truncated datagram ends the frame: it has no working counter for the devices.
     fn next(&mut self) -> Option<Datagram<'a>> {
         let (header, rest) = self.rest.take()?.split_first_chunk_mut::<DATAGRAM_HEADER_LEN>()?;
         let [.., low, high, _, _] = *header;

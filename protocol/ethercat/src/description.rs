@@ -89,7 +89,7 @@ pub struct Entry {
     pub name: &'static str,
     /// Type of its value.
     pub data_type: DataType,
-    /// Who may do what with it.
+    /// How the MainDevice may access it.
     pub access: Access,
     /// Length in bytes of its longest value; every value has this length, unless it is a string.
     pub capacity: usize,
@@ -108,7 +108,7 @@ pub enum ObjectCode {
     Record = 9,
 }
 
-/// Who may do what with an entry by SDO.
+/// How the MainDevice may access an entry by SDO.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Access {
     /// The MainDevice reads it.
@@ -124,7 +124,7 @@ pub enum Access {
 /// Type of a value (ETG.1000.6, table of basic data types).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum DataType {
-    /// A truth value.
+    /// True or false.
     Boolean = 0x01,
     /// A signed number of 8 bits.
     Integer8 = 0x02,

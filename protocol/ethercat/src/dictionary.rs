@@ -1,6 +1,7 @@
-//! The object dictionary: what SDOs read and write, and the SDO information service lists.
+//! The object dictionary: the objects that SDOs read and write, and that the SDO information service lists.
 //!
-//! Entries that are mapped into process data show these; the others keep a value of their own.
+//! The value of an entry that is mapped into process data is in the process data; the other entries have values of their
+//! own.
 
 mod pdo_configuration;
 
@@ -126,7 +127,7 @@ impl Dictionary {
         }
     }
 
-    /// Lets the objects that process data name show these, and all others their own values.
+    /// Connects the entries that are mapped into process data with their place there, and all others with their own values.
     pub(crate) fn map_process_data(&mut self) {
         for entry in self.objects.iter_mut().flat_map(|object| &mut object.entries) {
             entry.value = entry.unmapped;
@@ -354,7 +355,7 @@ impl Dictionary {
             Access::WriteInPreOp if state != AlState::PreOp => return Err(AbortCode::WRONG_STATE),
             _ => {}
         }
-        // What the MainDevice maps it writes by process data.
+        // The MainDevice writes a mapped entry by process data and not by SDO.
         let Value::Stored { .. } = entry.value else { return Err(AbortCode::WRONG_STATE) };
         let capacity = entry.capacity();
         if data.len() > capacity {
@@ -366,8 +367,8 @@ impl Dictionary {
         self.set(index, subindex, data).ok_or(AbortCode::GENERAL)
     }
 
-    /// Sets a value, whatever the MainDevice may do with it. `None` if there is no such value, or no room, or if it says
-    /// what process data are.
+    /// Sets a value, even one that the MainDevice may not write. `None` if there is no such value, or no room, or if the
+    /// object configures process data.
     pub(crate) fn set(&mut self, index: u16, subindex: u8, data: &[u8]) -> Option<()> {
         if configures(index) { None } else { self.store_value(index, subindex, data) }
     }

@@ -18,13 +18,13 @@ use crate::event::{DeviceId, Event, Sink};
 use crate::mailbox::Emergency;
 use crate::subdevice::SubDevice;
 
-/// Frames under way at most; a MainDevice that sends more loses them.
+/// Largest number of frames under way; if the MainDevice sends more, they are lost.
 const MAX_UNDER_WAY: usize = 256;
 
 /// Ports that a segment needs: EtherCAT frames, which are broadcasts.
 const PORTS: &[PortRequest] = &[PortRequest::Ethernet { ether_type: ETHER_TYPE, groups: &[] }];
 
-/// What a segment did with the frames it got.
+/// What a segment did with the frames that it received.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Counters {
     /// EtherCAT frames that passed the devices and went back.
@@ -79,7 +79,7 @@ impl Segment {
 
     /// Adds a device behind the last one, at its port 1.
     pub fn add(&mut self, config: &DeviceConfig) -> DeviceId {
-        // Nothing is behind the last one: whatever is added becomes the last one.
+        // The place behind the last device is always free: each added device becomes the last one.
         self.connect(
             config,
             match self.devices.len().checked_sub(1) {
@@ -114,7 +114,7 @@ impl Segment {
         self.devices.is_empty()
     }
 
-    /// Returns what the segment did with the frames it got.
+    /// Returns what the segment did with the frames that it received.
     #[must_use]
     pub const fn counters(&self) -> Counters {
         self.counters
@@ -150,13 +150,13 @@ impl Segment {
         self.devices.get(id.0)?.dictionary().get(index, subindex)
     }
 
-    /// Sets the value of an object's entry that is not mapped into process data, whatever the MainDevice may do with it.
+    /// Sets the value of an object's entry that is not mapped into process data, even if the MainDevice may not write it.
     /// Returns `None` if there is no such entry, or if the value has the wrong length.
     pub fn set_object(&mut self, id: DeviceId, index: u16, subindex: u8, value: &[u8]) -> Option<()> {
         self.devices.get_mut(id.0)?.dictionary_mut().set(index, subindex, value)
     }
 
-    /// Reports an error to the MainDevice by CoE. Returns whether there was room for it, and the device's mailbox runs.
+    /// Reports an error to the MainDevice by CoE. Returns whether the device's mailbox runs and had room for it.
     pub fn raise(&mut self, id: DeviceId, emergency: Emergency) -> bool {
         self.devices.get_mut(id.0).is_some_and(|device| device.raise(emergency))
     }
@@ -276,8 +276,8 @@ impl Machine for Segment {
         let mut buf = self.spare.pop().unwrap_or_else(|| vec![0; FRAME_CAPACITY].into_boxed_slice());
         let Some(passing) = buf.get_mut(..frame.len()) else { return };
         passing.copy_from_slice(frame);
-        // A chip marks the source address as locally administered, so that the MainDevice knows its frames from those
-        // that it sent.
+        // A chip marks the source address as locally administered, so that the MainDevice can distinguish frames that
+        // come back from frames that it sends.
         if let Some(byte) = passing.get_mut(6) {
             *byte |= 0x02;
         }

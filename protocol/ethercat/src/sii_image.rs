@@ -127,7 +127,7 @@ impl Strings {
             self.0.push(string);
             self.0.len() - 1
         });
-        // A device with more strings than numbers leaves the last ones without a name.
+        // If there are more strings than numbers, the last strings get none.
         u8::try_from(index + 1).unwrap_or(0)
     }
 

@@ -64,7 +64,7 @@ impl SubDevice {
         device
     }
 
-    /// Sets all to what it is after power-on, except the EEPROM.
+    /// Sets everything except the EEPROM to its value after power-on.
     pub(crate) fn power_on(&mut self, now: Instant, sink: &mut Sink<'_>) {
         let before = self.state();
         self.esc.reset(now);
@@ -113,7 +113,7 @@ impl SubDevice {
         &self.file
     }
 
-    /// Queues an emergency. Returns whether there was room, and a mailbox that is running.
+    /// Queues an emergency. Returns whether the mailbox runs and had room.
     pub(crate) fn raise(&mut self, emergency: Emergency) -> bool {
         let running = self.al.state() >= AlState::PreOp;
         let raised = running && self.mailbox.as_mut().is_some_and(|mailbox| mailbox.raise(emergency));
@@ -121,7 +121,7 @@ impl SubDevice {
         raised
     }
 
-    /// Hands the inputs to the chip.
+    /// Passes the inputs to the chip.
     pub(crate) fn publish_inputs(&mut self) {
         if self.al.state() >= AlState::SafeOp
             && let Some((index, _)) = self.layout.find(Usage::Inputs)
@@ -136,14 +136,14 @@ impl SubDevice {
         self.esc.stop_watchdog();
         self.has_outputs = false;
         self.show_status();
-        // The MainDevice misses the outputs' share of the working counter until it acknowledges (ETG.1020).
+        // Until the MainDevice acknowledges the error, the outputs do not count in the working counter (ETG.1020).
         if let Some((index, _)) = self.layout.find(Usage::Outputs) {
             self.esc.lock(index, true);
         }
         sink.push(Event::StateChanged { state: self.al.state(), code });
     }
 
-    /// Does what a frame that has passed asks for.
+    /// Handles the changes that a frame made while it passed.
     pub(crate) fn serve(&mut self, now: Instant, sink: &mut Sink<'_>) {
         let changes = self.esc.take_changes();
         if changes.reset {
@@ -251,7 +251,7 @@ impl SubDevice {
         let Some((index, _)) = self.layout.find(Usage::MailboxSend) else { return };
         let request = self.esc.sync_manager(index).repeat_request();
         if let Some(message) = self.mailbox.as_mut().and_then(|mailbox| mailbox.repetition(request)) {
-            // If it is full, the message that the MainDevice wants is in it still.
+            // A full mailbox still contains the message that the MainDevice wants.
             self.esc.put(index, message);
             self.esc.acknowledge_repeat(index);
         }
@@ -264,7 +264,7 @@ impl SubDevice {
     }
 
     fn follow_request(&mut self, now: Instant, sink: &mut Sink<'_>) {
-        // Without its EEPROM's configuration the chip does not let the application in.
+        // Without the configuration from its EEPROM, the chip gives the application no access.
         if !self.esc.is_loaded() {
             return;
         }
@@ -281,7 +281,7 @@ impl SubDevice {
         sink.push(Event::StateChanged { state: after.0, code: after.1 });
     }
 
-    /// Opens and closes what the new state has and has not.
+    /// Starts what the device has in the new state, and stops what it does not have there.
     fn enter(&mut self, now: Instant, before: AlState) {
         let state = self.al.state();
         self.lock_process_data(state < AlState::SafeOp);

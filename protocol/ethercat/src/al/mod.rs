@@ -9,7 +9,7 @@ pub use status_code::AlStatusCode;
 /// The error indication in AL status, and the acknowledgement in AL control.
 const ERROR: u16 = 0x10;
 
-/// State of a SubDevice. Later ones can do more.
+/// State of a SubDevice. States with process data are greater than those without.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub enum AlState {
     /// No mailbox, no process data.
@@ -88,8 +88,8 @@ impl StateMachine {
         self.state as u8 | if self.error == AlStatusCode::NO_ERROR { 0 } else { ERROR as u8 }
     }
 
-    /// Follows a request of the MainDevice. `check` says whether the device is configured for a state, before it is
-    /// entered from below.
+    /// Follows a request of the MainDevice for a state. Before the device goes to a greater state, `check` returns whether
+    /// it is configured for that state.
     pub(crate) fn request(&mut self, control: u16, check: impl FnOnce(AlState) -> Result<(), AlStatusCode>) {
         let acknowledged = control & ERROR != 0;
         let wanted = AlState::from_control(control);

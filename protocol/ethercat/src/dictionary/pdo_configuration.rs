@@ -7,7 +7,7 @@
 //! subindex 0                     how many of the following count; 0 while they are changed
 //! ```
 //!
-//! A choice must fit the room that the described process data take, since the buffers of the sync managers have fixed
+//! The chosen process data must not be longer than the described ones, because the buffers of the sync managers have fixed
 //! places.
 
 use alloc::vec::Vec;
@@ -19,7 +19,7 @@ use crate::layout::Usage;
 
 use super::Dictionary;
 
-/// What the MainDevice may choose of a device's process data.
+/// Which parts of a device's process data the MainDevice may choose.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub enum PdoConfiguration {
     /// Nothing: they are as described.
@@ -31,7 +31,7 @@ pub enum PdoConfiguration {
     Mappable,
 }
 
-/// What an object of the dictionary has to do with process data.
+/// How an object of the dictionary configures process data.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Role {
     Assignment,
@@ -52,7 +52,7 @@ const fn role_of(index: u16) -> Option<(Usage, Role)> {
     }
 }
 
-/// Returns whether an object says what process data are.
+/// Returns whether an object configures process data.
 pub(crate) const fn configures(index: u16) -> bool {
     role_of(index).is_some()
 }
@@ -104,8 +104,8 @@ impl Dictionary {
         })
     }
 
-    /// Writes all entries from a subindex on: they count once the last one is there. What was there before stays if they
-    /// are refused.
+    /// Writes all entries from a subindex on: they take effect once the last one is written. If they are refused, the
+    /// entries before them stay.
     pub(crate) fn configure_whole(
         &mut self,
         index: u16,
@@ -177,7 +177,7 @@ impl Dictionary {
         if known { Ok(()) } else { Err(AbortCode::NOT_MAPPABLE) }
     }
 
-    /// Checks that what counts now is there, once, and fits.
+    /// Checks that what is chosen now is not empty, contains no object twice, and fits.
     fn check_count(&self, usage: Usage, role: Role, index: u16) -> Result<(), AbortCode> {
         let count = self.count(index);
         if self.object(index)?.entry(count).is_none() {
@@ -195,7 +195,7 @@ impl Dictionary {
         if self.process_data_len(usage) > room { Err(AbortCode::TOO_MUCH_TO_MAP) } else { Ok(()) }
     }
 
-    /// Returns how many subindices of an object count.
+    /// Returns how many objects are assigned, or how many entries an object has: the value at subindex 0.
     pub(crate) fn count(&self, index: u16) -> u8 {
         self.get(index, 0).and_then(<[u8]>::first).copied().unwrap_or(0)
     }

@@ -1,4 +1,5 @@
-//! What an access of the MainDevice to an address does. It counts if at least one byte could be read or written.
+//! What an access of the MainDevice to an address does. It counts in the working counter if at least one
+//! byte could be read or written.
 
 use core::mem;
 use core::ops::Range;
@@ -77,7 +78,7 @@ impl Esc {
         read
     }
 
-    /// Keeps what is written to registers until the frame has passed whole, as a chip does.
+    /// Keeps what is written to registers until the whole frame has passed, as a chip does.
     fn write_registers(&mut self, address: u16, data: &[u8]) -> bool {
         let accepts = |address| {
             self.map.writable(address).is_some_and(|bits| bits != 0) && !self.is_locked_configuration(address)
@@ -91,7 +92,7 @@ impl Esc {
         written
     }
 
-    /// Does what takes effect once a frame has passed: registers get their values, and buffers change sides.
+    /// Applies what takes effect once a frame has passed: registers get their values, and buffers go to the other side.
     pub(crate) fn end_frame(&mut self, now: Instant) {
         let shadow = mem::take(&mut self.shadow);
         let mut rest = &shadow[..];
@@ -118,7 +119,7 @@ impl Esc {
         self.after_write(now, Span::new(address, data.len()), data);
     }
 
-    /// Hands a buffer that the frame reached the end of to the other side.
+    /// Gives a buffer to the other side if the frame reached its end.
     fn end_buffer(&mut self, now: Instant, index: usize) {
         let Some(sync_manager) = self.sync_managers.get_mut(index) else { return };
         if !sync_manager.end_frame(&mut self.memory, index) {
@@ -143,7 +144,7 @@ impl Esc {
             && self.memory.u8(SYNC_MANAGER + index * SYNC_MANAGER_LEN + 6) & 1 != 0
     }
 
-    /// Does what writing a register sets off.
+    /// Does what a write to a register starts.
     fn after_write(&mut self, now: Instant, span: Span, data: &[u8]) {
         if span.touches(registers::RESET, 1) {
             self.reset_letter(data.first().copied().unwrap_or(0));
@@ -213,7 +214,7 @@ impl Esc {
         for (index, sync_manager) in self.sync_managers.iter().enumerate().filter(|(_, unit)| unit.guards()) {
             let start = u32::from(sync_manager.start);
             if (start..sync_manager.end()).contains(&address) {
-                // The first buffer apart from the two behind it, which only the device sees.
+                // A piece ends with the first buffer: the two buffers behind it are for the device alone.
                 let first = start + u32::from(sync_manager.len);
                 let until = if address < first { first } else { sync_manager.end() };
                 return (Some(index), until.min(end));

@@ -1,8 +1,8 @@
 //! The distributed clock: a local clock with a small error, its system time, and the SYNC signals made from it.
 //!
 //! The datasheet defines the registers, but not how the chip filters. The control loop here is our own: it removes
-//! a sixteenth of the difference at each comparison and learns the clock's error, whatever the time between two of
-//! them.
+//! a sixteenth of the difference at each comparison and estimates the clock's error, for any time between two
+//! comparisons.
 
 use machine::{Duration, Instant};
 
@@ -22,12 +22,12 @@ const MAX_CORRECTION_PPB: i64 = 781_250;
 /// Shortest SYNC cycle in nanoseconds, so that wrong registers do not keep a driver busy.
 const MIN_CYCLE_NS: u64 = 1_000;
 
-/// What a local clock shows when the device is powered, and how wrong it runs.
+/// The time of a local clock at power-on, and the error of its speed.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct LocalClock {
     /// Its time in nanoseconds at power-on.
     pub start_ns: u64,
-    /// How much too fast it runs, in parts per billion; slow ones are negative.
+    /// How much too fast it runs, in parts per billion; negative if it runs too slow.
     pub error_ppb: i64,
 }
 
@@ -40,7 +40,7 @@ pub(crate) enum Sync {
     Sync1,
 }
 
-/// A row of pulses, in system time.
+/// A series of pulses, in system time.
 #[derive(Clone, Copy, Debug)]
 struct Pulses {
     next: u64,
@@ -142,7 +142,7 @@ impl Clock {
     pub(crate) fn compare(&mut self, now: Instant, received: u32, memory: &mut Memory) {
         let delay = u64::from(memory.u32(SYSTEM_TIME_DELAY));
         let local = self.system(now, memory).wrapping_sub(delay);
-        // The chip compares 32 bits, as MainDevices may write no more.
+        // The chip compares 32 bits, because a MainDevice may write only these.
         let difference = i64::from((local as u32).wrapping_sub(received) as i32);
         let depth = memory.u8(0x0934) & 0x0F;
         self.difference =
@@ -158,7 +158,7 @@ impl Clock {
             (-i128::from(difference) * PARTS / i128::from(elapsed)).clamp(-limit * 1024, limit * 1024);
         let bandwidth = i128::from(memory.u16(SPEED_COUNTER_START).max(0x80));
         let proportional = error * 0x100 / bandwidth;
-        // While the correction is at its limit, the clock's own error cannot be learned from it.
+        // While the correction is at its limit, it does not show the clock's own error.
         if proportional.abs() < limit {
             let learned = i128::from(self.learned_ppb) + error * 4 / bandwidth;
             self.learned_ppb = learned.clamp(-limit, limit) as i64;
@@ -209,7 +209,7 @@ impl Clock {
         }
     }
 
-    /// Returns whether the MainDevice has the clock make SYNC signals that have not come to an end.
+    /// Returns whether the MainDevice has started SYNC signals that have not ended.
     pub(crate) const fn makes_pulses(&self) -> bool {
         let [sync0, sync1] = &self.pulses;
         sync0.is_some() || sync1.is_some()
@@ -230,7 +230,7 @@ impl Clock {
             };
             let at = pulses.next;
             match system.wrapping_sub(at).checked_div(pulses.period) {
-                // A driver that woke late gets one pulse, not a burst.
+                // If the driver wakes up late, the clock makes one pulse, not a burst.
                 Some(missed) => pulses.next = at.wrapping_add((missed + 1).saturating_mul(pulses.period)),
                 // Without a period there is a single one.
                 None => *slot = None,

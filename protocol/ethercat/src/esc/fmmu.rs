@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn four_bits_across_a_byte_are_mapped_to_four_bits_within_one() {
-        // The example of the datasheet's chapter on FMMUs turned round: logical bits 6..10, physical bits 1..5.
+        // The example of the datasheet's chapter on FMMUs, its sides exchanged: logical bits 6..10, physical bits 1..5.
         let fmmu = fmmu([0, 0, 0, 0, 2, 0, 6, 1, 0x00, 0x11, 1, 2, 1, 0, 0, 0]);
         let mapped = fmmu.map(0, 2).unwrap();
         assert_eq!(mapped, Mapped { bits: 6..10, address: 0x1100, bit: 1 });

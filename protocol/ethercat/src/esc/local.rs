@@ -53,7 +53,7 @@ impl Esc {
         self.memory.u8(registers::DL_CONTROL + 1) >> (2 * port) & 3
     }
 
-    /// Follows a write to loop control, which opens the loops that waited for one.
+    /// Follows a write to loop control, which opens the loops that waited for such a write.
     pub(super) fn open_loops(&mut self) {
         self.waiting = [false; 4];
         self.set_ports(self.linked);
@@ -69,7 +69,8 @@ impl Esc {
         }
     }
 
-    /// Returns whether frames pass a port. If all are closed, port 0 is open all the same, to get them open again.
+    /// Returns whether frames pass a port. If all are closed, port 0 stays open, so that the MainDevice can open
+    /// the others again.
     pub(crate) fn is_open(&self, port: usize) -> bool {
         !self.is_loop_closed(port as u16) || (port == 0 && (1..4).all(|port| self.is_loop_closed(port)))
     }
@@ -88,7 +89,7 @@ impl Esc {
         self.sync_managers.get(index)?.take(&mut self.memory, index)
     }
 
-    /// Hands data to the MainDevice through a sync manager. Returns whether there was room.
+    /// Passes data to the MainDevice through a sync manager. Returns whether there was room.
     pub(crate) fn put(&mut self, index: usize, data: &[u8]) -> bool {
         self.sync_managers.get(index).is_some_and(|unit| unit.put(&mut self.memory, index, data))
     }
@@ -123,7 +124,7 @@ impl Esc {
         self.clock.as_mut()?.pulse(now, &self.memory)
     }
 
-    /// Returns whether SYNC signals are asked for, and whether they come.
+    /// Returns whether the MainDevice requests SYNC signals, and whether the clock makes them.
     pub(crate) fn sync_signals(&self) -> (bool, bool) {
         let wanted = self.memory.u8(registers::SYNC_ACTIVATION) & 0x07;
         (wanted & 1 != 0 && wanted & 6 != 0, self.clock.as_ref().is_some_and(Clock::makes_pulses))

@@ -6,7 +6,7 @@ use alloc::vec;
 use super::registers;
 use crate::layout::{RAM_LEN, RAM_START};
 
-/// Bytes that no access leaves.
+/// The bytes. An access beyond them has no effect.
 #[derive(Debug)]
 pub(crate) struct Memory(Box<[u8]>);
 

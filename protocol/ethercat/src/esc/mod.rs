@@ -44,7 +44,7 @@ use watchdog::Watchdog;
 pub(crate) struct Changes {
     /// AL control was written.
     pub(crate) al_control: bool,
-    /// Sync managers whose buffer the MainDevice wrote to its end, a bit each.
+    /// Sync managers whose buffer the MainDevice wrote to its end, one bit for each.
     pub(crate) written: u8,
     /// Sync managers whose buffer the MainDevice read to its end.
     pub(crate) read: u8,
@@ -70,7 +70,7 @@ pub(crate) struct Esc {
     linked: [bool; 4],
     /// Letters of the reset sequence seen so far.
     reset_letters: u8,
-    /// Ports that stay closed though their link is back, as loop control "auto close" demands.
+    /// Ports that stay closed although their link is back, as loop control "auto close" requires.
     waiting: [bool; 4],
     /// What this frame writes to registers: address, length and data of each write.
     shadow: Vec<u8>,
@@ -107,7 +107,7 @@ impl Esc {
         esc
     }
 
-    /// Sets all to what it is after power-on.
+    /// Sets everything to its value after power-on.
     pub(crate) fn reset(&mut self, now: Instant) {
         self.memory.reset();
         let features = registers::features(self.clock.is_some());
@@ -161,7 +161,7 @@ impl Esc {
             Addressing::Station => self.has_address(position),
             Addressing::Logical => true,
         };
-        // The scratch is put back below; nothing in between needs it.
+        // `scratch` is put back below; nothing in between needs it.
         let mut scratch = mem::take(&mut self.scratch);
         let (read, written) = match (addressing, operation, meant) {
             (Addressing::Logical, operation, _) => self.logical(now, operation, datagram, &mut scratch),
@@ -185,7 +185,7 @@ impl Esc {
                 && address == self.memory.u16(registers::STATION_ALIAS))
     }
 
-    /// Reads and writes at a physical address; returns which of both succeeded.
+    /// Reads and writes at a physical address; returns which of the two succeeded.
     fn physical(
         &mut self,
         now: Instant,

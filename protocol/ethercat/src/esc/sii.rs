@@ -88,7 +88,7 @@ impl Sii {
         let error = match command {
             0 => return,
             READ => {
-                // An EEPROM answers addresses past its end as well; ours with what an erased one holds.
+                // An EEPROM also answers reads past its end; this one returns the bytes of an erased EEPROM.
                 let rest = self.image.get(at..).unwrap_or_default();
                 let mut data = [0xFF; 8];
                 data.iter_mut().zip(rest).for_each(|(to, from)| *to = *from);

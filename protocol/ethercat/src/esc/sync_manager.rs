@@ -182,7 +182,7 @@ impl SyncManager {
         Some(memory.get(self.newest(), usize::from(self.len)))
     }
 
-    /// Hands data of the device to the MainDevice. Returns whether there was room: a mailbox may be full still.
+    /// Passes data of the device to the MainDevice. Returns whether there was room: a mailbox may still be full.
     pub(crate) fn put(&self, memory: &mut Memory, index: usize, data: &[u8]) -> bool {
         let status = memory.u8(register(index, 5));
         let len = usize::from(self.len);

@@ -2,7 +2,7 @@
 
 use super::{Outbox, coe};
 
-/// Emergencies that wait at most.
+/// Largest number of emergencies that wait.
 const CAPACITY: usize = 8;
 
 /// An error that a device reports by itself.
@@ -12,7 +12,7 @@ pub struct Emergency {
     pub code: u16,
     /// Error register, object 0x1001.
     pub register: u8,
-    /// Bytes of the vendor's own.
+    /// Bytes whose meaning the vendor defines.
     pub data: [u8; 5],
 }
 

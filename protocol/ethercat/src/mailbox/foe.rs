@@ -57,9 +57,9 @@ impl File {
 enum Progress {
     #[default]
     Idle,
-    /// The packet with this number is to come.
+    /// The device waits for the packet with this number.
     Writing { packet: u32 },
-    /// The packet with this number, the last one or not, is to be acknowledged.
+    /// The device waits for the acknowledgement of the packet with this number.
     Reading { packet: u32, last: bool },
 }
 
@@ -167,7 +167,7 @@ impl FileAccess {
         Ok(())
     }
 
-    /// Sends a packet of the file; the last one is shorter than a mailbox, if need be empty.
+    /// Sends a packet of the file; the last one is shorter than a mailbox, and empty if necessary.
     fn send(&mut self, packet: u32, context: &Context<'_, '_>, outbox: &mut Outbox) {
         let len = packet_len(outbox);
         let start = (packet as usize).saturating_sub(1).saturating_mul(len);

@@ -107,7 +107,7 @@ fn write(outbox: &mut Outbox, operation: u8, left: u16, write: impl FnOnce(&mut 
     });
 }
 
-/// Returns the objects of a list: all, those that are mapped into process data, or none that are kept or loaded.
+/// Returns the objects of a list: all, or those that are mapped into process data; the other lists are empty.
 fn objects(dictionary: &Dictionary, list: u16) -> impl Iterator<Item = &DictionaryObject> {
     dictionary.objects().iter().filter(move |object| match list {
         ALL => true,

@@ -44,7 +44,7 @@ pub(crate) enum MailboxError {
     InvalidSize = 8,
 }
 
-/// What a request is served with.
+/// What is needed to serve a request.
 pub(crate) struct Context<'a, 's> {
     pub(crate) state: AlState,
     pub(crate) dictionary: &'a mut Dictionary,
@@ -94,9 +94,9 @@ impl Outbox {
 #[derive(Debug)]
 pub(crate) struct Mailbox {
     next: Outbox,
-    /// The message handed out last, for a request to repeat it.
+    /// The message that was handed out last, in case the MainDevice asks for it again.
     last: Box<[u8]>,
-    /// Counter of the message received last, to know a repeated one by.
+    /// Counter of the message received last, by which a repeated message is recognised.
     received: u8,
     /// The bit of the repeat request that was served last.
     repeated: bool,
@@ -171,7 +171,7 @@ impl Mailbox {
         let mut reader = Reader::new(message);
         let Ok([low, high, _, _, _, kind]) = reader.array::<HEADER_LEN>() else { return };
         let counter = kind >> 4 & 7;
-        // A counter of 0 is one that the MainDevice does not use.
+        // A MainDevice that does not use the counter sends 0.
         if counter != 0 && counter == self.received {
             return;
         }

@@ -1,4 +1,5 @@
-//! SDO transfers (ETG.1000.6, 5.6.2): expedited up to 4 bytes, normal as far as the mailbox reaches, then in segments.
+//! SDO transfers (ETG.1000.6, 5.6.2): expedited up to 4 bytes, normal up to the size of the mailbox, longer
+//! values in segments.
 //!
 //! ```text
 //! 0      command in bits 5..8; others by command
@@ -15,7 +16,7 @@ use crate::abort_code::AbortCode;
 use crate::description::{Access, ObjectCode};
 use crate::dictionary::configures;
 
-/// Length in bytes of the largest value: longer ones are refused before memory is taken for them.
+/// Length in bytes of the longest value: longer ones are refused before memory is allocated for them.
 const MAX_LEN: usize = 0x1_0000;
 
 /// Commands of the MainDevice.
@@ -38,7 +39,7 @@ const ABORTED: u8 = 0x80;
 /// Least data of a segment.
 const MIN_SEGMENT: usize = 7;
 
-/// What a transfer is about.
+/// The entry or entries that a transfer reads or writes.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 struct Target {
     index: u16,
@@ -51,9 +52,9 @@ struct Target {
 enum Progress {
     #[default]
     Idle,
-    /// Bytes from `sent` on are to be sent.
+    /// The device still has to send the bytes from `sent` on.
     Uploading { sent: usize, toggle: bool },
-    /// Up to `len` bytes are to come.
+    /// The device waits for up to `len` bytes.
     Downloading { len: usize, toggle: bool },
 }
 
@@ -110,7 +111,7 @@ impl Transfer {
 
     fn answer(&self, outbox: &mut Outbox, command: u8, value: u32) {
         let Target { index, subindex, .. } = self.target;
-        // ETG.1000.6 has an abort as a request of either side.
+        // ETG.1000.6 defines an abort as a request, whichever side sends it.
         let service = if command == ABORTED { coe::SDO_REQUEST } else { coe::SDO_RESPONSE };
         coe::write(outbox, service, |writer| {
             writer.u8(command);
@@ -182,7 +183,7 @@ impl Transfer {
     ) -> Result<(), AbortCode> {
         self.data.clear();
         if command & EXPEDITED != 0 {
-            // Without the bit for the size the value's own length counts.
+            // Without the bit for the size, the size is the value's own length.
             let len = match command & 1 {
                 0 => own_len(self.target, context)?.min(4),
                 _ => 4 - usize::from(command >> 2 & 3),
@@ -263,7 +264,7 @@ impl Transfer {
         let mut rest = &self.data[..];
         let mut values = Vec::with_capacity(entries.len());
         for (number, capacity) in entries {
-            // Fewer of the process data may be chosen than there could be.
+            // The MainDevice may choose fewer process data than the object has subindices for.
             if rest.is_empty() && configures(index) {
                 break;
             }
@@ -276,7 +277,7 @@ impl Transfer {
         if !rest.is_empty() {
             return Err(AbortCode::TOO_LONG);
         }
-        // What is there already may be written even where nothing else may.
+        // A write of the present value is accepted even if the entry cannot be written.
         let is_new = |(number, value): &(u8, &[u8])| context.dictionary.get(index, *number) != Some(*value);
         if !configures(index) {
             values.retain(is_new);
@@ -310,7 +311,7 @@ fn collect(target: Target, context: &Context<'_, '_>, data: &mut Vec<u8>) -> Res
         return Ok(());
     }
     for (number, _) in complete_entries(target, context)? {
-        // Of what is chosen of the process data, only what counts.
+        // Of the chosen process data, only as many as subindex 0 says.
         if configures(index) && number > context.dictionary.count(index) {
             break;
         }
@@ -323,7 +324,7 @@ fn collect(target: Target, context: &Context<'_, '_>, data: &mut Vec<u8>) -> Res
     Ok(())
 }
 
-/// Returns subindices and lengths of the entries that a complete access is about.
+/// Returns subindices and lengths of the entries that a complete access reads or writes.
 fn complete_entries(target: Target, context: &Context<'_, '_>) -> Result<Vec<(u8, usize)>, AbortCode> {
     let object = context.dictionary.object(target.index)?;
     if object.code == ObjectCode::Variable || target.subindex > 1 {
@@ -339,7 +340,7 @@ fn own_len(target: Target, context: &Context<'_, '_>) -> Result<usize, AbortCode
 
 fn check_writable(target: Target, context: &Context<'_, '_>) -> Result<(), AbortCode> {
     let entry = context.dictionary.entry(target.index, target.subindex)?;
-    // What is written to these is checked when all of it is there.
+    // Values for objects that configure process data are checked once all of them are there.
     let refused = !target.complete && entry.access == Access::ReadOnly && !configures(target.index);
     if refused { Err(AbortCode::READ_ONLY) } else { Ok(()) }
 }

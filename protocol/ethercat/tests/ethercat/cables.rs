@@ -199,7 +199,7 @@ fn after_a_cut_the_devices_behind_it_fall_back_and_come_to_op_again_without_a_re
             if counted.last() != Some(&cycle.working_counter) {
                 counted.push(cycle.working_counter);
             }
-            // Only those that answer can be asked.
+            // Only devices that answer can report a state.
             for device in group.iter(main) {
                 let Ok(status) = device.register_read::<[u8; 2]>(0x0130_u16).await else { continue };
                 if status[0] == 0x14 {

@@ -123,7 +123,7 @@ fn pairs(text: &str) -> Vec<[Vec<u8>; 2]> {
     lines.chunks_exact(2).map(pair).collect()
 }
 
-/// Returns an answer without bytes that say nothing: the answer to a download ends with four reserved ones (ETG.1000.6,
+/// Returns an answer without bytes that have no meaning: the answer to a download ends with four reserved ones (ETG.1000.6,
 /// SDO download normal response). The EL3004 leaves the request's data there, we write zeros.
 fn meaning(answer: &[u8]) -> &[u8] {
     const COMMAND: usize = 8;

@@ -1,4 +1,5 @@
-//! Distributed clocks: delays measured from the cable, clocks that run wrong and are made to agree, SYNC signals.
+//! Distributed clocks: delays measured from the cable, clocks that run too fast or too slow and are made to agree, SYNC
+//! signals.
 
 use embassy_time::Timer;
 use ethercat_maindevice::time;
@@ -223,7 +224,7 @@ fn a_sync1_longer_than_the_cycle_comes_after_every_second_sync0_and_a_cycle_of_0
     }
 }
 
-/// Found by the fuzzer: at the end of the time, the same signal came for ever.
+/// Found by the fuzzer: near the end of the 64-bit system time, the clock repeated one signal for ever.
 #[test]
 fn sync_signals_go_on_where_the_64_bit_system_time_begins_anew() {
     let mut segment = Segment::new();

@@ -31,7 +31,7 @@ enum SegmentFault {
     Eeprom(usize, usize),
     Hang(usize, Duration),
     Raise(usize),
-    /// A station address is set by somebody else.
+    /// Another sender on the cable sets a station address.
     Readdress(usize, u16),
 }
 
@@ -65,7 +65,7 @@ enum Fault {
     Happenings(Vec<(Duration, SegmentFault)>),
     /// The cable is like this all the time.
     Cable(Impairment),
-    /// The clocks run wrong by so many parts per billion.
+    /// The clocks run too fast or too slow by so many parts per billion.
     Clocks(i64),
 }
 

@@ -1,4 +1,4 @@
-//! No bytes make a segment panic, and its working counters never lie.
+//! No bytes make a segment panic, and its working counters are always right.
 
 use ethercat_subdevice::{AlState, DeviceConfig, DeviceId, Segment};
 use machine::Duration;

@@ -1,4 +1,5 @@
-//! The limits of ethercrab 0.7.1, for its users: each test shows one limit, and fails once a version does not have it.
+//! The limits of ethercrab 0.7.1, for its users: each test shows one limit, and fails once ethercrab no longer
+//! has it.
 
 use embassy_time::Timer;
 use ethercat_maindevice::time;
@@ -19,7 +20,8 @@ fn single_device(config: &DeviceConfig) -> Segment {
     segment
 }
 
-/// Reads an object while the device raises an emergency with this code: the request is in the mailbox, the answer not yet.
+/// Reads an object while the device raises an emergency with this code: the request is in the mailbox, but not yet
+/// the answer.
 fn read_with_an_emergency(code: u16) -> Option<Result<u32, Error>> {
     let mut segment = single_device(&DeviceConfig { answer_delay: MS * 10, ..DeviceConfig::new(&SMART) });
     let script = async |main: &MainDevice<'_>| {
@@ -109,7 +111,7 @@ fn a_device_with_outputs_alone_works() {
 }
 
 /// Runs cycles of one frame with two datagrams each; the reply to one is held back for `frames` others. Returns how many
-/// cycles old the inputs were at most where ethercrab had no complaint.
+/// cycles old the inputs were at most in cycles for which ethercrab returned no error.
 fn age_with_a_reply_behind(frames: u32) -> u8 {
     let mut segment = single_device(&DeviceConfig::new(&PLAIN));
     let mut stand = Stand::new(&mut segment);

@@ -1,4 +1,4 @@
-//! SubDevices under a MainDevice that others wrote, and under one by main_device, in virtual time.
+//! SubDevices in virtual time, under the MainDevice of ethercrab and under a simple one that sends single datagrams.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by a panic")]
 #![expect(unreachable_pub, reason = "a test program has no users")]

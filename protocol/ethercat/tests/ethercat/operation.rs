@@ -1,5 +1,5 @@
-//! A MainDevice as a PLC needs one: it checks working counter, states and data of every cycle, brings devices back that
-//! fell, and starts over when one does not answer any more.
+//! A MainDevice as a PLC needs one: it checks working counter, states and data of every cycle, brings a device that fell
+//! back to OP, and starts over if a device does not answer any more.
 
 use embassy_time::Timer;
 use ethercat_maindevice::time;
@@ -25,7 +25,7 @@ pub struct Operation {
     pub starts: usize,
     /// Cycles in which every device was counted and in OP.
     pub good: usize,
-    /// Cycles in which not, or without a reply.
+    /// Cycles in which a device was not counted or not in OP, or that had no reply.
     pub bad: usize,
     /// Good cycles since the last bad one.
     pub good_since: usize,

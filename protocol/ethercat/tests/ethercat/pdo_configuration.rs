@@ -1,4 +1,4 @@
-//! Process data that a MainDevice chooses: assignment and mapping, by ethercrab and by main_device.
+//! Process data that a MainDevice chooses: assignment and mapping, by ethercrab and by single datagrams.
 
 use ethercat_maindevice::time;
 use ethercat_subdevice::description::{DataType, Mailbox, Pdo, PdoEntry};

@@ -1,4 +1,4 @@
-//! A MainDevice by main_device: one datagram a frame, for what ethercrab does not send.
+//! A simple MainDevice, which sends one datagram in each frame: for what ethercrab does not send.
 
 use ethercat_subdevice::{DeviceId, Event, Segment};
 use machine::{Duration, Instant, Machine, Port, Source};
@@ -38,7 +38,7 @@ impl RawMainDevice {
     pub fn send(&mut self, frame: &[u8]) -> Option<Vec<u8>> {
         self.segment.handle_frame(self.now, Source { port: Port::Ethernet, peer: None }, frame);
         let mut buf = vec![0; 4096];
-        // The wait for a frame under way is the cable's.
+        // If the cable delays the frame, the reply comes at the next deadline.
         let mut sent = None;
         for _ in 0..2 {
             sent = self.segment.poll_transmit(self.now, &mut buf);

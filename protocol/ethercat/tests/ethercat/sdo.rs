@@ -1,4 +1,4 @@
-//! SDOs: by ethercrab, and by hand where ethercrab sends no such transfer.
+//! SDOs: by ethercrab, and by single datagrams where ethercrab has no such transfer.
 
 use ethercat_maindevice::time;
 use ethercat_subdevice::{DeviceConfig, DeviceId, Emergency, Event, Segment};

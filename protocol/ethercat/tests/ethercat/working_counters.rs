@@ -1,4 +1,4 @@
-//! What each command reads, writes and counts, by hand at three devices.
+//! What each command reads, writes and counts at three devices, by single datagrams.
 
 use ethercat_subdevice::{DeviceConfig, Segment};
 
