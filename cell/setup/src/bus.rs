@@ -171,7 +171,7 @@ pub struct ProfinetSubmodule {
     pub output_bytes: u16,
 }
 
-/// What EtherNet/IP may be told besides. The requested packet interval is [`Bus::cycle_us`], both ways.
+/// Optional details of the EtherNet/IP connection. The requested packet interval is [`Bus::cycle_us`], both ways.
 #[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -238,7 +238,7 @@ impl EthernetIp {
     }
 }
 
-/// What EtherCAT may be told besides.
+/// Optional details of the EtherCAT connection.
 #[derive(Clone, PartialEq, Default, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]

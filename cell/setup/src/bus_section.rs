@@ -39,9 +39,9 @@ struct BusSection {
     robot: Option<Peer>,
     /// What PROFINET needs besides.
     profinet: Option<Profinet>,
-    /// What EtherNet/IP may be told besides.
+    /// Optional details of the EtherNet/IP connection.
     ethernet_ip: Option<EthernetIp>,
-    /// What EtherCAT may be told besides.
+    /// Optional details of the EtherCAT connection.
     ethercat: Option<Ethercat>,
 }
 

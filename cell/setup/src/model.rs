@@ -125,7 +125,7 @@ pub struct Robot {
 #[serde(rename_all = "kebab-case")]
 pub enum Drives {
     /// Emulated CiA 402 drives in cyclic synchronous position, one an axis, on an EtherCAT segment of the robot controller.
-    /// Each robot cycle is a cycle of theirs.
+    /// They exchange process data once in each robot cycle.
     Ethercat,
 }
 
