@@ -22,7 +22,7 @@ pub struct Bus {
     pub clock_drift_ppm: Sourced<u32>,
     /// PLCs that the robot node accepts; every one if the list is empty.
     pub allowed_plcs: Vec<Peer>,
-    /// What the robot must be besides its name or address, for the PLC node.
+    /// Properties that the PLC node checks besides the name or address of the robot.
     pub robot: Option<Peer>,
 }
 
@@ -112,7 +112,7 @@ impl std::str::FromStr for Cyclic {
 #[error("cyclic frames travel by `udp` (RT_CLASS_UDP) or by `rt1` (EtherType 0x8892), not by `{0}`")]
 pub struct UnknownCyclic(pub String);
 
-/// What PROFINET needs besides.
+/// Details of the PROFINET connection.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -136,8 +136,9 @@ pub struct ProfinetDevice {
     pub vendor: u16,
     /// DeviceID.
     pub device: u16,
-    /// What is plugged, by ascending slot; slot 0 is the device access point. The image goes over the submodules with
-    /// data, by slot and subslot; what does not fit is left out, what stays over is zero.
+    /// The modules that are plugged, by ascending slot; slot 0 is the device access point. The image is spread over the
+    /// submodules with data, in the order of slot and subslot. Bytes of the image that do not fit are left out; bytes of the
+    /// submodules that it does not fill are zero.
     pub modules: Vec<ProfinetModule>,
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Addresses, Bus, BusKind, Ethercat, EthernetIp, Peer, Profinet, Sourced};
 
-/// The fieldbus. What only other buses need may stay in the file. The keys are written in this order.
+/// The fieldbus. Keys that only other buses need may stay in the file. The keys are written in this order.
 #[derive(Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -35,9 +35,9 @@ struct BusSection {
     /// PLCs that the robot node accepts; every one if the list is empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     allowed_plcs: Vec<Peer>,
-    /// What the robot must be besides its name or address, for the PLC node.
+    /// Properties that the PLC node checks besides the name or address of the robot.
     robot: Option<Peer>,
-    /// What PROFINET needs besides.
+    /// Details of the PROFINET connection.
     profinet: Option<Profinet>,
     /// Optional details of the EtherNet/IP connection.
     ethernet_ip: Option<EthernetIp>,

@@ -61,7 +61,7 @@ pub struct Plc {
     /// Time from one scan to the next, in µs.
     pub scan_cycle_us: Sourced<u32>,
     /// Time from reading the inputs to writing the outputs, in µs. Simulated in virtual mode; in real mode the scan
-    /// takes as long as it takes.
+    /// is not delayed.
     pub scan_cost_us: Sourced<u32>,
     /// Number of the image's slots that MoveContinuous keeps filled, 1 to 5: how many motions the PLC writes ahead of
     /// the motion that the robot executes. If left out, all five.
@@ -107,7 +107,7 @@ pub struct Robot {
     pub path_acceleration_mm_s2: Sourced<f64>,
     /// Highest path jerk in mm/s³.
     pub path_jerk_mm_s3: Sourced<f64>,
-    /// What moves its joints. If left out, each joint is at once where the controller sets it.
+    /// What moves its joints. If left out, each joint follows the controller without a delay.
     pub drives: Option<Drives>,
     /// Its force controller; a robot without one does not run LIN force.
     pub force: Option<Force>,

@@ -5,12 +5,12 @@
 
 use arrayvec::ArrayVec;
 
-use super::chebyshev::{NODES, POINT_SHARES, SHARES, place_of};
+use super::chebyshev::{NODES, POINT_SHARES, POINTS, SHARES, place_of};
 use super::curve::Curve;
 use super::derivatives::{Derivatives, Samples};
 use super::node::{Node, Ratings};
 use super::nodes::{Nodes, PIECES, points_of};
-use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, length};
+use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, distance, length};
 
 /// Share of the limits of axes and tool that is kept in reserve for the error of the samples. Where the error is
 /// larger, the curve is cut.
@@ -88,7 +88,8 @@ pub(super) fn along(
             let at = (&derivatives, place_of(point), off);
             nodes.push(Node::new(begin + POINT_SHARES[point] * width, speed, at, is_line, ratings));
         }
-        if !is_resolved(&derivatives, &nodes[first..], most, ratings, arm.axes()) {
+        let bends = bends_off(curve, &derivatives, begin, width);
+        if !is_resolved(&derivatives, bends, &nodes[first..], most, ratings, arm.axes()) {
             if can_cut {
                 nodes.truncate(first);
                 share /= 2.0;
@@ -182,10 +183,22 @@ fn sampled(
     Ok((samples, joints, turn))
 }
 
-/// Returns whether the reserve covers the error of a piece's samples at the highest speed there. `most` are the limits
-/// of acceleration and jerk along the piece, in its unit.
+/// Returns how far the second derivative of the tool is from that of the curve at the start, in the middle and at the end of a
+/// piece, in 1/mm. A spline can bend within a thousandth of its length, between two samples; the bends of the other curves are
+/// the same everywhere.
+fn bends_off(curve: &Curve, piece: &Derivatives, begin: f64, width: f64) -> f64 {
+    let Curve::Spline(spline) = curve else { return 0.0 };
+    let bends = spline.bends(&[begin, begin + width / 2.0, begin + width]);
+    let points = [0, POINTS / 2, POINTS - 1];
+    let off = |(point, bend): (usize, _)| distance(bend, piece.tool(1, place_of(point)));
+    points.into_iter().zip(bends).map(off).fold(0.0, f64::max)
+}
+
+/// Returns whether the reserve covers the error of a piece's samples at the highest speed there. `bends` is what is known of the
+/// error of the tool's second derivative. `most` are the limits of acceleration and jerk along the piece, in its unit.
 pub(super) fn is_resolved(
     piece: &Derivatives,
+    bends: f64,
     nodes: &[Node],
     most: [f64; 2],
     ratings: &Ratings,
@@ -212,7 +225,7 @@ pub(super) fn is_resolved(
         return of_joints;
     }
     let reserve = LEFT_OUT * (1.0 - TOOL_RESERVE);
-    let (bend, twist) = (length(piece.tool_off(1)), length(piece.tool_off(2)));
+    let (bend, twist) = (length(piece.tool_off(1)).max(bends), length(piece.tool_off(2)));
     let of_tool = bend * square <= reserve * ratings.tool_acceleration
         && 3.0 * bend * speed * acceleration + twist * speed * square <= reserve * ratings.tool_jerk();
     of_joints && of_tool

@@ -161,7 +161,9 @@ impl Blend {
                 self.nodes.push(node);
             }
             let most = [f64::INFINITY; 2];
-            if can_cut && !is_resolved(&derivatives, &self.nodes[begun..], most, &self.ratings, arm.axes()) {
+            if can_cut
+                && !is_resolved(&derivatives, 0.0, &self.nodes[begun..], most, &self.ratings, arm.axes())
+            {
                 self.nodes.truncate(begun);
                 width /= 2.0;
                 continue;

@@ -194,7 +194,7 @@ impl Path {
                 return (Place { cell, time, seconds, settled }, 0.0);
             }
             time -= piece.cell.duration;
-            if piece.cell.is_to_rest() && !self.scale.is_steady() && !settled {
+            if piece.cell.is_to_rest() && !self.scale.is_steadily(self.factor) && !settled {
                 // From the rest on the override is in effect.
                 let rest = self.scale.seconds_until(self.scale.law_seconds(seconds) - time, seconds);
                 time = (seconds - rest) * self.factor;

@@ -157,6 +157,11 @@ impl Spline {
         })
     }
 
+    /// The tool's second derivative by the way after each of some ways, in 1/mm.
+    pub(super) fn bends<const N: usize>(&self, ways: &[f64; N]) -> [[f64; 3]; N] {
+        self.ways.shares(&self.curve, ways).map(|share| self.curve.bend_by_way(share))
+    }
+
     /// Where the tool is after `way`.
     pub(super) fn position(&self, way: f64) -> [f64; 3] {
         if way <= 0.0 {

@@ -17,13 +17,25 @@ impl Quintic {
 
     /// How the share grows with the way: its first two derivatives, by mm.
     pub(super) fn growth_at(&self, share: f64) -> [f64; 2] {
-        let [_, _, c, d, e, f] = &self.0;
-        let bend = core::array::from_fn(|i| {
-            ((20.0 * f[i] * share + 12.0 * e[i]) * share + 6.0 * d[i]) * share + 2.0 * c[i]
-        });
-        let slope = self.slope(share);
+        let (slope, bend) = (self.slope(share), self.bend(share));
         let square = dot(slope, slope).max(1e-18);
         [1.0 / square.sqrt(), -dot(slope, bend) / (square * square)]
+    }
+
+    /// The position's second derivative by the way, in 1/mm.
+    pub(super) fn bend_by_way(&self, share: f64) -> [f64; 3] {
+        let (slope, bend) = (self.slope(share), self.bend(share));
+        let square = dot(slope, slope).max(1e-18);
+        let along = dot(slope, bend) / square;
+        core::array::from_fn(|i| (bend[i] - along * slope[i]) / square)
+    }
+
+    /// The position's second derivative by the share, in mm.
+    fn bend(&self, share: f64) -> [f64; 3] {
+        let [_, _, c, d, e, f] = &self.0;
+        core::array::from_fn(|i| {
+            ((20.0 * f[i] * share + 12.0 * e[i]) * share + 6.0 * d[i]) * share + 2.0 * c[i]
+        })
     }
 
     /// The position's derivative by the share, in mm.
