@@ -9,10 +9,10 @@ use crate::case::{Case, Event, Execution, Happening, Programmed, Run};
 use crate::law::{Law, Seen};
 use crate::violation::{Class, Violation};
 
-/// Cycles after which the PLC loses its patience with a skill and halts it: 12 s.
+/// Cycles after which the PLC loses its patience with a skill and halts it: 12 s at 4 ms.
 const PATIENCE: u32 = 3_000;
 
-/// Cycles that a halt may take: 20 s.
+/// Cycles that a halt may take: 20 s at 4 ms.
 const HALTS_WITHIN: u32 = 5_000;
 
 /// Cycles that are watched after a skill has ended: the arm must stand, and its last cycles must be within the limits.

@@ -17,8 +17,10 @@ use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, distan
 pub(super) const AXIS_RESERVE: f64 = 0.955;
 pub(super) const TOOL_RESERVE: f64 = 0.965;
 
-/// Share of that reserve that the error of the samples may use. The rest is for the places between the nodes.
-const LEFT_OUT: f64 = 0.85;
+/// Shares of those reserves that the error of the samples may use. The rest is for the places between the nodes; near a singular
+/// position joints change fast there.
+const AXIS_LEFT_OUT: f64 = 0.6;
+const TOOL_LEFT_OUT: f64 = 0.85;
 
 /// Least length of a piece, as a share of the curve.
 const SHORTEST: f64 = 1.0 / 4096.0;
@@ -213,7 +215,7 @@ pub(super) fn is_resolved(
     let allowed = nodes.iter().map(|node| node.most_along(ratings));
     let allowed = allowed.fold([0.0; 2], |most: [f64; 2], node| [most[0].max(node[0]), most[1].max(node[1])]);
     let [acceleration, jerk] = [most[0].min(allowed[0]), most[1].min(allowed[1])];
-    let reserve = LEFT_OUT * (1.0 - AXIS_RESERVE);
+    let reserve = AXIS_LEFT_OUT * (1.0 - AXIS_RESERVE);
     let of_joints = piece.joints().iter().enumerate().take(axes).all(|(axis, joint)| {
         let [slope, bend, twist] = joint.off;
         slope * speed <= reserve * ratings.speed[axis]
@@ -224,7 +226,7 @@ pub(super) fn is_resolved(
     if !ratings.leads_tool() {
         return of_joints;
     }
-    let reserve = LEFT_OUT * (1.0 - TOOL_RESERVE);
+    let reserve = TOOL_LEFT_OUT * (1.0 - TOOL_RESERVE);
     let (bend, twist) = (length(piece.tool_off(1)).max(bends), length(piece.tool_off(2)));
     let of_tool = bend * square <= reserve * ratings.tool_acceleration
         && 3.0 * bend * speed * acceleration + twist * speed * square <= reserve * ratings.tool_jerk();
