@@ -10,13 +10,6 @@ use crate::arm::{AXES, Arm, Joints, Violation};
 /// Factor for the extreme values of a joint between two points, which are found only approximately.
 const EXTREMUM: f64 = 1.25;
 
-/// By how much the first three derivatives of a Chebyshev polynomial at its end grow from one left out pair to the next: with the
-/// second, fourth and sixth power of the degree, from 10 to 12.
-const GROWTH: [f64; 3] = [1.44, 2.07, 2.99];
-
-/// Largest share of what is left out that may be behind the first pair: a sum that falls so slowly is not known.
-const MOST_BEHIND: f64 = 0.9;
-
 /// Six joints and the three coordinates of the tool.
 const CHANNELS: usize = AXES + 3;
 
@@ -57,7 +50,7 @@ impl Channel {
         let halves = Halves::of(samples);
         let [even, odd] = operators.factors.apply(&halves);
         let [first_pair, before, end] = core::array::from_fn(|pair| odd[pair].abs() + even[pair].abs());
-        let (left_out, rate) = left_out(first_pair, before, end);
+        let left_out = left_out(first_pair, before, end);
         let mut scale = 1.0;
         for (order, operator) in operators.derivatives.iter().enumerate() {
             scale /= width;
@@ -65,9 +58,7 @@ impl Channel {
                 continue;
             }
             operator.apply(&halves, scale, &mut self.at[order]);
-            // A derivative grows with the degree of the polynomial, so those behind the first pair count as well.
-            let behind = 1.0 / (1.0 - (rate * GROWTH[order]).min(MOST_BEHIND));
-            self.off[order] = left_out * behind * operators.ends[order] * scale;
+            self.off[order] = left_out * operators.ends[order] * scale;
         }
     }
 
@@ -100,16 +91,15 @@ impl Channel {
     }
 }
 
-/// Returns the size of the first factor pair that a polynomial leaves out, and the rate at which the factors fall from pair to
-/// pair, from the sizes of its last three pairs.
+/// Returns what a polynomial leaves out, from the sizes of the last three pairs of its factors.
 ///
 /// The factors of a smooth joint fall at a rate that rises or falls slowly. Near a singular position the last pair can be small
 /// by chance: it counts no less than half the rate of the pairs before lets expect.
-fn left_out(first_pair: f64, before: f64, end: f64) -> (f64, f64) {
+fn left_out(first_pair: f64, before: f64, end: f64) -> f64 {
     let expected = if before < first_pair { before / first_pair / 2.0 } else { 0.5 };
     let end = end.max(expected * before);
-    let rate = if end < before { end / before } else { 1.0 };
-    (end * rate, rate)
+    // The slope of a polynomial that is left out is largest at its end.
+    if end < before { end * end / before } else { end }
 }
 
 /// Returns the largest absolute value; those that are no numbers do not count.
