@@ -1,5 +1,5 @@
-//! Random lists on the setups' arms and controllers and on others of their kind, and the lists that once broke a law. `bench judge` runs as
-//! many as one asks for.
+//! Random lists on the setups' arms and controllers and on others of their kind, and the lists that once broke a law.
+//! `bench judge` runs as many as one asks for.
 #![expect(clippy::unwrap_used, reason = "a test fails where there is nothing to unwrap")]
 
 use std::fs;
