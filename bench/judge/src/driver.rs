@@ -1,6 +1,6 @@
 //! Runs a case: the robot's controller in virtual time, fed every robot cycle as a PLC would, and judged.
 
-use machine::Instant;
+use machine::{Duration, Instant};
 use protocol::image::{Command, Control, Feedback, Motion, SLOTS, Skill, State, Status};
 use robot_node::{ConfigError, Controller, Program};
 use setup::Setup;
@@ -25,6 +25,8 @@ pub struct Outcome {
     pub violation: Option<Violation>,
     /// Robot cycles that were judged.
     pub cycles: u64,
+    /// How long they would have taken.
+    pub plant: Duration,
     /// Motions that were executed.
     pub motions: u64,
     /// Skills that ended as wanted, were given up, ended by an error.
@@ -37,6 +39,7 @@ pub struct Outcome {
 ///
 /// The arm makes no sense.
 pub fn run(case: &Case, setup: &Setup, classes: &[Class]) -> Result<Outcome, ConfigError> {
+    let setup = &case.its_setup(setup);
     let config = case.robot(setup)?;
     let programs =
         case.runs.iter().enumerate().map(|(index, run)| (index as u16 + 1, program(run))).collect();
@@ -44,7 +47,7 @@ pub fn run(case: &Case, setup: &Setup, classes: &[Class]) -> Result<Outcome, Con
         cycle: config.cycle,
         controller: Controller::new(config, programs, case.seed),
         command: Command::default(),
-        law: Law::new(case, &case.its_setup(setup), classes),
+        law: Law::new(case, setup, classes),
         at: Instant::ZERO,
         run_cycle: 0,
         is_connected: true,
@@ -55,6 +58,7 @@ pub fn run(case: &Case, setup: &Setup, classes: &[Class]) -> Result<Outcome, Con
         driver.reset();
         driver.perform(index as u16 + 1, run);
     }
+    driver.outcome.plant = driver.at.since(Instant::ZERO);
     driver.outcome.violation = driver.law.found().cloned();
     Ok(driver.outcome)
 }
@@ -69,7 +73,7 @@ struct Driver {
     command: Command,
     law: Law,
     at: Instant,
-    cycle: core::time::Duration,
+    cycle: Duration,
     /// Cycles since the run began.
     run_cycle: u32,
     is_connected: bool,

@@ -1,6 +1,7 @@
 //! Many random cases, one after another.
 
 use core::ops::Range;
+use core::time::Duration;
 
 use robot_node::ConfigError;
 use setup::Setup;
@@ -15,8 +16,8 @@ pub struct Tally {
     pub cases: u64,
     /// Robot cycles that were judged.
     pub cycles: u64,
-    /// How long they would have taken, in s.
-    pub plant_s: f64,
+    /// How long they would have taken.
+    pub plant: Duration,
     /// Motions that were executed.
     pub motions: u64,
     /// Skills that ended as wanted, were given up, ended by an error.
@@ -30,7 +31,7 @@ impl Tally {
     pub fn add(&mut self, other: Self) {
         self.cases += other.cases;
         self.cycles += other.cycles;
-        self.plant_s += other.plant_s;
+        self.plant += other.plant;
         self.motions += other.motions;
         for (sum, other) in self.ended.iter_mut().zip(other.ended) {
             *sum += other;
@@ -68,12 +69,10 @@ pub fn hunt(
         let outcome = driver::run(&case, setup, classes)?;
         let ended = outcome.ended;
         let found = outcome.violation.map(|violation| (number, violation)).into_iter().collect();
-        let cycle_us = case.its_setup(setup).robot.cycle_us.value;
-        let plant_s = outcome.cycles as f64 * f64::from(cycle_us) / 1e6;
         tally.add(Tally {
             cases: 1,
             cycles: outcome.cycles,
-            plant_s,
+            plant: outcome.plant,
             motions: outcome.motions,
             ended,
             found,

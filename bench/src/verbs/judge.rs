@@ -145,12 +145,12 @@ fn watch_for_interrupt() -> Result<Arc<AtomicBool>, Failure> {
 }
 
 fn print(tally: &Tally, options: &JudgeOptions, setup: &Setup, started: Instant) {
-    let Tally { cases, cycles, plant_s, motions, ended: [done, given_up, failed], .. } = *tally;
+    let Tally { cases, cycles, plant, motions, ended: [done, given_up, failed], .. } = *tally;
     outln!("Setup {}: {}", setup.name, setup.title);
     outln!(
         "{cases} lists of seed {}, {motions} motions, {cycles} robot cycles: {:.1} h",
         options.seed,
-        plant_s / 3600.0
+        plant.as_secs_f64() / 3600.0
     );
     outln!("skills: {done} done, {given_up} given up, {failed} ended by an error");
     let took_s = started.elapsed().as_secs_f64();

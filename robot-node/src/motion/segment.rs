@@ -210,7 +210,7 @@ impl<'a> Asked<'a> {
 
     fn along_a_path(self, before: Option<&Segment>) -> Result<Segment, Violation> {
         let Self { motion, from, arm, tool, base, programmed } = self;
-        let ratings = along_a_path(&programmed, arm);
+        let ratings = path_ratings(&programmed, arm);
         let curve = self.curve()?;
         let most = [programmed.acceleration, programmed.jerk];
         let follow = |curve: &Curve| along(curve, from, programmed.speed, most, &ratings, arm);
@@ -248,7 +248,7 @@ impl<'a> Asked<'a> {
         let Self { motion, from, arm, tool, base, programmed } = self;
         let end = self.joints_at_the_end()?;
         let axes = AxisLine::new(*from, end);
-        let (ratings, nodes) = point_to_point(&axes.way(), &programmed, arm);
+        let (ratings, nodes) = axes_ratings_and_nodes(&axes.way(), &programmed, arm);
         let curve = Curve::Axes(axes);
         let zones = [curve.length() / 2.0; 2];
         let (approximation_mm, base_inverse) = (motion.approximation_mm(), base.inverse());
@@ -287,7 +287,7 @@ fn within(value: f64, limit: f64, violation: fn(f64, f64) -> Violation) -> Resul
 }
 
 /// Returns the limits of joints and tool along a path.
-fn along_a_path(programmed: &Programmed, arm: &Arm) -> Ratings {
+fn path_ratings(programmed: &Programmed, arm: &Arm) -> Ratings {
     let Programmed { acceleration, deceleration, jerk, .. } = *programmed;
     let ratings =
         Ratings::of_axes(arm.limits(), 1.0, AXIS_RESERVE).with_tool(acceleration, jerk, TOOL_RESERVE);
@@ -295,7 +295,7 @@ fn along_a_path(programmed: &Programmed, arm: &Arm) -> Ratings {
 }
 
 /// Returns the limits of the joints point to point, and the nodes: the slowest axis determines the speed of all.
-fn point_to_point(way: &Joints, programmed: &Programmed, arm: &Arm) -> (Ratings, Nodes) {
+fn axes_ratings_and_nodes(way: &Joints, programmed: &Programmed, arm: &Arm) -> (Ratings, Nodes) {
     let rated = arm.limits();
     let ratings = Ratings::of_axes(rated, programmed.acceleration, STRAIGHT_RESERVE);
     let ratings = Ratings {

@@ -13,6 +13,8 @@ use robot_node::RobotConfig;
 use robot_node::arm::{AXES, Arm, Joints, length};
 use robot_node::motion::{Interpolator, Segment};
 
+use crate::fed::config;
+
 /// Largest allowed ratio to a limit.
 const TOLERANCE: f64 = 1.001;
 
@@ -21,10 +23,6 @@ const SEED: u64 = 1;
 
 /// The interpolator's cycle, in s.
 const CYCLE_S: f64 = 5e-4;
-
-fn config(setup: &str) -> RobotConfig {
-    RobotConfig::from_setup(&setup::setup(setup).unwrap()).unwrap()
-}
 
 /// Generates a motion to a target in the part of base 1 that both arms reach; a circle goes through a point beside
 /// its chord.

@@ -1,13 +1,15 @@
 //! The robot from outside: a file for each thing that it must do, in one program, since every program links the whole
 //! robot again.
 //!
-//! Two of the helpers drive it: [`driven`] feeds a bare controller every cycle, [`plc`] writes to a robot on a cable. The
+//! Two of the helpers drive it: [`driven`] feeds a bare controller every cycle, [`plc`] writes to a robot on a cable,
+//! and [`fed`] feeds a bare path. The
 //! others are what its motions are compared with: [`recorded`] records what is driven, [`fastest`] finds the least time.
 
 #![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod driven;
 mod fastest;
+mod fed;
 mod plc;
 mod recorded;
 

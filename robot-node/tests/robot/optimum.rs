@@ -15,6 +15,7 @@ use robot_node::arm::{AXES, Joints};
 use robot_node::motion::Segment;
 
 use crate::fastest::{Bounds, Point, fastest, fastest_from};
+use crate::fed::config;
 use crate::recorded;
 
 /// Random motions, or rows of motions, of each kind.
@@ -28,10 +29,6 @@ const STEPS: [usize; 2] = [60, 900];
 
 /// How far the reference is off at most, as a share of its times: what a halved step and another start change.
 const UNCERTAIN: f64 = 5e-3;
-
-fn config(setup: &str) -> RobotConfig {
-    RobotConfig::from_setup(&setup::setup(setup).unwrap()).unwrap()
-}
 
 /// One joint from rest to rest along a parameter 0…1, and half of its step. By the parameter the joint goes as
 /// `way` says.

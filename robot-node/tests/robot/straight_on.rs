@@ -1,16 +1,11 @@
 //! Lines that go on straight: they are driven as one, however many there are and whatever their zone is.
 
 use protocol::image::{Motion, MotionKind, SLOTS};
-use robot_node::RobotConfig;
-use robot_node::arm::Joints;
-use robot_node::motion::{Interpolator, Segment};
+
+use crate::fed::{config, driven};
 
 /// How far one line of a chain goes, in mm.
 const LENGTH_MM: f64 = 10.0;
-
-fn config(setup: &str) -> RobotConfig {
-    RobotConfig::from_setup(&setup::setup(setup).unwrap()).unwrap()
-}
 
 fn line(target: [f32; 6], acceleration: u16, zone_mm: f64) -> Motion {
     Motion {
@@ -32,31 +27,6 @@ fn chain(count: usize, turn: f64, acceleration: u16, zone_mm: f64) -> Vec<Motion
         [along, across - 30.0, 60.0, turn * index, 0.0, 180.0].map(|coordinate| coordinate as f32)
     };
     (0..=count).map(|index| line(target(index), acceleration, zone_mm)).collect()
-}
-
-/// How long the motions but the first one take, fed as a PLC that is never late would, in s; and the speed of the tool in
-/// each cycle, in mm/s.
-fn driven(motions: &[Motion], config: &RobotConfig) -> (f64, Vec<f64>) {
-    let (start, motions) = motions.split_first().unwrap();
-    let start = Motion { kind: MotionKind::PtpCartesian, velocity: 10_000, acceleration: 10_000, ..*start };
-    let from: Joints = Segment::prepare(&start, &config.home, config).unwrap().end;
-    let cycle_s = config.cycle.as_secs_f64();
-    let mut interpolator = Interpolator::at_rest(config.arm.clone(), from, cycle_s);
-    let (mut appended, mut seconds, mut speeds) = (0, 0.0, Vec::new());
-    loop {
-        while appended < motions.len() && appended - (interpolator.path().executed() as usize) < SLOTS {
-            let segment = interpolator.path().prepare(&motions[appended], config).unwrap();
-            appended += 1;
-            interpolator.append(segment, appended == motions.len());
-        }
-        let step = interpolator.drive(1.0).unwrap();
-        assert_eq!(step.suppressed, None, "every motion is there in time");
-        seconds += cycle_s;
-        speeds.push(interpolator.path_speed());
-        if let Some(left) = step.ended {
-            return (seconds - left, speeds);
-        }
-    }
 }
 
 #[test]

@@ -1,41 +1,19 @@
 //! A larger zone never makes a path slower, whatever the angle of its corners.
 
 use proptest::prelude::*;
-use protocol::image::{Motion, MotionKind, SLOTS};
+use protocol::image::{Motion, MotionKind};
 use robot_node::RobotConfig;
-use robot_node::motion::{Interpolator, Segment};
 
-fn config(setup: &str) -> RobotConfig {
-    RobotConfig::from_setup(&setup::setup(setup).unwrap()).unwrap()
-}
+use crate::fed::{config, driven};
 
-/// How long lines through these places take, in s, fed as a PLC that is never late would.
+/// How long lines through these places take, in s.
 fn duration(places: &[[f64; 2]], limits: &Motion, zone_mm: f64, config: &RobotConfig) -> f64 {
     let motions = places.iter().map(|[x, y]| Motion {
         target: [*x as f32, *y as f32, 60.0, 0.0, 0.0, 180.0],
         approximation: (zone_mm * 100.0) as u16,
         ..*limits
     });
-    let motions: Vec<Motion> = motions.collect();
-    let (start, motions) = motions.split_first().unwrap();
-    let start = Motion { kind: MotionKind::PtpCartesian, velocity: 10_000, acceleration: 10_000, ..*start };
-    let from = Segment::prepare(&start, &config.home, config).unwrap().end;
-    let cycle_s = config.cycle.as_secs_f64();
-    let mut interpolator = Interpolator::at_rest(config.arm.clone(), from, cycle_s);
-    let (mut appended, mut seconds) = (0, 0.0);
-    loop {
-        while appended < motions.len() && appended - (interpolator.path().executed() as usize) < SLOTS {
-            let segment = interpolator.path().prepare(&motions[appended], config).unwrap();
-            appended += 1;
-            interpolator.append(segment, appended == motions.len());
-        }
-        let step = interpolator.drive(1.0).unwrap();
-        assert_eq!(step.suppressed, None, "every motion is there in time");
-        seconds += cycle_s;
-        if let Some(left) = step.ended {
-            return seconds - left;
-        }
-    }
+    driven(&motions.collect::<Vec<_>>(), config).0
 }
 
 /// Two lines of these lengths with a corner of this angle, 0 where they are straight on.

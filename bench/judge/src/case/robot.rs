@@ -7,13 +7,13 @@ use super::{Case, Frame, OtherController};
 use crate::kinematics::Links;
 
 impl Case {
-    /// The robot of this case; `setup` is the one that it names.
+    /// The robot of this case; `setup` is [its own](Self::its_setup).
     ///
     /// # Errors
     ///
     /// Which number makes no sense.
     pub fn robot(&self, setup: &Setup) -> Result<RobotConfig, ConfigError> {
-        let mut config = RobotConfig::from_setup(&self.its_setup(setup))?;
+        let mut config = RobotConfig::from_setup(setup)?;
         config.surfaces = self
             .surfaces
             .iter()

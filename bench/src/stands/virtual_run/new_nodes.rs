@@ -1,21 +1,42 @@
 //! Creates the nodes of a cell, once more where a fault has ended them, as a computer that is switched off and on.
 
+use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use machine::Instant;
 use planning::{PROGRAM, Stop, ToStart};
-use plc_node::bus::PlcBus;
+use plc_node::bus::{BusError, PlcBus};
 use plc_node::{MotionSource, PlcConfig, PlcNode};
 use protocol::image::Motion;
 use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotConfig, RobotNode};
-use setup::Setup;
+use setup::{Bus, Setup};
+use virtual_time::Side;
 
+use super::phases::Phases;
 use super::{PLC_MAC, ROBOT_MAC, Work};
 use crate::stands::planned_cell::PlannedCell;
 
 /// Time from the start of a node to its first cycle.
 const UNTIL_FIRST_CYCLE: Duration = Duration::from_micros(100);
+
+/// Creates both ends of a bus, each with a phase of its own.
+///
+/// # Errors
+///
+/// The setup gives no bus endpoint for the PLC.
+pub(super) fn new_buses(bus: &Bus, seed: u64, phases: &mut Phases) -> Result<(PlcBus, RobotBus), BusError> {
+    let start = phases.first(Side::A, bus.cycle_us.value);
+    let plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
+    let start = || phases.first(Side::B, bus.cycle_us.value);
+    Ok((plc, robot_node::bus::open(bus, ROBOT_MAC, None, seed, start)))
+}
+
+/// Returns the IP addresses that the PLC and the robot have at the start.
+pub(super) fn addresses(bus: &Bus) -> [Option<Ipv4Addr>; 2] {
+    let plc = bus.addresses().map(|addresses| addresses.plc);
+    [plc, robot_node::bus::address_from_project(&bus.kind)]
+}
 
 /// Creates the PLC of a cell; `plan` is what it sends, where its continuous motions end, and how the arm gets to their
 /// start.

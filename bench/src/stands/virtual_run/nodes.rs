@@ -20,11 +20,11 @@ use setup::Setup;
 use virtual_cell::VirtualCell;
 use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
 
+use super::Work;
 use super::changes::Changes;
-use super::new_nodes::{Restart, new_plc, new_robot};
+use super::new_nodes::{Restart, addresses, new_buses, new_plc, new_robot};
 use super::phases::Phases;
 use super::watch::{SharedFrames, Watch};
-use super::{PLC_MAC, ROBOT_MAC, Work};
 use crate::records::conditions::{Counts, Health, Measured, MotionTotals};
 use crate::records::faults::{self, Change, Fault, FaultReport};
 use crate::records::schedule::Step;
@@ -125,19 +125,13 @@ impl Nodes {
         let Work { source, program, stops, to_start, robot, again } = work;
         let mut phases = Phases::new(setup, seed);
         let bus = &setup.bus;
-        let start = phases.first(Side::A, bus.cycle_us.value);
-        let plc_bus = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
-        let start = || phases.first(Side::B, bus.cycle_us.value);
-        let robot_bus = robot_node::bus::open(bus, ROBOT_MAC, None, seed, start);
+        let (plc_bus, robot_bus) = new_buses(bus, seed, &mut phases)?;
         let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
         let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
         let robot = new_robot(robot, (program, &stops), robot_bus, seed, robot_start);
         let plc = new_plc(setup, (source, stops, to_start), plc_bus, plc_start);
         let delay = Duration::from_micros(bus.cable_delay_us.value.into());
-        let addresses = [
-            bus.addresses().map(|addresses| addresses.plc),
-            robot_node::bus::address_from_project(&bus.kind),
-        ];
+        let addresses = addresses(bus);
         let links = faults::links(faults, Impairment { delay, ..Impairment::default() });
         let mut pair = Pair::new(plc, robot, PairConfig { seed, clocks: phases.clocks, links, addresses });
         if capture.is_some() || frames.is_some() {

@@ -10,8 +10,8 @@ use protocol::image::{IMAGE_LEN, Image};
 use setup::Setup;
 use virtual_time::{Event, Impairment, Pair, PairConfig, Side};
 
+use super::new_nodes::{addresses, new_buses};
 use super::phases::Phases;
-use super::{PLC_MAC, ROBOT_MAC};
 
 /// Longest wait for the connection and for a reaction, in virtual time.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -24,10 +24,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 pub fn reactions(setup: &Setup, seed: u64, count: usize) -> anyhow::Result<Vec<Duration>> {
     let mut phases = Phases::new(setup, seed);
     let bus = &setup.bus;
-    let start = phases.first(Side::A, bus.cycle_us.value);
-    let plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
-    let start = || phases.first(Side::B, bus.cycle_us.value);
-    let robot = robot_node::bus::open(bus, ROBOT_MAC, None, seed, start);
+    let (plc, robot) = new_buses(bus, seed, &mut phases)?;
     let cycle = |phases: &mut Phases, side, cycle_us: u32| {
         Cycle::new(phases.first(side, cycle_us), Duration::from_micros(cycle_us.into()))
     };
@@ -38,10 +35,7 @@ pub fn reactions(setup: &Setup, seed: u64, count: usize) -> anyhow::Result<Vec<D
         seed,
         clocks: phases.clocks,
         links: [Impairment { delay, ..Impairment::default() }; 2],
-        addresses: [
-            bus.addresses().map(|addresses| addresses.plc),
-            robot_node::bus::address_from_project(&bus.kind),
-        ],
+        addresses: addresses(bus),
     };
     // Each question finds the robot at another point of its cycle.
     let pauses = robot_cycle.period().as_nanos().div_ceil(scan.period().as_nanos().max(1));
