@@ -116,6 +116,9 @@ impl State {
         let inhibit = self.check_intervals(request, application)?;
         self.check_room(points.kind)?;
 
+        // The originator sends its first frame when it has the reply. Half an interval away from it, neither end receives a
+        // frame at the moment in which it must send one.
+        let interval = micros(t_o_rpi_us);
         let mut producer = Producer {
             id: request.t_o_id,
             to: SocketAddrV4::new(
@@ -125,7 +128,7 @@ impl State {
             parameters: t_o,
             dscp: self.device.qos.cyclic(t_o.priority),
             assembly: points.produced.instance,
-            cycle: Cycle::new(context.now + micros(t_o_rpi_us), micros(t_o_rpi_us)),
+            cycle: Cycle::new(context.now + interval / 2, interval),
             trigger: request.transport.trigger(),
             inhibit: Inhibit::new(inhibit, context.now),
             sequence: 0,
