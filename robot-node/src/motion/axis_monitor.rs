@@ -7,7 +7,7 @@
 use super::settle::next_change;
 use crate::arm::{AXES, Arm, AxisLimits, Joints, Rated, Violation};
 
-/// What rounding may add to a limit, as a share of it.
+/// What may be added to a limit before the arm does not go there, as a share of it.
 const ROUNDING: f64 = 1e-3;
 
 /// The axes of an arm from cycle to cycle. In degrees, mm on a linear axis, and cycles.
@@ -64,26 +64,58 @@ impl AxisMonitor {
     ///
     /// The first axis that would leave its range or go beyond what it is rated for, and by how much.
     pub(super) fn check(&self, joints: &Joints, arm: &Arm) -> Result<(), Violation> {
-        for (axis, joint) in joints.iter().enumerate().take(arm.axes()) {
-            let step = joint - self.joints[axis];
-            let change = step - self.step[axis];
-            let jerk = change - self.change[axis];
-            // What is no number is within no limit.
-            let is_within = |value: f64, most: f64| value.abs() <= most * (1.0 + ROUNDING);
-            let cycle = self.cycle_s;
-            let (rated, value, most, per) = if !is_within(step, self.most_step[axis]) {
-                (Rated::Speed, step, self.most_step[axis], cycle)
-            } else if !is_within(change, self.most_change[axis]) {
-                (Rated::Acceleration, change, self.most_change[axis], cycle * cycle)
-            } else if !is_within(jerk, self.most_jerk[axis]) {
-                (Rated::Jerk, jerk, self.most_jerk[axis], cycle * cycle * cycle)
-            } else {
-                continue;
-            };
-            let (value, limit) = (value.abs() / per, most / per);
-            return Err(Violation::Rated { axis: axis as u8 + 1, rated, value, limit });
-        }
+        self.keeps_ratings(joints, arm, ROUNDING)?;
         arm.within_range(joints)
+    }
+
+    /// Whether the axes keep their ratings if they are at `joints` in the next cycle; `share` of each may be added.
+    ///
+    /// # Errors
+    ///
+    /// The first axis that would not, and by how much.
+    pub(super) fn keeps_ratings(&self, joints: &Joints, arm: &Arm, share: f64) -> Result<(), Violation> {
+        for (axis, joint) in joints.iter().enumerate().take(arm.axes()) {
+            for (rated, value, most, power) in self.rates(axis, *joint) {
+                // What is no number is within no limit.
+                let is_within = value.abs() <= most * (1.0 + share);
+                if !is_within {
+                    let per = (0..power).fold(1.0, |per, _| per * self.cycle_s);
+                    let (value, limit) = (value.abs() / per, most / per);
+                    return Err(Violation::Rated { axis: axis as u8 + 1, rated, value, limit });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Speed, acceleration and jerk of an axis that is at `joint` in the next cycle, each with its limit and with the
+    /// power of the cycle that it is counted by.
+    fn rates(&self, axis: usize, joint: f64) -> [(Rated, f64, f64, u8); 3] {
+        let step = joint - self.joints[axis];
+        let change = step - self.step[axis];
+        let jerk = change - self.change[axis];
+        [
+            (Rated::Speed, step, self.most_step[axis], 1),
+            (Rated::Acceleration, change, self.most_change[axis], 2),
+            (Rated::Jerk, jerk, self.most_jerk[axis], 3),
+        ]
+    }
+
+    /// Returns the least shift along `slopes`, in their unit, from `joints` to where the axes may be in the next cycle;
+    /// none where the limits of one axis contradict those of another.
+    pub(super) fn least_shift(&self, joints: &Joints, slopes: &Joints, arm: &Arm) -> Option<f64> {
+        let (mut least, mut most) = (f64::NEG_INFINITY, f64::INFINITY);
+        for (axis, joint) in joints.iter().enumerate().take(arm.axes()) {
+            for (_, value, limit, _) in self.rates(axis, *joint) {
+                if slopes[axis] == 0.0 {
+                    continue;
+                }
+                let ends = [-limit, limit].map(|end| (end - value) / slopes[axis]);
+                least = least.max(ends[0].min(ends[1]));
+                most = most.min(ends[0].max(ends[1]));
+            }
+        }
+        (least <= most).then(|| 0.0_f64.clamp(least, most))
     }
 
     /// The axes are there now.
@@ -156,6 +188,23 @@ mod tests {
         insta::assert_snapshot!(error, @"joint 2 would move at an acceleration of 62500.000, it is rated for 1500.000 (degrees or mm, s)");
         let error = monitor().check(&only_the_second(0.02), &arm()).unwrap_err();
         insta::assert_snapshot!(error, @"joint 2 would move at a jerk of 312500.000, it is rated for 150000.000 (degrees or mm, s)");
+    }
+
+    #[test]
+    fn the_least_shift_brings_an_axis_just_within_its_jerk() {
+        let (monitor, slopes) = (monitor(), only_the_second(2.0));
+        // 0.0096 degrees a cycle³ is the rated jerk.
+        let shift = monitor.least_shift(&only_the_second(0.0106), &slopes, &arm()).unwrap();
+        assert!((shift + 0.0005).abs() < 1e-12, "{shift}");
+        assert_eq!(monitor.least_shift(&only_the_second(0.005), &slopes, &arm()), Some(0.0));
+    }
+
+    #[test]
+    fn axes_that_must_be_shifted_apart_have_no_least_shift() {
+        let (mut joints, mut slopes) = ([0.0; AXES], [0.0; AXES]);
+        joints[..2].fill(0.0106);
+        (slopes[0], slopes[1]) = (1.0, -1.0);
+        assert_eq!(monitor().least_shift(&joints, &slopes, &arm()), None);
     }
 
     #[test]

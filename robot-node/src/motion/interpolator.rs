@@ -1,13 +1,28 @@
 //! Driving along the path, one robot cycle after another.
 //!
 //! With override, suspend and halt too the arm stays on its path exactly, also within a corner, and keeps every limit.
-//! Where the path cannot be driven on, the arm leaves it and brakes within the limits of its axes.
+//! Where the law would take an axis a little beyond a limit, the arm goes slightly slower or faster than the law for a
+//! moment, see [`Correction`]. Where the path cannot be driven on, the arm leaves it and brakes within the limits of its
+//! axes.
 
 use super::append::Appended;
 use super::axis_monitor::AxisMonitor;
-use super::path::Path;
+use super::correction::Correction;
+use super::path::{Path, Place};
 use super::segment::Segment;
 use crate::arm::{Arm, Frame, Joints, Violation, length};
+
+/// What rounding may add to the rating of an axis, as a share of it, before a cycle is corrected.
+const ROUNDING: f64 = 1e-7;
+
+/// How often a cycle is corrected: joints are not quite linear in the time.
+const CORRECTIONS: usize = 3;
+
+/// Step, as a share of the cycle, from which the slopes of the joints are taken.
+const PROBE: f64 = 1e-3;
+
+/// Largest correction, as a share of the cycle. What needs more is an error.
+const MOST_CORRECTED: f64 = 0.1;
 
 /// Outcome of one cycle.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -25,6 +40,7 @@ pub struct Interpolator {
     path: Path,
     cycle_s: f64,
     axes: AxisMonitor,
+    correction: Correction,
     /// The arm cannot go on along its path and brakes, or has braked.
     off_path: bool,
     /// The last cycle did not move the arm, or ended with the end of its path.
@@ -45,6 +61,7 @@ impl Interpolator {
         Self {
             path: Path::at_rest(joints),
             axes: AxisMonitor::at_rest(arm.limits(), &joints, cycle_s),
+            correction: Correction::NONE,
             arm,
             cycle_s,
             off_path: false,
@@ -99,6 +116,7 @@ impl Interpolator {
     /// Removes all motions: the path starts anew where the arm is. The arm must be at rest.
     pub fn clear(&mut self) {
         self.path.clear(*self.axes.joints());
+        self.correction = Correction::NONE;
         (self.off_path, self.is_at_rest) = (false, true);
         self.tool_step = [0.0; 3];
     }
@@ -140,15 +158,45 @@ impl Interpolator {
             return Ok(Step { suppressed: None, ended: None });
         }
         self.path.set_override(factor, self.cycle_s);
-        let (place, left) = self.path.ahead(self.cycle_s);
-        if self.path.is_held() {
+        self.correction =
+            if self.path.rests() { Correction::NONE } else { self.correction.faded(self.cycle_s) };
+        if self.is_held() {
             self.stand_still();
             return Ok(Step { suppressed: None, ended: None });
         }
-        let joints = self.path.joints(place, &self.arm, self.axes.joints());
+        let (place, left, joints) = self.next_place();
         self.go_if_allowed(joints)?;
         let suppressed = self.path.go_to(place);
         Ok(Step { suppressed, ended: self.path.is_finished().then_some(left) })
+    }
+
+    /// Returns the place after the next cycle, how much of the cycle is left behind the end of the path, and the joints
+    /// there. Corrects the cycle where an axis would not keep its ratings; what that cannot mend stays as planned.
+    fn next_place(&mut self) -> (Place, f64, Result<Joints, Violation>) {
+        let planned = (self.correction, self.place_with(self.correction));
+        let (mut correction, mut next) = planned;
+        for _ in 0..=CORRECTIONS {
+            let (_, _, Ok(joints)) = &next else { break };
+            if self.axes.keeps_ratings(joints, &self.arm, ROUNDING).is_ok() {
+                self.correction = correction;
+                return next;
+            }
+            let probe = PROBE * self.cycle_s;
+            let (_, _, Ok(later)) = self.place_with(correction.plus(probe)) else { break };
+            let slopes = core::array::from_fn(|axis| (later[axis] - joints[axis]) / probe);
+            let Some(seconds) = self.axes.least_shift(joints, &slopes, &self.arm) else { break };
+            correction = correction.plus(seconds);
+            if correction.share(self.cycle_s) > MOST_CORRECTED {
+                break;
+            }
+            next = self.place_with(correction);
+        }
+        planned.1
+    }
+
+    fn place_with(&self, correction: Correction) -> (Place, f64, Result<Joints, Violation>) {
+        let (place, left) = self.path.ahead(self.cycle_s, correction.seconds());
+        (place, left, self.path.joints(place, &self.arm, self.axes.joints()))
     }
 
     /// Goes to joints that something else than the path gives, such as a force controller, with this tool. The path
@@ -197,7 +245,7 @@ impl Interpolator {
     /// Whether the arm stands still on its path, stopped by override 0.
     #[must_use]
     pub fn is_held(&self) -> bool {
-        self.path.is_held()
+        self.path.is_held() && self.correction == Correction::NONE
     }
 
     /// Speed and acceleration of the tool are those of the present motion's own tool.

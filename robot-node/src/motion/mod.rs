@@ -13,6 +13,7 @@ mod axis_monitor;
 mod blend;
 mod cell;
 mod chebyshev;
+mod correction;
 mod curve;
 mod derivatives;
 mod flange;

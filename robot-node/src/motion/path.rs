@@ -184,10 +184,12 @@ impl Path {
         Some(Part { nodes, ratings, from: way, to: way, unit: 1.0, motion, in_blend })
     }
 
-    /// Returns the place on the path after `seconds`, and the rest of the seconds if the path ends before.
+    /// Returns the place on the path after `seconds`, and the rest of the seconds if the path ends before. The law's time
+    /// passes by `more_s` more than the override lets it.
     #[must_use]
-    pub fn ahead(&self, seconds: f64) -> (Place, f64) {
-        let mut time = self.time + self.scale.law_seconds(seconds);
+    pub fn ahead(&self, seconds: f64, more_s: f64) -> (Place, f64) {
+        let law_s = (self.scale.law_seconds(seconds) + more_s).max(0.0);
+        let mut time = self.time + law_s;
         let (mut left, mut settled) = (None, false);
         for (cell, piece) in self.pieces.iter().enumerate() {
             if time < piece.cell.duration {
@@ -196,7 +198,7 @@ impl Path {
             time -= piece.cell.duration;
             if piece.cell.is_to_rest() && !self.scale.is_steadily(self.factor) && !settled {
                 // From the rest on the override is in effect.
-                let rest = self.scale.seconds_until(self.scale.law_seconds(seconds) - time, seconds);
+                let rest = self.scale.seconds_until(law_s - time, seconds);
                 time = (seconds - rest) * self.factor;
                 (left, settled) = (Some(seconds - rest), true);
             }
