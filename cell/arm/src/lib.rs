@@ -35,6 +35,12 @@ extern crate self as arm;
 /// Largest number of joints of an arm. Joints that an arm does not have stay 0.
 pub const AXES: usize = 6;
 
+/// What rounding may bring a target beyond a limit that it is on, in degrees (mm).
+const TARGET_ROUNDING: f64 = 1e-6;
+
+/// What rounding, and what lies between the samples of a path, may bring a point of it beyond a limit, in degrees (mm).
+const PATH_ROUNDING: f64 = 1e-5;
+
 /// One value per joint: degrees, or mm for a linear joint.
 pub type Joints = [f64; AXES];
 
@@ -176,7 +182,7 @@ impl Arm {
                 *joint = near + shortest_turn(*joint - near);
             }
         }
-        self.within_range(&joints)?;
+        self.within_range_on_a_path(&joints)?;
         Ok(joints)
     }
 
@@ -218,12 +224,21 @@ impl Arm {
         largest
     }
 
-    /// Returns whether every joint is within its range.
+    /// Returns whether every joint is within its range: a target on the limit itself is, in spite of rounding.
     pub fn within_range(&self, joints: &Joints) -> Result<(), Violation> {
+        self.within_range_by(TARGET_ROUNDING, joints)
+    }
+
+    /// Returns whether every joint is within its range at a point of a path whose targets are, and that was checked by
+    /// samples.
+    pub fn within_range_on_a_path(&self, joints: &Joints) -> Result<(), Violation> {
+        self.within_range_by(PATH_ROUNDING, joints)
+    }
+
+    fn within_range_by(&self, rounding: f64, joints: &Joints) -> Result<(), Violation> {
         let AxisLimits { lower, upper, .. } = &self.limits;
         for (axis, ((value, lower), upper)) in joints.iter().zip(lower).zip(upper).enumerate() {
-            // A target on the limit itself is allowed in spite of rounding.
-            if *value < lower - 1e-6 || *value > upper + 1e-6 {
+            if *value < lower - rounding || *value > upper + rounding {
                 return Err(Violation::Axis {
                     axis: axis as u8 + 1,
                     value: *value,

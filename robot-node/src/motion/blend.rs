@@ -117,7 +117,7 @@ impl Blend {
         let one = first.curve.joints(from, arm, &first.end)?;
         let two = second.curve.joints(to, arm, &first.end)?;
         let joints = core::array::from_fn(|axis| one[axis] + two[axis] - first.end[axis]);
-        arm.within_range(&joints)?;
+        arm.within_range_on_a_path(&joints)?;
         Ok(joints)
     }
 
