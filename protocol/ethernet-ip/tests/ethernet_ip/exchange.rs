@@ -201,14 +201,14 @@ fn both_sides_give_up_after_exactly_the_intervals_of_each_multiplier() {
         let _ = writeln!(table, "code {code}: scanner after {scanner:>6} µs, adapter after {adapter:>6} µs");
     }
     insta::assert_snapshot!(table, @r"
-    code 0: scanner after   3173 µs, adapter after   3199 µs
-    code 1: scanner after   7173 µs, adapter after   7199 µs
-    code 2: scanner after  15173 µs, adapter after  15199 µs
-    code 3: scanner after  31173 µs, adapter after  31199 µs
-    code 4: scanner after  63173 µs, adapter after  63198 µs
-    code 5: scanner after 127173 µs, adapter after 127196 µs
-    code 6: scanner after 255173 µs, adapter after 255192 µs
-    code 7: scanner after 511173 µs, adapter after 511184 µs
+    code 0: scanner after   3673 µs, adapter after   3199 µs
+    code 1: scanner after   7673 µs, adapter after   7199 µs
+    code 2: scanner after  15673 µs, adapter after  15199 µs
+    code 3: scanner after  31673 µs, adapter after  31199 µs
+    code 4: scanner after  63673 µs, adapter after  63198 µs
+    code 5: scanner after 127673 µs, adapter after 127196 µs
+    code 6: scanner after 255673 µs, adapter after 255192 µs
+    code 7: scanner after 511673 µs, adapter after 511184 µs
     ");
 }
 
@@ -294,9 +294,9 @@ fn loss_and_jitter_cost_frames_and_only_short_timeouts_cost_the_connection() {
        8 ms   10%    0 µs |   9799      8814    985      0 |          0
        8 ms   10%  500 µs |   9597      8625    971      0 |          0
        8 ms   10% 3000 µs |   9583      8540   1041     92 |          0
-       8 ms   30%    0 µs |   7149      4937   2195      0 |          1
-       8 ms   30%  500 µs |   1779      1231    532      0 |          1
-       8 ms   30% 3000 µs |   4219      2844   1338     24 |          2
+       8 ms   30%    0 µs |   7150      4938   2195      0 |          1
+       8 ms   30%  500 µs |   4496      3104   1373      0 |          1
+       8 ms   30% 3000 µs |   4218      2844   1338     24 |          2
      128 ms    0%    0 µs |   9999      9999      0      0 |          0
      128 ms    0%  500 µs |   9997      9996      0      0 |          0
      128 ms    0% 3000 µs |   9983      9888     93     93 |          0
