@@ -18,14 +18,14 @@ fn main() -> ExitCode {
 }
 
 /// Output of a script on a small disk.
-struct Said {
+struct Finished {
     code: Option<i32>,
     stdout: String,
     stderr: String,
 }
 
 /// Runs a script in `place`, with a disk of this many KiB at `disk` and the bench as `$BENCH`.
-fn on_a_disk(place: &Path, kib: u32, script: &str) -> Said {
+fn on_a_disk(place: &Path, kib: u32, script: &str) -> Finished {
     let script = format!("mkdir -p disk && mount -t tmpfs -o size={kib}k tmpfs disk\n{script}");
     let output = Command::new("unshare")
         .args(["--mount", "sh", "-c", &script])
@@ -34,7 +34,7 @@ fn on_a_disk(place: &Path, kib: u32, script: &str) -> Said {
         .output()
         .unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    Finished { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
 const FULL: &str = "No space left on device";
@@ -58,7 +58,7 @@ fn run_into(kib: u32) -> End {
         $BENCH report disk/run --out report.html >said 2>&1; echo $? >code
         cp -r disk/run copy
         exit $code";
-    let Said { code, stdout, stderr } = on_a_disk(place.path(), kib, script);
+    let Finished { code, stdout, stderr } = on_a_disk(place.path(), kib, script);
     let copy = place.path().join("copy");
     let left: Vec<_> = fs::read_dir(&copy)
         .map(|files| files.map(|file| file.unwrap().file_name().into_string().unwrap()).collect())
@@ -68,9 +68,9 @@ fn run_into(kib: u32) -> End {
     assert!(samples.is_empty() || samples.ends_with('\n'), "{kib} KiB: half a line is left");
     let saved = samples.lines().count().saturating_sub(1);
     let report = fs::read_to_string(place.path().join("code")).unwrap();
-    let said = fs::read_to_string(place.path().join("said")).unwrap();
+    let printed = fs::read_to_string(place.path().join("said")).unwrap();
     if stderr.contains("but their report is not") {
-        assert_eq!((code, report.trim(), saved), (Some(0), "0", 100), "{kib} KiB: {stderr}{said}");
+        assert_eq!((code, report.trim(), saved), (Some(0), "0", 100), "{kib} KiB: {stderr}{printed}");
         assert!(
             stderr.contains(FULL) && stderr.contains("`bench report disk/run` draws it again"),
             "{stderr}"
@@ -81,17 +81,17 @@ fn run_into(kib: u32) -> End {
         assert_eq!(
             (report.trim(), saved, stderr.contains(FULL)),
             ("0", 100, false),
-            "{kib} KiB: {stderr}{said}"
+            "{kib} KiB: {stderr}{printed}"
         );
         return End::Whole;
     }
     assert_eq!(code, Some(1), "{kib} KiB: {stderr}");
     assert!(stderr.contains("cannot write disk/run/") && stderr.contains(FULL), "{kib} KiB: {stderr}");
     if !copy.join("results.json").exists() {
-        assert!(!report.starts_with('0') && said.contains("disk/run"), "{said}");
+        assert!(!report.starts_with('0') && printed.contains("disk/run"), "{printed}");
         return End::BeforeTheFirstRepetition;
     }
-    assert_eq!(report.trim(), "0", "{kib} KiB: what was saved cannot be read: {said}");
+    assert_eq!(report.trim(), "0", "{kib} KiB: what was saved cannot be read: {printed}");
     if saved == 0 {
         return End::BeforeTheFirstRepetition;
     }
@@ -125,9 +125,9 @@ fn a_report_without_room_on_the_disk_keeps_the_old_one() {
         code=$?
         cp -r disk/run copy
         exit $code";
-    let said = on_a_disk(place.path(), 4_096, script);
-    assert_eq!(said.code, Some(1), "{}", said.stderr);
-    insta::assert_snapshot!(said.stderr, @"error: the run is as it was; name a file that can be written by --out: cannot write disk/run/report.html: No space left on device (os error 28)");
+    let finished = on_a_disk(place.path(), 4_096, script);
+    assert_eq!(finished.code, Some(1), "{}", finished.stderr);
+    insta::assert_snapshot!(finished.stderr, @"error: the run is as it was; name a file that can be written by --out: cannot write disk/run/report.html: No space left on device (os error 28)");
     assert_eq!(fs::read_to_string(place.path().join("copy/report.html")).unwrap(), "old\n");
     assert!(!place.path().join("copy/report.html.new").exists());
 }
@@ -144,9 +144,9 @@ fn a_baseline_without_room_on_the_disk_keeps_the_old_one() {
         code=$?
         mkdir copy && cp disk/A.json* copy
         exit $code";
-    let said = on_a_disk(place.path(), 64, script);
-    assert_eq!((said.code, said.stdout.as_str()), (Some(1), ""), "{}", said.stderr);
-    insta::assert_snapshot!(said.stderr, @"error: no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline: cannot write disk/A.json: No space left on device (os error 28)");
+    let finished = on_a_disk(place.path(), 64, script);
+    assert_eq!((finished.code, finished.stdout.as_str()), (Some(1), ""), "{}", finished.stderr);
+    insta::assert_snapshot!(finished.stderr, @"error: no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline: cannot write disk/A.json: No space left on device (os error 28)");
     assert_eq!(fs::read_to_string(place.path().join("copy/A.json")).unwrap(), baseline);
     assert_eq!(fs::read_dir(place.path().join("copy")).unwrap().count(), 1);
 }
@@ -155,7 +155,11 @@ fn a_baseline_without_room_on_the_disk_keeps_the_old_one() {
 fn a_real_run_on_a_full_disk_ends_with_the_reason_and_leaves_nothing_running() {
     let place = tempfile::tempdir().unwrap();
     let script = "$BENCH --mode real --types cm --reps 3 --capture always --out disk/run";
-    let said = on_a_disk(place.path(), 512, script);
-    assert_eq!(said.code, Some(1), "{}", said.stderr);
-    assert!(said.stderr.contains("cannot write") && said.stderr.contains(FULL), "{}", said.stderr);
+    let finished = on_a_disk(place.path(), 512, script);
+    assert_eq!(finished.code, Some(1), "{}", finished.stderr);
+    assert!(
+        finished.stderr.contains("cannot write") && finished.stderr.contains(FULL),
+        "{}",
+        finished.stderr
+    );
 }

@@ -14,7 +14,7 @@ use rustix::io::Errno;
 use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};
 use crate::trace_row::TraceSample;
 use crate::{Commands, ControlPort, Inbox, Input, ShortText};
-use protocol_linux::handover::Taken;
+use protocol_linux::handover::Received;
 use protocol_linux::{
     CyclicThread, Driver, DriverError, Interface, InterfaceError, NoticeSender, Notifier, PortError,
     RingFull, StartError, Statistics, StopSignals, Task, allocation,
@@ -329,12 +329,12 @@ impl<N: Node> NodeProcess<N> {
     pub fn next_event(&mut self) -> Result<ProcessEvent<N::Event, N::Answer>, NodeError> {
         loop {
             match self.thread.next_notice() {
-                Taken::Item(notice) => return Ok(ProcessEvent::Notice(notice)),
-                Taken::Ended if !self.ended => {
+                Received::Item(notice) => return Ok(ProcessEvent::Notice(notice)),
+                Received::Ended if !self.ended => {
                     self.ended = true;
                     return Ok(ProcessEvent::Ended);
                 }
-                Taken::Nothing | Taken::Ended => {}
+                Received::Nothing | Received::Ended => {}
             }
             if let Some(input) = self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
                 return Ok(ProcessEvent::Input(input));

@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use machine::Instant;
-use protocol_linux::handover::{self, Sender, Taken};
+use protocol_linux::handover::{self, Received, Sender};
 
 use crate::trace_row::{TraceSample, write_row};
 
@@ -74,18 +74,18 @@ pub(crate) fn start<S: TraceSample>(path: &Path) -> Result<(TraceRing<S>, TraceW
         let mut line = String::new();
         loop {
             match waiting.take() {
-                Taken::Item((at, sample)) => {
+                Received::Item((at, sample)) => {
                     line.clear();
                     write_row(at, &sample, &mut line);
                     line.push('\n');
                     file.write_all(line.as_bytes()).map_err(broken(&of_thread))?;
                 }
-                Taken::Nothing => {
+                Received::Nothing => {
                     // Flushed, so that a killed node does not lose the cycles that led to it.
                     file.flush().map_err(broken(&of_thread))?;
                     std::thread::sleep(EMPTY_EVERY);
                 }
-                Taken::Ended => return file.flush().map_err(broken(&of_thread)),
+                Received::Ended => return file.flush().map_err(broken(&of_thread)),
             }
         }
     };

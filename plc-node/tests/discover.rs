@@ -40,7 +40,7 @@ struct Cable {
 }
 
 /// What the program printed and how it ended.
-struct Said {
+struct Finished {
     code: Option<i32>,
     stdout: String,
     stderr: String,
@@ -71,24 +71,24 @@ impl Cable {
         Attached(Some(self.robot.run(start).unwrap()))
     }
 
-    fn discover(&self, arguments: &[&str]) -> Said {
+    fn discover(&self, arguments: &[&str]) -> Finished {
         self.discover_by(Command::new(env!("CARGO_BIN_EXE_plc-node")), arguments)
     }
 
     /// Runs `discover` as a user who may not open raw sockets.
-    fn discover_without_privilege(&self, arguments: &[&str]) -> Said {
+    fn discover_without_privilege(&self, arguments: &[&str]) -> Finished {
         let mut command = Command::new("setpriv");
         command.args(["--bounding-set", "-net_raw", "--inh-caps", "-net_raw"]);
         command.arg(env!("CARGO_BIN_EXE_plc-node"));
         self.discover_by(command, arguments)
     }
 
-    fn discover_by(&self, mut command: Command, arguments: &[&str]) -> Said {
+    fn discover_by(&self, mut command: Command, arguments: &[&str]) -> Finished {
         command.arg("discover").args(arguments);
         self.plc.confine(&mut command).unwrap();
         let output = command.output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+        Finished { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
     }
 }
 
@@ -149,9 +149,9 @@ fn a_robot_of_each_bus_on_one_cable_is_found() {
     let cable = Cable::lay();
     let (_profinet, _ethernet_ip) = (cable.attach(profinet_robot), cable.attach(ethernet_ip_robot));
     let _ethercat = cable.attach(ethercat_robot);
-    let said = cable.discover(&["--interface", "plc0", "--json"]);
-    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
-    let found: Value = serde_json::from_str(&said.stdout).unwrap();
+    let finished = cable.discover(&["--interface", "plc0", "--json"]);
+    assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
+    let found: Value = serde_json::from_str(&finished.stdout).unwrap();
     let station = &found["profinet"][0];
     let identity = PROFINET_ROBOT.identity;
     assert_eq!(station["name"], "skillbench-robot");
@@ -176,61 +176,65 @@ fn a_robot_of_each_bus_on_one_cable_is_found() {
     assert_eq!((&sub_device["station_address"], &sub_device["state"]), (&json!(0), &json!("INIT")));
     assert_eq!(found["ignored_answers"], 0);
 
-    let said = cable.discover(&["--interface", "plc0", "--bus", "profinet"]);
-    assert!(said.stdout.starts_with("PROFINET: 1 station\n"), "{}", said.stdout);
-    assert!(!said.stdout.contains("EtherNet/IP"), "{}", said.stdout);
+    let finished = cable.discover(&["--interface", "plc0", "--bus", "profinet"]);
+    assert!(finished.stdout.starts_with("PROFINET: 1 station\n"), "{}", finished.stdout);
+    assert!(!finished.stdout.contains("EtherNet/IP"), "{}", finished.stdout);
 }
 
 fn who_may_not_open_raw_sockets_still_finds_ethernet_ip_devices() {
     let cable = Cable::lay();
     let (_profinet, _ethernet_ip) = (cable.attach(profinet_robot), cable.attach(ethernet_ip_robot));
-    let said = cable.discover_without_privilege(&["--interface", "plc0"]);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let finished = cable.discover_without_privilege(&["--interface", "plc0"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     assert!(
-        said.stderr.starts_with("warning: PROFINET was not searched: opening raw Ethernet"),
+        finished.stderr.starts_with("warning: PROFINET was not searched: opening raw Ethernet"),
         "{}",
-        said.stderr
+        finished.stderr
     );
-    assert!(said.stderr.contains("setcap"), "{}", said.stderr);
-    assert!(said.stdout.starts_with("EtherNet/IP: 1 device\n"), "{}", said.stdout);
+    assert!(finished.stderr.contains("setcap"), "{}", finished.stderr);
+    assert!(finished.stdout.starts_with("EtherNet/IP: 1 device\n"), "{}", finished.stdout);
 
-    let said = cable.discover_without_privilege(&["--interface", "plc0", "--bus", "profinet"]);
-    assert_eq!((said.code, said.stdout.as_str()), (Some(5), ""));
-    assert!(said.stderr.starts_with("error: nothing can be asked on `plc0`: opening raw"), "{}", said.stderr);
+    let finished = cable.discover_without_privilege(&["--interface", "plc0", "--bus", "profinet"]);
+    assert_eq!((finished.code, finished.stdout.as_str()), (Some(5), ""));
+    assert!(
+        finished.stderr.starts_with("error: nothing can be asked on `plc0`: opening raw"),
+        "{}",
+        finished.stderr
+    );
 }
 
 fn a_cable_without_devices_is_no_failure() {
     let cable = Cable::lay();
-    let said = cable.discover(&["--interface", "plc0", "--timeout", "200"]);
-    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
+    let finished = cable.discover(&["--interface", "plc0", "--timeout", "200"]);
+    assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
     let nothing = "PROFINET: no station answered DCP Identify on plc0, asked 3 times in 200 ms.\n\n\
          EtherNet/IP: no device answered ListIdentity on plc0, asked 3 times in 200 ms.\n\n\
          EtherCAT: no frame came back on plc0, so there is no SubDevice.\n";
-    assert_eq!(said.stdout, nothing);
+    assert_eq!(finished.stdout, nothing);
 }
 
 fn an_interface_that_cannot_be_used_is_named_with_what_to_do() {
     let cable = Cable::lay();
-    let said = cable.discover(&["--interface", "nosuch0"]);
-    assert_eq!(said.code, Some(5));
-    assert!(said.stderr.contains("no network interface `nosuch0`; there are: "), "{}", said.stderr);
-    let said = cable.discover(&["--interface", "lo"]);
-    assert_eq!(said.code, Some(5));
+    let finished = cable.discover(&["--interface", "nosuch0"]);
+    assert_eq!(finished.code, Some(5));
+    assert!(finished.stderr.contains("no network interface `nosuch0`; there are: "), "{}", finished.stderr);
+    let finished = cable.discover(&["--interface", "lo"]);
+    assert_eq!(finished.code, Some(5));
     assert!(
-        said.stderr.contains("`lo` is switched off") && said.stderr.contains("ip link set lo up"),
+        finished.stderr.contains("`lo` is switched off") && finished.stderr.contains("ip link set lo up"),
         "{}",
-        said.stderr
+        finished.stderr
     );
 
     let without_address =
         || Interface::open("plc0").unwrap().set_address(Ipv4Addr::UNSPECIFIED, MASK).unwrap();
     cable.plc.run(without_address).unwrap();
-    let said = cable.discover(&["--interface", "plc0", "--timeout", "100"]);
-    assert_eq!(said.code, Some(0));
+    let finished = cable.discover(&["--interface", "plc0", "--timeout", "100"]);
+    assert_eq!(finished.code, Some(0));
     assert!(
-        said.stderr.contains("EtherNet/IP was not searched: interface `plc0` has no IPv4"),
+        finished.stderr.contains("EtherNet/IP was not searched: interface `plc0` has no IPv4"),
         "{}",
-        said.stderr
+        finished.stderr
     );
 }
 
@@ -242,7 +246,7 @@ fn a_search_beside_a_node_that_has_the_ports_of_the_bus_works() {
         OpenPort::open_all(&interface, ethernet_ip::PORTS).unwrap()
     };
     let _taken = cable.plc.run(taken).unwrap();
-    let said = cable.discover(&["--interface", "plc0", "--bus", "ethernet-ip"]);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    assert!(said.stdout.starts_with("EtherNet/IP: 1 device\n"), "{}", said.stdout);
+    let finished = cable.discover(&["--interface", "plc0", "--bus", "ethernet-ip"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    assert!(finished.stdout.starts_with("EtherNet/IP: 1 device\n"), "{}", finished.stdout);
 }

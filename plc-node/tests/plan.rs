@@ -1,4 +1,4 @@
-//! `plc-node plan`: what goes to which stream, and what is said about an application that cannot be planned.
+//! `plc-node plan`: what goes to which stream, and what is said of an application that cannot be planned.
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
@@ -9,13 +9,13 @@ use std::process::Command;
 use tempfile::TempDir;
 
 /// What a call printed and how it ended.
-struct Said {
+struct Finished {
     code: Option<i32>,
     stdout: String,
     stderr: String,
 }
 
-fn plan_in(directory: &Path, arguments: &[&str]) -> Said {
+fn plan_in(directory: &Path, arguments: &[&str]) -> Finished {
     let output = Command::new(env!("CARGO_BIN_EXE_plc-node"))
         .current_dir(directory)
         .arg("plan")
@@ -23,10 +23,10 @@ fn plan_in(directory: &Path, arguments: &[&str]) -> Said {
         .output()
         .unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    Finished { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
-fn plan(arguments: &[&str]) -> Said {
+fn plan(arguments: &[&str]) -> Finished {
     plan_in(Path::new("."), arguments)
 }
 
@@ -40,7 +40,7 @@ fn with_change(from: &str, to: &str) -> TempDir {
 }
 
 /// Plans the changed application and returns the output.
-fn changed(from: &str, to: &str) -> Said {
+fn changed(from: &str, to: &str) -> Finished {
     plan_in(with_change(from, to).path(), &["my.toml", "--setup", "A"])
 }
 
@@ -48,15 +48,16 @@ fn changed(from: &str, to: &str) -> Said {
 fn every_application_that_is_built_in_is_planned_on_every_arm_without_a_warning() {
     for ((name, _), setup) in planning::APPLICATIONS.iter().flat_map(|it| ["A", "B", "D"].map(|on| (it, on)))
     {
-        let said = plan(&[name, "--setup", setup]);
-        assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""), "{name} on {setup}");
-        assert!(said.stdout.starts_with(&format!("{name} on setup {setup}: ")), "{}", said.stdout);
+        let finished = plan(&[name, "--setup", setup]);
+        assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "{name} on {setup}");
+        assert!(finished.stdout.starts_with(&format!("{name} on setup {setup}: ")), "{}", finished.stdout);
     }
 }
 
 #[test]
 fn of_a_grid_one_cycle_is_shown_unless_all_are_asked_for() {
-    let cycles = |said: Said| said.stdout.lines().filter(|line| line.starts_with("cycle ")).count();
+    let cycles =
+        |finished: Finished| finished.stdout.lines().filter(|line| line.starts_with("cycle ")).count();
     assert_eq!(cycles(plan(&["palletising"])), 1);
     assert_eq!(cycles(plan(&["palletising", "--all"])), 200);
 }
@@ -64,10 +65,10 @@ fn of_a_grid_one_cycle_is_shown_unless_all_are_asked_for() {
 #[test]
 fn a_blend_that_had_to_shrink_is_a_warning_beside_the_plan() {
     let directory = with_change("retreat_mm = 70.0", "retreat_mm = 12.0");
-    let said = plan_in(directory.path(), &["my.toml", "--setup", "B"]);
-    assert_eq!(said.code, Some(0));
-    assert!(!said.stdout.contains("warning"), "{}", said.stdout);
-    insta::assert_snapshot!(said.stderr, @"warning: motion 5 `LIN after B` blends into motion 6 `PTP over the wall` by 6.00 mm instead of 10 mm: it is only 12.00 mm long and gives at most half");
+    let finished = plan_in(directory.path(), &["my.toml", "--setup", "B"]);
+    assert_eq!(finished.code, Some(0));
+    assert!(!finished.stdout.contains("warning"), "{}", finished.stdout);
+    insta::assert_snapshot!(finished.stderr, @"warning: motion 5 `LIN after B` blends into motion 6 `PTP over the wall` by 6.00 mm instead of 10 mm: it is only 12.00 mm long and gives at most half");
 }
 
 #[test]
@@ -86,11 +87,11 @@ fn what_cannot_be_read_or_planned_is_a_fault_of_usage_with_file_and_place() {
     let key = changed("approach_mm", "aproach_mm");
     let value = changed("labels = [\"accurate-path\"]", "labels = []");
     let step = changed("line = \"grip\"", "line = \"carrier-rim\"");
-    let said = [unknown, key, value, step].map(|said| {
-        assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
-        said.stderr
+    let finished = [unknown, key, value, step].map(|finished| {
+        assert_eq!((finished.code, finished.stdout.as_str()), (Some(2), ""), "{}", finished.stderr);
+        finished.stderr
     });
-    insta::assert_snapshot!(said.concat(), @r#"
+    insta::assert_snapshot!(finished.concat(), @r#"
     error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force; or give the path of a .toml file
     error: my.toml:43: unknown field `aproach_mm`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
        43 | aproach_mm = 70.0
@@ -101,10 +102,10 @@ fn what_cannot_be_read_or_planned_is_a_fault_of_usage_with_file_and_place() {
 
 #[test]
 fn where_the_end_is_not_the_start_the_plan_shows_the_way_back_over_the_obstacles() {
-    let said = changed("start = \"home\"", "start = \"above-assembly\"");
-    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
-    let way_back = said.stdout.split("stops exactly\n").nth(1);
-    insta::assert_snapshot!(way_back.unwrap_or(&said.stdout), @r"
+    let finished = changed("start = \"home\"", "start = \"above-assembly\"");
+    assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
+    let way_back = finished.stdout.split("stops exactly\n").nth(1);
+    insta::assert_snapshot!(way_back.unwrap_or(&finished.stdout), @r"
     the end is not the start: the PLC moves the arm back before a repetition, not measured
             PTP over the wall    300.0     0.0   130.0     0.0    0.0  180.0
             PTP to the start     300.0     0.0    30.0     0.0    0.0  180.0
@@ -117,14 +118,18 @@ fn where_the_end_is_not_the_start_the_plan_shows_the_way_back_over_the_obstacles
 
 #[test]
 fn what_the_arm_does_not_reach_is_a_fault_of_usage_beside_the_plan_with_the_distance() {
-    let said = changed("start = \"home\"", "start = \"above-assembly\"");
-    let joints = said.stdout.lines().last().unwrap();
+    let finished = changed("start = \"home\"", "start = \"above-assembly\"");
+    let joints = finished.stdout.lines().last().unwrap();
     insta::assert_snapshot!(joints, @"[81.134, -96.379, 55.000, 105.245]");
     let directory = with_change("start = \"home\"", "start = \"home\"");
     let setup = setup::SETUPS[0].1.replacen("mm_deg = { value = [300.0, ", "mm_deg = { value = [600.0, ", 1);
     fs::write(directory.path().join("cell.toml"), setup).unwrap();
-    let said = plan_in(directory.path(), &["my.toml", "--setup", "cell.toml"]);
-    assert_eq!(said.code, Some(2), "{}", said.stderr);
-    assert!(said.stdout.contains("PTP before A") && !said.stdout.contains("reaches"), "{}", said.stdout);
-    insta::assert_snapshot!(said.stderr, @"error: my.toml on setup A: the arm cannot stand at the start: the target is 559.017 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 59.0 mm are missing: change its frame, or base 1 in the setup");
+    let finished = plan_in(directory.path(), &["my.toml", "--setup", "cell.toml"]);
+    assert_eq!(finished.code, Some(2), "{}", finished.stderr);
+    assert!(
+        finished.stdout.contains("PTP before A") && !finished.stdout.contains("reaches"),
+        "{}",
+        finished.stdout
+    );
+    insta::assert_snapshot!(finished.stderr, @"error: my.toml on setup A: the arm cannot stand at the start: the target is 559.017 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 59.0 mm are missing: change its frame, or base 1 in the setup");
 }

@@ -2,19 +2,10 @@
 
 use std::path::Path;
 
-use assert_cmd::Command;
+use crate::program::{Finished, bench};
 
-struct Said {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-}
-
-fn calibrate(directory: &Path, arguments: &str) -> Said {
-    let mut command = Command::cargo_bin("bench").unwrap();
-    let output = command.current_dir(directory).arg("calibrate").args(arguments.split(' ')).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+fn calibrate(directory: &Path, arguments: &str) -> Finished {
+    bench(directory, ["calibrate"].into_iter().chain(arguments.split(' ')))
 }
 
 fn shipped(name: &str) -> &'static str {
@@ -41,8 +32,8 @@ fn the_numbers_go_into_the_setups_file_and_everything_else_in_it_stays() {
         .collect();
     let text = text.join("\n") + "\n";
     std::fs::write(&file, &text).unwrap();
-    let said = calibrate(place.path(), "--setup mine.toml --seeds 3 --reps 4 --write");
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let finished = calibrate(place.path(), "--setup mine.toml --seeds 3 --reps 4 --write");
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     let written = std::fs::read_to_string(&file).unwrap();
     let key = |line: &str| line.split_once(" = ").map_or_else(|| line.to_owned(), |(key, _)| key.to_owned());
     let changed: Vec<_> = text.lines().zip(written.lines()).filter(|(old, new)| old != new).collect();
@@ -50,7 +41,7 @@ fn the_numbers_go_into_the_setups_file_and_everything_else_in_it_stays() {
     for (old, new) in &changed {
         assert_eq!(key(old), key(new));
         assert!(new.contains("from = \"calibrated\", note = \"`bench calibrate` on "), "{new}");
-        assert!(said.stdout.contains(new), "what is printed is what is written: {new}");
+        assert!(finished.stdout.contains(new), "what is printed is what is written: {new}");
     }
     let keys: Vec<_> = changed.iter().map(|(old, _)| key(old)).collect();
     assert!(
@@ -59,9 +50,9 @@ fn the_numbers_go_into_the_setups_file_and_everything_else_in_it_stays() {
     // What a datasheet gives stays, and the figures' opinion is printed.
     assert!(!keys.iter().any(|key| key == "interpreter_quantum_us"), "{keys:?}");
     assert!(
-        said.stdout.contains("# interpreter_quantum_us = 12000 is from \"datasheet\" and stays"),
+        finished.stdout.contains("# interpreter_quantum_us = 12000 is from \"datasheet\" and stays"),
         "{}",
-        said.stdout
+        finished.stdout
     );
     let setup = setup::setup(file.to_str().unwrap()).unwrap();
     assert!(
@@ -74,22 +65,22 @@ fn the_numbers_go_into_the_setups_file_and_everything_else_in_it_stays() {
         "{:?}",
         setup.robot.skill_overhead_us
     );
-    let line = |name: &str| said.stdout.lines().find(|line| line.contains(name)).unwrap_or_default();
-    assert!(line("# SM AET").contains("paper 6477.0 ± 2.9"), "{}", said.stdout);
-    assert!(line("# RC's AET changes by -").contains("1 % more velocity_percent"), "{}", said.stdout);
+    let line = |name: &str| finished.stdout.lines().find(|line| line.contains(name)).unwrap_or_default();
+    assert!(line("# SM AET").contains("paper 6477.0 ± 2.9"), "{}", finished.stdout);
+    assert!(line("# RC's AET changes by -").contains("1 % more velocity_percent"), "{}", finished.stdout);
 }
 
 #[test]
 fn a_built_in_setup_is_not_written_and_one_without_figures_is_not_calibrated() {
     let place = tempfile::tempdir().unwrap();
-    let said = calibrate(place.path(), "--setup A --write");
-    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""));
-    insta::assert_snapshot!(said.stderr, @"error: --write changes a setup's file, and A is built in: name its file by --setup");
+    let finished = calibrate(place.path(), "--setup A --write");
+    assert_eq!((finished.code, finished.stdout.as_str()), (Some(2), ""));
+    insta::assert_snapshot!(finished.stderr, @"error: --write changes a setup's file, and A is built in: name its file by --setup");
     let figures = shipped("A").find("[paper]").unwrap();
     let plc = shipped("A").find("[plc]").unwrap();
     let without = format!("{}{}", &shipped("A")[..figures], &shipped("A")[plc..]);
     std::fs::write(place.path().join("mine.toml"), without).unwrap();
-    let said = calibrate(place.path(), "--setup mine.toml");
-    insta::assert_snapshot!(said.stderr, @"error: setup A has no [paper] figures to calibrate on");
-    assert_ne!(said.code, Some(0));
+    let finished = calibrate(place.path(), "--setup mine.toml");
+    insta::assert_snapshot!(finished.stderr, @"error: setup A has no [paper] figures to calibrate on");
+    assert_ne!(finished.code, Some(0));
 }

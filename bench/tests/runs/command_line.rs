@@ -1,32 +1,17 @@
 //! The command line: its messages on bad input, its exit codes, and the files of a run.
-//!
-//! In one file, because each test program of the bench is linked on its own, which takes longer than these tests.
 
 use std::fs;
-use std::path::Path;
 
 use assert_cmd::Command;
 
-/// Output and exit code of a call, without the path of its directory.
-struct Said {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-}
-
-fn bench(directory: &Path, arguments: &[&str]) -> Said {
-    let output =
-        Command::cargo_bin("bench").unwrap().current_dir(directory).args(arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
-}
+use crate::program::{Finished, bench};
 
 fn refused(arguments: &[&str]) -> String {
     let directory = tempfile::tempdir().unwrap();
-    let said = bench(directory.path(), arguments);
-    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+    let finished = bench(directory.path(), arguments);
+    assert_eq!((finished.code, finished.stdout.as_str()), (Some(2), ""), "{}", finished.stderr);
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
-    said.stderr
+    finished.stderr
 }
 
 #[test]
@@ -35,27 +20,27 @@ fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
 }
 
 /// Runs Setup C in virtual mode, with these lines in its section of the bus.
-fn setup_c_with(lines: &str, options: &[&str]) -> Said {
+fn setup_c_with(lines: &str, options: &[&str]) -> Finished {
     let directory = tempfile::tempdir().unwrap();
     let shipped = include_str!("../../../cell/setups/C.toml");
     let changed = shipped.replacen("\n[robot]\n", &format!("\n{lines}\n[robot]\n"), 1);
     fs::write(directory.path().join("c.toml"), changed).unwrap();
     let arguments = ["--setup", "c.toml", "--mode", "virtual", "--reps", "1", "--quiet", "--out", "run"];
-    bench(directory.path(), &[&arguments[..], options].concat())
+    bench(directory.path(), [&arguments[..], options].concat())
 }
 
 #[test]
 fn a_robot_with_another_identity_or_other_process_data_than_the_setup_wants_is_refused_with_both() {
     let device = |product: u32, output_bytes: u32| {
-        let said = setup_c_with(
+        let finished = setup_c_with(
             &format!(
                 "[bus.ethercat.device]\nvendor = 0xFFFFFFFF\nproduct = {product}\n\
                  output_bytes = {output_bytes}\ninput_bytes = 256\n"
             ),
             &[],
         );
-        assert_eq!(said.code, Some(2), "{}", said.stderr);
-        said.stderr
+        assert_eq!(finished.code, Some(2), "{}", finished.stderr);
+        finished.stderr
     };
     insta::assert_snapshot!(device(9, 256), @"error: no connection to the robot: the EtherCAT cable has other devices: expected 1: vendor 0xFFFFFFFF, product 0x00000009; found 1: `skillbench-robot` (vendor 0xFFFFFFFF, product 0x00000001, revision 0x00010000)");
     insta::assert_snapshot!(device(1, 64), @"error: no connection to the robot: device 1, `skillbench-robot` (vendor 0xFFFFFFFF, product 0x00000001, revision 0x00010000), has 256 bytes of outputs and 256 of inputs; expected 64 and 256");
@@ -65,8 +50,8 @@ fn a_robot_with_another_identity_or_other_process_data_than_the_setup_wants_is_r
 fn over_ethercat_a_run_survives_lost_doubled_and_late_frames_and_a_short_cut() {
     let faults = ["loss=0.002", "duplicate=0.01", "reorder=0.01@2ms", "cut-at=2s..2.1s"];
     let options: Vec<_> = faults.iter().flat_map(|fault| ["--fault", fault]).collect();
-    let said = setup_c_with("", &options);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let finished = setup_c_with("", &options);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     let longer = setup_c_with("", &["--fault", "cut-at=2s..3s"]);
     assert_eq!(longer.code, Some(4), "{}", longer.stderr);
     assert!(longer.stderr.contains("error: repetition rc 1 of 1 failed"), "{}", longer.stderr);
@@ -132,95 +117,30 @@ fn the_error_for_a_wrong_override_shows_a_correct_one() {
             "`half` is no override; write percent, and a time after the start of the run: 50, 50@2s or 80,0@2s,100@3s",
         ),
     ] {
-        let said = refused(&["--mode", "virtual", "--override", text]);
+        let finished = refused(&["--mode", "virtual", "--override", text]);
         let expected =
             format!("error: invalid value '{text}' for '--override <PERCENT[@TIME],...>': {reason}\n");
-        assert!(said.starts_with(&expected), "{said}");
+        assert!(finished.starts_with(&expected), "{finished}");
     }
-}
-
-#[test]
-fn the_error_for_a_broken_setup_file_gives_line_key_and_expectation() {
-    let directory = tempfile::tempdir().unwrap();
-    let broken = setup::SETUPS[0].1.replace("scan_cost_us", "scan_costs");
-    fs::write(directory.path().join("my.toml"), broken).unwrap();
-    let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
-    assert_eq!(said.code, Some(2));
-    insta::assert_snapshot!(said.stderr, @r#"
-    error: my.toml:16: in `plc.scan_costs`: unknown field `scan_costs`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
-       16 | scan_costs = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
-    "#);
-}
-
-/// Returns the error for Setup A in a directory whose application is the shipped one with one passage replaced.
-fn refused_application(from: &str, to: &str) -> String {
-    let directory = tempfile::tempdir().unwrap();
-    fs::write(directory.path().join("my.toml"), naming("jobs/mine.toml")).unwrap();
-    fs::create_dir(directory.path().join("jobs")).unwrap();
-    let (_, text) = planning::APPLICATIONS[0];
-    assert!(text.contains(from), "{from}");
-    fs::write(directory.path().join("jobs/mine.toml"), text.replacen(from, to, 1)).unwrap();
-    let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual", "--reps", "1"]);
-    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
-    assert!(!directory.path().join("runs").exists(), "nothing is written");
-    said.stderr
-}
-
-/// Returns Setup A with another application.
-fn naming(application: &str) -> String {
-    let named = format!("application = \"{application}\"");
-    setup::SETUPS[0].1.replace("application = \"pick-and-place\"", &named)
-}
-
-#[test]
-fn the_error_for_a_broken_application_file_gives_line_key_and_expectation() {
-    insta::assert_snapshot!(refused_application("approach_mm", "aproach_mm"), @"
-    error: jobs/mine.toml:43: unknown field `aproach_mm`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
-       43 | aproach_mm = 70.0
-    ");
-    insta::assert_snapshot!(refused_application("reach = \"home\"", "reach = \"hom\""), @"error: jobs/mine.toml:71: reach: there is no frame `hom`; there is above-assembly, carrier-rim, grip, home, inserted");
-}
-
-#[test]
-fn the_error_for_an_application_that_cannot_be_planned_gives_step_motion_quantity_and_limit() {
-    insta::assert_snapshot!(refused_application("line = \"grip\"", "line = \"carrier-rim\""), @"error: jobs/mine.toml on setup A: step `A`, motion 3: its length is 0.000 mm and it does not turn; a motion needs at least 0.01 mm: remove it or move its frame");
-    insta::assert_snapshot!(refused_application("table = 1", "table = 2"), @"error: jobs/mine.toml on setup A: step `A`, motion 1: the setup's robot has no base 2; it has 0, 1");
-}
-
-#[test]
-fn the_error_for_an_unknown_application_lists_the_existing_ones() {
-    let directory = tempfile::tempdir().unwrap();
-    fs::write(directory.path().join("my.toml"), naming("juggle")).unwrap();
-    let said = bench(directory.path(), &["--setup", "my.toml", "--mode", "virtual"]);
-    assert_eq!(said.code, Some(2));
-    insta::assert_snapshot!(said.stderr, @"error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force; or give the path of a .toml file");
-}
-
-#[test]
-fn a_built_in_application_runs_by_its_name_and_its_text_is_saved() {
-    let directory = tempfile::tempdir().unwrap();
-    fs::write(directory.path().join("my.toml"), naming("pick-and-place-gripper")).unwrap();
-    let arguments = ["--setup", "my.toml", "--mode", "virtual", "--reps", "1", "--out", "run"];
-    let said = bench(directory.path(), &arguments);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    let kept = fs::read_to_string(directory.path().join("run/application.toml")).unwrap();
-    let (_, text) = planning::APPLICATIONS[1];
-    assert_eq!(kept, text);
 }
 
 #[test]
 fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
     let directory = tempfile::tempdir().unwrap();
-    let said = bench(
+    let finished = bench(
         directory.path(),
-        &["--mode", "virtual", "--reps", "2", "--out", "run", "--export-json", "out.json"],
+        ["--mode", "virtual", "--reps", "2", "--out", "run", "--export-json", "out.json"],
     );
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    assert!(said.stdout.contains("AETi") && said.stdout.contains("Saved in run."), "{}", said.stdout);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     assert!(
-        said.stderr.contains("virtual: ") && said.stderr.contains(" s of the plant in "),
+        finished.stdout.contains("AETi") && finished.stdout.contains("Saved in run."),
         "{}",
-        said.stderr
+        finished.stdout
+    );
+    assert!(
+        finished.stderr.contains("virtual: ") && finished.stderr.contains(" s of the plant in "),
+        "{}",
+        finished.stderr
     );
     let mut names: Vec<_> = fs::read_dir(directory.path().join("run"))
         .unwrap()
@@ -249,173 +169,20 @@ fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
 }
 
 #[test]
-fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
-    // Longer than a screen, because it is one list: all fields of the file.
-    let directory = tempfile::tempdir().unwrap();
-    let export = |name: &str| {
-        let said =
-            bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--export-json", name, "--quiet"]);
-        assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
-        fs::read_to_string(directory.path().join(name)).unwrap()
-    };
-    let json = export("a.json");
-    assert_eq!(json, export("b.json"));
-    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
-    let mut paths = Vec::new();
-    leaves(&value, String::new(), &mut paths);
-    insta::assert_snapshot!(paths.join("\n"), @"
-    .aet_improvement
-    .application
-    .arms.a_as_b_ms
-    .arms.a_ms
-    .arms.b_as_a_ms
-    .arms.b_ms
-    .bus.foreign
-    .bus.frames_received
-    .bus.frames_sent
-    .bus.lost
-    .bus.skipped
-    .calibrated[].key
-    .calibrated[].note
-    .calibrated[].value
-    .connected_after_ms
-    .cycle.plc.buckets[][]
-    .cycle.plc.max_us
-    .cycle.plc.missed
-    .cycle.plc.p50_us
-    .cycle.plc.p99_us
-    .cycle.robot.buckets[][]
-    .cycle.robot.max_us
-    .cycle.robot.missed
-    .cycle.robot.p50_us
-    .cycle.robot.p99_us
-    .cyclic_allocations
-    .images.plc_altered
-    .images.plc_unchecked
-    .images.robot_altered
-    .images.robot_unchecked
-    .mode
-    .paper.cm.aet_ms
-    .paper.cm.mad_ms
-    .paper.rc.aet_ms
-    .paper.rc.mad_ms
-    .paper.sm.aet_ms
-    .paper.sm.mad_ms
-    .repeated
-    .reps
-    .results.cm.aet_ms
-    .results.cm.blends_suppressed[]
-    .results.cm.failed[]
-    .results.cm.mad_ms
-    .results.cm.missed_cycles[].held_up
-    .results.cm.missed_cycles[].plc
-    .results.cm.missed_cycles[].robot
-    .results.cm.quality.energy_proxy_s
-    .results.cm.quality.joint_acceleration.peak
-    .results.cm.quality.joint_acceleration.rms
-    .results.cm.quality.joint_jerk.peak
-    .results.cm.quality.joint_jerk.rms
-    .results.cm.quality.joint_speed.peak
-    .results.cm.quality.joint_speed.rms
-    .results.cm.quality.path_deviation_mm
-    .results.cm.quality.repetitions
-    .results.cm.quality.stops
-    .results.cm.quality.tool_acceleration_mm_s2.peak
-    .results.cm.quality.tool_acceleration_mm_s2.rms
-    .results.cm.quality.tool_jerk_mm_s3.peak
-    .results.cm.quality.tool_jerk_mm_s3.rms
-    .results.cm.robot_samples_ms[]
-    .results.cm.samples_ms[]
-    .results.rc.aet_ms
-    .results.rc.blends_suppressed[]
-    .results.rc.failed[]
-    .results.rc.mad_ms
-    .results.rc.missed_cycles[].held_up
-    .results.rc.missed_cycles[].plc
-    .results.rc.missed_cycles[].robot
-    .results.rc.quality.energy_proxy_s
-    .results.rc.quality.joint_acceleration.peak
-    .results.rc.quality.joint_acceleration.rms
-    .results.rc.quality.joint_jerk.peak
-    .results.rc.quality.joint_jerk.rms
-    .results.rc.quality.joint_speed.peak
-    .results.rc.quality.joint_speed.rms
-    .results.rc.quality.path_deviation_mm
-    .results.rc.quality.repetitions
-    .results.rc.quality.stops
-    .results.rc.quality.tool_acceleration_mm_s2.peak
-    .results.rc.quality.tool_acceleration_mm_s2.rms
-    .results.rc.quality.tool_jerk_mm_s3.peak
-    .results.rc.quality.tool_jerk_mm_s3.rms
-    .results.rc.robot_samples_ms[]
-    .results.rc.samples_ms[]
-    .results.sm.aet_ms
-    .results.sm.blends_suppressed[]
-    .results.sm.failed[]
-    .results.sm.mad_ms
-    .results.sm.missed_cycles[].held_up
-    .results.sm.missed_cycles[].plc
-    .results.sm.missed_cycles[].robot
-    .results.sm.quality.energy_proxy_s
-    .results.sm.quality.joint_acceleration.peak
-    .results.sm.quality.joint_acceleration.rms
-    .results.sm.quality.joint_jerk.peak
-    .results.sm.quality.joint_jerk.rms
-    .results.sm.quality.joint_speed.peak
-    .results.sm.quality.joint_speed.rms
-    .results.sm.quality.path_deviation_mm
-    .results.sm.quality.repetitions
-    .results.sm.quality.stops
-    .results.sm.quality.tool_acceleration_mm_s2.peak
-    .results.sm.quality.tool_acceleration_mm_s2.rms
-    .results.sm.quality.tool_jerk_mm_s3.peak
-    .results.sm.quality.tool_jerk_mm_s3.rms
-    .results.sm.robot_samples_ms[]
-    .results.sm.samples_ms[]
-    .schema_version
-    .seed
-    .setup
-    .status
-    .title
-    .without_skill_overhead.aet_improvement
-    .without_skill_overhead.results.cm.aet_ms
-    .without_skill_overhead.results.cm.mad_ms
-    .without_skill_overhead.results.rc.aet_ms
-    .without_skill_overhead.results.rc.mad_ms
-    .without_skill_overhead.results.sm.aet_ms
-    .without_skill_overhead.results.sm.mad_ms
-    ");
-}
-
-/// Collects the paths of everything that is not an object; elements of an array count once.
-fn leaves(value: &serde_json::Value, path: String, paths: &mut Vec<String>) {
-    match value {
-        serde_json::Value::Object(object) => {
-            object.iter().for_each(|(key, value)| leaves(value, format!("{path}.{key}"), paths));
-        }
-        serde_json::Value::Array(items) => match items.first() {
-            Some(first) => leaves(first, format!("{path}[]"), paths),
-            None => paths.push(format!("{path}[]")),
-        },
-        _ => paths.push(path),
-    }
-}
-
-#[test]
 fn the_help_shows_examples_and_exit_codes() {
     let directory = tempfile::tempdir().unwrap();
-    let said = bench(directory.path(), &["--help"]);
-    assert_eq!(said.code, Some(0));
-    insta::assert_snapshot!(said.stdout);
+    let finished = bench(directory.path(), ["--help"]);
+    assert_eq!(finished.code, Some(0));
+    insta::assert_snapshot!(finished.stdout);
 }
 
 #[test]
 fn the_error_for_a_directory_that_cannot_be_created_gives_its_path() {
     let directory = tempfile::tempdir().unwrap();
     fs::write(directory.path().join("file"), "").unwrap();
-    let said = bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--out", "file/run"]);
-    assert_eq!(said.code, Some(1));
-    insta::assert_snapshot!(said.stderr, @"error: cannot make the run directory file/run; choose another by --out: Not a directory (os error 20)");
+    let finished = bench(directory.path(), ["--mode", "virtual", "--reps", "1", "--out", "file/run"]);
+    assert_eq!(finished.code, Some(1));
+    insta::assert_snapshot!(finished.stderr, @"error: cannot make the run directory file/run; choose another by --out: Not a directory (os error 20)");
 }
 
 #[test]
@@ -455,10 +222,10 @@ fn a_node_that_is_not_there_is_waited_for_and_then_named() {
     let directory = tempfile::tempdir().unwrap();
     // A port that was free a moment ago, so nobody listens on it.
     let address = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let said = bench(directory.path(), &["--attach", &format!("plc={address}")]);
-    assert_eq!(said.code, Some(5), "{}", said.stderr);
+    let finished = bench(directory.path(), ["--attach", &format!("plc={address}")]);
+    assert_eq!(finished.code, Some(5), "{}", finished.stderr);
     let told = format!("no plc-node answers at {address} within 10 s");
-    assert!(said.stderr.contains(&told), "{}", said.stderr);
+    assert!(finished.stderr.contains(&told), "{}", finished.stderr);
 }
 
 #[test]
@@ -481,10 +248,10 @@ fn a_live_view_on_a_taken_port_is_refused_before_anything_is_written() {
     let directory = tempfile::tempdir().unwrap();
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
-    let said = bench(directory.path(), &["--reps", "1", "--live", &address]);
-    assert_eq!((said.code, said.stdout.as_str()), (Some(5), ""), "{}", said.stderr);
+    let finished = bench(directory.path(), ["--reps", "1", "--live", &address]);
+    assert_eq!((finished.code, finished.stdout.as_str()), (Some(5), ""), "{}", finished.stderr);
     for part in [address.as_str(), "takes another port"] {
-        assert!(said.stderr.contains(part), "{}", said.stderr);
+        assert!(finished.stderr.contains(part), "{}", finished.stderr);
     }
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
 }
@@ -492,15 +259,15 @@ fn a_live_view_on_a_taken_port_is_refused_before_anything_is_written() {
 #[test]
 fn an_occupied_run_directory_is_refused_and_left_as_it_is() {
     let directory = tempfile::tempdir().unwrap();
-    let run = |out| bench(directory.path(), &["--mode", "virtual", "--reps", "1", "--out", out]);
+    let run = |out| bench(directory.path(), ["--mode", "virtual", "--reps", "1", "--out", out]);
     assert_eq!(run("run").code, Some(0));
     let samples = fs::read(directory.path().join("run/samples.csv")).unwrap();
-    let said = run("run");
-    assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""));
-    insta::assert_snapshot!(said.stderr, @"error: run holds a run already; choose another directory by --out");
-    let said = run("run/samples.csv");
-    assert_eq!(said.code, Some(2));
-    insta::assert_snapshot!(said.stderr, @"error: run/samples.csv is a file; choose another directory by --out");
+    let finished = run("run");
+    assert_eq!((finished.code, finished.stdout.as_str()), (Some(2), ""));
+    insta::assert_snapshot!(finished.stderr, @"error: run holds a run already; choose another directory by --out");
+    let finished = run("run/samples.csv");
+    assert_eq!(finished.code, Some(2));
+    insta::assert_snapshot!(finished.stderr, @"error: run/samples.csv is a file; choose another directory by --out");
     assert_eq!(fs::read(directory.path().join("run/samples.csv")).unwrap(), samples);
 }
 
@@ -510,9 +277,9 @@ fn types_are_separated_by_commas_and_blanks_alike() {
     let types = [&["rc,cm"][..], &["rc", "cm"], &["rc,", "cm"], &["rc, cm"]];
     let tables = types.map(|types| {
         let arguments = [&["--mode", "virtual", "--reps", "2", "--quiet", "--types"], types].concat();
-        let said = bench(directory.path(), &arguments);
-        assert_eq!(said.code, Some(0), "{types:?}: {}", said.stderr);
-        said.stdout.lines().take_while(|line| !line.contains("Saved")).collect::<Vec<_>>().join("\n")
+        let finished = bench(directory.path(), &arguments);
+        assert_eq!(finished.code, Some(0), "{types:?}: {}", finished.stderr);
+        finished.stdout.lines().take_while(|line| !line.contains("Saved")).collect::<Vec<_>>().join("\n")
     });
     assert!(tables.iter().all(|table| *table == tables[0]), "{tables:#?}");
 }
@@ -520,10 +287,10 @@ fn types_are_separated_by_commas_and_blanks_alike() {
 #[test]
 fn one_repetition_has_no_mad_and_so_none_that_is_calibrated() {
     let directory = tempfile::tempdir().unwrap();
-    let said = bench(directory.path(), &["--mode", "virtual", "--types", "rc", "--reps", "1", "--quiet"]);
-    let row = said.stdout.lines().find(|line| line.starts_with(" RC")).unwrap();
-    assert_eq!(row.split_whitespace().nth(2), Some("–"), "{}", said.stdout);
-    assert!(!said.stdout.contains("MADs"), "no line about a mark that is not there: {}", said.stdout);
+    let finished = bench(directory.path(), ["--mode", "virtual", "--types", "rc", "--reps", "1", "--quiet"]);
+    let row = finished.stdout.lines().find(|line| line.starts_with(" RC")).unwrap();
+    assert_eq!(row.split_whitespace().nth(2), Some("–"), "{}", finished.stdout);
+    assert!(!finished.stdout.contains("MADs"), "no line about a mark that is not there: {}", finished.stdout);
 }
 
 #[test]
@@ -535,10 +302,10 @@ fn a_file_that_is_not_there_is_told_of_once() {
 #[test]
 fn the_version_names_the_commit() {
     let directory = tempfile::tempdir().unwrap();
-    let said = bench(directory.path(), &["--version"]);
-    assert_eq!(said.stdout.trim(), concat!("bench ", env!("SKILLBENCH_VERSION")));
+    let finished = bench(directory.path(), ["--version"]);
+    assert_eq!(finished.stdout.trim(), concat!("bench ", env!("SKILLBENCH_VERSION")));
     let commit = env!("SKILLBENCH_COMMIT");
-    assert!(commit.is_empty() || said.stdout.contains(commit), "{}", said.stdout);
+    assert!(commit.is_empty() || finished.stdout.contains(commit), "{}", finished.stdout);
 }
 
 #[test]
@@ -548,16 +315,16 @@ fn there_are_completions_and_manual_pages_of_all_programs() {
         [("bench", "--capture"), ("plc-node", "--interface"), ("robot-node", "--control")]
     {
         for shell in ["bash", "zsh", "fish"] {
-            let said = bench(directory.path(), &["completions", shell, "--program", program]);
+            let finished = bench(directory.path(), ["completions", shell, "--program", program]);
             let option = if shell == "fish" { option.trim_start_matches('-') } else { option };
             assert!(
-                said.code == Some(0) && said.stdout.contains(option),
+                finished.code == Some(0) && finished.stdout.contains(option),
                 "{shell} {program}: {}",
-                said.stderr
+                finished.stderr
             );
         }
     }
-    assert_eq!(bench(directory.path(), &["man"]).code, Some(0));
+    assert_eq!(bench(directory.path(), ["man"]).code, Some(0));
     for page in ["bench.1", "bench-sweep.1", "plc-node.1", "plc-node-plan.1", "robot-node-run.1"] {
         let text = fs::read_to_string(directory.path().join("man").join(page)).unwrap();
         assert!(text.contains(".SH NAME"), "{page}");
@@ -568,16 +335,20 @@ fn there_are_completions_and_manual_pages_of_all_programs() {
 fn a_new_cell_runs_as_it_is_and_is_not_written_over() {
     let directory = tempfile::tempdir().unwrap();
     let arguments = ["new", "mine", "--setup", "B", "--application", "gluing"];
-    let said = bench(directory.path(), &arguments);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let finished = bench(directory.path(), arguments);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     let run =
         ["--setup", "mine/setup.toml", "--mode", "virtual", "--types", "rc", "--reps", "1", "--out", "run"];
-    let said = bench(directory.path(), &run);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    assert!(said.stdout.starts_with("Setup mine: my cell mine\nmine, 1 repetition"), "{}", said.stdout);
-    let said = bench(directory.path(), &arguments);
-    assert_eq!(said.code, Some(2));
-    insta::assert_snapshot!(said.stderr, @"error: mine holds a cell already; name another directory");
+    let finished = bench(directory.path(), run);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    assert!(
+        finished.stdout.starts_with("Setup mine: my cell mine\nmine, 1 repetition"),
+        "{}",
+        finished.stdout
+    );
+    let finished = bench(directory.path(), arguments);
+    assert_eq!(finished.code, Some(2));
+    insta::assert_snapshot!(finished.stderr, @"error: mine holds a cell already; name another directory");
 }
 
 #[test]
@@ -587,14 +358,14 @@ fn an_application_takes_the_place_of_the_setups() {
     fs::write(directory.path().join("own.toml"), own).unwrap();
     let tables = ["gluing", "own.toml"].map(|application| {
         let arguments = ["--application", application, "--mode", "virtual", "--types", "rc", "--reps", "1"];
-        let said = bench(directory.path(), &arguments);
-        assert_eq!(said.code, Some(0), "{}", said.stderr);
+        let finished = bench(directory.path(), arguments);
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
         assert!(
-            said.stdout.contains("\ngluing, 1 repetition") && !said.stdout.contains("paper AET"),
+            finished.stdout.contains("\ngluing, 1 repetition") && !finished.stdout.contains("paper AET"),
             "{}",
-            said.stdout
+            finished.stdout
         );
-        said.stdout.lines().take_while(|line| !line.contains("Saved")).collect::<Vec<_>>().join("\n")
+        finished.stdout.lines().take_while(|line| !line.contains("Saved")).collect::<Vec<_>>().join("\n")
     });
     assert_eq!(tables[0], tables[1]);
 }

@@ -3,13 +3,14 @@
 
 use std::path::Path;
 
-use assert_cmd::Command;
 use bench::records::schedule::Schedule;
 use bench::stands::virtual_run::whole;
 use bench::verbs::gate::{Baseline, judge};
 use planning::Application;
 use plc_node::ExecutionType;
 use setup::Setup;
+
+use crate::program::{Finished, bench};
 
 fn setup_a() -> (Setup, Application) {
     let (setup, found) = planning::setup_with_application("A").unwrap();
@@ -22,17 +23,8 @@ fn baseline(setup: &Setup, application: &Application) -> Baseline {
     Baseline::of(&results, None)
 }
 
-struct Said {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-}
-
-fn gate(directory: &Path, arguments: &[&str]) -> Said {
-    let mut command = Command::cargo_bin("bench").unwrap();
-    let output = command.current_dir(directory).arg("gate").args(arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+fn gate(directory: &Path, arguments: &[&str]) -> Finished {
+    bench(directory, ["gate"].iter().chain(arguments))
 }
 
 #[test]
@@ -64,8 +56,8 @@ fn a_millisecond_more_in_the_plcs_scan_fails_and_sm_pays_it_in_every_call() {
 fn the_committed_baseline_of_each_setup_holds() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     for (name, _) in bench::verbs::gate::BASELINES {
-        let said = gate(root, &["--setup", name]);
-        assert_eq!(said.code, Some(0), "{}{}", said.stdout, said.stderr);
+        let finished = gate(root, &["--setup", name]);
+        assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
     }
 }
 
@@ -115,10 +107,10 @@ fn a_baseline_of_another_setup_or_version_and_a_broken_one_are_refused_and_kept(
     let good = baseline(&setup, &application);
     let refused = |text: &str, update: &[&str]| {
         std::fs::write(&path, text).unwrap();
-        let said = gate(directory.path(), &[&["--baseline", "b.json"], update].concat());
-        assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
+        let finished = gate(directory.path(), &[&["--baseline", "b.json"], update].concat());
+        assert_eq!((finished.code, finished.stdout.as_str()), (Some(2), ""), "{}", finished.stderr);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
-        said.stderr
+        finished.stderr
     };
     let other = Baseline { setup: "B".to_owned(), ..good.clone() }.to_json().unwrap();
     for update in [&[][..], &["--update"]] {
@@ -136,7 +128,7 @@ fn a_baseline_of_another_setup_or_version_and_a_broken_one_are_refused_and_kept(
 #[test]
 fn the_error_for_an_update_that_cannot_be_written_says_where_to_run_it() {
     let directory = tempfile::tempdir().unwrap();
-    let said = gate(directory.path(), &["--update"]);
-    assert_eq!((said.code, said.stdout.as_str()), (Some(1), ""));
-    insta::assert_snapshot!(said.stderr, @"error: no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline: cannot write bench/baselines/A.json: No such file or directory (os error 2)");
+    let finished = gate(directory.path(), &["--update"]);
+    assert_eq!((finished.code, finished.stdout.as_str()), (Some(1), ""));
+    insta::assert_snapshot!(finished.stderr, @"error: no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline: cannot write bench/baselines/A.json: No such file or directory (os error 2)");
 }

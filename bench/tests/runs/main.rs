@@ -5,9 +5,11 @@
 #![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod failure;
+mod program;
 
 mod altered_image;
 mod applications;
+mod broken_files;
 mod calibrate;
 mod captures;
 mod causes;
@@ -15,6 +17,7 @@ mod command_line;
 mod corrupted;
 mod drives;
 mod explore;
+mod exported_fields;
 mod gate;
 mod key_reference;
 mod report;

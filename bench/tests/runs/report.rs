@@ -3,33 +3,21 @@
 
 use std::path::Path;
 
-use assert_cmd::Command;
 use bench::records::lateness::CycleLateness;
 use bench::records::results::{Results, Status};
+
+use crate::program::bench;
 
 const SECTIONS: [&str; 12] = [
     "look", "table", "claims", "quality", "race", "speed", "samples", "path", "queue", "lateness", "numbers",
     "host",
 ];
 
-struct Said {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-}
-
-fn bench(directory: &Path, arguments: &[&str]) -> Said {
-    let mut command = Command::cargo_bin("bench").unwrap();
-    let output = command.current_dir(directory).args(arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
-}
-
 /// Executes a virtual run in `run`.
 fn a_run() -> tempfile::TempDir {
     let directory = tempfile::tempdir().unwrap();
-    let said = bench(directory.path(), &["--mode", "virtual", "--reps", "3", "--out", "run", "--quiet"]);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    let finished = bench(directory.path(), ["--mode", "virtual", "--reps", "3", "--out", "run", "--quiet"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     directory
 }
 
@@ -43,8 +31,8 @@ fn redrawn(directory: &Path, change: impl FnOnce(&mut Results)) -> String {
     let mut results: Results = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
     change(&mut results);
     std::fs::write(&path, results.to_json().unwrap()).unwrap();
-    let said = bench(directory, &["report", "run"]);
-    assert_eq!((said.code, said.stdout.trim()), (Some(0), "run/report.html"), "{}", said.stderr);
+    let finished = bench(directory, ["report", "run"]);
+    assert_eq!((finished.code, finished.stdout.trim()), (Some(0), "run/report.html"), "{}", finished.stderr);
     report(directory)
 }
 
@@ -112,20 +100,20 @@ fn a_run_of_a_copy_with_another_speed_has_no_paper_in_table_report_exports_and_c
     let text = setup::SETUPS[0].1.replace("velocity_percent = { value = 2", "velocity_percent = { value = 4");
     assert_ne!(text, setup::SETUPS[0].1);
     std::fs::write(directory.path().join("copy.toml"), text).unwrap();
-    let said = bench(
+    let finished = bench(
         directory.path(),
-        &["--setup", "copy.toml", "--mode", "virtual", "--reps", "1", "--out", "copy", "--quiet"],
+        ["--setup", "copy.toml", "--mode", "virtual", "--reps", "1", "--out", "copy", "--quiet"],
     );
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     let is_told =
         |text: &str| text.contains("motions.velocity_percent is 4") && !text.contains("alibrated on");
-    assert!(is_told(&said.stdout) && !said.stdout.contains("paper AET"), "{}", said.stdout);
+    assert!(is_told(&finished.stdout) && !finished.stdout.contains("paper AET"), "{}", finished.stdout);
     let html = std::fs::read_to_string(directory.path().join("copy/report.html")).unwrap();
     assert!(is_told(section(&html, "table")) && !html.contains("paper AET"));
     assert!(["distance", "claims"].iter().all(|id| !html.contains(&format!("<section id=\"{id}\">"))));
-    let said = bench(directory.path(), &["compare", "run", "copy"]);
-    let told = said.stdout.replace("\n   ", "");
-    assert!(told.contains("; not the paper's cell: motions.velocity_percent is 4"), "{}", said.stdout);
+    let finished = bench(directory.path(), ["compare", "run", "copy"]);
+    let told = finished.stdout.replace("\n   ", "");
+    assert!(told.contains("; not the paper's cell: motions.velocity_percent is 4"), "{}", finished.stdout);
 }
 
 #[test]
@@ -189,8 +177,8 @@ fn a_run_whose_records_are_incomplete_says_so_in_its_report_on_its_race_and_besi
     let directory = a_run();
     let run = directory.path().join("run");
     let compared = || {
-        let said = bench(directory.path(), &["compare", "run", "run", "--html", "both.html"]).stdout;
-        said.split_whitespace().collect::<Vec<_>>().join(" ")
+        let finished = bench(directory.path(), ["compare", "run", "run", "--html", "both.html"]).stdout;
+        finished.split_whitespace().collect::<Vec<_>>().join(" ")
     };
     let page = || std::fs::read_to_string(directory.path().join("both.html")).unwrap();
     assert!(!report(directory.path()).contains("lacks"));
@@ -241,9 +229,9 @@ fn the_report_of_a_real_run_shows_the_lateness_of_its_cycles() {
 fn a_missing_run_and_one_of_another_version_are_refused_with_a_reason() {
     let directory = tempfile::tempdir().unwrap();
     let refused = || {
-        let said = bench(directory.path(), &["report", "run"]);
-        assert_eq!((said.code, said.stdout.as_str()), (Some(2), ""), "{}", said.stderr);
-        said.stderr
+        let finished = bench(directory.path(), ["report", "run"]);
+        assert_eq!((finished.code, finished.stdout.as_str()), (Some(2), ""), "{}", finished.stderr);
+        finished.stderr
     };
     insta::assert_snapshot!(refused(), @"error: there is no run directory run; name one, such as one below runs/");
     let run = directory.path().join("run");
@@ -262,8 +250,8 @@ fn a_report_links_to_the_race_beside_it_and_names_it_from_elsewhere() {
     let directory = a_run();
     assert!(directory.path().join("run/race.html").is_file());
     assert!(section(&report(directory.path()), "race").contains("href=\"race.html\""));
-    let said = bench(directory.path(), &["report", "run", "--out", "elsewhere.html"]);
-    assert_eq!((said.code, said.stdout.trim()), (Some(0), "elsewhere.html"), "{}", said.stderr);
+    let finished = bench(directory.path(), ["report", "run", "--out", "elsewhere.html"]);
+    assert_eq!((finished.code, finished.stdout.trim()), (Some(0), "elsewhere.html"), "{}", finished.stderr);
     let html = std::fs::read_to_string(directory.path().join("elsewhere.html")).unwrap();
     let race = section(&html, "race");
     assert!(race.contains("<svg") && !race.contains("href") && race.contains("in the run's directory"));
@@ -274,31 +262,32 @@ fn a_report_that_cannot_be_written_keeps_the_old_one() {
     let directory = a_run();
     let before = report(directory.path());
     std::fs::write(directory.path().join("file"), "").unwrap();
-    let said = bench(directory.path(), &["report", "run", "--out", "file/report.html"]);
-    assert_eq!(said.code, Some(1));
-    insta::assert_snapshot!(said.stderr, @"error: the run is as it was; name a file that can be written by --out: cannot write file/report.html: Not a directory (os error 20)");
+    let finished = bench(directory.path(), ["report", "run", "--out", "file/report.html"]);
+    assert_eq!(finished.code, Some(1));
+    insta::assert_snapshot!(finished.stderr, @"error: the run is as it was; name a file that can be written by --out: cannot write file/report.html: Not a directory (os error 20)");
     assert_eq!(report(directory.path()), before);
 }
 
 #[test]
 fn runs_are_compared_on_screen_and_as_a_page() {
     let directory = a_run();
-    let said = bench(
+    let finished = bench(
         directory.path(),
-        &["--mode", "virtual", "--reps", "3", "--seed", "2", "--types", "rc,cm", "--out", "other", "--quiet"],
+        ["--mode", "virtual", "--reps", "3", "--seed", "2", "--types", "rc,cm", "--out", "other", "--quiet"],
     );
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    let said = bench(directory.path(), &["compare", "run", "other", "--html", "both.html"]);
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    let row = |name: &str| said.stdout.lines().find(|line| line.trim().starts_with(name)).unwrap_or_default();
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    let finished = bench(directory.path(), ["compare", "run", "other", "--html", "both.html"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    let row =
+        |name: &str| finished.stdout.lines().find(|line| line.trim().starts_with(name)).unwrap_or_default();
     assert!(
         row("run 2: other (setup A, virtual mode, 3 repetitions, seed 2").ends_with(')'),
         "{}",
-        said.stdout
+        finished.stdout
     );
-    assert!(row("SM AET").ends_with('–') && row("CM AET − run 1").contains('.'), "{}", said.stdout);
+    assert!(row("SM AET").ends_with('–') && row("CM AET − run 1").contains('.'), "{}", finished.stdout);
     let html = std::fs::read_to_string(directory.path().join("both.html")).unwrap();
     assert_eq!(html.matches("<svg").count(), 2 * 3);
-    let one = bench(directory.path(), &["compare", "run"]);
+    let one = bench(directory.path(), ["compare", "run"]);
     assert_eq!(one.code, Some(2), "one run is nothing to compare");
 }

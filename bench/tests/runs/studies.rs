@@ -2,21 +2,13 @@
 
 use std::path::Path;
 
-use assert_cmd::Command;
 use bench::verbs::sensitivity::{Factor, Sensitivity};
 use bench::verbs::sweep::Sweep;
 
-struct Said {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-}
+use crate::program::{Finished, bench};
 
-fn bench(directory: &Path, arguments: &str) -> Said {
-    let mut command = Command::cargo_bin("bench").unwrap();
-    let output = command.current_dir(directory).args(arguments.split(' ')).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Said { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+fn study(directory: &Path, arguments: &str) -> Finished {
+    bench(directory, arguments.split(' '))
 }
 
 fn read(directory: &Path, name: &str) -> String {
@@ -26,13 +18,17 @@ fn read(directory: &Path, name: &str) -> String {
 #[test]
 fn a_sweep_writes_a_page_a_table_and_the_points() {
     let place = tempfile::tempdir().unwrap();
-    let said = bench(
+    let finished = study(
         place.path(),
         "sweep --depths 2 --cycles 1,64 --lengths 2 --motions 8 --reps 1 --out study --export-csv points.csv",
     );
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    assert!(said.stdout.contains("2 slots") && said.stdout.contains("bus 64 ms"), "{}", said.stdout);
-    assert!(said.stderr.starts_with("sweep "), "progress on stderr: {}", said.stderr);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    assert!(
+        finished.stdout.contains("2 slots") && finished.stdout.contains("bus 64 ms"),
+        "{}",
+        finished.stdout
+    );
+    assert!(finished.stderr.starts_with("sweep "), "progress on stderr: {}", finished.stderr);
     let sweep: Sweep = serde_json::from_str(&read(place.path(), "study/sweep.json")).unwrap();
     assert_eq!(sweep.points.len(), 2);
     assert_eq!(read(place.path(), "points.csv"), read(place.path(), "study/sweep.csv"));
@@ -46,21 +42,21 @@ fn a_sweep_writes_a_page_a_table_and_the_points() {
 #[test]
 fn a_sweep_with_a_bus_cycle_that_the_bus_does_not_support_is_refused_before_it_runs() {
     let place = tempfile::tempdir().unwrap();
-    let said = bench(place.path(), "sweep --cycles 1,3 --out study");
-    assert_eq!(said.code, Some(2));
-    assert!(said.stderr.contains("3000 µs is not a PROFINET cycle"), "{}", said.stderr);
+    let finished = study(place.path(), "sweep --cycles 1,3 --out study");
+    assert_eq!(finished.code, Some(2));
+    assert!(finished.stderr.contains("3000 µs is not a PROFINET cycle"), "{}", finished.stderr);
     assert!(!place.path().join("study").exists());
-    assert_eq!(bench(place.path(), "sweep --depths 6").code, Some(2));
+    assert_eq!(study(place.path(), "sweep --depths 6").code, Some(2));
 }
 
 #[test]
 fn the_sensitivity_of_setup_a_agrees_with_the_model() {
     let place = tempfile::tempdir().unwrap();
-    let said = bench(
+    let finished = study(
         place.path(),
         "sensitivity --factors 0,0.5,2 --reps 1 --quiet --export-json figures.json --out study",
     );
-    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
+    assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
     let study: Sensitivity = serde_json::from_str(&read(place.path(), "figures.json")).unwrap();
     let page = read(place.path(), "study/sensitivity.html");
     assert_eq!(page.matches("<svg").count(), 2, "in both widths");
@@ -83,8 +79,8 @@ fn the_sensitivity_of_setup_a_agrees_with_the_model() {
         let row = study.rows.iter().find(|row| (row.factor, row.times) == (Some(factor), times)).unwrap();
         row.refused.clone().unwrap()
     };
-    let told = said.stdout.replace("\n ", "");
-    assert!(told.contains(&refused(Factor::Length, 2.0)), "{}", said.stdout);
+    let told = finished.stdout.replace("\n ", "");
+    assert!(told.contains(&refused(Factor::Length, 2.0)), "{}", finished.stdout);
     assert!(refused(Factor::Acceleration, 0.0).contains("motions.acceleration_percent"));
     assert_eq!(read(place.path(), "study/sensitivity.csv").lines().count(), 1 + study.rows.len());
 }
@@ -94,11 +90,11 @@ fn a_study_does_not_write_into_a_run() {
     let place = tempfile::tempdir().unwrap();
     std::fs::create_dir(place.path().join("run")).unwrap();
     std::fs::write(place.path().join("run/samples.csv"), "").unwrap();
-    let said = bench(place.path(), "sensitivity --factors 1 --reps 1 --quiet --out run");
+    let finished = study(place.path(), "sensitivity --factors 1 --reps 1 --quiet --out run");
     assert!(
-        said.stderr.contains("run holds a run already; choose another directory by --out"),
+        finished.stderr.contains("run holds a run already; choose another directory by --out"),
         "{}",
-        said.stderr
+        finished.stderr
     );
-    assert_ne!(said.code, Some(0));
+    assert_ne!(finished.code, Some(0));
 }

@@ -15,13 +15,13 @@ fn parameters() -> Parameters {
 }
 
 /// A drive that gets the same process data until a test changes them.
-struct Told {
+struct CommandedDrive {
     drive: Drive,
     outputs: Outputs,
     parameters: Parameters,
 }
 
-impl Told {
+impl CommandedDrive {
     fn new() -> Self {
         let outputs = Outputs { mode: 8, ..Outputs::default() };
         Self { drive: Drive::new(0, MAX_SPEED, MS), outputs, parameters: parameters() }
@@ -29,15 +29,15 @@ impl Told {
 
     /// Returns a drive in the state Operation enabled.
     fn running() -> Self {
-        let mut told = Self::new();
+        let mut commanded = Self::new();
         for word in [0, control::SHUTDOWN, control::SWITCH_ON, control::ENABLE_OPERATION] {
-            told.tell(word);
+            commanded.command(word);
         }
-        assert_eq!(told.drive.state(), State::OperationEnabled);
-        told
+        assert_eq!(commanded.drive.state(), State::OperationEnabled);
+        commanded
     }
 
-    fn tell(&mut self, control_word: u16) -> State {
+    fn command(&mut self, control_word: u16) -> State {
         self.outputs.control_word = control_word;
         self.cycle();
         self.drive.state()
@@ -66,9 +66,9 @@ impl Told {
 }
 
 /// Brings a drive into a state by control words.
-fn in_state(state: State, quick_stop: QuickStop) -> Told {
-    let mut told = Told::new();
-    told.parameters.quick_stop = quick_stop;
+fn in_state(state: State, quick_stop: QuickStop) -> CommandedDrive {
+    let mut commanded = CommandedDrive::new();
+    commanded.parameters.quick_stop = quick_stop;
     let enable = [0, control::SHUTDOWN, control::SWITCH_ON, control::ENABLE_OPERATION];
     let words: &[u16] = match state {
         State::SwitchOnDisabled => &enable[..1],
@@ -77,18 +77,18 @@ fn in_state(state: State, quick_stop: QuickStop) -> Told {
         _ => &enable,
     };
     for word in words {
-        told.tell(*word);
+        commanded.command(*word);
     }
     match state {
         State::QuickStopActive => {
-            told.drive_on(500, 20);
-            told.tell(control::QUICK_STOP);
+            commanded.drive_on(500, 20);
+            commanded.command(control::QUICK_STOP);
         }
-        State::Fault => told.fault(),
+        State::Fault => commanded.fault(),
         _ => {}
     }
-    assert_eq!(told.drive.state(), state);
-    told
+    assert_eq!(commanded.drive.state(), state);
+    commanded
 }
 
 #[test]
@@ -122,88 +122,98 @@ fn every_control_word_in_every_state_leads_where_the_standard_says() {
     ];
     for (state, expected) in table {
         for (word, expected) in words.into_iter().zip(expected) {
-            let mut told = in_state(state, QuickStop::BrakeAndStay);
-            assert_eq!(told.tell(word), expected, "{state:?}, {word:#06x}");
+            let mut commanded = in_state(state, QuickStop::BrakeAndStay);
+            assert_eq!(commanded.command(word), expected, "{state:?}, {word:#06x}");
         }
     }
 }
 
 #[test]
 fn no_control_words_in_any_order_lead_to_a_state_that_the_status_word_does_not_show() {
-    let mut told = Told::new();
+    let mut commanded = CommandedDrive::new();
     let mut seen = BTreeSet::new();
     let mut number = 1_u32;
     for _ in 0..200_000 {
         // A simple generator of pseudo-random numbers.
         number = number.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let word = [0x00, 0x02, 0x06, 0x07, 0x0F, 0x0F, 0x0F, 0x80][(number >> 29) as usize];
-        told.drive.set_cause(if number >> 16 & 0xFF == 0 { ErrorCode::ENCODER } else { ErrorCode::NONE });
-        told.outputs.target = told.outputs.target.wrapping_add((number >> 8 & 0xFF) as i32);
-        if told.drive.state() != State::OperationEnabled {
-            told.outputs.target = told.drive.position();
+        commanded.drive.set_cause(if number >> 16 & 0xFF == 0 {
+            ErrorCode::ENCODER
+        } else {
+            ErrorCode::NONE
+        });
+        commanded.outputs.target = commanded.outputs.target.wrapping_add((number >> 8 & 0xFF) as i32);
+        if commanded.drive.state() != State::OperationEnabled {
+            commanded.outputs.target = commanded.drive.position();
         }
-        told.tell(word);
-        let inputs = told.drive.inputs();
-        assert_eq!(inputs.status_word.state(), Some(told.drive.state()));
-        let faulty = matches!(told.drive.state(), State::Fault | State::FaultReactionActive);
+        commanded.command(word);
+        let inputs = commanded.drive.inputs();
+        assert_eq!(inputs.status_word.state(), Some(commanded.drive.state()));
+        let faulty = matches!(commanded.drive.state(), State::Fault | State::FaultReactionActive);
         assert_eq!(inputs.error != ErrorCode::NONE, faulty, "{inputs:?}");
-        seen.insert(told.drive.state().bits());
+        seen.insert(commanded.drive.state().bits());
     }
     assert!(seen.len() >= 7, "{seen:02X?}");
 }
 
 #[test]
 fn the_motor_follows_a_target_that_moves_no_faster_than_it_can() {
-    let mut told = Told::running();
+    let mut commanded = CommandedDrive::running();
     for _ in 0..1_000 {
-        told.drive_on(900, 1);
-        let inputs = told.drive.inputs();
-        assert_eq!((inputs.position, inputs.following_error), (told.outputs.target, 0));
+        commanded.drive_on(900, 1);
+        let inputs = commanded.drive.inputs();
+        assert_eq!((inputs.position, inputs.following_error), (commanded.outputs.target, 0));
         assert!(inputs.status_word.has(StatusWord::FOLLOWS) && !inputs.status_word.has(StatusWord::LIMIT));
     }
 }
 
 #[test]
 fn a_target_that_is_too_fast_becomes_a_following_error_after_its_time_out_and_the_motor_brakes() {
-    let mut told = Told::running();
+    let mut commanded = CommandedDrive::running();
     // 1000 increments in a cycle are the most; after 4 cycles it is 2000 behind.
-    told.drive_on(1_500, 4);
-    assert!(told.drive.inputs().status_word.has(StatusWord::LIMIT));
-    assert!(!told.drive.inputs().status_word.has(StatusWord::FOLLOWING_ERROR), "not yet outside");
-    told.drive_on(1_500, 1);
-    assert!(told.drive.inputs().status_word.has(StatusWord::FOLLOWING_ERROR));
-    told.drive_on(1_500, 9);
-    assert_eq!(told.drive.state(), State::OperationEnabled, "10 ms are allowed");
-    told.drive_on(1_500, 1);
-    let inputs = told.drive.inputs();
-    assert_eq!((told.drive.state(), inputs.error), (State::FaultReactionActive, ErrorCode::FOLLOWING_ERROR));
+    commanded.drive_on(1_500, 4);
+    assert!(commanded.drive.inputs().status_word.has(StatusWord::LIMIT));
+    assert!(!commanded.drive.inputs().status_word.has(StatusWord::FOLLOWING_ERROR), "not yet outside");
+    commanded.drive_on(1_500, 1);
+    assert!(commanded.drive.inputs().status_word.has(StatusWord::FOLLOWING_ERROR));
+    commanded.drive_on(1_500, 9);
+    assert_eq!(commanded.drive.state(), State::OperationEnabled, "10 ms are allowed");
+    commanded.drive_on(1_500, 1);
+    let inputs = commanded.drive.inputs();
+    assert_eq!(
+        (commanded.drive.state(), inputs.error),
+        (State::FaultReactionActive, ErrorCode::FOLLOWING_ERROR)
+    );
     assert!(inputs.following_error > 2_000);
-    let before = told.drive.position();
-    while told.drive.state() == State::FaultReactionActive {
-        told.cycle();
+    let before = commanded.drive.position();
+    while commanded.drive.state() == State::FaultReactionActive {
+        commanded.cycle();
     }
     // From 10^6 increments/s at 10^7 increments/s²: 0.1 s and 50,000 increments.
-    let way = told.drive.position() - before;
+    let way = commanded.drive.position() - before;
     assert!((49_000..=50_000).contains(&way), "{way}");
-    assert_eq!(told.drive.state(), State::Fault);
+    assert_eq!(commanded.drive.state(), State::Fault);
 }
 
 #[test]
 fn a_blocked_shaft_within_the_window_is_no_fault_and_without_a_window_never_is() {
-    let mut told = Told::running();
-    told.drive.block(true);
-    told.drive_on(100, 20);
+    let mut commanded = CommandedDrive::running();
+    commanded.drive.block(true);
+    commanded.drive_on(100, 20);
     for _ in 0..1_000 {
-        told.cycle();
+        commanded.cycle();
     }
-    assert_eq!((told.drive.state(), told.drive.inputs().following_error), (State::OperationEnabled, 2_000));
-    told.parameters.window = None;
-    told.drive_on(100, 1_000);
-    assert_eq!(told.drive.state(), State::OperationEnabled);
-    told.parameters.window = Some(2_000);
-    told.drive_on(0, 11);
-    assert_eq!(told.drive.inputs().error, ErrorCode::FOLLOWING_ERROR);
-    assert_eq!(told.drive.state(), State::Fault, "it stands already");
+    assert_eq!(
+        (commanded.drive.state(), commanded.drive.inputs().following_error),
+        (State::OperationEnabled, 2_000)
+    );
+    commanded.parameters.window = None;
+    commanded.drive_on(100, 1_000);
+    assert_eq!(commanded.drive.state(), State::OperationEnabled);
+    commanded.parameters.window = Some(2_000);
+    commanded.drive_on(0, 11);
+    assert_eq!(commanded.drive.inputs().error, ErrorCode::FOLLOWING_ERROR);
+    assert_eq!(commanded.drive.state(), State::Fault, "it stands already");
 }
 
 #[test]
@@ -213,16 +223,16 @@ fn a_quick_stop_brakes_as_its_option_says() {
         (QuickStop::Brake, State::SwitchOnDisabled),
         (QuickStop::BrakeAndStay, State::QuickStopActive),
     ] {
-        let mut told = Told::running();
-        told.parameters.quick_stop = quick_stop;
-        told.drive_on(1_000, 50);
-        let before = told.drive.position();
-        told.tell(control::QUICK_STOP);
+        let mut commanded = CommandedDrive::running();
+        commanded.parameters.quick_stop = quick_stop;
+        commanded.drive_on(1_000, 50);
+        let before = commanded.drive.position();
+        commanded.command(control::QUICK_STOP);
         for _ in 0..200 {
-            told.cycle();
+            commanded.cycle();
         }
-        let way = told.drive.position() - before;
-        assert_eq!(told.drive.state(), end, "{quick_stop:?}");
+        let way = commanded.drive.position() - before;
+        assert_eq!(commanded.drive.state(), end, "{quick_stop:?}");
         let expected = if quick_stop == QuickStop::Disable { 0..=0 } else { 49_000..=50_000 };
         assert!(expected.contains(&way), "{quick_stop:?}: {way}");
     }
@@ -235,40 +245,40 @@ fn a_quick_stop_brakes_as_its_option_says() {
 
 #[test]
 fn a_fault_is_reset_by_an_edge_and_only_once_its_cause_has_gone() {
-    let mut told = Told::running();
-    told.drive.set_cause(ErrorCode::OVER_TEMPERATURE);
-    assert_eq!(told.tell(control::ENABLE_OPERATION), State::Fault);
-    assert_eq!(told.tell(control::FAULT_RESET), State::Fault, "it is still too hot");
-    told.drive.set_cause(ErrorCode::NONE);
-    assert_eq!(told.tell(control::FAULT_RESET), State::Fault, "no edge");
-    assert_eq!(told.tell(0), State::Fault);
-    assert_eq!(told.tell(control::FAULT_RESET), State::SwitchOnDisabled);
-    assert_eq!(told.drive.inputs().error, ErrorCode::NONE);
+    let mut commanded = CommandedDrive::running();
+    commanded.drive.set_cause(ErrorCode::OVER_TEMPERATURE);
+    assert_eq!(commanded.command(control::ENABLE_OPERATION), State::Fault);
+    assert_eq!(commanded.command(control::FAULT_RESET), State::Fault, "it is still too hot");
+    commanded.drive.set_cause(ErrorCode::NONE);
+    assert_eq!(commanded.command(control::FAULT_RESET), State::Fault, "no edge");
+    assert_eq!(commanded.command(0), State::Fault);
+    assert_eq!(commanded.command(control::FAULT_RESET), State::SwitchOnDisabled);
+    assert_eq!(commanded.drive.inputs().error, ErrorCode::NONE);
 }
 
 #[test]
 fn a_drive_without_process_data_stops_with_a_fault_and_one_without_voltage_does_not() {
-    let mut told = Told::running();
-    told.drive_on(1_000, 50);
-    told.drive.cycle(MS, None, &told.parameters);
-    assert_eq!(told.drive.state(), State::FaultReactionActive);
+    let mut commanded = CommandedDrive::running();
+    commanded.drive_on(1_000, 50);
+    commanded.drive.cycle(MS, None, &commanded.parameters);
+    assert_eq!(commanded.drive.state(), State::FaultReactionActive);
     for _ in 0..200 {
-        told.drive.cycle(MS, None, &told.parameters);
+        commanded.drive.cycle(MS, None, &commanded.parameters);
     }
-    let inputs = told.drive.inputs();
-    assert_eq!((told.drive.state(), inputs.error), (State::Fault, ErrorCode::COMMUNICATION));
+    let inputs = commanded.drive.inputs();
+    assert_eq!((commanded.drive.state(), inputs.error), (State::Fault, ErrorCode::COMMUNICATION));
 
-    let mut told = in_state(State::ReadyToSwitchOn, QuickStop::Brake);
-    told.drive.cycle(MS, None, &told.parameters);
-    assert_eq!(told.drive.state(), State::ReadyToSwitchOn);
+    let mut commanded = in_state(State::ReadyToSwitchOn, QuickStop::Brake);
+    commanded.drive.cycle(MS, None, &commanded.parameters);
+    assert_eq!(commanded.drive.state(), State::ReadyToSwitchOn);
 }
 
 #[test]
 fn another_mode_of_operation_moves_nothing() {
-    let mut told = Told::running();
-    told.outputs.mode = 1;
-    told.drive_on(1_000, 10);
-    let inputs = told.drive.inputs();
+    let mut commanded = CommandedDrive::running();
+    commanded.outputs.mode = 1;
+    commanded.drive_on(1_000, 10);
+    let inputs = commanded.drive.inputs();
     assert_eq!((inputs.position, inputs.mode), (0, 0));
     assert!(!inputs.status_word.has(StatusWord::FOLLOWS));
 }
@@ -277,9 +287,9 @@ fn another_mode_of_operation_moves_nothing() {
 fn process_data_are_the_same_after_a_way_over_the_bus() {
     let outputs = Outputs { control_word: 0x1234, target: -5_678, mode: -8 };
     assert_eq!(Outputs::parse(&outputs.bytes()), Some(outputs));
-    let mut told = Told::running();
-    told.drive_on(-700, 3);
-    let inputs = told.drive.inputs();
+    let mut commanded = CommandedDrive::running();
+    commanded.drive_on(-700, 3);
+    let inputs = commanded.drive.inputs();
     assert_eq!(ethercat_drive::Inputs::parse(&inputs.bytes()).unwrap(), inputs);
     assert_eq!(Outputs::parse(&[0; 7]), None);
     assert_eq!(ethercat_drive::Inputs::parse(&[0; 15]), None);

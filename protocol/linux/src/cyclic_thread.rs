@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 
 use machine::{Instant, Machine};
 
-use crate::handover::{Receiver, Sender, Taken, ring};
+use crate::handover::{Received, Receiver, Sender, ring};
 use crate::{Driver, DriverError, NoticeSender, Notifier, Owner, Statistics, scheduling};
 
 /// Largest number of commands, and of notices, that a ring holds.
@@ -146,7 +146,7 @@ where
     }
 
     /// Takes the next notice, if there is any. It ends when the loop has ended and all notices are read.
-    pub fn next_notice(&mut self) -> Taken<T::Notice> {
+    pub fn next_notice(&mut self) -> Received<T::Notice> {
         self.notices.take()
     }
 
@@ -168,7 +168,7 @@ impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
     fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()> {
         self.task.inspect(now, machine);
         // One command per wake: the machine's contract requires that everything is sent between two changes.
-        if let Taken::Item(command) = self.commands.take() {
+        if let Received::Item(command) = self.commands.take() {
             self.task.command(now, machine, statistics, command, &mut self.notices)?;
         }
         if self.task.deadline().is_some_and(|deadline| deadline <= now) {

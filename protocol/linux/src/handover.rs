@@ -43,7 +43,7 @@ pub struct Receiver<T> {
 
 /// What a ring has for its receiver.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Taken<T> {
+pub enum Received<T> {
     /// The next item.
     Item(T),
     /// No item so far.
@@ -54,13 +54,13 @@ pub enum Taken<T> {
 
 impl<T> Receiver<T> {
     /// Takes the next item.
-    pub fn take(&mut self) -> Taken<T> {
+    pub fn take(&mut self) -> Received<T> {
         // Read before the ring: what was sent before the end is in the ring then.
         let is_last = self.ring.is_abandoned();
         match self.ring.pop() {
-            Ok(item) => Taken::Item(item),
-            Err(_) if is_last => Taken::Ended,
-            Err(_) => Taken::Nothing,
+            Ok(item) => Received::Item(item),
+            Err(_) if is_last => Received::Ended,
+            Err(_) => Received::Nothing,
         }
     }
 
@@ -71,7 +71,7 @@ impl<T> Receiver<T> {
     }
 
     /// Returns how many items were dropped so far because the ring was full; all of them once
-    /// [`take`](Self::take) returned [`Taken::Ended`].
+    /// [`take`](Self::take) returned [`Received::Ended`].
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.dropped.load(Ordering::Relaxed)

@@ -9,7 +9,7 @@ use anyhow::bail;
 use machine::{Duration, Instant, Machine};
 use plc_node::bus::PlcBus;
 use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
-use protocol_linux::handover::Taken;
+use protocol_linux::handover::Received;
 use protocol_linux::{CyclicThread, Driver, Interface, NoticeSender, Notifier, Task, clock};
 use robot_node::bus::RobotBus;
 use setup::Bus;
@@ -69,16 +69,16 @@ impl Connection {
         let until = clock::now() + PATIENCE;
         own.up_at = loop {
             match own.plc.next_notice() {
-                Taken::Item(Notice::Up(at)) => break at,
-                Taken::Item(Notice::Down(down)) if clock::now() >= until => {
+                Received::Item(Notice::Up(at)) => break at,
+                Received::Item(Notice::Down(down)) if clock::now() >= until => {
                     bail!("no connection came about: {down}")
                 }
-                Taken::Item(Notice::Down(_)) => {}
-                Taken::Nothing if clock::now() >= until => {
+                Received::Item(Notice::Down(_)) => {}
+                Received::Nothing if clock::now() >= until => {
                     bail!("nobody answered at {ROBOT} within {PATIENCE:?}")
                 }
-                Taken::Nothing => thread::sleep(LOOK),
-                Taken::Ended => bail!("the PLC's end stopped before it had a connection"),
+                Received::Nothing => thread::sleep(LOOK),
+                Received::Ended => bail!("the PLC's end stopped before it had a connection"),
             }
         };
         thread::sleep(RUNNING);

@@ -13,7 +13,7 @@ use super::Shared;
 use super::forwarder::ROOM;
 use crate::RecorderError;
 use crate::capture::{CableEvent, CaptureFile, Packet};
-use crate::handover::{Ending, Sender, Taken, ring};
+use crate::handover::{Ending, Received, Sender, ring};
 
 /// Entries that the ring holds: half a second at two frames a millisecond each way, seen at both ends.
 const RING_CAPACITY: usize = 4_096;
@@ -113,7 +113,7 @@ pub(super) fn start(
         let mut result = Ok(());
         loop {
             let taken = waiting.take();
-            if let Taken::Item(entry) = &taken {
+            if let Received::Item(entry) = &taken {
                 let recorded = record(&mut ends, entry);
                 // If a capture cannot be written, all captures end; the cable continues.
                 if result.is_ok() && recorded.is_err() {
@@ -125,7 +125,7 @@ pub(super) fn start(
             let captures = ends.iter_mut().filter_map(|end| end.observer.capture.as_mut());
             let flushed = captures.map(|capture| capture.flush().map_err(|error| broken(capture, error)));
             result = result.and(flushed.collect());
-            if matches!(taken, Taken::Ended) {
+            if matches!(taken, Received::Ended) {
                 break;
             }
             std::thread::sleep(EMPTY_EVERY);

@@ -10,7 +10,7 @@
 pub mod handover;
 mod parts;
 
-use handover::{EndRequest, Ending, Full, NoticeSender, Receiver, Taken, ring};
+use handover::{EndRequest, Ending, Full, NoticeSender, Received, Receiver, ring};
 use loom::sync::Arc;
 use loom::sync::atomic::{AtomicU64, Ordering};
 use loom::thread;
@@ -29,9 +29,9 @@ fn take_all<T>(receiver: &mut Receiver<T>) -> Vec<T> {
     let mut items = Vec::new();
     loop {
         match receiver.take() {
-            Taken::Item(item) => items.push(item),
-            Taken::Nothing => thread::yield_now(),
-            Taken::Ended => return items,
+            Received::Item(item) => items.push(item),
+            Received::Nothing => thread::yield_now(),
+            Received::Ended => return items,
         }
     }
 }
@@ -62,7 +62,7 @@ fn a_sender_whose_writer_ended_first_fills_the_ring_and_then_counts() {
         let results = [sender.send(item()), sender.send(item())];
         // Whether the first of them found a place depends on whether the writer was faster.
         assert_ne!(results, [Ok(()), Ok(())]);
-        assert!(matches!(writing.join().unwrap(), Taken::Item(_)));
+        assert!(matches!(writing.join().unwrap(), Received::Item(_)));
         assert!(sender.send(item()).is_ok() || results.contains(&Ok(())));
         assert_eq!(sender.send(item()), Err(Full));
         // loom finds items that are not dropped with their ring.
@@ -74,22 +74,22 @@ fn a_sender_whose_writer_ended_first_fills_the_ring_and_then_counts() {
 fn take_asleep<T>(
     receiver: &mut Receiver<T>,
     reader: &Notifier,
-    is_enough: impl Fn(&[T], &Taken<()>) -> bool,
+    is_enough: impl Fn(&[T], &Received<()>) -> bool,
 ) -> Vec<T> {
     let mut items = Vec::new();
     loop {
         let taken = match receiver.take() {
-            Taken::Item(item) => {
+            Received::Item(item) => {
                 items.push(item);
-                Taken::Item(())
+                Received::Item(())
             }
-            Taken::Nothing => Taken::Nothing,
-            Taken::Ended => Taken::Ended,
+            Received::Nothing => Received::Nothing,
+            Received::Ended => Received::Ended,
         };
         if is_enough(&items, &taken) {
             return items;
         }
-        if taken == Taken::Nothing {
+        if taken == Received::Nothing {
             reader.wait();
             reader.clear();
         }
@@ -121,7 +121,7 @@ fn a_reader_that_sleeps_while_there_is_no_notice_learns_of_the_end_after_the_las
         let reader = Notifier::new();
         let mut notices = NoticeSender::new(sender, reader.clone());
         let sending = thread::spawn(move || notices.send(1));
-        let received = take_asleep(&mut receiver, &reader, |_, taken| *taken == Taken::Ended);
+        let received = take_asleep(&mut receiver, &reader, |_, taken| *taken == Received::Ended);
         assert_eq!(received, [1]);
         sending.join().unwrap();
     });
@@ -136,7 +136,7 @@ fn a_cyclic_thread_that_takes_one_command_a_wake_gets_every_command() {
         let cyclic = thread::spawn(move || {
             let mut taken = Vec::new();
             while taken.len() < 2 {
-                if let Taken::Item(command) = ring.take() {
+                if let Received::Item(command) = ring.take() {
                     taken.push(command);
                 }
                 // The owner's deadline: while a command waits, the thread does not sleep.

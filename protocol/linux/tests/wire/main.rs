@@ -17,7 +17,7 @@ use std::process::ExitCode;
 use machine::{Instant, PortRequest};
 use machines::{Cable, Echo, Station};
 use protocol::fieldbus::LinkEvent;
-use protocol_linux::handover::Taken;
+use protocol_linux::handover::Received;
 use protocol_linux::{
     CyclicThread, Driver, DriverError, Interface, NoticeSender, Notifier, OpenPort, Statistics, Task, clock,
 };
@@ -140,11 +140,11 @@ fn the_end_of_a_cyclic_thread_that_panics_wakes_its_reader() {
         let driver = Driver::new(station, interface.clone(), waker.clone()).unwrap();
         CyclicThread::start(driver, Fault, waker, reader.clone()).unwrap()
     });
-    assert_eq!(thread.next_notice(), Taken::Nothing);
+    assert_eq!(thread.next_notice(), Received::Nothing);
     thread.send(()).unwrap();
     let limit = Timespec::try_from(TIMEOUT).unwrap();
     let woken = poll(&mut [PollFd::new(&reader, PollFlags::IN)], Some(&limit)).unwrap();
-    assert_eq!((woken, thread.next_notice()), (1, Taken::Ended));
+    assert_eq!((woken, thread.next_notice()), (1, Received::Ended));
     thread.join().unwrap_err();
 }
 

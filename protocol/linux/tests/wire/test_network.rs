@@ -9,7 +9,7 @@ use std::time::Duration;
 use machine::{Instant, Machine};
 use networked_tests::End;
 use protocol::fieldbus::LinkEvent;
-use protocol_linux::handover::Taken;
+use protocol_linux::handover::Received;
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{CyclicThread, Driver, Finished, Interface, NoticeSender, Notifier, Task};
 
@@ -110,7 +110,7 @@ impl<M: Progress> Running<M> {
     /// Waits until the machine reports that its link is up.
     pub(crate) fn until_up(&mut self) {
         let start = std::time::Instant::now();
-        while self.thread.next_notice() != Taken::Item(LinkEvent::Up) {
+        while self.thread.next_notice() != Received::Item(LinkEvent::Up) {
             assert!(start.elapsed() < TIMEOUT, "it does not come up");
             std::thread::sleep(Duration::from_millis(5));
         }
