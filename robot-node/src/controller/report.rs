@@ -4,7 +4,7 @@ use machine::Instant;
 use protocol::image::{Command, Control, ErrorNumber, Feedback, Finding, Status};
 
 use super::{Controller, EVENTS, RobotEvent, press};
-use crate::arm::{Violation, contact_force, length};
+use crate::arm::{Frame, Violation, contact_force, length};
 
 impl Controller {
     pub(super) fn cleared_feedback(&self) -> Feedback {
@@ -14,7 +14,8 @@ impl Controller {
 
     pub(super) fn report(&mut self, at: Instant, command: Option<&Command>) {
         let at_rest = self.interpolator.is_at_rest() && self.is_in_place();
-        if self.reported != *self.actual_joints() {
+        // A motion that only begins, or has no length, may have another tool or base where the arm stands.
+        if self.reported != *self.actual_joints() || self.present_frames() != (self.tool, self.base_inverse) {
             self.report_position();
         }
         if !self.config.surfaces.is_empty() {
@@ -63,12 +64,17 @@ impl Controller {
         self.feedback.contact_force = length(self.contact) as f32;
     }
 
-    /// Reports where the joints are, and the pose of the present motion's tool in its base.
-    pub(super) fn report_position(&mut self) {
+    /// Returns the tool in the flange and the inverse of the base of the present motion, or of the last one.
+    fn present_frames(&self) -> (Frame, Frame) {
         let pressing = self.press.as_ref().filter(|press| press.phase != press::Phase::Waiting);
         let leading = self.interpolator.path().current().map(|segment| (segment.tool, segment.base_inverse));
         let frames = leading.or(pressing.map(|press| (press.tool, press.base_inverse)));
-        (self.tool, self.base_inverse) = frames.unwrap_or((self.tool, self.base_inverse));
+        frames.unwrap_or((self.tool, self.base_inverse))
+    }
+
+    /// Reports where the joints are, and the pose of the present motion's tool in its base.
+    pub(super) fn report_position(&mut self) {
+        (self.tool, self.base_inverse) = self.present_frames();
         let joints = *self.actual_joints();
         self.reported = joints;
         let flange = match self.drives {

@@ -51,6 +51,21 @@ fn single_skills_run_one_motion_each() {
 }
 
 #[test]
+fn a_motion_without_length_in_another_base_shows_the_pose_in_that_base() {
+    let mut cell = Cell::ready(Vec::new());
+    let root = cell.feedback().pose;
+    let here = Motion { kind: MotionKind::PtpJoint, target: cell.feedback().joints, ..ptp(0.0, 0.0, 90.0, 0) };
+    cell.call(Skill::MovePtpJoint, vec![Motion { base: 1, ..here }]);
+    cell.wait_for_end();
+    assert!(cell.feedback().status.contains(Status::DONE), "{:?}", cell.feedback());
+    // Base 1 of Setup A is turned by 90 degrees at (300, -150, 25).
+    let in_base = [root[1] + 150.0, 300.0 - root[0], root[2] - 25.0];
+    for (is, target) in cell.feedback().pose.iter().zip(in_base) {
+        assert!((is - target).abs() < 1e-3, "{:?} is not {in_base:?}", cell.feedback().pose);
+    }
+}
+
+#[test]
 fn a_segment_has_what_its_motion_is_programmed_with_and_the_robots_own_where_nothing_is() {
     let config = plc::config();
     let programmed = |motion: Motion| Segment::prepare(&motion, &config.home, &config).unwrap().programmed;
