@@ -137,7 +137,7 @@ fn a_virtual_run_has_every_cycle_of_every_type_in_units_of_ros() {
         for (tick, heard) in cycles(directory.path(), "cm").iter().zip(&topics["/cm/joint_states"].heard) {
             let [positions, _] = positions_and_speeds(&heard.data, joints);
             for (axis, found) in positions.into_iter().enumerate() {
-                let value = f64::from(tick.sample.joints[axis]);
+                let value = tick.sample.joints[axis];
                 let wanted = if linear == Some(axis) { value / 1e3 } else { value.to_radians() };
                 assert!((found - wanted).abs() < 1e-5, "joint {} is {found}, not {wanted}", axis + 1);
             }

@@ -142,7 +142,7 @@ impl<B: Fieldbus> RobotNode<B> {
             blends_suppressed: feedback.blends_suppressed,
             path_speed_mm_s: feedback.path_speed,
             pose: feedback.pose,
-            joints: feedback.joints,
+            joints: *self.controller.reported_joints(),
             altered: self.checker.checks().altered,
         }
     }

@@ -22,8 +22,9 @@ pub struct Sample {
     pub path_speed_mm_s: f32,
     /// Pose of the tool in the base frame: x, y, z in mm; a, b, c in degrees.
     pub pose: [f32; 6],
-    /// Joint values in degrees; in mm for a linear axis.
-    pub joints: [f32; 6],
+    /// Joint values in degrees; in mm for a linear axis. As exact as the robot has them: a jerk in rated units can be
+    /// found from four rows.
+    pub joints: [f64; 6],
     /// Images of the PLC that the robot refused so far, because a byte was altered.
     pub altered: u64,
 }
@@ -63,8 +64,11 @@ impl TraceSample for Sample {
             line,
             "{state:?},{command},{executed},{accepted},{queued},{blends_suppressed},{path_speed_mm_s:.3}"
         );
-        for value in self.pose.iter().chain(&self.joints) {
+        for value in &self.pose {
             let _ = write!(line, ",{value:.4}");
+        }
+        for value in &self.joints {
+            let _ = write!(line, ",{value:.7}");
         }
         let _ = write!(line, ",{}", self.altered);
     }
@@ -88,7 +92,10 @@ impl TraceSample for Sample {
             path_speed_mm_s: fields.value()?,
             ..Self::default()
         };
-        for value in sample.pose.iter_mut().chain(&mut sample.joints) {
+        for value in &mut sample.pose {
+            *value = fields.value()?;
+        }
+        for value in &mut sample.joints {
             *value = fields.value()?;
         }
         sample.altered = fields.value()?;

@@ -17,7 +17,7 @@ use plc_node::ExecutionType;
 use setup::Setup;
 
 /// Joints of the arm, cycle by cycle, without the cycles in which it stands.
-type JointPath = Vec<[f32; 6]>;
+type JointPath = Vec<[f64; 6]>;
 
 /// How repetitions ended.
 #[derive(Default)]

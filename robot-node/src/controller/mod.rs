@@ -162,6 +162,12 @@ impl Controller {
         controller
     }
 
+    /// Returns the joints that the feedback shows, in degrees (mm), as exact as the controller has them.
+    #[must_use]
+    pub const fn reported_joints(&self) -> &Joints {
+        &self.reported
+    }
+
     /// Returns the feedback image as of the last tick.
     #[must_use]
     pub const fn feedback(&self) -> &Feedback {

@@ -54,7 +54,8 @@ fn single_skills_run_one_motion_each() {
 fn a_motion_without_length_in_another_base_shows_the_pose_in_that_base() {
     let mut cell = Cell::ready(Vec::new());
     let root = cell.feedback().pose;
-    let here = Motion { kind: MotionKind::PtpJoint, target: cell.feedback().joints, ..ptp(0.0, 0.0, 90.0, 0) };
+    let here =
+        Motion { kind: MotionKind::PtpJoint, target: cell.feedback().joints, ..ptp(0.0, 0.0, 90.0, 0) };
     cell.call(Skill::MovePtpJoint, vec![Motion { base: 1, ..here }]);
     cell.wait_for_end();
     assert!(cell.feedback().status.contains(Status::DONE), "{:?}", cell.feedback());

@@ -98,7 +98,7 @@ impl Frames {
         let joints = sample.joints.iter().take(self.axes);
         Some(Frame {
             at_ms: rounded(since_ns as f64 / 1e6, 10.0),
-            joints: joints.map(|joint| rounded(f64::from(*joint), 1e3)).collect(),
+            joints: joints.map(|joint| rounded(*joint, 1e3)).collect(),
             speed_mm_s: rounded(f64::from(sample.path_speed_mm_s), 10.0),
             done: self.done,
             slots: self.slots,

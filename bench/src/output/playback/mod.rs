@@ -144,7 +144,7 @@ impl Arm {
 
     /// Returns the value of a joint in rad or m.
     fn value(&self, tick: &RobotTick, axis: usize) -> f64 {
-        let value = f64::from(tick.sample.joints.get(axis).copied().unwrap_or_default());
+        let value = tick.sample.joints.get(axis).copied().unwrap_or_default();
         if self.linear == Some(axis) { value / 1e3 } else { value.to_radians() }
     }
 }

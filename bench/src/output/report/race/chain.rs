@@ -95,11 +95,11 @@ impl Chain {
     }
 
     /// Returns the frames of the joints and of the tool's tip, in the root's frame.
-    pub(super) fn frames(&self, values: &[f32]) -> (Vec<Frame>, Frame) {
+    pub(super) fn frames(&self, values: &[f64]) -> (Vec<Frame>, Frame) {
         let mut at = Frame::IDENTITY;
         let mut frames = Vec::new();
         for (joint, value) in self.joints.iter().zip(values) {
-            at = at * joint.moved(f64::from(*value));
+            at = at * joint.moved(*value);
             frames.push(at);
         }
         (frames, at * self.flange.frame() * self.tool.frame())
@@ -234,7 +234,7 @@ mod tests {
                 let shift = f64::from(index);
                 let joints = [7.0, -11.0, 13.0, 17.0, -19.0, 23.0].map(|step| step * shift % 180.0);
                 let expected = robot.arm.forward(&joints) * tool;
-                let (frames, tip) = chain.frames(&joints.map(|value| value as f32));
+                let (frames, tip) = chain.frames(&joints);
                 assert_eq!(frames.len(), robot.arm.axes(), "{name}");
                 assert!(distance(tip.position, expected.position) < 1e-2, "{name} {joints:?}: {tip:?}");
                 let lean =

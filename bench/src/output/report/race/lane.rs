@@ -74,9 +74,8 @@ impl Lane {
         let shown: Vec<_> = ticks.iter().step_by(every).chain((every > 1).then_some(last)).copied().collect();
         let column =
             |value: &dyn Fn(&RobotTick) -> f64, unit| differences(shown.iter().map(|tick| value(tick)), unit);
-        let joint = |axis: usize| {
-            column(&|tick| f64::from(tick.sample.joints.get(axis).copied().unwrap_or_default()), JOINT)
-        };
+        let joint =
+            |axis: usize| column(&|tick| tick.sample.joints.get(axis).copied().unwrap_or_default(), JOINT);
         Some(Self {
             key: execution_type.to_string(),
             name: label(execution_type),
@@ -161,7 +160,7 @@ mod tests {
     use protocol::image::State;
 
     fn tick(at_ms: f64, command: u16, executed: u32, path_speed_mm_s: f32) -> RobotTick {
-        let joints = [at_ms as f32, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let joints = [at_ms, 0.0, 0.0, 0.0, 0.0, 0.0];
         let sample = robot_node::Sample {
             state: State::Running,
             command,

@@ -58,7 +58,7 @@ pub(super) struct Race {
     /// Interpolation cycle of the robot, in ms.
     cycle_ms: f64,
     #[serde(skip)]
-    joints: Vec<Vec<(f64, [f32; 6])>>,
+    joints: Vec<Vec<(f64, [f64; 6])>>,
 }
 
 #[derive(Serialize)]

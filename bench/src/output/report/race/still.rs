@@ -138,9 +138,9 @@ impl Race {
     }
 
     /// Returns the way of the tool with its times, in the root's frame, thinned.
-    fn path(&self, joints: &[(f64, [f32; 6])]) -> Vec<(f64, [f64; 3])> {
+    fn path(&self, joints: &[(f64, [f64; 6])]) -> Vec<(f64, [f64; 3])> {
         let every = joints.len().div_ceil(POINTS).max(1);
-        let point = |(at, joints): &(f64, [f32; 6])| (*at, self.scene.arm.frames(joints).1.position);
+        let point = |(at, joints): &(f64, [f64; 6])| (*at, self.scene.arm.frames(joints).1.position);
         joints.iter().step_by(every).chain(joints.last()).map(point).collect()
     }
 
@@ -181,7 +181,7 @@ impl Race {
         &self,
         area: &Area<'_>,
         view: &View,
-        joints: &[f32; 6],
+        joints: &[f64; 6],
         colour: RGBColor,
     ) -> anyhow::Result<()> {
         let (frames, tip) = self.scene.arm.frames(joints);
