@@ -18,6 +18,12 @@ impl Planner<'_> {
         if motion.length_mm < LEAST_MM && motion.turn_deg < LEAST_TURN_DEG && motion.joints_deg.is_none() {
             return Err(Refusal::ZeroLength { length_mm: motion.length_mm });
         }
+        let may_turn_on_the_spot =
+            matches!(motion.kind, MotionKind::LinCartesian) || motion.kind.is_point_to_point();
+        let way_mm = (motion.target.point - motion.start.point).length();
+        if way_mm < LEAST_MM && !may_turn_on_the_spot {
+            return Err(Refusal::TurnOnTheSpot { way_mm });
+        }
         self.check_speed(motion)?;
         self.not_enclosed(motion.target.point, &format!("the target of `{}`", motion.name))?;
         if motion.role.is_secondary() { Ok(()) } else { self.check_obstacles(motion) }

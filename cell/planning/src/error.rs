@@ -131,6 +131,11 @@ pub enum Refusal {
         /// Its length in mm.
         length_mm: f64,
     },
+    /// A motion of a kind that has a direction ends at the point where it begins.
+    TurnOnTheSpot {
+        /// Distance from its start to its target, in mm.
+        way_mm: f64,
+    },
     /// A path only turns where its pre- or post-movement begins, so that this has no direction.
     NoDirection {
         /// `approach_mm` or `retreat_mm`.
@@ -249,6 +254,11 @@ impl fmt::Display for Refusal {
                 f,
                 "its length is {length_mm:.3} mm and it does not turn; a motion needs at least {LEAST_MM} mm: \
                  remove it or move its frame"
+            ),
+            Self::TurnOnTheSpot { way_mm } => write!(
+                f,
+                "its target is {way_mm:.3} mm from its start, and a circle, a spline's piece or a press needs at least \
+                 {LEAST_MM} mm: move its frame, or turn by a line, which may turn on the spot"
             ),
             Self::NoDirection { key, length_mm } => write!(
                 f,

@@ -68,6 +68,18 @@ fn what_cannot_be_planned_is_refused_with_step_motion_quantity_and_limit() {
             "grip = { mm_deg = [0.0, 0.0, 0.0, 0.0, 0.0, 180.0] }\ncarrier-rim = { on = \"grip\", shift_mm = [0.0, 0.0, 30.0] }",
             "grip = { mm_deg = [0.0, 0.0, 30.0, 0.0, 0.0, 180.0] }\ncarrier-rim = { mm_deg = [0.0, 0.0, 30.0, 9.0, 0.0, 180.0] }",
         ),
+        (
+            "turn on the spot within a spline",
+            "gluing",
+            "wave-2 = { on = \"seam-start\", shift_mm = [0.0, 30.0, 0.0] }",
+            "wave-2 = { mm_deg = [-20.0, 38.0, 20.0, 30.0, 0.0, 180.0] }",
+        ),
+        (
+            "circle back to its start",
+            "gluing",
+            "circle = { through = \"right-bottom-arc\", to = \"right-low\" }",
+            "circle = { through = \"right-bottom-arc\", to = \"right-bottom\" }",
+        ),
         ("unknown tool", MEASURED, "gripper = 0", "gripper = 3"),
         ("unknown base", MEASURED, "table = 1", "table = 2"),
         ("speed 0", "gluing", "speed_mm_s = 60.0", "speed_mm_s = 0.0"),

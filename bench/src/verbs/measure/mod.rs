@@ -155,11 +155,14 @@ fn reserve(address: LiveAddress, mode: Mode) -> Result<Reserved, Failure> {
     Reserved::open(address).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))
 }
 
-/// Checks that the setup describes a robot, and that it can stand where the application starts.
+/// Checks that the setup describes a robot, that it can stand where the application starts, and that its arm reaches
+/// every motion of the plan.
 fn check_robot(setup: &Setup, found: &Found, plan: &planning::Plan) -> Result<(), Failure> {
     let robot = RobotConfig::from_setup(setup).map_err(|error| Failure::new(Exit::Usage, error))?;
     let in_cell = robot.in_cell_of(&found.application, &plan.wire_to_start(setup));
-    in_cell.map(drop).map_err(|error| Failure::new(Exit::Usage, error))
+    in_cell.map(drop).map_err(|error| Failure::new(Exit::Usage, error))?;
+    found.reach(plan, setup)?;
+    Ok(())
 }
 
 /// Rejects options that need nodes started by the bench.
