@@ -22,6 +22,10 @@ const HALVED_DEG: f64 = 10.0;
 /// Largest number of times that a step is halved.
 const HALVINGS: u32 = 10;
 
+/// How near to a singular position a step is halved, as a share of what is refused, and how often.
+const NEARLY_SINGULAR: f64 = 0.5;
+const HALVINGS_NEARLY_SINGULAR: u32 = 6;
+
 /// Where the arm stands in a plan that it reaches.
 #[derive(Clone, Debug)]
 pub struct Reached {
@@ -176,7 +180,14 @@ impl Walk<'_> {
             _ => 0.0,
         });
         let load = arm.limits().speed_load(&turning);
-        if way_mm > 0.0 && load.share * SINGULAR_SHARE > 1.0 {
+        let singular = if way_mm > 0.0 { load.share * SINGULAR_SHARE } else { 0.0 };
+        // Within the step the joint turns faster than on average.
+        if singular > NEARLY_SINGULAR && singular <= 1.0 && halvings > HALVINGS - HALVINGS_NEARLY_SINGULAR {
+            let middle = f64::midpoint(from, to);
+            let half = self.step(motion, track, (from, joints), middle, speed_mm_s, halvings - 1)?;
+            return self.step(motion, track, half, to, speed_mm_s, halvings - 1);
+        }
+        if singular > 1.0 {
             return Err((Violation::Singular { axis: load.axis, share: 1.0 / load.share }, from));
         }
         Ok((to, next))
