@@ -114,20 +114,20 @@ pub struct Run {
     pub motions: Vec<Programmed>,
 }
 
-/// Something that happens in a robot cycle of a run.
+/// What happens in a robot cycle of a run.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Event {
     /// In which robot cycle, counted from the command that starts the run.
     pub cycle: u32,
     /// What happens.
-    pub what: Happening,
+    pub what: Intervention,
 }
 
-/// What can happen.
+/// What the PLC or the cable does during a run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Happening {
+pub enum Intervention {
     /// Another override, in %.
     Override(u8),
     /// The PLC suspends.

@@ -5,7 +5,7 @@ use protocol::image::{Command, Control, Feedback, Motion, SLOTS, Skill, State, S
 use robot_node::{ConfigError, Controller, Program};
 use setup::Setup;
 
-use crate::case::{Case, Event, Execution, Happening, Programmed, Run};
+use crate::case::{Case, Event, Execution, Intervention, Programmed, Run};
 use crate::law::{Law, Seen};
 use crate::violation::{Class, Violation};
 
@@ -213,12 +213,12 @@ impl Driver {
         {
             *events = rest;
             match event.what {
-                Happening::Override(percent) => self.command.override_percent = percent,
-                Happening::Suspend => self.is_suspended = true,
-                Happening::Resume => self.is_suspended = false,
-                Happening::Halt => self.command.control.set(Control::HALT, true),
-                Happening::Disable => self.command.control.set(Control::ENABLE, false),
-                Happening::Disconnect => self.is_connected = false,
+                Intervention::Override(percent) => self.command.override_percent = percent,
+                Intervention::Suspend => self.is_suspended = true,
+                Intervention::Resume => self.is_suspended = false,
+                Intervention::Halt => self.command.control.set(Control::HALT, true),
+                Intervention::Disable => self.command.control.set(Control::ENABLE, false),
+                Intervention::Disconnect => self.is_connected = false,
             }
         }
     }

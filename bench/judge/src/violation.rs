@@ -140,7 +140,7 @@ pub enum Broken {
     /// A figure of the tool or of a count, beside its limit.
     Figure {
         /// Which quantity.
-        of: &'static str,
+        quantity: &'static str,
         /// What was found.
         figure: f64,
         /// What it may be.
@@ -173,8 +173,8 @@ impl fmt::Display for Violation {
             Broken::Joint { joint, figure, limit, unit } => {
                 write!(f, "joint {joint} at {figure:.6} {unit}, allowed is {limit:.6}")?;
             }
-            Broken::Figure { of, figure, limit, unit } => {
-                write!(f, "{of} is {figure:.6} {unit}, allowed is {limit:.6}")?;
+            Broken::Figure { quantity, figure, limit, unit } => {
+                write!(f, "{quantity} is {figure:.6} {unit}, allowed is {limit:.6}")?;
             }
             Broken::Words(words) => f.write_str(words)?,
         }

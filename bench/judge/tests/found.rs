@@ -103,9 +103,9 @@ fn an_arm_that_becomes_faster_after_it_began_to_slow_down_is_found() {
     assert_eq!(found_when_turned_by(0.0201), None);
     let (cycle, (class, what)) = found_when_turned_by(0.0204).unwrap();
     assert_eq!((cycle, class), (40, Class::ToolSpeed));
-    let Broken::Figure { of, figure, limit, .. } = what else { panic!("{what:?}") };
+    let Broken::Figure { quantity, figure, limit, .. } = what else { panic!("{what:?}") };
     assert!(
-        of.starts_with("while it slows down") && (figure / limit - 1.02 / 1.01).abs() < 1e-3,
+        quantity.starts_with("while it slows down") && (figure / limit - 1.02 / 1.01).abs() < 1e-3,
         "{figure} {limit}"
     );
 }

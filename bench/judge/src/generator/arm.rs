@@ -11,8 +11,8 @@ const RATED: [f64; 2] = [0.3, 2.0];
 const MARGIN: f64 = 0.1;
 
 /// An arm of the same kind with other links, ranges and limits.
-pub(super) fn another(dice: &mut Dice, of: &Arm) -> Arm {
-    let (links, ranges) = match of.links {
+pub(super) fn another(dice: &mut Dice, arm: &Arm) -> Arm {
+    let (links, ranges) = match arm.links {
         Links::Scara { .. } => scara(dice),
         Links::SixAxes { .. } => six_axes(dice),
         Links::ThreeParallel { .. } => three_parallel(dice),
@@ -21,7 +21,7 @@ pub(super) fn another(dice: &mut Dice, of: &Arm) -> Arm {
         limits.iter().map(|limit| limit * dice.scale(RATED[0], RATED[1])).collect()
     };
     let [speed_deg_s, acceleration_deg_s2, jerk_deg_s3] =
-        [&of.speed_deg_s, &of.acceleration_deg_s2, &of.jerk_deg_s3].map(|limits| rated(limits));
+        [&arm.speed_deg_s, &arm.acceleration_deg_s2, &arm.jerk_deg_s3].map(|limits| rated(limits));
     let home_deg = ranges.iter().map(|(lower, upper)| f64::midpoint(*lower, *upper)).collect();
     let (lower_deg, upper_deg) = ranges.into_iter().unzip();
     Arm { links, lower_deg, upper_deg, speed_deg_s, acceleration_deg_s2, jerk_deg_s3, home_deg }

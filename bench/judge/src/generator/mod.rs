@@ -12,7 +12,7 @@ mod phrase;
 
 use setup::Setup;
 
-use crate::case::{Arm, Case, Event, Execution, Happening, OtherController, Run, SCHEMA};
+use crate::case::{Arm, Case, Event, Execution, Intervention, OtherController, Run, SCHEMA};
 use dice::Dice;
 use phrase::Walk;
 
@@ -111,28 +111,29 @@ fn run(dice: &mut Dice, case: &mut Case, setup: &Setup, least_override: u8) -> R
 fn events(dice: &mut Dice, least_override: u8) -> Vec<Event> {
     let mut events = Vec::new();
     let mut cycle = 0;
-    let mut at = |dice: &mut Dice, what: Happening| {
+    let mut at = |dice: &mut Dice, what: Intervention| {
         cycle += dice.scale(1.0, 150.0) as u32;
         events.push(Event { cycle, what });
     };
     if dice.chance(0.3) {
         for _ in 0..=dice.below(5) {
             let percent = override_percent(dice, least_override);
-            at(dice, Happening::Override(percent));
+            at(dice, Intervention::Override(percent));
         }
         if least_override == 0 {
-            at(dice, Happening::Override(100));
+            at(dice, Intervention::Override(100));
         }
     }
     if dice.chance(0.2) {
         for _ in 0..=dice.below(3) {
-            at(dice, Happening::Suspend);
-            at(dice, Happening::Resume);
+            at(dice, Intervention::Suspend);
+            at(dice, Intervention::Resume);
         }
     }
     if dice.chance(0.12) {
-        let end = dice.pick(&[(Happening::Halt, 4), (Happening::Disable, 1), (Happening::Disconnect, 1)]);
-        at(dice, end.unwrap_or(Happening::Halt));
+        let end =
+            dice.pick(&[(Intervention::Halt, 4), (Intervention::Disable, 1), (Intervention::Disconnect, 1)]);
+        at(dice, end.unwrap_or(Intervention::Halt));
     }
     events
 }

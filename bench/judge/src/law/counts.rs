@@ -21,7 +21,7 @@ impl Law {
         let Feedback { executed, accepted, .. } = *feedback;
         if executed < self.skill.executed {
             let (figure, limit) = (f64::from(executed), f64::from(self.skill.executed));
-            let what = Broken::Figure { of: "`executed` fell and", figure, limit, unit: "motions" };
+            let what = Broken::Figure { quantity: "`executed` fell and", figure, limit, unit: "motions" };
             return self.report(Class::Count, what);
         }
         if executed > accepted || accepted > total {
@@ -70,7 +70,7 @@ impl Law {
         };
         if off > limit {
             let what = Broken::Figure {
-                of: "the tool's distance from an executed target",
+                quantity: "the tool's distance from an executed target",
                 figure: off,
                 limit,
                 unit: "mm",
@@ -97,7 +97,7 @@ impl Law {
         let found = f64::from(feedback.contact_force);
         if (found - wanted).abs() > self.force_tolerance_n + 1e-3 {
             let what = Broken::Figure {
-                of: "the force of a LIN force that is done",
+                quantity: "the force of a LIN force that is done",
                 figure: found,
                 limit: wanted,
                 unit: "N",

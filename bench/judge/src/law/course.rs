@@ -14,7 +14,7 @@ impl Law {
         let Some(off) = way.off(&sample.flange.then(&way.tool)) else { return };
         if off.mm > PLACE_MM {
             let what = Broken::Figure {
-                of: "the tool's distance from its course",
+                quantity: "the tool's distance from its course",
                 figure: off.mm,
                 limit: PLACE_MM,
                 unit: "mm",
@@ -23,7 +23,7 @@ impl Law {
         }
         if off.turned_deg > PLACE_DEG {
             let what = Broken::Figure {
-                of: "the tool's turn away from its course",
+                quantity: "the tool's turn away from its course",
                 figure: off.turned_deg,
                 limit: PLACE_DEG,
                 unit: "°",

@@ -40,8 +40,12 @@ impl Law {
         if !has_ended && !is_tools(&self.shown.0) && !self.candidates().any(|(tool, _)| is_tools(&tool)) {
             let [now, before, ..] = self.tools(&self.shown.0);
             let limit = length(difference(before, now)) / self.cycle_s;
-            let what =
-                Broken::Figure { of: "the path speed in the feedback", figure: told, limit, unit: "mm/s" };
+            let what = Broken::Figure {
+                quantity: "the path speed in the feedback",
+                figure: told,
+                limit,
+                unit: "mm/s",
+            };
             return self.report(Class::Feedback, what);
         }
         if !self.surfaces.is_empty() {
@@ -81,7 +85,7 @@ impl Law {
         let force = length(self.contact(&self.shown.0));
         if (told - force).abs() > SINGLE * force + 1e-4 {
             let what = Broken::Figure {
-                of: "the contact force in the feedback",
+                quantity: "the contact force in the feedback",
                 figure: told,
                 limit: force,
                 unit: "N",
@@ -96,7 +100,8 @@ impl Law {
         // A line may start in a surface. From outside, the force does not overshoot.
         let was_less = self.before.is_some_and(|before| f64::from(before.contact_force) <= most);
         if wanted > 0.0 && is_soft && self.surfaces.len() == 1 && was_less && told > most {
-            let what = Broken::Figure { of: "the contact force", figure: told, limit: wanted, unit: "N" };
+            let what =
+                Broken::Figure { quantity: "the contact force", figure: told, limit: wanted, unit: "N" };
             self.report(Class::Force, what);
         }
     }

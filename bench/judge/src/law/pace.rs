@@ -137,7 +137,7 @@ impl Law {
         let share = if is_spline { QUADRATURE } else { SHARE };
         if step > limit * self.cycle_s * (1.0 + share) + 2.0 * TOOL_NOISE_MM {
             let figure = step / self.cycle_s;
-            let what = Broken::Figure { of: "the tool's speed", figure, limit, unit: "mm/s" };
+            let what = Broken::Figure { quantity: "the tool's speed", figure, limit, unit: "mm/s" };
             let class = if kind == Kind::LinForce { Class::PressSpeed } else { Class::ToolSpeed };
             return self.report(class, what);
         }
@@ -150,7 +150,8 @@ impl Law {
             let square = self.powers[1];
             if length(second) > limit * square * (1.0 + SHARE) + 4.0 * TOOL_NOISE_MM {
                 let figure = length(second) / square;
-                let what = Broken::Figure { of: "the tool's acceleration", figure, limit, unit: "mm/s²" };
+                let what =
+                    Broken::Figure { quantity: "the tool's acceleration", figure, limit, unit: "mm/s²" };
                 return self.report(Class::ToolAcceleration, what);
             }
         }
@@ -159,7 +160,7 @@ impl Law {
             let cube = self.powers[2];
             if third > self.path_jerk * cube * (1.0 + SHARE) + 8.0 * TOOL_NOISE_MM {
                 let (figure, limit) = (third / cube, self.path_jerk);
-                let what = Broken::Figure { of: "the tool's jerk", figure, limit, unit: "mm/s³" };
+                let what = Broken::Figure { quantity: "the tool's jerk", figure, limit, unit: "mm/s³" };
                 self.report(Class::ToolJerk, what);
             }
         }
@@ -215,7 +216,7 @@ impl Law {
         let is_known = self.pace.highest.is_some() && on == among.first;
         if self.pace.slows_from.is_some() && !may_rise && is_known && share > most {
             let what = Broken::Figure {
-                of: "while it slows down for the override, the share of the programmed speed",
+                quantity: "while it slows down for the override, the share of the programmed speed",
                 figure: share,
                 limit: most,
                 unit: "",
