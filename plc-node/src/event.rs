@@ -190,7 +190,7 @@ pub enum FailureCause {
     #[error("the arm did not get to the application's `start`: {0}; correct the frame that `start` names")]
     StartNotReached(BlockError),
     /// A function block found something that must not be.
-    #[error("at motion {motion} of the sequence, counted from 0: {error}")]
+    #[error("at motion {} of the plan: {error}", motion.saturating_add(1))]
     Block {
         /// What it found.
         error: BlockError,
@@ -199,12 +199,12 @@ pub enum FailureCause {
     },
 }
 
-/// Formats a robot's error number and findings as text.
+/// Formats a robot's error number and findings as text. The image counts motions from 0, a printed plan from 1.
 fn robot_in_words(number: ErrorNumber, motion: u32, finding: &Finding) -> String {
     if number == ErrorNumber::None {
         return format!(
-            "the robot ended the skill at motion {motion} of the sequence, counted from 0, with an error but without its \
-             number: look at its node"
+            "the robot ended the skill at motion {} of the plan with an error but without its number: look at its node",
+            motion.saturating_add(1)
         );
     }
     let (code, words) = (u16::from(number), finding.in_words(number));
@@ -215,7 +215,8 @@ fn robot_in_words(number: ErrorNumber, motion: u32, finding: &Finding) -> String
         _ => "correct that motion",
     };
     format!(
-        "the robot reports error {code} at motion {motion} of the sequence, counted from 0: {words}; {advice}"
+        "the robot reports error {code} at motion {} of the plan: {words}; {advice}",
+        motion.saturating_add(1)
     )
 }
 
@@ -277,8 +278,8 @@ mod tests {
         };
         assert_eq!(
             failure.to_string(),
-            "sm failed with 7 motions executed: the robot reports error 15 at motion 7 of the sequence, counted from \
-             0: a joint would leave its range (joint 3 would be at 176, its range is 0 to 175); correct that motion"
+            "sm failed with 7 motions executed: the robot reports error 15 at motion 8 of the plan: \
+             a joint would leave its range (joint 3 would be at 176, its range is 0 to 175); correct that motion"
         );
     }
 }
