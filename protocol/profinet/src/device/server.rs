@@ -296,10 +296,9 @@ impl Core {
         let answered = match (header.operation, Lookup::parse(header, body)) {
             (LOOKUP, Ok(lookup)) => {
                 let object = object(1, self.description.identity);
-                let station_type = self.description.station_type.as_bytes();
-                let address: Ipv4Addr = self.station.ip().address;
+                let (description, address) = (&self.description, self.station.ip().address);
                 self.answers
-                    .answer_with(call, |body| lookup.answer(object, station_type, RPC_PORT, address, body))
+                    .answer_with(call, |body| lookup.answer(object, description, RPC_PORT, address, body))
             }
             // The returned handle is nil, because there was nothing to free.
             (LOOKUP_HANDLE_FREE, _) => self.answers.answer_with(call, |body| {
