@@ -5,7 +5,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use crate::RPC_PORT;
 use crate::block::BlockWriter;
-use crate::rpc::{Header, Kind, Message, ResponseArgs};
+use crate::rpc::{Header, Kind, Message, Operation, ResponseArgs};
 use crate::status::Status;
 use machine::wire::Overflow;
 use machine::{Port, Transmit};
@@ -17,6 +17,8 @@ const CALLERS: usize = 4;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Call<'a> {
     pub(super) request: &'a Header,
+    /// Its body.
+    pub(super) body: &'a [u8],
     pub(super) from: SocketAddrV4,
     /// Station whose newest answer stays stored, however many other stations call.
     pub(super) controller: Option<Ipv4Addr>,
@@ -34,6 +36,8 @@ pub(super) struct Answers {
 #[derive(Debug)]
 struct Answer {
     message: Message,
+    /// [`digest`] of the request's body.
+    request: u64,
     to: Option<SocketAddrV4>,
     last_use: u64,
 }
@@ -45,34 +49,55 @@ pub(super) enum RequestStatus {
     New,
     /// It was answered before; the answer is queued again.
     Answered,
+    /// Its caller has numbered calls higher before: either it restarted, or this is an old call that was delayed.
+    Restarted,
     /// Its caller has made another call since then.
     Old,
 }
 
 impl Answers {
     pub(super) fn new() -> Self {
-        let answer = |_| Answer { message: Message::new(), to: None, last_use: 0 };
+        let answer = |_| Answer { message: Message::new(), request: 0, to: None, last_use: 0 };
         Self { callers: core::array::from_fn(answer), uses: 0, pending: false }
     }
 
-    /// Looks up a request. If it was answered, queues the answer again, to the port that the request came from.
-    pub(super) fn look_up(&mut self, request: &Header, from: SocketAddrV4) -> RequestStatus {
+    /// Looks up a request. If it was answered, queues the answer again, to the port that the request came from. The AR's
+    /// controller must number its calls upwards, except that it may restart, which a Connect shows; all other callers may
+    /// restart at any time.
+    pub(super) fn look_up(&mut self, call: Call<'_>) -> RequestStatus {
+        let Call { request, body, from, controller } = call;
         let Some(answer) = self.callers.iter_mut().find(|answer| answer.is_of(request, from)) else {
             return RequestStatus::New;
         };
         let Some(last) = answer.message.header() else { return RequestStatus::New };
         let ahead = request.sequence.wrapping_sub(last.sequence);
+        let is_same = (last.operation, last.interface) == (request.operation, request.interface);
+        let is_controller = controller == Some(*from.ip());
+        let may_restart = !is_controller || Operation::from(request.operation) == Operation::Connect;
         match ahead {
-            0 if last.operation == request.operation && last.interface == request.interface => {
+            0 if is_same && answer.request == digest(body) => {
                 answer.to = Some(from);
                 answer.message.repeat();
                 self.pending = true;
                 RequestStatus::Answered
             }
             // A caller that does not number its calls is also served.
-            0 => RequestStatus::New,
-            1..=0x7FFF_FFFF => RequestStatus::New,
+            0..=0x7FFF_FFFF => RequestStatus::New,
+            _ if may_restart => RequestStatus::Restarted,
             _ => RequestStatus::Old,
+        }
+    }
+
+    /// Forgets the answers to a station whose AR has ended: they no longer hold. The answer to its Release stays, for the
+    /// case that it was lost.
+    pub(super) fn forget(&mut self, station: Ipv4Addr) {
+        let is_release = |last: &Header| Operation::from(last.operation) == Operation::Release;
+        for answer in self.callers.iter_mut().filter(|answer| answer.to.is_some_and(|to| *to.ip() == station))
+        {
+            if !answer.message.header().is_some_and(is_release) {
+                answer.message.clear();
+                answer.to = None;
+            }
         }
     }
 
@@ -104,7 +129,7 @@ impl Answers {
     /// Answers a request with a body.
     pub(super) fn answer_with(
         &mut self,
-        Call { request, from, controller }: Call<'_>,
+        Call { request, body: asked, from, controller }: Call<'_>,
         body: impl FnOnce(&mut [u8]) -> Result<usize, Overflow>,
     ) -> Result<(), Overflow> {
         self.uses += 1;
@@ -120,6 +145,7 @@ impl Answers {
         let Some(answer) = self.callers.get_mut(index) else { return Ok(()) };
         answer.last_use = self.uses;
         answer.to = Some(from);
+        answer.request = digest(asked);
         answer.message.set(request.answer(Kind::Response), body)
     }
 
@@ -150,4 +176,11 @@ impl Answer {
         self.to.is_some_and(|to| to.ip() == from.ip())
             && self.message.header().is_some_and(|last| last.activity == request.activity)
     }
+}
+
+/// Returns a number that two different bodies of requests hardly share (FNV-1a, 64 bits): it tells a repetition from another
+/// call of a caller that numbers its calls anew.
+fn digest(body: &[u8]) -> u64 {
+    body.iter()
+        .fold(0xCBF2_9CE4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01B3))
 }

@@ -275,7 +275,9 @@ impl Core {
             return;
         }
         self.counters = self.counters();
-        self.relation = None;
+        if let Some(relation) = self.relation.take() {
+            self.answers.forget(relation.controller);
+        }
         self.call.clear();
         let text = if status.is_ok() { "the controller released the connection" } else { status.text() };
         self.report(LinkEvent::Down(Down { cause, code: status.0, text }));

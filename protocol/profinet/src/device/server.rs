@@ -50,15 +50,16 @@ const fn service(operation: Operation) -> Option<Service> {
 impl Core {
     /// Handles a complete request.
     pub(super) fn handle_request(&mut self, now: Instant, from: SocketAddrV4, header: &Header, body: &[u8]) {
-        match self.answers.look_up(header, from) {
-            RequestStatus::New => {}
+        let call = Call { request: header, body, from, controller: self.controller() };
+        let status = self.answers.look_up(call);
+        match status {
+            RequestStatus::New | RequestStatus::Restarted => {}
             RequestStatus::Answered => return,
             RequestStatus::Old => {
                 self.counters.foreign += 1;
                 return;
             }
         }
-        let call = Call { request: header, from, controller: self.controller() };
         if header.interface == ENDPOINT_MAPPER_INTERFACE {
             return self.handle_lookup(call, body);
         }
@@ -92,6 +93,14 @@ impl Core {
             Operation::Write => self.write(now, call, &args),
             _ => self.read(now, call, &args),
         };
+        if status == RequestStatus::Restarted
+            && operation == Operation::Connect
+            && matches!(result, Err(Violation::StateConflict))
+        {
+            // It is the Connect of the present AR, delayed.
+            self.counters.foreign += 1;
+            return;
+        }
         let answered = result.unwrap_or_else(|violation| {
             match violation {
                 Violation::ArUuidUnknown | Violation::StateConflict | Violation::OutOfArResources => {

@@ -145,7 +145,10 @@ impl Reassembly {
             .is_some_and(|call| (call.kind, call.activity, call.sequence) == (kind, activity, sequence));
         let mut call = match self.call {
             Some(call) if same && fragment > 0 => call,
-            Some(call) if same && call.next == 1 => return Received::Part,
+            // A repetition, unless the caller restarted and numbers its calls anew.
+            Some(call) if same && call.next == 1 && self.body.get(..self.len) == Some(body) => {
+                return Received::Part;
+            }
             _ if fragment == 0 => {
                 self.len = 0;
                 Call { kind, activity, sequence, order, next: 0 }

@@ -5,6 +5,7 @@ mod discovery;
 mod hostile;
 mod life;
 mod refusals;
+mod restarts;
 mod strangers;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
