@@ -50,8 +50,20 @@ block_types! {
     ReadRequest = 0x0009,
     /// I&M0: identification.
     IdentificationAndMaintenance0 = 0x0020,
+    /// ExpectedIdentificationData.
+    ExpectedIdentification = 0x0012,
     /// RealIdentificationData.
     RealIdentification = 0x0013,
+    /// LogBookData.
+    LogBook = 0x0019,
+    /// APIData.
+    ApiData = 0x001A,
+    /// I&M0FilterDataSubmodule: the submodules with I&M0 of their own.
+    Im0FilterDataSubmodule = 0x0030,
+    /// I&M0FilterDataModule: the submodules whose I&M0 is that of their module.
+    Im0FilterDataModule = 0x0031,
+    /// I&M0FilterDataDevice: the submodule whose I&M0 is that of the device.
+    Im0FilterDataDevice = 0x0032,
     /// ARBlockReq.
     Ar = 0x0101,
     /// IOCRBlockReq.
@@ -144,10 +156,20 @@ pub fn next<'a>(
 
 /// Writes a block: its header, then what `body` writes; then fills in the length.
 pub fn write(writer: &mut BlockWriter<'_>, block_type: BlockType, body: impl FnOnce(&mut BlockWriter<'_>)) {
+    write_version(writer, block_type, 0, body);
+}
+
+/// Writes a block of this BlockVersionLow, as [`write`] does.
+pub fn write_version(
+    writer: &mut BlockWriter<'_>,
+    block_type: BlockType,
+    version_low: u8,
+    body: impl FnOnce(&mut BlockWriter<'_>),
+) {
     writer.u16(block_type.into());
     let length_at = writer.len();
     writer.u16(0);
-    writer.bytes(&[1, 0]);
+    writer.bytes(&[1, version_low]);
     body(writer);
     let length = writer.len() - length_at - 2;
     writer.patch_u16(length_at, u16::try_from(length).unwrap_or(u16::MAX));

@@ -123,7 +123,8 @@ pub(super) fn parse(body: &mut BlockReader<'_>) -> Result<Vec<DiffModule>, Viola
     Ok(diff)
 }
 
-pub(super) fn emit(diff: &[DiffModule], writer: &mut BlockWriter<'_>) {
+/// Writes the block.
+pub fn emit(diff: &[DiffModule], writer: &mut BlockWriter<'_>) {
     block::write(writer, BlockType::ModuleDiff, |w| {
         w.u16(1);
         w.u32(API);

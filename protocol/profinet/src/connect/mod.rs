@@ -15,7 +15,7 @@ mod iocr;
 
 pub use alarm_cr::{AlarmCr, AlarmCrResponse};
 pub use ar::{Ar, ArProperties, ArResponse};
-pub use diff::{DiffModule, DiffSubmodule, ModuleState, SubmoduleState};
+pub use diff::{DiffModule, DiffSubmodule, ModuleState, SubmoduleState, emit as emit_module_diff};
 pub use expected::{ExpectedModule, ExpectedSubmodule};
 pub use iocr::{Iocr, IocrResponse, IocrType, Object, RtClass};
 

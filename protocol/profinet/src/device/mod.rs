@@ -39,6 +39,7 @@ use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, Priority};
 use super::dcp::{self, IpSuite};
 use super::description::Description;
 use super::provided::Provided;
+use super::record::{LogBook, LogEntry};
 use super::rpc::Message;
 use super::rt::{Received, Transport, UDP_PORT};
 use super::station::{Effect, Refusal, SetPermission, Station};
@@ -93,6 +94,7 @@ struct Core {
     inputs: Provided,
     events: VecDeque<LinkEvent>,
     foreign: ForeignRequests,
+    log_book: LogBook,
     /// Counters, without the cyclic frames of the present AR.
     counters: Counters,
     /// Whether there may be frames to send that are not cyclic. Set when something other than cyclic data arrives or is due.
@@ -128,6 +130,7 @@ impl Device {
             inputs: Provided::new(inputs),
             events: VecDeque::with_capacity(MOST_EVENTS),
             foreign: ForeignRequests::default(),
+            log_book: LogBook::default(),
             counters: Counters::default(),
             acyclic: false,
         };
@@ -225,7 +228,7 @@ impl Core {
             AlarmReceived::Late => self.counters.late += 1,
             AlarmReceived::Malformed => self.counters.malformed += 1,
             AlarmReceived::Foreign => self.counters.foreign += 1,
-            AlarmReceived::Aborted(status) => self.end(closed_by_peer(status)),
+            AlarmReceived::Aborted(status) => self.end(now, closed_by_peer(status)),
         }
     }
 
@@ -254,7 +257,7 @@ impl Core {
     }
 
     /// Ends the AR from this side; sends the reason to the controller and reports it as an event.
-    fn abort(&mut self, violation: Violation) {
+    fn abort(&mut self, now: Instant, violation: Violation) {
         let cause = match violation {
             Violation::ConsumerExpired | Violation::InitiatorTimeout => DownCause::Watchdog,
             Violation::ApplicationReadyTimeout => DownCause::NoAnswer,
@@ -266,17 +269,18 @@ impl Core {
             self.acyclic = true;
             self.final_error = Some(relation.alarms.final_error(status));
         }
-        self.end((cause, status));
+        self.end(now, (cause, status));
     }
 
-    /// Ends the AR and adds its counters to those of the device.
-    fn end(&mut self, (cause, status): (DownCause, Status)) {
+    /// Ends the AR: adds its counters to those of the device, and its end to the log book.
+    fn end(&mut self, now: Instant, (cause, status): (DownCause, Status)) {
         if self.relation.is_none() {
             return;
         }
         self.counters = self.counters();
         if let Some(relation) = self.relation.take() {
             self.answers.forget(relation.controller);
+            self.log_book.add(LogEntry { at: now, ar: relation.uuid, status });
         }
         self.call.clear();
         let text = if status.is_ok() { "the controller released the connection" } else { status.text() };
@@ -352,7 +356,7 @@ impl Machine for Device {
         core.station.handle_timeout(now);
         let Some(relation) = &mut core.relation else { return };
         if let Some(violation) = relation.expired(now) {
-            core.abort(violation);
+            core.abort(now, violation);
             return;
         }
         relation.sender.handle_timeout(now);

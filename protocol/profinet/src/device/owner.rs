@@ -42,8 +42,8 @@ impl Device {
     }
 
     /// Ends the connection by an error PDU.
-    pub fn disconnect(&mut self, _now: Instant) {
-        self.core.abort(Violation::AbortRequested);
+    pub fn disconnect(&mut self, now: Instant) {
+        self.core.abort(now, Violation::AbortRequested);
     }
 
     /// Returns the numbers of frames that were sent, received and refused since the start.
@@ -56,7 +56,7 @@ impl Device {
     pub fn address_set(&mut self, now: Instant, done: bool) {
         self.core.acyclic = true;
         if self.core.station.address_set(now, done) {
-            self.core.abort(Violation::AddressChanged);
+            self.core.abort(now, Violation::AddressChanged);
         }
     }
 }

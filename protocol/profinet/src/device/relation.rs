@@ -7,13 +7,14 @@
 //! The device sends cyclic frames from the Connect on, with bad statuses until PrmEnd. The watchdog runs from the first
 //! received frame on. Before that, and between the steps, the controller's activity timeout runs.
 
+use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::admission::{Admission, transport};
 use super::alarms::AlarmEndpoint;
 use super::process_data::ProcessData;
 use crate::Uuid;
-use crate::connect::{AlarmCr, ConnectRequest, Iocr};
+use crate::connect::{AlarmCr, ConnectRequest, DiffModule, ExpectedModule, Iocr};
 use crate::control::{Command, Control};
 use crate::description::Description;
 use crate::provided::Provided;
@@ -73,6 +74,8 @@ pub(super) struct Relation {
     consumes: Transport,
     process: ProcessData,
     is_output_good: bool,
+    expected: Vec<ExpectedModule>,
+    diff: Vec<DiffModule>,
 }
 
 impl Relation {
@@ -132,7 +135,19 @@ impl Relation {
             consumes: transport(output),
             process,
             is_output_good: false,
+            expected: expected.clone(),
+            diff: diff.clone(),
         }
+    }
+
+    /// Returns the modules that the controller expects.
+    pub(super) fn expected(&self) -> &[ExpectedModule] {
+        &self.expected
+    }
+
+    /// Returns the modules that differ from the expected ones.
+    pub(super) fn diff(&self) -> &[DiffModule] {
+        &self.diff
     }
 
     /// Returns whether cyclic frames with this FrameID over that transport belong to this AR.

@@ -5,7 +5,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::admission::{Admission, admit};
 use super::answers::{Call, RequestStatus};
-use super::records::{self, RECORD_CAPACITY, emit_write_answer, write_status};
+use super::records::{RECORD_CAPACITY, Records, emit_write_answer, write_status};
 use super::relation::{ALARM_REFERENCE, Endpoints, Phase, Relation};
 use super::{Core, closed_by_peer};
 use crate::block::BlockReader;
@@ -13,7 +13,7 @@ use crate::connect::{
     AlarmCrResponse, ArProperties, ArResponse, ConnectRequest, ConnectResponse, Iocr, IocrResponse, IocrType,
 };
 use crate::control::{Command, Control};
-use crate::record::{ReadRequest, ReadResponse, WriteRequest, index};
+use crate::record::{LogEntry, ReadRequest, ReadResponse, WriteRequest, index};
 use crate::rpc::{
     CONTROLLER_INTERFACE, DEVICE_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Header, Kind, LOOKUP,
     LOOKUP_HANDLE_FREE, Lookup, Operation, RequestArgs, ResponseArgs, object, rpc_status,
@@ -86,7 +86,7 @@ impl Core {
                 self.control(now, *from.ip(), operation, args.blocks).map(|control| {
                     let answered =
                         self.answers.answer(call, maximum, Status::OK, |w| control.emit_response(w));
-                    self.after_control(control.command);
+                    self.after_control(now, control.command);
                     answered
                 })
             }
@@ -132,8 +132,12 @@ impl Core {
             return Err(Violation::OutOfArResources);
         }
         let request = ConnectRequest::parse(blocks)?;
-        let admission = admit(&request, &self.description)?;
         let ar = &request.ar;
+        let log = |violation: Violation| {
+            self.log_book.add(LogEntry { at: now, ar: ar.uuid, status: violation.status(Service::Connect) });
+            violation
+        };
+        let admission = admit(&request, &self.description).map_err(log)?;
         let peer = Peer { address: Some(*from.ip()), mac: Some(ar.initiator_mac), serial_number: None };
         if !self.controllers.allows(peer) {
             self.refuse_foreign(now, *from.ip(), Requested::Connection);
@@ -148,7 +152,7 @@ impl Core {
                 return Err(Violation::OutOfArResources);
             }
             // The controller restarted, and connects before its watchdog expired.
-            self.end(closed_by_peer(Violation::ReRun.status(Service::Abort)));
+            self.end(now, closed_by_peer(Violation::ReRun.status(Service::Abort)));
         }
         let endpoints = Endpoints { mac: self.mac, controller: *from.ip() };
         let mut relation = Relation::new(now, &endpoints, &self.description, &request, &admission);
@@ -246,10 +250,10 @@ impl Core {
     }
 
     /// Executes a control block after it was answered.
-    fn after_control(&mut self, command: Command) {
+    fn after_control(&mut self, now: Instant, command: Command) {
         match command {
             Command::PrmEnd => self.call_ready(),
-            Command::Release => self.end(closed_by_peer(Status::OK)),
+            Command::Release => self.end(now, closed_by_peer(Status::OK)),
             Command::PrmBegin | Command::ApplicationReady => {}
         }
     }
@@ -289,7 +293,7 @@ impl Core {
             self.relation_of(now, *call.from.ip(), read.address.ar, Requested::Read)?;
         }
         let mut record = [0; RECORD_CAPACITY];
-        let found = records::read(&self.description, &read, &mut record);
+        let found = self.records(now).read(&read, &mut record);
         let (status, len) = match found {
             Ok(len) => (Status::OK, len),
             Err(violation) => (violation.status(Service::Read), 0),
@@ -298,6 +302,11 @@ impl Core {
         Ok(self.answers.answer(call, args.maximum, status, |w| {
             ReadResponse { address: read.address, record }.emit(w);
         }))
+    }
+
+    const fn records(&self, now: Instant) -> Records<'_> {
+        let (description, relation, log_book) = (&self.description, self.relation.as_ref(), &self.log_book);
+        Records { description, relation, log_book, now }
     }
 
     fn handle_lookup(&mut self, call: Call<'_>, body: &[u8]) {
@@ -372,7 +381,7 @@ impl Core {
         };
         if !args.status.is_ok() {
             self.call.clear();
-            self.abort(Violation::RpcClientError);
+            self.abort(now, Violation::RpcClientError);
             return;
         }
         let wanted = relation.control(Command::ApplicationReady);

@@ -2,6 +2,7 @@
 
 mod captured;
 mod discovery;
+mod dissected;
 mod hostile;
 mod life;
 mod refusals;

@@ -254,6 +254,30 @@ fn reads_are_answered_or_refused_by_reason() {
         (Operation::Read, Address { index: 0xC001, subslot: 0, ..address }, 4_000, 0),
         (Operation::Read, Address { index: 0xC001, slot: 5, ..address }, 4_000, 0xDE80_B200),
         (Operation::Read, Address { index: 0x8001, ..address }, 4_000, 0),
+        (Operation::Read, Address { index: 0xF840, slot: 77, subslot: 9, api: 5, ..address }, 4_000, 0),
+        (
+            Operation::Read,
+            Address { index: 0xF83F, slot: 77, subslot: 9, api: 5, ..address },
+            4_000,
+            0xDE80_B000,
+        ),
+        (
+            Operation::Read,
+            Address { index: 0xE0FF, slot: 77, subslot: 9, api: 5, ..address },
+            4_000,
+            0xDE80_B000,
+        ),
+        (Operation::Read, Address { index: 0xF0FF, slot: 77, subslot: 9, ..address }, 4_000, 0xDE80_B000),
+        (Operation::Read, Address { index: 0xF0FF, api: 5, ..address }, 4_000, 0xDE80_B400),
+        (Operation::Read, Address { index: 0xC00A, subslot: 9, ..address }, 0, 0),
+        (Operation::Read, Address { index: 0xF80C, slot: 77, ..address }, 0, 0),
+        (
+            Operation::ReadImplicit,
+            Address { index: 0xE000, ar: Uuid([1; 16]), ..address },
+            4_000,
+            0xDE81_0805,
+        ),
+        (Operation::ReadImplicit, Address { index: 0xE000, ar: Uuid::NIL, ..address }, 4_000, 0),
     ];
     for (operation, address, most, status) in cases {
         let read = ReadRequest { address, most, target_ar: Uuid::NIL };

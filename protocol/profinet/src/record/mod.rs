@@ -11,10 +11,18 @@
 //! A MultipleWrite is a Write of index 0xE040, whose record is Writes one after another, each at a multiple of four
 //! bytes; its answer contains one answer for each.
 
+mod contents;
+mod log_book;
+
+pub use contents::{
+    IM0_LEN, emit_api_data, emit_expected_identification, emit_im0, emit_im0_filter_data,
+    emit_real_identification,
+};
+pub use log_book::{LogBook, LogEntry};
+
+use super::Uuid;
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
-use super::description::Description;
 use super::status::{Block, HeadField, Status, Violation};
-use super::{Uuid, connect};
 use machine::wire::Truncated;
 
 /// Record indices (IEC 61158-6-10, Index).
@@ -23,23 +31,34 @@ pub mod index {
     pub const MULTIPLE_WRITE: u16 = 0xE040;
     /// I&M0: identification.
     pub const IDENTIFICATION_AND_MAINTENANCE_0: u16 = 0xAFF0;
+    /// ExpectedIdentificationData of one subslot.
+    pub const EXPECTED_IDENTIFICATION_SUBSLOT: u16 = 0x8000;
     /// RealIdentificationData of one subslot.
     pub const REAL_IDENTIFICATION_SUBSLOT: u16 = 0x8001;
+    /// ExpectedIdentificationData of one slot.
+    pub const EXPECTED_IDENTIFICATION_SLOT: u16 = 0xC000;
     /// RealIdentificationData of one slot.
     pub const REAL_IDENTIFICATION_SLOT: u16 = 0xC001;
+    /// ExpectedIdentificationData of one AR.
+    pub const EXPECTED_IDENTIFICATION_AR: u16 = 0xE000;
     /// RealIdentificationData of one AR.
     pub const REAL_IDENTIFICATION_AR: u16 = 0xE001;
+    /// ModuleDiffBlock of one AR.
+    pub const MODULE_DIFF: u16 = 0xE002;
     /// RealIdentificationData of one API.
     pub const REAL_IDENTIFICATION_API: u16 = 0xF000;
+    /// APIData: the APIs of the device.
+    pub const API_DATA: u16 = 0xF821;
+    /// LogBookData.
+    pub const LOG_BOOK: u16 = 0xF830;
+    /// I&M0FilterData: which submodules have I&M0 of their own.
+    pub const IM0_FILTER_DATA: u16 = 0xF840;
     /// The first index that the application may use is 0, the last this.
     pub const LAST_OF_APPLICATION: u16 = 0x7FFF;
 }
 
 /// Length in bytes of the head of each of the four PDUs.
 pub const HEADER_LEN: usize = 64;
-
-/// Length in bytes of the blocks of I&M0.
-pub const IM0_LEN: usize = 60;
 
 /// Address of a record in a Read or Write.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -231,69 +250,11 @@ impl<'a> ReadResponse<'a> {
     }
 }
 
-/// Writes I&M0 of a device, which is the same for each of its submodules.
-pub fn emit_im0(description: &Description, writer: &mut BlockWriter<'_>) {
-    block::write(writer, BlockType::IdentificationAndMaintenance0, |w| {
-        w.u16(description.identity.vendor);
-        padded(description.order_id, 20, w);
-        padded(description.serial_number, 16, w);
-        w.u16(description.hardware_revision);
-        w.u8(b'V');
-        w.bytes(&description.software_revision);
-        // Revision counter, profile and profile-specific type: no profile.
-        w.zeros(6);
-        // Version 1.1 of I&M, and no I&M1 to 4.
-        w.bytes(&[1, 1]);
-        w.u16(0);
-    });
-}
-
-/// Writes RealIdentificationData of the submodules that `wanted` picks, which must all be of API 0.
-pub fn emit_real_identification(
-    description: &Description,
-    wanted: impl Fn(u16, u16) -> bool,
-    writer: &mut BlockWriter<'_>,
-) {
-    block::write(writer, BlockType::RealIdentification, |w| {
-        w.u16(1);
-        w.u32(connect::API);
-        let count_at = w.len();
-        w.u16(0);
-        let mut slots = 0;
-        for module in description.modules {
-            let picked =
-                || module.submodules.iter().filter(|submodule| wanted(module.slot, submodule.subslot));
-            if picked().next().is_none() {
-                continue;
-            }
-            slots += 1;
-            w.u16(module.slot);
-            w.u32(module.ident);
-            w.u16(u16::try_from(picked().count()).unwrap_or(u16::MAX));
-            for submodule in picked() {
-                w.u16(submodule.subslot);
-                w.u32(submodule.ident);
-            }
-        }
-        w.patch_u16(count_at, slots);
-    });
-}
-
-/// Writes a text into a field of fixed length, filled up with spaces.
-fn padded(text: &str, length: usize, writer: &mut BlockWriter<'_>) {
-    let text = text.as_bytes();
-    let text = text.get(..length).unwrap_or(text);
-    writer.bytes(text);
-    for _ in text.len()..length {
-        writer.u8(b' ');
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::captured;
     use crate::rpc::{Header, RequestArgs, ResponseArgs};
-    use crate::{captured, samples};
 
     fn request(text: &str) -> Vec<u8> {
         let datagram = captured::datagram(text);
@@ -360,24 +321,6 @@ mod tests {
             assert_eq!(answer.record.len(), IM0_LEN);
             assert_eq!(emitted(|w| answer.emit(w)), blocks);
         }
-    }
-
-    #[test]
-    fn im0_has_the_same_layout_as_the_captured_one() {
-        let blocks = response(captured::IM0_READ_RES);
-        let captured = ReadResponse::parse(&mut BlockReader::new(&blocks)).unwrap().record;
-        let ours = emitted(|w| emit_im0(&samples::DEVICE, w));
-        assert_eq!(ours[..6], captured[..6]);
-        assert_eq!(ours.len(), captured.len());
-        assert_eq!(&ours[8..28], b"sample-device       ");
-    }
-
-    #[test]
-    fn real_identification_lists_the_modules_asked_for() {
-        let whole = emitted(|w| emit_real_identification(&samples::DEVICE, |_, _| true, w));
-        assert_eq!(whole.len(), 6 + 8 + (8 + 3 * 6) + (8 + 6));
-        let one = emitted(|w| emit_real_identification(&samples::DEVICE, |slot, _| slot == 1, w));
-        assert_eq!(one[6..], [0, 1, 0, 0, 0, 0, 0, 1, 0, 1, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 1, 1]);
     }
 
     #[test]
