@@ -21,6 +21,7 @@ pub(crate) fn dcp(data: &[u8]) {
     let config = DeviceConfig {
         mac: STATIONS[1].0,
         station_name: b"device".to_vec(),
+        permanent: None,
         address: None,
         mask: MASK,
         description: DEVICE,

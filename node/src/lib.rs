@@ -7,6 +7,7 @@
 //! ├─ inbox    waits for instructions, signals and notices at once; input lists them
 //! └─ control  the control port: one controller at a time over TCP; token is the secret that it shows
 //! role        which of the two nodes
+//! station_file  where a node keeps the name and the address that its bus set permanently
 //! node        a node on its cyclic thread; short_text is text without allocation
 //! trace_row   a cycle as a line of text, written and read; trace_file records a node's cycles
 //! output      printing to a reader that may be gone; screen makes tables and text fit it
@@ -27,6 +28,7 @@ pub mod role;
 pub mod run;
 pub mod screen;
 mod short_text;
+pub mod station_file;
 pub mod supervise;
 pub mod token;
 mod trace_file;

@@ -8,9 +8,11 @@ use std::time::Duration;
 
 use machine::{Counters, Down, DownCause, LinkEvent};
 use machine::{Instant, Lateness, Machine};
+use protocol::fieldbus::ToStore;
 use protocol::image::Checks;
 use rustix::io::Errno;
 
+use crate::station_file::StationRecord;
 use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};
 use crate::trace_row::TraceSample;
 use crate::{Commands, ControlPort, Inbox, Input, ShortText};
@@ -40,6 +42,14 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
 
     /// Reports to the bus whether the address was set: `address_set` of the bus.
     fn address_set(&mut self, now: Instant, done: bool);
+
+    /// Returns what the bus set permanently of its own station: `to_store` of the bus.
+    fn to_store(&self) -> ToStore<'_> {
+        ToStore::default()
+    }
+
+    /// Reports to the bus whether that was stored: `stored` of the bus.
+    fn stored(&mut self, _now: Instant, _done: bool) {}
 
     /// Writes why the peer refused the connection: `explain` of the bus.
     fn explain(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
@@ -74,6 +84,8 @@ pub enum Command<O> {
     Stop,
     /// Start or stop recording each cycle.
     Record(bool),
+    /// Report to the bus whether the station was stored.
+    Stored(bool),
     /// A command of only this kind of node.
     Order(O),
 }
@@ -90,6 +102,8 @@ pub enum Notice<E, A> {
     Answer(A),
     /// The interface refused the address that the bus set.
     NoAddress(Ipv4Addr, InterfaceError),
+    /// Name and address of the station are to be stored permanently; [`Command::Stored`] is the answer.
+    Store(StationRecord),
     /// The node's figures so far.
     Snapshot(Snapshot),
 }
@@ -171,6 +185,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                     trace.record(on);
                 }
             }
+            Command::Stored(done) => node.stored(now, done),
             Command::Order(order) => {
                 if let Some(answer) = node.order(now, order) {
                     notices.send(Notice::Answer(answer));
@@ -214,6 +229,9 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                 if let Err(error) = done {
                     notices.send(Notice::NoAddress(address, error));
                 }
+            }
+            Some(LinkEvent::Store) => {
+                notices.send(Notice::Store(node.to_store().into()));
             }
             Some(LinkEvent::Foreign(_)) | None => {}
         }

@@ -20,6 +20,7 @@ use setup::{Cyclic, Setup};
 
 use crate::message::{CellText, Console, Hello, NodeHost};
 use crate::role::NodeRole;
+use crate::station_file::StationFile;
 use crate::supervise::{OperatingMode, Outcome, supervise};
 use crate::token::{ControlToken, TokenError};
 use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln};
@@ -75,6 +76,8 @@ pub struct Prepared {
     pub plan: Plan,
     /// The interface to the other node; it is up.
     pub interface: Interface,
+    /// Where it keeps the name and the address that its bus sets permanently; `None` if it cannot.
+    pub station_file: Option<StationFile>,
     signals: StopSignals,
 }
 
@@ -101,7 +104,7 @@ impl RunOptions {
         let plan = application.plan(&setup)?;
         let interface = Interface::find(&self.interface)?;
         interface.set_up()?;
-        Ok(Prepared { setup, application, plan, interface, signals })
+        Ok(Prepared { setup, application, plan, interface, station_file: None, signals })
     }
 
     /// Returns whether the node takes instructions, over TCP or from standard input.
@@ -156,7 +159,7 @@ impl Prepared {
         node: N,
         mode: &mut C,
     ) -> anyhow::Result<Outcome> {
-        let Self { setup, application, interface, signals, .. } = self;
+        let Self { setup, application, interface, station_file, signals, .. } = self;
         let cell = CellText { setup: setup::setup_to_toml(&setup)?, application: application.text };
         let hello = Hello {
             node: role,
@@ -178,7 +181,7 @@ impl Prepared {
         };
         let trace = options.trace_file.as_deref();
         let process = NodeProcess::start(node, interface, signals, commands, trace)?;
-        Ok(supervise(process, mode, console, hello))
+        Ok(supervise(process, mode, console, hello, station_file))
     }
 }
 

@@ -13,6 +13,7 @@ use serde::de::DeserializeOwned;
 
 use crate::message::{Console, Hello, Instruction, Message};
 use crate::output::to_stdout;
+use crate::station_file::{Station, StationFile};
 use crate::{Command, Input, Node, NodeError, NodeProcess, Notice, ProcessEvent, ShortText, errln};
 
 /// What one kind of node adds to the supervision of a node, with or without instructions.
@@ -79,12 +80,14 @@ impl From<Outcome> for ExitCode {
     }
 }
 
-/// Prints or sends what happens until the node ends, and ends it on request.
+/// Prints or sends what happens until the node ends, and ends it on request. `station_file` is where it keeps what its bus
+/// sets permanently.
 pub fn supervise<N: Node, C: OperatingMode<N>>(
     mut process: NodeProcess<N>,
     mode: &mut C,
     console: Console,
     hello: Hello,
+    station_file: Option<StationFile>,
 ) -> Outcome {
     let hello = Hello { warning: process.warning().map(str::to_owned), ..hello };
     console.print::<C::Message>(&Message::Hello(hello.clone()));
@@ -93,8 +96,15 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
         let who = if wants_token { "by who has the token" } else { "by any program on this computer" };
         log(format_args!("controlled over {address}, {who}"));
     }
-    let mut supervisor =
-        Supervisor { process: &mut process, mode, console, hello, linked: false, explanation: None };
+    let mut supervisor = Supervisor {
+        process: &mut process,
+        mode,
+        console,
+        hello,
+        station_file,
+        linked: false,
+        explanation: None,
+    };
     let result = supervisor.run();
     let (snapshot, ended) = match result {
         Ok(_) => process.finish(),
@@ -120,6 +130,7 @@ struct Supervisor<'a, N: Node, C> {
     mode: &'a mut C,
     console: Console,
     hello: Hello,
+    station_file: Option<StationFile>,
     /// Whether the connection is up.
     linked: bool,
     /// The node's text about the next event.
@@ -214,9 +225,9 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                     match link {
                         LinkEvent::Up => self.linked = true,
                         LinkEvent::Down(_) => self.linked = false,
-                        LinkEvent::SetAddress { .. } | LinkEvent::Foreign(_) => {}
+                        LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
                     }
-                    (Some(link_message(link, self.explanation.take())), self.mode.link(link))
+                    (link_message(link, self.explanation.take()), self.mode.link(link))
                 }
                 None => {
                     let (message, next) = self.mode.event(event);
@@ -234,12 +245,34 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             Notice::NoAddress(address, error) => {
                 (Some(Message::Address { address, problem: Some(error.to_string()) }), Next::Wait)
             }
+            Notice::Store(record) => {
+                let stored = self.store(&(&record).into());
+                let _ = self.process.send(Command::Stored(stored));
+                (None, Next::Wait)
+            }
             Notice::Snapshot(snapshot) => (Some(Message::Report((&snapshot).into())), Next::Wait),
         };
         if let Some(message) = message {
             self.send(&message);
         }
         next
+    }
+
+    /// Stores name and address that the bus set permanently. Returns whether that worked.
+    fn store(&self, station: &Station) -> bool {
+        let Some(file) = &self.station_file else { return false };
+        match file.save(station) {
+            Ok(()) => {
+                if self.console == Console::Text {
+                    log(format_args!("{station}, stored in {}", file.path().display()));
+                }
+                true
+            }
+            Err(error) => {
+                errln!("cannot store name and address in {}: {error}", file.path().display());
+                false
+            }
+        }
     }
 
     /// Sends a message to the controller. Results of its instructions go to it alone; messages about the node are
@@ -259,13 +292,15 @@ fn log(words: std::fmt::Arguments<'_>) {
     let _ = to_stdout(format_args!("{words}\n"));
 }
 
-fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Message<M> {
-    match event {
+/// Returns the message about an event; `None` if what follows it is reported.
+fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Option<Message<M>> {
+    Some(match event {
         LinkEvent::Up => Message::LinkUp,
         LinkEvent::Down(down) => Message::LinkDown {
             reason: explanation.map_or_else(|| down.to_string(), |words| words.as_str().to_owned()),
         },
         LinkEvent::SetAddress { address, .. } => Message::Address { address, problem: None },
         LinkEvent::Foreign(request) => Message::Foreign { request: request.to_string() },
-    }
+        LinkEvent::Store => return None,
+    })
 }

@@ -119,6 +119,7 @@ fn profinet_robot(interface: &Interface) -> Device {
     let config = DeviceConfig {
         mac: interface.mac(),
         station_name: b"skillbench-robot".to_vec(),
+        permanent: None,
         address: interface.address(),
         mask: MASK,
         description: PROFINET_ROBOT,

@@ -1,6 +1,7 @@
 //! What a node needs from any bus: one image in each direction, and events of the connection.
 
 use core::fmt;
+use core::net::Ipv4Addr;
 
 pub use machine::{Counters, Down, DownCause, LinkEvent};
 use machine::{Instant, Machine};
@@ -33,4 +34,33 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
 
     /// Reports the result of [`LinkEvent::SetAddress`]: whether the owner could set the address.
     fn address_set(&mut self, _now: Instant, _done: bool) {}
+
+    /// Returns what the owner has to store at [`LinkEvent::Store`].
+    fn to_store(&self) -> ToStore<'_> {
+        ToStore::default()
+    }
+
+    /// Reports the result of [`LinkEvent::Store`]: whether the owner could store it.
+    fn stored(&mut self, _now: Instant, _done: bool) {}
+}
+
+/// What the bus set permanently of its own station, so that it survives a restart. The owner removes what is not there from
+/// its storage.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct ToStore<'a> {
+    /// The station's name.
+    pub name: Option<&'a str>,
+    /// Its IP address.
+    pub address: Option<StationAddress>,
+}
+
+/// An IP address with its mask and gateway.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct StationAddress {
+    /// The station's own address.
+    pub address: Ipv4Addr,
+    /// Its subnet mask.
+    pub mask: Ipv4Addr,
+    /// Its gateway; 0.0.0.0 or its own address if it has none.
+    pub gateway: Ipv4Addr,
 }

@@ -3,6 +3,8 @@
 use ethercat_subdevice::description::{DataType, Mailbox, Pdo, PdoEntry};
 use ethernet_ip::cip::Revision;
 use ethernet_ip::description::{Assembly, Role};
+pub use profinet::is_station_name;
+
 use profinet::description::{INTERFACE_SUBSLOT, Identity, Module, PORT_SUBSLOT, Submodule};
 
 use crate::image::IMAGE_LEN;

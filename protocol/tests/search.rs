@@ -64,6 +64,7 @@ impl Segment {
             let config = DeviceConfig {
                 mac: Mac([2, 0, 0, 0, 1, number]),
                 station_name: format!("robot-{number}").into_bytes(),
+                permanent: None,
                 address: Some(address(number)),
                 mask: MASK,
                 description: PROFINET_ROBOT,

@@ -6,10 +6,12 @@ use ethercat_subdevice::DeviceConfig as SubDeviceConfig;
 use ethernet_ip::{Adapter, AdapterConfig};
 use machine::ethernet::Mac;
 use machine::{Allowed, Instant};
-use profinet::{Device, DeviceConfig};
+use node::station_file::{Address, Station};
+use profinet::dcp::IpSuite;
+use profinet::{Device, DeviceConfig, Permanent};
 use protocol::buses::{Endpoint, EthercatSubDevice};
 use protocol::stations::{ETHERCAT_ROBOT, ETHERNET_IP_ROBOT, PROFINET_ROBOT};
-use setup::{Addresses, Bus, BusKind, Profinet};
+use setup::{Addresses, Bus, BusKind};
 
 /// The robot's endpoint on any bus.
 pub type RobotBus = Endpoint<Device, Adapter, EthercatSubDevice>;
@@ -26,10 +28,31 @@ pub fn open(
     seed: u64,
     start: impl FnOnce() -> Instant,
 ) -> RobotBus {
+    open_station(bus, mac, address, None, seed, start)
+}
+
+/// Returns the same endpoint of a robot whose owner keeps what the bus sets permanently: `stored` is what it has kept; `None`
+/// if it cannot.
+pub fn open_station(
+    bus: &Bus,
+    mac: Mac,
+    address: Option<Ipv4Addr>,
+    stored: Option<Station>,
+    seed: u64,
+    start: impl FnOnce() -> Instant,
+) -> RobotBus {
     match &bus.kind {
         BusKind::Profinet(addresses, profinet) => {
-            let controllers = bus.allowed();
-            Endpoint::Profinet(profinet_device(addresses, profinet, controllers, (mac, address), start()))
+            let config = DeviceConfig {
+                mac,
+                station_name: profinet.robot_station_name.clone().into_bytes(),
+                permanent: stored.map(permanent),
+                address,
+                mask: addresses.mask,
+                description: PROFINET_ROBOT,
+                controllers: bus.allowed(),
+            };
+            Endpoint::Profinet(Device::new(config, start()))
         }
         BusKind::EthernetIp(addresses, _) => {
             Endpoint::EthernetIp(ethernet_ip_adapter(addresses, bus.allowed(), mac, seed))
@@ -63,22 +86,9 @@ pub const fn address_from_project(kind: &BusKind) -> Option<Ipv4Addr> {
     }
 }
 
-fn profinet_device(
-    addresses: &Addresses,
-    profinet: &Profinet,
-    controllers: Allowed,
-    (mac, address): (Mac, Option<Ipv4Addr>),
-    start: Instant,
-) -> Device {
-    let config = DeviceConfig {
-        mac,
-        station_name: profinet.robot_station_name.clone().into_bytes(),
-        address,
-        mask: addresses.mask,
-        description: PROFINET_ROBOT,
-        controllers,
-    };
-    Device::new(config, start)
+fn permanent(Station { name, address }: Station) -> Permanent {
+    let suite = |Address { ip, mask, gateway }| IpSuite { address: ip, mask, gateway };
+    Permanent { name: name.map(String::into_bytes), address: address.map(suite) }
 }
 
 fn ethernet_ip_adapter(addresses: &Addresses, originators: Allowed, mac: Mac, seed: u64) -> Adapter {

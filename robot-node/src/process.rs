@@ -5,6 +5,7 @@
 
 use std::ffi::OsString;
 use std::fmt;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
@@ -12,11 +13,13 @@ use machine::{Instant, Lateness};
 use node::Node;
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
+use node::station_file::{Address, Station, StationFile, StationFileError};
 use node::supervise::{Next, OperatingMode, Outcome};
 use planning::PROGRAM;
-use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
+use protocol::fieldbus::{Counters, Fieldbus, LinkEvent, ToStore};
 use protocol::image::Checks;
 use serde::{Deserialize, Serialize};
+use setup::BusKind;
 
 use crate::controller::Ending;
 use crate::{
@@ -45,6 +48,10 @@ struct Run {
     /// Seed of the moments at which the interpreter notices a command.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Where the name and the address that PROFINET sets permanently are kept, as a device keeps them in its memory. Without
+    /// it, station-IF.json in the user's state directory, except for a node that a bench started.
+    #[arg(long, value_name = "FILE")]
+    station_file: Option<PathBuf>,
 }
 
 /// What only a robot says.
@@ -119,13 +126,16 @@ pub fn command_line() -> clap::Command {
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
     let Subcommand::Run(run) = cli.command;
-    let is_usage = |error: &anyhow::Error| error.is::<ConfigError>() || error.is::<StartOutOfReach>();
+    let is_usage = |error: &anyhow::Error| {
+        error.is::<ConfigError>() || error.is::<StartOutOfReach>() || error.is::<StationFileError>()
+    };
     node::run::exit_code(run.execute(), is_usage)
 }
 
 impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
-        let prepared = self.options.prepare()?;
+        let mut prepared = self.options.prepare()?;
+        let stored = self.find_station(&mut prepared)?;
         let (setup, plan, interface) = (&prepared.setup, &prepared.plan, &prepared.interface);
         let to_start = plan.wire_to_start(setup);
         let config =
@@ -140,11 +150,32 @@ impl Run {
         if bus::address_from_project(&setup.bus.kind).is_some() {
             prepared.take_address(NodeRole::Robot)?;
         }
-        let endpoint = bus::role(&setup.bus.kind);
+        let mut endpoint = bus::role(&setup.bus.kind).to_owned();
+        if let (Some(file), Some(station)) = (&prepared.station_file, &stored)
+            && *station != Station::default()
+        {
+            endpoint.push_str(&format!(", {station}: stored in {}", file.path().display()));
+        }
         let (mac, address) = (interface.mac(), interface.address());
-        let bus = bus::open(&setup.bus, mac, address, start.as_nanos(), || start);
+        let bus = bus::open_station(&setup.bus, mac, address, stored, start.as_nanos(), || start);
         let node = RobotNode::new(config, programs, bus, self.seed, start);
-        self.supervise(prepared, endpoint, node)
+        self.supervise(prepared, &endpoint, node)
+    }
+
+    /// Finds the file of the station, if its bus sets names and addresses permanently. Returns what it holds, and gives the
+    /// interface the address that is stored.
+    fn find_station(&self, prepared: &mut Prepared) -> anyhow::Result<Option<Station>> {
+        let is_device = matches!(prepared.setup.bus.kind, BusKind::Profinet(..)) && !self.options.direct;
+        let of_interface =
+            || StationFile::of_interface(prepared.interface.name()).filter(|_| !self.options.json);
+        let named = self.station_file.clone().map(StationFile::at);
+        let Some(file) = named.or_else(of_interface).filter(|_| is_device) else { return Ok(None) };
+        let station = file.load()?;
+        if let Some(Address { ip, mask, .. }) = station.address {
+            prepared.interface.set_address(ip, mask)?;
+        }
+        prepared.station_file = Some(file);
+        Ok(Some(station))
     }
 
     fn supervise<B: Fieldbus + Send + 'static>(
@@ -177,6 +208,14 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
 
     fn address_set(&mut self, now: Instant, done: bool) {
         self.bus_mut().address_set(now, done);
+    }
+
+    fn to_store(&self) -> ToStore<'_> {
+        self.bus().to_store()
+    }
+
+    fn stored(&mut self, now: Instant, done: bool) {
+        self.bus_mut().stored(now, done);
     }
 
     fn disconnect(&mut self, now: Instant) {

@@ -20,6 +20,8 @@ fi
 # The kernel does not send the first process of a namespace signals that it has no handler for.
 trap 'exit 130' INT TERM
 
+# What a node keeps permanently ends with the test.
+export XDG_STATE_HOME="$OUT/state"
 export PLC_ADDRESS=192.168.64.1 ROBOT_ADDRESS=192.168.64.2
 
 # Programs look for their interface in /sys, which shows the namespace of the process that mounted it.

@@ -184,7 +184,7 @@ fn wrong_values_are_refused_with_their_key() {
     DIR/my.toml: `robot.cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
     DIR/my.toml:19: in `bus`: `kind = "profinet"` needs a section [bus.profinet]
        19 | [bus]
-    DIR/my.toml: `bus.profinet.plc_station_name`: `Skillbench PLC` is not a name of station: lower-case letters, digits and hyphens, in labels of 1 to 63 characters with dots between them, 240 in all
+    DIR/my.toml: `bus.profinet.plc_station_name`: `Skillbench PLC` is not a name of station: lower-case letters, digits and hyphens, in labels of 1 to 63 characters with dots between them, 240 in all, and neither an IP address nor port-001
     DIR/my.toml: `bus.robot_address`: 192.168.65.2 is not in the subnet of 192.168.64.1
     DIR/my.toml: `bus.subnet_mask`: 255.0.255.0 is not a subnet mask
     DIR/my.toml: `robot.axes.lower_deg`: 3 values for an arm of 4 joints

@@ -358,7 +358,7 @@ impl<B: Fieldbus> PlcNode<B> {
                     self.fail(FailureCause::ConnectionLost(down));
                     self.disarm();
                 }
-                LinkEvent::SetAddress { .. } | LinkEvent::Foreign(_) => {}
+                LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
             }
         }
     }

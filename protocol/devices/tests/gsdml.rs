@@ -155,6 +155,7 @@ fn bus(cycle: Duration, description: Description) -> Bus {
     let device = DeviceConfig {
         mac: Mac([2, 0, 0, 0, 0, 2]),
         station_name: b"robot".to_vec(),
+        permanent: None,
         address: Some(robot),
         mask,
         description: ROBOT,

@@ -41,6 +41,8 @@ impl Owner<Device> for Echo {
                 let set = self.interface.set_address(address, mask);
                 device.address_set(now, set.is_ok());
             }
+            // It was created without permanent storage, and refuses what would need some.
+            LinkEvent::Store => device.stored(now, false),
             LinkEvent::Foreign(request) => println!("{request}"),
         }
         ControlFlow::Continue(())
@@ -54,6 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = DeviceConfig {
         mac: interface.mac(),
         station_name: name.clone().into_bytes(),
+        permanent: None,
         address: interface.address(),
         mask: interface.mask().unwrap_or([255, 255, 255, 0].into()),
         description: echo::DEVICE,

@@ -26,7 +26,7 @@ pub use controller::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConf
 pub use device::{Device, DeviceConfig};
 pub use provided::DataError;
 pub use search::{FoundStation, Search, SearchConfig};
-pub use station::is_station_name;
+pub use station::{Permanent, is_station_name};
 pub use uuid::Uuid;
 
 use machine::PortRequest;

@@ -121,6 +121,7 @@ fn main() {
         let device = DeviceConfig {
             mac: Mac([2, 0, 0, 0, 0, 2]),
             station_name: b"device".to_vec(),
+            permanent: None,
             address: None,
             mask: MASK,
             description: samples::DEVICE,

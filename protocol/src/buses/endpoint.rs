@@ -8,7 +8,7 @@ use machine::{
     Transmit,
 };
 
-use crate::fieldbus::Fieldbus;
+use crate::fieldbus::{Fieldbus, ToStore};
 use crate::image::{Image, Order};
 
 /// An endpoint on one of the buses, as one type.
@@ -112,5 +112,13 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Fieldbus for Endpoint<P, E, C> {
 
     fn address_set(&mut self, now: Instant, done: bool) {
         on!(self, bus => Fieldbus::address_set(bus, now, done));
+    }
+
+    fn to_store(&self) -> ToStore<'_> {
+        on!(self, bus => Fieldbus::to_store(bus))
+    }
+
+    fn stored(&mut self, now: Instant, done: bool) {
+        on!(self, bus => Fieldbus::stored(bus, now, done));
     }
 }

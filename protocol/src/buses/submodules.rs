@@ -1,10 +1,11 @@
 //! PROFINET: the image is the data of all submodules in its direction, one after another by slot and subslot.
 
 use machine::{Counters, Instant};
+use profinet::dcp::IpSuite;
 use profinet::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Device};
 
 use super::machine_with_one_connection;
-use crate::fieldbus::Fieldbus;
+use crate::fieldbus::{Fieldbus, StationAddress, ToStore};
 use crate::image::{IMAGE_LEN, Image, Order};
 
 /// An IO-Controller that drives one IO-Device.
@@ -80,6 +81,18 @@ impl Fieldbus for Device {
 
     fn address_set(&mut self, now: Instant, done: bool) {
         self.address_set(now, done);
+    }
+
+    fn to_store(&self) -> ToStore<'_> {
+        let (name, address) = self.to_store();
+        let address =
+            address.map(|IpSuite { address, mask, gateway }| StationAddress { address, mask, gateway });
+        // DCP allows ASCII only.
+        ToStore { name: name.and_then(|name| core::str::from_utf8(name).ok()), address }
+    }
+
+    fn stored(&mut self, now: Instant, done: bool) {
+        self.stored(now, done);
     }
 }
 

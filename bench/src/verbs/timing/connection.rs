@@ -206,7 +206,7 @@ impl Task<Stopwatch<PlcBus>> for Call {
                 }
                 notices.send(Notice::Down(down));
             }
-            LinkEvent::SetAddress { .. } | LinkEvent::Foreign(_) => {}
+            LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
         }
         ControlFlow::Continue(())
     }

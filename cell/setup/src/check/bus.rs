@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use ethernet_ip::connection::TimeoutMultiplier;
-use protocol::stations::ETHERNET_IP_ROBOT;
+use protocol::stations::{ETHERNET_IP_ROBOT, is_station_name};
 
 use super::{Check, cycle, problem};
 use crate::{Addresses, Bus, BusKind, Cyclic, Ethercat, EthernetIp, Profinet, ProfinetDevice};
@@ -219,19 +219,12 @@ fn profinet_device(device: &ProfinetDevice) -> Check {
 /// Checks a name of station by IEC 61158-6-10: labels of letters, digits and hyphens, at most 63 characters each,
 /// separated by dots.
 fn station_name(key: &str, name: &str) -> Check {
-    let label = |label: &str| {
-        !label.is_empty()
-            && label.len() <= 63
-            && !label.starts_with('-')
-            && !label.ends_with('-')
-            && label.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-')
-    };
-    if name.len() <= 240 && name.split('.').all(label) {
+    if !name.is_empty() && is_station_name(name.as_bytes()) {
         return Ok(());
     }
     let text = format!(
         "`{name}` is not a name of station: lower-case letters, digits and hyphens, in labels of 1 to 63 \
-         characters with dots between them, 240 in all"
+         characters with dots between them, 240 in all, and neither an IP address nor port-001"
     );
     Err(problem(key, text))
 }

@@ -96,7 +96,7 @@ pub enum ConfigError {
     /// A station name is empty or contains something that DCP does not allow.
     #[error(
         "{0:?} is not a station name: allowed are lower-case letters, digits and hyphens, in parts of up to 63 characters \
-         separated by dots, 240 in all"
+         separated by dots, 240 in all, and neither an IP address nor port-001"
     )]
     StationName(String),
     /// The two stations cannot reach each other.

@@ -233,11 +233,12 @@ impl<'a> Block<'a> {
         let qualifier = if qualifiers && code != Code::RESPONSE { value.u16().ok()? } else { 0 };
         let content = match code {
             Code::MAC_ADDRESS => Content::MacAddress(Mac(value.array().ok()?)),
-            Code::IP => Content::Ip(IpSuite {
+            Code::IP if value.left() == 12 => Content::Ip(IpSuite {
                 address: value.array::<4>().ok()?.into(),
                 mask: value.array::<4>().ok()?.into(),
                 gateway: value.array::<4>().ok()?.into(),
             }),
+            Code::IP => return None,
             Code::TYPE_OF_STATION => Content::TypeOfStation(value.rest()),
             Code::NAME_OF_STATION => Content::NameOfStation(value.rest()),
             Code::DEVICE_ID => Content::DeviceId { vendor: value.u16().ok()?, device: value.u16().ok()? },

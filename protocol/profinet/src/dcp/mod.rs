@@ -162,7 +162,8 @@ impl<'a> Pdu<'a> {
         Ok(Self { service, xid, response_delay_factor, body })
     }
 
-    /// Returns the blocks, up to the first malformed one. None in a Get request.
+    /// Returns the blocks, up to the first one that is cut off. None in a Get request. A block with a length of another kind
+    /// does not hide those behind it.
     pub fn blocks(&self) -> impl Iterator<Item = Result<Block<'a>, Violation>> + use<'a> {
         let body = if self.service == Service::GetRequest { &[] } else { self.body };
         let qualifiers = self.service.has_qualifiers();
@@ -172,7 +173,7 @@ impl<'a> Pdu<'a> {
                 return None;
             }
             let block = Block::parse(&mut reader, qualifiers);
-            if block.is_err() {
+            if matches!(block, Err(Violation::Truncated(_))) {
                 reader = Reader::new(&[]);
             }
             Some(block)

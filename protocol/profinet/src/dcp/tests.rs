@@ -105,10 +105,23 @@ fn a_get_request_lists_options() {
 }
 
 #[test]
-fn a_block_shorter_than_its_block_info_ends_the_blocks_with_an_error() {
-    let bytes = b"\xFE\xFF\x05\x01\0\0\0\x01\0\0\0\x0E\x02\x02\0\x01\0\0\x02\x03\0\x06\0\0\0\x01";
+fn a_block_shorter_than_its_block_info_is_an_error_and_one_that_is_cut_ends_the_blocks() {
+    let bytes = b"\xFE\xFF\x05\x01\0\0\0\x01\0\0\0\x16\x02\x02\0\x01\0\0\x02\x04\0\x04\0\0\x01\0\x02\x03\0\x06\0\0\0\x01";
     let blocks: Vec<_> = Pdu::parse(bytes).unwrap().blocks().collect();
-    assert_eq!(blocks, [Err(Violation::BlockLength { code: Code::NAME_OF_STATION, len: 1 })]);
+    let short = Err(Violation::BlockLength { code: Code::NAME_OF_STATION, len: 1 });
+    assert_eq!(blocks[..2], [short, Ok(Content::DeviceRole(1).into())]);
+    assert!(matches!(blocks[2..], [Err(Violation::Truncated(_))]));
+}
+
+#[test]
+fn an_ip_address_with_more_or_less_than_its_three_parts_is_none() {
+    for len in [11, 13, 14, 16] {
+        let value: Vec<u8> = vec![0; len];
+        let bytes =
+            emitted(|w| emit(w, Service::SetRequest, 1, 0, [Content::Unknown(Code::IP, &value).into()]));
+        let blocks: Vec<_> = Pdu::parse(&bytes).unwrap().blocks().collect();
+        assert_eq!(blocks, [Err(Violation::BlockLength { code: Code::IP, len: len as u16 + 2 })]);
+    }
 }
 
 #[test]

@@ -42,7 +42,7 @@ use super::provided::Provided;
 use super::record::{LogBook, LogEntry};
 use super::rpc::Message;
 use super::rt::{Received, Transport, UDP_PORT};
-use super::station::{Effect, Refusal, SetPermission, Station};
+use super::station::{Effect, OwnerStep, Permanent, Refusal, SetPermission, Station};
 use super::status::{Service, Status, Violation};
 use crate::ETHER_TYPE;
 use machine::ethernet::{EthernetHeader, Mac};
@@ -57,8 +57,12 @@ const MOST_EVENTS: usize = 8;
 pub struct DeviceConfig {
     /// MAC address of the interface.
     pub mac: Mac,
-    /// Station name, until DCP sets another one; empty for none. [`super::is_station_name`] checks whether it is allowed.
+    /// Station name of the factory: until DCP sets another one, and after a reset; empty for none.
+    /// [`super::is_station_name`] checks whether it is allowed.
     pub station_name: Vec<u8>,
+    /// What DCP set permanently before the start, if the owner can store it; `None` if it cannot: then the device refuses to
+    /// set anything permanently.
+    pub permanent: Option<Permanent>,
     /// IP address of the interface, if it already has one.
     pub address: Option<Ipv4Addr>,
     /// Subnet mask that goes with it.
@@ -110,8 +114,12 @@ impl Device {
     /// nothing else allocates.
     #[must_use]
     pub fn new(config: DeviceConfig, start: Instant) -> Self {
-        let DeviceConfig { mac, station_name, address, mask, description, controllers } = config;
-        let ip = address.map(|address| IpSuite { address, mask, gateway: address });
+        let DeviceConfig { mac, station_name, permanent, address, mask, description, controllers } = config;
+        let stored = permanent.as_ref().and_then(|permanent| permanent.address);
+        let ip = address.map(|address| {
+            let own = IpSuite { address, mask, gateway: address };
+            stored.filter(|stored| stored.address == address).unwrap_or(own)
+        });
         let inputs = description.submodules();
         let inputs = inputs.map(|(slot, submodule)| (slot, submodule.subslot, submodule.input_len));
         let core = Core {
@@ -119,7 +127,7 @@ impl Device {
             start,
             description,
             controllers,
-            station: Station::device(mac, description, &station_name, ip),
+            station: Station::device(mac, description, &station_name, ip, permanent),
             answers: Answers::new(),
             reply: None,
             call: Message::new(),
@@ -251,8 +259,17 @@ impl Core {
             self.counters.foreign += 1;
             self.report_foreign(now, Sender::Mac(from), what);
         }
-        if let Some(IpSuite { address, mask, gateway }) = effect.address {
-            self.report(LinkEvent::SetAddress { address, mask, gateway });
+        self.ask_owner(effect.step);
+    }
+
+    /// Reports as an event what the owner has to do for a Set.
+    fn ask_owner(&mut self, step: Option<OwnerStep>) {
+        match step {
+            Some(OwnerStep::SetAddress(IpSuite { address, mask, gateway })) => {
+                self.report(LinkEvent::SetAddress { address, mask, gateway });
+            }
+            Some(OwnerStep::Store) => self.report(LinkEvent::Store),
+            None => {}
         }
     }
 

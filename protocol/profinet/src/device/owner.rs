@@ -2,6 +2,7 @@
 
 use machine::{Counters, Instant};
 
+use super::super::dcp::IpSuite;
 use super::super::provided::DataError;
 use super::super::status::Violation;
 use super::Device;
@@ -55,8 +56,25 @@ impl Device {
     /// Reports that the owner did what [`LinkEvent::SetAddress`](machine::LinkEvent::SetAddress) asked for, or could not.
     pub fn address_set(&mut self, now: Instant, done: bool) {
         self.core.acyclic = true;
-        if self.core.station.address_set(now, done) {
+        let (changed, step) = self.core.station.address_set(now, done);
+        if changed {
             self.core.abort(now, Violation::AddressChanged);
+        }
+        self.core.ask_owner(step);
+    }
+
+    /// Returns what the owner has to store permanently at [`LinkEvent::Store`](machine::LinkEvent::Store): the station name,
+    /// and IP address, mask and gateway. `None` for what it has to remove from its storage.
+    #[must_use]
+    pub fn to_store(&self) -> (Option<&[u8]>, Option<IpSuite>) {
+        self.core.station.to_store()
+    }
+
+    /// Reports that the owner did what [`LinkEvent::Store`](machine::LinkEvent::Store) asked for, or could not.
+    pub fn stored(&mut self, now: Instant, done: bool) {
+        self.core.acyclic = true;
+        if self.core.station.stored(now, done) {
+            self.core.abort(now, Violation::StationNameChanged);
         }
     }
 }

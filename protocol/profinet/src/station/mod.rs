@@ -1,9 +1,10 @@
 //! The station from DCP's point of view: its name, its address, and the answers to Identify, Get and Set.
 
+mod rules;
 mod set;
 
-pub use set::is_station_name;
-pub(super) use set::{Effect, SetPermission};
+pub use rules::is_station_name;
+pub(super) use set::{Effect, OwnerStep, SetPermission};
 
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
@@ -38,13 +39,50 @@ pub(super) struct Station {
     role: u8,
     description: Description,
     name: Vec<u8>,
+    /// The name that a Set in progress gives.
+    new_name: Vec<u8>,
     factory_name: Vec<u8>,
     ip: IpSuite,
+    /// What the owner stores permanently; `None` if it cannot store.
+    stored: Option<Stored>,
     prompt: [Option<Reply>; MOST_REPLIES],
     delayed: [Option<Reply>; MOST_REPLIES],
     /// When the first of both is due.
     reply_due: Option<Instant>,
     pending_set: Option<PendingSet>,
+}
+
+/// Name and address that DCP set permanently, as the owner of a device stores them.
+#[derive(Clone, PartialEq, Eq, Default, Debug)]
+pub struct Permanent {
+    /// Station name, at most 240 bytes; `None` if none was set permanently.
+    pub name: Option<Vec<u8>>,
+    /// IP address with mask and gateway; `None` if none was set permanently.
+    pub address: Option<IpSuite>,
+}
+
+/// What is stored of name and address.
+#[derive(Debug)]
+struct Stored {
+    name: Option<Vec<u8>>,
+    /// Memory of a name, while none is stored.
+    spare: Vec<u8>,
+    address: Option<IpSuite>,
+}
+
+impl Stored {
+    /// Stores a name or removes it, without allocating.
+    fn set_name(&mut self, name: Option<&Vec<u8>>) {
+        let mut place = self.name.take().unwrap_or_else(|| core::mem::take(&mut self.spare));
+        place.clear();
+        match name {
+            Some(name) => {
+                place.extend_from_slice(name);
+                self.name = Some(place);
+            }
+            None => self.spare = place,
+        }
+    }
 }
 
 /// An answer that waits to be sent.
@@ -74,6 +112,12 @@ impl Results {
         }
     }
 
+    /// Makes the result of an option, if it was good, a refusal by the owner.
+    fn refuse(&mut self, code: Code) {
+        let good = self.entries.iter_mut().filter(|entry| **entry == (code, BlockError::None));
+        good.for_each(|(_, error)| *error = BlockError::NotPossible);
+    }
+
     fn iter(&self) -> impl Iterator<Item = (Code, BlockError)> {
         self.entries.iter().take(self.len).copied()
     }
@@ -89,9 +133,27 @@ pub(super) enum Refusal {
 }
 
 impl Station {
-    /// Creates the station of an IO-Device, whose name and address DCP may set.
-    pub(super) fn device(mac: Mac, description: Description, name: &[u8], ip: Option<IpSuite>) -> Self {
-        Self::new(mac, IO_DEVICE, description, name, ip.unwrap_or(NO_ADDRESS))
+    /// Creates the station of an IO-Device, whose name and address DCP may set. `stored` is what the owner stored of them;
+    /// `None` if it cannot store.
+    pub(super) fn device(
+        mac: Mac,
+        description: Description,
+        name: &[u8],
+        ip: Option<IpSuite>,
+        stored: Option<Permanent>,
+    ) -> Self {
+        let mut station = Self::new(mac, IO_DEVICE, description, name, ip.unwrap_or(NO_ADDRESS));
+        station.stored = stored.map(|Permanent { name, address }| {
+            let room = || Vec::with_capacity(MAX_NAME_LEN);
+            let mut stored = Stored { name: None, spare: room(), address };
+            if let Some(name) = name.filter(|name| is_station_name(name)) {
+                station.name.clear();
+                station.name.extend_from_slice(&name);
+                stored.set_name(Some(&name));
+            }
+            stored
+        });
+        station
     }
 
     /// Creates the station of an IO-Controller, which DCP can find and read but not set.
@@ -109,8 +171,10 @@ impl Station {
             role,
             description,
             name: own,
+            new_name: Vec::with_capacity(MAX_NAME_LEN),
             factory_name: name.to_vec(),
             ip,
+            stored: None,
             prompt: [None; MOST_REPLIES],
             delayed: [None; MOST_REPLIES],
             reply_due: None,

@@ -122,6 +122,7 @@ impl Cell {
         let config = DeviceConfig {
             mac: Mac([2, 0, 0, 0, 0, 2]),
             station_name: b"device".to_vec(),
+            permanent: None,
             address,
             mask: MASK,
             description: self.description,

@@ -77,6 +77,7 @@ fn bus(transport: Transport, watchdog_cycles: u16, seed: u64) -> Bus {
         DeviceConfig {
             mac: Mac([2, 0, 0, 0, 0, 2]),
             station_name: b"sample-device".to_vec(),
+            permanent: None,
             address: None,
             mask: MASK,
             description: samples::DEVICE,

@@ -108,6 +108,7 @@ impl Cell {
             let config = DeviceConfig {
                 mac: Mac([2, 0, 0, 0, 0, 2 + index as u8]),
                 station_name: NAMES[index].into(),
+                permanent: None,
                 address: None,
                 mask: MASK,
                 description: samples::DEVICE,

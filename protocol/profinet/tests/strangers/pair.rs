@@ -52,6 +52,7 @@ impl ControllerAndDevice {
         let config = DeviceConfig {
             mac: device_mac,
             station_name: b"device".to_vec(),
+            permanent: None,
             address: None,
             mask: MASK,
             description: samples::DEVICE,

@@ -14,6 +14,7 @@ fn p_net_with(address: Option<Ipv4Addr>) -> Rig {
     let config = DeviceConfig {
         mac: P_NET_MAC,
         station_name: b"rt-labs-dev".to_vec(),
+        permanent: None,
         address,
         mask: MASK,
         description: samples::P_NET,

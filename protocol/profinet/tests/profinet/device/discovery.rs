@@ -6,7 +6,7 @@ use profinet::dcp::{
 
 use super::*;
 
-fn request(destination: Mac, write: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
+pub(super) fn request(destination: Mac, write: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
     let mut buf = [0; 1500];
     let header = EthernetHeader { destination, ..ethernet_header() };
     let len = header.emit(&mut buf, write).unwrap();
@@ -23,7 +23,7 @@ fn set<'b>(blocks: impl IntoIterator<Item = Content<'b>>) -> Vec<u8> {
     request(MAC, |w| emit(w, Dcp::SetRequest, 8, 0, blocks))
 }
 
-fn results(sent: &[(Transmit, Vec<u8>)]) -> Vec<(Code, BlockError)> {
+pub(super) fn results(sent: &[(Transmit, Vec<u8>)]) -> Vec<(Code, BlockError)> {
     let [(_, frame)] = sent else { panic!("one answer: {sent:?}") };
     let (_, payload) = EthernetHeader::parse(frame).unwrap();
     let result = |block: Result<Block<'_>, _>| match block.unwrap().content {
@@ -96,6 +96,9 @@ fn a_name_is_set_if_it_is_one() {
         (b"Robot", BlockError::SuboptionNotSet),
         (b"-robot", BlockError::SuboptionNotSet),
         (b"a..b", BlockError::SuboptionNotSet),
+        (b"1.2.3.4", BlockError::SuboptionNotSet),
+        (b"port-001", BlockError::SuboptionNotSet),
+        (b"port-001-00000.cell", BlockError::SuboptionNotSet),
         (&[b'a'; 64], BlockError::SuboptionNotSet),
         (b"", BlockError::None),
     ] {
@@ -162,6 +165,14 @@ fn an_address_that_no_host_has_or_that_the_owner_cannot_set_is_refused() {
         (ip([224, 0, 0, 1], mask), BlockError::SuboptionNotSet),
         (ip([127, 0, 0, 1], mask), BlockError::SuboptionNotSet),
         (ip([10, 0, 0, 1], [255, 0, 255, 0]), BlockError::SuboptionNotSet),
+        (
+            Content::Ip(IpSuite {
+                gateway: [10, 0, 1, 1].into(),
+                address: [10, 0, 0, 1].into(),
+                mask: mask.into(),
+            }),
+            BlockError::SuboptionNotSet,
+        ),
     ] {
         assert_eq!(results(&rig.receive(Port::Ethernet, &set([content]))), [(Code::IP, error)]);
     }
@@ -171,20 +182,26 @@ fn an_address_that_no_host_has_or_that_the_owner_cannot_set_is_refused() {
 }
 
 #[test]
-fn signal_and_reset_are_answered_and_unknown_options_refused_one_by_one() {
+fn signal_and_reset_are_answered_and_unknown_options_and_lengths_refused_one_by_one() {
     let mut rig = Rig::new();
     let blocks = [
         Content::Start,
         Content::Signal(0x0100),
-        Content::ResetToFactory,
         Content::AliasName(b"x"),
         Content::Unknown(Code(0x8001), &[]),
+        Content::Unknown(Code::IP, &[10, 0, 0, 1]),
         Content::End,
+        Content::FactoryReset,
     ];
-    let errors: Vec<_> =
-        results(&rig.receive(Port::Ethernet, &set(blocks))).iter().map(|(_, error)| *error).collect();
-    use BlockError::{None, OptionNotSupported, SuboptionNotSupported};
-    assert_eq!(errors, [None, None, None, SuboptionNotSupported, OptionNotSupported, None]);
+    assert!(rig.receive(Port::Ethernet, &set(blocks)).is_empty(), "the reset takes the address first");
+    rig.device.address_set(rig.now, true);
+    let errors: Vec<_> = results(&rig.drain()).iter().map(|(_, error)| *error).collect();
+    use BlockError::{None, OptionNotSupported, SuboptionNotSet, SuboptionNotSupported};
+    assert_eq!(
+        errors,
+        [None, None, SuboptionNotSupported, OptionNotSupported, SuboptionNotSet, None, None],
+        "a block of a wrong length is refused alone"
+    );
 }
 
 #[test]

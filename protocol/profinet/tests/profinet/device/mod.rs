@@ -5,6 +5,7 @@ mod discovery;
 mod dissected;
 mod hostile;
 mod life;
+mod permanent;
 mod refusals;
 mod restarts;
 mod strangers;
@@ -41,6 +42,7 @@ fn device() -> Device {
         DeviceConfig {
             mac: MAC,
             station_name: b"device".to_vec(),
+            permanent: None,
             address: Some(ADDRESS),
             mask: MASK,
             description: samples::DEVICE,

@@ -189,6 +189,7 @@ fn a_device_with_a_list_of_controllers_is_connected_to_and_addressed_by_these_al
     let config = DeviceConfig {
         mac: MAC,
         station_name: b"device".to_vec(),
+        permanent: None,
         address: Some(ADDRESS),
         mask: MASK,
         description: samples::DEVICE,
