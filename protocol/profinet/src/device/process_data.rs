@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 use core::ops::Range;
 
 use crate::connect::{DiffModule, ExpectedModule, Iocr, Object};
-use crate::description::Description;
+use crate::description::{Description, Submodule};
 use crate::provided::Provided;
 use crate::rt::IoxStatus;
 
@@ -30,6 +30,8 @@ pub(super) struct ProcessData {
     to_controller: Vec<Part>,
     from_controller: Vec<Part>,
     statuses: Vec<StatusByte>,
+    /// Whether data are missing: the device has some, but no submodule with data is as the controller expects it.
+    lacks_data: bool,
 }
 
 impl ProcessData {
@@ -48,8 +50,12 @@ impl ProcessData {
                 .any(|module| module.submodules.iter().any(|submodule| submodule.subslot == subslot));
             !differs && description.submodule(slot, subslot).is_some()
         };
-        let mut mapping =
-            Self { to_controller: Vec::new(), from_controller: Vec::new(), statuses: Vec::new() };
+        let mut mapping = Self {
+            to_controller: Vec::new(),
+            from_controller: Vec::new(),
+            statuses: Vec::new(),
+            lacks_data: false,
+        };
         for (slot, submodule) in description.submodules() {
             let subslot = submodule.subslot;
             let place = |iocr: &Iocr, len: u16| {
@@ -61,6 +67,10 @@ impl ProcessData {
             mapping.to_controller.extend(place(input, submodule.input_len));
             mapping.from_controller.extend(place(output, submodule.output_len));
         }
+        let has_data = |(_, submodule): (_, &Submodule)| submodule.input_len > 0 || submodule.output_len > 0;
+        mapping.lacks_data = mapping.to_controller.is_empty()
+            && mapping.from_controller.is_empty()
+            && description.submodules().any(has_data);
         for object in &input.objects {
             let (slot, subslot) = at(object);
             let modules = expected.iter().filter(|module| module.slot == slot);
@@ -114,9 +124,10 @@ impl ProcessData {
         })
     }
 
-    /// Returns whether a frame from the controller has data and marks all of them as good.
+    /// Returns whether data are exchanged with this frame from the controller: it marks all that it has as good. For a device
+    /// with inputs only, it has none.
     pub(super) fn is_good(&self, c_sdu: &[u8]) -> bool {
-        !self.from_controller.is_empty() && self.all_data(c_sdu).all(|(_, data)| data.is_some())
+        !self.lacks_data && self.all_data(c_sdu).all(|(_, data)| data.is_some())
     }
 }
 

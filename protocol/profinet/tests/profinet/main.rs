@@ -13,6 +13,7 @@ mod captured;
 mod controller;
 mod device;
 mod loss;
+mod one_way;
 mod pair;
 mod samples;
 mod two_devices;
