@@ -58,6 +58,12 @@ block_types! {
     LogBook = 0x0019,
     /// APIData.
     ApiData = 0x001A,
+    /// PDPortDataReal.
+    PdPortDataReal = 0x020F,
+    /// PDInterfaceDataReal.
+    PdInterfaceDataReal = 0x0240,
+    /// MultipleBlockHeader: the blocks of one submodule among those of others.
+    MultipleBlockHeader = 0x0400,
     /// I&M0FilterDataSubmodule: the submodules with I&M0 of their own.
     Im0FilterDataSubmodule = 0x0030,
     /// I&M0FilterDataModule: the submodules whose I&M0 is that of their module.

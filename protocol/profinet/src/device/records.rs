@@ -5,8 +5,9 @@ use crate::block::BlockWriter;
 use crate::connect::{API, emit_module_diff};
 use crate::description::{Description, INTERFACE_SUBSLOT};
 use crate::record::{
-    Address, LogBook, ReadRequest, WriteRequest, WriteResponse, emit_api_data, emit_expected_identification,
-    emit_im0, emit_im0_filter_data, emit_real_identification, index,
+    Address, LogBook, PhysicalDevice, ReadRequest, WriteRequest, WriteResponse, emit_api_data,
+    emit_expected_identification, emit_im0, emit_im0_filter_data, emit_port, emit_real_identification, index,
+    is_port,
 };
 use crate::status::{Service, Status, Violation};
 use machine::Instant;
@@ -117,6 +118,7 @@ pub(super) struct Records<'a> {
     pub(super) description: &'a Description,
     /// The AR, if there is one.
     pub(super) relation: Option<&'a Relation>,
+    pub(super) physical: PhysicalDevice<'a>,
     pub(super) log_book: &'a LogBook,
     pub(super) now: Instant,
 }
@@ -128,7 +130,7 @@ impl Records<'_> {
         read: &ReadRequest,
         record: &mut [u8; RECORD_CAPACITY],
     ) -> Result<usize, Violation> {
-        let Self { description, log_book, now, .. } = *self;
+        let Self { description, physical, log_book, now, .. } = *self;
         let (address, index) = (&read.address, read.address.index);
         let scope = Scope::of(index);
         scope.check(address, description)?;
@@ -153,6 +155,13 @@ impl Records<'_> {
                     emit_module_diff(diff, &mut writer);
                 }
             }
+            index::PD_PORT_DATA_REAL if is_port(address.subslot) => {
+                emit_port(address.slot, address.subslot, &mut writer);
+            }
+            index::PD_INTERFACE_DATA_REAL if address.subslot == INTERFACE_SUBSLOT => {
+                physical.emit_interface(&mut writer);
+            }
+            index::PD_REAL_DATA => physical.emit_all(description, &mut writer),
             index::API_DATA => emit_api_data(&mut writer),
             index::LOG_BOOK => log_book.emit(now, &mut writer),
             index::IM0_FILTER_DATA => emit_im0_filter_data(description, &mut writer),

@@ -13,7 +13,7 @@ use crate::connect::{
     AlarmCrResponse, ArProperties, ArResponse, ConnectRequest, ConnectResponse, Iocr, IocrResponse, IocrType,
 };
 use crate::control::{Command, Control};
-use crate::record::{LogEntry, ReadRequest, ReadResponse, WriteRequest, index};
+use crate::record::{LogEntry, PhysicalDevice, ReadRequest, ReadResponse, WriteRequest, index};
 use crate::rpc::{
     CONTROLLER_INTERFACE, DEVICE_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Header, Kind, LOOKUP,
     LOOKUP_HANDLE_FREE, Lookup, Operation, RequestArgs, ResponseArgs, object, rpc_status,
@@ -304,9 +304,14 @@ impl Core {
         }))
     }
 
-    const fn records(&self, now: Instant) -> Records<'_> {
-        let (description, relation, log_book) = (&self.description, self.relation.as_ref(), &self.log_book);
-        Records { description, relation, log_book, now }
+    fn records(&self, now: Instant) -> Records<'_> {
+        Records {
+            description: &self.description,
+            relation: self.relation.as_ref(),
+            physical: PhysicalDevice { name: self.station.name(), mac: self.mac, ip: self.station.ip() },
+            log_book: &self.log_book,
+            now,
+        }
     }
 
     fn handle_lookup(&mut self, call: Call<'_>, body: &[u8]) {

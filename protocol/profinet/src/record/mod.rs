@@ -13,12 +13,14 @@
 
 mod contents;
 mod log_book;
+mod physical_device;
 
 pub use contents::{
     IM0_LEN, emit_api_data, emit_expected_identification, emit_im0, emit_im0_filter_data,
     emit_real_identification,
 };
 pub use log_book::{LogBook, LogEntry};
+pub use physical_device::{PhysicalDevice, emit_port, is_port};
 
 use super::Uuid;
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
@@ -49,6 +51,12 @@ pub mod index {
     pub const REAL_IDENTIFICATION_API: u16 = 0xF000;
     /// APIData: the APIs of the device.
     pub const API_DATA: u16 = 0xF821;
+    /// PDPortDataReal of one port.
+    pub const PD_PORT_DATA_REAL: u16 = 0x802A;
+    /// PDInterfaceDataReal of one interface.
+    pub const PD_INTERFACE_DATA_REAL: u16 = 0x8080;
+    /// PDRealData: interface and ports of the device.
+    pub const PD_REAL_DATA: u16 = 0xF841;
     /// LogBookData.
     pub const LOG_BOOK: u16 = 0xF830;
     /// I&M0FilterData: which submodules have I&M0 of their own.

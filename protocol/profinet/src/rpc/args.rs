@@ -92,7 +92,8 @@ fn emit_args(
     blocks(&mut writer);
     let length = u32::try_from(writer.len().saturating_sub(ARGS_LEN)).unwrap_or(u32::MAX);
     writer.patch_u32(4, length);
-    writer.patch_u32(8, maximum_count.unwrap_or(first));
+    // An array has no more elements than its maximum says, even for a caller whose ArgsMaximum is too small.
+    writer.patch_u32(8, maximum_count.map_or(first, |maximum| maximum.max(length)));
     writer.patch_u32(16, length);
     writer.finish()
 }

@@ -226,6 +226,42 @@ fn identification_and_maintenance_and_the_apis_are_those_of_the_description() {
 }
 
 #[test]
+fn interface_and_ports_are_those_of_the_station() {
+    let mut rig = Rig::connected(RtClass::Class1);
+    let fields = [
+        "pn_io.block_type",
+        "pn_io.slot_nr",
+        "pn_io.subslot_nr",
+        "pn_io.own_chassis_id",
+        "pn_io.macadd",
+        "pn_io.ip_address",
+        "pn_io.subnetmask",
+        "pn_io.standard_gateway",
+        "pn_io.own_port_id",
+        "pn_io.number_of_peers",
+        "pn_io.mau_type",
+        "pn_io.link_state_link",
+        "pn_io.media_type",
+    ];
+    let interface = ["device", "02:00:00:00:00:02", "192.168.64.2", "255.255.255.0", "192.168.64.2"];
+    let port = ["port-001", "0", "0x0000", "0x01", "0x00000000"];
+    let none = [""; 5];
+    let row = |head: [&'static str; 3], interface: [&'static str; 5], port: [&'static str; 5]| {
+        [&head[..], &interface, &port].concat()
+    };
+    let one = row(["0x8009,0x0240", "0x0000", "0x8000"], interface, none);
+    let other = row(["0x8009,0x020f", "0x0000,0x0000", "0x8001,0x8001"], none, port);
+    let head =
+        ["0x8009,0x0400,0x0240,0x0400,0x020f", "0x0000,0x0000,0x0000,0x0000", "0x0000,0x8000,0x8001,0x8001"];
+    let all = row(head, interface, port);
+    assert_records(
+        &mut rig,
+        &fields,
+        &[(0x8080, 0, 0x8000, &one), (0x802A, 0, 0x8001, &other), (0xF841, 0, 0, &all)],
+    );
+}
+
+#[test]
 fn the_module_diff_and_the_log_book_tell_what_was_wrong() {
     let mut rig = Rig::new();
     let mut refused = connect_request(RtClass::Class1, true);
