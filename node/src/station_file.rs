@@ -32,13 +32,11 @@ pub struct Station {
 
 impl fmt::Display for Station {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.name {
-            Some(name) => write!(f, "named {name}")?,
-            None => f.write_str("without a name")?,
-        }
-        match self.address {
-            Some(Address { ip, .. }) => write!(f, ", address {ip}"),
-            None => f.write_str(", without an address"),
+        match (&self.name, self.address) {
+            (Some(name), Some(Address { ip, .. })) => write!(f, "named {name}, address {ip}"),
+            (Some(name), None) => write!(f, "named {name}"),
+            (None, Some(Address { ip, .. })) => write!(f, "address {ip}"),
+            (None, None) => f.write_str("neither name nor address"),
         }
     }
 }

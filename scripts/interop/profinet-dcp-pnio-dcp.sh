@@ -15,7 +15,7 @@ run_robot() { # run_robot NAME: starts the node under this name of its log
     says "$1" 'IO-Device'
 }
 stop_robot() { # stop_robot NAME: ends it, and takes away the address that it leaves on the interface
-    at_robot kill -INT "${!1}"
+    pkill -INT -P "${!1}"
     ends "$1"
     at_robot ip address flush dev robot
 }
