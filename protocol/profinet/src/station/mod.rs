@@ -215,7 +215,12 @@ impl Station {
             }
             Service::GetRequest if header.destination == self.mac => {
                 let mut results = Results::NONE;
-                pdu.requested_options().for_each(|code| results.push(code, self.get_error(code)));
+                for code in pdu.requested_options() {
+                    // An option that is asked for twice is answered once: each of them fits a frame only once.
+                    if !results.iter().any(|(known, _)| known == code) {
+                        results.push(code, self.get_error(code));
+                    }
+                }
                 self.queue(now, Reply { service: Service::GetResponse, results, ..reply })?;
                 Ok(Effect::default())
             }

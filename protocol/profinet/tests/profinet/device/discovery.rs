@@ -89,6 +89,19 @@ fn get_tells_values_and_what_is_not_there() {
 }
 
 #[test]
+fn a_get_that_asks_for_the_longest_name_again_and_again_is_answered_once_for_each_option() {
+    let mut rig = Rig::new();
+    let name = [[b'a'; 60]; 4].join(&b'.')[..240].to_vec();
+    rig.receive(Port::Ethernet, &set([Content::NameOfStation(&name)]));
+    assert_eq!(rig.device.station_name(), name);
+    let wanted = [[Code::NAME_OF_STATION; 15].as_slice(), &[Code::DEVICE_ID]].concat();
+    let sent = rig.receive(Port::Ethernet, &request(MAC, |w| emit_get_request(w, 9, &wanted)));
+    let (_, payload) = EthernetHeader::parse(&sent[0].1).unwrap();
+    let codes: Vec<_> = Pdu::parse(payload).unwrap().blocks().map(|block| block.unwrap().code()).collect();
+    assert_eq!(codes, [Code::NAME_OF_STATION, Code::DEVICE_ID]);
+}
+
+#[test]
 fn a_name_is_set_if_it_is_one() {
     let mut rig = Rig::new();
     for (name, error) in [
