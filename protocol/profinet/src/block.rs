@@ -165,7 +165,7 @@ pub fn write(writer: &mut BlockWriter<'_>, block_type: BlockType, body: impl FnO
     write_version(writer, block_type, 0, body);
 }
 
-/// Writes a block of this BlockVersionLow, as [`write`] does.
+/// Writes a block of this BlockVersionLow, as [`write()`] does.
 pub fn write_version(
     writer: &mut BlockWriter<'_>,
     block_type: BlockType,
