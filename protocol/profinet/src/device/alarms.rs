@@ -42,7 +42,7 @@ impl Channel {
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum AlarmReceived {
     /// It was accepted.
-    Taken,
+    Handled,
     /// It was a duplicate or out of order.
     Late,
     /// It was malformed.
@@ -70,7 +70,7 @@ impl AlarmEndpoint {
         };
         match rta.pdu_type {
             PduType::Data => channel.handle_data(priority, &rta, variable),
-            PduType::Ack | PduType::Nack => AlarmReceived::Taken,
+            PduType::Ack | PduType::Nack => AlarmReceived::Handled,
             PduType::Error => match error_status(variable) {
                 Some(status) => AlarmReceived::Aborted(status),
                 None => AlarmReceived::Malformed,
@@ -147,7 +147,7 @@ impl Channel {
                 status: Violation::AlarmNotSupported.status(Service::AlarmAck),
             });
         }
-        AlarmReceived::Taken
+        AlarmReceived::Handled
     }
 }
 
@@ -214,7 +214,7 @@ mod tests {
         endpoint.high.sent = 0xFFFF;
         let frame = captured::frame(captured::ALARM_ACK_HIGH_CPU);
         let (_, payload) = EthernetHeader::parse(&frame).unwrap();
-        assert_eq!(endpoint.handle_pdu(Priority::High, &payload[2..]), AlarmReceived::Taken);
+        assert_eq!(endpoint.handle_pdu(Priority::High, &payload[2..]), AlarmReceived::Handled);
         let mut buf = [0; 100];
         let transmit = endpoint.poll_transmit(&mut buf).unwrap();
         let p_net = captured::frame(captured::ALARM_ACK_RTA_HIGH_DEV);
@@ -231,7 +231,7 @@ mod tests {
         let mut endpoint = AlarmEndpoint::new(Route::Ethernet { source: P_NET, destination: CPU }, 0, 0);
         let frame = captured::frame(captured::ALARM_PROCESS_NOTIF);
         let (_, payload) = EthernetHeader::parse(&frame).unwrap();
-        assert_eq!(endpoint.handle_pdu(Priority::High, &payload[2..]), AlarmReceived::Taken);
+        assert_eq!(endpoint.handle_pdu(Priority::High, &payload[2..]), AlarmReceived::Handled);
         let mut buf = [0; 100];
         assert!(endpoint.poll_transmit(&mut buf).is_some(), "the acknowledgement");
         let transmit = endpoint.poll_transmit(&mut buf).unwrap();

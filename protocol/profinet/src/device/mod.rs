@@ -232,7 +232,7 @@ impl Core {
             }
         };
         match relation.alarms.handle_pdu(priority, payload.get(2..).unwrap_or_default()) {
-            AlarmReceived::Taken => {}
+            AlarmReceived::Handled => {}
             AlarmReceived::Late => self.counters.late += 1,
             AlarmReceived::Malformed => self.counters.malformed += 1,
             AlarmReceived::Foreign => self.counters.foreign += 1,

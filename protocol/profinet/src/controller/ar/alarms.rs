@@ -30,7 +30,7 @@ const BEFORE_FIRST: u16 = 0xFFFE;
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Outcome {
     /// It belongs to the connection.
-    Taken,
+    Handled,
     /// It belongs to another connection, or answers a PDU that was not sent.
     Foreign,
     /// It broke the format.
@@ -174,15 +174,15 @@ impl Endpoint {
         match rta.pdu_type {
             PduType::Data => {}
             PduType::Ack => {
-                return if self.acknowledged(rta.ack_sequence) { Outcome::Taken } else { Outcome::Foreign };
+                return if self.acknowledged(rta.ack_sequence) { Outcome::Handled } else { Outcome::Foreign };
             }
             // The device wants the PDU again; it is repeated in any case.
-            PduType::Nack => return Outcome::Taken,
+            PduType::Nack => return Outcome::Handled,
             PduType::Error | PduType::Unknown(_) => return Outcome::Foreign,
         }
         if rta.send_sequence == self.last_received {
             self.ack_due = true;
-            return Outcome::Taken;
+            return Outcome::Handled;
         }
         let _ = self.acknowledged(rta.ack_sequence);
         if rta.send_sequence != following(self.last_received) || self.outstanding.is_some() {
@@ -205,7 +205,7 @@ impl Endpoint {
                 due: true,
             });
         }
-        Outcome::Taken
+        Outcome::Handled
     }
 
     fn repeat_at(&self) -> Option<Instant> {
@@ -327,11 +327,11 @@ mod tests {
     fn a_process_alarm_is_acknowledged_in_the_bytes_of_the_siemens_controller() {
         let mut alarms = alarms();
         let now = Instant::ZERO;
-        assert_eq!(receive(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Taken);
+        assert_eq!(receive(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Handled);
         assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_ACK_RTA_HIGH_CPU)));
         assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_ACK_HIGH_CPU)));
         assert_eq!(sent(&mut alarms, now), None);
-        assert_eq!(receive(&mut alarms, now, captured::ALARM_ACK_RTA_HIGH_DEV), Outcome::Taken);
+        assert_eq!(receive(&mut alarms, now, captured::ALARM_ACK_RTA_HIGH_DEV), Outcome::Handled);
         assert_eq!(alarms.poll_timeout(), None);
     }
 
@@ -339,12 +339,12 @@ mod tests {
     fn a_series_of_diagnosis_alarms_keeps_its_numbers_in_step() {
         let mut alarms = alarms();
         let now = Instant::ZERO;
-        assert_eq!(receive(&mut alarms, now, captured::ALARM_DIAG_NOTIF), Outcome::Taken);
+        assert_eq!(receive(&mut alarms, now, captured::ALARM_DIAG_NOTIF), Outcome::Handled);
         assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_ACK_RTA_LOW_CPU)));
         assert_eq!(sent(&mut alarms, now), Some(captured::frame(captured::ALARM_DIAG_ACK_CPU)));
         // The next notification acknowledges the AlarmAck by its AckSeqNum.
         for text in [captured::ALARM_DIAG_UPDATE_APPEARS, captured::ALARM_DIAG_UPDATE_OTHERS_REMAIN] {
-            assert_eq!(receive(&mut alarms, now, text), Outcome::Taken);
+            assert_eq!(receive(&mut alarms, now, text), Outcome::Handled);
             assert!(sent(&mut alarms, now).is_some() && sent(&mut alarms, now).is_some());
         }
         assert_eq!((alarms.low.last_received, alarms.low.last_sent), (1, 1));
@@ -356,7 +356,7 @@ mod tests {
         let mut now = Instant::ZERO;
         receive(&mut alarms, now, captured::ALARM_PROCESS_NOTIF);
         let (ack, data) = (sent(&mut alarms, now), sent(&mut alarms, now));
-        assert_eq!(receive(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Taken);
+        assert_eq!(receive(&mut alarms, now, captured::ALARM_PROCESS_NOTIF), Outcome::Handled);
         assert!(ack.is_some() && sent(&mut alarms, now).is_some());
         assert_eq!(sent(&mut alarms, now), None, "the AlarmAck waits for its time");
         for _ in 0..RETRIES {

@@ -263,7 +263,7 @@ impl Ar {
             _ => Outcome::Foreign,
         };
         match outcome {
-            Outcome::Taken => {}
+            Outcome::Handled => {}
             Outcome::Foreign => return false,
             Outcome::Malformed => self.counters.malformed += 1,
             Outcome::Aborted(status) => {
