@@ -15,7 +15,9 @@ impl Controller {
     pub(super) fn report(&mut self, at: Instant, command: Option<&Command>) {
         let at_rest = self.interpolator.is_at_rest() && self.is_in_place();
         // A motion that only begins, or has no length, may have another tool or base where the arm stands.
-        if self.reported != *self.actual_joints() || self.present_frames() != (self.tool, self.base_inverse) {
+        let has_new_frames =
+            self.execution.is_some() && self.present_frames() != (self.tool, self.base_inverse);
+        if has_new_frames || self.reported != *self.actual_joints() {
             self.report_position();
         }
         if !self.config.surfaces.is_empty() {
