@@ -6,7 +6,7 @@
 //!                  ├─ 0xFC01, 0xFE01 ─────────── alarms
 //!                  └─ the output IOCR's ──────── relation: cyclic data        (RT_CLASS_1)
 //! UDP 34962 ───────── the same two ───────────── alarms, relation             (RT_CLASS_UDP)
-//! UDP 34964 ───────── RPC ────────────────────── dispatch, server, answers, records, admission
+//! UDP 34964 ───────── RPC ────────────────────── dispatch, server, mapper, answers, records, admission
 //! ```
 //!
 //! One controller at a time. The device refuses a second one. The same controller, with the same IP and MAC address, may
@@ -17,6 +17,7 @@ mod admission;
 mod alarms;
 mod answers;
 mod dispatch;
+mod mapper;
 mod owner;
 mod process_data;
 mod records;
@@ -42,7 +43,7 @@ use super::provided::Provided;
 use super::record::{LogBook, LogEntry};
 use super::rpc::Message;
 use super::rt::{Received, Transport, UDP_PORT};
-use super::station::{Effect, OwnerStep, Permanent, Refusal, SetPermission, Station};
+use super::station::{Effect, Permanent, Refusal, SetPermission, Station};
 use super::status::{Service, Status, Violation};
 use crate::ETHER_TYPE;
 use machine::ethernet::{EthernetHeader, Mac};
@@ -260,17 +261,6 @@ impl Core {
             self.report_foreign(now, Sender::Mac(from), what);
         }
         self.ask_owner(effect.step);
-    }
-
-    /// Reports as an event what the owner has to do for a Set.
-    fn ask_owner(&mut self, step: Option<OwnerStep>) {
-        match step {
-            Some(OwnerStep::SetAddress(IpSuite { address, mask, gateway })) => {
-                self.report(LinkEvent::SetAddress { address, mask, gateway });
-            }
-            Some(OwnerStep::Store) => self.report(LinkEvent::Store),
-            None => {}
-        }
     }
 
     /// Ends the AR from this side; sends the reason to the controller and reports it as an event.

@@ -1,12 +1,13 @@
 //! The methods for the owner of a device: data of the submodules, counters, the end of the connection.
 
-use machine::{Counters, Instant};
+use machine::{Counters, Instant, LinkEvent};
 
 use super::super::dcp::IpSuite;
 use super::super::provided::DataError;
+use super::super::station::OwnerStep;
 use super::super::status::Violation;
-use super::Device;
 use super::relation::Relation;
+use super::{Core, Device};
 
 impl Device {
     /// Returns whether a controller has an AR with this device, whether or not data are exchanged yet.
@@ -53,7 +54,7 @@ impl Device {
         self.core.counters()
     }
 
-    /// Reports that the owner did what [`LinkEvent::SetAddress`](machine::LinkEvent::SetAddress) asked for, or could not.
+    /// Reports that the owner did what [`LinkEvent::SetAddress`] asked for, or could not.
     pub fn address_set(&mut self, now: Instant, done: bool) {
         self.core.acyclic = true;
         let (changed, step) = self.core.station.address_set(now, done);
@@ -63,18 +64,31 @@ impl Device {
         self.core.ask_owner(step);
     }
 
-    /// Returns what the owner has to store permanently at [`LinkEvent::Store`](machine::LinkEvent::Store): the station name,
+    /// Returns what the owner has to store permanently at [`LinkEvent::Store`]: the station name,
     /// and IP address, mask and gateway. `None` for what it has to remove from its storage.
     #[must_use]
     pub fn to_store(&self) -> (Option<&[u8]>, Option<IpSuite>) {
         self.core.station.to_store()
     }
 
-    /// Reports that the owner did what [`LinkEvent::Store`](machine::LinkEvent::Store) asked for, or could not.
+    /// Reports that the owner did what [`LinkEvent::Store`] asked for, or could not.
     pub fn stored(&mut self, now: Instant, done: bool) {
         self.core.acyclic = true;
         if self.core.station.stored(now, done) {
             self.core.abort(now, Violation::StationNameChanged);
+        }
+    }
+}
+
+impl Core {
+    /// Reports as an event what the owner has to do for a Set.
+    pub(super) fn ask_owner(&mut self, step: Option<OwnerStep>) {
+        match step {
+            Some(OwnerStep::SetAddress(IpSuite { address, mask, gateway })) => {
+                self.report(LinkEvent::SetAddress { address, mask, gateway });
+            }
+            Some(OwnerStep::Store) => self.report(LinkEvent::Store),
+            None => {}
         }
     }
 }

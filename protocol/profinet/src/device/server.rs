@@ -1,5 +1,5 @@
-//! The device as an RPC server: Connect, Release, Read, Write, Control, and the endpoint mapper; and as a client: its call
-//! ApplicationReady to the controller.
+//! The device as an RPC server: Connect, Release, Read, Write and Control; and as a client: its call ApplicationReady to the
+//! controller.
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
@@ -15,13 +15,13 @@ use crate::connect::{
 use crate::control::{Command, Control};
 use crate::record::{LogEntry, PhysicalDevice, ReadRequest, ReadResponse, WriteRequest, index};
 use crate::rpc::{
-    CONTROLLER_INTERFACE, DEVICE_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Header, Kind, LOOKUP,
-    LOOKUP_HANDLE_FREE, Lookup, Operation, RequestArgs, ResponseArgs, object, rpc_status,
+    CONTROLLER_INTERFACE, DEVICE_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Header, Kind, Operation, RequestArgs,
+    ResponseArgs, rpc_status,
 };
 use crate::rt::UDP_PORT;
 use crate::status::{Service, Status, Violation};
 use crate::{RPC_PORT, Uuid};
-use machine::wire::{BigEndian, Overflow, Writer};
+use machine::wire::Overflow;
 use machine::{Instant, Peer, Requested, Sender};
 
 /// MaxAlarmDataLength of the device: the smallest allowed.
@@ -68,12 +68,11 @@ impl Core {
             self.counters.foreign += 1;
             return self.reply(header, Kind::Reject, Some(rpc_status::OPERATION_RANGE), from);
         };
-        let refusal = |violation: Violation| violation.status(service);
         let args = match RequestArgs::parse(header, body) {
             Ok(args) => args,
             Err(violation) => {
                 self.counters.malformed += 1;
-                let answered = self.answers.answer(call, 0, refusal(violation), |_| {});
+                let answered = self.answers.answer(call, 0, violation.status(service), |_| {});
                 return self.count_overflow(answered);
             }
         };
@@ -101,20 +100,29 @@ impl Core {
             self.counters.foreign += 1;
             return;
         }
-        let answered = result.unwrap_or_else(|violation| {
-            match violation {
-                Violation::ArUuidUnknown | Violation::StateConflict | Violation::OutOfArResources => {
-                    self.counters.foreign += 1;
-                }
-                _ => self.counters.malformed += 1,
-            }
-            self.answers.answer(call, maximum, refusal(violation), |_| {})
-        });
+        let answered = result.unwrap_or_else(|violation| self.refuse(call, maximum, service, violation));
         self.count_overflow(answered);
     }
 
+    /// Answers a request that is refused, and counts it.
+    fn refuse(
+        &mut self,
+        call: Call<'_>,
+        maximum: u32,
+        service: Service,
+        violation: Violation,
+    ) -> Result<(), Overflow> {
+        match violation {
+            Violation::ArUuidUnknown | Violation::StateConflict | Violation::OutOfArResources => {
+                self.counters.foreign += 1;
+            }
+            _ => self.counters.malformed += 1,
+        }
+        self.answers.answer(call, maximum, violation.status(service), |_| {})
+    }
+
     /// Counts an answer that does not fit and therefore is not sent. No answer of ours is that long.
-    const fn count_overflow(&mut self, answered: Result<(), Overflow>) {
+    pub(super) const fn count_overflow(&mut self, answered: Result<(), Overflow>) {
         if answered.is_err() {
             self.counters.malformed += 1;
         }
@@ -312,33 +320,6 @@ impl Core {
             log_book: &self.log_book,
             now,
         }
-    }
-
-    fn handle_lookup(&mut self, call: Call<'_>, body: &[u8]) {
-        let Call { request: header, from, .. } = call;
-        let answered = match (header.operation, Lookup::parse(header, body)) {
-            (LOOKUP, Ok(lookup)) => {
-                let object = object(1, self.description.identity);
-                let (description, address) = (&self.description, self.station.ip().address);
-                self.answers
-                    .answer_with(call, |body| lookup.answer(object, description, RPC_PORT, address, body))
-            }
-            // The returned handle is nil, because there was nothing to free.
-            (LOOKUP_HANDLE_FREE, _) => self.answers.answer_with(call, |body| {
-                let mut writer = Writer::<BigEndian>::new(body);
-                writer.zeros(24);
-                writer.finish()
-            }),
-            (LOOKUP, Err(_)) => {
-                self.counters.malformed += 1;
-                return self.reply(header, Kind::Fault, Some(rpc_status::PROTOCOL_ERROR), from);
-            }
-            _ => {
-                self.counters.foreign += 1;
-                return self.reply(header, Kind::Reject, Some(rpc_status::OPERATION_RANGE), from);
-            }
-        };
-        self.count_overflow(answered);
     }
 
     /// Calls ApplicationReady of the controller.
