@@ -125,6 +125,14 @@ impl State {
             self.follow_owner(Some(down));
             return Ok(CloseReply { triad });
         }
+        let is_open = self.explicit.find_of(host, &triad).is_some();
+        if is_open && !path.0.is_empty() {
+            let application = path.application().map_err(|_| Violation::ForwardClosePath)?;
+            if application.class != Some(class::MESSAGE_ROUTER) || application.points != [Some(1), None, None]
+            {
+                return Err(Violation::ForwardClosePath);
+            }
+        }
         if !self.explicit.remove(context.stream, &triad) {
             let known = self.io.find(&triad).is_some() || self.explicit.find(&triad).is_some();
             if !known {
@@ -145,6 +153,9 @@ impl State {
     /// 4..   message, and a zero byte where its size is odd
     /// ..    route path size         u8, words; a zero byte; the route path
     /// ```
+    ///
+    /// Where the route cannot be followed, the size of what is left of it in words and a zero byte stand behind
+    /// the status.
     fn unconnected_send(&mut self, context: &mut Context, data: &[u8], reply: &mut [u8]) -> usize {
         let message = match self.unwrap_unconnected(data) {
             _ if context.depth >= MAX_DEPTH => Err(Violation::NestedTooDeep),
@@ -157,7 +168,12 @@ impl State {
                 context.depth -= 1;
                 len
             }
-            Err(violation) => emit_refusal(reply, service::UNCONNECTED_SEND, violation, |_| {}),
+            Err(violation) => emit_refusal(reply, service::UNCONNECTED_SEND, violation, |writer| {
+                // Which router of the route found the error.
+                if let Some(words) = route_words(data).filter(|_| is_of_route(violation)) {
+                    writer.bytes(&[words, 0]);
+                }
+            }),
         }
     }
 
@@ -197,6 +213,26 @@ impl State {
             core::str::from_utf8(link).ok().and_then(|link| link.trim_end_matches('\0').parse().ok());
         if address == Some(self.device.network.address) { Ok(()) } else { Err(Violation::InvalidLinkAddress) }
     }
+}
+
+/// Returns the size of the route in an Unconnected_Send, in words.
+fn route_words(data: &[u8]) -> Option<u8> {
+    let mut reader = Reader::new(data);
+    reader.skip(2).ok()?;
+    let size = usize::from(reader.u16().ok()?);
+    reader.skip(size + size % 2).ok()?;
+    reader.u8().ok()
+}
+
+/// Returns whether an Unconnected_Send got no further along its route (volume 1, 3-5.5.4).
+const fn is_of_route(violation: Violation) -> bool {
+    matches!(
+        violation,
+        Violation::UnconnectedTimeout
+            | Violation::InvalidPort
+            | Violation::InvalidLinkAddress
+            | Violation::InvalidSegmentInPath
+    )
 }
 
 fn write_refused(writer: &mut Writer<'_>, refused: Option<RefusedReply>) {
