@@ -59,6 +59,8 @@ impl Cell {
             let mut command = bench();
             command.args([name, "run", "--setup", "A", "--interface", interface, "--control", address]);
             command.env("SKILLBENCH_CONTROL_TOKEN", TOKEN);
+            // A directory that cannot be read, as where `HOME` is another user's: the node starts all the same.
+            command.env_remove("STATE_DIRECTORY").env("XDG_STATE_HOME", "/dev/null");
             network.confine(&mut command).unwrap();
             command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap()
         };

@@ -11,6 +11,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use machine::{Instant, Lateness};
 use node::Node;
+use node::errln;
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::station_file::{Address, Station, StationFile, StationFileError};
@@ -170,7 +171,14 @@ impl Run {
             || StationFile::of_interface(prepared.interface.name()).filter(|_| !self.options.json);
         let named = self.station_file.clone().map(StationFile::at);
         let Some(file) = named.or_else(of_interface).filter(|_| is_device) else { return Ok(None) };
-        let station = file.load()?;
+        let station = match file.load() {
+            // A user's own state directory may be closed to it, for instance where `HOME` is another user's.
+            Err(error @ StationFileError::Read { .. }) if self.station_file.is_none() => {
+                errln!("warning: {error}: nothing can be set permanently; name a file by --station-file");
+                return Ok(None);
+            }
+            loaded => loaded?,
+        };
         if let Some(Address { ip, mask, .. }) = station.address {
             prepared.interface.set_address(ip, mask)?;
         }
