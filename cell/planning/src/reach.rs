@@ -163,10 +163,13 @@ impl Walk<'_> {
         let next = self.flange(motion, track.tool(to)).and_then(|flange| arm.follow(&flange, &joints));
         let turn = next.as_ref().map_or((1, f64::INFINITY), |next| arm.largest_turn(&joints, next));
         // If the arm cannot follow within the step, its halves show where.
-        if turn.1 > HALVED_DEG && halvings > 0 {
+        let in_halves = || {
             let middle = f64::midpoint(from, to);
             let half = self.step(motion, track, (from, joints), middle, speed_mm_s, halvings - 1)?;
-            return self.step(motion, track, half, to, speed_mm_s, halvings - 1);
+            self.step(motion, track, half, to, speed_mm_s, halvings - 1)
+        };
+        if turn.1 > HALVED_DEG && halvings > 0 {
+            return in_halves();
         }
         let next = next.map_err(|violation| (violation, from))?;
         let (axis, turn_deg) = turn;
@@ -183,9 +186,7 @@ impl Walk<'_> {
         let singular = if way_mm > 0.0 { load.share * SINGULAR_SHARE } else { 0.0 };
         // Within the step the joint turns faster than on average.
         if singular > NEARLY_SINGULAR && singular <= 1.0 && halvings > HALVINGS - HALVINGS_NEARLY_SINGULAR {
-            let middle = f64::midpoint(from, to);
-            let half = self.step(motion, track, (from, joints), middle, speed_mm_s, halvings - 1)?;
-            return self.step(motion, track, half, to, speed_mm_s, halvings - 1);
+            return in_halves();
         }
         if singular > 1.0 {
             return Err((Violation::Singular { axis: load.axis, share: 1.0 / load.share }, from));

@@ -278,7 +278,7 @@ impl State {
         if transport.trigger() != Trigger::Application {
             return Err(Violation::TransportNotSupported);
         }
-        if application.class != Some(class::MESSAGE_ROUTER) || application.points != [Some(1), None, None] {
+        if !application.is_message_router() {
             return Err(Violation::ApplicationPath);
         }
         if o_t.kind != ConnectionType::PointToPoint {

@@ -128,8 +128,7 @@ impl State {
         let is_open = self.explicit.find_of(host, &triad).is_some();
         if is_open && !path.0.is_empty() {
             let application = path.application().map_err(|_| Violation::ForwardClosePath)?;
-            if application.class != Some(class::MESSAGE_ROUTER) || application.points != [Some(1), None, None]
-            {
+            if !application.is_message_router() {
                 return Err(Violation::ForwardClosePath);
             }
         }

@@ -12,6 +12,7 @@
 //! All paths here are padded: each segment has an even length.
 
 use super::super::{Reader, Writer};
+use super::class;
 use super::key::ElectronicKey;
 use super::violation::Violation;
 use machine::Duration;
@@ -119,6 +120,13 @@ impl<'a> Path<'a> {
             }
         }
         Ok(application)
+    }
+}
+
+impl Application<'_> {
+    /// Returns whether it is the Message Router, to which class 3 connections lead.
+    pub(crate) fn is_message_router(&self) -> bool {
+        self.class == Some(class::MESSAGE_ROUTER) && self.points == [Some(1), None, None]
     }
 }
 

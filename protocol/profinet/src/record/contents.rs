@@ -136,16 +136,9 @@ mod tests {
     use super::*;
     use crate::block::BlockReader;
     use crate::record::ReadResponse;
+    use crate::record::tests::emitted;
     use crate::rpc::{Header, ResponseArgs};
     use crate::{captured, samples};
-
-    fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
-        let mut buf = [0; 1000];
-        let mut writer = BlockWriter::new(&mut buf);
-        emit(&mut writer);
-        let len = writer.finish().unwrap();
-        buf[..len].to_vec()
-    }
 
     #[test]
     fn im0_has_the_same_layout_as_the_captured_one() {

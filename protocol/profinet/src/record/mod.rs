@@ -278,7 +278,7 @@ mod tests {
         args.blocks.to_vec()
     }
 
-    fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
+    pub(super) fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
         let mut buf = [0; 1000];
         let mut writer = BlockWriter::new(&mut buf);
         emit(&mut writer);
