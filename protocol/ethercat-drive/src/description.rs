@@ -3,6 +3,8 @@
 use ethercat_subdevice::Description;
 use ethercat_subdevice::description::{Access, DataType, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry};
 
+/// Error register, an object of every device.
+pub(crate) const ERROR_REGISTER: u16 = 0x1001;
 /// Following error window in increments, object 0x6065.
 pub(crate) const WINDOW: u16 = 0x6065;
 /// Following error time-out in ms, object 0x6066.

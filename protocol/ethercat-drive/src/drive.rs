@@ -65,6 +65,8 @@ pub struct Drive {
     /// Time that the following error has been outside of its window.
     outside: Duration,
     reset_before: bool,
+    /// The command before this one.
+    command: Command,
     /// Time from one target to the next.
     period: Duration,
 }
@@ -83,6 +85,7 @@ impl Drive {
             cause: ErrorCode::NONE,
             outside: Duration::ZERO,
             reset_before: false,
+            command: Command::DisableVoltage,
             period,
         }
     }
@@ -125,10 +128,13 @@ impl Drive {
     pub fn cycle(&mut self, time: Duration, outputs: Option<&Outputs>, parameters: &Parameters) {
         self.look_for_faults(outputs.is_none());
         if let Some(outputs) = outputs {
-            self.mode = Mode::of(outputs.mode);
+            // 0 changes nothing (IEC 61800-7-201, 0x6060).
+            if outputs.mode != 0 {
+                self.mode = Mode::of(outputs.mode);
+            }
             self.follow_command(outputs, parameters);
         } else {
-            self.reset_before = false;
+            (self.reset_before, self.command) = (false, Command::DisableVoltage);
             self.start();
         }
         self.turn(time, outputs, parameters);
@@ -190,7 +196,10 @@ impl Drive {
         let reset = outputs.control_word & control::FAULT_RESET != 0;
         let reset_before = core::mem::replace(&mut self.reset_before, reset);
         let edge = reset && !reset_before;
-        self.state = match (self.state, Command::of(outputs.control_word)) {
+        let command = Command::of(outputs.control_word);
+        // A drive that stopped by itself does not go on with the command that it had.
+        let is_new = core::mem::replace(&mut self.command, command) != command;
+        self.state = match (self.state, command) {
             (State::NotReadyToSwitchOn, _) => State::SwitchOnDisabled,
             (State::Fault, _) if edge && self.cause == ErrorCode::NONE => {
                 self.error = ErrorCode::NONE;
@@ -200,7 +209,7 @@ impl Drive {
             (_, Command::DisableVoltage) => State::SwitchOnDisabled,
             (State::OperationEnabled, Command::QuickStop) => parameters.quick_stop.state(),
             (State::QuickStopActive, Command::EnableOperation)
-                if parameters.quick_stop == QuickStop::BrakeAndStay =>
+                if is_new && parameters.quick_stop == QuickStop::BrakeAndStay =>
             {
                 State::OperationEnabled
             }

@@ -7,8 +7,8 @@ use ethercat_subdevice::{DeviceConfig, DeviceId, Event, Segment};
 use machine::{Cycle, Duration, Instant, Machine, PortRequest, Source, Transmit};
 
 use crate::description::{
-    DEFAULT_DECELERATION, DEFAULT_WINDOW, DRIVE, QUICK_STOP_DECELERATION, QUICK_STOP_OPTION, WINDOW,
-    WINDOW_TIME,
+    DEFAULT_DECELERATION, DEFAULT_WINDOW, DRIVE, ERROR_REGISTER, QUICK_STOP_DECELERATION, QUICK_STOP_OPTION,
+    WINDOW, WINDOW_TIME,
 };
 use crate::drive::{Drive, Parameters, QuickStop};
 use crate::error_code::ErrorCode;
@@ -132,8 +132,9 @@ impl Drives {
                 let (state, error) = (drive.state(), inputs.error);
                 self.events.push_back(DriveEvent::Power { drive: index, state, error });
             }
-            // The device exists, and its inputs have this length.
+            // The device exists, and its inputs and its error register have this length.
             let _ = self.segment.set_inputs(id, &inputs.bytes());
+            let _ = self.segment.set_object(id, ERROR_REGISTER, 0, &[inputs.error.register()]);
         }
     }
 }

@@ -22,6 +22,23 @@ impl ErrorCode {
     /// The motor is further from its target than the window allows, for longer than it allows.
     pub const FOLLOWING_ERROR: Self = Self(0x8611);
 
+    /// Returns the error register, object 0x1001, that goes with the code (ETG.1000.6, error register): bit 0 for every
+    /// error, and one for its kind. 0 without an error.
+    #[must_use]
+    pub const fn register(self) -> u8 {
+        const GENERIC: u8 = 0x01;
+        match self.0 {
+            0 => 0,
+            0x2000..=0x2FFF => GENERIC | 0x02,                   // current
+            0x3000..=0x3FFF => GENERIC | 0x04,                   // voltage
+            0x4000..=0x4FFF => GENERIC | 0x08,                   // temperature
+            0x7500..=0x75FF | 0x8100..=0x82FF => GENERIC | 0x10, // communication
+            0x8300..=0x8FFF => GENERIC | 0x20,                   // defined by the device profile
+            0xFF00..=0xFFFF => GENERIC | 0x80,                   // defined by the maker
+            _ => GENERIC,
+        }
+    }
+
     /// Returns what the code means.
     #[must_use]
     pub const fn text(self) -> &'static str {

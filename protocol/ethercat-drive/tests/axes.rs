@@ -197,6 +197,23 @@ fn the_fault_of_any_drive_is_told_with_axis_and_code() {
         let expected = AxisError { axis: drive + 1, cause: Cause::Fault(code) };
         assert_eq!(cell.a().axes.error(), Some(expected));
         assert_eq!(cell.a().axes.axes()[drive].power(), Power::Fault(code));
+        let registers = |cell: &mut Cell| {
+            let mut registers = [0; AXES];
+            cell.command_b(|drives, _| {
+                for (index, register) in registers.iter_mut().enumerate() {
+                    *register = drives.segment_mut().object(DeviceId(index), 0x1001, 0).unwrap()[0];
+                }
+            });
+            registers
+        };
+        let mut expected = [0; AXES];
+        expected[drive] = code.register();
+        assert_ne!(expected[drive], 0);
+        assert_eq!(registers(&mut cell), expected);
+        cell.command_b(|drives, _| drives.drive_mut(drive).unwrap().set_cause(ErrorCode::NONE));
+        cell.command_a(|controller, _| controller.axes.want(Wanted::Reset));
+        run(&mut cell, MS * 20);
+        assert_eq!(registers(&mut cell), [0; AXES]);
     }
 }
 

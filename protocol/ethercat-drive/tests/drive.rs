@@ -284,6 +284,49 @@ fn another_mode_of_operation_moves_nothing() {
 }
 
 #[test]
+fn a_mode_of_0_keeps_the_one_in_use() {
+    let mut commanded = CommandedDrive::running();
+    commanded.outputs.mode = 0;
+    commanded.drive_on(500, 10);
+    let inputs = commanded.drive.inputs();
+    assert_eq!((inputs.position, inputs.mode), (5_000, 8));
+    let mut commanded = CommandedDrive::new();
+    commanded.outputs.mode = 0;
+    commanded.cycle();
+    assert_eq!(commanded.drive.inputs().mode, 0, "none was chosen yet");
+}
+
+#[test]
+fn a_drive_that_stopped_by_itself_and_stays_there_goes_on_by_a_new_command_alone() {
+    let mut commanded = CommandedDrive::running();
+    commanded.parameters.quick_stop = QuickStop::BrakeAndStay;
+    commanded.drive_on(500, 20);
+    commanded.drive.stop(QuickStop::BrakeAndStay);
+    for _ in 0..200 {
+        assert_eq!(commanded.command(control::ENABLE_OPERATION), State::QuickStopActive);
+    }
+    assert_eq!(commanded.command(control::QUICK_STOP), State::QuickStopActive);
+    commanded.outputs.target = commanded.drive.position();
+    assert_eq!(commanded.command(control::ENABLE_OPERATION), State::OperationEnabled);
+}
+
+#[test]
+fn the_error_register_names_the_kind_of_the_error() {
+    for (code, register) in [
+        (ErrorCode::NONE, 0x00),
+        (ErrorCode::OVER_CURRENT, 0x03),
+        (ErrorCode::DC_LINK_OVER_VOLTAGE, 0x05),
+        (ErrorCode::OVER_TEMPERATURE, 0x09),
+        (ErrorCode::ENCODER, 0x01),
+        (ErrorCode::COMMUNICATION, 0x11),
+        (ErrorCode::FOLLOWING_ERROR, 0x21),
+        (ErrorCode(0xFF01), 0x81),
+    ] {
+        assert_eq!(code.register(), register, "{code}");
+    }
+}
+
+#[test]
 fn process_data_are_the_same_after_a_way_over_the_bus() {
     let outputs = Outputs { control_word: 0x1234, target: -5_678, mode: -8 };
     assert_eq!(Outputs::parse(&outputs.bytes()), Some(outputs));

@@ -13,9 +13,11 @@ const DATA: u16 = 0x0508;
 /// In the low byte of control: a read gives 8 bytes instead of 4.
 const EIGHT_BYTES: u8 = 0x40;
 
-/// In the high byte of control: the command to read, errors, and busy.
+/// In the high byte of control: no command, which clears errors; the command to read; errors of commands; and busy. That
+/// the chip's own configuration is damaged (0x18) does not keep the rest from being read.
+const NOTHING: u8 = 0x00;
 const READ: u8 = 0x01;
-const ERRORS: u8 = 0x78;
+const ERRORS: u8 = 0x60;
 const BUSY: u8 = 0x80;
 
 /// Time from one read of the busy bit to the next, and the largest number of reads. An EEPROM takes about 0.5 ms for 8
@@ -157,11 +159,13 @@ impl<'a> Sii<'a> {
 
     /// Reads from this address on.
     async fn fetch(&mut self, at: u32) -> Result<(), Unreadable> {
-        self.ready().await?;
+        let [_, high] = self.ready().await?;
         let [a, b, c, d] = (at / 2).to_le_bytes();
-        let command = [0, READ, a, b, c, d];
-        let sent = Command::apwr(self.position, CONTROL).send_receive::<[u8; 6]>(self.main, command);
-        sent.await.map_err(|_| Unreadable::NoAnswer)?;
+        // While a command of another MainDevice has an error, a chip ignores the next one.
+        if high & ERRORS != 0 {
+            self.command([0, NOTHING, a, b, c, d]).await?;
+        }
+        self.command([0, READ, a, b, c, d]).await?;
         let [low, high] = self.ready().await?;
         if high & ERRORS != 0 {
             return Err(Unreadable::Failed);
@@ -170,6 +174,12 @@ impl<'a> Sii<'a> {
         self.len = if low & EIGHT_BYTES != 0 { 8 } else { 4 };
         self.at = Some(at);
         Ok(())
+    }
+
+    /// Writes control and address.
+    async fn command(&self, command: [u8; 6]) -> Result<(), Unreadable> {
+        let sent = Command::apwr(self.position, CONTROL).send_receive::<[u8; 6]>(self.main, command);
+        sent.await.map(|_| ()).map_err(|_| Unreadable::NoAnswer)
     }
 
     /// Waits until the interface is not busy. Returns its control register.

@@ -260,6 +260,34 @@ fn a_device_whose_eeprom_is_erased_is_listed_with_nothing_in_it() {
     assert!(whole.identity.is_ok());
 }
 
+/// As a new board has it: what is not the chip's own configuration may be whole.
+#[test]
+fn a_device_that_could_not_load_its_configuration_is_listed_with_the_rest_of_its_eeprom() {
+    let mut segment = sensors(2);
+    segment.eeprom_mut(DeviceId(0)).unwrap()[14] ^= 0xFF;
+    for powered in [false, true] {
+        segment.set_power(Instant::ZERO, DeviceId(0), powered);
+    }
+    let found = searched(segment, over(1, short_cable()));
+    let names: Vec<_> =
+        found.devices.iter().map(|device| device.identity.as_ref().unwrap().order_code.clone()).collect();
+    assert_eq!(names, [b"SENS-4", b"SENS-4"]);
+}
+
+#[test]
+fn an_error_that_another_maindevice_left_behind_is_cleared() {
+    let mut segment = sensors(1);
+    let mut frame = vec![0xFF; 12];
+    frame.extend(ETHER_TYPE.to_be_bytes());
+    // APWR of a command that does not exist to 0x0502.
+    frame.extend([14, 0x10, 2, 0, 0, 0, 0x02, 0x05, 2, 0, 0, 0, 0, 7, 0, 0]);
+    frame.resize(60, 0);
+    segment.handle_frame(Instant::ZERO, Source { port: Port::Ethernet, peer: None }, &frame);
+    assert!(segment.poll_transmit(Instant::ZERO, &mut [0; 60]).is_some());
+    let found = searched(segment, over(1, short_cable()));
+    assert_eq!(found.devices[0].identity.as_ref().unwrap().vendor, SENSOR.vendor_id);
+}
+
 #[test]
 fn strings_that_lead_out_of_their_category_are_left_out() {
     let mut segment = sensors(1);

@@ -38,6 +38,8 @@ pub(crate) struct DictionaryEntry {
     value: Value,
     /// Where its value is while it is not mapped.
     unmapped: Value,
+    /// Whether it can be mapped into the inputs, and whether into the outputs.
+    pub(crate) mappable: (bool, bool),
 }
 
 /// An object.
@@ -56,11 +58,6 @@ impl DictionaryObject {
 }
 
 impl DictionaryEntry {
-    /// Returns whether it is mapped into the inputs, and whether into the outputs.
-    pub(crate) const fn mapped(&self) -> (bool, bool) {
-        (matches!(self.value, Value::Input { .. }), matches!(self.value, Value::Output { .. }))
-    }
-
     /// Returns the length in bytes of its longest value.
     pub(crate) const fn capacity(&self) -> usize {
         self.bits.div_ceil(8)
@@ -68,10 +65,10 @@ impl DictionaryEntry {
 }
 
 /// Process data as they are now.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 pub(crate) struct ProcessData<'a> {
     pub(crate) inputs: &'a [u8],
-    pub(crate) outputs: &'a [u8],
+    pub(crate) outputs: &'a mut [u8],
 }
 
 /// The objects of a device, and their values.
@@ -98,8 +95,8 @@ impl Dictionary {
             dictionary.add_pdos(pdos, assignment, name);
         }
         description.objects.iter().for_each(|object| dictionary.add_described(object));
-        dictionary.add_mapped(description.outputs, Access::ReadWrite);
-        dictionary.add_mapped(description.inputs, Access::ReadOnly);
+        dictionary.add_mapped(description.outputs, Usage::Outputs);
+        dictionary.add_mapped(description.inputs, Usage::Inputs);
         dictionary.objects.sort_by_key(|object| object.index);
         for object in &mut dictionary.objects {
             object.entries.sort_by_key(|entry| entry.subindex);
@@ -214,7 +211,16 @@ impl Dictionary {
     ) -> DictionaryEntry {
         let bits = value.len() * 8;
         let value = self.store(value, value.len());
-        DictionaryEntry { subindex, name, data_type, bits, access: Access::ReadOnly, value, unmapped: value }
+        DictionaryEntry {
+            subindex,
+            name,
+            data_type,
+            bits,
+            access: Access::ReadOnly,
+            value,
+            unmapped: value,
+            mappable: (false, false),
+        }
     }
 
     fn add_variable(&mut self, index: u16, name: &'static str, data_type: DataType, value: &[u8]) {
@@ -254,11 +260,15 @@ impl Dictionary {
         {
             *len = capacity;
         }
-        DictionaryEntry { subindex, name, data_type, bits: capacity * 8, access, value, unmapped: value }
+        let bits = capacity * 8;
+        let (unmapped, mappable) = (value, (false, false));
+        DictionaryEntry { subindex, name, data_type, bits, access, value, unmapped, mappable }
     }
 
     /// Adds the objects that process data name and the description does not have.
-    fn add_mapped(&mut self, pdos: &[Pdo], access: Access) {
+    fn add_mapped(&mut self, pdos: &[Pdo], usage: Usage) {
+        let outputs = usage == Usage::Outputs;
+        let access = if outputs { Access::ReadWrite } else { Access::ReadOnly };
         for entry in pdos.iter().flat_map(|pdo| pdo.entries) {
             let bits = usize::from(entry.bits);
             // Index 0 is a gap.
@@ -270,8 +280,11 @@ impl Dictionary {
                 self.add_mapped_object(entry.index, entry.subindex);
                 self.objects.len() - 1
             });
-            let is_known = |object: &DictionaryObject| object.entry(entry.subindex).is_some();
-            if self.objects.get(position).is_some_and(is_known) {
+            let entries = self.objects.get_mut(position).map(|object| &mut object.entries);
+            let mut entries = entries.into_iter().flatten();
+            if let Some(known) = entries.find(|known| known.subindex == entry.subindex) {
+                let (input, output) = known.mappable;
+                known.mappable = (input || !outputs, output || outputs);
                 continue;
             }
             let own = self.store(&vec![0; bits.div_ceil(8)], 0);
@@ -284,6 +297,7 @@ impl Dictionary {
                 access,
                 value: own,
                 unmapped: own,
+                mappable: (!outputs, outputs),
             };
             object.entries.push(mapped);
             self.raise_highest_subindex(position, entry.subindex);
@@ -322,7 +336,7 @@ impl Dictionary {
     }
 
     /// Appends an entry's value to `target`.
-    pub(crate) fn read(&self, entry: &DictionaryEntry, process: ProcessData<'_>, target: &mut Vec<u8>) {
+    pub(crate) fn read(&self, entry: &DictionaryEntry, process: &ProcessData<'_>, target: &mut Vec<u8>) {
         let start = target.len();
         let (source, bit) = match entry.value {
             Value::Stored { start, len } => {
@@ -330,7 +344,7 @@ impl Dictionary {
                 return;
             }
             Value::Input { bit } => (process.inputs, bit),
-            Value::Output { bit } => (process.outputs, bit),
+            Value::Output { bit } => (&*process.outputs, bit),
         };
         target.resize(start + entry.capacity(), 0);
         if let Some(target) = target.get_mut(start..) {
@@ -338,13 +352,14 @@ impl Dictionary {
         }
     }
 
-    /// Writes an entry by SDO.
+    /// Writes an entry by SDO: one that is mapped into the outputs, too, until process data overwrite it in OP.
     pub(crate) fn write(
         &mut self,
         index: u16,
         subindex: u8,
         data: &[u8],
         state: AlState,
+        outputs: &mut [u8],
     ) -> Result<(), AbortCode> {
         if let Some(configured) = self.configure(index, subindex, data, state) {
             return configured;
@@ -355,8 +370,6 @@ impl Dictionary {
             Access::WriteInPreOp if state != AlState::PreOp => return Err(AbortCode::WRONG_STATE),
             _ => {}
         }
-        // The MainDevice writes a mapped entry by process data and not by SDO.
-        let Value::Stored { .. } = entry.value else { return Err(AbortCode::WRONG_STATE) };
         let capacity = entry.capacity();
         if data.len() > capacity {
             return Err(AbortCode::TOO_LONG);
@@ -364,7 +377,14 @@ impl Dictionary {
         if data.len() < capacity && !entry.data_type.is_string() {
             return Err(AbortCode::TOO_SHORT);
         }
-        self.set(index, subindex, data).ok_or(AbortCode::GENERAL)
+        match entry.value {
+            Value::Stored { .. } => self.set(index, subindex, data).ok_or(AbortCode::GENERAL),
+            Value::Output { bit } if state != AlState::Op => {
+                crate::esc::copy_bits(data, 0, outputs, bit, entry.bits);
+                Ok(())
+            }
+            Value::Output { .. } | Value::Input { .. } => Err(AbortCode::WRONG_STATE),
+        }
     }
 
     /// Sets a value, even one that the MainDevice may not write. `None` if there is no such value, or no room, or if the

@@ -97,6 +97,11 @@ impl Segment {
 
     fn connect(&mut self, config: &DeviceConfig, upstream: End) -> DeviceId {
         self.cabling.add(upstream, config.cable_delay, config.forwarding_delay);
+        if let End::Device(place) = upstream
+            && let Some(device) = self.devices.get_mut(place.device)
+        {
+            device.esc.add_port(place.port);
+        }
         self.devices.push(SubDevice::new(config));
         self.update_links();
         DeviceId(self.devices.len() - 1)

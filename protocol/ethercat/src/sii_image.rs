@@ -16,6 +16,8 @@ use alloc::vec::Vec;
 
 use crate::Writer;
 use crate::description::{Description, Pdo};
+use crate::dictionary::PdoConfiguration;
+use crate::esc::checksum;
 use crate::layout::{Layout, SyncManagerLayout, Usage};
 
 /// Largest size of an image in bytes: what 16-bit addresses of a 32 KiBit EEPROM reach.
@@ -29,15 +31,26 @@ const TX_PDO: u16 = 50;
 const RX_PDO: u16 = 51;
 const END: u16 = 0xFFFF;
 
-/// Returns the content of the EEPROM of a device with this description, serial number and station alias.
+/// Returns the content of the EEPROM of a device with this description, serial number and station alias, and with fixed
+/// process data.
 #[must_use]
 pub fn sii_image(description: &Description, serial_number: u32, alias: u16) -> Vec<u8> {
+    image_of(description, serial_number, alias, PdoConfiguration::Fixed)
+}
+
+/// Returns the content of the EEPROM of a device whose process data the MainDevice may choose.
+pub(crate) fn image_of(
+    description: &Description,
+    serial_number: u32,
+    alias: u16,
+    pdo_configuration: PdoConfiguration,
+) -> Vec<u8> {
     let mut image = vec![0; CAPACITY];
     let layout = Layout::new(description);
     let mut writer = Writer::new(&mut image);
     header(&mut writer, description, &layout, serial_number, alias);
     let mut strings = Strings::default();
-    let general = general(description, &mut strings);
+    let general = general(description, pdo_configuration, &mut strings);
     let tx = pdos(description.inputs, number(&layout, Usage::Inputs), &mut strings);
     let rx = pdos(description.outputs, number(&layout, Usage::Outputs), &mut strings);
     category(&mut writer, STRINGS, &strings.bytes());
@@ -62,10 +75,11 @@ fn header(
     serial_number: u32,
     alias: u16,
 ) {
-    // PDI control: 16-bit microcontroller, asynchronous. SYNC0 and SYNC1 outputs, both with interrupt.
+    // PDI control: 16-bit microcontroller, asynchronous; bit 10 switches SYNC signals on. SYNC0 and SYNC1 are outputs, both
+    // with interrupt.
     let mut configuration = [0; 14];
     let mut first = Writer::new(&mut configuration);
-    first.u16(0x0008);
+    first.u16(if description.distributed_clocks { 0x0408 } else { 0x0008 });
     first.u16(if description.distributed_clocks { 0xCC00 } else { 0 });
     first.u16(if description.distributed_clocks { 100 } else { 0 }); // pulse length in 10 ns
     first.u16(0);
@@ -90,13 +104,6 @@ fn header(
     writer.u16(if description.mailbox.is_some() { 0x04 } else { 0 } | if files { 0x08 } else { 0 });
     writer.pad_to(0x3F * 2);
     writer.u16(1);
-}
-
-/// Returns the checksum over the configuration of the chip: CRC with polynomial 0x07, starting at 0xFF.
-pub(crate) fn checksum(configuration: &[u8]) -> u8 {
-    configuration.iter().fold(0xFF, |crc, byte| {
-        (0..8).fold(crc ^ byte, |crc: u8, _| if crc & 0x80 != 0 { (crc << 1) ^ 0x07 } else { crc << 1 })
-    })
 }
 
 fn number(layout: &Layout, usage: Usage) -> u8 {
@@ -142,7 +149,11 @@ impl Strings {
     }
 }
 
-fn general(description: &Description, strings: &mut Strings) -> [u8; 32] {
+fn general(
+    description: &Description,
+    pdo_configuration: PdoConfiguration,
+    strings: &mut Strings,
+) -> [u8; 32] {
     let mut general = [0; 32];
     let mut writer = Writer::new(&mut general);
     writer.u8(0); // group
@@ -150,10 +161,18 @@ fn general(description: &Description, strings: &mut Strings) -> [u8; 32] {
     writer.u8(strings.number(description.order_code));
     writer.u8(strings.number(description.name));
     writer.u8(0);
-    // CoE: SDO, SDO information, complete access.
-    writer.u8(if description.mailbox.is_some() { 0x01 | 0x02 | 0x20 } else { 0 });
+    // CoE: SDO, SDO information, complete access; assignment of PDOs 0x04 and their mapping 0x08.
+    let chosen = match pdo_configuration {
+        PdoConfiguration::Fixed => 0,
+        PdoConfiguration::Assignable => 0x04,
+        PdoConfiguration::Mappable => 0x04 | 0x08,
+    };
+    writer.u8(if description.mailbox.is_some() { 0x01 | 0x02 | 0x20 | chosen } else { 0 });
     writer.u8(u8::from(description.mailbox.is_some_and(|mailbox| mailbox.file_capacity > 0)));
-    writer.zeros(9);
+    writer.zeros(4); // EoE, SoE, channels of DS402, SysmanClass
+    // The mailbox repeats its last message.
+    writer.u8(if description.mailbox.is_some() { 0x04 } else { 0 });
+    writer.zeros(4);
     writer.u16(0x0011); // ports 0 and 1 are MII
     general
 }

@@ -15,7 +15,7 @@ use crate::esc::{Esc, Sync};
 use crate::event::{Event, Sink};
 use crate::layout::{Layout, SyncManagerLayout, Usage};
 use crate::mailbox::{Context, Emergency, File, Mailbox};
-use crate::sii_image::sii_image;
+use crate::sii_image::image_of;
 
 /// A SubDevice.
 #[derive(Debug)]
@@ -42,7 +42,7 @@ impl SubDevice {
     pub(crate) fn new(config: &DeviceConfig) -> Self {
         let description = config.description;
         let layout = Layout::new(description);
-        let image = sii_image(description, config.serial_number, config.alias);
+        let image = image_of(description, config.serial_number, config.alias, config.pdo_configuration);
         let len = |usage| layout.find(usage).map_or(0, |(_, layout)| usize::from(layout.len));
         let clock = description.distributed_clocks.then_some(config.clock);
         let mut device = Self {
@@ -81,6 +81,7 @@ impl SubDevice {
         self.has_outputs = false;
         self.reset_mailbox();
         self.show_status();
+        self.lock_mailbox(true);
         self.lock_process_data(true);
     }
 
@@ -136,11 +137,36 @@ impl SubDevice {
         self.esc.stop_watchdog();
         self.has_outputs = false;
         self.show_status();
-        // Until the MainDevice acknowledges the error, the outputs do not count in the working counter (ETG.1020).
-        if let Some((index, _)) = self.layout.find(Usage::Outputs) {
+        // Until the MainDevice acknowledges the error, the outputs do not count in the working counter (ETG.1020). A device
+        // that has none shows its error by the inputs.
+        let outputs = self.layout.find(Usage::Outputs).filter(|(_, layout)| layout.len > 0);
+        if let Some((index, _)) = outputs.or_else(|| self.layout.find(Usage::Inputs)) {
             self.esc.lock(index, true);
         }
         sink.push(Event::StateChanged { state: self.al.state(), code });
+    }
+
+    /// Leaves a state whose sync managers are no longer as the state needs them.
+    fn watch_sync_managers(&mut self, now: Instant, sink: &mut Sink<'_>) {
+        let before = self.al.state();
+        if self.al.error() != AlStatusCode::NO_ERROR {
+            return;
+        }
+        let failed = match before {
+            AlState::Init => Ok(()),
+            AlState::Boot => self.check(AlState::Boot),
+            AlState::PreOp => self.check(AlState::PreOp),
+            AlState::SafeOp | AlState::Op => {
+                self.check(AlState::PreOp).and_then(|()| self.check_all_process_data())
+            }
+        };
+        let Err(code) = failed else { return };
+        let mailbox = matches!(code, AlStatusCode::INVALID_MAILBOX | AlStatusCode::INVALID_BOOT_MAILBOX);
+        let state = if mailbox { AlState::Init } else { AlState::PreOp };
+        self.al.fail(state, code);
+        self.show_status();
+        self.enter(now, before);
+        sink.push(Event::StateChanged { state, code });
     }
 
     /// Handles the changes that a frame made while it passed.
@@ -149,19 +175,23 @@ impl SubDevice {
         if changes.reset {
             return self.power_on(now, sink);
         }
+        if changes.sync_managers {
+            self.watch_sync_managers(now, sink);
+        }
         if changes.al_control {
             self.al_due = Some(now + self.answer_delay);
         }
         if changes.written & self.bit(Usage::MailboxReceive) != 0 {
             self.mailbox_due = Some(now + self.answer_delay);
         }
-        if changes.sync_managers {
-            self.repeat_mail();
-        }
         if changes.read & self.bit(Usage::MailboxSend) != 0 {
+            self.note_read_mail();
             self.send_mail();
             // A request that waited for room for its answer.
             self.mailbox_due = self.mailbox_due.or(Some(now));
+        }
+        if changes.sync_managers {
+            self.repeat_mail();
         }
         if let Some((index, _)) = self.layout.find(Usage::Outputs)
             && changes.written & (1 << index) != 0
@@ -212,9 +242,9 @@ impl SubDevice {
         if mailbox.outgoing(&self.dictionary).is_none()
             && let Some(message) = self.esc.take(index)
         {
-            let process = ProcessData { inputs: &self.inputs, outputs: &self.outputs };
-            let (dictionary, file) = (&mut self.dictionary, &mut self.file);
-            mailbox.receive(message, &mut Context { state, dictionary, process, file, sink });
+            let process = ProcessData { inputs: &self.inputs, outputs: &mut self.outputs };
+            let (dictionary, file, mailbox_len) = (&mut self.dictionary, &mut self.file, message.len());
+            mailbox.receive(message, &mut Context { state, mailbox_len, dictionary, process, file, sink });
         }
         self.resize_process_data();
         self.send_mail();
@@ -246,21 +276,51 @@ impl SubDevice {
         }
     }
 
-    /// Puts the last message into the mailbox once more, if the MainDevice asks for it.
+    /// Notes that the MainDevice read the mailbox; what a repetition has taken out of it goes back.
+    fn note_read_mail(&mut self) {
+        let Some((index, _)) = self.layout.find(Usage::MailboxSend) else { return };
+        if let Some(message) = self.mailbox.as_mut().and_then(Mailbox::was_read) {
+            self.esc.put(index, message);
+        }
+    }
+
+    /// Puts the message that the MainDevice read last into the mailbox once more, if it asks for it. The message that is
+    /// there comes after that one: the MainDevice recognises by the counter what it has already.
     fn repeat_mail(&mut self) {
         let Some((index, _)) = self.layout.find(Usage::MailboxSend) else { return };
+        let Some(mailbox) = self.mailbox.as_mut().filter(|_| self.al.state() > AlState::Init) else { return };
         let request = self.esc.sync_manager(index).repeat_request();
-        if let Some(message) = self.mailbox.as_mut().and_then(|mailbox| mailbox.repetition(request)) {
-            // A full mailbox still contains the message that the MainDevice wants.
-            self.esc.put(index, message);
-            self.esc.acknowledge_repeat(index);
+        if !mailbox.is_repetition_requested(request) {
+            return;
         }
+        if let Some((message, replaces)) = mailbox.repeat() {
+            if replaces {
+                // This empties the mailbox.
+                self.esc.lock(index, true);
+                self.esc.lock(index, false);
+            }
+            self.esc.put(index, message);
+        }
+        self.esc.acknowledge_repeat(index, request);
     }
 
     fn reset_mailbox(&mut self) {
         if let Some(mailbox) = &mut self.mailbox {
             mailbox.reset();
         }
+        if let Some((index, _)) = self.layout.find(Usage::MailboxSend) {
+            self.esc.acknowledge_repeat(index, false);
+        }
+    }
+
+    /// Opens the mailbox with the length that the MainDevice chose, which may be shorter than the EEPROM says.
+    fn start_mailbox(&mut self) {
+        self.lock_mailbox(false);
+        if let (Some(mailbox), Some((index, _))) = (&mut self.mailbox, self.layout.find(Usage::MailboxSend)) {
+            mailbox.start(self.esc.sync_manager(index).len);
+        }
+        // Its bit may be set from before.
+        self.repeat_mail();
     }
 
     fn follow_request(&mut self, now: Instant, sink: &mut Sink<'_>) {
@@ -286,11 +346,12 @@ impl SubDevice {
         let state = self.al.state();
         self.lock_process_data(state < AlState::SafeOp);
         if state == AlState::Init {
+            self.lock_mailbox(true);
             self.reset_mailbox();
+        } else if before == AlState::Init {
+            self.start_mailbox();
         }
-        if before < AlState::SafeOp {
-            self.publish_inputs();
-        }
+        self.publish_inputs();
         if state != AlState::Op {
             self.esc.stop_watchdog();
             self.has_outputs = false;
@@ -304,7 +365,16 @@ impl SubDevice {
     }
 
     fn lock_process_data(&mut self, locked: bool) {
-        for usage in [Usage::Outputs, Usage::Inputs] {
+        self.lock([Usage::Outputs, Usage::Inputs], locked);
+    }
+
+    /// Closes both mailboxes, or opens them, empty.
+    fn lock_mailbox(&mut self, locked: bool) {
+        self.lock([Usage::MailboxReceive, Usage::MailboxSend], locked);
+    }
+
+    fn lock(&mut self, usages: [Usage; 2], locked: bool) {
+        for usage in usages {
             if let Some((index, _)) = self.layout.find(usage) {
                 self.esc.lock(index, locked);
             }
@@ -326,8 +396,7 @@ impl SubDevice {
             }
             AlState::PreOp => self.check_mailbox().map_err(|()| AlStatusCode::INVALID_MAILBOX),
             AlState::SafeOp => {
-                self.check_process_data(Usage::Outputs).map_err(|()| AlStatusCode::INVALID_OUTPUTS)?;
-                self.check_process_data(Usage::Inputs).map_err(|()| AlStatusCode::INVALID_INPUTS)?;
+                self.check_all_process_data()?;
                 match self.esc.sync_signals() {
                     (true, false) => Err(AlStatusCode::INVALID_SYNC),
                     _ => Ok(()),
@@ -345,6 +414,11 @@ impl SubDevice {
             (fits && self.is_as_planned(index, layout)).then_some(()).ok_or(())?;
         }
         Ok(())
+    }
+
+    fn check_all_process_data(&self) -> Result<(), AlStatusCode> {
+        self.check_process_data(Usage::Outputs).map_err(|()| AlStatusCode::INVALID_OUTPUTS)?;
+        self.check_process_data(Usage::Inputs).map_err(|()| AlStatusCode::INVALID_INPUTS)
     }
 
     fn check_process_data(&self, usage: Usage) -> Result<(), ()> {

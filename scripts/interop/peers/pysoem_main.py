@@ -1,4 +1,5 @@
-"""SOEM as MainDevice of the example `subdevice`: to OP, SDOs both ways, a file, process data, and back.
+"""SOEM as MainDevice of the example `subdevice`: to OP, SDOs both ways, the EEPROM, a file, process data in two layouts, errors, BOOT,
+and back.
 
 usage: pysoem_main.py INTERFACE
 """
@@ -36,6 +37,8 @@ def main(interface):
     for device in master.slaves:
         slaveinfo(device)
     foe(echo)
+    eeprom(echo)
+    refused(echo)
 
     size = master.config_map()
     assert size == 32, size
@@ -62,11 +65,94 @@ def main(interface):
 
     # While in OP the mailbox goes on.
     assert echo.sdo_read(0x8000, 0) == b"\x2a\x00"
+    watchdog(master)
+    to_init(master)
+    overlapped(master)
+    to_init(master)
+    boot(master.slaves[0])
+    to_init(master)
+    master.close()
+    print("done", flush=True)
+
+
+def to_init(master):
     master.state = pysoem.INIT_STATE
     master.write_state()
     assert master.state_check(pysoem.INIT_STATE, 500_000) == pysoem.INIT_STATE
-    master.close()
-    print("done", flush=True)
+
+
+def request(device, state):
+    """Requests a state; returns the AL status and its code once the device has answered."""
+    device.state = state
+    device.write_state()
+    for _ in range(100):
+        time.sleep(0.01)
+        device._master.read_state()
+        if device.state & 0x0F == state & 0x0F or device.state & 0x10:
+            break
+    return device.state, device.al_status
+
+
+def eeprom(device):
+    """A word that nothing uses is written, and read with the one behind it."""
+    assert device.eeprom_read(0x08) == struct.pack("<I", device.man)
+    device.eeprom_write(0x3F0, b"\x34\x12")
+    assert device.eeprom_read(0x3F0) == b"\x34\x12" + bytes(2)
+    print("EEPROM read and written", flush=True)
+
+
+def refused(device):
+    """A request that is refused, which only an acknowledgement ends. Before OP, outputs are objects like others."""
+    assert request(device, pysoem.PREOP_STATE | 0x10) == (pysoem.PREOP_STATE, 0)
+    assert request(device, 3) == (pysoem.PREOP_STATE | 0x10, 0x0011)
+    assert request(device, pysoem.PREOP_STATE) == (pysoem.PREOP_STATE | 0x10, 0x0011)
+    assert request(device, pysoem.PREOP_STATE | pysoem.STATE_ACK) == (pysoem.PREOP_STATE, 0)
+    device.sdo_write(0x7000, 1, struct.pack("<Q", 5))
+    assert device.sdo_read(0x7000, 1) == struct.pack("<Q", 5)
+    print("an error acknowledged", flush=True)
+
+
+def watchdog(master):
+    """Without frames the watchdogs expire; both devices say so until that is acknowledged."""
+    for _ in range(200):
+        time.sleep(0.01)
+        master.read_state()
+        if all(device.state & 0x10 for device in master.slaves):
+            break
+    assert [(device.state, device.al_status) for device in master.slaves] == [(0x14, 0x001B)] * 2
+    for device in master.slaves:
+        assert request(device, pysoem.SAFEOP_STATE | pysoem.STATE_ACK) == (pysoem.SAFEOP_STATE, 0)
+    print("watchdogs expired and acknowledged", flush=True)
+
+
+def overlapped(master):
+    """Outputs and inputs of a device at the same logical addresses."""
+    assert master.config_init() == 2
+    assert master.state_check(pysoem.PREOP_STATE, 500_000) == pysoem.PREOP_STATE
+    assert master.config_overlap_map() == 32
+    assert master.state_check(pysoem.SAFEOP_STATE, 500_000) == pysoem.SAFEOP_STATE
+    echo, simple = master.slaves
+    for number in range(1, 20):
+        echo.output = struct.pack("<Q", number)
+        simple.output = struct.pack("<Q", number << 32)
+        master.send_overlap_processdata()
+        counted = master.receive_processdata(10_000)
+        assert counted == master.expected_wkc == 6, (counted, master.expected_wkc)
+        # In SAFE-OP the inputs are there, and the outputs stay safe: nothing comes back.
+        assert number == 1 or (echo.input, simple.input) == inputs, (echo.input, simple.input)
+        inputs = (echo.input, simple.input)
+    print("overlapped process data", flush=True)
+
+
+def boot(device):
+    """A file in BOOT, through mailboxes that are configured for it."""
+    device.amend_mbx("out", 0x1000, 256)
+    device.amend_mbx("in", 0x1100, 256)
+    assert request(device, 3) == (3, 0)
+    content = bytes(at % 253 for at in range(3000))
+    device.foe_write("firmware.bin", 0, content)
+    assert device.foe_read("firmware.bin", 0, 4096) == content
+    print("a file in BOOT", flush=True)
 
 
 def exchange(master):

@@ -94,8 +94,8 @@ impl StateMachine {
         let acknowledged = control & ERROR != 0;
         let wanted = AlState::from_control(control);
         let failed = self.error != AlStatusCode::NO_ERROR;
-        if failed && !acknowledged && wanted.is_none_or(|wanted| wanted > self.state) {
-            // The MainDevice has to acknowledge first.
+        // The MainDevice has to acknowledge first, whichever state it wants. INIT alone needs no acknowledgement.
+        if failed && !acknowledged && wanted != Some(AlState::Init) {
             return;
         }
         let result = match wanted {
@@ -129,6 +129,24 @@ mod tests {
     }
 
     #[test]
+    fn only_the_way_to_a_greater_state_is_checked() {
+        use AlState::{Init, Op, PreOp, SafeOp};
+        let request = |from, to: AlState| {
+            let mut machine = machine_in(from);
+            machine.request(to as u16, |_| Err(AlStatusCode::INVALID_OUTPUTS));
+            (machine.state(), machine.error())
+        };
+        for (from, to) in
+            [(PreOp, PreOp), (SafeOp, SafeOp), (Op, Op), (Op, SafeOp), (SafeOp, PreOp), (PreOp, Init)]
+        {
+            assert_eq!(request(from, to), (to, AlStatusCode::NO_ERROR), "{from:?} to {to:?}");
+        }
+        for (from, to) in [(Init, PreOp), (PreOp, SafeOp), (SafeOp, Op)] {
+            assert_eq!(request(from, to), (from, AlStatusCode::INVALID_OUTPUTS), "{from:?} to {to:?}");
+        }
+    }
+
+    #[test]
     fn every_pair_of_states_is_allowed_or_refused_as_in_the_standards_table() {
         use AlState::{Boot, Init, Op, PreOp, SafeOp};
         let allowed = [
@@ -157,6 +175,18 @@ mod tests {
         assert_eq!(machine.status(), 0x14);
         machine.request(0x18, |_| Ok(()));
         assert_eq!((machine.status(), machine.error()), (0x08, AlStatusCode::NO_ERROR));
+    }
+
+    #[test]
+    fn after_an_error_the_same_or_a_lower_state_is_no_acknowledgement_but_init_is() {
+        for (control, expected) in
+            [(0x04, 0x14), (0x02, 0x14), (0x03, 0x14), (0x06, 0x14), (0x01, 0x01), (0x14, 0x04), (0x12, 0x02)]
+        {
+            let mut machine = machine_in(AlState::Op);
+            machine.fail(AlState::SafeOp, AlStatusCode::WATCHDOG);
+            machine.request(control, |_| Ok(()));
+            assert_eq!(machine.status(), expected, "0x{control:02X}");
+        }
     }
 
     #[test]

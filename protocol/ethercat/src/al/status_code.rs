@@ -64,3 +64,41 @@ impl core::fmt::Display for AlStatusCode {
         write!(f, "0x{:04X}: {}", self.0, self.text())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::string::ToString;
+
+    /// The codes that a device of this crate may have, and some of others, with the words of ETG.1020, "AL Status Codes".
+    #[test]
+    fn each_status_code_is_told_with_its_number_and_the_standards_words() {
+        let table = [
+            "0x0000: no error",
+            "0x0001: unspecified error",
+            "0x0011: invalid requested state change",
+            "0x0012: unknown requested state",
+            "0x0013: bootstrap not supported",
+            "0x0014: no valid firmware",
+            "0x0015: invalid mailbox configuration in BOOT",
+            "0x0016: invalid mailbox configuration in PRE-OP",
+            "0x0017: invalid sync manager configuration",
+            "0x0018: no valid inputs available",
+            "0x0019: no valid outputs",
+            "0x001A: synchronisation error",
+            "0x001B: sync manager watchdog",
+            "0x001D: invalid output configuration",
+            "0x001E: invalid input configuration",
+            "0x001F: invalid watchdog configuration",
+            "0x002C: fatal sync error",
+            "0x002D: no sync signal",
+            "0x0030: invalid DC SYNC configuration",
+            "0x0051: EEPROM error",
+        ];
+        for expected in table {
+            let code = u16::from_str_radix(&expected[2..6], 16).unwrap();
+            assert_eq!(AlStatusCode(code).to_string(), expected);
+        }
+        assert_eq!(AlStatusCode(0x0042).to_string(), "0x0042: a code that is not in the standard's table");
+    }
+}

@@ -92,15 +92,19 @@ impl Dictionary {
         state: AlState,
     ) -> Option<Result<(), AbortCode>> {
         let (usage, role) = role_of(index)?;
-        let allowed = match self.configuration() {
-            PdoConfiguration::Fixed => false,
-            PdoConfiguration::Assignable => role == Role::Assignment,
-            PdoConfiguration::Mappable => true,
-        };
-        Some(match (allowed, state) {
+        Some(match (self.is_chosen_by_main_device(index), state) {
             (false, _) => self.entry(index, subindex).and(Err(AbortCode::READ_ONLY)),
             (true, AlState::PreOp) => self.choose((usage, role), index, subindex, data),
             (true, _) => Err(AbortCode::WRONG_STATE),
+        })
+    }
+
+    /// Returns whether an object configures process data, and the MainDevice may write it.
+    pub(crate) fn is_chosen_by_main_device(&self, index: u16) -> bool {
+        role_of(index).is_some_and(|(_, role)| match self.configuration() {
+            PdoConfiguration::Fixed => false,
+            PdoConfiguration::Assignable => role == Role::Assignment,
+            PdoConfiguration::Mappable => true,
         })
     }
 

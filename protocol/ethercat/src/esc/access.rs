@@ -52,9 +52,6 @@ impl Esc {
 
     fn read_registers(&mut self, now: Instant, address: u16, data: &mut [u8]) -> bool {
         let span = Span::new(address, data.len());
-        if span.touches(registers::SII_CONTROL, 2) {
-            self.sii.refresh(now, &mut self.memory);
-        }
         if span.touches(registers::EVENTS, 2) {
             let events = self.events();
             self.memory.set(registers::EVENTS, &events.to_le_bytes());
@@ -78,11 +75,21 @@ impl Esc {
         read
     }
 
+    /// Returns whether a write by the MainDevice changes a register now.
+    fn accepts(&self, address: u16) -> bool {
+        let blocked = match address {
+            registers::SII_CONTROL..registers::SII_END => !self.sii.is_free(&self.memory),
+            registers::SYNC_ACTIVATION | registers::SYNC_START..registers::SYNC_END => {
+                self.memory.u8(registers::CYCLIC_CONTROL) & 1 != 0
+            }
+            _ => self.is_locked_configuration(address),
+        };
+        !blocked && self.map.writable(address).is_some_and(|bits| bits != 0)
+    }
+
     /// Keeps what is written to registers until the whole frame has passed, as a chip does.
     fn write_registers(&mut self, address: u16, data: &[u8]) -> bool {
-        let accepts = |address| {
-            self.map.writable(address).is_some_and(|bits| bits != 0) && !self.is_locked_configuration(address)
-        };
+        let accepts = |address| self.accepts(address);
         let written = (address..).zip(data).any(|(address, _)| accepts(address));
         if written {
             self.shadow.extend_from_slice(&address.to_le_bytes());
@@ -104,19 +111,30 @@ impl Esc {
         }
         self.shadow = shadow;
         self.shadow.clear();
+        self.advance_reset();
+        self.latches_ports = false;
         for index in 0..self.sync_managers.len() {
             self.end_buffer(now, index);
         }
     }
 
     fn apply(&mut self, now: Instant, address: u16, data: &[u8]) {
+        let span = Span::new(address, data.len());
+        let starts_command =
+            self.accepts(registers::SII_CONTROL + 1) && span.touches(registers::SII_CONTROL, 2);
         for (address, byte) in (address..).zip(data) {
-            let Some(bits) = self.map.writable(address) else { continue };
-            if !self.is_locked_configuration(address) {
+            // What is written to the receive times is not stored.
+            if self.accepts(address)
+                && address != registers::RECEIVE_TIMES
+                && let Some(bits) = self.map.writable(address)
+            {
                 self.memory.change(address, |old| old & !bits | byte & bits);
             }
         }
-        self.after_write(now, Span::new(address, data.len()), data);
+        if starts_command {
+            self.sii.execute(now, &mut self.memory);
+        }
+        self.after_write(now, span, data);
     }
 
     /// Gives a buffer to the other side if the frame reached its end.
@@ -147,19 +165,26 @@ impl Esc {
     /// Does what a write to a register starts.
     fn after_write(&mut self, now: Instant, span: Span, data: &[u8]) {
         if span.touches(registers::RESET, 1) {
-            self.reset_letter(data.first().copied().unwrap_or(0));
+            self.reset_letter = Some(data.first().copied().unwrap_or(0));
         }
-        if span.touches(registers::DL_CONTROL, 4) {
+        if span.touches(registers::WATCHDOG_TIME, 2) {
+            self.watchdog.change_time(&mut self.memory);
+        }
+        if span.touches(registers::DL_CONTROL + 1, 1) {
             self.open_loops();
         }
         self.changes.al_control |= span.touches(registers::AL_CONTROL, 1);
-        for (start, len) in [(registers::ERROR_COUNTERS, 0x14), (registers::WATCHDOG_COUNTER, 2)] {
+        // A write to one counter of a group clears the whole group.
+        for (start, len) in [
+            (registers::ERROR_COUNTERS, 0x0C),
+            (registers::PROCESSING_ERRORS, 1),
+            (registers::PDI_ERRORS, 1),
+            (registers::LOST_LINKS, 4),
+            (registers::WATCHDOG_COUNTER, 2),
+        ] {
             if span.touches(start, len) {
                 self.memory.get_mut(start, usize::from(len)).fill(0);
             }
-        }
-        if span.touches(registers::SII_CONTROL, 2) {
-            self.sii.execute(now, &mut self.memory);
         }
         let units = u16::from(UNITS);
         if span.touches(FMMU, units * FMMU_LEN) {
@@ -179,10 +204,10 @@ impl Esc {
     fn after_clock_write(&mut self, now: Instant, span: Span) {
         let Some(clock) = &mut self.clock else { return };
         let memory = &mut self.memory;
-        if span.touches(registers::RECEIVE_TIMES, 4) {
-            clock.latch(now, memory);
+        if span.touches(registers::RECEIVE_TIMES, 1) {
+            clock.latch(now, self.latches_ports, memory);
         }
-        if span.touches(registers::SYSTEM_TIME, 4) {
+        if span.touches(registers::SYSTEM_TIME, 1) {
             let received = memory.u32(registers::SYSTEM_TIME);
             clock.compare(now, received, memory);
         }
@@ -194,17 +219,18 @@ impl Esc {
         }
     }
 
-    /// Resets the chip once R, E and S are written one after another.
-    fn reset_letter(&mut self, letter: u8) {
-        self.reset_letters = match (self.reset_letters, letter) {
-            (0 | 1, b'R') => 1,
-            (1, b'E') => 2,
-            (2, b'S') => {
+    /// Resets the chip once R, E and S are written by three frames one after another, and shows how many there were.
+    fn advance_reset(&mut self) {
+        self.reset_letters = match (self.reset_letters, self.reset_letter.take()) {
+            (_, Some(b'R')) => 1,
+            (1, Some(b'E')) => 2,
+            (2, Some(b'S')) => {
                 self.changes.reset = true;
                 0
             }
             _ => 0,
         };
+        self.memory.set(registers::RESET, &[self.reset_letters]);
     }
 
     /// Returns the sync manager that guards an address of the RAM, and where the memory that it guards ends, or the next
@@ -264,6 +290,10 @@ impl Esc {
         len: usize,
         mut part: impl FnMut(&mut Self, Option<usize>, u16, Range<usize>),
     ) {
+        // Without its configuration, the chip gives no access to the RAM.
+        if !self.is_loaded() {
+            return;
+        }
         let Span { start, end } = Span::new(address, len);
         let end = end.min(self.memory.len() as u32);
         let mut at = start;

@@ -47,6 +47,21 @@ struct Pulses {
     period: u64,
 }
 
+impl Pulses {
+    /// Goes on to the first pulse behind a system time. Returns `false` if there is none.
+    const fn skip(&mut self, system: u64) -> bool {
+        if !is_ahead(self.next, system) {
+            match system.wrapping_sub(self.next).checked_div(self.period) {
+                Some(missed) => {
+                    self.next = self.next.wrapping_add((missed + 1).saturating_mul(self.period));
+                }
+                None => return false,
+            }
+        }
+        true
+    }
+}
+
 /// The clock of a device.
 #[derive(Debug)]
 pub(crate) struct Clock {
@@ -61,7 +76,11 @@ pub(crate) struct Clock {
     /// Filtered difference to the received system times, in nanoseconds; positive if the local copy is ahead.
     difference: i64,
     latching: bool,
+    /// Cyclic operation is activated.
+    cyclic: bool,
+    /// The next pulses since then, and whether they come out as signals.
     pulses: [Option<Pulses>; 2],
+    generated: [bool; 2],
 }
 
 /// Returns whether a system time is in the future. The system time wraps after 2^64 ns, and an offset may put it just
@@ -82,7 +101,9 @@ impl Clock {
             compared_at: None,
             difference: 0,
             latching: false,
+            cyclic: false,
             pulses: [None; 2],
+            generated: [false; 2],
         }
     }
 
@@ -104,10 +125,10 @@ impl Clock {
         self.local(now).wrapping_add(memory.u64(SYSTEM_TIME_OFFSET))
     }
 
-    /// Latches the times at which the frame arrives at the ports and at the processing unit, as a write to the receive
-    /// times asks for. It enters by port 0.
-    pub(crate) fn latch(&mut self, now: Instant, memory: &mut Memory) {
-        self.latching = true;
+    /// Latches the time at which the frame arrives at the processing unit and, if it latches those too, at the ports, as a
+    /// write to the receive times asks for. It enters by port 0.
+    pub(crate) fn latch(&mut self, now: Instant, ports: bool, memory: &mut Memory) {
+        self.latching = ports;
         self.latch_port(0, now, memory);
         let local = self.local(now);
         memory.set(RECEIVE_TIME_UNIT, &local.to_le_bytes());
@@ -171,8 +192,9 @@ impl Clock {
 
     fn show_difference(&self, memory: &mut Memory) {
         let amount = u32::try_from(self.difference.unsigned_abs()).unwrap_or(u32::MAX).min(0x7FFF_FFFF);
-        let behind = if self.difference < 0 { 0x8000_0000 } else { 0 };
-        memory.set(SYSTEM_TIME_DIFFERENCE, &(amount | behind).to_le_bytes());
+        // Bit 31: the local copy is not behind. Datasheets before version 2.8 say the opposite.
+        let ahead = if self.difference < 0 { 0 } else { 0x8000_0000 };
+        memory.set(SYSTEM_TIME_DIFFERENCE, &(amount | ahead).to_le_bytes());
     }
 
     /// Restarts the control loop, as a write to the speed counter does.
@@ -181,59 +203,70 @@ impl Clock {
         self.base_at = now;
         (self.correction_ppb, self.learned_ppb, self.difference) = (0, 0, 0);
         self.compared_at = None;
-        self.show_difference(memory);
+        memory.set(SYSTEM_TIME_DIFFERENCE, &[0; 4]);
         memory.set(SPEED_COUNTER_DIFFERENCE, &[0, 0]);
     }
 
-    /// Starts or stops the SYNC signals by their activation register. The first pulse comes at the start time; the chip
-    /// makes none if that has passed.
+    /// Starts or stops the SYNC signals by their activation register. Start and cycles are those of the moment at which
+    /// bit 0 becomes 1; to write it once more changes nothing. The first pulse comes at the start time; the chip makes none
+    /// if that has passed.
     pub(crate) fn activate(&mut self, now: Instant, memory: &mut Memory) {
         let activation = memory.u8(SYNC_ACTIVATION);
-        let (start, cycle) = (memory.u64(SYNC_START), u64::from(memory.u32(SYNC0_CYCLE)));
+        let was_cyclic = core::mem::replace(&mut self.cyclic, activation & 1 != 0);
         let system = self.system(now, memory);
+        if !was_cyclic || !self.cyclic {
+            self.start_pulses(system, memory);
+        }
+        let generated = [activation & 2 != 0, activation & 4 != 0];
+        let before = core::mem::replace(&mut self.generated, generated);
+        for (slot, _) in self.pulses.iter_mut().zip(before).filter(|(_, before)| !before) {
+            // A signal that was off does not make up for its pulses.
+            if slot.as_mut().is_some_and(|pulses| !pulses.skip(system)) {
+                *slot = None;
+            }
+        }
+    }
+
+    fn start_pulses(&mut self, system: u64, memory: &Memory) {
+        let (start, cycle) = (memory.u64(SYNC_START), u64::from(memory.u32(SYNC0_CYCLE)));
         self.pulses = [None; 2];
         // A cycle that is no longer than a pulse would be no signal.
         let pulse = (u64::from(memory.u16(PULSE_LENGTH)) * 10).max(MIN_CYCLE_NS);
-        if activation & 1 == 0 || !is_ahead(start, system) || (1..=pulse).contains(&cycle) {
+        if !self.cyclic || !is_ahead(start, system) || (1..=pulse).contains(&cycle) {
             return;
         }
-        let [sync0, sync1] = &mut self.pulses;
-        if activation & 2 != 0 {
-            *sync0 = Some(Pulses { next: start, period: cycle });
-        }
-        if activation & 4 != 0 {
-            let shift = u64::from(memory.u32(SYNC1_CYCLE));
-            let skipped = shift.checked_div(cycle).unwrap_or(0);
-            let period = cycle.saturating_mul(skipped + 1);
-            *sync1 = Some(Pulses { next: start.wrapping_add(shift), period });
-        }
+        let shift = u64::from(memory.u32(SYNC1_CYCLE));
+        let skipped = shift.checked_div(cycle).unwrap_or(0);
+        let period = cycle.saturating_mul(skipped + 1);
+        self.pulses = [
+            Some(Pulses { next: start, period: cycle }),
+            Some(Pulses { next: start.wrapping_add(shift), period }),
+        ];
     }
 
     /// Returns whether the MainDevice has started SYNC signals that have not ended.
     pub(crate) const fn makes_pulses(&self) -> bool {
-        let [sync0, sync1] = &self.pulses;
-        sync0.is_some() || sync1.is_some()
+        let ([sync0, sync1], [makes0, makes1]) = (&self.pulses, self.generated);
+        (makes0 && sync0.is_some()) || (makes1 && sync1.is_some())
     }
 
     /// Returns when the next SYNC signal is due.
     pub(crate) fn deadline(&self, memory: &Memory) -> Option<Instant> {
-        self.pulses.iter().flatten().map(|pulses| self.instant(pulses.next, memory)).min()
+        let pulses = self.pulses.iter().zip(self.generated).filter(|(_, generated)| *generated);
+        pulses.filter_map(|(pulses, _)| pulses.as_ref()).map(|pulses| self.instant(pulses.next, memory)).min()
     }
 
     /// Returns the next SYNC signal that is due now, with its system time.
     pub(crate) fn pulse(&mut self, now: Instant, memory: &Memory) -> Option<(Sync, u64)> {
         let system = self.system(now, memory);
-        let [sync0, sync1] = &mut self.pulses;
-        for (sync, slot) in [(Sync::Sync0, sync0), (Sync::Sync1, sync1)] {
-            let Some(pulses) = slot.as_mut().filter(|pulses| !is_ahead(pulses.next, system)) else {
-                continue;
-            };
+        let ([sync0, sync1], [makes0, makes1]) = (&mut self.pulses, self.generated);
+        for (sync, slot, generated) in [(Sync::Sync0, sync0, makes0), (Sync::Sync1, sync1, makes1)] {
+            let due = slot.as_mut().filter(|pulses| generated && !is_ahead(pulses.next, system));
+            let Some(pulses) = due else { continue };
             let at = pulses.next;
-            match system.wrapping_sub(at).checked_div(pulses.period) {
-                // If the driver wakes up late, the clock makes one pulse, not a burst.
-                Some(missed) => pulses.next = at.wrapping_add((missed + 1).saturating_mul(pulses.period)),
-                // Without a period there is a single one.
-                None => *slot = None,
+            // If the driver wakes up late, the clock makes one pulse, not a burst. Without a period there is a single one.
+            if !pulses.skip(system) {
+                *slot = None;
             }
             return Some((sync, at));
         }

@@ -28,6 +28,12 @@ impl Esc {
         self.events |= EVENT_AL_STATUS;
     }
 
+    /// Gives the chip another port, which is MII as well.
+    pub(crate) fn add_port(&mut self, port: usize) {
+        self.ports |= 0x03_u8.checked_shl(2 * port as u32).unwrap_or(0);
+        self.memory.set(registers::PORT_DESCRIPTOR, &[self.ports]);
+    }
+
     /// Shows which ports have a link, and which of them are closed.
     pub(crate) fn set_ports(&mut self, linked: [bool; 4]) {
         self.linked = linked;
@@ -35,7 +41,11 @@ impl Esc {
         for (port, linked) in (0..).zip(linked) {
             let before = self.memory.u16(registers::DL_STATUS) & (0x0010 << port) != 0;
             if before && !linked {
-                self.memory.change(registers::LOST_LINKS + port, |lost| lost.saturating_add(1));
+                // Counted at a loop that is open and closes by itself.
+                let counts = !self.is_loop_closed_at(port, true) && self.loop_control(port) <= AUTO_CLOSE;
+                if counts {
+                    self.memory.change(registers::LOST_LINKS + port, |lost| lost.saturating_add(1));
+                }
                 let waits = self.loop_control(port) == AUTO_CLOSE;
                 if let Some(waiting) = self.waiting.get_mut(usize::from(port)) {
                     *waiting = waits;
@@ -61,11 +71,15 @@ impl Esc {
 
     /// Returns whether a loop is closed, as DL status shows it.
     fn is_loop_closed(&self, port: u16) -> bool {
-        let flag = |flags: &[bool; 4]| flags.get(usize::from(port)).copied().unwrap_or(false);
+        self.is_loop_closed_at(port, self.linked.get(usize::from(port)).copied().unwrap_or(false))
+    }
+
+    /// Returns whether the loop of a port with or without link is closed.
+    fn is_loop_closed_at(&self, port: u16, linked: bool) -> bool {
         match self.loop_control(port) {
             ALWAYS_OPEN => false,
             ALWAYS_CLOSED => true,
-            _ => !flag(&self.linked) || flag(&self.waiting),
+            _ => !linked || self.waiting.get(usize::from(port)).copied().unwrap_or(false),
         }
     }
 
@@ -100,10 +114,9 @@ impl Esc {
         }
     }
 
-    pub(crate) fn acknowledge_repeat(&mut self, index: usize) {
-        if let Some(sync_manager) = self.sync_managers.get(index) {
-            sync_manager.acknowledge_repeat(&mut self.memory, index);
-        }
+    /// Shows the bit of the request for a repetition that was served last.
+    pub(crate) fn acknowledge_repeat(&mut self, index: usize, bit: bool) {
+        SyncManager::acknowledge_repeat(&mut self.memory, index, bit);
     }
 
     pub(crate) fn start_watchdog(&mut self, now: Instant) {

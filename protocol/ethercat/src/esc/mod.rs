@@ -36,6 +36,7 @@ pub(crate) use fmmu::copy_bits;
 use memory::Memory;
 use registers::RegisterMap;
 use sii::Sii;
+pub(crate) use sii::checksum;
 use sync_manager::SyncManager;
 use watchdog::Watchdog;
 
@@ -66,10 +67,15 @@ pub(crate) struct Esc {
     clock: Option<Clock>,
     local_clock: LocalClock,
     changes: Changes,
+    /// Port descriptor: the ports that there are.
+    ports: u8,
     /// Ports with a link.
     linked: [bool; 4],
-    /// Letters of the reset sequence seen so far.
+    /// Letters of the reset sequence seen so far, and the one in this frame.
     reset_letters: u8,
+    reset_letter: Option<u8>,
+    /// This frame contains a command that latches the receive times of the ports, if it writes to them.
+    latches_ports: bool,
     /// Ports that stay closed although their link is back, as loop control "auto close" requires.
     waiting: [bool; 4],
     /// What this frame writes to registers: address, length and data of each write.
@@ -96,10 +102,14 @@ impl Esc {
             clock: clock.map(|local| Clock::new(Instant::ZERO, local)),
             local_clock: clock.unwrap_or_default(),
             changes: Changes::default(),
+            // Ports 0 and 1 are MII.
+            ports: 0x0F,
             linked: [false; 4],
             waiting: [false; 4],
             shadow: Vec::with_capacity(2 * FRAME_CAPACITY),
             reset_letters: 0,
+            reset_letter: None,
+            latches_ports: false,
             events: 0,
             scratch: vec![0; 2 * MAX_DATA_LEN.next_power_of_two()].into_boxed_slice(),
         };
@@ -111,18 +121,21 @@ impl Esc {
     pub(crate) fn reset(&mut self, now: Instant) {
         self.memory.reset();
         let features = registers::features(self.clock.is_some());
+        self.memory.set(registers::PORT_DESCRIPTOR, &[self.ports]);
         self.memory.set(0x0008, &features.to_le_bytes());
-        let loaded = self.sii.load(&mut self.memory);
-        self.memory.set(registers::DL_STATUS, &[if loaded { 0x07 } else { 0x06 }]);
+        // The watchdog of the device's own side does not expire.
+        self.memory.set(registers::DL_STATUS, &[0x02]);
+        self.sii.load(&mut self.memory);
         self.fmmus = Default::default();
         self.sync_managers = Default::default();
+        (0..self.sync_managers.len()).for_each(|index| SyncManager::reset(&mut self.memory, index));
         self.watchdog = Watchdog::default();
         self.clock = self.clock.is_some().then(|| Clock::new(now, self.local_clock));
         self.changes = Changes::default();
         self.waiting = [false; 4];
         self.shadow.clear();
         self.set_ports(self.linked);
-        (self.reset_letters, self.events) = (0, 0);
+        (self.reset_letters, self.reset_letter, self.latches_ports, self.events) = (0, None, false, 0);
     }
 
     /// Returns what changed since the last call.
@@ -152,6 +165,7 @@ impl Esc {
     /// Lets a datagram pass the processing unit.
     pub(crate) fn process(&mut self, now: Instant, datagram: &mut Datagram<'_>) {
         let Some((addressing, operation)) = decode(datagram.command()) else { return };
+        self.sii.refresh(now, &mut self.memory);
         let (position, offset) = datagram.address();
         let meant = match addressing {
             Addressing::Position | Addressing::Broadcast => {
@@ -161,6 +175,10 @@ impl Esc {
             Addressing::Station => self.has_address(position),
             Addressing::Logical => true,
         };
+        // The other commands that write latch the time of the processing unit alone (ESC datasheet section II, 0x0900).
+        self.latches_ports |= meant
+            && operation == Operation::Write
+            && matches!(addressing, Addressing::Broadcast | Addressing::Station);
         // `scratch` is put back below; nothing in between needs it.
         let mut scratch = mem::take(&mut self.scratch);
         let (read, written) = match (addressing, operation, meant) {
@@ -199,9 +217,14 @@ impl Esc {
             Operation::Write => (false, self.write(address, data)),
             Operation::ReadWrite => {
                 let Some(incoming) = copied(scratch, data) else { return (false, false) };
-                (self.read(now, address, data), self.write(address, incoming))
+                (self.read(now, address, data), self.write(self.write_address(address), incoming))
             }
         }
+    }
+
+    /// Returns the address that a command writes which reads at `address`.
+    fn write_address(&self, address: u16) -> u16 {
+        address.wrapping_add(self.memory.u16(registers::READ_WRITE_OFFSET))
     }
 
     /// Executes a broadcast: the data read is combined with that of the devices before.
@@ -219,7 +242,7 @@ impl Esc {
         let Some(own) = scratch.get_mut(..data.len()) else { return (false, false) };
         own.fill(0);
         let read = self.read(now, address, own);
-        let written = operation == Operation::ReadWrite && self.write(address, data);
+        let written = operation == Operation::ReadWrite && self.write(self.write_address(address), data);
         data.iter_mut().zip(own).for_each(|(data, own)| *data |= *own);
         (read, written)
     }

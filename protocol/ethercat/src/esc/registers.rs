@@ -4,19 +4,27 @@
 use alloc::boxed::Box;
 use alloc::vec;
 
+pub(crate) const PORT_DESCRIPTOR: u16 = 0x0007;
 pub(crate) const STATION_ADDRESS: u16 = 0x0010;
 pub(crate) const STATION_ALIAS: u16 = 0x0012;
 pub(crate) const RESET: u16 = 0x0040;
 pub(crate) const DL_CONTROL: u16 = 0x0100;
 /// Byte of DL control: bit 0 lets the alias address the device.
 pub(crate) const DL_ALIAS: u16 = 0x0103;
+/// From the address that a command reads to the one that it writes.
+pub(crate) const READ_WRITE_OFFSET: u16 = 0x0108;
 pub(crate) const DL_STATUS: u16 = 0x0110;
 pub(crate) const AL_CONTROL: u16 = 0x0120;
 pub(crate) const AL_STATUS: u16 = 0x0130;
 pub(crate) const AL_STATUS_CODE: u16 = 0x0134;
+/// PDI control; its high byte and the next word are the configuration of the chip.
+pub(crate) const PDI_CONTROL: u16 = 0x0140;
+pub(crate) const PDI_CONFIGURATION: u16 = 0x0150;
 pub(crate) const EVENT_MASK: u16 = 0x0200;
 pub(crate) const EVENTS: u16 = 0x0210;
 pub(crate) const ERROR_COUNTERS: u16 = 0x0300;
+pub(crate) const PROCESSING_ERRORS: u16 = 0x030C;
+pub(crate) const PDI_ERRORS: u16 = 0x030D;
 pub(crate) const LOST_LINKS: u16 = 0x0310;
 pub(crate) const WATCHDOG_DIVIDER: u16 = 0x0400;
 pub(crate) const WATCHDOG_TIME: u16 = 0x0420;
@@ -26,6 +34,7 @@ pub(crate) const SII_CONFIG: u16 = 0x0500;
 pub(crate) const SII_CONTROL: u16 = 0x0502;
 pub(crate) const SII_ADDRESS: u16 = 0x0504;
 pub(crate) const SII_DATA: u16 = 0x0508;
+pub(crate) const SII_END: u16 = 0x0510;
 pub(crate) const FMMU: u16 = 0x0600;
 pub(crate) const FMMU_LEN: u16 = 16;
 pub(crate) const SYNC_MANAGER: u16 = 0x0800;
@@ -38,6 +47,8 @@ pub(crate) const SYSTEM_TIME_DELAY: u16 = 0x0928;
 pub(crate) const SYSTEM_TIME_DIFFERENCE: u16 = 0x092C;
 pub(crate) const SPEED_COUNTER_START: u16 = 0x0930;
 pub(crate) const SPEED_COUNTER_DIFFERENCE: u16 = 0x0932;
+/// Bit 0 gives the SYNC signals to the device's own side.
+pub(crate) const CYCLIC_CONTROL: u16 = 0x0980;
 pub(crate) const SYNC_ACTIVATION: u16 = 0x0981;
 /// Length of SYNC pulses in 10 ns.
 pub(crate) const PULSE_LENGTH: u16 = 0x0982;
@@ -45,6 +56,7 @@ pub(crate) const SYNC_START: u16 = 0x0990;
 pub(crate) const NEXT_SYNC1: u16 = 0x0998;
 pub(crate) const SYNC0_CYCLE: u16 = 0x09A0;
 pub(crate) const SYNC1_CYCLE: u16 = 0x09A4;
+pub(crate) const SYNC_END: u16 = 0x09A8;
 
 /// End of the registers, and start of the process data RAM.
 pub(crate) const END: u16 = 0x1000;
@@ -64,19 +76,24 @@ const COMMON: &[Range] = &[
     Range(STATION_ADDRESS, 0x0012, WRITE),
     Range(STATION_ALIAS, 0x0014, READ),
     Range(RESET, 0x0041, WRITE),
-    Range(DL_CONTROL, 0x0104, WRITE),
-    Range(0x0108, 0x010A, WRITE),
+    Range(DL_CONTROL, 0x0101, 0x03),
+    Range(0x0101, 0x0102, WRITE),
+    Range(0x0102, 0x0103, 0x0F),
+    Range(DL_ALIAS, 0x0104, 0x01),
+    Range(READ_WRITE_OFFSET, 0x010A, WRITE),
     Range(DL_STATUS, 0x0112, READ),
     Range(AL_CONTROL, 0x0122, WRITE),
     Range(AL_STATUS, 0x0132, READ),
     Range(AL_STATUS_CODE, 0x0136, READ),
-    Range(0x0140, 0x0142, READ),
-    Range(0x0150, 0x0154, READ),
+    Range(PDI_CONTROL, 0x0144, READ),
+    Range(PDI_CONFIGURATION, 0x0154, READ),
     Range(EVENT_MASK, 0x0202, WRITE),
     Range(0x0204, 0x0208, READ),
     Range(EVENTS, 0x0212, READ),
     Range(0x0220, 0x0224, READ),
-    Range(ERROR_COUNTERS, 0x0314, WRITE),
+    Range(ERROR_COUNTERS, 0x030E, WRITE),
+    Range(0x030E, 0x0310, READ),
+    Range(LOST_LINKS, 0x0314, WRITE),
     Range(WATCHDOG_DIVIDER, 0x0402, WRITE),
     Range(0x0410, 0x0412, WRITE),
     Range(WATCHDOG_TIME, 0x0422, WRITE),
@@ -86,21 +103,28 @@ const COMMON: &[Range] = &[
     Range(0x0501, 0x0502, READ),
     Range(SII_CONTROL, 0x0503, 0x01),
     Range(0x0503, 0x0504, 0x07),
-    Range(SII_ADDRESS, 0x0510, WRITE),
+    Range(SII_ADDRESS, 0x050A, WRITE),
+    // A write to the EEPROM has one word.
+    Range(0x050A, 0x0510, READ),
     Range(0x0F80, END, WRITE),
 ];
 
 /// Registers of the distributed clock.
 const CLOCK: &[Range] = &[
-    Range(RECEIVE_TIMES, 0x0910, WRITE),
-    Range(SYSTEM_TIME, 0x0918, WRITE),
+    // A write to the first byte latches the times.
+    Range(RECEIVE_TIMES, 0x0901, WRITE),
+    Range(0x0901, 0x0910, READ),
+    Range(SYSTEM_TIME, 0x0914, WRITE),
+    Range(0x0914, 0x0918, READ),
     Range(RECEIVE_TIME_UNIT, 0x0920, READ),
     Range(SYSTEM_TIME_OFFSET, 0x092C, WRITE),
     Range(SYSTEM_TIME_DIFFERENCE, 0x0930, READ),
-    Range(SPEED_COUNTER_START, 0x0932, WRITE),
+    Range(SPEED_COUNTER_START, 0x0931, WRITE),
+    Range(0x0931, 0x0932, 0x7F),
     Range(SPEED_COUNTER_DIFFERENCE, 0x0934, READ),
     Range(0x0934, 0x0936, 0x0F),
-    Range(0x0980, 0x0982, WRITE),
+    Range(CYCLIC_CONTROL, SYNC_ACTIVATION, 0x31),
+    Range(SYNC_ACTIVATION, 0x0982, 0x07),
     Range(PULSE_LENGTH, 0x0984, READ),
     Range(0x098E, 0x0990, READ),
     Range(SYNC_START, 0x0998, WRITE),
@@ -129,11 +153,19 @@ impl RegisterMap {
         }
         for unit in 0..u16::from(UNITS) {
             let fmmu = FMMU + unit * FMMU_LEN;
-            add(fmmu, fmmu + FMMU_LEN, WRITE);
+            add(fmmu, fmmu + FMMU_LEN, READ);
+            add(fmmu, fmmu + 6, WRITE);
+            // Bits of the start and the end, and of the memory.
+            add(fmmu + 6, fmmu + 8, 0x07);
+            add(fmmu + 8, fmmu + 10, WRITE);
+            add(fmmu + 10, fmmu + 11, 0x07);
+            add(fmmu + 11, fmmu + 12, 0x03);
+            add(fmmu + 12, fmmu + 13, 0x01);
             let sync_manager = SYNC_MANAGER + unit * SYNC_MANAGER_LEN;
             add(sync_manager, sync_manager + SYNC_MANAGER_LEN, WRITE);
-            // Status, and the PDI's control.
+            // Status, activation, and the PDI's control.
             add(sync_manager + 5, sync_manager + 6, READ);
+            add(sync_manager + 6, sync_manager + 7, 0xC3);
             add(sync_manager + 7, sync_manager + 8, READ);
         }
         Self { writable }
@@ -147,20 +179,22 @@ impl RegisterMap {
 
 /// Values at power-on that are not zero: address and bytes.
 pub(crate) const POWER_ON: &[(u16, &[u8])] = &[
-    // Type ET1100, revision 0, build 2; FMMUs, sync managers, 8 KiB of RAM, ports 0 and 1 MII.
-    (0x0000, &[0x11, 0x00, 0x02, 0x00, UNITS, UNITS, 8, 0x0F]),
+    // Type ET1100, revision 0, build 2; FMMUs, sync managers, 8 KiB of RAM.
+    (0x0000, &[0x11, 0x00, 0x02, 0x00, UNITS, UNITS, 8]),
     // Non-EtherCAT frames are destroyed; loops close and open by themselves.
     (DL_CONTROL, &[0x01, 0x00, 0x07, 0x00]),
+    // AL event mask: everything but reserved bits.
+    (0x0204, &[0x0F, 0xFF, 0xFF, 0x00]),
     // 100 us a tick, 100 ms for PDI and process data.
     (WATCHDOG_DIVIDER, &0x09C2_u16.to_le_bytes()),
     (0x0410, &1000_u16.to_le_bytes()),
     (WATCHDOG_TIME, &1000_u16.to_le_bytes()),
-    (WATCHDOG_STATUS, &[0x01]),
     (SPEED_COUNTER_START, &0x1000_u16.to_le_bytes()),
     (0x0934, &[4, 12]),
 ];
 
-/// Returns the features at 0x0008: FMMUs map bits; with a clock, one of 64 bits that also makes SYNC signals.
+/// Returns the features at 0x0008: FMMUs map bits; with a clock, one of 64 bits. The ET1100 lacks the extended activation
+/// of SYNC signals.
 pub(crate) const fn features(distributed_clocks: bool) -> u16 {
-    if distributed_clocks { 0x0004 | 0x0008 | 0x0100 } else { 0 }
+    if distributed_clocks { 0x0004 | 0x0008 } else { 0 }
 }

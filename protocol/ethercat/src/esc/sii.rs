@@ -5,8 +5,10 @@ use alloc::vec::Vec;
 use machine::{Duration, Instant};
 
 use super::memory::Memory;
-use super::registers::{PULSE_LENGTH, SII_ADDRESS, SII_CONFIG, SII_CONTROL, SII_DATA, STATION_ALIAS};
-use crate::sii_image::checksum;
+use super::registers::{
+    DL_STATUS, PDI_CONFIGURATION, PDI_CONTROL, PULSE_LENGTH, SII_ADDRESS, SII_CONFIG, SII_CONTROL, SII_DATA,
+    STATION_ALIAS,
+};
 
 /// Low byte of control: reads give 8 bytes, addresses have two bytes.
 const CAPABILITIES: u8 = 0xC0;
@@ -25,9 +27,19 @@ const COMMAND_ERROR: u8 = 0x20;
 const WRITE_ENABLE_ERROR: u8 = 0x40;
 const BUSY: u8 = 0x80;
 
-/// Word addresses of the length of SYNC pulses and of the station alias.
-const PULSE_LENGTH_WORD: usize = 2;
+/// Words of the configuration, and the registers that get them (ESC datasheet section I, ESC configuration area).
+const CONFIGURATION: [(usize, u16); 5] = [
+    (0, PDI_CONTROL),
+    (1, PDI_CONFIGURATION),
+    (2, PULSE_LENGTH),
+    (3, PDI_CONFIGURATION + 2),
+    (5, PDI_CONTROL + 2),
+];
 const ALIAS_WORD: usize = 4;
+
+/// Bits of DL status: the configuration is loaded, and enhanced link detection, bit 9 of the first word.
+const LOADED: u8 = 0x01;
+const ENHANCED_LINK: u8 = 0x04;
 
 /// The EEPROM and the state of its interface.
 #[derive(Debug)]
@@ -47,21 +59,40 @@ impl Sii {
         &mut self.image
     }
 
-    /// Loads the configuration of the chip, as after power-on. Returns whether its checksum is right.
-    pub(crate) fn load(&mut self, memory: &mut Memory) -> bool {
+    /// Loads the configuration of the chip after power-on.
+    pub(crate) fn load(&mut self, memory: &mut Memory) {
+        self.reload(memory);
+        let loaded = memory.u8(DL_STATUS) & LOADED != 0;
+        let (alias, first) = if loaded { (self.word(ALIAS_WORD), self.word(0)) } else { Default::default() };
+        memory.set(STATION_ALIAS, &alias);
+        let [_, high] = first;
+        let enhanced = if high & 0x02 != 0 { ENHANCED_LINK } else { 0 };
+        memory.change(DL_STATUS, |status| status & !ENHANCED_LINK | enhanced);
+    }
+
+    /// Loads the configuration once more: all of it but the alias and the link detection, which a chip loads only at
+    /// power-on. If the checksum is wrong, the registers keep their values.
+    fn reload(&mut self, memory: &mut Memory) {
         self.busy_until = None;
         let configuration = self.image.get(..16).unwrap_or_default();
         let loaded = match configuration.split_at_checked(14) {
             Some((covered, [sum, 0])) => checksum(covered) == *sum,
             _ => false,
         };
-        for (word, register) in [(PULSE_LENGTH_WORD, PULSE_LENGTH), (ALIAS_WORD, STATION_ALIAS)] {
-            let value = if loaded { self.word(word) } else { [0; 2] };
-            memory.set(register, &value);
+        if loaded {
+            for (word, register) in CONFIGURATION {
+                memory.set(register, &self.word(word));
+            }
         }
+        memory.change(DL_STATUS, |status| status & !LOADED | u8::from(loaded));
         let status = if loaded { 0 } else { CHECKSUM_ERROR | NOT_LOADED };
         memory.set(SII_CONTROL, &[CAPABILITIES, status]);
-        loaded
+    }
+
+    /// Returns whether the MainDevice can access the interface: a command does not run, and it does not belong to the
+    /// device's own side.
+    pub(crate) fn is_free(&self, memory: &Memory) -> bool {
+        memory.u8(SII_CONFIG) & 1 == 0 && memory.u8(SII_CONTROL + 1) & BUSY == 0
     }
 
     /// Clears the busy bit once the command has taken its time.
@@ -74,13 +105,12 @@ impl Sii {
 
     /// Executes the command that was written into the registers.
     pub(crate) fn execute(&mut self, now: Instant, memory: &mut Memory) {
-        self.refresh(now, memory);
         let enabled = memory.u8(SII_CONTROL) & WRITE_ENABLE != 0;
         memory.set(SII_CONTROL, &[CAPABILITIES]);
         let command = memory.u8(SII_CONTROL + 1) & COMMANDS;
         memory.change(SII_CONTROL + 1, |status| status & !COMMANDS);
-        let owned_by_pdi = memory.u8(SII_CONFIG) & 1 != 0;
-        if owned_by_pdi || self.busy_until.is_some() {
+        // After an error of a command, no command is executed until this one has cleared it.
+        if command != 0 && memory.u8(SII_CONTROL + 1) & COMMAND_ERROR != 0 {
             return;
         }
         memory.change(SII_CONTROL + 1, |status| status & !(COMMAND_ERROR | WRITE_ENABLE_ERROR));
@@ -104,7 +134,7 @@ impl Sii {
                 None => COMMAND_ERROR,
             },
             RELOAD => {
-                self.load(memory);
+                self.reload(memory);
                 memory.u8(SII_CONTROL + 1)
             }
             _ => COMMAND_ERROR,
@@ -117,4 +147,11 @@ impl Sii {
     fn word(&self, index: usize) -> [u8; 2] {
         self.image.get(index * 2..).and_then(|rest| rest.first_chunk()).copied().unwrap_or_default()
     }
+}
+
+/// Returns the checksum over the configuration of the chip: CRC with polynomial 0x07, starting at 0xFF.
+pub(crate) fn checksum(configuration: &[u8]) -> u8 {
+    configuration.iter().fold(0xFF, |crc, byte| {
+        (0..8).fold(crc ^ byte, |crc: u8, _| if crc & 0x80 != 0 { (crc << 1) ^ 0x07 } else { crc << 1 })
+    })
 }

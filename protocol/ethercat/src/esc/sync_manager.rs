@@ -40,7 +40,8 @@ const fn register(index: usize, offset: u16) -> u16 {
 }
 
 impl SyncManager {
-    /// Reads the registers after one of them was written. A sync manager that becomes active starts empty.
+    /// Reads the registers after one of them was written. A sync manager that becomes active starts empty; one that is
+    /// switched off has its status of power-on again.
     pub(crate) fn update(&mut self, memory: &mut Memory, index: usize) {
         let control = memory.u8(register(index, 4));
         let activation = memory.u8(register(index, 6));
@@ -53,10 +54,16 @@ impl SyncManager {
         self.triggers_watchdog = control & 0x40 != 0;
         self.start = memory.u16(register(index, 0));
         self.len = memory.u16(register(index, 2));
-        if self.is_active() && !was_active {
+        if self.is_active() != was_active {
             (self.open, self.ended) = (false, false);
-            memory.set(register(index, 5), &[if self.mailbox { 0 } else { NO_BUFFER_WRITTEN }]);
+            let is_mailbox = self.mailbox && self.is_active();
+            memory.set(register(index, 5), &[if is_mailbox { 0 } else { NO_BUFFER_WRITTEN }]);
         }
+    }
+
+    /// Sets the status after power-on.
+    pub(crate) fn reset(memory: &mut Memory, index: usize) {
+        memory.set(register(index, 5), &[NO_BUFFER_WRITTEN]);
     }
 
     pub(crate) const fn is_active(&self) -> bool {
@@ -213,9 +220,8 @@ impl SyncManager {
     }
 
     /// Confirms to the MainDevice that its request for a repetition was served.
-    pub(crate) fn acknowledge_repeat(&self, memory: &mut Memory, index: usize) {
-        let acknowledged = u8::from(self.repeat_request) << 1;
-        memory.change(register(index, 7), |control| control & !2 | acknowledged);
+    pub(crate) fn acknowledge_repeat(memory: &mut Memory, index: usize, bit: bool) {
+        memory.change(register(index, 7), |control| control & !2 | u8::from(bit) << 1);
     }
 
     /// Returns the address of the newest complete data in three-buffer mode.

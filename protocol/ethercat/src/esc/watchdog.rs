@@ -18,6 +18,13 @@ impl Watchdog {
         memory.set(WATCHDOG_STATUS, &[1]);
     }
 
+    /// Follows a new time. The status of a watchdog that the time 0 switches off is good.
+    pub(crate) fn change_time(self, memory: &mut Memory) {
+        if memory.u16(WATCHDOG_TIME) == 0 {
+            memory.set(WATCHDOG_STATUS, &[1]);
+        }
+    }
+
     /// Stops it; its status stays.
     pub(crate) const fn stop(&mut self) {
         self.triggered = None;

@@ -129,7 +129,7 @@ impl FileAccess {
         }
         self.incoming.extend_from_slice(data);
         // A packet that does not fill the mailbox is the last one.
-        if data.len() < packet_len(outbox) {
+        if data.len() < context.mailbox_len.saturating_sub(super::HEADER_LEN + LEN) {
             self.progress = Progress::Idle;
             core::mem::swap(&mut context.file.name, &mut self.name);
             core::mem::swap(&mut context.file.content, &mut self.incoming);

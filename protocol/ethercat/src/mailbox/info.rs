@@ -28,8 +28,8 @@ const HEADER_LEN: usize = 4;
 /// Lists of objects.
 const LENGTHS: u16 = 0;
 const ALL: u16 = 1;
-const MAPPED_OUTPUTS: u16 = 2;
-const MAPPED_INPUTS: u16 = 3;
+const MAPPABLE_OUTPUTS: u16 = 2;
+const MAPPABLE_INPUTS: u16 = 3;
 const LAST_LIST: u16 = 5;
 
 /// A list that is sent in fragments.
@@ -68,7 +68,8 @@ impl Listing {
             ENTRY_REQUEST => {
                 let [subindex, _] = reader.array().map_err(|_| MailboxError::TooShort)?;
                 let entry = dictionary.entry(first, subindex);
-                entry.map(|entry| write_entry(first, entry, outbox))
+                let chosen = dictionary.is_chosen_by_main_device(first);
+                entry.map(|entry| write_entry(first, entry, chosen, outbox))
             }
             _ => Err(AbortCode::COMMAND),
         };
@@ -107,12 +108,12 @@ fn write(outbox: &mut Outbox, operation: u8, left: u16, write: impl FnOnce(&mut 
     });
 }
 
-/// Returns the objects of a list: all, or those that are mapped into process data; the other lists are empty.
+/// Returns the objects of a list: all, or those that can be mapped into process data; the other lists are empty.
 fn objects(dictionary: &Dictionary, list: u16) -> impl Iterator<Item = &DictionaryObject> {
     dictionary.objects().iter().filter(move |object| match list {
         ALL => true,
-        MAPPED_OUTPUTS => object.entries.iter().any(|entry| entry.mapped().1),
-        MAPPED_INPUTS => object.entries.iter().any(|entry| entry.mapped().0),
+        MAPPABLE_OUTPUTS => object.entries.iter().any(|entry| entry.mappable.1),
+        MAPPABLE_INPUTS => object.entries.iter().any(|entry| entry.mappable.0),
         _ => false,
     })
 }
@@ -127,6 +128,8 @@ fn write_object(object: &DictionaryObject, outbox: &mut Outbox) {
         (ObjectCode::Record, 0x1018, _) => DataType::Identity as u16,
         (ObjectCode::Record, 0x1600..=0x1BFF, _) => DataType::PdoMapping as u16,
         (ObjectCode::Record, ..) => 0,
+        // The type of its elements, also where there are none.
+        (ObjectCode::Array, 0x1C10..=0x1C2F, _) => DataType::Unsigned16 as u16,
         (_, _, last) => last.map_or(0, |entry| entry.data_type as u16),
     };
     let room = outbox.capacity().saturating_sub(coe::LEN + HEADER_LEN + 6);
@@ -139,9 +142,11 @@ fn write_object(object: &DictionaryObject, outbox: &mut Outbox) {
     });
 }
 
-fn write_entry(index: u16, entry: &DictionaryEntry, outbox: &mut Outbox) {
-    let (input, output) = entry.mapped();
+fn write_entry(index: u16, entry: &DictionaryEntry, chosen: bool, outbox: &mut Outbox) {
+    let (input, output) = entry.mappable;
     let access = match entry.access {
+        // Read always, written in PRE-OP.
+        Access::ReadOnly if chosen => 0x0F,
         Access::ReadOnly => 0x07,
         Access::ReadWrite => 0x3F,
         Access::WriteInPreOp => 0x0F,

@@ -47,6 +47,8 @@ pub(crate) enum MailboxError {
 /// What is needed to serve a request.
 pub(crate) struct Context<'a, 's> {
     pub(crate) state: AlState,
+    /// Length in bytes of the mailbox that the MainDevice writes, as it has configured it.
+    pub(crate) mailbox_len: usize,
     pub(crate) dictionary: &'a mut Dictionary,
     pub(crate) process: ProcessData<'a>,
     pub(crate) file: &'a mut File,
@@ -57,24 +59,27 @@ pub(crate) struct Context<'a, 's> {
 #[derive(Debug)]
 pub(crate) struct Outbox {
     buf: Box<[u8]>,
+    /// Length in bytes of the mailbox as the MainDevice has configured it.
+    room: usize,
     len: usize,
     counter: u8,
 }
 
 impl Outbox {
     fn new(len: u16) -> Self {
-        Self { buf: vec![0; usize::from(len)].into_boxed_slice(), len: 0, counter: 0 }
+        let room = usize::from(len);
+        Self { buf: vec![0; room].into_boxed_slice(), room, len: 0, counter: 0 }
     }
 
     /// Returns how many bytes a message may have behind the mailbox header.
     pub(crate) fn capacity(&self) -> usize {
-        self.buf.len().saturating_sub(HEADER_LEN)
+        self.room.saturating_sub(HEADER_LEN)
     }
 
     /// Writes a message.
     fn write(&mut self, protocol: u8, write: impl FnOnce(&mut Writer<'_>)) {
         self.counter = if self.counter >= 7 { 1 } else { self.counter + 1 };
-        let mut writer = Writer::new(&mut self.buf);
+        let mut writer = Writer::new(self.buf.get_mut(..self.room).unwrap_or_default());
         writer.u16(0);
         writer.u16(0);
         writer.u8(0);
@@ -90,12 +95,34 @@ impl Outbox {
     }
 }
 
+/// A message that was handed out.
+#[derive(Debug)]
+struct Message {
+    buf: Box<[u8]>,
+    len: usize,
+}
+
+impl Message {
+    fn new(len: u16) -> Self {
+        Self { buf: vec![0; usize::from(len)].into_boxed_slice(), len: 0 }
+    }
+
+    /// Returns its bytes, or `None` if there is no message.
+    fn get(&self) -> Option<&[u8]> {
+        self.buf.get(..self.len).filter(|message| !message.is_empty())
+    }
+}
+
 /// The application's end of both mailboxes.
 #[derive(Debug)]
 pub(crate) struct Mailbox {
     next: Outbox,
-    /// The message that was handed out last, in case the MainDevice asks for it again.
-    last: Box<[u8]>,
+    /// The message in the mailbox, which the MainDevice has not read.
+    unread: Message,
+    /// The message that the MainDevice read last, in case it asks for it again.
+    read: Message,
+    /// The mailbox contains the message read last once more; `unread` follows it.
+    repeats: bool,
     /// Counter of the message received last, by which a repeated message is recognised.
     received: u8,
     /// The bit of the repeat request that was served last.
@@ -110,7 +137,9 @@ impl Mailbox {
     pub(crate) fn new(len: u16) -> Self {
         Self {
             next: Outbox::new(len),
-            last: vec![0; usize::from(len)].into_boxed_slice(),
+            unread: Message::new(len),
+            read: Message::new(len),
+            repeats: false,
             received: 0,
             repeated: false,
             transfer: Transfer::default(),
@@ -123,10 +152,16 @@ impl Mailbox {
     /// Forgets all transfers, as in INIT.
     pub(crate) fn reset(&mut self) {
         (self.next.len, self.next.counter, self.received, self.repeated) = (0, 0, 0, false);
+        (self.unread.len, self.read.len, self.repeats) = (0, 0, false);
         self.transfer.reset();
         self.listing = Listing::default();
         self.files = FileAccess::default();
         self.emergencies = Emergencies::default();
+    }
+
+    /// Starts with messages of up to `len` bytes, the length of the mailbox that the MainDevice reads.
+    pub(crate) fn start(&mut self, len: u16) {
+        self.next.room = usize::from(len).min(self.next.buf.len());
     }
 
     /// Queues an emergency. Returns whether there was room.
@@ -148,22 +183,37 @@ impl Mailbox {
 
     /// Notes that the outgoing message was handed out.
     pub(crate) fn handed_out(&mut self) {
-        self.last.fill(0);
-        if let (Some(last), Some(sent)) =
-            (self.last.get_mut(..self.next.len), self.next.buf.get(..self.next.len))
-        {
-            last.copy_from_slice(sent);
-        }
-        self.next.len = 0;
+        core::mem::swap(&mut self.next.buf, &mut self.unread.buf);
+        self.unread.len = core::mem::take(&mut self.next.len);
     }
 
-    /// Returns the last message if the MainDevice asks for it once more by changing its bit.
-    pub(crate) fn repetition(&mut self, request: bool) -> Option<&[u8]> {
-        if request == self.repeated {
+    /// Notes that the MainDevice read the mailbox. Returns the message that a repetition has taken out of it, which
+    /// comes next.
+    pub(crate) fn was_read(&mut self) -> Option<&[u8]> {
+        if core::mem::take(&mut self.repeats) {
+            return self.unread.get();
+        }
+        if self.unread.len > 0 {
+            core::mem::swap(&mut self.read, &mut self.unread);
+            self.unread.len = 0;
+        }
+        None
+    }
+
+    /// Returns whether the MainDevice asks for the last message once more, which it does by changing its bit.
+    pub(crate) const fn is_repetition_requested(&mut self, bit: bool) -> bool {
+        bit != core::mem::replace(&mut self.repeated, bit)
+    }
+
+    /// Repeats the message that the MainDevice read last. Returns this message, and whether the mailbox contains another
+    /// one, which has to wait. `None` if nothing was read yet, or if the repetition is in the mailbox already.
+    pub(crate) fn repeat(&mut self) -> Option<(&[u8], bool)> {
+        if self.repeats {
             return None;
         }
-        self.repeated = request;
-        Some(&self.last)
+        let message = self.read.get()?;
+        self.repeats = self.unread.len > 0;
+        Some((message, self.repeats))
     }
 
     /// Serves a message of the MainDevice. The answer is the next outgoing message.

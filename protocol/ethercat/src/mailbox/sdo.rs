@@ -247,7 +247,8 @@ impl Transfer {
         if complete {
             self.store_complete(context)?;
         } else {
-            context.dictionary.write(index, subindex, &self.data, context.state)?;
+            let outputs = &mut *context.process.outputs;
+            context.dictionary.write(index, subindex, &self.data, context.state, outputs)?;
             report_written(context.sink, index, subindex);
         }
         if answer == WRITTEN {
@@ -282,7 +283,8 @@ impl Transfer {
         if !configures(index) {
             values.retain(is_new);
             for (number, value) in values {
-                context.dictionary.write(index, number, value, context.state)?;
+                let outputs = &mut *context.process.outputs;
+                context.dictionary.write(index, number, value, context.state, outputs)?;
             }
         } else if values.iter().any(is_new) {
             context.dictionary.configure_whole(index, &values, context.state)?;
@@ -307,7 +309,7 @@ fn collect(target: Target, context: &Context<'_, '_>, data: &mut Vec<u8>) -> Res
         if entry.access == Access::WriteOnly {
             return Err(AbortCode::WRITE_ONLY);
         }
-        context.dictionary.read(entry, context.process, data);
+        context.dictionary.read(entry, &context.process, data);
         return Ok(());
     }
     for (number, _) in complete_entries(target, context)? {
@@ -316,7 +318,7 @@ fn collect(target: Target, context: &Context<'_, '_>, data: &mut Vec<u8>) -> Res
             break;
         }
         let entry = context.dictionary.entry(index, number)?;
-        context.dictionary.read(entry, context.process, data);
+        context.dictionary.read(entry, &context.process, data);
         if number == 0 {
             data.push(0);
         }

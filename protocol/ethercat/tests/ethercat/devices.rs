@@ -131,6 +131,9 @@ pub static TINY: Description = Description {
     ..SMART
 };
 
+/// Inputs alone.
+pub static SENSOR: Description = Description { product_code: 7, order_code: "SENSOR", outputs: &[], ..TINY };
+
 /// Outputs alone.
 pub static ACTUATOR: Description =
     Description { product_code: 6, order_code: "ACTUATOR", inputs: &[], ..TINY };

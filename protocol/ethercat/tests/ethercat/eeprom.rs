@@ -49,6 +49,9 @@ fn a_wrong_checksum_leaves_the_device_without_alias_and_in_init() {
     main_device.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
     main_device.request_state(2);
     assert_eq!(main_device.al_status(), (0x01, 0));
+    assert_eq!(main_device.read(0x1000, 4).1, 0, "the RAM is not there either");
+    assert_eq!(main_device.write(0x1000, &[1; 4]), 0);
+    assert_eq!(main_device.read(0x0F80, 4).1, 1, "the registers are");
 }
 
 #[test]
@@ -79,9 +82,94 @@ fn a_command_takes_its_time_and_errors_show_until_the_next() {
 }
 
 #[test]
+fn after_a_command_that_does_not_exist_none_is_executed_until_the_error_is_cleared() {
+    let mut main_device = RawMainDevice::new(single_device(&DeviceConfig::new(&PLAIN)));
+    main_device.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    main_device.write(0x0502, &[0, 7]);
+    assert_eq!(main_device.read(0x0502, 2).0, [0xC0, 0x20]);
+    main_device.write(0x0502, &[0, 1, 8, 0, 0, 0]);
+    assert_eq!(
+        (main_device.read(0x0502, 2).0, main_device.read(0x0508, 4).0),
+        (vec![0xC0, 0x20], vec![0; 4])
+    );
+    main_device.write(0x0502, &[0, 0]);
+    assert_eq!(main_device.read(0x0502, 2).0, [0xC0, 0x00]);
+    main_device.write(0x0502, &[0, 1, 8, 0, 0, 0]);
+    assert_eq!(main_device.read(0x0508, 4).0, [0, 0x0F, 0, 0]);
+}
+
+#[test]
+fn while_a_command_runs_or_the_device_owns_the_eeprom_nothing_is_written_to_its_registers() {
+    let busy = DeviceConfig { eeprom_delay: Duration::from_micros(400), ..DeviceConfig::new(&PLAIN) };
+    let mut main_device = RawMainDevice::new(single_device(&busy));
+    main_device.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    let vendor_and_product = [0, 0x0F, 0, 0, 3, 0, 0, 0];
+    assert_eq!(main_device.write(0x0502, &[0, 1, 8, 0, 0, 0]), 1);
+    assert_eq!(main_device.write(0x0504, &[9, 0, 0, 0, 0xAA, 0xAA]), 0, "busy");
+    main_device.wait(Duration::from_micros(400));
+    assert_eq!(main_device.read(0x0504, 4).0, [8, 0, 0, 0]);
+    assert_eq!(main_device.read(0x0508, 8).0, vendor_and_product);
+    assert_eq!(main_device.write(0x050A, &[0xAA; 6]), 0, "a write has one word");
+    assert_eq!(main_device.read(0x0508, 8).0, vendor_and_product);
+    main_device.write(0x0500, &[1]);
+    assert_eq!(main_device.write(0x0502, &[0, 1, 4, 0, 0, 0]), 0);
+    assert_eq!(main_device.read(0x0504, 1), (vec![8], 1));
+    main_device.write(0x0500, &[2]);
+    assert_eq!(main_device.write(0x0502, &[0, 1, 10, 0, 0, 0]), 1);
+}
+
+#[test]
+fn the_chips_configuration_is_loaded_into_its_registers_and_a_reload_takes_all_but_the_alias() {
+    let mut segment = single_device(&DeviceConfig { alias: 5, ..DeviceConfig::new(&BRIDGE) });
+    let image = segment.eeprom_mut(DeviceId(0)).unwrap().to_vec();
+    let mut main_device = RawMainDevice::new(segment);
+    main_device.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    assert_eq!(main_device.read(0x0140, 2).0, image[..2]);
+    assert_eq!(main_device.read(0x0150, 2).0, image[2..4]);
+    assert_eq!(main_device.read(0x0982, 2).0, image[4..6]);
+    assert_eq!(main_device.read(0x0110, 1).0[0] & 0x07, 0x03, "loaded, no enhanced link detection");
+
+    // Another PDI with SYNC pulses of 2 us and another alias.
+    let reload = |main_device: &mut RawMainDevice, words: &[u8; 14]| {
+        let eeprom = main_device.segment.eeprom_mut(DeviceId(0)).unwrap();
+        eeprom[..14].copy_from_slice(words);
+        eeprom[14] = crc(words);
+        main_device.write(0x0502, &[0, 4]);
+    };
+    let mut words = [0x05, 0x06, 0x0F, 0x44, 200, 0, 1, 2, 9, 0, 3, 4, 0, 0];
+    reload(&mut main_device, &words);
+    assert_eq!(main_device.read(0x0502, 2).0, [0xC0, 0x00]);
+    assert_eq!(main_device.read(0x0140, 4).0, [0x05, 0x06, 3, 4]);
+    assert_eq!(main_device.read(0x0150, 4).0, [0x0F, 0x44, 1, 2]);
+    assert_eq!(main_device.read(0x0982, 2).0, [200, 0]);
+    assert_eq!(main_device.read(0x0012, 2).0, [5, 0], "the alias is loaded at power-on alone");
+    assert_eq!(main_device.read(0x0110, 1).0[0] & 0x07, 0x03);
+
+    // A damaged one takes the device's own side from the chip, and a good one gives it back.
+    words[0] = 0x08;
+    reload(&mut main_device, &words);
+    main_device.segment.eeprom_mut(DeviceId(0)).unwrap()[0] = 0x07;
+    main_device.write(0x0502, &[0, 4]);
+    assert_eq!(main_device.read(0x0502, 2).0, [0xC0, 0x18]);
+    assert_eq!((main_device.read(0x0110, 1).0[0] & 0x07, main_device.read(0x0140, 1).0), (0x02, vec![0x08]));
+    reload(&mut main_device, &words);
+    assert_eq!(main_device.read(0x0110, 1).0[0] & 0x07, 0x03);
+    main_device.segment.set_power(main_device.now, DeviceId(0), false);
+    main_device.segment.set_power(main_device.now, DeviceId(0), true);
+    assert_eq!(main_device.exchange(APRD, 0, 0x0012, &[0; 2]).0, [9, 0]);
+    assert_eq!(main_device.exchange(APRD, 0, 0x0110, &[0]).0[0] & 0x07, 0x07, "bit 9 of the first word");
+}
+
+/// Returns the checksum over the configuration, as the division of a polynomial by another bit by bit.
+fn crc(words: &[u8]) -> u8 {
+    let bits = words.iter().flat_map(|byte| (0..8).rev().map(move |bit| byte >> bit & 1 != 0));
+    bits.fold(0xFF_u8, |rest, bit| (rest << 1) ^ if (rest & 0x80 != 0) != bit { 0x07 } else { 0 })
+}
+
+#[test]
 fn the_image_begins_with_what_the_standard_lays_down() {
     let image = sii_image(&BRIDGE, 0x0403_0201, 0x1234);
-    assert_eq!(image[..14], [0x08, 0, 0, 0xCC, 100, 0, 0, 0, 0x34, 0x12, 0, 0, 0, 0]);
+    assert_eq!(image[..14], [0x08, 0x04, 0, 0xCC, 100, 0, 0, 0, 0x34, 0x12, 0, 0, 0, 0]);
     assert_eq!(image[16..32], [0, 0x0F, 0, 0, 2, 0, 0, 0, 0, 0, 1, 0, 1, 2, 3, 4]);
     let mailboxes = [0x00, 0x10, 128, 0, 0x80, 0x10, 128, 0];
     assert_eq!((&image[40..48], &image[48..56]), (&mailboxes[..], &mailboxes[..]), "in BOOT, and else");
@@ -98,4 +186,7 @@ fn the_image_begins_with_what_the_standard_lays_down() {
         at += 2 + word(at + 1);
     }
     assert_eq!(kinds, [10, 30, 40, 41, 50, 51]);
+    // General, behind the strings: numbers of order code and name, CoE and FoE, repetition of mailbox messages.
+    let general = 2 * (0x40 + 2 + word(0x41)) + 4;
+    assert_eq!(image[general..general + 18], [0, 0, 1, 2, 0, 0x23, 1, 0, 0, 0, 0, 4, 0, 0, 0, 0, 0x11, 0]);
 }

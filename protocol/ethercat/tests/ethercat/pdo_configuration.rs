@@ -123,6 +123,59 @@ fn what_is_chosen_shows_in_the_objects_and_the_rest_keeps_a_value_of_its_own() {
     assert_eq!(read(&mut main_device, 0x7000), 5);
 }
 
+/// Returns the access rights that the information service names.
+fn access(main_device: &mut RawMainDevice, index: u16, subindex: u8) -> u16 {
+    let [low, high] = index.to_le_bytes();
+    let entry = main_device.coe(8, &[5, 0, 0, 0, low, high, subindex, 0]);
+    assert_eq!(entry[2], 6, "{entry:02X?}");
+    u16::from_le_bytes([entry[14], entry[15]])
+}
+
+#[test]
+fn eeprom_and_information_service_say_what_the_main_device_may_choose() {
+    for (configuration, details, assignment, mapping) in [
+        (PdoConfiguration::Fixed, 0x23, 0x07, 0x07),
+        (PdoConfiguration::Assignable, 0x27, 0x0F, 0x07),
+        (PdoConfiguration::Mappable, 0x2F, 0x0F, 0x0F),
+    ] {
+        let mut segment = segment(configuration);
+        let eeprom = segment.eeprom_mut(ID).unwrap();
+        // The category behind the strings, which are the first one.
+        let strings = usize::from(u16::from_le_bytes([eeprom[0x82], eeprom[0x83]])) * 2;
+        let general = 0x84 + strings;
+        assert_eq!(eeprom[general..general + 2], [30, 0]);
+        assert_eq!(eeprom[general + 4 + 5], details, "{configuration:?}");
+        let mut main_device = RawMainDevice::start(segment);
+        for (index, expected) in
+            [(0x1C12, assignment), (0x1C13, assignment), (0x1600, mapping), (0x1A01, mapping)]
+        {
+            for subindex in [0, 1] {
+                assert_eq!(
+                    access(&mut main_device, index, subindex),
+                    expected,
+                    "{configuration:?} 0x{index:04X}"
+                );
+            }
+        }
+        assert_eq!(access(&mut main_device, 0x1C00, 1), 0x07);
+    }
+}
+
+#[test]
+fn an_entry_that_is_not_mapped_now_is_still_one_that_can_be() {
+    let mut main_device = RawMainDevice::start(segment(PdoConfiguration::Mappable));
+    let lists = |main_device: &mut RawMainDevice| {
+        [2, 3].map(|list| main_device.coe(8, &[1, 0, 0, 0, list, 0])[8..].to_vec())
+    };
+    let mapped = lists(&mut main_device);
+    assert_eq!(mapped, [vec![0x00, 0x70, 0x01, 0x70, 0x02, 0x70], vec![0x00, 0x60, 0x01, 0x60, 0x02, 0x60]]);
+    for index in [0x1C12, 0x1C13] {
+        assert_eq!(write(&mut main_device, index, 0, &[0]), 0);
+    }
+    assert_eq!(lists(&mut main_device), mapped);
+    assert_eq!((access(&mut main_device, 0x7001, 0), access(&mut main_device, 0x6001, 0)), (0x7F, 0x87));
+}
+
 #[test]
 fn each_wrong_choice_has_its_abort_code_and_changes_nothing() {
     let mut main_device = RawMainDevice::start(segment(PdoConfiguration::Mappable));

@@ -4,7 +4,7 @@ use ethercat_maindevice::time;
 use ethercat_subdevice::{DeviceConfig, DeviceId, Emergency, Event, Segment};
 use ethercrab::error::{Error, MailboxError};
 
-use crate::devices::{BRIDGE, LONG_TEXT, TINY};
+use crate::devices::{BRIDGE, LONG_TEXT, SENSOR, TINY};
 use crate::main_device::Stand;
 use crate::raw_main_device::RawMainDevice;
 
@@ -72,6 +72,57 @@ fn a_normal_download_and_a_segmented_one_store_the_same_as_an_expedited_one() {
     let third = [0x10 | 4 << 1 | 0x01, 197, 198, 199, 0, 0, 0, 0];
     assert_eq!(main_device.sdo(&third), [0x30, 0, 0, 0, 0, 0, 0, 0]);
     assert_eq!(main_device.segment.object(BRIDGE_ID, 0x8001, 0), Some(&text[..]));
+}
+
+/// Writes a text as a MainDevice does whose messages fill the mailbox.
+fn download(main_device: &mut RawMainDevice, text: &[u8], mailbox: usize) {
+    let (first, mut rest) = text.split_at(text.len().min(mailbox - 16));
+    let mut start = request(0x21, 0x8001, 0, text.len() as u32);
+    start.extend(first);
+    assert_eq!(main_device.sdo(&start), request(0x60, 0x8001, 0, 0), "{} bytes", text.len());
+    let mut toggle = 0x00;
+    while !rest.is_empty() {
+        let (now, behind) = rest.split_at(rest.len().min(mailbox - 9));
+        let unused = 7_usize.saturating_sub(now.len());
+        let last = u8::from(behind.is_empty());
+        let mut segment = vec![toggle | (unused as u8) << 1 | last];
+        segment.extend(now);
+        segment.resize(segment.len() + unused, 0xEE);
+        assert_eq!(main_device.sdo(&segment), [0x20 | toggle, 0, 0, 0, 0, 0, 0, 0], "{} bytes", text.len());
+        (rest, toggle) = (behind, toggle ^ 0x10);
+    }
+}
+
+fn upload(main_device: &mut RawMainDevice) -> Vec<u8> {
+    let answer = main_device.sdo(&request(0x40, 0x8001, 0, 0));
+    if answer[0] & 2 != 0 {
+        return answer[4..8 - usize::from(answer[0] >> 2 & 3)].to_vec();
+    }
+    let len = u32::from_le_bytes(answer[4..8].try_into().unwrap()) as usize;
+    let mut text = answer[8..].to_vec();
+    let mut toggle = 0x00;
+    while text.len() < len {
+        let segment = main_device.sdo(&[0x60 | toggle, 0, 0, 0, 0, 0, 0, 0]);
+        let unused = if segment.len() == 8 { usize::from(segment[0] >> 1 & 7) } else { 0 };
+        text.extend(&segment[1..segment.len() - unused]);
+        assert_eq!((segment[0] & 0x10, segment[0] & 1 != 0), (toggle, text.len() == len), "{len} bytes");
+        toggle ^= 0x10;
+    }
+    assert_eq!(text.len(), len);
+    text
+}
+
+#[test]
+fn a_text_of_every_length_goes_both_ways_through_mailboxes_of_any_length() {
+    for mailbox in [32, 33, 40, 64, 127, 128] {
+        let mut main_device = RawMainDevice::start_with(bridge(), mailbox);
+        for len in 0..=400_usize {
+            let text: Vec<u8> = (0..len).map(|at| (at * 7 + len) as u8).collect();
+            download(&mut main_device, &text, usize::from(mailbox));
+            assert_eq!(main_device.segment.object(BRIDGE_ID, 0x8001, 0), Some(&text[..]), "{mailbox}: {len}");
+            assert_eq!(upload(&mut main_device), text, "{mailbox}: {len}");
+        }
+    }
 }
 
 #[test]
@@ -172,7 +223,8 @@ fn what_may_not_be_done_is_aborted_with_its_code() {
         (request(0x23, 0x8000, 1, 1), 0x0607_0012),
         (request(0x2F, 0x8000, 1, 1), 0x0607_0013),
         (request(0x21, 0x8001, 0, u32::MAX), 0x0607_0012),
-        (request(0x2F, 0x7000, 1, 1), 0x0800_0022),
+        (request(0x2F, 0x7000, 1, 1), 0x0607_0013),
+        (request(0x23, 0x6000, 1, 1), 0x0601_0002),
         (request(0xA0, 0x8000, 1, 0), 0x0504_0001),
         (request(0x60, 0x8000, 1, 0), 0x0504_0001),
     ] {
@@ -189,6 +241,29 @@ fn an_object_that_is_mapped_shows_the_process_data() {
     let mut main_device = RawMainDevice::start(segment);
     assert_eq!(main_device.sdo(&request(0x40, 0x6000, 2, 0)), request(0x43, 0x6000, 2, 0x0403_0201));
     assert_eq!(main_device.sdo(&request(0x40, 0x6000, 0, 0)), request(0x4F, 0x6000, 0, 64));
+}
+
+/// As drives need it: their mode of operation is written at startup, whether it is in process data or not.
+#[test]
+fn an_output_is_written_by_sdo_until_process_data_own_it_in_op() {
+    let mut main_device = RawMainDevice::start(bridge());
+    let write = request(0x23, 0x7000, 2, 0x0403_0201);
+    assert_eq!(main_device.sdo(&write), request(0x60, 0x7000, 2, 0));
+    let written = Event::ObjectWritten { index: 0x7000, subindex: 2 };
+    assert!(main_device.events.contains(&(BRIDGE_ID, written)));
+    let value = |main_device: &mut RawMainDevice, subindex: u8| {
+        let answer = main_device.sdo(&request(0x40, 0x7000, subindex, 0));
+        u32::from_le_bytes(answer[4..8].try_into().unwrap())
+    };
+    assert_eq!([1, 2, 3].map(|subindex| value(&mut main_device, subindex)), [0, 0x0403_0201, 0]);
+    main_device.operate();
+    assert_eq!(abort(&main_device.sdo(&request(0x23, 0x7000, 2, 5))), 0x0800_0022);
+    assert_eq!(main_device.segment.outputs(BRIDGE_ID), None, "it is no process data");
+    main_device.write(0x1100, &[9; 256]);
+    assert_eq!(value(&mut main_device, 2), 0x0909_0909);
+    main_device.request_state(4);
+    assert_eq!(main_device.sdo(&request(0x23, 0x7000, 64, 7)), request(0x60, 0x7000, 64, 0));
+    assert_eq!([63, 64].map(|subindex| value(&mut main_device, subindex)), [0x0909_0909, 7]);
 }
 
 #[test]
@@ -210,6 +285,17 @@ fn the_information_service_lists_and_describes_the_objects() {
     assert_eq!(entry[16..], *b"Gain");
     let error = main_device.coe(8, &[3, 0, 0, 0, 0x00, 0x50]);
     assert_eq!(error[2..], [7, 0, 0, 0, 0x00, 0x00, 0x02, 0x06]);
+}
+
+#[test]
+fn an_assignment_has_the_same_type_whether_objects_are_assigned_or_not() {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&SENSOR));
+    let mut main_device = RawMainDevice::start_with(segment, 32);
+    for (low, entries) in [(0x12, 0), (0x13, 1)] {
+        let object = main_device.coe(8, &[3, 0, 0, 0, low, 0x1C]);
+        assert_eq!(object[6..12], [low, 0x1C, 6, 0, entries, 8], "an array of words");
+    }
 }
 
 #[test]

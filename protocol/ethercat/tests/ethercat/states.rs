@@ -1,11 +1,11 @@
 //! From INIT to OP and back.
 
 use ethercat_maindevice::time;
-use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment};
+use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment, sync_managers};
 use ethercrab::error::Error;
 use machine::Duration;
 
-use crate::devices::{BRIDGE, SIMPLE};
+use crate::devices::{BRIDGE, SENSOR, SIMPLE};
 use crate::main_device::Stand;
 use crate::raw_main_device::{APRD, APWR, FIRST, RawMainDevice};
 
@@ -140,6 +140,59 @@ fn sync_managers_that_do_not_fit_are_refused_with_the_code_of_the_state() {
     assert_eq!(main_device.al_status(), (0x12, AlStatusCode::INVALID_INPUTS.0), "not acknowledged");
     main_device.request_state(0x18);
     assert_eq!(main_device.al_status(), (0x12, AlStatusCode::INVALID_STATE_CHANGE.0));
+}
+
+#[test]
+fn a_sync_manager_that_the_maindevice_switches_off_takes_the_device_out_of_its_state() {
+    const OUTPUTS: (u8, u16) = (0x12, AlStatusCode::INVALID_OUTPUTS.0);
+    const INPUTS: (u8, u16) = (0x12, AlStatusCode::INVALID_INPUTS.0);
+    const MAILBOX: (u8, u16) = (0x11, AlStatusCode::INVALID_MAILBOX.0);
+    for in_op in [false, true] {
+        for (register, fallen) in
+            [(0x0806, MAILBOX), (0x080E, MAILBOX), (0x0816, OUTPUTS), (0x081E, INPUTS), (0x0826, (0x08, 0))]
+        {
+            let mut main_device = bridge_in_pre_op();
+            main_device.operate();
+            if !in_op {
+                main_device.request_state(4);
+            }
+            assert_eq!(main_device.write(register, &[0]), 1);
+            let expected = if !in_op && fallen.0 == 8 { (0x04, 0) } else { fallen };
+            assert_eq!(main_device.al_status(), expected, "0x{register:04X}");
+            assert_eq!(main_device.segment.outputs(BRIDGE_ID), None);
+        }
+    }
+    // Switched on again as they have to be, they lead up again once the error is acknowledged.
+    let mut main_device = bridge_in_pre_op();
+    main_device.operate();
+    main_device.write(0x0816, &[0]);
+    main_device.write(0x0816, &[1]);
+    assert_eq!(main_device.al_status(), OUTPUTS);
+    main_device.request_state(0x12);
+    main_device.request_state(4);
+    main_device.request_state(8);
+    assert_eq!(main_device.al_status(), (0x08, 0));
+    assert_eq!(main_device.write(0x1100, &[1; 256]), 1);
+}
+
+#[test]
+fn a_device_without_outputs_shows_its_error_by_the_working_counter_of_its_inputs() {
+    let mut segment = Segment::new();
+    let id = segment.add(&DeviceConfig::new(&SENSOR));
+    segment.set_inputs(id, &[1, 2, 3, 4]).unwrap();
+    let mut main_device = RawMainDevice::start_with(segment, 32);
+    let inputs = sync_managers(&SENSOR)[3];
+    let [low, high] = inputs.start.to_le_bytes();
+    main_device.write(0x0818, &[low, high, 4, 0, 0x20, 0, 1, 0]);
+    main_device.request_state(4);
+    main_device.request_state(8);
+    assert_eq!(main_device.read(inputs.start, 4), (vec![1, 2, 3, 4], 1));
+    main_device.segment.fail(id, AlStatusCode::UNSPECIFIED_ERROR);
+    assert_eq!(main_device.al_status(), (0x14, 0x0001));
+    assert_eq!(main_device.read(inputs.start, 4).1, 0);
+    main_device.request_state(0x14);
+    assert_eq!(main_device.al_status(), (0x04, 0));
+    assert_eq!(main_device.read(inputs.start, 4), (vec![1, 2, 3, 4], 1), "they are there again at once");
 }
 
 #[test]
