@@ -13,7 +13,7 @@ start peer at_robot "$PEERS/ciplink-robot"
 says peer listening
 start plc_node at_plc "$NODES/plc-node" run --setup "$OUT/setup.toml" --interface plc --types rc
 ends plc_node 30
-says plc_node 'rc .* by the robot.s clock   123\.456 ms; 7 motions, 0 blends suppressed, 0 frames lost'
+says plc_node 'rc .* by the robot.s clock   123\.456 ms; 7 motions, 0 blends suppressed, 0 frames missing'
 says peer closed
 recorded
 multicasts=$(tshark -n -r "$OUT/capture.pcapng" -Y 'ip.dst==239.0.0.0/8 && udp.port==2222' 2>/dev/null | wc -l)

@@ -198,7 +198,25 @@ mod tests {
 
     #[test]
     fn an_item_whose_length_does_not_match_its_type_is_unknown() {
-        let packet = Packet::parse(Reader::new(b"\x01\x00\xA1\x00\x02\x00ab")).unwrap();
-        assert_eq!(packet.address, Some(Item::Unknown(kind::CONNECTED_ADDRESS, b"ab")));
+        let lengths = [
+            (kind::NULL_ADDRESS, 0),
+            (kind::CONNECTED_ADDRESS, 4),
+            (kind::SEQUENCED_ADDRESS, 8),
+            (kind::SOCKET_ADDRESS_O_T, 16),
+            (kind::SOCKET_ADDRESS_T_O, 16),
+        ];
+        for (kind, right) in lengths {
+            for len in 0..20_u16 {
+                let mut buf = [0; 32];
+                let mut writer = Writer::new(&mut buf);
+                writer.u16(1);
+                write_item(&mut writer, kind, |writer| writer.zeros(len.into()));
+                let end = writer.finish().unwrap();
+                let item = Items::parse(Reader::new(&buf[..end])).unwrap().next().unwrap().unwrap();
+                let is_unknown =
+                    matches!(item, Item::Unknown(named, data) if named == kind && data.len() == end - 6);
+                assert_eq!(is_unknown, len != right, "{kind:04X} with {len} bytes");
+            }
+        }
     }
 }

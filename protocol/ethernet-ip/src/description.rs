@@ -104,6 +104,12 @@ impl Description {
         self.assemblies.iter().find(|assembly| assembly.role == role)
     }
 
+    /// Returns the number of connections of every kind that the device serves at a time.
+    pub(crate) fn connections(&self) -> usize {
+        let Self { exclusive_owners, input_only, listen_only, explicit, .. } = *self;
+        [exclusive_owners, input_only, listen_only, explicit].into_iter().map(usize::from).sum()
+    }
+
     /// Returns the key that matches this device and no other.
     #[must_use]
     pub const fn key(&self) -> ElectronicKey {

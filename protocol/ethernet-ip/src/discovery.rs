@@ -56,11 +56,12 @@ impl<'a> IdentityReply<'a> {
             return None;
         }
         let data = datagram.get(HEADER_LEN..HEADER_LEN + usize::from(header.length))?;
-        let mut items = Items::parse(Reader::new(data)).ok()?;
-        match items.next()?.ok()? {
+        // A device may have more to say, for example how it is secured.
+        let items = Items::parse(Reader::new(data)).ok()?;
+        items.map_while(Result::ok).find_map(|item| match item {
             Item::Unknown(kind::LIST_IDENTITY, item) => Self::parse_item(item).ok(),
             _ => None,
-        }
+        })
     }
 
     fn parse_item(item: &'a [u8]) -> Result<Self, Truncated> {
@@ -82,6 +83,7 @@ impl<'a> IdentityReply<'a> {
 mod tests {
     use super::super::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
     use super::*;
+    use crate::cpf::{write_address, write_item};
     use crate::samples::DEVICE;
     use core::net::Ipv4Addr;
     use machine::{Instant, Machine, Port, Source};
@@ -111,5 +113,29 @@ mod tests {
         assert_eq!(found.identity, Identity { key: DEVICE.key(), serial_number: 0x1234_5678 });
         assert_eq!((found.product_name, found.state), (DEVICE.product_name.as_bytes(), 3));
         assert!((0..answer.len).all(|cut| IdentityReply::parse(&buf[..cut]).is_none()));
+        // The command and the status stand at bytes 0 and 8 of the header.
+        for (place, value) in [(0, 0x64), (8, 0x01)] {
+            let mut other = buf;
+            other[place] = value;
+            assert_eq!(IdentityReply::parse(&other[..answer.len]), None, "{value} at byte {place}");
+        }
+    }
+
+    #[test]
+    fn an_identity_is_found_behind_another_item() {
+        let mut buf = [0; 128];
+        let header = Header::request(Command::ListIdentity, 0);
+        let len = header.emit(&mut buf, |writer| {
+            writer.u16(2);
+            // CIP Security information (volume 8).
+            write_item(writer, 0x0086, |writer| writer.bytes(&[0; 8]));
+            write_item(writer, kind::LIST_IDENTITY, |writer| {
+                writer.u16(1);
+                write_address(writer, SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 9), ENCAPSULATION_PORT));
+                writer.bytes(b"\x01\0\x0C\0\x41\0\x02\x03\x34\0\x78\x56\x34\x12\x04name\x03");
+            });
+        });
+        let found = IdentityReply::parse(&buf[..len.unwrap()]).unwrap();
+        assert_eq!((found.product_name, found.identity.serial_number), (&b"name"[..], 0x1234_5678));
     }
 }

@@ -256,6 +256,21 @@ mod tests {
     }
 
     #[test]
+    fn a_message_may_be_as_long_as_a_frame_and_no_longer() {
+        for (len, is_whole) in [(4_096, true), (4_097, false)] {
+            let mut reassembly = Reassembly::default();
+            let mut message = vec![0; len];
+            message[2..4].copy_from_slice(&u16::try_from(len - HEADER_LEN).unwrap().to_le_bytes());
+            reassembly.push(&message).unwrap();
+            assert_eq!(
+                matches!(reassembly.next_message(), Some(Message::Whole(..))),
+                is_whole,
+                "{len} bytes"
+            );
+        }
+    }
+
+    #[test]
     fn a_stream_whose_messages_are_not_taken_overflows_and_does_not_grow() {
         let mut reassembly = Reassembly::default();
         let pushed = (0..1_000).take_while(|_| reassembly.push(REGISTER).is_ok()).count();

@@ -8,7 +8,7 @@ import time
 
 from ethernetip import EtherNetIP
 
-from skill_image import LENGTH, Plc
+from skill_image import LENGTH, Plc, check
 
 address, rpi = sys.argv[1], int(sys.argv[2])
 enip = EtherNetIP(address)
@@ -27,8 +27,14 @@ def exchange(command):
     # It keeps one list entry a bit.
     outputs[:] = [bool(byte >> bit & 1) for byte in command for bit in range(8)]
     time.sleep(rpi / 1000)
-    bits = inputs[:]
-    return bytes(sum(bool(bits[8 * at + bit]) << bit for bit in range(8)) for at in range(LENGTH))
+    for _ in range(100):
+        bits = inputs[:]
+        image = bytes(sum(bool(bits[8 * at + bit]) << bit for bit in range(8)) for at in range(LENGTH))
+        if int.from_bytes(image[116:120], "little") == check(image, 116):
+            break
+        # Its receiver unpacks a frame bit by bit, in a thread of its own, and may have done half of it.
+        time.sleep(0.001)
+    return image
 
 
 Plc("<").run(exchange)

@@ -42,36 +42,56 @@ pub(super) fn answer(
     buf: &mut [u8],
 ) -> Answer {
     let (header, data) = match message {
-        Message::Whole(header, data) => (header, data),
-        Message::TooLong(header) => {
-            state.counters.malformed += 1;
-            return reply(&header, Status::InvalidLength, buf, |_| {});
-        }
+        Message::Whole(header, data) => (header, Some(data)),
+        Message::TooLong(header) => (header, None),
     };
-    if header.options != 0 {
+    // The length of a NOP does not matter (volume 2, 2-4.2).
+    if header.command == Command::Nop {
+        return Answer::None;
+    }
+    if !is_request(&header) {
         state.counters.malformed += 1;
         return Answer::None;
     }
+    let is_own = header.session == session.handle;
+    match header.command {
+        Command::UnRegisterSession => return if is_own { Answer::Close } else { Answer::None },
+        Command::SendRRData | Command::SendUnitData if session.handle == 0 || !is_own => {
+            return reply(&header, Status::InvalidSession, buf, |_| {});
+        }
+        _ => {}
+    }
+    let Some(data) = data else {
+        state.counters.malformed += 1;
+        return reply(&header, Status::InvalidLength, buf, |_| {});
+    };
     match header.command {
         Command::RegisterSession => register(session, next_handle, &header, data, buf),
-        Command::UnRegisterSession if header.session == session.handle => Answer::Close,
-        Command::UnRegisterSession => Answer::None,
-        Command::SendRRData | Command::SendUnitData
-            if session.handle == 0 || header.session != session.handle =>
-        {
-            reply(&header, Status::InvalidSession, buf, |_| {})
-        }
         Command::SendRRData => send_rr_data(state, now, session, &header, data, buf),
         Command::SendUnitData => send_unit_data(state, now, session.stream, session.peer, &header, data, buf),
         _ => list(state, &header, buf),
     }
 }
 
+/// Returns whether a header is that of a request. Its status and options are 0; other messages are ignored without a
+/// reply (volume 2, 2-3.5 and 2-3.7), so that no two devices answer each other's refusals for ever.
+pub(super) fn is_request(header: &Header) -> bool {
+    header.status == Status::Success && header.options == 0
+}
+
+/// Returns whether a datagram is one whole request. The commands that are answered over UDP have no data in a request
+/// (volume 2, 2-4.1): a datagram with data is the answer of another device, sent from the port of requests.
+pub(super) fn is_request_datagram(header: &Header, len: usize) -> bool {
+    let may_have_data =
+        !matches!(header.command, Command::ListServices | Command::ListIdentity | Command::ListInterfaces);
+    is_request(header)
+        && len == HEADER_LEN + usize::from(header.length)
+        && (header.length == 0 || may_have_data)
+}
+
 /// Answers the message in a UDP datagram. Returns the reply's length.
 pub(super) fn answer_datagram(state: &mut State, datagram: &[u8], buf: &mut [u8]) -> Option<usize> {
-    let whole = Header::parse(datagram)
-        .ok()
-        .filter(|header| header.options == 0 && datagram.len() == HEADER_LEN + usize::from(header.length));
+    let whole = Header::parse(datagram).ok().filter(|header| is_request_datagram(header, datagram.len()));
     let Some(header) = whole else {
         state.counters.malformed += 1;
         return None;
@@ -245,6 +265,10 @@ fn send_unit_data(
         let room = room.min(scratch.len());
         let len = state.route(&mut context, request, scratch.get_mut(..room).unwrap_or_default());
         let cip = scratch.get(..len).unwrap_or_default();
+        if cip.is_empty() {
+            // Not even the refusal fits into the connection.
+            return Answer::None;
+        }
         state.explicit.store_reply(o_t_id, count, cip);
         write(buf, cip)
     })

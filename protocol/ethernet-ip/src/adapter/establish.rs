@@ -1,6 +1,6 @@
 //! Checks requests to open a connection, and opens it (volume 1, 3-5.5.2 and 3-6; volume 2, 3-3).
 
-use core::net::SocketAddrV4;
+use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::explicit::{ExplicitConnection, MAX_SIZE};
 use super::io::{IoConnection, Kind, Producer};
@@ -13,6 +13,7 @@ use crate::connection::{
     Watchdog, sequence,
 };
 use crate::description::{Assembly, Role};
+use crate::objects::MULTICASTS;
 use machine::{Cycle, Duration, Peer};
 
 /// The longest packet interval of a class 3 connection, in µs: its timeout is at most 512 times that.
@@ -85,12 +86,13 @@ impl State {
         request: &OpenRequest<'_>,
         application: &Application<'_>,
     ) -> Result<OpenReply, Violation> {
-        match application.class {
-            Some(class::ASSEMBLY) | None => {}
-            Some(_) => return Err(Violation::NullForwardOpen),
+        match (application.class, application.points) {
+            // A ping names the Identity (volume 1, table 3-5.13).
+            (Some(class::IDENTITY), [Some(1), None, None]) | (Some(class::ASSEMBLY) | None, _) => {}
+            _ => return Err(Violation::NullForwardOpen),
         }
         if !application.configuration.is_empty() {
-            return Err(Violation::ConfigurationSize);
+            return Err(self.configuration_size());
         }
         let description = self.device.description;
         let served = |rpi: u32| rpi.clamp(description.min_rpi_us, description.max_rpi_us);
@@ -145,6 +147,7 @@ impl State {
             kind: points.kind,
             points: points.named,
             originator: *context.peer.ip(),
+            stream: Some(context.stream),
             o_t_id,
             o_t_len: usize::from(o_t.size.saturating_sub(SEQUENCE_LEN)),
             watchdog: Watchdog::start(context.now, multiplier.timeout(micros(o_t_rpi_us))),
@@ -203,7 +206,7 @@ impl State {
             return Err(Violation::InconsistentPathCombination);
         }
         if !application.configuration.is_empty() {
-            return Err(Violation::ConfigurationSize);
+            return Err(self.configuration_size());
         }
         let consumed = find(consumed, Violation::ConsumingPath)?;
         let produced = find(produced, Violation::ProducingPath)?;
@@ -214,6 +217,12 @@ impl State {
             _ => return Err(Violation::InconsistentPathCombination),
         };
         Ok(IoAssemblies { kind, consumed, produced, named })
+    }
+
+    /// Returns the refusal of configuration data, with the size that would do.
+    fn configuration_size(&self) -> Violation {
+        let assembly = self.device.description.role(Role::Configuration);
+        Violation::ConfigurationSize(assembly.map_or(0, |assembly| assembly.size.div_ceil(2)))
     }
 
     /// Checks that one more connection of this kind may be opened.
@@ -255,13 +264,19 @@ impl State {
             (Some(running), _) => *producer = Producer { sends: false, ..running },
             (None, Some(violation)) if kind != Kind::ExclusiveOwner => return Err(violation),
             (None, _) => {
-                let index = u32::from(refused.is_some());
                 producer.id = self.fresh_id();
-                producer.to = SocketAddrV4::new(self.device.network.multicast(index), IO_PORT);
+                producer.to = SocketAddrV4::new(self.free_group(), IO_PORT);
             }
         }
         context.reply_socket_t_o = Some(producer.to);
         Ok(())
+    }
+
+    /// Returns the device's first multicast address that no running multicast has.
+    fn free_group(&self) -> Ipv4Addr {
+        let address = |index| self.device.network.multicast(index);
+        let is_free = |group: &Ipv4Addr| self.io.multicasts().all(|running| running.to.ip() != group);
+        (0..MULTICASTS.into()).map(address).find(is_free).unwrap_or_else(|| address(0))
     }
 
     fn open_explicit(

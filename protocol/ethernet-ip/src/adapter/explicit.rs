@@ -93,9 +93,9 @@ impl ExplicitConnections {
         }
     }
 
-    /// Ends the connection of this triad on this TCP connection. Returns whether there was one.
-    pub(super) fn remove(&mut self, stream: StreamId, triad: &Triad) -> bool {
-        self.remove_unless(|connection| connection.triad != *triad || connection.stream != stream) > 0
+    /// Ends the connection of a host by its triad. Returns whether there was one.
+    pub(super) fn remove_of(&mut self, host: Ipv4Addr, triad: &Triad) -> bool {
+        self.remove_unless(|connection| connection.triad != *triad || connection.host != host) > 0
     }
 
     pub(super) fn retain(&mut self, alive: impl Fn(StreamId) -> bool) {
@@ -106,9 +106,14 @@ impl ExplicitConnections {
         self.remove_unless(|_| false);
     }
 
-    /// Ends the expired connections and returns their number.
-    pub(super) fn remove_expired(&mut self, now: Instant) -> usize {
-        self.remove_unless(|connection| !connection.watchdog.expired(now))
+    /// Ends a connection that expired and returns its TCP connection.
+    pub(super) fn remove_expired(&mut self, now: Instant) -> Option<StreamId> {
+        let expired = |connection: &ExplicitConnection| connection.watchdog.expired(now);
+        let mut slots = self.slots.iter_mut().map(|slot| &mut slot.connection);
+        let place = slots.find(|place| place.as_ref().is_some_and(expired))?;
+        let stream = place.take()?.stream;
+        self.open -= 1;
+        Some(stream)
     }
 
     fn remove_unless(&mut self, wanted: impl Fn(&ExplicitConnection) -> bool) -> usize {

@@ -7,7 +7,7 @@ use crate::class1::{Frame, RUN_IDLE_LEN};
 use crate::connection::{Inhibit, Parameters, Triad, Trigger, Watchdog};
 use crate::description::Description;
 use crate::objects::AssemblyData;
-use machine::{Cycle, Instant, Sequence};
+use machine::{Cycle, Instant, Sequence, StreamId};
 
 /// What a connection may do with the outputs (volume 1, 3-6.4).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -28,6 +28,8 @@ pub(super) struct IoConnection {
     /// Assemblies that it was opened to: configuration, consumed, produced.
     pub(super) points: [Option<u32>; 3],
     pub(super) originator: Ipv4Addr,
+    /// The TCP connection over which it was opened, while that is there.
+    pub(super) stream: Option<StreamId>,
     pub(super) o_t_id: u32,
     /// Bytes behind the sequence count of an O→T frame.
     pub(super) o_t_len: usize,
@@ -53,7 +55,9 @@ pub(super) struct Producer {
     pub(super) cycle: Cycle,
     pub(super) trigger: Trigger,
     pub(super) inhibit: Inhibit,
+    /// Number of the last frame.
     pub(super) sequence: u32,
+    /// Sequence count of the last data.
     pub(super) count: u16,
     /// The data changed since the last frame.
     pub(super) changed: bool,
@@ -111,10 +115,13 @@ impl Producer {
             let period = self.cycle.period();
             self.cycle = Cycle::new(now + period, period);
         }
+        // Where changes trigger frames, one that only time triggers repeats the data, and therefore their count (volume 1,
+        // 3-4.1); the number of the frame counts each frame (volume 2, 3-2.2.1).
+        let is_new = self.changed || !self.sends_on_change() || self.sequence == 0;
         self.changed = false;
         self.inhibit.produced(now);
         self.sequence = self.sequence.wrapping_add(1);
-        self.count = self.count.wrapping_add(1);
+        self.count = self.count.wrapping_add(is_new.into());
         let Self { id, to, sequence, count, assembly, dscp, .. } = *self;
         Some(Due { id, to, sequence, count, assembly, dscp })
     }
@@ -223,10 +230,23 @@ impl IoConnections {
         self.open.iter_mut().find_map(|connection| connection.producer.produce(now))
     }
 
-    /// Ends a connection that expired, and the connections that depend on it. Returns its kind.
-    pub(super) fn remove_expired(&mut self, now: Instant) -> Option<Kind> {
+    /// Returns whether a connection was opened over this TCP connection.
+    pub(super) fn was_opened_over(&self, stream: StreamId) -> bool {
+        self.open.iter().any(|connection| connection.stream == Some(stream))
+    }
+
+    /// Forgets TCP connections that are gone.
+    pub(super) fn retain_streams(&mut self, alive: impl Fn(StreamId) -> bool) {
+        for connection in &mut self.open {
+            connection.stream = connection.stream.filter(|stream| alive(*stream));
+        }
+    }
+
+    /// Ends a connection that expired, and the connections that depend on it. Returns its kind, and its TCP connection.
+    pub(super) fn remove_expired(&mut self, now: Instant) -> Option<(Kind, Option<StreamId>)> {
         let index = self.open.iter().position(|connection| connection.watchdog.expired(now))?;
-        Some(self.remove_at(index))
+        let stream = self.open.get(index)?.stream;
+        Some((self.remove_at(index), stream))
     }
 
     /// Ends a connection of a host, and the connections that depend on it. Returns its kind.

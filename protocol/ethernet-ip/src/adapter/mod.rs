@@ -18,12 +18,12 @@ use alloc::vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use self::delayed::Delayed;
-use self::encapsulated::{Answer, answer_datagram, list_identity};
+use self::encapsulated::{Answer, answer_datagram, is_request_datagram, list_identity};
 use self::sessions::Sessions;
 use self::state::State;
 use super::data::DataError;
 use super::description::{Assembly, Description, Role};
-use super::encapsulation::{Command, HEADER_LEN, Header, MAX_MESSAGE_LEN};
+use super::encapsulation::{Command, Header, MAX_MESSAGE_LEN};
 use super::objects::{Device, Network};
 use super::{ENCAPSULATION_PORT, IO_PORT};
 use machine::{Allowed, Counters, DownCause, LinkEvent, Peer, Requested};
@@ -110,7 +110,11 @@ impl Machine for Adapter {
                 }
                 None => self.state.counters.malformed += 1,
             },
-            (Port::Stream(stream), _) => self.sessions.receive(now, stream, frame),
+            (Port::Stream(stream), _) => {
+                if self.sessions.receive(now, stream, frame) {
+                    self.drop_orphans();
+                }
+            }
             _ => self.state.counters.foreign += 1,
         }
     }
@@ -120,9 +124,7 @@ impl Machine for Adapter {
     fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match (from, Header::parse(frame)) {
             (Source { port: Port::Udp(ENCAPSULATION_PORT), peer: Some(peer) }, Ok(header))
-                if header.command == Command::ListIdentity
-                    && header.options == 0
-                    && frame.len() == HEADER_LEN + usize::from(header.length) =>
+                if header.command == Command::ListIdentity && is_request_datagram(&header, frame.len()) =>
             {
                 self.delayed.add(now, peer, header);
             }
@@ -158,6 +160,9 @@ impl Machine for Adapter {
 
     fn handle_timeout(&mut self, now: Instant) {
         self.state.check_watchdogs(now);
+        while let Some(stream) = self.state.silent.pop_front() {
+            self.sessions.end(stream);
+        }
         self.sessions.check_inactivity(now, self.state.device.network.inactivity());
         self.drop_orphans();
     }
@@ -212,10 +217,11 @@ impl Adapter {
         sessions.open(now, stream, peer, state.io.owner(), |stream| state.explicit.carries(stream));
     }
 
-    /// Closes the class 3 connections whose TCP connection has ended.
+    /// Closes the class 3 connections whose TCP connection has ended. Class 1 connections go on without theirs.
     fn drop_orphans(&mut self) {
         let sessions = &self.sessions;
         self.state.explicit.retain(|stream| sessions.has(stream));
+        self.state.io.retain_streams(|stream| sessions.has(stream));
     }
 }
 

@@ -29,12 +29,9 @@ impl State {
                 if context.depth >= MAX_DEPTH {
                     return emit_refusal(reply, request.service, Violation::NestedTooDeep, |_| {});
                 }
-                context.depth += 1;
                 // A Multiple_Service within another is not allowed.
-                let depth = core::mem::replace(&mut context.depth, MAX_DEPTH);
-                let len = multiple_service(data, reply, |one, reply| self.route(context, one, reply));
-                context.depth = depth - 1;
-                len
+                context.depth = MAX_DEPTH;
+                multiple_service(data, reply, |one, reply| self.route(context, one, reply))
             }
             (Some(class::CONNECTION_MANAGER), Some(1), service) => match service {
                 service::FORWARD_OPEN => self.forward_open(context, data, service, reply),
@@ -132,7 +129,8 @@ impl State {
                 return Err(Violation::ForwardClosePath);
             }
         }
-        if !self.explicit.remove(context.stream, &triad) {
+        // By any TCP connection of the host: the one that opened it may be dead, and only this end does not know it yet.
+        if !self.explicit.remove_of(host, &triad) {
             let known = self.io.find(&triad).is_some() || self.explicit.find(&triad).is_some();
             if !known {
                 return Err(Violation::ConnectionNotFound);
@@ -163,9 +161,7 @@ impl State {
         match message {
             Ok(message) => {
                 context.depth += 1;
-                let len = self.route(context, message, reply);
-                context.depth -= 1;
-                len
+                self.route(context, message, reply)
             }
             Err(violation) => emit_refusal(reply, service::UNCONNECTED_SEND, violation, |writer| {
                 // Which router of the route found the error.

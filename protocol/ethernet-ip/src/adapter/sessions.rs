@@ -135,8 +135,9 @@ impl Sessions {
         self.closing.pop_front()
     }
 
-    pub(super) fn receive(&mut self, now: Instant, stream: StreamId, bytes: &[u8]) {
-        let Some(slot) = self.slot(stream) else { return };
+    /// Takes bytes of a client. Returns whether its TCP connection was ended, because more bytes wait than there is room for.
+    pub(super) fn receive(&mut self, now: Instant, stream: StreamId, bytes: &[u8]) -> bool {
+        let Some(slot) = self.slot(stream) else { return false };
         let taken = slot.reassembly.push(bytes).is_ok();
         slot.pending = true;
         if let Some(session) = &mut slot.session {
@@ -147,6 +148,7 @@ impl Sessions {
         if !taken {
             self.end(stream);
         }
+        !taken
     }
 
     /// Answers the next whole message, if there is one.

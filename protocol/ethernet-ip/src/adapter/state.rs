@@ -27,6 +27,8 @@ pub(super) struct State {
     pub(super) explicit: ExplicitConnections,
     pub(super) counters: Counters,
     pub(super) events: VecDeque<LinkEvent>,
+    /// TCP connections to close: all connections that were opened over them have timed out.
+    pub(super) silent: VecDeque<StreamId>,
     /// Buffer in which CIP replies are built.
     pub(super) scratch: Box<[u8]>,
     /// Whether new connections are refused.
@@ -63,6 +65,7 @@ impl State {
             device,
             counters: Counters::default(),
             events: VecDeque::with_capacity(EVENTS),
+            silent: VecDeque::with_capacity(description.connections()),
             scratch: vec![0; MAX_MESSAGE_LEN - ENVELOPE_LEN].into_boxed_slice(),
             closed: false,
             cyclic_dscp: 0,
@@ -118,8 +121,8 @@ impl State {
 
     /// Ends connections whose originators are silent.
     pub(super) fn check_watchdogs(&mut self, now: Instant) {
-        while let Some(kind) = self.io.remove_expired(now) {
-            self.device.manager.timed_out();
+        while let Some((kind, stream)) = self.io.remove_expired(now) {
+            self.timed_out(stream);
             if kind == Kind::ExclusiveOwner {
                 self.device.io.faulted = true;
                 self.follow_owner(Some(Down {
@@ -129,10 +132,19 @@ impl State {
                 }));
             }
         }
-        for _ in 0..self.explicit.remove_expired(now) {
-            self.device.manager.timed_out();
+        while let Some(stream) = self.explicit.remove_expired(now) {
+            self.timed_out(Some(stream));
         }
         self.follow_owner(None);
+    }
+
+    /// Counts a connection that timed out. If it was the last one that was opened over its TCP connection, that one is closed
+    /// too: its other end may be dead (volume 2, 2-5.5.2).
+    fn timed_out(&mut self, stream: Option<StreamId>) {
+        self.device.manager.timed_out();
+        let is_silent =
+            |stream: &StreamId| !self.io.was_opened_over(*stream) && !self.explicit.carries(*stream);
+        self.silent.extend(stream.filter(is_silent));
     }
 
     /// Reports a refused request as an event: its sender is not the owner of the outputs, or not a listed originator.

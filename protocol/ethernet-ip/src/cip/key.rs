@@ -151,6 +151,14 @@ mod tests {
     }
 
     #[test]
+    fn a_key_without_the_compatibility_bit_wants_the_revision_itself() {
+        let parse = |major| ElectronicKey::parse(&mut Reader::new(&[7, 0, 43, 0, 9, 0, major, 4])).unwrap();
+        let revision = Revision { major: 2, minor: 4 };
+        assert_eq!(parse(0x02), ElectronicKey { revision, compatible: false, ..DEVICE });
+        assert_eq!(parse(0x82), ElectronicKey { revision, compatible: true, ..DEVICE });
+    }
+
+    #[test]
     fn a_written_key_is_parsed_unchanged() {
         let mut buf = [0; 10];
         let mut writer = Writer::new(&mut buf);

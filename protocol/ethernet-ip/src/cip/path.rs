@@ -352,6 +352,54 @@ mod tests {
     }
 
     #[test]
+    fn a_symbol_is_short_or_extended_and_filled_up_to_whole_words() {
+        let path = b"\x62ab\0\x63abc\x91\x03abc\0\x20\x04";
+        let symbol = |name: &'static [u8]| Segment::Symbol(name);
+        let class = Segment::Logical(Logical::Class, 4);
+        assert_eq!(segments(path).unwrap(), [symbol(b"ab"), symbol(b"abc"), symbol(b"abc"), class]);
+        assert_eq!(segments(&[0x60, 0]), Err(PathError::UnknownSegment(0x60)));
+    }
+
+    #[test]
+    fn a_network_segment_has_one_byte_or_as_many_words_as_it_says() {
+        let path = [0x41, 7, 0x50, 1, 1, 2, 0x52, 3, 1, 2, 3, 4, 5, 6, 0x20, 4];
+        let network = |kind, data| Segment::Network(kind, data);
+        let expected = [
+            network(0x01, &[7]),
+            network(0x10, &[1, 2]),
+            network(0x12, &[1, 2, 3, 4, 5, 6]),
+            Segment::Logical(Logical::Class, 4),
+        ];
+        assert_eq!(segments(&path).unwrap(), expected);
+    }
+
+    #[test]
+    fn of_the_special_logical_segments_only_the_electronic_key_is_known() {
+        for first in [0x35, 0x36, 0x37, 0x38] {
+            let path = [first, 4, 0, 0, 0, 0, 0, 0, 0, 0];
+            assert_eq!(segments(&path), Err(PathError::UnknownSegment(first)));
+        }
+    }
+
+    #[test]
+    fn each_kind_of_logical_segment_is_written_and_read_by_its_number() {
+        let kinds = [
+            (Logical::Class, 0x20),
+            (Logical::Instance, 0x24),
+            (Logical::Member, 0x28),
+            (Logical::ConnectionPoint, 0x2C),
+            (Logical::Attribute, 0x30),
+        ];
+        for (kind, first) in kinds {
+            let mut buf = [0; 2];
+            let mut writer = Writer::new(&mut buf);
+            write_logical(&mut writer, kind, 9);
+            assert_eq!((writer.finish(), buf), (Ok(2), [first, 9]));
+            assert_eq!(segments(&buf).unwrap(), [Segment::Logical(kind, 9)]);
+        }
+    }
+
+    #[test]
     fn a_number_is_written_in_its_shortest_form() {
         let mut buf = [0; 14];
         let mut writer = Writer::new(&mut buf);

@@ -10,7 +10,7 @@ pub struct Status {
     pub general: G,
     /// The extended status.
     pub extended: Option<E>,
-    /// A word behind the extended status: the device's size, in bytes.
+    /// A word behind the extended status: the device's size, in bytes, or in words where it is that of configuration data.
     pub extra: Option<u16>,
 }
 
@@ -161,8 +161,8 @@ violations! {
     // Forward_Open and Forward_Close: the path.
     /// A class that has no connections.
     ApplicationPath => ConnectionFailure InvalidApplicationPath,
-    /// Configuration data where the configuration assembly has none.
-    ConfigurationSize => ConnectionFailure InvalidConfigurationSize,
+    /// Configuration data of another size than the configuration assembly's; the reply contains that size, in words.
+    ConfigurationSize(size) => ConnectionFailure InvalidConfigurationSize,
     /// A configuration assembly that is not there.
     ConfigurationPath => ConnectionFailure InvalidConfigurationPath,
     /// An O→T assembly that is not there.

@@ -315,6 +315,20 @@ mod tests {
     }
 
     #[test]
+    fn the_replies_to_a_forward_close_name_the_connection_and_have_nothing_behind_it() {
+        let written = |emit: &dyn Fn(&mut Writer<'_>)| {
+            let mut buf = [0xFF; 16];
+            let mut writer = Writer::new(&mut buf);
+            emit(&mut writer);
+            let len = writer.finish().unwrap();
+            buf[..len].to_vec()
+        };
+        let expected = b"\x34\x12\xAB\0\xEF\xCD\xAB\x89\0\0";
+        assert_eq!(written(&|writer| CloseReply { triad: TRIAD }.emit(writer)), expected);
+        assert_eq!(written(&|writer| RefusedReply { triad: TRIAD }.emit(writer)), expected);
+    }
+
+    #[test]
     fn a_forward_close_is_parsed_as_written_and_refused_when_truncated_anywhere() {
         let close = CloseRequest { triad: TRIAD, path: Path(&[0x20, 4, 0x2C, 150, 0x2C, 100]) };
         let mut buf = [0; 64];

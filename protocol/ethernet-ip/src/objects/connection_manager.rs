@@ -50,6 +50,8 @@ pub(super) struct ConnectionManager;
 impl Object for ConnectionManager {
     const REVISION: u16 = 1;
     const ATTRIBUTES: &'static [u16] = &[1, 2, 3, 4, 5, 6, 7, 8];
+    /// Volume 1, table 3-5.4.
+    const CLASS_ATTRIBUTES: &'static [u16] = &[1, 2, 6, 7];
     const SETS_LISTS: bool = true;
 
     fn listed_len(attribute: u16) -> Option<usize> {

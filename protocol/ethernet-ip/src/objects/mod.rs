@@ -15,7 +15,7 @@ pub(super) use identity::{IoState, write_identity_item};
 pub(super) use message_router::multiple_service;
 pub use port::PORT_NUMBER;
 pub(super) use qos::Qos;
-pub(super) use tcp_ip::Network;
+pub(super) use tcp_ip::{MULTICASTS, Network};
 
 use super::cip::{General, Target, Violation, class, service};
 use super::description::Description;
@@ -71,7 +71,7 @@ trait Object {
     const ATTRIBUTES: &'static [u16];
     /// What Get_Attributes_All has, in its order. An attribute in it that the instance does not have is zero there.
     const ALL: &'static [u16] = Self::ATTRIBUTES;
-    /// Attributes of the class, in the order in which its Get_Attributes_All has them.
+    /// What the Get_Attributes_All of the class has, in its order. Attributes 1, 2, 3, 6 and 7 are there in any case.
     const CLASS_ATTRIBUTES: &'static [u16] = &[1, 2, 3];
     /// Whether the instances have Get_Attributes_All.
     const HAS_ALL: bool = true;
@@ -102,8 +102,8 @@ trait Object {
         Err(Violation::NotSettable)
     }
 
-    /// Returns the length of an attribute for Set_Attribute_List, which does not state it; `None` if the attribute cannot
-    /// be set.
+    /// Returns the length of an attribute for Set_Attribute_List, which does not state it; `None` if there is no such
+    /// attribute.
     fn listed_len(_attribute: u16) -> Option<usize> {
         None
     }
@@ -115,7 +115,7 @@ trait Object {
             1 => writer.u16(Self::REVISION),
             2 => writer.u16(number(Self::max_instance(device) as usize)),
             3 => writer.u16(number(Self::instances(device))),
-            6 => writer.u16(Self::CLASS_ATTRIBUTES.iter().copied().max().unwrap_or(0)),
+            6 => writer.u16(Self::CLASS_ATTRIBUTES.iter().copied().max().unwrap_or(0).max(7)),
             7 => writer.u16(Self::ATTRIBUTES.iter().copied().max().unwrap_or(0)),
             _ => return Err(Violation::UnknownAttribute),
         }
@@ -191,7 +191,8 @@ fn serve_class<O: Object>(
         service::SET_ATTRIBUTE_SINGLE => {
             let attribute = attribute()?;
             if instance == 0 || !O::ATTRIBUTES.contains(&attribute) {
-                let known = instance == 0 && O::CLASS_ATTRIBUTES.contains(&attribute);
+                let is_common = matches!(attribute, 1..=3 | 6 | 7);
+                let known = instance == 0 && (is_common || O::CLASS_ATTRIBUTES.contains(&attribute));
                 return Err(if known { Violation::NotSettable } else { Violation::UnknownAttribute });
             }
             O::set(device, instance, attribute, data)?;
@@ -267,7 +268,6 @@ fn set_list<O: Object>(
                 let value = reader.bytes(len).map_err(|_| Violation::TooShort)?;
                 O::set(device, instance, id, value)
             }
-            None if O::ATTRIBUTES.contains(&id) => Err(Violation::NotSettable),
             None => Err(Violation::UnknownAttribute),
         };
         answered += 1;
@@ -287,11 +287,7 @@ fn set_list<O: Object>(
 
 /// Reads the single number that a settable attribute takes.
 fn parse_exact<const N: usize>(data: &[u8]) -> Result<[u8; N], Violation> {
-    match data.len() {
-        len if len < N => Err(Violation::TooShort),
-        len if len > N => Err(Violation::TooLong),
-        _ => data.try_into().map_err(|_| Violation::TooShort),
-    }
+    data.try_into().map_err(|_| if data.len() > N { Violation::TooLong } else { Violation::TooShort })
 }
 
 /// Writes a SHORT_STRING: a length byte and so many characters.

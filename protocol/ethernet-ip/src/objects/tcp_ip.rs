@@ -10,7 +10,7 @@ use machine::Duration;
 const DEFAULT_INACTIVITY_S: u16 = 120;
 
 /// Multicast addresses reserved for each device (volume 2, 3-5.3).
-const MULTICASTS: u16 = 32;
+pub(in super::super) const MULTICASTS: u16 = 32;
 
 /// The device's addresses in the network.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -41,13 +41,12 @@ impl Network {
         (self.inactivity_s > 0).then(|| Duration::from_secs(self.inactivity_s.into()))
     }
 
-    /// Returns one of the device's own multicast addresses, from 0: 239.192.1.0 + 32 · (host − 1) + index (volume 2,
-    /// 3-5.3).
+    /// Returns one of the device's own [`MULTICASTS`] addresses, from 0: 239.192.1.0 + 32 · (the lower ten bits of host − 1) +
+    /// index (volume 2, 3-5.3).
     pub(in super::super) fn multicast(&self, index: u32) -> Ipv4Addr {
-        let host = self.address.to_bits() & !self.mask.to_bits() & 0x3FF;
+        let host = self.address.to_bits() & !self.mask.to_bits();
         let base = Ipv4Addr::new(239, 192, 1, 0).to_bits();
-        let index = index.min(u32::from(MULTICASTS) - 1);
-        Ipv4Addr::from_bits(base + u32::from(MULTICASTS) * host.saturating_sub(1) + index)
+        Ipv4Addr::from_bits(base + u32::from(MULTICASTS) * (host.wrapping_sub(1) & 0x3FF) + index)
     }
 
     /// Returns whether this address is in the device's subnet.
@@ -140,5 +139,17 @@ mod tests {
         assert_eq!(multicast([192, 168, 64, 1]), [239, 192, 1, 0]);
         assert_eq!(multicast([192, 168, 64, 2]), [239, 192, 1, 32]);
         assert_eq!(multicast([192, 168, 64, 254]), [239, 192, 32, 160]);
+    }
+
+    #[test]
+    fn the_1024th_host_of_a_large_subnet_does_not_have_the_addresses_of_the_first() {
+        let multicast = |address: [u8; 4]| {
+            let (mask, gateway) = (Ipv4Addr::new(255, 255, 0, 0), Ipv4Addr::UNSPECIFIED);
+            Network::new(address.into(), mask, gateway, [0; 6]).multicast(0).octets()
+        };
+        assert_eq!(multicast([10, 0, 0, 1]), [239, 192, 1, 0]);
+        assert_eq!(multicast([10, 0, 3, 255]), [239, 192, 128, 192], "host 1023");
+        assert_eq!(multicast([10, 0, 4, 0]), [239, 192, 128, 224], "host 1024");
+        assert_eq!(multicast([10, 0, 4, 1]), [239, 192, 1, 0], "only ten bits are left");
     }
 }

@@ -118,12 +118,20 @@ impl Scanner {
             self.counters.malformed += 1;
             return;
         };
-        let is_its = |connection: &&mut Connection| {
-            peer.is_some_and(|peer| connection.consumes(peer, frame.connection))
+        let Some(peer) = peer else {
+            self.counters.foreign += 1;
+            return;
         };
-        match self.connections.iter_mut().flatten().find(is_its) {
-            Some(connection) => connection.handle_io(now, &frame),
-            None => self.counters.foreign += 1,
+        // Several connections to one adapter may take part in one multicast: they have one connection number.
+        let mut is_known = false;
+        for connection in self.connections.iter_mut().flatten() {
+            if connection.consumes(peer, frame.connection) {
+                connection.handle_io(now, &frame);
+                is_known = true;
+            }
+        }
+        if !is_known {
+            self.counters.foreign += 1;
         }
     }
 

@@ -5,9 +5,9 @@
 use std::net::Ipv4Addr;
 
 use crate::samples::CONSUMED;
-use ethernet_ip::IO_PORT;
 use ethernet_ip::cpf::{kind, write_item};
 use ethernet_ip::encapsulation::{Command, Status};
+use ethernet_ip::{ENCAPSULATION_PORT, IO_PORT};
 use machine::wire::{LittleEndian, Writer};
 use machine::{Duration, StreamId};
 
@@ -104,6 +104,27 @@ fn a_message_that_is_too_long_is_refused_and_the_one_behind_it_is_answered() {
 }
 
 #[test]
+fn a_client_that_sends_more_than_there_is_room_for_loses_its_connections_at_once() {
+    let (mut rig, bad) = rig();
+    rig.open(bad, &explicit(1));
+    assert_eq!(rig.adapter.connections(), (1, 1));
+    rig.send(bad.stream, &[0x65; 9_000]);
+    assert_eq!(rig.closed, [bad.stream]);
+    assert_eq!(rig.adapter.connections(), (1, 0));
+    rig.assert_good_scanner_is_served();
+}
+
+#[test]
+fn a_reply_that_fits_into_no_message_of_a_connection_is_not_sent() {
+    let (mut rig, bad) = rig();
+    let mut tiny = explicit(1);
+    tiny.t_o.size = 4;
+    let opened = rig.open(bad, &tiny);
+    assert_eq!(rig.request_connected(bad, &opened, 1, VENDOR), None);
+    rig.assert_good_scanner_is_served();
+}
+
+#[test]
 fn a_stream_of_garbage_is_answered_within_bounds() {
     let (mut rig, bad) = rig();
     for seed in 0..50_u32 {
@@ -120,6 +141,74 @@ fn options_that_are_not_zero_throw_the_message_away() {
     odd[20] = 1;
     rig.send(bad.stream, &odd);
     assert!(rig.read(bad.stream).is_none() && rig.ask_udp(&odd).is_empty());
+    rig.assert_good_scanner_is_served();
+}
+
+#[test]
+fn a_message_with_a_status_is_no_request_and_is_not_answered() {
+    let (mut rig, bad) = rig();
+    for command in
+        [Command::ListIdentity, Command::RegisterSession, Command::SendRRData, Command::Unknown(0x1234)]
+    {
+        let mut odd = message(command, bad.session, &[]);
+        odd[8] = 1;
+        rig.send(bad.stream, &odd);
+        assert!(rig.read(bad.stream).is_none(), "{command:?} over TCP");
+        assert!(rig.ask_udp(&odd).is_empty(), "{command:?} over UDP");
+        rig.broadcast(ENCAPSULATION_PORT, peer(PLC, 40_000), &odd);
+        rig.advance(Duration::from_secs(3));
+        let late = rig.datagrams.iter().filter(|(_, port, ..)| *port == ENCAPSULATION_PORT);
+        assert_eq!(late.count(), 0, "{command:?} to all");
+    }
+    rig.assert_good_scanner_is_served();
+}
+
+#[test]
+fn two_adapters_do_not_answer_each_others_answers() {
+    let commands = [
+        (Command::ListIdentity, 56),
+        (Command::ListServices, 26),
+        (Command::ListInterfaces, 2),
+        (Command::SendRRData, 0),
+        (Command::Unknown(0x1234), 0),
+    ];
+    for (command, length) in commands {
+        let mut first = Rig::new();
+        let answers = first.ask_udp(&message(command, 0, &[]));
+        assert_eq!(answers.len(), 1, "{command:?}");
+        assert_eq!(answers[0].len(), 24 + length, "{command:?}");
+        let mut second = Rig::new();
+        assert!(second.ask_udp(&answers[0]).is_empty(), "{command:?}");
+        second.broadcast(ENCAPSULATION_PORT, peer(PLC, 40_000), &answers[0]);
+        second.advance(Duration::from_secs(3));
+        assert!(second.datagrams.is_empty(), "{command:?} to all");
+    }
+}
+
+#[test]
+fn commands_without_a_reply_get_none_however_long_they_are() {
+    let (mut rig, bad) = rig();
+    let too_long = |command, session| {
+        let mut long = message(command, session, &[]);
+        long[2..4].copy_from_slice(&30_000_u16.to_le_bytes());
+        long
+    };
+    rig.send(bad.stream, &too_long(Command::Nop, 0));
+    for chunk in [0x65; 30_000].chunks(1_000) {
+        rig.send(bad.stream, chunk);
+    }
+    assert!(rig.read(bad.stream).is_none(), "a NOP");
+    let mut odd = too_long(Command::SendRRData, bad.session);
+    odd[20] = 1;
+    rig.send(bad.stream, &odd);
+    for chunk in [0x65; 30_000].chunks(1_000) {
+        rig.send(bad.stream, chunk);
+    }
+    assert!(rig.read(bad.stream).is_none(), "options that are not zero");
+    assert!(rig.closed.is_empty());
+    rig.send(bad.stream, &too_long(Command::UnRegisterSession, bad.session));
+    assert!(rig.read(bad.stream).is_none(), "UnRegisterSession");
+    assert_eq!(rig.closed, [bad.stream]);
     rig.assert_good_scanner_is_served();
 }
 

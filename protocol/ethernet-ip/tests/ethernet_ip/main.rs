@@ -4,13 +4,17 @@
 
 mod cell;
 mod client;
+mod dissected;
 mod exchange;
 mod fuzz;
 mod hostile;
+mod limits;
 mod objects;
 mod refusals;
 mod samples;
+mod scanner_alone;
 mod scanner_hostile;
+mod search;
 mod single_connection;
 mod strangers;
 mod two_adapters;

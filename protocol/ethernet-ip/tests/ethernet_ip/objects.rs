@@ -12,7 +12,9 @@ use ethernet_ip::{AdapterConfig, ENCAPSULATION_PORT};
 use machine::{Duration, Instant, Machine, Port};
 
 use crate::cell::{PLC, ROBOT, adapter_config};
-use crate::client::{Client, INPUT_ONLY_PATH, Rig, close_message, explicit, heartbeat, message, owner, peer};
+use crate::client::{
+    Client, INPUT_ONLY_PATH, Rig, close_message, explicit, heartbeat, message, owner, peer, unconnected,
+};
 
 fn rig() -> (Rig, Client) {
     let mut rig = Rig::new();
@@ -117,6 +119,8 @@ fn the_identity_tells_what_io_does() {
     rig.io(PLC, opened.o_t_id, 1, Some(true), &[0; 256]);
     assert_eq!(status(&mut rig), 0x0065, "owned, running");
     rig.advance(Duration::from_millis(50));
+    let client = rig.client();
+    let status = |rig: &mut Rig| u16::from_le_bytes(get(rig, client, 1, 1, 5).1.try_into().unwrap());
     assert_eq!(status(&mut rig), 0x0124, "a connection timed out");
 }
 
@@ -167,6 +171,27 @@ fn every_object_answers_each_of_its_attributes_and_its_class_attributes() {
 }
 
 #[test]
+fn each_class_names_its_highest_attributes_and_lets_none_of_its_own_be_set() {
+    let (mut rig, client) = rig();
+    for (class, instance) in [(1, 1), (2, 1), (4, 100), (6, 1), (0x48, 1), (0xF4, 1), (0xF5, 1), (0xF6, 1)] {
+        let highest = |rig: &mut Rig, instance: u8| {
+            let there = (0..=20).filter(|id| get(rig, client, class, instance, *id).0 == 0);
+            u16::from(there.max().unwrap()).to_le_bytes().to_vec()
+        };
+        let (of_class, of_instance) = (highest(&mut rig, 0), highest(&mut rig, instance));
+        assert_eq!(get(&mut rig, client, class, 0, 6), (0, of_class), "attribute 6 of class {class:02X}");
+        assert_eq!(get(&mut rig, client, class, 0, 7), (0, of_instance), "attribute 7 of class {class:02X}");
+        for id in 0..=20 {
+            let expected = if get(&mut rig, client, class, 0, id).0 == 0 { 0x0E } else { 0x14 };
+            assert_eq!(set(&mut rig, client, class, 0, id, &[1, 0]), expected, "{id} of class {class:02X}");
+        }
+    }
+    // Revision, highest instance, highest attribute of the class and of the instance.
+    let manager = rig.request(client, &[1, 2, 0x20, 6, 0x24, 0]);
+    assert_eq!((manager.general, &manager.data[..]), (General::Success, &[1, 0, 1, 0, 7, 0, 8, 0][..]));
+}
+
+#[test]
 fn paths_of_8_16_and_32_bits_lead_to_the_same_attribute() {
     let (mut rig, client) = rig();
     let short = rig.request(client, b"\x0E\x03\x20\x01\x24\x01\x30\x01");
@@ -186,6 +211,9 @@ fn what_can_be_set_keeps_its_value_and_what_cannot_says_so() {
     assert_eq!(set(&mut rig, client, 0xF5, 1, 13, &[60, 0]), 0);
     assert_eq!(get(&mut rig, client, 0xF5, 1, 13).1, [60, 0]);
     assert_eq!(set(&mut rig, client, 0xF5, 1, 13, &[0xFF, 0xFF]), 0x09);
+    assert_eq!(set(&mut rig, client, 0xF5, 1, 3, &[0; 4]), 0, "configured statically, as it is");
+    assert_eq!(set(&mut rig, client, 0xF5, 1, 3, &[2, 0, 0, 0]), 0x09, "there is no DHCP");
+    assert_eq!(set(&mut rig, client, 0xF5, 1, 3, &[0; 3]), 0x13);
     assert_eq!(set(&mut rig, client, 0xF5, 1, 5, &[0; 22]), 0x0E);
     assert_eq!(set(&mut rig, client, 0x01, 1, 1, &[0; 2]), 0x0E);
     assert_eq!(set(&mut rig, client, 0x01, 1, 77, &[0; 2]), 0x14);
@@ -305,8 +333,10 @@ fn a_flood_of_questions_to_all_is_answered_within_bounds() {
 fn a_reset_takes_settings_back_but_not_from_a_robot_in_use() {
     let (mut rig, client) = rig();
     set(&mut rig, client, 0x48, 1, 5, &[1]);
+    set(&mut rig, client, 0xF5, 1, 13, &[7, 0]);
     assert_eq!(rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, 1]).general, General::Success);
     assert_eq!(get(&mut rig, client, 0x48, 1, 5).1, [47]);
+    assert_eq!(get(&mut rig, client, 0xF5, 1, 13).1, [120, 0]);
     assert_eq!(rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, 9]).general, General::InvalidParameter);
     rig.open(client, &owner(1));
     assert_eq!(rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, 0]).general, General::DeviceStateConflict);
@@ -380,6 +410,20 @@ fn a_class_3_connection_is_closed_by_the_path_that_opened_it_or_none_and_by_no_o
 }
 
 #[test]
+fn a_class_3_connection_is_closed_over_another_tcp_connection_of_its_host_and_of_no_other_host() {
+    let (mut rig, dead) = rig();
+    rig.open(dead, &explicit(1));
+    let stranger = rig.client_from(ROBOT);
+    let close = close_message(explicit(1).triad, &[]);
+    assert_eq!(rig.request(stranger, &close).status(), (0x0F, 0));
+    // The cable was pulled: the client connects anew before the adapter notices that the old TCP connection is dead.
+    let anew = rig.client();
+    assert_eq!(rig.request(anew, &close).general, General::Success);
+    assert_eq!(rig.adapter.connections(), (0, 0));
+    rig.open(anew, &explicit(1));
+}
+
+#[test]
 fn six_class_3_connections_work_side_by_side_and_end_with_their_tcp_connection() {
     let (mut rig, client) = rig();
     let others = [rig.client(), rig.client()];
@@ -406,6 +450,38 @@ fn a_class_3_connection_times_out_when_nobody_uses_it() {
     assert_eq!(rig.adapter.connections(), (0, 1));
     rig.advance(Duration::from_secs(2));
     assert_eq!(rig.adapter.connections(), (0, 0));
+    assert_eq!(rig.closed, [client.stream]);
+}
+
+#[test]
+fn a_tcp_connection_is_closed_when_the_last_connection_that_was_opened_over_it_times_out() {
+    let (mut rig, client) = rig();
+    let (other, idle) = (rig.client(), rig.client());
+    let first = rig.open(client, &explicit(1));
+    rig.open(client, &owner(2));
+    rig.open(client, &explicit(3));
+    rig.open(other, &heartbeat(4, INPUT_ONLY_PATH));
+    // The owner never sends: its connection ends after 10 s. One of class 3 is used, so that the client is there.
+    rig.advance(Duration::from_secs(11));
+    assert_eq!(rig.adapter.connections(), (0, 2));
+    assert_eq!(rig.closed, [other.stream], "the viewer's, which carries nothing any more");
+    assert!(rig.request_connected(client, &first, 1, &[0x0E, 3, 0x20, 1, 0x24, 1, 0x30, 1]).is_some());
+    rig.advance(Duration::from_secs(25));
+    assert_eq!((rig.adapter.connections(), rig.closed.len()), ((0, 1), 1), "one of two timed out");
+    rig.advance(Duration::from_secs(10));
+    assert_eq!(rig.adapter.connections(), (0, 0));
+    assert_eq!(rig.closed, [other.stream, client.stream]);
+    assert_eq!(get(&mut rig, idle, 1, 1, 1).0, 0, "a session without connections stays");
+}
+
+#[test]
+fn a_tcp_connection_that_is_gone_is_not_closed_again_when_its_connection_times_out() {
+    let (mut rig, client) = rig();
+    rig.open(client, &owner(1));
+    rig.hang_up(client.stream);
+    assert_eq!(rig.adapter.connections(), (1, 0), "cyclic data do not need it");
+    rig.advance(Duration::from_secs(11));
+    assert_eq!((rig.adapter.connections(), rig.closed.len()), ((0, 0), 0));
 }
 
 #[test]
@@ -425,6 +501,7 @@ fn the_connection_manager_counts_what_it_opened_refused_closed_and_lost() {
     let _ = rig.try_open(client, &owner(2));
     rig.request(client, &close_message(owner(9).triad, &[]));
     rig.advance(Duration::from_secs(11));
+    let client = rig.client();
     let counts = rig.request(client, &[1, 2, 0x20, 6, 0x24, 1]).data;
     assert_eq!(counts, [2, 0, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 1, 0, 1, 0]);
 }
@@ -450,4 +527,126 @@ fn a_foreign_host_cannot_close_a_connection_and_a_wrong_path_is_named() {
     assert_eq!(rig.request(client, &close(&[0x20, 4, 0x2C, 152, 0x2C, 100])).status(), (1, 0x0316));
     assert_eq!(rig.request(client, &close(&[0x20, 4, 0x2C, 150, 0x2C, 100])).general, General::Success);
     assert_eq!(rig.request(client, &close(&[])).status(), (1, 0x0107));
+}
+
+#[test]
+fn each_class_tells_its_highest_instance_and_how_many_there_are() {
+    let (mut rig, client) = rig();
+    let mut both = |class| {
+        let mut number = |attribute| {
+            let (status, data) = get(&mut rig, client, class, 0, attribute);
+            assert_eq!(status, 0, "attribute {attribute} of class {class:02X}");
+            u16::from_le_bytes(data.try_into().unwrap())
+        };
+        (number(2), number(3))
+    };
+    for class in [0x01, 0x02, 0x48, 0xF4, 0xF5, 0xF6] {
+        assert_eq!(both(class), (1, 1), "class {class:02X}");
+    }
+    // The sample device has the assemblies 100 and 150 to 153.
+    assert_eq!(both(0x04), (153, 5));
+}
+
+#[test]
+fn the_connection_manager_counts_refusals_by_their_reason() {
+    let (mut rig, client) = rig();
+    for serial in 1..=4 {
+        rig.open(client, &heartbeat(serial, INPUT_ONLY_PATH));
+    }
+    // No place; a path that leads nowhere; a request that is cut off.
+    assert!(rig.try_open(client, &heartbeat(5, INPUT_ONLY_PATH)).is_err());
+    assert!(rig.try_open(client, &heartbeat(6, &[0x20, 4, 0x2C, 99, 0x2C, 100])).is_err());
+    rig.request(client, &[0x54, 2, 0x20, 6, 0x24, 1, 0x0A]);
+    rig.request(client, &close_message(owner(9).triad, &[]));
+    rig.request(client, &[0x4E, 2, 0x20, 6, 0x24, 1, 0x0A]);
+    let counts = rig.request(client, &[1, 2, 0x20, 6, 0x24, 1]).data;
+    // Opened, and refused for its format, for lack of resources, for another reason; closed, and refused for its format, for
+    // another reason; timed out.
+    assert_eq!(counts, [7, 0, 1, 0, 1, 0, 1, 0, 2, 0, 1, 0, 1, 0, 0, 0]);
+}
+
+#[test]
+fn the_ethernet_link_can_negotiate_and_has_one_speed_in_full_duplex() {
+    let (mut rig, client) = rig();
+    // Capability: bit 1 is auto-negotiation. Then one option: 100 Mbit/s, full duplex.
+    assert_eq!(get(&mut rig, client, 0xF6, 1, 11).1, [2, 0, 0, 0, 1, 100, 0, 1]);
+}
+
+#[test]
+fn only_the_assembly_that_the_device_sends_can_be_set_by_its_program() {
+    let (mut rig, _) = rig();
+    for instance in [150, 151, 99] {
+        let refused = rig.adapter.set_produced(instance, &[1; 256]);
+        assert_eq!(refused, Err(ethernet_ip::DataError::NotProduced { instance }));
+    }
+    assert_eq!(rig.adapter.set_produced(100, &[1; 256]), Ok(()));
+}
+
+#[test]
+fn a_tcp_connection_may_be_silent_for_ever_where_the_inactivity_timeout_is_0() {
+    let (mut rig, client) = rig();
+    assert_eq!(set(&mut rig, client, 0xF5, 1, 13, &[0, 0]), 0);
+    rig.advance(Duration::from_secs(100_000));
+    assert!(rig.closed.is_empty());
+}
+
+#[test]
+fn the_port_names_its_number_and_the_devices_address_in_a_port_segment() {
+    let (mut rig, client) = rig();
+    // Port 2 with a link address of 12 characters: its bit 4 says that a length follows.
+    assert_eq!(get(&mut rig, client, 0xF4, 1, 7).1, b"\x12\x0C192.168.64.2");
+}
+
+/// Returns a Multiple_Service_Packet with these services.
+fn packet(services: &[&[u8]]) -> Vec<u8> {
+    let mut cip = vec![0x0A, 2, 0x20, 2, 0x24, 1];
+    cip.extend((services.len() as u16).to_le_bytes());
+    let mut offset = 2 + 2 * services.len();
+    for service in services {
+        cip.extend((offset as u16).to_le_bytes());
+        offset += service.len();
+    }
+    cip.extend(services.concat());
+    cip
+}
+
+#[test]
+fn the_reply_to_a_packet_of_services_has_the_services_number_and_one_reply_to_each() {
+    let (mut rig, client) = rig();
+    let [vendor, device_type] = [1, 2].map(|attribute| [0x0E, 3, 0x20, 1, 0x24, 1, 0x30, attribute]);
+    // The reply to the second has no data: it is four bytes long.
+    let set_timeout = [0x10, 3, 0x20, 0xF5, 0x24, 1, 0x30, 13, 60, 0];
+    let request = packet(&[&vendor, &set_timeout, &device_type]);
+    rig.send(client.stream, &message(Command::SendRRData, client.session, &unconnected(&request)));
+    let (_, data) = rig.read(client.stream).unwrap();
+    let expected = b"\x8A\0\0\0\x03\0\x08\0\x0E\0\x12\0\x8E\0\0\0\xFF\xFF\x90\0\0\0\x8E\0\0\0\x2B\0";
+    // Interface, timeout, the number of items, an empty address and the head of the data come first.
+    assert_eq!(&data[16..], expected);
+}
+
+#[test]
+fn a_packet_of_services_is_refused_where_the_reply_to_one_has_no_room() {
+    let (mut rig, client) = rig();
+    // Room for the head of 10 bytes, the first reply of 6, and 3 of the 4 that the second has at least.
+    let mut narrow = explicit(1);
+    narrow.t_o.size = 2 + 10 + 6 + 3;
+    let opened = rig.open(client, &narrow);
+    let vendor = &[0x0E, 3, 0x20, 1, 0x24, 1, 0x30, 1][..];
+    let both = packet(&[vendor, vendor]);
+    // What an earlier reply left in the adapter's buffer is no status: zeros, and a text.
+    for (count, class, attribute) in [(1, 0xF5, 11), (2, 0x01, 7)] {
+        assert_eq!(get(&mut rig, client, class, 1, attribute).0, 0);
+        let answer = rig.request_connected(client, &opened, count, &both).unwrap();
+        assert_eq!(answer.general, General::ReplyDataTooLarge, "{count}");
+    }
+}
+
+#[test]
+fn a_request_that_has_the_bit_of_a_reply_is_answered_by_a_reply() {
+    let (mut rig, client) = rig();
+    for (request, refusal) in [(&[0x8E, 2, 0x20, 1, 0x24, 1][..], 0x08), (&[0x8E, 9, 0x20, 1][..], 0x26)] {
+        rig.send(client.stream, &message(Command::SendRRData, client.session, &unconnected(request)));
+        let (_, data) = rig.read(client.stream).unwrap();
+        assert_eq!(data[16..19], [0x8E, 0, refusal]);
+    }
 }

@@ -187,6 +187,15 @@ fn a_null_forward_open_finds_the_device_and_opens_nothing() {
     null.t_o = null.o_t;
     let opened = rig.open(client, &null);
     assert_eq!((opened.triad, rig.adapter.connections()), (null.triad, (0, 0)));
+    let ping = OpenRequest { path: Path(&[0x20, 1, 0x24, 1]), ..null };
+    assert_eq!(
+        rig.try_open(client, &ping).map(|opened| opened.triad),
+        Ok(null.triad),
+        "a ping names the Identity"
+    );
+    let second = OpenRequest { path: Path(&[0x20, 1, 0x24, 2]), ..null };
+    assert_eq!(rig.try_open(client, &second), Err((1, 0x0132)), "there is one Identity");
+    assert_eq!(rig.adapter.connections(), (0, 0));
     assert_eq!(
         rig.try_open(client, &OpenRequest { path: Path(&[0x20, 0x66, 0x24, 1]), ..null }),
         Err((1, 0x0132))
@@ -275,9 +284,39 @@ fn a_connection_that_does_not_fit_the_running_multicast_or_is_off_the_subnet_is_
     assert_eq!(rig.try_open(client, &OpenRequest { t_o, ..fits }), Err((1, 0x0136)));
     assert_eq!(rig.try_open(client, &OpenRequest { transport: Transport(0x11), ..fits }), Err((1, 0x0138)));
     assert_eq!(rig.try_open(client, &OpenRequest { t_o_rpi_us: 500, ..fits }), Err((1, 0x0111)));
+    // A production inhibit time of 1 ms, where the multicast has none.
+    let path = Path(&[0x43, 1, 0x20, 4, 0x24, 151, 0x2C, 152, 0x2C, 100]);
+    assert_eq!(rig.try_open(client, &OpenRequest { path, ..fits }), Err((1, 0x0139)));
     assert_eq!(rig.open(client, &OpenRequest { t_o_rpi_us: 4_000, ..fits }).t_o_api_us, 1_000);
     let far = rig.client_from(Ipv4Addr::new(10, 0, 0, 1));
     assert_eq!(rig.try_open(far, &multicast(3, INPUT_ONLY_PATH)), Err((1, 0x0813)));
+}
+
+#[test]
+fn no_two_multicasts_that_run_at_a_time_have_one_group() {
+    let mut rig = Rig::new();
+    let client = rig.client();
+    let group_of = |rig: &mut Rig, request: &OpenRequest<'static>| {
+        let (answer, socket) =
+            rig.open_to(client, request, SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, IO_PORT));
+        assert_eq!(answer.general, General::Success);
+        *socket.unwrap().ip()
+    };
+    let owner_at = |serial, rpi_us, priority| {
+        let t_o = Parameters { priority, ..parameters(ConnectionType::Multicast, 258) };
+        OpenRequest { t_o, t_o_rpi_us: rpi_us, multiplier: 7, ..owner(serial) }
+    };
+    let first = group_of(&mut rig, &multicast(1, INPUT_ONLY_PATH));
+    let second = group_of(&mut rig, &owner_at(2, 500, Priority::Scheduled));
+    // Takes part in the owner's, and keeps it when the owner leaves.
+    let heir = OpenRequest { t_o_rpi_us: 500, ..multicast(3, INPUT_ONLY_PATH) };
+    assert_eq!(group_of(&mut rig, &heir), second);
+    rig.request(client, &close_message(owner(2).triad, &[]));
+    let third = group_of(&mut rig, &owner_at(4, 500, Priority::High));
+    assert_eq!([first, second, third].map(|group| group.octets()[3]), [32, 33, 34]);
+    rig.request(client, &close_message(owner(1).triad, &[]));
+    rig.request(client, &close_message(owner(4).triad, &[]));
+    assert_eq!(group_of(&mut rig, &owner_at(5, 500, Priority::High)), first, "which is free again");
 }
 
 #[test]
@@ -325,6 +364,9 @@ fn a_connection_that_follows_changes_sends_them_at_once_but_not_within_its_inhib
     let sent: Vec<_> =
         rig.datagrams.iter().map(|(at, .., bytes)| (at.since(start).as_micros(), bytes[20])).collect();
     assert_eq!(sent, [(700, 1), (2_700, 3), (4_700, 6), (6_700, 9), (8_700, 10), (28_700, 10)]);
+    // The last frame repeats the data: its number is new, its sequence count is not.
+    let numbers: Vec<_> = rig.datagrams.iter().map(|(.., bytes)| (bytes[10], bytes[18])).collect();
+    assert_eq!(numbers, [(1, 1), (2, 2), (3, 3), (4, 4), (5, 5), (6, 5)]);
 }
 
 #[test]
@@ -337,6 +379,7 @@ fn the_owner_loses_its_outputs_only_after_ten_seconds_if_it_never_sends() {
     rig.advance(Duration::from_millis(1));
     rig.adapter.handle_timeout(rig.now);
     rig.settle();
+    let client = rig.client();
     rig.open(client, &owner(3));
 }
 
@@ -349,6 +392,7 @@ fn outputs_are_free_again_when_their_owner_timed_out() {
     assert_eq!(rig.events, [LinkEvent::Up]);
     rig.advance(Duration::from_millis(17));
     assert!(matches!(rig.events[1], LinkEvent::Down(down) if down.cause == DownCause::Watchdog));
+    let client = rig.client();
     let opened = rig.open(client, &owner(2));
     rig.io(PLC, opened.o_t_id, 1, Some(true), &[2; 256]);
     assert_eq!(rig.adapter.consumed(CONSUMED), Some(&[2; 256][..]));

@@ -87,7 +87,7 @@ fn a_connection_that_nobody_asked_for_is_closed() {
 }
 
 /// A scanner that talks to an adapter of the test's own making.
-struct Dialogue {
+pub(crate) struct Dialogue {
     scanner: SingleConnection,
     now: Instant,
     stream: StreamId,
@@ -96,8 +96,12 @@ struct Dialogue {
 
 impl Dialogue {
     fn new() -> Self {
+        Self::of(wanted())
+    }
+
+    fn of(config: ConnectionConfig) -> Self {
         let mut dialogue = Self {
-            scanner: SingleConnection::new(wanted(), Instant::from_millis(1)),
+            scanner: SingleConnection::new(config, Instant::from_millis(1)),
             now: Instant::from_millis(1),
             stream: StreamId(0),
             streams: 0,
@@ -171,7 +175,12 @@ impl Dialogue {
 
 /// Returns a dialogue up to the question for the identity, which is returned.
 fn asked_for_identity() -> (Dialogue, Vec<u8>) {
-    let mut dialogue = Dialogue::new();
+    asked_for_identity_by(wanted())
+}
+
+/// Returns the same of a scanner with this connection.
+pub(crate) fn asked_for_identity_by(config: ConnectionConfig) -> (Dialogue, Vec<u8>) {
+    let mut dialogue = Dialogue::of(config);
     let mut register = vec![0; 28];
     Header::request(Command::RegisterSession, 0).emit(&mut register, |writer| writer.zeros(4)).unwrap();
     let (said, _) = dialogue.reply(&register, 7, Status::Success, &[1, 0, 0, 0]);
@@ -197,6 +206,27 @@ fn an_adapter_that_does_not_tell_who_it_is_is_still_connected_to() {
     assert!(events.is_empty() && said.len() == 1);
     // SendRRData, and in it a Forward_Open.
     assert_eq!((said[0][0], said[0][40]), (0x6F, 0x54));
+}
+
+#[test]
+fn the_identity_is_that_of_the_adapter_behind_the_bridge_and_not_of_the_bridge() {
+    let route = || ConnectionConfig { route: vec![1, 3], ..wanted() };
+    let (mut dialogue, question) = asked_for_identity_by(route());
+    // SendRRData, and in it an Unconnected_Send: 31 ticks of 32 ms, 6 bytes of Get_Attributes_All, one word of route.
+    let expected = b"\x52\x02\x20\x06\x24\x01\x05\x1F\x06\0\x01\x02\x20\x01\x24\x01\x01\0\x01\x03";
+    assert_eq!((question[0], &question[40..]), (0x6F, &expected[..]));
+    let identity = b"\x81\0\0\0\xFF\xFF\x2B\0\x01\0\x01\x01\x34\0\x78\x56\x34\x12\x01d\x03";
+    let (said, events) = dialogue.reply_cip(&question, identity);
+    assert!(events.is_empty() && said.len() == 1);
+    assert_eq!((said[0][0], said[0][40]), (0x6F, 0x54), "a Forward_Open");
+    // A bridge that has no such port says how many words of the route are left.
+    let (mut dialogue, question) = asked_for_identity_by(route());
+    let (said, events) = dialogue.reply_cip(&question, &[0xD2, 0, 1, 1, 0x11, 3, 1, 0]);
+    assert!(events.is_empty() && said.len() == 1);
+    assert_eq!((said[0][0], said[0][40]), (0x6F, 0x54), "its refusal will say why");
+    let (_, events) = dialogue.reply_cip(&said[0], &[0xD4, 0, 1, 1, 0x11, 3]);
+    let [LinkEvent::Down(down)] = events[..] else { panic!("{events:?}") };
+    assert_eq!((down.cause, down.code), (DownCause::Refused, 0x0001_0311));
 }
 
 #[test]
@@ -262,6 +292,16 @@ fn an_adapter_that_names_the_intervals_it_would_serve_is_quoted() {
     dialogue.reply_cip(&request, &reply);
     let words = dialogue.scanner.connection().refusal().unwrap().to_string();
     assert!(words.ends_with("the device would take 2000 µs O→T and 4000 µs T→O"), "{words}");
+}
+
+#[test]
+fn an_adapter_that_wants_configuration_data_is_quoted_with_their_size_in_bytes() {
+    let (mut dialogue, question) = asked_for_identity();
+    let (said, _) = dialogue.reply_cip(&question, &[0x81, 0, 0x08, 0]);
+    // Extended status 0x0126, 5 words.
+    dialogue.reply_cip(&said[0], &[0xD4, 0, 1, 2, 0x26, 1, 5, 0]);
+    let words = dialogue.scanner.connection().refusal().unwrap().to_string();
+    assert!(words.ends_with("; the device has 10 bytes there"), "{words}");
 }
 
 #[test]

@@ -237,3 +237,18 @@ fn two_connections_to_one_adapter_are_told_apart_by_their_numbers() {
     let adapter = cell.adapters[0];
     assert_eq!(cell.adapter(adapter, |adapter, _| adapter.connections()), (2, 0));
 }
+
+#[test]
+fn two_connections_that_take_part_in_one_multicast_of_an_adapter_both_get_its_frames() {
+    let mut cell = Cell::new(true);
+    cell.run(100);
+    let viewer = ConnectionConfig { consumed: 152, o_t_size: 0, o_t_run_idle: false, ..wanted(0, true) };
+    let id = cell.scanner(|scanner, now| scanner.connect(viewer, now).unwrap());
+    assert_eq!(cell.run(100), [(id, LinkEvent::Up)]);
+    assert_eq!(cell.run(15_000), [], "neither watchdog expires");
+    let input = cell.scanner(|scanner, _| scanner.connection(id).unwrap().input().map(|data| data[0]));
+    assert_eq!(input, Some(0xD0));
+    assert_eq!(cell.data(), DATA);
+    let foreign = cell.scanner(|scanner, _| scanner.counters().foreign);
+    assert_eq!(foreign, 0, "no frame belongs to no connection");
+}

@@ -8,6 +8,7 @@ use crate::description::Identity;
 use crate::encapsulation::{Command, Header, PROTOCOL_VERSION};
 use crate::{Reader, cip};
 use core::net::SocketAddrV4;
+use machine::Duration;
 use machine::wire::{Overflow, Truncated};
 
 /// A message to the adapter.
@@ -15,14 +16,12 @@ use machine::wire::{Overflow, Truncated};
 pub(super) enum ScannerMessage {
     /// RegisterSession.
     Register,
-    /// Get_Attributes_All of the Identity.
+    /// Get_Attributes_All of the adapter's Identity, along the route to it.
     Identify,
     /// Forward_Open.
     Open,
-    /// Forward_Close.
+    /// Forward_Close of the connection that was opened last.
     Close,
-    /// Forward_Close of a connection that an earlier attempt may have left open.
-    Release,
     /// UnRegisterSession.
     Unregister,
     /// NOP: shows the adapter that the session is still in use.
@@ -44,6 +43,17 @@ pub(super) fn emit_plain(buf: &mut [u8], message: ScannerMessage, session: u32) 
     })
 }
 
+/// Time tick of an Unconnected_Send: 2^5 ms, or 32 ms (volume 1, 3-5.5.1.3).
+const UNCONNECTED_TICK: u8 = 5;
+
+/// Writes the path of instance 1 of a class.
+fn instance_1(class: u32) -> impl FnOnce(&mut Writer<'_>) {
+    move |writer| {
+        cip::write_logical(writer, cip::Logical::Class, class);
+        cip::write_logical(writer, cip::Logical::Instance, 1);
+    }
+}
+
 fn emit_request(
     buf: &mut [u8],
     (session, number): (u32, u32),
@@ -60,17 +70,33 @@ fn emit_request(
         writer.u16(2);
         write_item(writer, kind::NULL_ADDRESS, |_| {});
         write_item(writer, kind::UNCONNECTED_DATA, |writer| {
-            let path = |writer: &mut Writer<'_>| {
-                cip::write_logical(writer, cip::Logical::Class, class);
-                cip::write_logical(writer, cip::Logical::Instance, 1);
-            };
-            Request::emit(writer, service, path, data);
+            Request::emit(writer, service, instance_1(class), data);
         });
     })
 }
 
-pub(super) fn emit_identify(buf: &mut [u8], numbers: (u32, u32)) -> Result<usize, Overflow> {
-    emit_request(buf, numbers, service::GET_ATTRIBUTES_ALL, class::IDENTITY, |_| {})
+/// Writes the question for the adapter's identity; along a route, if there is one, so that the adapter answers it and not
+/// the bridge. Routers wait for the answer as long as the scanner does, but at most 8 s.
+pub(super) fn emit_identify(
+    buf: &mut [u8],
+    numbers: (u32, u32),
+    route: &[u8],
+    timeout: Duration,
+) -> Result<usize, Overflow> {
+    if route.is_empty() {
+        return emit_request(buf, numbers, service::GET_ATTRIBUTES_ALL, class::IDENTITY, |_| {});
+    }
+    let ticks = (timeout.as_millis() >> UNCONNECTED_TICK).clamp(1, u8::MAX.into()) as u8;
+    emit_request(buf, numbers, service::UNCONNECTED_SEND, class::CONNECTION_MANAGER, |writer| {
+        writer.bytes(&[UNCONNECTED_TICK, ticks]);
+        let size_at = writer.len();
+        writer.u16(0);
+        Request::emit(writer, service::GET_ATTRIBUTES_ALL, instance_1(class::IDENTITY), |_| {});
+        // Of class and instance in 8 bits, the message has an even length.
+        writer.patch_u16(size_at, (writer.len() - size_at - 2) as u16);
+        writer.bytes(&[u8::try_from(route.len() / 2).unwrap_or(u8::MAX), 0]);
+        writer.bytes(route);
+    })
 }
 
 pub(super) fn emit_open(

@@ -1,5 +1,6 @@
 //! Establishes a connection over TCP step by step: each answer leads to the next message.
 
+use super::super::config::ConnectionConfig;
 use super::dialogue::{self, ScannerMessage, Sockets};
 use super::io::Io;
 use super::{Connection, KEEP_ALIVE, Numbers, Refusal, RequestedConnection, Step};
@@ -52,8 +53,8 @@ impl Connection {
                     self.session = header.session;
                     if self.leaving {
                         self.enter(now, Step::Closing, ScannerMessage::Close);
-                    } else if self.unreleased.is_some() {
-                        self.enter(now, Step::Releasing, ScannerMessage::Release);
+                    } else if self.unreleased {
+                        self.enter(now, Step::Releasing, ScannerMessage::Close);
                     } else {
                         self.enter(now, Step::Identifying, ScannerMessage::Identify);
                     }
@@ -78,10 +79,13 @@ impl Connection {
 
     fn handle_reply(&mut self, now: Instant, reply: &Reply<'_>, sockets: Sockets, numbers: &mut Numbers) {
         match (self.step, reply.service) {
-            (Step::Identifying, service::GET_ATTRIBUTES_ALL) => {
+            // A router that cannot reach the adapter refuses the Unconnected_Send; the Forward_Open will say why.
+            (Step::Identifying, service::GET_ATTRIBUTES_ALL | service::UNCONNECTED_SEND) => {
                 // An adapter that does not report all its attributes may still be the right one.
                 self.found = Some(reply.data)
-                    .filter(|_| reply.general == General::Success)
+                    .filter(|_| {
+                        reply.general == General::Success && reply.service == service::GET_ATTRIBUTES_ALL
+                    })
                     .and_then(|data| dialogue::read_identity(data).ok());
                 match self.check_identity() {
                     Ok(()) if !self.has_serial_number() => {
@@ -108,7 +112,7 @@ impl Connection {
             }
             // If it was not open, there is nothing to close.
             (Step::Releasing, service::FORWARD_CLOSE) => {
-                self.unreleased = None;
+                self.unreleased = false;
                 self.enter(now, Step::Identifying, ScannerMessage::Identify);
             }
             (Step::Closing, service::FORWARD_CLOSE) => {
@@ -195,7 +199,10 @@ impl Connection {
             ScannerMessage::Register | ScannerMessage::Unregister | ScannerMessage::Nop => {
                 dialogue::emit_plain(buf, message, self.session)
             }
-            ScannerMessage::Identify => dialogue::emit_identify(buf, numbers),
+            ScannerMessage::Identify => {
+                let ConnectionConfig { route, request_timeout, .. } = &self.config;
+                dialogue::emit_identify(buf, numbers, route, *request_timeout)
+            }
             ScannerMessage::Open => {
                 let config = &self.config;
                 let request = OpenRequest {
@@ -212,10 +219,8 @@ impl Connection {
                 };
                 dialogue::emit_open(buf, numbers, &request, config.is_large())
             }
-            ScannerMessage::Close | ScannerMessage::Release => {
-                let earlier = self.unreleased.filter(|_| message == ScannerMessage::Release);
-                let triad = earlier.unwrap_or(self.numbers.triad);
-                dialogue::emit_close(buf, numbers, &CloseRequest { triad, path })
+            ScannerMessage::Close => {
+                dialogue::emit_close(buf, numbers, &CloseRequest { triad: self.numbers.triad, path })
             }
         };
         if message == ScannerMessage::Unregister {

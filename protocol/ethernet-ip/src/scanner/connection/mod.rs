@@ -82,9 +82,9 @@ pub struct Connection {
     leaving: bool,
     /// Numbers of the connection that was opened last.
     numbers: Numbers,
-    /// A connection that the adapter may still hold, because an attempt failed before the answer came, or could not close
-    /// it. Until the adapter's watchdog expires, it occupies a place that the next attempt may need.
-    unreleased: Option<Triad>,
+    /// Whether the adapter may still hold the connection that was opened last, because an attempt failed before the answer
+    /// came, or could not close it. Until the adapter's watchdog expires, it occupies a place that the next attempt may need.
+    unreleased: bool,
     io: Option<Io>,
     run: bool,
     output: Box<[u8]>,
@@ -116,7 +116,7 @@ impl Connection {
             keep_alive_at: None,
             leaving: false,
             numbers,
-            unreleased: None,
+            unreleased: false,
             io: None,
             run: true,
             output: zeros(config.o_t_size),
@@ -165,10 +165,10 @@ impl Connection {
 
     /// Handles a connection that was lost or could not be established: the scanner starts again later.
     fn fail(&mut self, now: Instant, down: Down) {
-        let ended = self.leaving || self.step == Step::Closing;
+        let ended = self.leaving;
         let may_be_open = self.step == Step::Opening || self.step == Step::Running && self.stream.is_none();
         if may_be_open && !ended {
-            self.unreleased = Some(self.numbers.triad);
+            self.unreleased = true;
         }
         self.abandon();
         self.deadline = (!ended).then_some(now + self.config.retry_after);
@@ -264,7 +264,7 @@ impl Connection {
 
     /// Handles a requested TCP connection that could not be made.
     pub(super) fn handle_not_connected(&mut self, now: Instant) {
-        if self.step == Step::Connecting && self.stream.is_none() {
+        if self.step == Step::Connecting {
             self.no_answer(now);
         }
     }

@@ -54,12 +54,13 @@ impl Refusal {
         let extended = reply.additional_status(0).map(Extended::from);
         let (mut size, mut intervals_us) = (None, None);
         match extended {
-            Some(
-                Extended::InvalidConnectionSize
-                | Extended::InvalidConfigurationSize
-                | Extended::InvalidOtSize
-                | Extended::InvalidToSize,
-            ) => size = reply.additional_status(1),
+            Some(Extended::InvalidConnectionSize | Extended::InvalidOtSize | Extended::InvalidToSize) => {
+                size = reply.additional_status(1);
+            }
+            // The size of configuration data is in words (volume 1, table 3-5.29).
+            Some(Extended::InvalidConfigurationSize) => {
+                size = reply.additional_status(1).map(|words| words.saturating_mul(2));
+            }
             Some(Extended::RpiNotAcceptable) => intervals_us = read_intervals(reply.additional).ok(),
             _ => {}
         }
