@@ -3,6 +3,7 @@
 use std::fmt::{self, Write};
 
 use profinet::description::{Description, INTERFACE_SUBSLOT, Module, PORT_SUBSLOT, Submodule};
+use profinet::record::Maintenance;
 
 use crate::Date;
 use crate::xml::Xml;
@@ -175,17 +176,27 @@ fn is_system(submodule: &Submodule) -> bool {
     submodule.subslot >= INTERFACE_SUBSLOT
 }
 
+/// Returns the attribute with the numbers of the I&M records that can be written.
+fn writable_maintenance() -> String {
+    let numbers = (1..16).filter(|number| Maintenance::SUPPORTED >> number & 1 == 1);
+    let numbers: Vec<_> = numbers.map(|number: u16| number.to_string()).collect();
+    format!(" Writeable_IM_Records=\"{}\"", numbers.join(" "))
+}
+
 fn write_virtual_submodules(xml: &mut Xml, module: &Module) -> fmt::Result {
     xml.within("VirtualSubmoduleList", "", |xml| {
         module.submodules.iter().filter(|submodule| !is_system(submodule)).try_for_each(|submodule| {
             let Submodule { subslot, ident, input_len, output_len, .. } = submodule;
             let id = format!("Submodule{}_{subslot}", module.slot);
+            let is_access_point = input_len + output_len == 0;
+            // I&M1 to 4 are those of the whole device, written at its access point.
+            let maintenance = if is_access_point { writable_maintenance() } else { String::new() };
             let attributes = format!(
                 "ID=\"ID_{id}\" SubmoduleIdentNumber=\"0x{ident:08X}\" FixedInSubslots=\"{subslot}\" \
-                 MayIssueProcessAlarm=\"false\""
+                 MayIssueProcessAlarm=\"false\"{maintenance}"
             );
             xml.within("VirtualSubmoduleItem", attributes, |xml| {
-                if input_len + output_len == 0 {
+                if is_access_point {
                     xml.empty("IOData")?;
                     return xml.module_info(&id, "Access point", "The device itself");
                 }

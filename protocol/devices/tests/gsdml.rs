@@ -74,6 +74,21 @@ fn the_identity_is_that_of_the_running_device() {
 }
 
 #[test]
+fn the_records_of_the_operator_are_written_at_the_access_point() {
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let writable: Vec<_> = document
+        .descendants()
+        .filter_map(|node| {
+            let records = node.attribute("Writeable_IM_Records")?;
+            Some((number(node, "SubmoduleIdentNumber"), records))
+        })
+        .collect();
+    let access_point = ROBOT.submodules().next().unwrap().1.ident;
+    assert_eq!(writable, [(access_point, "1 2 3 4")]);
+}
+
+#[test]
 fn every_module_and_submodule_has_its_slot_number_and_lengths() {
     let text = text();
     let document = Document::parse(&text).unwrap();

@@ -50,6 +50,22 @@ block_types! {
     ReadRequest = 0x0009,
     /// I&M0: identification.
     IdentificationAndMaintenance0 = 0x0020,
+    /// ARData.
+    ArData = 0x0018,
+    /// I&M1.
+    IdentificationAndMaintenance1 = 0x0021,
+    /// I&M2.
+    IdentificationAndMaintenance2 = 0x0022,
+    /// I&M3.
+    IdentificationAndMaintenance3 = 0x0023,
+    /// I&M4.
+    IdentificationAndMaintenance4 = 0x0024,
+    /// SubstituteValue.
+    SubstituteValue = 0x0014,
+    /// RecordInputDataObjectElement.
+    RecordInputDataObjectElement = 0x0015,
+    /// RecordOutputDataObjectElement.
+    RecordOutputDataObjectElement = 0x0016,
     /// ExpectedIdentificationData.
     ExpectedIdentification = 0x0012,
     /// RealIdentificationData.
@@ -58,6 +74,12 @@ block_types! {
     LogBook = 0x0019,
     /// APIData.
     ApiData = 0x001A,
+    /// PDPortDataCheck.
+    PdPortDataCheck = 0x0200,
+    /// PDPortDataAdjust.
+    PdPortDataAdjust = 0x0202,
+    /// PDInterfaceAdjust.
+    PdInterfaceAdjust = 0x0250,
     /// PDPortDataReal.
     PdPortDataReal = 0x020F,
     /// PDInterfaceDataReal.
@@ -146,16 +168,26 @@ pub fn next<'a>(
     reader: &mut BlockReader<'a>,
     faulty: impl Fn(BlockType) -> Block,
 ) -> Result<(BlockType, BlockReader<'a>), Violation> {
+    next_known(reader, faulty, |_| true)
+}
+
+/// Reads the next block, as [`next()`] does. Its version is checked only if `is_known` says that the block will be read: one
+/// that is skipped may be newer.
+pub fn next_known<'a>(
+    reader: &mut BlockReader<'a>,
+    faulty: impl Fn(BlockType) -> Block,
+    is_known: impl Fn(BlockType) -> bool,
+) -> Result<(BlockType, BlockReader<'a>), Violation> {
     let block_type = reader.u16().map_err(|_| Violation::UnknownBlocks)?.into();
     let wrong = |field| Violation::Head(faulty(block_type), field);
     let length = reader.u16().map_err(|_| wrong(HeadField::Length))?;
     let mut block = reader.sub(usize::from(length)).map_err(|_| wrong(HeadField::Length))?;
     let [version_high, version_low] = block.array().map_err(|_| wrong(HeadField::Length))?;
-    if version_high != 1 {
-        return Err(wrong(HeadField::VersionHigh));
-    }
-    if version_low != 0 {
-        return Err(wrong(HeadField::VersionLow));
+    match [version_high, version_low] {
+        [1, 0] => {}
+        _ if !is_known(block_type) => {}
+        [1, _] => return Err(wrong(HeadField::VersionLow)),
+        _ => return Err(wrong(HeadField::VersionHigh)),
     }
     Ok((block_type, block))
 }

@@ -4,6 +4,9 @@
 //! reserved u16 · ARUUID 16 · SessionKey u16 · AlarmSequenceNumber or reserved u16
 //! ControlCommand u16 (bit 0 PrmEnd, 1 ApplicationReady, 2 Release, 3 Done, 6 PrmBegin) · ControlBlockProperties u16
 //! ```
+//!
+//! PrmEnd and ApplicationReady have a block for the AR and another one for a submodule that was plugged: that one has the
+//! number of its plug alarm.
 
 use super::Uuid;
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
@@ -21,17 +24,50 @@ pub enum Command {
     Release,
     /// The controller will write parameters again.
     PrmBegin,
+    /// All parameters of a plugged submodule are written.
+    PrmEndPlug {
+        /// AlarmSequenceNumber: bits 0 to 10 of the AlarmSpecifier of the plug alarm.
+        alarm: u16,
+    },
+    /// A plugged submodule is ready for cyclic data.
+    ApplicationReadyPlug {
+        /// AlarmSequenceNumber, as in the PrmEnd before.
+        alarm: u16,
+    },
 }
 
 impl Command {
-    const ALL: [Self; 4] = [Self::PrmEnd, Self::ApplicationReady, Self::Release, Self::PrmBegin];
+    const ALL: [Self; 6] = [
+        Self::PrmEnd,
+        Self::ApplicationReady,
+        Self::Release,
+        Self::PrmBegin,
+        Self::PrmEndPlug { alarm: 0 },
+        Self::ApplicationReadyPlug { alarm: 0 },
+    ];
+
+    /// Returns AlarmSequenceNumber; 0, which is reserved, in a command for the whole AR.
+    const fn alarm(self) -> u16 {
+        match self {
+            Self::PrmEndPlug { alarm } | Self::ApplicationReadyPlug { alarm } => alarm,
+            Self::PrmEnd | Self::ApplicationReady | Self::Release | Self::PrmBegin => 0,
+        }
+    }
+
+    const fn with_alarm(self, alarm: u16) -> Self {
+        match self {
+            Self::PrmEndPlug { .. } => Self::PrmEndPlug { alarm },
+            Self::ApplicationReadyPlug { .. } => Self::ApplicationReadyPlug { alarm },
+            Self::PrmEnd | Self::ApplicationReady | Self::Release | Self::PrmBegin => self,
+        }
+    }
 
     /// Returns the ControlCommand of the request.
     #[must_use]
     pub const fn code(self) -> u16 {
         match self {
-            Self::PrmEnd => 1 << 0,
-            Self::ApplicationReady => 1 << 1,
+            Self::PrmEnd | Self::PrmEndPlug { .. } => 1 << 0,
+            Self::ApplicationReady | Self::ApplicationReadyPlug { .. } => 1 << 1,
             Self::Release => 1 << 2,
             Self::PrmBegin => 1 << 6,
         }
@@ -43,6 +79,8 @@ impl Command {
             Self::ApplicationReady => BlockType::ApplicationReady,
             Self::Release => BlockType::Release,
             Self::PrmBegin => BlockType::PrmBegin,
+            Self::PrmEndPlug { .. } => BlockType::PrmEndPlug,
+            Self::ApplicationReadyPlug { .. } => BlockType::ApplicationReadyPlug,
         }
     }
 
@@ -52,6 +90,8 @@ impl Command {
             Self::ApplicationReady => BlockType::ApplicationReadyResponse,
             Self::Release => BlockType::ReleaseResponse,
             Self::PrmBegin => BlockType::PrmBeginResponse,
+            Self::PrmEndPlug { .. } => BlockType::PrmEndPlugResponse,
+            Self::ApplicationReadyPlug { .. } => BlockType::ApplicationReadyPlugResponse,
         }
     }
 
@@ -63,6 +103,8 @@ impl Command {
             Self::ApplicationReady => Block::XControlConnect,
             Self::Release => Block::Release,
             Self::PrmBegin => Block::PrmBegin,
+            Self::PrmEndPlug { .. } => Block::ControlPlug,
+            Self::ApplicationReadyPlug { .. } => Block::XControlPlug,
         }
     }
 
@@ -74,6 +116,8 @@ impl Command {
             Self::ApplicationReady => Violation::XControlSessionKey,
             Self::Release => Violation::ReleaseSessionKey,
             Self::PrmBegin => Violation::PrmBeginSessionKey,
+            Self::PrmEndPlug { .. } => Violation::ControlPlugSessionKey,
+            Self::ApplicationReadyPlug { .. } => Violation::XControlPlugSessionKey,
         }
     }
 
@@ -83,6 +127,8 @@ impl Command {
             Self::ApplicationReady => Violation::XControlCommand,
             Self::Release => Violation::ReleaseCommand,
             Self::PrmBegin => Violation::PrmBeginCommand,
+            Self::PrmEndPlug { .. } => Violation::ControlPlugCommand,
+            Self::ApplicationReadyPlug { .. } => Violation::XControlPlugCommand,
         }
     }
 }
@@ -104,7 +150,8 @@ pub struct Control {
 }
 
 impl Control {
-    /// Parses a request. Blocks after it (a SubmoduleListBlock after PrmBegin) are ignored.
+    /// Parses a request. Blocks after it (a SubmoduleListBlock after PrmBegin, a ModuleDiffBlock after ApplicationReady) are
+    /// ignored.
     pub fn parse_request(blocks: &[u8]) -> Result<Self, Violation> {
         Self::parse(blocks, Command::request_type, Command::code)
     }
@@ -125,7 +172,7 @@ impl Control {
         let faulty = |block_type| command_of(block_type).map_or(Block::ControlConnect, Command::block);
         let (block_type, mut body) = block::next(&mut reader, faulty)?;
         let command = command_of(block_type).ok_or(Violation::UnknownBlocks)?;
-        let (ar, session, code, properties) =
+        let (ar, session, alarm, code, properties) =
             Self::parse_fields(&mut body).map_err(short(command.block()))?;
         if !body.is_empty() {
             return Err(Violation::Head(command.block(), HeadField::Length));
@@ -134,15 +181,13 @@ impl Control {
         if code & !0x30 != code_of(command) {
             return Err(command.wrong_command());
         }
-        Ok(Self { command, ar, session, properties })
+        Ok(Self { command: command.with_alarm(alarm), ar, session, properties })
     }
 
-    fn parse_fields(body: &mut BlockReader<'_>) -> Result<(Uuid, u16, u16, u16), Truncated> {
+    fn parse_fields(body: &mut BlockReader<'_>) -> Result<(Uuid, u16, u16, u16, u16), Truncated> {
         body.skip(2)?;
         let ar = Uuid::read(body)?;
-        let session = body.u16()?;
-        body.skip(2)?;
-        Ok((ar, session, body.u16()?, body.u16()?))
+        Ok((ar, body.u16()?, body.u16()?, body.u16()?, body.u16()?))
     }
 
     /// Writes it as a request.
@@ -160,7 +205,7 @@ impl Control {
             w.zeros(2);
             self.ar.write(w);
             w.u16(self.session);
-            w.zeros(2);
+            w.u16(self.command.alarm());
             w.u16(code);
             w.u16(self.properties);
         });
@@ -206,6 +251,35 @@ mod tests {
             control.emit_response(&mut writer);
             assert_eq!(writer.finish(), Ok(32));
             assert_eq!(buf[..32], blocks);
+        }
+    }
+
+    #[test]
+    fn the_blocks_of_a_plugged_submodule_have_the_number_of_its_alarm() {
+        let (ar, session, alarm) = (Uuid([7; 16]), 2, 0x123);
+        for (command, request, response) in [
+            (Command::PrmEndPlug { alarm }, 0x0111, 0x8111),
+            (Command::ApplicationReadyPlug { alarm }, 0x0113, 0x8113),
+        ] {
+            let control = Control { command, ar, session, properties: 0 };
+            for (block_type, code) in [(request, command.code()), (response, DONE)] {
+                let mut buf = [0; 32];
+                let mut writer = BlockWriter::new(&mut buf);
+                if block_type == request {
+                    control.emit_request(&mut writer);
+                } else {
+                    control.emit_response(&mut writer);
+                }
+                assert_eq!(writer.finish(), Ok(32));
+                assert_eq!(u16::from_be_bytes([buf[0], buf[1]]), block_type);
+                assert_eq!(buf[26..30], [0x01, 0x23, 0, code as u8]);
+                let parsed = if block_type == request {
+                    Control::parse_request(&buf)
+                } else {
+                    Control::parse_response(&buf)
+                };
+                assert_eq!(parsed, Ok(control));
+            }
         }
     }
 

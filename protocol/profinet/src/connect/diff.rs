@@ -3,7 +3,8 @@
 //! ```text
 //! NumberOfAPIs u16 · each: API u32 · NumberOfModules u16
 //!   each: slot u16 · ModuleIdentNumber u32 · ModuleState u16 · NumberOfSubmodules u16
-//!     each: subslot u16 · SubmoduleIdentNumber u32 · SubmoduleState u16 (bit 15 set; bits 11..15 IdentInfo)
+//!     each: subslot u16 · SubmoduleIdentNumber u32 · SubmoduleState u16
+//! SubmoduleState   bit 15 (FormatIndicator) set: bits 11..15 IdentInfo     bit 15 not set: all other bits are Detail
 //! ```
 
 use alloc::vec::Vec;
@@ -51,7 +52,7 @@ impl From<ModuleState> for u16 {
     }
 }
 
-/// SubmoduleState, with its format indicator set.
+/// SubmoduleState, in either of its formats.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct SubmoduleState(pub u16);
 
@@ -63,9 +64,18 @@ impl SubmoduleState {
     /// IdentInfo: no submodule is plugged.
     pub const NONE: Self = Self(0x9800);
 
-    /// Returns whether the submodule can be used by its IdentInfo: the expected one, or one that can replace it.
+    /// Detail, of devices that use the format without IdentInfo: no submodule is plugged.
+    pub const DETAIL_NONE: Self = Self(0);
+    /// Detail: another submodule is plugged.
+    pub const DETAIL_WRONG: Self = Self(1);
+
+    /// Returns whether the submodule is the expected one, or one that can replace it. It may still be locked or not ready.
     #[must_use]
     pub const fn is_usable(self) -> bool {
+        const FORMAT: u16 = 1 << 15;
+        if self.0 & FORMAT == 0 {
+            return !matches!(self, Self::DETAIL_NONE | Self::DETAIL_WRONG);
+        }
         (self.0 >> 11) & 0xF < 2
     }
 }
@@ -92,6 +102,19 @@ pub struct DiffModule {
     pub state: ModuleState,
     /// Its submodules that differ from the expected ones.
     pub submodules: Vec<DiffSubmodule>,
+}
+
+/// Parses the first ModuleDiffBlock among these blocks; `None` if there is none.
+pub fn parse_module_diff(blocks: &[u8]) -> Result<Option<Vec<DiffModule>>, Violation> {
+    let mut reader = BlockReader::new(blocks);
+    while !reader.is_empty() {
+        let is_diff = |block_type| block_type == BlockType::ModuleDiff;
+        let (block_type, mut body) = block::next_known(&mut reader, |_| Block::ModuleDiff, is_diff)?;
+        if is_diff(block_type) {
+            return parse(&mut body).map(Some);
+        }
+    }
+    Ok(None)
 }
 
 pub(super) fn parse(body: &mut BlockReader<'_>) -> Result<Vec<DiffModule>, Violation> {

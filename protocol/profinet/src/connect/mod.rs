@@ -15,7 +15,9 @@ mod iocr;
 
 pub use alarm_cr::{AlarmCr, AlarmCrResponse};
 pub use ar::{Ar, ArProperties, ArResponse};
-pub use diff::{DiffModule, DiffSubmodule, ModuleState, SubmoduleState, emit as emit_module_diff};
+pub use diff::{
+    DiffModule, DiffSubmodule, ModuleState, SubmoduleState, emit as emit_module_diff, parse_module_diff,
+};
 pub use expected::{ExpectedModule, ExpectedSubmodule};
 pub use iocr::{Iocr, IocrResponse, IocrType, Object, RtClass};
 
@@ -58,7 +60,8 @@ impl ConnectRequest {
         let ar = Ar::parse(&mut body)?;
         let mut request = Self { ar, iocrs: Vec::new(), alarm_cr: None, expected: Vec::new() };
         while !reader.is_empty() {
-            let (block_type, mut body) = block::next(&mut reader, faulty)?;
+            let (block_type, mut body) =
+                block::next_known(&mut reader, faulty, |block_type| !is_optional(block_type))?;
             match block_type {
                 BlockType::Ar => return Err(Violation::Head(Block::Ar, HeadField::Type)),
                 BlockType::Iocr if request.iocrs.len() < COUNT_LIMIT => {
@@ -70,14 +73,7 @@ impl ConnectRequest {
                 }
                 BlockType::AlarmCr => return Err(Violation::AlarmCrCount),
                 BlockType::ExpectedSubmodule => expected::parse(&mut body, &mut request.expected)?,
-                BlockType::PrmServer
-                | BlockType::Mcr
-                | BlockType::ArRpc
-                | BlockType::ArVendor
-                | BlockType::IrInfo
-                | BlockType::SrInfo
-                | BlockType::ArFsu
-                | BlockType::RsInfo => {}
+                option if is_optional(option) => {}
                 _ => return Err(Violation::UnknownBlocks),
             }
         }
@@ -121,7 +117,9 @@ impl ConnectResponse {
         let ar = ArResponse::parse(&mut body)?;
         let mut response = Self { ar, iocrs: Vec::new(), alarm_cr: None, diff: Vec::new(), server: None };
         while !reader.is_empty() {
-            let (block_type, mut body) = block::next(&mut reader, faulty)?;
+            let (block_type, mut body) = block::next_known(&mut reader, faulty, |block_type| {
+                !matches!(block_type, BlockType::Unknown(_))
+            })?;
             match block_type {
                 BlockType::ArResponse => return Err(Violation::Head(Block::ArRes, HeadField::Type)),
                 BlockType::IocrResponse if response.iocrs.len() < COUNT_LIMIT => {
@@ -162,6 +160,21 @@ impl ConnectResponse {
             });
         }
     }
+}
+
+/// Returns whether a block of a Connect is about an option that we do not support, so that it is skipped.
+const fn is_optional(block_type: BlockType) -> bool {
+    matches!(
+        block_type,
+        BlockType::PrmServer
+            | BlockType::Mcr
+            | BlockType::ArRpc
+            | BlockType::ArVendor
+            | BlockType::IrInfo
+            | BlockType::SrInfo
+            | BlockType::ArFsu
+            | BlockType::RsInfo
+    )
 }
 
 fn faulty(block_type: BlockType) -> Block {

@@ -81,8 +81,25 @@ fn wrong_blocks_are_refused_and_unsupported_options_skipped() {
     blocks.extend([0x77, 0x77, 0, 2, 1, 0]);
     assert_eq!(ConnectRequest::parse(&blocks), Err(Violation::UnknownBlocks));
     let unknown = blocks.len() - 6;
+    // An ARVendorBlockReq, of whatever version.
     blocks[unknown..unknown + 2].copy_from_slice(&[1, 8]);
-    assert!(ConnectRequest::parse(&blocks).is_ok());
+    for version in [[1, 0], [1, 1], [2, 0]] {
+        blocks[unknown + 4..].copy_from_slice(&version);
+        assert!(ConnectRequest::parse(&blocks).is_ok(), "{version:?}");
+    }
+    blocks[unknown..unknown + 2].copy_from_slice(&[1, 2]);
+    let newer = Violation::Head(Block::Iocr, HeadField::VersionHigh);
+    assert_eq!(ConnectRequest::parse(&blocks), Err(newer), "a block that is read");
+}
+
+#[test]
+fn a_newer_block_in_an_answer_hides_none_of_those_that_are_known() {
+    let datagram = captured::datagram(captured::CONNECT_RES);
+    let (header, body) = Header::parse(&datagram).unwrap();
+    let blocks = ResponseArgs::parse(&header, body).unwrap().blocks;
+    let newer = [blocks, &[0x81, 0x08, 0, 4, 1, 1, 0, 0]].concat();
+    assert_eq!(ConnectResponse::parse(&newer), ConnectResponse::parse(blocks));
+    assert_eq!(parse_module_diff(&newer[newer.len() - 8..]), Ok(None));
 }
 
 #[test]
@@ -108,4 +125,20 @@ fn wrong_modules_are_reported_slot_by_slot() {
     let blocks = emitted(|writer| response.emit(writer));
     assert_eq!(ConnectResponse::parse(&blocks), Ok(response));
     assert!(!SubmoduleState::WRONG.is_usable() && SubmoduleState::PROPER.is_usable());
+}
+
+#[test]
+fn a_submodule_state_is_read_in_both_of_its_formats() {
+    // With FormatIndicator: own, application ready pending, substitute, locked by another controller.
+    for usable in [0x8000, 0x8080, 0x8800, 0x8180] {
+        assert!(SubmoduleState(usable).is_usable(), "0x{usable:04X}");
+    }
+    // Without it, Detail: locked by another controller, application ready pending, substitute.
+    for usable in [2, 4, 7] {
+        assert!(SubmoduleState(usable).is_usable(), "0x{usable:04X}");
+    }
+    // Wrong and none, in either format.
+    for unusable in [0x9000, 0x9800, 0x9080, 0, 1] {
+        assert!(!SubmoduleState(unusable).is_usable(), "0x{unusable:04X}");
+    }
 }

@@ -5,7 +5,7 @@
 //!                  ├─ DCP answers ───────────── each AR, until one of them accepts it
 //!                  └─ cyclic data, alarms ───── the ARs with the sender's MAC address     (RT_CLASS_1)
 //! UDP 34962 ───────── cyclic data, alarms ───── the ARs with the sender's IP address      (RT_CLASS_UDP)
-//! UDP 34964 ───────┬─ calls ─────────────────── responder: ApplicationReady of an AR
+//! UDP 34964 ───────┬─ calls ─────────────────── responder: ApplicationReady of an AR, endpoint mapper
 //!                  └─ answers to calls ──────── the ARs with the sender's IP address
 //! ```
 
@@ -25,7 +25,7 @@ use machine::ethernet::EthernetHeader;
 use machine::{Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit};
 
 use super::dcp::{self, IpSuite, Pdu};
-use super::rpc::{Header, Kind};
+use super::rpc::{CONTROLLER_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Endpoint, Header, Kind, RequestArgs};
 use super::rt::{Transport, UDP_PORT};
 use super::station::{self, Station};
 use super::{ETHER_TYPE, PORTS, RPC_PORT};
@@ -171,15 +171,20 @@ impl Controller {
 
     fn handle_rpc(&mut self, now: Instant, from: SocketAddrV4, datagram: &[u8]) {
         let is_its = |ar: &&Ar| ar.address() == *from.ip();
-        if !self.ars.iter().flatten().any(|ar| is_its(&ar)) {
+        let is_known = self.ars.iter().flatten().any(|ar| is_its(&ar));
+        let Ok((header, body)) = Header::parse(datagram) else {
+            let counter = if is_known { &mut self.counters.malformed } else { &mut self.counters.foreign };
+            *counter += 1;
+            return;
+        };
+        let is_call = matches!(header.kind, Kind::Request | Kind::Ping);
+        // Engineering systems and diagnostic tools ask the endpoint mapper, too.
+        let is_lookup = is_call && header.interface == ENDPOINT_MAPPER_INTERFACE;
+        if !is_known && !is_lookup {
             self.counters.foreign += 1;
             return;
         }
-        let Ok((header, body)) = Header::parse(datagram) else {
-            self.counters.malformed += 1;
-            return;
-        };
-        if !matches!(header.kind, Kind::Request | Kind::Ping) {
+        if !is_call {
             let mut ars = self.ars.iter_mut().flatten().filter(|ar| ar.address() == *from.ip());
             if !ars.any(|ar| ar.handle_answer(now, &header, body)) {
                 self.counters.foreign += 1;
@@ -192,11 +197,15 @@ impl Controller {
             let expecting = ars.iter().flatten().filter(is_its).filter_map(Ar::expects_call);
             expecting.into_iter().find_map(|(ar, session)| (ar == uuid).then_some(session))
         };
-        match self.responder.handle(from, &header, body, session) {
+        let endpoint = Endpoint::of(CONTROLLER_INTERFACE, &self.config.description, self.config.address);
+        match self.responder.handle(from, &header, body, &endpoint, session) {
             RequestOutcome::Ready(uuid) => {
                 let is_it = |ar: &&mut Ar| ar.expects_call().is_some_and(|(ar, _)| ar == uuid);
                 if let Some(ar) = self.all().find(is_it) {
-                    ar.application_ready(now);
+                    ar.application_ready(
+                        now,
+                        RequestArgs::parse(&header, body).map_or(&[], |args| args.blocks),
+                    );
                 }
             }
             RequestOutcome::Answered => {}

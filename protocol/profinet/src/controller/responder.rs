@@ -1,12 +1,13 @@
-//! Calls from the device to the controller: ApplicationReady. A repeated call is answered again, so that a lost answer does
-//! no harm.
+//! Calls to the controller: ApplicationReady of its devices, and the endpoint mapper. A repeated call is answered again, so
+//! that a lost answer does no harm.
 
 use core::net::SocketAddrV4;
 
 use crate::Uuid;
 use crate::control::{Command, Control};
 use crate::rpc::{
-    CONTROLLER_INTERFACE, Header, Kind, Message, Operation, RequestArgs, ResponseArgs, flags, rpc_status,
+    CONTROLLER_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Endpoint, Header, Kind, MapperCall, MapperError,
+    Message, Operation, RequestArgs, ResponseArgs, flags, rpc_status,
 };
 use crate::status::{Service, Violation};
 use machine::wire::{BigEndian, Overflow, Writer};
@@ -37,13 +38,14 @@ impl Responder {
         Self { answer: Message::new(), to: None }
     }
 
-    /// Handles a PDU of a client. `session` returns the SessionKey of an AR that waits for ApplicationReady or has received
-    /// it.
+    /// Handles a PDU of a client. `endpoint` is what the endpoint mapper names. `session` returns the SessionKey of an AR that
+    /// waits for ApplicationReady or has received it.
     pub(super) fn handle(
         &mut self,
         from: SocketAddrV4,
         header: &Header,
         body: &[u8],
+        endpoint: &Endpoint<'_>,
         session: impl Fn(Uuid) -> Option<u16>,
     ) -> RequestOutcome {
         match header.kind {
@@ -60,6 +62,9 @@ impl Responder {
             _ => return RequestOutcome::Foreign,
         }
         self.to = Some(from);
+        if header.interface == ENDPOINT_MAPPER_INTERFACE {
+            return self.look_up(header, body, endpoint);
+        }
         if header.interface != CONTROLLER_INTERFACE {
             return self.reject(header, rpc_status::UNKNOWN_INTERFACE);
         }
@@ -74,13 +79,15 @@ impl Responder {
         let (called, result) = match control.map(|control| (control, session(control.ar))) {
             Err(violation) => (RequestOutcome::Malformed, Err(violation)),
             Ok((_, None)) => (RequestOutcome::Answered, Err(Violation::ArUuidUnknown)),
-            Ok((control, _)) if control.command != Command::ApplicationReady => {
-                (RequestOutcome::Answered, Err(Violation::StateConflict))
-            }
             Ok((control, Some(session))) if control.session != session => {
                 (RequestOutcome::Answered, Err(control.command.wrong_session()))
             }
-            Ok((control, Some(_))) => (RequestOutcome::Ready(control.ar), Ok(control)),
+            Ok((control, Some(_))) => match control.command {
+                Command::ApplicationReady => (RequestOutcome::Ready(control.ar), Ok(control)),
+                // The submodule's provider status says the rest.
+                Command::ApplicationReadyPlug { .. } => (RequestOutcome::Answered, Ok(control)),
+                _ => (RequestOutcome::Answered, Err(Violation::StateConflict)),
+            },
         };
         let status =
             result.err().map_or_else(Default::default, |violation| violation.status(Service::Control));
@@ -94,14 +101,34 @@ impl Responder {
         set.map_or(RequestOutcome::Malformed, |()| called)
     }
 
+    /// Answers a call of the endpoint mapper: where the controller takes calls.
+    fn look_up(&mut self, header: &Header, body: &[u8], endpoint: &Endpoint<'_>) -> RequestOutcome {
+        match MapperCall::parse(header, body) {
+            Ok(asked) => {
+                let answer = header.answer(Kind::Response);
+                let set = self.answer.set(answer, |body| asked.answer(endpoint, body));
+                set.map_or(RequestOutcome::Malformed, |()| RequestOutcome::Answered)
+            }
+            Err(MapperError::Operation(_)) => self.reject(header, rpc_status::OPERATION_RANGE),
+            Err(MapperError::Truncated(_)) => {
+                self.answer_status(header.answer(Kind::Fault), rpc_status::PROTOCOL_ERROR);
+                RequestOutcome::Malformed
+            }
+        }
+    }
+
     fn reject(&mut self, header: &Header, status: u32) -> RequestOutcome {
+        self.answer_status(header.answer(Kind::Reject), status);
+        RequestOutcome::Answered
+    }
+
+    fn answer_status(&mut self, answer: Header, status: u32) {
         let write = |body: &mut [u8]| -> Result<usize, Overflow> {
             let mut writer = Writer::<BigEndian>::new(body);
             writer.u32(status);
             writer.finish()
         };
-        let _ = self.answer.set(header.answer(Kind::Reject), write);
-        RequestOutcome::Answered
+        let _ = self.answer.set(answer, write);
     }
 
     /// Writes the next datagram of the answer; returns its receiver and length.
@@ -114,13 +141,20 @@ impl Responder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::captured;
     use crate::status::Status;
+    use crate::{captured, samples};
     use core::net::Ipv4Addr;
 
     /// p-net's ephemeral port in the capture.
     const P_NET: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(172, 16, 2, 10), 49_153);
     const SESSION: u16 = 2;
+    const ENDPOINT: Endpoint<'_> = Endpoint {
+        interface: CONTROLLER_INTERFACE,
+        object: Uuid([5; 16]),
+        description: &samples::CONTROLLER,
+        port: 34964,
+        address: Ipv4Addr::LOCALHOST,
+    };
 
     /// Returns p-net's ApplicationReady (test data of crate `pnio` 0.1.0), and its ARUUID.
     fn ready() -> (Vec<u8>, Uuid) {
@@ -150,7 +184,7 @@ mod tests {
         let mut responder = Responder::new();
         for _ in 0..2 {
             assert_eq!(
-                responder.handle(P_NET, &header, body, of(uuid, SESSION)),
+                responder.handle(P_NET, &header, body, &ENDPOINT, of(uuid, SESSION)),
                 RequestOutcome::Ready(uuid)
             );
             let (ours, body) = answer(&mut responder).unwrap();
@@ -169,7 +203,10 @@ mod tests {
             ((uuid, 3), Status::new(0xDD, 0x81, 0x16, 0x06)),
             ((Uuid([9; 16]), SESSION), Status::new(0xDD, 0x81, 0x40, 0x05)),
         ] {
-            assert_eq!(responder.handle(P_NET, &header, body, of(ar.0, ar.1)), RequestOutcome::Answered);
+            assert_eq!(
+                responder.handle(P_NET, &header, body, &ENDPOINT, of(ar.0, ar.1)),
+                RequestOutcome::Answered
+            );
             let (header, body) = answer(&mut responder).unwrap();
             assert_eq!(ResponseArgs::parse(&header, &body).unwrap().status, status);
         }
@@ -181,11 +218,11 @@ mod tests {
         let (header, body) = Header::parse(&datagram).unwrap();
         let ping = Header { kind: Kind::Ping, ..header };
         let mut responder = Responder::new();
-        responder.handle(P_NET, &ping, &[], |_| None);
+        responder.handle(P_NET, &ping, &[], &ENDPOINT, |_| None);
         assert_eq!(answer(&mut responder).unwrap().0.kind, Kind::NoCall);
-        responder.handle(P_NET, &header, body, of(uuid, SESSION));
+        responder.handle(P_NET, &header, body, &ENDPOINT, of(uuid, SESSION));
         answer(&mut responder);
-        responder.handle(P_NET, &ping, &[], |_| None);
+        responder.handle(P_NET, &ping, &[], &ENDPOINT, |_| None);
         assert_eq!(answer(&mut responder).unwrap().0.kind, Kind::Response);
     }
 
@@ -195,7 +232,7 @@ mod tests {
         let (header, body) = Header::parse(&datagram).unwrap();
         let mut responder = Responder::new();
         for header in [Header { interface: Uuid::NIL, ..header }, Header { operation: 0, ..header }] {
-            responder.handle(P_NET, &header, body, of(uuid, SESSION));
+            responder.handle(P_NET, &header, body, &ENDPOINT, of(uuid, SESSION));
             assert_eq!(answer(&mut responder).unwrap().0.kind, Kind::Reject);
         }
     }

@@ -194,6 +194,9 @@ impl<'a> From<Content<'a>> for Block<'a> {
 }
 
 impl<'a> Block<'a> {
+    /// Bit of the BlockInfo of an IP address: the station noticed that another one has the address.
+    pub const ADDRESS_CONFLICT: u16 = 1 << 7;
+
     /// Returns option and suboption.
     #[must_use]
     pub const fn code(&self) -> Code {

@@ -258,11 +258,16 @@ pub struct Station<'a> {
 }
 
 impl<'a> Station<'a> {
-    /// Collects the blocks of an Identify response or a Hello.
+    /// Collects the blocks of an Identify response or a Hello. A block whose length is not that of its option does not hide
+    /// the others.
     pub fn from_pdu(pdu: &Pdu<'a>) -> Result<Self, Violation> {
         let mut station = Self { name: &[], type_of_station: &[], identity: None, ip: None, roles: 0 };
         for block in pdu.blocks() {
-            match block?.content {
+            let block = match block {
+                Err(Violation::BlockLength { .. }) => continue,
+                block => block?,
+            };
+            match block.content {
                 Content::NameOfStation(name) => station.name = name,
                 Content::TypeOfStation(text) => station.type_of_station = text,
                 Content::DeviceId { vendor, device } => station.identity = Some((vendor, device)),

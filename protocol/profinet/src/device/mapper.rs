@@ -2,36 +2,27 @@
 
 use super::Core;
 use super::answers::Call;
-use crate::RPC_PORT;
-use crate::rpc::{Kind, LOOKUP, LOOKUP_HANDLE_FREE, Lookup, object, rpc_status};
-use machine::wire::{BigEndian, Writer};
+use crate::rpc::{DEVICE_INTERFACE, Endpoint, Kind, MapperCall, MapperError, rpc_status};
 
 impl Core {
     /// Answers a call of the endpoint mapper.
     pub(super) fn handle_lookup(&mut self, call: Call<'_>, body: &[u8]) {
         let Call { request: header, from, .. } = call;
-        let answered = match (header.operation, Lookup::parse(header, body)) {
-            (LOOKUP, Ok(lookup)) => {
-                let object = object(1, self.description.identity);
-                let (description, address) = (&self.description, self.station.ip().address);
-                self.answers
-                    .answer_with(call, |body| lookup.answer(object, description, RPC_PORT, address, body))
+        match MapperCall::parse(header, body) {
+            Ok(asked) => {
+                let address = self.station.ip().address;
+                let endpoint = Endpoint::of(DEVICE_INTERFACE, &self.description, address);
+                let answered = self.answers.answer_with(call, |body| asked.answer(&endpoint, body));
+                self.count_overflow(answered);
             }
-            // The returned handle is nil, because there was nothing to free.
-            (LOOKUP_HANDLE_FREE, _) => self.answers.answer_with(call, |body| {
-                let mut writer = Writer::<BigEndian>::new(body);
-                writer.zeros(24);
-                writer.finish()
-            }),
-            (LOOKUP, Err(_)) => {
+            Err(MapperError::Truncated(_)) => {
                 self.counters.malformed += 1;
-                return self.reply(header, Kind::Fault, Some(rpc_status::PROTOCOL_ERROR), from);
+                self.reply(header, Kind::Fault, Some(rpc_status::PROTOCOL_ERROR), from);
             }
-            _ => {
+            Err(MapperError::Operation(_)) => {
                 self.counters.foreign += 1;
-                return self.reply(header, Kind::Reject, Some(rpc_status::OPERATION_RANGE), from);
+                self.reply(header, Kind::Reject, Some(rpc_status::OPERATION_RANGE), from);
             }
-        };
-        self.count_overflow(answered);
+        }
     }
 }

@@ -4,6 +4,7 @@ use machine::{Counters, Instant, LinkEvent};
 
 use super::super::dcp::IpSuite;
 use super::super::provided::DataError;
+use super::super::record::Maintenance;
 use super::super::station::OwnerStep;
 use super::super::status::Violation;
 use super::relation::Relation;
@@ -64,10 +65,10 @@ impl Device {
         self.core.ask_owner(step);
     }
 
-    /// Returns what the owner has to store permanently at [`LinkEvent::Store`]: the station name,
-    /// and IP address, mask and gateway. `None` for what it has to remove from its storage.
+    /// Returns what the owner has to store permanently at [`LinkEvent::Store`]: the station name; IP address, mask and
+    /// gateway; and I&M1 to 4. `None` for what it has to remove from its storage.
     #[must_use]
-    pub fn to_store(&self) -> (Option<&[u8]>, Option<IpSuite>) {
+    pub fn to_store(&self) -> (Option<&[u8]>, Option<IpSuite>, Option<&Maintenance>) {
         self.core.station.to_store()
     }
 
@@ -81,13 +82,20 @@ impl Device {
 }
 
 impl Core {
+    /// Reports as an event that the owner has to store something, unless that event is waiting.
+    pub(super) fn ask_to_store(&mut self) {
+        if !self.events.contains(&LinkEvent::Store) {
+            self.report(LinkEvent::Store);
+        }
+    }
+
     /// Reports as an event what the owner has to do for a Set.
     pub(super) fn ask_owner(&mut self, step: Option<OwnerStep>) {
         match step {
             Some(OwnerStep::SetAddress(IpSuite { address, mask, gateway })) => {
                 self.report(LinkEvent::SetAddress { address, mask, gateway });
             }
-            Some(OwnerStep::Store) => self.report(LinkEvent::Store),
+            Some(OwnerStep::Store) => self.ask_to_store(),
             None => {}
         }
     }

@@ -3,46 +3,89 @@
 use super::relation::Relation;
 use crate::block::BlockWriter;
 use crate::connect::{API, emit_module_diff};
-use crate::description::{Description, INTERFACE_SUBSLOT};
+use crate::description::{Description, INTERFACE_SUBSLOT, Submodule};
 use crate::record::{
-    Address, LogBook, PhysicalDevice, ReadRequest, WriteRequest, WriteResponse, emit_api_data,
-    emit_expected_identification, emit_im0, emit_im0_filter_data, emit_port, emit_real_identification, index,
-    is_port,
+    Address, LogBook, Maintenance, PhysicalDevice, PhysicalParameters, ReadRequest, WriteRequest,
+    WriteResponse, emit_api_data, emit_ar_data, emit_expected_identification, emit_im0, emit_im0_filter_data,
+    emit_port, emit_real_identification, index, is_port,
 };
 use crate::status::{Service, Status, Violation};
 use machine::Instant;
 
 /// Length of the longest record, in bytes.
-pub(super) const RECORD_CAPACITY: usize = 2048;
+pub(super) const RECORD_CAPACITY: usize = 4096;
 
-/// Records of an interface or port that a controller writes to configure the physical device. They are accepted
-/// without effect, since the operating system owns the interface.
-const PHYSICAL_DEVICE: core::ops::RangeInclusive<u16> = 0x8020..=0x80FF;
-
-/// Returns the result of writing one record.
-pub(super) fn write_status(description: &Description, write: &WriteRequest<'_>) -> Status {
-    check_write(description, &write.address)
-        .map_or_else(|violation| violation.status(Service::Write), |()| Status::OK)
+/// Who a record is written to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Written<'a> {
+    pub(super) description: &'a Description,
+    /// I&M1 to 4 as they are; `None` if they cannot be stored.
+    pub(super) maintenance: Option<&'a Maintenance>,
 }
 
-fn check_write(description: &Description, address: &Address) -> Result<(), Violation> {
+impl Written<'_> {
+    /// Returns the result of writing one record.
+    pub(super) fn status(&self, write: &WriteRequest<'_>) -> Status {
+        self.change(write).map_or_else(|violation| violation.status(Service::Write), |_| Status::OK)
+    }
+
+    /// Checks a Write and returns what it changes.
+    pub(super) fn change<'b>(&self, write: &WriteRequest<'b>) -> Result<Change<'b>, Violation> {
+        let address = &write.address;
+        let submodule = check_place(self.description, address)?;
+        if PhysicalParameters::has(address.subslot, address.index) {
+            let block = PhysicalParameters::check(address.subslot, address.index, write.record)?;
+            return Ok(Change::Physical(block));
+        }
+        let Some(maintenance) = self.maintenance.filter(|_| Maintenance::has(address.index)) else {
+            return check_index(submodule, address.index).map(|()| Change::Parameter);
+        };
+        // Those of the whole device are written where its I&M0 is, by I&M0FilterData.
+        let access_point = self.description.submodules().next();
+        if access_point
+            .is_none_or(|(slot, submodule)| (slot, submodule.subslot) != (address.slot, address.subslot))
+        {
+            return Err(Violation::AccessDenied);
+        }
+        maintenance.written(address.index, write.record).map(Change::Maintenance)
+    }
+}
+
+/// What a Write changes.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Change<'a> {
+    /// I&M1 to 4, to these.
+    Maintenance(Maintenance),
+    /// A record of the interface or of a port, to this block.
+    Physical(&'a [u8]),
+    /// A parameter of a submodule, which is the owner's.
+    Parameter,
+}
+
+fn check_place<'a>(description: &'a Description, address: &Address) -> Result<&'a Submodule, Violation> {
     if address.api != API {
         return Err(Violation::InvalidApi);
     }
-    let submodule = description.submodule(address.slot, address.subslot).ok_or(Violation::InvalidSlot)?;
-    let is_physical = address.subslot >= INTERFACE_SUBSLOT && PHYSICAL_DEVICE.contains(&address.index);
-    if is_physical || submodule.parameters.contains(&address.index) {
-        Ok(())
-    } else if address.index == index::IDENTIFICATION_AND_MAINTENANCE_0 {
-        Err(Violation::AccessDenied)
-    } else {
-        Err(Violation::InvalidIndex)
+    description.submodule(address.slot, address.subslot).ok_or(Violation::InvalidSlot)
+}
+
+fn check_index(submodule: &Submodule, index: u16) -> Result<(), Violation> {
+    match index {
+        index if submodule.parameters.contains(&index) => Ok(()),
+        index::IDENTIFICATION_AND_MAINTENANCE_0
+        | index::EXPECTED_IDENTIFICATION_SUBSLOT
+        | index::REAL_IDENTIFICATION_SUBSLOT
+        | index::INPUT_DATA
+        | index::OUTPUT_DATA
+        | index::PD_PORT_DATA_REAL
+        | index::PD_INTERFACE_DATA_REAL => Err(Violation::AccessDenied),
+        _ => Err(Violation::InvalidIndex),
     }
 }
 
 /// Writes the answers to a Write, or to each Write in a MultipleWrite.
 pub(super) fn emit_write_answer(
-    description: &Description,
+    written: Written<'_>,
     write: &WriteRequest<'_>,
     status: Status,
     writer: &mut BlockWriter<'_>,
@@ -50,7 +93,7 @@ pub(super) fn emit_write_answer(
     WriteResponse { address: write.address, length: 0, status }.emit(writer);
     if write.address.index == index::MULTIPLE_WRITE {
         for part in write.writes().flatten() {
-            let status = write_status(description, &part);
+            let status = written.status(&part);
             WriteResponse { address: part.address, length: 0, status }.emit(writer);
         }
     }
@@ -116,6 +159,8 @@ const fn is_diagnosis(index: u16) -> bool {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Records<'a> {
     pub(super) description: &'a Description,
+    /// I&M1 to 4; `None` if they cannot be stored.
+    pub(super) maintenance: Option<&'a Maintenance>,
     /// The AR, if there is one.
     pub(super) relation: Option<&'a Relation>,
     pub(super) physical: PhysicalDevice<'a>,
@@ -130,14 +175,20 @@ impl Records<'_> {
         read: &ReadRequest,
         record: &mut [u8; RECORD_CAPACITY],
     ) -> Result<usize, Violation> {
-        let Self { description, physical, log_book, now, .. } = *self;
+        let Self { description, maintenance, physical, log_book, now, .. } = *self;
         let (address, index) = (&read.address, read.address.index);
         let scope = Scope::of(index);
         scope.check(address, description)?;
         let wanted = |slot, subslot| scope.includes(address, slot, subslot);
         let mut writer = BlockWriter::new(record);
         match index {
-            index::IDENTIFICATION_AND_MAINTENANCE_0 => emit_im0(description, &mut writer),
+            index::IDENTIFICATION_AND_MAINTENANCE_0 => {
+                let supported = if maintenance.is_some() { Maintenance::SUPPORTED } else { 0 };
+                emit_im0(description, supported, &mut writer);
+            }
+            index if Maintenance::has(index) => {
+                maintenance.ok_or(Violation::InvalidIndex)?.emit(index, &mut writer);
+            }
             index::REAL_IDENTIFICATION_SUBSLOT
             | index::REAL_IDENTIFICATION_SLOT
             | index::REAL_IDENTIFICATION_AR
@@ -155,6 +206,17 @@ impl Records<'_> {
                     emit_module_diff(diff, &mut writer);
                 }
             }
+            index::INPUT_DATA => {
+                let relation = self.relation.ok_or(Violation::InvalidIndex)?;
+                let data = relation.input_data(address.slot, address.subslot);
+                data.ok_or(Violation::InvalidIndex)?.emit_input(&mut writer);
+            }
+            index::OUTPUT_DATA => {
+                let relation = self.relation.ok_or(Violation::InvalidIndex)?;
+                let data = relation.output_data(address.slot, address.subslot);
+                let (data, in_use) = data.ok_or(Violation::InvalidIndex)?;
+                data.emit_output(in_use, &mut writer);
+            }
             index::PD_PORT_DATA_REAL if is_port(address.subslot) => {
                 emit_port(address.slot, address.subslot, &mut writer);
             }
@@ -162,9 +224,24 @@ impl Records<'_> {
                 physical.emit_interface(&mut writer);
             }
             index::PD_REAL_DATA => physical.emit_all(description, &mut writer),
+            index if PhysicalParameters::has(address.subslot, index) => {
+                if let Some(relation) = self.relation {
+                    relation.physical.emit(address.slot, address.subslot, index, &mut writer);
+                }
+            }
+            index::PD_EXPECTED_DATA => {
+                if let Some(relation) = self.relation {
+                    relation.physical.emit_all(&mut writer);
+                }
+            }
+            index::AR_DATA | index::AR_DATA_API => {
+                let ar = self.relation.map(Relation::ar_data);
+                emit_ar_data(ar.as_slice(), &mut writer);
+            }
             index::API_DATA => emit_api_data(&mut writer),
             index::LOG_BOOK => log_book.emit(now, &mut writer),
             index::IM0_FILTER_DATA => emit_im0_filter_data(description, &mut writer),
+            index::CONNECTION_MONITORING_TRIGGER => {}
             index if is_diagnosis(index) => {}
             _ => return Err(Violation::InvalidIndex),
         }

@@ -14,11 +14,16 @@ use super::admission::{Admission, transport};
 use super::alarms::AlarmEndpoint;
 use super::process_data::ProcessData;
 use crate::Uuid;
-use crate::connect::{AlarmCr, ConnectRequest, DiffModule, ExpectedModule, Iocr};
+use crate::connect::{
+    AlarmCr, Ar, ConnectRequest, DiffModule, ExpectedModule, ExpectedSubmodule, Iocr, Object,
+};
 use crate::control::{Command, Control};
 use crate::description::Description;
 use crate::provided::Provided;
-use crate::rt::{CycleTime, CyclicReceiver, CyclicSender, Received, Route, Transport};
+use crate::record::{ArData, IoData, IocrData, PhysicalParameters};
+use crate::rt::{
+    CycleTime, CyclicReceiver, CyclicSender, IoxStatus, MAX_C_SDU_LEN, Received, Route, Transport, UDP_PORT,
+};
 use crate::status::Violation;
 use machine::ethernet::Mac;
 use machine::{Duration, Instant};
@@ -69,6 +74,8 @@ pub(super) struct Relation {
     pub(super) sender: CyclicSender,
     pub(super) receiver: CyclicReceiver,
     pub(super) alarms: AlarmEndpoint,
+    /// What the controller wrote to the interface and the ports.
+    pub(super) physical: PhysicalParameters,
     step_time: Duration,
     step_deadline: Option<Instant>,
     consumes: Transport,
@@ -76,6 +83,11 @@ pub(super) struct Relation {
     is_output_good: bool,
     expected: Vec<ExpectedModule>,
     diff: Vec<DiffModule>,
+    /// The controller's description of itself.
+    initiator: Ar,
+    /// The input and the output IOCR, with the FrameIDs in use.
+    iocrs: [Iocr; 2],
+    alarm_reference: u16,
 }
 
 impl Relation {
@@ -130,6 +142,7 @@ impl Relation {
             sender,
             receiver,
             alarms: AlarmEndpoint::new(alarm_route, ALARM_REFERENCE, alarm_cr.local_reference),
+            physical: PhysicalParameters::new(description),
             step_time,
             step_deadline: Some(now + step_time),
             consumes: transport(output),
@@ -137,6 +150,9 @@ impl Relation {
             is_output_good: false,
             expected: expected.clone(),
             diff: diff.clone(),
+            initiator: ar.clone(),
+            iocrs: [(*input).clone(), Iocr { frame_id: *output_frame_id, ..(*output).clone() }],
+            alarm_reference: alarm_cr.local_reference,
         }
     }
 
@@ -148,6 +164,57 @@ impl Relation {
     /// Returns the modules that differ from the expected ones.
     pub(super) fn diff(&self) -> &[DiffModule] {
         &self.diff
+    }
+
+    /// Returns what ARData says of it.
+    pub(super) fn ar_data(&self) -> ArData<'_> {
+        let iocr = |iocr: &Iocr, (cycle_counter, data_status)| IocrData {
+            iocr_type: iocr.iocr_type,
+            rt_class: iocr.rt_class,
+            frame_id: iocr.frame_id,
+            cycle_counter,
+            data_status,
+        };
+        let [input, output] = &self.iocrs;
+        let consumed = (self.receiver.cycle_counter(), self.receiver.data_status());
+        ArData {
+            uuid: self.uuid,
+            ar_type: self.initiator.ar_type,
+            properties: self.initiator.properties,
+            initiator_object: self.initiator_object,
+            initiator_name: &self.initiator.initiator_name,
+            rt_ports: (self.initiator.initiator_rt_port, UDP_PORT),
+            alarm_references: (ALARM_REFERENCE, self.alarm_reference),
+            iocrs: [iocr(input, self.sender.last()), iocr(output, consumed)],
+        }
+    }
+
+    /// Returns the input data of a submodule as they are sent, with the controller's status; `None` if it has none.
+    pub(super) fn input_data(&self, slot: u16, subslot: u16) -> Option<IoData<'_>> {
+        let ([input, output], received) = (&self.iocrs, self.received());
+        let len = self.expected_submodule(slot, subslot)?.input_len?;
+        io_data((slot, subslot), len, (input, self.sender.c_sdu()), (output, received))
+    }
+
+    /// Returns the output data of a submodule as they were received, with the own status, and whether they are in use; `None`
+    /// if it has none.
+    pub(super) fn output_data(&self, slot: u16, subslot: u16) -> Option<(IoData<'_>, bool)> {
+        let ([input, output], received) = (&self.iocrs, self.received());
+        let len = self.expected_submodule(slot, subslot)?.output_len?;
+        let data = io_data((slot, subslot), len, (output, received), (input, self.sender.c_sdu()))?;
+        let in_use = self.outputs().any(|(place, data)| place == (slot, subslot) && data.is_some());
+        Some((data, in_use))
+    }
+
+    /// Returns the C_SDU of the last frame from the controller; before the first one, zeros: all statuses are bad.
+    fn received(&self) -> &[u8] {
+        static NONE: [u8; MAX_C_SDU_LEN] = [0; MAX_C_SDU_LEN];
+        self.receiver.c_sdu().unwrap_or(&NONE)
+    }
+
+    fn expected_submodule(&self, slot: u16, subslot: u16) -> Option<&ExpectedSubmodule> {
+        let module = self.expected.iter().find(|module| module.slot == slot)?;
+        module.submodules.iter().find(|submodule| submodule.subslot == subslot)
     }
 
     /// Returns whether cyclic frames with this FrameID over that transport belong to this AR.
@@ -261,6 +328,28 @@ impl Relation {
         }
         self.step_deadline.map_or(next, |deadline| next.min(deadline))
     }
+}
+
+/// Returns the data of a submodule in one direction: data and provider status from the IOCR and frame of that direction, the
+/// consumer status from those of the other one.
+fn io_data<'a>(
+    place: (u16, u16),
+    len: u16,
+    (iocr, frame): (&Iocr, &'a [u8]),
+    (opposite, opposite_frame): (&Iocr, &[u8]),
+) -> Option<IoData<'a>> {
+    let is_here = |object: &&Object| (object.slot, object.subslot) == place;
+    let start = usize::from(iocr.objects.iter().find(is_here)?.offset);
+    let end = start + usize::from(len);
+    let status = |frame: &[u8], at: usize| frame.get(at).copied().map(IoxStatus);
+    let consumer = opposite.consumer_statuses.iter().find(is_here);
+    Some(IoData {
+        data: frame.get(start..end)?,
+        provider: status(frame, end)?,
+        consumer: consumer
+            .and_then(|object| status(opposite_frame, object.offset.into()))
+            .unwrap_or_default(),
+    })
 }
 
 const fn cycle_time(iocr: &Iocr) -> CycleTime {

@@ -5,7 +5,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::admission::{Admission, admit};
 use super::answers::{Call, RequestStatus};
-use super::records::{RECORD_CAPACITY, Records, emit_write_answer, write_status};
+use super::records::{Change, RECORD_CAPACITY, Records, Written, emit_write_answer};
 use super::relation::{ALARM_REFERENCE, Endpoints, Phase, Relation};
 use super::{Core, closed_by_peer};
 use crate::block::BlockReader;
@@ -13,7 +13,7 @@ use crate::connect::{
     AlarmCrResponse, ArProperties, ArResponse, ConnectRequest, ConnectResponse, Iocr, IocrResponse, IocrType,
 };
 use crate::control::{Command, Control};
-use crate::record::{LogEntry, PhysicalDevice, ReadRequest, ReadResponse, WriteRequest, index};
+use crate::record::{Address, LogEntry, PhysicalDevice, ReadRequest, ReadResponse, WriteRequest, index};
 use crate::rpc::{
     CONTROLLER_INTERFACE, DEVICE_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Header, Kind, Operation, RequestArgs,
     ResponseArgs, rpc_status,
@@ -238,8 +238,10 @@ impl Core {
         let control = Control::parse_request(blocks)?;
         let belongs = match control.command {
             Command::Release => operation == Operation::Release,
-            Command::PrmEnd | Command::PrmBegin => operation == Operation::Control,
-            Command::ApplicationReady => false,
+            Command::PrmEnd | Command::PrmBegin | Command::PrmEndPlug { .. } => {
+                operation == Operation::Control
+            }
+            Command::ApplicationReady | Command::ApplicationReadyPlug { .. } => false,
         };
         if !belongs {
             return Err(Violation::UnknownBlocks);
@@ -252,7 +254,9 @@ impl Core {
         match control.command {
             Command::PrmEnd => relation.prm_end(now)?,
             Command::PrmBegin => relation.prm_begin(now)?,
-            Command::ApplicationReady | Command::Release => {}
+            // No submodule of this device can be plugged.
+            Command::PrmEndPlug { .. } => return Err(Violation::StateConflict),
+            Command::ApplicationReady | Command::ApplicationReadyPlug { .. } | Command::Release => {}
         }
         Ok(control)
     }
@@ -262,7 +266,10 @@ impl Core {
         match command {
             Command::PrmEnd => self.call_ready(),
             Command::Release => self.end(now, closed_by_peer(Status::OK)),
-            Command::PrmBegin | Command::ApplicationReady => {}
+            Command::PrmBegin
+            | Command::ApplicationReady
+            | Command::PrmEndPlug { .. }
+            | Command::ApplicationReadyPlug { .. } => {}
         }
     }
 
@@ -280,14 +287,39 @@ impl Core {
                     return Err(Violation::RecordIndex);
                 }
             }
+            for part in write.writes().flatten() {
+                self.apply(&part);
+            }
             Status::OK
         } else {
-            write_status(&self.description, &write)
+            self.apply(&write)
         };
-        let description = &self.description;
+        let written = Written { description: &self.description, maintenance: self.station.maintenance() };
         Ok(self.answers.answer(call, args.maximum, status, |w| {
-            emit_write_answer(description, &write, status, w);
+            emit_write_answer(written, &write, status, w);
         }))
+    }
+
+    /// Executes the Write of one record.
+    fn apply(&mut self, write: &WriteRequest<'_>) -> Status {
+        let written = Written { description: &self.description, maintenance: self.station.maintenance() };
+        match written.change(write) {
+            Ok(Change::Maintenance(maintenance)) => {
+                if self.station.set_maintenance(maintenance) {
+                    self.ask_to_store();
+                }
+                Status::OK
+            }
+            Ok(Change::Physical(block)) => {
+                if let Some(relation) = &mut self.relation {
+                    let Address { slot, subslot, index, .. } = write.address;
+                    relation.physical.write(slot, subslot, index, block);
+                }
+                Status::OK
+            }
+            Ok(Change::Parameter) => Status::OK,
+            Err(violation) => violation.status(Service::Write),
+        }
     }
 
     fn read(
@@ -298,7 +330,8 @@ impl Core {
     ) -> Result<Result<(), Overflow>, Violation> {
         let read = ReadRequest::parse(&mut BlockReader::new(args.blocks))?;
         if Operation::from(call.request.operation) == Operation::Read {
-            self.relation_of(now, *call.from.ip(), read.address.ar, Requested::Read)?;
+            self.relation_of(now, *call.from.ip(), read.address.ar, Requested::Read)?
+                .restart_step_timeout(now);
         }
         let mut record = [0; RECORD_CAPACITY];
         let found = self.records(now).read(&read, &mut record);
@@ -315,6 +348,7 @@ impl Core {
     fn records(&self, now: Instant) -> Records<'_> {
         Records {
             description: &self.description,
+            maintenance: self.station.maintenance(),
             relation: self.relation.as_ref(),
             physical: PhysicalDevice { name: self.station.name(), mac: self.mac, ip: self.station.ip() },
             log_book: &self.log_book,

@@ -20,8 +20,9 @@ pub const IM0_LEN: usize = 60;
 /// BlockVersionLow of Real- and ExpectedIdentificationData that begin with NumberOfAPIs.
 const WITH_API_COUNT: u8 = 1;
 
-/// Writes I&M0 of a device, which is the same for each of its submodules.
-pub fn emit_im0(description: &Description, writer: &mut BlockWriter<'_>) {
+/// Writes I&M0 of a device, which is the same for each of its submodules. `supported` is I&M_Supported: bit 1 for I&M1, and so
+/// on.
+pub fn emit_im0(description: &Description, supported: u16, writer: &mut BlockWriter<'_>) {
     block::write(writer, BlockType::IdentificationAndMaintenance0, |w| {
         w.u16(description.identity.vendor);
         padded(description.order_id, 20, w);
@@ -31,9 +32,9 @@ pub fn emit_im0(description: &Description, writer: &mut BlockWriter<'_>) {
         w.bytes(&description.software_revision);
         // Revision counter, profile and profile-specific type: no profile.
         w.zeros(6);
-        // Version 1.1 of I&M, and no I&M1 to 4.
+        // Version 1.1 of I&M.
         w.bytes(&[1, 1]);
-        w.u16(0);
+        w.u16(supported);
     });
 }
 
@@ -146,7 +147,7 @@ mod tests {
         let (header, body) = Header::parse(&datagram).unwrap();
         let blocks = ResponseArgs::parse(&header, body).unwrap().blocks;
         let captured = ReadResponse::parse(&mut BlockReader::new(blocks)).unwrap().record;
-        let ours = emitted(|w| emit_im0(&samples::DEVICE, w));
+        let ours = emitted(|w| emit_im0(&samples::DEVICE, 0, w));
         assert_eq!(ours[..6], captured[..6]);
         assert_eq!((ours.len(), captured.len()), (IM0_LEN, IM0_LEN));
         assert_eq!(&ours[8..28], b"sample-device       ");

@@ -11,16 +11,26 @@
 //! A MultipleWrite is a Write of index 0xE040, whose record is Writes one after another, each at a multiple of four
 //! bytes; its answer contains one answer for each.
 
+mod ar_data;
 mod contents;
+mod io_data;
 mod log_book;
+mod maintenance;
 mod physical_device;
+mod physical_parameters;
 
+pub use ar_data::{ArData, IocrData, emit_ar_data};
 pub use contents::{
     IM0_LEN, emit_api_data, emit_expected_identification, emit_im0, emit_im0_filter_data,
     emit_real_identification,
 };
+pub use io_data::IoData;
 pub use log_book::{LogBook, LogEntry};
+pub use maintenance::Maintenance;
 pub use physical_device::{PhysicalDevice, emit_port, is_port};
+pub use physical_parameters::PhysicalParameters;
+
+use physical_device::emit_multiple;
 
 use super::Uuid;
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
@@ -33,6 +43,14 @@ pub mod index {
     pub const MULTIPLE_WRITE: u16 = 0xE040;
     /// I&M0: identification.
     pub const IDENTIFICATION_AND_MAINTENANCE_0: u16 = 0xAFF0;
+    /// I&M1: function and location.
+    pub const IDENTIFICATION_AND_MAINTENANCE_1: u16 = 0xAFF1;
+    /// I&M2: date of installation.
+    pub const IDENTIFICATION_AND_MAINTENANCE_2: u16 = 0xAFF2;
+    /// I&M3: descriptor.
+    pub const IDENTIFICATION_AND_MAINTENANCE_3: u16 = 0xAFF3;
+    /// I&M4: signature.
+    pub const IDENTIFICATION_AND_MAINTENANCE_4: u16 = 0xAFF4;
     /// ExpectedIdentificationData of one subslot.
     pub const EXPECTED_IDENTIFICATION_SUBSLOT: u16 = 0x8000;
     /// RealIdentificationData of one subslot.
@@ -49,8 +67,24 @@ pub mod index {
     pub const MODULE_DIFF: u16 = 0xE002;
     /// RealIdentificationData of one API.
     pub const REAL_IDENTIFICATION_API: u16 = 0xF000;
+    /// ARData of one API.
+    pub const AR_DATA_API: u16 = 0xF020;
+    /// ARData of the device.
+    pub const AR_DATA: u16 = 0xF820;
     /// APIData: the APIs of the device.
     pub const API_DATA: u16 = 0xF821;
+    /// RecordInputDataObjectElement of one subslot.
+    pub const INPUT_DATA: u16 = 0x8028;
+    /// RecordOutputDataObjectElement of one subslot.
+    pub const OUTPUT_DATA: u16 = 0x8029;
+    /// PDPortDataCheck of one port.
+    pub const PD_PORT_DATA_CHECK: u16 = 0x802B;
+    /// PDPortDataAdjust of one port.
+    pub const PD_PORT_DATA_ADJUST: u16 = 0x802F;
+    /// PDInterfaceAdjust of one interface.
+    pub const PD_INTERFACE_ADJUST: u16 = 0x8071;
+    /// PDExpectedData: what was written to interface and ports of the device.
+    pub const PD_EXPECTED_DATA: u16 = 0xF842;
     /// PDPortDataReal of one port.
     pub const PD_PORT_DATA_REAL: u16 = 0x802A;
     /// PDInterfaceDataReal of one interface.
@@ -61,6 +95,9 @@ pub mod index {
     pub const LOG_BOOK: u16 = 0xF830;
     /// I&M0FilterData: which submodules have I&M0 of their own.
     pub const IM0_FILTER_DATA: u16 = 0xF840;
+    /// Trigger of the monitoring of an AR that is being established: an empty record, which the controller reads while it has
+    /// nothing else to call.
+    pub const CONNECTION_MONITORING_TRIGGER: u16 = 0xFBFF;
     /// The first index that the application may use is 0, the last this.
     pub const LAST_OF_APPLICATION: u16 = 0x7FFF;
 }
@@ -256,6 +293,21 @@ impl<'a> ReadResponse<'a> {
         });
         writer.bytes(self.record);
     }
+}
+
+/// Returns the body of the one block that a written record consists of.
+fn only_block(record: &[u8], wanted: BlockType) -> Result<BlockReader<'_>, Violation> {
+    let mut reader = BlockReader::new(record);
+    let (block_type, body) =
+        block::next(&mut reader, |_| Block::Record).map_err(|violation| match violation {
+            Violation::Head(_, HeadField::VersionHigh | HeadField::VersionLow) => Violation::InvalidParameter,
+            _ => Violation::WriteLength,
+        })?;
+    if block_type != wanted {
+        return Err(Violation::InvalidParameter);
+    }
+    // A tool may fill the record up to a multiple of four bytes.
+    if reader.left() < 4 { Ok(body) } else { Err(Violation::WriteLength) }
 }
 
 #[cfg(test)]

@@ -52,16 +52,28 @@ impl PhysicalDevice<'_> {
         for (slot, submodule) in description.submodules() {
             let subslot = submodule.subslot;
             if subslot == INTERFACE_SUBSLOT || is_port(subslot) {
-                block::write(writer, BlockType::MultipleBlockHeader, |w| {
-                    w.zeros(2);
-                    w.u32(API);
-                    w.u16(slot);
-                    w.u16(subslot);
+                emit_multiple(slot, subslot, writer, |w| {
                     if is_port(subslot) { emit_port(slot, subslot, w) } else { self.emit_interface(w) }
                 });
             }
         }
     }
+}
+
+/// Writes a MultipleBlockHeader and the blocks of this submodule.
+pub(super) fn emit_multiple(
+    slot: u16,
+    subslot: u16,
+    writer: &mut BlockWriter<'_>,
+    blocks: impl FnOnce(&mut BlockWriter<'_>),
+) {
+    block::write(writer, BlockType::MultipleBlockHeader, |w| {
+        w.zeros(2);
+        w.u32(API);
+        w.u16(slot);
+        w.u16(subslot);
+        blocks(w);
+    });
 }
 
 /// Returns whether a subslot is one of the ports of the first interface.

@@ -145,6 +145,8 @@ pub mod rpc_status {
     pub const UNKNOWN_INTERFACE: u32 = 0x1C01_0003;
     /// The protocol was violated.
     pub const PROTOCOL_ERROR: u32 = 0x1C01_000B;
+    /// The server does not have the called object.
+    pub const OBJECT_NOT_FOUND: u32 = 0x1C00_0024;
     /// The server has no room for the call.
     pub const SERVER_TOO_BUSY: u32 = 0x1C01_0014;
 }

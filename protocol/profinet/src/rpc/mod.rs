@@ -16,7 +16,7 @@ mod fragment;
 
 pub use args::{RequestArgs, ResponseArgs};
 pub use codes::{Kind, Operation, flags, rpc_status};
-pub use endpoint_mapper::{LOOKUP, LOOKUP_HANDLE_FREE, Lookup, LookupError};
+pub use endpoint_mapper::{Endpoint, LOOKUP, LOOKUP_HANDLE_FREE, Lookup, MapperCall, MapperError};
 pub use fragment::{Message, Reassembly, Received};
 
 use super::Uuid;
@@ -48,6 +48,9 @@ pub const ENDPOINT_MAPPER_INTERFACE: Uuid =
 const fn interface(number: u128) -> Uuid {
     Uuid((0xDEA0_0000_6C97_11D1_8271_00A0_2442_DF7D_u128 | number << 96).to_be_bytes())
 }
+
+/// Instance of the objects of our own stations.
+pub const INSTANCE: u16 = 1;
 
 /// Returns the ObjectUUID of a station: instance (1 for the first interface), device and vendor.
 #[must_use]

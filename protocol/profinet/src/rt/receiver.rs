@@ -110,6 +110,12 @@ impl CyclicReceiver {
         self.sequence.has_started().then_some(&self.c_sdu[..])
     }
 
+    /// Returns the CycleCounter of the newest frame; 0 before the first one.
+    #[must_use]
+    pub fn cycle_counter(&self) -> u16 {
+        self.sequence.last().map_or(0, |number| number as u16)
+    }
+
     /// Returns the DataStatus of the newest frame; 0 before the first one.
     #[must_use]
     pub const fn data_status(&self) -> DataStatus {

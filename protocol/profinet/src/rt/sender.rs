@@ -59,9 +59,24 @@ impl CyclicSender {
         &mut self.c_sdu
     }
 
+    /// Returns the data of the next frame.
+    #[must_use]
+    pub fn c_sdu(&self) -> &[u8] {
+        &self.c_sdu
+    }
+
     /// Sets the DataStatus of the next and all later frames.
     pub const fn set_data_status(&mut self, data_status: DataStatus) {
         self.data_status = data_status;
+    }
+
+    /// Returns the CycleCounter and the DataStatus of the last frame; 0 before the first one.
+    #[must_use]
+    pub fn last(&self) -> (u16, DataStatus) {
+        if self.sent == 0 {
+            return (0, DataStatus(0));
+        }
+        (cycle_counter(self.cycle.next() - self.cycle.period()), self.data_status)
     }
 
     /// Returns the number of frames sent.

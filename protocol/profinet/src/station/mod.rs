@@ -14,6 +14,8 @@ use crate::dcp::{
     self, Block, BlockError, Code, Content, IpSuite, MAX_NAME_LEN, Pdu, Service, response_delay,
 };
 use crate::description::Description;
+use crate::record::Maintenance;
+use crate::rpc::INSTANCE;
 use machine::Instant;
 use machine::ethernet::{EthernetHeader, Mac};
 use set::PendingSet;
@@ -30,7 +32,7 @@ const IO_DEVICE: u8 = 1;
 const IO_CONTROLLER: u8 = 2;
 
 /// The options that can be read or set, as Identify lists them.
-const OPTIONS: [u8; 22] = [1, 1, 1, 2, 2, 1, 2, 2, 2, 3, 2, 4, 2, 5, 5, 1, 5, 2, 5, 3, 5, 6];
+const OPTIONS: [u8; 26] = [1, 1, 1, 2, 2, 1, 2, 2, 2, 3, 2, 4, 2, 5, 2, 7, 5, 1, 5, 2, 5, 3, 5, 5, 5, 6];
 
 /// Name and address of a device or a controller.
 #[derive(Debug)]
@@ -50,24 +52,29 @@ pub(super) struct Station {
     /// When the first of both is due.
     reply_due: Option<Instant>,
     pending_set: Option<PendingSet>,
+    /// The station that changed something by the last Set, and until when those of others are ignored.
+    client: Option<(Mac, Instant)>,
 }
 
-/// Name and address that DCP set permanently, as the owner of a device stores them.
+/// What a device keeps, as its owner stores it: name and address that DCP set permanently, and what the operator wrote.
 #[derive(Clone, PartialEq, Eq, Default, Debug)]
 pub struct Permanent {
     /// Station name, at most 240 bytes; `None` if none was set permanently.
     pub name: Option<Vec<u8>>,
     /// IP address with mask and gateway; `None` if none was set permanently.
     pub address: Option<IpSuite>,
+    /// I&M1 to 4; `None` if none was written.
+    pub maintenance: Option<Maintenance>,
 }
 
-/// What is stored of name and address.
+/// What is stored.
 #[derive(Debug)]
 struct Stored {
     name: Option<Vec<u8>>,
     /// Memory of a name, while none is stored.
     spare: Vec<u8>,
     address: Option<IpSuite>,
+    maintenance: Maintenance,
 }
 
 impl Stored {
@@ -143,9 +150,10 @@ impl Station {
         stored: Option<Permanent>,
     ) -> Self {
         let mut station = Self::new(mac, IO_DEVICE, description, name, ip.unwrap_or(NO_ADDRESS));
-        station.stored = stored.map(|Permanent { name, address }| {
+        station.stored = stored.map(|Permanent { name, address, maintenance }| {
             let room = || Vec::with_capacity(MAX_NAME_LEN);
-            let mut stored = Stored { name: None, spare: room(), address };
+            let maintenance = maintenance.unwrap_or_default();
+            let mut stored = Stored { name: None, spare: room(), address, maintenance };
             if let Some(name) = name.filter(|name| is_station_name(name)) {
                 station.name.clear();
                 station.name.extend_from_slice(&name);
@@ -179,6 +187,7 @@ impl Station {
             delayed: [None; MOST_REPLIES],
             reply_due: None,
             pending_set: None,
+            client: None,
         }
     }
 
@@ -188,6 +197,17 @@ impl Station {
 
     pub(super) const fn ip(&self) -> IpSuite {
         self.ip
+    }
+
+    /// Returns I&M1 to 4; `None` if the owner cannot store them.
+    pub(super) fn maintenance(&self) -> Option<&Maintenance> {
+        self.stored.as_ref().map(|stored| &stored.maintenance)
+    }
+
+    /// Sets I&M1 to 4. Returns whether they changed, so that the owner has to store them.
+    pub(super) fn set_maintenance(&mut self, new: Maintenance) -> bool {
+        let stored = self.stored.as_mut();
+        stored.is_some_and(|stored| core::mem::replace(&mut stored.maintenance, new) != new)
     }
 
     /// Handles a DCP PDU in an Ethernet frame.
@@ -225,6 +245,9 @@ impl Station {
                 Ok(Effect::default())
             }
             Service::SetRequest if header.destination == self.mac => {
+                if self.client.is_some_and(|(client, until)| client != header.source && now < until) {
+                    return Err(Refusal::Foreign);
+                }
                 self.set(now, &pdu, Reply { service: Service::SetResponse, ..reply }, set_permission)
             }
             _ => Err(Refusal::Foreign),
@@ -245,6 +268,7 @@ impl Station {
                 Content::DeviceId { vendor, device } => {
                     (vendor, device) == (identity.vendor, identity.device)
                 }
+                Content::DeviceInstance(instance) => instance == INSTANCE,
                 Content::DeviceRole(roles) => roles & self.role != 0,
                 Content::DeviceOptions(options) => options == OPTIONS,
                 Content::MacAddress(mac) => mac == self.mac,
@@ -307,6 +331,7 @@ impl Station {
                     Code::DEVICE_ID,
                     Code::DEVICE_ROLE,
                     Code::DEVICE_OPTIONS,
+                    Code::DEVICE_INSTANCE,
                 ];
                 let blocks = codes.into_iter().filter_map(|code| self.block(code));
                 dcp::emit(writer, reply.service, reply.xid, 0, blocks);
@@ -341,6 +366,7 @@ impl Station {
             Code::DEVICE_ID => Content::DeviceId { vendor: identity.vendor, device: identity.device },
             Code::DEVICE_ROLE => Content::DeviceRole(self.role),
             Code::DEVICE_OPTIONS => Content::DeviceOptions(&OPTIONS),
+            Code::DEVICE_INSTANCE => Content::DeviceInstance(INSTANCE),
             _ => return None,
         };
         Some(content.into())

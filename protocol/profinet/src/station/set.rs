@@ -13,17 +13,23 @@ use super::rules::is_address;
 use super::{IO_CONTROLLER, NO_ADDRESS, Refusal, Reply, Station};
 use crate::dcp::{Block, BlockError, Code, Content, IpSuite, MAX_NAME_LEN, Pdu, Violation};
 use crate::is_station_name;
+use crate::record::Maintenance;
 use machine::{Duration, Instant, Requested};
 
 /// Time in which the owner can carry out one step. After it, the requester has given up.
 const STEP_TIME: Duration = Duration::from_secs(3);
 
+/// Time after a Set that changed something in which only the same station can set (IEC 61158-5-10, client hold time).
+const CLIENT_HOLD_TIME: Duration = Duration::from_secs(3);
+
 /// Bit of BlockQualifier: store the value permanently.
 const PERMANENT: u16 = 1;
 
-/// Modes of ResetToFactory, in bits 1 to 15 of its BlockQualifier: the communication parameters, which every station must
-/// be able to reset; and all that it stores, which is the same here.
-const RESET_MODES: [u16; 2] = [2, 8];
+/// Mode of ResetToFactory, in bits 1 to 15 of its BlockQualifier: the communication parameters, which are name and address.
+/// Every station must be able to reset them.
+const RESET_COMMUNICATION: u16 = 2;
+/// Mode of ResetToFactory: all that the station stores, so also what the operator wrote.
+const RESET_ALL: u16 = 8;
 
 /// Whether the sender of a DCP PDU may change the station.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -50,7 +56,7 @@ pub(crate) struct Effect {
 pub(crate) enum OwnerStep {
     /// It sets this address on the interface.
     SetAddress(IpSuite),
-    /// It stores name and address, or removes them from its storage.
+    /// It stores what [`Station::to_store`] returns, and removes the rest from its storage.
     Store,
 }
 
@@ -70,6 +76,8 @@ struct Change {
     name: Option<Lasting>,
     /// The new address, and for how long.
     address: Option<(IpSuite, Lasting)>,
+    /// Whether I&M1 to 4 are removed.
+    clears_maintenance: bool,
 }
 
 /// For how long a value is set.
@@ -111,7 +119,14 @@ impl Station {
         let (mut change, mut effect) = (Change::default(), Effect::default());
         for block in pdu.blocks() {
             let (code, error) = match block {
-                Ok(block) => (block.code(), self.set_block(&block, set_permission, &mut change, &mut effect)),
+                Ok(block) => {
+                    let changes = self.requested(&block).is_some();
+                    let error = self.set_block(&block, set_permission, &mut change, &mut effect);
+                    if changes && error == BlockError::None {
+                        self.client = Some((reply.to, now + CLIENT_HOLD_TIME));
+                    }
+                    (block.code(), error)
+                }
                 Err(Violation::BlockLength { code, .. }) => (code, self.length_error(code)),
                 Err(_) => continue,
             };
@@ -160,7 +175,7 @@ impl Station {
             }
             Content::Ip(suite) if !is_address(suite) => BlockError::SuboptionNotSet,
             Content::NameOfStation(name) if !is_station_name(name) => BlockError::SuboptionNotSet,
-            Content::ResetToFactory if !RESET_MODES.contains(&(block.qualifier >> 1)) => {
+            Content::ResetToFactory if !matches!(block.qualifier >> 1, RESET_COMMUNICATION | RESET_ALL) => {
                 BlockError::SuboptionNotSupported
             }
             Content::Ip(_) | Content::NameOfStation(_) if is_permanent && self.stored.is_none() => {
@@ -180,6 +195,8 @@ impl Station {
                 copy_name(&self.factory_name, &mut self.new_name);
                 change.name = Some(Lasting::ForNow);
                 change.address = Some((NO_ADDRESS, Lasting::ForNow));
+                change.clears_maintenance |=
+                    block.content == Content::FactoryReset || block.qualifier >> 1 == RESET_ALL;
                 BlockError::None
             }
             _ => not_supported(block.code()),
@@ -224,6 +241,8 @@ impl Station {
         let must_store = || {
             change.name.is_some_and(|lasting| self.must_store_name(&self.new_name, lasting))
                 || change.address.is_some_and(|(suite, lasting)| self.must_store_address(suite, lasting))
+                || change.clears_maintenance
+                    && self.maintenance().is_some_and(|it| *it != Maintenance::default())
         };
         let store = || must_store().then_some(OwnerStep::Store);
         match done {
@@ -245,11 +264,14 @@ impl Station {
         if let Some((suite, lasting)) = change.address {
             stored.address = (lasting == Lasting::Permanently).then_some(suite);
         }
+        if change.clears_maintenance {
+            stored.maintenance = Maintenance::default();
+        }
     }
 
-    /// Returns what the owner has to store: name and address, each if there is one.
-    pub(crate) fn to_store(&self) -> (Option<&[u8]>, Option<IpSuite>) {
-        let Some(stored) = &self.stored else { return (None, None) };
+    /// Returns what the owner has to store: name, address, and I&M1 to 4, each if there is one.
+    pub(crate) fn to_store(&self) -> (Option<&[u8]>, Option<IpSuite>, Option<&Maintenance>) {
+        let Some(stored) = &self.stored else { return (None, None, None) };
         let change = self.pending_set.map(|pending_set| pending_set.change).unwrap_or_default();
         let name = match change.name {
             Some(Lasting::Permanently) => Some(&self.new_name[..]),
@@ -261,7 +283,8 @@ impl Station {
             Some((_, Lasting::ForNow)) => None,
             None => stored.address,
         };
-        (name, address)
+        let is_written = stored.maintenance != Maintenance::default() && !change.clears_maintenance;
+        (name, address, is_written.then_some(&stored.maintenance))
     }
 
     /// Reports whether the owner could set the address on the interface. Returns whether the address changed, and the

@@ -59,6 +59,12 @@ impl Status {
         self.0.to_be_bytes()[3]
     }
 
+    /// Returns whether it is about the access to a record (PNIORW), and not about the protocol.
+    #[must_use]
+    pub const fn is_access_error(self) -> bool {
+        self.decode() == PNIORW
+    }
+
     /// Returns the status as text.
     #[must_use]
     pub fn text(self) -> &'static str {

@@ -195,8 +195,12 @@ violations! {
 
     ControlSessionKey = PNIO 20 6 "ControlBlockConnect: the SessionKey is not that of the AR"
     ControlCommand = PNIO 20 8 "ControlBlockConnect: ControlCommand does not fit the block"
+    ControlPlugSessionKey = PNIO 21 6 "ControlBlockPlug: the SessionKey is not that of the AR"
+    ControlPlugCommand = PNIO 21 8 "ControlBlockPlug: ControlCommand does not fit the block"
     XControlSessionKey = PNIO 22 6 "ControlBlockConnect of IOXControl: the SessionKey is not that of the AR"
     XControlCommand = PNIO 22 8 "ControlBlockConnect of IOXControl: ControlCommand does not fit the block"
+    XControlPlugSessionKey = PNIO 23 6 "ControlBlockPlug of IOXControl: the SessionKey is not that of the AR"
+    XControlPlugCommand = PNIO 23 8 "ControlBlockPlug of IOXControl: ControlCommand does not fit the block"
     PrmBeginSessionKey = PNIO 24 6 "ControlBlockPrmBegin: the SessionKey is not that of the AR"
     PrmBeginCommand = PNIO 24 8 "ControlBlockPrmBegin: ControlCommand does not fit the block"
     ReleaseSessionKey = PNIO 40 6 "ReleaseBlock: the SessionKey is not that of the AR"

@@ -16,4 +16,5 @@ mod loss;
 mod one_way;
 mod pair;
 mod samples;
+mod tshark;
 mod two_devices;

@@ -49,9 +49,8 @@ impl Ar {
     /// Returns when something besides cyclic frames is due, in either direction.
     pub(super) fn acyclic_timeout(&self) -> Option<Instant> {
         let of_phase = match self.phase {
-            Phase::Pausing { until } | Phase::AwaitingReady { until } | Phase::Releasing { until } => {
-                Some(until)
-            }
+            Phase::Pausing { until } | Phase::Releasing { until } => Some(until),
+            Phase::AwaitingReady { .. } => self.ready_until(),
             _ => None,
         };
         let of_alarms = self.link.as_ref().and_then(|link| link.alarms.poll_timeout());
@@ -70,7 +69,7 @@ impl Ar {
         }
         match self.phase {
             Phase::Pausing { until } if now >= until => self.start_attempt(now),
-            Phase::AwaitingReady { until } if now >= until => {
+            Phase::AwaitingReady { .. } if self.ready_until().is_some_and(|until| now >= until) => {
                 let status = Violation::ApplicationReadyTimeout.status(Service::Abort);
                 let down = Down { cause: DownCause::NoAnswer, code: 0, text: down_reasons::NOT_READY };
                 self.fail(now, down, Some(status));
@@ -83,14 +82,23 @@ impl Ar {
         }
     }
 
+    /// Returns until when the device may prepare itself.
+    fn ready_until(&self) -> Option<Instant> {
+        let Phase::AwaitingReady { until, silent_until } = self.phase else { return None };
+        let sends = self.link.as_ref().is_some_and(|link| self.is_monitored(link));
+        Some(if sends { until } else { silent_until })
+    }
+
     fn handle_link_timeout(&mut self, now: Instant) {
+        let is_monitored = self.link.as_ref().is_some_and(|link| self.is_monitored(link));
         let Some(link) = &mut self.link else { return };
         if link.alarms.handle_timeout(now) {
             let down = Down { cause: DownCause::NoAnswer, code: 0, text: down_reasons::NO_ALARM_ACK };
             self.fail(now, down, Some(Violation::Abort.status(Service::Abort)));
-        } else if self.phase == Phase::Exchanging && link.receiver.is_expired(now) {
+        } else if is_monitored && link.receiver.is_expired(now) {
             let status = Violation::ConsumerExpired.status(Service::Abort);
-            let text = if self.up { down_reasons::WATCHDOG } else { down_reasons::NO_CYCLIC };
+            let has_sent = link.receiver.received() > 0;
+            let text = if has_sent { down_reasons::WATCHDOG } else { down_reasons::NO_CYCLIC };
             self.fail(now, Down { cause: DownCause::Watchdog, code: status.0, text }, Some(status));
         }
     }

@@ -8,6 +8,7 @@
 //!         ACK ──▶
 //! ```
 
+use super::plug::Plugged;
 use crate::ETHER_TYPE;
 use crate::alarm::{
     Acknowledgement, Alarm, FRAME_ID_HIGH, FRAME_ID_LOW, PduType, Priority, Rta, error_status,
@@ -31,6 +32,8 @@ const BEFORE_FIRST: u16 = 0xFFFE;
 pub(super) enum Outcome {
     /// It belongs to the connection.
     Handled,
+    /// It is the alarm of a submodule that waits for its parameters.
+    Plugged(Plugged),
     /// It belongs to another connection, or answers a PDU that was not sent.
     Foreign,
     /// It broke the format.
@@ -126,6 +129,11 @@ impl Alarms {
         })
     }
 
+    /// Returns whether the device has acknowledged every AlarmAck.
+    pub(super) const fn are_acknowledged(&self) -> bool {
+        self.high.outstanding.is_none() && self.low.outstanding.is_none()
+    }
+
     /// Returns when a PDU has to be repeated.
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
         Instant::earlier(self.high.repeat_at(), self.low.repeat_at())
@@ -204,6 +212,7 @@ impl Endpoint {
                 sent: 0,
                 due: true,
             });
+            return Plugged::from_alarm(&notification).map_or(Outcome::Handled, Outcome::Plugged);
         }
         Outcome::Handled
     }

@@ -1,7 +1,9 @@
 //! A call to the device: one RPC at a time, repeated until it is answered or given up (C706, chapter 10).
 
 use crate::Uuid;
-use crate::rpc::{Header, Kind, Message, Operation, Reassembly, Received, flags, read_rpc_status};
+use crate::rpc::{
+    Header, Kind, Message, Operation, Reassembly, Received, flags, read_rpc_status, rpc_status,
+};
 use machine::wire::Overflow;
 use machine::{Duration, Instant};
 
@@ -9,8 +11,11 @@ use machine::{Duration, Instant};
 const REPEAT_AFTER: Duration = Duration::from_millis(200);
 /// The longest pause between repetitions.
 const REPEAT_AT_MOST: Duration = Duration::from_millis(800);
-/// Time after which an unanswered call is given up.
+/// Time after which the first unanswered call is given up. It doubles up to [`UNHEARD_AT_MOST`] with each call that was given
+/// up, since the device may be slow and not say so.
 const UNHEARD_FOR: Duration = Duration::from_secs(3);
+/// The longest time after which an unanswered call is given up.
+const UNHEARD_AT_MOST: Duration = Duration::from_secs(12);
 /// Time after which a call is given up even if the device reports that it is still working on it.
 const UNFINISHED_FOR: Duration = Duration::from_secs(30);
 
@@ -37,6 +42,8 @@ pub(super) struct Caller {
     activity: Uuid,
     sequence: u32,
     wait: Option<Wait>,
+    /// How long the device may be silent.
+    patience: Duration,
     /// A short PDU that goes out before the request: a ping, or the acknowledgement of a fragment.
     reply: Option<Header>,
 }
@@ -45,6 +52,7 @@ pub(super) struct Caller {
 struct Wait {
     repeat_at: Instant,
     pause: Duration,
+    patience: Duration,
     give_up_at: Instant,
     last_resort: Instant,
     /// The device has confirmed the request: from now on the caller sends pings and does not repeat the request.
@@ -53,23 +61,29 @@ struct Wait {
 
 impl Caller {
     /// Creates a caller without a call. It allocates its memory here; nothing allocates later.
-    pub(super) fn new(object: Uuid, interface: Uuid) -> Self {
+    pub(super) fn new(interface: Uuid) -> Self {
         Self {
             request: Message::new(),
             answer: Reassembly::new(),
-            object,
+            object: Uuid::NIL,
             interface,
             activity: Uuid::NIL,
             sequence: 0,
             wait: None,
+            patience: UNHEARD_FOR,
             reply: None,
         }
     }
 
-    /// Gives up the call, if there is one, and starts a new thread of calls.
-    pub(super) fn begin(&mut self, activity: Uuid) {
+    /// Expects answers as soon as at the start again: the device answers in time.
+    pub(super) const fn reset_patience(&mut self) {
+        self.patience = UNHEARD_FOR;
+    }
+
+    /// Gives up the call, if there is one, and starts a new thread of calls, to this object.
+    pub(super) fn begin(&mut self, activity: Uuid, object: Uuid) {
         self.cancel();
-        (self.activity, self.sequence) = (activity, 0);
+        (self.activity, self.sequence, self.object) = (activity, 0, object);
     }
 
     /// Gives up the call, if there is one.
@@ -92,7 +106,8 @@ impl Caller {
         self.wait = Some(Wait {
             repeat_at: now + REPEAT_AFTER,
             pause: REPEAT_AFTER,
-            give_up_at: now + UNHEARD_FOR,
+            patience: self.patience,
+            give_up_at: now + self.patience,
             last_resort: now + UNFINISHED_FOR,
             working: false,
         });
@@ -130,10 +145,18 @@ impl Caller {
                     Received::Part | Received::Refused => AnswerOutcome::Pending,
                 }
             }
-            Kind::Fault | Kind::Reject => {
-                self.cancel();
-                AnswerOutcome::Refused(read_rpc_status(header, body).unwrap_or_default())
-            }
+            Kind::Fault | Kind::Reject => match read_rpc_status(header, body).unwrap_or_default() {
+                // It has no room for the call now. The call is repeated when it is due.
+                rpc_status::SERVER_TOO_BUSY => {
+                    wait.working = false;
+                    wait.restart_timeout(now);
+                    AnswerOutcome::Pending
+                }
+                status => {
+                    self.cancel();
+                    AnswerOutcome::Refused(status)
+                }
+            },
             Kind::Working => {
                 wait.working = true;
                 wait.restart_timeout(now);
@@ -153,6 +176,7 @@ impl Caller {
     pub(super) fn handle_timeout(&mut self, now: Instant) -> bool {
         let Some(wait) = &mut self.wait else { return false };
         if now >= wait.give_up_at {
+            self.patience = self.patience.saturating_mul(2).min(UNHEARD_AT_MOST);
             self.cancel();
             return true;
         }
@@ -186,7 +210,7 @@ impl Caller {
 impl Wait {
     /// Restarts the timeout: the device is alive and has received the call.
     fn restart_timeout(&mut self, now: Instant) {
-        self.give_up_at = (now + UNHEARD_FOR).min(self.last_resort);
+        self.give_up_at = (now + self.patience).min(self.last_resort);
         self.repeat_at = now + self.pause;
     }
 }
@@ -199,8 +223,8 @@ mod tests {
     const ACTIVITY: Uuid = Uuid([7; 16]);
 
     fn calling() -> Caller {
-        let mut caller = Caller::new(Uuid([1; 16]), DEVICE_INTERFACE);
-        caller.begin(ACTIVITY);
+        let mut caller = Caller::new(DEVICE_INTERFACE);
+        caller.begin(ACTIVITY, Uuid([1; 16]));
         caller
             .call(Instant::ZERO, Operation::Connect, |body| {
                 body[..3].copy_from_slice(b"abc");
@@ -247,6 +271,41 @@ mod tests {
         assert_eq!(sent(&mut caller).unwrap().kind, Kind::Ping);
         assert!(matches!(caller.handle(at, &request.answer(Kind::NoCall), &[]), AnswerOutcome::Pending));
         assert_eq!(sent(&mut caller).unwrap().kind, Kind::Request);
+    }
+
+    #[test]
+    fn each_call_that_was_given_up_makes_it_more_patient_until_the_device_answers_in_time() {
+        let mut caller = calling();
+        let mut given_up_after = Vec::new();
+        for round in 0..5 {
+            if round == 4 {
+                caller.reset_patience();
+            }
+            caller.call(Instant::ZERO, Operation::Connect, |_| Ok(0)).unwrap();
+            let mut at = caller.poll_timeout().unwrap();
+            while !caller.handle_timeout(at) {
+                at = caller.poll_timeout().unwrap();
+            }
+            given_up_after.push(at.as_nanos() / 1_000_000_000);
+        }
+        assert_eq!(given_up_after, [3, 6, 12, 12, 3]);
+    }
+
+    #[test]
+    fn a_device_that_is_too_busy_is_called_again() {
+        let mut caller = calling();
+        let request = sent(&mut caller).unwrap();
+        let reject = request.answer(Kind::Reject);
+        let busy = rpc_status::SERVER_TOO_BUSY.to_be_bytes();
+        for _ in 0..10 {
+            let at = caller.poll_timeout().unwrap();
+            assert!(!caller.handle_timeout(at));
+            let again = sent(&mut caller).unwrap();
+            assert_eq!((again.kind, again.sequence), (Kind::Request, request.sequence));
+            assert!(matches!(caller.handle(at, &reject, &busy), AnswerOutcome::Pending));
+            assert!(sent(&mut caller).is_none(), "not at once");
+        }
+        assert!(caller.poll_timeout().unwrap() > Instant::from_millis(3_000));
     }
 
     #[test]

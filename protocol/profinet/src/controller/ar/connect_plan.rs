@@ -10,7 +10,8 @@ use crate::connect::{
     AlarmCr, Ar, ArProperties, ConnectRequest, ExpectedModule, ExpectedSubmodule, Iocr, IocrType, RtClass,
 };
 use crate::description::Description;
-use crate::rt::{CycleTime, Transport, UDP_PORT};
+use crate::rt::{CycleTime, FRAME_IDS_RT_CLASS_1_UDP, FRAME_IDS_RT_CLASS_2, Transport, UDP_PORT};
+use crate::status::{Service, Status, Violation};
 use crate::tag;
 use crate::{ETHER_TYPE, LT_UDP, Uuid, rpc};
 use machine::Duration;
@@ -23,14 +24,26 @@ const ACTIVITY_TIMEOUT: u16 = 200;
 /// The longest parameter record in bytes: with its head it fits [`rpc::BODY_CAPACITY`].
 const MAX_PARAMETER_LEN: usize = 4096;
 
+/// First FrameID of RT_CLASS_1.
+const FIRST_FRAME_ID: u16 = *FRAME_IDS_RT_CLASS_2.start();
+/// First FrameID of RT_CLASS_1 in its former numbering, and of RT_CLASS_UDP.
+const FIRST_FRAME_ID_LEGACY: u16 = *FRAME_IDS_RT_CLASS_1_UDP.start();
+
 /// What a configuration determines for all connections of an AR.
 #[derive(Debug)]
 pub(super) struct ConnectPlan {
     pub(super) layout: Layout,
     pub(super) time: CycleTime,
     pub(super) hold: Duration,
-    /// The Connect request; only the session key changes from connection to connection.
+    /// The Connect request; only the session key changes from connection to connection, and what the device refuses.
     pub(super) connect: ConnectRequest,
+}
+
+/// What was changed in the Connect of one attempt because the device refused it.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub(super) struct Changes {
+    startup_mode: bool,
+    rt_class: bool,
 }
 
 /// IOCRReference of the input.
@@ -77,13 +90,43 @@ impl ConnectPlan {
     }
 }
 
+impl ConnectPlan {
+    /// Changes the Connect if a device may have refused it because its stack is older than what we ask for: advanced startup
+    /// mode becomes legacy, RT_CLASS_1 gets its former number and FrameIDs, or each the other way round. `changes` are those
+    /// of this attempt; each is made once. Returns whether the Connect is to be called again.
+    pub(super) fn change(&mut self, changes: &mut Changes, refusal: Status) -> bool {
+        let refused = |violation: Violation| violation.status(Service::Connect) == refusal;
+        let ConnectRequest { ar, iocrs, .. } = &mut self.connect;
+        if refused(Violation::ArProperties) && !core::mem::replace(&mut changes.startup_mode, true) {
+            ar.properties.0 ^= ArProperties::ADVANCED_STARTUP;
+            return true;
+        }
+        let is_class_1 = iocrs.iter().all(|iocr| iocr.rt_class != RtClass::Udp);
+        if is_class_1
+            && refused(Violation::IocrProperties)
+            && !core::mem::replace(&mut changes.rt_class, true)
+        {
+            for iocr in iocrs {
+                iocr.rt_class = match iocr.rt_class {
+                    RtClass::Class1 => RtClass::Legacy1,
+                    _ => RtClass::Class1,
+                };
+                // From 0x8000 on, or from 0xC000 on.
+                iocr.frame_id ^= FIRST_FRAME_ID ^ FIRST_FRAME_ID_LEGACY;
+            }
+            return true;
+        }
+        false
+    }
+}
+
 fn ar_block(own: &ControllerConfig, uuid: Uuid) -> Ar {
     Ar {
         ar_type: Ar::IOCAR_SINGLE,
         uuid,
         session: 0,
         initiator_mac: own.mac,
-        initiator_object: rpc::object(1, own.description.identity),
+        initiator_object: rpc::object(rpc::INSTANCE, own.description.identity),
         properties: ArProperties(
             ArProperties::ACTIVE
                 | ArProperties::PARAMETERIZATION_BY_INITIATOR
@@ -143,8 +186,8 @@ fn expected(description: &Description) -> Vec<ExpectedModule> {
 
 fn iocr(config: &ArConfig, number: u16, time: CycleTime, iocr_type: IocrType, direction: &Direction) -> Iocr {
     let (rt_class, lowest) = match config.transport {
-        Transport::Rt1 => (RtClass::Class1, 0x8000),
-        Transport::Udp => (RtClass::Udp, 0xC000),
+        Transport::Rt1 => (RtClass::Class1, FIRST_FRAME_ID),
+        Transport::Udp => (RtClass::Udp, FIRST_FRAME_ID_LEGACY),
     };
     // Those of the inputs must differ within a controller; a device may choose others for its outputs.
     let first_frame_id = lowest + 2 * number;

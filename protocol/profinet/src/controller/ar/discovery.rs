@@ -4,7 +4,9 @@ use alloc::boxed::Box;
 
 use super::Refusal;
 use crate::ETHER_TYPE;
-use crate::dcp::{self, BlockError, Code, Content, IDENTIFY_MULTICAST, IpSuite, Pdu, Service, Station};
+use crate::dcp::{
+    self, Block, BlockError, Code, Content, IDENTIFY_MULTICAST, IpSuite, Pdu, Service, Station,
+};
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Duration, Instant};
 
@@ -51,6 +53,10 @@ pub(super) struct Discovery {
     wanted: WantedStation,
     xid: u32,
     device: Option<Mac>,
+    /// DeviceInstance of the station, if it reports one.
+    instance: Option<u16>,
+    /// Whether the station reports that another one has its address.
+    has_conflict: bool,
     step: Step,
     send: bool,
 }
@@ -64,13 +70,23 @@ enum Step {
 
 impl Discovery {
     pub(super) const fn new(wanted: WantedStation) -> Self {
-        Self { wanted, xid: 0, device: None, step: Step::Idle, send: false }
+        Self {
+            wanted,
+            xid: 0,
+            device: None,
+            instance: None,
+            has_conflict: false,
+            step: Step::Idle,
+            send: false,
+        }
     }
 
     /// Starts to search. `xid` must not have been used lately, so that old answers are not accepted for new ones.
     pub(super) fn begin(&mut self, now: Instant, xid: u32) {
         self.xid = xid;
         self.device = None;
+        self.instance = None;
+        self.has_conflict = false;
         self.step = Step::Identify { repeat_at: now + REPEAT_AFTER };
         self.send = true;
     }
@@ -78,6 +94,16 @@ impl Discovery {
     /// Returns the first station that answered to the name.
     pub(super) const fn device(&self) -> Option<Mac> {
         self.device
+    }
+
+    /// Returns whether the station reported that another one has its address.
+    pub(super) const fn has_conflict(&self) -> bool {
+        self.has_conflict
+    }
+
+    /// Returns the instance that the station reports of itself.
+    pub(super) const fn instance(&self) -> Option<u16> {
+        self.instance
     }
 
     /// Returns whether a station answered to the name.
@@ -102,6 +128,14 @@ impl Discovery {
         }
     }
 
+    /// Returns whether a Hello is that of the device: it has come up, and can be searched for.
+    pub(super) fn is_hello(&self, from: Mac, pdu: &Pdu<'_>) -> bool {
+        let is_named = |station: Station<'_>| station.name.eq_ignore_ascii_case(&self.wanted.name);
+        pdu.service == Service::Hello
+            && self.wanted.mac.is_none_or(|mac| mac == from)
+            && Station::from_pdu(pdu).is_ok_and(is_named)
+    }
+
     fn identified(&mut self, now: Instant, from: Mac, pdu: &Pdu<'_>) -> Progress {
         let Ok(station) = Station::from_pdu(pdu) else { return Progress::Foreign };
         if !station.name.eq_ignore_ascii_case(&self.wanted.name) {
@@ -112,11 +146,20 @@ impl Discovery {
             Some(_) => return self.refuse(0, NAME_TWICE),
             None => self.device = Some(from),
         }
+        for block in pdu.blocks().flatten() {
+            match block.content {
+                Content::DeviceInstance(instance) => self.instance = Some(instance),
+                Content::Ip(_) => self.has_conflict = block.qualifier & Block::ADDRESS_CONFLICT != 0,
+                _ => {}
+            }
+        }
         if let Some((vendor, device)) = station.identity.filter(|found| *found != self.wanted.identity) {
             return self.refuse(u32::from(vendor) << 16 | u32::from(device), WRONG_IDENTITY);
         }
         let IpSuite { address, mask, .. } = self.wanted.address;
-        if station.ip.is_some_and(|has| has.address == address && has.mask == mask) {
+        let has_address = station.ip.is_some_and(|has| has.address == address && has.mask == mask);
+        // A station does not use an address that another one has. If that one is gone, a new Set makes it look again.
+        if has_address && !self.has_conflict {
             self.stop();
             return Progress::Found(from);
         }
@@ -201,7 +244,6 @@ impl Discovery {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dcp::Block;
     use core::net::Ipv4Addr;
     use machine::wire::Writer;
 
@@ -292,6 +334,33 @@ mod tests {
         let refused = [Content::Response { code: Code::IP, error: BlockError::InOperation }.into()];
         let progress = answer(&mut discovery, DEVICE, Service::SetResponse, 101, &refused);
         assert_eq!(progress, Progress::Refused(Refusal { code: 6, text: ADDRESS_REFUSED }));
+    }
+
+    #[test]
+    fn a_station_whose_address_another_one_has_gets_it_again_and_the_conflict_is_known() {
+        for (conflict, info) in [(false, 0x0001), (false, 0x0002), (true, 0x0081), (true, 0x0082)] {
+            let mut discovery = looking();
+            let _ = sent(&mut discovery);
+            let mut blocks = robot(2, ADDRESS);
+            blocks[2].qualifier = info;
+            let progress = answer(&mut discovery, DEVICE, Service::IdentifyResponse, 100, &blocks);
+            let expected = if conflict { Progress::Pending } else { Progress::Found(DEVICE) };
+            assert_eq!((progress, discovery.has_conflict()), (expected, conflict), "0x{info:04X}");
+            if conflict {
+                assert_eq!(sent(&mut discovery), Some((DEVICE, Service::SetRequest, 101)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_block_of_another_length_does_not_hide_the_station() {
+        let mut discovery = looking();
+        let mut buf = [0; 256];
+        let odd = Content::Unknown(Code::DEVICE_INSTANCE, &[1]);
+        let [name, id, ip] = robot(2, ADDRESS);
+        dcp::emit(&mut Writer::new(&mut buf), Service::IdentifyResponse, 100, 0, [odd.into(), name, id, ip]);
+        let progress = discovery.handle(Instant::ZERO, DEVICE, &Pdu::parse(&buf).unwrap());
+        assert_eq!(progress, Progress::Found(DEVICE));
     }
 
     #[test]

@@ -6,6 +6,8 @@ pub(super) const NO_SET: &str = "the device is there but does not answer when it
      that no switch or second controller filters it";
 pub(super) const NO_RPC: &str = "the device is there but does not answer calls on UDP port 34964: check both IP \
      addresses, the subnet mask and firewalls";
+pub(super) const ADDRESS_TAKEN: &str = "the device does not answer calls, and reports by DCP that another station has the IP \
+     address that it is to have: find that station, or choose another address";
 pub(super) const NOT_READY: &str = "the device took its parameters but did not report that it is ready: look at the \
      device, and at firewalls for UDP port 34964";
 pub(super) const NO_CYCLIC: &str = "the device is connected but sends no cyclic frames: check the transport (udp or \

@@ -53,7 +53,9 @@ impl Link {
         }
         let route = match config.transport {
             Transport::Rt1 => Route::Ethernet { source: own, destination: device },
-            Transport::Udp => Route::Udp(SocketAddrV4::new(config.address, UDP_PORT)),
+            Transport::Udp => {
+                Route::Udp(SocketAddrV4::new(config.address, responder_port(granted.ar.responder_rt_port)))
+            }
         };
         let first = plan.time.first(now, own);
         let output_len = usize::from(plan.layout.output.c_sdu_len);
@@ -88,6 +90,13 @@ impl Link {
         counters.lost += self.receiver.lost();
         counters.late += self.receiver.late();
     }
+}
+
+/// Returns the UDP port at which the device takes cyclic frames and alarms: the one that it names, as long as that is above
+/// the ports of other services (IEC 61158-6-10, CMResponderUDPRTPort).
+const fn responder_port(named: u16) -> u16 {
+    const LAST_OF_SERVICES: u16 = 0x3FF;
+    if named > LAST_OF_SERVICES { named } else { UDP_PORT }
 }
 
 /// Returns the first module or submodule of the device that cannot be driven, and in which way.

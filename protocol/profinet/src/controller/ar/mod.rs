@@ -18,6 +18,8 @@ mod discovery;
 mod down_reasons;
 mod layout;
 mod link;
+mod object;
+mod plug;
 mod startup;
 
 use alloc::collections::VecDeque;
@@ -35,15 +37,17 @@ use crate::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW};
 use crate::connect::DiffModule;
 use crate::dcp::IpSuite;
 use crate::provided::{DataError, Provided};
-use crate::rpc::{self, DEVICE_INTERFACE};
+use crate::rpc::DEVICE_INTERFACE;
 use crate::rt::{Received, Transport};
 use crate::status::Status;
 use acyclic::Acyclic;
 use alarms::{FinalError, Outcome};
 use call::Caller;
-use connect_plan::ConnectPlan;
+use connect_plan::{Changes, ConnectPlan};
 use discovery::{Discovery, WantedStation};
 use link::Link;
+use object::Instance;
+use plug::Plugs;
 
 /// Time without a connection after which we report it.
 const SILENT_FOR: Duration = Duration::from_secs(3);
@@ -51,8 +55,11 @@ const SILENT_FOR: Duration = Duration::from_secs(3);
 const PAUSE: Duration = Duration::from_millis(100);
 /// The longest pause between attempts.
 const PAUSE_AT_MOST: Duration = Duration::from_millis(1_600);
-/// How long the device may take from PrmEnd to ApplicationReady.
-const READY_WITHIN: Duration = Duration::from_secs(20);
+/// How long a device may take from PrmEnd to ApplicationReady while it sends cyclic frames (IEC 61158-6-10,
+/// RemoteApplicationReadyTimeout; the GSDML file of a device may name less, which we do not know).
+const READY_WITHIN: Duration = Duration::from_secs(300);
+/// How long it may take if it sends nothing meanwhile.
+const SILENT_READY_WITHIN: Duration = Duration::from_secs(20);
 /// How long we wait for the answer to a Release.
 const RELEASED_WITHIN: Duration = Duration::from_secs(1);
 
@@ -78,8 +85,8 @@ enum Phase {
     Writing { parameter: usize },
     /// PrmEnd is called. `ready`: ApplicationReady has already arrived.
     EndingParameters { ready: bool },
-    /// The device prepares itself until it calls ApplicationReady.
-    AwaitingReady { until: Instant },
+    /// The device prepares itself until it calls ApplicationReady. `silent_until`: how long it may do so without a cyclic frame.
+    AwaitingReady { until: Instant, silent_until: Instant },
     /// Data are exchanged.
     Exchanging,
     /// Release is called.
@@ -98,8 +105,11 @@ pub struct Ar {
     pause: Duration,
     discovery: Discovery,
     caller: Caller,
+    instance: Instance,
+    changes: Changes,
     link: Option<Link>,
     final_error: Option<FinalError>,
+    plugs: Plugs,
     output: Provided,
     up: bool,
     /// When we report that there is no connection, unless something else is reported before.
@@ -145,9 +155,12 @@ impl Ar {
             phase: Phase::Pausing { until: start },
             pause: PAUSE,
             discovery,
-            caller: Caller::new(rpc::object(1, identity), DEVICE_INTERFACE),
+            caller: Caller::new(DEVICE_INTERFACE),
+            instance: Instance::new(),
+            changes: Changes::default(),
             link: None,
             final_error: None,
+            plugs: Plugs::new(),
             output,
             up: false,
             silent_at: Some(start + SILENT_FOR),
@@ -167,8 +180,8 @@ impl Ar {
         self.up
     }
 
-    /// Returns the differences between the device's modules and the description after the last Connect; empty if there
-    /// are none.
+    /// Returns the differences between the device's modules and the description, by the answer to the last Connect or the
+    /// ApplicationReady after it; empty if there are none.
     #[must_use]
     pub fn module_diff(&self) -> &[DiffModule] {
         &self.diff
@@ -264,6 +277,7 @@ impl Ar {
         };
         match outcome {
             Outcome::Handled => {}
+            Outcome::Plugged(plugged) => self.plugs.add(plugged),
             Outcome::Foreign => return false,
             Outcome::Malformed => self.counters.malformed += 1,
             Outcome::Aborted(status) => {
@@ -271,6 +285,7 @@ impl Ar {
                 self.fail(now, down, None);
             }
         }
+        self.continue_plug(now);
         true
     }
 
@@ -308,29 +323,44 @@ impl Ar {
         self.acyclic = Acyclic::Active;
         self.up = true;
         self.pause = PAUSE;
+        self.caller.reset_patience();
         self.silent_at = None;
         self.reported = None;
         self.events.push_back(LinkEvent::Up);
     }
 
     fn drop_link(&mut self) {
+        self.plugs.clear();
         if let Some(link) = self.link.take() {
             link.count(&mut self.counters);
+        }
+    }
+
+    /// Returns whether the connection ends if no cyclic frame comes within the data hold time: while data are exchanged, and
+    /// before, from the device's first frame on.
+    fn is_monitored(&self, link: &Link) -> bool {
+        match self.phase {
+            Phase::Exchanging => true,
+            Phase::AwaitingReady { .. } => link.receiver.received() > 0,
+            _ => false,
         }
     }
 
     /// Returns a hint for the user if the device stays silent in this phase.
     const fn reason_for_silence(&self) -> &'static str {
         match self.phase {
-            Phase::Connecting | Phase::Writing { .. } | Phase::EndingParameters { .. } => {
-                down_reasons::NO_RPC
-            }
+            Phase::Connecting | Phase::Writing { .. } | Phase::EndingParameters { .. } => self.no_answer(),
             Phase::AwaitingReady { .. } => down_reasons::NOT_READY,
             Phase::Exchanging => down_reasons::NO_CYCLIC,
             Phase::Pausing { .. } => self.words,
             _ if self.discovery.has_found() => down_reasons::NO_SET,
             _ => down_reasons::NO_STATION,
         }
+    }
+
+    /// Returns a hint for the user if the device does not answer calls.
+    const fn no_answer(&self) -> &'static str {
+        if self.discovery.has_conflict() { down_reasons::ADDRESS_TAKEN } else { down_reasons::NO_RPC }
     }
 
     pub(super) fn handle_timeout(&mut self, now: Instant) {
@@ -364,7 +394,7 @@ impl Ar {
         };
         let Some(link) = &self.link else { return acyclic };
         let mut next = link.sender.poll_timeout();
-        if self.phase == Phase::Exchanging {
+        if self.is_monitored(link) {
             next = next.min(link.receiver.poll_timeout());
         }
         Instant::earlier(acyclic, Some(next))

@@ -4,19 +4,23 @@ use rand_core::Rng;
 
 use super::acyclic::Acyclic;
 use super::call::AnswerOutcome;
+use super::connect_plan::Changes;
 use super::discovery::Progress;
 use super::link::{Link, unusable};
-use super::{Ar, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, down_reasons, random_uuid};
+use super::{
+    Ar, PAUSE, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, SILENT_READY_WITHIN, down_reasons, random_uuid,
+};
 use crate::Uuid;
 use crate::block::{BlockReader, BlockWriter};
 use crate::connect::{self, ConnectResponse};
 use crate::control::{Command, Control};
 use crate::dcp::Pdu;
-use crate::record::{Address, WriteRequest, WriteResponse};
-use crate::rpc::{Header, Operation, RequestArgs, ResponseArgs};
-use crate::status::{Service, Violation};
+use crate::record::{Address, PhysicalParameters, WriteRequest, WriteResponse};
+use crate::rpc::{self, Header, Operation, RequestArgs, ResponseArgs};
+use crate::status::{Service, Status, Violation};
 use machine::Instant;
 use machine::ethernet::Mac;
+use machine::wire::Overflow;
 use machine::{Down, DownCause, LinkEvent};
 
 /// ArgsMaximum: the longest answer, in bytes of blocks, that we accept.
@@ -27,12 +31,21 @@ impl Ar {
     pub(super) fn start_attempt(&mut self, now: Instant) {
         self.phase = Phase::Searching;
         self.diff.clear();
+        self.instance.begin();
+        self.changes = Changes::default();
         self.discovery.begin(now, self.random.next_u32());
     }
 
-    /// Handles a DCP answer. Returns whether it belongs to this AR.
+    /// Handles a DCP answer or a Hello. Returns whether it belongs to this AR.
     pub(in super::super) fn handle_dcp(&mut self, now: Instant, from: Mac, pdu: &Pdu<'_>) -> bool {
         self.acyclic = Acyclic::Active;
+        if self.discovery.is_hello(from, pdu) {
+            // However many Hellos come, a pause is not shorter than the first one.
+            if let Phase::Pausing { until } = &mut self.phase {
+                *until = (*until).min(now + PAUSE);
+            }
+            return true;
+        }
         match self.discovery.handle(now, from, pdu) {
             Progress::Found(_) if self.phase == Phase::Searching => self.connect(now),
             Progress::Refused(refusal) if self.phase == Phase::Searching => self.refuse(now, refusal),
@@ -45,7 +58,7 @@ impl Ar {
 
     fn connect(&mut self, now: Instant) {
         let activity = random_uuid(&mut self.random);
-        self.caller.begin(activity);
+        self.caller.begin(activity, rpc::object(self.instance.number(), self.config.description.identity));
         // ARUUID and alarm endpoint stay the same for all connections of an AR; only the session key differs
         // (IEC 61158-6-10, CMInitiator).
         let request = &mut self.plan.connect;
@@ -66,10 +79,31 @@ impl Ar {
         let answered = match self.caller.handle(now, header, body) {
             AnswerOutcome::Pending => return true,
             AnswerOutcome::Foreign => return false,
+            // Whatever the answer, the submodule's diagnosis and provider status say the rest.
+            AnswerOutcome::Refused(_) | AnswerOutcome::Answer(..) if self.phase == Phase::Exchanging => {
+                self.plug_answered(now);
+                return true;
+            }
+            AnswerOutcome::Refused(code)
+                if self.phase == Phase::Connecting
+                    && self.instance.reject(code, self.discovery.instance()) =>
+            {
+                self.connect(now);
+                return true;
+            }
             AnswerOutcome::Refused(code) => Err(Some(Refusal { code, text: down_reasons::REJECTED })),
             AnswerOutcome::Answer(header, body) => match ResponseArgs::parse(&header, body) {
                 Ok(args) if args.status.is_ok() => {
                     read(self.phase, args.blocks, &self.plan.connect.ar).map_err(Some)
+                }
+                Ok(args)
+                    if self.phase == Phase::Connecting
+                        && self.plan.change(&mut self.changes, args.status) =>
+                {
+                    // An analyser reports another FrameID under the same ARUUID as a fault.
+                    self.plan.connect.ar.uuid = random_uuid(&mut self.random);
+                    self.connect(now);
+                    return true;
                 }
                 Ok(args) => Err(Some(Refusal { code: args.status.0, text: args.status.text() })),
                 Err(_) => Err(None),
@@ -78,6 +112,9 @@ impl Ar {
         match answered {
             Ok(answer) => self.continue_startup(now, answer),
             Err(_) if matches!(self.phase, Phase::Releasing { .. }) => self.stop(),
+            // A device that is ready has executed PrmEnd. It refuses a repetition, since its answer was lost.
+            Err(_) if self.phase == (Phase::EndingParameters { ready: true }) => self.exchange(now),
+            Err(Some(refusal)) if self.can_do_without(refusal) => self.continue_startup(now, Answer::Done),
             Err(refusal) => {
                 let unfit = Refusal { code: 0, text: down_reasons::UNFIT_ANSWER };
                 self.counters.malformed += u64::from(refusal.is_none());
@@ -93,9 +130,7 @@ impl Ar {
             (Phase::Connecting, Answer::Connected(granted)) => self.connected(now, granted),
             (Phase::Writing { parameter }, Answer::Done) => self.write(now, parameter + 1),
             (Phase::EndingParameters { ready: true }, Answer::Done) => self.exchange(now),
-            (Phase::EndingParameters { ready: false }, Answer::Done) => {
-                self.phase = Phase::AwaitingReady { until: now + READY_WITHIN };
-            }
+            (Phase::EndingParameters { ready: false }, Answer::Done) => self.await_ready(now),
             (Phase::Releasing { .. }, _) => self.stop(),
             _ => {}
         }
@@ -117,15 +152,32 @@ impl Ar {
 
     /// Writes the parameter record of this index; after the last one, calls PrmEnd.
     fn write(&mut self, now: Instant, index: usize) {
-        let ar = self.plan.connect.ar.uuid;
-        let Some(parameter) = self.config.parameters.get(index) else {
+        if index >= self.config.parameters.len() {
             self.phase = Phase::EndingParameters { ready: false };
             return self.control(now, Operation::Control, Command::PrmEnd);
-        };
+        }
+        self.phase = Phase::Writing { parameter: index };
+        if self.call_write(now, index).is_err() {
+            self.refuse(now, Refusal { code: 0, text: down_reasons::TOO_LONG });
+        }
+    }
+
+    /// Returns whether the device refuses a record that only describes how its interface is used: older stacks do not have
+    /// PDInterfaceAdjust, and exchange data all the same.
+    fn can_do_without(&self, Refusal { code, .. }: Refusal) -> bool {
+        let Phase::Writing { parameter } = self.phase else { return false };
+        let record = self.config.parameters.get(parameter);
+        record.is_some_and(|record| PhysicalParameters::has(record.subslot, record.index))
+            && Status(code).is_access_error()
+    }
+
+    /// Calls Write for the parameter record of this index.
+    pub(super) fn call_write(&mut self, now: Instant, index: usize) -> Result<(), Overflow> {
+        let Some(parameter) = self.config.parameters.get(index) else { return Ok(()) };
         let request = WriteRequest {
             address: Address {
                 sequence: u16::try_from(index).unwrap_or(u16::MAX),
-                ar,
+                ar: self.plan.connect.ar.uuid,
                 api: connect::API,
                 slot: parameter.slot,
                 subslot: parameter.subslot,
@@ -133,16 +185,12 @@ impl Ar {
             },
             record: &parameter.data,
         };
-        self.phase = Phase::Writing { parameter: index };
-        let called = self.caller.call(now, Operation::Write, |body| {
+        self.caller.call(now, Operation::Write, |body| {
             RequestArgs::emit(LONGEST_ANSWER, body, |writer| request.emit(writer))
-        });
-        if called.is_err() {
-            self.refuse(now, Refusal { code: 0, text: down_reasons::TOO_LONG });
-        }
+        })
     }
 
-    fn control(&mut self, now: Instant, operation: Operation, command: Command) {
+    pub(super) fn control(&mut self, now: Instant, operation: Operation, command: Command) {
         let ar = &self.plan.connect.ar;
         let control = Control { command, ar: ar.uuid, session: ar.session, properties: 0 };
         let write = |writer: &mut BlockWriter<'_>| control.emit_request(writer);
@@ -160,13 +208,32 @@ impl Ar {
         expects.then_some((ar.uuid, ar.session))
     }
 
-    /// Handles ApplicationReady: the device is ready for cyclic data.
-    pub(in super::super) fn application_ready(&mut self, now: Instant) {
+    /// Handles ApplicationReady: the device is ready for cyclic data. `blocks` are those of the call.
+    pub(in super::super) fn application_ready(&mut self, now: Instant, blocks: &[u8]) {
         self.acyclic = Acyclic::Active;
+        if matches!(self.phase, Phase::EndingParameters { .. } | Phase::AwaitingReady { .. }) {
+            // What the device says of its modules now counts, and not what it said in its answer to Connect.
+            match connect::parse_module_diff(blocks) {
+                Ok(Some(diff)) => self.diff = diff,
+                Ok(None) => {}
+                Err(_) => self.counters.malformed += 1,
+            }
+            if let Some(refusal) = unusable(&self.diff) {
+                return self.refuse(now, refusal);
+            }
+        }
         match self.phase {
             Phase::EndingParameters { .. } => self.phase = Phase::EndingParameters { ready: true },
             Phase::AwaitingReady { .. } => self.exchange(now),
             _ => {}
+        }
+    }
+
+    fn await_ready(&mut self, now: Instant) {
+        self.phase =
+            Phase::AwaitingReady { until: now + READY_WITHIN, silent_until: now + SILENT_READY_WITHIN };
+        if let Some(link) = &mut self.link {
+            link.receiver.restart_watchdog(now);
         }
     }
 
@@ -176,6 +243,7 @@ impl Ar {
             link.accept_input(&self.plan);
             link.receiver.restart_watchdog(now);
         }
+        self.continue_plug(now);
     }
 
     /// Handles a call that the device did not answer.
@@ -183,7 +251,13 @@ impl Ar {
         if matches!(self.phase, Phase::Releasing { .. }) {
             return self.stop();
         }
-        let down = Down { cause: DownCause::NoAnswer, code: 0, text: down_reasons::NO_RPC };
+        if self.phase == (Phase::EndingParameters { ready: true }) {
+            return self.exchange(now);
+        }
+        if self.phase == Phase::Exchanging {
+            return self.plug_answered(now);
+        }
+        let down = Down { cause: DownCause::NoAnswer, code: 0, text: self.no_answer() };
         self.fail(now, down, Some(Violation::InitiatorTimeout.status(Service::Abort)));
     }
 

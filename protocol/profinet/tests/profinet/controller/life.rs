@@ -87,6 +87,90 @@ fn an_alarm_is_acknowledged_and_data_go_on() {
     assert_eq!(cell.run(1_000), []);
 }
 
+/// Delivers a low alarm of slot 1, subslot 1, and the acknowledgement of its AlarmAck.
+pub(super) fn alarm(cell: &mut Cell, alarm_type: u16, specifier: u16, send_sequence: u16) {
+    let rta = Rta {
+        destination: 0,
+        source: 9,
+        pdu_type: PduType::Data,
+        flags: Rta::WINDOW_1_TACK,
+        send_sequence,
+        ack_sequence: send_sequence.wrapping_sub(1),
+    };
+    let notification = Alarm::Notification(Notification {
+        priority: Priority::Low,
+        head: AlarmHead { alarm_type, api: 0, slot: 1, subslot: 1 },
+        module_ident: 0x100,
+        submodule_ident: 0x101,
+        specifier,
+        items: &[],
+    });
+    for repetition in [false, true] {
+        let frame = cell.peer.rt(|w| {
+            w.u16(FRAME_ID_LOW);
+            rta.emit(w, |w| notification.emit(w));
+        });
+        cell.deliver(frame);
+        assert_eq!(cell.peer.plug_ends, [], "AlarmAck first, repetition: {repetition}");
+    }
+    let ack = Rta { pdu_type: PduType::Ack, ack_sequence: send_sequence, ..rta };
+    let frame = cell.peer.rt(|w| {
+        w.u16(FRAME_ID_LOW);
+        ack.emit(w, |_| {});
+    });
+    cell.deliver(frame);
+}
+
+#[test]
+fn a_submodule_that_is_plugged_gets_its_parameters_while_data_go_on() {
+    const PLUG: u16 = 4;
+    const RELEASED: u16 = 9;
+    for transport in [Transport::Rt1, Transport::Udp] {
+        for alarm_type in [PLUG, RELEASED] {
+            let mut cell = Cell::new(transport, Script::default());
+            cell.run(50);
+            cell.peer.written.clear();
+            alarm(&mut cell, alarm_type, 0xA123, 0xFFFF);
+            assert_eq!(cell.peer.written, [[1, 2, 3, 4]]);
+            assert_eq!(cell.peer.plug_ends, [0x123]);
+            assert_eq!(cell.peer.answered_ready, 2, "the one at the start, and that of the submodule");
+            assert_eq!(cell.run(1_000), []);
+            assert_eq!((cell.peer.plug_ends.len(), cell.ar().counters().malformed), (1, 0));
+        }
+    }
+}
+
+#[test]
+fn alarms_of_other_kinds_write_no_parameters() {
+    // Diagnosis, process, pull, update, plug of a wrong submodule, return, diagnosis disappears, pull of a module.
+    for alarm_type in [1, 2, 3, 6, 0xA, 0xB, 0xC, 0x1F] {
+        let mut cell = Cell::new(Transport::Udp, Script::default());
+        cell.run(50);
+        alarm(&mut cell, alarm_type, 0, 0xFFFF);
+        assert_eq!(cell.run(100), []);
+        assert_eq!((cell.peer.written.len(), &cell.peer.plug_ends[..]), (1, &[][..]), "{alarm_type}");
+    }
+}
+
+#[test]
+fn a_device_that_refuses_or_ignores_the_parameters_of_a_plugged_submodule_keeps_its_ar() {
+    let conflict = Violation::StateConflict.status(Service::Control);
+    let mut cell = Cell::new(Transport::Udp, Script { refuses_plug: Some(conflict), ..Script::default() });
+    cell.run(50);
+    alarm(&mut cell, 4, 1, 0xFFFF);
+    assert_eq!(cell.run(10_000), []);
+    assert_eq!(cell.peer.plug_ends, [1]);
+
+    cell.peer.plug_ends.clear();
+    cell.peer.script.deaf_to_rpc = true;
+    alarm(&mut cell, 4, 2, 0);
+    assert_eq!(cell.run(10_000), []);
+    assert_eq!(cell.peer.plug_ends, []);
+    cell.peer.script = Script::default();
+    alarm(&mut cell, 4, 3, 1);
+    assert_eq!(cell.peer.plug_ends, [3], "the next one is served again");
+}
+
 #[test]
 fn a_repeated_application_ready_is_answered_again_while_data_go() {
     let mut cell = Cell::new(Transport::Udp, Script::default());

@@ -1,19 +1,22 @@
 //! The controller against a scripted peer: one that does what a device does, or leaves out what the script says.
 
+mod dissected;
 mod life;
 mod peer;
 mod startup;
 mod strangers;
 
-use std::net::Ipv4Addr;
+use std::net::{Ipv4Addr, SocketAddrV4};
 
 use machine::ethernet::Mac;
 use machine::wire::FRAME_CAPACITY;
-use machine::{DownCause, Duration, Instant, LinkEvent, Machine, Source};
+use machine::{DownCause, Duration, Instant, LinkEvent, Machine, Port, Source, Transmit};
+use profinet::RPC_PORT;
+use profinet::rpc::{Header, Kind};
 use profinet::rt::Transport;
 use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Parameter};
 
-use crate::samples;
+use crate::{samples, tshark};
 use peer::{Peer, Script};
 
 const CONTROLLER: Mac = Mac([2, 0, 0, 0, 0, 1]);
@@ -54,13 +57,27 @@ struct Cell {
     now: Instant,
     events: Vec<LinkEvent>,
     frames: usize,
+    /// The frames both ways, as on the cable.
+    tap: Vec<Vec<u8>>,
 }
 
 impl Cell {
     fn new(transport: Transport, script: Script) -> Self {
+        Self::with(ar(transport), script)
+    }
+
+    fn with(config: ArConfig, script: Script) -> Self {
         let mut controller = controller();
-        let ar = controller.connect(ar(transport), Instant::ZERO).unwrap();
-        Self { controller, ar, peer: Peer::new(script), now: Instant::ZERO, events: Vec::new(), frames: 0 }
+        let ar = controller.connect(config, Instant::ZERO).unwrap();
+        Self {
+            controller,
+            ar,
+            peer: Peer::new(script),
+            now: Instant::ZERO,
+            events: Vec::new(),
+            frames: 0,
+            tap: Vec::new(),
+        }
     }
 
     fn ar(&mut self) -> &mut Ar {
@@ -73,8 +90,41 @@ impl Cell {
     }
 
     fn deliver(&mut self, (source, frame): (Source, Vec<u8>)) {
+        self.tap_from_peer(&source, &frame);
         self.controller.handle_frame(self.now, source, &frame);
         self.drain();
+    }
+
+    fn tap_to_peer(&mut self, transmit: &Transmit, bytes: &[u8]) {
+        self.keep(match (transmit.port, transmit.to) {
+            (Port::Udp(port), Some(to)) => {
+                let from = (CONTROLLER, SocketAddrV4::new(CONTROLLER_ADDRESS, port));
+                tshark::frame(from, (DEVICE, to), bytes)
+            }
+            _ => bytes.to_vec(),
+        });
+    }
+
+    fn tap_from_peer(&mut self, source: &Source, bytes: &[u8]) {
+        self.keep(match (source.port, source.peer) {
+            (Port::Udp(port), Some(mut from)) => {
+                let to = (CONTROLLER, SocketAddrV4::new(CONTROLLER_ADDRESS, port));
+                let is_answer = Header::parse(bytes).is_ok_and(|(header, _)| header.kind == Kind::Response);
+                if port == RPC_PORT && is_answer {
+                    // tshark finds the call of an answer only by the port that was called.
+                    from.set_port(RPC_PORT);
+                }
+                tshark::frame((DEVICE, from), to, bytes)
+            }
+            _ => bytes.to_vec(),
+        });
+    }
+
+    /// Keeps the first frames; long runs need no more.
+    fn keep(&mut self, frame: Vec<u8>) {
+        if self.tap.len() < 1_000 {
+            self.tap.push(frame);
+        }
     }
 
     fn drain(&mut self) {
@@ -83,7 +133,9 @@ impl Cell {
             assert!(round < 100, "the controller sends without end");
             let Some(transmit) = self.controller.poll_transmit(self.now, &mut buf) else { break };
             self.frames += 1;
+            self.tap_to_peer(&transmit, &buf[..transmit.len]);
             for answer in self.peer.receive(self.now, &transmit, &buf[..transmit.len]) {
+                self.tap_from_peer(&answer.0, &answer.1);
                 self.controller.handle_frame(self.now, answer.0, &answer.1);
             }
         }

@@ -1,20 +1,24 @@
 //! A device in as few lines as it takes: it answers each frame at once, as its script says.
 
+use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::wire::{BigEndian, FRAME_CAPACITY, Reader, Writer};
-use machine::{Instant, Port, Source, Transmit};
+use machine::{Duration, Instant, Port, Source, Transmit};
 use profinet::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, PduType, Rta, error_status};
 use profinet::connect::{
-    AlarmCrResponse, ArResponse, ConnectRequest, ConnectResponse, DiffModule, IocrResponse, IocrType,
+    AlarmCrResponse, ArProperties, ArResponse, ConnectRequest, ConnectResponse, DiffModule, IocrResponse,
+    IocrType, RtClass, emit_module_diff,
 };
 use profinet::control::{Command, Control};
-use profinet::dcp::{self, BlockError, Code, Content, IpSuite, Pdu, Service as DcpService};
+use profinet::dcp::{self, Block, BlockError, Code, Content, IpSuite, Pdu, Service as DcpService};
 use profinet::record::{WriteRequest, WriteResponse};
-use profinet::rpc::{CONTROLLER_INTERFACE, Header, Kind, Operation, RequestArgs, ResponseArgs};
+use profinet::rpc::{
+    self, CONTROLLER_INTERFACE, Header, Kind, Operation, RequestArgs, ResponseArgs, rpc_status,
+};
 use profinet::rt::{CyclicFrame, DataStatus, UDP_PORT, cycle_counter};
-use profinet::status::Status;
+use profinet::status::{Service, Status, Violation};
 use profinet::{ETHER_TYPE, RPC_PORT, Uuid};
 
 use super::{CONTROLLER, DEVICE, DEVICE_ADDRESS};
@@ -25,16 +29,31 @@ use crate::samples;
 pub(super) struct Script {
     pub(super) silent: bool,
     pub(super) deaf_to_rpc: bool,
+    /// The instances of its object; any if there is none. It reports the last one by DCP.
+    pub(super) instances: Vec<u16>,
+    pub(super) reports_no_instance: bool,
     pub(super) refuses_connect: Option<Status>,
+    /// Its stack knows neither advanced startup mode nor the present number of RT_CLASS_1.
+    pub(super) is_old: bool,
     pub(super) diff: Vec<DiffModule>,
+    pub(super) diff_when_ready: Vec<DiffModule>,
     pub(super) refuses_write: Option<Status>,
+    /// It refuses PrmEnd for a plugged submodule.
+    pub(super) refuses_plug: Option<Status>,
     pub(super) ready_before_prm_end: bool,
     pub(super) never_ready: bool,
+    /// Its answer to PrmEnd is lost, and it refuses a repetition with this status, or does not answer it.
+    pub(super) prm_end_lost: Option<Option<Status>>,
+    /// It answers a call when so much time has passed since the first time that it came.
+    pub(super) slow: Duration,
     pub(super) has_address: bool,
+    /// Another station has its address.
+    pub(super) address_conflict: bool,
     pub(super) no_cyclic: bool,
     pub(super) bad_input: bool,
     pub(super) output_frame_id: Option<u16>,
     pub(super) responder_mac: Option<Mac>,
+    pub(super) responder_rt_port: Option<u16>,
 }
 
 /// The device.
@@ -48,6 +67,12 @@ pub(super) struct Peer {
     pub(super) outputs: Vec<Vec<u8>>,
     pub(super) alarm_pdus: Vec<PduType>,
     pub(super) ready_sequence: u32,
+    /// The UDP ports to which cyclic frames and alarms came.
+    pub(super) rt_ports: BTreeSet<u16>,
+    /// The alarm numbers of PrmEnd for plugged submodules.
+    pub(super) plug_ends: Vec<u16>,
+    /// The last call, and when it came first.
+    last_call: Option<(Header, Instant)>,
 }
 
 pub(super) type Frames = Vec<(Source, Vec<u8>)>;
@@ -86,6 +111,9 @@ impl Peer {
             outputs: Vec::new(),
             alarm_pdus: Vec::new(),
             ready_sequence: 0,
+            rt_ports: BTreeSet::new(),
+            plug_ends: Vec::new(),
+            last_call: None,
         }
     }
 
@@ -101,9 +129,12 @@ impl Peer {
                     Err(_) => self.receive_rt(now, payload),
                 }
             }
-            Port::Udp(UDP_PORT) => self.receive_rt(now, frame),
+            Port::Udp(UDP_PORT) => {
+                self.rt_ports.extend(transmit.to.map(|to| to.port()));
+                self.receive_rt(now, frame)
+            }
             _ if self.script.deaf_to_rpc => Vec::new(),
-            _ => self.receive_rpc(frame),
+            _ => self.receive_rpc(now, frame),
         }
     }
 
@@ -113,12 +144,17 @@ impl Peer {
                 let address = if self.script.has_address { DEVICE_ADDRESS } else { Ipv4Addr::UNSPECIFIED };
                 let mask = if self.script.has_address { [255, 255, 255, 0] } else { [0; 4] };
                 let suite = IpSuite { address, mask: mask.into(), gateway: address };
+                let conflict = if self.script.address_conflict { Block::ADDRESS_CONFLICT } else { 0 };
+                let qualifier = u16::from(self.script.has_address) | conflict;
                 let identity = samples::DEVICE.identity;
                 let blocks = [
-                    Content::Ip(suite).into(),
+                    Block { qualifier, content: Content::Ip(suite) },
                     Content::NameOfStation(b"device").into(),
                     Content::DeviceId { vendor: identity.vendor, device: identity.device }.into(),
                 ];
+                let instance = self.script.instances.last().filter(|_| !self.script.reports_no_instance);
+                let instance = instance.map(|instance| Content::DeviceInstance(*instance).into());
+                let blocks = blocks.into_iter().chain(instance);
                 vec![ethernet(|w| dcp::emit(w, DcpService::IdentifyResponse, pdu.xid, 0, blocks))]
             }
             DcpService::SetRequest => {
@@ -166,9 +202,8 @@ impl Peer {
 
     /// Returns an RT frame to the controller, on the way that it asked for.
     pub(super) fn rt(&self, write: impl FnOnce(&mut Writer<'_, BigEndian>)) -> (Source, Vec<u8>) {
-        if self.connect.as_ref().unwrap().ar.initiator_rt_port == UDP_PORT
-            && self.connect.as_ref().unwrap().iocrs[0].frame_id == 0xC000
-        {
+        let connect = self.connect.as_ref().unwrap();
+        if connect.ar.initiator_rt_port == UDP_PORT && connect.iocrs[0].rt_class == RtClass::Udp {
             let mut buf = [0; 1600];
             let mut writer = Writer::new(&mut buf);
             write(&mut writer);
@@ -178,13 +213,28 @@ impl Peer {
         ethernet(write)
     }
 
-    fn receive_rpc(&mut self, frame: &[u8]) -> Frames {
+    fn receive_rpc(&mut self, now: Instant, frame: &[u8]) -> Frames {
         let (header, body) = Header::parse(frame).unwrap();
         if header.kind != Kind::Request {
             let ready =
                 header.kind == Kind::Response && ResponseArgs::parse(&header, body).unwrap().status.is_ok();
             self.answered_ready += usize::from(ready);
             return Vec::new();
+        }
+        let is_same = self.last_call.is_some_and(|(last, _)| last.is_same_call(&header));
+        let first = self.last_call.filter(|_| is_same).map_or(now, |(_, first)| first);
+        self.last_call = Some((header, first));
+        if now.since(first) < self.script.slow {
+            return Vec::new();
+        }
+        let object = |instance: &u16| rpc::object(*instance, samples::DEVICE.identity);
+        let instances = &self.script.instances;
+        if !instances.is_empty() && !instances.iter().any(|instance| object(instance) == header.object) {
+            let status = rpc_status::UNKNOWN_INTERFACE.to_be_bytes();
+            return vec![datagram(&header.answer(Kind::Reject), |body| {
+                body[..4].copy_from_slice(&status);
+                4
+            })];
         }
         let blocks = RequestArgs::parse(&header, body).unwrap().blocks;
         let mut status = Status::OK;
@@ -194,7 +244,17 @@ impl Peer {
         match Operation::from(header.operation) {
             Operation::Connect => {
                 let request = ConnectRequest::parse(blocks).unwrap();
-                status = self.script.refuses_connect.unwrap_or_default();
+                let old_refusal = || {
+                    let is_new = request.iocrs.iter().any(|iocr| iocr.rt_class == RtClass::Class1);
+                    if request.ar.properties.has(ArProperties::ADVANCED_STARTUP) {
+                        Some(Violation::ArProperties)
+                    } else {
+                        is_new.then_some(Violation::IocrProperties)
+                    }
+                };
+                let refusal = old_refusal().filter(|_| self.script.is_old);
+                let refusal = refusal.map(|violation| violation.status(Service::Connect));
+                status = self.script.refuses_connect.or(refusal).unwrap_or_default();
                 if status.is_ok() {
                     self.connected(&request).emit(&mut writer);
                     self.connect = Some(request);
@@ -208,15 +268,39 @@ impl Peer {
             }
             Operation::Control => {
                 let control = Control::parse_request(blocks).unwrap();
-                assert_eq!(control.command, Command::PrmEnd);
-                control.emit_response(&mut writer);
-                ready = Some(self.application_ready()).filter(|_| !self.script.never_ready);
+                let is_ready = match control.command {
+                    Command::PrmEnd => Command::ApplicationReady,
+                    Command::PrmEndPlug { alarm } => {
+                        self.plug_ends.push(alarm);
+                        Command::ApplicationReadyPlug { alarm }
+                    }
+                    other => panic!("{other:?}"),
+                };
+                match self.script.refuses_plug.filter(|_| is_ready != Command::ApplicationReady) {
+                    Some(refusal) => status = refusal,
+                    None => {
+                        control.emit_response(&mut writer);
+                        ready = Some(self.call(is_ready)).filter(|_| !self.script.never_ready);
+                    }
+                }
             }
             Operation::Release => {
                 self.released = true;
                 Control::parse_request(blocks).unwrap().emit_response(&mut writer);
             }
             other => panic!("{other:?}"),
+        }
+        let is_prm_end = Operation::from(header.operation) == Operation::Control;
+        let lost = self.script.prm_end_lost.filter(|_| is_prm_end);
+        if let Some(refusal) = lost {
+            if !is_same {
+                return ready.into_iter().collect();
+            }
+            ready = None;
+            match refusal {
+                Some(refusal) => status = refusal,
+                None => return Vec::new(),
+            }
         }
         let len = writer.finish().unwrap();
         let answer = datagram(&header.answer(Kind::Response), |body| {
@@ -237,7 +321,7 @@ impl Peer {
                 uuid: request.ar.uuid,
                 session: request.ar.session,
                 responder_mac: self.script.responder_mac.unwrap_or(DEVICE),
-                responder_rt_port: UDP_PORT,
+                responder_rt_port: self.script.responder_rt_port.unwrap_or(UDP_PORT),
             },
             iocrs: request
                 .iocrs
@@ -258,9 +342,12 @@ impl Peer {
     }
 
     pub(super) fn application_ready(&mut self) -> (Source, Vec<u8>) {
+        self.call(Command::ApplicationReady)
+    }
+
+    fn call(&mut self, command: Command) -> (Source, Vec<u8>) {
         let ar = &self.connect.as_ref().unwrap().ar;
-        let control =
-            Control { command: Command::ApplicationReady, ar: ar.uuid, session: ar.session, properties: 0 };
+        let control = Control { command, ar: ar.uuid, session: ar.session, properties: 0 };
         let activity = Uuid([3; 16]);
         let header = Header::request(
             Operation::Control,
@@ -270,6 +357,15 @@ impl Peer {
             self.ready_sequence,
         );
         self.ready_sequence += 1;
-        datagram(&header, |body| RequestArgs::emit(4096, body, |w| control.emit_request(w)).unwrap())
+        let diff = &self.script.diff_when_ready;
+        datagram(&header, |body| {
+            let blocks = |w: &mut Writer<'_, BigEndian>| {
+                control.emit_request(w);
+                if !diff.is_empty() {
+                    emit_module_diff(diff, w);
+                }
+            };
+            RequestArgs::emit(4096, body, blocks).unwrap()
+        })
     }
 }

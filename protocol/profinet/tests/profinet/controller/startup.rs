@@ -1,9 +1,12 @@
 //! From an unknown station to data both ways, and what may go wrong on the way.
 
 use profinet::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW};
-use profinet::connect::{DiffModule, ModuleState};
+use profinet::connect::{ArProperties, DiffModule, DiffSubmodule, ModuleState, RtClass, SubmoduleState};
+use profinet::dcp;
+use profinet::rt::UDP_PORT;
 use profinet::status::{Service, Violation};
 
+use super::peer::ethernet;
 use super::*;
 use crate::samples::LEN;
 #[test]
@@ -63,6 +66,61 @@ fn a_device_that_answers_by_dcp_only_is_reported_with_what_to_check() {
 }
 
 #[test]
+fn a_device_whose_object_has_another_instance_is_found_without_a_report() {
+    for instance in [0, 1, 100, 0x1064] {
+        let script = Script { instances: vec![instance], ..Script::default() };
+        let mut cell = Cell::new(Transport::Rt1, script);
+        assert_eq!(cell.run(10), [LinkEvent::Up], "{instance}");
+    }
+    // It has none of them.
+    let script = Script { instances: vec![7, 0], ..Script::default() };
+    let mut cell = Cell::new(Transport::Rt1, script);
+    assert_eq!(cell.run(10), [LinkEvent::Up]);
+    let mut cell = Cell::new(Transport::Rt1, Script { instances: vec![7], ..Script::default() });
+    cell.peer.script.reports_no_instance = true;
+    cell.goes_down(10_000, &[(DownCause::Refused, 0x1C01_0003, "the device rejected the call")]);
+}
+
+#[test]
+fn a_device_whose_address_another_station_has_is_reported_and_used_when_that_one_is_gone() {
+    let script = Script { deaf_to_rpc: true, address_conflict: true, ..Script::default() };
+    let mut cell = Cell::new(Transport::Rt1, script);
+    cell.goes_down(
+        10_000,
+        &[(DownCause::NoAnswer, 0, "the device does not answer calls, and reports by DCP")],
+    );
+    cell.peer.script = Script { has_address: true, ..Script::default() };
+    assert_eq!(cell.run(8_000), [LinkEvent::Up]);
+}
+
+#[test]
+fn a_device_with_an_old_stack_is_asked_for_what_it_knows() {
+    let mut cell = Cell::new(Transport::Rt1, Script { is_old: true, ..Script::default() });
+    assert_eq!(cell.run(10), [LinkEvent::Up]);
+    let connect = cell.peer.connect.as_ref().unwrap();
+    assert!(!connect.ar.properties.has(ArProperties::ADVANCED_STARTUP));
+    let classes: Vec<_> = connect.iocrs.iter().map(|iocr| (iocr.rt_class, iocr.frame_id)).collect();
+    assert_eq!(classes, [(RtClass::Legacy1, 0xC000), (RtClass::Legacy1, 0xC001)]);
+    let session = connect.ar.session;
+    cell.peer.script.silent = true;
+    cell.run(50);
+    cell.peer.script.silent = false;
+    assert_eq!(cell.run(500), [LinkEvent::Up]);
+    let again = cell.peer.connect.as_ref().unwrap().ar.session;
+    assert_eq!(again, session + 1, "the next connection begins with what it knows");
+}
+
+#[test]
+fn a_connect_that_is_refused_in_every_form_is_reported_once() {
+    for violation in [Violation::ArProperties, Violation::IocrProperties] {
+        let status = violation.status(Service::Connect);
+        let script = Script { refuses_connect: Some(status), ..Script::default() };
+        let mut cell = Cell::new(Transport::Rt1, script);
+        cell.goes_down(10_000, &[(DownCause::Refused, status.0, violation.text())]);
+    }
+}
+
+#[test]
 fn a_refused_connect_is_reported_once_with_its_status_in_words() {
     let status = Violation::OutOfArResources.status(Service::Connect);
     let script = Script { refuses_connect: Some(status), ..Script::default() };
@@ -83,6 +141,41 @@ fn a_wrong_module_is_reported_with_its_slot_and_the_ar_is_aborted() {
 }
 
 #[test]
+fn a_submodule_that_is_missing_is_refused_in_either_format_and_a_substitute_is_driven() {
+    let with = |state| {
+        let submodules = vec![DiffSubmodule { subslot: 1, ident: 0, state: SubmoduleState(state) }];
+        let diff = vec![DiffModule { slot: 1, ident: 0x100, state: ModuleState::ProperModule, submodules }];
+        Cell::new(Transport::Udp, Script { diff, ..Script::default() })
+    };
+    for state in [0x9800, 0x9000, 0, 1] {
+        with(state).goes_down(50, &[(DownCause::Refused, 0x0001_0001, "the device has another submodule")]);
+    }
+    for state in [0x8800, 7] {
+        assert_eq!(with(state).run(50), [LinkEvent::Up], "0x{state:04X}");
+    }
+}
+
+#[test]
+fn what_a_device_says_of_its_modules_when_it_is_ready_counts() {
+    let with = |state| {
+        let submodules = vec![DiffSubmodule { subslot: 1, ident: 0x101, state: SubmoduleState(state) }];
+        vec![DiffModule { slot: 1, ident: 0x100, state: ModuleState::ProperModule, submodules }]
+    };
+    // Of the right kind, but not ready yet.
+    let pending = with(0x8080);
+    let script = Script { diff_when_ready: pending.clone(), ..Script::default() };
+    let mut cell = Cell::new(Transport::Rt1, script);
+    assert_eq!(cell.run(50), [LinkEvent::Up]);
+    assert_eq!((cell.peer.answered_ready, cell.ar().module_diff()), (1, &pending[..]));
+
+    // Pulled since Connect.
+    let script = Script { diff_when_ready: with(0x9800), ..Script::default() };
+    let mut cell = Cell::new(Transport::Rt1, script);
+    cell.goes_down(50, &[(DownCause::Refused, 0x0001_0001, "the device has another submodule")]);
+    assert_eq!(cell.peer.partings, [Violation::ArRemoved.status(Service::Abort)]);
+}
+
+#[test]
 fn a_frame_id_that_is_not_one_of_cyclic_data_is_refused_and_nothing_is_sent_with_it() {
     for frame_id in [0, 0x7FFF, 0xBC00, 0xFBFF, FRAME_ID_HIGH, FRAME_ID_LOW, 0xFEFD] {
         let script = Script { output_frame_id: Some(frame_id), ..Script::default() };
@@ -98,6 +191,19 @@ fn a_device_that_says_it_is_a_group_of_stations_gets_no_data() {
     let mut cell = Cell::new(Transport::Rt1, script);
     cell.goes_down(50, &[(DownCause::Refused, 0, "the device's answer does not fit")]);
     assert_eq!(cell.peer.outputs.len(), 0);
+}
+
+#[test]
+fn data_and_alarms_over_udp_go_to_the_port_that_the_device_names() {
+    for (named, expected) in [(None, UDP_PORT), (Some(50_000), 50_000), (Some(0), UDP_PORT)] {
+        let script = Script { responder_rt_port: named, ..Script::default() };
+        let mut cell = Cell::new(Transport::Udp, script);
+        assert_eq!(cell.run(50), [LinkEvent::Up]);
+        cell.peer.script.no_cyclic = true;
+        cell.run(50);
+        assert_eq!(cell.peer.partings.len(), 1, "an error PDU, too");
+        assert_eq!(cell.peer.rt_ports, [expected].into());
+    }
 }
 
 #[test]
@@ -124,16 +230,105 @@ fn application_ready_may_overtake_the_answer_to_prm_end() {
 }
 
 #[test]
-fn a_device_that_never_gets_ready_is_given_up_after_20_s() {
-    let mut cell = Cell::new(Transport::Udp, Script { never_ready: true, ..Script::default() });
+fn a_device_that_is_ready_needs_no_answer_to_prm_end() {
+    let conflict = Violation::StateConflict.status(Service::Control);
+    for (refusal, millis) in [(Some(conflict), 300), (None, 3_100)] {
+        let script = Script { prm_end_lost: Some(refusal), ..Script::default() };
+        let mut cell = Cell::new(Transport::Rt1, script);
+        assert_eq!(cell.run(millis).last(), Some(&LinkEvent::Up), "{refusal:?}");
+        assert_eq!(cell.run(10_000), []);
+    }
+}
+
+#[test]
+fn a_device_that_takes_seconds_for_each_call_is_waited_for() {
+    let config = ArConfig { cycle: Duration::from_millis(64), ..ar(Transport::Udp) };
+    let script = Script { slow: Duration::from_millis(4_500), ..Script::default() };
+    let mut cell = Cell::with(config, script);
+    let events = cell.run(40_000);
+    assert_eq!(events.last(), Some(&LinkEvent::Up), "{events:?}");
+}
+
+/// Returns a cell with a device that does not get ready by itself, at a cycle of 64 ms.
+fn unready(script: Script) -> Cell {
+    let config = ArConfig { cycle: Duration::from_millis(64), ..ar(Transport::Udp) };
+    Cell::with(config, Script { never_ready: true, ..script })
+}
+
+#[test]
+fn a_device_that_sends_data_may_take_five_minutes_to_get_ready() {
+    let mut cell = unready(Script::default());
     cell.goes_down(3_000, &[(DownCause::NoAnswer, 0, "the device took its parameters but")]);
+    assert_eq!(cell.run(296_000), []);
+    let ready = cell.peer.application_ready();
+    cell.deliver(ready);
+    assert_eq!(cell.run(200), [LinkEvent::Up]);
     assert_eq!(cell.peer.partings, []);
-    cell.goes_down(17_100, &[]);
-    assert_eq!(cell.peer.partings, [Violation::ApplicationReadyTimeout.status(Service::Abort)]);
+}
+
+#[test]
+fn a_device_that_never_gets_ready_is_given_up_after_five_minutes_and_without_data_after_20_s() {
+    for (no_cyclic, millis) in [(false, 300_000), (true, 20_000)] {
+        let mut cell = unready(Script { no_cyclic, ..Script::default() });
+        cell.goes_down(3_000, &[(DownCause::NoAnswer, 0, "the device took its parameters but")]);
+        cell.goes_down(millis - 3_010, &[]);
+        assert_eq!(cell.peer.partings, []);
+        cell.goes_down(110, &[]);
+        assert_eq!(cell.peer.partings, [Violation::ApplicationReadyTimeout.status(Service::Abort)]);
+    }
+}
+
+#[test]
+fn a_device_whose_data_stop_while_it_prepares_itself_is_missed_after_the_watchdog_time() {
+    let mut cell = Cell::new(Transport::Rt1, Script { never_ready: true, ..Script::default() });
+    assert_eq!(cell.run(1_000), []);
+    cell.peer.script.no_cyclic = true;
+    cell.goes_down(30, &[(DownCause::Watchdog, 0xCF81_FD05, "no cyclic frame came within")]);
+    assert_eq!(cell.peer.partings, [Violation::ConsumerExpired.status(Service::Abort)]);
+    cell.peer.script = Script::default();
+    assert_eq!(cell.run(200), [LinkEvent::Up]);
 }
 
 #[test]
 fn a_device_that_connects_but_sends_no_data_is_told_apart() {
     let mut cell = Cell::new(Transport::Udp, Script { no_cyclic: true, ..Script::default() });
     cell.goes_down(50, &[(DownCause::Watchdog, 0xCF81_FD05, "the device is connected but sends no cyclic")]);
+}
+
+#[test]
+fn a_hello_of_the_device_ends_a_long_pause_and_that_of_another_station_does_not() {
+    let hello = |name: &[u8]| {
+        let blocks = [dcp::Content::NameOfStation(name).into()];
+        let (source, mut frame) = ethernet(|w| dcp::emit(w, dcp::Service::Hello, 1, 0, blocks));
+        frame[..6].copy_from_slice(&dcp::HELLO_MULTICAST.0);
+        (source, frame)
+    };
+    // Attempts at 0, 0.1, 0.3, 0.7, 1.5 and 3.1 s; the next one would be at 4.7 s.
+    let refusal = Some(Violation::OutOfArResources.status(Service::Connect));
+    for (name, up_after) in [(&b"device"[..], 100), (b"Device", 100), (b"other", 1_500)] {
+        let mut cell = Cell::new(Transport::Rt1, Script { refuses_connect: refusal, ..Script::default() });
+        cell.run(3_200);
+        cell.peer.script.refuses_connect = None;
+        for _ in 0..100 {
+            cell.deliver(hello(name));
+        }
+        assert_eq!(cell.run(up_after - 20), [], "{name:?}");
+        assert_eq!(cell.run(40), [LinkEvent::Up], "{name:?}");
+        // While data are exchanged, a Hello changes nothing.
+        cell.deliver(hello(name));
+        assert_eq!(cell.run(100), []);
+    }
+}
+
+#[test]
+fn a_device_without_the_record_of_its_interface_is_connected_all_the_same() {
+    for (violation, is_up) in
+        [(Violation::InvalidIndex, true), (Violation::AccessDenied, true), (Violation::ArUuidUnknown, false)]
+    {
+        let config = ArConfig { parameters: vec![Parameter::interface_adjust()], ..ar(Transport::Rt1) };
+        let refuses_write = Some(violation.status(Service::Write));
+        let mut cell = Cell::with(config, Script { refuses_write, ..Script::default() });
+        let events = cell.run(10);
+        assert_eq!(events == [LinkEvent::Up], is_up, "{violation:?}: {events:?}");
+    }
 }

@@ -105,6 +105,10 @@ proptest! {
             cell.run(1);
         }
         cell.peer.script = Script::default();
+        let ready = cell.peer.connect.is_some().then(|| cell.peer.application_ready());
+        if let Some(ready) = ready.filter(|_| phase == 2) {
+            cell.deliver(ready);
+        }
         cell.run(23_000);
         prop_assert!(cell.input().is_some());
     }
@@ -129,6 +133,12 @@ proptest! {
                     cell.controller.handle_frame(cell.now, source, &frame);
                 }
             }
+        }
+        cell.run(1_000);
+        if cell.peer.answered_ready == 0 && cell.peer.connect.is_some() {
+            // A device repeats the call until it is answered.
+            let again = cell.peer.application_ready();
+            cell.deliver(again);
         }
         cell.run(40_000);
         prop_assert!(cell.input().is_some());

@@ -45,6 +45,8 @@ fn it_answers_who_asks_for_it_and_nobody_else() {
         (vec![Content::NameOfStation(b"device"), Content::DeviceId { vendor: 1, device: 1 }], false),
         (vec![Content::DeviceRole(1)], true),
         (vec![Content::DeviceRole(2)], false),
+        (vec![Content::DeviceInstance(1)], true),
+        (vec![Content::DeviceInstance(2)], false),
         (vec![Content::AliasName(b"port-001.plc")], false),
     ] {
         let mut rig = Rig::new();
@@ -251,4 +253,35 @@ fn a_flood_of_requests_fills_the_queue_and_no_more() {
     }
     assert_eq!(rig.device.counters().foreign, 992, "a driver drains after each frame");
     assert_eq!(rig.drain().len(), 8);
+}
+
+#[test]
+fn who_changed_something_keeps_others_from_it_for_3_s_and_nobody_from_asking() {
+    let from = |source, write: &dyn Fn(&mut BlockWriter<'_>)| {
+        let mut buf = [0; 1500];
+        let len = EthernetHeader { source, ..ethernet_header() }.emit(&mut buf, write).unwrap();
+        buf[..len].to_vec()
+    };
+    let other = Mac([2, 0, 0, 0, 0, 9]);
+    let get = |source| from(source, &|w| emit_get_request(w, 9, &[Code::NAME_OF_STATION]));
+    let set = |source, content: Content<'static>| {
+        from(source, &move |w| emit(w, Dcp::SetRequest, 8, 0, [content.into()]))
+    };
+    let name = |source, name| set(source, Content::NameOfStation(name));
+    let mut rig = Rig::new();
+    // Who asks, or sets what is so already, keeps nobody from anything.
+    for request in [get(other), name(other, b"device"), set(other, Content::Signal(0x0100))] {
+        assert_eq!(rig.receive(Port::Ethernet, &request).len(), 1);
+    }
+    rig.receive(Port::Ethernet, &name(CONTROLLER_MAC, b"a"));
+    assert_eq!(rig.device.station_name(), b"a");
+    rig.advance(Duration::from_millis(2_900));
+    assert!(rig.receive(Port::Ethernet, &name(other, b"b")).is_empty());
+    assert_eq!(rig.device.station_name(), b"a");
+    assert_eq!(rig.receive(Port::Ethernet, &get(other)).len(), 1);
+    assert_eq!(rig.receive(Port::Ethernet, &identify([Content::All])).len(), 1);
+    // What is ignored does not prolong the time.
+    rig.advance(Duration::from_millis(100));
+    rig.receive(Port::Ethernet, &name(other, b"b"));
+    assert_eq!(rig.device.station_name(), b"b");
 }

@@ -3,69 +3,31 @@
 //!
 //! These tests need tshark; `scripts/dev.sh setup` installs it.
 
-use std::io::Write as _;
-use std::process::{Command as Process, Stdio};
-
-use profinet::record::{Address, ReadRequest};
+use profinet::record::{Address, ReadRequest, WriteRequest, index};
 use profinet::rpc::{ENDPOINT_MAPPER_INTERFACE, LOOKUP};
+use profinet::{Parameter, dcp};
 
 use super::*;
+use crate::tshark;
 
 /// A request and the answer to it, as datagrams.
-type Exchange = [Vec<u8>; 2];
-
-/// Returns a capture of requests and answers, in the classic format of pcap.
-fn capture(exchanges: &[Exchange]) -> Vec<u8> {
-    let mut file = Vec::new();
-    // Magic number, version 2.4, time zone, accuracy, snap length, Ethernet.
-    for number in [0xA1B2_C3D4_u32, 2 << 16 | 4, 0, 0, 0xFFFF, 1] {
-        file.extend(number.to_be_bytes());
-    }
-    let (controller, device) = ((CONTROLLER_MAC, CONTROLLER), (MAC, SocketAddrV4::new(ADDRESS, RPC_PORT)));
-    for [request, answer] in exchanges {
-        for (from, to, datagram) in [(controller, device, request), (device, controller, answer)] {
-            let udp_len = (8 + datagram.len()) as u16;
-            let mut frame = [&to.0.0[..], &from.0.0, &[8, 0, 0x45, 0]].concat();
-            frame.extend((20 + udp_len).to_be_bytes());
-            frame.extend([0, 0, 0x40, 0, 64, 17, 0, 0]);
-            frame.extend(from.1.ip().octets());
-            frame.extend(to.1.ip().octets());
-            for number in [from.1.port(), to.1.port(), udp_len, 0] {
-                frame.extend(number.to_be_bytes());
-            }
-            frame.extend(datagram);
-            let len = frame.len() as u32;
-            for number in [0, 0, len, len] {
-                file.extend(number.to_be_bytes());
-            }
-            file.extend(frame);
-        }
-    }
-    file
-}
+pub(super) type Exchange = [Vec<u8>; 2];
 
 /// Returns what tshark reads in each answer: all values of each field, in the order of the fields, and the faults that it
 /// finds.
-fn dissected(exchanges: &[Exchange], fields: &[&str]) -> Vec<Vec<String>> {
-    let mut tshark = Process::new("tshark");
-    tshark.args(["-n", "-r", "-", "-T", "fields", "-E", "occurrence=a", "-E", "separator=|"]);
-    for field in fields.iter().chain(&["_ws.expert.message", "_ws.malformed"]) {
-        tshark.args(["-e", field]);
-    }
-    let mut tshark = tshark
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("tshark starts; `scripts/dev.sh setup` installs it");
-    tshark.stdin.take().unwrap().write_all(&capture(exchanges)).unwrap();
-    let output = tshark.wait_with_output().unwrap();
-    let text = String::from_utf8(output.stdout).unwrap();
-    text.lines().skip(1).step_by(2).map(|line| line.split('|').map(str::to_owned).collect()).collect()
+pub(super) fn dissected(exchanges: &[Exchange], fields: &[&str]) -> Vec<Vec<String>> {
+    let (controller, device) = ((CONTROLLER_MAC, CONTROLLER), (MAC, SocketAddrV4::new(ADDRESS, RPC_PORT)));
+    let frames: Vec<_> = exchanges
+        .iter()
+        .flat_map(|[request, answer]| {
+            [tshark::frame(controller, device, request), tshark::frame(device, controller, answer)]
+        })
+        .collect();
+    tshark::dissected(&frames, fields).into_iter().skip(1).step_by(2).collect()
 }
 
 /// Makes a request and returns it with its answer.
-fn exchange(rig: &mut Rig, request: Vec<u8>) -> Exchange {
+pub(super) fn exchange(rig: &mut Rig, request: Vec<u8>) -> Exchange {
     rig.sequence += 1;
     let sent = rig.receive(Port::Udp(RPC_PORT), &request);
     let answer = sent.into_iter().find(|(transmit, _)| transmit.to == Some(CONTROLLER));
@@ -184,6 +146,58 @@ fn im0_filter_data_name_the_access_point_at_all_three_levels() {
 }
 
 #[test]
+fn the_ar_data_are_those_of_the_connect_and_of_the_last_frames() {
+    let fields = [
+        "pn_io.block_type",
+        "pn_io.block_version_low",
+        "pn_io.number_of_ars",
+        "pn_io.cminitiator_uuid",
+        "pn_io.ar_properties",
+        "pn_io.ar_type",
+        "pn_io.localalarmref",
+        "pn_io.remotealarmref",
+        "pn_io.cminitiator_udprtport",
+        "pn_io.cmresponder_udprtport",
+        "pn_io.cminitiator_station_name",
+        "pn_io.iocr_properties.rtclass",
+        "pn_io.iocr_type",
+        "pn_io.frame_id",
+        "pn_io.number_of_apis",
+    ];
+    for (rt_class, class, frame_ids) in [
+        (RtClass::Class1, "0x00000002,0x00000002", "0x8001,0x8002"),
+        (RtClass::Udp, "0x00000004,0x00000004", "0xc001,0xc002"),
+    ] {
+        let mut rig = Rig::connected(rt_class);
+        rig.advance(Duration::from_millis(2));
+        rig.send_data(&[1; LEN]);
+        // At any slot, and by its API.
+        let answers = [read(&mut rig, 0xF820, 7, 7), read(&mut rig, 0xF020, 0, 0)];
+        for row in dissected(&answers, &fields) {
+            let (values, faults) = row.split_at(fields.len());
+            let ar = ["dea00000-6c97-11d1-8271-0001010e002a", "0x40000001", "0x0001", "0x0000", "0x0005"];
+            let ends = ["0x8892", "0x8892", "plc", class, "0x0001,0x0002", frame_ids, "1"];
+            let wanted = [&["0x8009,0x0018", "0,1", "1"][..], &ar, &ends].concat();
+            assert_eq!(values, wanted);
+            assert!(faults.iter().all(String::is_empty), "{faults:?}");
+        }
+        // CycleCounter and DataStatus of the last frame from the controller.
+        let (counter, status) = (rig.counter.to_be_bytes(), DataStatus::RUNNING.0);
+        let output = [counter[0], counter[1], status, 0];
+        assert!(read(&mut rig, 0xF820, 0, 0)[1].windows(4).any(|window| window == output));
+    }
+    let mut rig = Rig::new();
+    let none = ReadRequest {
+        address: Address { sequence: 0, ar: Uuid::NIL, api: 0, slot: 0, subslot: 0, index: 0xF820 },
+        most: 4_000,
+        target_ar: Uuid::NIL,
+    };
+    let datagram = rig.datagram(Operation::ReadImplicit, &emitted(|w| none.emit(w)));
+    let row = &dissected(&[exchange(&mut rig, datagram)], &fields)[0];
+    assert_eq!((&row[2][..], &row[13][..]), ("0", ""));
+}
+
+#[test]
 fn identification_and_maintenance_and_the_apis_are_those_of_the_description() {
     let mut rig = Rig::connected(RtClass::Class1);
     let fields = [
@@ -262,6 +276,138 @@ fn interface_and_ports_are_those_of_the_station() {
 }
 
 #[test]
+fn the_data_of_a_submodule_are_those_of_the_last_frames_with_their_statuses() {
+    let mut rig = Rig::new();
+    rig.device.set_input(1, 1, &[0x33; LEN]).unwrap();
+    rig.establish(&connect_request(RtClass::Class1, true));
+    let fields = [
+        "pn_io.block_type",
+        "pn_io.substitute_active_flag",
+        "pn_io.length_iocs",
+        "pn_io.length_iops",
+        "pn_io.ioxs",
+        "pn_io.iops",
+        "pn_io.length_data",
+    ];
+    let none = ["0x8009,0x0015", "", "1", "1", "0x80", "0x80", "0"];
+    let input = ["0x8009,0x0015", "", "1", "1", "0x80", "0x80", "256"];
+    let output = |substitute, iops| ["0x8009,0x0016,0x0014", substitute, "1", "1", "0x80,0x80", iops, "256"];
+    assert_records(
+        &mut rig,
+        &fields,
+        &[(0x8028, 0, 0x8000, &none), (0x8028, 1, 1, &input), (0x8029, 1, 1, &output("0x0000", "0x80"))],
+    );
+    let holds = |rig: &mut Rig, index, data: &[u8]| {
+        read(rig, index, 1, 1)[1].windows(data.len()).any(|window| window == data)
+    };
+    assert!(holds(&mut rig, 0x8028, &[0x33; LEN]));
+    assert!(holds(&mut rig, 0x8029, &[0x5A; LEN]));
+    // The controller calls its data bad, so the device uses zeros.
+    let (port, frame) = rig.cyclic(&[0x77; LEN], 0x60, DataStatus::RUNNING);
+    rig.receive(port, &frame);
+    let bad = output("0x0001", "0x60");
+    assert_records(&mut rig, &fields, &[(0x8029, 1, 1, &bad)]);
+    assert!(holds(&mut rig, 0x8029, &[0x77; LEN]) && holds(&mut rig, 0x8029, &[0; LEN]));
+}
+
+#[test]
+fn there_are_data_of_a_submodule_only_in_the_directions_that_the_controller_connected() {
+    let mut rig = Rig::new();
+    let missing = |rig: &mut Rig, index, slot, subslot| {
+        let address = Address { sequence: 0, ar: Uuid::NIL, api: 0, slot, subslot, index };
+        let request = ReadRequest { address, most: 4_000, target_ar: Uuid::NIL };
+        let (status, ..) = rig.call(Operation::ReadImplicit, &emitted(|w| request.emit(w)));
+        status == Violation::InvalidIndex.status(Service::Read)
+    };
+    assert!(missing(&mut rig, 0x8028, 1, 1) && missing(&mut rig, 0x8029, 1, 1), "no AR");
+    rig.establish(&connect_request(RtClass::Class1, false));
+    assert!(!missing(&mut rig, 0x8028, 1, 1) && !missing(&mut rig, 0x8029, 1, 1));
+    // This controller does not connect the access point, and gives no consumer statuses.
+    assert!(missing(&mut rig, 0x8028, 0, 0x8000) && missing(&mut rig, 0x8029, 0, 0x8000));
+    let fields = ["pn_io.ioxs", "pn_io.iops", "pn_io.length_data"];
+    assert_records(&mut rig, &fields, &[(0x8028, 1, 1, &["0x00", "0x80", "256"])]);
+}
+
+/// Returns PDPortDataCheck: the port's neighbour should be port-002 of the station `plc`.
+fn port_data_check() -> Vec<u8> {
+    let peers = [&[1, 8][..], b"port-002", &[3], b"plc", &[0]].concat();
+    let check_peers = [&[0x02, 0x0A, 0, 2 + peers.len() as u8, 1, 0][..], &peers].concat();
+    let head = [0x02, 0x00, 0, 8 + check_peers.len() as u8, 1, 0, 0, 0, 0, 0, 0x80, 0x01];
+    [&head[..], &check_peers].concat()
+}
+
+#[test]
+fn what_is_written_to_interface_and_port_is_expected_until_the_connection_ends() {
+    const ADJUST: u16 = index::PD_INTERFACE_ADJUST;
+    const CHECK: u16 = index::PD_PORT_DATA_CHECK;
+    let mut rig = Rig::connected(RtClass::Class1);
+    let fields = [
+        "pn_io.block_type",
+        "pn_io.slot_nr",
+        "pn_io.subslot_nr",
+        "pn_io.number_of_peers",
+        "pn_io.peer_port_id",
+        "pn_io.peer_chassis_id",
+    ];
+    let empty = |subslot| ["0x8009", "0x0000", subslot, "", "", ""];
+    let nothing = [
+        (CHECK, 0, 0x8001, &empty("0x8001")[..]),
+        (ADJUST, 0, 0x8000, &empty("0x8000")),
+        (0xF842, 0, 0, &empty("0x0000")),
+    ];
+    assert_records(&mut rig, &fields, &nothing);
+
+    let write = |rig: &mut Rig, subslot, index, record: &[u8]| {
+        let address = Address { sequence: 0, ar: AR, api: 0, slot: 0, subslot, index };
+        rig.call(Operation::Write, &emitted(|w| WriteRequest { address, record }.emit(w))).0
+    };
+    // Longer at first: the second one replaces it. The last bytes fill the record up, and are not kept.
+    let padded = [&port_data_check()[..], &[0; 2]].concat();
+    let mut longer = [&port_data_check()[..], &[0; 40]].concat();
+    longer[3] += 40;
+    for record in [&longer, &padded] {
+        assert_eq!(write(&mut rig, 0x8001, CHECK, record), Status::OK);
+    }
+    assert_eq!(write(&mut rig, 0x8000, ADJUST, &Parameter::interface_adjust().data), Status::OK);
+    let check = ["0x8009,0x0200,0x020a", "0x0000,0x0000", "0x8001,0x8001", "1", "port-002", "plc"];
+    let adjust = ["0x8009,0x0250", "0x0000", "0x8000", "", "", ""];
+    let all = [
+        "0x8009,0x0400,0x0250,0x0400,0x0200,0x020a",
+        "0x0000,0x0000,0x0000,0x0000",
+        "0x0000,0x8000,0x8001,0x8001",
+        "1",
+        "port-002",
+        "plc",
+    ];
+    let written = [(CHECK, 0, 0x8001, &check[..]), (ADJUST, 0, 0x8000, &adjust), (0xF842, 0, 0, &all)];
+    assert_records(&mut rig, &fields, &written);
+
+    // The greatest that is kept, and one more; another block, and a cut one.
+    let length = |record: &mut Vec<u8>, len: usize| {
+        record.resize(len, 0);
+        record[2..4].copy_from_slice(&(len as u16 - 4).to_be_bytes());
+    };
+    let mut long = port_data_check();
+    length(&mut long, 1_024);
+    assert_eq!(write(&mut rig, 0x8001, CHECK, &long), Status::OK);
+    length(&mut long, 1_025);
+    for (record, violation) in [
+        (&long[..], Violation::WriteLength),
+        (&Parameter::interface_adjust().data, Violation::InvalidParameter),
+        (&port_data_check()[..20], Violation::WriteLength),
+        (&[], Violation::WriteLength),
+    ] {
+        assert_eq!(write(&mut rig, 0x8001, CHECK, record), violation.status(Service::Write));
+    }
+
+    let release = control(Command::Release);
+    assert_eq!(rig.control(Operation::Release, release).0, Status::OK);
+    rig.events();
+    rig.establish(&connect_request(RtClass::Class1, true));
+    assert_records(&mut rig, &fields, &nothing);
+}
+
+#[test]
 fn the_module_diff_and_the_log_book_tell_what_was_wrong() {
     let mut rig = Rig::new();
     let mut refused = connect_request(RtClass::Class1, true);
@@ -337,20 +483,60 @@ fn the_answer_to_a_connect_has_its_numbers() {
 }
 
 #[test]
-fn the_endpoint_mapper_answers_with_the_annotation_port_and_address() {
+fn the_endpoint_mapper_lists_itself_and_the_device_with_annotation_port_and_address() {
     let mut rig = Rig::new();
-    let mut header =
-        Header::request(Operation::Unknown(LOOKUP), Uuid::NIL, ENDPOINT_MAPPER_INTERFACE, rig.activity, 0);
-    header.interface_version = 3;
+    // Both pointers, and at most one entry.
     let mut body = [0; 76];
-    body[75] = 1;
-    let mut buf = [0; 200];
-    let len = header.emit(&body, &mut buf).unwrap();
-    let request = buf[..len].to_vec();
-    let found = exchange(&mut rig, request);
-    let fields = ["epm.annotation", "epm.proto.udp_port", "epm.proto.ip", "epm.rc"];
-    let rows = dissected(&[found], &fields);
+    (body[7], body[27], body[75]) = (1, 2, 1);
+    let mut exchanges = Vec::new();
+    for sequence in 0..3 {
+        let operation = Operation::Unknown(LOOKUP);
+        let mut header =
+            Header::request(operation, Uuid::NIL, ENDPOINT_MAPPER_INTERFACE, rig.activity, sequence);
+        header.interface_version = 3;
+        let mut buf = [0; 200];
+        let len = header.emit(&body, &mut buf).unwrap();
+        let found = exchange(&mut rig, buf[..len].to_vec());
+        let (_, answer) = Header::parse(&found[1]).unwrap();
+        body[52..72].copy_from_slice(&answer[..20]);
+        exchanges.push(found);
+    }
+    let fields = ["epm.annotation", "epm.uuid", "epm.proto.udp_port", "epm.proto.ip", "epm.rc"];
+    let rows = dissected(&exchanges, &fields);
     let annotation = format!("{:25} {:20} {:5} V{:3}{:3}{:3}", "sample device", "sample-device", 1, 0, 1, 0);
-    let wanted = [annotation.as_str(), "34964", "192.168.64.2", "0x00000000"];
-    assert_eq!(rows[0][..fields.len()], wanted);
+    let ndr = "8a885d04-1ceb-11c9-9fe8-08002b104860";
+    let floors = ["e1af8308-5d1f-11c9-91a4-08002b14a0fa", "dea00001-6c97-11d1-8271-00a02442df7d"]
+        .map(|interface| format!("{interface},{ndr}"));
+    for (row, floors) in rows.iter().zip(&floors) {
+        assert_eq!(row[..fields.len()], [&annotation, floors, "34964", "192.168.64.2", "0x00000000"]);
+    }
+    assert_eq!(rows[2][..fields.len()], ["", "", "", "", "0x16c9a0d6"]);
+    for row in rows {
+        assert!(row[fields.len()..].iter().all(String::is_empty), "{row:?}");
+    }
+}
+
+#[test]
+fn the_answer_to_identify_has_every_block_that_it_lists() {
+    let mut rig = Rig::new();
+    let identify = discovery::request(dcp::IDENTIFY_MULTICAST, |w| {
+        dcp::emit(w, dcp::Service::IdentifyRequest, 7, 1, [dcp::Content::All.into()]);
+    });
+    let sent = rig.receive(Port::Ethernet, &identify);
+    let fields = [
+        "pn_dcp.suboption_device_nameofstation",
+        "pn_dcp.suboption_vendor_id",
+        "pn_dcp.suboption_device_id",
+        "pn_dcp.suboption_ip_ip",
+        "pn_dcp.suboption_device_role",
+        "pn_dcp.suboption_device_instance",
+        "pn_dcp.suboption_device",
+    ];
+    let rows = tshark::dissected(&[sent[0].1.clone()], &fields);
+    let (values, faults) = rows[0].split_at(fields.len());
+    // The instance as its high and its low byte.
+    assert_eq!(values[..6], ["device", "0xffff", "0x0001", "192.168.64.2", "0x01", "0x00,0x01"]);
+    // Its own blocks, between them those that it lists.
+    assert_eq!(values[6], "1,2,3,4,5,1,2,3,4,5,7,7");
+    assert!(faults.iter().all(String::is_empty), "{faults:?}");
 }

@@ -3,6 +3,7 @@
 use super::*;
 use machine::Down;
 use profinet::alarm::{FRAME_ID_LOW, Rta};
+use profinet::record::{Address, ReadRequest, ReadResponse, index};
 
 const EACH_WAY: [RtClass; 3] = [RtClass::Class1, RtClass::Legacy1, RtClass::Udp];
 
@@ -286,17 +287,22 @@ fn a_long_request_is_taken_in_fragments_and_each_is_acknowledged() {
 }
 
 #[test]
-fn the_endpoint_mapper_names_the_port_of_connection_management() {
-    use profinet::rpc::{ENDPOINT_MAPPER_INTERFACE, LOOKUP};
+fn a_controller_that_only_reads_while_it_prepares_keeps_its_connection() {
     let mut rig = Rig::new();
-    let operation = Operation::Unknown(LOOKUP);
-    let mut header = Header::request(operation, Uuid::NIL, ENDPOINT_MAPPER_INTERFACE, rig.activity, 0);
-    header.interface_version = 3;
-    let mut body = [0; 76];
-    body[75] = 1;
-    let mut buf = [0; 200];
-    let len = header.emit(&body, &mut buf).unwrap();
-    let sent = rig.receive(Port::Udp(RPC_PORT), &buf[..len]);
-    let port_and_address = [0x88, 0x94, 1, 0, 9, 4, 0, 192, 168, 64, 2];
-    assert!(sent[0].1.windows(11).any(|window| window == port_and_address));
+    let (status, _) = rig.connect(&connect_request(RtClass::Class1, true));
+    assert_eq!(status, Status::OK);
+    // The activity timeout of this Connect is 2 s.
+    for index in [index::CONNECTION_MONITORING_TRIGGER, index::REAL_IDENTIFICATION_API, 0xFBFF] {
+        rig.advance(Duration::from_millis(1_500));
+        let address = Address { sequence: 0, ar: AR, api: 0, slot: 0, subslot: 0, index };
+        let read = ReadRequest { address, most: 4_000, target_ar: Uuid::NIL };
+        let (status, blocks, _) = rig.call(Operation::Read, &emitted(|w| read.emit(w)));
+        assert_eq!(status, Status::OK, "index 0x{index:04X}");
+        let record = ReadResponse::parse(&mut BlockReader::new(&blocks)).unwrap().record;
+        assert_eq!(record.is_empty(), index == 0xFBFF);
+    }
+    assert_eq!(rig.prm_end().0, Status::OK);
+    assert_eq!(rig.events(), []);
+    rig.advance(Duration::from_millis(2_100));
+    assert!(!rig.device.has_controller(), "without a call the time passes as before");
 }

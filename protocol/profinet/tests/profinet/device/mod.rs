@@ -5,6 +5,7 @@ mod discovery;
 mod dissected;
 mod hostile;
 mod life;
+mod maintenance;
 mod permanent;
 mod refusals;
 mod restarts;

@@ -16,7 +16,7 @@ const fn suite(last: u8) -> IpSuite {
 }
 
 /// Returns a device whose owner stored this.
-fn with(permanent: Option<Permanent>) -> Rig {
+pub(super) fn with(permanent: Option<Permanent>) -> Rig {
     let address = permanent.as_ref().and_then(|permanent| permanent.address).map(|suite| suite.address);
     Rig::around(Device::new(
         DeviceConfig {
@@ -33,22 +33,23 @@ fn with(permanent: Option<Permanent>) -> Rig {
 }
 
 /// Sends a Set; returns what is answered at once.
-fn set(rig: &mut Rig, blocks: &[(u16, Content<'_>)]) -> Sent {
+pub(super) fn set(rig: &mut Rig, blocks: &[(u16, Content<'_>)]) -> Sent {
     let blocks = blocks.iter().map(|(qualifier, content)| Block { qualifier: *qualifier, content: *content });
     let frame = request(MAC, |w| emit(w, Dcp::SetRequest, 8, 0, blocks));
     rig.receive(Port::Ethernet, &frame)
 }
 
 /// Does what the owner does, and returns the answer and what it stored last.
-fn own(rig: &mut Rig, mut stored: Permanent, works: bool) -> (Sent, Permanent) {
+pub(super) fn own(rig: &mut Rig, mut stored: Permanent, works: bool) -> (Sent, Permanent) {
     let mut sent = rig.drain();
     while let Some(event) = rig.device.poll_event() {
         match event {
             LinkEvent::SetAddress { .. } => rig.device.address_set(rig.now, true),
             LinkEvent::Store => {
-                let (name, address) = rig.device.to_store();
+                let (name, address, maintenance) = rig.device.to_store();
                 if works {
-                    stored = Permanent { name: name.map(<[u8]>::to_vec), address };
+                    let (name, maintenance) = (name.map(<[u8]>::to_vec), maintenance.copied());
+                    stored = Permanent { name, address, maintenance };
                 }
                 rig.device.stored(rig.now, works);
             }
@@ -59,8 +60,13 @@ fn own(rig: &mut Rig, mut stored: Permanent, works: bool) -> (Sent, Permanent) {
     (sent, stored)
 }
 
+/// Returns a name and an address, and nothing else.
+fn robot() -> Permanent {
+    Permanent { name: Some(b"robot".to_vec()), address: Some(suite(7)), maintenance: None }
+}
+
 fn named(name: &str) -> Permanent {
-    Permanent { name: Some(name.into()), address: None }
+    Permanent { name: Some(name.into()), ..Permanent::default() }
 }
 
 #[test]
@@ -72,7 +78,7 @@ fn name_and_address_that_are_set_permanently_are_there_after_a_restart() {
     let (sent, stored) = own(&mut rig, Permanent::default(), true);
     assert_eq!(results(&sent), [(Code::NAME_OF_STATION, BlockError::None), (Code::IP, BlockError::None)]);
     assert_eq!(rig.device.station_name(), b"robot");
-    assert_eq!(stored, Permanent { name: Some(b"robot".to_vec()), address: Some(suite(7)) });
+    assert_eq!(stored, robot());
 
     let mut rig = with(Some(stored));
     assert_eq!(rig.device.station_name(), b"robot");
@@ -83,7 +89,7 @@ fn name_and_address_that_are_set_permanently_are_there_after_a_restart() {
 
 #[test]
 fn a_set_for_now_removes_what_was_stored_of_the_same_kind_only() {
-    let all = Permanent { name: Some(b"robot".to_vec()), address: Some(suite(7)) };
+    let all = robot();
     let mut rig = with(Some(all.clone()));
     set(&mut rig, &[(FOR_NOW, Content::Ip(suite(8)))]);
     let (sent, stored) = own(&mut rig, all.clone(), true);
@@ -93,7 +99,7 @@ fn a_set_for_now_removes_what_was_stored_of_the_same_kind_only() {
     let mut rig = with(Some(all.clone()));
     set(&mut rig, &[(FOR_NOW, Content::NameOfStation(b"other"))]);
     let (_, stored) = own(&mut rig, all, true);
-    assert_eq!(stored, Permanent { name: None, address: Some(suite(7)) });
+    assert_eq!(stored, Permanent { name: None, ..robot() });
     assert_eq!(rig.device.station_name(), b"other");
 }
 
@@ -147,7 +153,7 @@ fn a_reset_of_the_communication_parameters_leaves_neither_name_nor_address() {
         (8 << 1, Content::ResetToFactory),
         (0, Content::FactoryReset),
     ] {
-        let all = Permanent { name: Some(b"robot".to_vec()), address: Some(suite(7)) };
+        let all = robot();
         let mut rig = with(Some(all.clone()));
         assert!(set(&mut rig, &[(qualifier, content)]).is_empty());
         let mut events = rig.events().into_iter();
@@ -164,7 +170,7 @@ fn a_reset_of_the_communication_parameters_leaves_neither_name_nor_address() {
 
 #[test]
 fn other_modes_of_a_reset_are_refused_and_change_nothing() {
-    let all = Permanent { name: Some(b"robot".to_vec()), address: Some(suite(7)) };
+    let all = robot();
     let mut rig = with(Some(all));
     for mode in [0, 1, 3, 4, 5, 9, 10, 0x7FFF] {
         let sent = set(&mut rig, &[(mode << 1, Content::ResetToFactory)]);

@@ -1,6 +1,7 @@
 //! What a controller can do wrong, and the status that it gets for it.
 
 use super::*;
+use profinet::Parameter;
 use profinet::connect::{ModuleState, SubmoduleState};
 use profinet::record::{Address, ReadRequest, WriteRequest, WriteResponse, index};
 use profinet::status::{Block, HeadField};
@@ -204,7 +205,12 @@ fn writes_are_refused_by_reason() {
         (Address { slot: 9, ..address }, 0xDF80_B200),
         (Address { api: 1, ..address }, 0xDF80_B400),
         (Address { index: index::IDENTIFICATION_AND_MAINTENANCE_0, ..address }, 0xDF80_B600),
-        (Address { slot: 0, subslot: 0x8000, index: 0x8071, ..address }, 0),
+        (Address { index: index::INPUT_DATA, ..address }, 0xDF80_B600),
+        (Address { slot: 0, subslot: 0x8001, index: index::PD_PORT_DATA_REAL, ..address }, 0xDF80_B600),
+        (Address { slot: 0, subslot: 0x8000, index: index::PD_INTERFACE_ADJUST, ..address }, 0xDF80_B100),
+        (Address { slot: 0, subslot: 0x8001, index: index::PD_INTERFACE_ADJUST, ..address }, 0xDF80_B000),
+        // PDInterfaceMrpDataAdjust: a ring must not rely on a device that is not part of it.
+        (Address { slot: 0, subslot: 0x8000, index: 0x8052, ..address }, 0xDF80_B000),
         (Address { ar: Uuid([1; 16]), ..address }, 0xDF81_4005),
     ] {
         let write = WriteRequest { address, record: &[1, 2, 3, 4] };
@@ -218,7 +224,8 @@ fn each_write_of_a_multiple_write_has_its_own_status_and_one_that_is_cut_fails_t
     let mut rig = Rig::connected(RtClass::Class1);
     let adjust = Address { slot: 0, subslot: 0x8000, index: 0x8071, ..ADDRESS_OF_RECORD };
     let parts = emitted(|w| {
-        WriteRequest { address: adjust, record: &[1, 2, 3] }.emit(w);
+        let record = [&Parameter::interface_adjust().data[..], &[0; 3]].concat();
+        WriteRequest { address: adjust, record: &record }.emit(w);
         w.align(4);
         WriteRequest { address: ADDRESS_OF_RECORD, record: &[4] }.emit(w);
     });
