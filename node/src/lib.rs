@@ -7,15 +7,16 @@
 //! ├─ inbox    waits for instructions, signals and notices at once; input lists them
 //! └─ control  the control port: one controller at a time over TCP; token is the secret that it shows
 //! role        which of the two nodes
-//! station_file  where a node keeps the name and the address that its bus set permanently
+//! station_file  where a node keeps what its bus set permanently: name, address and what the operator wrote
 //! node        a node on its cyclic thread; short_text is text without allocation
 //! trace_row   a cycle as a line of text, written and read; trace_file records a node's cycles
 //! output      printing to a reader that may be gone; screen makes tables and text fit it
-//! list        options with several values
+//! arguments   the command line, parsed; list has options with several values
 //! ```
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
+pub mod arguments;
 mod control;
 mod inbox;
 mod input;

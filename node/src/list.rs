@@ -10,21 +10,26 @@ use std::str::FromStr;
 #[derive(Clone, PartialEq, Debug)]
 pub struct List<T>(Vec<T>);
 
-impl<T: FromStr> FromStr for List<T> {
-    type Err = T::Err;
+impl<T: FromStr<Err: Display>> FromStr for List<T> {
+    type Err = String;
 
-    fn from_str(text: &str) -> Result<Self, T::Err> {
-        values(text).map(str::parse).collect::<Result<_, _>>().map(Self)
+    fn from_str(text: &str) -> Result<Self, String> {
+        list(str::parse)(text)
     }
 }
 
-/// Returns a parser of arguments whose values `value` parses.
+/// Returns a parser of arguments whose values `value` parses. An argument without a value is refused: it mostly is an
+/// empty variable of a shell, and not the wish for none.
 pub fn list<T, E: Display>(
     value: impl Fn(&str) -> Result<T, E> + Clone,
 ) -> impl Fn(&str) -> Result<List<T>, String> + Clone {
     move |text| {
         let parsed = values(text).map(|one| value(one).map_err(|error| error.to_string()));
-        parsed.collect::<Result<_, _>>().map(List)
+        let parsed: Vec<T> = parsed.collect::<Result<_, _>>()?;
+        if parsed.is_empty() {
+            return Err("it holds no value; leave the option out for its default".to_owned());
+        }
+        Ok(List(parsed))
     }
 }
 
@@ -48,6 +53,14 @@ mod tests {
         for arguments in [&["1,2"][..], &["1 2"], &["1, 2"], &["1,", "2"], &["1", "2"], &["1", ",2 "]] {
             let lists: Vec<List<u8>> = arguments.iter().map(|argument| argument.parse().unwrap()).collect();
             assert_eq!(flat(&lists), [1, 2], "{arguments:?}");
+        }
+    }
+
+    #[test]
+    fn an_argument_without_a_value_is_refused() {
+        for argument in ["", " ", ",", " , "] {
+            let error = argument.parse::<List<u8>>().unwrap_err();
+            assert_eq!(error, "it holds no value; leave the option out for its default", "{argument:?}");
         }
     }
 }

@@ -102,7 +102,7 @@ pub enum Notice<E, A> {
     Answer(A),
     /// The interface refused the address that the bus set.
     NoAddress(Ipv4Addr, InterfaceError),
-    /// Name and address of the station are to be stored permanently; [`Command::Stored`] is the answer.
+    /// What the bus set of the station is to be stored permanently; [`Command::Stored`] is the answer.
     Store(StationRecord),
     /// The node's figures so far.
     Snapshot(Snapshot),

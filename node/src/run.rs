@@ -31,6 +31,13 @@ const LEAD: Duration = Duration::from_millis(5);
 /// UDP port of the connection without a bus protocol.
 const DIRECT_PORT: u16 = 34_900;
 
+/// Parses the address of a control port.
+fn control_address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| {
+        format!("`{text}` is not ADDRESS:PORT with an IP address of this host; for example 127.0.0.1:7700")
+    })
+}
+
 /// Options of `run` for both nodes.
 #[derive(clap::Args, Debug)]
 pub struct RunOptions {
@@ -49,7 +56,7 @@ pub struct RunOptions {
     pub cyclic: Option<Cyclic>,
     /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT,robot=HOST:PORT`. Where other hosts reach the
     /// address, the node and the bench need one --control-token.
-    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json")]
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json", value_parser = control_address)]
     pub control: Option<SocketAddr>,
     /// The file whose first line is the token that a bench must show; without it SKILLBENCH_CONTROL_TOKEN, if that is set.
     #[arg(long, value_name = "FILE", requires = "control")]
@@ -221,4 +228,21 @@ pub fn exit_code(
         }
     });
     outcome.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_address_of_a_control_port_needs_its_port() {
+        assert_eq!(control_address("127.0.0.1:7700"), Ok("127.0.0.1:7700".parse().unwrap()));
+        for text in ["127.0.0.1", "localhost:7700", "7700", ""] {
+            let error = control_address(text).unwrap_err();
+            assert!(
+                error.starts_with(&format!("`{text}` is not ADDRESS:PORT"))
+                    && error.contains("127.0.0.1:7700")
+            );
+        }
+    }
 }

@@ -1,5 +1,5 @@
-//! The file in which a node keeps the name and the address that its bus set permanently, as a device keeps them in its flash
-//! memory. The thread beside the cyclic one writes it.
+//! The file in which a node keeps the name and the address that its bus set permanently, and what the operator wrote about it,
+//! as a device keeps them in its flash memory. The thread beside the cyclic one writes it.
 
 use std::fmt::{self, Write as _};
 use std::fs::{self, File};
@@ -7,7 +7,7 @@ use std::io::{self, Write as _};
 use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
 
-use protocol::fieldbus::{StationAddress, ToStore};
+use protocol::fieldbus::{Maintenance, StationAddress, ToStore};
 use serde::{Deserialize, Serialize};
 
 use crate::ShortText;
@@ -28,6 +28,61 @@ pub struct Station {
     /// Its IP address.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub address: Option<Address>,
+    /// What the operator of the plant wrote about it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub maintenance: Option<MaintenanceTexts>,
+}
+
+/// What the operator of a plant wrote about a station, without the blanks and zeros behind it. A character is a byte of the
+/// bus, so none is above U+00FF.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaintenanceTexts {
+    /// What it is for, up to 32 characters.
+    pub function: String,
+    /// Where it is, up to 22 characters.
+    pub location: String,
+    /// When it was installed, up to 16 characters.
+    pub date: String,
+    /// A comment, up to 54 characters.
+    pub descriptor: String,
+    /// A signature, up to 54 characters.
+    pub signature: String,
+}
+
+impl From<&Maintenance> for MaintenanceTexts {
+    fn from(Maintenance { function, location, date, descriptor, signature }: &Maintenance) -> Self {
+        fn text(bytes: &[u8], filling: char) -> String {
+            let text: String = bytes.iter().copied().map(char::from).collect();
+            text.trim_end_matches(filling).to_owned()
+        }
+        Self {
+            function: text(function, ' '),
+            location: text(location, ' '),
+            date: text(date, ' '),
+            descriptor: text(descriptor, ' '),
+            signature: text(signature, '\0'),
+        }
+    }
+}
+
+impl From<&MaintenanceTexts> for Maintenance {
+    fn from(texts: &MaintenanceTexts) -> Self {
+        fn fill<const LEN: usize>(mut field: [u8; LEN], text: &str) -> [u8; LEN] {
+            let bytes = text.chars().map(|char| u8::try_from(char).unwrap_or(b'?'));
+            field.iter_mut().zip(bytes).for_each(|(place, byte)| *place = byte);
+            field
+        }
+        let MaintenanceTexts { function, location, date, descriptor, signature } = texts;
+        let blank = Self::default();
+        Self {
+            function: fill(blank.function, function),
+            location: fill(blank.location, location),
+            date: fill(blank.date, date),
+            descriptor: fill(blank.descriptor, descriptor),
+            signature: fill(blank.signature, signature),
+        }
+    }
 }
 
 impl fmt::Display for Station {
@@ -58,10 +113,11 @@ pub struct Address {
 pub struct StationRecord {
     name: Option<ShortText>,
     address: Option<Address>,
+    maintenance: Option<Maintenance>,
 }
 
 impl From<ToStore<'_>> for StationRecord {
-    fn from(ToStore { name, address }: ToStore<'_>) -> Self {
+    fn from(ToStore { name, address, maintenance }: ToStore<'_>) -> Self {
         let short = |name: &str| {
             let mut text = ShortText::default();
             // The longest station name has 240 bytes, which fit.
@@ -70,13 +126,14 @@ impl From<ToStore<'_>> for StationRecord {
         };
         let address =
             address.map(|StationAddress { address, mask, gateway }| Address { ip: address, mask, gateway });
-        Self { name: name.map(short), address }
+        Self { name: name.map(short), address, maintenance: maintenance.copied() }
     }
 }
 
 impl From<&StationRecord> for Station {
-    fn from(StationRecord { name, address }: &StationRecord) -> Self {
-        Self { name: name.as_ref().map(|name| name.as_str().to_owned()), address: *address }
+    fn from(StationRecord { name, address, maintenance }: &StationRecord) -> Self {
+        let name = name.as_ref().map(|name| name.as_str().to_owned());
+        Self { name, address: *address, maintenance: maintenance.as_ref().map(MaintenanceTexts::from) }
     }
 }
 
@@ -184,7 +241,32 @@ mod tests {
             mask: Ipv4Addr::new(255, 255, 255, 0),
             gateway: Ipv4Addr::UNSPECIFIED,
         };
-        Station { name: Some("robot".into()), address: Some(address) }
+        Station { name: Some("robot".into()), address: Some(address), maintenance: None }
+    }
+
+    fn maintenance() -> Maintenance {
+        let mut maintenance = Maintenance { signature: [0xE9; 54], ..Maintenance::default() };
+        maintenance.function[..5].copy_from_slice(b"a  b\0");
+        maintenance.date[15] = b'x';
+        maintenance
+    }
+
+    #[test]
+    fn what_the_operator_wrote_is_read_again_byte_for_byte() {
+        let directory = directory("maintenance");
+        let file = StationFile::at(directory.join("robot.json"));
+        for maintenance in [maintenance(), Maintenance { date: [0xFF; 16], ..Maintenance::default() }] {
+            let record =
+                StationRecord::from(ToStore { maintenance: Some(&maintenance), ..ToStore::default() });
+            file.save(&Station::from(&record)).unwrap();
+            let texts = file.load().unwrap().maintenance.unwrap();
+            assert_eq!(Maintenance::from(&texts), maintenance);
+        }
+        // A file that a person edited may have longer texts and other characters.
+        let texts =
+            MaintenanceTexts { date: "\u{20AC}".repeat(20), ..MaintenanceTexts::from(&maintenance()) };
+        assert_eq!(Maintenance::from(&texts).date, [b'?'; 16]);
+        fs::remove_dir_all(directory).unwrap();
     }
 
     #[test]
@@ -225,10 +307,11 @@ mod tests {
             mask: Ipv4Addr::new(255, 255, 255, 0),
             gateway: Ipv4Addr::UNSPECIFIED,
         };
-        let record = StationRecord::from(ToStore { name: Some("robot"), address: Some(address) });
+        let record =
+            StationRecord::from(ToStore { name: Some("robot"), address: Some(address), maintenance: None });
         assert_eq!(Station::from(&record), robot());
         let longest = "a".repeat(240);
-        let record = StationRecord::from(ToStore { name: Some(&longest), address: None });
-        assert_eq!(Station::from(&record), Station { name: Some(longest), address: None });
+        let record = StationRecord::from(ToStore { name: Some(&longest), ..ToStore::default() });
+        assert_eq!(Station::from(&record), Station { name: Some(longest), ..Station::default() });
     }
 }

@@ -32,10 +32,14 @@ pub struct AxesGroup {
     waiting: Option<Waiting>,
     /// Number of the last ticket.
     tickets: u16,
+    /// Whether a `GroupHalt` is busy.
+    halting: bool,
+    /// Number of this scan, from 1. The life counter is its lower 16 bits.
+    scans: u64,
     /// Scans since the robot's life counter changed.
     still_scans: u32,
-    /// The PLC's life counter in the first image of a stop that an error of a block asks for, until the robot stands.
-    pub(crate) error_stop: Option<u16>,
+    /// The first scan of a stop that an error of a block asks for, until the robot stands.
+    pub(crate) error_stop: Option<u64>,
     wait_limits: WaitLimits,
 }
 
@@ -49,6 +53,8 @@ impl AxesGroup {
             commanded: false,
             waiting: None,
             tickets: 0,
+            halting: false,
+            scans: 0,
             still_scans: 0,
             error_stop: None,
             wait_limits,
@@ -57,7 +63,7 @@ impl AxesGroup {
 
     /// Begins a scan: takes over the robot's image, or `None` without a connection, and counts up the PLC's life counter.
     pub fn read(&mut self, feedback: Option<Feedback>) {
-        self.command.life = self.command.life.wrapping_add(1);
+        self.count_scan();
         self.still_scans = match (&self.feedback, &feedback) {
             (Some(before), Some(after)) if before.life == after.life => self.still_scans.saturating_add(1),
             _ => 0,
@@ -68,8 +74,13 @@ impl AxesGroup {
 
     /// Begins a scan in which the robot's image is still that of the scan before.
     pub const fn read_again(&mut self) {
-        self.command.life = self.command.life.wrapping_add(1);
+        self.count_scan();
         self.still_scans = if self.feedback.is_some() { self.still_scans.saturating_add(1) } else { 0 };
+    }
+
+    const fn count_scan(&mut self) {
+        self.scans += 1;
+        self.command.life = self.scans as u16;
     }
 
     /// Returns the robot's image of this scan; none without a connection.
@@ -102,10 +113,20 @@ impl AxesGroup {
         self.wait_limits.answer_scans
     }
 
-    /// Returns whether the robot has seen the image in which the PLC's life counter was `life`, or a later one.
+    /// Returns the number of this scan, from 1.
     #[must_use]
-    pub fn has_seen(&self, life: u16) -> bool {
-        self.feedback.as_ref().is_some_and(|feedback| feedback.life_echo.wrapping_sub(life) < 0x8000)
+    pub const fn scans(&self) -> u64 {
+        self.scans
+    }
+
+    /// Returns whether the robot has seen the image of this scan, or a later one. The echo of the life counter tells how old
+    /// the image is that the robot saw last.
+    #[must_use]
+    pub fn has_seen(&self, scan: u64) -> bool {
+        self.feedback.as_ref().is_some_and(|feedback| {
+            let age = self.command.life.wrapping_sub(feedback.life_echo);
+            self.scans.checked_sub(age.into()).is_some_and(|seen| seen >= scan)
+        })
     }
 
     /// Sets or clears control bits. A stop that an error asks for cannot be cleared.
@@ -118,7 +139,7 @@ impl AxesGroup {
 
     /// Stops the robot because a block ended with an error while it may still move.
     pub(crate) const fn stop_for_error(&mut self) {
-        self.error_stop = Some(self.command.life);
+        self.error_stop = Some(self.scans);
         self.command.control.set(Control::HALT, true);
     }
 
@@ -152,6 +173,7 @@ impl AxesGroup {
         self.command.control = Control::default();
         self.commanded = false;
         self.waiting = None;
+        self.halting = false;
         self.error_stop = None;
         self.feedback = None;
         self.still_scans = 0;
@@ -176,6 +198,30 @@ impl AxesGroup {
         Ok(number)
     }
 
+    /// Returns whether the skill with this number is under way.
+    pub(crate) const fn is_commanded(&self, number: u16) -> bool {
+        self.commanded && self.command.number == number
+    }
+
+    /// Gives up the skill that waits, and the one under way if the robot has not taken up its command yet: it would take it
+    /// up when nothing stops it any more.
+    pub(crate) fn give_up(&mut self) {
+        self.withdraw();
+        let number = self.command.number;
+        if self.commanded && self.feedback.as_ref().is_none_or(|feedback| feedback.number != number) {
+            self.release(number, false);
+        }
+    }
+
+    /// Asks the robot to cancel its skill while a `GroupHalt` is busy. What a block starts meanwhile is not given up.
+    pub(crate) fn halt(&mut self, is_busy: bool) {
+        if is_busy && !self.halting {
+            self.give_up();
+        }
+        self.halting = is_busy;
+        self.set_control(Control::CANCEL, is_busy);
+    }
+
     /// Ends the claim of the skill with this number, which is done, has failed or was given up.
     pub(crate) const fn release(&mut self, number: u16, is_done: bool) {
         if self.command.number == number {
@@ -188,6 +234,8 @@ impl AxesGroup {
 
 #[cfg(test)]
 mod tests {
+    use protocol::image::Status;
+
     use super::*;
 
     fn group() -> AxesGroup {
@@ -230,10 +278,35 @@ mod tests {
 
     #[test]
     fn an_echo_from_before_the_counter_wrapped_is_not_taken_for_a_later_one() {
-        let mut group = group();
+        let mut group = AxesGroup { scans: 0x1_0005, ..group() };
         group.read(Some(Feedback { life_echo: 0xFFF0, ..Feedback::default() }));
-        assert!(!group.has_seen(5));
-        group.read(Some(Feedback { life_echo: 5, ..Feedback::default() }));
-        assert!(group.has_seen(0xFFF0) && group.has_seen(5) && !group.has_seen(6));
+        assert!(group.has_seen(0xFFF0) && !group.has_seen(0xFFF1));
+        group.read(Some(Feedback { life_echo: 6, ..Feedback::default() }));
+        assert!(group.has_seen(0x1_0006) && !group.has_seen(0x1_0007));
+    }
+
+    #[test]
+    fn an_echo_from_before_the_plc_restarted_is_not_taken_for_one_of_its_images() {
+        let mut group = group();
+        for life_echo in [1_000, 20_000, 40_000] {
+            group.read(Some(Feedback { life_echo, ..Feedback::default() }));
+            group.stop_for_error();
+            group.read(Some(Feedback { life_echo, status: Status::AT_REST, ..Feedback::default() }));
+            assert!(group.error_stop.is_some(), "{life_echo}");
+        }
+    }
+
+    #[test]
+    fn a_stop_for_an_error_ends_once_the_robot_is_back_however_long_that_takes() {
+        for scans in [10, 40_000, 70_000] {
+            let mut group = group();
+            group.stop_for_error();
+            (0..scans).for_each(|_| group.read(None));
+            for _ in 0..2 {
+                let life_echo = group.command().life;
+                group.read(Some(Feedback { life_echo, status: Status::AT_REST, ..Feedback::default() }));
+            }
+            assert!(!group.command().control.contains(Control::HALT), "after {scans} scans");
+        }
     }
 }

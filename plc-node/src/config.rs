@@ -63,8 +63,8 @@ impl PlcConfig {
         }
     }
 
-    /// Returns the timeouts in scans, the unit in which the program counts. A life counter of 16 bits shows the order of two
-    /// values only within half its range, so no timeout is longer than that.
+    /// Returns the timeouts in scans, the unit in which the program counts. The echo of a life counter of 16 bits tells its
+    /// age only within that range, so no timeout is longer than half of it.
     pub(crate) fn wait_limits(&self) -> WaitLimits {
         let scans = |timeout: Duration| {
             let scans = timeout.as_nanos().div_ceil(self.scan_cycle.as_nanos().max(1));

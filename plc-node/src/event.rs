@@ -74,6 +74,8 @@ pub enum PlcEvent {
         execution_type: ExecutionType,
         /// Start of that scan.
         at: Instant,
+        /// Number of the last command before those of the run.
+        after: u16,
     },
     /// The run ended as wanted.
     Finished(Execution),

@@ -34,8 +34,10 @@ impl PlanCommand {
         let text = if self.all { format!("{plan:#width$}") } else { format!("{plan:width$}") };
         to_stdout(format_args!("{text}"))?;
         let shown = if self.all { usize::MAX } else { WARNINGS };
-        plan.warnings().take(shown).for_each(|warning| errln!("warning: {warning}"));
-        let unseen = plan.warnings().skip(shown).count();
+        let stopped = reached.as_ref().map_or(&[][..], |reached| &reached.stopped);
+        let warnings = || plan.warnings().chain(stopped.iter().map(ToString::to_string));
+        warnings().take(shown).for_each(|warning| errln!("warning: {warning}"));
+        let unseen = warnings().skip(shown).count();
         if unseen > 0 {
             errln!("{unseen} more warnings; --all prints them");
         }

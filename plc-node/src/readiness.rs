@@ -12,9 +12,9 @@ pub(crate) struct Readiness {
     reset: GroupReset,
     /// A run failed: whether or not the robot shows it yet, its skill must not go on.
     must_stop: bool,
-    /// PLC's life counter in the first image without a reset that did not help: robots that take a reset by its edge
-    /// have to see it before the next one.
-    reset_withdrawn: Option<u16>,
+    /// The first scan without a reset that did not help: robots that take a reset by its edge have to see it before the
+    /// next one.
+    reset_withdrawn: Option<u64>,
 }
 
 impl Readiness {
@@ -40,7 +40,7 @@ impl Readiness {
             self.must_stop &= stopped.error;
         }
 
-        if self.reset_withdrawn.is_some_and(|life| group.has_seen(life)) {
+        if self.reset_withdrawn.is_some_and(|scan| group.has_seen(scan)) {
             self.reset_withdrawn = None;
         }
         let wanted = !executing && !self.must_stop && !stopped.busy && self.reset_withdrawn.is_none();
@@ -49,7 +49,7 @@ impl Readiness {
             self.reset.call(false, group);
         }
         if reset.error {
-            self.reset_withdrawn = Some(group.command().life);
+            self.reset_withdrawn = Some(group.scans());
         }
         wanted && reset.done && !group.is_silent()
     }

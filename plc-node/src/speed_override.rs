@@ -6,6 +6,7 @@ use core::str::FromStr;
 use machine::Duration;
 use node::list::values;
 use serde::{Deserialize, Serialize};
+use setup::Figure;
 
 /// Changes of the override in one run, at most.
 const STEPS: usize = 16;
@@ -16,7 +17,7 @@ pub struct Override(u8);
 
 /// A number that is no override.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
-#[error("an override of {0} % was asked for; it is 0 (the arm stops on its path) to 100 %")]
+#[error("an override of {} % was asked for; it is 0 (the arm stops on its path) to 100 %", Figure(*.0))]
 pub struct OverrideError(pub f64);
 
 impl Override {
@@ -217,7 +218,8 @@ mod tests {
 
     #[test]
     fn what_is_no_schedule_says_which_part_what_was_found_and_what_would_do() {
-        let wrong = ["fast", "50@2", "120", "-1@2s", "NaN", "50@2s,70@1s", "50,60", "0", "80,0@2s", ""];
+        let wrong =
+            ["fast", "50@2", "120", "1e308", "-1@2s", "NaN", "50@2s,70@1s", "50,60", "0", "80,0@2s", ""];
         let many = (1..=16).map(|second| format!("50@{second}s")).collect::<Vec<_>>().join(",");
         let told: Vec<String> = wrong
             .iter()
@@ -229,6 +231,7 @@ mod tests {
         `fast` is no override; write percent, and a time after the start of the run: 50, 50@2s or 80,0@2s,100@3s
         `50@2` has no time up to an hour behind its @; write a number with its unit, such as 2.5ms or 2s
         `120`: an override of 120 % was asked for; it is 0 (the arm stops on its path) to 100 %
+        `1e308`: an override of 1e308 % was asked for; it is 0 (the arm stops on its path) to 100 %
         `-1@2s`: an override of -1 % was asked for; it is 0 (the arm stops on its path) to 100 %
         `NaN`: an override of NaN % was asked for; it is 0 (the arm stops on its path) to 100 %
         `70@1s` does not come after the step before it; write the steps in the order of their times

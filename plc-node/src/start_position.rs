@@ -25,6 +25,9 @@ pub(crate) struct StartPosition {
     /// The motions under way, as single skills.
     under_way: Sequence,
     is_from_end: bool,
+    /// Whether the arm was moved there. Until then the robot does not know the application's tool and base, in which it
+    /// is to report its pose.
+    was_moved: bool,
 }
 
 impl StartPosition {
@@ -37,10 +40,11 @@ impl StartPosition {
             from_end: to_start.from_end.into(),
             under_way: Sequence::new(ExecutionType::Sm, 0, 1),
             is_from_end: false,
+            was_moved: false,
         }
     }
 
-    /// Returns whether the arm is at the start, or no start is known.
+    /// Returns whether the arm is at the start and was moved there at least once, or no start is known.
     pub(crate) fn is_reached(&self, feedback: Option<&Feedback>) -> bool {
         if self.from_anywhere.is_empty() {
             return true;
@@ -48,7 +52,7 @@ impl StartPosition {
         let Some((start, now)) = self.joints.zip(feedback.map(|feedback| feedback.joints)) else {
             return false;
         };
-        start.iter().zip(now).all(|(start, now)| (start - now).abs() <= TOLERANCE)
+        self.was_moved && start.iter().zip(now).all(|(start, now)| (start - now).abs() <= TOLERANCE)
     }
 
     /// Begins to move there. From the end of the sequence, the planned way is free of the application's obstacles; from
@@ -62,8 +66,11 @@ impl StartPosition {
     pub(crate) fn scan(&mut self, now: Instant, group: &mut AxesGroup) -> Progress {
         let motions = if self.is_from_end { &mut self.from_end } else { &mut self.from_anywhere };
         let progress = self.under_way.scan(now, motions, &[], group);
-        if progress == Progress::Done && self.joints.is_none() {
-            self.remember(group.feedback());
+        if progress == Progress::Done {
+            self.was_moved = true;
+            if self.joints.is_none() {
+                self.remember(group.feedback());
+            }
         }
         progress
     }

@@ -5,6 +5,7 @@ use core::net::Ipv4Addr;
 
 pub use machine::{Counters, Down, DownCause, LinkEvent};
 use machine::{Instant, Machine};
+pub use profinet::record::Maintenance;
 
 use crate::image::{Image, Order};
 
@@ -52,6 +53,8 @@ pub struct ToStore<'a> {
     pub name: Option<&'a str>,
     /// Its IP address.
     pub address: Option<StationAddress>,
+    /// What the operator of the plant wrote about it.
+    pub maintenance: Option<&'a Maintenance>,
 }
 
 /// An IP address with its mask and gateway.

@@ -10,6 +10,7 @@ use node::station_file::{Address, Station};
 use profinet::dcp::IpSuite;
 use profinet::{Device, DeviceConfig, Permanent};
 use protocol::buses::{Endpoint, EthercatSubDevice};
+use protocol::fieldbus::Maintenance;
 use protocol::stations::{ETHERCAT_ROBOT, ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use setup::{Addresses, Bus, BusKind};
 
@@ -86,9 +87,13 @@ pub const fn address_from_project(kind: &BusKind) -> Option<Ipv4Addr> {
     }
 }
 
-fn permanent(Station { name, address }: Station) -> Permanent {
+fn permanent(Station { name, address, maintenance }: Station) -> Permanent {
     let suite = |Address { ip, mask, gateway }| IpSuite { address: ip, mask, gateway };
-    Permanent { name: name.map(String::into_bytes), address: address.map(suite) }
+    Permanent {
+        name: name.map(String::into_bytes),
+        address: address.map(suite),
+        maintenance: maintenance.as_ref().map(Maintenance::from),
+    }
 }
 
 fn ethernet_ip_adapter(addresses: &Addresses, originators: Allowed, mac: Mac, seed: u64) -> Adapter {

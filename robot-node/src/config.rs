@@ -4,6 +4,7 @@ use core::time::Duration;
 
 use setup::{Drives, Setup};
 
+use crate::arm::motion::{Programmed, Robot};
 use crate::arm::{Arm, ConfigError, Frames, Installation, Joints, Surface};
 
 /// The configuration of a robot node.
@@ -115,6 +116,19 @@ impl RobotConfig {
             skill_overhead: micros(robot.skill_overhead_us.value),
             drives: robot.drives,
         })
+    }
+}
+
+impl<'a> From<&'a RobotConfig> for Robot<'a> {
+    fn from(config: &'a RobotConfig) -> Self {
+        let RobotConfig { arm, tools, bases, .. } = config;
+        let most = Programmed {
+            speed: config.path_velocity_mm_s,
+            acceleration: config.path_acceleration_mm_s2,
+            deceleration: config.path_acceleration_mm_s2,
+            jerk: config.path_jerk_mm_s3,
+        };
+        Self { arm, tools, bases, most, presses: config.force.is_some() }
     }
 }
 

@@ -10,12 +10,12 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 use machine::{Instant, Lateness};
-use node::Node;
 use node::errln;
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::station_file::{Address, Station, StationFile, StationFileError};
 use node::supervise::{Next, OperatingMode, Outcome};
+use node::{Node, arguments};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent, ToStore};
 use protocol::image::Checks;
@@ -49,7 +49,7 @@ struct Run {
     /// Seed of the moments at which the interpreter notices a command.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Where the name and the address that PROFINET sets permanently are kept, as a device keeps them in its memory. Without
+    /// Where name, address and I&M1 to 4 that PROFINET sets permanently are kept, as a device keeps them in its memory. Without
     /// it, station-IF.json in the user's state directory, except for a node that a bench started.
     #[arg(long, value_name = "FILE")]
     station_file: Option<PathBuf>,
@@ -91,7 +91,10 @@ impl fmt::Display for RobotMessage {
         match self {
             Self::Executed { number, motions, execution_ns, quality, .. } => {
                 let (ms, stops) = (*execution_ns as f64 / 1e6, quality.stops());
-                write!(f, "command {number}: {motions} motions in {ms:.3} ms, {stops} stops between them")
+                match motions {
+                    1 => write!(f, "command {number}: 1 motion in {ms:.3} ms"),
+                    _ => write!(f, "command {number}: {motions} motions in {ms:.3} ms, stops between them: {stops}"),
+                }
             }
             Self::ImagesAltered(true) => f.write_str(
                 "warning: every image of the PLC has a wrong check and is refused: bytes are altered on the way, or the PLC \
@@ -125,7 +128,7 @@ pub fn command_line() -> clap::Command {
 
 /// Runs the process: parses `args`, with the program's name first, and runs until it is ended.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
+    let cli: Cli = arguments::parse(args);
     let Subcommand::Run(run) = cli.command;
     let is_usage = |error: &anyhow::Error| {
         error.is::<ConfigError>() || error.is::<StartOutOfReach>() || error.is::<StationFileError>()
@@ -153,7 +156,7 @@ impl Run {
         }
         let mut endpoint = bus::role(&setup.bus.kind).to_owned();
         if let (Some(file), Some(station)) = (&prepared.station_file, &stored)
-            && *station != Station::default()
+            && (station.name.is_some() || station.address.is_some())
         {
             endpoint.push_str(&format!(", {station}: stored in {}", file.path().display()));
         }
@@ -307,5 +310,21 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
 
     fn instruction(&mut self, instruction: RobotInstruction) -> RobotInstruction {
         instruction
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_single_motion_is_told_without_stops_and_several_with_theirs() {
+        let told = |motions| {
+            let (quality, account) = (Quality::default(), Account::default());
+            RobotMessage::Executed { number: 3, motions, execution_ns: 516_000_000, quality, account }
+                .to_string()
+        };
+        assert_eq!(told(1), "command 3: 1 motion in 516.000 ms");
+        assert_eq!(told(13), "command 3: 13 motions in 516.000 ms, stops between them: 0");
     }
 }

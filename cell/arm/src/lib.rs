@@ -10,6 +10,7 @@ mod branch;
 mod configuration;
 mod frame;
 mod installation;
+pub mod motion;
 mod opw;
 mod scara;
 mod standing;
@@ -26,7 +27,7 @@ pub use opw::{Opw, OpwParameters};
 pub use scara::Scara;
 pub use surface::{Surface, contact_force};
 pub use three_parallel::{ThreeParallel, ThreeParallelParameters};
-pub use violation::{LEAST_WAY_MM, Rated, SINGULAR_SHARE, TURNED_OVER_DEG, Violation};
+pub use violation::{LEAST_WAY_MM, Rated, SINGULAR_SHARE, TURN_SHARE, TURNED_OVER_DEG, Violation};
 
 // A file of the tests is also a module of the robot node's tests, and names this crate.
 #[cfg(test)]
@@ -35,11 +36,8 @@ extern crate self as arm;
 /// Largest number of joints of an arm. Joints that an arm does not have stay 0.
 pub const AXES: usize = 6;
 
-/// What rounding may bring a target beyond a limit that it is on, in degrees (mm).
-const TARGET_ROUNDING: f64 = 1e-6;
-
-/// What rounding, and what lies between the samples of a path, may bring a point of it beyond a limit, in degrees (mm).
-const PATH_ROUNDING: f64 = 1e-5;
+/// What rounding may bring a joint beyond a limit that a target is on, in degrees (mm).
+const ROUNDING: f64 = 1e-6;
 
 /// One value per joint: degrees, or mm for a linear joint.
 pub type Joints = [f64; AXES];
@@ -182,7 +180,7 @@ impl Arm {
                 *joint = near + shortest_turn(*joint - near);
             }
         }
-        self.within_range_on_a_path(&joints)?;
+        self.within_range(&joints)?;
         Ok(joints)
     }
 
@@ -226,19 +224,9 @@ impl Arm {
 
     /// Returns whether every joint is within its range: a target on the limit itself is, in spite of rounding.
     pub fn within_range(&self, joints: &Joints) -> Result<(), Violation> {
-        self.within_range_by(TARGET_ROUNDING, joints)
-    }
-
-    /// Returns whether every joint is within its range at a point of a path whose targets are, and that was checked by
-    /// samples.
-    pub fn within_range_on_a_path(&self, joints: &Joints) -> Result<(), Violation> {
-        self.within_range_by(PATH_ROUNDING, joints)
-    }
-
-    fn within_range_by(&self, rounding: f64, joints: &Joints) -> Result<(), Violation> {
         let AxisLimits { lower, upper, .. } = &self.limits;
         for (axis, ((value, lower), upper)) in joints.iter().zip(lower).zip(upper).enumerate() {
-            if *value < lower - rounding || *value > upper + rounding {
+            if *value < lower - ROUNDING || *value > upper + ROUNDING {
                 return Err(Violation::Axis {
                     axis: axis as u8 + 1,
                     value: *value,

@@ -89,12 +89,15 @@ impl Opw {
         let forearm = self.forearm;
         let ground = x * x + y * y;
         let square = ground - b * b;
-        // Below zero the wrist centre is nearer to axis 1 than the plane of the arm.
-        let radial = if branch.front { square.max(0.0).sqrt() } else { -square.max(0.0).sqrt() };
+        if square < -ROUNDING * b * b {
+            return Err(Violation::WristRadius { distance_mm: ground.sqrt(), nearest_mm: b.abs() });
+        }
+        let along = square.max(0.0).sqrt();
+        let radial = if branch.front { along } else { -along };
         let (n, h) = (radial - a1, z - c1);
         let reach = n * n + h * h;
         let bend = (reach - self.stretch) * self.bend_per_reach;
-        if square < 0.0 || bend.abs() > 1.0 + ROUNDING {
+        if bend.abs() > 1.0 + ROUNDING {
             return Err(Violation::WristReach {
                 distance_mm: reach.sqrt(),
                 nearest_mm: (c2 - forearm).abs(),

@@ -15,6 +15,10 @@ pub const TURNED_OVER_DEG: f64 = 60.0;
 /// Share of the programmed velocity below which a curve counts as singular, if a joint leaves no more than that.
 pub const SINGULAR_SHARE: f64 = 0.01;
 
+/// Share of the programmed velocity below which the turn of the tool alone is the reason why a joint leaves no more than
+/// [`SINGULAR_SHARE`]: a wrist that stands well turns about as fast as the tool, or a few times as fast.
+pub const TURN_SHARE: f64 = 3.0 * SINGULAR_SHARE;
+
 /// Length in mm below which a motion has no length: single precision on the wire causes some micrometres.
 pub const LEAST_WAY_MM: f64 = 1e-3;
 
@@ -188,6 +192,28 @@ pub enum Violation {
         axis: u8,
         /// Share of the velocity that is left, 0…1.
         share: f64,
+    },
+    /// The tool turns so far on so short a way that no wrist could follow at nearly the programmed velocity, wherever the arm
+    /// stands.
+    #[error(
+        "it turns the tool by {turn_deg:.1}° on {way_mm:.3} mm; at {speed_mm_s:.1} mm/s the wrist would need \
+         {:.0} degrees per s, and joint {axis} is rated for {rated_deg_s:.0}; lower the speed to {slower_mm_s:.1} mm/s or \
+         lengthen the motion",
+        speed_mm_s * turn_deg / way_mm
+    )]
+    TurnTooFast {
+        /// Which joint limits it most, from 1.
+        axis: u8,
+        /// How far the tool turns, in degrees.
+        turn_deg: f64,
+        /// The length of the motion, in mm.
+        way_mm: f64,
+        /// The programmed velocity, in mm/s.
+        speed_mm_s: f64,
+        /// The rated speed of the joint, in degrees per second.
+        rated_deg_s: f64,
+        /// The highest velocity with which the motion is not refused, as far as it was checked, in mm/s.
+        slower_mm_s: f64,
     },
     /// The target is where the motion starts.
     #[error("the target is {way_mm:.4} mm from the start; a motion along a path is at least 0.001 mm long")]

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use arm::Violation;
+use setup::Figure;
 
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
@@ -115,11 +116,27 @@ impl fmt::Display for OutOfReach {
                 (violation, base)
             }
         };
+        if matches!(violation, Violation::TurnTooFast { .. }) {
+            // It says itself what helps; the frame is where it is to be.
+            return Ok(());
+        }
         match violation.missing() {
-            Some((missing, unit)) => write!(f, "; {missing:.1} {unit} are missing: ")?,
+            Some(missing) => write!(f, "; {}: ", Missing(missing))?,
             None => f.write_str("; ")?,
         }
         write!(f, "change its frame, or base {base} in the setup")
+    }
+}
+
+/// How much of the arm's reach or of a joint's range is missing, with its unit, in words.
+pub(crate) struct Missing(pub(crate) (f64, &'static str));
+
+impl fmt::Display for Missing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (missing, unit) = self.0;
+        // What is hardly missing is told with the digits that show it.
+        let digits = if missing < 0.1 { 6 } else { 1 };
+        write!(f, "{missing:.digits$} {unit} are missing")
     }
 }
 
@@ -236,7 +253,7 @@ impl Error {
         Self::Format {
             origin: origin.to_owned(),
             line,
-            expectation: source.message().to_owned(),
+            expectation: setup::in_words(source.message()),
             text: text.lines().nth(line - 1).unwrap_or_default().to_owned(),
         }
     }
@@ -271,6 +288,7 @@ impl fmt::Display for Refusal {
                  {LEAST_MM} mm: use a line or move the point"
             ),
             Self::OutOfRange { quantity, value, highest, unit } => {
+                let (value, highest) = (Figure(*value), Figure(*highest));
                 write!(f, "the {quantity} is {value} {unit}; it must be above 0 and at most {highest} {unit}")
             }
             Self::NoForce { force_n: [x, y, z] } => {

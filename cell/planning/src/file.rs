@@ -20,9 +20,11 @@ pub(crate) struct File {
     #[cfg_attr(test, schemars(with = "u32"))]
     pub(crate) schema: Spanned<u32>,
     /// Short name.
-    pub(crate) name: String,
+    #[cfg_attr(test, schemars(with = "String"))]
+    pub(crate) name: Name,
     /// What happens, one line.
-    pub(crate) title: String,
+    #[cfg_attr(test, schemars(with = "String"))]
+    pub(crate) title: Name,
     /// Tool of all steps that name no other.
     #[cfg_attr(test, schemars(with = "String"))]
     pub(crate) tool: Name,

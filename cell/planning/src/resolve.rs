@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use protocol::image::Configuration;
+use setup::{Figure, control_character};
 use toml::Spanned;
 
 use crate::application::{Application, Grid, Obstacle, Place, Surface, Tool, Ways, Zones};
@@ -57,6 +58,7 @@ impl Resolver<'_> {
                 format!("is {found}; this version reads {SCHEMA}"),
             ));
         }
+        self.printable()?;
         for (name, grid) in &file.grids {
             if file.frames.contains_key(name) {
                 return Err(self.wrong(grid, name, "is a grid and a frame; give one another name".into()));
@@ -86,8 +88,8 @@ impl Resolver<'_> {
             _ => {}
         }
         Ok(Application {
-            name: file.name.clone(),
-            title: file.title.clone(),
+            name: file.name.get_ref().clone(),
+            title: file.title.get_ref().clone(),
             base: self.number(&file.bases, &file.base, "base")?,
             start: (self.place(&file.start, "start")?, self.tool(&file.tool)?),
             zones: self.zones()?,
@@ -97,6 +99,34 @@ impl Resolver<'_> {
             surfaces: file.surfaces.iter().map(|it| self.surface(it)).collect::<Result<Vec<_>, _>>()?,
             steps,
         })
+    }
+
+    /// Rejects control characters in names and descriptions: they would reach the terminal of whoever reads a message.
+    fn printable(&self) -> Result<(), Error> {
+        let file = self.file;
+        for (key, text) in [("name", &file.name), ("title", &file.title)] {
+            self.is_printable(text, key, text.get_ref())?;
+        }
+        for at in &file.steps {
+            let step = at.get_ref();
+            self.is_printable(at, "name", &step.name)?;
+            self.is_printable(at, "does", &step.does)?;
+        }
+        for at in &file.obstacles {
+            self.is_printable(at, "name", &at.get_ref().name)?;
+        }
+        for at in &file.surfaces {
+            self.is_printable(at, "name", &at.get_ref().name)?;
+        }
+        file.frames.iter().try_for_each(|(name, at)| self.is_printable(at, "frames", name))?;
+        file.grids.iter().try_for_each(|(name, at)| self.is_printable(at, "grids", name))?;
+        file.actions.iter().try_for_each(|(name, at)| self.is_printable(at, "actions", name))?;
+        let numbered = file.tools.iter().chain(&file.bases);
+        numbered.into_iter().try_for_each(|(name, at)| self.is_printable(at, "tools or bases", name))
+    }
+
+    fn is_printable<T>(&self, at: &Spanned<T>, key: &str, text: &str) -> Result<(), Error> {
+        control_character(text).map_or(Ok(()), |problem| Err(self.wrong(at, key, problem)))
     }
 
     fn zones(&self) -> Result<Zones, Error> {
@@ -149,8 +179,11 @@ impl Resolver<'_> {
         let obstacle = at.get_ref();
         for ((lower, upper), axis) in obstacle.lower_mm.iter().zip(&obstacle.upper_mm).zip(["x", "y", "z"]) {
             if !(lower.is_finite() && upper.is_finite() && lower < upper) {
-                let problem =
-                    format!("lower_mm {lower} must be below upper_mm {upper} along {axis}, and both finite");
+                let problem = format!(
+                    "lower_mm {} must be below upper_mm {} along {axis}, and both finite",
+                    Figure(*lower),
+                    Figure(*upper)
+                );
                 return Err(self.wrong(at, &format!("obstacle `{}`", obstacle.name), problem));
             }
         }
@@ -301,7 +334,11 @@ impl Resolver<'_> {
         if (range.start..=range.end).contains(&number) {
             return Ok(number);
         }
-        Err(self.wrong(value, key, format!("is {number}; it must be {} to {}", range.start, range.end)))
+        Err(self.wrong(
+            value,
+            key,
+            format!("is {}; it must be {} to {}", Figure(number), range.start, range.end),
+        ))
     }
 
     fn wrong<T>(&self, at: &Spanned<T>, key: &str, problem: String) -> Error {

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
+use arm::Violation;
 use planning::{APPLICATIONS, Application, OutOfReach, Reached, plan};
 use setup::{SETUPS, Setup, setup};
 
@@ -52,7 +53,7 @@ fn a_cell_too_far_away_is_refused_with_the_motion_and_the_distance_that_is_missi
         (1..800).find_map(|mm| by(mm).err()).unwrap().to_string()
     });
     insta::assert_snapshot!(partly.join("\n"), @r"
-    motion 1 `PTP before A`, its target: the target is 500.029 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 0.0 mm are missing: change its frame, or base 1 in the setup
+    motion 1 `PTP before A`, its target: the target is 500.029 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 0.028999 mm are missing: change its frame, or base 1 in the setup
     motion 3 `LIN A`, after 26.2 of its 30.0 mm: the wrist centre would be 475.687 mm from axis 2; the arm reaches from 25.200 to 475.200 mm; 0.5 mm are missing: change its frame, or base 1 in the setup
     motion 1 `PTP before A`, its target: the wrist centre would be 817.633 mm from axis 2; the arm reaches from 32.800 to 817.200 mm; 0.4 mm are missing: change its frame, or base 1 in the setup
     ");
@@ -74,4 +75,56 @@ fn a_joint_that_would_leave_its_range_is_named_with_what_is_missing() {
 fn a_base_that_a_scara_would_have_to_tilt_for_is_refused_with_the_tilt() {
     let tilted = moved("A", [0.0, 0.0, 0.0, 0.0, 5.0, 0.0]).unwrap_err();
     insta::assert_snapshot!(tilted, @"the arm cannot stand at the start: the flange would be tilted by 5.000° from straight down; this arm cannot tilt it (c = 180); change its frame, or base 1 in the setup");
+}
+
+/// Plans an application of frames in the root and of steps, and follows it with the arm of a setup.
+fn of_frames(name: &str, zone_mm: f64, frames: &[[f64; 6]], steps: &str) -> Result<Reached, OutOfReach> {
+    let mut text = format!(
+        "schema = 2\nname = \"frames\"\ntitle = \"frames\"\ntool = \"flange\"\nbase = \"root\"\nstart = \"f0\"\n\
+         [tools]\nflange = 0\n[bases]\nroot = 0\n[zones]\napproximation_mm = {zone_mm:?}\n[frames]\n"
+    );
+    for (index, frame) in frames.iter().enumerate() {
+        text += &format!("f{index} = {{ mm_deg = {frame:?} }}\n");
+    }
+    text += steps;
+    plan(&Application::parse("frames", &text).unwrap(), &setup(name).unwrap())
+        .unwrap()
+        .reach(&setup(name).unwrap())
+}
+
+#[test]
+fn a_short_line_that_turns_the_tool_far_is_refused_for_its_turn_and_not_for_a_singular_position() {
+    let line = "[[step]]\nname = \"turn\"\nlabels = [\"accurate-path\", \"accurate-stop\"]\npath = [{ line = \"f1\" }]\n";
+    let turn = |way_mm: f64, speed: &str| {
+        let frames = [[250.0, 0.0, 400.0, 0.0, 0.0, 180.0], [250.0 + way_mm, 0.0, 400.0, 120.0, 0.0, 180.0]];
+        of_frames("B", 0.0, &frames, &format!("{line}{speed}"))
+    };
+    let refused = turn(0.1, "").unwrap_err();
+    let text = refused.to_string();
+    let begin = "motion 1 `LIN turn`, after 0.0 of its 0.1 mm: it turns the tool by 120.0° on 0.100 mm; at 148.1 mm/s the wrist \
+                 would need 177709 degrees per s, and joint 6 is rated for 750; lower the speed to ";
+    assert!(text.starts_with(begin) && text.ends_with(" mm/s or lengthen the motion"), "{text}");
+    let OutOfReach::Motion { violation: Violation::TurnTooFast { slower_mm_s, .. }, .. } = refused else {
+        panic!("{text}");
+    };
+    for (factor, is_reached) in [(0.98, true), (1.02, false)] {
+        let speed = format!("speed_mm_s = {:?}\n", factor * slower_mm_s);
+        assert_eq!(turn(0.1, &speed).is_ok(), is_reached, "{speed}");
+    }
+    assert!(turn(50.0, "").is_ok(), "longer");
+}
+
+#[test]
+fn a_corner_that_passes_the_end_of_a_joint_range_inside_its_zone_is_warned_of_with_joint_and_place() {
+    // Both lines pass axis 1 at 160 mm, and joint 2 lets the arm come as near as 158 mm.
+    let frames =
+        [[-237.5, -160.2], [92.5, -160.2], [257.5, 125.6]].map(|[x, y]| [x, y, 100.0, 0.0, 0.0, 180.0]);
+    let steps = "[[step]]\nname = \"round\"\nlabels = [\"blending\", \"accurate-stop\"]\n\
+                 path = [{ line = \"f1\" }, { line = \"f2\" }]\n";
+    let stopped = |zone_mm: f64| {
+        let reached = of_frames("A", zone_mm, &frames, steps).unwrap();
+        reached.stopped.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+    };
+    insta::assert_snapshot!(stopped(160.0), @"motion 1 `LIN round 1/2` will stop exactly before motion 2 `LIN round 2/2`: after 21 % of the corner in the zone of 160.00 mm, joint 2 would be at -145.700, its range is -145.000 to 145.000; 0.7 degrees or mm are missing; lower approximation_mm, or move the frames");
+    assert_eq!(stopped(20.0), "");
 }

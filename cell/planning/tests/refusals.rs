@@ -202,6 +202,9 @@ fn what_cannot_be_read_is_refused_with_file_line_key_and_expectation() {
             "right-low = { configuration = { status = 2 },",
         ),
         ("height step too fine", MEASURED, "height_step_mm = 10.0", "height_step_mm = 0.001"),
+        ("height of 309 digits", MEASURED, "ceiling_mm = 180.0", "ceiling_mm = 1e308"),
+        ("control character in a step", MEASURED, "name = \"A\"", "name = \"A\\u001b[2J\""),
+        ("control character in the title", MEASURED, "title = \"", "title = \"\\r"),
     ];
     let mut all = String::new();
     for (case, name, old, new) in cases {
@@ -209,6 +212,18 @@ fn what_cannot_be_read_is_refused_with_file_line_key_and_expectation() {
         writeln!(all, "{case}\n  {}", refusal.trim_end().replace('\n', "\n  ")).expect("a string takes all");
     }
     insta::assert_snapshot!(all);
+}
+
+#[test]
+fn steps_of_one_name_are_told_apart_by_the_numbers_of_their_motions() {
+    let twice = text(MEASURED).replace("name = \"B\"", "name = \"A\"");
+    let parse = |text: &str| Application::parse("twice", text).expect("reads");
+    let (own, same) = (plan(&parse(text(MEASURED)), &setup_a()), plan(&parse(&twice), &setup_a()));
+    let targets = |plan: planning::Plan| plan.motions.iter().map(|motion| motion.target).collect::<Vec<_>>();
+    assert_eq!(targets(own.expect("plans")), targets(same.expect("plans")));
+    let refused = plan(&parse(&twice.replacen("retreat_mm = 70.0", "retreat_mm = 0.001", 1)), &setup_a());
+    let refused = refused.expect_err("a motion without length").to_string();
+    assert!(refused.starts_with("step `A`, motion 5: "), "{refused}");
 }
 
 #[test]

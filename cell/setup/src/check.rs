@@ -4,7 +4,7 @@ mod bus;
 
 use protocol::image::SLOTS;
 
-use crate::{Drives, Frame, Kinematics, Opw, Setup, Sourced, ThreeParallel};
+use crate::{Drives, Figure, Frame, Kinematics, Opw, Setup, Sourced, ThreeParallel, control_character};
 
 /// A key and the error in its value.
 #[derive(Debug)]
@@ -38,6 +38,11 @@ const DRIVE_CYCLES_US: std::ops::RangeInclusive<u32> = 250..=20_000;
 
 pub(crate) fn check_setup(setup: &Setup) -> Check {
     schema(setup.schema)?;
+    for (key, text) in [("name", &setup.name), ("title", &setup.title)] {
+        if let Some(text) = control_character(text) {
+            return Err(problem(key, text));
+        }
+    }
     if let Some(paper) = &setup.paper {
         for (name, figure) in [("rc", paper.rc), ("sm", paper.sm), ("cm", paper.cm)] {
             above_zero(&format!("paper.{name}.aet_ms"), figure.aet_ms)?;
@@ -162,7 +167,7 @@ fn drives(setup: &Setup) -> Check {
                 "joint {}: {} is more than a drive counts: 32 bits of {} increments per degree (mm), so up to {most:.0}; \
                  or leave out robot.drives",
                 joint + 1,
-                ends[joint],
+                Figure(ends[joint]),
                 Drives::INCREMENTS
             );
             return Err(problem(format!("robot.axes.{key}"), text));
@@ -201,6 +206,7 @@ fn three_parallel_numbers(arm: &ThreeParallel) -> Check {
     }
     let (a2, a3) = (arm.a2_mm.value, arm.a3_mm.value);
     if a2 * a3 <= 0.0 {
+        let (a2, a3) = (Figure(a2), Figure(a3));
         let text = format!("{a3} mm beside an a2_mm of {a2} mm: both links have a length, and the same sign");
         return Err(problem(key("a3_mm"), text));
     }
@@ -210,7 +216,10 @@ fn three_parallel_numbers(arm: &ThreeParallel) -> Check {
 fn offsets_and_signs(offsets: &[f64; 6], signs: &[i8; 6]) -> Check {
     finite("robot.kinematics.offsets_deg", offsets)?;
     if let Some(offset) = offsets.iter().find(|offset| offset.abs() > 360.0) {
-        return Err(problem("robot.kinematics.offsets_deg", format!("{offset}° is more than a full turn")));
+        return Err(problem(
+            "robot.kinematics.offsets_deg",
+            format!("{}° is more than a full turn", Figure(*offset)),
+        ));
     }
     if let Some(sign) = signs.iter().find(|sign| sign.abs() != 1) {
         let text = format!("{sign} is not the sense of a joint: 1, or -1 where it turns against the model");
@@ -260,10 +269,12 @@ fn axes(setup: &Setup, joints: usize) -> Check {
     for (joint, (lower, upper)) in ranges.enumerate() {
         let number = joint + 1;
         if lower >= upper {
+            let (upper, lower) = (Figure(*upper), Figure(*lower));
             let text = format!("joint {number}: the upper limit {upper} is not above the lower one {lower}");
             return Err(problem("robot.axes.upper_deg", text));
         }
         if let Some(home) = home.get(joint).filter(|home| !(lower..=upper).contains(home)) {
+            let (home, lower, upper) = (Figure(*home), Figure(*lower), Figure(*upper));
             let text = format!("joint {number}: {home} is outside its range of {lower} to {upper}");
             return Err(problem("robot.axes.home_deg", text));
         }
@@ -283,23 +294,24 @@ fn share(key: &str, percent: f64) -> Check {
     if percent > 0.0 && percent <= 100.0 {
         return Ok(());
     }
-    Err(problem(key, format!("{percent} is not a share: above 0, at most 100 %")))
+    Err(problem(key, format!("{} is not a share: above 0, at most 100 %", Figure(percent))))
 }
 
 fn above_zero(key: &str, value: f64) -> Check {
     finite(key, &[value])?;
-    if value > 0.0 { Ok(()) } else { Err(problem(key, format!("{value} is not above 0"))) }
+    if value > 0.0 { Ok(()) } else { Err(problem(key, format!("{} is not above 0", Figure(value)))) }
 }
 
 fn not_negative(key: &str, value: f64) -> Check {
     finite(key, &[value])?;
-    if value >= 0.0 { Ok(()) } else { Err(problem(key, format!("{value} is below 0"))) }
+    if value >= 0.0 { Ok(()) } else { Err(problem(key, format!("{} is below 0", Figure(value)))) }
 }
 
 fn at_most(key: &str, value: f64, most: f64, unit: &str) -> Check {
     if value <= most {
         return Ok(());
     }
+    let value = Figure(value);
     Err(problem(key, format!("{value} {unit} is more than the process image carries, {most} {unit}")))
 }
 

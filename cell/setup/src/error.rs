@@ -1,5 +1,6 @@
 //! Why a setup cannot be used: what was read, what was found, what would be correct.
 
+use std::fmt;
 use std::path::PathBuf;
 
 /// Why a setup cannot be used, or an application's file cannot be found.
@@ -75,8 +76,64 @@ impl Error {
             text: broken.to_owned()
                 + &mark_in_inline_table(broken, span.end.saturating_sub(start_of_line), &key),
             key: if key == "." { String::new() } else { key },
-            expectation: source.message().to_owned(),
+            expectation: in_words(source.message()),
         }
+    }
+}
+
+/// A number of a file as an error shows it: with an exponent where its digits would hide the rest of the sentence.
+#[derive(Clone, Copy, Debug)]
+pub struct Figure(pub f64);
+
+impl fmt::Display for Figure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(value) = self;
+        let is_short = *value == 0.0 || !value.is_finite() || (1e-9..1e12).contains(&value.abs());
+        if is_short { write!(f, "{value}") } else { write!(f, "{value:e}") }
+    }
+}
+
+/// Returns the error in a name or title that contains a control character; none if it has none.
+#[must_use]
+pub fn control_character(text: &str) -> Option<String> {
+    let found = text.chars().find(|character| character.is_control())?;
+    Some(format!("has the control character U+{:04X}; names and titles are printable text", found as u32))
+}
+
+/// Returns a message of the TOML parser in the words of the documentation: the parser's own are those of Rust.
+#[must_use]
+pub fn in_words(message: &str) -> String {
+    const BEGINNINGS: [(&str, &str); 9] = [
+        ("unknown field ", "unknown key "),
+        ("missing field ", "missing key "),
+        ("unknown variant ", "unknown value "),
+        ("invalid type: floating point ", "invalid type: number "),
+        ("invalid value: floating point ", "invalid value: number "),
+        ("invalid type: string ", "invalid type: text "),
+        ("invalid type: sequence", "invalid type: list"),
+        ("invalid type: map", "invalid type: table"),
+        ("wanted exactly 1 element, more than 1 element", "invalid table: more than one key, expected one"),
+    ];
+    const EXPECTED: [(&str, &str); 9] = [
+        ("f64", "a number"),
+        ("u8", "an integer, 0 to 255"),
+        ("u16", "an integer, 0 to 65535"),
+        ("u32", "an integer, 0 to 4294967295"),
+        ("u64", "an integer, 0 or more"),
+        ("i8", "an integer, -128 to 127"),
+        ("an array of length 2", "a list of 2"),
+        ("an array of length 3", "a list of 3"),
+        ("an array of length 6", "a list of 6"),
+    ];
+    let begun = BEGINNINGS.iter().find_map(|(theirs, ours)| Some((message.strip_prefix(theirs)?, ours)));
+    let message = begun.map_or_else(|| message.to_owned(), |(rest, ours)| format!("{ours}{rest}"));
+    let Some((found, expected)) = message.rsplit_once(", expected ") else { return message };
+    let ours = EXPECTED.iter().find(|(theirs, _)| *theirs == expected).map_or(expected, |(_, ours)| ours);
+    let found = found.strip_suffix(" as i128").unwrap_or(found);
+    let number = found.strip_suffix('`').and_then(|found| found.rsplit_once('`'));
+    match number.and_then(|(kind, number)| Some((kind, number.parse().ok()?))) {
+        Some((kind, number)) => format!("{kind}`{}`, expected {ours}", Figure(number)),
+        None => format!("{found}, expected {ours}"),
     }
 }
 
@@ -112,4 +169,38 @@ fn lines_to_unknown_field(text: &str, line: usize, message: &str) -> usize {
         text.trim_start().strip_prefix(name).is_some_and(|rest| rest.trim_start().starts_with('='))
     };
     text.lines().skip(line - 1).position(is_its_line).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::in_words;
+
+    #[test]
+    fn the_parsers_messages_have_the_words_of_the_documentation() {
+        let cases = [
+            (
+                "invalid type: string \"70 mm\", expected f64",
+                "invalid type: text \"70 mm\", expected a number",
+            ),
+            (
+                "invalid value: integer `-1`, expected u8",
+                "invalid value: integer `-1`, expected an integer, 0 to 255",
+            ),
+            (
+                "invalid type: integer `9` as i128, expected f64",
+                "invalid type: integer `9`, expected a number",
+            ),
+            ("invalid length 5, expected an array of length 6", "invalid length 5, expected a list of 6"),
+            ("unknown field `u8`, expected `a` or `b`", "unknown key `u8`, expected `a` or `b`"),
+            ("missing field `from`", "missing key `from`"),
+            (
+                &format!("invalid type: floating point `{}`, expected u32", 1e308),
+                "invalid type: number `1e308`, expected an integer, 0 to 4294967295",
+            ),
+            ("invalid basic string, expected `\"`", "invalid basic string, expected `\"`"),
+        ];
+        for (theirs, ours) in cases {
+            assert_eq!(in_words(theirs), ours);
+        }
+    }
 }

@@ -35,7 +35,7 @@ impl fmt::Display for Provenance {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(
     deny_unknown_fields,
-    expecting = "a value with its provenance: { value = ..., from = \"paper\", \"datasheet\", \"calibrated\" or \"assumed\" }"
+    expecting = "a value with its source: { value = ..., from = \"paper\", \"datasheet\", \"calibrated\" or \"assumed\" }"
 )]
 pub struct Sourced<T> {
     /// The value, in the unit given by its key.

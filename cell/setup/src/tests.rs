@@ -68,7 +68,7 @@ fn drives_are_refused_on_an_arm_that_they_cannot_move() {
     let unknown =
         crate::setup_from_text("test", &with(shipped.to_owned()).replace("\"ethercat\"", "\"sercos\""));
     insta::assert_snapshot!(unknown.unwrap_err(), @r#"
-    test:35: in `robot.drives`: unknown variant `sercos`, expected `ethercat`
+    test:35: in `robot.drives`: unknown value `sercos`, expected `ethercat`
        35 | drives = "sercos"
     "#);
 }
@@ -94,11 +94,11 @@ fn the_error_for_broken_toml_gives_file_line_and_expectation() {
 #[test]
 fn the_error_for_an_unknown_key_gives_file_line_key_and_the_existing_keys() {
     insta::assert_snapshot!(refusal(&changed("scan_cost_us", "scan_cost_ms")), @r#"
-    DIR/my.toml:16: in `plc.scan_cost_ms`: unknown field `scan_cost_ms`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
+    DIR/my.toml:16: in `plc.scan_cost_ms`: unknown key `scan_cost_ms`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
        16 | scan_cost_ms = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
     "#);
     insta::assert_snapshot!(refusal(&changed("link_1_mm", "link_one_mm")), @r#"
-    DIR/my.toml:55: in `robot.kinematics`: unknown field `link_one_mm`, expected one of `link_1_mm`, `link_2_mm`, `height_mm`
+    DIR/my.toml:55: in `robot.kinematics`: unknown key `link_one_mm`, expected one of `link_1_mm`, `link_2_mm`, `height_mm`
        55 | link_one_mm = { value = 225.0, from = "datasheet" }
     "#);
 }
@@ -106,12 +106,12 @@ fn the_error_for_an_unknown_key_gives_file_line_key_and_the_existing_keys() {
 #[test]
 fn the_error_for_a_value_of_the_wrong_type_gives_its_key() {
     insta::assert_snapshot!(refusal(&changed("{ value = 150,", "{ value = \"short\",")), @r#"
-    DIR/my.toml:16: in `plc.scan_cost_us.value`: invalid type: string "short", expected u32
+    DIR/my.toml:16: in `plc.scan_cost_us.value`: invalid type: text "short", expected an integer, 0 to 4294967295
        16 | scan_cost_us = { value = "short", from = "assumed", note = "a short program on a fast PLC" }
           |                  ^^^^^
     "#);
     insta::assert_snapshot!(refusal(&changed("\"udp\"", "\"tcp\"")), @r#"
-    DIR/my.toml:30: in `bus.profinet.cyclic`: unknown variant `tcp`, expected `udp` or `rt1`
+    DIR/my.toml:30: in `bus.profinet.cyclic`: unknown value `tcp`, expected `udp` or `rt1`
        30 | cyclic = "tcp"
     "#);
     insta::assert_snapshot!(refusal(&changed("192.168.64.2", "192.168.64.256")), @r#"
@@ -123,7 +123,7 @@ fn the_error_for_a_value_of_the_wrong_type_gives_its_key() {
 #[test]
 fn the_error_for_a_missing_key_names_it() {
     insta::assert_snapshot!(refusal(&changed("model = ", "# model = ")), @"
-    DIR/my.toml:34: in `robot`: missing field `model`
+    DIR/my.toml:34: in `robot`: missing key `model`
        34 | [robot]
     ");
 }
@@ -137,13 +137,13 @@ fn what_only_this_bus_needs_must_be_there() {
 }
 
 #[test]
-fn a_number_without_its_provenance_is_refused() {
+fn a_number_without_its_source_is_refused() {
     insta::assert_snapshot!(refusal(&changed("{ value = 1000, from = \"paper\", note = \"section 6.2\" }", "{ value = 1000 }")), @"
-    DIR/my.toml:15: in `plc.scan_cycle_us`: missing field `from`
+    DIR/my.toml:15: in `plc.scan_cycle_us`: missing key `from`
        15 | scan_cycle_us = { value = 1000 }
     ");
     insta::assert_snapshot!(refusal(&changed("{ value = 1000, from = \"paper\", note = \"section 6.2\" }", "1000")), @r#"
-    DIR/my.toml:15: in `plc.scan_cycle_us`: invalid type: integer `1000`, expected a value with its provenance: { value = ..., from = "paper", "datasheet", "calibrated" or "assumed" }
+    DIR/my.toml:15: in `plc.scan_cycle_us`: invalid type: integer `1000`, expected a value with its source: { value = ..., from = "paper", "datasheet", "calibrated" or "assumed" }
        15 | scan_cycle_us = 1000
     "#);
 }
@@ -172,6 +172,8 @@ fn wrong_values_are_refused_with_their_key() {
         ("acceleration_percent = { value = 50.0", "acceleration_percent = { value = 120.0"),
         ("approximation_mm = { value = 10.0", "approximation_mm = { value = nan"),
         ("number = 1", "number = 16"),
+        ("acceleration_percent = { value = 50.0", "acceleration_percent = { value = 1e308"),
+        ("title = \"", "title = \"\\u001b[2J"),
     ];
     let said: Vec<_> = refusals.iter().map(|(from, to)| refusal(&changed(from, to))).collect();
     insta::assert_snapshot!(said.join("\n"), @r#"
@@ -194,6 +196,8 @@ fn wrong_values_are_refused_with_their_key() {
     DIR/my.toml: `motions.acceleration_percent`: 120 is not a share: above 0, at most 100 %
     DIR/my.toml: `motions.approximation_mm`: NaN is not a finite number
     DIR/my.toml: `robot.bases[0].number`: 16 is not the number of a frame that can be listed: 1 to 15
+    DIR/my.toml: `motions.acceleration_percent`: 1e308 is not a share: above 0, at most 100 %
+    DIR/my.toml: `title`: has the control character U+001B; names and titles are printable text
     "#);
 }
 

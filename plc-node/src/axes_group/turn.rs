@@ -70,7 +70,7 @@ impl AxesGroup {
     /// Removes the waiting skill, if there is one.
     pub(crate) const fn withdraw(&mut self) {
         if let Some(Waiting { aborts: true, .. }) = self.waiting {
-            self.set_control(Control::CANCEL, false);
+            self.set_control(Control::CANCEL, self.halting);
         }
         self.waiting = None;
     }

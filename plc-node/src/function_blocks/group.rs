@@ -12,7 +12,8 @@
 //! | [`GroupInterrupt`] | `SUSPEND` | `Suspended` |
 //! | [`GroupContinue`] | `RESUME` | `Running` |
 //!
-//! [`GroupDisable`], [`GroupHalt`] and [`GroupStop`] also give up the skill of a block that waits for its turn.
+//! [`GroupDisable`], [`GroupHalt`] and [`GroupStop`] also give up the skill of a block that waits for its turn, and a command
+//! that the robot has not taken up yet. What a block starts while a [`GroupHalt`] is busy starts after it.
 //!
 //! Each sets its control bit with `Execute`'s rising edge and takes it back at its end; `ENABLE` stays. An end counts only
 //! once the robot has seen the bit, by the life counter that it echoes: a state from before would be no answer. A robot
@@ -28,8 +29,8 @@ use crate::AxesGroup;
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub(super) struct GroupCommand {
     pub(super) interface: ExecuteInterface,
-    /// The PLC's life counter in the first image with the bit.
-    pub(super) since: u16,
+    /// The first scan with the bit.
+    pub(super) since: u64,
     /// Scans since the start.
     pub(super) waited: u32,
 }
@@ -47,7 +48,7 @@ impl GroupCommand {
     ) -> Outputs {
         let started = self.interface.call(execute);
         if started {
-            (self.since, self.waited) = (group.command.life, 0);
+            (self.since, self.waited) = (group.scans(), 0);
         }
         if self.interface.is_busy() {
             let seen = group.has_seen(self.since);
@@ -108,7 +109,9 @@ group_blocks! {
             _ => Some(End::Done),
         }
     }, |group, is_busy| {
-        group.set_control(Control::ENABLE, true);
+        if is_busy {
+            group.set_control(Control::ENABLE, true);
+        }
         group.set_control(Control::RESET, is_busy && group.feedback().is_some_and(may_be_reset));
     };
     /// Switches the robot off. A skill under way stops on its path and ends with an error.
@@ -116,7 +119,7 @@ group_blocks! {
         let is_off = !feedback.status.contains(Status::ENABLED) && is_at_rest(feedback);
         is_off.then_some(End::Done)
     }, |group, is_busy| if is_busy {
-        group.withdraw();
+        group.give_up();
         group.set_control(Control::ENABLE, false);
     };
     /// Acknowledges an error and leads the robot out of `Halted` to `Ready`.
@@ -130,10 +133,15 @@ group_blocks! {
     }, |feedback| match feedback.state {
         State::Halted => Some(End::Aborted),
         _ => is_at_rest(feedback).then_some(End::Done),
-    }, |group, is_busy| give_up(group, Control::CANCEL, is_busy);
+    }, |group, is_busy| group.halt(is_busy);
     /// Stops the robot on its path; a skill under way is given up. No skill starts before a reset.
     GroupStop: |_| Ok(()), |feedback| is_at_rest(feedback).then_some(End::Done),
-        |group, is_busy| give_up(group, Control::HALT, is_busy);
+        |group, is_busy| {
+            if is_busy {
+                group.give_up();
+            }
+            group.set_control(Control::HALT, is_busy);
+        };
     /// Stops the robot on its path; the skill waits there, and its block shows `CommandInterrupted`. A skill that ends
     /// meanwhile aborts the block.
     GroupInterrupt: |feedback| is_in(feedback, State::Running, "running"), |feedback| match feedback.state {
@@ -147,14 +155,6 @@ group_blocks! {
         State::Halted => Some(End::Aborted),
         _ => Some(End::Done),
     }, |group, is_busy| group.set_control(Control::RESUME, is_busy);
-}
-
-/// Sets the bit that gives up the skill under way, and gives up the one that waits for it.
-const fn give_up(group: &mut AxesGroup, bit: Control, is_busy: bool) {
-    if is_busy {
-        group.withdraw();
-    }
-    group.set_control(bit, is_busy);
 }
 
 /// Returns whether the robot would accept a skill.

@@ -2,8 +2,8 @@
 
 use protocol::image::{Command, Motion, SLOTS, Skill};
 
-use super::skill::{SkillCall, Tally};
-use super::{BlockError, BufferMode, Outputs, SkillState};
+use super::skill::{SkillCall, skill_outputs};
+use super::{BlockError, BufferMode, Outputs};
 use crate::{AxesGroup, MotionSource};
 
 /// Runs a sequence of motions of any kind as one skill.
@@ -58,29 +58,9 @@ impl MoveContinuous {
         }
         self.call.outputs()
     }
-
-    /// Returns the error behind `ErrorID`; `None` without an error.
-    #[must_use]
-    pub const fn error(&self) -> Option<BlockError> {
-        self.call.interface.error()
-    }
-
-    /// Returns the state of the skill.
-    #[must_use]
-    pub const fn state(&self) -> SkillState {
-        self.call.state()
-    }
-
-    /// Returns the number of executed motions of the skill, the paper's `curExec`. It is kept until the next start.
-    #[must_use]
-    pub const fn executed(&self) -> u32 {
-        self.call.tally.executed
-    }
-
-    pub(crate) const fn tally(&self) -> Tally {
-        self.call.tally
-    }
 }
+
+skill_outputs!(MoveContinuous: call);
 
 /// Writes motions into every slot whose motion is executed.
 fn fill(

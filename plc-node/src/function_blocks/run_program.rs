@@ -2,8 +2,8 @@
 
 use protocol::image::{Motion, SLOTS, Skill};
 
-use super::skill::{SkillCall, Tally};
-use super::{BlockError, BufferMode, Outputs, SkillState};
+use super::skill::{SkillCall, skill_outputs};
+use super::{BufferMode, Outputs};
 use crate::AxesGroup;
 
 /// Runs a program of the robot controller.
@@ -30,26 +30,6 @@ impl RunProgram {
         );
         self.call.outputs()
     }
-
-    /// Returns the error behind `ErrorID`; `None` without an error.
-    #[must_use]
-    pub const fn error(&self) -> Option<BlockError> {
-        self.call.interface.error()
-    }
-
-    /// Returns the state of the skill.
-    #[must_use]
-    pub const fn state(&self) -> SkillState {
-        self.call.state()
-    }
-
-    /// Returns the number of executed motions of the skill, the paper's `curExec`. It is kept until the next start.
-    #[must_use]
-    pub const fn executed(&self) -> u32 {
-        self.call.tally.executed
-    }
-
-    pub(crate) const fn tally(&self) -> Tally {
-        self.call.tally
-    }
 }
+
+skill_outputs!(RunProgram: call);

@@ -50,8 +50,8 @@ pub(super) enum Phase {
     /// The image holds `to`.
     Busy {
         to: Override,
-        /// The PLC's life counter in the first image with it.
-        since: u16,
+        /// The first scan with it.
+        since: u64,
         /// Scans since then in which the robot did not go by it.
         waited: u32,
         enabled: bool,
@@ -102,7 +102,7 @@ fn set(phase: Phase, factors: &OverrideFactors, group: &mut AxesGroup) -> Result
     let in_effect = feedback.override_percent;
     let (since, waited) = match phase {
         Phase::Busy { to: before, since, waited, .. } if before == to => (since, waited),
-        _ => (group.command().life, 0),
+        _ => (group.scans(), 0),
     };
     let enabled = in_effect == to.percent() && group.has_seen(since);
     let scans = group.answer_scans();
@@ -182,6 +182,18 @@ mod tests {
         AccFactor is 0.5, but must be 1: this robot overrides only velocities; the override stays as it is
         JerkFactor is 0, but must be 1: this robot overrides only velocities; the override stays as it is
         ");
+    }
+
+    #[test]
+    fn it_stays_enabled_for_longer_than_the_life_counter_counts() {
+        let (mut group, mut block) = (AxesGroup::new(PATIENCE), GroupSetOverride::default());
+        let mut echo = 0;
+        for scan in 0..200_000 {
+            group.read(in_effect(70, echo));
+            let outputs = block.call(true, &velocity(0.7), &mut group);
+            assert!(outputs.enabled || scan < 2, "scan {scan}: {:?}", block.error());
+            echo = group.command().life;
+        }
     }
 
     /// Every order of `Enable`, factors, robot images and lost connections.

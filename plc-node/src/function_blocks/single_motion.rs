@@ -5,8 +5,8 @@ use core::hash::{Hash, Hasher};
 use machine::wire::{BigEndian, Writer};
 use protocol::image::{Command, MOTION_LEN, Motion, MotionKind, SLOTS, Skill};
 
-use super::skill::{SkillCall, Tally};
-use super::{BlockError, BufferMode, MotionInputs, Outputs, SkillState};
+use super::skill::{SkillCall, skill_outputs};
+use super::{BufferMode, MotionInputs, Outputs};
 use crate::AxesGroup;
 
 /// The block inside all six.
@@ -87,30 +87,9 @@ macro_rules! single_motion_blocks {
             ) -> Outputs {
                 self.inner.call(execute, (Skill::$skill, MotionKind::$kind), inputs, mode, group)
             }
-
-            /// Returns the error behind `ErrorID`; `None` without an error.
-            #[must_use]
-            pub const fn error(&self) -> Option<BlockError> {
-                self.inner.call.interface.error()
-            }
-
-            /// Returns the state of the skill.
-            #[must_use]
-            pub const fn state(&self) -> SkillState {
-                self.inner.call.state()
-            }
-
-            /// Returns the number of executed motions of the skill, the paper's `curExec`. It is kept until the next
-            /// start.
-            #[must_use]
-            pub const fn executed(&self) -> u32 {
-                self.inner.call.tally.executed
-            }
-
-            pub(crate) const fn tally(&self) -> Tally {
-                self.inner.call.tally
-            }
         }
+
+        skill_outputs!($name: inner.call);
     )*};
 }
 

@@ -170,6 +170,7 @@ impl<P: Copy> SkillCall<P> {
     fn observe(&mut self, group: &mut AxesGroup) {
         let observed = match &group.feedback {
             None => Err(BlockError::NotConnected),
+            Some(_) if !self.acknowledged && !group.is_commanded(self.number) => Ok(Some(End::Aborted)),
             Some(feedback) => self.judge(feedback, &group.command, group.answer_scans()),
         };
         match observed {
@@ -195,11 +196,12 @@ impl<P: Copy> SkillCall<P> {
         }
         self.acknowledged = true;
         let has = |bit| feedback.status.contains(bit);
+        let counted = self.count(feedback, command);
         if has(Status::ERROR) {
             let Feedback { error: number, error_motion: motion, finding, .. } = *feedback;
             return Err(BlockError::Robot { number, motion, finding });
         }
-        self.count(feedback, command)?;
+        counted?;
         if has(Status::ABORTED) {
             return Ok(Some(End::Aborted));
         }
@@ -254,6 +256,36 @@ impl<P: Copy> SkillCall<P> {
         Ok(())
     }
 }
+
+/// Gives a block the outputs that every skill has besides those of [`Outputs`], from the field that is its [`SkillCall`].
+macro_rules! skill_outputs {
+    ($block:ident: $($call:ident).+) => {
+        impl $block {
+            /// Returns the error behind `ErrorID`; `None` without an error.
+            #[must_use]
+            pub const fn error(&self) -> Option<$crate::function_blocks::BlockError> {
+                self.$($call).+.interface.error()
+            }
+
+            /// Returns the state of the skill.
+            #[must_use]
+            pub const fn state(&self) -> $crate::function_blocks::SkillState {
+                self.$($call).+.state()
+            }
+
+            /// Returns the number of executed motions of the skill, the paper's `curExec`. It is kept until the next start.
+            #[must_use]
+            pub const fn executed(&self) -> u32 {
+                self.$($call).+.tally.executed
+            }
+
+            pub(crate) const fn tally(&self) -> $crate::function_blocks::Tally {
+                self.$($call).+.tally
+            }
+        }
+    };
+}
+pub(super) use skill_outputs;
 
 /// Returns whether a block of this mode gives up the skill under way.
 const fn aborts(mode: BufferMode) -> Result<bool, BlockError> {

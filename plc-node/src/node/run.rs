@@ -48,7 +48,7 @@ impl<B: Fieldbus> PlcNode<B> {
         };
         self.motions.restart();
         self.mode = Mode::Running;
-        self.push(PlcEvent::Started { execution_type, at: now });
+        self.push(PlcEvent::Started { execution_type, at: now, after: self.group.command().number });
         self.run(now);
     }
 

@@ -24,6 +24,8 @@ pub enum PlcMessage {
         execution_type: ExecutionType,
         /// Start of the scan with the start edge, in ns of `CLOCK_MONOTONIC`.
         at_ns: u64,
+        /// Number of the last command before those of the run.
+        after: u16,
     },
     /// The run ended as wanted.
     Finished(Execution),
@@ -55,10 +57,11 @@ impl fmt::Display for PlcMessage {
             Self::Finished(run) => {
                 let ms = |ns: u64| ns as f64 / 1e6;
                 let Execution { execution_type, motions, blends_suppressed, frames, .. } = run;
+                // Lost on the way or never sent, because the robot's host delayed it: only both nodes together know which.
                 write!(
                     f,
                     "{execution_type} {:9.3} ms, by the robot's clock {:9.3} ms; {motions} motions, \
-                     {blends_suppressed} blends suppressed, {} frames lost",
+                     {blends_suppressed} blends suppressed, {} frames missing",
                     ms(run.execution_time_ns),
                     ms(run.robot_execution_ns),
                     frames.lost
@@ -128,8 +131,8 @@ pub(super) fn message(event: &PlcEvent) -> Option<PlcMessage> {
         PlcEvent::ImageGood => PlcMessage::ImageGood,
         PlcEvent::MovingToStart => PlcMessage::MovingToStart,
         PlcEvent::Ready => PlcMessage::Ready,
-        PlcEvent::Started { execution_type, at } => {
-            PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos() }
+        PlcEvent::Started { execution_type, at, after } => {
+            PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos(), after: *after }
         }
         PlcEvent::Finished(run) => PlcMessage::Finished(*run),
         PlcEvent::Failed(failure) => {

@@ -13,12 +13,12 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 use machine::{Duration, Instant, Lateness};
-use node::Node;
 use node::list::{List, flat};
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::screen;
 use node::supervise::Outcome;
+use node::{Node, arguments};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::Checks;
@@ -44,7 +44,7 @@ enum Subcommand {
     Run(Box<Run>),
     /// Plan an application and print its motions with their labels and zones, and the reason for each zone's size.
     Plan(PlanCommand),
-    /// List the PROFINET and EtherNet/IP devices on a network interface.
+    /// List the PROFINET, EtherNet/IP and EtherCAT devices on a network interface.
     Discover(DiscoverCommand),
 }
 
@@ -55,10 +55,10 @@ struct Run {
     /// Repetitions of each execution type.
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "control", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     reps: u32,
-    /// Execution types to run, interleaved in this order.
+    /// Execution types to run, interleaved in this order; commas or blanks between them.
     #[arg(
         long,
-        value_name = "TYPES",
+        value_name = "TYPE",
         num_args = 1..,
         default_value = "rc,sm,cm",
         conflicts_with = "control"
@@ -78,7 +78,7 @@ pub fn command_line() -> clap::Command {
 
 /// Runs the process: parses `args`, with the program's name first, and runs until it is done.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let cli = Cli::try_parse_from(args).unwrap_or_else(|error| error.exit());
+    let cli: Cli = arguments::parse(args);
     screen::fit_terminal();
     let outcome = match cli.command {
         Subcommand::Run(run) => run.execute(),

@@ -69,6 +69,24 @@ fn an_arm_that_stands_at_the_start_is_not_moved() {
 }
 
 #[test]
+fn an_arm_that_is_switched_on_at_the_start_is_moved_there_once_for_the_tool_and_the_base_of_its_pose() {
+    let there = Motion { kind: MotionKind::PtpJoint, ..point_to_point(START) };
+    let to_start = ToStart { from_anywhere: Some(there), from_end: Vec::new() };
+    let mut sequence = motions(13);
+    sequence[12].target = START;
+    let mut cell = cell_with(PlcConfig { to_start, ..config(sequence) }, Phases([0, 300, 700, 1_900]));
+    cell.command_b(|robot, _| {
+        robot.program_end = START;
+        robot.place_at(START);
+    });
+    for execution_type in [Sm, Cm] {
+        until_ready(&mut cell);
+        run(&mut cell, execution_type);
+    }
+    assert_eq!(moves(&cell), [(MotionKind::PtpJoint, START)]);
+}
+
+#[test]
 fn from_an_end_that_is_not_the_start_it_goes_back_by_the_planned_way_to_the_joints_of_the_first_time() {
     let mut cell = cell_that_ends_at(END, &[VIA, START]);
     until_ready(&mut cell);

@@ -39,8 +39,13 @@ pub enum InterfaceError {
     },
     /// It already has an address, and not the one of the setup.
     #[error(
-        "interface `{name}` has the address {found}, but the setup's {key} is {wanted}: use another interface, a setup \
-         with that address, or `ip address flush dev {name}`"
+        "interface `{name}` has the address {found}, but the setup's {key} is {wanted}: use another interface or a setup \
+         with that address{}",
+        if *is_left_over {
+            format!("; if nothing else uses it, `ip -4 address flush dev {name}` removes it")
+        } else {
+            String::new()
+        }
     )]
     OtherAddress {
         /// The interface.
@@ -51,6 +56,9 @@ pub enum InterfaceError {
         key: &'static str,
         /// The address there.
         wanted: Ipv4Addr,
+        /// Whether it is probably left over from a node: it is in the setup's subnet, and no route leads through it to
+        /// another network. Only such an address may be removed without cutting the user's own connection.
+        is_left_over: bool,
     },
     /// The kernel refuses to read or change the interface.
     #[error("{action} of network interface `{name}`: {reason}{}", hint(reason))]
@@ -70,6 +78,13 @@ fn hint(error: &std::io::Error) -> &'static str {
     } else {
         ""
     }
+}
+
+/// Returns whether the kernel's table of routes has one through this interface to a gateway.
+fn has_gateway(routes: &str, interface: &str) -> bool {
+    let mut fields = routes.lines().skip(1).map(str::split_ascii_whitespace);
+    // Interface, destination, gateway.
+    fields.any(|mut fields| fields.next() == Some(interface) && fields.nth(1) != Some("00000000"))
 }
 
 /// A network interface of the namespace in which it was opened.
@@ -193,9 +208,20 @@ impl Interface {
         mask: Ipv4Addr,
     ) -> Result<(), InterfaceError> {
         match self.address().filter(|found| *found != wanted) {
-            Some(found) => Err(InterfaceError::OtherAddress { name: self.name.clone(), found, key, wanted }),
+            Some(found) => {
+                let is_in_subnet = found & mask == wanted & mask;
+                let is_left_over = is_in_subnet && !self.leads_to_other_networks();
+                let name = self.name.clone();
+                Err(InterfaceError::OtherAddress { name, found, key, wanted, is_left_over })
+            }
             None => self.set_address(wanted, mask),
         }
+    }
+
+    /// Returns whether a route leads through it to a gateway; also where the kernel does not show its routes.
+    fn leads_to_other_networks(&self) -> bool {
+        std::fs::read_to_string("/proc/self/net/route")
+            .map_or(true, |routes| has_gateway(&routes, &self.name))
     }
 
     /// Returns whether it is up, with or without a carrier.
@@ -335,6 +361,22 @@ mod tests {
                 && error.contains("lo (127.0.0.1)"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn the_removal_of_an_address_is_advised_only_where_it_cuts_no_connection() {
+        let lo = Interface::open("lo").unwrap();
+        let mask = Ipv4Addr::new(255, 255, 255, 0);
+        let refusal = |wanted| lo.take_address("bus.plc_address", wanted, mask).unwrap_err().to_string();
+        let other = refusal(Ipv4Addr::new(192, 168, 64, 1));
+        assert!(other.ends_with("use another interface or a setup with that address"), "{other}");
+        // The second address of a setup, left by a node that ran here before.
+        let left_over = refusal(Ipv4Addr::new(127, 0, 0, 2));
+        assert!(left_over.ends_with("`ip -4 address flush dev lo` removes it"), "{left_over}");
+        let routes = "Iface\tDestination\tGateway\tFlags\n\
+                      eth1\t0040A8C0\t00000000\t0001\n\
+                      eth0\t00000000\t010200C0\t0003\n";
+        assert_eq!(["eth0", "eth1", "eth2"].map(|name| has_gateway(routes, name)), [true, false, false]);
     }
 
     #[test]

@@ -22,8 +22,9 @@ pub enum LinkEvent {
         /// Its gateway, or its own address if there is none.
         gateway: Ipv4Addr,
     },
-    /// The peer set this station's name or address permanently, or removed what was stored. The owner stores what `to_store`
-    /// of the endpoint returns, so that it survives a restart, and reports the result by `stored` of the endpoint.
+    /// The peer set something of this station permanently, as its name or address, or removed what was stored. The owner stores
+    /// what `to_store` of the endpoint returns, so that it survives a restart, and reports the result by `stored` of the
+    /// endpoint.
     Store,
     /// Somebody else requested what only the owner of the connection may, and was refused. The connection stays as it is.
     Foreign(ForeignRequest),

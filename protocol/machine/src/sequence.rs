@@ -73,6 +73,12 @@ impl Sequence {
         self.last.is_some()
     }
 
+    /// Returns the number of the last accepted frame.
+    #[must_use]
+    pub fn last(&self) -> Option<u32> {
+        self.last.map(|last| last.number)
+    }
+
     /// Returns how far a frame is ahead of the last accepted one; `None` if it is not to be used.
     ///
     /// A frame is accepted if it is newer, and not further ahead than time since the last frame allows. Frames at another

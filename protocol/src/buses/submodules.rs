@@ -84,11 +84,11 @@ impl Fieldbus for Device {
     }
 
     fn to_store(&self) -> ToStore<'_> {
-        let (name, address) = self.to_store();
+        let (name, address, maintenance) = self.to_store();
         let address =
             address.map(|IpSuite { address, mask, gateway }| StationAddress { address, mask, gateway });
         // DCP allows ASCII only.
-        ToStore { name: name.and_then(|name| core::str::from_utf8(name).ok()), address }
+        ToStore { name: name.and_then(|name| core::str::from_utf8(name).ok()), address, maintenance }
     }
 
     fn stored(&mut self, now: Instant, done: bool) {

@@ -77,6 +77,8 @@ codes! {
         DriveStopped = 33,
         /// The robot controller lost the connection to its drives.
         DrivesLost = 34,
+        /// The motion turns the tool so far on so short a way that at its velocity no wrist could follow.
+        TurnTooFast = 35,
     }
 }
 
@@ -118,6 +120,7 @@ impl fmt::Display for ErrorNumber {
             Self::DriveFault => "the drive of an axis has a fault",
             Self::DriveStopped => "the drive of an axis stopped though nobody told it to",
             Self::DrivesLost => "the robot controller lost the connection to its drives",
+            Self::TurnTooFast => "the motion turns the tool too far on its way for its velocity",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

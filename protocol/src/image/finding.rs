@@ -35,6 +35,7 @@ use super::ErrorNumber;
 /// | `ForceDirection` | | angle between force and line in degrees | 0, at most |
 /// | `ForceNotReached` | | found, in N | wanted in N, way along the line in mm |
 /// | `JointSpeed`, `JointAcceleration`, `JointJerk` | joint, from 1 | in degrees (mm) and s | 0, what it is rated for |
+/// | `TurnTooFast` | joint, from 1 | turn of the tool in degrees per s | 0, rated speed of the joint |
 /// | `DriveFault` | axis, from 1 | error code of the drive, object 0x603F of CiA 402 | |
 /// | `DriveStopped` | axis, from 1 | | |
 ///
@@ -119,6 +120,10 @@ impl fmt::Display for InWords {
             ErrorNumber::Singular => write!(
                 f,
                 " (joint {index} leaves {value} of the programmed velocity, at least {lower} must be left)"
+            ),
+            ErrorNumber::TurnTooFast => write!(
+                f,
+                " (the tool would turn at {value}° per s, joint {index} is rated for {upper}° per s)"
             ),
             ErrorNumber::ConfigurationChange => {
                 write!(f, " (joint {index} would turn by {value}° at once, at most by {upper}°)")

@@ -136,6 +136,8 @@ impl Execution {
         executed: u32,
         programs: &Programs,
     ) -> Result<Option<Motion>, Violation> {
+        // The image holds the motions of the command that it names; another one was refused.
+        let command = command.filter(|command| command.number == self.number);
         let held = self.accepted.saturating_sub(executed);
         if let (Source::Slots, Some(command)) = (self.source, command) {
             let ahead = command.written.checked_sub(self.accepted);
@@ -206,7 +208,8 @@ impl Execution {
         for _ in 0..checks {
             let next = self.check.next;
             let in_slots = self.source == Source::Slots && (self.accepted..self.written).contains(&next);
-            let in_slot = command.filter(|_| in_slots).map(|command| *command.slot(next));
+            let in_slot = command.filter(|command| in_slots && command.number == self.number);
+            let in_slot = in_slot.map(|command| *command.slot(next));
             let Some(motion) = self.programmed(next, programs).or(in_slot) else { return true };
             let checked = Segment::prepare(&motion, &self.check.from, config);
             match checked.and_then(|segment| press::of(&motion, &segment, config).map(|_| segment)) {

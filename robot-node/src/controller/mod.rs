@@ -243,7 +243,7 @@ impl Controller {
         }
         if control.contains(Control::SUSPEND) {
             self.hold = true;
-        } else if control.contains(Control::RESUME) {
+        } else if control.contains(Control::RESUME) || self.execution.is_none() {
             self.hold = false;
         }
         self.take_override(command.override_percent);

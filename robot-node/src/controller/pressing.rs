@@ -165,6 +165,17 @@ mod tests {
                 assert!((force - 25.0).abs() < 4.0, "{force} N");
             }
         }
+        // While it is suspended it does not follow the surface, and only as long.
+        let ready = command.control;
+        command.control = ready | Control::SUSPEND;
+        (0..5).for_each(|_| tick(&mut controller, &command));
+        let joints = *controller.joints();
+        controller.config.surfaces[0].point[2] += 0.01;
+        (0..50).for_each(|_| tick(&mut controller, &command));
+        assert_eq!(*controller.joints(), joints);
+        command.control = ready;
+        (0..50).for_each(|_| tick(&mut controller, &command));
+        assert_ne!(*controller.joints(), joints);
         // At override 0 it stops and does not follow the surface.
         command.override_percent = 0;
         (0..50).for_each(|_| tick(&mut controller, &command));

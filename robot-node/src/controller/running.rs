@@ -45,7 +45,7 @@ impl Controller {
             self.feedback.accepted = execution.accepted;
         }
         match execution.phase {
-            Phase::Settling { until } if at >= until && self.is_in_place() => {
+            Phase::Settling { until } if at >= until && !self.hold && self.is_in_place() => {
                 self.finish(at, &execution, Ending::Done)
             }
             Phase::Stopping(ending) if self.interpolator.is_at_rest() => self.finish(at, &execution, ending),

@@ -65,7 +65,7 @@ impl AxisMonitor {
     /// The first axis that would leave its range or go beyond what it is rated for, and by how much.
     pub(super) fn check(&self, joints: &Joints, arm: &Arm) -> Result<(), Violation> {
         self.keeps_ratings(joints, arm, ROUNDING)?;
-        arm.within_range_on_a_path(joints)
+        arm.within_range(joints)
     }
 
     /// Whether the axes keep their ratings if they are at `joints` in the next cycle; `share` of each may be added.

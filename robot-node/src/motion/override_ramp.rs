@@ -185,7 +185,7 @@ impl Path {
                 let (mut gone, end) = (-course.time, law_next - law_now);
                 course.time += end;
                 while course.time >= piece.cell.duration {
-                    // The loads are highest where one piece ends and the next begins.
+                    // The loads are highest where one piece ends and the next begins, and the jerk changes at once there.
                     gone += piece.cell.duration;
                     let border = phase.at(now + gone / end * (next - now)).0;
                     if !self.keeps_limits_at(&piece, piece.cell.duration, &border) {
@@ -194,6 +194,9 @@ impl Path {
                     course.leave(&piece);
                     let Some(next_piece) = course.piece else { return true };
                     piece = next_piece;
+                    if !self.keeps_limits_at(&piece, 0.0, &border) {
+                        return false;
+                    }
                 }
                 (now, law_now) = (next, law_next);
             }

@@ -154,6 +154,16 @@ impl Path {
         self.spot.in_blend.then_some([&first.segment, &second.segment])
     }
 
+    /// Where on both motions of the corner the arm is, and the highest speeds that are programmed for them, in the units
+    /// of their curves (mm and mm/s, point to point shares of the way); none on a straight part.
+    #[must_use]
+    pub fn corner_ways(&self) -> Option<[(f64, f64); 2]> {
+        let (first, second) = (self.queue.front()?, self.queue.get(1)?);
+        let blend = first.corner.as_ref().filter(|_| self.spot.in_blend)?;
+        let (from, to) = blend.ways_at(&first.segment, self.spot.way);
+        Some([(from, first.segment.programmed_speed()), (to, second.segment.programmed_speed())])
+    }
+
     /// Motions that are executed since the last [`clear`](Self::clear). With a blend the middle of the corner, the
     /// point nearest to the target, is where a motion ends.
     #[must_use]

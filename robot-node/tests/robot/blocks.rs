@@ -3,15 +3,12 @@
 use std::time::Duration;
 
 use machine::Instant;
-use plc_node::function_blocks::{
-    BlockError, BufferMode, GroupContinue, GroupDisable, GroupEnable, GroupHalt, GroupInterrupt, GroupReset,
-    GroupStop, MoveContinuous, Outputs, SkillState,
-};
+use plc_node::function_blocks::{BlockError, BufferMode, MoveContinuous, Outputs, SkillState};
 use plc_node::{AxesGroup, MotionList, MotionSource, WaitLimits};
-use protocol::image::{ErrorNumber, Feedback, Motion, State, Status};
-use robot_node::Controller;
+use protocol::image::{Control, ErrorNumber, Feedback, Motion, State, Status};
+use robot_node::{Controller, RobotConfig};
 
-use crate::driven::{bare, lin, ptp};
+use crate::driven::{GroupBlocks, bare, lin, ptp};
 
 /// A PLC program with one block of each kind that scans once every robot cycle.
 struct Cell {
@@ -20,13 +17,7 @@ struct Cell {
     at: Instant,
     motions: Box<dyn MotionSource>,
     skill: MoveContinuous,
-    enable: GroupEnable,
-    disable: GroupDisable,
-    reset: GroupReset,
-    halt: GroupHalt,
-    stop: GroupStop,
-    interrupt: GroupInterrupt,
-    go_on: GroupContinue,
+    blocks: GroupBlocks,
     execute: Execute,
     skill_outputs: Outputs,
 }
@@ -46,19 +37,17 @@ struct Execute {
 
 impl Cell {
     fn new() -> Self {
+        Self::with(bare("A"))
+    }
+
+    fn with(config: RobotConfig) -> Self {
         Self {
             group: AxesGroup::new(WaitLimits { answer_scans: 200, silent_scans: u32::MAX }),
-            controller: Controller::new(bare("A"), Vec::new(), 1),
+            controller: Controller::new(config, Vec::new(), 1),
             at: Instant::ZERO,
             motions: Box::new(MotionList::from(way())),
             skill: MoveContinuous::default(),
-            enable: GroupEnable::default(),
-            disable: GroupDisable::default(),
-            reset: GroupReset::default(),
-            halt: GroupHalt::default(),
-            stop: GroupStop::default(),
-            interrupt: GroupInterrupt::default(),
-            go_on: GroupContinue::default(),
+            blocks: GroupBlocks::default(),
             execute: Execute::default(),
             skill_outputs: Outputs::default(),
         }
@@ -86,13 +75,13 @@ impl Cell {
         group.read(Some(*self.controller.feedback()));
         self.skill_outputs = self.skill.call(execute.skill, &mut *self.motions, BufferMode::default(), group);
         let outputs = [
-            self.enable.call(execute.enable, group),
-            self.disable.call(execute.disable, group),
-            self.reset.call(execute.reset, group),
-            self.halt.call(execute.halt, group),
-            self.stop.call(execute.stop, group),
-            self.interrupt.call(execute.interrupt, group),
-            self.go_on.call(execute.go_on, group),
+            self.blocks.enable.call(execute.enable, group),
+            self.blocks.disable.call(execute.disable, group),
+            self.blocks.reset.call(execute.reset, group),
+            self.blocks.halt.call(execute.halt, group),
+            self.blocks.stop.call(execute.stop, group),
+            self.blocks.interrupt.call(execute.interrupt, group),
+            self.blocks.go_on.call(execute.go_on, group),
         ];
         self.at += Duration::from_millis(4);
         self.controller.tick(self.at, Some(group.command()));
@@ -276,4 +265,42 @@ fn an_error_of_the_block_stops_an_arm_that_moves() {
     cell.motions = Box::new(MotionList::from(way()));
     assert!(cell.ends(|execute| &mut execute.reset).done);
     cell.runs_a_skill();
+}
+
+#[test]
+fn a_skill_that_the_robot_has_not_taken_up_is_given_up_as_one_that_runs() {
+    let blocks: [fn(&mut Execute) -> &mut bool; 3] =
+        [|it| &mut it.halt, |it| &mut it.stop, |it| &mut it.disable];
+    for gives_up in blocks {
+        let quantum = Duration::from_millis(400);
+        let mut cell = Cell::with(RobotConfig { interpreter_quantum: quantum, ..bare("A") });
+        assert!(cell.ends(|execute| &mut execute.enable).done);
+        let joints = *cell.controller.joints();
+        cell.execute.skill = true;
+        cell.scans(5);
+        assert!(cell.skill_outputs.busy && !cell.skill_outputs.active);
+        assert!(cell.ends(gives_up).done);
+        assert!(cell.skill_outputs.command_aborted, "{:?}", cell.skill_outputs);
+        cell.scans(200);
+        assert_eq!((cell.controller.joints(), cell.feedback().error), (&joints, ErrorNumber::None));
+        assert_eq!(cell.feedback().number, 0, "the robot did not take it up later");
+        cell.ends(|execute| &mut execute.enable);
+        cell.runs_a_skill();
+    }
+}
+
+#[test]
+fn without_a_connection_group_enable_leaves_the_robot_switched_off() {
+    let enable_bit = |group: &AxesGroup| group.command().control.contains(Control::ENABLE);
+    let mut cell = Cell::new();
+    cell.group.read(None);
+    assert_eq!(cell.blocks.enable.call(true, &mut cell.group).error_id, 0x8001);
+    assert!(!enable_bit(&cell.group));
+    let mut cell = Cell::new();
+    cell.group.read(Some(*cell.controller.feedback()));
+    assert!(cell.blocks.enable.call(true, &mut cell.group).busy && enable_bit(&cell.group));
+    cell.group.disarm();
+    cell.group.read(None);
+    assert_eq!(cell.blocks.enable.call(true, &mut cell.group).error_id, 0x8001);
+    assert!(!enable_bit(&cell.group));
 }

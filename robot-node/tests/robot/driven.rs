@@ -3,6 +3,9 @@
 use std::time::Duration;
 
 use machine::Instant;
+use plc_node::function_blocks::{
+    GroupContinue, GroupDisable, GroupEnable, GroupHalt, GroupInterrupt, GroupReset, GroupStop,
+};
 use protocol::image::{Command, Control, Feedback, Motion, MotionKind, SLOTS, Skill, State, Status};
 use robot_node::arm::Surface;
 use robot_node::{Controller, Program, RobotConfig, RobotEvent};
@@ -17,6 +20,18 @@ pub(crate) struct Driven {
     pub(crate) at: Instant,
     motions: Vec<Motion>,
     cycle: Duration,
+}
+
+/// One of the PLC's blocks for each command to the group.
+#[derive(Default)]
+pub(crate) struct GroupBlocks {
+    pub(crate) enable: GroupEnable,
+    pub(crate) disable: GroupDisable,
+    pub(crate) reset: GroupReset,
+    pub(crate) halt: GroupHalt,
+    pub(crate) stop: GroupStop,
+    pub(crate) interrupt: GroupInterrupt,
+    pub(crate) go_on: GroupContinue,
 }
 
 /// A built-in setup's robot with a controller that costs nothing.

@@ -39,6 +39,9 @@ pub(crate) struct Point {
     pub(crate) joints: Joints,
     /// In mm.
     pub(crate) tool: [f64; 3],
+    /// In a corner: its number, and where on both of its motions the path is, as times in s at their programmed speeds.
+    /// Neither motion is to be faster than that within its part of the corner.
+    pub(crate) ways: Option<(usize, [f64; 2])>,
     pub(crate) bounds: Bounds,
 }
 
@@ -147,6 +150,13 @@ impl Task {
         for (channels, speed) in groups(bounds, 0) {
             let square: f64 = channels.map(|channel| slopes[channel].powi(2)).sum();
             one_over_most = one_over_most.max(square / (speed * speed));
+        }
+        if let (Some((corner, from)), Some((next, to))) = (points[0].ways, points[2].ways)
+            && corner == next
+        {
+            for (from, to) in from.into_iter().zip(to) {
+                one_over_most = one_over_most.max(((to - from) / width).powi(2));
+            }
         }
         self.limits.push(Limit::new(step, 0..1, None, |_| [one_over_most / 2.0; 2]));
         for (channels, most) in groups(bounds, 1) {

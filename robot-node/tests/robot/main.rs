@@ -14,6 +14,7 @@ mod plc;
 mod recorded;
 
 mod altered_images;
+mod any_order;
 mod application;
 mod bad_input;
 mod blocks;
@@ -33,6 +34,7 @@ mod outputs;
 mod overrides;
 mod planned_reach;
 mod quality;
+mod random_applications;
 mod rehearsal;
 mod six_axes;
 mod skills;

@@ -37,7 +37,12 @@ fn one_joint(steps: usize, limits: [f64; 3], way: impl Fn(f64) -> f64) -> (Vec<P
     let only_first = |value: f64, others: f64| core::array::from_fn(|i| if i == 0 { value } else { others });
     let bounds =
         Bounds { joints: limits.map(|limit| only_first(limit, f64::INFINITY)), tool: [f64::INFINITY; 3] };
-    let point = |index| Point { joints: only_first(way(index as f64 * half), 0.0), tool: [0.0; 3], bounds };
+    let point = |index| Point {
+        joints: only_first(way(index as f64 * half), 0.0),
+        tool: [0.0; 3],
+        ways: None,
+        bounds,
+    };
     ((0..=2 * steps).map(point).collect(), half)
 }
 
@@ -77,7 +82,7 @@ fn the_reference_turns_a_circle_as_fast_as_the_acceleration_across_allows() {
     let half = 0.5 / 800.0;
     let point = |index| {
         let (sin, cos) = (way * smooth(index as f64 * half) / radius).sin_cos();
-        Point { joints: [0.0; AXES], tool: [radius * cos, radius * sin, 0.0], bounds }
+        Point { joints: [0.0; AXES], tool: [radius * cos, radius * sin, 0.0], ways: None, bounds }
     };
     let points: Vec<_> = (0..=1600).map(point).collect();
     let found = fastest(&points, half).duration;
@@ -144,8 +149,7 @@ impl Row {
         ("CIRC", Self::Single(MotionKind::Circular, 1.0), [1.04, 1.05]),
         ("SPLINE of four", Self::Spline, [1.12, 1.17]),
         ("eight with corners", Self::Corners { same_speed: true }, [1.04, 1.05]),
-        // The reference lets a slow motion have the speed of a fast one already in the corner between them.
-        ("eight, other speeds", Self::Corners { same_speed: false }, [1.13, 1.20]),
+        ("eight, other speeds", Self::Corners { same_speed: false }, [1.04, 1.05]),
     ];
 
     /// Random motions, and the joints that they start from.
@@ -274,7 +278,7 @@ fn shipped_applications_are_near_the_time_optimum() {
     let applications = [
         ("pick-and-place", [[1.04, 1.025], [1.02, 1.02]]),
         ("gluing", [[1.02, 1.02], [1.02, 1.02]]),
-        ("palletising", [[1.04, 1.025], [1.075, 1.02]]),
+        ("palletising", [[1.04, 1.025], [1.04, 1.02]]),
         ("engraving", [[1.035, 1.03], [1.03, 1.03]]),
         ("insertion-with-force", [[1.035, 1.02], [1.03, 1.02]]),
     ];

@@ -26,6 +26,8 @@ struct Sample {
     joints: Joints,
     /// The motions that the arm is in.
     motions: [usize; 2],
+    /// In a corner: where on both of them it is, each with its programmed speed.
+    ways: Option<[(f64, f64); 2]>,
 }
 
 /// The limits of one motion.
@@ -53,7 +55,7 @@ pub(crate) fn sections(motions: &[Motion], from: &Joints, config: &RobotConfig) 
     let mut current = 0;
     let mut sections = Vec::new();
     let mut section = Section { duration: 0.0, samples: Vec::new() };
-    let rest = |joints: &Joints| Sample { joints: *joints, motions: [0; 2] };
+    let rest = |joints: &Joints| Sample { joints: *joints, motions: [0; 2], ways: None };
     section.samples.push(rest(from));
     loop {
         while ends.len() < motions.len() && ends.len() - (interpolator.path().executed() as usize) < SLOTS {
@@ -77,7 +79,8 @@ pub(crate) fn sections(motions: &[Motion], from: &Joints, config: &RobotConfig) 
         let speed = (0..AXES)
             .map(|axis| (joints[axis] - before[axis]).abs() / CYCLE_S / rated[axis])
             .fold(0.0, f64::max);
-        section.samples.push(Sample { joints, motions: [current, next] });
+        let ways = interpolator.path().corner_ways();
+        section.samples.push(Sample { joints, motions: [current, next], ways });
         section.duration += CYCLE_S;
         let is_rest = speed < REST && section.samples.len() > 10;
         if is_rest || step.ended.is_some() {
@@ -104,28 +107,52 @@ impl Section {
             let [one, next] = self.samples[at].motions.map(|motion| &motions[motion]);
             let tool = config.tools[usize::from(one.tool)].unwrap();
             let tool = (config.arm.forward(&joints) * tool).position;
-            Point { joints, tool, bounds: both(bounds(one, config), bounds(next, config)) }
+            let ways = self.ways(index as f64 * half);
+            Point { joints, tool, ways, bounds: both(bounds(one, config), bounds(next, config)) }
         });
         (points.collect(), half)
     }
 
-    /// The joints at a time, between the samples by a polynomial of degree five.
+    /// The joints at a time.
     fn joints(&self, time: f64) -> Joints {
+        let (samples, weights) = self.samples_around(time);
+        core::array::from_fn(|axis| {
+            samples.iter().zip(weights).map(|(sample, weight)| weight * sample.joints[axis]).sum()
+        })
+    }
+
+    /// The corner that the arm is in at a time, and where on both of its motions it is, as times in s at their programmed
+    /// speeds; none where it is not well within a corner.
+    fn ways(&self, time: f64) -> Option<(usize, [f64; 2])> {
+        let (samples, weights) = self.samples_around(time);
+        let mut ways = [0.0; 2];
+        for (sample, weight) in samples.iter().zip(weights) {
+            if sample.motions != samples[0].motions {
+                return None;
+            }
+            for (sum, (way, programmed)) in ways.iter_mut().zip(sample.ways?) {
+                *sum += weight * way / programmed;
+            }
+        }
+        Some((samples[0].motions[0], ways))
+    }
+
+    /// The samples around a time, and what each counts in a polynomial of degree five through them.
+    fn samples_around(&self, time: f64) -> ([Sample; 6], [f64; 6]) {
         let at = time / CYCLE_S;
         let first = at.floor() - 2.0;
         let share = at - first;
-        let mut joints = [0.0; AXES];
-        for node in 0..6 {
-            let weight: f64 = (0..6)
+        let samples = core::array::from_fn(|node| {
+            let index = (first as isize + node as isize).clamp(0, self.samples.len() as isize - 1);
+            self.samples[index as usize]
+        });
+        let weights = core::array::from_fn(|node| {
+            (0..6)
                 .filter(|other| *other != node)
                 .map(|other| (share - other as f64) / (node as f64 - other as f64))
-                .product();
-            let index = (first as isize + node as isize).clamp(0, self.samples.len() as isize - 1);
-            for (joint, sample) in joints.iter_mut().zip(&self.samples[index as usize].joints) {
-                *joint += weight * sample;
-            }
-        }
-        joints
+                .product()
+        });
+        (samples, weights)
     }
 }
 

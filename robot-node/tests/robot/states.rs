@@ -266,6 +266,43 @@ fn a_second_call_while_one_runs_is_refused_and_the_first_goes_on() {
 }
 
 #[test]
+fn a_refused_call_with_motions_of_its_own_does_not_disturb_the_skill_that_runs() {
+    let mut cell = ready_at_the_lines_start();
+    cell.call(Skill::MoveContinuous, back_and_forth(3));
+    cell.wait(|feedback| feedback.number == 2 && feedback.accepted == 3);
+    cell.call(Skill::MoveLinCartesian, vec![lin(50.0, 20.0, 100.0, 0)]);
+    cell.wait(|feedback| feedback.state != State::Running);
+    assert_eq!((cell.feedback().error, cell.feedback().state), (ErrorNumber::NotReady, State::Ready));
+    let done = |event: &RobotEvent| {
+        matches!(event, RobotEvent::SkillFinished { ending: Ending::Done, number: 2, executed: 3, .. })
+    };
+    assert_eq!(cell.count(done), 1);
+}
+
+#[test]
+fn motions_of_a_refused_call_are_never_executed() {
+    let mut cell = ready_at_the_lines_start();
+    let motions = back_and_forth(9);
+    cell.call(Skill::MoveContinuous, motions.clone());
+    cell.wait(|feedback| feedback.number == 2 && feedback.executed == 1);
+    cell.command(|command| {
+        command.number += 1;
+        for index in 4..9 {
+            let [x, y, ..] = motions[index as usize].target;
+            command.set_slot(index, lin(x, y, 140.0, 0));
+        }
+        command.written = 9;
+    });
+    for _ in 0..2_000 {
+        cell.run_ms(1);
+        assert!((cell.feedback().pose[2] - 100.0).abs() < 1e-3, "{:?}", cell.feedback());
+    }
+    let feedback = cell.feedback();
+    assert_eq!((feedback.error, feedback.state), (ErrorNumber::NotReady, State::Running));
+    assert!(feedback.status.contains(Status::AT_REST), "it waits for motions of its own");
+}
+
+#[test]
 fn at_half_override_a_motion_is_half_as_fast() {
     let duration = |percent: u8| {
         let mut cell = ready_at_the_lines_start();

@@ -1,9 +1,11 @@
 //! Suspend and resume: whenever they come, the arm goes on and ends where it should.
 
-use protocol::image::{Control, Motion, MotionKind, Skill};
+use std::time::Duration;
+
+use protocol::image::{Control, Motion, MotionKind, Skill, State, Status};
 use robot_node::{Program, RobotConfig};
 
-use crate::driven::{Driven, bare};
+use crate::driven::{Driven, bare, ptp};
 
 #[test]
 fn a_resume_goes_on_in_whichever_cycle_of_a_stop_it_comes() {
@@ -27,4 +29,21 @@ fn a_resume_goes_on_in_whichever_cycle_of_a_stop_it_comes() {
             assert!(robot.is_done(), "after {suspended} and {later} cycles: {:?}", robot.feedback());
         }
     }
+}
+
+#[test]
+fn a_skill_that_is_suspended_while_its_arm_settles_ends_only_when_it_is_resumed() {
+    let config = RobotConfig { skill_overhead: Duration::from_millis(400), ..bare("A") };
+    let mut robot = Driven::ready(config, Program::default());
+    robot.call(Skill::MovePtpCartesian, vec![ptp(0.0, 0.0, 100.0)]);
+    while robot.feedback().executed == 0 {
+        robot.tick();
+    }
+    robot.control(Control::SUSPEND);
+    (0..200).for_each(|_| robot.tick());
+    let feedback = robot.feedback();
+    assert_eq!((feedback.state, feedback.status.contains(Status::BUSY)), (State::Suspended, true));
+    robot.control(Control::RESUME);
+    robot.wait_for_end();
+    assert!(robot.is_done());
 }

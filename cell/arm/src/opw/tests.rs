@@ -48,6 +48,15 @@ fn what_it_cannot_reach_is_refused_with_the_reach_of_the_wrist() {
 }
 
 #[test]
+fn a_wrist_nearer_to_axis_1_than_the_plane_of_the_arm_is_refused_with_both_distances() {
+    let beside = Opw::new(OpwParameters { b: 40.0, ..IRB_1100 });
+    let target = Frame::from_mm_deg([30.0, 0.0, 400.0, 0.0, 0.0, 180.0]);
+    let error = beside.inverse(&target, &[0.0; 6]).unwrap_err();
+    insta::assert_snapshot!(error, @"the wrist would be 30.000 mm from axis 1; the arm lies beside that axis and reaches from 40.000 mm on");
+    assert_eq!(error.missing(), Some((10.0, "mm")));
+}
+
+#[test]
 fn a_wrist_right_above_axis_1_has_no_direction_and_is_reached_nevertheless() {
     let opw = Opw::new(IRB_1100);
     let target = Frame::from_mm_deg([0.0, 0.0, 691.0, 0.0, 0.0, 0.0]);

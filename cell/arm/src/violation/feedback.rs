@@ -25,6 +25,7 @@ impl Violation {
             Self::Rated { rated: Rated::Acceleration, .. } => ErrorNumber::JointAcceleration,
             Self::Rated { rated: Rated::Jerk, .. } => ErrorNumber::JointJerk,
             Self::Singular { .. } => ErrorNumber::Singular,
+            Self::TurnTooFast { .. } => ErrorNumber::TurnTooFast,
             Self::ZeroLength { .. } => ErrorNumber::ZeroLength,
             Self::Collinear { .. } => ErrorNumber::CollinearCircle,
             Self::Velocity { .. } => ErrorNumber::VelocityOutOfRange,
@@ -79,6 +80,9 @@ impl Violation {
             Self::NotCartesian(_) => finding(11, 0.0, 0.0, 0.0),
             Self::Rated { axis, value, limit, .. } => finding(axis, value, 0.0, limit),
             Self::Singular { axis, share } => finding(axis, share, SINGULAR_SHARE, 1.0),
+            Self::TurnTooFast { axis, turn_deg, way_mm, speed_mm_s, rated_deg_s, .. } => {
+                finding(axis, speed_mm_s * turn_deg / way_mm, 0.0, rated_deg_s)
+            }
             Self::ZeroLength { way_mm } => finding(0, way_mm, LEAST_WAY_MM, f64::INFINITY),
             Self::Collinear { offset_mm, least_mm } => finding(0, offset_mm, least_mm, f64::INFINITY),
             Self::Velocity { value, limit }

@@ -166,3 +166,17 @@ fn a_skill_behind_another_starts_only_if_that_one_is_done() {
         assert_eq!((outputs.busy, outputs.command_aborted), (starts, !starts), "{status:?}");
     }
 }
+
+#[test]
+fn a_skill_that_starts_while_the_group_halts_does_not_end_the_halt() {
+    let (mut group, mut halt) = (AxesGroup::new(PATIENCE), super::super::GroupHalt::default());
+    let mut call = SkillCall::<()>::default();
+    let standing = Feedback { state: State::Ready, status: Status::AT_REST, ..Feedback::default() };
+    for scan in 0..4 {
+        group.read(Some(standing));
+        assert!(halt.call(true, &mut group).busy);
+        call.call(scan > 0, BufferMode::Aborting, &mut group, || Ok(()), |_, ()| Ok(true));
+        assert!(group.command.control.contains(protocol::image::Control::CANCEL), "scan {scan}");
+    }
+    assert!(call.outputs().busy, "it starts when the arm stands");
+}

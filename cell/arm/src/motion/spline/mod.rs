@@ -25,7 +25,7 @@ mod tests;
 mod ways;
 
 use super::flange::Flange;
-use crate::arm::{Frame, Rotation, distance, dot, length};
+use crate::{Frame, Rotation, distance, dot, length};
 use quintic::{Pose, Quintic};
 use ways::Ways;
 
@@ -97,6 +97,7 @@ impl Spline {
 
     /// The way from start to target, in mm.
     #[must_use]
+    #[inline]
     pub const fn length(&self) -> f64 {
         self.ways.length()
     }

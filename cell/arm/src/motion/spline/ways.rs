@@ -1,7 +1,7 @@
 //! The way along a piece in mm, and the share of the piece after a way.
 
 use super::quintic::Quintic;
-use crate::arm::{distance, length};
+use crate::{distance, length};
 
 /// Parts into which the piece is cut to measure its length.
 const PARTS: usize = 8;

@@ -24,10 +24,10 @@ use super::flange::Flange;
 use super::node::{Node, Ratings, ramp_s};
 use super::nodes::{Nodes, points_of};
 use super::segment::Segment;
-use crate::arm::{Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
+use crate::{Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
 
 /// The slope of h at 1: how fast the way through the zone grows at the corner's border.
-pub(super) const BORDER_SLOPE: f64 = 2.0;
+pub const BORDER_SLOPE: f64 = 2.0;
 
 /// Share of the tool's programmed speed that is allowed at the nodes: between them the speed may be a little higher.
 const BETWEEN_NODES: f64 = 0.998;
@@ -52,8 +52,10 @@ pub struct Blend {
     pub to_zone: f64,
     /// Largest distance of the path from the corner, in mm.
     pub distance_mm: f64,
-    pub(super) ratings: Ratings,
-    pub(super) nodes: Nodes,
+    /// The limits of joints and tool along it.
+    pub ratings: Ratings,
+    /// Its nodes.
+    pub nodes: Nodes,
 }
 
 impl Blend {
@@ -65,7 +67,8 @@ impl Blend {
     }
 
     /// As [`between`](Self::between), with the first motion's [`wanted_zone`].
-    pub(super) fn after_zone(
+    #[must_use]
+    pub fn after_zone(
         wanted_zone: f64,
         first: &Segment,
         second: &Segment,
@@ -100,6 +103,7 @@ impl Blend {
     }
 
     /// The joints at share `w` of the corner's time.
+    #[inline]
     pub fn joints(
         &self,
         first: &Segment,
@@ -117,14 +121,20 @@ impl Blend {
         let one = first.curve.joints(from, arm, &first.end)?;
         let two = second.curve.joints(to, arm, &first.end)?;
         let joints = core::array::from_fn(|axis| one[axis] + two[axis] - first.end[axis]);
-        arm.within_range_on_a_path(&joints)?;
+        arm.within_range(&joints)?;
         Ok(joints)
     }
 
     /// Returns the ways along both motions at some shares of the corner's time.
     fn ways<const N: usize>(&self, first: &Segment, shares: &[f64; N]) -> [(f64, f64); N] {
-        let length = first.curve.length();
-        shares.map(|w| (length - self.from_zone * eased(1.0 - w), self.to_zone * eased(w)))
+        shares.map(|w| self.ways_at(first, w))
+    }
+
+    /// The same at one share.
+    #[must_use]
+    #[inline]
+    pub fn ways_at(&self, first: &Segment, w: f64) -> (f64, f64) {
+        (first.curve.length() - self.from_zone * eased(1.0 - w), self.to_zone * eased(w))
     }
 
     /// The tool in the root at some shares of the corner's time, and how the flange follows from it; none where the motions
@@ -272,11 +282,13 @@ fn both(first: &Segment, second: &Segment, arm: &Arm) -> Ratings {
 }
 
 /// How far the eased share of a zone has come: 2·w³ − w⁴.
+#[inline]
 fn eased(w: f64) -> f64 {
     w * w * w * (2.0 - w)
 }
 
 /// How fast it does.
+#[inline]
 fn eased_slope(w: f64) -> f64 {
     w * w * (6.0 - 4.0 * w)
 }
@@ -305,8 +317,13 @@ fn sum(one: &Frame, corner: &Frame, two: &Frame) -> Frame {
 
 /// Returns the largest length that a corner may replace at the end of a motion, in its curve's unit.
 #[must_use]
-pub(super) fn wanted_zone(segment: &Segment, arm: &Arm) -> f64 {
+pub fn wanted_zone(segment: &Segment, arm: &Arm) -> f64 {
     Approach::new(segment, End::Last, arm).zone(segment.approximation_mm)
+}
+
+/// Returns the largest length that a corner of this size in mm may replace at the start of a motion, in its curve's unit.
+pub(super) fn entering_zone(segment: &Segment, distance_mm: f64, arm: &Arm) -> f64 {
+    Approach::new(segment, End::First, arm).zone(distance_mm)
 }
 
 /// One end of a motion, at a corner: the distances of its tool from the corner.

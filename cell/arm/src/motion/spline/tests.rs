@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::arm::cross;
+use crate::cross;
 
 fn pieces(targets: &[[f64; 6]]) -> Vec<Spline> {
     let frames: Vec<Frame> = targets.iter().map(|target| Frame::from_mm_deg(*target)).collect();

@@ -10,7 +10,7 @@ use super::curve::Curve;
 use super::derivatives::{Derivatives, Samples};
 use super::node::{Node, Ratings};
 use super::nodes::{Nodes, PIECES, points_of};
-use crate::arm::{Arm, Joints, SINGULAR_SHARE, TURNED_OVER_DEG, Violation, distance, length};
+use crate::{Arm, Joints, SINGULAR_SHARE, TURN_SHARE, TURNED_OVER_DEG, Violation, distance, length};
 
 /// Share of the limits of axes and tool that is kept in reserve for the error of the samples. Where the error is
 /// larger, the curve is cut.
@@ -56,7 +56,8 @@ type Trail = ArrayVec<(f64, Joints), { PIECES * NODES }>;
 ///
 /// # Errors
 ///
-/// A point of it that the arm does not reach, a turn into another configuration, or a singular position.
+/// A point of it that the arm does not reach, a turn into another configuration, a singular position, or a turn of the tool
+/// that is too far for the way and the speed.
 pub(super) fn along(
     curve: &Curve,
     from: &Joints,
@@ -100,12 +101,15 @@ pub(super) fn along(
             all_resolved = false;
         }
         derivatives.within_range(width, arm)?;
-        for node in &nodes[first..] {
+        let mut hardly = nodes[first..].iter().filter_map(|node| {
             let (highest, axis) = node.highest_of_joints(ratings);
             let share = highest.sqrt() / speed;
-            if share < SINGULAR_SHARE {
-                return Err(Violation::Singular { axis, share });
-            }
+            (share < SINGULAR_SHARE).then_some((share, axis))
+        });
+        if let Some(found) = hardly.next() {
+            let least = hardly.fold(found, |least, next| if next.0 < least.0 { next } else { least });
+            return Err(turn_too_fast(curve, speed, least, arm)
+                .unwrap_or(Violation::Singular { axis: found.1, share: found.0 }));
         }
         (0..NODES).for_each(|node| trail.push((begin + SHARES[node] * width, samples.joints(node))));
         (joints, start) = (end, start + share);
@@ -117,6 +121,17 @@ pub(super) fn along(
     let from_end = trail.iter().rev().map(|(way, joints)| (length - way, joints));
     let zones = [from_start, unambiguous(&joints, from_end, length / 2.0, arm)];
     Ok(Followed { end: joints, nodes, is_resolved: all_resolved, zones })
+}
+
+/// Returns the violation of a curve on which the turn of the tool alone leaves nearly nothing of the programmed velocity: no
+/// singular position is to blame. `least` is the smallest share that is left, and the joint that limits it.
+fn turn_too_fast(curve: &Curve, speed_mm_s: f64, least: (f64, u8), arm: &Arm) -> Option<Violation> {
+    let (share, axis) = least;
+    let (turn_deg, way_mm) = (curve.turn_deg(), curve.length());
+    let rated_deg_s = *arm.limits().speed.get(usize::from(axis).checked_sub(1)?)?;
+    let slower_mm_s = speed_mm_s * share / SINGULAR_SHARE;
+    let violation = Violation::TurnTooFast { axis, turn_deg, way_mm, speed_mm_s, rated_deg_s, slower_mm_s };
+    (rated_deg_s * way_mm < TURN_SHARE * speed_mm_s * turn_deg).then_some(violation)
 }
 
 /// Returns how many pieces there are to the end of a curve if this is the next one and each is twice as long as the one

@@ -1,6 +1,6 @@
 //! The curve of a piece as polynomials of degree five, by the share τ of the piece.
 
-use crate::arm::{dot, length};
+use crate::{dot, length};
 
 /// Position in mm and quaternion.
 pub(super) type Pose = [f64; 7];

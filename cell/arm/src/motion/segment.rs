@@ -10,8 +10,7 @@ use super::flange::Flange;
 use super::node::{Limits, Node, Ratings};
 use super::nodes::Nodes;
 use super::spline::Spline;
-use crate::RobotConfig;
-use crate::arm::{AXES, Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance};
+use crate::{AXES, Arm, Frame, Frames, Joints, LEAST_WAY_MM, Violation, distance};
 
 /// The same as [`AXIS_RESERVE`] point to point, where all places are alike.
 const STRAIGHT_RESERVE: f64 = 0.985;
@@ -32,20 +31,13 @@ pub struct Programmed {
 
 impl Programmed {
     /// Reads and checks the programmed limits of a motion.
-    fn of(motion: &Motion, config: &RobotConfig) -> Result<Self, Violation> {
+    fn of(motion: &Motion, robot: &Robot<'_>) -> Result<Self, Violation> {
         let is_point_to_point = motion.kind.is_point_to_point();
         let (given, most) = if is_point_to_point {
             let given = (motion.velocity_share(), motion.acceleration_share());
             (given, Self { speed: 1.0, acceleration: 1.0, deceleration: 1.0, jerk: 1.0 })
         } else {
-            let RobotConfig { path_velocity_mm_s, path_acceleration_mm_s2, path_jerk_mm_s3, .. } = *config;
-            let most = Self {
-                speed: path_velocity_mm_s,
-                acceleration: path_acceleration_mm_s2,
-                deceleration: path_acceleration_mm_s2,
-                jerk: path_jerk_mm_s3,
-            };
-            ((motion.velocity_mm_s(), motion.acceleration_mm_s2()), most)
+            ((motion.velocity_mm_s(), motion.acceleration_mm_s2()), robot.most)
         };
         let (deceleration, jerk) = if is_point_to_point {
             (motion.deceleration_share(), motion.jerk_share())
@@ -70,6 +62,21 @@ impl Programmed {
     }
 }
 
+/// What of a robot decides whether it can run a motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Robot<'a> {
+    /// Its arm.
+    pub arm: &'a Arm,
+    /// Tool frames by number, from the flange.
+    pub tools: &'a Frames,
+    /// Base frames by number, from the root.
+    pub bases: &'a Frames,
+    /// The highest speed, acceleration, deceleration and jerk along a path, in mm and seconds.
+    pub most: Programmed,
+    /// Whether it has a force controller.
+    pub presses: bool,
+}
+
 /// One motion, ready to run.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Segment {
@@ -80,9 +87,9 @@ pub struct Segment {
     /// Its programmed limits.
     pub programmed: Programmed,
     /// The limits of joints and tool along it.
-    pub(super) ratings: Ratings,
+    pub ratings: Ratings,
     /// The nodes of the curve.
-    pub(super) nodes: Nodes,
+    pub nodes: Nodes,
     /// Largest parts of the curve that the corners at its start and at its end may replace, in the curve's unit.
     pub zones: [f64; 2],
     /// The approximation distance: how far from its end it may leave its curve, in mm.
@@ -99,26 +106,50 @@ impl Segment {
     /// # Errors
     ///
     /// The quantity that is wrong, and its limit.
-    pub fn prepare(motion: &Motion, from: &Joints, config: &RobotConfig) -> Result<Self, Violation> {
-        Self::prepare_after(None, motion, from, config)
+    pub fn prepare<'a>(
+        motion: &Motion,
+        from: &Joints,
+        robot: impl Into<Robot<'a>>,
+    ) -> Result<Self, Violation> {
+        Self::prepare_after(None, motion, from, robot)
     }
 
     /// As [`prepare`](Self::prepare), after a motion with which this one is one curve if both are motions of a spline.
-    pub(super) fn prepare_after(
+    ///
+    /// # Errors
+    ///
+    /// As [`prepare`](Self::prepare).
+    pub fn prepare_after<'a>(
         before: Option<&Self>,
         motion: &Motion,
         from: &Joints,
-        config: &RobotConfig,
+        robot: impl Into<Robot<'a>>,
     ) -> Result<Self, Violation> {
-        check(motion, config)?;
-        let asked = Asked::of(motion, from, config)?;
+        let robot = robot.into();
+        check(motion, &robot)?;
+        let asked = Asked::of(motion, from, &robot)?;
         if motion.kind.is_point_to_point() { asked.point_to_point() } else { asked.along_a_path(before) }
+    }
+
+    /// Returns the curve of a motion along a path that starts at the joints `from`, without the motion before it and
+    /// without asking whether the arm can follow it; none point to point.
+    ///
+    /// # Errors
+    ///
+    /// There is no such curve.
+    pub fn curve_of<'a>(
+        motion: &Motion,
+        from: &Joints,
+        robot: impl Into<Robot<'a>>,
+    ) -> Result<Option<Curve>, Violation> {
+        let asked = Asked::of(motion, from, &robot.into())?;
+        if motion.kind.is_point_to_point() { Ok(None) } else { asked.curve().map(Some) }
     }
 
     /// Returns the same motion of a spline in the shape that its neighbours give it, from the joints `from`. None where
     /// the arm cannot follow that shape to the same joints, or where it bends too tightly for its nodes to describe it.
     #[must_use]
-    pub(super) fn reshaped(&self, spline: Spline, from: &Joints, arm: &Arm) -> Option<Self> {
+    pub fn reshaped(&self, spline: Spline, from: &Joints, arm: &Arm) -> Option<Self> {
         let curve = Curve::Spline(spline);
         let Programmed { speed, acceleration, jerk, .. } = self.programmed;
         let Followed { end, nodes, is_resolved, zones } =
@@ -148,7 +179,9 @@ impl Segment {
     }
 
     /// The highest speed that is programmed, in its curve's unit.
-    pub(super) fn programmed_speed(&self) -> f64 {
+    #[must_use]
+    #[inline]
+    pub fn programmed_speed(&self) -> f64 {
         self.nodes.first().map_or(0.0, |node| node.programmed)
     }
 
@@ -159,18 +192,19 @@ impl Segment {
 
     /// The tool in the root when the joints are these.
     #[must_use]
+    #[inline]
     pub fn tool_at(&self, joints: &Joints, arm: &Arm) -> [f64; 3] {
         arm.forward(joints).origin_of(&self.tool)
     }
 }
 
 /// Checks that the robot knows the motion's kind, and that its coordinates are numbers.
-fn check(motion: &Motion, config: &RobotConfig) -> Result<(), Violation> {
+fn check(motion: &Motion, robot: &Robot<'_>) -> Result<(), Violation> {
     match motion.kind {
         MotionKind::LinCartesian | MotionKind::PtpCartesian | MotionKind::PtpJoint => {}
         MotionKind::Circular | MotionKind::Spline => {}
         // Its line; the force is the force controller's task.
-        MotionKind::LinForceCartesian if config.force.is_some() => {}
+        MotionKind::LinForceCartesian if robot.presses => {}
         MotionKind::LinForceCartesian => return Err(ErrorNumber::MotionKindNotSupported.into()),
         MotionKind::None | MotionKind::Unknown(_) => return Err(Violation::Kind(motion.kind.into())),
     }
@@ -194,13 +228,13 @@ struct Asked<'a> {
 }
 
 impl<'a> Asked<'a> {
-    fn of(motion: &'a Motion, from: &'a Joints, config: &'a RobotConfig) -> Result<Self, Violation> {
+    fn of(motion: &'a Motion, from: &'a Joints, robot: &Robot<'a>) -> Result<Self, Violation> {
         let frame =
             |frames: &[Option<Frame>; 16], number: u8| frames.get(usize::from(number)).copied().flatten();
-        let tool = frame(&config.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
-        let base = frame(&config.bases, motion.base).ok_or(Violation::Base(motion.base))?;
-        let programmed = Programmed::of(motion, config)?;
-        Ok(Self { motion, from, arm: &config.arm, tool, base, programmed })
+        let tool = frame(robot.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
+        let base = frame(robot.bases, motion.base).ok_or(Violation::Base(motion.base))?;
+        let programmed = Programmed::of(motion, robot)?;
+        Ok(Self { motion, from, arm: robot.arm, tool, base, programmed })
     }
 
     /// The target of a motion that is not given in joints: the tool in the root.

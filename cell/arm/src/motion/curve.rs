@@ -3,7 +3,7 @@
 use super::arc::Arc;
 use super::flange::Flange;
 use super::spline::Spline;
-use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Rotation, Violation, distance};
+use crate::{Arm, Frame, Joints, LEAST_WAY_MM, Rotation, Violation, distance};
 
 /// Largest distance of a line from the line that it continues, in mm and in degrees, at the end of the shorter one: the
 /// rounding of coordinates in single precision.
@@ -86,7 +86,7 @@ impl Line {
     /// Returns whether the next one continues it as one line: the same tool, direction and turn per mm, except for the
     /// rounding on the wire.
     #[must_use]
-    pub(super) fn goes_on_to(&self, next: &Self) -> bool {
+    pub fn goes_on_to(&self, next: &Self) -> bool {
         let by_mm = |line: &Self| {
             let way = distance(line.from.position, line.to.position);
             let place =
@@ -116,6 +116,7 @@ impl Line {
 
     /// How the flange follows from the tool.
     #[must_use]
+    #[inline]
     pub const fn flange(&self) -> &Flange {
         &self.flange
     }
@@ -130,12 +131,14 @@ impl AxisLine {
 
     /// The joints after a share of the way.
     #[must_use]
+    #[inline]
     pub fn joints(&self, share: f64) -> Joints {
         core::array::from_fn(|i| self.from[i] + share * (self.to[i] - self.from[i]))
     }
 
     /// The whole way of each joint.
     #[must_use]
+    #[inline]
     pub fn way(&self) -> Joints {
         core::array::from_fn(|i| self.to[i] - self.from[i])
     }
@@ -144,6 +147,7 @@ impl AxisLine {
 impl Curve {
     /// Length in the curve's own unit: mm on a line, 1 point to point, 0 where nothing moves.
     #[must_use]
+    #[inline]
     pub fn length(&self) -> f64 {
         match self {
             Self::Line(line) => line.length,
@@ -160,6 +164,7 @@ impl Curve {
     }
 
     /// The joints after `way`, in the configuration of `near`, a point of the curve close by.
+    #[inline]
     pub fn joints(&self, way: f64, arm: &Arm, near: &Joints) -> Result<Joints, Violation> {
         let (tool, flange) = match self {
             Self::Line(line) => (line.tool(way), &line.flange),
@@ -172,6 +177,7 @@ impl Curve {
 
     /// How the flange follows from the tool; none point to point.
     #[must_use]
+    #[inline]
     pub const fn flange(&self) -> Option<&Flange> {
         match self {
             Self::Line(line) => Some(&line.flange),
@@ -203,9 +209,20 @@ impl Curve {
         }
     }
 
+    /// Returns by how many degrees the tool turns from start to target, by the shorter way; 0 point to point.
+    #[must_use]
+    pub fn turn_deg(&self) -> f64 {
+        match self {
+            Self::Line(line) => line.angle,
+            Self::Arc(arc) => arc.turn_deg(),
+            Self::Spline(spline) => (spline.from().rotation.inverse() * spline.to().rotation).axis_angle().1,
+            Self::Axes(_) => 0.0,
+        }
+    }
+
     /// Where the tool is in the root after `way`, without its orientation; none point to point.
     #[must_use]
-    pub(crate) fn position(&self, way: f64) -> Option<[f64; 3]> {
+    pub fn position(&self, way: f64) -> Option<[f64; 3]> {
         match self {
             Self::Line(line) => Some(line.position(way)),
             Self::Arc(arc) => Some(arc.position(way)),

@@ -59,11 +59,13 @@ fn spares() -> Option<MutexGuard<'static, Vec<Vec<Node>>>> {
 
 /// Room for the nodes of a path as long as the path exists: this many of the spare lists belong to it.
 #[derive(Debug)]
-pub(super) struct Room(usize);
+pub struct Room(usize);
 
 impl Room {
     /// Allocates it.
-    pub(super) fn new() -> Self {
+    #[expect(clippy::new_without_default, reason = "it allocates what others use")]
+    #[must_use]
+    pub fn new() -> Self {
         if let Ok(mut spares) = SPARES.lock() {
             spares.extend((0..LISTS).map(|_| Vec::with_capacity(MOST_NODES)));
             // As many again may be in use and come back.
@@ -74,7 +76,8 @@ impl Room {
     }
 
     /// No room: the nodes are allocated when there are some.
-    pub(super) const fn none() -> Self {
+    #[must_use]
+    pub const fn none() -> Self {
         Self(0)
     }
 }
@@ -92,7 +95,7 @@ impl Drop for Room {
 
 /// Nodes in order of the way. They are on the heap, so that a motion can be moved cheaply.
 #[derive(PartialEq, Debug)]
-pub(super) struct Nodes(Vec<Node>);
+pub struct Nodes(Vec<Node>);
 
 impl Nodes {
     /// Empty, with room for the nodes of any curve.
@@ -145,7 +148,7 @@ impl DerefMut for Nodes {
 mod tests {
     use super::super::node::Ratings;
     use super::*;
-    use crate::arm::AxisLimits;
+    use crate::AxisLimits;
 
     const LIMITS: AxisLimits = AxisLimits {
         lower: [-1.0; 6],

@@ -1,6 +1,6 @@
 //! How the flange of the arm follows from the tool that a motion leads.
 
-use crate::arm::Frame;
+use crate::Frame;
 
 /// How the flange follows from the tool.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -15,6 +15,7 @@ impl Flange {
 
     /// The flange, when the tool is at `tool` in the root.
     #[must_use]
+    #[inline]
     pub fn when_tool_at(&self, tool: Frame) -> Frame {
         self.0.map_or(tool, |from_tool| tool * from_tool)
     }

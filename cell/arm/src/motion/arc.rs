@@ -1,7 +1,7 @@
 //! The circle of one motion: through an intermediate point to the target.
 
 use super::flange::Flange;
-use crate::arm::{Frame, LEAST_WAY_MM, Rotation, Violation, cross, dot, length};
+use crate::{Frame, LEAST_WAY_MM, Rotation, Violation, cross, dot, length};
 
 /// How far the intermediate point must be off the line from start to target, in mm: beyond what single precision on
 /// the wire leaves of a position within half a metre.
@@ -62,6 +62,7 @@ impl Arc {
 
     /// The way from start to target, in mm.
     #[must_use]
+    #[inline]
     pub const fn length(&self) -> f64 {
         self.radius * self.opening
     }
@@ -78,6 +79,12 @@ impl Arc {
         self.opening.to_degrees()
     }
 
+    /// By how many degrees the tool turns, 0…180.
+    #[must_use]
+    pub const fn turn_deg(&self) -> f64 {
+        self.angle
+    }
+
     /// The centre in the root, in mm.
     #[must_use]
     pub const fn centre(&self) -> [f64; 3] {
@@ -86,6 +93,7 @@ impl Arc {
 
     /// The tool in the root after `way`.
     #[must_use]
+    #[inline]
     pub fn tool(&self, way: f64) -> Frame {
         let rotation = if self.angle == 0.0 {
             self.to.rotation
@@ -121,7 +129,7 @@ fn difference(to: [f64; 3], from: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arm::distance;
+    use crate::distance;
     use proptest::prelude::*;
 
     fn at(position: [f64; 3]) -> Frame {

@@ -5,7 +5,7 @@
 //! coefficients fall tells the error.
 
 use super::chebyshev::{AtPoints, ByOrder, Halves, NODES, OPERATORS, Operators, PLACES, POINTS, place_of};
-use crate::arm::{AXES, Arm, Joints, Violation};
+use crate::{AXES, Arm, Joints, Violation};
 
 /// Factor for the extreme values of a joint between two points, which are found only approximately.
 const EXTREMUM: f64 = 1.25;
@@ -76,15 +76,20 @@ impl Channel {
         let mut values = [0.0; PLACES];
         OPERATORS.values.apply(&Halves::of(&self.samples), 1.0, &mut values);
         let (mut lowest, mut highest) = lowest_and_highest(&values);
+        // A slope may be off by so much: near an extreme value at the border of a part it decides.
+        let off = self.off[0];
         for point in 0..POINTS - 1 {
-            let slope = |point| self.at[0][place_of(point)];
-            let (before, next) = (slope(point), slope(point + 1));
-            if before * next < 0.0 {
-                // It has an extreme value in between: about where the slope, taken as linear, is 0.
-                let step = width * OPERATORS.steps[point];
-                let beyond = EXTREMUM * before * step / 2.0 * before / (before - next);
-                let value = values[place_of(point)];
-                (lowest, highest) = (lowest.min(value + beyond), highest.max(value + beyond));
+            let (before, next) = (self.at[0][place_of(point)], self.at[0][place_of(point + 1)]);
+            let step = width * OPERATORS.steps[point];
+            let value = values[place_of(point)];
+            // Between points with slopes of opposite signs there is an extreme value: about where the slope, taken as
+            // linear, is 0.
+            let beyond = |before: f64, next: f64| EXTREMUM * before * step / 2.0 * before / (before - next);
+            if before + off > 0.0 && next - off < 0.0 {
+                highest = highest.max(value + beyond(before + off, next - off));
+            }
+            if before - off < 0.0 && next + off > 0.0 {
+                lowest = lowest.min(value + beyond(before - off, next + off));
             }
         }
         (lowest, highest)
