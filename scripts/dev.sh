@@ -123,7 +123,10 @@ verb_package() { #: package the crates under protocol/ that others can use, and 
         # The driver has no page of its own.
         [ "$crate" = protocol-linux ] || cargo package --quiet --locked --allow-dirty --list -p "$crate" | grep -qx README.md ||
             { echo "the package $crate has no README.md" >&2; return 1; }
+        # Cargo unpacks and compiles a version once; the packages of an earlier commit have the same one.
+        rm -rf "${CARGO_HOME:-$HOME/.cargo}"/registry/src/-*/"$crate"-[0-9]*
     done
+    cargo clean --quiet --locked --target-dir "$target" "${crates[@]/#/--package=}"
     CARGO_TARGET_DIR=$target cargo package --quiet --locked --allow-dirty "${crates[@]/#/--package=}"
     (cd "$target/package" && ls ./*.crate)
 }
@@ -631,7 +634,7 @@ demo_engine() {
 
 # demo_end: removes everything that verb_demo started.
 demo_end() {
-    demo_compose down --volumes --rmi local --remove-orphans >/dev/null 2>&1 || true
+    demo_compose down --volumes --rmi all --remove-orphans >/dev/null 2>&1 || true
     if [ -n "${DEMO_ENGINE:-}" ]; then
         local engine
         engine=$(cat "$DEMO_ENGINE/pid" 2>/dev/null || true)
@@ -648,7 +651,7 @@ demo_up() {
 }
 
 verb_demo() { #: the containers of docs/permissions.md for real, Setups A, B and C, REPS=1 of each type (as root)
-    export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" COMPOSE_PROJECT_NAME=skillbench-ci
+    export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" COMPOSE_PROJECT_NAME=skillbench-ci IMAGES=skillbench-ci
     export SETUP RUNS BENCH_USER=65534:65534
     trap demo_end EXIT
     docker info >/dev/null 2>&1 || demo_engine
@@ -665,7 +668,7 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setups A, B and
         grep -q -- '--features mcap' <<<"$output"
         demo_compose down
     done
-    docker images --format '{{.Repository}} {{.Size}}' | grep "^$COMPOSE_PROJECT_NAME"
+    docker images --format '{{.Repository}} {{.Size}}' | grep "^$IMAGES/"
 }
 
 verb_ci() { #: all of it but setup, timing and release

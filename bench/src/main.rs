@@ -12,15 +12,15 @@ use bench::verbs::{
     buses, calibrate, doctor, explore, gate, history, install, judge, long, measure, new, overhead, report,
     sensitivity, soak, sweep, timing,
 };
-use clap::{CommandFactory, Parser};
-use node::screen;
+use clap::CommandFactory;
+use node::{arguments, screen};
 
 fn main() -> ExitCode {
     if let Some(exit) = rig::run_as_node() {
         return exit;
     }
     screen::fit_terminal();
-    let cli = Cli::parse();
+    let cli: Cli = arguments::parse(std::env::args_os());
     let outcome = match &cli.command {
         None => measure::run(&cli.run),
         Some(Command::Buses(options)) => buses::run(options),

@@ -251,8 +251,13 @@ impl Programmed {
 #[derive(Debug, thiserror::Error)]
 pub enum CaseError {
     /// It is no TOML, or a key is wrong.
-    #[error("the case cannot be read: {0}")]
-    Format(#[from] toml::de::Error),
+    #[error("line {line}: {problem}")]
+    Format {
+        /// The line, from 1.
+        line: usize,
+        /// What was found and what was expected.
+        problem: String,
+    },
     /// It is of another version of the format.
     #[error("the case has schema {0}, this program reads schema {SCHEMA}")]
     Schema(u32),
@@ -271,7 +276,11 @@ impl Case {
     ///
     /// What is wrong with it, and where.
     pub fn parse(text: &str) -> Result<Self, CaseError> {
-        let case: Self = toml::from_str(text)?;
+        let case: Self = toml::from_str(text).map_err(|error: toml::de::Error| {
+            let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+            let line = before.matches('\n').count() + 1;
+            CaseError::Format { line, problem: setup::in_words(error.message()) }
+        })?;
         if case.schema == SCHEMA { Ok(case) } else { Err(CaseError::Schema(case.schema)) }
     }
 

@@ -29,7 +29,7 @@ pub mod table;
 pub mod timeline;
 pub mod verdicts;
 
-use std::fmt::Arguments;
+use std::fmt::{Arguments, Display};
 use std::process;
 
 pub use node::errln;
@@ -49,10 +49,33 @@ macro_rules! outln {
     ($($words:tt)*) => { $crate::out!("{}\n", format_args!($($words)*)) };
 }
 
+/// Returns an argument as a shell takes it, for commands that a reader may copy.
+#[must_use]
+pub fn in_shell(argument: impl Display) -> String {
+    let argument = argument.to_string();
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@%".contains(c);
+    if argument.chars().all(is_plain) {
+        return argument;
+    }
+    format!("'{}'", argument.replace('\'', r"'\''"))
+}
+
 /// Writes to standard output, for [`out!`]. Ends the program if writing fails although there is a reader.
 pub fn to_stdout(words: Arguments<'_>) {
     if let Err(error) = output::to_stdout(words) {
         errln!("error: cannot write to standard output: {error}");
         process::exit(Exit::Internal as i32);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shown_command_can_be_pasted_wherever_the_cell_is() {
+        assert_eq!(in_shell("cells/my-cell_1.toml"), "cells/my-cell_1.toml");
+        assert_eq!(in_shell("my cell/setup.toml"), "'my cell/setup.toml'");
+        assert_eq!(in_shell("it's $HOME"), r"'it'\''s $HOME'");
     }
 }

@@ -55,8 +55,8 @@ pub fn summary(results: &Results) -> Option<String> {
     let more = (sm.energy_proxy_s / cm.energy_proxy_s - 1.0) * 100.0;
     let word = if more < 0.0 { "less" } else { "more" };
     Some(format!(
-        "Single skills stop the arm {:.0} times between start and end, one MoveContinuousSkill {:.0} times; to accelerate and \
-         brake it they cost {:.0} % {word} by the energy proxy.",
+        "SM stops the arm {:.0} times between start and end, CM {:.0} times; to accelerate and brake it SM costs {:.0}\u{a0}% \
+         {word} by the energy proxy.",
         sm.stops,
         cm.stops,
         more.abs()

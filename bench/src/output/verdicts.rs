@@ -4,6 +4,7 @@
 use plc_node::ExecutionType;
 use serde::Serialize;
 
+use crate::output::figures::rounded;
 use crate::records::arms::Arms;
 use crate::records::calibrated::START_CYCLES;
 use crate::records::distance::{Distance, Estimate, REPRODUCED_WITHIN, distances};
@@ -97,7 +98,7 @@ fn in_errors(distance: &Distance) -> String {
 }
 
 fn signed(value: f64) -> String {
-    format!("{value:+.1}").replace('-', "−")
+    format!("{:+.1}", rounded(value, 1)).replace('-', "−")
 }
 
 /// Returns why CM's AET is RC's, for a run of the paper's cell; `None` for any other run.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct Attached {
     /// The PLC.
     pub plc: AttachedAt,
-    /// The robot; null if the robot is not a node of skillbench.
+    /// The robot; null if no robot node was attached, as where the robot is not one of skillbench's nodes.
     pub robot: Option<AttachedAt>,
 }
 
@@ -31,7 +31,7 @@ impl fmt::Display for Attached {
         write!(f, "PLC at {}; robot ", self.plc)?;
         match &self.robot {
             Some(robot) => write!(f, "at {robot}"),
-            None => f.write_str("not a node of skillbench"),
+            None => f.write_str("not attached"),
         }
     }
 }

@@ -49,6 +49,41 @@ impl MotionTotals {
     }
 }
 
+/// What a robot node told of its skills since a run was asked for. A run may begin with a move to the start, which is not
+/// part of it.
+#[derive(Debug, Default)]
+pub struct ToldSkills {
+    told: Vec<(u16, MotionTotals)>,
+    /// Number of the last command before those of the run, if the run has begun.
+    after: Option<u16>,
+}
+
+impl ToldSkills {
+    /// The PLC began the run: its skills have the numbers after this one.
+    pub fn begin_after(&mut self, number: u16) {
+        self.after = Some(number);
+    }
+
+    /// Adds what the robot node told of the skill of this number.
+    pub fn add(&mut self, number: u16, motions: u32, quality: Quality, account: Account) {
+        let mut totals = MotionTotals::default();
+        totals.add(motions, quality, account);
+        self.told.push((number, totals));
+    }
+
+    /// Returns the totals of the skills of the run.
+    #[must_use]
+    pub fn of_run(&self) -> MotionTotals {
+        // Numbers go round.
+        let is_of_run = |number: u16| self.after.is_none_or(|after| number.wrapping_sub(after) as i16 > 0);
+        let mut totals = MotionTotals::default();
+        for (_, of_skill) in self.told.iter().filter(|(number, _)| is_of_run(*number)) {
+            totals.add(of_skill.motions, of_skill.quality, of_skill.account);
+        }
+        totals
+    }
+}
+
 /// What host and bus did to both nodes during one run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Interference {
@@ -148,5 +183,30 @@ impl Health {
     pub const fn frames_lost(&self) -> u64 {
         let towards_plc = self.bus.lost.saturating_sub(self.robot_bus.skipped);
         towards_plc + self.robot_bus.lost.saturating_sub(self.bus.skipped)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_move_to_the_start_is_no_part_of_the_run_whenever_it_is_told() {
+        let (quality, account) = (Quality::default(), Account::default());
+        for (moved, run) in [(7, 8), (u16::MAX, 0)] {
+            for is_late in [false, true] {
+                let mut skills = ToldSkills::default();
+                if !is_late {
+                    skills.add(moved, 1, quality, account);
+                }
+                skills.begin_after(moved);
+                if is_late {
+                    skills.add(moved, 1, quality, account);
+                }
+                skills.add(run, 12, quality, account);
+                skills.add(run + 1, 1, quality, account);
+                assert_eq!(skills.of_run().motions, 13, "moved by {moved}, late: {is_late}");
+            }
+        }
     }
 }

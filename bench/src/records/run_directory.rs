@@ -8,22 +8,26 @@
 //! results.json      the results so far, replaced as a whole
 //! trace-*.csv       both nodes tick by tick in the first repetition of each type
 //! report.html       the report
-//! race.html         the three arms side by side
+//! race.html         the arms side by side
 //! ```
 
 use std::fs::{self, File, OpenOptions};
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
-use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::fs::{Access, CWD, RenameFlags, access, renameat_with};
 use setup::Setup;
 
 use crate::records::conditions::Measured;
 use crate::records::host::date;
 use crate::records::results::{Results, SCHEMA_VERSION};
 use crate::records::schedule::Step;
+
+/// First line of the samples.
+const SAMPLES_HEAD: &str =
+    "type,repetition,execution_ms,robot_execution_ms,blends_suppressed,plc_missed,robot_missed,error\n";
 
 /// How safely a repetition is stored before the next one starts.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -60,6 +64,8 @@ impl Occupied {
 #[derive(Debug)]
 pub struct RunDirectory {
     path: PathBuf,
+    /// Whether the bench made the directory, and not its user.
+    is_own: bool,
     samples: File,
     /// Length of the completely written samples, in bytes.
     samples_len: u64,
@@ -76,19 +82,39 @@ impl RunDirectory {
         durability: Durability,
     ) -> anyhow::Result<Self> {
         Occupied::check(path)?;
+        let is_own = !path.exists();
         fs::create_dir_all(path).with_context(|| {
             format!("cannot make the run directory {}; choose another by --out", path.display())
         })?;
         let samples_path = path.join("samples.csv");
         let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
         let samples = samples.with_context(|| format!("cannot write {}", samples_path.display()))?;
-        let mut directory = Self { path: path.to_owned(), samples, samples_len: 0, durability };
-        directory.append("type,repetition,execution_ms,robot_execution_ms,blends_suppressed,plc_missed,robot_missed,error\n")?;
+        let mut directory = Self { path: path.to_owned(), is_own, samples, samples_len: 0, durability };
+        directory.append(SAMPLES_HEAD)?;
         let mut setup = setup.clone();
         setup.application = "application.toml".to_owned();
         directory.write("setup.toml", &setup::setup_to_toml(&setup)?)?;
         directory.write("application.toml", application)?;
         Ok(directory)
+    }
+
+    /// Removes the directory of a run that ended before its first repetition began, unless it holds more than the
+    /// description of that run: what a node recorded stays, and so does a directory of the user's.
+    pub fn discard(self) {
+        let described = ["samples.csv", "setup.toml", "application.toml", "host.json", "results.json"];
+        let is_described = |entry: &fs::DirEntry| described.iter().any(|name| entry.file_name() == *name);
+        let Ok(entries) = fs::read_dir(&self.path).and_then(Iterator::collect::<io::Result<Vec<_>>>) else {
+            return;
+        };
+        if self.samples_len > SAMPLES_HEAD.len() as u64 || !entries.iter().all(is_described) {
+            return;
+        }
+        for entry in entries {
+            let _ = fs::remove_file(entry.path());
+        }
+        if self.is_own {
+            let _ = fs::remove_dir(&self.path);
+        }
     }
 
     /// Writes a file that is never replaced.
@@ -148,7 +174,7 @@ pub fn results(directory: &Path) -> anyhow::Result<Results> {
     let path = directory.join("results.json");
     let text = match fs::read_to_string(&path) {
         Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let shown = directory.display();
             return Err(if directory.join("samples.csv").exists() {
                 anyhow!(
@@ -161,6 +187,12 @@ pub fn results(directory: &Path) -> anyhow::Result<Results> {
             } else {
                 anyhow!("there is no run directory {shown}; name one, such as one below runs/")
             });
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
+            return Err(anyhow!(
+                "{} is a file; name a run directory, such as one below runs/",
+                directory.display()
+            ));
         }
         Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
     };
@@ -195,17 +227,31 @@ pub fn default_path(setup: &str, what: &str, started: SystemTime) -> PathBuf {
     std::iter::once(PathBuf::from(&name)).chain(numbered).find(|path| !path.exists()).unwrap_or_default()
 }
 
-/// Creates the directory of a study, which contains figures of many virtual runs but no run, and writes the setup
-/// that it varies.
+/// Creates the directory of a study, which contains figures of many virtual runs but no run.
 ///
 /// # Errors
 ///
-/// It contains a run, or cannot be written.
-pub fn create_for_study(path: &Path, setup: &Setup) -> anyhow::Result<()> {
+/// It contains a run, or nothing can be written to it.
+pub fn make_for_study(path: &Path) -> anyhow::Result<()> {
     Occupied::check(path)?;
     fs::create_dir_all(path)
         .with_context(|| format!("cannot make the directory {}; choose another by --out", path.display()))?;
-    replace(&path.join("setup.toml"), &setup::setup_to_toml(setup)?, Durability::Written)
+    check_writable(path)
+}
+
+/// Checks that files can be written to a directory.
+///
+/// # Errors
+///
+/// It is missing, or this user may not write to it.
+pub fn check_writable(directory: &Path) -> anyhow::Result<()> {
+    access(directory, Access::WRITE_OK | Access::EXEC_OK)
+        .with_context(|| format!("cannot write to {}; choose another directory", directory.display()))
+}
+
+/// Writes the setup that a study varies.
+pub fn write_setup(directory: &Path, setup: &Setup) -> anyhow::Result<()> {
+    replace(&directory.join("setup.toml"), &setup::setup_to_toml(setup)?, Durability::Written)
 }
 
 /// Replaces a file as a whole: a reader sees either the old or the new content, also if this process is killed or the
@@ -237,7 +283,7 @@ pub fn replace(path: &Path, content: impl AsRef<[u8]>, durability: Durability) -
 /// Gives `new` the name of the file that it replaces. If a file is renamed over another one, ext4 writes its data to
 /// disk at once, as if it had to survive a power failure: more than a millisecond after each repetition, a seventh of
 /// a virtual run. Exchanging two names is as atomic and costs nothing.
-fn put_in_place(new: &Path, path: &Path) -> std::io::Result<()> {
+fn put_in_place(new: &Path, path: &Path) -> io::Result<()> {
     // An exchange would also accept a directory in place of a file.
     let replaces_file = fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
     if replaces_file && renameat_with(CWD, new, CWD, path, RenameFlags::EXCHANGE).is_ok() {

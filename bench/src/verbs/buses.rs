@@ -1,6 +1,7 @@
 //! `bench buses`: the same arm and application over every bus, in virtual time: execution times, and how long a reaction
 //! over the bus takes beside the least and the most that its cycles allow.
 
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::Args;
@@ -10,6 +11,7 @@ use plc_node::ExecutionType;
 use setup::Setup;
 
 use super::each_bus::over_each_bus;
+use super::event_loop::{interrupted, watch_for_interrupt};
 use super::jobs;
 use super::setup_option::SetupOption;
 use crate::outln;
@@ -66,8 +68,15 @@ pub fn run(options: &BusesOptions) -> Result<Exit, Failure> {
         setup::check(variant)?;
     }
     let measure = |(bus, setup): &(&'static str, Setup)| row(bus, setup, &found.application, options);
-    let rows = jobs::run("buses", options.quiet, &variants, measure)?;
-    outln!("{}", render(&setup, &found.application.name, options, &rows));
+    let is_interrupted = watch_for_interrupt()?;
+    let rows = jobs::run("buses", options.quiet, &is_interrupted, &variants, measure)?;
+    let rows: Vec<Row> = rows.into_iter().flatten().collect();
+    if !rows.is_empty() {
+        outln!("{}", render(&setup, &found.application.name, options, &rows));
+    }
+    if is_interrupted.load(Ordering::Relaxed) {
+        return Ok(interrupted(rows.len(), variants.len(), "buses"));
+    }
     Ok(Exit::Pass)
 }
 

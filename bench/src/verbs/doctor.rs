@@ -124,21 +124,28 @@ fn table(findings: &[Finding]) -> String {
         screen::wrapped(&format!(" {verdict:<7}  {what:<longest$}  {found}"), 0, longest + 12)
     };
     let mut text = findings.iter().map(line).collect::<Vec<_>>().join("\n");
-    for Finding { what, fix, .. } in findings {
-        if let Some(fix) = fix {
+    // Neighbours that need the same are told it once.
+    let what_to_do = findings.iter().filter(|finding| finding.fix.is_some()).collect::<Vec<_>>();
+    for same in what_to_do.chunk_by(|one, other| one.fix == other.fix) {
+        let whats: Vec<_> = same.iter().map(|finding| finding.what).collect();
+        if let Some(fix) = same.first().and_then(|finding| finding.fix.as_ref()) {
             text += "\n\n";
-            text += &screen::wrapped(&format!("{what}: {fix}"), 0, 0);
+            text += &screen::wrapped(&format!("{}: {fix}", whats.join(", ")), 0, 0);
         }
     }
     let worst = findings.iter().map(|finding| finding.verdict);
     text += "\n\n";
-    text += if worst.clone().any(|verdict| verdict == Verdict::Missing) {
-        "Real mode does not run here; `--mode virtual` does."
-    } else if worst.clone().any(|verdict| verdict == Verdict::Limited) {
-        "Real mode runs here, within these limits; `--mode virtual` has none."
-    } else {
-        "Real mode runs here as well as it can."
-    };
+    text += &screen::wrapped(
+        if worst.clone().any(|verdict| verdict == Verdict::Missing) {
+            "Real mode does not run here; `--mode virtual` does."
+        } else if worst.clone().any(|verdict| verdict == Verdict::Limited) {
+            "Real mode runs here, within these limits; `--mode virtual` has none."
+        } else {
+            "Real mode runs here as well as it can."
+        },
+        0,
+        0,
+    );
     text
 }
 
@@ -361,6 +368,10 @@ mod tests {
 
         Real mode runs here, within these limits; `--mode virtual` has none.
         ");
+        let twice = ["real-time priority", "locked memory"]
+            .map(|what| Finding::limited(what, "refused", "give this user `rtprio 49`"));
+        assert_eq!(table(&twice).matches("rtprio 49").count(), 1);
+        assert!(table(&twice).contains("\nreal-time priority, locked memory: give this user `rtprio 49`\n"));
         let refused = Finding::missing("network namespaces", "refused", "run as root");
         assert!(table(&[refused]).ends_with("Real mode does not run here; `--mode virtual` does."));
     }

@@ -1,8 +1,17 @@
 //! The event loop of a verb, and the signals that end it.
 
+use std::process;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
 use anyhow::Context as _;
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{SignalKind, signal};
+
+use crate::output::errln;
+use crate::output::exit::Exit;
 
 /// Creates the event loop: one thread, with timers and pipes.
 pub(super) fn event_loop() -> anyhow::Result<Runtime> {
@@ -19,4 +28,35 @@ pub(super) fn interrupt() -> anyhow::Result<impl Future<Output = ()>> {
             _ = terminated.recv() => {}
         }
     })
+}
+
+/// Time in which a second signal belongs to the first: `timeout` sends two.
+const TOGETHER: Duration = Duration::from_millis(500);
+
+/// Returns a flag that the first Ctrl-C or SIGTERM sets, so that jobs can end and the results so far be printed. A later
+/// one ends the process, since a job may be long.
+pub(super) fn watch_for_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+    let runtime = event_loop()?;
+    let first = runtime.block_on(async { interrupt() })?;
+    let flag = Arc::new(AtomicBool::new(false));
+    let set = Arc::clone(&flag);
+    thread::spawn(move || {
+        runtime.block_on(async {
+            first.await;
+            set.store(true, Ordering::Relaxed);
+            tokio::time::sleep(TOGETHER).await;
+            errln!("ending what has begun; Ctrl-C again ends at once");
+            if let Ok(second) = interrupt() {
+                second.await;
+                process::exit(Exit::Interrupted as i32);
+            }
+        });
+    });
+    Ok(flag)
+}
+
+/// Reports how much was done before an interrupt.
+pub(super) fn interrupted(done: usize, all: usize, things: &str) -> Exit {
+    errln!("interrupted, {done} of {all} {things}");
+    Exit::Interrupted
 }

@@ -9,6 +9,7 @@ use clap_complete::Shell;
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
 use crate::output::to_stdout;
+use crate::verbs::directory;
 
 /// Options of the completions.
 #[derive(Args, Debug)]
@@ -51,8 +52,7 @@ pub fn completions(options: &CompletionsOptions, bench: Command) -> Result<Exit,
 /// They cannot be written.
 pub fn man(options: &ManOptions, bench: Command) -> Result<Exit, Failure> {
     let directory = &options.directory;
-    std::fs::create_dir_all(directory)
-        .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+    directory::make(directory)?;
     for program in programs(bench) {
         clap_mangen::generate_to(program, directory)
             .with_context(|| format!("cannot write manual pages into {}", directory.display()))?;

@@ -1,7 +1,7 @@
 //! Runs many independent virtual runs on all cores, with a line of progress.
 
 use std::io::{self, IsTerminal};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -13,8 +13,8 @@ use crate::output::errln;
 /// Shortest interval between two lines of progress.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
 
-/// Runs all jobs, at most one per core at a time, and returns their results in the order of the jobs. The first error
-/// ends it.
+/// Runs all jobs, at most one per core at a time, and returns their results in the order of the jobs: `None` for a job
+/// that was not started before `interrupted` was set. The first error ends it.
 ///
 /// # Errors
 ///
@@ -22,17 +22,18 @@ const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
 pub(super) fn run<J: Sync, R: Send>(
     name: &str,
     quiet: bool,
+    interrupted: &AtomicBool,
     jobs: &[J],
     work: impl Fn(&J) -> anyhow::Result<R> + Sync,
-) -> anyhow::Result<Vec<R>> {
+) -> anyhow::Result<Vec<Option<R>>> {
     let mut results: Vec<Option<R>> = jobs.iter().map(|_| None).collect();
-    Pool { name, quiet, threads: None }.each(jobs, work, |index, result| {
+    Pool { name, quiet, threads: None, interrupted }.each(jobs, work, |index, result| {
         if let Some(slot) = results.get_mut(index) {
             *slot = Some(result);
         }
         Ok(())
     })?;
-    Ok(results.into_iter().flatten().collect())
+    Ok(results)
 }
 
 /// Options for running jobs.
@@ -43,11 +44,13 @@ pub(super) struct Pool<'a> {
     pub(super) quiet: bool,
     /// How many at a time; `None` for one per core.
     pub(super) threads: Option<u16>,
+    /// Set when no further job is to start.
+    pub(super) interrupted: &'a AtomicBool,
 }
 
 impl Pool<'_> {
-    /// Runs all jobs, and calls `done` with the number and the result of each, in the order in which they end. The
-    /// first error ends it.
+    /// Runs all jobs until an interrupt, and calls `done` with the number and the result of each, in the order in which
+    /// they end. The first error ends it.
     ///
     /// # Errors
     ///
@@ -65,9 +68,10 @@ impl Pool<'_> {
         thread::scope(|scope| {
             let (ended, outcomes) = mpsc::channel();
             for _ in 0..workers {
-                let (ended, next, work) = (ended.clone(), &next, &work);
+                let (ended, next, work, interrupted) = (ended.clone(), &next, &work, self.interrupted);
                 scope.spawn(move || {
                     while let Some((index, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
+                        .filter(|_| !interrupted.load(Ordering::Relaxed))
                         .and_then(|index| Some((index, jobs.get(index)?)))
                     {
                         // After a job failed, the receiver of the results is gone.
@@ -156,9 +160,24 @@ mod tests {
     fn results_have_the_order_of_the_jobs_and_an_error_ends_the_rest() {
         let jobs: Vec<u64> = (0..100).collect();
         let square = |job: &u64| if *job == 200 { anyhow::bail!("too much") } else { Ok(job * job) };
-        let squares = run("squares", true, &jobs, square).unwrap();
-        assert!(squares.iter().zip(&jobs).all(|(square, job)| *square == job * job));
-        let failed = run("squares", true, &[1, 200, 3], square).unwrap_err();
+        let go_on = AtomicBool::new(false);
+        let squares = run("squares", true, &go_on, &jobs, square).unwrap();
+        assert!(squares.iter().zip(&jobs).all(|(square, job)| *square == Some(job * job)));
+        let failed = run("squares", true, &go_on, &[1, 200, 3], square).unwrap_err();
         assert_eq!(failed.to_string(), "too much");
+    }
+
+    #[test]
+    fn after_an_interrupt_no_job_starts_and_those_that_ran_keep_their_results() {
+        let (interrupted, jobs): (_, Vec<u64>) = (AtomicBool::new(false), (0..1_000).collect());
+        let results = run("jobs", true, &interrupted, &jobs, |job| {
+            interrupted.store(true, Ordering::Relaxed);
+            Ok(*job)
+        });
+        let results = results.unwrap();
+        assert_eq!(results.first(), Some(&Some(0)));
+        let cores = thread::available_parallelism().unwrap().get();
+        let done: Vec<u64> = results.iter().copied().flatten().collect();
+        assert!((1..=cores).contains(&done.len()) && results.len() == jobs.len(), "{done:?}");
     }
 }

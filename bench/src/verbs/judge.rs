@@ -3,9 +3,7 @@
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
 use std::time::Instant;
 
 use ::judge::{Case, Class, Outcome, Tally, Violation, generator, hunt, shrink};
@@ -17,7 +15,8 @@ use setup::Setup;
 use crate::outln;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
-use crate::verbs::event_loop::{event_loop, interrupt};
+use crate::verbs::directory;
+use crate::verbs::event_loop::{interrupted, watch_for_interrupt};
 use crate::verbs::jobs;
 
 /// Default number of lists.
@@ -56,8 +55,8 @@ pub struct JudgeOptions {
     /// Directory for cases that break a law: three of each law, each shrunk to what is needed.
     #[arg(long, value_name = "DIR", default_value = "judged")]
     pub out: PathBuf,
-    /// Laws that are not checked.
-    #[arg(long, value_name = "LAW,…", num_args = 1.., value_parser = list(law))]
+    /// Laws that are not checked; commas or blanks between them.
+    #[arg(long, value_name = "LAW", num_args = 1.., value_parser = list(law))]
     pub ignore: Vec<List<Class>>,
     /// Print the result only: no progress.
     #[arg(long, short)]
@@ -67,7 +66,7 @@ pub struct JudgeOptions {
 fn law(name: &str) -> Result<Class, String> {
     Class::ALL.into_iter().find(|class| class.name() == name).ok_or_else(|| {
         let names: Vec<&str> = Class::ALL.into_iter().map(Class::name).collect();
-        format!("there is no law of this name; there are {}", names.join(", "))
+        format!("there is no law `{name}`; the laws are {}", names.join(", "))
     })
 }
 
@@ -112,36 +111,18 @@ fn run_lists(options: &JudgeOptions, setup: &Setup, classes: &[Class]) -> Result
     let chunks: Vec<Range<u64>> = (0..options.lists.div_ceil(CHUNK))
         .map(|chunk| chunk * CHUNK..((chunk + 1) * CHUNK).min(options.lists))
         .collect();
-    let tallies = jobs::run("judge", options.quiet, &chunks, |numbers| {
-        if is_interrupted.load(Ordering::Relaxed) {
-            return Ok(Tally::default());
-        }
+    let tallies = jobs::run("judge", options.quiet, &is_interrupted, &chunks, |numbers| {
         hunt(generator::any_case, setup, options.seed, numbers.clone(), classes)
             .context("a random arm makes no sense")
     })?;
     let mut tally = Tally::default();
-    tallies.into_iter().for_each(|one| tally.add(one));
+    tallies.into_iter().flatten().for_each(|one| tally.add(one));
     print(&tally, options, setup, started);
     write_cases(options, setup, classes, &tally)?;
     if is_interrupted.load(Ordering::Relaxed) {
-        errln!("interrupted after {} of {} lists", tally.cases, options.lists);
-        return Ok(Exit::Interrupted);
+        return Ok(interrupted(tally.cases as usize, options.lists as usize, "lists"));
     }
     Ok(if tally.found.is_empty() { Exit::Pass } else { Exit::RunFailed })
-}
-
-/// Returns a flag that the first Ctrl-C or SIGTERM sets. Lists that are running are finished, and the results so far are
-/// printed.
-fn watch_for_interrupt() -> Result<Arc<AtomicBool>, Failure> {
-    let runtime = event_loop()?;
-    let signalled = runtime.block_on(async { interrupt() })?;
-    let flag = Arc::new(AtomicBool::new(false));
-    let set = Arc::clone(&flag);
-    thread::spawn(move || {
-        runtime.block_on(signalled);
-        set.store(true, Ordering::Relaxed);
-    });
-    Ok(flag)
 }
 
 fn print(tally: &Tally, options: &JudgeOptions, setup: &Setup, started: Instant) {
@@ -178,18 +159,19 @@ fn write_cases(
     if chosen.is_empty() {
         return Ok(());
     }
-    fs::create_dir_all(&options.out).with_context(|| format!("cannot create {}", options.out.display()))?;
-    let lines = jobs::run("shrink", options.quiet, &chosen, |(number, violation)| {
-        let case = generator::any_case(setup, options.seed, *number);
-        let (mut case, least) = shrink::shrink(&case, violation, setup, classes);
-        case.setup.clone_from(&options.setup);
-        case.found = format!("{least} (list {number} of seed {})", options.seed);
-        let name = format!("{}-{}-{number}.toml", setup.name, least.class.name());
-        let path = options.out.join(name);
-        let text = case.to_toml().context("cannot write a case as TOML")?;
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        Ok(format!("{}: {least}", path.display()))
-    })?;
-    lines.iter().for_each(|line| outln!("{line}"));
+    directory::make(&options.out)?;
+    let lines =
+        jobs::run("shrink", options.quiet, &AtomicBool::new(false), &chosen, |(number, violation)| {
+            let case = generator::any_case(setup, options.seed, *number);
+            let (mut case, least) = shrink::shrink(&case, violation, setup, classes);
+            case.setup.clone_from(&options.setup);
+            case.found = format!("{least} (list {number} of seed {})", options.seed);
+            let name = format!("{}-{}-{number}.toml", setup.name, least.class.name());
+            let path = options.out.join(name);
+            let text = case.to_toml().context("cannot write a case as TOML")?;
+            fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            Ok(format!("{}: {least}", path.display()))
+        })?;
+    lines.iter().flatten().for_each(|line| outln!("{line}"));
     Ok(())
 }

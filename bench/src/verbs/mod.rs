@@ -2,6 +2,7 @@
 
 pub mod buses;
 pub mod calibrate;
+mod directory;
 pub mod doctor;
 mod each_bus;
 mod event_loop;

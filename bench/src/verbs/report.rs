@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::outln;
+use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
-use crate::output::report::{self, Comparison};
+use crate::output::report::{self, Comparison, Pages};
 use crate::records::run_directory::{Durability, replace};
 
 /// Options of a report that is drawn again.
@@ -26,14 +27,18 @@ pub struct ReportOptions {
 ///
 /// There is no run, it has another version, or the report cannot be written; the old report is then kept.
 pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
-    let path = match &options.out {
-        None => report::write(&options.run).map_err(as_it_was)?.report,
+    let (path, lacks) = match &options.out {
+        None => {
+            let Pages { report, lacks, .. } = report::write(&options.run).map_err(as_it_was)?;
+            (report, lacks)
+        }
         Some(path) => {
-            let html = report::render(&options.run)?;
+            let (html, lacks) = report::render(&options.run)?;
             replace(path, &html, Durability::Synced).map_err(|error| as_it_was(error.into()))?;
-            path.clone()
+            (path.clone(), lacks)
         }
     };
+    lacks.iter().for_each(|lack| errln!("warning: the report is not complete: {lack}"));
     outln!("{}", path.display());
     Ok(Exit::Pass)
 }

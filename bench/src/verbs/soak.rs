@@ -2,6 +2,7 @@
 //! repetition, and checks that memory and descriptors of this process do not grow.
 
 use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -10,9 +11,11 @@ use node::list::{List, flat};
 use plc_node::ExecutionType;
 use setup::Setup;
 
+use super::event_loop::watch_for_interrupt;
 use super::jobs::Pool;
 use super::setup_option::SetupOption;
 use crate::outln;
+use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::records::faults::{self, Fault};
 use crate::records::mode::Mode;
@@ -44,8 +47,8 @@ pub struct SoakOptions {
     /// Minutes of the plant after which a cell is switched off, and another one with the next seed is switched on.
     #[arg(long, value_name = "N", default_value_t = 60.0)]
     pub life_minutes: f64,
-    /// Faults of every life.
-    #[arg(long, value_name = "FAULT,...", default_value = BACKGROUND, num_args = 1..)]
+    /// Faults of every life; commas or blanks between them.
+    #[arg(long, value_name = "FAULT", default_value = BACKGROUND, num_args = 1..)]
     pub fault: Vec<List<Fault>>,
     /// Seed of the first life.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -96,10 +99,12 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
     let seeds: Vec<u64> = (0..lives).map(|life| options.seed.wrapping_add(life)).collect();
     let life = Duration::from_secs_f64(life * 60.0);
     let (mut all, mut held) = (Counts::default(), Vec::new());
-    let pool = Pool { name: "soak", quiet: options.quiet, threads: options.threads };
+    let is_interrupted = watch_for_interrupt()?;
+    let pool =
+        Pool { name: "soak", quiet: options.quiet, threads: options.threads, interrupted: &is_interrupted };
     pool.each(
         &seeds,
-        |seed| live(&setup, &planned, &faults, *seed, life),
+        |seed| live(&setup, &planned, &faults, *seed, life, &is_interrupted),
         |_, counts| {
             all.add(counts);
             held.push(Held::now()?);
@@ -107,18 +112,23 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
         },
     )?;
     let growth = Growth::of(&held);
-    outln!("Setup {}, {} {growth}", setup.name, all.summary(lives, started.elapsed()));
+    outln!("Setup {}, {} {growth}", setup.name, all.summary(held.len(), started.elapsed()));
+    if is_interrupted.load(Ordering::Relaxed) {
+        errln!("interrupted in life {} of {lives}", held.len());
+        return Ok(if all.altered == 0 { Exit::Interrupted } else { Exit::RunFailed });
+    }
     let is_well = all.altered == 0 && all.passed > 0 && growth.is_none();
     Ok(if is_well { Exit::Pass } else { Exit::RunFailed })
 }
 
-/// Runs a cell with these faults for this time: one repetition of each type after the other.
+/// Runs a cell with these faults for this time, or until an interrupt: one repetition of each type after the other.
 fn live(
     setup: &Setup,
     planned: &PlannedCell,
     faults: &[Fault],
     seed: u64,
     life: Duration,
+    is_interrupted: &AtomicBool,
 ) -> anyhow::Result<Counts> {
     let extras = Extras { faults: faults.to_vec(), ..Extras::default() };
     let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, faults)?;
@@ -143,7 +153,7 @@ fn live(
                 run.recover().with_context(|| format!("seed {seed}, after: {error:#}"))?;
             }
         }
-        if run.plant_time() >= life {
+        if run.plant_time() >= life || is_interrupted.load(Ordering::Relaxed) {
             break;
         }
     }
@@ -161,7 +171,7 @@ impl Counts {
         self.difference = self.difference.take().or(other.difference);
     }
 
-    fn summary(&self, lives: u64, host: Duration) -> String {
+    fn summary(&self, lives: usize, host: Duration) -> String {
         let Self { plant, passed, refused, reason, altered, difference } = self;
         let hours = plant.as_secs_f64() / 3_600.0;
         let first =
@@ -239,7 +249,8 @@ mod tests {
             let (setup, found) = planning::setup_with_application(setup).unwrap();
             let planned = PlannedCell::of(&setup, &found.application).unwrap();
             let faults: Vec<Fault> = BACKGROUND.split(',').map(|fault| fault.parse().unwrap()).collect();
-            let counts = live(&setup, &planned, &faults, 1, Duration::from_secs(60)).unwrap();
+            let go_on = AtomicBool::new(false);
+            let counts = live(&setup, &planned, &faults, 1, Duration::from_secs(60), &go_on).unwrap();
             assert!(counts.plant >= Duration::from_secs(60) && counts.passed > 5, "{counts:?}");
             assert_eq!(counts.altered, 0, "{counts:?}");
         }

@@ -3,10 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use anyhow::ensure;
 use clap::Args;
 use setup::Setup;
 
+use crate::output::exit::Exit;
 use crate::records::run_directory::{self, Durability, replace};
+use crate::verbs::event_loop;
 use crate::verbs::setup_option::SetupOption;
 
 /// Options of every study.
@@ -33,22 +36,31 @@ pub struct StudyOptions {
 }
 
 impl StudyOptions {
-    /// Saves the results of the study `name` into a directory, and to the other requested files. Returns the
-    /// directory.
+    /// Creates the directory for the results of the study `name`, and checks that all its files can be written: it may take an
+    /// hour, and the files are written at its end.
     ///
     /// # Errors
     ///
-    /// The directory contains a run, or a file cannot be written.
-    pub fn save(
-        &self,
-        name: &str,
-        setup: &Setup,
-        started: SystemTime,
-        found: Found<'_>,
-    ) -> anyhow::Result<PathBuf> {
+    /// The directory contains a run, or a file could not be written.
+    pub fn prepare(&self, name: &str, setup: &Setup, started: SystemTime) -> anyhow::Result<PathBuf> {
         let default = || run_directory::default_path(&setup.name, name, started);
         let directory = self.out.clone().unwrap_or_else(default);
-        run_directory::create_for_study(&directory, setup)?;
+        run_directory::make_for_study(&directory)?;
+        for file in [&self.export_json, &self.export_csv].into_iter().flatten() {
+            ensure!(!file.is_dir(), "{} is a directory; name a file", file.display());
+            let parent = file.parent().filter(|parent| !parent.as_os_str().is_empty());
+            run_directory::check_writable(parent.unwrap_or(Path::new(".")))?;
+        }
+        Ok(directory)
+    }
+
+    /// Saves the results of the study `name` into its directory, and to the other requested files.
+    ///
+    /// # Errors
+    ///
+    /// A file cannot be written.
+    pub fn save(&self, directory: &Path, name: &str, setup: &Setup, found: Found<'_>) -> anyhow::Result<()> {
+        run_directory::write_setup(directory, setup)?;
         let here = |extension: &str| directory.join(name).with_extension(extension);
         let Found { json, csv, page } = found;
         if let Some(page) = page {
@@ -57,9 +69,24 @@ impl StudyOptions {
         write(&here("json"), json)?;
         write(&here("csv"), csv)?;
         self.export_json.as_deref().map_or(Ok(()), |path| write(path, json))?;
-        self.export_csv.as_deref().map_or(Ok(()), |path| write(path, csv))?;
-        Ok(directory)
+        self.export_csv.as_deref().map_or(Ok(()), |path| write(path, csv))
     }
+}
+
+/// Returns how a study ended that is saved, and reports how much was done if that is not all.
+pub(super) fn ended(done: usize, all: usize, things: &str) -> Exit {
+    if done < all { event_loop::interrupted(done, all, things) } else { Exit::Pass }
+}
+
+/// Reports an interrupt before there was a figure, and removes the study's directory unless the user has something in it.
+pub(super) fn interrupted(directory: &Path, all: usize, things: &str) -> Exit {
+    let _ = std::fs::remove_dir(directory);
+    event_loop::interrupted(0, all, things)
+}
+
+/// Returns how much of a study an interrupt left, for what tells its conditions; nothing of a whole one.
+pub(super) fn part(done: usize, all: usize, things: &str) -> String {
+    if done < all { format!(" \u{b7} interrupted, {done} of {all} {things}") } else { String::new() }
 }
 
 /// Results of a study, in the formats of its files.

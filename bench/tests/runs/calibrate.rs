@@ -81,6 +81,6 @@ fn a_built_in_setup_is_not_written_and_one_without_figures_is_not_calibrated() {
     let without = format!("{}{}", &shipped("A")[..figures], &shipped("A")[plc..]);
     std::fs::write(place.path().join("mine.toml"), without).unwrap();
     let finished = calibrate(place.path(), "--setup mine.toml");
-    insta::assert_snapshot!(finished.stderr, @"error: setup A has no [paper] figures to calibrate on");
-    assert_ne!(finished.code, Some(0));
+    insta::assert_snapshot!(finished.stderr, @"error: setup A has no section [paper], and calibration needs its figures: give rc, sm and cm there, or calibrate a setup that has them, such as A");
+    assert_eq!(finished.code, Some(2));
 }

@@ -19,6 +19,47 @@ fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
     insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B, C, D; or give the path of a .toml file");
 }
 
+#[test]
+fn a_measurement_that_ends_before_its_first_repetition_leaves_no_run_and_keeps_a_directory_of_the_user() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::create_dir(directory.path().join("mine")).unwrap();
+    let attached = ["--attach", "plc=127.0.0.1:9", "--reps", "1"];
+    let exported = ["--mode", "virtual", "--reps", "1", "--export-json", "nowhere/results.json"];
+    for (arguments, code, reason) in [
+        (&attached[..], 5, "no plc-node answers at 127.0.0.1:9"),
+        (&exported, 1, "cannot write nowhere/results.json"),
+    ] {
+        for out in ["new", "mine"] {
+            let finished = bench(directory.path(), [arguments, &["--out", out]].concat());
+            assert_eq!(finished.code, Some(code), "{}", finished.stderr);
+            assert!(finished.stderr.contains(reason), "{}", finished.stderr);
+        }
+        assert!(!directory.path().join("new").exists());
+        assert_eq!(fs::read_dir(directory.path().join("mine")).unwrap().count(), 0);
+    }
+}
+
+#[test]
+fn a_file_in_place_of_a_directory_or_of_a_case_is_refused_with_what_would_do() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("file"), "").unwrap();
+    for arguments in [
+        &["new", "file"][..],
+        &["man", "file"],
+        &["explore", "--out", "file"],
+        &["overhead", "--out", "file"],
+    ] {
+        let finished = bench(directory.path(), arguments);
+        assert_eq!(finished.code, Some(2), "{}", finished.stderr);
+        insta::allow_duplicates!(
+            insta::assert_snapshot!(finished.stderr, @"error: file is a file; name another directory")
+        );
+    }
+    let case = bench(directory.path(), ["judge", "--case", "file"]);
+    assert_eq!(case.code, Some(2), "{}", case.stderr);
+    insta::assert_snapshot!(case.stderr, @"error: file: line 1: missing key `schema`");
+}
+
 /// Runs Setup C in virtual mode, with these lines in its section of the bus.
 fn setup_c_with(lines: &str, options: &[&str]) -> Finished {
     let directory = tempfile::tempdir().unwrap();
@@ -89,7 +130,16 @@ fn output_to_a_full_disk_is_an_error_and_the_run_is_saved() {
 #[test]
 fn the_error_for_an_unknown_execution_type_lists_the_existing_ones() {
     insta::assert_snapshot!(refused(&["--types", "rc,xm"]), @"
-    error: invalid value 'rc,xm' for '--types <TYPES>...': there is no execution type `xm`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill
+    error: invalid value 'rc,xm' for '--types <TYPE>...': there is no execution type `xm`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill
+
+    For more information, try '--help'.
+    ");
+}
+
+#[test]
+fn an_empty_list_is_refused_and_measures_nothing() {
+    insta::assert_snapshot!(refused(&["--types", ""]), @"
+    error: invalid value '' for '--types <TYPE>...': it holds no value; leave the option out for its default
 
     For more information, try '--help'.
     ");

@@ -38,6 +38,8 @@ fn no_single_fault_of_any_kind_lets_an_altered_run_pass_or_keeps_the_next_one_fr
             assert_eq!(row[row.len() - 4..], ["0"; 4], "too late, stuck, altered, panicked: {said}");
         }
         assert!(said.contains("0 ended otherwise"), "{said}");
+        let sentence: Vec<_> = said.lines().skip_while(|line| !line.starts_with("Of ")).collect();
+        assert!(sentence.iter().take(2).all(|line| line.chars().count() <= 100), "{said}");
         let page = fs::read_to_string(place.path().join("out/explore.html")).unwrap();
         assert!(page.contains("to PLC, robot restarts") && page.contains("--fault to-robot:restart-robot="));
     }

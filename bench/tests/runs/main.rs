@@ -9,6 +9,7 @@ mod program;
 
 mod altered_image;
 mod applications;
+mod arguments;
 mod broken_files;
 mod calibrate;
 mod captures;

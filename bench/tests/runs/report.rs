@@ -92,6 +92,9 @@ fn with_enough_repetitions_each_figure_has_its_distance_from_the_papers() {
         assert!(distance.contains(figure), "{figure}: {distance}");
     }
     assert!(distance.contains("3725.0 ± 0.9") && distance.contains("+4.0 ± 1.2"), "{distance}");
+    let differences = distance.matches("<td data-label=\"difference\">").count();
+    let empty = distance.matches("<td data-label=\"difference\"></td>").count();
+    assert_eq!((differences, empty), (7, 0), "{distance}");
 }
 
 #[test]
@@ -235,6 +238,9 @@ fn a_missing_run_and_one_of_another_version_are_refused_with_a_reason() {
     };
     insta::assert_snapshot!(refused(), @"error: there is no run directory run; name one, such as one below runs/");
     let run = directory.path().join("run");
+    std::fs::write(&run, "").unwrap();
+    insta::assert_snapshot!(refused(), @"error: run is a file; name a run directory, such as one below runs/");
+    std::fs::remove_file(&run).unwrap();
     std::fs::create_dir(&run).unwrap();
     insta::assert_snapshot!(refused(), @"error: run holds no run: results.json is missing; name a run directory, such as one below runs/");
     std::fs::write(run.join("samples.csv"), "").unwrap();
@@ -243,6 +249,24 @@ fn a_missing_run_and_one_of_another_version_are_refused_with_a_reason() {
     insta::assert_snapshot!(refused(), @"error: run/results.json has schema version 0, and this program reads 1; use the version of skillbench that wrote it, or run again");
     std::fs::write(run.join("results.json"), "{\"schema_version\": 1").unwrap();
     insta::assert_snapshot!(refused(), @"error: run/results.json is no results file: EOF while parsing an object at line 1 column 20");
+}
+
+#[test]
+fn a_report_that_lacks_a_part_of_the_run_is_drawn_with_a_warning_of_it() {
+    let directory = a_run();
+    let trace = directory.path().join("run/trace-robot.csv");
+    let text = std::fs::read_to_string(&trace).unwrap();
+    let cut_off = text.lines().take(100).map(|line| format!("{line}\n")).collect::<String>() + "sm,4.0";
+    std::fs::write(&trace, cut_off).unwrap();
+    std::fs::remove_file(directory.path().join("run/host.json")).unwrap();
+    for arguments in [&["report", "run"][..], &["report", "run", "--out", "elsewhere.html"]] {
+        let finished = bench(directory.path(), arguments);
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+        insta::allow_duplicates!(insta::assert_snapshot!(finished.stderr, @"
+        warning: the report is not complete: cannot read run/host.json: No such file or directory (os error 2)
+        warning: the report is not complete: the curves over time are left out: trace-robot.csv:101 is not a row of the table
+        "));
+    }
 }
 
 #[test]

@@ -1,9 +1,12 @@
 //! The studies from the command line: their output, their files, and the input that they refuse.
 
+use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use bench::verbs::sensitivity::{Factor, Sensitivity};
 use bench::verbs::sweep::Sweep;
+use rustix::process::{Pid, Signal, kill_process};
 
 use crate::program::{Finished, bench};
 
@@ -97,4 +100,100 @@ fn a_study_does_not_write_into_a_run() {
         finished.stderr
     );
     assert_ne!(finished.code, Some(0));
+}
+
+#[test]
+fn a_study_that_cannot_be_saved_is_refused_before_it_runs() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("file"), "").unwrap();
+    std::fs::create_dir(place.path().join("directory")).unwrap();
+    for (option, refusal) in [
+        ("--out file/below", "cannot make the directory file/below"),
+        ("--export-json directory", "directory is a directory; name a file"),
+        ("--export-csv missing/figures.csv", "cannot write to missing"),
+    ] {
+        for verb in ["sweep", "sensitivity"] {
+            let finished = study(place.path(), &format!("{verb} --reps 1 {option}"));
+            assert!(finished.stderr.contains(refusal), "{verb} {option}: {}", finished.stderr);
+            assert_eq!(finished.stderr.lines().count(), 1, "no progress before it: {}", finished.stderr);
+            assert_eq!(finished.stdout, "");
+        }
+    }
+}
+
+/// Starts a command of the bench that takes long on every machine, sends it a signal at the first line of its progress that
+/// counts `jobs` or more, and returns what it printed.
+fn interrupted(directory: &Path, arguments: &str, jobs: u32, signal: Signal) -> Finished {
+    let mut bench = Command::new(env!("CARGO_BIN_EXE_bench"))
+        .current_dir(directory)
+        .args(arguments.split(' '))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut progress = BufReader::new(bench.stderr.take().unwrap());
+    let mut stderr = String::new();
+    loop {
+        let before = stderr.len();
+        assert_ne!(progress.read_line(&mut stderr).unwrap(), 0, "it has ended: {stderr}");
+        let count = stderr[before..].split('/').next().and_then(|words| words.split(' ').next_back());
+        if jobs == 0 || count.and_then(|count| count.parse().ok()).is_some_and(|count: u32| count >= jobs) {
+            break;
+        }
+    }
+    kill_process(Pid::from_child(&bench), signal).unwrap();
+    progress.read_to_string(&mut stderr).unwrap();
+    let ended = bench.wait_with_output().unwrap();
+    Finished { code: ended.status.code(), stdout: String::from_utf8(ended.stdout).unwrap(), stderr }
+}
+
+#[test]
+fn an_interrupted_study_prints_what_it_measured_so_far_and_how_much_that_is() {
+    let place = tempfile::tempdir().unwrap();
+    let cases = [
+        ("sweep --cycles 1 --reps 60", "points", " slot"),
+        ("sensitivity --reps 60", "cases", " as it is "),
+        ("calibrate --seeds 2 --reps 5", "numbers", "# robot.interpreter_quantum_us: "),
+        ("explore --types cm --kinds lose --out explored", "runs", "to go on"),
+    ];
+    for (arguments, things, figure) in cases {
+        let Finished { code, stdout, stderr } = interrupted(place.path(), arguments, 0, Signal::INT);
+        assert_eq!(code, Some(130), "{arguments}: {stderr}");
+        let line = stderr.lines().find(|line| line.starts_with("interrupted, ")).unwrap();
+        let (done, all) = line.strip_prefix("interrupted, ").unwrap().split_once(" of ").unwrap();
+        let (done, all): (u32, u32) =
+            (done.parse().unwrap(), all.strip_suffix(things).unwrap().trim().parse().unwrap());
+        assert!(done < all, "{arguments}: {line}");
+        assert_eq!(done > 0, stdout.contains(figure), "{arguments}: {line}\n{stdout}");
+    }
+}
+
+#[test]
+fn an_interrupted_study_saves_what_it_measured_so_far_and_says_that_it_is_a_part() {
+    let place = tempfile::tempdir().unwrap();
+    // The first jobs of the sweep are the robot's own programs, and three jobs are a case.
+    let cases = [("sweep", "--cycles 1 --reps 40", 9, "points"), ("sensitivity", "--reps 40", 3, "cases")];
+    for (study, options, jobs, things) in cases {
+        let arguments = format!("{study} {options} --out {study}");
+        let Finished { code, stderr, .. } = interrupted(place.path(), &arguments, jobs, Signal::INT);
+        assert_eq!(code, Some(130), "{stderr}");
+        let line = stderr.lines().find(|line| line.starts_with("interrupted, ")).unwrap();
+        let saved = |file| std::fs::read_to_string(place.path().join(study).join(study).with_extension(file));
+        assert!(saved("html").unwrap().contains(line), "{line}");
+        let (done, all) = line.strip_prefix("interrupted, ").unwrap().split_once(" of ").unwrap();
+        let all = all.strip_suffix(things).unwrap().trim();
+        assert!(saved("json").unwrap().contains(&format!("\"planned\": {all},")), "{line}");
+        assert_eq!(saved("csv").unwrap().lines().count(), 1 + done.parse::<usize>().unwrap());
+    }
+}
+
+#[test]
+fn an_interrupted_soak_prints_what_it_lived_through_so_far() {
+    let place = tempfile::tempdir().unwrap();
+    let arguments = "soak --hours 1000 --life-minutes 1 --threads 1";
+    let Finished { code, stdout: summary, stderr } = interrupted(place.path(), arguments, 0, Signal::TERM);
+    assert!(stderr.starts_with("soak "), "{stderr}");
+    assert_eq!(code, Some(130), "{stderr}");
+    assert!(stderr.contains("interrupted in life ") && stderr.contains(" of 60000"), "{stderr}");
+    assert!(summary.contains(" hours of the plant in ") && summary.contains("0 altered."), "{summary}");
 }

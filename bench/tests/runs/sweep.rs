@@ -1,10 +1,12 @@
 //! The starvation sweep on a few points: its output, and that the round trip predicts it.
 
+use std::sync::atomic::AtomicBool;
+
 use bench::verbs::sweep::{Grid, Predicted, Sweep, csv, render};
 
 fn sweep(name: &str, grid: &Grid) -> Sweep {
     let (setup, found) = planning::setup_with_application(name).unwrap();
-    Sweep::new(&setup, grid, grid.run(&setup, &found.application, true).unwrap())
+    Sweep::new(&setup, grid, grid.run(&setup, &found.application, true, &AtomicBool::new(false)).unwrap())
 }
 
 fn grid() -> Grid {

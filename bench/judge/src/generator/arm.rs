@@ -5,7 +5,13 @@ use crate::case::{Arm, Frame};
 use crate::kinematics::{Joints, Links};
 
 /// How far a random arm's speeds, accelerations and jerks are from the setup's, as a factor.
-const RATED: [f64; 2] = [0.3, 2.0];
+const RATED: [f64; 2] = [0.1, 6.0];
+
+/// The share of tools that reach far.
+const LONG_TOOL: f64 = 0.15;
+
+/// The share of joints whose offset is any angle.
+const ANY_OFFSET: f64 = 0.25;
 
 /// How near to the ends of its range a joint may be at the start, as a share of the range.
 const MARGIN: f64 = 0.1;
@@ -52,11 +58,20 @@ fn three_parallel(dice: &mut Dice) -> (Links, Ranges) {
             dice.between(40.0, 150.0),
         ],
         a_mm: [forward * dice.scale(200.0, 700.0), forward * dice.scale(200.0, 700.0)],
-        offsets_deg: core::array::from_fn(|_| [0.0, 90.0, -90.0, 180.0][dice.below(4)]),
+        offsets_deg: core::array::from_fn(|_| offset(dice)),
         signs: core::array::from_fn(|_| if dice.chance(0.3) { -1 } else { 1 }),
     };
-    let ranges = (0..6).map(|_| (-dice.between(200.0, 400.0), dice.between(200.0, 400.0))).collect();
+    let [least, most] = if dice.chance(0.4) { [90.0, 200.0] } else { [200.0, 400.0] };
+    let ranges = (0..6).map(|_| (-dice.between(least, most), dice.between(least, most))).collect();
     (links, ranges)
+}
+
+/// The angle of a joint that stands at 0: a right one as a rule, or any.
+fn offset(dice: &mut Dice) -> f64 {
+    if dice.chance(ANY_OFFSET) {
+        return dice.between(-180.0, 180.0).round();
+    }
+    [0.0, 0.0, 0.0, 90.0, -90.0, 180.0][dice.below(6)]
 }
 
 fn six_axes(dice: &mut Dice) -> (Links, Ranges) {
@@ -64,7 +79,7 @@ fn six_axes(dice: &mut Dice) -> (Links, Ranges) {
     let mut offsets_deg = [0.0; 6];
     let mut signs = [1; 6];
     for axis in 0..6 {
-        offsets_deg[axis] = [0.0, 0.0, 0.0, 90.0, -90.0, 180.0][dice.below(6)];
+        offsets_deg[axis] = offset(dice);
         signs[axis] = if dice.chance(0.3) { -1 } else { 1 };
     }
     let links = Links::SixAxes {
@@ -110,9 +125,11 @@ pub(super) fn within(share: f64, arm: &Arm, axis: usize) -> f64 {
 pub(super) fn tools(dice: &mut Dice, arm: &Arm) -> Vec<Frame> {
     let is_upright = arm.links.axes() == 4;
     let tool = |number: u8| {
+        // Grippers as a rule, or a long tool.
+        let far = if dice.chance(LONG_TOOL) { 300.0 } else { 60.0 };
         let mut at = |most: f64| dice.between(-most, most);
         let [b, c] = if is_upright { [0.0, 0.0] } else { [at(60.0), at(60.0)] };
-        Frame { number, mm_deg: [at(60.0), at(60.0), 60.0 + at(60.0), at(180.0), b, c].map(f64::round) }
+        Frame { number, mm_deg: [at(far), at(far), far + at(far), at(180.0), b, c].map(f64::round) }
     };
     (1..=2).map(tool).collect()
 }

@@ -4,8 +4,8 @@ use super::{JOINT_NOISE, Law, SHARE, joint};
 use crate::violation::Class;
 
 /// How far a joint may be beyond its range, in degrees (mm): a target on the limit itself is allowed, and comes over the
-/// wire in single precision. A corner before such a target passes it by some 10⁻⁶, a thousandth of what a drive resolves.
-const BEYOND_RANGE: f64 = 1e-5;
+/// wire in single precision.
+const BEYOND_RANGE: f64 = 2e-6;
 
 /// The classes and units of the differences, by order.
 const ORDERS: [(Class, [&str; 2]); 3] = [

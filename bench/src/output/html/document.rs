@@ -1,8 +1,8 @@
 //! What all pages share: each is one self-contained file that includes its style.
 
 use anyhow::Context as _;
-use minijinja::Environment;
 use minijinja::value::Serde;
+use minijinja::{Environment, UndefinedBehavior};
 use serde::Serialize;
 
 const DOCUMENT: &str = include_str!("document.html");
@@ -21,6 +21,8 @@ pub(crate) fn fill_with(
     content: &impl Serialize,
 ) -> anyhow::Result<String> {
     let mut environment = Environment::new();
+    // A name that the content does not have is an error, and not an empty cell.
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
     let templates =
         [("document.html", DOCUMENT), ("style.css", STYLE), ("figure.html", FIGURE), ("page.html", template)];
     for (name, source) in templates.iter().chain(parts).copied() {

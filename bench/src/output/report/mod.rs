@@ -40,8 +40,10 @@ pub const FILE: &str = "report.html";
 pub struct Pages {
     /// The report.
     pub report: PathBuf,
-    /// The race.
-    pub race: PathBuf,
+    /// The race; `None` where nothing was recorded, and its page only says why.
+    pub race: Option<PathBuf>,
+    /// What of the run they lack, as sentences.
+    pub lacks: Vec<String>,
 }
 
 /// Writes the pages of a run into its directory and returns their paths.
@@ -51,19 +53,20 @@ pub struct Pages {
 /// There is no run, it has another version, or a page cannot be written; what was there is then kept.
 pub fn write(directory: &Path) -> Result<Pages, Failure> {
     let run = Run::load(directory)?;
-    let pages = Pages { report: directory.join(FILE), race: directory.join(race::FILE) };
-    replace(&pages.report, &page::render(&run, RaceIs::Beside)?, Durability::Synced)?;
-    replace(&pages.race, &race::render(&run)?, Durability::Synced)?;
-    Ok(pages)
+    let (report, race) = (directory.join(FILE), directory.join(race::FILE));
+    replace(&report, &page::render(&run, RaceIs::Beside)?, Durability::Synced)?;
+    replace(&race, &race::render(&run)?, Durability::Synced)?;
+    Ok(Pages { report, race: run.trace.is_some().then_some(race), lacks: run.lacks() })
 }
 
-/// Returns the report of a run as HTML, for another place than its directory.
+/// Returns the report of a run as HTML, for another place than its directory, and what of the run it lacks.
 ///
 /// # Errors
 ///
 /// There is no run, or it has another version.
-pub fn render(directory: &Path) -> Result<String, Failure> {
-    Ok(page::render(&Run::load(directory)?, RaceIs::Elsewhere)?)
+pub fn render(directory: &Path) -> Result<(String, Vec<String>), Failure> {
+    let run = Run::load(directory)?;
+    Ok((page::render(&run, RaceIs::Elsewhere)?, run.lacks()))
 }
 
 /// Where the race is, as seen from the report.

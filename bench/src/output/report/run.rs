@@ -54,6 +54,7 @@ impl Run {
             true => read(tables::ROBOT_FILE)
                 .and_then(|robot| Ok((robot, read(tables::PLC_FILE)?)))
                 .and_then(|(robot, plc)| Ok(Trace::from_csv(&robot, &plc)?))
+                .context("the curves over time are left out")
                 .map_err(&mut or_missing)
                 .ok(),
         };
@@ -105,6 +106,11 @@ impl Run {
         sentences.extend(self.trace.as_ref().and_then(Trace::incomplete));
         sentences.dedup();
         (!sentences.is_empty()).then(|| sentences.join(" "))
+    }
+
+    /// Returns everything that the report lacks, as sentences.
+    pub(super) fn lacks(&self) -> Vec<String> {
+        self.missing.iter().cloned().chain(self.incomplete()).collect()
     }
 
     /// Returns a value of `host.json` as text.

@@ -154,6 +154,16 @@ pub enum RigError {
         /// The PLC's reason.
         reason: String,
     },
+    /// The robot node's messages are about another number of motions than the PLC counted.
+    #[error(
+        "the robot-node reported {reported} motions of this run, and the PLC counted {executed}: the run cannot be verified"
+    )]
+    Unreported {
+        /// Motions that the robot executed, as the PLC counted them.
+        executed: u32,
+        /// Motions in the messages of the robot node.
+        reported: u32,
+    },
     /// A node does not answer.
     #[error("the {role} runs but has not answered for {} s: is the host overloaded, or the node stopped?", waited.as_secs())]
     NoAnswer {
@@ -204,6 +214,7 @@ impl RigError {
             | Self::ConnectionLost { .. }
             | Self::HeldUp { .. }
             | Self::RunFailed { .. }
+            | Self::Unreported { .. }
             | Self::NoAnswer { .. }
             | Self::UnreadableLine { .. } => Exit::RunFailed,
         }

@@ -10,7 +10,7 @@ use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::reports::FirstReports;
 use super::{Rig, RigError};
-use crate::records::conditions::{Measured, MotionTotals};
+use crate::records::conditions::{Measured, ToldSkills};
 use crate::records::schedule::PAUSE;
 use crate::records::trace::Window;
 
@@ -44,7 +44,12 @@ impl Rig {
             window.length_ns = Some(run.execution_time_ns);
         }
         self.ask_for_reports().await?;
-        let moved = self.moved.of(run.motions);
+        let told = self.told.of_run();
+        let moved = told.of(run.motions);
+        if moved.is_none() && self.robot.is_some() {
+            // Without the robot's report the run could not be verified.
+            return Err(RigError::Unreported { executed: run.motions, reported: told.motions });
+        }
         Ok(Measured {
             execution: run,
             quality: moved.map(|moved| moved.quality),
@@ -82,7 +87,7 @@ impl Rig {
     }
 
     async fn start_run(&mut self, execution_type: ExecutionType, overrides: Option<OverrideSchedule>) {
-        self.moved = MotionTotals::default();
+        self.told = ToldSkills::default();
         self.is_running = true;
         self.before_run = self.reports.clone();
         // The nodes answer at once, before they do anything for this run.
@@ -99,7 +104,7 @@ impl Rig {
                 PlcMessage::Failed { execution_type, reason } => {
                     return Err(RigError::RunFailed { execution_type, reason });
                 }
-                PlcMessage::Started { execution_type, at_ns } if self.recording => {
+                PlcMessage::Started { execution_type, at_ns, .. } if self.recording => {
                     self.traced.push(Window { execution_type, start_ns: at_ns, length_ns: None });
                 }
                 PlcMessage::ImageBad

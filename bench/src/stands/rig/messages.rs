@@ -142,9 +142,14 @@ impl Rig {
             NodeEvent::Robot(Message::Farewell { report: Some(report), .. }) => {
                 report.clone_into(&mut self.reports.robot);
             }
-            NodeEvent::Robot(Message::Node(RobotMessage::Executed { motions, quality, account, .. })) => {
-                self.moved.add(*motions, *quality, *account);
-            }
+            NodeEvent::Robot(Message::Node(RobotMessage::Executed {
+                number,
+                motions,
+                quality,
+                account,
+                ..
+            })) => self.told.add(*number, *motions, *quality, *account),
+            NodeEvent::Plc(Message::Node(PlcMessage::Started { after, .. })) => self.told.begin_after(*after),
             NodeEvent::Plc(Message::LinkUp) => self.links.plc = true,
             NodeEvent::Plc(Message::LinkDown { .. }) => {
                 self.links = Links { plc: false, ready: false, moving_to_start: false, ..self.links };

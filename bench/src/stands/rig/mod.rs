@@ -60,7 +60,7 @@ use node_process::{NodeEvent, NodeProcess};
 use reports::FirstReports;
 
 use crate::output::live::Feed;
-use crate::records::conditions::{Health, MotionTotals};
+use crate::records::conditions::{Health, ToldSkills};
 use crate::records::faults::{self, Change, FaultReport};
 use crate::records::trace::{Window, tables};
 use crate::stands::Stand as _;
@@ -127,8 +127,8 @@ pub struct Rig {
     first_reports: FirstReports,
     /// Reports asked for and not received: PLC, robot.
     awaited: [u32; 2],
-    /// Motions of the current run, or of the last one.
-    moved: MotionTotals,
+    /// What the robot node told of its skills in the current run, or in the last one.
+    told: ToldSkills,
     traced: Vec<Window>,
     recording: bool,
     /// Whether a run was started whose end or failure was not reported yet.
@@ -227,7 +227,7 @@ impl Rig {
             before_run: Reports::default(),
             first_reports: FirstReports::default(),
             awaited: [0; 2],
-            moved: MotionTotals::default(),
+            told: ToldSkills::default(),
             traced: Vec::new(),
             recording: false,
             trace_directory: None,

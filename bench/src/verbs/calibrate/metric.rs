@@ -1,5 +1,7 @@
 //! Figures over many seeds, and the paper's value of each.
 
+use std::sync::atomic::AtomicBool;
+
 use planning::Application;
 use plc_node::ExecutionType;
 use setup::{Paper, Setup};
@@ -96,7 +98,14 @@ pub struct Seeds<'a> {
     pub count: u32,
     /// Repetitions of each type and seed.
     pub reps: u32,
+    /// Set when the calibration is to end before it is complete.
+    pub interrupted: &'a AtomicBool,
 }
+
+/// An interrupt came before a figure was complete.
+#[derive(thiserror::Error, Clone, Copy, Debug)]
+#[error("interrupted")]
+pub(super) struct Interrupted;
 
 /// Repetitions of each seed if only means are needed: more seeds then improve the estimate more than more repetitions.
 const MEAN_REPETITIONS: u32 = 5;
@@ -106,7 +115,7 @@ impl Seeds<'_> {
     ///
     /// # Errors
     ///
-    /// A run fails.
+    /// A run fails, or an interrupt ends them.
     pub fn measure(&self, setup: &Setup, figures: &[Metric]) -> anyhow::Result<Vec<Estimate>> {
         let needs_mad = figures.iter().any(|figure| figure.is_mad());
         let reps = if needs_mad { self.reps } else { self.reps.min(MEAN_REPETITIONS) };
@@ -114,7 +123,7 @@ impl Seeds<'_> {
         let seeds: Vec<u64> =
             (0..u64::from(self.count)).map(|index| self.first.wrapping_add(index)).collect();
         let planned = PlannedCell::of(setup, self.application)?;
-        let runs = jobs::run("seeds", true, &seeds, |seed| {
+        let runs = jobs::run("seeds", true, self.interrupted, &seeds, |seed| {
             let schedule = Schedule::new(&types, reps, *seed);
             let results = virtual_run::whole_planned(setup, planned.clone(), &schedule)?;
             let value = |figure: &Metric| {
@@ -129,6 +138,7 @@ impl Seeds<'_> {
             };
             Ok(figures.iter().map(|figure| value(figure).unwrap_or(f64::NAN)).collect::<Vec<f64>>())
         })?;
+        let runs: Vec<_> = runs.into_iter().collect::<Option<_>>().ok_or(Interrupted)?;
         let column = |index: usize| runs.iter().filter_map(move |values| values.get(index).copied());
         Ok((0..figures.len()).map(|index| estimate(&column(index).collect::<Vec<_>>())).collect())
     }

@@ -28,14 +28,16 @@ pub use fit::Fit;
 pub use metric::{Metric, Seeds};
 pub use parameter::Parameter;
 
-use crate::out;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::records::distance::Estimate;
 use crate::records::schedule::{REPETITIONS, SEED};
+use crate::verbs::event_loop::{interrupted, watch_for_interrupt};
 use crate::verbs::setup_option::SetupOption;
+use crate::{out, outln};
 use findings::Conditions;
 use fit::Target;
+use metric::Interrupted;
 
 /// Number of seeds of a calibration: with this many, its own error is small compared with the paper's.
 const SEEDS: u32 = 32;
@@ -88,13 +90,35 @@ pub fn run(options: &CalibrateOptions) -> Result<Exit, Failure> {
         );
         return Err(Failure::new(Exit::Usage, error));
     }
+    if setup.paper.is_none() {
+        let error = anyhow!(
+            "setup {} has no section [paper], and calibration needs its figures: give rc, sm and cm there, or calibrate a setup that has them, such as A",
+            setup.name
+        );
+        return Err(Failure::new(Exit::Usage, error));
+    }
+    let is_interrupted = watch_for_interrupt()?;
     let seeds = Seeds {
         application: &found.application,
         first: options.seed,
         count: options.seeds,
         reps: options.reps,
+        interrupted: &is_interrupted,
     };
-    let calibration = calibrate(&setup, seeds, |text| errln!("{text}"))?;
+    let mut settled: Vec<(Parameter, String)> = Vec::new();
+    let calibration = calibrate(&setup, seeds, |number, interval| {
+        errln!("{}: {interval}", number.key());
+        settled.retain(|(earlier, _)| *earlier != number);
+        settled.push((number, interval));
+    });
+    let calibration = match calibration {
+        Err(error) if error.is::<Interrupted>() => {
+            settled.iter().for_each(|(number, interval)| outln!("# {}: {interval}", number.key()));
+            let all = Parameter::ALL.iter().filter(|number| number.of(&setup).is_some());
+            return Ok(interrupted(settled.len(), all.count(), "numbers"));
+        }
+        ended => ended?,
+    };
     out!("{}", calibration.report());
     if let Some(file) = file {
         write::into_file(file, &calibration)?;
@@ -107,8 +131,12 @@ pub fn run(options: &CalibrateOptions) -> Result<Exit, Failure> {
 ///
 /// # Errors
 ///
-/// The paper has no figures for this setup, a run fails, or a figure is out of reach of its number.
-pub fn calibrate(setup: &Setup, seeds: Seeds<'_>, progress: impl FnMut(&str)) -> anyhow::Result<Calibration> {
+/// The paper has no figures for this setup, a run fails, a figure is out of reach of its number, or an interrupt ends it.
+pub fn calibrate(
+    setup: &Setup,
+    seeds: Seeds<'_>,
+    progress: impl FnMut(Parameter, String),
+) -> anyhow::Result<Calibration> {
     let Some(paper) = setup.paper.clone() else {
         bail!("setup {} has no [paper] figures to calibrate on", setup.name);
     };
@@ -139,7 +167,7 @@ struct Search<'a, P> {
     progress: P,
 }
 
-impl<P: FnMut(&str)> Search<'_, P> {
+impl<P: FnMut(Parameter, String)> Search<'_, P> {
     /// Finds a number, and takes it over if the setup calls it calibrated: with all its digits, or `as_known` with no more
     /// than are known. `None` if the setup does not have the number.
     fn settle(&mut self, number: Parameter, as_known: bool) -> anyhow::Result<Option<Found>> {
@@ -162,7 +190,7 @@ impl<P: FnMut(&str)> Search<'_, P> {
         };
         self.setup = number.put(value, self.setup.clone());
         let found = Found { number, value, from, fit };
-        (self.progress)(&format!("{}: {}", number.key(), found.interval()));
+        (self.progress)(number, found.interval());
         Ok(Some(found))
     }
 

@@ -18,6 +18,7 @@ mod page;
 mod table;
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use anyhow::Context as _;
@@ -26,10 +27,13 @@ use node::list::{List, flat};
 use plc_node::ExecutionType;
 use setup::Setup;
 
+use super::directory;
+use super::event_loop::{interrupted, watch_for_interrupt};
 use super::jobs;
 use super::setup_option::SetupOption;
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
+use crate::output::in_shell;
 use crate::output::progress::label;
 use crate::records::run_directory::{self, Durability, replace};
 use crate::stands::planned_cell::PlannedCell;
@@ -60,13 +64,13 @@ pub struct ExploreOptions {
     /// A built-in application's name, or the path of a .toml file, in place of seven short motions.
     #[arg(long, value_name = "NAME|FILE")]
     pub application: Option<String>,
-    /// Which execution types.
-    #[arg(long, value_name = "TYPE,...", default_value = "rc,sm,cm", num_args = 1..)]
+    /// Which execution types; commas or blanks between them.
+    #[arg(long, value_name = "TYPE", default_value = "rc,sm,cm", num_args = 1..)]
     pub types: Vec<List<ExecutionType>>,
-    /// Which faults.
+    /// Which faults; commas or blanks between them.
     #[arg(
         long,
-        value_name = "KIND,...",
+        value_name = "KIND",
         default_value = "lose,double,hold,flip-memory,flip-wire,cut,restart-robot,restart-plc",
         num_args = 1..
     )]
@@ -146,14 +150,14 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
     let application = match &options.application {
         Some(application) => application.clone(),
         None => {
-            std::fs::create_dir_all(&directory)
-                .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+            directory::make(&directory)?;
             replace(&short, SHORT, Durability::Written)?;
             short.display().to_string()
         }
     };
     let (setup, found) = options.setup.load_with(Some(&application))?;
-    run_directory::create_for_study(&directory, &setup)?;
+    run_directory::make_for_study(&directory)?;
+    run_directory::write_setup(&directory, &setup)?;
     journal::claim(&directory, &options.claim(&found.text))?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
     let clean = |execution_type| {
@@ -162,9 +166,19 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
     let clean_runs = flat(&options.types).into_iter().map(clean).collect::<anyhow::Result<_>>()?;
     let mut exploration =
         Exploration { setup: &setup, options, clean_runs, application, classes: Classes::default() };
-    exploration.run(&directory)?;
+    let is_interrupted = watch_for_interrupt()?;
+    let runs = exploration.run(&directory, &is_interrupted)?;
     outln!("{}", exploration.table());
     exploration.tell_reasons();
+    if is_interrupted.load(Ordering::Relaxed) {
+        let done = exploration.classes.runs() as usize;
+        outln!(
+            "\n  Saved in {}; give the same options with --out {} to go on.",
+            directory.display(),
+            directory.display()
+        );
+        return Ok(interrupted(done, runs, "runs"));
+    }
     let page = directory.join("explore.html");
     replace(&page, &exploration.page()?, Durability::Written)?;
     outln!("\n  Saved in {}.", directory.display());
@@ -181,8 +195,8 @@ impl Exploration<'_> {
         }
     }
 
-    /// Makes the runs that the directory does not have yet.
-    fn run(&mut self, directory: &std::path::Path) -> anyhow::Result<()> {
+    /// Makes the runs that the directory does not have yet. Returns how many there are in all.
+    fn run(&mut self, directory: &std::path::Path, is_interrupted: &AtomicBool) -> anyhow::Result<usize> {
         let jobs = self.jobs();
         let Self { clean_runs, classes, options, .. } = self;
         let mut is_done = vec![false; jobs.len()];
@@ -195,7 +209,12 @@ impl Exploration<'_> {
         })?;
         let left: Vec<_> = jobs.iter().zip(&is_done).enumerate().filter(|(_, (_, done))| !**done).collect();
         let clean = |job: &Job| clean_runs.get(job.type_index).context("a job without its run");
-        let pool = jobs::Pool { name: "explore", quiet: options.quiet, threads: options.threads };
+        let pool = jobs::Pool {
+            name: "explore",
+            quiet: options.quiet,
+            threads: options.threads,
+            interrupted: is_interrupted,
+        };
         pool.each(
             &left,
             |(_, (job, _))| Ok(clean(job)?.with(&job.faults)),
@@ -206,7 +225,8 @@ impl Exploration<'_> {
                 journal.add(*run, &label(clean(job)?.execution_type()), &texts.join(" "), &outcome)
             },
         )?;
-        journal.end()
+        journal.end()?;
+        Ok(jobs.len())
     }
 
     /// Returns the command that makes a run again.
@@ -215,8 +235,8 @@ impl Exploration<'_> {
             faults.iter().map(|fault| format!(" --fault {}", fault.text(self.options.lengths()))).collect();
         format!(
             "bench --setup {} --application {} --mode virtual --types {execution_type} --reps 1 --seed {}{faults}",
-            self.options.setup.name(),
-            self.application,
+            in_shell(self.options.setup.name()),
+            in_shell(&self.application),
             self.options.seed
         )
     }

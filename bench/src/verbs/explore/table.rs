@@ -63,6 +63,7 @@ impl Exploration<'_> {
 
     /// Returns the table of the counts; that of pairs is for the page.
     pub(super) fn table(&self) -> String {
+        let verdict = screen::wrapped(&self.verdict(), 0, 0);
         let mut table = screen::ruled();
         table.set_header(HEAD);
         if self.options.pairs.is_none() {
@@ -70,13 +71,12 @@ impl Exploration<'_> {
                 table.add_row(row);
             }
             return format!(
-                "{}\n\n{}\n{}",
+                "{}\n\n{}\n{verdict}",
                 self.title(),
-                screen::drawn(&screen::numbers_right(table)),
-                self.verdict()
+                screen::drawn(&screen::numbers_right(table))
             );
         }
-        format!("{}\n\n{}", self.title(), self.verdict())
+        format!("{}\n\n{verdict}", self.title())
     }
 
     /// Prints why runs did not pass, each reason with a command that runs its first one again, with the fewest faults.

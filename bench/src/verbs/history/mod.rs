@@ -24,8 +24,8 @@ use clap::Args;
 pub use entry::Entry;
 
 use crate::outln;
-use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
+use crate::output::{errln, in_shell};
 use crate::records::mode::Mode;
 use crate::records::run_directory::{self, Durability, replace};
 use conditions::Conditions;
@@ -101,7 +101,8 @@ impl History {
         let shown = directory.display();
         if directory.join("samples.csv").exists() {
             let error = anyhow!(
-                "{shown} is a run; name the directory that holds it, or `bench report {shown}` draws it"
+                "{shown} is a run; name the directory that holds it, or `bench report {}` draws it",
+                in_shell(&shown)
             );
             return Err(Failure::new(Exit::Usage, error));
         }

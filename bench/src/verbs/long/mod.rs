@@ -79,7 +79,7 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
         (None, Origin::Application(_)) => MOTIONS,
     };
     if let Some(path) = &options.write {
-        let sum = origin.write(most, path).map_err(usage)?;
+        let sum = origin.write(most, path)?.map_err(usage)?;
         outln!("{}: {sum}", path.display());
         return Ok(Exit::Pass);
     }

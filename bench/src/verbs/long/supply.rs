@@ -77,23 +77,23 @@ impl Origin {
         })
     }
 
-    /// Writes the first `most` motions as a list.
+    /// Writes the first `most` motions as a list, unless one of them cannot be planned or read.
     ///
     /// # Errors
     ///
-    /// A motion cannot be planned or read, or the file cannot be written.
-    pub fn write(&self, most: u32, path: &Path) -> anyhow::Result<Sum> {
+    /// The file cannot be written.
+    pub fn write(&self, most: u32, path: &Path) -> anyhow::Result<anyhow::Result<Sum>> {
         let cannot = || format!("cannot write {}", path.display());
         let mut file = BufWriter::new(File::create(path).with_context(cannot)?);
         planning::write_header(&mut file).with_context(cannot)?;
         let (mut digest, mut written) = (Digest::default(), Ok(()));
-        self.each(most, |motion| {
+        let all = self.each(most, |motion| {
             digest.add(&motion);
             written = planning::write_motion(&mut file, &motion);
             if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-        })?;
+        });
         written.and_then(|()| file.flush()).with_context(cannot)?;
-        Ok(digest.sum())
+        Ok(all.map(|()| digest.sum()))
     }
 
     /// Calls `take` with each of the first `most` motions, until it has enough.

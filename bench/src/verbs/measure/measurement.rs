@@ -12,13 +12,13 @@ use setup::Setup;
 use super::reference_runs::ReferenceRuns;
 use super::session::{Ended, Session};
 use super::{Capture, RunOptions};
-use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::output::live::{About, Live, Reserved};
 #[cfg(feature = "mcap")]
 use crate::output::playback;
 use crate::output::progress::Progress;
 use crate::output::timeline;
+use crate::output::{errln, in_shell};
 use crate::records::conditions::Measured;
 use crate::records::faults::Fault;
 use crate::records::host::{self, Host};
@@ -99,7 +99,13 @@ impl Measurement<'_> {
         if let Some(live) = session.live.take() {
             live.end(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), &path);
         }
-        let ended = ran?;
+        let ended = match ran {
+            Ok(ended) => ended,
+            Err(failure) => {
+                session.directory.discard();
+                return Err(failure);
+            }
+        };
         let ended = match ended.exit {
             Exit::Pass => {
                 let results = meanwhile.unwrap_or_else(reference_runs).finish(ended.results)?;
@@ -149,9 +155,11 @@ impl Measurement<'_> {
         self.warnings.iter().take(WARNINGS).for_each(|warning| progress.warn(warning));
         let more = self.warnings.len().saturating_sub(WARNINGS);
         if more > 0 {
-            let Setup { name, application, .. } = &self.setup;
+            let application = self.options.application.as_ref().unwrap_or(&self.setup.application);
             progress.warn(&format!(
-                "{more} more of that kind; `plc-node plan {application} --setup {name}` shows them all"
+                "{more} more of that kind; `plc-node plan {} --setup {}` shows them all",
+                in_shell(application),
+                in_shell(self.options.setup.name())
             ));
         }
     }

@@ -12,16 +12,16 @@ use std::path::Path;
 use ::node::token::ControlToken;
 use anyhow::anyhow;
 use node::list::flat;
-use planning::Found;
+use planning::{Found, Reached};
 use robot_node::RobotConfig;
 use setup::Setup;
 
 use crate::outln;
-use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::output::live::{LiveAddress, Reserved};
 use crate::output::report::{self, Pages};
 use crate::output::table;
+use crate::output::{errln, in_shell};
 use crate::records::faults::{self, NoSuchDrive};
 use crate::records::mode::Mode;
 use crate::records::schedule::Schedule;
@@ -39,8 +39,8 @@ use session::Ended;
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let (setup, found) = load(options)?;
     let plan = found.plan(&setup)?;
-    check_robot(&setup, &found, &plan)?;
-    let warnings = plan.warnings().collect();
+    let reached = check_robot(&setup, &found, &plan)?;
+    let warnings = plan.warnings().chain(reached.stopped.iter().map(ToString::to_string)).collect();
     check_outputs(options)?;
     check_faults(options, &setup)?;
     let live = options.live.map(|address| reserve(address, options.mode)).transpose()?;
@@ -123,7 +123,10 @@ fn check_faults(options: &RunOptions, setup: &Setup) -> Result<(), Failure> {
 fn print_where(ended: &Ended, directory: &Path) {
     let shown = directory.display();
     if ended.exit == Exit::Internal {
-        outln!("  Saved in {shown} as far as the disk took it; `bench report {shown}` shows that.");
+        outln!(
+            "  Saved in {shown} as far as the disk took it; `bench report {}` shows that.",
+            in_shell(&shown)
+        );
         return;
     }
     if ended.exit == Exit::Interrupted {
@@ -133,12 +136,15 @@ fn print_where(ended: &Ended, directory: &Path) {
         outln!("  Saved in {shown}.");
     }
     match report::write(directory) {
-        Ok(Pages { report, race }) => {
+        Ok(Pages { report, race, .. }) => {
             outln!("  Report: {}.", report.display());
-            outln!("  Race: {}, the three arms side by side.", race.display());
+            if let Some(race) = race {
+                outln!("  Race: {}, the arms side by side.", race.display());
+            }
         }
         Err(Failure { error, .. }) => errln!(
-            "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
+            "warning: the results are saved, but their report is not: {error:#}; `bench report {}` draws it again",
+            in_shell(&shown)
         ),
     }
 }
@@ -156,13 +162,12 @@ fn reserve(address: LiveAddress, mode: Mode) -> Result<Reserved, Failure> {
 }
 
 /// Checks that the setup describes a robot, that it can stand where the application starts, and that its arm reaches
-/// every motion of the plan.
-fn check_robot(setup: &Setup, found: &Found, plan: &planning::Plan) -> Result<(), Failure> {
+/// every motion of the plan. Returns where the arm stands in it.
+fn check_robot(setup: &Setup, found: &Found, plan: &planning::Plan) -> Result<Reached, Failure> {
     let robot = RobotConfig::from_setup(setup).map_err(|error| Failure::new(Exit::Usage, error))?;
     let in_cell = robot.in_cell_of(&found.application, &plan.wire_to_start(setup));
     in_cell.map(drop).map_err(|error| Failure::new(Exit::Usage, error))?;
-    found.reach(plan, setup)?;
-    Ok(())
+    Ok(found.reach(plan, setup)?)
 }
 
 /// Rejects options that need nodes started by the bench.

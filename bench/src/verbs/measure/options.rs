@@ -29,8 +29,8 @@ pub struct RunOptions {
     /// Repetitions of each execution type.
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub reps: u32,
-    /// Execution types to run, interleaved in this order.
-    #[arg(long, value_name = "TYPES", num_args = 1.., default_value = "rc,sm,cm")]
+    /// Execution types to run, interleaved in this order; commas or blanks between them.
+    #[arg(long, value_name = "TYPE", num_args = 1.., default_value = "rc,sm,cm")]
     pub types: Vec<List<ExecutionType>>,
     /// Seed of the pauses between runs, and in virtual mode of the clocks and phases.
     #[arg(long, value_name = "N", default_value_t = SEED)]

@@ -11,6 +11,8 @@ use clap::Args;
 
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
+use crate::output::in_shell;
+use crate::verbs::directory;
 
 /// Files of a cell.
 const SETUP: &str = "setup.toml";
@@ -59,19 +61,20 @@ pub fn run(options: &NewOptions) -> Result<Exit, Failure> {
             )));
         }
     }
-    std::fs::create_dir_all(directory)
-        .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+    directory::make(directory)?;
     for (file, text, (schema, schema_text)) in
         [(SETUP, setup, SCHEMAS[0]), (APPLICATION, application, SCHEMAS[1])]
     {
         write(&directory.join(file), &format!("#:schema {schema}\n{text}"))?;
         write(&directory.join(schema), schema_text)?;
     }
-    let shown = directory.display();
-    outln!("Saved {shown}/{SETUP}, the cell, and {shown}/{APPLICATION}, what it does. Change them, then:");
-    outln!("  bench --setup {shown}/{SETUP} --mode virtual     checks both and measures");
+    let setup = directory.join(SETUP).display().to_string();
+    let application = directory.join(APPLICATION).display().to_string();
+    outln!("Saved {setup}, the cell, and {application}, what it does. Change them, then:");
+    let (setup, application) = (in_shell(&setup), in_shell(&application));
+    outln!("  bench --setup {setup} --mode virtual     checks both and measures");
     outln!(
-        "  plc-node plan {shown}/{APPLICATION} --setup {shown}/{SETUP}     shows the motions, and whether the arm reaches them"
+        "  plc-node plan {application} --setup {setup}     shows the motions, and whether the arm reaches them"
     );
     Ok(Exit::Pass)
 }

@@ -31,11 +31,16 @@ use crate::output::exit::{Exit, Failure};
 use crate::records::host::ProcessorTime;
 use crate::records::ratio::{Ratio, RatioVerdict, median};
 use crate::stands::rig::{self, Rig, RigConfig, RigError};
-use crate::verbs::event_loop::{event_loop, interrupt};
+use crate::verbs::directory;
+use crate::verbs::event_loop::{event_loop, interrupt, interrupted};
 use crate::verbs::setup_option::SetupOption;
 
 /// Largest allowed ratio of the p99 lateness with and without recording.
 const LIMIT: f64 = 1.05;
+
+/// Shortest lateness in µs that is compared: a shorter one counts as this. It is a thousandth of the usual bus cycle; a
+/// twentieth of less is shorter than a bucket of the histogram and than reading the clock takes.
+const SHORTEST_US: f64 = 1.0;
 
 /// Time over which cycles are counted: some hundred cycles, so that the 99th percentile is not a single one.
 const COUNTED: Duration = Duration::from_secs(1);
@@ -106,13 +111,13 @@ impl Cost {
     /// Compares a node's seconds, pair by pair.
     #[must_use]
     pub fn new(node: &'static str, what: &'static str, pairs: &[Pair], seed: u64) -> Self {
-        let pairs: Vec<_> = pairs.iter().map(|pair| (pair.recorded_us, pair.unrecorded_us)).collect();
+        let compared = |pair: &Pair| (pair.recorded_us.max(SHORTEST_US), pair.unrecorded_us.max(SHORTEST_US));
         Self {
             node,
             what,
-            recorded_us: median(pairs.iter().map(|(recorded, _)| *recorded)),
-            unrecorded_us: median(pairs.iter().map(|(_, unrecorded)| *unrecorded)),
-            ratio: Ratio::median_of_pairs(&pairs, seed),
+            recorded_us: median(pairs.iter().map(|pair| pair.recorded_us)),
+            unrecorded_us: median(pairs.iter().map(|pair| pair.unrecorded_us)),
+            ratio: Ratio::median_of_pairs(&pairs.iter().map(compared).collect::<Vec<_>>(), seed),
         }
     }
 
@@ -157,16 +162,15 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
     let directory = kept
         .clone()
         .unwrap_or_else(|| std::env::temp_dir().join(format!("bench-overhead-{}", std::process::id())));
-    std::fs::create_dir_all(&directory)
-        .with_context(|| format!("cannot make {}; choose another by --out", directory.display()))?;
+    directory::make(&directory)?;
     let runtime = event_loop()?;
     let mut seen = Seen::default();
     let ended = runtime.block_on(async {
         let interrupt = interrupt()?;
         tokio::select! {
             biased;
-            () = interrupt => Ok(Some(Exit::Interrupted)),
-            ended = measure(options, &setup, &found, &directory, &mut seen) => ended.map(|()| None),
+            () = interrupt => Ok(true),
+            ended = measure(options, &setup, &found, &directory, &mut seen) => ended.map(|()| false),
         }
     });
     // Printed even after an error: an hour of pairs must not be lost because of the last one.
@@ -175,8 +179,8 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
         let removed = std::fs::remove_dir_all(&directory);
         removed.with_context(|| format!("cannot remove {}", directory.display()))?;
     }
-    if let Some(interrupted) = ended? {
-        return Ok(interrupted);
+    if ended? {
+        return Ok(interrupted(seen.pairs(), options.pairs as usize, "pairs"));
     }
     let fails = costs.iter().any(|cost| cost.verdict() == RatioVerdict::Beyond);
     Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
@@ -192,17 +196,21 @@ struct Seen {
 }
 
 impl Seen {
+    fn pairs(&self) -> usize {
+        self.plc.len() + self.left_out as usize
+    }
+
     /// Prints the cost of recording for both nodes, if there is at least one pair.
     fn print(&self, options: &OverheadOptions, setup: &Setup) -> [Cost; 2] {
         let costs = [("PLC", &self.plc), ("robot", &self.robot)]
             .map(|(node, pairs)| Cost::new(node, options.what(), pairs, options.seed));
-        let pairs = self.plc.len() + self.left_out as usize;
+        let pairs = self.pairs();
         if pairs == 0 {
             return costs;
         }
         outln!(
-            "Setup {}, seconds of {} in pairs: {pairs}; limit {:+.0} % of the p99 cycle lateness; medians of the seconds, \
-             and of the pairs' ratios:",
+            "Setup {}, seconds of {} in pairs: {pairs}; limit {:+.0} % of the p99 cycle lateness, where less than \
+             {SHORTEST_US} µs counts as {SHORTEST_US} µs; medians of the seconds, and of the pairs' ratios:",
             setup.name,
             options.execution_type,
             (LIMIT - 1.0) * 100.0
@@ -310,6 +318,19 @@ mod tests {
         // 990 of the 1000 new runs: all of the first bucket's 980 and half of the second, which spans 32 to 34.
         assert_eq!(p99_us(&before, &after), Some(33.0));
         assert_eq!(p99_us(&after, &after), None);
+    }
+
+    #[test]
+    fn a_lateness_too_short_to_compare_costs_nothing_and_one_that_grows_beyond_it_does() {
+        let cost = |with: f64| {
+            let pair = |index: u32| Pair {
+                recorded_us: with + f64::from(index % 3) / 10.0,
+                unrecorded_us: 0.25 + f64::from(index / 3 % 3) / 10.0,
+            };
+            Cost::new("PLC", "watched", &(0..25).map(pair).collect::<Vec<_>>(), 1).verdict()
+        };
+        assert_eq!(cost(0.4), RatioVerdict::Within);
+        assert_eq!(cost(1.2), RatioVerdict::Beyond);
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod factor;
 mod page;
 mod table;
 
+use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
 
 use clap::Args;
@@ -32,8 +33,9 @@ use crate::records::schedule::Schedule;
 use crate::records::statistics::AetMad;
 use crate::stands::planned_cell::PlannedCell;
 use crate::stands::virtual_run;
+use crate::verbs::event_loop::watch_for_interrupt;
 use crate::verbs::jobs;
-use crate::verbs::study::{Found, StudyOptions};
+use crate::verbs::study::{Found, StudyOptions, ended, interrupted};
 
 /// Version of the study's JSON.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -55,8 +57,8 @@ pub struct SensitivityOptions {
     /// Setup, seed and files.
     #[command(flatten)]
     pub study: StudyOptions,
-    /// Factors for each number except the number of motions, in place of its own factors.
-    #[arg(long, value_name = "F,…", num_args = 1.., value_parser = list(multiplier))]
+    /// Factors for each number except the number of motions, in place of its own factors; commas or blanks between them.
+    #[arg(long, value_name = "F", num_args = 1.., value_parser = list(multiplier))]
     pub factors: Option<Vec<List<f64>>>,
     /// Repetitions of each execution type in every case.
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=1_000))]
@@ -85,7 +87,9 @@ pub struct Sensitivity {
     pub seed: u64,
     /// The published figures, if this is the paper's cell.
     pub paper: Option<PerType<AetMad>>,
-    /// The cases; the first one is the unchanged setup.
+    /// Cases of the whole study.
+    pub planned: usize,
+    /// The cases; the first one is the unchanged setup. An interrupt leaves out the last ones.
     pub rows: Vec<Row>,
 }
 
@@ -139,54 +143,65 @@ pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let (setup, found) = options.study.setup.load()?;
     found.plan(&setup)?;
-    let study = study(&setup, &found.application, options)?;
+    let directory = options.study.prepare("sensitivity", &setup, started)?;
+    let is_interrupted = watch_for_interrupt()?;
+    let factors = options.factors.as_deref().map(flat);
+    let cases = Case::all(&setup, factors.as_deref());
+    let study = study(&setup, &found.application, options, &cases, &is_interrupted)?;
+    if study.rows.is_empty() {
+        return Ok(interrupted(&directory, study.planned, "cases"));
+    }
     outln!("{}", render(&study));
     let found = Found {
         json: &(serde_json::to_string_pretty(&study).map_err(anyhow::Error::from)? + "\n"),
         csv: &csv(&study),
         page: Some(&page::page(&study)?),
     };
-    let directory = options.study.save("sensitivity", &setup, started, found)?;
+    options.study.save(&directory, "sensitivity", &setup, found)?;
     outln!("  Saved in {}.", directory.display());
-    Ok(Exit::Pass)
+    Ok(ended(study.rows.len(), study.planned, "cases"))
 }
 
+/// Runs the cases. Those that an interrupt left without figures have no row.
 fn study(
     setup: &Setup,
     application: &Application,
     options: &SensitivityOptions,
+    cases: &[Case],
+    is_interrupted: &AtomicBool,
 ) -> anyhow::Result<Sensitivity> {
-    let factors = options.factors.as_deref().map(flat);
-    let cases = Case::all(setup, factors.as_deref());
     let schedule = Schedule::new(&ExecutionType::ALL, options.reps, options.study.seed);
     let mut jobs = Vec::new();
-    for case in &cases {
+    for case in cases {
         for variant in [Variant::Calibrated, Variant::WithoutOverhead, Variant::Uncalibrated] {
             jobs.push(case.make(&variant.of(setup.clone()), application));
         }
     }
     // A refusal by the robot is a result, too: the case is out of its reach.
-    let outcomes = jobs::run("sensitivity", options.study.quiet, &jobs, |job| {
+    let outcomes = jobs::run("sensitivity", options.study.quiet, is_interrupted, &jobs, |job| {
         Ok(match job {
             Ok(job) => figures(job, &schedule).map_err(|error| format!("{error:#}")),
             Err(error) => Err(error.to_string()),
         })
     })?;
     let mut outcomes = outcomes.into_iter();
-    let rows = cases.into_iter().map(|case| {
+    let rows = cases.iter().filter_map(|case| {
+        let variants = [outcomes.next()?, outcomes.next()?, outcomes.next()?];
+        let [Some(calibrated), Some(without_skill_overhead), Some(uncalibrated)] = variants else {
+            return None;
+        };
         let mut refused = None;
-        let mut next = || match outcomes.next() {
-            Some(Ok(figures)) => figures,
-            Some(Err(reason)) => {
+        let mut figures = |outcome: Result<Figures, String>| {
+            outcome.unwrap_or_else(|reason| {
                 refused.get_or_insert(reason);
                 Figures::default()
-            }
-            None => Figures::default(),
+            })
         };
-        let (calibrated, without_skill_overhead, uncalibrated) = (next(), next(), next());
+        let [calibrated, without_skill_overhead, uncalibrated] =
+            [calibrated, without_skill_overhead, uncalibrated].map(&mut figures);
         let value = case.value(setup, application);
-        let Case { factor, times } = case;
-        Row { factor, times, value, refused, calibrated, without_skill_overhead, uncalibrated }
+        let Case { factor, times } = *case;
+        Some(Row { factor, times, value, refused, calibrated, without_skill_overhead, uncalibrated })
     });
     Ok(Sensitivity {
         schema_version: SCHEMA_VERSION,
@@ -199,6 +214,7 @@ fn study(
             PaperComparison::Comparable(paper) => Some(paper),
             PaperComparison::NotComparable(_) | PaperComparison::NoPaper => None,
         },
+        planned: cases.len(),
         rows: rows.collect(),
     })
 }

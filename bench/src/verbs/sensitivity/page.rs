@@ -11,6 +11,7 @@ use crate::output::html::chart::{self, Format, INK, MUTED, colour, px, stroke, t
 use crate::output::html::document::fill;
 use crate::output::html::figure::{Data, Figure};
 use crate::records::schedule::repetitions;
+use crate::verbs::study::part;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -52,11 +53,12 @@ pub(super) fn page(study: &Sensitivity) -> anyhow::Result<String> {
         setup: study.setup.clone(),
         title: study.title.clone(),
         conditions: format!(
-            "Setup {} · {} · one number at a time · {} of each type · virtual mode · seed {}",
+            "Setup {} · {} · one number at a time · {} of each type · virtual mode · seed {}{}",
             study.setup,
             study.application,
             repetitions(study.reps),
-            study.seed
+            study.seed,
+            part(study.rows.len(), study.planned, "cases")
         ),
         summary: summary(study, &changes),
         figure: Figure::draw("Change of AETi in percentage points, a bar for each case", |format| {

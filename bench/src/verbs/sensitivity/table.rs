@@ -64,7 +64,8 @@ fn table(study: &Sensitivity) -> Table {
         "CM\nuncal.",
         "AETi\nuncal.",
     ]);
-    let base = study.rows.first().and_then(|row| row.calibrated.aet_improvement);
+    let base = study.rows.iter().find(|row| row.factor.is_none());
+    let base = base.and_then(|row| row.calibrated.aet_improvement);
     for row in &study.rows {
         let (with, without, bare) = (&row.calibrated, &row.without_skill_overhead, &row.uncalibrated);
         let change =

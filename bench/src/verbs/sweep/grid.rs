@@ -1,5 +1,6 @@
 //! The runs of a sweep and their results.
 
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use planning::Application;
@@ -106,12 +107,24 @@ struct Outcome {
 }
 
 impl Grid {
-    /// Runs it all; depth is the slowest to change, length the fastest.
+    /// Returns the number of points.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.depths.len() * self.bus_cycles_us.len() * self.lengths_mm.len()
+    }
+
+    /// Runs it all, or what it can before `interrupted` is set; depth is the slowest to change, length the fastest.
     ///
     /// # Errors
     ///
     /// The setup cannot be run with one of the bus cycles, the arm does not reach the square, or a run fails.
-    pub fn run(&self, setup: &Setup, application: &Application, quiet: bool) -> anyhow::Result<Vec<Point>> {
+    pub fn run(
+        &self,
+        setup: &Setup,
+        application: &Application,
+        quiet: bool,
+        interrupted: &AtomicBool,
+    ) -> anyhow::Result<Vec<Point>> {
         let job = |depth, bus_cycle_us, length_mm| Job { depth, bus_cycle_us, length_mm };
         let of_cells = |depth: Option<u32>| {
             self.bus_cycles_us
@@ -123,14 +136,16 @@ impl Grid {
         let cells = rc.len();
         let jobs: Vec<Job> =
             rc.into_iter().chain(self.depths.iter().flat_map(|depth| of_cells(Some(*depth)))).collect();
-        let outcomes = jobs::run("sweep", quiet, &jobs, |job| self.one(setup, application, job))?;
+        let outcomes =
+            jobs::run("sweep", quiet, interrupted, &jobs, |job| self.one(setup, application, job))?;
         let (rc, cm) = outcomes.split_at(cells.min(outcomes.len()));
         let of_rc = rc.iter().cycle();
-        let points = jobs.iter().skip(cells).zip(cm).zip(of_rc).map(|((job, cm), rc)| {
+        let points = jobs.iter().skip(cells).zip(cm).zip(of_rc).filter_map(|((job, cm), rc)| {
+            let (cm, rc) = (cm.as_ref()?, rc.as_ref()?);
             let depth = job.depth.unwrap_or_default();
             let trip = RoundTrip::of(&setup.clone().with_bus_cycle(job.bus_cycle_us));
             let motion = Duration::from_secs_f64(rc.path_ms / 1e3 / f64::from(self.motions));
-            Point {
+            Some(Point {
                 depth,
                 bus_cycle_ms: f64::from(job.bus_cycle_us) / 1e3,
                 length_mm: job.length_mm,
@@ -145,7 +160,7 @@ impl Grid {
                 } else {
                     Predicted::Open
                 },
-            }
+            })
         });
         Ok(points.collect())
     }

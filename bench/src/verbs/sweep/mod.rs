@@ -30,7 +30,8 @@ pub use table::{csv, render};
 
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
-use crate::verbs::study::{Found, StudyOptions};
+use crate::verbs::event_loop::watch_for_interrupt;
+use crate::verbs::study::{Found, StudyOptions, ended, interrupted};
 
 /// Version of the sweep's JSON.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -60,14 +61,14 @@ pub struct SweepOptions {
     /// Setup, seed and files.
     #[command(flatten)]
     pub study: StudyOptions,
-    /// Slots of the image in use.
-    #[arg(long, value_name = "N,…", num_args = 1.., default_value = DEPTHS, value_parser = list(depth))]
+    /// Slots of the image in use; commas or blanks between several.
+    #[arg(long, value_name = "N", num_args = 1.., default_value = DEPTHS, value_parser = list(depth))]
     pub depths: Vec<List<u32>>,
-    /// Bus cycles in ms.
-    #[arg(long, value_name = "MS,…", num_args = 1.., default_value = BUS_CYCLES_MS, value_parser = list(milliseconds))]
+    /// Bus cycles in ms; commas or blanks between several.
+    #[arg(long, value_name = "MS", num_args = 1.., default_value = BUS_CYCLES_MS, value_parser = list(milliseconds))]
     pub cycles: Vec<List<u32>>,
-    /// Lengths of every motion in mm.
-    #[arg(long, value_name = "MM,…", num_args = 1.., default_value = LENGTHS_MM, value_parser = list(length))]
+    /// Lengths of every motion in mm; commas or blanks between several.
+    #[arg(long, value_name = "MM", num_args = 1.., default_value = LENGTHS_MM, value_parser = list(length))]
     pub lengths: Vec<List<f64>>,
     /// Motions of a run; a square has four sides.
     #[arg(long, value_name = "N", default_value_t = MOTIONS, value_parser = clap::value_parser!(u32).range(6..=1_000))]
@@ -120,7 +121,9 @@ pub struct Sweep {
     pub reps: u32,
     /// Seed of clocks, phases and pauses.
     pub seed: u64,
-    /// The points: depth is the slowest to change, length the fastest.
+    /// Points of the whole grid.
+    pub planned: usize,
+    /// The points: depth is the slowest to change, length the fastest. An interrupt leaves out the last ones.
     pub points: Vec<Point>,
 }
 
@@ -137,6 +140,7 @@ impl Sweep {
             motions: grid.motions,
             reps: grid.reps,
             seed: grid.seed,
+            planned: grid.points(),
             points,
         }
     }
@@ -161,15 +165,20 @@ pub fn run(options: &SweepOptions) -> Result<Exit, Failure> {
     for cycle_us in &grid.bus_cycles_us {
         setup::check(&setup.clone().with_bus_cycle(*cycle_us))?;
     }
-    let points = grid.run(&setup, &found.application, options.study.quiet)?;
+    let directory = options.study.prepare("sweep", &setup, started)?;
+    let is_interrupted = watch_for_interrupt()?;
+    let points = grid.run(&setup, &found.application, options.study.quiet, &is_interrupted)?;
     let sweep = Sweep::new(&setup, &grid, points);
+    if sweep.points.is_empty() {
+        return Ok(interrupted(&directory, sweep.planned, "points"));
+    }
     outln!("{}", render(&sweep));
     let found = Found {
         json: &(serde_json::to_string_pretty(&sweep).map_err(anyhow::Error::from)? + "\n"),
         csv: &csv(&sweep),
         page: Some(&page::page(&sweep)?),
     };
-    let directory = options.study.save("sweep", &setup, started, found)?;
+    options.study.save(&directory, "sweep", &setup, found)?;
     outln!("  Saved in {}.\n  Page: {}.", directory.display(), directory.join("sweep.html").display());
-    Ok(Exit::Pass)
+    Ok(ended(sweep.points.len(), sweep.planned, "points"))
 }

@@ -11,6 +11,7 @@ use crate::output::html::chart::{self, Area, Format, GRID, INK, MUTED, colour, p
 use crate::output::html::document::fill;
 use crate::output::html::figure::Figure;
 use crate::records::schedule::repetitions;
+use crate::verbs::study::part;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -55,11 +56,12 @@ pub(super) fn page(sweep: &Sweep) -> anyhow::Result<String> {
         setup: sweep.setup.clone(),
         title: sweep.title.clone(),
         conditions: format!(
-            "Setup {} · {} blended motions round a square · RC and CM · {} · virtual mode · seed {}",
+            "Setup {} · {} blended motions round a square · RC and CM · {} · virtual mode · seed {}{}",
             sweep.setup,
             sweep.motions,
             repetitions(sweep.reps),
-            sweep.seed
+            sweep.seed,
+            part(sweep.points.len(), sweep.planned, "points")
         ),
         summary,
         sentences,

@@ -63,13 +63,22 @@ pub(crate) fn slots(depth: u32) -> String {
 fn block(sweep: &Sweep, depth: u32) -> String {
     let rows = rows(sweep, depth);
     let mut table = screen::ruled();
-    let cycles = rows.first().into_iter().flatten().map(|point| format!("bus {} ms", point.bus_cycle_ms));
+    let mut cycles_ms: Vec<f64> = Vec::new();
+    for point in rows.iter().flatten() {
+        if !cycles_ms.contains(&point.bus_cycle_ms) {
+            cycles_ms.push(point.bus_cycle_ms);
+        }
+    }
+    let cycles = cycles_ms.iter().map(|cycle_ms| format!("bus {cycle_ms} ms"));
     table.set_header(["motion".to_owned(), "takes".to_owned()].into_iter().chain(cycles));
     for row in rows {
         let Some(first) = row.first() else { continue };
         let motion =
             [format!("{} mm", first.length_mm), format!("{:.0} ms", first.rc_ms / f64::from(sweep.motions))];
-        table.add_row(motion.into_iter().chain(row.iter().map(cell)));
+        // An interrupted sweep has no point for some of the cycles.
+        let at = |cycle_ms: &f64| row.iter().find(|point| point.bus_cycle_ms == *cycle_ms);
+        let cells = cycles_ms.iter().map(|cycle_ms| at(cycle_ms).map_or_else(String::new, cell));
+        table.add_row(motion.into_iter().chain(cells));
     }
     screen::drawn(&screen::numbers_right(table))
 }

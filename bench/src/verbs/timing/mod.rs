@@ -16,11 +16,15 @@ mod stopwatch;
 mod turns;
 
 use std::ffi::OsString;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use clap::ValueEnum as _;
+use node::list::{List, flat, list};
 use setup::{BusKind, Cyclic, EthernetIp, EthernetIpAdapter, Setup};
 
 use super::each_bus::over_each_bus;
+use super::event_loop::{interrupted, watch_for_interrupt};
 use crate::outln;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
@@ -35,9 +39,9 @@ pub struct TimingOptions {
     /// Turns of one second for each bus.
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(5..=3_600))]
     pub seconds: u32,
-    /// Buses to measure, all without it.
-    #[arg(long, value_name = "BUS,…", value_delimiter = ',')]
-    pub buses: Vec<TimedBus>,
+    /// Buses to measure: profinet-udp, profinet-rt1, ethernet-ip, ethercat, with commas or blanks between them; all without it.
+    #[arg(long, value_name = "BUS", num_args = 1.., value_parser = list(bus))]
+    pub buses: Vec<List<TimedBus>>,
     /// Command of another EtherNet/IP adapter to compare with, with assemblies 100, 150 and 151 as the robot node has
     /// them: a command that is run at the other end of a cable of its own, where it has the address 192.168.64.2.
     #[arg(last = true, value_name = "COMMAND")]
@@ -57,6 +61,15 @@ pub enum TimedBus {
     Ethercat,
 }
 
+fn bus(name: &str) -> Result<TimedBus, String> {
+    let unknown = || {
+        format!(
+            "there is no bus `{name}`; the buses are profinet-udp, profinet-rt1, ethernet-ip and ethercat"
+        )
+    };
+    TimedBus::from_str(name, false).map_err(|_| unknown())
+}
+
 /// Time from one cyclic frame to the next, in both directions.
 const INTERVAL: Duration = Duration::from_millis(1);
 
@@ -70,15 +83,16 @@ const SETTLE: Duration = Duration::from_millis(100);
 pub fn run(options: &TimingOptions) -> Result<Exit, Failure> {
     let buses = buses(options)?;
     rig::enter_user_namespace()?;
-    let fails = measure(options, &buses).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))?;
-    Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
+    let is_interrupted = watch_for_interrupt()?;
+    measure(options, &buses, &is_interrupted).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))
 }
 
 /// Returns the setups to measure: Setup A over each bus, with the addresses of the cables.
 fn buses(options: &TimingOptions) -> Result<Vec<(&'static str, Setup)>, Failure> {
+    let chosen = flat(&options.buses);
     let mut all: Vec<_> = over_each_bus(&setup::setup("A")?)?
         .into_iter()
-        .filter(|(_, setup)| options.buses.is_empty() || options.buses.contains(&timed(&setup.bus.kind)))
+        .filter(|(_, setup)| chosen.is_empty() || chosen.contains(&timed(&setup.bus.kind)))
         .collect();
     for (_, setup) in &mut all {
         setup.bus.cycle_us.value = INTERVAL.as_micros() as u32;
@@ -119,8 +133,12 @@ const fn wire(kind: &BusKind) -> Wire {
     }
 }
 
-/// Measures bus by bus, in turns. Returns whether a limit is certainly exceeded.
-fn measure(options: &TimingOptions, buses: &[(&'static str, Setup)]) -> anyhow::Result<bool> {
+/// Measures bus by bus, in turns, until an interrupt; then prints the turns that are complete.
+fn measure(
+    options: &TimingOptions,
+    buses: &[(&'static str, Setup)],
+    is_interrupted: &AtomicBool,
+) -> anyhow::Result<Exit> {
     let mut measurements: Vec<BusMeasurement<'_>> =
         buses.iter().map(|(name, setup)| BusMeasurement::new(name, setup, wire(&setup.bus.kind))).collect();
     let turns = Turns::new()?;
@@ -132,13 +150,22 @@ fn measure(options: &TimingOptions, buses: &[(&'static str, Setup)]) -> anyhow::
             Some((cable, process))
         }
     };
-    for turn in 0..options.seconds {
+    let mut complete = 0;
+    'turns: for turn in 0..options.seconds {
         errln!("turn {} of {}", turn + 1, options.seconds);
         for measurement in &mut measurements {
+            if is_interrupted.load(Ordering::Relaxed) {
+                break 'turns;
+            }
             let is_ethernet_ip = timed(&measurement.setup.bus.kind) == TimedBus::EthernetIp;
             let peer = foreign.as_ref().filter(|_| is_ethernet_ip).map(|(cable, _)| cable);
             turns.take(measurement, turn, peer.map(|cable| (cable, foreign_adapter(measurement.setup))))?;
         }
+        complete = turn + 1;
+    }
+    let is_interrupted = complete < options.seconds;
+    if complete == 0 {
+        return Ok(interrupted(0, options.seconds as usize, "turns"));
     }
     let of_peer = match foreign {
         Some((cable, process)) => {
@@ -149,7 +176,12 @@ fn measure(options: &TimingOptions, buses: &[(&'static str, Setup)]) -> anyhow::
     };
     let comparisons = turns.compare(measurements, of_peer.as_ref())?;
     outln!("{}", comparison::render(&comparisons));
-    Ok(comparisons.iter().any(comparison::Comparison::fails))
+    if is_interrupted {
+        return Ok(interrupted(complete as usize, options.seconds as usize, "turns"));
+    }
+    // A limit that is certainly exceeded.
+    let fails = comparisons.iter().any(comparison::Comparison::fails);
+    Ok(if fails { Exit::TimingRegression } else { Exit::Pass })
 }
 
 /// Returns the same setup with an adapter that has our assemblies, but any identity.
@@ -174,13 +206,14 @@ fn foreign_adapter(setup: &Setup) -> Setup {
 mod tests {
     use super::*;
 
-    fn options(buses: &[TimedBus], peer: &[&str]) -> TimingOptions {
-        TimingOptions { seconds: 5, buses: buses.to_vec(), peer: peer.iter().map(OsString::from).collect() }
+    fn options(buses: &str, peer: &[&str]) -> TimingOptions {
+        let buses = if buses.is_empty() { vec![] } else { vec![list(bus)(buses).unwrap()] };
+        TimingOptions { seconds: 5, buses, peer: peer.iter().map(OsString::from).collect() }
     }
 
     #[test]
     fn every_bus_is_measured_unless_some_are_named_and_each_has_the_cables_addresses() {
-        let all = buses(&options(&[], &[])).unwrap();
+        let all = buses(&options("", &[])).unwrap();
         let names: Vec<_> = all.iter().map(|(name, _)| *name).collect();
         assert_eq!(names, ["PROFINET udp", "PROFINET rt1", "EtherNet/IP", "EtherCAT"]);
         for (name, setup) in &all {
@@ -188,16 +221,16 @@ mod tests {
             assert_eq!(setup.bus.cycle_us.value, 1_000, "{name}");
             assert!(setup.bus.addresses().is_none_or(|at| (at.plc, at.robot) == (PLC, ROBOT)), "{name}");
         }
-        let some = buses(&options(&[TimedBus::Ethercat, TimedBus::ProfinetRt1], &[])).unwrap();
+        let some = buses(&options("ethercat, profinet-rt1", &[])).unwrap();
         let names: Vec<_> = some.iter().map(|(name, _)| *name).collect();
         assert_eq!(names, ["PROFINET rt1", "EtherCAT"]);
     }
 
     #[test]
     fn an_adapter_to_compare_with_is_refused_where_its_bus_is_left_out() {
-        let refused = buses(&options(&[TimedBus::Ethercat], &["adapter"])).unwrap_err();
+        let refused = buses(&options("ethercat", &["adapter"])).unwrap_err();
         assert!(format!("{refused:?}").contains("add `ethernet-ip`"), "{refused:?}");
-        let ethernet_ip = buses(&options(&[TimedBus::EthernetIp], &["adapter"])).unwrap();
+        let ethernet_ip = buses(&options("ethernet-ip", &["adapter"])).unwrap();
         let [(_, setup)] = &ethernet_ip[..] else { panic!("one bus") };
         let foreign = foreign_adapter(setup);
         setup::check(&foreign).unwrap();

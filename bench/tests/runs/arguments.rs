@@ -1,0 +1,38 @@
+//! Arguments of every verb follow the same rules.
+
+use std::fs;
+
+use crate::program::bench;
+
+fn refused(arguments: &[&str]) -> String {
+    let directory = tempfile::tempdir().unwrap();
+    let finished = bench(directory.path(), arguments);
+    assert_eq!((finished.code, finished.stdout.as_str()), (Some(2), ""), "{}", finished.stderr);
+    finished.stderr.lines().next().unwrap().to_owned()
+}
+
+#[test]
+fn a_negative_number_is_out_of_range_and_not_an_unknown_option() {
+    insta::assert_snapshot!(refused(&["--reps", "-1"]), @"error: invalid value '-1' for '--reps <N>': -1 is not in 1..=100000");
+    insta::assert_snapshot!(refused(&["--override", "-5"]), @"error: invalid value '-5' for '--override <PERCENT[@TIME],...>': `-5`: an override of -5 % was asked for; it is 0 (the arm stops on its path) to 100 %");
+    insta::assert_snapshot!(refused(&["sweep", "--lengths", "5", "-1"]), @"error: invalid value '-1' for '--lengths <MM>...': a length is above 0 and at most 10000 mm");
+}
+
+#[test]
+fn every_option_that_takes_several_values_takes_commas_and_blanks_and_names_the_wrong_value() {
+    insta::assert_snapshot!(refused(&["timing", "--buses", "ethercat, profinet"]), @"error: invalid value 'ethercat, profinet' for '--buses <BUS>...': there is no bus `profinet`; the buses are profinet-udp, profinet-rt1, ethernet-ip and ethercat");
+    insta::assert_snapshot!(refused(&["--types", "rc", "cn"]), @"error: invalid value 'cn' for '--types <TYPE>...': there is no execution type `cn`: rc runs the robot's program, sm single motions, cm one MoveContinuousSkill");
+    let law = refused(&["judge", "--ignore", "finite jump"]);
+    assert!(law.contains("there is no law `jump`; the laws are finite, range, "), "{law}");
+}
+
+#[test]
+fn a_list_of_motions_that_the_disk_does_not_take_is_no_wrong_argument() {
+    let directory = tempfile::tempdir().unwrap();
+    let written = |file| bench(directory.path(), ["long", "--motions", "100", "--write", file]);
+    let full = written("/dev/full");
+    assert_eq!(full.code, Some(1), "{}", full.stderr);
+    insta::assert_snapshot!(full.stderr, @"error: cannot write /dev/full: No space left on device (os error 28)");
+    assert_eq!(written("list").code, Some(0));
+    assert_eq!(fs::read_to_string(directory.path().join("list")).unwrap().lines().count(), 101);
+}
