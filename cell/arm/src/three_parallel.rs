@@ -12,7 +12,7 @@
 //!
 //! The inverse has a closed form. z6 and the flange give the point before the flange, whose distance d4 from the arm's
 //! plane gives axis 1 (two ways). The part of z6 across the plane gives axis 5 (two ways), the rest of z6 gives φ, and
-//! the flange's x and y give axis 6. Two links in a plane remain (two ways).
+//! the flange's x and y, seen along x at θ6 = 0, which is cos θ5·(cos φ, sin φ) in the plane + sin θ5·n, give axis 6. Two links in a plane remain (two ways).
 
 use super::angles::{degrees, sin_cos};
 use super::branch::{Branch, SixAxes, to_joints, to_model};
@@ -172,7 +172,13 @@ impl SixAxes for ThreeParallel {
             }
         } else {
             let part = -sign / sine;
-            (Some([across(x6) * sign, -across(y6) * sign]), along(z6) * part, z6[2] * part)
+            let (cos_lift, sin_lift) = (along(z6) * part, z6[2] * part);
+            // The direction of x6 where θ6 is 0. Near a stretched wrist φ is hardly known; θ6 measured from this
+            // makes up for what it lacks.
+            let zero = |vector: [f64; 3]| {
+                cos_5 * (along(vector) * cos_lift + vector[2] * sin_lift) + sign * sine * across(vector)
+            };
+            (Some([zero(x6), -zero(y6)]), cos_lift, sin_lift)
         };
         let (u, v) = (radial - d5 * sin_lift, before[2] - d1 + d5 * cos_lift);
         let ([shoulder_cos, shoulder_sin], [cos_3, sin_3]) = self.links([u, v], branch.elbow_positive)?;

@@ -227,6 +227,27 @@ proptest! {
     }
 
     #[test]
+    fn however_little_the_wrist_is_bent_the_pose_is_reached(
+        mut joints in any_joints(),
+        exponent in -12.0..0.0_f64,
+        stretched in prop::sample::select(vec![-180.0, 0.0, 180.0]),
+        sign in prop::sample::select(vec![-1.0, 1.0]),
+    ) {
+        joints[4] = stretched + sign * 10.0_f64.powf(exponent);
+        for parameters in [UR5E, UR10E, odd()] {
+            let arm = ThreeParallel::new(parameters);
+            // Away from the arm's other singular positions.
+            let bent: Joints = core::array::from_fn(|i| if i == 4 { 90.0 } else { joints[i] });
+            prop_assume!(is_regular(&arm, &bent));
+            let flange = arm.forward(&joints);
+            let again = arm.forward(&arm.inverse(&flange, &joints).unwrap());
+            prop_assert!(distance(again.position, flange.position) < 1e-7, "{again:?} is not {flange:?}");
+            let turned = (again.rotation.inverse() * flange.rotation).axis_angle().1;
+            prop_assert!(turned < 2e-7, "{again:?} is turned by {turned}° from {flange:?}");
+        }
+    }
+
+    #[test]
     fn every_status_that_can_be_solved_leads_to_the_pose_and_has_that_status(joints in any_joints()) {
         for parameters in [UR5E, odd()] {
             let arm = ThreeParallel::new(parameters);
