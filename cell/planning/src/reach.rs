@@ -47,7 +47,7 @@ impl Plan {
         let mut here = start;
         let (mut targets, mut stopped) = (Vec::with_capacity(self.motions.len()), Vec::new());
         for continuous in &self.continuous {
-            let mut course = Course::default();
+            let mut course = Course::new(f64::from(setup.robot.cycle_us.value) / 1e6);
             for index in continuous.motions.clone() {
                 let Some(motion) = self.motions.get(index) else { continue };
                 let from = here;

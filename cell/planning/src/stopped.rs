@@ -63,8 +63,9 @@ impl fmt::Display for Stopped {
 }
 
 /// The last motions of a continuous motion, as the robot's look-ahead has them.
-#[derive(Default)]
 pub(crate) struct Course {
+    /// The robot's cycle, in s.
+    cycle_s: f64,
     /// The motion before the last one, if there is a corner between them that is still to be checked: a successor may bend
     /// the last one.
     before: Option<Segment>,
@@ -73,6 +74,11 @@ pub(crate) struct Course {
 }
 
 impl Course {
+    /// A motion that is still to begin.
+    pub(crate) const fn new(cycle_s: f64) -> Self {
+        Self { cycle_s, before: None, last: None }
+    }
+
     /// Returns the last motion, unless the arm is to stop at its end.
     pub(crate) fn last(&self) -> Option<&Segment> {
         self.last.as_ref().map(|(segment, _)| segment)
@@ -89,7 +95,10 @@ impl Course {
         mut stopped: impl FnMut(usize, Unfit),
     ) {
         let mut last = self.last.take();
-        let joint = last.as_mut().filter(|_| !stands).map(|(last, start)| join(last, start, &segment, arm));
+        let joint = last
+            .as_mut()
+            .filter(|_| !stands)
+            .map(|(last, start)| join(last, start, &segment, arm, self.cycle_s));
         if let (Some(before), Some((last, _))) = (self.before.take(), &last) {
             check_corner(&before, last, arm).into_iter().for_each(|unfit| stopped(2, unfit));
         }
@@ -116,9 +125,9 @@ enum Joint {
 }
 
 /// Joins two motions as the robot does, which bends the first one if both are motions of a spline.
-fn join(last: &mut Segment, start: &Joints, next: &Segment, arm: &Arm) -> Joint {
+fn join(last: &mut Segment, start: &Joints, next: &Segment, arm: &Arm, cycle_s: f64) -> Joint {
     match (&last.curve, &next.curve) {
-        (Curve::Line(first), Curve::Line(second)) if first.goes_on_to(second) => Joint::Planned,
+        (Curve::Line(_), Curve::Line(_)) if last.goes_straight_on_to(next, arm, cycle_s) => Joint::Planned,
         (Curve::Spline(first), Curve::Spline(second)) if !first.goes_on_to(second) => {
             Joint::Stop(Unfit::TurnsBack)
         }

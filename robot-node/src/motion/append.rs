@@ -110,7 +110,9 @@ impl Path {
     fn go_on(&mut self, before: usize, arm: &Arm) -> Option<Appended> {
         let (one, next) = (self.queue.get(before)?, self.queue.back()?);
         match (&one.segment.curve, &next.segment.curve) {
-            (Curve::Line(first), Curve::Line(second)) if first.goes_on_to(second) => {
+            (Curve::Line(_), Curve::Line(_))
+                if one.segment.goes_straight_on_to(&next.segment, arm, self.cycle_s) =>
+            {
                 self.set_goes_on(before, true);
                 let is_feasible = self.plan(&self.leaves(before));
                 self.set_goes_on(before, is_feasible);

@@ -59,7 +59,7 @@ impl Interpolator {
     pub fn at_rest(arm: Arm, joints: Joints, cycle_s: f64) -> Self {
         let flange = arm.forward(&joints);
         Self {
-            path: Path::at_rest(joints),
+            path: Path::at_rest(joints, cycle_s),
             axes: AxisMonitor::at_rest(arm.limits(), &joints, cycle_s),
             correction: Correction::NONE,
             arm,

@@ -51,6 +51,8 @@ pub(super) struct Planned {
 /// The motions that are accepted and not yet left behind.
 #[derive(Debug)]
 pub struct Path {
+    /// The robot's cycle, in s.
+    pub(super) cycle_s: f64,
     pub(super) queue: VecDeque<Planned>,
     /// The law from the present piece to the end.
     pub(super) pieces: VecDeque<Piece>,
@@ -77,18 +79,33 @@ pub struct Path {
 impl Clone for Path {
     /// A copy has no room of its own: it allocates what it needs.
     fn clone(&self) -> Self {
-        let Self { time, spot, braking, factor, scale, start, end, left_behind, .. } = *self;
+        let Self { cycle_s, time, spot, braking, factor, scale, start, end, left_behind, .. } = *self;
         let (queue, pieces) = (self.queue.clone(), self.pieces.clone());
         let (law, _room) = (None, Room::none());
-        Self { queue, pieces, law, time, spot, braking, factor, scale, start, end, left_behind, _room }
+        Self {
+            cycle_s,
+            queue,
+            pieces,
+            law,
+            time,
+            spot,
+            braking,
+            factor,
+            scale,
+            start,
+            end,
+            left_behind,
+            _room,
+        }
     }
 }
 
 impl Path {
-    /// A path that ends where the arm stands.
+    /// A path that ends where the arm stands, and is followed in cycles of `cycle_s` seconds.
     #[must_use]
-    pub fn at_rest(joints: Joints) -> Self {
+    pub fn at_rest(joints: Joints, cycle_s: f64) -> Self {
         Self {
+            cycle_s,
             queue: VecDeque::with_capacity(CAPACITY),
             pieces: VecDeque::with_capacity(CELLS),
             law: Some(Box::default()),

@@ -102,6 +102,22 @@ impl Line {
             && turned <= KINK.min(STRAIGHT_DEG / shorter)
     }
 
+    /// Returns where the arm is after `way` on the line that continues this one, and on the next one from its start.
+    ///
+    /// # Errors
+    ///
+    /// The arm cannot be at one of these places.
+    pub(super) fn beyond(
+        &self,
+        next: &Self,
+        way: f64,
+        arm: &Arm,
+        near: &Joints,
+    ) -> Result<[Joints; 2], Violation> {
+        let joints = |tool: Frame| arm.inverse(&self.flange.when_tool_at(tool), near);
+        Ok([joints(self.tool(self.length + way))?, joints(next.tool(way))?])
+    }
+
     /// Whether neither place nor orientation changes.
     #[must_use]
     pub fn is_a_point(&self) -> bool {

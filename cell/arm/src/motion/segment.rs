@@ -77,6 +77,9 @@ pub struct Robot<'a> {
     pub presses: bool,
 }
 
+/// Largest share of a joint's jerk that the bend between two lines driven as one may take.
+const UNNOTICED: f64 = 0.01;
+
 /// One motion, ready to run.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Segment {
@@ -166,6 +169,24 @@ impl Segment {
             approximation_mm,
             tool,
             base_inverse,
+        })
+    }
+
+    /// Returns whether both are lines and the next one continues this one, so that the arm drives them as one: at the
+    /// highest speed that is programmed, no joint notices in a robot cycle of `cycle_s` seconds what rounding on the wire
+    /// leaves of a bend.
+    #[must_use]
+    pub fn goes_straight_on_to(&self, next: &Self, arm: &Arm, cycle_s: f64) -> bool {
+        let (Curve::Line(first), Curve::Line(second)) = (&self.curve, &next.curve) else { return false };
+        if !first.goes_on_to(second) {
+            return false;
+        }
+        let speed = self.programmed_speed().max(next.programmed_speed());
+        let way = (speed * cycle_s).min(self.curve.length()).min(next.curve.length());
+        let cubed = cycle_s * cycle_s * cycle_s;
+        first.beyond(second, way, arm, &self.end).is_ok_and(|[straight, on]| {
+            let limits = straight.iter().zip(&on).zip(&arm.limits().jerk);
+            limits.into_iter().all(|((straight, on), jerk)| (straight - on).abs() <= UNNOTICED * jerk * cubed)
         })
     }
 
