@@ -217,6 +217,14 @@ mod tests {
     }
 
     #[test]
+    fn a_schedule_is_stored_as_the_text_that_it_is_read_from() {
+        let schedule: OverrideSchedule = "80, 0@1.5ms, 100@3s".parse().unwrap();
+        let text = serde_json::to_string(&schedule).unwrap();
+        assert_eq!(text, r#""80,0@0.0015s,100@3s""#);
+        assert_eq!(serde_json::from_str::<OverrideSchedule>(&text).unwrap(), schedule);
+    }
+
+    #[test]
     fn what_is_no_schedule_says_which_part_what_was_found_and_what_would_do() {
         let wrong =
             ["fast", "50@2", "120", "1e308", "-1@2s", "NaN", "50@2s,70@1s", "50,60", "0", "80,0@2s", ""];

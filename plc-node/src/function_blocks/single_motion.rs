@@ -126,4 +126,19 @@ mod tests {
         assert_eq!((sent.kind, sent.approximation), (MotionKind::LinCartesian, 0));
         assert_eq!(inputs.motion(MotionKind::LinCartesian).unwrap().approximation, 50);
     }
+
+    #[test]
+    fn motions_are_the_same_to_a_block_if_their_bytes_in_the_image_are() {
+        let hash = |motion| {
+            let mut hasher = std::hash::DefaultHasher::new();
+            Latched(motion).hash(&mut hasher);
+            hasher.finish()
+        };
+        let at = |x| Motion { target: [x, 0.0, 0.0, 0.0, 0.0, 0.0], ..Motion::EMPTY };
+        let (here, there, nowhere) = (at(1.0), at(2.0), at(f32::NAN));
+        assert_eq!(Latched(nowhere), Latched(nowhere), "although NaN is not NaN");
+        assert_eq!(hash(nowhere), hash(nowhere));
+        assert_ne!(Latched(here), Latched(there));
+        assert_ne!(hash(here), hash(there));
+    }
 }
