@@ -263,3 +263,44 @@ impl Sequence {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use machine::Duration;
+    use protocol::image::{Feedback, Motion, State, Status};
+
+    use super::*;
+    use crate::{MotionList, WaitLimits};
+
+    #[test]
+    fn an_output_that_is_switched_leaves_the_others_as_they_are() {
+        let switch = |output, set| Some(Switch { output, set, wait: Duration::ZERO });
+        let stops = [switch(0, true), switch(3, true), switch(0, false)];
+        let stops: Vec<Stop> = (1..).zip(stops).map(|(after, then)| Stop { after, then }).collect();
+        let mut motions =
+            MotionList::from(vec![Motion { kind: MotionKind::PtpJoint, ..Motion::EMPTY }; stops.len()]);
+        let mut group = AxesGroup::new(WaitLimits { answer_scans: 9, silent_scans: u32::MAX });
+        let mut sequence = Sequence::new(ExecutionType::Sm, 0, 5);
+        let mut seen = vec![group.outputs()];
+        for _ in 0..20 {
+            // A robot that executes each motion at once.
+            let number = group.command().number;
+            group.read(Some(Feedback {
+                number,
+                status: Status::DONE,
+                state: State::Ready,
+                accepted: 1,
+                executed: 1,
+                ..Feedback::default()
+            }));
+            let progress = sequence.scan(Instant::ZERO, &mut motions, &stops, &mut group);
+            if seen.last() != Some(&group.outputs()) {
+                seen.push(group.outputs());
+            }
+            if progress == Progress::Done {
+                break;
+            }
+        }
+        assert_eq!(seen, [0, 0b0001, 0b1001, 0b1000]);
+    }
+}
