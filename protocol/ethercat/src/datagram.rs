@@ -199,6 +199,22 @@ mod tests {
     }
 
     #[test]
+    fn the_last_datagram_ends_the_frame_whatever_follows_it() {
+        let mut payload = payload();
+        payload[9] = 0; // no more follow the first one
+        assert_eq!(Datagrams::of(&mut payload).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn an_event_request_of_two_devices_stays_one() {
+        let mut payload = payload();
+        let mut datagram = Datagrams::of(&mut payload).unwrap().next().unwrap();
+        datagram.add_events(0x0104);
+        datagram.add_events(0x0014);
+        assert_eq!(payload[10..12], [0x14, 0x01]);
+    }
+
+    #[test]
     fn a_frame_that_says_it_is_longer_than_it_is_has_no_datagrams() {
         let mut payload = payload();
         payload.pop();

@@ -314,7 +314,7 @@ impl Dictionary {
 
     fn raise_highest_subindex(&mut self, position: usize, subindex: u8) {
         let first = self.objects.get(position).and_then(|object| object.entry(0));
-        if let Some(Value::Stored { start, len: 1 }) = first.filter(|_| subindex > 0).map(|first| first.value)
+        if let Some(Value::Stored { start, len: 1 }) = first.map(|first| first.value)
             && let Some(highest) = self.values.get_mut(start)
         {
             *highest = (*highest).max(subindex);

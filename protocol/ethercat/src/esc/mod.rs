@@ -293,9 +293,7 @@ impl Esc {
     fn events(&self) -> u16 {
         let mut events = self.events;
         for (index, sync_manager) in self.sync_managers.iter().enumerate() {
-            let full = sync_manager.is_mailbox()
-                && !sync_manager.is_written_by_main_device()
-                && sync_manager.is_full(&self.memory, index);
+            let full = !sync_manager.is_written_by_main_device() && sync_manager.is_full(&self.memory, index);
             events |= u16::from(full) << (4 + index);
         }
         events

@@ -135,7 +135,7 @@ impl Sii {
             },
             RELOAD => {
                 self.reload(memory);
-                memory.u8(SII_CONTROL + 1)
+                0
             }
             _ => COMMAND_ERROR,
         };

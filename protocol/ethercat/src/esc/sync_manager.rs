@@ -81,10 +81,6 @@ impl SyncManager {
         self.start as u32 + self.len as u32 * buffers
     }
 
-    pub(crate) const fn is_mailbox(&self) -> bool {
-        self.mailbox
-    }
-
     pub(crate) const fn is_written_by_main_device(&self) -> bool {
         self.written_by_main_device
     }

@@ -143,6 +143,27 @@ fn a_loop_with_automatic_closing_stays_closed_after_a_cut_until_it_is_set_again(
 }
 
 #[test]
+fn a_device_counts_the_link_towards_the_main_device_as_lost_by_a_cut_and_by_a_neighbour_without_power() {
+    let mut main_device = RawMainDevice::new(line(2));
+    let lost = |main_device: &mut RawMainDevice| main_device.exchange(APRD, 0xFFFF, 0x0310, &[0; 4]).0;
+    main_device.segment.set_cut(DeviceId(1), true);
+    main_device.segment.set_cut(DeviceId(1), false);
+    assert_eq!(lost(&mut main_device), [1, 0, 0, 0]);
+    main_device.segment.set_power(main_device.now, DeviceId(0), false);
+    main_device.segment.set_power(main_device.now, DeviceId(0), true);
+    assert_eq!(lost(&mut main_device), [2, 0, 0, 0]);
+}
+
+#[test]
+fn no_frame_passes_a_cut_cable_although_the_loop_at_its_end_is_held_open() {
+    let mut main_device = RawMainDevice::new(line(1));
+    main_device.exchange(APWR, 0, 0x0101, &[0b10]);
+    assert_eq!(count(&mut main_device), 1);
+    main_device.segment.set_cut(DeviceId(0), true);
+    assert_eq!(main_device.send(&frame(BRD, 0, &[0])), None);
+}
+
+#[test]
 fn a_frame_that_finds_port_0_closed_behind_it_is_lost_instead_of_going_round_for_ever() {
     let mut main_device = RawMainDevice::new(line(2));
     assert_eq!(main_device.send(&frame(APWR, 0x0101_0000, &[0b0011])), None);

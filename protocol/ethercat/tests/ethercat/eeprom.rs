@@ -5,7 +5,7 @@ use ethercat_subdevice::{DeviceConfig, DeviceId, Segment, sii_image};
 use ethercrab::error::Error;
 use machine::Duration;
 
-use crate::devices::{BRIDGE, PLAIN};
+use crate::devices::{BRIDGE, PLAIN, SENSOR, SMART};
 use crate::main_device::Stand;
 use crate::raw_main_device::{APRD, APWR, FIRST, RawMainDevice};
 
@@ -189,4 +189,34 @@ fn the_image_begins_with_what_the_standard_lays_down() {
     // General, behind the strings: numbers of order code and name, CoE and FoE, repetition of mailbox messages.
     let general = 2 * (0x40 + 2 + word(0x41)) + 4;
     assert_eq!(image[general..general + 18], [0, 0, 1, 2, 0, 0x23, 1, 0, 0, 0, 0, 4, 0, 0, 0, 0, 0x11, 0]);
+}
+
+/// Returns where the data of a category begin.
+fn category(image: &[u8], kind: u16) -> usize {
+    let word = |at: usize| u16::from_le_bytes([image[at], image[at + 1]]);
+    let mut at = 0x80;
+    while word(at) != kind {
+        assert_ne!(word(at), 0xFFFF, "no category {kind}");
+        at += 4 + 2 * usize::from(word(at + 2));
+    }
+    at + 4
+}
+
+#[test]
+fn the_image_of_a_device_without_files_has_no_mailbox_in_boot_and_names_no_foe() {
+    let image = sii_image(&SMART, 0, 0);
+    assert_eq!(image[40..48], [0; 8], "in BOOT");
+    assert_eq!(image[48..56], [0x00, 0x10, 128, 0, 0x80, 0x10, 128, 0], "else");
+    assert_eq!(image[56..58], [0x04, 0], "CoE alone");
+    assert_eq!(image[category(&image, 30) + 6], 0, "no FoE");
+}
+
+#[test]
+fn a_sync_manager_without_process_data_is_not_to_be_enabled() {
+    let image = sii_image(&SENSOR, 0, 0);
+    let units = category(&image, 41);
+    let enabled: Vec<(u8, u8)> =
+        (0..4).map(|unit| &image[units + 8 * unit..]).map(|unit| (unit[7], unit[6])).collect();
+    // Mailboxes out and in, outputs, inputs.
+    assert_eq!(enabled, [(1, 1), (2, 1), (3, 0), (4, 1)]);
 }

@@ -3,7 +3,9 @@
 
 use ethercat_subdevice::{DeviceConfig, DeviceId, Emergency, Segment};
 
-use crate::devices::{BRIDGE, LONG_TEXT};
+use machine::Duration;
+
+use crate::devices::{BRIDGE, LONG_TEXT, SMART};
 use crate::raw_main_device::{APWR, FIRST, RawMainDevice};
 
 const BRIDGE_ID: DeviceId = DeviceId(0);
@@ -113,6 +115,39 @@ fn a_repetition_gives_the_message_whose_reply_was_lost_and_then_the_one_that_fol
     ask_again(&mut main_device, 1);
     assert_eq!(main_device.fetch().map(|(_, counter, _)| counter), Some(3));
     assert_eq!(main_device.fetch(), None);
+    ask_again(&mut main_device, 0);
+    assert_eq!(main_device.fetch().map(|(_, counter, _)| counter), Some(3), "as often as it is asked for");
+}
+
+#[test]
+fn messages_without_a_counter_are_all_served() {
+    let mut main_device = RawMainDevice::start(bridge());
+    for _ in 0..3 {
+        assert_eq!(main_device.post_as(0, 3, &upload(0x1000)), 1);
+        assert!(main_device.fetch().is_some(), "0 is not the number of a message that came before");
+    }
+}
+
+#[test]
+fn a_device_without_files_does_not_know_their_protocol() {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&SMART));
+    let mut main_device = RawMainDevice::start(segment);
+    assert_eq!(main_device.post(4, &[1, 0, 0, 0, 0, 0, b'f']), 1);
+    assert_eq!(main_device.fetch(), Some((0, 1, vec![1, 0, 2, 0])), "unsupported protocol");
+}
+
+#[test]
+fn the_time_that_an_application_takes_counts_from_the_message_and_not_from_later_frames() {
+    let mut main_device = RawMainDevice::start(bridge());
+    main_device.segment.set_answer_delay(BRIDGE_ID, Duration::from_millis(3));
+    assert_eq!(main_device.post(3, &upload(0x1000)), 1);
+    for _ in 0..2 {
+        main_device.wait(Duration::from_millis(1));
+        assert_eq!(main_device.fetch(), None);
+    }
+    main_device.wait(Duration::from_millis(1));
+    assert!(main_device.fetch().is_some());
 }
 
 #[test]
@@ -123,6 +158,9 @@ fn a_message_from_before_init_is_not_repeated() {
     main_device.fetch().unwrap();
     main_device.request_state(1);
     assert_eq!(main_device.read(0x080F, 1).0[0] & 2, 0, "nothing is confirmed");
+    main_device.write(0x080E, &[1]);
+    main_device.write(0x080E, &[3]);
+    assert_eq!(main_device.read(0x080F, 1).0[0] & 2, 0, "nor is a request in INIT");
     main_device.request_state(2);
     assert_eq!(main_device.al_status(), (0x02, 0));
     assert_eq!(main_device.read(0x080F, 1).0, [2], "the bit is set still");

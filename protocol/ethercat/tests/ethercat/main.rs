@@ -20,5 +20,6 @@ mod pdo_configuration;
 mod raw_main_device;
 mod registers;
 mod sdo;
+mod segment;
 mod states;
 mod working_counters;

@@ -5,7 +5,7 @@ use ethercat_subdevice::{DeviceConfig, Event, LocalClock, Segment};
 use machine::{Duration, Instant};
 
 use crate::devices::{BRIDGE, SIMPLE};
-use crate::raw_main_device::{APRD, APWR, BRD, BRW, BWR, FIRST, FPRW, FPWR, FRMW, RawMainDevice};
+use crate::raw_main_device::{APRD, APWR, BRD, BRW, BWR, FIRST, FPRW, FPWR, FRMW, RawMainDevice, frame};
 
 /// A bridge with an address, in INIT.
 fn bridge() -> RawMainDevice {
@@ -272,4 +272,41 @@ fn sync_signals_that_belong_to_the_device_itself_are_not_the_maindevices() {
     assert_eq!(signals(&mut main_device), []);
     main_device.write(0x0980, &[0x00]);
     assert_eq!(main_device.read(0x0990, 8).0, 1_000_000_u64.to_le_bytes());
+}
+
+/// Returns the event requests of a device, as its datagrams carry them.
+fn events(main_device: &mut RawMainDevice) -> u16 {
+    let reply = main_device.send(&frame(BRD, 0, &[0])).unwrap();
+    u16::from_le_bytes([reply[24], reply[25]])
+}
+
+#[test]
+fn a_change_of_al_status_and_one_of_dl_status_are_requested_until_each_is_read() {
+    const DL: u16 = 0x0004;
+    const AL: u16 = 0x0008;
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&SIMPLE));
+    let second = segment.add(&DeviceConfig::new(&SIMPLE));
+    let mut main_device = RawMainDevice::new(segment);
+    main_device.exchange(APWR, 0, 0x0010, &FIRST.to_le_bytes());
+    main_device.write(0x0200, &[0x0C, 0]);
+    main_device.read(0x0110, 2);
+    main_device.read(0x0130, 2);
+    assert_eq!(events(&mut main_device), 0);
+    main_device.segment.set_cut(second, true);
+    main_device.request_state(2);
+    assert_eq!(events(&mut main_device), AL | DL);
+    // Registers before and behind them are no answer to the request.
+    for (register, len) in [(0x0120, 2), (0x0132, 6), (0x0112, 2), (0x0108, 2)] {
+        main_device.read(register, len);
+    }
+    assert_eq!(events(&mut main_device), AL | DL);
+    main_device.read(0x0130, 2);
+    assert_eq!(events(&mut main_device), DL);
+    main_device.request_state(1);
+    assert_eq!(events(&mut main_device), AL | DL);
+    main_device.read(0x0110, 2);
+    assert_eq!(events(&mut main_device), AL);
+    main_device.read(0x0130, 2);
+    assert_eq!(events(&mut main_device), 0);
 }

@@ -143,6 +143,46 @@ fn sync_managers_that_do_not_fit_are_refused_with_the_code_of_the_state() {
 }
 
 #[test]
+fn a_sync_manager_with_another_start_mode_or_direction_than_the_eeprom_names_is_refused() {
+    const INPUTS: [u8; 8] = [0x00, 0x14, 0x00, 0x01, 0x20, 0, 1, 0];
+    // A start of 0x1500, a mailbox, one that the MainDevice writes.
+    for (at, value) in [(1, 0x15), (4, 0x22), (4, 0x24)] {
+        let mut main_device = bridge_in_pre_op();
+        main_device.write(0x0810, &[0x00, 0x11, 0x00, 0x01, 0x64, 0, 1, 0]);
+        let mut wrong = INPUTS;
+        wrong[at] = value;
+        main_device.write(0x0818, &wrong);
+        main_device.request_state(4);
+        assert_eq!(main_device.al_status(), (0x12, AlStatusCode::INVALID_INPUTS.0), "{wrong:02X?}");
+        main_device.write(0x081E, &[0]);
+        main_device.write(0x0818, &INPUTS);
+        main_device.request_state(0x14);
+        assert_eq!(main_device.al_status(), (0x04, 0));
+    }
+}
+
+#[test]
+fn a_device_whose_outputs_never_come_does_not_stay_in_op() {
+    let mut main_device = bridge_in_pre_op();
+    main_device.operate();
+    main_device.wait(Duration::from_millis(101));
+    assert_eq!(main_device.al_status(), (0x14, AlStatusCode::WATCHDOG.0));
+}
+
+#[test]
+fn outputs_from_before_op_are_not_those_of_op() {
+    let mut main_device = bridge_in_pre_op();
+    main_device.operate();
+    main_device.request_state(4);
+    assert_eq!(main_device.write(0x1100, &[1; 256]), 1);
+    main_device.request_state(8);
+    assert_eq!(main_device.al_status(), (0x08, 0));
+    assert_eq!(main_device.segment.outputs(BRIDGE_ID), None, "they have not come in OP");
+    assert_eq!(main_device.write(0x1100, &[2; 256]), 1);
+    assert_eq!(main_device.segment.outputs(BRIDGE_ID), Some(&[2; 256][..]));
+}
+
+#[test]
 fn a_sync_manager_that_the_maindevice_switches_off_takes_the_device_out_of_its_state() {
     const OUTPUTS: (u8, u16) = (0x12, AlStatusCode::INVALID_OUTPUTS.0);
     const INPUTS: (u8, u16) = (0x12, AlStatusCode::INVALID_INPUTS.0);

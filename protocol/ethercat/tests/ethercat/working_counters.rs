@@ -161,6 +161,41 @@ fn a_configured_sync_manager_cannot_be_changed_until_it_is_switched_off() {
 }
 
 #[test]
+fn each_sync_manager_is_locked_by_its_own_activation() {
+    let mut main_device = three();
+    for index in 0..8 {
+        let register = 0x0800 + 8 * index;
+        let start = 0x20 + index as u8;
+        main_device.write(register, &[0x00, start, 4, 0, 0x64, 0, 1, 0]);
+        main_device.write(register, &[0x00, 0x1F]);
+        assert_eq!(main_device.read(register, 2).0, [0x00, start], "{index}");
+    }
+    for index in 0..8 {
+        let register = 0x0800 + 8 * index;
+        main_device.write(register + 6, &[0]);
+        main_device.write(register, &[0x00, 0x1F]);
+        assert_eq!(main_device.read(register, 2).0, [0x00, 0x1F], "{index}");
+    }
+}
+
+#[test]
+fn an_access_longer_than_a_buffer_is_one_to_the_buffer_and_others_to_what_is_beside_it() {
+    let mut main_device = three();
+    main_device.write(0x0838, &[0x00, 0x28, 4, 0, 0x64, 0, 1, 0]);
+    assert_eq!(main_device.write(0x2800, &[1; 20]), 1);
+    assert_eq!(main_device.read(0x083D, 1).0, [0x01], "the first buffer was written to its end");
+    // Of the three buffers, which are the chip's, nothing was written; behind them all was.
+    assert_eq!(main_device.read(0x280C, 8), (vec![1; 8], 1));
+    assert_eq!(main_device.write(0x27FC, &[2; 8]), 1);
+    assert_eq!(main_device.read(0x083D, 1).0, [0x11], "an access that begins before it");
+    assert_eq!(main_device.read(0x27FC, 4), (vec![2; 4], 1));
+    // From within the buffer, which is not open: the memory before it alone.
+    assert_eq!(main_device.write(0x27FC, &[3; 6]), 1);
+    assert_eq!(main_device.write(0x27FC, &[4; 4]), 1);
+    assert_eq!(main_device.read(0x083D, 1).0, [0x11], "half of it is no buffer");
+}
+
+#[test]
 fn a_buffer_is_opened_by_its_first_byte_and_handed_over_by_its_last() {
     let mut segment = Segment::new();
     segment.add(&DeviceConfig::new(&BRIDGE));
