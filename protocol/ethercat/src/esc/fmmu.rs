@@ -129,6 +129,34 @@ mod tests {
     }
 
     #[test]
+    fn only_whole_bytes_that_lie_on_whole_bytes_are_copied_as_bytes() {
+        for (bits, bit, bytes, touched) in [
+            (0..16, 0, Some(0..2), 2),
+            (8..16, 0, Some(1..2), 1),
+            (5..6, 0, None, 1),
+            (4..8, 0, None, 1),
+            (0..4, 0, None, 1),
+            (7..8, 3, None, 1),
+            (0..8, 3, None, 2),
+            (6..10, 6, None, 2),
+            (0..24, 1, None, 4),
+        ] {
+            let mapped = Mapped { bits: bits.clone(), address: 0x1000, bit };
+            assert_eq!((mapped.bytes(), mapped.physical_len()), (bytes, touched), "{bits:?} to bit {bit}");
+        }
+    }
+
+    #[test]
+    fn an_fmmu_that_is_not_active_or_has_no_length_maps_nothing() {
+        let all = [0, 0, 0, 0, 4, 0, 0, 7, 0x00, 0x11, 0, 3, 1, 0, 0, 0];
+        assert!(fmmu(all).map(0, 4).is_some());
+        let (mut off, mut empty) = (all, all);
+        off[12] = 0;
+        empty[4] = 0;
+        assert_eq!((fmmu(off).map(0, 4), fmmu(empty).map(0, 4)), (None, None));
+    }
+
+    #[test]
     fn four_bits_across_a_byte_are_mapped_to_four_bits_within_one() {
         // The example of the datasheet's chapter on FMMUs, its sides exchanged: logical bits 6..10, physical bits 1..5.
         let fmmu = fmmu([0, 0, 0, 0, 2, 0, 6, 1, 0x00, 0x11, 1, 2, 1, 0, 0, 0]);

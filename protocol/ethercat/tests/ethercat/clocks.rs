@@ -262,3 +262,15 @@ fn a_sync_start_that_has_passed_makes_no_signal_and_keeps_the_device_from_safe_o
     main_device.request_state(4);
     assert_eq!(main_device.al_status(), (0x12, 0x0030));
 }
+
+#[test]
+fn a_device_asked_for_no_sync_signal_needs_none_for_safe_op() {
+    // Cyclic operation without an output, and outputs without cyclic operation.
+    for activation in [0x01, 0x02, 0x04, 0x06] {
+        let mut segment = Segment::new();
+        segment.add(&DeviceConfig::new(&BRIDGE));
+        let mut main_device = RawMainDevice::start(segment);
+        main_device.write(0x0981, &[activation]);
+        main_device.operate();
+    }
+}

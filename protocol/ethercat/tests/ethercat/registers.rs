@@ -274,6 +274,57 @@ fn sync_signals_that_belong_to_the_device_itself_are_not_the_maindevices() {
     assert_eq!(main_device.read(0x0990, 8).0, 1_000_000_u64.to_le_bytes());
 }
 
+/// Returns the status of each of the first four sync managers.
+fn buffers(main_device: &mut RawMainDevice) -> [u8; 4] {
+    [0x0805, 0x080D, 0x0815, 0x081D].map(|register| main_device.read(register, 1).0[0])
+}
+
+/// Bits 0 and 1: written, read since the other; bit 3: mailbox full; bits 4 and 5: buffer that was written last, 3 for none.
+#[test]
+fn the_status_of_a_sync_manager_says_which_side_was_there_last() {
+    let mut segment = Segment::new();
+    let id = segment.add(&DeviceConfig::new(&BRIDGE));
+    let mut main_device = RawMainDevice::start(segment);
+    assert_eq!(buffers(&mut main_device), [0x00, 0x00, 0x30, 0x30]);
+    let delay = Duration::from_millis(1);
+    main_device.segment.set_answer_delay(id, delay);
+    for _ in 0..2 {
+        main_device.post(3, &[0, 0x20, 0x40, 0, 0x10, 0, 0, 0, 0, 0]);
+        assert_eq!(buffers(&mut main_device)[0], 0x09, "full");
+        main_device.wait(delay);
+        assert_eq!(buffers(&mut main_device)[..2], [0x02, 0x09], "taken, and answered");
+        main_device.fetch().unwrap();
+        assert_eq!(buffers(&mut main_device)[..2], [0x02, 0x02]);
+    }
+    main_device.segment.set_answer_delay(id, Duration::ZERO);
+    main_device.operate();
+    main_device.request_state(4);
+    assert_eq!(buffers(&mut main_device)[2..], [0x30, 0x21], "inputs at the way to SAFE-OP, to OP and back");
+    for written in [0x01, 0x11, 0x21, 0x01] {
+        main_device.write(0x1100, &[1; 256]);
+        assert_eq!(buffers(&mut main_device)[2], written, "nobody takes outputs in SAFE-OP");
+    }
+    main_device.request_state(8);
+    for taken in [0x12, 0x22, 0x02] {
+        main_device.write(0x1100, &[1; 256]);
+        assert_eq!(buffers(&mut main_device)[2], taken);
+    }
+    // The way to OP has passed the inputs once more.
+    assert_eq!(buffers(&mut main_device)[3], 0x01);
+    for (written, read) in [(0x11, 0x12), (0x21, 0x22), (0x01, 0x02)] {
+        main_device.segment.set_inputs(id, &[1; 256]).unwrap();
+        assert_eq!(buffers(&mut main_device)[3], written);
+        for _ in 0..2 {
+            main_device.read(0x1400, 256);
+            assert_eq!(buffers(&mut main_device)[3], read, "however often it is read");
+        }
+    }
+    for written in [0x11, 0x21] {
+        main_device.segment.set_inputs(id, &[1; 256]).unwrap();
+        assert_eq!(buffers(&mut main_device)[3], written, "written once more before it is read");
+    }
+}
+
 /// Returns the event requests of a device, as its datagrams carry them.
 fn events(main_device: &mut RawMainDevice) -> u16 {
     let reply = main_device.send(&frame(BRD, 0, &[0])).unwrap();
@@ -309,4 +360,18 @@ fn a_change_of_al_status_and_one_of_dl_status_are_requested_until_each_is_read()
     assert_eq!(events(&mut main_device), AL);
     main_device.read(0x0130, 2);
     assert_eq!(events(&mut main_device), 0);
+}
+
+#[test]
+fn process_data_request_no_event() {
+    let mut main_device = bridge();
+    main_device.write(0x0800, &[0x00, 0x10, 128, 0, 0x26, 0, 1, 0]);
+    main_device.write(0x0808, &[0x80, 0x10, 128, 0, 0x22, 0, 1, 0]);
+    main_device.request_state(2);
+    main_device.operate();
+    main_device.write(0x1100, &[1; 256]);
+    main_device.write(0x0200, &[0xFF, 0xFF]);
+    main_device.read(0x0110, 2);
+    main_device.read(0x0130, 2);
+    assert_eq!(events(&mut main_device), 0, "only mailboxes have a bit");
 }

@@ -162,6 +162,24 @@ fn a_sync_manager_with_another_start_mode_or_direction_than_the_eeprom_names_is_
 }
 
 #[test]
+fn a_sync_manager_that_is_on_without_a_length_is_none() {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&SENSOR));
+    let mut main_device = RawMainDevice::start_with(segment, 32);
+    let [outputs, inputs] = [2, 3].map(|number| sync_managers(&SENSOR)[number].start.to_le_bytes());
+    main_device.write(0x0818, &[inputs[0], inputs[1], 4, 0, 0x20, 0, 1, 0]);
+    main_device.write(0x0810, &[outputs[0], outputs[1], 0, 0, 0x64, 0, 1, 0]);
+    main_device.request_state(4);
+    assert_eq!(main_device.al_status(), (0x04, 0));
+    // One with a length is more than this device has.
+    main_device.request_state(2);
+    main_device.write(0x0816, &[0]);
+    main_device.write(0x0810, &[outputs[0], outputs[1], 4, 0, 0x64, 0, 1, 0]);
+    main_device.request_state(4);
+    assert_eq!(main_device.al_status(), (0x12, AlStatusCode::INVALID_OUTPUTS.0));
+}
+
+#[test]
 fn a_device_whose_outputs_never_come_does_not_stay_in_op() {
     let mut main_device = bridge_in_pre_op();
     main_device.operate();
@@ -230,6 +248,8 @@ fn a_device_without_outputs_shows_its_error_by_the_working_counter_of_its_inputs
     main_device.segment.fail(id, AlStatusCode::UNSPECIFIED_ERROR);
     assert_eq!(main_device.al_status(), (0x14, 0x0001));
     assert_eq!(main_device.read(inputs.start, 4).1, 0);
+    main_device.segment.set_inputs(id, &[1, 2, 3, 4]).unwrap();
+    assert_eq!(main_device.read(0x081D, 1).0, [0x30], "nothing comes into a closed buffer");
     main_device.request_state(0x14);
     assert_eq!(main_device.al_status(), (0x04, 0));
     assert_eq!(main_device.read(inputs.start, 4), (vec![1, 2, 3, 4], 1), "they are there again at once");

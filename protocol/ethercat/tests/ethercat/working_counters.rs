@@ -256,6 +256,7 @@ fn a_sync_manager_of_one_byte_lets_every_access_pass() {
     let mut main_device = three();
     main_device.write(0x0838, &[0x00, 0x28, 1, 0, 0x64, 0, 1, 0]);
     assert_eq!(main_device.write(0x2800, &[5]), 1);
+    assert_eq!(main_device.read(0x083D, 1).0, [0x01], "it is handed over as others are");
     assert_eq!(main_device.read(0x2800, 1), (vec![5], 1));
     assert_eq!(main_device.write(0x2801, &[6, 7]), 1, "there are no further buffers");
 }
