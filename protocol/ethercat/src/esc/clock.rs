@@ -378,6 +378,20 @@ mod tests {
         }
     }
 
+    #[test]
+    fn half_of_all_times_are_ahead_of_another_and_half_behind() {
+        for (time, system, ahead) in [
+            (1, 0, true),
+            (0, 0, false),
+            (0, 1, false),
+            (u64::MAX / 2, 0, true),
+            (u64::MAX / 2 + 1, 0, false),
+            (3, u64::MAX, true),
+        ] {
+            assert_eq!(is_ahead(time, system), ahead, "{time} from {system}");
+        }
+    }
+
     /// Starts SYNC signals at a system time.
     fn start(clock: &mut Clock, memory: &mut Memory, activation: u8, start: u64, cycle: u32) {
         memory.set(SYNC_START, &start.to_le_bytes());

@@ -136,6 +136,7 @@ fn a_loop_with_automatic_closing_stays_closed_after_a_cut_until_it_is_set_again(
     main_device.segment.set_cut(DeviceId(1), false);
     assert_eq!(count(&mut main_device), 1);
     assert_eq!(dl_status(&mut main_device, 0), 0x5E33, "port 1 has a link, and its loop is closed");
+    assert_eq!(main_device.exchange(APRD, 0, 0x0310, &[0; 4]).0, [0, 1, 0, 0], "it was open before the cut");
     main_device.exchange(APWR, 0, 0x0103, &[1]);
     assert_eq!(count(&mut main_device), 1, "the alias is another part of the register");
     main_device.exchange(APWR, 0, 0x0101, &[0b0100]);

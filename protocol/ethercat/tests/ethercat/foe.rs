@@ -108,3 +108,38 @@ fn a_file_that_is_not_there_a_wrong_packet_and_too_much_data_are_errors() {
     assert_eq!(foe(&mut main_device, 1, 0, b"file"), Some((3, 1, vec![1; 5])));
     assert_eq!(foe(&mut main_device, 4, 2, &[]), Some((5, 0x8005, vec![])), "not the packet that was sent");
 }
+
+const ILLEGAL: u32 = 0x8004;
+
+#[test]
+fn a_name_of_a_file_has_1_to_64_bytes() {
+    for (len, refused) in [(0, true), (1, false), (63, false), (64, false), (65, true)] {
+        let (operation, code, _) = foe(&mut started(), 2, 0, &vec![b'n'; len]).unwrap();
+        assert_eq!((operation, code), if refused { (5, ILLEGAL) } else { (4, 0) }, "{len}");
+    }
+}
+
+#[test]
+fn a_file_is_read_by_its_own_name_alone() {
+    const NOT_FOUND: u32 = 0x8001;
+    let mut main_device = started();
+    assert_eq!(foe(&mut main_device, 1, 0, b"").unwrap().1, NOT_FOUND, "no file has an empty name");
+    foe(&mut main_device, 2, 0, b"robot.toml").unwrap();
+    foe(&mut main_device, 3, 1, b"data").unwrap();
+    for name in [&b""[..], b"robot", b"robot.tomls", b"other.toml"] {
+        assert_eq!(
+            foe(&mut main_device, 1, 0, name).map(|(kind, code, _)| (kind, code)),
+            Some((5, NOT_FOUND))
+        );
+    }
+    assert_eq!(foe(&mut main_device, 1, 0, b"robot.toml"), Some((3, 1, b"data".to_vec())));
+}
+
+#[test]
+fn an_error_of_the_main_device_ends_the_transfer_and_has_no_answer() {
+    let mut main_device = started();
+    foe(&mut main_device, 2, 0, b"robot.toml").unwrap();
+    assert_eq!(foe(&mut main_device, 5, 0x8000, b""), None);
+    assert_eq!(foe(&mut main_device, 3, 1, b"data").map(|(kind, code, _)| (kind, code)), Some((5, ILLEGAL)));
+    assert_eq!(main_device.segment.file(DeviceId(0)), None);
+}

@@ -6,6 +6,7 @@
 mod cables;
 mod captured;
 mod clocks;
+mod coe;
 mod devices;
 mod eeprom;
 mod faults;

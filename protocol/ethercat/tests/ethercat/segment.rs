@@ -1,6 +1,7 @@
 //! What a segment offers to its owner, beside the frames that pass it.
 
 use ethercat_subdevice::{AlState, DeviceConfig, DeviceId, ETHER_TYPE, Segment};
+use machine::wire::FRAME_CAPACITY;
 use machine::{Duration, Instant, Machine, Port, PortRequest, Source};
 
 use crate::devices::{BRIDGE, SIMPLE, SMART};
@@ -43,6 +44,18 @@ fn frames_beyond_256_under_way_are_lost_and_counted() {
     let mut buf = [0; 2048];
     let back = core::iter::from_fn(|| segment.poll_transmit(Instant::ZERO, &mut buf)).count();
     assert_eq!(back, 256);
+}
+
+#[test]
+fn a_frame_as_long_as_the_room_for_one_passes_and_a_longer_one_is_foreign() {
+    for (len, passed) in [(FRAME_CAPACITY, 1), (FRAME_CAPACITY + 1, 0)] {
+        let mut main_device = RawMainDevice::new(of(&SIMPLE));
+        let mut frame = frame(BRD, 0, &[0]);
+        frame.resize(len, 0);
+        assert_eq!(main_device.send(&frame).map(|reply| reply.len()), (passed == 1).then_some(len));
+        let counters = main_device.segment.counters();
+        assert_eq!((counters.passed, counters.foreign), (passed, 1 - passed));
+    }
 }
 
 #[test]

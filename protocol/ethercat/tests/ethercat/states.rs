@@ -183,7 +183,9 @@ fn a_sync_manager_that_is_on_without_a_length_is_none() {
 fn a_device_whose_outputs_never_come_does_not_stay_in_op() {
     let mut main_device = bridge_in_pre_op();
     main_device.operate();
-    main_device.wait(Duration::from_millis(101));
+    main_device.wait(Duration::from_micros(99_999));
+    assert_eq!(main_device.al_status(), (0x08, 0));
+    main_device.wait(Duration::from_micros(1));
     assert_eq!(main_device.al_status(), (0x14, AlStatusCode::WATCHDOG.0));
 }
 
