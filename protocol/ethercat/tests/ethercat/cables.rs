@@ -161,7 +161,9 @@ fn no_frame_passes_a_cut_cable_although_the_loop_at_its_end_is_held_open() {
     main_device.exchange(APWR, 0, 0x0101, &[0b10]);
     assert_eq!(count(&mut main_device), 1);
     main_device.segment.set_cut(DeviceId(0), true);
-    assert_eq!(main_device.send(&frame(BRD, 0, &[0])), None);
+    assert_eq!(main_device.send(&frame(APWR, u32::from(USER_RAM) << 16, &[9])), None);
+    main_device.segment.set_cut(DeviceId(0), false);
+    assert_eq!(main_device.exchange(APRD, 0, USER_RAM, &[0]), (vec![0], 1), "nor has it been there");
 }
 
 #[test]

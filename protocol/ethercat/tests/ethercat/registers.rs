@@ -348,7 +348,7 @@ fn a_change_of_al_status_and_one_of_dl_status_are_requested_until_each_is_read()
     main_device.request_state(2);
     assert_eq!(events(&mut main_device), AL | DL);
     // Registers before and behind them are no answer to the request.
-    for (register, len) in [(0x0120, 2), (0x0132, 6), (0x0112, 2), (0x0108, 2)] {
+    for (register, len) in [(0x012E, 2), (0x0132, 6), (0x010E, 2), (0x0112, 2)] {
         main_device.read(register, len);
     }
     assert_eq!(events(&mut main_device), AL | DL);
