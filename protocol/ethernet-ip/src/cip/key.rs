@@ -7,7 +7,7 @@
 //! 4..6   device type     u16  0 is any
 //! 6..8   product code    u16  0 is any
 //! 8      major revision  bits 0..7, 0 is any; bit 7: a compatible revision is accepted
-//! 9      minor revision  u8   0 is any
+//! 9      minor revision  u8   0 is any; behind major revision 0 with bit 7 it does not count
 //! ```
 
 use super::super::{Reader, Writer};
@@ -92,9 +92,9 @@ impl ElectronicKey {
         }
         let (wanted, there) = (self.revision, device.revision);
         let fits = if self.compatible {
-            // A newer minor revision can replace an older one; the key must give the minor revision.
-            wanted.major == there.major && wanted.minor != 0 && wanted.minor <= there.minor
-                || wanted.major == 0 && wanted.minor == 0
+            // A newer minor revision can replace an older one. The device decides what it is compatible with, and a key
+            // that leaves a revision out asks for none.
+            wanted.major == 0 || wanted.major == there.major && wanted.minor <= there.minor
         } else {
             (wanted.major == 0 || wanted.major == there.major)
                 && (wanted.minor == 0 || wanted.minor == there.minor)
@@ -147,7 +147,32 @@ mod tests {
         assert_eq!(key(2, 4).check(&DEVICE), Ok(()));
         assert_eq!(key(2, 6).check(&DEVICE), Err(KeyMismatch::Revision));
         assert_eq!(key(1, 5).check(&DEVICE), Err(KeyMismatch::Revision));
-        assert_eq!(key(2, 0).check(&DEVICE), Err(KeyMismatch::Revision));
+        assert_eq!(key(1, 0).check(&DEVICE), Err(KeyMismatch::Revision));
+    }
+
+    #[test]
+    fn with_the_compatibility_bit_each_zero_is_a_wildcard_and_the_other_fields_still_count() {
+        let key = |bytes: [u8; 8]| ElectronicKey::parse(&mut Reader::new(&bytes)).unwrap();
+        let any = [[0, 0, 0, 0, 0, 0, 0x80, 0], [0, 0, 0, 0, 0, 0, 0x80, 9], [0, 0, 0, 0, 0, 0, 0x82, 0]];
+        let of_one_field =
+            [[7, 0, 0, 0, 0, 0, 0x80, 0], [0, 0, 43, 0, 0, 0, 0x80, 0], [0, 0, 0, 0, 9, 0, 0x80, 0]];
+        for bytes in any.into_iter().chain(of_one_field) {
+            assert_eq!(key(bytes).check(&DEVICE), Ok(()), "{bytes:02X?}");
+        }
+        let vendor = key([8, 0, 0, 0, 0, 0, 0x80, 0]);
+        assert_eq!(vendor.check(&DEVICE), Err(KeyMismatch::VendorOrProduct));
+        assert_eq!(key([0, 0, 44, 0, 0, 0, 0x82, 0]).check(&DEVICE), Err(KeyMismatch::DeviceType));
+    }
+
+    #[test]
+    fn without_the_compatibility_bit_all_that_is_not_zero_must_be_equal() {
+        let key = |major, minor| ElectronicKey { revision: Revision { major, minor }, ..DEVICE };
+        for (major, minor) in [(0, 0), (2, 0), (0, 5), (2, 5)] {
+            assert_eq!(key(major, minor).check(&DEVICE), Ok(()), "{major}.{minor}");
+        }
+        for (major, minor) in [(3, 0), (0, 4), (2, 6)] {
+            assert_eq!(key(major, minor).check(&DEVICE), Err(KeyMismatch::Revision), "{major}.{minor}");
+        }
     }
 
     #[test]
