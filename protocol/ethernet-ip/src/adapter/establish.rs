@@ -290,9 +290,6 @@ impl State {
         if !transport.is_server() {
             return Err(Violation::DirectionNotSupported);
         }
-        if transport.trigger() != Trigger::Application {
-            return Err(Violation::TransportNotSupported);
-        }
         if !application.is_message_router() {
             return Err(Violation::ApplicationPath);
         }

@@ -7,8 +7,9 @@ use core::net::Ipv4Addr;
 use crate::connection::{Triad, Watchdog};
 use machine::{Instant, StreamId};
 
-/// Length of the longest message of a connection in either direction, with its sequence count, in bytes.
-pub(super) const MAX_SIZE: u16 = 1_504;
+/// Length of the longest message of a connection in either direction, with its sequence count, in bytes: what controllers
+/// ask for with a Large_Forward_Open. With its envelope it fits into an encapsulation message.
+pub(super) const MAX_SIZE: u16 = 4_002;
 
 /// A class 3 connection.
 #[derive(Debug)]

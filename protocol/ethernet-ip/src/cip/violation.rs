@@ -113,8 +113,6 @@ violations! {
     RevisionMismatch => ConnectionFailure RevisionMismatch,
 
     // Forward_Open: transport and timing.
-    /// Class and trigger do not match.
-    TransportNotSupported => ConnectionFailure TransportNotSupported,
     /// Neither class 1 nor class 3.
     TransportClassNotSupported => ConnectionFailure TransportClassNotSupported,
     /// A trigger that is reserved.

@@ -45,7 +45,6 @@ fn each_violation_of_a_forward_open_gives_its_extended_status() {
         request
     };
     let cases: &[(u16, &str, OpenRequest<'static>)] = &[
-        (0x0103, "class 3 with a cyclic trigger", class_3(|r| r.transport = Transport(0x83))),
         (0x0111, "O→T interval 0", wrong(|r| r.o_t_rpi_us = 0)),
         (0x0111, "T→O interval 0", wrong(|r| r.t_o_rpi_us = 0)),
         (0x0111, "T→O interval u32::MAX", wrong(|r| r.t_o_rpi_us = u32::MAX)),
@@ -63,6 +62,7 @@ fn each_violation_of_a_forward_open_gives_its_extended_status() {
         (0x011C, "class 0", wrong(|r| r.transport = Transport(0x00))),
         (0x011C, "class 2", wrong(|r| r.transport = Transport(0x02))),
         (0x011D, "trigger 3", wrong(|r| r.transport = Transport(0x31))),
+        (0x011D, "class 3, trigger 3", class_3(|r| r.transport = Transport(0xB3))),
         (0x011E, "class 3, target as client", class_3(|r| r.transport = Transport(0x23))),
         (0x011F, "O→T variable", wrong(|r| r.o_t.variable = true)),
         (0x0120, "T→O variable", wrong(|r| r.t_o.variable = true)),
