@@ -79,7 +79,7 @@ pub struct Description {
     pub min_rpi_us: u32,
     /// Longest packet interval that it serves, in µs.
     pub max_rpi_us: u32,
-    /// Connections that own the outputs.
+    /// Connections that own outputs at a time. Each consumed assembly has one owner at most.
     pub exclusive_owners: u8,
     /// Input-only connections at a time.
     pub input_only: u8,

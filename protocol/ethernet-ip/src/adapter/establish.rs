@@ -116,7 +116,7 @@ impl State {
         let points = self.find_assemblies(application)?;
         check_io_parameters(&points, o_t, t_o)?;
         let inhibit = self.check_intervals(request, application)?;
-        self.check_room(points.kind)?;
+        self.check_room(&points)?;
 
         // The originator sends its first frame when it has the reply. Half an interval away from it, neither end receives a
         // frame at the moment in which it must send one.
@@ -225,25 +225,22 @@ impl State {
         Violation::ConfigurationSize(assembly.map_or(0, |assembly| assembly.size.div_ceil(2)))
     }
 
-    /// Checks that one more connection of this kind may be opened.
-    fn check_room(&self, kind: Kind) -> Result<(), Violation> {
+    /// Checks that one more connection of this kind to these assemblies may be opened.
+    fn check_room(&self, points: &IoAssemblies) -> Result<(), Violation> {
         let description = self.device.description;
-        let open = self.io.count(kind);
-        match kind {
-            Kind::ExclusiveOwner if open >= usize::from(description.exclusive_owners) => {
-                Err(Violation::OutputsOwned)
+        let (most, allowed) = match points.kind {
+            Kind::ExclusiveOwner if self.io.is_owned(points.consumed.instance) => {
+                (0, Err(Violation::OutputsOwned))
             }
-            Kind::ListenOnly if self.io.len() == self.io.count(Kind::ListenOnly) => {
-                Err(Violation::NothingToListenTo)
+            Kind::ListenOnly if !self.io.may_listen_to(points.produced.instance) => {
+                (0, Err(Violation::NothingToListenTo))
             }
-            Kind::InputOnly if open >= usize::from(description.input_only) => {
-                Err(Violation::TargetOutOfConnections)
-            }
-            Kind::ListenOnly if open >= usize::from(description.listen_only) => {
-                Err(Violation::TargetOutOfConnections)
-            }
-            _ => Ok(()),
-        }
+            Kind::ExclusiveOwner => (description.exclusive_owners, Ok(())),
+            Kind::InputOnly => (description.input_only, Ok(())),
+            Kind::ListenOnly => (description.listen_only, Ok(())),
+        };
+        let is_full = self.io.count(points.kind) >= usize::from(most);
+        allowed.and(if is_full { Err(Violation::TargetOutOfConnections) } else { Ok(()) })
     }
 
     /// Lets a connection take part in a multicast that runs, if it fits. The owner of the outputs gets a multicast of its
@@ -257,9 +254,10 @@ impl State {
         if !self.device.network.is_local(*context.peer.ip()) {
             return Err(Violation::OffSubnetMulticast);
         }
-        let fitting =
-            self.io.multicasts().find(|running| check_multicast(producer, running).is_ok()).copied();
-        let refused = self.io.multicasts().find_map(|running| check_multicast(producer, running).err());
+        let assembly = producer.assembly;
+        let of_assembly = || self.io.multicasts().filter(|running| running.assembly == assembly);
+        let fitting = of_assembly().find(|running| check_multicast(producer, running).is_ok()).copied();
+        let refused = of_assembly().find_map(|running| check_multicast(producer, running).err());
         match (fitting, refused) {
             (Some(running), _) => *producer = Producer { sends: false, ..running },
             (None, Some(violation)) if kind != Kind::ExclusiveOwner => return Err(violation),
@@ -334,11 +332,8 @@ impl State {
     }
 }
 
-/// Checks that a connection can take part in a multicast that runs.
+/// Checks that a connection can take part in a multicast of its assembly that runs.
 fn check_multicast(wanted: &Producer, running: &Producer) -> Result<(), Violation> {
-    if running.assembly != wanted.assembly {
-        return Err(Violation::ProducingPath);
-    }
     if running.parameters.size != wanted.parameters.size {
         return Err(Violation::MulticastSize);
     }

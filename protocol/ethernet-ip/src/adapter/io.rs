@@ -12,11 +12,11 @@ use machine::{Cycle, Instant, Sequence, StreamId};
 /// What a connection may do with the outputs (volume 1, 3-6.4).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Kind {
-    /// Sets the outputs; there is one.
+    /// Sets the outputs; each assembly of outputs has one.
     ExclusiveOwner,
     /// Receives the inputs.
     InputOnly,
-    /// Receives the inputs of another connection, and ends with it.
+    /// Receives the inputs that another connection gets, and ends with the last such connection.
     ListenOnly,
 }
 
@@ -85,6 +85,12 @@ pub(super) enum ReceivedFrame {
 }
 
 impl IoConnection {
+    /// Returns whether it owns the outputs of this assembly.
+    fn owns(&self, consumed: u32) -> bool {
+        let [_, point, _] = self.points;
+        self.kind == Kind::ExclusiveOwner && point == Some(consumed)
+    }
+
     /// Returns whether a frame with so many bytes behind its sequence count may belong to this connection. A heartbeat
     /// has a run/idle header or none, whatever was agreed.
     const fn accepts_len(&self, len: usize) -> bool {
@@ -158,10 +164,36 @@ impl IoConnections {
         self.open.iter().find(|connection| connection.originator == host && connection.triad == *triad)
     }
 
-    /// Returns the host of the owner of the outputs.
-    pub(super) fn owner(&self) -> Option<Ipv4Addr> {
-        let owner = self.open.iter().find(|connection| connection.kind == Kind::ExclusiveOwner);
-        owner.map(|owner| owner.originator)
+    fn owners(&self) -> impl Iterator<Item = &IoConnection> {
+        self.open.iter().filter(|connection| connection.kind == Kind::ExclusiveOwner)
+    }
+
+    /// Returns whether a host owns outputs.
+    pub(super) fn is_owner(&self, host: Ipv4Addr) -> bool {
+        self.owners().any(|owner| owner.originator == host)
+    }
+
+    /// Returns whether only other hosts own outputs.
+    pub(super) fn is_foreign(&self, host: Ipv4Addr) -> bool {
+        self.owners().next().is_some() && !self.is_owner(host)
+    }
+
+    /// Returns whether the outputs of this assembly have an owner.
+    pub(super) fn is_owned(&self, consumed: u32) -> bool {
+        self.open.iter().any(|connection| connection.owns(consumed))
+    }
+
+    /// Returns whether the outputs of this assembly have an owner that is in run.
+    pub(super) fn is_run(&self, consumed: u32) -> bool {
+        self.open.iter().any(|connection| connection.run && connection.owns(consumed))
+    }
+
+    /// Returns whether a connection that is not listen-only gets the inputs of this assembly.
+    pub(super) fn may_listen_to(&self, produced: u32) -> bool {
+        let gets = |connection: &IoConnection| {
+            connection.kind != Kind::ListenOnly && connection.producer.assembly == produced
+        };
+        self.open.iter().any(gets)
     }
 
     pub(super) fn uses_id(&self, id: u32) -> bool {
@@ -189,10 +221,9 @@ impl IoConnections {
             .for_each(|producer| producer.changed = true);
     }
 
-    /// Returns whether the owner of the outputs is in run; `None` without an owner.
+    /// Returns whether an owner of outputs is in run; `None` without an owner.
     pub(super) fn is_owner_running(&self) -> Option<bool> {
-        let owner = self.open.iter().find(|connection| connection.kind == Kind::ExclusiveOwner);
-        owner.map(|owner| owner.run)
+        self.owners().map(|owner| owner.run).reduce(|one, other| one || other)
     }
 
     /// Takes a frame; the owner's data go into the assembly that it consumes.
@@ -243,10 +274,19 @@ impl IoConnections {
     }
 
     /// Ends a connection that expired, and the connections that depend on it. Returns its kind, and its TCP connection.
+    ///
+    /// With an owner, its multicast ends for all that take part, also for input-only connections: if the data went on, the
+    /// owner could not notice that its own frames do not arrive any more (volume 1, 3-6.4). What is sent to one host alone
+    /// goes on.
     pub(super) fn remove_expired(&mut self, now: Instant) -> Option<(Kind, Option<StreamId>)> {
         let index = self.open.iter().position(|connection| connection.watchdog.expired(now))?;
-        let stream = self.open.get(index)?.stream;
-        Some((self.remove_at(index), stream))
+        let IoConnection { stream, producer, .. } = *self.open.get(index)?;
+        let kind = self.remove_at(index);
+        if kind == Kind::ExclusiveOwner && producer.to.ip().is_multicast() {
+            self.open.retain(|connection| connection.producer.id != producer.id);
+            self.end_listeners();
+        }
+        Some((kind, stream))
     }
 
     /// Ends a connection of a host, and the connections that depend on it. Returns its kind.
@@ -258,9 +298,7 @@ impl IoConnections {
 
     fn remove_at(&mut self, index: usize) -> Kind {
         let IoConnection { kind, producer, .. } = self.open.swap_remove(index);
-        if self.open.iter().all(|connection| connection.kind == Kind::ListenOnly) {
-            self.open.clear();
-        }
+        self.end_listeners();
         if producer.sends && producer.to.ip().is_multicast() {
             // The multicast goes on for the others, without a gap in its numbers.
             let heir = self.open.iter_mut().find(|connection| connection.producer.id == producer.id);
@@ -269,6 +307,17 @@ impl IoConnections {
             }
         }
         kind
+    }
+
+    /// Ends the listen-only connections to inputs that no other connection gets any more.
+    fn end_listeners(&mut self) {
+        let is_left = |listener: &IoConnection| {
+            listener.kind == Kind::ListenOnly && !self.may_listen_to(listener.producer.assembly)
+        };
+        if let Some(index) = self.open.iter().position(is_left) {
+            self.open.swap_remove(index);
+            self.end_listeners();
+        }
     }
 
     pub(super) fn next_timeout(&self) -> Option<Instant> {

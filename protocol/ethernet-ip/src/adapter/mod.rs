@@ -22,7 +22,7 @@ use self::encapsulated::{Answer, answer_datagram, is_request_datagram, list_iden
 use self::sessions::Sessions;
 use self::state::State;
 use super::data::DataError;
-use super::description::{Assembly, Description, Role};
+use super::description::Description;
 use super::encapsulation::{Command, Header, MAX_MESSAGE_LEN};
 use super::objects::{Device, Network};
 use super::{ENCAPSULATION_PORT, IO_PORT};
@@ -214,7 +214,8 @@ impl Adapter {
             return self.sessions.refuse(stream);
         }
         let Self { state, sessions, .. } = self;
-        sessions.open(now, stream, peer, state.io.owner(), |stream| state.explicit.carries(stream));
+        let is_owner = |host| state.io.is_owner(host);
+        sessions.open(now, stream, peer, is_owner, |stream| state.explicit.carries(stream));
     }
 
     /// Closes the class 3 connections whose TCP connection has ended. Class 1 connections go on without theirs.
@@ -226,7 +227,7 @@ impl Adapter {
 }
 
 impl Adapter {
-    /// Sets the data of an assembly of the role [`Role::Produced`], for the next
+    /// Sets the data of an assembly of the role [`Role::Produced`](super::description::Role::Produced), for the next
     /// cyclic frame and every one after it. Until then they are zeros.
     pub fn set_produced(&mut self, instance: u32, data: &[u8]) -> Result<(), DataError> {
         if self.state.device.assemblies.set(instance, data)? {
@@ -235,13 +236,12 @@ impl Adapter {
         Ok(())
     }
 
-    /// Returns the newest data of an assembly of the role [`Role::Consumed`]; `None` while no owner of the outputs sends
-    /// data and reports that it runs.
+    /// Returns the newest data of an assembly of the role [`Role::Consumed`](super::description::Role::Consumed); `None`
+    /// while its owner does not send data or does not report that it runs. Each such assembly has its own owner; the link is
+    /// up while at least one owner runs.
     #[must_use]
     pub fn consumed(&self, instance: u32) -> Option<&[u8]> {
-        let is_consumed = |assembly: &&Assembly| assembly.role == Role::Consumed;
-        let assembly = self.state.device.description.assembly(instance).filter(is_consumed)?;
-        self.state.is_up().then(|| self.state.device.assemblies.get(assembly.instance))
+        self.state.io.is_run(instance).then(|| self.state.device.assemblies.get(instance))
     }
 
     /// Drops every connection and accepts no new ones. A target has no message that ends a connection.

@@ -52,7 +52,7 @@ impl State {
         reply: &mut [u8],
     ) -> usize {
         let host = *context.peer.ip();
-        let is_foreign = self.io.owner().is_some_and(|owner| owner != host);
+        let is_foreign = self.io.is_foreign(host);
         self.device.locked = is_foreign;
         let mut is_refused = false;
         let len = emit_reply(reply, request.service, |writer| {
@@ -76,7 +76,7 @@ impl State {
         let result = OpenRequest::parse(data, large).and_then(|request| self.open(context, &request));
         let host = *context.peer.ip();
         let is_foreign = match result {
-            Err(Violation::OutputsOwned) => self.io.owner() != Some(host),
+            Err(Violation::OutputsOwned) => self.io.is_foreign(host),
             Err(Violation::OriginatorNotListed) => true,
             _ => false,
         };

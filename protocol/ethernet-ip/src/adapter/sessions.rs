@@ -62,10 +62,10 @@ impl Sessions {
         now: Instant,
         stream: StreamId,
         peer: SocketAddrV4,
-        owner: Option<Ipv4Addr>,
+        is_owner: impl Fn(Ipv4Addr) -> bool,
         is_in_use: impl Fn(StreamId) -> bool,
     ) {
-        let place = self.place_for(*peer.ip(), owner, is_in_use);
+        let place = self.place_for(*peer.ip(), is_owner, is_in_use);
         let Some(slot) = place.and_then(|index| self.slots.get_mut(index)) else {
             return self.refuse(stream);
         };
@@ -85,14 +85,14 @@ impl Sessions {
     /// Returns the place for a client of a host.
     ///
     /// If all places are taken, a client gets the place of another one: of a host that has at least two more connections
-    /// than its own host, or of a client that never registered. The owner of the outputs may replace any other client; a
-    /// client of another host never replaces a client of the owner. A client that carries a class 3 connection is never
+    /// than its own host, or of a client that never registered. An owner of outputs may replace any other client; no
+    /// client of another host ever replaces a client of an owner. A client that carries a class 3 connection is never
     /// replaced. Of the others, clients without a session are replaced first, then clients of the host with the most
     /// connections, then those that have been silent longest.
     fn place_for(
         &self,
         host: Ipv4Addr,
-        owner: Option<Ipv4Addr>,
+        is_owner: impl Fn(Ipv4Addr) -> bool,
         is_in_use: impl Fn(StreamId) -> bool,
     ) -> Option<usize> {
         let sessions_of =
@@ -112,8 +112,8 @@ impl Sessions {
         }
         least_wanted(&|session| {
             let other = *session.peer.ip();
-            let gives_way = owner == Some(host) || session.handle == 0 || sessions_of(other) >= own + 2;
-            owner != Some(other) && gives_way
+            let gives_way = is_owner(host) || session.handle == 0 || sessions_of(other) >= own + 2;
+            !is_owner(other) && gives_way
         })
     }
 

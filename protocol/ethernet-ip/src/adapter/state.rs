@@ -86,11 +86,6 @@ impl State {
         }
     }
 
-    /// Returns whether data are exchanged with an owner that runs.
-    pub(super) const fn is_up(&self) -> bool {
-        self.up
-    }
-
     /// Handles a cyclic frame.
     pub(super) fn consume(&mut self, now: Instant, peer: Ipv4Addr, datagram: &[u8]) {
         let Ok(frame) = Frame::parse(datagram) else {
