@@ -44,7 +44,7 @@ asks key 's/major_revision = 1/major_revision = 3/'
 says key 'electronic key does not fit .*0x25.*; asked for .* revision 3\.1; the device is .* revision 1\.1, serial number 0x'
 stops key
 cycle_us=400 asks interval ''
-says interval 'interval cannot be served .*0x0111.*; asked for a packet every 400 .*; by its EDS file the device serves 500 to 10000000 '
+says interval 'intervals are not acceptable .*0x0112.*; asked for a packet every 400 .*; the device would take at least 500 .*; by its EDS file the device serves 500 to 10000000 '
 stops interval
 
 # The owner disappeared without closing, and the adapter keeps its connection for the requested time: 128 × 20 ms.

@@ -286,7 +286,7 @@ fn the_limits_of_the_packet_interval_are_those_of_the_adapter() {
         AdapterUnderTest::new().open(&forward_open(&eds, 1, &path, rpi_us)).map(|opened| opened.t_o_api_us)
     };
     assert_eq!([least, most, proposed].map(opens), [Ok(least), Ok(most), Ok(proposed)]);
-    assert_eq!([least - 1, most + 1].map(opens), [Err((1, 0x0111)); 2]);
+    assert_eq!([least - 1, most + 1].map(opens), [Err((1, 0x0112)); 2]);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::explicit::{ExplicitConnection, MAX_SIZE};
 use super::io::{IoConnection, Kind, Producer};
 use super::state::{Context, State};
 use crate::IO_PORT;
-use crate::cip::{Application, Violation, class};
+use crate::cip::{AcceptableIntervals, Application, IntervalLimit, Violation, class};
 use crate::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
 use crate::connection::{
     ConnectionType, Inhibit, OpenReply, OpenRequest, Parameters, Priority, TimeoutMultiplier, Trigger,
@@ -173,7 +173,8 @@ impl State {
         let description = self.device.description;
         let served = description.min_rpi_us..=description.max_rpi_us;
         if !served.contains(&o_t_rpi_us) || !served.contains(&t_o_rpi_us) {
-            return Err(Violation::RpiNotSupported);
+            let [o_t, t_o] = [o_t_rpi_us, t_o_rpi_us].map(|rpi| IntervalLimit::of(rpi, &served));
+            return Err(Violation::RpiNotAcceptable(AcceptableIntervals { o_t, t_o }));
         }
         // Without a segment, a producer that follows changes keeps a quarter of its interval (volume 1, 3-4.4.18).
         let is_cyclic = request.transport.trigger() == Trigger::Cyclic;
@@ -347,8 +348,11 @@ fn check_multicast(wanted: &Producer, running: &Producer) -> Result<(), Violatio
         return Err(Violation::MulticastInhibit);
     }
     // A shorter interval than the multicast's cannot be served. For a longer one, the multicast comes more often than asked.
-    if running.cycle.period() > wanted.cycle.period() {
-        return Err(Violation::RpiNotSupported);
+    let period = running.cycle.period();
+    if period > wanted.cycle.period() {
+        let period_us = u32::try_from(period.as_micros()).unwrap_or(u32::MAX);
+        let t_o = IntervalLimit::AtLeast(period_us);
+        return Err(Violation::RpiNotAcceptable(AcceptableIntervals { o_t: IntervalLimit::Acceptable, t_o }));
     }
     Ok(())
 }

@@ -90,7 +90,9 @@ impl State {
                 Ok(General::Success)
             }),
             Err(violation) => emit_refusal(reply, service, violation, |writer| {
-                write_refused(writer, RefusedReply::from_open_request(data));
+                let path_left = if is_of_route(violation) { open_path_words(data, large) } else { 0 };
+                let refused = RefusedReply::from_open_request(data);
+                write_refused(writer, refused.map(|refused| RefusedReply { path_left, ..refused }));
             }),
         }
     }
@@ -219,7 +221,12 @@ fn route_words(data: &[u8]) -> Option<u8> {
     reader.u8().ok()
 }
 
-/// Returns whether an Unconnected_Send got no further along its route (volume 1, 3-5.5.4).
+/// Returns the size of the path in a Forward_Open, in words.
+fn open_path_words(data: &[u8], large: bool) -> u8 {
+    data.get(if large { 39 } else { 35 }).copied().unwrap_or(0)
+}
+
+/// Returns whether a request got no further along its route (volume 1, 3-5.5.2 and 3-5.5.4).
 const fn is_of_route(violation: Violation) -> bool {
     matches!(
         violation,

@@ -1,16 +1,18 @@
 //! CIP explicit messages: paths, requests, replies and their statuses (volume 1).
 
+mod intervals;
 mod key;
 mod message;
 mod path;
 mod status;
 mod violation;
 
+pub use intervals::{AcceptableIntervals, IntervalLimit};
 pub use key::{ElectronicKey, KeyMismatch, Revision};
 pub use message::{Reply, Request, emit_refusal, emit_reply, service};
 pub use path::{Application, Logical, Path, PathError, Segment, Target, write_logical};
 pub use status::{Extended, General};
-pub use violation::{Status, Violation};
+pub use violation::{Extra, Status, Violation};
 
 /// Class codes of the objects that the stack supports (volume 1, table 5-1.1; volume 2, chapter 5).
 pub mod class {

@@ -1,26 +1,52 @@
 //! The violations that a request can contain, and the status of each: the only such table.
 
 use super::super::Writer;
+use super::intervals::AcceptableIntervals;
 use super::status::{Extended as E, General as G};
 
-/// The status of a reply: a general status and, for the Connection Manager, an extended one with its additional word.
+/// What follows an extended status: what the device would take instead.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Extra {
+    /// The device's size, in bytes, or in words where it is that of configuration data.
+    Size(u16),
+    /// The device's packet intervals.
+    Intervals(AcceptableIntervals),
+}
+
+impl Extra {
+    const fn words(&self) -> u8 {
+        match self {
+            Self::Size(_) => 1,
+            Self::Intervals(_) => AcceptableIntervals::WORDS,
+        }
+    }
+}
+
+/// The status of a reply: a general status and, for the Connection Manager, an extended one with what follows it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Status {
     /// The general status.
     pub general: G,
     /// The extended status.
     pub extended: Option<E>,
-    /// A word behind the extended status: the device's size, in bytes, or in words where it is that of configuration data.
-    pub extra: Option<u16>,
+    /// What follows the extended status.
+    pub extra: Option<Extra>,
 }
 
 impl Status {
     /// Writes the general status, the number of additional words, and these words.
     pub fn emit(&self, writer: &mut Writer<'_>) {
         writer.u8(self.general.into());
-        let words = [self.extended.map(u16::from), self.extra];
-        writer.u8(words.iter().flatten().count() as u8);
-        words.iter().flatten().for_each(|word| writer.u16(*word));
+        let extra_words = self.extra.as_ref().map_or(0, Extra::words);
+        writer.u8(u8::from(self.extended.is_some()) + extra_words);
+        if let Some(extended) = self.extended {
+            writer.u16(extended.into());
+        }
+        match self.extra {
+            Some(Extra::Size(size)) => writer.u16(size),
+            Some(Extra::Intervals(intervals)) => intervals.emit(writer),
+            None => {}
+        }
     }
 }
 
@@ -40,17 +66,19 @@ macro_rules! violations {
                     $(Self::$name $(($field))? => Status {
                         general: G::$general,
                         extended: violations!(@extended $($extended)?),
-                        extra: violations!(@extra $($field)?),
+                        extra: violations!(@extra $($field $field)?),
                     },)*
                 }
             }
         }
     };
     (@type size) => { u16 };
+    (@type intervals) => { AcceptableIntervals };
     (@extended) => { None };
     (@extended $extended:ident) => { Some(E::$extended) };
     (@extra) => { None };
-    (@extra $field:ident) => { Some($field) };
+    (@extra size $field:ident) => { Some(Extra::Size($field)) };
+    (@extra intervals $field:ident) => { Some(Extra::Intervals($field)) };
 }
 
 violations! {
@@ -119,8 +147,10 @@ violations! {
     TriggerNotSupported => ConnectionFailure TriggerNotSupported,
     /// Class 3 with the target as client.
     DirectionNotSupported => ConnectionFailure DirectionNotSupported,
-    /// A packet interval of 0, too short or too long.
+    /// A packet interval of a class 3 connection that is 0 or too long.
     RpiNotSupported => ConnectionFailure RpiNotSupported,
+    /// A packet interval that is too short or too long; the reply contains the limits.
+    RpiNotAcceptable(intervals) => ConnectionFailure RpiNotAcceptable,
     /// A production inhibit time above the packet interval.
     RpiBelowInhibitTime => ConnectionFailure RpiBelowInhibitTime,
     /// A timeout multiplier above 7.

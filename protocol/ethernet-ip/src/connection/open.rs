@@ -191,27 +191,29 @@ impl OpenReply {
 pub struct RefusedReply {
     /// Identity of the connection.
     pub triad: Triad,
+    /// What is left of the path, in words: the path as this device received it where it cannot follow its route, otherwise 0.
+    pub path_left: u8,
 }
 
 impl RefusedReply {
-    /// Writes the data. The remaining path has no words, since there is no router behind this device.
+    /// Writes the data.
     pub fn emit(&self, writer: &mut Writer<'_>) {
         self.triad.emit(writer);
-        writer.u16(0);
+        writer.bytes(&[self.path_left, 0]);
     }
 
     /// Reads the triad from a request that may be truncated.
     #[must_use]
     pub fn from_open_request(data: &[u8]) -> Option<Self> {
         let triad = data.get(10..).and_then(|data| Triad::parse(&mut Reader::new(data)).ok());
-        triad.map(|triad| Self { triad })
+        triad.map(|triad| Self { triad, path_left: 0 })
     }
 
     /// Reads the triad from a Forward_Close that may be truncated.
     #[must_use]
     pub fn from_close_request(data: &[u8]) -> Option<Self> {
         let triad = data.get(2..).and_then(|data| Triad::parse(&mut Reader::new(data)).ok());
-        triad.map(|triad| Self { triad })
+        triad.map(|triad| Self { triad, path_left: 0 })
     }
 }
 
@@ -325,7 +327,7 @@ mod tests {
         };
         let expected = b"\x34\x12\xAB\0\xEF\xCD\xAB\x89\0\0";
         assert_eq!(written(&|writer| CloseReply { triad: TRIAD }.emit(writer)), expected);
-        assert_eq!(written(&|writer| RefusedReply { triad: TRIAD }.emit(writer)), expected);
+        assert_eq!(written(&|writer| RefusedReply { triad: TRIAD, path_left: 0 }.emit(writer)), expected);
     }
 
     #[test]
@@ -337,6 +339,9 @@ mod tests {
         let len = writer.finish().unwrap();
         assert_eq!(CloseRequest::parse(&buf[..len]), Ok(close));
         assert!((0..len).all(|cut| CloseRequest::parse(&buf[..cut]) == Err(Violation::TooShort)));
-        assert_eq!(RefusedReply::from_close_request(&buf[..len]), Some(RefusedReply { triad: TRIAD }));
+        assert_eq!(
+            RefusedReply::from_close_request(&buf[..len]),
+            Some(RefusedReply { triad: TRIAD, path_left: 0 })
+        );
     }
 }

@@ -91,6 +91,27 @@ fn each_refused_size_stands_where_the_dissector_looks_for_it() {
 }
 
 #[test]
+fn a_refused_interval_and_the_path_that_is_left_stand_where_the_dissector_looks_for_them() {
+    let mut rig = Rig::new();
+    let client = rig.client();
+    let short = OpenRequest { o_t_rpi_us: 499, t_o_rpi_us: 10_000_001, ..owner(0x77) };
+    let routed = OpenRequest { path: Path(&[1, 0, 0x20, 4, 0x2C, 150, 0x2C, 100]), ..owner(0x78) };
+    let exchanges = [short, routed].map(|request| exchange(&mut rig, client, &open_message(&request, false)));
+    let fields = [
+        "cip.cm.ext_status",
+        "cip.cm.ext112otrpi_type",
+        "cip.cm.ext112torpi_type",
+        "cip.cm.ext112otrpi",
+        "cip.cm.ext112torpi",
+        "cip.cm.conn_serial_num",
+        "cip.cm.remain_path_size",
+    ];
+    let read = dissected(&exchanges, &fields);
+    let answers: Vec<_> = read.iter().skip(1).step_by(2).map(|values| values.join(" ")).collect();
+    assert_eq!(answers, ["0x0112 2 3 500 10000000 0x0077 0  ", "0x0311     0x0078 4  "]);
+}
+
+#[test]
 fn a_question_along_a_route_is_an_unconnected_send_to_the_identity_behind_it() {
     let config = ConnectionConfig { route: vec![1, 3], ..wanted() };
     let (_, question) = asked_for_identity_by(config);

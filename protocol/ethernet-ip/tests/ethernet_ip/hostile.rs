@@ -400,7 +400,7 @@ fn packet_intervals_of_0_and_of_an_hour_and_multipliers_above_7_open_nothing() {
     for micros in [0, 1, 3_600_000_000, u32::MAX] {
         let mut request = heartbeat(1, INPUT_ONLY_PATH);
         (request.o_t_rpi_us, request.t_o_rpi_us) = (micros, micros);
-        assert_eq!(rig.try_open(bad, &request), Err((1, 0x0111)), "{micros} µs");
+        assert_eq!(rig.try_open(bad, &request), Err((1, 0x0112)), "{micros} µs");
     }
     for multiplier in [8, 128, 255] {
         let request = ethernet_ip::connection::OpenRequest { multiplier, ..heartbeat(1, INPUT_ONLY_PATH) };

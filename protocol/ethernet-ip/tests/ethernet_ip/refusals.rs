@@ -45,10 +45,10 @@ fn each_violation_of_a_forward_open_gives_its_extended_status() {
         request
     };
     let cases: &[(u16, &str, OpenRequest<'static>)] = &[
-        (0x0111, "O→T interval 0", wrong(|r| r.o_t_rpi_us = 0)),
-        (0x0111, "T→O interval 0", wrong(|r| r.t_o_rpi_us = 0)),
-        (0x0111, "T→O interval u32::MAX", wrong(|r| r.t_o_rpi_us = u32::MAX)),
-        (0x0111, "499 µs", wrong(|r| r.t_o_rpi_us = 499)),
+        (0x0112, "O→T interval 0", wrong(|r| r.o_t_rpi_us = 0)),
+        (0x0112, "T→O interval 0", wrong(|r| r.t_o_rpi_us = 0)),
+        (0x0112, "T→O interval u32::MAX", wrong(|r| r.t_o_rpi_us = u32::MAX)),
+        (0x0112, "499 µs", wrong(|r| r.t_o_rpi_us = 499)),
         (0x0111, "class 3, interval 0", class_3(|r| r.o_t_rpi_us = 0)),
         (0x0114, "vendor", path(b"\x34\x04\x01\x00\0\0\0\0\0\0\x20\x04\x24\x97\x2C\x96\x2C\x64")),
         (0x0114, "product code", path(b"\x34\x04\0\0\0\0\x09\0\0\0\x20\x04\x24\x97\x2C\x96\x2C\x64")),
@@ -114,6 +114,38 @@ fn a_refusal_names_the_connection_and_the_size_that_would_do() {
     assert_eq!(answer.data, b"\x77\0\x01\0\xFE\xCA\xAD\x0B\0\0");
     let answer = rig.request(client, &open_message(&wrong(|r| r.t_o.size = 100), false));
     assert_eq!(answer.additional, [0x0128, 258]);
+}
+
+#[test]
+fn a_refused_interval_is_followed_by_the_limit_of_each_direction() {
+    let mut rig = Rig::new();
+    let client = rig.client();
+    let limits = |rig: &mut Rig, request: &OpenRequest<'static>| {
+        rig.request(client, &open_message(request, false)).additional
+    };
+    // Kind of limit O→T and T→O: 0 none, 2 least, 3 most. Then both intervals in µs, low word first.
+    let short = wrong(|r| (r.o_t_rpi_us, r.t_o_rpi_us) = (499, 499));
+    assert_eq!(limits(&mut rig, &short), [0x0112, 0x0202, 500, 0, 500, 0]);
+    let long = wrong(|r| r.t_o_rpi_us = 10_000_001);
+    assert_eq!(limits(&mut rig, &long), [0x0112, 0x0300, 0, 0, 0x9680, 0x98]);
+    rig.open(client, &multicast(1, INPUT_ONLY_PATH));
+    let faster = OpenRequest { t_o_rpi_us: 500, ..multicast(2, INPUT_ONLY_PATH) };
+    assert_eq!(limits(&mut rig, &faster), [0x0112, 0x0200, 0, 0, 1_000, 0], "the interval of the multicast");
+}
+
+#[test]
+fn a_refusal_of_the_route_tells_how_much_of_the_path_is_left_and_no_other_refusal_does() {
+    let mut rig = Rig::new();
+    let client = rig.client();
+    let left = |rig: &mut Rig, path: &'static [u8], large| {
+        let request = wrong(|r| r.path = Path(path));
+        rig.request(client, &open_message(&request, large)).data[8..].to_vec()
+    };
+    for large in [false, true] {
+        assert_eq!(left(&mut rig, &[1, 0, 0x20, 4, 0x24, 151, 0x2C, 150, 0x2C, 100], large), [5, 0]);
+        assert_eq!(left(&mut rig, &[0xE0, 0, 0x20, 4], large), [2, 0]);
+        assert_eq!(left(&mut rig, &[0x20, 4, 0x24, 151, 0x2C, 9, 0x2C, 100], large), [0, 0]);
+    }
 }
 
 #[test]
@@ -283,7 +315,7 @@ fn a_connection_that_does_not_fit_the_running_multicast_or_is_off_the_subnet_is_
     let t_o = Parameters { priority: Priority::High, ..fits.t_o };
     assert_eq!(rig.try_open(client, &OpenRequest { t_o, ..fits }), Err((1, 0x0136)));
     assert_eq!(rig.try_open(client, &OpenRequest { transport: Transport(0x11), ..fits }), Err((1, 0x0138)));
-    assert_eq!(rig.try_open(client, &OpenRequest { t_o_rpi_us: 500, ..fits }), Err((1, 0x0111)));
+    assert_eq!(rig.try_open(client, &OpenRequest { t_o_rpi_us: 500, ..fits }), Err((1, 0x0112)));
     // A production inhibit time of 1 ms, where the multicast has none.
     let path = Path(&[0x43, 1, 0x20, 4, 0x24, 151, 0x2C, 152, 0x2C, 100]);
     assert_eq!(rig.try_open(client, &OpenRequest { path, ..fits }), Err((1, 0x0139)));
@@ -425,7 +457,7 @@ fn a_refused_scanner_says_in_words_why_and_what_the_device_has_instead() {
     the adapter 192.168.64.2 refused the connection: there is no such O to T assembly (general status 0x01, extended status 0x012A); asked for O→T assembly 99 and T→O assembly 100 with configuration assembly 151; by its EDS file the device has the assemblies 100 for T→O (256 bytes), 150 for O→T (256 bytes), 151 for configuration, 152 for O→T of input-only connections, 153 for O→T of listen-only connections
     the adapter 192.168.64.2 refused the connection: the O to T size is not the assembly's (general status 0x01, extended status 0x0127); asked for 106 bytes O→T to assembly 150; the device has 262 bytes there
     the adapter 192.168.64.2 refused the connection: the T to O size is not the assembly's (general status 0x01, extended status 0x0128); asked for 602 bytes T→O from assembly 100; the device has 258 bytes there
-    the adapter 192.168.64.2 refused the connection: the requested packet interval cannot be served (general status 0x01, extended status 0x0111); asked for a packet every 1000 µs O→T and every 100 µs T→O; by its EDS file the device serves 500 to 10000000 µs
+    the adapter 192.168.64.2 refused the connection: the requested packet intervals are not acceptable (general status 0x01, extended status 0x0112); asked for a packet every 1000 µs O→T and every 100 µs T→O; the device would take this interval O→T and at least 500 µs T→O; by its EDS file the device serves 500 to 10000000 µs
     the adapter 192.168.64.2 refused the connection: the electronic key does not fit the device (general status 0x25); asked for vendor 65535, device type 43, product code 1, revision 3.1; the device is vendor 65535, device type 43, product code 1, revision 1.1, serial number 0x12345678
     the adapter 192.168.64.2 refused the connection: there is no such configuration assembly (general status 0x01, extended status 0x0129); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 3; by its EDS file the device has the assemblies 100 for T→O (256 bytes), 150 for O→T (256 bytes), 151 for configuration, 152 for O→T of input-only connections, 153 for O→T of listen-only connections
     the adapter 192.168.64.2 refused the connection: the path leads out of a port that the device does not have (general status 0x01, extended status 0x0311); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 151
@@ -435,7 +467,7 @@ fn a_refused_scanner_says_in_words_why_and_what_the_device_has_instead() {
 #[test]
 fn a_device_without_an_eds_file_or_another_one_than_it_describes_is_not_said_to_have_what_it_says() {
     let unknown = refusal_text(ConnectionConfig { described: None, t_o_rpi_us: 100, ..wanted() });
-    assert!(unknown.ends_with("; the device's EDS file has its shortest and longest interval"), "{unknown}");
+    assert!(unknown.ends_with("would take this interval O→T and at least 500 µs T→O"), "{unknown}");
     static OTHER: Description = Description { product_code: 9, ..DEVICE };
     let other =
         refusal_text(ConnectionConfig { described: Some(&OTHER), key: None, consumed: 99, ..wanted() });

@@ -4,9 +4,8 @@ use core::fmt;
 use core::net::Ipv4Addr;
 
 use crate::Reader;
-use crate::cip::{ElectronicKey, Extended, General, Reply, Revision};
+use crate::cip::{AcceptableIntervals, ElectronicKey, Extended, General, Reply, Revision};
 use crate::description::{Assembly, Description, Identity, Role};
-use machine::wire::Truncated;
 use machine::{Down, DownCause};
 
 /// A refused request: what was requested, and what the device has.
@@ -18,8 +17,8 @@ pub struct Refusal {
     pub extended: Option<Extended>,
     /// The size that the device has instead, in bytes, if it reports it.
     pub size: Option<u16>,
-    /// The packet intervals O→T and T→O that the device would serve, in µs, if it reports them.
-    pub intervals_us: Option<(u32, u32)>,
+    /// The packet intervals that the device would serve, if it reports them.
+    pub intervals: Option<AcceptableIntervals>,
     /// Requested connection.
     pub requested: RequestedConnection,
     /// The identity that the device reported.
@@ -52,7 +51,7 @@ impl Refusal {
         found: Option<Identity>,
     ) -> Self {
         let extended = reply.additional_status(0).map(Extended::from);
-        let (mut size, mut intervals_us) = (None, None);
+        let (mut size, mut intervals) = (None, None);
         match extended {
             Some(Extended::InvalidConnectionSize | Extended::InvalidOtSize | Extended::InvalidToSize) => {
                 size = reply.additional_status(1);
@@ -61,10 +60,13 @@ impl Refusal {
             Some(Extended::InvalidConfigurationSize) => {
                 size = reply.additional_status(1).map(|words| words.saturating_mul(2));
             }
-            Some(Extended::RpiNotAcceptable) => intervals_us = read_intervals(reply.additional).ok(),
+            Some(Extended::RpiNotAcceptable) => {
+                let mut behind_status = Reader::new(reply.additional.get(2..).unwrap_or_default());
+                intervals = AcceptableIntervals::parse(&mut behind_status).ok();
+            }
             _ => {}
         }
-        Self { general: reply.general, extended, size, intervals_us, requested, found }
+        Self { general: reply.general, extended, size, intervals, requested, found }
     }
 
     /// Returns the meaning of the status in words.
@@ -98,8 +100,8 @@ impl fmt::Display for Refusal {
         if let Some(size) = self.size {
             write!(f, "; the device has {size} bytes there")?;
         }
-        if let Some((o_t, t_o)) = self.intervals_us {
-            write!(f, "; the device would take {o_t} µs O→T and {t_o} µs T→O")?;
+        if let Some(AcceptableIntervals { o_t, t_o }) = self.intervals {
+            write!(f, "; the device would take {o_t} O→T and {t_o} T→O")?;
         }
         if let (true, Some(found)) = (self.is_about_key(), self.found) {
             write!(f, "; the device is {found}")?;
@@ -130,14 +132,14 @@ impl Refusal {
             |device: &&Description| self.found.is_some_and(|found| device.key().check(&found.key).is_ok());
         let Some(device) = self.requested.described.filter(is_described) else {
             return match self.extended {
-                Some(Extended::RpiNotSupported) => {
+                Some(Extended::RpiNotSupported | Extended::RpiNotAcceptable) if self.intervals.is_none() => {
                     f.write_str("; the device's EDS file has its shortest and longest interval")
                 }
                 _ => Ok(()),
             };
         };
         match self.extended {
-            Some(Extended::RpiNotSupported) => {
+            Some(Extended::RpiNotSupported | Extended::RpiNotAcceptable) => {
                 let Description { min_rpi_us, max_rpi_us, .. } = device;
                 write!(f, "; by its EDS file the device serves {min_rpi_us} to {max_rpi_us} µs")
             }
@@ -199,13 +201,6 @@ impl Refusal {
             }
         }
     }
-}
-
-/// Reads the data after extended status 0x0112: the kind of limit of each interval, u8 and u8, and the intervals.
-fn read_intervals(additional: &[u8]) -> Result<(u32, u32), Truncated> {
-    let mut reader = Reader::new(additional);
-    reader.skip(4)?;
-    Ok((reader.u32()?, reader.u32()?))
 }
 
 fn write_key(f: &mut fmt::Formatter<'_>, key: Option<ElectronicKey>) -> fmt::Result {
