@@ -1,25 +1,21 @@
-//! Checks requests to open a connection, and opens it (volume 1, 3-5.5.2 and 3-6; volume 2, 3-3).
+//! Checks requests to open a connection, and opens those of class 1 (volume 1, 3-5.5.2 and 3-6; volume 2, 3-3).
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use super::explicit::{ExplicitConnection, MAX_SIZE};
 use super::io::{IoConnection, Kind, Producer};
 use super::state::{Context, State};
 use crate::IO_PORT;
 use crate::cip::{AcceptableIntervals, Application, IntervalLimit, Violation, class};
 use crate::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
 use crate::connection::{
-    ConnectionType, Inhibit, OpenReply, OpenRequest, Parameters, Priority, TimeoutMultiplier, Trigger,
-    Watchdog, sequence,
+    ConnectionType, Inhibit, OpenReply, OpenRequest, Parameters, TimeoutMultiplier, Trigger, Watchdog,
+    sequence,
 };
 use crate::description::{Assembly, Role};
 use crate::objects::MULTICASTS;
 use machine::{Cycle, Duration, Peer};
 
-/// The longest packet interval of a class 3 connection, in µs: its timeout is at most 512 times that.
-const MAX_EXPLICIT_RPI_US: u32 = 100_000_000;
-
-const fn micros(micros: u32) -> Duration {
+pub(super) const fn micros(micros: u32) -> Duration {
     Duration::from_micros(micros as u64)
 }
 
@@ -82,7 +78,7 @@ impl State {
 
     /// Answers a null Forward_Open, which opens nothing: it asks whether the target is there, or configures it.
     fn open_null(
-        &self,
+        &mut self,
         request: &OpenRequest<'_>,
         application: &Application<'_>,
     ) -> Result<OpenReply, Violation> {
@@ -91,9 +87,9 @@ impl State {
             (Some(class::IDENTITY), [Some(1), None, None]) | (Some(class::ASSEMBLY) | None, _) => {}
             _ => return Err(Violation::NullForwardOpen),
         }
-        if !application.configuration.is_empty() {
-            return Err(self.configuration_size());
-        }
+        let [configuration, ..] = application.points;
+        self.check_configuration(configuration, application.configuration)?;
+        self.configure(configuration, application.configuration);
         let description = self.device.description;
         let served = |rpi: u32| rpi.clamp(description.min_rpi_us, description.max_rpi_us);
         Ok(OpenReply {
@@ -117,6 +113,8 @@ impl State {
         check_io_parameters(&points, o_t, t_o)?;
         let inhibit = self.check_intervals(request, application)?;
         self.check_room(&points)?;
+        let [configuration, ..] = points.named;
+        self.check_configuration(configuration, application.configuration)?;
 
         // The originator sends its first frame when it has the reply. Half an interval away from it, neither end receives a
         // frame at the moment in which it must send one.
@@ -141,6 +139,7 @@ impl State {
         if t_o.kind == ConnectionType::Multicast {
             self.share_multicast(context, points.kind, &mut producer)?;
         }
+        self.configure(configuration, application.configuration);
         let o_t_id = self.fresh_id();
         let connection = IoConnection {
             triad: request.triad,
@@ -206,9 +205,6 @@ impl State {
         {
             return Err(Violation::InconsistentPathCombination);
         }
-        if !application.configuration.is_empty() {
-            return Err(self.configuration_size());
-        }
         let consumed = find(consumed, Violation::ConsumingPath)?;
         let produced = find(produced, Violation::ProducingPath)?;
         let kind = match (consumed.role, produced.role) {
@@ -220,10 +216,31 @@ impl State {
         Ok(IoAssemblies { kind, consumed, produced, named })
     }
 
-    /// Returns the refusal of configuration data, with the size that would do.
-    fn configuration_size(&self) -> Violation {
-        let assembly = self.device.description.role(Role::Configuration);
-        Violation::ConfigurationSize(assembly.map_or(0, |assembly| assembly.size.div_ceil(2)))
+    /// Checks configuration data, which fill whole words: they have the assembly's size, and while other connections are
+    /// open they are those that these depend on.
+    fn check_configuration(&self, named: Option<u32>, data: &[u8]) -> Result<(), Violation> {
+        if data.is_empty() {
+            return Ok(());
+        }
+        let there = named.and_then(|instance| self.device.assemblies.configuration(instance));
+        let there = there.unwrap_or_default();
+        let words = there.len().div_ceil(2);
+        match data.get(..there.len()) {
+            Some(wanted) if data.len() == 2 * words => {
+                let is_free = self.io.len() == 0;
+                if is_free || wanted == there { Ok(()) } else { Err(Violation::OutputsOwned) }
+            }
+            _ => Err(Violation::ConfigurationSize(u16::try_from(words).unwrap_or(u16::MAX))),
+        }
+    }
+
+    /// Takes over configuration data that were checked.
+    fn configure(&mut self, named: Option<u32>, data: &[u8]) {
+        let Some(instance) = named else { return };
+        let len = self.device.assemblies.configuration(instance).map_or(0, <[u8]>::len);
+        if let Some(data) = data.get(..len).filter(|data| !data.is_empty()) {
+            self.device.assemblies.consume(instance, data);
+        }
     }
 
     /// Checks that one more connection of this kind to these assemblies may be opened.
@@ -276,60 +293,6 @@ impl State {
         let address = |index| self.device.network.multicast(index);
         let is_free = |group: &Ipv4Addr| self.io.multicasts().all(|running| running.to.ip() != group);
         (0..MULTICASTS.into()).map(address).find(is_free).unwrap_or_else(|| address(0))
-    }
-
-    fn open_explicit(
-        &mut self,
-        context: &Context,
-        request: &OpenRequest<'_>,
-        multiplier: TimeoutMultiplier,
-        application: &Application<'_>,
-    ) -> Result<OpenReply, Violation> {
-        let OpenRequest { triad, t_o_id, o_t_rpi_us, o_t, t_o_rpi_us, t_o, transport, .. } = *request;
-        if !transport.is_server() {
-            return Err(Violation::DirectionNotSupported);
-        }
-        if !application.is_message_router() {
-            return Err(Violation::ApplicationPath);
-        }
-        if o_t.kind != ConnectionType::PointToPoint {
-            return Err(Violation::OtType);
-        }
-        if t_o.kind != ConnectionType::PointToPoint {
-            return Err(Violation::ToType);
-        }
-        if o_t.priority == Priority::Urgent {
-            return Err(Violation::OtPriority);
-        }
-        if t_o.priority == Priority::Urgent {
-            return Err(Violation::ToPriority);
-        }
-        let sizes = SEQUENCE_LEN + 2..=MAX_SIZE;
-        if !sizes.contains(&o_t.size) {
-            return Err(Violation::OtSize(MAX_SIZE));
-        }
-        if !sizes.contains(&t_o.size) {
-            return Err(Violation::ToSize(MAX_SIZE));
-        }
-        let served = 1..=MAX_EXPLICIT_RPI_US;
-        if !served.contains(&o_t_rpi_us) || !served.contains(&t_o_rpi_us) {
-            return Err(Violation::RpiNotSupported);
-        }
-        if self.explicit.is_full_for(*context.peer.ip()) {
-            return Err(Violation::OutOfConnections);
-        }
-        let o_t_id = self.fresh_id();
-        self.explicit.add(ExplicitConnection {
-            triad,
-            host: *context.peer.ip(),
-            stream: context.stream,
-            o_t_id,
-            t_o_id,
-            o_t_size: o_t.size,
-            t_o_size: t_o.size,
-            watchdog: Watchdog::start(context.now, multiplier.timeout(micros(o_t_rpi_us))),
-        });
-        Ok(OpenReply { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us: t_o_rpi_us })
     }
 }
 

@@ -6,6 +6,7 @@
 mod delayed;
 mod encapsulated;
 mod establish;
+mod establish_explicit;
 mod explicit;
 mod io;
 mod router;
@@ -242,6 +243,13 @@ impl Adapter {
     #[must_use]
     pub fn consumed(&self, instance: u32) -> Option<&[u8]> {
         self.state.io.is_run(instance).then(|| self.state.device.assemblies.get(instance))
+    }
+
+    /// Returns the data of an assembly of the role [`Role::Configuration`](super::description::Role::Configuration): zeros
+    /// until a scanner sends some with its Forward_Open or a message sets them.
+    #[must_use]
+    pub fn configuration(&self, instance: u32) -> Option<&[u8]> {
+        self.state.device.assemblies.configuration(instance)
     }
 
     /// Drops every connection and accepts no new ones. A target has no message that ends a connection.

@@ -8,8 +8,9 @@ use super::{Device, Object};
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
+use core::cmp::Ordering;
 
-/// Data of the assemblies that connections carry.
+/// Data of the assemblies that connections carry, and of those that configure the device.
 #[derive(Debug)]
 pub(in super::super) struct AssemblyData {
     all: Vec<CarriedAssembly>,
@@ -25,8 +26,10 @@ struct CarriedAssembly {
 impl AssemblyData {
     /// Creates assemblies full of zeros.
     pub(super) fn new(description: &Description) -> Self {
-        let carried =
-            description.assemblies.iter().filter(|a| matches!(a.role, Role::Produced | Role::Consumed));
+        let carried = description
+            .assemblies
+            .iter()
+            .filter(|a| matches!(a.role, Role::Produced | Role::Consumed | Role::Configuration));
         let zeros = |size: u16| vec![0; usize::from(size)].into_boxed_slice();
         let carry = |a: &super::super::description::Assembly| CarriedAssembly {
             instance: a.instance,
@@ -51,6 +54,13 @@ impl AssemblyData {
         let changed = *found.data != *data;
         found.data.copy_from_slice(data);
         Ok(changed)
+    }
+
+    /// Returns the data of a configuration assembly.
+    pub(in super::super) fn configuration(&self, instance: u32) -> Option<&[u8]> {
+        let is_it =
+            |found: &&CarriedAssembly| found.instance == instance && found.role == Role::Configuration;
+        self.all.iter().find(is_it).map(|found| &*found.data)
     }
 
     /// Takes the data of an assembly from its owner; data of another length are ignored.
@@ -91,14 +101,20 @@ impl Object for Assembly {
         Ok(())
     }
 
-    /// Refuses every change of data by a message: only the owner of the outputs may set them, and the other assemblies hold
-    /// nothing that could be set.
+    /// Sets the data of a configuration assembly while no connection depends on them. Refuses every other change by a
+    /// message: only the owner of the outputs may set them, and the other assemblies hold nothing that could be set.
     fn set(device: &mut Device, instance: u32, attribute: u16, data: &[u8]) -> Result<(), Violation> {
         let role = device.description.assembly(instance).map(|assembly| assembly.role);
-        match (role, attribute) {
-            (Some(Role::Configuration), 3) if data.is_empty() => Ok(()),
-            (Some(Role::Configuration), 3) => Err(Violation::TooLong),
-            _ => Err(Violation::NotSettable),
+        let (Some(Role::Configuration), 3) = (role, attribute) else { return Err(Violation::NotSettable) };
+        let found = device.assemblies.get(instance);
+        match data.len().cmp(&found.len()) {
+            Ordering::Less => Err(Violation::TooShort),
+            Ordering::Greater => Err(Violation::TooLong),
+            Ordering::Equal if device.io.connections > 0 && found != data => Err(Violation::InUse),
+            Ordering::Equal => {
+                device.assemblies.consume(instance, data);
+                Ok(())
+            }
         }
     }
 }

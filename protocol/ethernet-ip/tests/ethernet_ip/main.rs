@@ -5,6 +5,7 @@
 mod cell;
 mod class_3;
 mod client;
+mod configuration;
 mod dissected;
 mod exchange;
 mod fuzz;
