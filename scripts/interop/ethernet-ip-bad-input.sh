@@ -52,7 +52,7 @@ cycle_us=20000 asks owner ''
 says owner '^connected'
 kill -KILL "${owner:?}"
 cycle_us=20000 asks second ''
-says second 'another scanner owns the outputs .*0x0106.*; by its EDS file the device has outputs for 1 owner: stop the other scanner'
+says second 'another scanner owns the outputs .*0x0106.*; by its EDS file the device has outputs for 1 owner; stop the other scanner'
 says second '^connected' # once the adapter gave the first one up
 stops second
 stops robot_node

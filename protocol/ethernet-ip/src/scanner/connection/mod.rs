@@ -1,5 +1,6 @@
 //! One connection of a scanner: its TCP connection and session, its establishment, and its cyclic data.
 
+mod advice;
 mod dialogue;
 mod establish;
 mod io;

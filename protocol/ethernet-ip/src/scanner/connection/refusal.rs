@@ -3,6 +3,7 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
+use super::advice::advice;
 use crate::Reader;
 use crate::cip::{AcceptableIntervals, ElectronicKey, Extended, General, Reply, Revision};
 use crate::description::{Assembly, Description, Identity, Role};
@@ -69,6 +70,12 @@ impl Refusal {
         Self { general: reply.general, extended, size, intervals, requested, found }
     }
 
+    /// Returns what a user can do about it.
+    #[must_use]
+    pub const fn advice(&self) -> &'static str {
+        advice(self.general, self.extended)
+    }
+
     /// Returns the meaning of the status in words.
     #[must_use]
     pub const fn text(&self) -> &'static str {
@@ -106,7 +113,8 @@ impl fmt::Display for Refusal {
         if let (true, Some(found)) = (self.is_about_key(), self.found) {
             write!(f, "; the device is {found}")?;
         }
-        self.write_described(f)
+        self.write_described(f)?;
+        write!(f, "; {}", self.advice())
     }
 }
 
@@ -145,11 +153,8 @@ impl Refusal {
             }
             Some(Extended::OwnershipConflict) => {
                 let owners = device.exclusive_owners;
-                write!(
-                    f,
-                    "; by its EDS file the device has outputs for {owners} owner: stop the other scanner, or "
-                )?;
-                f.write_str("wait for its timeout")
+                let plural = if owners == 1 { "" } else { "s" };
+                write!(f, "; by its EDS file the device has outputs for {owners} owner{plural}")
             }
             Some(Extended::OutOfConnections | Extended::TargetOutOfConnections) => {
                 let Description { exclusive_owners, input_only, listen_only, explicit, .. } = device;
