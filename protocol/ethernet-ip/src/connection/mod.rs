@@ -1,9 +1,11 @@
 //! Opening and closing connections: the Connection Manager's services (volume 1, 3-5).
 
+mod format;
 mod open;
 mod parameters;
 mod timing;
 
+pub use format::RealTimeFormat;
 pub use open::{CloseReply, CloseRequest, OpenReply, OpenRequest, RefusedReply, Triad};
 pub use parameters::{ConnectionType, Parameters, Priority, Transport, Trigger};
 pub use timing::{Inhibit, TimeoutMultiplier, Watchdog, sequence};

@@ -5,8 +5,8 @@ use core::net::Ipv4Addr;
 
 use crate::Writer;
 use crate::cip::{ElectronicKey, Logical, class, write_logical};
-use crate::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
-use crate::connection::{ConnectionType, Parameters, Priority, TimeoutMultiplier};
+use crate::class1::SEQUENCE_LEN;
+use crate::connection::{ConnectionType, Parameters, Priority, RealTimeFormat, TimeoutMultiplier};
 use crate::description::{Description, Role};
 use machine::Duration;
 
@@ -47,10 +47,10 @@ pub struct ConnectionConfig {
     pub o_t_size: u16,
     /// Bytes of data T→O, without sequence count and header.
     pub t_o_size: u16,
-    /// Whether O→T data has a run/idle header before it.
-    pub o_t_run_idle: bool,
-    /// Whether T→O data has a run/idle header before it.
-    pub t_o_run_idle: bool,
+    /// Real-time format of the O→T assembly.
+    pub consumed_format: RealTimeFormat,
+    /// Real-time format of the T→O assembly.
+    pub produced_format: RealTimeFormat,
     /// Requested packet interval O→T in µs.
     pub o_t_rpi_us: u32,
     /// Requested packet interval T→O in µs.
@@ -59,6 +59,8 @@ pub struct ConnectionConfig {
     pub multiplier: TimeoutMultiplier,
     /// How long to wait for an answer.
     pub request_timeout: Duration,
+    /// How long to wait for the answer to a Forward_Open: a device may configure itself before it answers.
+    pub open_timeout: Duration,
     /// How long to wait before the next attempt to connect.
     pub retry_after: Duration,
 }
@@ -67,7 +69,8 @@ impl ConnectionConfig {
     /// Returns the configuration of a connection that owns the outputs of such a device, at this packet interval both
     /// ways.
     ///
-    /// The timeout is 128 intervals (code 5), requests may take 1 s, and the next attempt comes after 1 s.
+    /// The timeout is 128 intervals (code 5), requests may take 1 s and a Forward_Open 5 s, and the next attempt comes
+    /// after 1 s.
     #[must_use]
     pub fn exclusive_owner(target: Ipv4Addr, device: &'static Description, rpi_us: u32) -> Self {
         let role = |role| device.role(role).map_or((0, 0), |assembly| (assembly.instance, assembly.size));
@@ -85,39 +88,39 @@ impl ConnectionConfig {
             multicast: false,
             o_t_size,
             t_o_size,
-            o_t_run_idle: true,
-            t_o_run_idle: false,
+            consumed_format: RealTimeFormat::RunIdleHeader,
+            produced_format: RealTimeFormat::Modeless,
             o_t_rpi_us: rpi_us,
             t_o_rpi_us: rpi_us,
             multiplier: TimeoutMultiplier::CODE_5,
             request_timeout: Duration::from_secs(1),
+            open_timeout: Duration::from_secs(5),
             retry_after: Duration::from_secs(1),
         }
     }
 
     /// Returns the parameters of one direction.
-    fn parameters(kind: ConnectionType, size: u16, run_idle: bool) -> Parameters {
-        let header = if run_idle { RUN_IDLE_LEN } else { 0 };
+    fn parameters(kind: ConnectionType, size: u16, format: RealTimeFormat) -> Parameters {
         Parameters {
             redundant_owner: false,
             kind,
             priority: Priority::Scheduled,
             variable: false,
-            size: size.saturating_add(SEQUENCE_LEN).saturating_add(header),
+            size: format.data_len(size).saturating_add(SEQUENCE_LEN + format.header_len()),
         }
     }
 
     /// Returns the parameters O→T.
     #[must_use]
     pub fn o_t(&self) -> Parameters {
-        Self::parameters(ConnectionType::PointToPoint, self.o_t_size, self.o_t_run_idle)
+        Self::parameters(ConnectionType::PointToPoint, self.o_t_size, self.consumed_format)
     }
 
     /// Returns the parameters T→O.
     #[must_use]
     pub fn t_o(&self) -> Parameters {
         let kind = if self.multicast { ConnectionType::Multicast } else { ConnectionType::PointToPoint };
-        Self::parameters(kind, self.t_o_size, self.t_o_run_idle)
+        Self::parameters(kind, self.t_o_size, self.produced_format)
     }
 
     /// Returns whether the sizes need a Large_Forward_Open.

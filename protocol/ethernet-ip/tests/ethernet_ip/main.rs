@@ -8,6 +8,7 @@ mod client;
 mod configuration;
 mod dissected;
 mod exchange;
+mod formats;
 mod fuzz;
 mod hostile;
 mod limits;

@@ -2,7 +2,7 @@
 
 use std::net::Ipv4Addr;
 
-use ethernet_ip::connection::{CloseRequest, OpenReply, OpenRequest, Triad};
+use ethernet_ip::connection::{CloseRequest, OpenReply, OpenRequest, RealTimeFormat, Triad};
 use ethernet_ip::encapsulation::{Command, HEADER_LEN, Header};
 use ethernet_ip::{ConnectionConfig, ConnectionId, IO_PORT, Scanner, class1};
 use machine::wire::{FRAME_CAPACITY, LittleEndian, Writer};
@@ -72,10 +72,10 @@ fn a_large_forward_open_is_for_connections_of_more_than_511_bytes() {
 }
 
 /// A scanner with one connection to an adapter that the test plays.
-struct Dialogue {
-    scanner: Scanner,
-    id: ConnectionId,
-    now: Instant,
+pub(crate) struct Dialogue {
+    pub(crate) scanner: Scanner,
+    pub(crate) id: ConnectionId,
+    pub(crate) now: Instant,
     stream: StreamId,
     /// The TCP connection that it asks for.
     attempt: Option<Attempt>,
@@ -175,7 +175,7 @@ impl Dialogue {
     }
 
     /// Answers the Forward_Open, with this interval of O→T data.
-    fn open(&mut self, o_t_api_us: u32) {
+    pub(crate) fn open(&mut self, o_t_api_us: u32) {
         let opened =
             OpenReply { o_t_id: 1, t_o_id: 2, triad: self.triad.unwrap(), o_t_api_us, t_o_api_us: 1_000 };
         let mut buf = [0; 30];
@@ -191,7 +191,8 @@ impl Dialogue {
         Self::opening_of(wanted())
     }
 
-    fn opening_of(config: ConnectionConfig) -> Self {
+    /// Returns the same for a connection of this configuration.
+    pub(crate) fn opening_of(config: ConnectionConfig) -> Self {
         let mut dialogue = Self::of(config);
         dialogue.accept();
         dialogue.register();
@@ -222,7 +223,7 @@ impl Dialogue {
         })
     }
 
-    fn counters(&self) -> Counters {
+    pub(crate) fn counters(&self) -> Counters {
         self.scanner.connection(self.id).unwrap().counters()
     }
 }
@@ -230,16 +231,20 @@ impl Dialogue {
 /// A scanner waits for an answer, and for its next attempt, for a second each.
 const SECOND: Duration = Duration::from_secs(1);
 
+/// And for the answer to a Forward_Open for longer, since a device may configure itself first.
+const OPENING: Duration = Duration::from_secs(5);
+
 #[test]
 fn a_scanner_says_which_of_its_questions_was_not_answered() {
-    let silent = |mut dialogue: Dialogue| {
-        dialogue.advance(SECOND - Duration::from_nanos(1));
+    let silent_for = |time: Duration, mut dialogue: Dialogue| {
+        dialogue.advance(time - Duration::from_nanos(1));
         assert_eq!(dialogue.down(), None);
         dialogue.advance(Duration::from_nanos(1));
         let (cause, text) = dialogue.down().unwrap();
         assert_eq!(cause, DownCause::NoAnswer);
         text
     };
+    let silent = |dialogue| silent_for(SECOND, dialogue);
     assert!(silent(Dialogue::start()).contains("TCP port 44818 of the adapter does not answer"));
     let mut dialogue = Dialogue::start();
     dialogue.accept();
@@ -248,9 +253,9 @@ fn a_scanner_says_which_of_its_questions_was_not_answered() {
     dialogue.accept();
     dialogue.register();
     assert!(silent(dialogue).contains("identity"));
-    assert!(silent(Dialogue::opening()).contains("did not answer the Forward_Open"));
+    assert!(silent_for(OPENING, Dialogue::opening()).contains("did not answer the Forward_Open"));
     let mut dialogue = Dialogue::opening();
-    dialogue.advance(SECOND);
+    dialogue.advance(OPENING);
     dialogue.sent();
     dialogue.down();
     dialogue.begin_again();
@@ -277,7 +282,7 @@ fn a_scanner_closes_first_what_an_unanswered_forward_open_may_have_opened_and_no
     // Unanswered: the adapter may hold the connection.
     let mut dialogue = Dialogue::opening();
     let opened = dialogue.triad;
-    dialogue.advance(SECOND);
+    dialogue.advance(OPENING);
     dialogue.sent();
     dialogue.begin_again();
     assert_eq!((dialogue.sent(), dialogue.triad), (vec![CLOSE], opened));
@@ -373,7 +378,8 @@ fn each_message_that_a_scanner_cannot_use_is_counted_once_and_changes_nothing() 
 
 #[test]
 fn data_behind_a_header_follow_its_run_bit_and_each_frame_is_counted_for_what_it_is() {
-    let mut dialogue = Dialogue::opening_of(ConnectionConfig { t_o_run_idle: true, ..wanted() });
+    let mut dialogue =
+        Dialogue::opening_of(ConnectionConfig { produced_format: RealTimeFormat::RunIdleHeader, ..wanted() });
     dialogue.open(1_000);
     let mut receive = |sequence, run, data: &[u8]| {
         let mut frame = [0; 512];

@@ -2,6 +2,7 @@
 
 use std::net::Ipv4Addr;
 
+use ethernet_ip::connection::RealTimeFormat;
 use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ConnectionId, IO_PORT, Scanner};
 use machine::ethernet::Mac;
 use machine::{
@@ -228,7 +229,12 @@ fn two_connections_to_one_adapter_are_told_apart_by_their_numbers() {
     let mut cell = Cell::new(false);
     cell.run(100);
     // Takes the same data without owning the outputs.
-    let listener = ConnectionConfig { consumed: 152, o_t_size: 0, o_t_run_idle: false, ..wanted(0, false) };
+    let listener = ConnectionConfig {
+        consumed: 152,
+        o_t_size: 0,
+        consumed_format: RealTimeFormat::Heartbeat,
+        ..wanted(0, false)
+    };
     let id = cell.scanner(|scanner, now| scanner.connect(listener, now).unwrap());
     assert_eq!(cell.run(100), [(id, LinkEvent::Up)]);
     let input = cell.scanner(|scanner, _| scanner.connection(id).unwrap().input().map(|data| data[0]));
@@ -242,7 +248,12 @@ fn two_connections_to_one_adapter_are_told_apart_by_their_numbers() {
 fn two_connections_that_take_part_in_one_multicast_of_an_adapter_both_get_its_frames() {
     let mut cell = Cell::new(true);
     cell.run(100);
-    let viewer = ConnectionConfig { consumed: 152, o_t_size: 0, o_t_run_idle: false, ..wanted(0, true) };
+    let viewer = ConnectionConfig {
+        consumed: 152,
+        o_t_size: 0,
+        consumed_format: RealTimeFormat::Heartbeat,
+        ..wanted(0, true)
+    };
     let id = cell.scanner(|scanner, now| scanner.connect(viewer, now).unwrap());
     assert_eq!(cell.run(100), [(id, LinkEvent::Up)]);
     assert_eq!(cell.run(15_000), [], "neither watchdog expires");

@@ -6,7 +6,7 @@ use super::super::config::ConnectionConfig;
 use super::dialogue::Sockets;
 use crate::IO_PORT;
 use crate::class1::{self, Frame};
-use crate::connection::{OpenReply, Watchdog, sequence};
+use crate::connection::{OpenReply, RealTimeFormat, Watchdog, sequence};
 use machine::Counters;
 use machine::{Cycle, Duration, Instant, Sequence};
 
@@ -23,8 +23,8 @@ pub(super) struct Io {
     watchdog: Watchdog,
     /// Bytes behind the sequence count of a T→O frame.
     t_o_len: usize,
-    t_o_run_idle: bool,
-    o_t_run_idle: bool,
+    produced_format: RealTimeFormat,
+    consumed_format: RealTimeFormat,
     /// The multicast group that T→O frames go to.
     pub(super) group: Option<Ipv4Addr>,
     /// Whether good data of the adapter has arrived.
@@ -40,7 +40,7 @@ impl Io {
         sockets: Sockets,
     ) -> Option<Self> {
         let micros = |micros: u32| Duration::from_micros(micros.into());
-        let header = if config.t_o_run_idle { class1::RUN_IDLE_LEN } else { 0 };
+        let format = config.produced_format;
         // The adapter may name another port than the usual one.
         let port = sockets.o_t.map(|socket| socket.port()).filter(|port| *port != 0);
         let to = SocketAddrV4::new(config.target, port.unwrap_or(IO_PORT));
@@ -57,9 +57,9 @@ impl Io {
             count: 0,
             check: sequence(micros(opened.t_o_api_us)),
             watchdog: Watchdog::start(now, config.multiplier.timeout(micros(opened.t_o_api_us))),
-            t_o_len: usize::from(config.t_o_size) + usize::from(header),
-            t_o_run_idle: config.t_o_run_idle,
-            o_t_run_idle: config.o_t_run_idle,
+            t_o_len: usize::from(format.header_len()) + usize::from(format.data_len(config.t_o_size)),
+            produced_format: format,
+            consumed_format: config.consumed_format,
             group: group.filter(|_| config.multicast),
             good: false,
         })
@@ -86,7 +86,8 @@ impl Io {
         input: &mut [u8],
         counters: &mut Counters,
     ) {
-        if frame.payload.len() != self.t_o_len {
+        let is_whole = frame.payload.len() == self.t_o_len;
+        if !is_whole && !(self.produced_format == RealTimeFormat::ZeroLength && frame.payload.is_empty()) {
             counters.malformed += 1;
             return;
         }
@@ -94,7 +95,10 @@ impl Io {
             counters.late += 1;
             return;
         };
-        let split = if self.t_o_run_idle { frame.run_and_data() } else { Ok((true, frame.payload)) };
+        let split = match self.produced_format {
+            RealTimeFormat::RunIdleHeader => frame.run_and_data(),
+            _ => Ok((is_whole, frame.payload)),
+        };
         let Ok((run, data)) = split else {
             counters.malformed += 1;
             return;
@@ -120,7 +124,13 @@ impl Io {
         self.sequence = self.sequence.wrapping_add(1);
         self.count = self.count.wrapping_add(1);
         let numbers = (self.o_t_id, self.sequence, self.count);
-        let len = class1::emit(buf, numbers, self.o_t_run_idle.then_some(run), data).ok()?;
+        let (header, data) = match self.consumed_format {
+            RealTimeFormat::RunIdleHeader => (Some(run), data),
+            RealTimeFormat::ZeroLength if !run => (None, &[][..]),
+            RealTimeFormat::Heartbeat => (None, &[][..]),
+            RealTimeFormat::Modeless | RealTimeFormat::ZeroLength => (None, data),
+        };
+        let len = class1::emit(buf, numbers, header, data).ok()?;
         Some((self.to, len))
     }
 }

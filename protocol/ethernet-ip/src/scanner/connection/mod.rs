@@ -134,7 +134,8 @@ impl Connection {
 
     fn enter(&mut self, now: Instant, step: Step, message: ScannerMessage) {
         self.step = step;
-        self.deadline = Some(now + self.config.request_timeout);
+        let ConnectionConfig { open_timeout, request_timeout, .. } = self.config;
+        self.deadline = Some(now + if step == Step::Opening { open_timeout } else { request_timeout });
         self.queue(message);
     }
 
