@@ -3,7 +3,7 @@
 mod ethercat;
 
 use ethernet_ip::cip::{ElectronicKey, Revision};
-use ethernet_ip::connection::TimeoutMultiplier;
+use ethernet_ip::connection::{RealTimeFormat, TimeoutMultiplier};
 use ethernet_ip::{ConnectionConfig, ScannerConfig};
 use machine::ethernet::Mac;
 use machine::{Duration, Instant};
@@ -12,7 +12,10 @@ use profinet::rt::Transport;
 use profinet::{ArConfig, ControllerConfig, Parameter};
 use protocol::buses::{Endpoint, EthernetIpScanner, ProfinetController};
 use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR, PROFINET_PLC, PROFINET_ROBOT};
-use setup::{Addresses, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, Profinet, ProfinetDevice};
+use setup::{
+    Addresses, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpFormat, Profinet,
+    ProfinetDevice,
+};
 
 pub use ethercat::EthercatMainDevice;
 
@@ -179,14 +182,25 @@ fn of_adapter(adapter: &EthernetIpAdapter, config: ConnectionConfig) -> Connecti
         produced: adapter.produced_assembly,
         o_t_size: adapter.consumed_bytes,
         t_o_size: adapter.produced_bytes,
+        consumed_format: format_of(adapter.consumed_format),
+        produced_format: format_of(adapter.produced_format),
         ..config
+    }
+}
+
+const fn format_of(format: EthernetIpFormat) -> RealTimeFormat {
+    match format {
+        EthernetIpFormat::Modeless => RealTimeFormat::Modeless,
+        EthernetIpFormat::ZeroLength => RealTimeFormat::ZeroLength,
+        EthernetIpFormat::Heartbeat => RealTimeFormat::Heartbeat,
+        EthernetIpFormat::RunIdleHeader => RealTimeFormat::RunIdleHeader,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use setup::{ProfinetModule, ProfinetSubmodule};
+    use setup::{EthernetIpKey, ProfinetModule, ProfinetSubmodule};
 
     #[test]
     fn a_device_of_the_setup_takes_the_place_of_our_robot() {
@@ -205,5 +219,32 @@ mod tests {
         let found: Vec<_> =
             description.submodules().map(|(slot, s)| (slot, s.subslot, s.ident, s.input_len)).collect();
         assert_eq!(found, [(0, 1, 1, 0), (4, 1, 0x140, 8)]);
+    }
+
+    #[test]
+    fn an_adapter_of_the_setup_is_asked_for_its_formats_and_by_a_compatible_key() {
+        let key = EthernetIpKey {
+            vendor: 42,
+            device_type: 0,
+            product_code: 7,
+            major_revision: 3,
+            minor_revision: 1,
+            compatible: true,
+        };
+        let adapter = EthernetIpAdapter {
+            consumed_assembly: 112,
+            consumed_bytes: 32,
+            produced_assembly: 110,
+            produced_bytes: 64,
+            consumed_format: EthernetIpFormat::ZeroLength,
+            produced_format: EthernetIpFormat::RunIdleHeader,
+            configuration_assembly: None,
+            route: Vec::new(),
+            key: Some(key),
+        };
+        let config = ConnectionConfig::exclusive_owner([10, 0, 0, 2].into(), &ETHERNET_IP_ROBOT, 1_000);
+        let config = of_adapter(&adapter, config);
+        assert_eq!((config.o_t().size, config.t_o().size), (34, 70), "with sequence count and header");
+        assert!(config.key.is_some_and(|key| key.compatible));
     }
 }

@@ -201,6 +201,12 @@ pub struct EthernetIpAdapter {
     pub produced_assembly: u32,
     /// Its data, in bytes.
     pub produced_bytes: u16,
+    /// How its frames show run and idle, O→T.
+    #[serde(default = "EthernetIpFormat::run_idle_header")]
+    pub consumed_format: EthernetIpFormat,
+    /// How its frames show run and idle, T→O.
+    #[serde(default)]
+    pub produced_format: EthernetIpFormat,
     /// Configuration assembly, where the adapter has one.
     pub configuration_assembly: Option<u32>,
     /// Port segments to the adapter behind a bridge, as a padded path.
@@ -208,6 +214,29 @@ pub struct EthernetIpAdapter {
     pub route: Vec<u8>,
     /// What the adapter has to be; without it, it may be any.
     pub key: Option<EthernetIpKey>,
+}
+
+/// The real-time format of one direction.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum EthernetIpFormat {
+    /// Data alone.
+    #[default]
+    Modeless,
+    /// Data in run, nothing in idle.
+    ZeroLength,
+    /// Never data.
+    Heartbeat,
+    /// A header of 32 bits before the data.
+    RunIdleHeader,
+}
+
+impl EthernetIpFormat {
+    /// Returns the format that most adapters have O→T.
+    const fn run_idle_header() -> Self {
+        Self::RunIdleHeader
+    }
 }
 
 /// An electronic key. A number that is 0 fits every device.

@@ -16,8 +16,9 @@ mod vary;
 mod write;
 
 pub use bus::{
-    Addresses, Bus, BusKind, Cyclic, Ethercat, EthercatDevice, EthernetIp, EthernetIpAdapter, EthernetIpKey,
-    Profinet, ProfinetDevice, ProfinetModule, ProfinetSubmodule, UnknownCyclic,
+    Addresses, Bus, BusKind, Cyclic, Ethercat, EthercatDevice, EthernetIp, EthernetIpAdapter,
+    EthernetIpFormat, EthernetIpKey, Profinet, ProfinetDevice, ProfinetModule, ProfinetSubmodule,
+    UnknownCyclic,
 };
 pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character, in_words};

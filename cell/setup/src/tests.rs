@@ -1,5 +1,8 @@
 use crate::load::parse;
-use crate::{BusKind, EthernetIp, Profinet, SETUPS, Setup, setup, setup_to_toml, setup_with_directory};
+use crate::{
+    BusKind, EthernetIp, EthernetIpFormat, Profinet, SETUPS, Setup, setup, setup_to_toml,
+    setup_with_directory,
+};
 
 /// Returns Setup A's text with one change.
 fn changed(from: &str, to: &str) -> String {
@@ -320,6 +323,19 @@ fn a_foreign_adapter_is_described_in_the_setup_and_may_support_other_intervals()
     assert_eq!((adapter.consumed_assembly, adapter.produced_bytes, adapter.key), (770, 16, None));
     let odd = refusal(&with("[1]"));
     assert!(odd.contains("bus.ethernet_ip.adapter.route") && odd.contains("even number of bytes"), "{odd}");
+    let formats = (adapter.consumed_format, adapter.produced_format);
+    assert_eq!(
+        formats,
+        (EthernetIpFormat::RunIdleHeader, EthernetIpFormat::Modeless),
+        "as most adapters have them"
+    );
+    let other = with("[]\nconsumed_format = \"modeless\"\nproduced_format = \"zero_length\"");
+    let setup: Setup = parse("my.toml", &other).unwrap();
+    let adapter = ethernet_ip_of(&setup).adapter.as_ref().unwrap();
+    let formats = (adapter.consumed_format, adapter.produced_format);
+    assert_eq!(formats, (EthernetIpFormat::Modeless, EthernetIpFormat::ZeroLength));
+    let heartbeat = refusal(&with("[]\nproduced_format = \"heartbeat\""));
+    assert!(heartbeat.contains("carries none of produced_bytes = 16"), "{heartbeat}");
 }
 
 #[test]

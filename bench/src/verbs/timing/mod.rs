@@ -21,7 +21,7 @@ use std::time::Duration;
 
 use clap::ValueEnum as _;
 use node::list::{List, flat, list};
-use setup::{BusKind, Cyclic, EthernetIp, EthernetIpAdapter, Setup};
+use setup::{BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpFormat, Setup};
 
 use super::each_bus::over_each_bus;
 use super::event_loop::{interrupted, watch_for_interrupt};
@@ -193,6 +193,8 @@ fn foreign_adapter(setup: &Setup) -> Setup {
             consumed_bytes: 256,
             produced_assembly: 100,
             produced_bytes: 256,
+            consumed_format: EthernetIpFormat::RunIdleHeader,
+            produced_format: EthernetIpFormat::Modeless,
             configuration_assembly: Some(151),
             route: Vec::new(),
             key: None,

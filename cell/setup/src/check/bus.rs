@@ -6,7 +6,9 @@ use ethernet_ip::connection::TimeoutMultiplier;
 use protocol::stations::{ETHERNET_IP_ROBOT, is_station_name};
 
 use super::{Check, cycle, problem};
-use crate::{Addresses, Bus, BusKind, Cyclic, Ethercat, EthernetIp, Profinet, ProfinetDevice};
+use crate::{
+    Addresses, Bus, BusKind, Cyclic, Ethercat, EthernetIp, EthernetIpFormat, Profinet, ProfinetDevice,
+};
 
 /// IEC 61158-6-10: one step of the cycle counter, the unit of every PROFINET cycle time.
 const PROFINET_UNIT_NS: u64 = 31_250;
@@ -143,6 +145,19 @@ fn check_ethernet_ip(bus: &Bus, ethernet_ip: &EthernetIp) -> Check {
         let text =
             format!("{intervals} is not a multiplier of EtherNet/IP: 4, 8, 16, 32, 64, 128, 256 or 512");
         return Err(problem("bus.ethernet_ip.timeout_multiplier", text));
+    }
+    let formats = adapter.map(|adapter| {
+        [
+            ("consumed", adapter.consumed_format, adapter.consumed_bytes),
+            ("produced", adapter.produced_format, adapter.produced_bytes),
+        ]
+    });
+    for (direction, format, bytes) in formats.into_iter().flatten() {
+        if format == EthernetIpFormat::Heartbeat && bytes > 0 {
+            let text =
+                format!("a heartbeat carries none of {direction}_bytes = {bytes}: give 0, or another format");
+            return Err(problem(format!("bus.ethernet_ip.adapter.{direction}_format"), text));
+        }
     }
     if adapter.is_some_and(|adapter| adapter.route.len() % 2 != 0) {
         let text = "a padded path has an even number of bytes";
