@@ -57,6 +57,9 @@ pub enum Segment<'a> {
     Data(&'a [u8]),
 }
 
+/// Type of the network segment of CIP Safety (volume 1, C-1.4.3).
+const SAFETY: u8 = 0x10;
+
 /// What is wrong with a path.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum PathError {
@@ -115,6 +118,8 @@ impl<'a> Path<'a> {
                 Segment::ProductionInhibit(time) => application.inhibit = Some(time),
                 Segment::Data(data) => application.configuration = data,
                 Segment::Port { .. } => return Err(Violation::InvalidPort),
+                // What has a safety segment must not be opened as a connection without safety.
+                Segment::Network(SAFETY, _) => return Err(Violation::InvalidSegmentInPath),
                 Segment::Network(..) => {}
                 Segment::Logical(..) | Segment::Symbol(_) => return Err(Violation::InvalidSegmentInPath),
             }

@@ -94,6 +94,7 @@ fn each_violation_of_a_forward_open_gives_its_extended_status() {
         (0x0311, "out of a port", path(&[1, 0, 0x20, 4, 0x24, 151, 0x2C, 150, 0x2C, 100])),
         (0x0315, "an unknown segment", path(&[0xE0, 0, 0x20, 4])),
         (0x0315, "a key of format 9", path(&[0x34, 9, 0, 0, 0, 0, 0, 0, 0, 0])),
+        (0x0315, "a safety segment", path(&[0x50, 1, 0, 0, 0x20, 4, 0x2C, 150, 0x2C, 100])),
         (0x0315, "a symbol", path(&[0x91, 2, b'a', b'b'])),
     ];
     let mut rig = Rig::new();
