@@ -87,7 +87,8 @@ impl Io {
         counters: &mut Counters,
     ) {
         let is_whole = frame.payload.len() == self.t_o_len;
-        if !is_whole && !(self.produced_format == RealTimeFormat::ZeroLength && frame.payload.is_empty()) {
+        let is_idle = self.produced_format == RealTimeFormat::ZeroLength && frame.payload.is_empty();
+        if !(is_whole || is_idle) {
             counters.malformed += 1;
             return;
         }
