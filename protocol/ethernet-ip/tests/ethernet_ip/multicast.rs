@@ -2,11 +2,11 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-use ethernet_ip::IO_PORT;
 use ethernet_ip::connection::{ConnectionType, OpenReply, OpenRequest};
-use machine::{Duration, Instant};
+use ethernet_ip::{ConnectionConfig, IO_PORT, class1};
+use machine::{Duration, Instant, Machine, Port, Source};
 
-use crate::cell::PLC;
+use crate::cell::{PLC, ROBOT, up, wanted};
 use crate::client::{
     Client, INPUT_ONLY_PATH, LISTEN_ONLY_PATH, Rig, close_message, heartbeat, owner, parameters,
 };
@@ -120,4 +120,21 @@ fn what_one_host_gets_alone_goes_on_when_the_owner_of_a_multicast_times_out() {
     joined.rig.datagrams.clear();
     assert_eq!((joined.frames(), joined.rig.adapter.connections().0), (0, 1));
     assert_eq!(joined.rig.datagrams.len(), 10, "to this host");
+}
+
+#[test]
+fn frames_in_a_group_are_told_apart_by_connection_number_and_sender() {
+    let mut bus = up(ConnectionConfig { multicast: true, ..wanted() });
+    // The adapter's first numbers: the multicast's, and that of the O→T data.
+    const NUMBER: u32 = 0x0100_0001;
+    let mut receive = |from, number| {
+        let mut frame = [0; 512];
+        let len = class1::emit(&mut frame, (number, 60, 60), None, &[9; 256]).unwrap();
+        let source = Source { port: Port::Udp(IO_PORT), peer: Some(SocketAddrV4::new(from, IO_PORT)) };
+        bus.command_a(|scanner, now| scanner.handle_frame(now, source, &frame[..len]));
+        (bus.a().counters().foreign, bus.a().input().map(|input| input[0]))
+    };
+    assert_eq!(receive(OTHER, NUMBER), (1, Some(0)), "another adapter that has the same group and number");
+    assert_eq!(receive(ROBOT, NUMBER + 8), (2, Some(0)), "another multicast of this adapter");
+    assert_eq!(receive(ROBOT, NUMBER), (2, Some(9)));
 }
