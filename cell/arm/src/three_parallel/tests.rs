@@ -233,7 +233,7 @@ proptest! {
         stretched in prop::sample::select(vec![-180.0, 0.0, 180.0]),
         sign in prop::sample::select(vec![-1.0, 1.0]),
     ) {
-        joints[4] = stretched + sign * 10.0_f64.powf(exponent);
+        joints[4] = stretched + sign * libm::pow(10.0, exponent);
         for parameters in [UR5E, UR10E, odd()] {
             let arm = ThreeParallel::new(parameters);
             // Away from the arm's other singular positions.
