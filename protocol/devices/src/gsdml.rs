@@ -133,7 +133,7 @@ fn write_access_point(
         "ID=\"ID_AccessPoint\" PNIO_Version=\"V2.3\" PhysicalSlots=\"{}..{last}\" ModuleIdentNumber=\"0x{:08X}\" \
          MinDeviceInterval=\"{}\" DNS_CompatibleName=\"{}\" FixedInSlots=\"{}\" ObjectUUID_LocalIndex=\"1\" \
          RequiredSchemaVersion=\"V2.1\" MultipleWriteSupported=\"false\" CheckDeviceID_Allowed=\"true\" \
-         NameOfStationNotTransferable=\"false\" LLDP_NoD_Supported=\"false\"",
+         NameOfStationNotTransferable=\"false\" LLDP_NoD_Supported=\"true\"",
         access_point.slot, access_point.ident, device.min_device_interval, device.order_id, access_point.slot
     );
     xml.within("DeviceAccessPointItem", attributes, |xml| {
@@ -223,7 +223,7 @@ fn write_system_submodules(xml: &mut Xml, module: &Module) -> fmt::Result {
         if let Some(Submodule { subslot, ident, .. }) = module.submodule(INTERFACE_SUBSLOT) {
             let attributes = format!(
                 "ID=\"ID_Interface\" SubslotNumber=\"{subslot}\" SubmoduleIdentNumber=\"0x{ident:08X}\" \
-                 TextId=\"{interface}\" SupportedRT_Classes=\"RT_CLASS_1\" SupportedProtocols=\"\" \
+                 TextId=\"{interface}\" SupportedRT_Classes=\"RT_CLASS_1\" SupportedProtocols=\"LLDP\" \
                  NetworkComponentDiagnosisSupported=\"false\" PTP_BoundarySupported=\"false\" \
                  DCP_BoundarySupported=\"false\""
             );

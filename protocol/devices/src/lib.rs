@@ -29,7 +29,7 @@ pub struct Date {
 
 /// Date of the last change to the files' content. It is part of a GSDML file's name, and an engineering system takes
 /// the newest file.
-pub const CHANGED: Date = Date { year: 2026, month: 11, day: 24 };
+pub const CHANGED: Date = Date { year: 2026, month: 11, day: 25 };
 
 /// Returns every file: its name and its content.
 #[must_use]

@@ -8,11 +8,12 @@ use std::net::Ipv4Addr;
 use std::rc::Rc;
 use std::time::Duration;
 
-use machine::Instant;
-use machine::ethernet::Mac;
+use machine::ethernet::{EthernetHeader, Mac};
+use machine::wire::FRAME_CAPACITY;
+use machine::{Instant, Machine};
 use profinet::description::{Description, Identity};
 use profinet::rt::{Transport, UDP_PORT};
-use profinet::{ArConfig, ControllerConfig, Device, DeviceConfig, Parameter};
+use profinet::{ArConfig, ControllerConfig, Device, DeviceConfig, Parameter, lldp};
 use protocol::buses::ProfinetController;
 use protocol::fieldbus::LinkEvent;
 use protocol::stations::{PROFINET_PLC, PROFINET_ROBOT as ROBOT};
@@ -71,6 +72,33 @@ fn the_identity_is_that_of_the_running_device() {
         assert!(access_point.has_attribute(required), "{required}");
     }
     assert!(only_element(&document, "InterfaceSubmoduleItem").has_attribute("SupportedProtocols"));
+}
+
+#[test]
+fn the_protocols_beside_profinet_are_those_that_the_running_device_speaks() {
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let interface = only_element(&document, "InterfaceSubmoduleItem");
+    assert_eq!(interface.attribute("SupportedProtocols"), Some("LLDP"));
+    let access_point = only_element(&document, "DeviceAccessPointItem");
+    assert_eq!(access_point.attribute("LLDP_NoD_Supported"), Some("true"));
+
+    let config = DeviceConfig {
+        mac: Mac([2, 0, 0, 0, 0, 2]),
+        station_name: ROBOT.order_id.into(),
+        permanent: None,
+        address: None,
+        mask: Ipv4Addr::UNSPECIFIED,
+        description: ROBOT,
+        controllers: machine::Allowed::default(),
+    };
+    let mut device = Device::new(config, Instant::ZERO);
+    device.handle_timeout(Instant::ZERO);
+    let mut buf = [0; FRAME_CAPACITY];
+    let sent = device.poll_transmit(Instant::ZERO, &mut buf).unwrap();
+    let (header, payload) = EthernetHeader::parse(&buf[..sent.len]).unwrap();
+    assert_eq!((header.destination, header.ether_type), (lldp::MULTICAST, lldp::ETHER_TYPE));
+    assert!(lldp::Pdu::parse(payload).is_ok());
 }
 
 #[test]

@@ -12,8 +12,10 @@ mod controller;
 pub mod dcp;
 pub mod description;
 pub mod device;
+pub mod lldp;
 mod provided;
 pub mod record;
+mod requests;
 pub mod rpc;
 pub mod rt;
 mod search;
@@ -47,8 +49,9 @@ pub const ETHERNET: PortRequest = PortRequest::Ethernet {
     ],
 };
 
-/// The ports of both roles: raw Ethernet, connection management, and cyclic data over UDP.
-pub const PORTS: &[PortRequest] = &[ETHERNET, PortRequest::Udp(RPC_PORT), PortRequest::Udp(rt::UDP_PORT)];
+/// The ports of both roles: raw Ethernet, connection management, cyclic data over UDP, and the neighbours' announcements.
+pub const PORTS: &[PortRequest] =
+    &[ETHERNET, PortRequest::Udp(RPC_PORT), PortRequest::Udp(rt::UDP_PORT), lldp::ETHERNET];
 
 /// UDP port of connection management (IANA `profinet-cm`).
 pub const RPC_PORT: u16 = 34964;

@@ -49,8 +49,9 @@ pub struct ConnectRequest {
 }
 
 impl ConnectRequest {
-    /// Parses the blocks of a request. Blocks of options that we do not support (ARVendor, MCR, PrmServer, IR, SR, RS
-    /// info, ARFSU, ARRPC) are skipped; a block that does not belong in a Connect is refused.
+    /// Parses the blocks of a request. Blocks of options that we do not support (ARVendor, MCR, IR, SR, RS info, ARFSU, ARRPC)
+    /// are skipped. A block that does not belong in a Connect is refused, and so is PrmServer: a device that has no parameter
+    /// server would wait in vain for its parameters.
     pub fn parse(blocks: &[u8]) -> Result<Self, Violation> {
         let mut reader = BlockReader::new(blocks);
         let (first, mut body) = block::next(&mut reader, |_| Block::Ar)?;
@@ -73,6 +74,7 @@ impl ConnectRequest {
                 }
                 BlockType::AlarmCr => return Err(Violation::AlarmCrCount),
                 BlockType::ExpectedSubmodule => expected::parse(&mut body, &mut request.expected)?,
+                BlockType::PrmServer => return Err(Violation::Head(Block::PrmServer, HeadField::Type)),
                 option if is_optional(option) => {}
                 _ => return Err(Violation::UnknownBlocks),
             }
@@ -166,8 +168,7 @@ impl ConnectResponse {
 const fn is_optional(block_type: BlockType) -> bool {
     matches!(
         block_type,
-        BlockType::PrmServer
-            | BlockType::Mcr
+        BlockType::Mcr
             | BlockType::ArRpc
             | BlockType::ArVendor
             | BlockType::IrInfo

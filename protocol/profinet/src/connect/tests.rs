@@ -1,6 +1,7 @@
 use super::*;
 use crate::captured;
 use crate::rpc::{Header, RequestArgs, ResponseArgs};
+use crate::status::{Service, Status};
 
 fn request_blocks() -> Vec<u8> {
     let datagram = captured::datagram(captured::CONNECT_REQ);
@@ -87,7 +88,12 @@ fn wrong_blocks_are_refused_and_unsupported_options_skipped() {
         blocks[unknown + 4..].copy_from_slice(&version);
         assert!(ConnectRequest::parse(&blocks).is_ok(), "{version:?}");
     }
+    blocks[unknown..].copy_from_slice(&[1, 5, 0, 2, 1, 0]);
+    let parameter_server = Violation::Head(Block::PrmServer, HeadField::Type);
+    assert_eq!(ConnectRequest::parse(&blocks), Err(parameter_server));
+    assert_eq!(parameter_server.status(Service::Connect), Status(0xDB81_0500));
     blocks[unknown..unknown + 2].copy_from_slice(&[1, 2]);
+    blocks[unknown + 4..].copy_from_slice(&[2, 0]);
     let newer = Violation::Head(Block::Iocr, HeadField::VersionHigh);
     assert_eq!(ConnectRequest::parse(&blocks), Err(newer), "a block that is read");
 }

@@ -4,6 +4,7 @@
 //! Ethernet 0x8892 ─┬─ DCP requests ──────────── station
 //!                  ├─ DCP answers ───────────── each AR, until one of them accepts it
 //!                  └─ cyclic data, alarms ───── the ARs with the sender's MAC address     (RT_CLASS_1)
+//! Ethernet 0x88CC ─── LLDP ─────────────────── station
 //! UDP 34962 ───────── cyclic data, alarms ───── the ARs with the sender's IP address      (RT_CLASS_UDP)
 //! UDP 34964 ───────┬─ calls ─────────────────── responder: ApplicationReady of an AR, endpoint mapper
 //!                  └─ answers to calls ──────── the ARs with the sender's IP address
@@ -25,7 +26,11 @@ use machine::ethernet::EthernetHeader;
 use machine::{Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit};
 
 use super::dcp::{self, IpSuite, Pdu};
-use super::rpc::{CONTROLLER_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Endpoint, Header, Kind, RequestArgs};
+use super::lldp::{self, Neighbour};
+use super::requests::Requests;
+use super::rpc::{
+    CONTROLLER_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Endpoint, Header, Kind, Received, RequestArgs, flags,
+};
 use super::rt::{Transport, UDP_PORT};
 use super::station::{self, Station};
 use super::{ETHER_TYPE, PORTS, RPC_PORT};
@@ -43,6 +48,7 @@ pub struct ArId(u16);
 pub struct Controller {
     config: ControllerConfig,
     station: Station,
+    requests: Requests,
     responder: Responder,
     ars: Vec<Option<Ar>>,
     /// Frames that belong to no AR.
@@ -58,6 +64,7 @@ impl Controller {
         let ip = IpSuite { address: config.address, mask: config.mask, gateway: config.address };
         Ok(Self {
             station: Station::controller(config.mac, config.description, config.station_name.as_bytes(), ip),
+            requests: Requests::new(),
             responder: Responder::new(),
             ars: Vec::new(),
             counters: Counters::default(),
@@ -107,6 +114,12 @@ impl Controller {
         self.counters
     }
 
+    /// Returns the station at the other end of the cable; `None` if none announced itself by LLDP, or not for a while.
+    #[must_use]
+    pub fn neighbour(&self) -> Option<&Neighbour> {
+        self.station.neighbour()
+    }
+
     fn all(&mut self) -> Flatten<IterMut<'_, Option<Ar>>> {
         self.ars.iter_mut().flatten()
     }
@@ -118,8 +131,7 @@ impl Controller {
         };
         let for_us = header.destination == self.config.mac || header.destination.is_group();
         if header.ether_type != ETHER_TYPE || !for_us {
-            self.counters.foreign += 1;
-            return;
+            return self.handle_other(now, &header, payload);
         }
         let Some(frame_id) = payload.first_chunk().copied().map(u16::from_be_bytes) else {
             self.counters.malformed += 1;
@@ -135,15 +147,32 @@ impl Controller {
         }
     }
 
+    /// Handles a frame that is not one of PROFINET for this station: an LLDPDU, or it is foreign.
+    fn handle_other(&mut self, now: Instant, header: &EthernetHeader, payload: &[u8]) {
+        let handled = match header.ether_type {
+            lldp::ETHER_TYPE => self.station.handle_lldp(now, header, payload),
+            _ => Err(station::Refusal::Foreign),
+        };
+        if let Err(refusal) = handled {
+            self.count(refusal);
+        }
+    }
+
+    const fn count(&mut self, refusal: station::Refusal) {
+        match refusal {
+            station::Refusal::Malformed => self.counters.malformed += 1,
+            station::Refusal::Foreign => self.counters.foreign += 1,
+        }
+    }
+
     fn handle_dcp(&mut self, now: Instant, header: &EthernetHeader, payload: &[u8]) {
         match Pdu::parse(payload) {
             // Others look for this station, as an engineering system does.
             Ok(pdu) if pdu.service.is_request() => {
                 self.has_answers = true;
-                match self.station.handle_frame(now, header, payload, station::SetPermission::Allowed) {
-                    Ok(_) => {}
-                    Err(station::Refusal::Malformed) => self.counters.malformed += 1,
-                    Err(station::Refusal::Foreign) => self.counters.foreign += 1,
+                let permission = station::SetPermission::Allowed;
+                if let Err(refusal) = self.station.handle_frame(now, header, payload, permission) {
+                    self.count(refusal);
                 }
             }
             Ok(pdu) => {
@@ -192,6 +221,17 @@ impl Controller {
             return;
         }
         self.has_answers = true;
+        let body = match self.requests.take(*from.ip(), None, &header, body) {
+            Received::Whole(body) => body,
+            Received::Part if header.flags & flags::NO_FRAGMENT_ACK == 0 => {
+                return self.responder.acknowledge(from, &header);
+            }
+            Received::Part => return,
+            Received::Refused => {
+                self.counters.malformed += 1;
+                return;
+            }
+        };
         let ars = &self.ars;
         let session = |uuid| {
             let expecting = ars.iter().flatten().filter(is_its).filter_map(Ar::expects_call);
@@ -201,7 +241,7 @@ impl Controller {
         match self.responder.handle(from, &header, body, &endpoint, session) {
             RequestOutcome::Ready(uuid) => {
                 let is_it = |ar: &&mut Ar| ar.expects_call().is_some_and(|(ar, _)| ar == uuid);
-                if let Some(ar) = self.all().find(is_it) {
+                if let Some(ar) = self.ars.iter_mut().flatten().find(is_it) {
                     ar.application_ready(
                         now,
                         RequestArgs::parse(&header, body).map_or(&[], |args| args.blocks),
@@ -241,7 +281,8 @@ impl Machine for Controller {
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        self.has_answers |= self.station.poll_timeout().is_some_and(|due| due <= now);
+        self.has_answers |= self.station.poll_timeout() <= now;
+        self.station.handle_timeout(now);
         self.all().for_each(|ar| ar.handle_timeout(now));
     }
 
@@ -264,6 +305,6 @@ impl Machine for Controller {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let ars = self.ars.iter().flatten().map(Ar::poll_timeout);
-        ars.fold(self.station.poll_timeout(), Instant::earlier)
+        ars.fold(Some(self.station.poll_timeout()), Instant::earlier)
     }
 }

@@ -38,7 +38,15 @@ impl Responder {
         Self { answer: Message::new(), to: None }
     }
 
-    /// Handles a PDU of a client. `endpoint` is what the endpoint mapper names. `session` returns the SessionKey of an AR that
+    /// Acknowledges a fragment of a call that is not complete.
+    pub(super) fn acknowledge(&mut self, from: SocketAddrV4, header: &Header) {
+        let answer = Header { fragment: header.fragment, ..header.answer(Kind::FragmentAck) };
+        self.to = Some(from);
+        // An empty body always fits.
+        let _ = self.answer.set(answer, |_| Ok(0));
+    }
+
+    /// Handles a PDU of a client, with the whole body of its call. `endpoint` is what the endpoint mapper names. `session` returns the SessionKey of an AR that
     /// waits for ApplicationReady or has received it.
     pub(super) fn handle(
         &mut self,
@@ -49,7 +57,7 @@ impl Responder {
         session: impl Fn(Uuid) -> Option<u16>,
     ) -> RequestOutcome {
         match header.kind {
-            Kind::Request if header.flags & (flags::FRAGMENT | flags::MAYBE) == 0 => {}
+            Kind::Request if header.flags & flags::MAYBE == 0 => {}
             Kind::Ping => {
                 self.to = Some(from);
                 if self.answer.header().is_some_and(|last| last.is_same_call(header)) {

@@ -5,6 +5,7 @@
 //! Ethernet 0x8892 ─┬─ FrameID 0xFEFC..=0xFEFF ── station: DCP
 //!                  ├─ 0xFC01, 0xFE01 ─────────── alarms
 //!                  └─ the output IOCR's ──────── relation: cyclic data        (RT_CLASS_1)
+//! Ethernet 0x88CC ─── LLDP ───────────────────── station
 //! UDP 34962 ───────── the same two ───────────── alarms, relation             (RT_CLASS_UDP)
 //! UDP 34964 ───────── RPC ────────────────────── dispatch, server, mapper, answers, records, admission
 //! ```
@@ -18,11 +19,11 @@ mod alarms;
 mod answers;
 mod dispatch;
 mod mapper;
+mod neighbour;
 mod owner;
 mod process_data;
 mod records;
 mod relation;
-mod requests;
 mod server;
 
 use alloc::collections::VecDeque;
@@ -33,7 +34,6 @@ use alarms::{AlarmReceived, FinalError};
 use answers::Answers;
 use dispatch::Reply;
 use relation::Relation;
-use requests::Requests;
 
 use super::RPC_PORT;
 use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, Priority};
@@ -41,11 +41,13 @@ use super::dcp::{self, IpSuite};
 use super::description::Description;
 use super::provided::Provided;
 use super::record::{LogBook, LogEntry};
+use super::requests::Requests;
 use super::rpc::Message;
 use super::rt::{Received, Transport, UDP_PORT};
-use super::station::{Effect, Permanent, Refusal, SetPermission, Station};
+use super::station::{Effect, Permanent, SetPermission, Station};
 use super::status::{Service, Status, Violation};
 use crate::ETHER_TYPE;
+use crate::lldp::Naming;
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Peer, Requested, Sender};
 use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
@@ -128,7 +130,7 @@ impl Device {
             start,
             description,
             controllers,
-            station: Station::device(mac, description, &station_name, ip, permanent),
+            station: Station::device(mac, description, &station_name, ip, permanent, start),
             answers: Answers::new(),
             reply: None,
             call: Message::new(),
@@ -161,8 +163,7 @@ impl Core {
         };
         let is_ours = header.destination == self.mac || header.destination == dcp::IDENTIFY_MULTICAST;
         if header.ether_type != ETHER_TYPE || !is_ours {
-            self.counters.foreign += 1;
-            return;
+            return self.handle_other(now, &header, payload);
         }
         let Some(frame_id) = payload.first_chunk().map(|id| u16::from_be_bytes(*id)) else {
             self.counters.malformed += 1;
@@ -172,8 +173,7 @@ impl Core {
             self.acyclic = true;
             match self.station.handle_frame(now, &header, payload, self.set_permission(header.source)) {
                 Ok(effect) => self.report_effect(now, header.source, effect),
-                Err(Refusal::Malformed) => self.counters.malformed += 1,
-                Err(Refusal::Foreign) => self.counters.foreign += 1,
+                Err(refusal) => self.count(refusal),
             }
             return;
         }
@@ -287,6 +287,8 @@ impl Core {
         self.counters = self.counters();
         if let Some(relation) = self.relation.take() {
             self.answers.forget(relation.controller);
+            // What the controller wrote to the interface goes with the AR.
+            self.set_naming(now, Naming::default());
             self.log_book.add(LogEntry { at: now, ar: relation.uuid, status });
         }
         self.call.clear();
@@ -359,7 +361,7 @@ impl Machine for Device {
 
     fn handle_timeout(&mut self, now: Instant) {
         let core = &mut self.core;
-        core.acyclic |= core.station.poll_timeout().is_some_and(|due| due <= now);
+        core.acyclic |= core.station.poll_timeout() <= now;
         core.station.handle_timeout(now);
         let Some(relation) = &mut core.relation else { return };
         if let Some(violation) = relation.expired(now) {
@@ -390,6 +392,6 @@ impl Machine for Device {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let relation = self.core.relation.as_ref().map(Relation::poll_timeout);
-        Instant::earlier(relation, self.core.station.poll_timeout())
+        Instant::earlier(relation, Some(self.core.station.poll_timeout()))
     }
 }

@@ -3,6 +3,7 @@
 use machine::{Counters, Instant, LinkEvent};
 
 use super::super::dcp::IpSuite;
+use super::super::lldp::Neighbour;
 use super::super::provided::DataError;
 use super::super::record::Maintenance;
 use super::super::station::OwnerStep;
@@ -42,6 +43,12 @@ impl Device {
     pub fn set_inputs(&mut self, write: impl FnMut(u16, u16, &mut [u8])) {
         self.core.inputs.set_all(write);
         self.core.write_inputs();
+    }
+
+    /// Returns the station at the other end of the cable; `None` if none announced itself by LLDP, or not for a while.
+    #[must_use]
+    pub fn neighbour(&self) -> Option<&Neighbour> {
+        self.core.station.neighbour()
     }
 
     /// Ends the connection by an error PDU.

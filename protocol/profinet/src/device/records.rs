@@ -7,7 +7,7 @@ use crate::description::{Description, INTERFACE_SUBSLOT, Submodule};
 use crate::record::{
     Address, LogBook, Maintenance, PhysicalDevice, PhysicalParameters, ReadRequest, WriteRequest,
     WriteResponse, emit_api_data, emit_ar_data, emit_expected_identification, emit_im0, emit_im0_filter_data,
-    emit_port, emit_real_identification, index, is_port,
+    emit_real_identification, index, is_port,
 };
 use crate::status::{Service, Status, Violation};
 use machine::Instant;
@@ -218,7 +218,7 @@ impl Records<'_> {
                 data.emit_output(in_use, &mut writer);
             }
             index::PD_PORT_DATA_REAL if is_port(address.subslot) => {
-                emit_port(address.slot, address.subslot, &mut writer);
+                physical.emit_port(address.slot, address.subslot, &mut writer);
             }
             index::PD_INTERFACE_DATA_REAL if address.subslot == INTERFACE_SUBSLOT => {
                 physical.emit_interface(&mut writer);

@@ -288,11 +288,11 @@ impl Core {
                 }
             }
             for part in write.writes().flatten() {
-                self.apply(&part);
+                self.apply(now, &part);
             }
             Status::OK
         } else {
-            self.apply(&write)
+            self.apply(now, &write)
         };
         let written = Written { description: &self.description, maintenance: self.station.maintenance() };
         Ok(self.answers.answer(call, args.maximum, status, |w| {
@@ -301,7 +301,7 @@ impl Core {
     }
 
     /// Executes the Write of one record.
-    fn apply(&mut self, write: &WriteRequest<'_>) -> Status {
+    fn apply(&mut self, now: Instant, write: &WriteRequest<'_>) -> Status {
         let written = Written { description: &self.description, maintenance: self.station.maintenance() };
         match written.change(write) {
             Ok(Change::Maintenance(maintenance)) => {
@@ -314,6 +314,8 @@ impl Core {
                 if let Some(relation) = &mut self.relation {
                     let Address { slot, subslot, index, .. } = write.address;
                     relation.physical.write(slot, subslot, index, block);
+                    let naming = relation.physical.naming();
+                    self.set_naming(now, naming);
                 }
                 Status::OK
             }
@@ -350,7 +352,12 @@ impl Core {
             description: &self.description,
             maintenance: self.station.maintenance(),
             relation: self.relation.as_ref(),
-            physical: PhysicalDevice { name: self.station.name(), mac: self.mac, ip: self.station.ip() },
+            physical: PhysicalDevice {
+                name: self.station.name(),
+                mac: self.mac,
+                ip: self.station.ip(),
+                neighbour: self.station.neighbour(),
+            },
             log_book: &self.log_book,
             now,
         }

@@ -27,7 +27,7 @@ pub use contents::{
 pub use io_data::IoData;
 pub use log_book::{LogBook, LogEntry};
 pub use maintenance::Maintenance;
-pub use physical_device::{PhysicalDevice, emit_port, is_port};
+pub use physical_device::{PhysicalDevice, is_port};
 pub use physical_parameters::PhysicalParameters;
 
 use physical_device::emit_multiple;

@@ -7,14 +7,17 @@
 //! PDInterfaceAdjust  padding 2 · MultipleInterfaceMode u32
 //! ```
 //!
-//! They have no effect, since the operating system owns the interface.
+//! MultipleInterfaceMode tells how the station names itself by LLDP. All else has no effect, since the operating system owns the
+//! interface; a neighbour that is not the one that a port should have is not reported.
 
 use alloc::vec::Vec;
 
 use super::{emit_multiple, index, is_port, only_block};
 use crate::block::{BlockType, BlockWriter, HEAD_LEN};
 use crate::description::{Description, INTERFACE_SUBSLOT};
+use crate::lldp::Naming;
 use crate::status::Violation;
+use machine::wire::{BigEndian, Reader};
 
 /// Length of the longest record in bytes: a neighbour of a port has two names of up to 255 bytes.
 const MOST_BYTES: usize = 1024;
@@ -71,6 +74,15 @@ impl PhysicalParameters {
             place.record.clear();
             place.record.extend_from_slice(block.get(..MOST_BYTES).unwrap_or(block));
         }
+    }
+
+    /// Returns how the station is named to its neighbour: bit 0 of MultipleInterfaceMode.
+    #[must_use]
+    pub fn naming(&self) -> Naming {
+        let adjust = self.places.iter().find(|place| place.index == index::PD_INTERFACE_ADJUST);
+        let mut block = Reader::<BigEndian>::new(adjust.map_or(&[], |place| &place.record));
+        let mode = block.skip(HEAD_LEN + 2).and_then(|()| block.u32()).unwrap_or(0);
+        if mode & 1 == 0 { Naming::Station } else { Naming::Device }
     }
 
     /// Writes what was written to a submodule with this index; nothing if it was not written.

@@ -1,5 +1,7 @@
-//! The station from DCP's point of view: its name, its address, and the answers to Identify, Get and Set.
+//! The station from the point of view of DCP and LLDP: its name, its address and its neighbour, the answers to Identify, Get
+//! and Set, and the announcements to the neighbour.
 
+mod reply;
 mod rules;
 mod set;
 
@@ -9,15 +11,14 @@ pub(super) use set::{Effect, OwnerStep, SetPermission};
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
 
-use crate::ETHER_TYPE;
-use crate::dcp::{
-    self, Block, BlockError, Code, Content, IpSuite, MAX_NAME_LEN, Pdu, Service, response_delay,
-};
+use crate::dcp::{BlockError, Code, Content, IpSuite, MAX_NAME_LEN, Pdu, Service, response_delay};
 use crate::description::Description;
+use crate::lldp::{self, Agent, Local, Naming, Neighbour};
 use crate::record::Maintenance;
 use crate::rpc::INSTANCE;
 use machine::Instant;
 use machine::ethernet::{EthernetHeader, Mac};
+use reply::{Reply, Results};
 use set::PendingSet;
 
 /// Largest number of blocks in one Set or Get; further ones are not answered.
@@ -32,7 +33,8 @@ const IO_DEVICE: u8 = 1;
 const IO_CONTROLLER: u8 = 2;
 
 /// The options that can be read or set, as Identify lists them.
-const OPTIONS: [u8; 26] = [1, 1, 1, 2, 2, 1, 2, 2, 2, 3, 2, 4, 2, 5, 2, 7, 5, 1, 5, 2, 5, 3, 5, 5, 5, 6];
+const OPTIONS: [u8; 28] =
+    [1, 1, 1, 2, 2, 1, 2, 2, 2, 3, 2, 4, 2, 5, 2, 6, 2, 7, 5, 1, 5, 2, 5, 3, 5, 5, 5, 6];
 
 /// Name and address of a device or a controller.
 #[derive(Debug)]
@@ -54,6 +56,8 @@ pub(super) struct Station {
     pending_set: Option<PendingSet>,
     /// The station that changed something by the last Set, and until when those of others are ignored.
     client: Option<(Mac, Instant)>,
+    lldp: Agent,
+    naming: Naming,
 }
 
 /// What a device keeps, as its owner stores it: name and address that DCP set permanently, and what the operator wrote.
@@ -92,44 +96,6 @@ impl Stored {
     }
 }
 
-/// An answer that waits to be sent.
-#[derive(Clone, Copy, Debug)]
-struct Reply {
-    to: Mac,
-    xid: u32,
-    due: Instant,
-    service: Service,
-    results: Results,
-}
-
-/// Results of the blocks of a Set, or the options that a Get requests.
-#[derive(Clone, Copy, Debug)]
-struct Results {
-    entries: [(Code, BlockError); MOST_BLOCKS],
-    len: usize,
-}
-
-impl Results {
-    const NONE: Self = Self { entries: [(Code::ALL, BlockError::None); MOST_BLOCKS], len: 0 };
-
-    fn push(&mut self, code: Code, error: BlockError) {
-        if let Some(entry) = self.entries.get_mut(self.len) {
-            *entry = (code, error);
-            self.len += 1;
-        }
-    }
-
-    /// Makes the result of an option, if it was good, a refusal by the owner.
-    fn refuse(&mut self, code: Code) {
-        let good = self.entries.iter_mut().filter(|entry| **entry == (code, BlockError::None));
-        good.for_each(|(_, error)| *error = BlockError::NotPossible);
-    }
-
-    fn iter(&self) -> impl Iterator<Item = (Code, BlockError)> {
-        self.entries.iter().take(self.len).copied()
-    }
-}
-
 /// Why a DCP PDU is ignored.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Refusal {
@@ -148,8 +114,9 @@ impl Station {
         name: &[u8],
         ip: Option<IpSuite>,
         stored: Option<Permanent>,
+        start: Instant,
     ) -> Self {
-        let mut station = Self::new(mac, IO_DEVICE, description, name, ip.unwrap_or(NO_ADDRESS));
+        let mut station = Self::new(mac, IO_DEVICE, description, name, ip.unwrap_or(NO_ADDRESS), start);
         station.stored = stored.map(|Permanent { name, address, maintenance }| {
             let room = || Vec::with_capacity(MAX_NAME_LEN);
             let maintenance = maintenance.unwrap_or_default();
@@ -166,10 +133,11 @@ impl Station {
 
     /// Creates the station of an IO-Controller, which DCP can find and read but not set.
     pub(super) fn controller(mac: Mac, description: Description, name: &[u8], ip: IpSuite) -> Self {
-        Self::new(mac, IO_CONTROLLER, description, name, ip)
+        // It announces itself as soon as it is run.
+        Self::new(mac, IO_CONTROLLER, description, name, ip, Instant::ZERO)
     }
 
-    fn new(mac: Mac, role: u8, description: Description, name: &[u8], ip: IpSuite) -> Self {
+    fn new(mac: Mac, role: u8, description: Description, name: &[u8], ip: IpSuite, start: Instant) -> Self {
         let name = name.get(..MAX_NAME_LEN).unwrap_or(name);
         // Room for the longest name, so that a Set does not allocate.
         let mut own = Vec::with_capacity(MAX_NAME_LEN);
@@ -188,6 +156,8 @@ impl Station {
             reply_due: None,
             pending_set: None,
             client: None,
+            lldp: Agent::new(start),
+            naming: Naming::default(),
         }
     }
 
@@ -210,6 +180,31 @@ impl Station {
         stored.is_some_and(|stored| core::mem::replace(&mut stored.maintenance, new) != new)
     }
 
+    /// Returns the station at the other end of the cable, if it announced itself.
+    pub(super) fn neighbour(&self) -> Option<&Neighbour> {
+        self.lldp.neighbour()
+    }
+
+    /// Sets how the station and its port are named to the neighbour.
+    pub(super) fn set_naming(&mut self, now: Instant, naming: Naming) {
+        if core::mem::replace(&mut self.naming, naming) != naming {
+            self.lldp.announce(now);
+        }
+    }
+
+    /// Handles an LLDPDU in an Ethernet frame.
+    pub(super) fn handle_lldp(
+        &mut self,
+        now: Instant,
+        header: &EthernetHeader,
+        payload: &[u8],
+    ) -> Result<(), Refusal> {
+        self.lldp.handle_frame(now, header, payload).map_err(|refusal| match refusal {
+            lldp::Refusal::Malformed(_) => Refusal::Malformed,
+            lldp::Refusal::Foreign => Refusal::Foreign,
+        })
+    }
+
     /// Handles a DCP PDU in an Ethernet frame.
     pub(super) fn handle_frame(
         &mut self,
@@ -230,7 +225,11 @@ impl Station {
                     return Err(Refusal::Foreign);
                 }
                 let due = now + response_delay(self.mac, pdu.response_delay_factor);
-                self.queue(now, Reply { due, service: Service::IdentifyResponse, ..reply })?;
+                let mut results = Results::NONE;
+                if pdu.blocks().flatten().any(|block| block.code() == Code::ALIAS_NAME) {
+                    results.push(Code::ALIAS_NAME, BlockError::None);
+                }
+                self.queue(now, Reply { due, service: Service::IdentifyResponse, results, ..reply })?;
                 Ok(Effect::default())
             }
             Service::GetRequest if header.destination == self.mac => {
@@ -264,6 +263,9 @@ impl Station {
             let matches = match block.content {
                 Content::All => true,
                 Content::NameOfStation(name) => name == self.name,
+                Content::AliasName(alias) => {
+                    self.neighbour().is_some_and(|neighbour| neighbour.alias() == alias)
+                }
                 Content::TypeOfStation(text) => text == self.description.station_type.as_bytes(),
                 Content::DeviceId { vendor, device } => {
                     (vendor, device) == (identity.vendor, identity.device)
@@ -282,94 +284,28 @@ impl Station {
         if any { Ok(true) } else { Err(Refusal::Malformed) }
     }
 
-    fn get_error(&self, code: Code) -> BlockError {
-        match self.block(code) {
-            Some(_) => BlockError::None,
-            None if matches!(code.0 >> 8, 1 | 2 | 5) => BlockError::SuboptionNotSupported,
-            None => BlockError::OptionNotSupported,
-        }
-    }
-
-    fn queue(&mut self, now: Instant, reply: Reply) -> Result<(), Refusal> {
-        let free = |places: &mut [Option<Reply>; MOST_REPLIES], reply: Reply| {
-            let place = places.iter_mut().find(|place| place.is_none())?;
-            *place = Some(reply);
-            Some(reply.due)
-        };
-        let delayed = if reply.due > now { free(&mut self.delayed, reply) } else { None };
-        // Without a free place to wait, the answer is sent at once, so that requests with long delays cannot silence the
-        // station.
-        let due = delayed.or_else(|| free(&mut self.prompt, Reply { due: now, ..reply }));
-        self.reply_due = Instant::earlier(self.reply_due, Some(due.ok_or(Refusal::Foreign)?));
-        Ok(())
-    }
-
     pub(super) fn handle_timeout(&mut self, now: Instant) {
         if self.pending_set.as_ref().is_some_and(|pending_set| now >= pending_set.deadline) {
             self.pending_set = None;
         }
+        self.lldp.handle_timeout(now);
     }
 
-    pub(super) fn poll_timeout(&self) -> Option<Instant> {
-        Instant::earlier(self.reply_due, self.pending_set.as_ref().map(|pending_set| pending_set.deadline))
+    pub(super) fn poll_timeout(&self) -> Instant {
+        let due = self.lldp.poll_timeout();
+        let set = self.pending_set.as_ref().map(|pending_set| pending_set.deadline);
+        [self.reply_due, set].into_iter().flatten().fold(due, Instant::min)
     }
 
-    /// Writes the next due answer as an Ethernet frame; returns its length.
+    /// Writes the next due answer or announcement as an Ethernet frame; returns its length.
     pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<usize> {
-        self.reply_due.filter(|due| *due <= now)?;
-        let is_due = |reply: &Option<Reply>| reply.as_ref().is_some_and(|reply| reply.due <= now);
-        let reply = self.prompt.iter_mut().chain(&mut self.delayed).find(|reply| is_due(reply))?.take()?;
-        self.reply_due = self.prompt.iter().chain(&self.delayed).flatten().map(|reply| reply.due).min();
-        let header =
-            EthernetHeader { destination: reply.to, source: self.mac, tag: None, ether_type: ETHER_TYPE };
-        let emitted = header.emit(buf, |writer| match reply.service {
-            Service::IdentifyResponse => {
-                let codes = [
-                    Code::IP,
-                    Code::TYPE_OF_STATION,
-                    Code::NAME_OF_STATION,
-                    Code::DEVICE_ID,
-                    Code::DEVICE_ROLE,
-                    Code::DEVICE_OPTIONS,
-                    Code::DEVICE_INSTANCE,
-                ];
-                let blocks = codes.into_iter().filter_map(|code| self.block(code));
-                dcp::emit(writer, reply.service, reply.xid, 0, blocks);
-            }
-            Service::GetResponse => {
-                let blocks = reply.results.iter().map(|(code, error)| match self.block(code) {
-                    Some(block) if error == BlockError::None => block,
-                    _ => Content::Response { code, error }.into(),
-                });
-                dcp::emit(writer, reply.service, reply.xid, 0, blocks);
-            }
-            _ => {
-                let blocks =
-                    reply.results.iter().map(|(code, error)| Content::Response { code, error }.into());
-                dcp::emit(writer, reply.service, reply.xid, 0, blocks);
-            }
-        });
-        emitted.ok()
+        self.poll_reply(now, buf).or_else(|| self.poll_announcement(now, buf))
     }
 
-    /// Returns the block with an option's value.
-    fn block(&self, code: Code) -> Option<Block<'_>> {
-        let identity = self.description.identity;
-        let content = match code {
-            Code::MAC_ADDRESS => Content::MacAddress(self.mac),
-            Code::IP => {
-                let qualifier = u16::from(!self.ip.address.is_unspecified());
-                return Some(Block { qualifier, content: Content::Ip(self.ip) });
-            }
-            Code::TYPE_OF_STATION => Content::TypeOfStation(self.description.station_type.as_bytes()),
-            Code::NAME_OF_STATION => Content::NameOfStation(&self.name),
-            Code::DEVICE_ID => Content::DeviceId { vendor: identity.vendor, device: identity.device },
-            Code::DEVICE_ROLE => Content::DeviceRole(self.role),
-            Code::DEVICE_OPTIONS => Content::DeviceOptions(&OPTIONS),
-            Code::DEVICE_INSTANCE => Content::DeviceInstance(INSTANCE),
-            _ => return None,
-        };
-        Some(content.into())
+    fn poll_announcement(&mut self, now: Instant, buf: &mut [u8]) -> Option<usize> {
+        let Self { mac, ref name, ip, ref description, naming, .. } = *self;
+        let local = Local { mac, name, address: ip.address, description, naming };
+        self.lldp.poll_transmit(now, &local, buf)
     }
 }
 

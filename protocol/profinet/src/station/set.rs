@@ -138,7 +138,7 @@ impl Station {
                 self.pending_set = Some(PendingSet { reply, change, step, deadline: now + STEP_TIME });
             }
             None => {
-                self.complete(change);
+                self.complete(now, change);
                 self.queue(now, reply)?;
             }
         }
@@ -253,8 +253,9 @@ impl Station {
     }
 
     /// Executes a change that needs no more steps of the owner.
-    fn complete(&mut self, change: Change) {
+    fn complete(&mut self, now: Instant, change: Change) {
         if change.name.is_some() {
+            self.lldp.announce(now);
             copy_name(&self.new_name, &mut self.name);
         }
         let Some(stored) = &mut self.stored else { return };
@@ -297,6 +298,7 @@ impl Station {
         };
         if done {
             self.ip = suite;
+            self.lldp.announce(now);
         } else {
             reply.results.refuse(Code::IP);
             reply.results.refuse(Code::RESET_TO_FACTORY);
@@ -333,7 +335,7 @@ impl Station {
         let next = self.next_step(Some(done), change);
         self.pending_set = next.map(|step| PendingSet { reply, change, step, deadline: now + STEP_TIME });
         if next.is_none() {
-            self.complete(change);
+            self.complete(now, change);
             reply.due = now;
             // If there is no room for the answer, it is not sent: the controller repeats the request and is answered at once.
             let _ = self.queue(now, reply);

@@ -18,3 +18,9 @@ mod pair;
 mod samples;
 mod tshark;
 mod two_devices;
+
+/// Returns whether a frame is an announcement to the neighbour. Those come by the clock, whatever a test does, so most tests
+/// leave them out.
+fn is_lldp(port: machine::Port, frame: &[u8]) -> bool {
+    port == machine::Port::Ethernet && frame.get(12..14) == Some(&profinet::lldp::ETHER_TYPE.to_be_bytes())
+}

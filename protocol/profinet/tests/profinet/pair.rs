@@ -284,3 +284,27 @@ fn a_bad_cable_costs_frames_and_time_but_never_the_wrong_data() {
     }
     insta::assert_snapshot!(table);
 }
+
+#[test]
+fn both_ends_of_the_cable_know_each_other_at_once_and_forget_each_other_when_it_is_cut() {
+    for transport in BOTH {
+        let mut bus = bus(transport, 20, 1);
+        connect(&mut bus, Duration::from_secs(1)).expect("a connection");
+        let neighbours = |bus: &Bus| {
+            [bus.pair.a().neighbour(), bus.pair.b().neighbour()].map(|neighbour| {
+                neighbour.map(|one| (String::from_utf8_lossy(one.alias()).into_owned(), one.mac()))
+            })
+        };
+        let [of_controller, of_device] = [("port-001.sample-device", 2), ("port-001.sample-controller", 1)]
+            .map(|(alias, number)| Some((alias.to_owned(), Mac([2, 0, 0, 0, 0, number]))));
+        assert_eq!(neighbours(&bus), [of_controller.clone(), of_device.clone()]);
+        run(&mut bus, Duration::from_secs(60));
+        assert_eq!(neighbours(&bus), [of_controller, of_device]);
+
+        bus.pair.set_cut(true);
+        run(&mut bus, Duration::from_millis(14_900));
+        assert!(neighbours(&bus).iter().all(Option::is_some), "within the time to live");
+        run(&mut bus, Duration::from_millis(5_200));
+        assert_eq!(neighbours(&bus), [None, None]);
+    }
+}

@@ -192,7 +192,7 @@ fn disconnect_releases_the_ar_and_nothing_is_sent_afterwards() {
     cell.goes_down(0, &[(DownCause::ClosedHere, 0, "")]);
     let frames = cell.frames;
     assert_eq!(cell.run(10_000), []);
-    assert_eq!((cell.frames, cell.controller.poll_timeout()), (frames, None));
+    assert_eq!(cell.frames, frames);
 }
 
 #[test]
@@ -203,5 +203,6 @@ fn disconnect_ends_within_a_second_without_an_answer() {
     let now = cell.now;
     cell.ar().disconnect(now);
     cell.goes_down(1_000, &[(DownCause::ClosedHere, 0, "")]);
-    assert_eq!(cell.controller.poll_timeout(), None);
+    let frames = cell.frames;
+    assert_eq!((cell.run(10_000), cell.frames), (Vec::new(), frames), "it only announces itself");
 }

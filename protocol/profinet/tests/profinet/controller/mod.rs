@@ -16,7 +16,7 @@ use profinet::rpc::{Header, Kind};
 use profinet::rt::Transport;
 use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Parameter};
 
-use crate::{samples, tshark};
+use crate::{is_lldp, samples, tshark};
 use peer::{Peer, Script};
 
 const CONTROLLER: Mac = Mac([2, 0, 0, 0, 0, 1]);
@@ -127,11 +127,21 @@ impl Cell {
         }
     }
 
+    /// Returns the next frame of the controller, except its announcements.
+    fn poll(&mut self, buf: &mut [u8]) -> Option<Transmit> {
+        let frames = core::iter::from_fn(|| {
+            self.controller
+                .poll_transmit(self.now, buf)
+                .map(|transmit| (transmit, is_lldp(transmit.port, buf)))
+        });
+        frames.into_iter().find_map(|(transmit, is_lldp)| (!is_lldp).then_some(transmit))
+    }
+
     fn drain(&mut self) {
         let mut buf = [0; FRAME_CAPACITY];
         for round in 0.. {
             assert!(round < 100, "the controller sends without end");
-            let Some(transmit) = self.controller.poll_transmit(self.now, &mut buf) else { break };
+            let Some(transmit) = self.poll(&mut buf) else { break };
             self.frames += 1;
             self.tap_to_peer(&transmit, &buf[..transmit.len]);
             for answer in self.peer.receive(self.now, &transmit, &buf[..transmit.len]) {

@@ -3,6 +3,7 @@
 use profinet::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW};
 use profinet::connect::{ArProperties, DiffModule, DiffSubmodule, ModuleState, RtClass, SubmoduleState};
 use profinet::dcp;
+use profinet::rpc::flags;
 use profinet::rt::UDP_PORT;
 use profinet::status::{Service, Violation};
 
@@ -264,6 +265,42 @@ fn a_device_that_sends_data_may_take_five_minutes_to_get_ready() {
     cell.deliver(ready);
     assert_eq!(cell.run(200), [LinkEvent::Up]);
     assert_eq!(cell.peer.partings, []);
+}
+
+/// Cuts a call into two fragments, whose sender waits for an acknowledgement of the first.
+fn fragments((source, call): (Source, Vec<u8>)) -> [(Source, Vec<u8>); 2] {
+    let (header, body) = Header::parse(&call).unwrap();
+    let (first, second) = body.split_at(40);
+    [(0, flags::FRAGMENT, first), (1, flags::FRAGMENT | flags::LAST_FRAGMENT, second)].map(
+        |(fragment, flags, part)| {
+            let header = Header { fragment, flags, ..header };
+            let mut buf = [0; 200];
+            let len = header.emit(part, &mut buf).unwrap();
+            (source, buf[..len].to_vec())
+        },
+    )
+}
+
+#[test]
+fn an_application_ready_in_fragments_is_taken_when_it_is_whole() {
+    let mut cell = unready(Script::default());
+    cell.goes_down(3_000, &[(DownCause::NoAnswer, 0, "the device took its parameters but")]);
+    let [first, second] = fragments(cell.peer.application_ready());
+    let mut buf = [0; FRAME_CAPACITY];
+    cell.controller.handle_frame(cell.now, first.0, &first.1);
+    let transmit = cell.poll(&mut buf).expect("an acknowledgement");
+    let (acknowledgement, _) = Header::parse(&buf[..transmit.len]).unwrap();
+    assert_eq!((acknowledgement.kind, acknowledgement.fragment), (Kind::FragmentAck, 0));
+    assert_eq!((cell.run(100), cell.peer.answered_ready), (Vec::new(), 0));
+    // The second one alone, of a call that began twice, is no call.
+    let [_, stray] = fragments(cell.peer.application_ready());
+    let before = cell.controller.counters().malformed;
+    cell.deliver(stray);
+    assert_eq!((cell.controller.counters().malformed, cell.peer.answered_ready), (before + 1, 0));
+    for fragment in [first, second] {
+        cell.deliver(fragment);
+    }
+    assert_eq!((cell.run(200), cell.peer.answered_ready), (vec![LinkEvent::Up], 1));
 }
 
 #[test]

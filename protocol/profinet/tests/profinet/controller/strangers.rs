@@ -17,7 +17,7 @@ fn an_engineering_system_finds_the_controller_but_cannot_rename_it() {
         let mut answers = Vec::new();
         cell.controller.handle_frame(cell.now, frame.0, &frame.1);
         let mut buf = [0; FRAME_CAPACITY];
-        while let Some(transmit) = cell.controller.poll_transmit(cell.now, &mut buf) {
+        while let Some(transmit) = cell.poll(&mut buf) {
             let (header, payload) = EthernetHeader::parse(&buf[..transmit.len]).unwrap();
             let pdu = Pdu::parse(payload).unwrap();
             if header.destination == DEVICE && pdu.xid == 77 {
@@ -123,7 +123,7 @@ proptest! {
             let at_time = cell.controller.poll_timeout().unwrap();
             cell.now = at_time;
             cell.controller.handle_timeout(at_time);
-            while let Some(transmit) = cell.controller.poll_transmit(cell.now, &mut buf) {
+            while let Some(transmit) = cell.poll(&mut buf) {
                 for (source, mut frame) in cell.peer.receive(cell.now, &transmit, &buf[..transmit.len]) {
                     if seen == nth {
                         let index = at.index(frame.len());

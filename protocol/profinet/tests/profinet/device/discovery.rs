@@ -13,12 +13,12 @@ pub(super) fn request(destination: Mac, write: impl FnOnce(&mut BlockWriter<'_>)
     buf[..len].to_vec()
 }
 
-fn identify<'b>(blocks: impl IntoIterator<Item = Content<'b>>) -> Vec<u8> {
+pub(super) fn identify<'b>(blocks: impl IntoIterator<Item = Content<'b>>) -> Vec<u8> {
     let blocks: Vec<Block<'_>> = blocks.into_iter().map(Block::from).collect();
     request(dcp::IDENTIFY_MULTICAST, |w| emit(w, Dcp::IdentifyRequest, 7, 1, blocks))
 }
 
-fn set<'b>(blocks: impl IntoIterator<Item = Content<'b>>) -> Vec<u8> {
+pub(super) fn set<'b>(blocks: impl IntoIterator<Item = Content<'b>>) -> Vec<u8> {
     let blocks: Vec<Block<'_>> = blocks.into_iter().map(Block::from).collect();
     request(MAC, |w| emit(w, Dcp::SetRequest, 8, 0, blocks))
 }

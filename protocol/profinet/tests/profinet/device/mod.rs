@@ -5,6 +5,7 @@ mod discovery;
 mod dissected;
 mod hostile;
 mod life;
+mod lldp;
 mod maintenance;
 mod permanent;
 mod refusals;
@@ -29,6 +30,7 @@ use profinet::rt::{CyclicFrame, DataStatus, UDP_PORT};
 use profinet::status::{Service, Status, Violation};
 use profinet::{Device, DeviceConfig, ETHER_TYPE, LT_UDP, RPC_PORT, Uuid};
 
+use crate::is_lldp;
 use crate::samples::{self, LEN};
 
 const MAC: Mac = Mac([2, 0, 0, 0, 0, 2]);
@@ -160,6 +162,8 @@ struct Rig {
     sequence: u32,
     rt_class: RtClass,
     counter: u16,
+    /// What the device announced to its neighbour.
+    announced: Vec<(Instant, Vec<u8>)>,
 }
 
 impl Rig {
@@ -169,7 +173,16 @@ impl Rig {
 
     fn around(device: Device) -> Self {
         let now = Instant::from_millis(10);
-        Self { device, now, activity: Uuid([9; 16]), sequence: 0, rt_class: RtClass::Class1, counter: 0 }
+        let activity = Uuid([9; 16]);
+        Self {
+            device,
+            now,
+            activity,
+            sequence: 0,
+            rt_class: RtClass::Class1,
+            counter: 0,
+            announced: Vec::new(),
+        }
     }
 
     /// Returns a device with an AR that exchanges data.
@@ -193,14 +206,19 @@ impl Rig {
         assert_eq!(events, [LinkEvent::Up]);
     }
 
-    /// Returns everything that the device wants to send now.
+    /// Returns everything that the device wants to send now, except its announcements.
     fn drain(&mut self) -> Sent {
         let mut buf = [0; machine::wire::FRAME_CAPACITY];
-        core::iter::from_fn(|| {
-            let transmit = self.device.poll_transmit(self.now, &mut buf)?;
-            Some((transmit, buf[..transmit.len].to_vec()))
-        })
-        .collect()
+        let mut sent = Sent::new();
+        while let Some(transmit) = self.device.poll_transmit(self.now, &mut buf) {
+            let frame = buf[..transmit.len].to_vec();
+            if is_lldp(transmit.port, &frame) {
+                self.announced.push((self.now, frame));
+            } else {
+                sent.push((transmit, frame));
+            }
+        }
+        sent
     }
 
     fn receive(&mut self, port: Port, frame: &[u8]) -> Sent {

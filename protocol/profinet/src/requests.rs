@@ -9,7 +9,7 @@ const STATIONS: usize = 4;
 
 /// Unfinished requests, one for each station.
 #[derive(Debug)]
-pub(super) struct Requests {
+pub(crate) struct Requests {
     places: [Place; STATIONS],
     uses: u64,
 }
@@ -23,17 +23,17 @@ struct Place {
 
 impl Requests {
     /// Allocates the memory of all places; nothing later allocates.
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let place = |_| Place { from: None, last_use: 0, reassembly: Reassembly::new() };
         Self { places: core::array::from_fn(place), uses: 0 }
     }
 
     /// Handles a request or a fragment of one. A station without a place gets the place of the station that has been silent
-    /// longest, but never the place of the AR's controller.
-    pub(super) fn take<'a>(
+    /// longest, but never the place of `kept`.
+    pub(crate) fn take<'a>(
         &'a mut self,
         from: Ipv4Addr,
-        controller: Option<Ipv4Addr>,
+        kept: Option<Ipv4Addr>,
         header: &Header,
         body: &'a [u8],
     ) -> Received<'a> {
@@ -43,9 +43,8 @@ impl Requests {
         let own = self.places.iter().position(|place| place.from == Some(from));
         let others = || {
             let places = self.places.iter().enumerate();
-            let not_controllers =
-                places.filter(|(_, place)| place.from.is_none() || place.from != controller);
-            not_controllers.min_by_key(|(_, place)| place.last_use).map(|(index, _)| index)
+            let not_kept = places.filter(|(_, place)| place.from.is_none() || place.from != kept);
+            not_kept.min_by_key(|(_, place)| place.last_use).map(|(index, _)| index)
         };
         let Some(place) = own.or_else(others).and_then(|index| self.places.get_mut(index)) else {
             return Received::Refused;
