@@ -6,6 +6,7 @@ usage: scapy_neighbour.py INTERFACE STATION ADDRESS
 import sys
 import threading
 
+from scapy.arch import get_if_hwaddr
 from scapy.config import conf
 from scapy.contrib import lldp
 from scapy.layers.l2 import Ether
@@ -13,6 +14,7 @@ from scapy.packet import Raw
 from scapy.sendrecv import AsyncSniffer, sendp, sniff
 
 interface, station, address = sys.argv[1:]
+mac = get_if_hwaddr(interface)
 conf.contribs["LLDP"].strict_mode_enable()
 ALIAS = b"port-003.scapy-plc"
 
@@ -36,7 +38,7 @@ def alias_answered():
     seen = AsyncSniffer(iface=interface, filter="ether proto 0x8892 and inbound", started_callback=started.set)
     seen.start()
     started.wait(5)
-    sendp(Ether(dst="01:0e:cf:00:00:00", type=0x8892) / Raw(pdu.ljust(46, b"\0")), iface=interface, verbose=False)
+    sendp(Ether(src=mac, dst="01:0e:cf:00:00:00", type=0x8892) / Raw(pdu.ljust(46, b"\0")), iface=interface, verbose=False)
     seen.join(timeout=2)
     answers = [bytes(frame) for frame in seen.stop() or []]
     return any(frame[14:18] == b"\xfe\xff\x05\x01" and ALIAS in frame for frame in answers)
@@ -62,7 +64,7 @@ print("the announcement is read in strict mode", flush=True)
 
 assert not alias_answered(), "the station answers by a neighbour that it has not got"
 ours = (
-    Ether(dst="01:80:c2:00:00:0e", type=0x88CC)
+    Ether(src=mac, dst="01:80:c2:00:00:0e", type=0x88CC)
     / lldp.LLDPDUChassisID(subtype=7, id=b"scapy-plc")
     / lldp.LLDPDUPortID(subtype=7, id=b"port-003")
     / lldp.LLDPDUTimeToLive(ttl=20)
