@@ -248,3 +248,6 @@ impl Node {
 pub fn square(vector: Vector<f64>) -> f64 {
     dot(vector, vector)
 }
+
+#[cfg(test)]
+mod tests;
