@@ -13,6 +13,6 @@ ends peer 60
 says peer 'the announcement is read in strict mode'
 says peer "the station is found by its neighbour's port"
 says peer 'the neighbour has gone'
-pkill -INT -P "$robot_node"
+pkill -INT -P "${robot_node:?}"
 ends robot_node
 recorded

@@ -29,6 +29,12 @@ fn seeds() -> Vec<(Port, Vec<u8>)> {
         frame[6..12].copy_from_slice(&CONTROLLER_MAC.0);
         seeds.push((Port::Ethernet, frame));
     }
+    // The announcement of a neighbour.
+    let mut rig = Rig::new();
+    rig.advance(Duration::ZERO);
+    let (_, mut frame) = rig.announced.remove(0);
+    frame[6..12].copy_from_slice(&CONTROLLER_MAC.0);
+    seeds.push((Port::Ethernet, frame));
     seeds
 }
 
