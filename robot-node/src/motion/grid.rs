@@ -130,8 +130,9 @@ impl Grid {
             Some(last) => {
                 self.ends.try_push(*last).ok()?;
                 let highest = first.highest.min(last.highest);
+                let programmed = first.programmed.min(last.programmed);
                 *last = first;
-                last.highest = highest;
+                (last.highest, last.programmed) = (highest, programmed);
             }
             None => self.rough.push(first),
         }

@@ -167,6 +167,7 @@ impl Interpolator {
         let (place, left, joints) = self.next_place();
         self.go_if_allowed(joints)?;
         let suppressed = self.path.go_to(place);
+        self.path.refine(self.cycle_s);
         Ok(Step { suppressed, ended: self.path.is_finished().then_some(left) })
     }
 

@@ -18,6 +18,8 @@ pub(super) struct Knot {
     pub(super) way: f64,
     /// The square of the highest speed, as programmed and as joints and tool allow.
     pub(super) highest: f64,
+    /// The square of the highest speed that is programmed.
+    pub(super) programmed: f64,
     /// Share of the acceleration and of the jerk that may be used.
     pub(super) tightness: [f64; 2],
     pub(super) slopes: Slopes,
@@ -57,19 +59,18 @@ impl Knot {
     /// `unit` is the number of the node's units per unit of the stretch.
     pub(super) fn new(node: &Node, rates: &Rates, way: f64, unit: f64) -> Self {
         let speed = node.programmed / unit;
-        let highest = (speed * speed).min(node.highest / (unit * unit));
-        Self::with(Slopes::of(node, unit), highest, way, *rates)
+        Self::with(Slopes::of(node, unit), [speed * speed, node.highest / (unit * unit)], way, *rates)
     }
 
     /// Between two nodes, at a share of the way from the first to the second.
     pub(super) fn between(one: &Node, other: &Node, share: f64, rates: &Rates, way: f64, unit: f64) -> Self {
         let mix = |one: f64, other: f64| one + share * (other - one);
         let speed = mix(one.programmed, other.programmed) / unit;
-        let highest = (speed * speed).min(mix(one.highest, other.highest) / (unit * unit));
-        Self::with(Slopes::between(one, other, share, unit), highest, way, *rates)
+        let highest = mix(one.highest, other.highest) / (unit * unit);
+        Self::with(Slopes::between(one, other, share, unit), [speed * speed, highest], way, *rates)
     }
 
-    fn with(slopes: Slopes, highest: f64, way: f64, rates: Rates) -> Self {
+    fn with(slopes: Slopes, [programmed, allowed]: [f64; 2], way: f64, rates: Rates) -> Self {
         let most = |of_joints: &Joints, of_tool: &Vector<f64>| {
             let of_joints = zip(of_joints, &rates.ramps.ramp_s).map(|(value, ramp)| value.abs() * ramp);
             of_joints.fold(square(*of_tool).sqrt() * rates.ramps.tool_ramp_s, f64::max)
@@ -77,7 +78,8 @@ impl Knot {
         let Slopes { bend, twist, tool, .. } = &slopes;
         let most_turning = [most(bend, &tool[1]), most(twist, &tool[2])];
         let flatness = slopes.slope.map(|slope| 1.0 / slope);
-        Self { way, highest, tightness: [1.0; 2], slopes, rates, flatness, most_turning }
+        let highest = programmed.min(allowed);
+        Self { way, highest, programmed, tightness: [1.0; 2], slopes, rates, flatness, most_turning }
     }
 
     /// A place between this one and another one of the same part, at a share of the way to it.
@@ -89,6 +91,7 @@ impl Knot {
             way: self.way + share * length,
             // At the border to a slower part only the other value is that of this part.
             highest: self.highest.max(other.highest),
+            programmed: self.programmed.max(other.programmed),
             tightness: [1.0; 2],
             slopes,
             rates: self.rates,
@@ -165,7 +168,7 @@ impl Knot {
 
 /// Returns the largest x ≥ 0 with square·x² + 2·along·x + rest ≤ 0, or the nearest to that; infinite where nothing
 /// limits it.
-fn largest(square: f64, along: f64, rest: f64) -> f64 {
+pub(super) fn largest(square: f64, along: f64, rest: f64) -> f64 {
     if square == 0.0 {
         return f64::INFINITY;
     }

@@ -13,6 +13,7 @@ use super::law::Law;
 use super::node::Pace;
 use super::nodes::Room;
 use super::piece::{Piece, Spot};
+use super::refinement::Refinement;
 use super::segment::Segment;
 use super::time_scale::TimeScale;
 use crate::arm::{Arm, Joints, Violation};
@@ -58,6 +59,7 @@ pub struct Path {
     pub(super) pieces: VecDeque<Piece>,
     /// Memory for planning the law of one stretch; taken out meanwhile.
     pub(super) law: Option<Box<Law>>,
+    pub(super) refinement: Refinement,
     /// Seconds since the start of the first piece.
     pub(super) time: f64,
     /// The place of the arm.
@@ -77,16 +79,17 @@ pub struct Path {
 }
 
 impl Clone for Path {
-    /// A copy has no room of its own: it allocates what it needs.
+    /// A copy has no room of its own: it allocates what it needs. It drives on with the law that there is.
     fn clone(&self) -> Self {
         let Self { cycle_s, time, spot, braking, factor, scale, start, end, left_behind, .. } = *self;
         let (queue, pieces) = (self.queue.clone(), self.pieces.clone());
-        let (law, _room) = (None, Room::none());
+        let (law, refinement, _room) = (None, Refinement::none(), Room::none());
         Self {
             cycle_s,
             queue,
             pieces,
             law,
+            refinement,
             time,
             spot,
             braking,
@@ -109,6 +112,7 @@ impl Path {
             queue: VecDeque::with_capacity(CAPACITY),
             pieces: VecDeque::with_capacity(CELLS),
             law: Some(Box::default()),
+            refinement: Refinement::new(),
             time: 0.0,
             spot: Spot { motion: 0, in_blend: false, way: 0.0 },
             braking: (0, 0.0),
@@ -125,6 +129,7 @@ impl Path {
     pub fn clear(&mut self, joints: Joints) {
         self.queue.clear();
         self.pieces.clear();
+        self.refinement.clear();
         (self.time, self.left_behind) = (0.0, 0);
         self.spot = Spot { motion: 0, in_blend: false, way: 0.0 };
         self.scale = TimeScale::steady(self.factor);
@@ -252,7 +257,9 @@ impl Path {
     /// Goes to a place that [`ahead`](Self::ahead) gave. Returns the number, counted from 0, of the motion that
     /// thereby has reached its decision point without a successor: its blend is suppressed.
     pub fn go_to(&mut self, place: Place) -> Option<u32> {
-        self.pieces.drain(..place.cell.min(self.pieces.len()));
+        let left = place.cell.min(self.pieces.len());
+        self.pieces.drain(..left);
+        self.refinement.leave(left);
         self.time = place.time;
         self.scale.advance(place.seconds);
         if place.settled {

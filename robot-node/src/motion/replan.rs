@@ -73,6 +73,7 @@ impl Path {
                     self.spot = begin.spot;
                 }
                 self.pieces.truncate(begin.pieces);
+                self.refinement.keep(begin.pieces);
             }
             if found.is_some() {
                 let room = CELLS - self.pieces.len();
@@ -146,7 +147,7 @@ impl Path {
         (0..piece).rev().find(|before| self.pieces.get(*before).is_some_and(Piece::falls))
     }
 
-    fn find_braking(&mut self) {
+    pub(super) fn find_braking(&mut self) {
         self.braking = (0, f64::INFINITY);
         for piece in self.pieces.iter().rev() {
             match piece.cell.brakes_from() {
@@ -162,7 +163,7 @@ impl Path {
 }
 
 /// Returns the parts from a spot to the next rest, and the spot behind that rest if the path continues.
-fn parts(
+pub(super) fn parts(
     queue: &VecDeque<Planned>,
     left_behind: u32,
     from: Spot,
@@ -212,7 +213,7 @@ struct Begin {
 }
 
 /// The pieces of a law that was found for these parts.
-fn pieces<'l>(law: &'l Law, parts: &'l [Part<'_>]) -> impl Iterator<Item = Piece> + 'l {
+pub(super) fn pieces<'l>(law: &'l Law, parts: &'l [Part<'_>]) -> impl Iterator<Item = Piece> + 'l {
     parts.iter().zip(law.begins()).enumerate().flat_map(move |(index, (part, begin))| {
         let end = law.begins().get(index + 1).copied().unwrap_or(law.cells());
         let mut own = part.from;

@@ -147,7 +147,7 @@ impl Row {
         ("LIN", Self::Single(MotionKind::LinCartesian, 1.0), [1.035, 1.035]),
         ("LIN, at most 60 mm", Self::Single(MotionKind::LinCartesian, 0.15), [1.03, 1.03]),
         ("CIRC", Self::Single(MotionKind::Circular, 1.0), [1.04, 1.05]),
-        ("SPLINE of four", Self::Spline, [1.12, 1.17]),
+        ("SPLINE of four", Self::Spline, [1.035, 1.05]),
         ("eight with corners", Self::Corners { same_speed: true }, [1.04, 1.05]),
         ("eight, other speeds", Self::Corners { same_speed: false }, [1.04, 1.05]),
     ];

@@ -19,12 +19,16 @@
 
 use arrayvec::ArrayVec;
 
+mod newton;
+mod refine;
 mod tighten;
 
 use super::cell::Cell;
 use super::grid::{Grid, KNOTS, Part};
 use super::knot::Knot;
 use super::node::Pace;
+
+pub(super) use refine::{MOST_STEPS, Progress};
 
 /// By how much a law may exceed the limits that it is planned with, as a share: hardly, and a little where the arm
 /// already moves. The reserve covers both.
@@ -63,12 +67,21 @@ pub(super) struct Law {
     /// What the rounding of the top adds to the values, and the corners of the hull.
     added: List,
     hull: ArrayVec<u16, KNOTS>,
+    refinement: refine::Refinement,
+    /// What a step of Newton's method solves: its matrix, and then the change of the values.
+    rows: ArrayVec<[f64; 3], KNOTS>,
+    change: List,
 }
 
 impl Law {
     /// Finds the fastest law for these parts, from a pace at the start to rest at the end; none where the arm cannot go
     /// on from that pace.
     pub(super) fn find(&mut self, parts: &[Part<'_>], start: Pace) -> Option<()> {
+        self.find_roughly(parts, start)?.then_some(())
+    }
+
+    /// The same, and whether the law keeps its limits.
+    fn find_roughly(&mut self, parts: &[Part<'_>], start: Pace) -> Option<bool> {
         self.grid.fill(parts, &start)?;
         self.start = start;
         self.place();
@@ -88,7 +101,7 @@ impl Law {
             }
             let (most, ratio) = self.tighten(1.0 + 0.5 * round as f64);
             if most <= 1.0 + EXACT || (round > 1 && most <= 1.0 + allowed) {
-                return Some(());
+                return Some(true);
             }
             if start.is_rest() && ratio < least {
                 least = ratio;
@@ -97,12 +110,12 @@ impl Law {
         }
         // From rest the whole law may be slowed down.
         if !start.is_rest() || !least.is_finite() {
-            return None;
+            return Some(false);
         }
         self.values.clear();
         self.values.extend(self.best.iter().map(|value| value / (least * least)));
         self.find_paces();
-        Some(())
+        Some(true)
     }
 
     /// Places the values in the middles of the cells; beside a rest nearer to the rest.

@@ -1,0 +1,261 @@
+//! One step of Newton's method towards the least time, with a barrier before each limit.
+//!
+//! All values of the polygon change at once. What is sought is the least time, less the logarithms of what is left of each limit
+//! at the knots and in the middles of the cells. Speed and acceleration are linear in the values; a jerk is taken as linear
+//! for one step. Each cell depends on three values, so the matrix has two bands beside its diagonal.
+
+use super::super::knot::largest;
+use super::super::load::Ramps;
+use super::super::slopes::Slopes;
+use super::Law;
+use crate::arm::{AXES, dot};
+
+/// What is left of a limit counts as this share of it at least.
+pub(super) const LEAST_LEFT: f64 = 2e-3;
+
+/// Largest share of what is left of a limit that one step uses.
+const USED: f64 = 0.9;
+
+/// Largest share of its value by which one step lowers it.
+const LOWERED: f64 = 0.5;
+
+type Vector = [f64; 3];
+
+/// The square of the speed, the acceleration and its growth with the way, by the value before a cell, in it and behind it.
+type Map = [Vector; 3];
+
+/// A load, and how it changes with the three figures of a [`Map`].
+type Load = (f64, Vector);
+
+/// The barrier before the limits at a place: its slope by the three figures of a [`Map`], and how it bends. Of the matrix
+/// only what is not above the diagonal counts.
+#[derive(Default)]
+struct Barrier {
+    slope: Vector,
+    bend: [Vector; 3],
+}
+
+impl Barrier {
+    /// Adds the limit that the squares of some loads together come to at most `whole`.
+    fn add(&mut self, loads: &[Load], whole: f64) {
+        let used: f64 = loads.iter().map(|(load, _)| load * load).sum();
+        let left = whole - used;
+        let weight = 2.0 / left.max(LEAST_LEFT);
+        // A limit that is exceeded is to be kept after one step, not to give way by what is left of it.
+        let softness = if left < LEAST_LEFT { LEAST_LEFT / (2.0 * LEAST_LEFT - left) } else { 1.0 };
+        let mut slope = [0.0; 3];
+        for (load, by) in loads {
+            let (first, second) = (weight * load, by.map(|factor| weight * factor));
+            for i in 0..3 {
+                slope[i] += first * by[i];
+                for (bend, factor) in self.bend[i].iter_mut().zip(by).take(i + 1) {
+                    *bend += second[i] * factor;
+                }
+            }
+        }
+        for i in 0..3 {
+            self.slope[i] += slope[i];
+            for j in 0..=i {
+                self.bend[i][j] += softness * slope[i] * slope[j];
+            }
+        }
+    }
+
+    fn row(&self, i: usize) -> Vector {
+        core::array::from_fn(|j| if j <= i { self.bend[i][j] } else { self.bend[j][i] })
+    }
+}
+
+/// Returns the loads of a joint or of a coordinate of the tool: acceleration and jerk.
+#[inline]
+fn loads([slope, bend, twist]: Vector, pace: Vector, [fast, half]: [f64; 2]) -> [Load; 2] {
+    let [square, acceleration, growth] = pace;
+    let jerk = slope * growth + 3.0 * bend * acceleration + twist * square;
+    [
+        (slope * acceleration + bend * square, [bend, slope, 0.0]),
+        (jerk * fast, [twist * fast + jerk * half, 3.0 * bend * fast, slope * fast]),
+    ]
+}
+
+/// A place of a cell with the shares of its limits that may be used.
+struct Site<'a> {
+    map: Map,
+    slopes: &'a Slopes,
+    tightness: [f64; 2],
+    ramps: &'a Ramps,
+}
+
+impl Site<'_> {
+    /// The figures of the [`Map`] for these values.
+    fn figures(&self, values: Vector) -> Vector {
+        self.map.map(|row| dot(row, values))
+    }
+
+    /// Calls `each` with the loads of each limit at these values, and with what their squares come to at most.
+    #[inline]
+    fn each_limit(&self, values: Vector, mut each: impl FnMut(&[Load], f64)) {
+        let pace = self.figures(values);
+        let speed = pace[0].max(f64::MIN_POSITIVE).sqrt();
+        let speeds = |ramp_s: f64| [speed * ramp_s, 0.5 * ramp_s / speed];
+        let (slows, Ramps { ramp_s, tool_ramp_s, .. }) = (pace[1] < 0.0, self.ramps);
+        let [accelerated, jerked] = self.tightness.map(|share| share * share);
+        let slowed = if slows { self.ramps.deceleration } else { 1.0 };
+        let Slopes { slope, bend, twist, tool: [along, across, around] } = self.slopes;
+        for axis in 0..AXES {
+            let [one, other] = loads([slope[axis], bend[axis], twist[axis]], pace, speeds(ramp_s[axis]));
+            each(&[one], accelerated * slowed * slowed);
+            each(&[other], jerked);
+        }
+        let slowed = if slows { self.ramps.tool_deceleration } else { 1.0 };
+        let fast = speeds(*tool_ramp_s);
+        let tool: [_; 3] = core::array::from_fn(|i| loads([along[i], across[i], around[i]], pace, fast));
+        each(&tool.map(|[one, _]| one), accelerated * slowed * slowed);
+        each(&tool.map(|[_, other]| other), jerked);
+    }
+}
+
+impl Law {
+    /// Changes the values of the cells from `first`, which is 2 at least, up to the last but two: one step towards the least
+    /// time, where a second counts `weight`.
+    pub(super) fn step(&mut self, first: usize, weight: f64) {
+        let (cells, end) = (self.cells(), self.cells() - 2);
+        self.rows.clear();
+        self.rows.extend((0..cells).map(|_| [0.0; 3]));
+        self.change.clear();
+        self.change.extend((0..cells).map(|_| 0.0));
+        for cell in first..end {
+            let value = self.values[cell];
+            let (rest, length) = (1.0 / self.left_of_speed(cell), weight * self.length(cell));
+            let slope = 0.5 * length / (value * value.sqrt());
+            self.change[cell] = slope - rest;
+            self.rows[cell][0] = 1.5 * slope / value + rest * rest;
+        }
+        (first - 1..=end).for_each(|cell| self.add_barriers(cell));
+        self.solve(first, end);
+        let share = self.share(first, end);
+        for cell in first..end {
+            self.values[cell] += share * self.change[cell];
+        }
+    }
+
+    /// What is left to the highest square of the speed in a cell: more than nothing, as no step uses it all.
+    fn left_of_speed(&self, cell: usize) -> f64 {
+        (self.tops[cell] - self.values[cell]).max(f64::EPSILON * self.values[cell])
+    }
+
+    /// The start, the middle and the end of a cell.
+    fn sites(&self, cell: usize) -> [Site<'_>; 3] {
+        let ahead = |knot: usize| {
+            let step = self.steps[knot - 1];
+            (step, 2.0 * step * (self.grid.knots[knot].way - self.places[knot - 1]))
+        };
+        let (length, (from, begin), (to, finish)) = (self.length(cell), ahead(cell), ahead(cell + 1));
+        let (first, last) = ([-from, from, 0.0], [0.0, -to, to]);
+        let growth: Vector = core::array::from_fn(|i| (last[i] - first[i]) / length);
+        let (start, end) = ([1.0 - begin, begin, 0.0], [0.0, 1.0 - finish, finish]);
+        let between = |i: usize| (start[i] + end[i]) / 2.0 - growth[i] * length * length / 4.0;
+        let middle = [core::array::from_fn(between), core::array::from_fn(|i| (first[i] + last[i]) / 2.0)];
+        let (one, other) = (&self.grid.knots[cell], self.end_of(cell));
+        let both = core::array::from_fn(|i| one.tightness[i].min(other.tightness[i]));
+        let ramps = &one.rates.ramps;
+        [
+            Site { map: [start, first, growth], slopes: &one.slopes, tightness: one.tightness, ramps },
+            Site {
+                map: [middle[0], middle[1], growth],
+                slopes: &self.grid.middles[cell],
+                tightness: both,
+                ramps,
+            },
+            Site { map: [end, last, growth], slopes: &other.slopes, tightness: other.tightness, ramps },
+        ]
+    }
+
+    fn add_barriers(&mut self, cell: usize) {
+        let values = around(&self.values, cell);
+        let (mut slope, mut bend) = ([0.0; 3], [[0.0; 3]; 3]);
+        for site in self.sites(cell) {
+            let mut barrier = Barrier::default();
+            site.each_limit(values, |loads, whole| barrier.add(loads, whole));
+            let rows = [0, 1, 2].map(|i| barrier.row(i));
+            let columns: [Vector; 3] = core::array::from_fn(|i| site.map.map(|row| row[i]));
+            for i in 0..3 {
+                slope[i] += dot(columns[i], barrier.slope);
+                let across = rows.map(|row| dot(row, columns[i]));
+                for j in i..3 {
+                    bend[i][j - i] += dot(across, columns[j]);
+                }
+            }
+        }
+        for i in 0..3 {
+            self.change[cell - 1 + i] -= slope[i];
+            for (sum, bend) in self.rows[cell - 1 + i].iter_mut().zip(bend[i]) {
+                *sum += bend;
+            }
+        }
+    }
+
+    /// Solves for the change of the values from `first` up to before `end`. The others stay.
+    fn solve(&mut self, first: usize, end: usize) {
+        let Self { rows, change, .. } = self;
+        change[..first].fill(0.0);
+        change[end..].fill(0.0);
+        for row in first..end {
+            let [diagonal, next, next_but_one] = rows[row];
+            for (distance, factor) in [(1, next / diagonal), (2, next_but_one / diagonal)] {
+                if row + distance < end {
+                    rows[row + distance][0] -= factor * rows[row][distance];
+                    if distance == 1 {
+                        rows[row + 1][1] -= factor * next_but_one;
+                    }
+                    change[row + distance] -= factor * change[row];
+                }
+            }
+        }
+        for row in (first..end).rev() {
+            let [diagonal, bands @ ..] = rows[row];
+            for (distance, band) in (1..).zip(bands) {
+                if row + distance < end {
+                    change[row] -= band * change[row + distance];
+                }
+            }
+            change[row] /= diagonal;
+        }
+    }
+
+    /// Returns the share of the change up to which all limits are kept.
+    fn share(&self, first: usize, end: usize) -> f64 {
+        let mut share = 1.0_f64;
+        for cell in first..end {
+            let (value, change) = (self.values[cell], self.change[cell]);
+            let most = USED * self.left_of_speed(cell);
+            if change > most {
+                share = share.min(most / change);
+            } else if change < -LOWERED * value {
+                share = share.min(-LOWERED * value / change);
+            }
+        }
+        for cell in first - 1..=end {
+            let (values, change) = (around(&self.values, cell), around(&self.change, cell));
+            for site in self.sites(cell) {
+                let change = site.figures(change);
+                site.each_limit(values, |loads, whole| {
+                    let (mut used, mut along, mut square) = (0.0, 0.0, 0.0);
+                    for (load, by) in loads {
+                        let by = dot(*by, change);
+                        (used, along, square) = (used + load * load, along + load * by, square + by * by);
+                    }
+                    let left = USED * (whole - used).max(LEAST_LEFT);
+                    if square + 2.0 * along > left {
+                        share = share.min(largest(square, along, -left));
+                    }
+                });
+            }
+        }
+        share
+    }
+}
+
+/// The figures of a cell and of those beside it.
+fn around(list: &[f64], cell: usize) -> Vector {
+    core::array::from_fn(|i| list[cell - 1 + i])
+}

@@ -1,0 +1,111 @@
+//! Makes a law faster where its passes leave room, in steps of which some fit into each robot cycle.
+//!
+//! The passes find the speed of one place after another, with an acceleration of 0 as the least that each place allows. So
+//! they never use that a joint which turns ever faster along a bend may keep its limit because the arm slows down. On
+//! splines this can cost a fifth of the time. Steps of [Newton's method](super::newton) find what is left.
+
+use super::super::grid::Part;
+use super::super::node::Pace;
+use super::newton::LEAST_LEFT;
+use super::{EXACT, Law, SLACK};
+
+/// The first cell whose value changes. Those before follow from the pace at the start.
+const FIRST: usize = 2;
+
+/// Number of steps, of more for each repair, and of repairs.
+const STEPS: usize = 8;
+const REPAIR_STEPS: usize = 2;
+const REPAIRS: usize = 2;
+
+/// Largest number of steps that a refinement takes.
+pub(crate) const MOST_STEPS: usize = STEPS + REPAIRS * REPAIR_STEPS;
+
+/// What the time of the whole law counts in the first step, for each cell; and by how much more in each next step.
+const WEIGHT: f64 = 60.0;
+const SHARPER: f64 = 1.7;
+
+/// What it counts after the steps, if the law exceeds limits between the places that the steps look at.
+const BLUNTER: f64 = 0.1;
+
+/// Least share of the time by which a refined law is to be faster.
+const LEAST_GAIN: f64 = 1e-3;
+
+/// How far the refinement of a law is.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Refinement {
+    steps: usize,
+    weight: f64,
+    /// The duration that it is to fall below, in s.
+    duration: f64,
+}
+
+/// What has come of a step.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Progress {
+    /// More steps follow.
+    Unfinished,
+    /// The law is faster, and keeps its limits.
+    Faster,
+    /// There is nothing to gain.
+    Useless,
+}
+
+impl Law {
+    /// Begins to refine a law for these parts from this pace on, which is to become faster than one of this duration, in s.
+    /// None where the arm cannot go on from that pace, or where there are hardly any cells.
+    pub(in super::super) fn begin_to_refine(
+        &mut self,
+        parts: &[Part<'_>],
+        start: Pace,
+        duration: f64,
+    ) -> Option<()> {
+        // What it exceeds is repaired by the steps.
+        self.find_roughly(parts, start)?;
+        if self.cells() < FIRST + 3 {
+            return None;
+        }
+        for cell in 0..self.cells() {
+            // Where a slower part follows, its speed holds at the border.
+            let knots = [&self.grid.knots[cell], &self.grid.knots[cell + 1], self.end_of(cell)];
+            let tops = knots.map(|knot| knot.programmed.min(knot.rates.highest(&knot.slopes)));
+            self.tops[cell] = tops.into_iter().fold(self.tops[cell], f64::min);
+        }
+        for knot in self.grid.knots.iter_mut().chain(&mut self.grid.ends) {
+            knot.tightness = [1.0; 2];
+        }
+        // No step exceeds a speed; it begins a little below.
+        for cell in FIRST..self.cells() - 2 {
+            self.values[cell] = self.values[cell].min((1.0 - LEAST_LEFT) * self.tops[cell]);
+        }
+        let weight = WEIGHT * self.cells() as f64 / self.duration();
+        self.refinement = Refinement { steps: 0, weight, duration };
+        Some(())
+    }
+
+    /// Takes one step.
+    pub(in super::super) fn refine(&mut self) -> Progress {
+        let Refinement { weight, duration, .. } = self.refinement;
+        self.step(FIRST, weight);
+        self.refinement.steps += 1;
+        let steps = self.refinement.steps;
+        if steps < STEPS {
+            self.refinement.weight *= SHARPER;
+            return Progress::Unfinished;
+        }
+        if !(steps - STEPS).is_multiple_of(REPAIR_STEPS) {
+            return Progress::Unfinished;
+        }
+        self.find_paces();
+        let allowed = if self.start.is_rest() { EXACT } else { SLACK };
+        let (most, _) = self.tighten(1.0);
+        if most > 1.0 + allowed {
+            self.refinement.weight *= BLUNTER;
+            return if steps < MOST_STEPS { Progress::Unfinished } else { Progress::Useless };
+        }
+        if self.duration() < (1.0 - LEAST_GAIN) * duration { Progress::Faster } else { Progress::Useless }
+    }
+
+    fn duration(&self) -> f64 {
+        (0..self.cells()).map(|cell| self.cell(cell).duration).sum()
+    }
+}
