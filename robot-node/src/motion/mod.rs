@@ -19,6 +19,7 @@ mod node;
 mod override_ramp;
 mod path;
 mod piece;
+mod refine;
 mod refinement;
 mod replan;
 mod settle;
