@@ -13,7 +13,7 @@ use machine::ethernet::{EthernetHeader, Mac};
 use machine::search::{Answers, MOST_DEVICES, SearchCounters, SearchEnded};
 use machine::{Duration, Instant, LinkEvent, Machine, Port, Source, Transmit};
 use profinet::dcp::{self, Block, Content, Pdu, Service};
-use profinet::{Device, DeviceConfig, ETHER_TYPE};
+use profinet::{Device, DeviceConfig, ETHER_TYPE, lldp};
 use proptest::prelude::*;
 use protocol::search::Search;
 use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT};
@@ -144,7 +144,8 @@ impl Segment {
                 }
                 _ => ETHERNET,
             };
-            if port == Port::Ethernet {
+            // A station also announces itself to its neighbours.
+            if port == Port::Ethernet && !buf[..len].starts_with(&lldp::MULTICAST.0) {
                 self.answered.push(now);
             }
             self.in_flight.push((now + CABLE, None, from, buf[..len].to_vec()));
