@@ -185,8 +185,8 @@ impl Segment {
         let way = (speed * cycle_s).min(self.curve.length()).min(next.curve.length());
         let cubed = cycle_s * cycle_s * cycle_s;
         first.beyond(second, way, arm, &self.end).is_ok_and(|[straight, on]| {
-            let limits = straight.iter().zip(&on).zip(&arm.limits().jerk);
-            limits.into_iter().all(|((straight, on), jerk)| (straight - on).abs() <= UNNOTICED * jerk * cubed)
+            let mut joints = straight.iter().zip(&on).zip(&arm.limits().jerk);
+            joints.all(|((straight, on), jerk)| (straight - on).abs() <= UNNOTICED * jerk * cubed)
         })
     }
 

@@ -26,7 +26,7 @@ use machine::ethernet::EthernetHeader;
 use machine::{Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit};
 
 use super::dcp::{self, IpSuite, Pdu};
-use super::lldp::{self, Neighbour};
+use super::lldp::Neighbour;
 use super::requests::Requests;
 use super::rpc::{
     CONTROLLER_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Endpoint, Header, Kind, Received, RequestArgs, flags,
@@ -131,7 +131,10 @@ impl Controller {
         };
         let for_us = header.destination == self.config.mac || header.destination.is_group();
         if header.ether_type != ETHER_TYPE || !for_us {
-            return self.handle_other(now, &header, payload);
+            if let Err(refusal) = self.station.handle_other(now, &header, payload) {
+                refusal.count(&mut self.counters);
+            }
+            return;
         }
         let Some(frame_id) = payload.first_chunk().copied().map(u16::from_be_bytes) else {
             self.counters.malformed += 1;
@@ -147,24 +150,6 @@ impl Controller {
         }
     }
 
-    /// Handles a frame that is not one of PROFINET for this station: an LLDPDU, or it is foreign.
-    fn handle_other(&mut self, now: Instant, header: &EthernetHeader, payload: &[u8]) {
-        let handled = match header.ether_type {
-            lldp::ETHER_TYPE => self.station.handle_lldp(now, header, payload),
-            _ => Err(station::Refusal::Foreign),
-        };
-        if let Err(refusal) = handled {
-            self.count(refusal);
-        }
-    }
-
-    const fn count(&mut self, refusal: station::Refusal) {
-        match refusal {
-            station::Refusal::Malformed => self.counters.malformed += 1,
-            station::Refusal::Foreign => self.counters.foreign += 1,
-        }
-    }
-
     fn handle_dcp(&mut self, now: Instant, header: &EthernetHeader, payload: &[u8]) {
         match Pdu::parse(payload) {
             // Others look for this station, as an engineering system does.
@@ -172,7 +157,7 @@ impl Controller {
                 self.has_answers = true;
                 let permission = station::SetPermission::Allowed;
                 if let Err(refusal) = self.station.handle_frame(now, header, payload, permission) {
-                    self.count(refusal);
+                    refusal.count(&mut self.counters);
                 }
             }
             Ok(pdu) => {

@@ -19,7 +19,6 @@ mod alarms;
 mod answers;
 mod dispatch;
 mod mapper;
-mod neighbour;
 mod owner;
 mod process_data;
 mod records;
@@ -163,7 +162,10 @@ impl Core {
         };
         let is_ours = header.destination == self.mac || header.destination == dcp::IDENTIFY_MULTICAST;
         if header.ether_type != ETHER_TYPE || !is_ours {
-            return self.handle_other(now, &header, payload);
+            if let Err(refusal) = self.station.handle_other(now, &header, payload) {
+                refusal.count(&mut self.counters);
+            }
+            return;
         }
         let Some(frame_id) = payload.first_chunk().map(|id| u16::from_be_bytes(*id)) else {
             self.counters.malformed += 1;
@@ -173,7 +175,7 @@ impl Core {
             self.acyclic = true;
             match self.station.handle_frame(now, &header, payload, self.set_permission(header.source)) {
                 Ok(effect) => self.report_effect(now, header.source, effect),
-                Err(refusal) => self.count(refusal),
+                Err(refusal) => refusal.count(&mut self.counters),
             }
             return;
         }

@@ -3,7 +3,7 @@
 use machine::{Counters, Instant, LinkEvent};
 
 use super::super::dcp::IpSuite;
-use super::super::lldp::Neighbour;
+use super::super::lldp::{Naming, Neighbour};
 use super::super::provided::DataError;
 use super::super::record::Maintenance;
 use super::super::station::OwnerStep;
@@ -89,6 +89,12 @@ impl Device {
 }
 
 impl Core {
+    /// Sets how the station is named to its neighbour.
+    pub(super) fn set_naming(&mut self, now: Instant, naming: Naming) {
+        self.station.set_naming(now, naming);
+        self.acyclic = true;
+    }
+
     /// Reports as an event that the owner has to store something, unless that event is waiting.
     pub(super) fn ask_to_store(&mut self) {
         if !self.events.contains(&LinkEvent::Store) {

@@ -16,8 +16,8 @@ use crate::description::Description;
 use crate::lldp::{self, Agent, Local, Naming, Neighbour};
 use crate::record::Maintenance;
 use crate::rpc::INSTANCE;
-use machine::Instant;
 use machine::ethernet::{EthernetHeader, Mac};
+use machine::{Counters, Instant};
 use reply::{Reply, Results};
 use set::PendingSet;
 
@@ -96,13 +96,23 @@ impl Stored {
     }
 }
 
-/// Why a DCP PDU is ignored.
+/// Why a frame is ignored.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Refusal {
     /// It is malformed.
     Malformed,
     /// It is not for this station, or there is no room for the answer.
     Foreign,
+}
+
+impl Refusal {
+    /// Counts the frame among those that a station ignored.
+    pub(super) const fn count(self, counters: &mut Counters) {
+        match self {
+            Self::Malformed => counters.malformed += 1,
+            Self::Foreign => counters.foreign += 1,
+        }
+    }
 }
 
 impl Station {
@@ -192,13 +202,16 @@ impl Station {
         }
     }
 
-    /// Handles an LLDPDU in an Ethernet frame.
-    pub(super) fn handle_lldp(
+    /// Handles an Ethernet frame that is not one of PROFINET for this station: an LLDPDU, or it is foreign.
+    pub(super) fn handle_other(
         &mut self,
         now: Instant,
         header: &EthernetHeader,
         payload: &[u8],
     ) -> Result<(), Refusal> {
+        if header.ether_type != lldp::ETHER_TYPE {
+            return Err(Refusal::Foreign);
+        }
         self.lldp.handle_frame(now, header, payload).map_err(|refusal| match refusal {
             lldp::Refusal::Malformed(_) => Refusal::Malformed,
             lldp::Refusal::Foreign => Refusal::Foreign,

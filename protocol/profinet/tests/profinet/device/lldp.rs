@@ -44,21 +44,6 @@ fn hear(rig: &mut Rig, station: &[u8], ttl: u16) -> Sent {
     rig.receive(Port::Ethernet, &buf[..len])
 }
 
-fn with_name(name: &[u8]) -> Rig {
-    Rig::around(Device::new(
-        DeviceConfig {
-            mac: MAC,
-            station_name: name.to_vec(),
-            permanent: None,
-            address: Some(ADDRESS),
-            mask: MASK,
-            description: samples::DEVICE,
-            controllers: machine::Allowed::default(),
-        },
-        Instant::ZERO,
-    ))
-}
-
 fn write_interface_adjust(rig: &mut Rig) -> Status {
     let Parameter { slot, subslot, index, data } = Parameter::interface_adjust();
     let address = Address { sequence: 0, ar: AR, api: 0, slot, subslot, index };
@@ -95,7 +80,7 @@ fn an_announcement_is_read_by_a_dissector_field_by_field() {
         "lldp.ieee.802_3.pmd_mau_type",
     ];
     let named = last(&mut Rig::new());
-    let unnamed = last(&mut with_name(b""));
+    let unnamed = last(&mut Rig::around(device_named(b"")));
     let mut rig = Rig::connected(RtClass::Class1);
     assert_eq!(write_interface_adjust(&mut rig), Status::OK);
     let of_device = last(&mut rig);

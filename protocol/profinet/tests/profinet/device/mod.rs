@@ -41,10 +41,14 @@ const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 const AR: Uuid = Uuid([0xA7; 16]);
 
 fn device() -> Device {
+    device_named(b"device")
+}
+
+fn device_named(name: &[u8]) -> Device {
     Device::new(
         DeviceConfig {
             mac: MAC,
-            station_name: b"device".to_vec(),
+            station_name: name.to_vec(),
             permanent: None,
             address: Some(ADDRESS),
             mask: MASK,
