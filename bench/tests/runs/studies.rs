@@ -92,14 +92,21 @@ fn the_sensitivity_of_setup_a_agrees_with_the_model() {
 fn a_study_does_not_write_into_a_run() {
     let place = tempfile::tempdir().unwrap();
     std::fs::create_dir(place.path().join("run")).unwrap();
-    std::fs::write(place.path().join("run/samples.csv"), "").unwrap();
-    let finished = study(place.path(), "sensitivity --factors 1 --reps 1 --quiet --out run");
-    assert!(
-        finished.stderr.contains("run holds a run already; choose another directory by --out"),
-        "{}",
-        finished.stderr
-    );
-    assert_ne!(finished.code, Some(0));
+    for file in ["samples.csv", "setup.toml", "application.toml"] {
+        std::fs::write(place.path().join("run").join(file), "of the run").unwrap();
+    }
+    for verb in ["sensitivity --factors 1 --reps 1", "explore --kinds lose"] {
+        let finished = study(place.path(), &format!("{verb} --quiet --out run"));
+        assert!(
+            finished.stderr.contains("run holds a run already; choose another directory by --out"),
+            "{}",
+            finished.stderr
+        );
+        assert_ne!(finished.code, Some(0));
+        for file in std::fs::read_dir(place.path().join("run")).unwrap() {
+            assert_eq!(std::fs::read_to_string(file.unwrap().path()).unwrap(), "of the run");
+        }
+    }
 }
 
 #[test]

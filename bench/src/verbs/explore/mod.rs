@@ -17,7 +17,7 @@ mod journal;
 mod page;
 mod table;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
@@ -137,6 +137,12 @@ struct Exploration<'a> {
     classes: Classes,
 }
 
+/// Makes the directory of an exploration, unless it is a file or holds a run.
+fn make(directory: &Path) -> Result<(), Failure> {
+    directory::make(directory)?;
+    Ok(run_directory::make_for_study(directory)?)
+}
+
 /// Runs all faults, prints how the runs ended and saves it.
 ///
 /// # Errors
@@ -150,13 +156,13 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
     let application = match &options.application {
         Some(application) => application.clone(),
         None => {
-            directory::make(&directory)?;
+            make(&directory)?;
             replace(&short, SHORT, Durability::Written)?;
             short.display().to_string()
         }
     };
     let (setup, found) = options.setup.load_with(Some(&application))?;
-    run_directory::make_for_study(&directory)?;
+    make(&directory)?;
     run_directory::write_setup(&directory, &setup)?;
     journal::claim(&directory, &options.claim(&found.text))?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
@@ -196,7 +202,7 @@ impl Exploration<'_> {
     }
 
     /// Makes the runs that the directory does not have yet. Returns how many there are in all.
-    fn run(&mut self, directory: &std::path::Path, is_interrupted: &AtomicBool) -> anyhow::Result<usize> {
+    fn run(&mut self, directory: &Path, is_interrupted: &AtomicBool) -> anyhow::Result<usize> {
         let jobs = self.jobs();
         let Self { clean_runs, classes, options, .. } = self;
         let mut is_done = vec![false; jobs.len()];
