@@ -8,6 +8,7 @@
 //! results        the results of a measurement, as in results.json; figures derives what tables show of them, statistics has
 //!                the formulas, quality the arm's motion
 //! paper          when the paper's figures stand beside a run; calibrated: the numbers chosen to meet them
+//! plant_speed    how much faster than the plant a virtual run was
 //! distance       how far a run is from the paper, in standard errors; arms: RC's time on the paper's two arms
 //! trace          both nodes tick by tick
 //! ratio          the ratio of two means of a real run, with its confidence interval
@@ -36,6 +37,7 @@ pub mod lateness;
 pub mod listening;
 pub mod mode;
 pub mod paper;
+pub mod plant_speed;
 pub mod quality;
 pub mod ratio;
 pub mod results;

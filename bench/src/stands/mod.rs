@@ -28,6 +28,7 @@ use crate::output::live::Feed;
 use crate::records::attached::Attached;
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::Fault;
+use crate::records::plant_speed::PlantSpeed;
 use crate::records::schedule::Step;
 use crate::records::trace::Trace;
 
@@ -100,6 +101,6 @@ pub struct Finished {
     pub health: Result<Option<Health>, Failure>,
     /// Whether writing the captures succeeded.
     pub capture: anyhow::Result<()>,
-    /// A sentence to print.
-    pub remark: Option<String>,
+    /// How much faster than the plant the run was, if its time was virtual.
+    pub speed: Option<PlantSpeed>,
 }

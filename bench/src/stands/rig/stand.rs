@@ -91,7 +91,7 @@ impl Stand for Rig {
             trace: directory.map(collect).transpose(),
             health: health.map(Some).map_err(Failure::from),
             capture: Ok(()),
-            remark: None,
+            speed: None,
         }
     }
 }

@@ -6,7 +6,6 @@
 //! new_nodes      both nodes, and once more where they are started again
 //! phases         what the seed determines
 //! reaction       a number from the PLC to the robot and back, without program and skill
-//! plant_speed    how much faster than the plant it was
 //! watch          looks at both nodes after each of their ticks, for a trace
 //! ```
 
@@ -14,7 +13,6 @@ mod changes;
 mod new_nodes;
 mod nodes;
 mod phases;
-mod plant_speed;
 mod reaction;
 mod watch;
 
@@ -34,7 +32,6 @@ use robot_node::RobotConfig;
 use setup::Setup;
 
 pub(crate) use nodes::{NeverEnded, Nodes};
-pub use plant_speed::PlantSpeed;
 pub use reaction::reactions;
 
 use nodes::{OtherRobot, SharedCapture, Surroundings};
@@ -43,6 +40,7 @@ use crate::output::exit::{Exit, Failure};
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::{self, Fault};
 use crate::records::mode::Mode;
+use crate::records::plant_speed::PlantSpeed;
 use crate::records::results::{Results, Status};
 use crate::records::schedule::{Schedule, Step};
 use crate::records::trace::{Recording, Trace};
@@ -248,6 +246,19 @@ pub fn whole(setup: &Setup, application: &Application, schedule: &Schedule) -> a
 ///
 /// The nodes do not connect, or a repetition fails.
 pub fn whole_planned(setup: &Setup, planned: PlannedCell, schedule: &Schedule) -> anyhow::Result<Results> {
+    whole_with_plant_time(setup, planned, schedule).map(|(results, _)| results)
+}
+
+/// Executes a whole schedule like [`whole_planned`]; returns also what the plant would have taken for it.
+///
+/// # Errors
+///
+/// The same as for [`whole_planned`].
+pub fn whole_with_plant_time(
+    setup: &Setup,
+    planned: PlannedCell,
+    schedule: &Schedule,
+) -> anyhow::Result<(Results, Duration)> {
     let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, &[])?;
     let mut results = Results::new(setup, &planned.name, Mode::Virtual, schedule);
     let work = Work::of(planned);
@@ -259,7 +270,7 @@ pub fn whole_planned(setup: &Setup, planned: PlannedCell, schedule: &Schedule) -
     }
     results.status = Status::Complete;
     results.set_health(&run.nodes.health());
-    Ok(results)
+    Ok((results, run.plant_time()))
 }
 
 impl Stand for VirtualRun {
@@ -294,7 +305,7 @@ impl Stand for VirtualRun {
             capture: self.end_capture(keeps_capture),
             trace: Ok(Some(self.trace)),
             health: Ok(None),
-            remark: Some(speed.to_string()),
+            speed: Some(speed),
         }
     }
 }

@@ -108,7 +108,11 @@ impl Measurement<'_> {
         };
         let ended = match ended.exit {
             Exit::Pass => {
-                let results = meanwhile.unwrap_or_else(reference_runs).finish(ended.results)?;
+                let (results, reference) = meanwhile.unwrap_or_else(reference_runs).finish(ended.results)?;
+                if let (Some(speed), Some(reference)) = (ended.speed, reference) {
+                    let both = speed.beside(reference);
+                    session.progress.say(&format!("with the run without skill overhead beside it: {both}"));
+                }
                 Ended { results, ..ended }
             }
             // After an interrupt, or if a node needs attention, the user does not want to wait for them.
@@ -202,7 +206,7 @@ impl Measurement<'_> {
             }
             None => {
                 let results = Results { status: Status::Interrupted, ..results };
-                return Ok(Ended { results, exit: Exit::Interrupted, failures: Vec::new() });
+                return Ok(Ended { results, exit: Exit::Interrupted, failures: Vec::new(), speed: None });
             }
         };
         if let Some(refused) = stand.refused() {
@@ -219,11 +223,11 @@ impl Measurement<'_> {
 
     /// Saves the stand's trace and captures, and adds its final conditions to the results.
     fn take_up(&self, ended: Ended, finished: Finished, session: &Session) -> Ended {
-        let Finished { trace, health, capture, remark } = finished;
-        if let Some(remark) = remark {
-            session.progress.say(&remark);
+        let Finished { trace, health, capture, speed } = finished;
+        if let Some(speed) = speed {
+            session.progress.say(&format!("virtual: {speed}"));
         }
-        let mut ended = ended;
+        let mut ended = Ended { speed, ..ended };
         // What a capture lacks is found when it is written to its end.
         let of_rig = health.as_ref().err().map(|failure| &failure.error).filter(|error| is_of_capture(error));
         if let Some(error) = capture.as_ref().err().or(of_rig) {

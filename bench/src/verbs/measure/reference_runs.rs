@@ -1,6 +1,7 @@
 //! Virtual runs that a table and report need besides the measured one. They run on another core.
 
 use std::thread::{self, JoinHandle};
+use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use planning::Application;
@@ -8,8 +9,10 @@ use plc_node::ExecutionType;
 use setup::Setup;
 
 use crate::records::arms::Arms;
+use crate::records::plant_speed::PlantSpeed;
 use crate::records::results::{Results, WithoutOverhead};
 use crate::records::schedule::{SEED, Schedule};
+use crate::stands::planned_cell::PlannedCell;
 use crate::stands::virtual_run;
 
 /// Repetitions of RC on each arm: their times differ by much less than those of the arms.
@@ -18,7 +21,7 @@ const ARMS_REPETITIONS: u32 = 3;
 /// The reference runs of a run; by default none.
 #[derive(Default)]
 pub(super) struct ReferenceRuns {
-    without_overhead: Option<JoinHandle<anyhow::Result<Results>>>,
+    without_overhead: Option<JoinHandle<anyhow::Result<(Results, PlantSpeed)>>>,
     arms: Option<JoinHandle<anyhow::Result<Arms>>>,
 }
 
@@ -34,27 +37,39 @@ impl ReferenceRuns {
         let without_overhead = (setup.robot.skill_overhead_us.value > 0).then(|| {
             let (mut setup, application, schedule) = (setup.clone(), application.clone(), schedule.clone());
             setup.robot.skill_overhead_us.value = 0;
-            thread::spawn(move || virtual_run::whole(&setup, &application, &schedule))
+            thread::spawn(move || without_overhead(&setup, &application, &schedule))
         });
         Self { without_overhead, arms: of_the_paper.then(|| thread::spawn(arms)) }
     }
 
-    /// Waits for them and adds what they found.
+    /// Waits for them and adds what they found; returns also how much faster than the plant the run without overhead was.
     ///
     /// # Errors
     ///
     /// One of them failed.
-    pub(super) fn finish(self, results: Results) -> anyhow::Result<Results> {
-        let without_overhead = self.without_overhead.map(joined).transpose()?;
+    pub(super) fn finish(self, results: Results) -> anyhow::Result<(Results, Option<PlantSpeed>)> {
+        let (without_overhead, speed) = self.without_overhead.map(joined).transpose()?.unzip();
         let arms = self.arms.map(joined).transpose()?;
         let without_skill_overhead: Option<WithoutOverhead> =
-            without_overhead.map(|results| results.as_without_overhead());
-        Ok(Results { without_skill_overhead, arms, ..results })
+            without_overhead.map(|results: Results| results.as_without_overhead());
+        Ok((Results { without_skill_overhead, arms, ..results }, speed))
     }
 }
 
 fn joined<T>(thread: JoinHandle<anyhow::Result<T>>) -> anyhow::Result<T> {
     thread.join().map_err(|_| anyhow!("a virtual run beside the measured one broke off"))?
+}
+
+/// Executes the whole schedule on a setup without skill overhead.
+fn without_overhead(
+    setup: &Setup,
+    application: &Application,
+    schedule: &Schedule,
+) -> anyhow::Result<(Results, PlantSpeed)> {
+    let started = Instant::now();
+    let planned = PlannedCell::of(setup, application)?;
+    let (results, plant) = virtual_run::whole_with_plant_time(setup, planned, schedule)?;
+    Ok((results, PlantSpeed { plant, host: started.elapsed() }))
 }
 
 /// Runs RC on the paper's two arms, each as its own setup and as the other one programs the motions.

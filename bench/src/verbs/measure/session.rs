@@ -6,6 +6,7 @@ use crate::output::live::{Feed, Live};
 use crate::output::progress::Progress;
 use crate::records::conditions::{Health, Measured};
 use crate::records::host::Host;
+use crate::records::plant_speed::PlantSpeed;
 use crate::records::results::{Results, Status};
 use crate::records::run_directory::{Durability, RunDirectory};
 use crate::records::schedule::{Schedule, Step};
@@ -33,6 +34,8 @@ pub struct Ended {
     pub exit: Exit,
     /// Why a repetition failed, if one did, and which parts of the run could not be saved.
     pub failures: Vec<anyhow::Error>,
+    /// How much faster than the plant it was, if its time was virtual.
+    pub speed: Option<PlantSpeed>,
 }
 
 impl Ended {
@@ -115,7 +118,7 @@ impl Session {
             if let Err(error) = saved {
                 self.progress.end();
                 failures.push(error.context("the run ends here, since the disk does not take its results"));
-                return Ok(Ended { results, exit: Exit::Internal, failures });
+                return Ok(Ended { results, exit: Exit::Internal, failures, speed: None });
             }
             if results.status == Status::Failed {
                 break;
@@ -124,7 +127,7 @@ impl Session {
         }
         self.progress.end();
         let saved = self.finish(&results);
-        Ok(Ended { exit: exit(results.status, &failures), results, failures }.and_saved(saved))
+        Ok(Ended { exit: exit(results.status, &failures), results, failures, speed: None }.and_saved(saved))
     }
 
     /// Warns of repetitions that were run again, behind the `known` ones.
@@ -213,7 +216,7 @@ mod tests {
         }
 
         async fn finish(self, _keeps_capture: bool) -> Finished {
-            Finished { trace: Ok(None), health: Ok(None), capture: Ok(()), remark: None }
+            Finished { trace: Ok(None), health: Ok(None), capture: Ok(()), speed: None }
         }
 
         async fn execute(&mut self, _step: Step) -> anyhow::Result<Measured> {
