@@ -99,6 +99,11 @@ pub enum ScheduleError {
         /// What is wrong with it.
         error: OverrideError,
     },
+    /// The percent are not whole, as the process image carries them.
+    #[error(
+        "`{0}` is no whole percent, and the robot takes only these; write one without a fraction, such as 50"
+    )]
+    Fraction(String),
     /// A time is none.
     #[error(
         "`{0}` has no time up to an hour behind its @; write a number with its unit, such as 2.5ms or 2s"
@@ -164,6 +169,9 @@ fn step(text: &str) -> Result<OverrideStep, ScheduleError> {
     let percent = percent.trim().trim_end_matches('%').trim_end();
     let percent: f64 = percent.parse().map_err(|_| ScheduleError::Form(text.to_owned()))?;
     let to = Override::from_percent(percent);
+    if to.is_ok() && percent.fract() > 0.0 {
+        return Err(ScheduleError::Fraction(text.to_owned()));
+    }
     Ok(OverrideStep {
         after_us,
         to: to.map_err(|error| ScheduleError::Percent { text: text.to_owned(), error })?,
@@ -226,8 +234,21 @@ mod tests {
 
     #[test]
     fn what_is_no_schedule_says_which_part_what_was_found_and_what_would_do() {
-        let wrong =
-            ["fast", "50@2", "120", "1e308", "-1@2s", "NaN", "50@2s,70@1s", "50,60", "0", "80,0@2s", ""];
+        let wrong = [
+            "fast",
+            "50@2",
+            "50.4",
+            "0.1@2s",
+            "120",
+            "1e308",
+            "-1@2s",
+            "NaN",
+            "50@2s,70@1s",
+            "50,60",
+            "0",
+            "80,0@2s",
+            "",
+        ];
         let many = (1..=16).map(|second| format!("50@{second}s")).collect::<Vec<_>>().join(",");
         let told: Vec<String> = wrong
             .iter()
@@ -238,6 +259,8 @@ mod tests {
         insta::assert_snapshot!(told.join("\n"), @"
         `fast` is no override; write percent, and a time after the start of the run: 50, 50@2s or 80,0@2s,100@3s
         `50@2` has no time up to an hour behind its @; write a number with its unit, such as 2.5ms or 2s
+        `50.4` is no whole percent, and the robot takes only these; write one without a fraction, such as 50
+        `0.1@2s` is no whole percent, and the robot takes only these; write one without a fraction, such as 50
         `120`: an override of 120 % was asked for; it is 0 (the arm stops on its path) to 100 %
         `1e308`: an override of 1e308 % was asked for; it is 0 (the arm stops on its path) to 100 %
         `-1@2s`: an override of -1 % was asked for; it is 0 (the arm stops on its path) to 100 %

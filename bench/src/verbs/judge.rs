@@ -4,7 +4,7 @@ use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use ::judge::{Case, Class, Outcome, Tally, Violation, generator, hunt, shrink};
 use anyhow::Context;
@@ -125,13 +125,21 @@ fn run_lists(options: &JudgeOptions, setup: &Setup, classes: &[Class]) -> Result
     Ok(if tally.found.is_empty() { Exit::Pass } else { Exit::RunFailed })
 }
 
+/// Returns a plant's time in hours, or in seconds where that is no tenth of an hour.
+fn in_words(plant: Duration) -> String {
+    match plant.as_secs_f64() {
+        short if short < 360.0 => format!("{short:.1} s"),
+        long => format!("{:.1} h", long / 3600.0),
+    }
+}
+
 fn print(tally: &Tally, options: &JudgeOptions, setup: &Setup, started: Instant) {
     let Tally { cases, cycles, plant, motions, ended: [done, given_up, failed], .. } = *tally;
     outln!("Setup {}: {}", setup.name, setup.title);
     outln!(
-        "{cases} lists of seed {}, {motions} motions, {cycles} robot cycles: {:.1} h",
+        "{cases} lists of seed {}, {motions} motions, {cycles} robot cycles: {}",
         options.seed,
-        plant.as_secs_f64() / 3600.0
+        in_words(plant)
     );
     outln!("skills: {done} done, {given_up} given up, {failed} ended by an error");
     let took_s = started.elapsed().as_secs_f64();

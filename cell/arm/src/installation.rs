@@ -173,7 +173,7 @@ mod tests {
         let mut setup = setup::setup("A").unwrap();
         setup.robot.axes.home_deg.as_mut().unwrap().value[0] = 140.0;
         let error = Installation::from_setup(&setup).unwrap_err();
-        insta::assert_snapshot!(error, @"robot.axes.home_deg: joint 1 would be at 140.000, its range is -132.000 to 132.000");
+        insta::assert_snapshot!(error, @"robot.axes.home_deg: joint 1 would be at 140.000°, its range is -132.000 to 132.000°");
         setup.robot.axes.speed_deg_s.value.pop();
         let error = Installation::from_setup(&setup).unwrap_err();
         insta::assert_snapshot!(error, @"robot.axes.speed_deg_s: 3 values, but this arm has 4 joints");

@@ -229,6 +229,7 @@ impl Arm {
             if *value < lower - ROUNDING || *value > upper + ROUNDING {
                 return Err(Violation::Axis {
                     axis: axis as u8 + 1,
+                    rotary: self.rotary[axis],
                     value: *value,
                     lower: *lower,
                     upper: *upper,

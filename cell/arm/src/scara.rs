@@ -131,7 +131,7 @@ mod tests {
     fn a_joint_out_of_its_range_is_refused_with_the_range() {
         let target = Frame::from_mm_deg([300.0, 0.0, 230.0, 0.0, 0.0, 180.0]);
         let error = arm().inverse(&target, &[0.0; 6]).unwrap_err();
-        insta::assert_snapshot!(error, @"joint 3 would be at 230.000, its range is 0.000 to 200.000");
+        insta::assert_snapshot!(error, @"joint 3 would be at 230.000 mm, its range is 0.000 to 200.000 mm");
     }
 
     proptest! {

@@ -158,10 +158,12 @@ pub enum Violation {
     #[error("a target of joints has a configuration ({0}); leave it out")]
     NotCartesian(Configuration),
     /// A joint would leave its range. Degrees, mm on a linear joint.
-    #[error("joint {axis} would be at {value:.3}, its range is {lower:.3} to {upper:.3}")]
+    #[error("joint {axis} would be at {value:.3}{unit}, its range is {lower:.3} to {upper:.3}{unit}", unit = sign(*.rotary))]
     Axis {
         /// Which joint, from 1.
         axis: u8,
+        /// Whether it turns; the other kind is linear.
+        rotary: bool,
         /// Value that it would have.
         value: f64,
         /// Its lowest value.
@@ -339,10 +341,17 @@ impl Violation {
                 (beyond(distance_mm, nearest_mm, farthest_mm), "mm")
             }
             Self::WristRadius { distance_mm, nearest_mm } => (nearest_mm - distance_mm, "mm"),
-            Self::Axis { value, lower, upper, .. } => (beyond(value, lower, upper), "degrees or mm"),
+            Self::Axis { rotary, value, lower, upper, .. } => {
+                (beyond(value, lower, upper), if rotary { "degrees" } else { "mm" })
+            }
             _ => return None,
         })
     }
+}
+
+/// Returns what stands behind the value of a joint.
+const fn sign(rotary: bool) -> &'static str {
+    if rotary { "°" } else { " mm" }
 }
 
 impl From<ErrorNumber> for Violation {

@@ -66,9 +66,9 @@ fn a_joint_that_would_leave_its_range_is_named_with_what_is_missing() {
         setup.robot.axes.home_deg = None;
     });
     let low = low.unwrap_err();
-    insta::assert_snapshot!(low, @"the arm cannot stand at the start: joint 3 would be at 175.000, its range is 0.000 to 174.000; 1.0 degrees or mm are missing: change its frame, or base 1 in the setup");
+    insta::assert_snapshot!(low, @"the arm cannot stand at the start: joint 3 would be at 175.000 mm, its range is 0.000 to 174.000 mm; 1.0 mm are missing: change its frame, or base 1 in the setup");
     let narrow = changed("B", |setup| setup.robot.axes.upper_deg.value[0] = -30.0);
-    insta::assert_snapshot!(narrow.unwrap_err(), @"motion 1 `PTP before A`, its target: joint 1 would be at -26.565, its range is -230.000 to -30.000; 3.4 degrees or mm are missing: change its frame, or base 1 in the setup");
+    insta::assert_snapshot!(narrow.unwrap_err(), @"motion 1 `PTP before A`, its target: joint 1 would be at -26.565°, its range is -230.000 to -30.000°; 3.4 degrees are missing: change its frame, or base 1 in the setup");
 }
 
 #[test]
@@ -125,6 +125,6 @@ fn a_corner_that_passes_the_end_of_a_joint_range_inside_its_zone_is_warned_of_wi
         let reached = of_frames("A", zone_mm, &frames, steps).unwrap();
         reached.stopped.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
-    insta::assert_snapshot!(stopped(160.0), @"motion 1 `LIN round 1/2` will stop exactly before motion 2 `LIN round 2/2`: after 21 % of the corner in the zone of 160.00 mm, joint 2 would be at -145.700, its range is -145.000 to 145.000; 0.7 degrees or mm are missing; lower approximation_mm, or move the frames");
+    insta::assert_snapshot!(stopped(160.0), @"motion 1 `LIN round 1/2` will stop exactly before motion 2 `LIN round 2/2`: after 21 % of the corner in the zone of 160.00 mm, joint 2 would be at -145.700°, its range is -145.000 to 145.000°; 0.7 degrees are missing; lower approximation_mm, or move the frames");
     assert_eq!(stopped(20.0), "");
 }

@@ -36,6 +36,9 @@ const MAX_START_CYCLES: u32 = 1_000;
 /// Cycles that drives on EtherCAT and their MainDevice keep.
 const DRIVE_CYCLES_US: std::ops::RangeInclusive<u32> = 250..=20_000;
 
+/// Longest name of a setup in characters. With date and mode it names a directory.
+const MAX_NAME: usize = 64;
+
 pub(crate) fn check_setup(setup: &Setup) -> Check {
     schema(setup.schema)?;
     for (key, text) in [("name", &setup.name), ("title", &setup.title)] {
@@ -43,6 +46,7 @@ pub(crate) fn check_setup(setup: &Setup) -> Check {
             return Err(problem(key, text));
         }
     }
+    name(&setup.name)?;
     if let Some(paper) = &setup.paper {
         for (name, figure) in [("rc", paper.rc), ("sm", paper.sm), ("cm", paper.cm)] {
             above_zero(&format!("paper.{name}.aet_ms"), figure.aet_ms)?;
@@ -57,6 +61,18 @@ pub(crate) fn check_setup(setup: &Setup) -> Check {
     share("motions.acceleration_percent", motions.acceleration_percent.value)?;
     not_negative("motions.approximation_mm", motions.approximation_mm.value)?;
     at_most("motions.approximation_mm", motions.approximation_mm.value, MAX_APPROXIMATION_MM, "mm")
+}
+
+fn name(name: &str) -> Check {
+    let length = name.chars().count();
+    if length <= MAX_NAME && name.chars().any(char::is_alphanumeric) {
+        return Ok(());
+    }
+    let found = if length > MAX_NAME { format!("{length} characters") } else { format!("`{name}`") };
+    Err(problem(
+        "name",
+        format!("{found}; give it up to {MAX_NAME} characters, of which one is a letter or a digit"),
+    ))
 }
 
 fn schema(found: u32) -> Check {

@@ -11,7 +11,7 @@ use crate::{Bus, Sourced};
 pub struct Setup {
     /// Version of this file format: 1.
     pub schema: u32,
-    /// Short name, as given to `--setup`.
+    /// Short name. It is part of the name of a run's directory.
     pub name: String,
     /// Description of the cell.
     pub title: String,

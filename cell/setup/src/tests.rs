@@ -177,6 +177,11 @@ fn wrong_values_are_refused_with_their_key() {
         ("number = 1", "number = 16"),
         ("acceleration_percent = { value = 50.0", "acceleration_percent = { value = 1e308"),
         ("title = \"", "title = \"\\u001b[2J"),
+        ("\nname = \"A\"", "\nname = \" - \""),
+        (
+            "\nname = \"A\"",
+            "\nname = \"a name that is too long for a directory which has a date in its name too\"",
+        ),
     ];
     let said: Vec<_> = refusals.iter().map(|(from, to)| refusal(&changed(from, to))).collect();
     insta::assert_snapshot!(said.join("\n"), @r#"
@@ -201,6 +206,8 @@ fn wrong_values_are_refused_with_their_key() {
     DIR/my.toml: `robot.bases[0].number`: 16 is not the number of a frame that can be listed: 1 to 15
     DIR/my.toml: `motions.acceleration_percent`: 1e308 is not a share: above 0, at most 100 %
     DIR/my.toml: `title`: has the control character U+001B; names and titles are printable text
+    DIR/my.toml: `name`: ` - `; give it up to 64 characters, of which one is a letter or a digit
+    DIR/my.toml: `name`: 72 characters; give it up to 64 characters, of which one is a letter or a digit
     "#);
 }
 

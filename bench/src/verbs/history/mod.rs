@@ -16,6 +16,7 @@ mod link;
 mod page;
 mod table;
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
@@ -115,8 +116,14 @@ impl History {
         let mut runs = Vec::new();
         for found in listed.map_err(|error| Failure::new(Exit::Usage, error))? {
             let path = found.context("cannot list the runs")?.path();
-            if !path.join("samples.csv").exists() {
-                continue;
+            match path.join("samples.csv").try_exists() {
+                Ok(true) => {}
+                // What is in no directory is no run either.
+                Err(error) if error.kind() != ErrorKind::NotADirectory => {
+                    history.unreadable.push(format!("cannot look into {}: {error}", path.display()));
+                    continue;
+                }
+                Ok(false) | Err(_) => continue,
             }
             match run_directory::results(&path) {
                 Ok(results) => runs.push((Conditions::of(&path, &results), Entry::new(&path, results))),
@@ -245,8 +252,21 @@ mod tests {
         std::fs::write(place.path().join("old/results.json"), "{\"schema_version\": 0}").unwrap();
         let history = History::load(place.path()).unwrap();
         assert_eq!(history.entries.len(), 1);
+        assert_eq!(history.unreadable.len(), 1);
         let said = history.unreadable.join("\n").replace(&place.path().display().to_string(), "RUNS");
         insta::assert_snapshot!(said, @"RUNS/old/results.json has schema version 0, and this program reads 1; use the version of skillbench that wrote it, or run again");
+    }
+
+    #[test]
+    fn a_directory_that_cannot_be_looked_into_is_reported_and_a_file_beside_the_runs_is_not() {
+        let place = tempfile::tempdir().unwrap();
+        std::fs::write(place.path().join("notes.txt"), "no run").unwrap();
+        // A link to itself cannot be followed, by root neither.
+        std::os::unix::fs::symlink("loop", place.path().join("loop")).unwrap();
+        let history = History::load(place.path()).unwrap();
+        let [unreadable] = history.unreadable.as_slice() else { panic!("{:?}", history.unreadable) };
+        let expected = format!("cannot look into {}: ", place.path().join("loop").display());
+        assert!(unreadable.starts_with(&expected), "{unreadable}");
     }
 
     #[test]

@@ -84,6 +84,9 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
         return Ok(Exit::Pass);
     }
     let total = origin.count(most).map_err(usage)?;
+    if let Some(asked) = options.motions.filter(|asked| total < *asked) {
+        errln!("warning: {} has {total} motions, not the {asked} of --motions", origin.name());
+    }
     outln!("Setup {}: {}", setup.name, setup.title);
     outln!("MoveContinuous of {total} motions of {}, virtual mode, seed {}\n", origin.name(), options.seed);
     let runtime = event_loop()?;

@@ -165,9 +165,10 @@ fn reserve(address: LiveAddress, mode: Mode) -> Result<Reserved, Failure> {
 /// every motion of the plan. Returns where the arm stands in it.
 fn check_robot(setup: &Setup, found: &Found, plan: &planning::Plan) -> Result<Reached, Failure> {
     let robot = RobotConfig::from_setup(setup).map_err(|error| Failure::new(Exit::Usage, error))?;
+    let reached = found.reach(plan, setup)?;
     let in_cell = robot.in_cell_of(&found.application, &plan.wire_to_start(setup));
     in_cell.map(drop).map_err(|error| Failure::new(Exit::Usage, error))?;
-    Ok(found.reach(plan, setup)?)
+    Ok(reached)
 }
 
 /// Rejects options that need nodes started by the bench.

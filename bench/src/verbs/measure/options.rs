@@ -66,7 +66,7 @@ pub struct RunOptions {
     /// each type, as DIR/motion.mcap; Foxglove and Rerun open it. Only in a bench that was built with `--features mcap`.
     #[arg(long)]
     pub mcap: bool,
-    /// Override in % of every programmed speed, 0 to 100, and when after the start of each repetition it changes: 50,
+    /// Override in whole % of every programmed speed, 0 to 100, and when after the start of each repetition it changes: 50,
     /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path; a change keeps every limit.
     #[arg(long = "override", value_name = "PERCENT[@TIME],...")]
     pub overrides: Option<OverrideSchedule>,

@@ -30,7 +30,8 @@ impl Row {
 
     fn comment(&self) -> String {
         let unit = if self.unit.is_empty() { String::new() } else { format!(" [{}]", self.unit) };
-        let text = format!("# {}{unit}: {}", self.keys.join(", "), plain(&self.meaning));
+        let keys = if self.keys.is_empty() { "any name" } else { &self.keys.join(", ") };
+        let text = format!("# {keys}{unit}: {}", plain(&self.meaning));
         screen::wrapped_within(&text, 0, 4, WIDTH).replace("\n    ", "\n#   ")
     }
 }

@@ -13,7 +13,7 @@ const NONE: &str = "–";
 
 /// Meaning of the columns, in sentences.
 pub(super) const LEGEND: [&str; 4] = [
-    "RC, SM, CM: AET with the setup's calibrated numbers, which are not calibrated again for the varied ones.",
+    "RC, SM, CM: AET with the setup's numbers; those that were calibrated are not calibrated again for the varied ones.",
     "h = 0: a skill call costs nothing but its motion and the cycles it waits for.",
     "uncal.: nothing that was calibrated: h = 0, rated speeds, every command noticed at once.",
     "motions: the same way, pre- and post-movements joined with their paths, or each straight motion in so many pieces.",

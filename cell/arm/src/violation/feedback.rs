@@ -65,7 +65,7 @@ impl Violation {
             }
             Self::Tilt { tilt_deg } => finding(3, tilt_deg, 0.0, 0.0),
             Self::Configuration { axis, turn_deg, .. } => finding(axis, turn_deg, 0.0, TURNED_OVER_DEG),
-            Self::Axis { axis, value, lower, upper } | Self::Turn { axis, value, lower, upper } => {
+            Self::Axis { axis, value, lower, upper, .. } | Self::Turn { axis, value, lower, upper } => {
                 finding(axis, value, lower, upper)
             }
             Self::Status { status, bits } => finding(7, status.into(), 0.0, bits.into()),
