@@ -36,12 +36,18 @@ impl Rotation {
         Self::about([0.0, 0.0, 1.0], a) * Self::about([0.0, 1.0, 0.0], b) * Self::about([1.0, 0.0, 0.0], c)
     }
 
-    /// Returns the angles a, b, c in degrees about z, y' and x''; a and c within (−180, 180].
+    /// Returns the angles a, b, c in degrees about z, y' and x''; a and c within (−180, 180]. Where b is ±90, a and c turn
+    /// about the same axis; then c is 0.
     #[must_use]
     pub fn angles(self) -> [f64; 3] {
         let Self { w, v: [x, y, z] } = self;
         let sin_b = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0);
-        let a = libm::atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
+        let (sin_a, cos_a) = (2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
+        if sin_a.abs().max(cos_a.abs()) < LEAST_COS_B {
+            let a = 2.0 * libm::atan2(z, w).to_degrees();
+            return [half_open(if a > 180.0 { a - 360.0 } else { a }), 90.0_f64.copysign(sin_b), 0.0];
+        }
+        let a = libm::atan2(sin_a, cos_a);
         let c = libm::atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y));
         [half_open(a.to_degrees()), libm::asin(sin_b).to_degrees(), half_open(c.to_degrees())]
     }
@@ -230,6 +236,9 @@ pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// Below this cosine of b its rounding decides about a and c. Either way the orientation is right to some 10⁻⁶ degrees.
+const LEAST_COS_B: f64 = 3e-8;
+
 /// Maps −180 to 180: both are the same direction, and a display should not alternate between them.
 fn half_open(degrees: f64) -> f64 {
     if degrees <= -180.0 + 1e-9 { degrees + 360.0 } else { degrees }
@@ -272,6 +281,18 @@ mod tests {
             let frame = Frame::from_mm_deg(pose);
             let back = frame.inverse() * (frame * Frame { position: point, rotation: Rotation::IDENTITY });
             prop_assert!(distance(back.position, point) < 1e-9);
+        }
+
+        #[test]
+        fn angles_are_those_of_the_rotation_however_near_b_is_to_90_degrees(
+            a in -180.0..180.0_f64, c in -180.0..180.0_f64, exponent in -12.0..1.0_f64, up in any::<bool>(), exact in any::<bool>(),
+        ) {
+            let off = if exact { 0.0 } else { libm::exp10(exponent) };
+            let rotation = Rotation::from_angles([a, if up { 90.0 - off } else { off - 90.0 }, c]);
+            let told = rotation.angles();
+            prop_assert!(told.iter().all(|angle| (-180.0..=180.0).contains(angle)), "{:?}", told);
+            let (_, turn) = (Rotation::from_angles(told) * rotation.inverse()).axis_angle();
+            prop_assert!(turn < 1e-5, "{:?} is turned by {} degrees", told, turn);
         }
 
         #[test]

@@ -6,7 +6,7 @@
 //! ```
 
 use super::angles::{degrees, sin_cos};
-use super::{Frame, Joints, Kinematics, Rotation, Violation};
+use super::{Frame, Joints, Kinematics, Rotation, Violation, shortest_turn};
 
 /// Largest deviation of the commanded orientation from straight down, in degrees: due to single precision.
 const TILT_TOLERANCE_DEG: f64 = 0.01;
@@ -14,7 +14,7 @@ const TILT_TOLERANCE_DEG: f64 = 0.01;
 /// Half of the tolerance in radians, which equals its sine.
 const HALF_TILT_TOLERANCE: f64 = TILT_TOLERANCE_DEG.to_radians() / 2.0;
 
-/// Bit of the status: axis 2 is at 0° or above.
+/// Bit of the status: the second link is turned to the left of the first, or not at all.
 const ELBOW_POSITIVE: u8 = 2;
 
 /// The geometry of a SCARA. Joints 1, 2 and 4 are in degrees, joint 3 in mm upward.
@@ -58,7 +58,7 @@ impl Kinematics for Scara {
     }
 
     fn status(&self, joints: &Joints) -> u8 {
-        if joints[1] < 0.0 { 0 } else { ELBOW_POSITIVE }
+        if shortest_turn(joints[1]) < 0.0 { 0 } else { ELBOW_POSITIVE }
     }
 
     fn inverse_with(&self, flange: &Frame, status: u8, _near: &Joints) -> Result<Joints, Violation> {
@@ -118,6 +118,19 @@ mod tests {
         let target = Frame::from_mm_deg([400.0, 400.0, 0.0, 0.0, 0.0, 180.0]);
         let error = arm().inverse(&target, &[0.0; 6]).unwrap_err();
         insta::assert_snapshot!(error, @"the target is 565.685 mm from axis 1; the arm reaches from 50.000 to 500.000 mm");
+    }
+
+    #[test]
+    fn beyond_half_a_turn_the_second_link_stays_on_its_side() {
+        let mut limits = arm().limits().clone();
+        (limits.lower[1], limits.upper[1]) = (-200.0, 200.0);
+        let arm = Arm::new(Arc::new(KR6_R500), limits);
+        for joints in [[-60.0, 195.0, 100.0, 0.0, 0.0, 0.0], [60.0, -195.0, 100.0, 0.0, 0.0, 0.0]] {
+            let found = arm.inverse(&KR6_R500.forward(&joints), &joints).unwrap();
+            for (found, expected) in found.iter().zip(joints) {
+                assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
+            }
+        }
     }
 
     #[test]

@@ -15,7 +15,10 @@ use crate::planner::Planner;
 impl Planner<'_> {
     /// Checks a motion, without what a way has kept free of obstacles already.
     pub(crate) fn check(&self, motion: &Motion) -> Result<(), Refusal> {
-        if motion.length_mm < LEAST_MM && motion.turn_deg < LEAST_TURN_DEG && motion.joints_deg.is_none() {
+        // Joints and configuration can change where the tool stands.
+        let asks_of_the_arm = motion.joints_deg.is_some() || motion.configuration.is_some();
+        let may_stand = motion.kind.is_point_to_point() && asks_of_the_arm;
+        if motion.length_mm < LEAST_MM && motion.turn_deg < LEAST_TURN_DEG && !may_stand {
             return Err(Refusal::ZeroLength { length_mm: motion.length_mm });
         }
         let may_turn_on_the_spot =

@@ -89,10 +89,34 @@ pub struct Motion {
 }
 
 /// Configuration of the arm at the target of a PTP; any, if none is given.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Default, Debug)]
 pub(crate) struct Arrival {
     pub(crate) joints_deg: Option<[f64; 6]>,
     pub(crate) configuration: Option<Configuration>,
+}
+
+impl Arrival {
+    /// Returns what is known of the arm after a motion: what that asked for, or else the configuration of before, which a motion
+    /// keeps.
+    pub(crate) const fn then(self, motion: &Motion) -> Self {
+        let Motion { joints_deg, configuration, .. } = *motion;
+        match (joints_deg, configuration) {
+            (None, None) => Self { joints_deg: None, ..self },
+            _ => Self { joints_deg, configuration },
+        }
+    }
+
+    /// Returns whether an arm of which this is known may have to move for what is wanted at the same pose.
+    pub(crate) fn may_differ_from(self, wanted: Self) -> bool {
+        let is_other = |wanted: Configuration| match self.configuration {
+            Some(known) => {
+                known.status != wanted.status || (wanted.turn.is_some() && known.turn != wanted.turn)
+            }
+            None => true,
+        };
+        let joints = self.joints_deg.zip(wanted.joints_deg);
+        joints.is_some_and(|(known, wanted)| known != wanted) || wanted.configuration.is_some_and(is_other)
+    }
 }
 
 impl From<&Place> for Arrival {

@@ -34,6 +34,8 @@ pub(crate) struct Planner<'a> {
     pub(crate) sizes: Sizes,
     /// Where the tool is, and which.
     here: (Pose, &'a Tool),
+    /// What is known of the arm there.
+    arrived: Arrival,
     /// Intermediate positions of this cycle so far.
     crossings: Vec<Point>,
     /// Motions planned so far, over all cycles.
@@ -49,7 +51,7 @@ impl<'a> Planner<'a> {
         };
         let (start, tool) = &application.start;
         let here = (application.pose(start, 0), tool);
-        Self { application, setup, sizes, here, crossings: Vec::new(), planned: 0 }
+        Self { application, setup, sizes, here, arrived: start.into(), crossings: Vec::new(), planned: 0 }
     }
 
     /// Returns the number of motions planned so far, over all cycles.
@@ -146,7 +148,7 @@ impl<'a> Planner<'a> {
                     }
                     _ => (start, first),
                 };
-                if differ(self.here.0, begin) {
+                if differ(self.here.0, begin) || self.arrived.may_differ_from(arrival) {
                     self.way(begin, arrival, "before ", into)?;
                 }
                 // A path that gives its pre-movement no direction is refused by its own number, one later.
@@ -191,7 +193,7 @@ impl<'a> Planner<'a> {
         let start = self.application.pose(place, 0);
         let mut plan = Plan::default();
         let into = &mut Destination { plan: &mut plan, reasons: &mut Vec::new(), index: 0, step: &step };
-        if differ(self.here.0, start) {
+        if differ(self.here.0, start) || self.arrived.may_differ_from(place.into()) {
             self.way(start, place.into(), "to ", into)?;
         }
         let from_anywhere = Motion {
@@ -311,6 +313,7 @@ impl<'a> Planner<'a> {
             into.reasons.push(Reason { motion: into.plan.motions.len(), why });
         }
         self.here.0 = motion.target;
+        self.arrived = self.arrived.then(&motion);
         self.planned += 1;
         into.plan.motions.push(motion);
         Ok(())

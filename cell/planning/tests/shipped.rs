@@ -161,3 +161,48 @@ fn a_plan_fits_a_narrow_screen_and_says_the_same_there() {
         }
     }
 }
+
+/// The arm stands at `home` with its elbow on one side; `flipped` is the same pose with the elbow on the other.
+fn flipped(steps: &str) -> Plan {
+    let text = format!(
+        r#"
+        schema = 2
+        name = "flip"
+        title = "the other elbow"
+        tool = "gripper"
+        base = "table"
+        start = "home"
+        [tools]
+        gripper = 0
+        [bases]
+        table = 0
+        [frames]
+        home = {{ mm_deg = [300.0, 100.0, 100.0, 0.0, 0.0, 180.0], configuration = {{ status = 0 }} }}
+        flipped = {{ mm_deg = [300.0, 100.0, 100.0, 0.0, 0.0, 180.0], configuration = {{ status = 2 }} }}
+        two = {{ mm_deg = [320.0, 100.0, 100.0, 0.0, 0.0, 180.0] }}
+        {steps}
+        "#
+    );
+    plan(&Application::parse("flip.toml", &text).expect("reads"), &setup_a()).expect("plans")
+}
+
+#[test]
+fn another_configuration_is_gone_to_where_the_tool_stands() {
+    let reached = flipped("[[step]]\nname = \"A\"\nreach = \"flipped\"\nlabels = [\"accurate-stop\"]");
+    let names = |plan: &Plan| plan.motions.iter().map(|it| it.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&reached), ["PTP A"]);
+    assert_eq!(reached.motions[0].configuration, Some(Configuration { status: 2, turn: None }));
+    let to_start: Vec<_> =
+        reached.to_start.from_end.iter().map(|it| it.configuration.map(|it| it.status)).collect();
+    assert_eq!(to_start, [Some(0)], "the next cycle starts with the elbow of `home`");
+
+    let step = |name: &str, from: &str, to: &str| {
+        format!(
+            "[[step]]\nname = \"{name}\"\nfrom = \"{from}\"\npath = [{{ line = \"{to}\" }}]\nlabels = [\"accurate-stop\"]\n"
+        )
+    };
+    assert_eq!(names(&flipped(&step("B", "flipped", "two"))), ["PTP before B", "LIN B"]);
+    // A line keeps the elbow, so the arm stands as `home` asks.
+    let there_and_back = step("C", "home", "two") + &step("D", "two", "home") + &step("E", "home", "two");
+    assert_eq!(names(&flipped(&there_and_back)), ["LIN C", "LIN D", "LIN E"]);
+}

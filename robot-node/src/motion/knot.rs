@@ -113,15 +113,27 @@ impl Knot {
         (self.tightness[0] / steepest, self.tightness[1] / jerk)
     }
 
+    /// The highest acceleration where the path is straight, if `sign` is that of speeding up, else the highest deceleration.
+    pub(super) fn straight(&self, sign: f64) -> f64 {
+        let (joints, tool) = self.factors(sign);
+        let tool = square(self.slopes.tool[0]).sqrt() / tool;
+        let steepest = self.slopes.slope.iter().fold(tool, |most, slope| most.max(slope.abs() / joints));
+        self.tightness[0] / steepest
+    }
+
+    /// The factors of the accelerations of joints and tool.
+    const fn factors(&self, sign: f64) -> (f64, f64) {
+        match sign < 0.0 {
+            true => (self.rates.ramps.deceleration, self.rates.ramps.tool_deceleration),
+            false => (1.0, 1.0),
+        }
+    }
+
     /// Returns the highest square x of the speed at a neighbour `distance` away. The square is `known` on this side, x
     /// has the weight `weight` at this place, and `sign` is that of the acceleration from here to there.
     pub(super) fn reach(&self, known: f64, distance: f64, weight: f64, sign: f64) -> f64 {
         let slope = sign / (2.0 * distance);
-        let (joints, tool) = if sign < 0.0 {
-            (self.rates.ramps.deceleration, self.rates.ramps.tool_deceleration)
-        } else {
-            (1.0, 1.0)
-        };
+        let (joints, tool) = self.factors(sign);
         let mut most = f64::INFINITY;
         let left = self.tightness[0] * joints;
         for axis in 0..AXES {

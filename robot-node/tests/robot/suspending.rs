@@ -5,7 +5,7 @@ use std::time::Duration;
 use protocol::image::{Control, Motion, MotionKind, Skill, State, Status};
 use robot_node::{Program, RobotConfig};
 
-use crate::driven::{Driven, bare, ptp};
+use crate::driven::{Driven, bare, lin, ptp};
 
 #[test]
 fn a_resume_goes_on_in_whichever_cycle_of_a_stop_it_comes() {
@@ -46,4 +46,40 @@ fn a_skill_that_is_suspended_while_its_arm_settles_ends_only_when_it_is_resumed(
     robot.control(Control::RESUME);
     robot.wait_for_end();
     assert!(robot.is_done());
+}
+
+/// From 200 mm/s, however the arm is stopped. The deceleration rises and falls with the jerk, which takes longer in a long cycle.
+#[test]
+fn a_stop_on_the_path_takes_the_time_of_the_programmed_deceleration() {
+    type Stop = fn(&mut Driven);
+    let stops: [(&str, Stop); 3] = [
+        ("suspended", |robot| robot.control(Control::SUSPEND)),
+        ("halted", |robot| robot.control(Control::HALT)),
+        ("at override 0", |robot| robot.command.override_percent = 0),
+    ];
+    for cycle_ms in [1, 4, 12, 24] {
+        for (acceleration, deceleration) in [(2_500, 2_500), (2_500, 500), (2_500, 200), (500, 2_500)] {
+            for (how, stop) in stops {
+                let cycle = Duration::from_millis(cycle_ms);
+                let mut robot = Driven::ready(RobotConfig { cycle, ..bare("A") }, Program::default());
+                robot.run(vec![ptp(0.0, 40.0, 90.0)]);
+                let line = Motion { velocity: 2_000, acceleration, deceleration, ..lin(300.0, 40.0, 90.0) };
+                robot.call(Skill::MoveContinuous, vec![line]);
+                let place = |robot: &Driven| robot.controller.joints().map(f64::to_bits);
+                robot.wait(|feedback| feedback.pose[0] > 120.0);
+                stop(&mut robot);
+                let (from, mut before) = (robot.at, None);
+                while before.replace(place(&robot)) != Some(place(&robot)) || robot.at == from {
+                    robot.tick();
+                }
+                let took_s = robot.at.since(from).as_secs_f64();
+                let ideal_s = 200.0 / f64::from(deceleration);
+                let most_s = 1.06 * ideal_s + 0.03 + 4.0 * cycle.as_secs_f64();
+                assert!(
+                    took_s <= most_s,
+                    "{how} in cycles of {cycle_ms} ms, {acceleration} and {deceleration} mm/s²: {took_s:.3} s for {ideal_s:.3} s"
+                );
+            }
+        }
+    }
 }

@@ -2,8 +2,9 @@
 
 use proptest::prelude::*;
 use protocol::image::{Motion, MotionKind};
-use robot_node::RobotConfig;
+use robot_node::{Program, RobotConfig};
 
+use crate::driven::{Driven, bare, lin, ptp};
 use crate::fed::{config, driven};
 
 /// How long lines through these places take, in s.
@@ -40,5 +41,33 @@ proptest! {
         let times = [zones[0].min(zones[1]), zones[0].max(zones[1])]
             .map(|zone_mm| duration(&places, &limits, zone_mm, &config));
         prop_assert!(times[1] <= times[0] * 1.005, "{times:?} s");
+    }
+}
+
+/// A corner brakes with the lower deceleration of its motions, not with the product of the lower acceleration and the lower share
+/// of it.
+#[test]
+fn higher_limits_on_either_side_of_a_corner_make_no_corner_slower() {
+    let config = bare("A");
+    let run = |limits: [[u16; 2]; 2]| {
+        let mut robot = Driven::ready(config.clone(), Program::default());
+        robot.run(vec![ptp(-100.0, 0.0, 90.0)]);
+        let places = [[100.0, 0.0], [100.0, 110.0], [-100.0, 110.0], [-100.0, 0.0]];
+        let lines = places.iter().cycle().zip(limits.iter().cycle()).take(24);
+        let motions = lines.map(|([x, y], [acceleration, deceleration])| Motion {
+            velocity: 6_000,
+            acceleration: *acceleration,
+            deceleration: *deceleration,
+            approximation: 4_500,
+            ..lin(*x, *y, 90.0)
+        });
+        robot.run(motions.collect());
+        assert!(robot.is_done(), "{:?}", robot.feedback());
+        robot.feedback().execution_ns
+    };
+    let low = run([[500, 500], [500, 500]]);
+    for higher in [[[5_000, 500], [500, 5_000]], [[5_000, 500], [500, 500]], [[500, 5_000], [500, 5_000]]] {
+        let took = run(higher);
+        assert!(took <= low, "{higher:?}: {took} ns for {low} ns");
     }
 }

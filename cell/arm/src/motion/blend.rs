@@ -268,7 +268,17 @@ fn both(first: &Segment, second: &Segment, arm: &Arm) -> Ratings {
     let acceleration = axes(&first.ratings.acceleration, &second.ratings.acceleration);
     let acceleration = axes(&acceleration, &rated.acceleration.map(|rated| AXIS_RESERVE * rated));
     let jerk = axes(&axes(&one, &other), &rated.jerk.map(|rated| AXIS_RESERVE * rated));
+    let (one_slows, other_slows) = (first.ratings.joints_slow(), second.ratings.joints_slow());
+    // Each motion has a factor of its own acceleration; that of the lower one is no lower limit than both.
+    let deceleration = (0..acceleration.len())
+        .map(|axis| {
+            one_slows[axis].min(other_slows[axis]).min(AXIS_RESERVE * rated.acceleration[axis])
+                / acceleration[axis]
+        })
+        .fold(f64::INFINITY, f64::min);
     let tool_acceleration = least(|ratings| ratings.tool_acceleration);
+    let tool_deceleration =
+        least(|ratings| ratings.tool_acceleration * ratings.tool_deceleration) / tool_acceleration;
     let tool_jerk = least(Ratings::tool_jerk);
     Ratings {
         speed: rated.speed.map(|speed| AXIS_RESERVE * speed),
@@ -276,8 +286,9 @@ fn both(first: &Segment, second: &Segment, arm: &Arm) -> Ratings {
         acceleration,
         tool_acceleration,
         tool_ramp_s: ramp_s(tool_acceleration, tool_jerk),
-        deceleration: least(|ratings| ratings.deceleration),
-        tool_deceleration: least(|ratings| ratings.tool_deceleration),
+        deceleration: if deceleration.is_finite() { deceleration } else { 1.0 },
+        // Where both lead no tool there is no ratio.
+        tool_deceleration: if tool_deceleration.is_finite() { tool_deceleration } else { 1.0 },
     }
 }
 

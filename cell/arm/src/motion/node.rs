@@ -70,6 +70,11 @@ impl Ratings {
         core::array::from_fn(|axis| self.acceleration[axis] / self.ramp_s[axis])
     }
 
+    /// The joints' accelerations for slowing down.
+    pub(super) fn joints_slow(&self) -> Joints {
+        self.acceleration.map(|acceleration| self.deceleration * acceleration)
+    }
+
     /// The tool's jerk, in mm/s³; infinite where no tool is led.
     pub(super) fn tool_jerk(&self) -> f64 {
         self.tool_acceleration / self.tool_ramp_s
