@@ -157,6 +157,12 @@ pub struct Programmed {
     pub velocity: u16,
     /// In 1 mm/s²; point to point in 0.01 %.
     pub acceleration: u16,
+    /// For slowing down, in the unit of the acceleration; 0 as that.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub deceleration: u16,
+    /// In 10 mm/s³; point to point in 0.01 % of the rated jerks. 0 as the robot has it.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub jerk: u16,
     /// In 0.01 mm.
     #[serde(default, skip_serializing_if = "is_none")]
     pub approximation: u16,
@@ -239,6 +245,8 @@ impl Programmed {
             auxiliary: self.auxiliary,
             velocity: self.velocity,
             acceleration: self.acceleration,
+            deceleration: self.deceleration,
+            jerk: self.jerk,
             approximation: self.approximation,
             tool: self.tool,
             base: self.base,

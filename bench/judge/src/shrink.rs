@@ -135,6 +135,8 @@ impl Shrinker<'_> {
             })
         };
         change(&|motion| motion.written_in_cycle = 0);
+        change(&|motion| motion.deceleration = 0);
+        change(&|motion| motion.jerk = 0);
         for zone in [0, 100, 500, 1_000, 2_000, 5_000] {
             if change(&|motion| motion.approximation = zone) {
                 break;

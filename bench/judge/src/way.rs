@@ -33,6 +33,10 @@ pub(crate) struct Way {
     pub(crate) velocity: f64,
     /// In mm/s²; point to point a share of the rated accelerations.
     pub(crate) acceleration: f64,
+    /// The same for slowing down.
+    pub(crate) deceleration: f64,
+    /// In mm/s³, point to point a share of the rated jerks; none where it is not programmed.
+    pub(crate) jerk: Option<f64>,
     /// The force to be reached, in N.
     pub(crate) force_n: f64,
 }
@@ -96,7 +100,8 @@ impl Way {
             (target, target.then(&tool.inverse()))
         };
         let through = base.point(motion.auxiliary.map(f64::from));
-        let per_unit = if motion.kind.is_point_to_point() { [1e-4, 1e-4] } else { [0.1, 1.0] };
+        let per_unit = if motion.kind.is_point_to_point() { [1e-4, 1e-4, 1e-4] } else { [0.1, 1.0, 10.0] };
+        let deceleration = if motion.deceleration == 0 { motion.acceleration } else { motion.deceleration };
         let is_force = motion.kind == Kind::LinForce;
         Self {
             kind: motion.kind,
@@ -112,6 +117,8 @@ impl Way {
             zone_mm: 0.0,
             velocity: f64::from(motion.velocity) * per_unit[0],
             acceleration: f64::from(motion.acceleration) * per_unit[1],
+            deceleration: f64::from(deceleration) * per_unit[1],
+            jerk: (motion.jerk > 0).then(|| f64::from(motion.jerk) * per_unit[2]),
             force_n: if is_force { length(motion.auxiliary.map(f64::from)) } else { 0.0 },
         }
     }

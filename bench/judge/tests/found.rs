@@ -28,6 +28,8 @@ impl Watched {
             auxiliary: [0.0; 3],
             velocity: 1_000,
             acceleration: 1_000,
+            deceleration: 0,
+            jerk: 0,
             approximation: 0,
             tool: 0,
             base: 0,

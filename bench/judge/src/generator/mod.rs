@@ -88,6 +88,9 @@ fn run(dice: &mut Dice, case: &mut Case, setup: &Setup, least_override: u8) -> R
     }
     let surface = walk.surface();
     case.surfaces.extend(surface);
+    if dice.chance(0.25) {
+        phrase::soften(dice, &mut motions, setup);
+    }
     if dice.chance(0.02) {
         phrase::spoil(dice, &mut motions);
     }

@@ -11,6 +11,9 @@ use crate::way::joints_of;
 /// The longest that one motion may take at its programmed velocity, in s: slow ones are short ones.
 const LONGEST_S: f64 = 1.5;
 
+/// The least share of its acceleration, or of the highest jerk, that a motion may have for slowing down, or as its jerk.
+const SOFTEST: f64 = 0.1;
+
 /// Walks from target to target, and knows where the arm would be.
 #[derive(Debug)]
 pub(super) struct Walk<'a> {
@@ -306,6 +309,8 @@ impl<'a> Walk<'a> {
             auxiliary: [0.0; 3],
             velocity: 0,
             acceleration: 0,
+            deceleration: 0,
+            jerk: 0,
             approximation: 0,
             tool: self.tool,
             base: self.base,
@@ -341,6 +346,23 @@ impl<'a> Walk<'a> {
         let tool = self.frames[0][usize::from(motion.tool)];
         let base = self.frames[1][usize::from(motion.base)];
         base.then(&Pose::from_mm_deg(coordinates)).then(&tool.inverse())
+    }
+}
+
+/// Gives some motions a deceleration and a jerk of their own.
+pub(super) fn soften(dice: &mut Dice, motions: &mut [Programmed], setup: &Setup) {
+    let robot = &setup.robot;
+    for motion in motions.iter_mut().filter(|motion| motion.kind != Kind::LinForce) {
+        let is_point_to_point = motion.kind.is_point_to_point();
+        let most = if is_point_to_point { 1e4 } else { robot.path_acceleration_mm_s2.value };
+        if dice.chance(0.5) {
+            let factor = dice.scale(SOFTEST, 1.0 / SOFTEST);
+            motion.deceleration = (f64::from(motion.acceleration) * factor).clamp(1.0, most) as u16;
+        }
+        if dice.chance(0.5) {
+            let most = if is_point_to_point { 1e4 } else { robot.path_jerk_mm_s3.value / 10.0 };
+            motion.jerk = (most * dice.scale(SOFTEST, 1.0)).min(f64::from(u16::MAX)) as u16;
+        }
     }
 }
 

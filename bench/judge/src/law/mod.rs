@@ -99,6 +99,9 @@ pub struct Law {
     path_jerk: f64,
     /// The farthest that a tool is accelerated by all joints together, in mm/s².
     tool_acceleration_by_joints: f64,
+    /// Cycles in which an acceleration can be taken back, as the robot and the arm are rated.
+    settles_in_rated: u32,
+    /// The same by the motions of this skill.
     settles_in: u32,
     force_tolerance_n: f64,
     stiffest_n_per_mm: f64,
@@ -168,7 +171,8 @@ impl Law {
             differences: [0, 1, 2].map(|order| rated[order].map(|limit| limit * powers[order])),
             path_jerk: robot.path_jerk_mm_s3.value,
             tool_acceleration_by_joints: by_joints.sum(),
-            settles_in: (settling_s / cycle_s).ceil() as u32 + 3,
+            settles_in_rated: (settling_s / cycle_s).ceil() as u32 + 3,
+            settles_in: 0,
             force_tolerance_n: robot.force.as_ref().map_or(0.0, |force| force.tolerance_n.value),
             stiffest_n_per_mm: robot.force.as_ref().map_or(0.0, |force| force.stiffest_n_per_mm.value),
             surfaces: case.surfaces.clone(),
@@ -215,6 +219,7 @@ impl Law {
             self.ways.push(way);
         }
         self.limit_zones();
+        self.settles_in = self.settling_cycles();
         for sample in &mut self.samples {
             sample.among = Among::default();
         }
@@ -246,6 +251,23 @@ impl Law {
                 Some((_, next_half)) => way.approximation_mm.min(half).min(next_half),
             };
         }
+    }
+
+    /// How many cycles it takes to take back an acceleration of these motions.
+    fn settling_cycles(&self) -> u32 {
+        let least = |is_point_to_point: bool, rated: f64| {
+            let jerks = self.ways.iter().filter(|way| way.kind.is_point_to_point() == is_point_to_point);
+            jerks.filter_map(|way| way.jerk).fold(rated, f64::min)
+        };
+        let hardest = |is_point_to_point: bool| {
+            let ways = self.ways.iter().filter(|way| way.kind.is_point_to_point() == is_point_to_point);
+            ways.fold(0.0, |most: f64, way| most.max(way.acceleration).max(way.deceleration))
+        };
+        // Point to point both are shares of what is rated: by that a ramp takes as many cycles as differences tell.
+        let by_tool = hardest(false) / least(false, self.path_jerk) / self.cycle_s;
+        let rated = (0..self.axes).map(|axis| self.differences[1][axis] / self.differences[2][axis]);
+        let by_joints = rated.fold(0.0, f64::max) * hardest(true) / least(true, 1.0);
+        self.settles_in_rated.max(by_tool.max(by_joints).ceil() as u32 + 3)
     }
 
     /// Judges one more robot cycle. After a broken law nothing more is judged.
@@ -322,7 +344,8 @@ impl Law {
         if ways.is_empty() || ways.iter().any(|way| way.kind.is_point_to_point()) {
             return self.near_stop_by_joints_mm();
         }
-        let acceleration = ways.iter().fold(0.0, |most, way| way.acceleration.max(most));
+        let acceleration =
+            ways.iter().fold(0.0, |most, way| way.acceleration.max(way.deceleration).max(most));
         acceleration * self.cycle_s * self.cycle_s / 2.0 + PLACE_MM
     }
 

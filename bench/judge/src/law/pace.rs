@@ -146,8 +146,12 @@ impl Law {
         };
         let (second, before) = (sum(chords[0], chords[1], -1.0), sum(chords[1], chords[2], -1.0));
         if self.samples_of_skill >= 3 && self.is_one_tool(3) {
-            let limit = self.most(self.among_last(3), |way| way.acceleration);
+            let among = self.among_last(3);
             let square = self.powers[1];
+            if let Some(what) = self.slows_too_fast(among, chords.map(length)) {
+                return self.report(Class::ToolAcceleration, what);
+            }
+            let limit = self.most(among, |way| way.acceleration.max(way.deceleration));
             if length(second) > limit * square * (1.0 + SHARE) + 4.0 * TOOL_NOISE_MM {
                 let figure = length(second) / square;
                 let what =
@@ -158,23 +162,37 @@ impl Law {
         if self.samples_of_skill >= 4 && self.is_one_tool(4) {
             let third = length(sum(second, before, -1.0));
             let cube = self.powers[2];
-            if third > self.path_jerk * cube * (1.0 + SHARE) + 8.0 * TOOL_NOISE_MM {
-                let (figure, limit) = (third / cube, self.path_jerk);
+            let limit = self.most(self.among_last(4), |way| way.jerk.unwrap_or(self.path_jerk));
+            if third > limit * cube * (1.0 + SHARE) + 8.0 * TOOL_NOISE_MM {
+                let figure = third / cube;
                 let what = Broken::Figure { quantity: "the tool's jerk", figure, limit, unit: "mm/s³" };
                 self.report(Class::ToolJerk, what);
             }
         }
     }
 
+    /// The deceleration of a motion is along its path; where that bends, the tool is accelerated across it besides.
+    fn slows_too_fast(&self, among: Among, [last, before, _]: [f64; 3]) -> Option<Broken> {
+        let limit = self.most(among, |way| way.deceleration);
+        let square = self.powers[1];
+        let noise = 4.0 * TOOL_NOISE_MM + BEND * before;
+        let figure = (before - last) / square;
+        (before - last > limit * square * (1.0 + SHARE) + noise).then_some(Broken::Figure {
+            quantity: "the tool's deceleration",
+            figure,
+            limit,
+            unit: "mm/s²",
+        })
+    }
+
     /// The joints point to point.
     fn look_at_shares(&mut self, among: Among) {
-        let [q0, q1, q2, _] = self.samples.map(|sample| sample.joints);
+        let [q0, q1, q2, q3] = self.samples.map(|sample| sample.joints);
         let (speeds, accelerations) = (self.differences[0], self.differences[1]);
-        let (mut share, mut share_before) = (0.0_f64, 0.0_f64);
-        for axis in 0..self.axes {
-            share = share.max((q0[axis] - q1[axis]).abs() / speeds[axis]);
-            share_before = share_before.max((q1[axis] - q2[axis]).abs() / speeds[axis]);
-        }
+        let shares = [(q0, q1), (q1, q2), (q2, q3)].map(|(to, from)| {
+            (0..self.axes).map(|axis| (to[axis] - from[axis]).abs() / speeds[axis]).fold(0.0, f64::max)
+        });
+        let [share, share_before, _] = shares;
         let velocity = self.most(among, |way| way.velocity);
         self.look_at_speed(among, share, share_before, velocity);
         let limit = velocity * self.pace.allowed();
@@ -188,7 +206,7 @@ impl Law {
         if self.samples_of_skill < 3 || !self.ways_among(all).iter().all(|way| way.kind.is_point_to_point()) {
             return;
         }
-        let limit = self.most(all, |way| way.acceleration);
+        let limit = self.most_share(all, shares);
         for axis in 0..self.axes {
             let share = (q0[axis] - 2.0 * q1[axis] + q2[axis]).abs() / accelerations[axis];
             if share > limit * (1.0 + SHARE) + 4.0 * JOINT_NOISE / accelerations[axis] {
@@ -224,6 +242,18 @@ impl Law {
             self.report(Class::ToolSpeed, what);
         }
         self.pace.see(step / programmed, before / programmed, may_rise);
+    }
+
+    /// The highest share of the rated accelerations, the one for slowing down where the joints' speeds tell that the arm does. In a
+    /// corner, and where it turns from one to the other, the higher one counts.
+    fn most_share(&self, among: Among, [last, before, first]: [f64; 3]) -> f64 {
+        let rising = self.most(among, |way| way.acceleration);
+        let falling = self.most(among, |way| way.deceleration);
+        match among.is_one() && self.samples_of_skill >= 4 {
+            true if first + SHARE < before && before + SHARE < last => rising,
+            true if first > before + SHARE && before > last + SHARE => falling,
+            _ => rising.max(falling),
+        }
     }
 
     fn most(&self, among: Among, of: impl Fn(&Way) -> f64) -> f64 {
