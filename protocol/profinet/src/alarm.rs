@@ -318,7 +318,7 @@ mod tests {
                 }
                 other => panic!("{name}: {other:?}"),
             };
-            assert_eq!(buf[..len], pdu[..len], "{name}");
+            assert_eq!((len, &buf[..len]), (12 + variable.len(), &pdu[..len]), "{name}");
             seen += 1;
         }
         assert_eq!(seen, 16);

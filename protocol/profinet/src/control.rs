@@ -284,6 +284,27 @@ mod tests {
     }
 
     #[test]
+    fn each_command_has_its_block_type_and_its_bit() {
+        for (command, request, response, bit) in [
+            (Command::PrmEnd, 0x0110, 0x8110, 0),
+            (Command::ApplicationReady, 0x0112, 0x8112, 1),
+            (Command::Release, 0x0114, 0x8114, 2),
+            (Command::PrmBegin, 0x0118, 0x8118, 6),
+        ] {
+            let control = Control { command, ar: Uuid([7; 16]), session: 2, properties: 0 };
+            let (mut asked, mut answered) = ([0; 32], [0; 32]);
+            control.emit_request(&mut BlockWriter::new(&mut asked));
+            control.emit_response(&mut BlockWriter::new(&mut answered));
+            for (buf, block_type, code) in [(&asked, request, 1 << bit), (&answered, response, DONE)] {
+                let number = |at: usize| u16::from_be_bytes([buf[at], buf[at + 1]]);
+                assert_eq!((number(0), number(28)), (block_type, code), "{command:?}");
+            }
+            assert_eq!(Control::parse_request(&asked), Ok(control));
+            assert_eq!(Control::parse_response(&answered), Ok(control));
+        }
+    }
+
+    #[test]
     fn a_command_that_does_not_fit_its_block_and_a_wrong_length_are_refused() {
         let mut blocks = request(captured::PRMEND_REQ);
         blocks[29] = 4;

@@ -94,4 +94,17 @@ mod tests {
         assert_eq!(provided.get(1, 1), Some((&[1, 2][..], true)));
         assert_eq!(provided.get(1, 2), Some((&[0][..], false)));
     }
+
+    #[test]
+    fn all_data_are_set_at_once_by_ascending_slot_and_subslot() {
+        let mut provided = Provided::new([(0, 1, 0), (1, 1, 2), (1, 2, 1)].into_iter());
+        let mut places = Vec::new();
+        provided.set_all(|slot, subslot, data| {
+            places.push((slot, subslot, data.len()));
+            data.fill(subslot as u8);
+        });
+        assert_eq!(places, [(1, 1, 2), (1, 2, 1)]);
+        assert_eq!(provided.get(1, 1), Some((&[1, 1][..], true)));
+        assert_eq!(provided.get(1, 2), Some((&[2][..], true)));
+    }
 }

@@ -132,6 +132,18 @@ fn a_frame_id_that_does_not_fit_the_service_is_refused() {
 }
 
 #[test]
+fn a_station_says_which_service_it_does_not_support() {
+    for (frame_id, service) in [(0xFEFC, 6), (0xFEFD, 3), (0xFEFE, 5), (0xFEFF, 7)] {
+        let not_supported = Service::NotSupported(frame_id, service);
+        let bytes = emitted(|w| emit(w, not_supported, 7, 0, []));
+        assert_eq!(bytes[..4], [0xFE, frame_id as u8, service, 5]);
+        let pdu = Pdu::parse(&bytes).unwrap();
+        assert_eq!((pdu.service, pdu.xid, pdu.service.is_request()), (not_supported, 7, false));
+    }
+    assert!(Pdu::parse(&emitted(|w| emit(w, Service::NotSupported(0xFEFB, 5), 7, 0, []))).is_err());
+}
+
+#[test]
 fn the_mac_address_determines_the_delay_of_an_answer() {
     let mac = Mac([0, 0, 0, 0, 0x01, 0x05]);
     assert_eq!(response_delay(mac, 0), Duration::ZERO);

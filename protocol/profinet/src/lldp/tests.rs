@@ -59,6 +59,37 @@ fn every_tlv_has_its_place() {
 }
 
 #[test]
+fn a_system_has_a_name_and_a_description() {
+    let pdu = Pdu {
+        system_name: Some(b"plc"),
+        system_description: Some(b"a controller"),
+        ..Pdu::new(id(b"plc-1a"), id(b"port-001"), 20)
+    };
+    let bytes = emitted(&pdu);
+    assert_eq!(bytes[24..29], [0x0A, 3, b'p', b'l', b'c']);
+    assert_eq!(bytes[29..31], [0x0C, 12]);
+    assert_eq!(Pdu::parse(&bytes), Ok(pdu));
+}
+
+#[test]
+fn a_management_address_that_is_not_one_of_ipv4_is_none() {
+    // The numbers of address families: 1 IPv4, 2 IPv6, 6 IEEE 802.
+    for (address, expected) in [
+        (&[1, 192, 168, 0, 1][..], Some(Ipv4Addr::new(192, 168, 0, 1))),
+        (&[1, 192, 168, 0, 1, 0], None),
+        (&[1, 192, 168, 0], None),
+        (&[6, 192, 168, 0, 1], None),
+        (&[2, 0xFE, 0x80, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1], None),
+    ] {
+        let len = address.len() as u8;
+        let tlv = [&[0x10, len + 7, len], address, &[1, 0, 0, 0, 0, 0]].concat();
+        let payload = [&CPU[..24], &tlv].concat();
+        let found = Pdu::parse(&payload).map(|pdu| pdu.management_address);
+        assert_eq!(found, Ok(expected), "{address:?}");
+    }
+}
+
+#[test]
 fn the_first_three_tlvs_have_their_order_and_come_once() {
     let [chassis, port, ttl] = [&CPU[..9], &CPU[9..20], &CPU[20..24]];
     let end = &[0, 0][..];

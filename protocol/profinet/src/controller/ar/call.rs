@@ -268,7 +268,8 @@ mod tests {
         assert!(matches!(caller.handle(now, &request.answer(Kind::Working), &[]), AnswerOutcome::Pending));
         let at = caller.poll_timeout().unwrap();
         assert!(!caller.handle_timeout(at));
-        assert_eq!(sent(&mut caller).unwrap().kind, Kind::Ping);
+        let ping = sent(&mut caller).unwrap();
+        assert_eq!((ping.kind, ping.flags, ping.is_same_call(&request)), (Kind::Ping, 0, true));
         assert!(matches!(caller.handle(at, &request.answer(Kind::NoCall), &[]), AnswerOutcome::Pending));
         assert_eq!(sent(&mut caller).unwrap().kind, Kind::Request);
     }
@@ -340,15 +341,32 @@ mod tests {
     fn an_answer_in_fragments_is_put_together_and_each_is_acknowledged_if_wanted() {
         let mut caller = calling();
         let request = sent(&mut caller).unwrap();
-        let part = Header { flags: flags::FRAGMENT, ..request.answer(Kind::Response) };
-        assert!(matches!(caller.handle(Instant::ZERO, &part, &[1; FRAGMENT_LEN]), AnswerOutcome::Pending));
-        let ack = sent(&mut caller).unwrap();
-        assert_eq!((ack.kind, ack.fragment), (Kind::FragmentAck, 0));
-        let last = Header { flags: part.flags | flags::LAST_FRAGMENT, fragment: 1, ..part };
+        let answer = Header { flags2: 2, server_boot: 77, ..request.answer(Kind::Response) };
+        for (fragment, flags, is_wanted) in
+            [(0, flags::FRAGMENT, true), (1, flags::FRAGMENT | flags::NO_FRAGMENT_ACK, false)]
+        {
+            let part = Header { flags, fragment, ..answer };
+            assert!(matches!(
+                caller.handle(Instant::ZERO, &part, &[1; FRAGMENT_LEN]),
+                AnswerOutcome::Pending
+            ));
+            let ack = Header { kind: Kind::FragmentAck, flags: 0, flags2: 0, fragment, ..answer };
+            assert_eq!(sent(&mut caller), is_wanted.then_some(ack));
+        }
+        let last = Header { flags: flags::FRAGMENT | flags::LAST_FRAGMENT, fragment: 2, ..answer };
         let AnswerOutcome::Answer(_, whole) = caller.handle(Instant::ZERO, &last, &[2; 5]) else {
             panic!("the last fragment ends the call");
         };
-        assert_eq!(whole.len(), FRAGMENT_LEN + 5);
+        assert_eq!(whole.len(), 2 * FRAGMENT_LEN + 5);
+    }
+
+    #[test]
+    fn an_answer_that_is_no_fragment_is_not_acknowledged() {
+        let mut caller = calling();
+        let request = sent(&mut caller).unwrap();
+        let answer = Header { flags: 0, ..request.answer(Kind::Response) };
+        assert!(matches!(caller.handle(Instant::ZERO, &answer, b"yes"), AnswerOutcome::Answer(..)));
+        assert_eq!(sent(&mut caller), None);
     }
 
     #[test]
