@@ -16,6 +16,7 @@ mod loss;
 mod one_way;
 mod pair;
 mod samples;
+mod search;
 mod tshark;
 mod two_devices;
 

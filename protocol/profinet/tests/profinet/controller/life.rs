@@ -172,6 +172,37 @@ fn a_device_that_refuses_or_ignores_the_parameters_of_a_plugged_submodule_keeps_
 }
 
 #[test]
+fn of_submodules_that_are_plugged_at_the_same_time_32_wait_for_their_parameters() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(50);
+    cell.peer.script.deaf_to_rpc = true;
+    let mut sequence = 0xFFFE_u16;
+    for number in 1..=34 {
+        sequence = sequence.wrapping_add(1);
+        alarm(&mut cell, 4, number, sequence);
+    }
+    cell.peer.script.deaf_to_rpc = false;
+    assert_eq!(cell.run(1_000), []);
+    assert_eq!(cell.peer.plug_ends, (1..=32).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_submodule_that_was_plugged_before_the_connection_ended_is_not_served_by_the_next_one() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(50);
+    cell.peer.script.deaf_to_rpc = true;
+    alarm(&mut cell, 4, 1, 0xFFFF);
+    alarm(&mut cell, 4, 2, 0);
+    cell.peer.script.silent = true;
+    cell.run(50);
+    cell.peer.script = Script::default();
+    assert_eq!(cell.run(500), [LinkEvent::Up]);
+    assert_eq!(cell.peer.plug_ends, []);
+    alarm(&mut cell, 4, 3, 0xFFFF);
+    assert_eq!(cell.peer.plug_ends, [3]);
+}
+
+#[test]
 fn a_repeated_application_ready_is_answered_again_while_data_go() {
     let mut cell = Cell::new(Transport::Udp, Script::default());
     cell.run(50);
@@ -196,13 +227,38 @@ fn disconnect_releases_the_ar_and_nothing_is_sent_afterwards() {
 }
 
 #[test]
+fn a_device_that_refuses_the_release_or_answers_late_is_left_all_the_same() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(50);
+    cell.peer.script.deaf_to_rpc = true;
+    let now = cell.now;
+    cell.ar().disconnect(now);
+    assert_eq!(cell.run(500), []);
+    cell.peer.script.deaf_to_rpc = false;
+    cell.goes_down(200, &[(DownCause::ClosedHere, 0, "")]);
+    assert!(cell.peer.released, "by the repetition after 0.6 s");
+
+    let refusal = Violation::ReleaseSessionKey.status(Service::Release);
+    let mut cell = Cell::new(Transport::Udp, Script { refuses_release: Some(refusal), ..Script::default() });
+    cell.run(50);
+    let now = cell.now;
+    cell.ar().disconnect(now);
+    cell.goes_down(0, &[(DownCause::ClosedHere, 0, "")]);
+    let frames = cell.frames;
+    assert_eq!((cell.run(10_000), cell.frames), (Vec::new(), frames));
+}
+
+#[test]
 fn disconnect_ends_within_a_second_without_an_answer() {
     let mut cell = Cell::new(Transport::Udp, Script::default());
     cell.run(50);
     cell.peer.script.silent = true;
     let now = cell.now;
     cell.ar().disconnect(now);
-    cell.goes_down(1_000, &[(DownCause::ClosedHere, 0, "")]);
+    let frames = cell.frames;
+    assert_eq!(cell.run(999), []);
+    assert_eq!(cell.frames - frames, 3, "Release at once, after 0.2 s and after 0.6 s");
+    cell.goes_down(1, &[(DownCause::ClosedHere, 0, "")]);
     let frames = cell.frames;
     assert_eq!((cell.run(10_000), cell.frames), (Vec::new(), frames), "it only announces itself");
 }

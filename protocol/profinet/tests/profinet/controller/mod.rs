@@ -1,8 +1,12 @@
 //! The controller against a scripted peer: one that does what a device does, or leaves out what the script says.
 
+mod answers;
+mod calls;
+mod counters;
 mod dissected;
 mod life;
 mod peer;
+mod silence;
 mod startup;
 mod strangers;
 
@@ -25,13 +29,17 @@ const CONTROLLER_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 const DEVICE_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
 
 fn controller() -> Controller {
+    controller_with(1)
+}
+
+fn controller_with(seed: u64) -> Controller {
     let config = ControllerConfig {
         mac: CONTROLLER,
         station_name: "controller".into(),
         address: CONTROLLER_ADDRESS,
         mask: Ipv4Addr::new(255, 255, 255, 0),
         description: samples::CONTROLLER,
-        seed: 1,
+        seed,
     };
     Controller::new(config).unwrap()
 }

@@ -29,6 +29,8 @@ use crate::samples;
 pub(super) struct Script {
     pub(super) silent: bool,
     pub(super) deaf_to_rpc: bool,
+    /// It does not answer when its address is set.
+    pub(super) ignores_set: bool,
     /// The instances of its object; any if there is none. It reports the last one by DCP.
     pub(super) instances: Vec<u16>,
     pub(super) reports_no_instance: bool,
@@ -38,6 +40,7 @@ pub(super) struct Script {
     pub(super) diff: Vec<DiffModule>,
     pub(super) diff_when_ready: Vec<DiffModule>,
     pub(super) refuses_write: Option<Status>,
+    pub(super) refuses_release: Option<Status>,
     /// It refuses PrmEnd for a plugged submodule.
     pub(super) refuses_plug: Option<Status>,
     pub(super) ready_before_prm_end: bool,
@@ -157,6 +160,7 @@ impl Peer {
                 let blocks = blocks.into_iter().chain(instance);
                 vec![ethernet(|w| dcp::emit(w, DcpService::IdentifyResponse, pdu.xid, 0, blocks))]
             }
+            DcpService::SetRequest if self.script.ignores_set => Vec::new(),
             DcpService::SetRequest => {
                 self.script.has_address = true;
                 let blocks = [Content::Response { code: Code::IP, error: BlockError::None }.into()];
@@ -286,6 +290,7 @@ impl Peer {
             }
             Operation::Release => {
                 self.released = true;
+                status = self.script.refuses_release.unwrap_or_default();
                 Control::parse_request(blocks).unwrap().emit_response(&mut writer);
             }
             other => panic!("{other:?}"),

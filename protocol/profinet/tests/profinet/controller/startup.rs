@@ -40,6 +40,19 @@ fn outputs_are_bad_until_they_are_set() {
 }
 
 #[test]
+fn all_outputs_are_set_at_once() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(10);
+    cell.ar().set_outputs(|slot, subslot, data| {
+        assert_eq!((slot, subslot, data.len()), (1, 1, LEN));
+        data.fill(7);
+    });
+    cell.run(2);
+    let last = cell.peer.outputs.last().unwrap();
+    assert_eq!((last[4], last[259], last[260]), (7, 7, 0x80));
+}
+
+#[test]
 fn inputs_that_the_device_calls_bad_are_not_handed_out() {
     let mut cell = Cell::new(Transport::Rt1, Script { bad_input: true, ..Script::default() });
     assert_eq!(cell.run(10), [LinkEvent::Up]);
@@ -196,7 +209,13 @@ fn a_device_that_says_it_is_a_group_of_stations_gets_no_data() {
 
 #[test]
 fn data_and_alarms_over_udp_go_to_the_port_that_the_device_names() {
-    for (named, expected) in [(None, UDP_PORT), (Some(50_000), 50_000), (Some(0), UDP_PORT)] {
+    for (named, expected) in [
+        (None, UDP_PORT),
+        (Some(50_000), 50_000),
+        (Some(0), UDP_PORT),
+        (Some(0x3FF), UDP_PORT),
+        (Some(0x400), 0x400),
+    ] {
         let script = Script { responder_rt_port: named, ..Script::default() };
         let mut cell = Cell::new(Transport::Udp, script);
         assert_eq!(cell.run(50), [LinkEvent::Up]);
