@@ -162,16 +162,16 @@ fn an_alarm_ack_is_repeated_100_ms_after_it_was_sent_and_not_before() {
     let after = |now: Instant, millis| Some(now + Duration::from_millis(millis));
     assert_eq!(low(&mut alarms, now, PduType::Data, (0xFFFF, 0xFFFE)), Outcome::Handled);
     assert_eq!(alarms.poll_timeout(), after(now, 100));
-    now = now + Duration::from_millis(20);
+    now += Duration::from_millis(20);
     assert_eq!(types_sent(&mut alarms, now), [PduType::Ack, PduType::Data]);
     for _ in 0..RETRIES {
         assert_eq!(alarms.poll_timeout(), after(now, 100));
         assert!(!alarms.handle_timeout(now + Duration::from_millis(99)));
         assert_eq!(types_sent(&mut alarms, now), [], "too early");
-        now = now + Duration::from_millis(100);
+        now += Duration::from_millis(100);
         assert!(!alarms.handle_timeout(now));
         assert_eq!(alarms.poll_timeout(), after(now, 100), "even if it is not sent at once");
-        now = now + Duration::from_millis(30);
+        now += Duration::from_millis(30);
         assert_eq!(types_sent(&mut alarms, now), [PduType::Data]);
     }
 }
