@@ -144,6 +144,8 @@ impl Discovery {
         match self.device {
             Some(device) if device == from => return Progress::Pending,
             Some(_) => return self.refuse(0, NAME_TWICE),
+            // The search was given up, or has not begun.
+            None if self.step == Step::Idle => return Progress::Foreign,
             None => self.device = Some(from),
         }
         for block in pdu.blocks().flatten() {

@@ -99,6 +99,19 @@ fn an_answer_that_comes_after_the_search_was_given_up_starts_no_connection() {
 }
 
 #[test]
+fn an_answer_that_comes_after_the_search_was_given_up_sets_no_address() {
+    let mut cell = Cell::new(Transport::Rt1, Script { silent: true, ..Script::default() });
+    assert_eq!(cell.run(10), []);
+    let now = cell.now;
+    cell.ar().disconnect(now);
+    cell.goes_down(0, &[(DownCause::ClosedHere, 0, "")]);
+    let frames = cell.frames;
+    let late = found(&cell, DEVICE, Ipv4Addr::UNSPECIFIED);
+    cell.deliver(late);
+    assert_eq!((cell.run(10_000), cell.frames), (Vec::new(), frames));
+}
+
+#[test]
 fn a_second_station_of_the_name_does_not_end_a_connection() {
     let mut cell = Cell::new(Transport::Rt1, Script::default());
     assert_eq!(cell.run(50), [LinkEvent::Up]);
