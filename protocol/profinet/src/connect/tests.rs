@@ -148,3 +148,82 @@ fn a_submodule_state_is_read_in_both_of_its_formats() {
         assert!(!SubmoduleState(unusable).is_usable(), "0x{unusable:04X}");
     }
 }
+
+#[test]
+fn a_block_that_is_cut_is_named_in_the_violation() {
+    for (block_type, block) in [
+        (BlockType::Iocr, Block::Iocr),
+        (BlockType::AlarmCr, Block::AlarmCr),
+        (BlockType::ExpectedSubmodule, Block::ExpectedSubmodule),
+        (BlockType::PrmServer, Block::PrmServer),
+        (BlockType::Mcr, Block::Mcr),
+        (BlockType::ArRpc, Block::ArRpc),
+        (BlockType::ArVendor, Block::ArVendor),
+        (BlockType::IrInfo, Block::IrInfo),
+        (BlockType::SrInfo, Block::SrInfo),
+        (BlockType::ArFsu, Block::ArFsu),
+        (BlockType::RsInfo, Block::RsInfo),
+        (BlockType::IocrResponse, Block::IocrRes),
+        (BlockType::AlarmCrResponse, Block::AlarmCrRes),
+        (BlockType::ModuleDiff, Block::ModuleDiff),
+        (BlockType::ArServer, Block::ArServer),
+        (BlockType::ArResponse, Block::ArRes),
+        (BlockType::Unknown(0x7777), Block::Ar),
+    ] {
+        let [high, low] = u16::from(block_type).to_be_bytes();
+        let blocks = [&request_blocks()[..95], &[high, low, 0, 9, 1, 0]].concat();
+        let cut = Err(Violation::Head(block, HeadField::Length));
+        assert_eq!(ConnectRequest::parse(&blocks), cut, "{block_type:?}");
+    }
+}
+
+#[test]
+fn a_controllers_name_has_up_to_240_bytes() {
+    let mut request = ConnectRequest::parse(&request_blocks()).unwrap();
+    let mut parse = |len| {
+        request.ar.initiator_name = vec![b'a'; len];
+        ConnectRequest::parse(&emitted(|w| request.emit(w))).map(|parsed| parsed.ar.initiator_name.len())
+    };
+    assert_eq!(parse(240), Ok(240));
+    assert_eq!(parse(241), Err(Violation::StationNameLength));
+}
+
+#[test]
+fn the_data_of_a_submodule_are_those_that_its_properties_say() {
+    use Violation::{DataDescription, SubmoduleDataLength, SubmoduleProperties};
+    let parse = |kind: u16, descriptions: &[(u16, u16)]| {
+        let block = emitted(|w| {
+            block::write(w, BlockType::ExpectedSubmodule, |w| {
+                w.u16(1);
+                w.u32(API);
+                w.u16(1);
+                w.u32(0x100);
+                w.u16(0);
+                w.u16(1);
+                w.u16(1);
+                w.u32(0x101);
+                w.u16(kind);
+                for (direction, len) in descriptions {
+                    w.u16(*direction);
+                    w.u16(*len);
+                    w.bytes(&[1, 1]);
+                }
+            });
+        });
+        let request = ConnectRequest::parse(&[&request_blocks()[..95], &block].concat())?;
+        let submodule = request.expected[0].submodules[0];
+        Ok((submodule.input_len, submodule.output_len, submodule.has_no_io()))
+    };
+    assert_eq!(parse(0, &[(1, 0)]), Ok((Some(0), None, true)));
+    assert_eq!(parse(1, &[(1, 1_439)]), Ok((Some(1_439), None, false)));
+    assert_eq!(parse(2, &[(2, 4)]), Ok((None, Some(4), false)));
+    assert_eq!(parse(3, &[(2, 4), (1, 0)]), Ok((Some(0), Some(4), false)));
+    assert_eq!(parse(0, &[(1, 4)]), Err(SubmoduleProperties), "no I/O, but an input");
+    assert_eq!(parse(0, &[(2, 0)]), Err(SubmoduleProperties), "no I/O, but an output");
+    assert_eq!(parse(1, &[(2, 4)]), Err(SubmoduleProperties), "an input, but an output is there");
+    assert_eq!(parse(2, &[(1, 4)]), Err(SubmoduleProperties), "an output, but an input is there");
+    assert_eq!(parse(3, &[(1, 4), (1, 4)]), Err(DataDescription), "the same twice");
+    assert_eq!(parse(1, &[(1, 1_440)]), Err(SubmoduleDataLength));
+}
+
+mod limits;

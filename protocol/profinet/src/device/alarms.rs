@@ -251,4 +251,27 @@ mod tests {
         let mut other = AlarmEndpoint::new(Route::Ethernet { source: P_NET, destination: CPU }, 1, 0);
         assert_eq!(other.handle_pdu(Priority::Low, &payload[2..]), AlarmReceived::Foreign);
     }
+
+    #[test]
+    fn an_alarm_of_either_priority_is_acknowledged_with_its_own_frame_id() {
+        let frame = captured::frame(captured::ALARM_PROCESS_NOTIF);
+        let (_, payload) = EthernetHeader::parse(&frame).unwrap();
+        for (priority, frame_id) in [(Priority::High, FRAME_ID_HIGH), (Priority::Low, FRAME_ID_LOW)] {
+            let mut endpoint = AlarmEndpoint::new(Route::Ethernet { source: P_NET, destination: CPU }, 0, 0);
+            assert_eq!(endpoint.handle_pdu(priority, &payload[2..]), AlarmReceived::Handled);
+            let mut buf = [0; 100];
+            for wanted in [PduType::Ack, PduType::Data] {
+                let transmit = endpoint.poll_transmit(&mut buf).unwrap();
+                let (_, payload) = EthernetHeader::parse(&buf[..transmit.len]).unwrap();
+                let (rta, _) = Rta::parse(&payload[2..]).unwrap();
+                assert_eq!((&payload[..2], rta.pdu_type), (&frame_id.to_be_bytes()[..], wanted));
+            }
+            assert!(endpoint.poll_transmit(&mut buf).is_none());
+        }
+    }
+
+    #[test]
+    fn the_numbers_of_pdus_wrap_around_at_15_bits_after_their_start() {
+        assert_eq!([0xFFFE, 0xFFFF, 0, 0x7FFE, 0x7FFF].map(next), [0xFFFF, 0, 1, 0x7FFF, 0]);
+    }
 }

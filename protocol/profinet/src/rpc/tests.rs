@@ -129,3 +129,105 @@ fn fragments_of_another_byte_order_and_bodies_over_the_limit_are_refused() {
     }
     assert!(refused > 0);
 }
+
+#[test]
+fn the_interfaces_have_the_uuids_of_the_standard() {
+    let uuid = |number| {
+        Uuid([0xDE, 0xA0, 0, number, 0x6C, 0x97, 0x11, 0xD1, 0x82, 0x71, 0, 0xA0, 0x24, 0x42, 0xDF, 0x7D])
+    };
+    assert_eq!((DEVICE_INTERFACE, CONTROLLER_INTERFACE), (uuid(1), uuid(2)));
+}
+
+#[test]
+fn an_operation_has_the_number_that_it_came_from() {
+    let numbers = [0, 1, 2, 3, 4, 5, 6, 0xFFFF];
+    assert_eq!(numbers.map(|number| u16::from(Operation::from(number))), numbers);
+}
+
+#[test]
+fn an_answer_has_neither_flags2_nor_serial_nor_fragment_of_its_call() {
+    let call = Header::request(Operation::Write, Uuid::NIL, DEVICE_INTERFACE, Uuid([7; 16]), 3);
+    let repeated = Header { flags2: 2, serial: 0x0102, fragment: 4, ..call };
+    assert_eq!(repeated.answer(Kind::Response), call.answer(Kind::Response));
+    let answer = repeated.answer(Kind::NoCall);
+    assert_eq!((answer.flags2, answer.serial, answer.fragment), (0, 0, 0));
+}
+
+#[test]
+fn a_message_is_queued_until_its_last_fragment_is_sent_or_it_is_removed() {
+    assert!(!Message::new().is_queued());
+    let mut message = long_message(FRAGMENT_LEN + 1);
+    let mut buf = [0; 1500];
+    for _ in 0..2 {
+        assert!(message.is_queued());
+        assert!(message.poll(&mut buf).is_some());
+    }
+    assert!(!message.is_queued());
+    message.repeat();
+    assert!(message.is_queued());
+    message.clear();
+    assert!(!message.is_queued());
+    assert_eq!(message.poll(&mut buf), None);
+    assert!(message.header().is_none());
+}
+
+#[test]
+fn a_lookup_that_has_no_room_for_an_entry_finds_none() {
+    let lookup = Lookup { handle: Uuid::NIL, interface: None, object: None, most_entries: 0 };
+    let endpoint = Endpoint::of(DEVICE_INTERFACE, &crate::samples::DEVICE, core::net::Ipv4Addr::LOCALHOST);
+    let mut body = [0; 300];
+    let len = MapperCall::Lookup(lookup).answer(&endpoint, &mut body).unwrap();
+    assert_eq!(body[..len - 4], [0; 36], "no handle, no entries");
+    assert_eq!(body[len - 4..len], 0x16C9_A0D6_u32.to_be_bytes());
+}
+
+/// Takes fragments of calls, as number of the call, number of the fragment, whether it is the last one, and body; returns what
+/// becomes of each.
+fn taken(fragments: &[(u32, u16, bool, &str)]) -> Vec<String> {
+    let mut reassembly = Reassembly::new();
+    let take = |(sequence, fragment, is_last, body): &(u32, u16, bool, &str)| {
+        let flags = flags::FRAGMENT | if *is_last { flags::LAST_FRAGMENT } else { 0 };
+        let call = Header::request(Operation::Write, Uuid::NIL, DEVICE_INTERFACE, Uuid([7; 16]), *sequence);
+        match reassembly.take(&Header { flags, fragment: *fragment, ..call }, body.as_bytes()) {
+            Received::Whole(body) => String::from_utf8(body.to_vec()).unwrap(),
+            Received::Part => "part".into(),
+            Received::Refused => "refused".into(),
+        }
+    };
+    fragments.iter().map(take).collect()
+}
+
+#[test]
+fn a_first_fragment_begins_its_call_anew_whatever_was_there_before() {
+    let another_call = [(3, 0, false, "same "), (4, 0, false, "same "), (4, 1, true, "end")];
+    assert_eq!(taken(&another_call), ["part", "part", "same end"]);
+    let repeated = [(3, 0, false, "a"), (3, 0, false, "a"), (3, 1, true, "b")];
+    assert_eq!(taken(&repeated), ["part", "part", "ab"]);
+    // A caller that restarted numbers its calls anew.
+    let restarted = [(3, 0, false, "old "), (3, 0, false, "new "), (3, 1, true, "end")];
+    assert_eq!(taken(&restarted), ["part", "part", "new end"]);
+    let restarted_later = [
+        (3, 0, false, "old "),
+        (3, 1, false, "old "),
+        (3, 0, false, "new "),
+        (3, 1, false, "part "),
+        (3, 2, true, "end"),
+    ];
+    assert_eq!(taken(&restarted_later), ["part", "part", "part", "part", "new part end"]);
+}
+
+#[test]
+fn a_later_fragment_of_another_call_does_not_spoil_the_unfinished_one() {
+    let fragments = [(3, 0, false, "a"), (4, 1, false, "x"), (3, 1, true, "b")];
+    assert_eq!(taken(&fragments), ["part", "refused", "ab"]);
+}
+
+#[test]
+fn a_reassembly_that_is_cleared_has_no_unfinished_call() {
+    let fragments = fragments(&mut long_message(2000));
+    let [first, second] = [&fragments[0], &fragments[1]].map(|fragment| Header::parse(fragment).unwrap());
+    let mut reassembly = Reassembly::new();
+    assert!(matches!(reassembly.take(&first.0, first.1), Received::Part));
+    reassembly.clear();
+    assert!(matches!(reassembly.take(&second.0, second.1), Received::Refused));
+}

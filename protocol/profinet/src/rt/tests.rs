@@ -166,6 +166,54 @@ fn the_first_frame_is_due_within_one_cycle_on_the_grid_of_the_clock() {
     assert_eq!(first, Instant::from_micros(13_125));
 }
 
+#[test]
+fn the_grid_of_the_clock_stays_the_same_for_hours() {
+    let now = Instant::from_micros(20_000_000_345);
+    let first = MS.first(now, Mac([0, 0, 0, 0, 0, 4]));
+    assert_eq!(first, Instant::from_micros(20_000_001_125));
+}
+
+#[test]
+fn the_sender_tells_counter_and_status_of_its_last_frame() {
+    let first = Instant::from_millis(2);
+    let route = Route::Ethernet { source: SIEMENS, destination: P_NET };
+    let mut sender = CyclicSender::new(route, 0x8000, MS, 40, first);
+    assert_eq!(sender.last(), (0, DataStatus(0)), "before the first frame");
+    let mut buf = [0; 100];
+    for (now, status) in [(first, DataStatus::RUNNING), (Instant::from_millis(3), DataStatus::STOPPED)] {
+        sender.set_data_status(status);
+        sender.handle_timeout(now);
+        let transmit = sender.poll_transmit(&mut buf).unwrap();
+        let (_, payload) = EthernetHeader::parse(&buf[..transmit.len]).unwrap();
+        let frame = CyclicFrame::parse(payload, 40).unwrap();
+        assert_eq!(frame.data_status, status);
+        assert_eq!(sender.last(), (frame.cycle_counter, status));
+    }
+}
+
+#[test]
+fn a_frame_is_as_long_as_its_data_and_six_bytes() {
+    let frame = CyclicFrame {
+        frame_id: 0x8000,
+        c_sdu: &[1; 40],
+        cycle_counter: 0,
+        data_status: DataStatus::RUNNING,
+        transfer_status: 0,
+    };
+    let mut buf = [0; 64];
+    let mut writer = Writer::new(&mut buf);
+    frame.emit(&mut writer);
+    assert_eq!((writer.finish(), frame.buffer_len()), (Ok(46), 46));
+}
+
+#[test]
+fn a_watchdog_that_is_restarted_expires_as_if_a_frame_had_arrived() {
+    let mut receiver = receiver();
+    receiver.restart_watchdog(Instant::from_millis(2));
+    assert_eq!(receiver.poll_timeout(), Instant::from_millis(5));
+    assert_eq!((receiver.received(), receiver.usable_data()), (0, None));
+}
+
 proptest! {
     #[test]
     fn no_frame_makes_the_receiver_panic(frames in proptest::collection::vec(

@@ -167,4 +167,14 @@ mod tests {
             assert!(!is_address(suite(refused)), "{refused:?}");
         }
     }
+
+    #[test]
+    fn a_port_with_its_slot_has_three_and_five_digits() {
+        assert!(!is_station_name(b"port-001-00000"));
+        for name in
+            ["port-abc-00000", "port-01-00000", "port-0001-00000", "port-001-abcde", "port-001-000000"]
+        {
+            assert!(is_station_name(name.as_bytes()), "{name}");
+        }
+    }
 }

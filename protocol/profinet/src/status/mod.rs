@@ -151,4 +151,11 @@ mod tests {
         assert_eq!(Status(0xDE80_B0FF).text(), "there is no record of this index");
         assert!(Status(0xDE99_0000).text().starts_with("a status that has no name here"));
     }
+
+    #[test]
+    fn a_status_is_four_bytes() {
+        let status = Status::new(0xDB, 0x81, 0x02, 0x05);
+        assert_eq!(status, Status(0xDB81_0205));
+        assert_eq!([status.code(), status.decode(), status.code1(), status.code2()], [0xDB, 0x81, 2, 5]);
+    }
 }

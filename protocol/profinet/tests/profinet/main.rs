@@ -15,6 +15,7 @@ mod device;
 mod loss;
 mod one_way;
 mod pair;
+mod records;
 mod samples;
 mod search;
 mod tshark;
