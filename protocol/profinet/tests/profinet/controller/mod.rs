@@ -8,6 +8,7 @@ mod life;
 mod peer;
 mod silence;
 mod startup;
+mod station;
 mod strangers;
 
 use std::net::{Ipv4Addr, SocketAddrV4};

@@ -7,7 +7,7 @@ use profinet::record::{Address, ReadRequest, ReadResponse, index};
 
 const EACH_WAY: [RtClass; 3] = [RtClass::Class1, RtClass::Legacy1, RtClass::Udp];
 
-fn cyclic_frames(sent: &[(Transmit, Vec<u8>)], rt_class: RtClass) -> Vec<Vec<u8>> {
+pub(super) fn cyclic_frames(sent: &[(Transmit, Vec<u8>)], rt_class: RtClass) -> Vec<Vec<u8>> {
     let is_udp = rt_class == RtClass::Udp;
     let payload = |(transmit, frame): &(Transmit, Vec<u8>)| match transmit.port {
         Port::Ethernet if !is_udp => Some(EthernetHeader::parse(frame).unwrap().1.to_vec()),

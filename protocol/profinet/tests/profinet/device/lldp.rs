@@ -178,6 +178,16 @@ fn it_is_found_by_the_name_of_its_neighbours_port() {
 }
 
 #[test]
+fn a_get_is_answered_by_what_was_so_when_it_came() {
+    let mut rig = Rig::new();
+    let get = request(MAC, |w| dcp::emit_get_request(w, 9, &[dcp::Code::ALIAS_NAME]));
+    rig.device.handle_frame(rig.now, Source { port: Port::Ethernet, peer: None }, &get);
+    let error = dcp::BlockError::SuboptionNotSupported;
+    let sent = hear(&mut rig, b"plc", 20);
+    assert_eq!(discovery::results(&sent), [(dcp::Code::ALIAS_NAME, error)]);
+}
+
+#[test]
 fn the_records_of_the_port_name_the_neighbour_as_long_as_it_is_heard() {
     let mut rig = Rig::connected(RtClass::Class1);
     let fields = [

@@ -1,15 +1,20 @@
 //! The device alone, driven by the frames of a test controller: captured ones, and ones that the codecs write.
 
+mod admitted;
+mod answers;
 mod captured;
+mod counted;
 mod discovery;
 mod dissected;
 mod hostile;
 mod life;
 mod lldp;
 mod maintenance;
+mod named;
 mod permanent;
 mod refusals;
 mod restarts;
+mod steps;
 mod strangers;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
