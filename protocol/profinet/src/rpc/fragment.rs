@@ -134,7 +134,7 @@ impl Reassembly {
         self.call = None;
     }
 
-    /// Handles a PDU. A PDU that is not a fragment is complete.
+    /// Handles a PDU. A PDU that is not a fragment is complete. A first fragment begins its call anew, also a repeated one.
     pub fn take<'a>(&'a mut self, header: &Header, body: &'a [u8]) -> Received<'a> {
         if !header.is_fragment() {
             return Received::Whole(body);
@@ -145,10 +145,6 @@ impl Reassembly {
             .is_some_and(|call| (call.kind, call.activity, call.sequence) == (kind, activity, sequence));
         let mut call = match self.call {
             Some(call) if same && fragment > 0 => call,
-            // A repetition, unless the caller restarted and numbers its calls anew.
-            Some(call) if same && call.next == 1 && self.body.get(..self.len) == Some(body) => {
-                return Received::Part;
-            }
             _ if fragment == 0 => {
                 self.len = 0;
                 Call { kind, activity, sequence, order, next: 0 }
