@@ -21,8 +21,9 @@ use crate::subdevice::SubDevice;
 /// Largest number of frames under way; if the MainDevice sends more, they are lost.
 const MAX_UNDER_WAY: usize = 256;
 
-/// Ports that a segment needs: EtherCAT frames, which are broadcasts.
-const PORTS: &[PortRequest] = &[PortRequest::Ethernet { ether_type: ETHER_TYPE, groups: &[] }];
+/// Ports that a segment needs. A chip ignores the destination address: MainDevices send to broadcast, to a group or to the
+/// address of any station.
+const PORTS: &[PortRequest] = &[PortRequest::AnyEthernet { ether_type: ETHER_TYPE }];
 
 /// What a segment did with the frames that it received.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]

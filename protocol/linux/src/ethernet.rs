@@ -12,30 +12,51 @@ use crate::{Interface, PortError, Received, packet_socket, plain};
 
 const BROADCAST: [u8; 6] = [0xFF; 6];
 
+/// Which frames a raw socket receives, by their destination address.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Destination {
+    /// Those to the interface's own address, to broadcast and to these groups.
+    OursOr(&'static [Mac]),
+    /// All.
+    Any,
+}
+
+impl Destination {
+    /// Returns the memberships of the socket that make the interface receive the frames: type and address of each.
+    fn memberships(self) -> impl Iterator<Item = (i32, Mac)> {
+        let groups = match self {
+            Self::OursOr(groups) => groups,
+            Self::Any => &[],
+        };
+        let all = matches!(self, Self::Any).then_some((libc::PACKET_MR_PROMISC, Mac([0; 6])));
+        groups.iter().map(|group| (libc::PACKET_MR_MULTICAST, *group)).chain(all)
+    }
+}
+
 /// An open raw socket.
 #[derive(Debug)]
 pub(crate) struct EthernetSocket {
     socket: OwnedFd,
     mac: Mac,
-    groups: &'static [Mac],
+    destination: Destination,
 }
 
 impl EthernetSocket {
-    /// Opens a socket for frames of this EtherType to this interface's address, to broadcast and to these groups.
+    /// Opens a socket for frames of this EtherType to these addresses.
     pub(crate) fn open(
         interface: &Interface,
         ether_type: u16,
-        groups: &'static [Mac],
+        destination: Destination,
     ) -> Result<Self, PortError> {
         let prepare = |socket: &Socket| {
             socket.set_nonblocking(true)?;
             socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_IGNORE_OUTGOING, &ON)?;
-            for group in groups {
+            for (kind, address) in destination.memberships() {
                 let mut request: libc::packet_mreq = plain::zeroed();
                 request.mr_ifindex = interface.index() as i32;
-                request.mr_type = libc::PACKET_MR_MULTICAST as u16;
+                request.mr_type = kind as u16;
                 request.mr_alen = 6;
-                for (to, from) in request.mr_address.iter_mut().zip(group.0) {
+                for (to, from) in request.mr_address.iter_mut().zip(address.0) {
                     *to = from;
                 }
                 socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_ADD_MEMBERSHIP, &request)?;
@@ -44,7 +65,7 @@ impl EthernetSocket {
         };
         let socket = packet_socket::open(interface, ether_type, prepare)
             .map_err(|reason| PortError::ethernet(interface.name(), reason))?;
-        Ok(Self { socket: socket.into(), mac: interface.mac(), groups })
+        Ok(Self { socket: socket.into(), mac: interface.mac(), destination })
     }
 
     pub(crate) fn as_fd(&self) -> BorrowedFd<'_> {
@@ -61,20 +82,30 @@ impl EthernetSocket {
         let frame = buf.get(..len).unwrap_or_default();
         // Frames of another VLAN and frames for another station arrive here too, both as PACKET_OTHERHOST.
         let for_others = from.as_ref().and_then(packet_type) == Some(libc::PACKET_OTHERHOST);
-        if whole > capacity || for_others || !self.is_for_us(frame) {
+        let is_wanted = match self.destination {
+            Destination::OursOr(groups) => !for_others && self.is_for_us(frame, groups),
+            // The kernel has removed the tag of a VLAN. One in a frame for another station stays unnoticed.
+            Destination::Any => !for_others || is_unicast(frame) && !self.is_for_us(frame, &[]),
+        };
+        if whole > capacity || !is_wanted {
             return Ok(Received::Discarded);
         }
         Ok(Received::Frame { len, peer: None, to_all: false })
     }
 
-    fn is_for_us(&self, frame: &[u8]) -> bool {
+    fn is_for_us(&self, frame: &[u8], groups: &[Mac]) -> bool {
         let Some(destination) = frame.first_chunk::<6>() else {
             return false;
         };
         *destination == self.mac.0
             || *destination == BROADCAST
-            || self.groups.iter().any(|group| group.0 == *destination)
+            || groups.iter().any(|group| group.0 == *destination)
     }
+}
+
+/// Returns whether a frame is for one station.
+fn is_unicast(frame: &[u8]) -> bool {
+    frame.first().is_some_and(|first| first & 1 == 0)
 }
 
 /// Returns the kernel's classification of the frame: for this host, broadcast, multicast or for another host.

@@ -8,7 +8,7 @@ use rustix::io::Errno;
 
 use crate::Interface;
 use crate::dscp::Marking;
-use crate::ethernet::EthernetSocket;
+use crate::ethernet::{Destination, EthernetSocket};
 use crate::port_holders::{self, Transport};
 use crate::udp::UdpPort;
 
@@ -125,7 +125,10 @@ impl OpenPort {
     pub fn open(interface: &Interface, request: PortRequest) -> Result<Self, PortError> {
         let kind = match request {
             PortRequest::Ethernet { ether_type, groups } => {
-                Kind::Ethernet(EthernetSocket::open(interface, ether_type, groups)?)
+                Kind::Ethernet(EthernetSocket::open(interface, ether_type, Destination::OursOr(groups))?)
+            }
+            PortRequest::AnyEthernet { ether_type } => {
+                Kind::Ethernet(EthernetSocket::open(interface, ether_type, Destination::Any)?)
             }
             PortRequest::Udp(port) => Kind::Udp(UdpPort::open(interface, port)?),
         };

@@ -26,6 +26,11 @@ pub enum PortRequest {
         /// Multicast groups whose frames are received beside those for the interface's own address.
         groups: &'static [Mac],
     },
+    /// Raw Ethernet, as [`Port::Ethernet`], whatever destination address a frame has. The interface becomes promiscuous.
+    AnyEthernet {
+        /// The EtherType of the frames to receive, behind a priority tag if they have one.
+        ether_type: u16,
+    },
     /// UDP over IPv4, as [`Port::Udp`] with this number.
     Udp(u16),
 }

@@ -9,7 +9,8 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::wire::FRAME_CAPACITY;
 use machine::{
-    Attempt, Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit,
+    Attempt, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
+    Transmit,
 };
 
 /// The port that a station connects from over TCP; the stream's number tells connections apart.
@@ -203,8 +204,14 @@ impl<M: Machine> Network<M> {
             }
             _ => {
                 let Ok((header, _)) = EthernetHeader::parse(&frame) else { return };
-                let is_meant =
-                    |station: &Station<M>| header.destination.is_group() || station.mac == header.destination;
+                let takes_any = |station: &Station<M>| {
+                    station.machine.ports().iter().any(
+                        |request| matches!(request, PortRequest::AnyEthernet { ether_type } if *ether_type == header.ether_type),
+                    )
+                };
+                let is_meant = |station: &Station<M>| {
+                    header.destination.is_group() || station.mac == header.destination || takes_any(station)
+                };
                 (self.others(from, is_meant), Source { port, peer: None }, false)
             }
         };

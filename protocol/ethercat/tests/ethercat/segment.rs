@@ -16,9 +16,9 @@ fn of(description: &'static ethercat_subdevice::Description) -> Segment {
 }
 
 #[test]
-fn a_segment_asks_for_ethercat_frames_and_for_no_group() {
+fn a_segment_asks_for_ethercat_frames_to_any_address() {
     let segment = Segment::new();
-    assert_eq!(segment.ports(), [PortRequest::Ethernet { ether_type: ETHER_TYPE, groups: &[] }]);
+    assert_eq!(segment.ports(), [PortRequest::AnyEthernet { ether_type: ETHER_TYPE }]);
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod destinations;
 mod ethernet_ip;
 mod machines;
 mod recorder;
@@ -38,6 +39,9 @@ fn main() -> ExitCode {
         a_driver_ends_with_an_error_when_its_interface_is_removed,
         the_end_of_a_cyclic_thread_that_panics_wakes_its_reader,
         the_error_for_a_taken_udp_port_names_the_port,
+        destinations::a_port_for_any_address_receives_frames_to_groups_and_to_other_stations,
+        destinations::a_port_for_any_address_receives_no_broadcast_of_another_vlan,
+        destinations::a_port_for_its_own_address_receives_no_frames_to_others_beside_one_for_any_address,
         ethernet_ip::cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_from_the_next_connection_on,
         ethernet_ip::a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_its_group_only,
         recorder::frames_come_out_in_order_after_the_ring_wrapped_many_times,
