@@ -179,7 +179,8 @@ impl SubDevice {
             self.watch_sync_managers(now, sink);
         }
         if changes.al_control {
-            self.al_due = Some(now + self.answer_delay);
+            // A MainDevice that repeats its request does not make the application start over.
+            self.al_due = Instant::earlier(self.al_due, Some(now + self.answer_delay));
         }
         if changes.written & self.bit(Usage::MailboxReceive) != 0 {
             self.mailbox_due = Some(now + self.answer_delay);

@@ -272,6 +272,19 @@ fn an_application_that_takes_its_time_shows_the_old_state_until_then() {
 }
 
 #[test]
+fn a_request_that_is_repeated_in_each_cycle_is_followed_once_the_application_has_had_its_time() {
+    let mut main_device = bridge_in_pre_op();
+    main_device.operate();
+    main_device.request_state(4);
+    main_device.segment.set_answer_delay(BRIDGE_ID, Duration::from_millis(5));
+    for cycle in 0..=5 {
+        assert_eq!(main_device.al_status().0, if cycle < 5 { 0x04 } else { 0x08 }, "cycle {cycle}");
+        main_device.request_state(8);
+        main_device.wait(Duration::from_millis(1));
+    }
+}
+
+#[test]
 fn a_reset_by_the_maindevice_is_a_power_on() {
     let mut main_device = bridge_in_pre_op();
     main_device.operate();
