@@ -1,5 +1,7 @@
 #![doc = include_str!("../README.md")]
 
+mod al;
+mod bring_up;
 mod config;
 mod frames;
 mod lend;
@@ -7,6 +9,7 @@ mod main_device;
 mod operation;
 mod problem;
 mod process;
+mod recovery;
 mod script;
 mod search;
 mod sii;

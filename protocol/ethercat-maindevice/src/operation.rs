@@ -3,25 +3,28 @@
 
 use std::pin::pin;
 
-use ethercrab::error::Error;
-use ethercrab::subdevice_group::{Op, PreOp, PreOpPdi};
 use ethercrab::{
-    Command, DefaultLock, MainDeviceConfig, RegisterAddress, RetryBehaviour, SubDevice, SubDeviceGroup,
-    SubDeviceState, Timeouts, TxRxResponse,
+    Command, MainDeviceConfig, RegisterAddress, RetryBehaviour, SubDeviceState, Timeouts, TxRxResponse,
 };
 use machine::{Cycle, Duration, Instant};
 
-use crate::config::{Config, MAX_DEVICES, MAX_PROCESS_DATA};
-use crate::problem::{FoundDevice, Problem};
+use crate::al::{self, ACKNOWLEDGE_IN_SAFE_OP, REQUEST_INIT, REQUEST_OP, Status};
+use crate::bring_up::{Group, bring_up};
+use crate::config::{Config, MAX_DEVICES};
+use crate::problem::Problem;
 use crate::process::PROCESS;
+use crate::recovery::{Recovery, Step, TO_OP};
 use crate::script::{Storage, exchange};
 use crate::time;
 
 /// Time from a failed attempt to the next one.
 pub(crate) const PAUSE: Duration = Duration::from_millis(50);
 
-/// Time within which all devices come to OP, or come back to it.
-const TO_OP: Duration = Duration::from_secs(5);
+/// Time within which a device comes to INIT and to PRE-OP. Devices take up to 3 s for the latter.
+const TO_PRE_OP: Duration = Duration::from_secs(5);
+
+/// Time without any frame after which the MainDevice starts over while not all devices are in OP.
+const SILENCE: Duration = Duration::from_secs(1);
 
 /// Time that a frame may take. Hosts that run other programs as well stall for 10 to 20 ms now and then.
 const FRAME: Duration = Duration::from_millis(30);
@@ -33,16 +36,6 @@ const LOSSES: u32 = 3;
 /// come back.
 const REPETITIONS: usize = 3;
 
-/// Requests for a state in the register AL control (ETG.1000.6): the state, and bit 4 to acknowledge an error.
-const REQUEST_INIT: u16 = 0x0011;
-const REQUEST_OP: u16 = 0x0008;
-const ACKNOWLEDGE_IN_SAFE_OP: u16 = 0x0014;
-
-/// Watchdog divider (register 0x0400) for steps of 100 µs: 2 + 2498 periods of 25 MHz.
-const WATCHDOG_DIVIDER: u16 = 2_498;
-const WATCHDOG_STEP: Duration = Duration::from_micros(100);
-
-type Group<S> = SubDeviceGroup<MAX_DEVICES, MAX_PROCESS_DATA, DefaultLock, S>;
 type Response = TxRxResponse<MAX_DEVICES>;
 
 /// Runs until the owner wants to end the connection.
@@ -55,7 +48,7 @@ pub(crate) async fn operate(config: Config, start: Instant) {
         // Long enough for a frame that is sent again and again.
         eeprom: FRAME * (REPETITIONS as u32 + 1),
         mailbox_echo: FRAME * (REPETITIONS as u32 + 1),
-        state_transition: TO_OP,
+        state_transition: TO_PRE_OP,
         ..Timeouts::default()
     };
     let settings = MainDeviceConfig {
@@ -83,77 +76,6 @@ async fn start_over_and_over(main: &ethercrab::MainDevice<'_>, config: &Config, 
     }
 }
 
-/// Finds the devices, checks that they are the expected ones, and requests OP.
-async fn bring_up(main: &ethercrab::MainDevice<'_>, config: &Config) -> Result<Group<Op>, Problem> {
-    let in_words = |error| Problem::of_start(error, config.devices.len());
-    let mut found = Vec::new();
-    let group = main
-        .init::<MAX_DEVICES, Group<PreOp>>(time::now_ns, Group::default(), |group, device| {
-            found.push(described(device));
-            Ok(group)
-        })
-        .await
-        .map_err(in_words)?;
-    check_devices(config, &found)?;
-    let watchdog = config.watchdog.as_nanos().div_ceil(WATCHDOG_STEP.as_nanos());
-    let watchdog = u16::try_from(watchdog).unwrap_or(u16::MAX);
-    for device in group.iter(main) {
-        // A chip may lack these registers; then it keeps its 100 ms.
-        let _ = device.register_write(RegisterAddress::WatchdogDivider, WATCHDOG_DIVIDER).await;
-        let _ = device.register_write(RegisterAddress::SyncManagerWatchdog, watchdog).await;
-    }
-    let group = group.into_pre_op_pdi(main).await.map_err(in_words)?;
-    check_process_data(main, &group, config, &found)?;
-    let group = group.into_safe_op(main).await.map_err(in_words)?;
-    // Devices come to OP only once outputs reach them.
-    group.request_into_op(main).await.map_err(in_words)
-}
-
-fn described(device: &SubDevice) -> FoundDevice {
-    let identity = device.identity();
-    FoundDevice {
-        name: device.name().to_owned(),
-        vendor: identity.vendor_id,
-        product: identity.product_id,
-        revision: identity.revision,
-    }
-}
-
-fn check_devices(config: &Config, found: &[FoundDevice]) -> Result<(), Problem> {
-    let expected = &config.devices;
-    if found.is_empty() && !expected.is_empty() {
-        return Err(Problem::NoDevice);
-    }
-    let are_all = found.len() == expected.len();
-    if are_all && found.iter().zip(expected).all(|(found, expected)| found.is(expected)) {
-        return Ok(());
-    }
-    Err(Problem::OtherDevices { expected: expected.clone(), found: found.to_owned() })
-}
-
-fn check_process_data(
-    main: &ethercrab::MainDevice<'_>,
-    group: &Group<PreOpPdi>,
-    config: &Config,
-    found: &[FoundDevice],
-) -> Result<(), Problem> {
-    for (index, (device, expected)) in group.iter(main).zip(&config.devices).enumerate() {
-        let bytes = [device.outputs_raw().len(), device.inputs_raw().len()];
-        let expected = [expected.output_bytes, expected.input_bytes];
-        if bytes != expected
-            && let Some(found) = found.get(index)
-        {
-            return Err(Problem::OtherProcessData {
-                number: index + 1,
-                found: found.clone(),
-                expected,
-                bytes,
-            });
-        }
-    }
-    Ok(())
-}
-
 /// The cyclic exchange of process data.
 struct Exchange<'a> {
     config: &'a Config,
@@ -161,10 +83,13 @@ struct Exchange<'a> {
     working_counter: u16,
     /// Whether the last frame did not come back.
     frame_lost: bool,
+    /// The last frame that came back; before there was one, the start.
+    answered_at: Instant,
     /// The last good exchange; before there was one, the start.
     good_at: Instant,
-    /// Since when not all devices are in OP.
-    out_of_op_since: Option<Instant>,
+    /// Whether there was a good exchange.
+    was_up: bool,
+    recovery: Recovery,
 }
 
 impl<'a> Exchange<'a> {
@@ -175,13 +100,15 @@ impl<'a> Exchange<'a> {
             cycle: Cycle::new(now, config.cycle),
             working_counter: config.working_counter(),
             frame_lost: false,
+            answered_at: now,
             good_at: now,
-            out_of_op_since: Some(now),
+            was_up: false,
+            recovery: Recovery::of_start(config.devices.len(), now),
         }
     }
 
     /// Runs until the owner wants to end the connection, or until it is better to start over.
-    async fn run(mut self, main: &ethercrab::MainDevice<'_>, group: &Group<Op>) -> Result<(), Problem> {
+    async fn run(mut self, main: &ethercrab::MainDevice<'_>, group: &Group) -> Result<(), Problem> {
         loop {
             time::wait_until(self.cycle.next()).await;
             let Some(tick) = self.cycle.tick(time::now()) else { continue };
@@ -207,10 +134,15 @@ impl<'a> Exchange<'a> {
             match time::by(self.deadline(), group.tx_rx(main)).await {
                 Some(Ok(response)) if self.is_good(&response) => {
                     self.good_at = time::now();
-                    self.out_of_op_since = None;
+                    self.answered_at = self.good_at;
+                    self.was_up = true;
+                    self.recovery.end();
                     read_inputs(main, group);
                 }
-                Some(Ok(response)) => self.recover(main, group, &response).await?,
+                Some(Ok(response)) => {
+                    self.answered_at = time::now();
+                    self.recover(main, &response).await?;
+                }
                 Some(Err(_)) | None => {
                     self.frame_lost = true;
                     PROCESS.with_borrow_mut(|process| process.counters.lost += 1);
@@ -228,41 +160,36 @@ impl<'a> Exchange<'a> {
             && response.subdevice_states.iter().all(|state| *state == SubDeviceState::Op)
     }
 
-    /// Looks for devices that are not in OP, reports them, and requests OP again.
+    /// Looks at a device that is not in OP, reports it, and requests OP again.
     async fn recover(
         &mut self,
         main: &ethercrab::MainDevice<'_>,
-        group: &Group<Op>,
         response: &Response,
     ) -> Result<(), Problem> {
         PROCESS.with_borrow_mut(|process| process.counters.lost += u64::from(process.is_up()));
-        let fallen = response.subdevice_states.iter().position(|state| *state != SubDeviceState::Op);
-        let Some(index) = fallen else { return Ok(()) };
-        let Ok(device) = group.subdevice(main, index) else { return Ok(()) };
+        let Some(index) = self.recovery.turn(&response.subdevice_states) else { return Ok(()) };
         // Errors here show in the next cycle, too.
-        let Ok([status, _, _, _, low, high]) =
-            device.register_read::<[u8; 6]>(RegisterAddress::AlStatus).await
-        else {
-            return Ok(());
-        };
-        let (number, code) = (index + 1, u16::from_le_bytes([low, high]));
+        let Ok(status) = Status::read(main, index).await else { return Ok(()) };
+        let (number, code) = (index + 1, status.code);
         let state = response.subdevice_states.get(index).copied().unwrap_or_default();
-        let since = *self.out_of_op_since.get_or_insert_with(time::now);
         let left = Problem::LeftOperational { number, state, code };
         PROCESS.with_borrow_mut(|process| {
             if process.is_up() {
                 process.fail(time::now(), left.clone());
             }
         });
-        if time::now().since(since) > TO_OP {
-            return Err(Problem::NotOperational { number, state, code });
-        }
-        match status & 0x1F {
-            0x14 => drop(device.register_write(RegisterAddress::AlControl, ACKNOWLEDGE_IN_SAFE_OP).await),
-            0x04 => drop(device.register_write(RegisterAddress::AlControl, REQUEST_OP).await),
-            0x08 => {}
-            // Below SAFE-OP it has lost its configuration.
-            _ => return Err(left),
+        let step = self.recovery.step(time::now(), index, status);
+        let control = match step {
+            Step::Wait => return Ok(()),
+            Step::Acknowledge => ACKNOWLEDGE_IN_SAFE_OP,
+            Step::RequestOp => REQUEST_OP,
+            Step::StartOver if self.was_up => return Err(left),
+            Step::StartOver | Step::GiveUp => {
+                return Err(Problem::NotOperational { number, state: status.state, code });
+            }
+        };
+        if al::request(main, index, control).await.is_ok() {
+            self.recovery.done(time::now(), index, step);
         }
         Ok(())
     }
@@ -270,24 +197,23 @@ impl<'a> Exchange<'a> {
     /// Returns the instant until which the MainDevice waits for a reply.
     fn deadline(&self) -> Instant {
         let frame = (self.config.watchdog / LOSSES).clamp(self.config.cycle.min(FRAME), FRAME);
-        (time::now() + frame).min(self.good_at + self.longest_silence())
+        let reply = time::now() + frame;
+        if self.recovery.is_needed() { reply } else { reply.min(self.good_at + self.config.watchdog) }
     }
 
-    /// Returns the longest time without a good exchange: while all devices are in OP the watchdog's, otherwise the time in
+    /// Fails after too long a time without a good exchange: while all devices are in OP the watchdog's, otherwise the time in
     /// which they come to OP.
-    fn longest_silence(&self) -> Duration {
-        if self.out_of_op_since.is_some() { TO_OP } else { self.config.watchdog }
-    }
-
     fn check_time(&self) -> Result<(), Problem> {
-        if time::now().since(self.good_at) < self.longest_silence() {
-            return Ok(());
+        let now = time::now();
+        let longest = if self.recovery.is_needed() { TO_OP + SILENCE } else { self.config.watchdog };
+        if self.recovery.is_needed() && now.since(self.answered_at) >= SILENCE {
+            return Err(Problem::Silence);
         }
-        Err(if self.out_of_op_since.is_some() { Problem::Silence } else { Problem::Watchdog })
+        if now.since(self.good_at) < longest { Ok(()) } else { Err(Problem::Watchdog) }
     }
 }
 
-fn write_outputs(main: &ethercrab::MainDevice<'_>, group: &Group<Op>) {
+fn write_outputs(main: &ethercrab::MainDevice<'_>, group: &Group) {
     PROCESS.with_borrow(|process| {
         let mut rest = process.outputs.as_slice();
         for device in group.iter(main) {
@@ -299,7 +225,7 @@ fn write_outputs(main: &ethercrab::MainDevice<'_>, group: &Group<Op>) {
     });
 }
 
-fn read_inputs(main: &ethercrab::MainDevice<'_>, group: &Group<Op>) {
+fn read_inputs(main: &ethercrab::MainDevice<'_>, group: &Group) {
     PROCESS.with_borrow_mut(|process| {
         let mut rest = process.inputs.as_mut_slice();
         for device in group.iter(main) {
@@ -310,10 +236,4 @@ fn read_inputs(main: &ethercrab::MainDevice<'_>, group: &Group<Op>) {
         }
         process.good();
     });
-}
-
-impl From<Error> for Problem {
-    fn from(error: Error) -> Self {
-        Self::Other(error)
-    }
 }

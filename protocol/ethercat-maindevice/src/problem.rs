@@ -66,6 +66,16 @@ impl Problem {
         }
     }
 
+    /// Returns whether there is nobody who would answer.
+    pub(crate) const fn is_silence(&self) -> bool {
+        matches!(self, Self::Silence | Self::NoDevice)
+    }
+
+    /// Returns whether it may pass by itself: devices that are switched on while the MainDevice starts.
+    pub(crate) const fn may_pass(&self) -> bool {
+        self.is_silence() || matches!(self, Self::Other(_))
+    }
+
     pub(crate) fn down(&self) -> Down {
         let (cause, code, text) = match self {
             Self::Silence => (
@@ -92,7 +102,8 @@ impl Problem {
                 0,
                 "ethercrab cannot read what a device says of itself; is its EEPROM damaged?",
             ),
-            Self::Other(_) => (DownCause::NoAnswer, 0, "the devices could not be brought up"),
+            Self::Other(Error::Timeout(_)) => (DownCause::NoAnswer, 0, "the devices could not be brought up"),
+            Self::Other(_) => (DownCause::Refused, 0, "the devices could not be brought up"),
         };
         Down { cause, code, text }
     }

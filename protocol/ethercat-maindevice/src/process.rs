@@ -12,8 +12,9 @@ use crate::problem::Problem;
 /// Largest number of events that wait for the owner, who takes them after each call.
 const EVENTS: usize = 4;
 
-/// Time without an answer after which the MainDevice reports this: a device may be switched on later than the MainDevice.
-const REPORTED_SILENCE: Duration = Duration::from_secs(1);
+/// Time without an answer, or with errors of any other kind than a refusal, after which the MainDevice reports this: a device
+/// may be switched on later than the MainDevice.
+const REPORTED_FAILURE: Duration = Duration::from_secs(1);
 
 thread_local! {
     /// The process data of the machine that runs at the moment.
@@ -38,8 +39,8 @@ pub(crate) struct Process {
     events: VecDeque<LinkEvent>,
     /// Last problem that was reported since the connection was up.
     reported: Option<Problem>,
-    /// Since when no device answers.
-    silent_since: Option<Instant>,
+    /// Since when the attempts to connect fail.
+    failing_since: Option<Instant>,
 }
 
 impl Process {
@@ -61,7 +62,7 @@ impl Process {
             leaving: false,
             events: VecDeque::new(),
             reported: None,
-            silent_since: None,
+            failing_since: None,
         }
     }
 
@@ -83,7 +84,7 @@ impl Process {
         self.counters.received += 1;
         if !self.up {
             self.up = true;
-            (self.reported, self.silent_since) = (None, None);
+            (self.reported, self.failing_since) = (None, None);
             self.push(LinkEvent::Up);
         }
     }
@@ -94,9 +95,9 @@ impl Process {
         let down = problem.down();
         if !was_up {
             let is_known = self.reported.as_ref() == Some(&problem);
-            let is_silence = down.cause == DownCause::NoAnswer;
-            let since = *self.silent_since.get_or_insert(now);
-            if is_known || is_silence && (self.reported.is_some() || now.since(since) < REPORTED_SILENCE) {
+            let is_more_of_it = problem.is_silence() && self.reported.is_some();
+            let since = *self.failing_since.get_or_insert(now);
+            if is_known || is_more_of_it || problem.may_pass() && now.since(since) < REPORTED_FAILURE {
                 return;
             }
         }

@@ -32,8 +32,8 @@ static DEVICE: Description = Description {
     distributed_clocks: false,
 };
 
-/// Devices that send their outputs back.
-struct Echo(Segment);
+/// Devices that send their outputs back, and the requests for a state that came for them.
+struct Echo(Segment, Vec<(u16, u8)>);
 
 impl Machine for Echo {
     type Event = (DeviceId, ethercat_subdevice::Event);
@@ -44,6 +44,10 @@ impl Machine for Echo {
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.0.handle_frame(now, from, frame);
+        // FPWR to AL control, in a frame of one datagram.
+        if frame[16] == 5 && frame[20..22] == [0x20, 0x01] {
+            self.1.push((u16::from_le_bytes([frame[18], frame[19]]), frame[26]));
+        }
         for id in (0..self.0.len()).map(DeviceId) {
             if let Some(outputs) = self.0.outputs(id).map(<[u8]>::to_vec) {
                 self.0.set_inputs(id, &outputs).unwrap();
@@ -92,7 +96,7 @@ fn cell_on(config: Config, devices: usize, seed: u64, cable: Impairment) -> Cell
         segment.add(&DeviceConfig::new(&DEVICE));
     }
     let pair = PairConfig { seed, clocks: [Clock::default(); 2], links: [cable; 2], addresses: [None; 2] };
-    Pair::new(MainDevice::new(config, Instant::ZERO), Echo(segment), pair)
+    Pair::new(MainDevice::new(config, Instant::ZERO), Echo(segment, Vec::new()), pair)
 }
 
 /// Returns the next event of the connection within this time, and when it came.
@@ -342,4 +346,128 @@ fn echoes_one(cell: &mut Cell) -> bool {
     cell.command_a(|main, _| main.outputs_mut().fill(9));
     assert_eq!(event(cell, MS * 10), None);
     cell.a().inputs() == Some(&[9; BYTES])
+}
+
+/// Requests for a state that came for the device with this number since the last call.
+fn requests(cell: &mut Cell, number: u16) -> Vec<u8> {
+    let all = cell.command_b(|echo, _| std::mem::take(&mut echo.1));
+    all.iter().filter(|(station, _)| *station == 0x0FFF + number).map(|(_, request)| *request).collect()
+}
+
+/// Changes the answer delay of a device as soon as it is in SAFE-OP.
+fn slow_from_safe_op_on(cell: &mut Cell, id: DeviceId, delay: Duration) {
+    loop {
+        if let Event::B((device, ethercat_subdevice::Event::StateChanged { state: AlState::SafeOp, .. })) =
+            cell.next_event(cell.now() + MS * 1_000).unwrap()
+            && device == id
+        {
+            return cell.command_b(|echo, _| echo.0.set_answer_delay(id, delay));
+        }
+    }
+}
+
+#[test]
+fn a_device_on_its_way_to_op_is_not_asked_again_in_each_cycle() {
+    let mut cell = cell(config(&[EXPECTED; 2]), 2);
+    slow_from_safe_op_on(&mut cell, DeviceId(1), MS * 500);
+    assert_eq!(event(&mut cell, MS * 1_000).unwrap().0, LinkEvent::Up);
+    assert_eq!(requests(&mut cell, 2).iter().filter(|request| **request == 8).count(), 1);
+    cell.command_b(|echo, _| echo.0.fail(DeviceId(1), AlStatusCode(0x0018)));
+    assert_eq!(cause(event(&mut cell, MS * 5)), Some(DownCause::ClosedByPeer));
+    assert_eq!(event(&mut cell, MS * 2_000).unwrap().0, LinkEvent::Up);
+    let asked = requests(&mut cell, 2);
+    assert_eq!(asked.iter().filter(|request| **request == 8).count(), 1, "{asked:?}");
+    assert!(asked.len() < 8, "{asked:?}");
+}
+
+#[test]
+fn a_device_may_take_9_s_to_op() {
+    let mut cell = cell(config(&[EXPECTED; 2]), 2);
+    slow_from_safe_op_on(&mut cell, DeviceId(0), MS * 9_000);
+    assert_eq!(event(&mut cell, MS * 9_500).unwrap().0, LinkEvent::Up);
+    assert!(cell.now() > Instant::from_millis(9_000));
+}
+
+#[test]
+fn a_device_that_hangs_in_safe_op_is_reported_as_such_and_not_as_silence() {
+    let mut cell = cell(config(&[EXPECTED; 2]), 2);
+    slow_from_safe_op_on(&mut cell, DeviceId(1), MS * 100_000);
+    assert_eq!(cause(event(&mut cell, MS * 11_000)), Some(DownCause::Refused));
+    let mut words = String::new();
+    cell.a().explain(&mut words).unwrap();
+    assert_eq!(words, "device 2 does not come to OP: it is in SAFE-OP");
+}
+
+#[test]
+fn a_device_that_falls_is_helped_while_another_one_does_not_come_back() {
+    let mut cell = running();
+    cell.command_b(|echo, _| {
+        echo.0.set_answer_delay(DeviceId(0), MS * 3_000);
+        for id in [0, 1].map(DeviceId) {
+            echo.0.fail(id, AlStatusCode(0x0018));
+        }
+    });
+    assert_eq!(cause(event(&mut cell, MS * 5)), Some(DownCause::ClosedByPeer));
+    assert_eq!(event(&mut cell, MS * 100), None);
+    let states = [0, 1].map(|id| cell.b().0.state(DeviceId(id)).unwrap().0);
+    assert_eq!(states, [AlState::SafeOp, AlState::Op]);
+    assert_eq!(event(&mut cell, MS * 7_000).unwrap().0, LinkEvent::Up);
+}
+
+/// Changes a byte in the EEPROM of the second device, at the first place of `pattern`.
+fn spoil_eeprom(cell: &mut Cell, pattern: &[u8]) {
+    cell.command_b(|echo, _| {
+        let eeprom = echo.0.eeprom_mut(DeviceId(1)).unwrap();
+        let at = eeprom.windows(pattern.len()).position(|bytes| bytes == pattern).unwrap();
+        eeprom[at] ^= 0x40;
+    });
+}
+
+/// The start of the inputs' sync manager with its length, as the EEPROM has them.
+fn inputs_in_eeprom() -> Vec<u8> {
+    let unit = ethercat_subdevice::sync_managers(&DEVICE)[3];
+    [unit.start.to_le_bytes(), unit.len.to_le_bytes()].concat()
+}
+
+#[test]
+fn a_device_that_refuses_safe_op_is_reported_at_once_with_its_code() {
+    let mut cell = cell(config(&[EXPECTED; 2]), 2);
+    spoil_eeprom(&mut cell, &inputs_in_eeprom());
+    let Some((LinkEvent::Down(down), at)) = event(&mut cell, MS * 1_000) else { panic!("no event") };
+    assert_eq!((down.cause, down.code), (DownCause::Refused, 0x001E));
+    assert!(at < Instant::from_millis(500), "{at:?}");
+    let mut words = String::new();
+    cell.a().explain(&mut words).unwrap();
+    assert_eq!(
+        words,
+        "device 2 does not come to OP: it is in PRE-OP, AL status code 0x001e: Invalid Input Configuration"
+    );
+    assert_eq!(event(&mut cell, MS * 10_000), None, "it is told once");
+}
+
+#[test]
+fn a_refusal_is_reported_also_after_a_cut_cable_was() {
+    let mut cell = running();
+    cell.set_cut(true);
+    spoil_eeprom(&mut cell, &inputs_in_eeprom());
+    assert_eq!(cause(event(&mut cell, MS * 200)), Some(DownCause::Watchdog));
+    assert_eq!(event(&mut cell, MS * 3_000), None);
+    cell.set_cut(false);
+    let Some((LinkEvent::Down(down), _)) = event(&mut cell, MS * 1_000) else { panic!("no event") };
+    assert_eq!((down.cause, down.code), (DownCause::Refused, 0x001E));
+}
+
+#[test]
+fn a_device_that_refuses_pre_op_is_reported_with_its_code() {
+    let mut cell = cell(config(&[EXPECTED; 2]), 2);
+    let mailbox = ethercat_subdevice::sync_managers(&DEVICE)[0];
+    // The category of sync managers, which follows the mailbox in the EEPROM's header.
+    let length_and_control = [&mailbox.len.to_le_bytes()[..], &[mailbox.control]].concat();
+    cell.command_b(|echo, _| {
+        let eeprom = echo.0.eeprom_mut(DeviceId(1)).unwrap();
+        let at = eeprom.windows(3).position(|bytes| bytes == length_and_control).unwrap();
+        eeprom[at + 2] ^= 0x01;
+    });
+    let Some((LinkEvent::Down(down), _)) = event(&mut cell, MS * 6_000) else { panic!("no event") };
+    assert_eq!((down.cause, down.code), (DownCause::Refused, 0x0016), "{down}");
 }

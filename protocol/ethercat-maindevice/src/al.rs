@@ -1,0 +1,49 @@
+//! The states of the devices: what they are asked for in the register AL control, and what they answer (ETG.1000.6).
+
+use ethercrab::error::Error;
+use ethercrab::{Command, MainDevice, RegisterAddress, SubDeviceState};
+
+/// Requests for a state; bit 4 acknowledges an error.
+pub(crate) const REQUEST_INIT: u16 = 0x0011;
+pub(crate) const REQUEST_SAFE_OP: u16 = 0x0004;
+pub(crate) const REQUEST_OP: u16 = 0x0008;
+pub(crate) const ACKNOWLEDGE_IN_SAFE_OP: u16 = 0x0014;
+
+/// Station address of the first device; ethercrab numbers the others from there.
+const FIRST_STATION: u16 = 0x1000;
+
+/// AL status and AL status code of a device.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct Status {
+    pub(crate) state: SubDeviceState,
+    /// Whether the device indicates an error: it refused a state or left it.
+    pub(crate) is_error: bool,
+    pub(crate) code: u16,
+}
+
+impl Status {
+    /// Reads the status of a device, counted from 0.
+    pub(crate) async fn read(main: &MainDevice<'_>, index: usize) -> Result<Self, Error> {
+        let station = FIRST_STATION.wrapping_add(u16::try_from(index).unwrap_or(u16::MAX));
+        let read = Command::fprd(station, RegisterAddress::AlStatus.into());
+        Ok(Self::of(read.receive::<[u8; 6]>(main).await?))
+    }
+
+    const fn of([status, _, _, _, low, high]: [u8; 6]) -> Self {
+        let state = match status & 0x0F {
+            1 => SubDeviceState::Init,
+            2 => SubDeviceState::PreOp,
+            3 => SubDeviceState::Bootstrap,
+            4 => SubDeviceState::SafeOp,
+            8 => SubDeviceState::Op,
+            other => SubDeviceState::Other(other),
+        };
+        Self { state, is_error: status & 0x10 != 0, code: u16::from_le_bytes([low, high]) }
+    }
+}
+
+/// Requests a state of a device, counted from 0.
+pub(crate) async fn request(main: &MainDevice<'_>, index: usize, control: u16) -> Result<(), Error> {
+    let station = FIRST_STATION.wrapping_add(u16::try_from(index).unwrap_or(u16::MAX));
+    Command::fpwr(station, RegisterAddress::AlControl.into()).send(main, control).await
+}
