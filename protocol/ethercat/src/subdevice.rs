@@ -1,6 +1,8 @@
 //! A SubDevice: the chip, and the application behind it, which follows the MainDevice's requests for states and owns
 //! process data and mailbox.
 
+mod checks;
+
 use alloc::boxed::Box;
 use alloc::vec;
 
@@ -13,7 +15,7 @@ use crate::dictionary::PdoConfiguration;
 use crate::dictionary::{Dictionary, ProcessData};
 use crate::esc::{Esc, Sync};
 use crate::event::{Event, Sink};
-use crate::layout::{Layout, SyncManagerLayout, Usage};
+use crate::layout::{Layout, Usage};
 use crate::mailbox::{Context, Emergency, File, Mailbox};
 use crate::sii_image::image_of;
 
@@ -36,6 +38,10 @@ pub(crate) struct SubDevice {
     al_due: Option<Instant>,
     /// When the message in the mailbox is answered.
     mailbox_due: Option<Instant>,
+    /// Whether the MainDevice had started SYNC signals when the device came to SAFE-OP.
+    uses_sync: bool,
+    /// When the SYNC signals have stayed away for too long, in OP.
+    sync_due: Option<Instant>,
 }
 
 impl SubDevice {
@@ -59,6 +65,8 @@ impl SubDevice {
             answer_delay: config.answer_delay,
             al_due: None,
             mailbox_due: None,
+            uses_sync: false,
+            sync_due: None,
         };
         device.start();
         device
@@ -69,7 +77,8 @@ impl SubDevice {
         let before = self.state();
         self.esc.reset(now);
         self.al = StateMachine::new();
-        (self.al_due, self.mailbox_due) = (None, None);
+        (self.al_due, self.mailbox_due, self.sync_due) = (None, None, None);
+        self.uses_sync = false;
         self.start();
         let (state, code) = self.state();
         if (state, code) != before {
@@ -134,8 +143,8 @@ impl SubDevice {
     /// Falls to SAFE-OP, or stays below it, with an error of the device itself.
     pub(crate) fn fail(&mut self, code: AlStatusCode, sink: &mut Sink<'_>) {
         self.al.fail(AlState::SafeOp, code);
-        self.esc.stop_watchdog();
         self.has_outputs = false;
+        self.sync_due = None;
         self.show_status();
         // Until the MainDevice acknowledges the error, the outputs do not count in the working counter (ETG.1020). A device
         // that has none shows its error by the inputs.
@@ -144,29 +153,6 @@ impl SubDevice {
             self.esc.lock(index, true);
         }
         sink.push(Event::StateChanged { state: self.al.state(), code });
-    }
-
-    /// Leaves a state whose sync managers are no longer as the state needs them.
-    fn watch_sync_managers(&mut self, now: Instant, sink: &mut Sink<'_>) {
-        let before = self.al.state();
-        if self.al.error() != AlStatusCode::NO_ERROR {
-            return;
-        }
-        let failed = match before {
-            AlState::Init => Ok(()),
-            AlState::Boot => self.check(AlState::Boot),
-            AlState::PreOp => self.check(AlState::PreOp),
-            AlState::SafeOp | AlState::Op => {
-                self.check(AlState::PreOp).and_then(|()| self.check_all_process_data())
-            }
-        };
-        let Err(code) = failed else { return };
-        let mailbox = matches!(code, AlStatusCode::INVALID_MAILBOX | AlStatusCode::INVALID_BOOT_MAILBOX);
-        let state = if mailbox { AlState::Init } else { AlState::PreOp };
-        self.al.fail(state, code);
-        self.show_status();
-        self.enter(now, before);
-        sink.push(Event::StateChanged { state, code });
     }
 
     /// Handles the changes that a frame made while it passed.
@@ -215,20 +201,26 @@ impl SubDevice {
             self.mailbox_due = None;
             self.receive_mail(sink);
         }
-        if self.esc.watchdog_expires(now) && self.al.state() == AlState::Op {
+        if self.esc.watchdog_expires(now) && self.al.state() == AlState::Op && self.heeds_watchdog() {
             self.fail(AlStatusCode::WATCHDOG, sink);
         }
         while let Some((sync, system_time_ns)) = self.esc.pulse(now) {
+            if self.sync_due.is_some() {
+                self.sync_due = self.next_sync_due(now).or(self.sync_due);
+            }
             sink.push(match sync {
                 Sync::Sync0 => Event::Sync0 { system_time_ns },
                 Sync::Sync1 => Event::Sync1 { system_time_ns },
             });
         }
+        if self.sync_due.is_some_and(|due| due <= now) {
+            self.fail(AlStatusCode::FATAL_SYNC_ERROR, sink);
+        }
     }
 
     /// Returns when something is due.
     pub(crate) fn deadline(&self) -> Option<Instant> {
-        Instant::earlier(Instant::earlier(self.al_due, self.mailbox_due), self.esc.deadline())
+        [self.mailbox_due, self.sync_due, self.esc.deadline()].into_iter().fold(self.al_due, Instant::earlier)
     }
 
     fn bit(&self, usage: Usage) -> u8 {
@@ -353,16 +345,36 @@ impl SubDevice {
             self.start_mailbox();
         }
         self.publish_inputs();
+        if state < AlState::SafeOp {
+            self.uses_sync = false;
+        } else if before < AlState::SafeOp {
+            self.uses_sync = self.esc.sync_period().is_some();
+        }
+        self.sync_due = None;
         if state != AlState::Op {
-            self.esc.stop_watchdog();
             self.has_outputs = false;
-        } else if self
-            .layout
-            .find(Usage::Outputs)
-            .is_some_and(|(index, _)| self.esc.sync_manager(index).triggers_watchdog)
-        {
+            return;
+        }
+        if self.uses_sync {
+            self.sync_due = self.next_sync_due(now);
+        }
+        if self.heeds_watchdog() {
             self.esc.start_watchdog(now);
         }
+    }
+
+    /// Returns whether the MainDevice lets the outputs trigger the watchdog.
+    fn heeds_watchdog(&self) -> bool {
+        let outputs = self.layout.find(Usage::Outputs);
+        outputs.is_some_and(|(index, _)| self.esc.sync_manager(index).triggers_watchdog)
+    }
+
+    /// Returns when the SYNC signals will have stayed away for too long: two periods after the last one, or after the first
+    /// one while that is still to come (the limit that Beckhoff's stack sets itself).
+    fn next_sync_due(&self, now: Instant) -> Option<Instant> {
+        let period = self.esc.sync_period()?;
+        let first = self.esc.next_pulse().map_or(now, |next| next.max(now + period));
+        Some(first + period)
     }
 
     fn lock_process_data(&mut self, locked: bool) {
@@ -384,57 +396,5 @@ impl SubDevice {
 
     fn show_status(&mut self) {
         self.esc.set_al_status(self.al.status(), self.al.error().0);
-    }
-
-    /// Returns whether the MainDevice has configured the device for a state.
-    fn check(&self, state: AlState) -> Result<(), AlStatusCode> {
-        match state {
-            AlState::Boot => {
-                if self.description.mailbox.is_none_or(|mailbox| mailbox.file_capacity == 0) {
-                    return Err(AlStatusCode::BOOT_NOT_SUPPORTED);
-                }
-                self.check_mailbox().map_err(|()| AlStatusCode::INVALID_BOOT_MAILBOX)
-            }
-            AlState::PreOp => self.check_mailbox().map_err(|()| AlStatusCode::INVALID_MAILBOX),
-            AlState::SafeOp => {
-                self.check_all_process_data()?;
-                match self.esc.sync_signals() {
-                    (true, false) => Err(AlStatusCode::INVALID_SYNC),
-                    _ => Ok(()),
-                }
-            }
-            AlState::Init | AlState::Op => Ok(()),
-        }
-    }
-
-    fn check_mailbox(&self) -> Result<(), ()> {
-        for usage in [Usage::MailboxReceive, Usage::MailboxSend] {
-            let Some((index, layout)) = self.layout.find(usage) else { continue };
-            let unit = self.esc.sync_manager(index);
-            let fits = unit.guards() && unit.len >= 32 && unit.len <= layout.len;
-            (fits && self.is_as_planned(index, layout)).then_some(()).ok_or(())?;
-        }
-        Ok(())
-    }
-
-    fn check_all_process_data(&self) -> Result<(), AlStatusCode> {
-        self.check_process_data(Usage::Outputs).map_err(|()| AlStatusCode::INVALID_OUTPUTS)?;
-        self.check_process_data(Usage::Inputs).map_err(|()| AlStatusCode::INVALID_INPUTS)
-    }
-
-    fn check_process_data(&self, usage: Usage) -> Result<(), ()> {
-        let Some((index, layout)) = self.layout.find(usage) else { return Ok(()) };
-        let unit = self.esc.sync_manager(index);
-        if layout.len == 0 {
-            return (!unit.guards()).then_some(()).ok_or(());
-        }
-        let fits = unit.guards() && unit.len == layout.len && self.is_as_planned(index, layout);
-        fits.then_some(()).ok_or(())
-    }
-
-    /// Returns whether a sync manager has the start, mode and direction that the EEPROM names.
-    fn is_as_planned(&self, index: usize, layout: SyncManagerLayout) -> bool {
-        let control = self.esc.sync_manager_control(index);
-        self.esc.sync_manager(index).start == layout.start && control & 0x0F == layout.control & 0x0F
     }
 }

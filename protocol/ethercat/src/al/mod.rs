@@ -88,8 +88,8 @@ impl StateMachine {
         self.state as u8 | if self.error == AlStatusCode::NO_ERROR { 0 } else { ERROR as u8 }
     }
 
-    /// Follows a request of the MainDevice for a state. Before the device goes to a greater state, `check` returns whether
-    /// it is configured for that state.
+    /// Follows a request of the MainDevice for a state other than INIT, also for the present one, if `check` returns that
+    /// the device is configured for it. Otherwise the device falls to a state that it is configured for.
     pub(crate) fn request(&mut self, control: u16, check: impl FnOnce(AlState) -> Result<(), AlStatusCode>) {
         let acknowledged = control & ERROR != 0;
         let wanted = AlState::from_control(control);
@@ -101,8 +101,10 @@ impl StateMachine {
         let result = match wanted {
             None => Err(AlStatusCode::UNKNOWN_STATE),
             Some(wanted) if !self.state.leads_to(wanted) => Err(AlStatusCode::INVALID_STATE_CHANGE),
-            Some(wanted) if wanted > self.state => check(wanted).map(|()| wanted),
-            Some(wanted) => Ok(wanted),
+            Some(AlState::Init) => Ok(AlState::Init),
+            Some(wanted) => check(wanted).map(|()| wanted).inspect_err(|code| {
+                self.state = self.state.min(code.highest_state());
+            }),
         };
         self.error = match result {
             Ok(state) => {
@@ -129,20 +131,22 @@ mod tests {
     }
 
     #[test]
-    fn only_the_way_to_a_greater_state_is_checked() {
+    fn the_way_to_each_state_but_init_is_checked_and_a_device_whose_outputs_do_not_fit_falls_to_pre_op() {
         use AlState::{Init, Op, PreOp, SafeOp};
         let request = |from, to: AlState| {
             let mut machine = machine_in(from);
             machine.request(to as u16, |_| Err(AlStatusCode::INVALID_OUTPUTS));
             (machine.state(), machine.error())
         };
-        for (from, to) in
-            [(PreOp, PreOp), (SafeOp, SafeOp), (Op, Op), (Op, SafeOp), (SafeOp, PreOp), (PreOp, Init)]
-        {
-            assert_eq!(request(from, to), (to, AlStatusCode::NO_ERROR), "{from:?} to {to:?}");
+        for from in [Init, PreOp, SafeOp, Op] {
+            assert_eq!(request(from, Init), (Init, AlStatusCode::NO_ERROR), "{from:?}");
         }
-        for (from, to) in [(Init, PreOp), (PreOp, SafeOp), (SafeOp, Op)] {
-            assert_eq!(request(from, to), (from, AlStatusCode::INVALID_OUTPUTS), "{from:?} to {to:?}");
+        for (from, to) in [(Init, PreOp), (PreOp, PreOp), (PreOp, SafeOp), (SafeOp, SafeOp), (SafeOp, Op)] {
+            let refused = (from.min(PreOp), AlStatusCode::INVALID_OUTPUTS);
+            assert_eq!(request(from, to), refused, "{from:?} to {to:?}");
+        }
+        for (from, to) in [(Op, Op), (Op, SafeOp), (Op, PreOp), (SafeOp, PreOp)] {
+            assert_eq!(request(from, to), (PreOp, AlStatusCode::INVALID_OUTPUTS), "{from:?} to {to:?}");
         }
     }
 

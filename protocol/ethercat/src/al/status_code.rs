@@ -1,5 +1,7 @@
 //! AL status codes (ETG.1000.6, table of AL status codes; ETG.1020).
 
+use super::AlState;
+
 /// Why a device refused a state, or left it.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub struct AlStatusCode(pub u16);
@@ -25,10 +27,24 @@ impl AlStatusCode {
     pub const INVALID_OUTPUTS: Self = Self(0x001D);
     /// The sync manager of the inputs is not as the device needs it.
     pub const INVALID_INPUTS: Self = Self(0x001E);
+    /// The SYNC signals stay away in OP.
+    pub const FATAL_SYNC_ERROR: Self = Self(0x002C);
+    /// There are no SYNC signals on the way to OP.
+    pub const NO_SYNC_ERROR: Self = Self(0x002D);
     /// The SYNC signals are not as the device needs them.
     pub const INVALID_SYNC: Self = Self(0x0030);
     /// The device's EEPROM is damaged.
     pub const EEPROM_ERROR: Self = Self(0x0051);
+
+    /// Returns the highest state in which a device can be whose configuration has this error (ETG.1020, AL status codes).
+    pub(crate) const fn highest_state(self) -> AlState {
+        match self {
+            Self::INVALID_MAILBOX | Self::INVALID_BOOT_MAILBOX => AlState::Init,
+            Self::INVALID_OUTPUTS | Self::INVALID_INPUTS => AlState::PreOp,
+            Self::NO_SYNC_ERROR | Self::FATAL_SYNC_ERROR => AlState::SafeOp,
+            _ => AlState::Op,
+        }
+    }
 
     /// Returns what the code says.
     #[must_use]
@@ -50,8 +66,8 @@ impl AlStatusCode {
             Self::INVALID_OUTPUTS => "invalid output configuration",
             Self::INVALID_INPUTS => "invalid input configuration",
             Self(0x001F) => "invalid watchdog configuration",
-            Self(0x002C) => "fatal sync error",
-            Self(0x002D) => "no sync signal",
+            Self::FATAL_SYNC_ERROR => "fatal sync error",
+            Self::NO_SYNC_ERROR => "no sync signal",
             Self::INVALID_SYNC => "invalid DC SYNC configuration",
             Self::EEPROM_ERROR => "EEPROM error",
             _ => "a code that is not in the standard's table",

@@ -250,6 +250,13 @@ impl Clock {
         (makes0 && sync0.is_some()) || (makes1 && sync1.is_some())
     }
 
+    /// Returns the time from one SYNC signal to the next; `None` without signals, or after a single one.
+    pub(crate) fn period(&self) -> Option<Duration> {
+        let mut pulses = self.pulses.iter().zip(self.generated).filter(|(_, generated)| *generated);
+        let period = pulses.find_map(|(pulses, _)| pulses.as_ref())?.period;
+        (period > 0).then(|| Duration::from_nanos(period))
+    }
+
     /// Returns when the next SYNC signal is due.
     pub(crate) fn deadline(&self, memory: &Memory) -> Option<Instant> {
         let pulses = self.pulses.iter().zip(self.generated).filter(|(_, generated)| *generated);

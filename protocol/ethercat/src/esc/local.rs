@@ -1,6 +1,6 @@
 //! The device's own side of the chip, as its application and its ports use it.
 
-use machine::Instant;
+use machine::{Duration, Instant};
 
 use super::clock::{Clock, Sync};
 use super::registers;
@@ -123,10 +123,6 @@ impl Esc {
         self.watchdog.trigger(now, &mut self.memory);
     }
 
-    pub(crate) const fn stop_watchdog(&mut self) {
-        self.watchdog.stop();
-    }
-
     /// Returns whether the watchdog has just expired.
     pub(crate) fn watchdog_expires(&mut self, now: Instant) -> bool {
         self.watchdog.expire(now, &mut self.memory)
@@ -143,6 +139,16 @@ impl Esc {
         (wanted & 1 != 0 && wanted & 6 != 0, self.clock.as_ref().is_some_and(Clock::makes_pulses))
     }
 
+    /// Returns the time from one SYNC signal to the next, if the clock makes some.
+    pub(crate) fn sync_period(&self) -> Option<Duration> {
+        self.clock.as_ref().and_then(Clock::period)
+    }
+
+    /// Returns when the next SYNC signal is due.
+    pub(crate) fn next_pulse(&self) -> Option<Instant> {
+        self.clock.as_ref().and_then(|clock| clock.deadline(&self.memory))
+    }
+
     /// Returns the local copy of the system time in nanoseconds.
     pub(crate) fn system_time(&self, now: Instant) -> Option<u64> {
         Some(self.clock.as_ref()?.system(now, &self.memory))
@@ -150,7 +156,6 @@ impl Esc {
 
     /// Returns when watchdog or clock need attention.
     pub(crate) fn deadline(&self) -> Option<Instant> {
-        let clock = self.clock.as_ref().and_then(|clock| clock.deadline(&self.memory));
-        Instant::earlier(clock, self.watchdog.deadline(&self.memory))
+        Instant::earlier(self.next_pulse(), self.watchdog.deadline(&self.memory))
     }
 }

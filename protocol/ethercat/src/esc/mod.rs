@@ -275,9 +275,13 @@ impl Esc {
             }
             let Some(bits) = bits.get_mut(..mapped.physical_len()) else { continue };
             let (bit, count) = (usize::from(mapped.bit), mapped.bits.len());
-            if reads && self.read(now, mapped.address, bits) {
-                copy_bits(bits, bit, datagram.data, mapped.bits.start, count);
-                read = true;
+            if reads {
+                // What cannot be read leaves the datagram as it is.
+                copy_bits(datagram.data, mapped.bits.start, bits, bit, count);
+                if self.read(now, mapped.address, bits) {
+                    copy_bits(bits, bit, datagram.data, mapped.bits.start, count);
+                    read = true;
+                }
             }
             if writes {
                 // The chip writes whole bytes; what it writes beside the mapped bits is undefined. Ours writes zeros.

@@ -1,11 +1,11 @@
-//! The watchdog of process data: it expires when the MainDevice writes no outputs for too long.
+//! The watchdog of process data: it expires when the MainDevice writes no outputs for too long, in whichever state.
 
 use machine::{Duration, Instant};
 
 use super::memory::Memory;
 use super::registers::{WATCHDOG_COUNTER, WATCHDOG_DIVIDER, WATCHDOG_STATUS, WATCHDOG_TIME};
 
-/// Runs from the first trigger until it expires or is stopped.
+/// Runs from each trigger until it expires, or until the chip is reset.
 #[derive(Clone, Copy, Default, Debug)]
 pub(crate) struct Watchdog {
     triggered: Option<Instant>,
@@ -25,11 +25,6 @@ impl Watchdog {
         }
     }
 
-    /// Stops it; its status stays.
-    pub(crate) const fn stop(&mut self) {
-        self.triggered = None;
-    }
-
     /// Returns when it expires; `None` if it does not run, or its time is 0.
     pub(crate) fn deadline(&self, memory: &Memory) -> Option<Instant> {
         // In periods of 25 MHz.
@@ -42,7 +37,7 @@ impl Watchdog {
     pub(crate) fn expire(&mut self, now: Instant, memory: &mut Memory) -> bool {
         let expired = self.deadline(memory).is_some_and(|deadline| deadline <= now);
         if expired {
-            self.stop();
+            self.triggered = None;
             memory.set(WATCHDOG_STATUS, &[0]);
             memory.change(WATCHDOG_COUNTER, |count| count.saturating_add(1));
         }

@@ -3,7 +3,7 @@
 
 use embassy_time::Timer;
 use ethercat_maindevice::time;
-use ethercat_subdevice::{DeviceConfig, DeviceId, Event, LocalClock, Segment};
+use ethercat_subdevice::{AlStatusCode, DeviceConfig, DeviceId, Event, LocalClock, Segment};
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::DcConfiguration;
 use ethercrab::{DcSync, MainDevice, MainDeviceConfig};
@@ -273,4 +273,37 @@ fn a_device_asked_for_no_sync_signal_needs_none_for_safe_op() {
         main_device.write(0x0981, &[activation]);
         main_device.operate();
     }
+}
+
+/// Starts SYNC0 with a period of a millisecond, 10 ms from now.
+fn start_sync(main_device: &mut RawMainDevice) {
+    main_device.write(0x0990, &(main_device.now.as_nanos() + 10_000_000).to_le_bytes());
+    main_device.write(0x09A0, &1_000_000_u32.to_le_bytes());
+    main_device.write(0x0981, &[0x03]);
+}
+
+#[test]
+fn a_device_whose_sync_signals_stop_leaves_op_after_two_periods_and_comes_back_with_them_only() {
+    let mut segment = Segment::new();
+    segment.add(&bridge((0, 0, 0)));
+    let mut main_device = RawMainDevice::start(segment);
+    // Without the watchdog of outputs.
+    main_device.write(0x0420, &[0, 0]);
+    start_sync(&mut main_device);
+    main_device.operate();
+    main_device.wait(Duration::from_micros(30_500));
+    assert_eq!(main_device.al_status(), (0x08, 0));
+    main_device.write(0x0981, &[0x00]);
+    main_device.wait(Duration::from_millis(1));
+    assert_eq!(main_device.al_status(), (0x08, 0));
+    main_device.wait(Duration::from_millis(1));
+    assert_eq!(main_device.al_status(), (0x14, AlStatusCode::FATAL_SYNC_ERROR.0));
+    main_device.request_state(0x14);
+    main_device.request_state(8);
+    assert_eq!(main_device.al_status(), (0x14, AlStatusCode::NO_SYNC_ERROR.0));
+    main_device.request_state(0x14);
+    start_sync(&mut main_device);
+    main_device.request_state(8);
+    main_device.wait(Duration::from_millis(50));
+    assert_eq!(main_device.al_status(), (0x08, 0));
 }

@@ -236,6 +236,40 @@ fn a_sync_manager_that_the_maindevice_switches_off_takes_the_device_out_of_its_s
 }
 
 #[test]
+fn a_device_does_not_come_to_op_over_an_acknowledged_error_without_its_sync_managers() {
+    for (register, fallen) in [
+        (0x0816, (0x12, AlStatusCode::INVALID_OUTPUTS.0)),
+        (0x081E, (0x12, AlStatusCode::INVALID_INPUTS.0)),
+        (0x0806, (0x11, AlStatusCode::INVALID_MAILBOX.0)),
+    ] {
+        let mut main_device = bridge_in_pre_op();
+        main_device.operate();
+        main_device.wait(Duration::from_millis(100));
+        assert_eq!(main_device.write(register, &[0]), 1);
+        assert_eq!(main_device.al_status(), (0x14, AlStatusCode::WATCHDOG.0), "one error at a time");
+        main_device.request_state(0x14);
+        assert_eq!(main_device.al_status(), fallen, "0x{register:04X}");
+        main_device.request_state(8);
+        assert_eq!(main_device.al_status(), fallen, "0x{register:04X}");
+    }
+}
+
+#[test]
+fn the_watchdog_runs_on_in_safe_op_where_it_counts_without_an_error() {
+    let mut main_device = bridge_in_pre_op();
+    main_device.operate();
+    main_device.write(0x1100, &[7; 256]);
+    main_device.request_state(4);
+    main_device.wait(Duration::from_millis(99));
+    assert_eq!(main_device.read(0x0440, 3).0, [1, 0, 0]);
+    main_device.wait(Duration::from_millis(1));
+    assert_eq!(main_device.read(0x0440, 3).0, [0, 0, 1]);
+    assert_eq!(main_device.al_status(), (0x04, 0));
+    main_device.write(0x1100, &[7; 256]);
+    assert_eq!(main_device.read(0x0440, 1).0, [1]);
+}
+
+#[test]
 fn a_device_without_outputs_shows_its_error_by_the_working_counter_of_its_inputs() {
     let mut segment = Segment::new();
     let id = segment.add(&DeviceConfig::new(&SENSOR));

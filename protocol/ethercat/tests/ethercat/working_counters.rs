@@ -150,6 +150,20 @@ fn bits_are_read_beside_those_of_others_and_written_with_zeros_beside_them() {
 }
 
 #[test]
+fn bits_that_cannot_be_read_stay_as_they_are_in_the_datagram() {
+    let mut main_device = three();
+    // Twelve bits each: from the chip's type on, and from 0x0133 on, a byte without register.
+    for (index, logical, physical) in [(0, 0_u8, 0_u8), (1, 2, 0x33)] {
+        let fmmu = [logical, 1, 0, 0, 2, 0, 0, 3, physical, u8::from(physical > 0), 0, 1, 1, 0, 0, 0];
+        assert_eq!(main_device.exchange(FPWR, FIRST, 0x0600 + 16 * index, &fmmu).1, 1);
+    }
+    for unread in [0, 0xA5] {
+        let (_, data, counted) = main_device.exchange_at(LRD, 0x100, &[0, 0, unread, 0]).unwrap();
+        assert_eq!((data[0], data[2], data[3], counted), (0x11, unread, 0, 1));
+    }
+}
+
+#[test]
 fn a_configured_sync_manager_cannot_be_changed_until_it_is_switched_off() {
     let mut main_device = three();
     main_device.write(0x0800, &[0x00, 0x10, 4, 0, 0x64, 0, 1, 0]);

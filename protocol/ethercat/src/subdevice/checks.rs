@@ -1,0 +1,85 @@
+//! Whether the MainDevice has configured a device for a state: sync managers and SYNC signals.
+
+use machine::Instant;
+
+use super::SubDevice;
+use crate::al::{AlState, AlStatusCode};
+use crate::event::{Event, Sink};
+use crate::layout::{SyncManagerLayout, Usage};
+
+impl SubDevice {
+    /// Leaves a state whose sync managers are no longer as the state needs them.
+    pub(super) fn watch_sync_managers(&mut self, now: Instant, sink: &mut Sink<'_>) {
+        let before = self.al.state();
+        if self.al.error() != AlStatusCode::NO_ERROR {
+            return;
+        }
+        let Err(code) = self.check_sync_managers(before) else { return };
+        let state = code.highest_state();
+        self.al.fail(state, code);
+        self.show_status();
+        self.enter(now, before);
+        sink.push(Event::StateChanged { state, code });
+    }
+
+    /// Returns whether the MainDevice has configured the device for a state.
+    pub(super) fn check(&self, state: AlState) -> Result<(), AlStatusCode> {
+        self.check_sync_managers(state)?;
+        match (state, self.esc.sync_signals()) {
+            (AlState::SafeOp, (true, false)) if self.al.state() < AlState::SafeOp => {
+                Err(AlStatusCode::INVALID_SYNC)
+            }
+            (AlState::Op, _) if self.uses_sync && self.esc.sync_period().is_none() => {
+                Err(AlStatusCode::NO_SYNC_ERROR)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn check_sync_managers(&self, state: AlState) -> Result<(), AlStatusCode> {
+        match state {
+            AlState::Init => Ok(()),
+            AlState::Boot => {
+                if self.description.mailbox.is_none_or(|mailbox| mailbox.file_capacity == 0) {
+                    return Err(AlStatusCode::BOOT_NOT_SUPPORTED);
+                }
+                self.check_mailbox().map_err(|()| AlStatusCode::INVALID_BOOT_MAILBOX)
+            }
+            AlState::PreOp | AlState::SafeOp | AlState::Op => {
+                self.check_mailbox().map_err(|()| AlStatusCode::INVALID_MAILBOX)?;
+                if state == AlState::PreOp { Ok(()) } else { self.check_all_process_data() }
+            }
+        }
+    }
+
+    fn check_mailbox(&self) -> Result<(), ()> {
+        for usage in [Usage::MailboxReceive, Usage::MailboxSend] {
+            let Some((index, layout)) = self.layout.find(usage) else { continue };
+            let unit = self.esc.sync_manager(index);
+            let fits = unit.guards() && unit.len >= 32 && unit.len <= layout.len;
+            (fits && self.is_as_planned(index, layout)).then_some(()).ok_or(())?;
+        }
+        Ok(())
+    }
+
+    fn check_all_process_data(&self) -> Result<(), AlStatusCode> {
+        self.check_process_data(Usage::Outputs).map_err(|()| AlStatusCode::INVALID_OUTPUTS)?;
+        self.check_process_data(Usage::Inputs).map_err(|()| AlStatusCode::INVALID_INPUTS)
+    }
+
+    fn check_process_data(&self, usage: Usage) -> Result<(), ()> {
+        let Some((index, layout)) = self.layout.find(usage) else { return Ok(()) };
+        let unit = self.esc.sync_manager(index);
+        if layout.len == 0 {
+            return (!unit.guards()).then_some(()).ok_or(());
+        }
+        let fits = unit.guards() && unit.len == layout.len && self.is_as_planned(index, layout);
+        fits.then_some(()).ok_or(())
+    }
+
+    /// Returns whether a sync manager has the start, mode and direction that the EEPROM names.
+    fn is_as_planned(&self, index: usize, layout: SyncManagerLayout) -> bool {
+        let control = self.esc.sync_manager_control(index);
+        self.esc.sync_manager(index).start == layout.start && control & 0x0F == layout.control & 0x0F
+    }
+}
