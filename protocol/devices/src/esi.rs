@@ -1,6 +1,7 @@
 //! Writes an ESI file (EtherCAT SubDevice information, ETG.2000) from the description of a SubDevice.
 
 use std::fmt::{self, Write};
+use std::ops::Range;
 
 use ethercat_subdevice::description::{DataType, Description, Pdo};
 use ethercat_subdevice::{SyncManagerLayout, Usage, sii_image, sync_managers};
@@ -15,6 +16,9 @@ const LOCALE: u32 = 1033;
 
 /// Bytes of the EEPROM from its start that an ESI file names: the configuration of the chip without its checksum.
 const CONFIG_BYTES: usize = 14;
+
+/// Bytes of the EEPROM that say where the mailbox is in BOOT, which a device with a file service has.
+const BOOTSTRAP: Range<usize> = 0x28..0x30;
 
 /// Writes the file.
 #[must_use]
@@ -155,7 +159,12 @@ fn write_clocks(xml: &mut Xml) -> fmt::Result {
                 xml.within("OpMode", "", |xml| {
                     xml.leaf("Name", name)?;
                     xml.leaf("Desc", words)?;
-                    xml.leaf("AssignActivate", &hexadecimal(assign_activate, 4))
+                    xml.leaf("AssignActivate", &hexadecimal(assign_activate, 4))?;
+                    if assign_activate == 0 {
+                        return Ok(());
+                    }
+                    // The cycle of the MainDevice's task, once.
+                    text(xml, format_args!("CycleTimeSync0 Factor=\"1\""), "CycleTimeSync0", "0")
                 })
             },
         )
@@ -164,10 +173,16 @@ fn write_clocks(xml: &mut Xml) -> fmt::Result {
 
 fn write_eeprom(xml: &mut Xml, device: &Description) -> fmt::Result {
     let image = sii_image(device, 0, 0);
-    let config: String = image.iter().take(CONFIG_BYTES).map(|byte| format!("{byte:02X}")).collect();
+    let part = |bytes: Range<usize>| -> String {
+        image.get(bytes).unwrap_or_default().iter().map(|byte| format!("{byte:02X}")).collect()
+    };
     xml.within("Eeprom", "", |xml| {
         xml.leaf("ByteSize", &image.len().to_string())?;
-        xml.leaf("ConfigData", &config)
+        xml.leaf("ConfigData", &part(0..CONFIG_BYTES))?;
+        match device.mailbox {
+            Some(mailbox) if mailbox.file_capacity > 0 => xml.leaf("BootStrap", &part(BOOTSTRAP)),
+            _ => Ok(()),
+        }
     })
 }
 

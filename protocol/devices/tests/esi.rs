@@ -44,6 +44,8 @@ struct Running {
     process_data: [usize; 2],
     has_clock: bool,
     eeprom: (usize, Vec<u8>),
+    /// Where its mailbox is in BOOT, as the EEPROM has it; zeros without a file service.
+    bootstrap: [u8; 8],
     /// Whether the PDOs of a sync manager can be chosen.
     pdo_assign: bool,
     /// Objects that the information service lists; `None` without that service.
@@ -93,6 +95,8 @@ async fn read(main: &MainDevice<'_>) -> Result<Running, Error> {
     let mut config = [0; 14];
     let size = device.eeprom_size(main).await?;
     device.eeprom_read_raw(main, 0, &mut config).await?;
+    let mut bootstrap = [0; 8];
+    device.eeprom_read_raw(main, 0x14, &mut bootstrap).await?;
     let group = group.into_op(main).await?;
     let device = group.iter(main).next().ok_or(Error::UnknownSubDevice)?;
     let mut sync_managers = Vec::new();
@@ -113,6 +117,7 @@ async fn read(main: &MainDevice<'_>) -> Result<Running, Error> {
         process_data: [device.outputs_raw().len(), device.inputs_raw().len()],
         has_clock,
         eeprom: (size, config.to_vec()),
+        bootstrap,
         pdo_assign,
         objects,
     })
@@ -162,8 +167,13 @@ fn compare(text: &str, description: &'static Description) {
     let content = |name| only_element(&document, name).text().unwrap().to_owned();
     let (eeprom_size, config) = &found.eeprom;
     assert_eq!(content("ByteSize"), eeprom_size.to_string());
-    let config: String = config.iter().map(|byte| format!("{byte:02X}")).collect();
-    assert_eq!(content("ConfigData"), config);
+    let hexadecimal = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
+    assert_eq!(content("ConfigData"), hexadecimal(config));
+    if found.bootstrap == [0; 8] {
+        assert!(!document.descendants().any(|node| node.has_tag_name("BootStrap")));
+    } else {
+        assert_eq!(content("BootStrap"), hexadecimal(&found.bootstrap));
+    }
     let coe = only_element(&document, "CoE");
     assert_eq!(coe.attribute("PdoAssign"), Some(if found.pdo_assign { "true" } else { "false" }));
     assert_eq!(coe.attribute("SdoInfo"), Some(if found.objects.is_some() { "true" } else { "false" }));
@@ -187,6 +197,13 @@ fn another_device_gives_another_file_and_neither_fits_the_other() {
     let other = devices::esi::write(&OTHER);
     compare(&other, &OTHER);
     let document = Document::parse(&other).unwrap();
+    let cycle = only_element(&document, "CycleTimeSync0");
+    assert_eq!((cycle.attribute("Factor"), cycle.text()), (Some("1"), Some("0")));
+    let mode = cycle.parent().unwrap();
+    let children = mode.children().filter(Node::is_element).map(|node| node.tag_name().name());
+    assert_eq!(children.collect::<Vec<_>>(), ["Name", "Desc", "AssignActivate", "CycleTimeSync0"]);
+    assert!(mode.children().any(|node| node.has_tag_name("Name") && node.text() == Some("DC")));
+    assert!(only_element(&document, "BootStrap").parent().unwrap().has_tag_name("Eeprom"));
     assert!(only_element(&document, "Mailbox").children().any(|node| node.has_tag_name("FoE")));
     let wrong = std::panic::catch_unwind(|| compare(&other, &ETHERCAT_ROBOT));
     assert!(wrong.is_err(), "a file of another device passed");
