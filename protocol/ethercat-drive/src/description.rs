@@ -11,6 +11,8 @@ pub(crate) const WINDOW: u16 = 0x6065;
 pub(crate) const WINDOW_TIME: u16 = 0x6066;
 /// Quick stop option code, object 0x605A.
 pub(crate) const QUICK_STOP_OPTION: u16 = 0x605A;
+/// Quick stop option codes that the drive has: disable, ramps, and the same ramps with a stay in quick stop active.
+const QUICK_STOP_OPTIONS: [i64; 5] = [0, 1, 2, 5, 6];
 /// Quick stop deceleration in increments/s², object 0x6085.
 pub(crate) const QUICK_STOP_DECELERATION: u16 = 0x6085;
 
@@ -72,7 +74,12 @@ pub static DRIVE: Description = Description {
         variable(
             QUICK_STOP_OPTION,
             "Quick stop option code",
-            &[value("Quick stop option code", DataType::Integer16, Access::ReadWrite, &2_i16.to_le_bytes())],
+            &[value(
+                "Quick stop option code",
+                DataType::Integer16,
+                Access::WriteOneOf(&QUICK_STOP_OPTIONS),
+                &2_i16.to_le_bytes(),
+            )],
         ),
         variable(
             WINDOW,

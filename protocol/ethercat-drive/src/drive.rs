@@ -19,12 +19,12 @@ pub enum QuickStop {
 }
 
 impl QuickStop {
-    /// Returns what an option code means. For a code that the drive does not know, it brakes by its ramp.
+    /// Returns what an option code means. For a code that only the owner of the drive can set, it brakes by its ramp.
     #[must_use]
     pub const fn of(code: i16) -> Self {
         match code {
             0 => Self::Disable,
-            5..=8 => Self::BrakeAndStay,
+            5 | 6 => Self::BrakeAndStay,
             _ => Self::Brake,
         }
     }

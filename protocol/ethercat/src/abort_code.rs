@@ -31,6 +31,8 @@ impl AbortCode {
     pub(crate) const TOO_SHORT: Self = Self(0x0607_0013);
     /// The object has no such subindex.
     pub(crate) const NO_SUBINDEX: Self = Self(0x0609_0011);
+    /// The value is none of those that the entry may have.
+    pub(crate) const VALUE_RANGE: Self = Self(0x0609_0030);
     /// General error.
     pub(crate) const GENERAL: Self = Self(0x0800_0000);
     /// Not in the device's present state.

@@ -119,6 +119,8 @@ pub enum Access {
     WriteInPreOp,
     /// The MainDevice writes it and cannot read it back.
     WriteOnly,
+    /// The MainDevice reads it, and writes one of these numbers.
+    WriteOneOf(&'static [i64]),
 }
 
 /// Type of a value (ETG.1000.6, table of basic data types).

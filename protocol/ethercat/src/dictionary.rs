@@ -377,6 +377,11 @@ impl Dictionary {
         if data.len() < capacity && !entry.data_type.is_string() {
             return Err(AbortCode::TOO_SHORT);
         }
+        if let Access::WriteOneOf(numbers) = entry.access
+            && !numbers.iter().any(|number| number.to_le_bytes().get(..data.len()) == Some(data))
+        {
+            return Err(AbortCode::VALUE_RANGE);
+        }
         match entry.value {
             Value::Stored { .. } => self.set(index, subindex, data).ok_or(AbortCode::GENERAL),
             Value::Output { bit } if state != AlState::Op => {

@@ -148,7 +148,7 @@ fn write_entry(index: u16, entry: &DictionaryEntry, chosen: bool, outbox: &mut O
         // Read always, written in PRE-OP.
         Access::ReadOnly if chosen => 0x0F,
         Access::ReadOnly => 0x07,
-        Access::ReadWrite => 0x3F,
+        Access::ReadWrite | Access::WriteOneOf(_) => 0x3F,
         Access::WriteInPreOp => 0x0F,
         Access::WriteOnly => 0x38,
     };

@@ -1,6 +1,7 @@
 //! SDOs: by ethercrab, and by single datagrams where ethercrab has no such transfer.
 
 use ethercat_maindevice::time;
+use ethercat_subdevice::description::{Access, DataType, Description, Entry, Object, ObjectCode};
 use ethercat_subdevice::{DeviceConfig, DeviceId, Emergency, Event, Segment};
 use ethercrab::error::{Error, MailboxError};
 
@@ -49,6 +50,36 @@ fn ethercrab_reads_values_that_fit_a_mailbox_and_writes_expedited_ones() {
     assert_eq!(ended.result, Some(Ok(())), "ended at {:?}", ended.at);
     let written = Event::ObjectWritten { index: 0x8000, subindex: 1 };
     assert!(ended.events.iter().any(|(_, id, event)| (*id, *event) == (BRIDGE_ID, written)));
+}
+
+/// A number that is -1 or 3.
+static CHOICE: Description = Description {
+    objects: &[Object {
+        index: 0x8000,
+        name: "Choice",
+        code: ObjectCode::Variable,
+        entries: &[Entry {
+            subindex: 0,
+            name: "Choice",
+            data_type: DataType::Integer16,
+            access: Access::WriteOneOf(&[-1, 3]),
+            capacity: 2,
+            default: &[3, 0],
+        }],
+    }],
+    ..BRIDGE
+};
+
+#[test]
+fn a_number_that_an_entry_cannot_have_is_refused_as_out_of_its_range() {
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&CHOICE));
+    let mut main_device = RawMainDevice::start(segment);
+    for refused in [0, 4, 0x0103, 0xFFFE] {
+        assert_eq!(abort(&main_device.sdo(&request(0x2B, 0x8000, 0, refused))), 0x0609_0030, "{refused}");
+    }
+    assert_eq!(main_device.sdo(&request(0x2B, 0x8000, 0, 0xFFFF)), request(0x60, 0x8000, 0, 0));
+    assert_eq!(main_device.segment.object(BRIDGE_ID, 0x8000, 0), Some(&[0xFF, 0xFF][..]));
 }
 
 #[test]
