@@ -125,3 +125,30 @@ impl Process {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ethercrab::error::Error;
+
+    #[test]
+    fn an_error_that_lasts_a_second_is_reported_once_also_after_another_reason_and_silence_is_not() {
+        let other = || Problem::Other(Error::StateTransition);
+        for (problem, expected) in [(Problem::Silence, vec![]), (other(), vec![DownCause::Refused])] {
+            let mut process = Process::new(0, 0);
+            process.good();
+            process.fail(Instant::ZERO, Problem::Watchdog);
+            process.events.clear();
+            for ms in [10, 500, 1_100, 1_200] {
+                process.fail(Instant::from_millis(ms), problem.clone());
+            }
+            let causes: Vec<_> = std::iter::from_fn(|| process.poll_event())
+                .map(|event| match event {
+                    LinkEvent::Down(down) => down.cause,
+                    other => panic!("{other:?}"),
+                })
+                .collect();
+            assert_eq!(causes, expected, "{problem:?}");
+        }
+    }
+}
