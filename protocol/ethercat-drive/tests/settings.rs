@@ -1,7 +1,5 @@
 //! What a MainDevice sets of a drive, by SDO.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
-
 use ethercat_drive::{DriveConfig, Drives};
 use ethercat_maindevice::ethercrab::error::{CoeAbortCode, Error, MailboxError};
 use ethercat_maindevice::ethercrab::{MainDevice, MainDeviceConfig, Timeouts};
