@@ -138,7 +138,8 @@ fn described(device: &ProfinetDevice) -> Description {
         })
         .collect();
     let identity = Identity { vendor: device.vendor, device: device.device };
-    Description { identity, modules: modules.leak(), ..PROFINET_ROBOT }
+    // A setup does not tell the device's shortest cycle: it refuses a shorter one itself.
+    Description { identity, modules: modules.leak(), min_device_interval: 1, ..PROFINET_ROBOT }
 }
 
 fn ethernet_ip_scanner(

@@ -18,7 +18,8 @@ pub const PROFINET_ROBOT: profinet::description::Description = profinet::descrip
     serial_number: "1",
     hardware_revision: 1,
     software_revision: [0, 1, 0],
-    min_device_interval: 32,
+    // 250 µs, the shortest cycle that a process on Linux keeps.
+    min_device_interval: 8,
     modules: &[
         Module {
             slot: 0,

@@ -158,6 +158,8 @@ fn wrong_values_are_refused_with_their_key() {
         ("scan_cycle_us = { value = 1000", "scan_cycle_us = { value = 0"),
         ("scan_cost_us = { value = 150", "scan_cost_us = { value = 1500"),
         ("\ncycle_us = { value = 1000", "\ncycle_us = { value = 1100"),
+        ("\ncycle_us = { value = 1000", "\ncycle_us = { value = 125"),
+        ("\ncycle_us = { value = 1000", "\ncycle_us = { value = 2048000"),
         ("watchdog_cycles = { value = 500", "watchdog_cycles = { value = 0"),
         ("watchdog_cycles = { value = 500", "watchdog_cycles = { value = 61441"),
         ("\ncycle_us = { value = 4000", "\ncycle_us = { value = 0"),
@@ -189,6 +191,8 @@ fn wrong_values_are_refused_with_their_key() {
     DIR/my.toml: `plc.scan_cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
     DIR/my.toml: `plc.scan_cost_us`: a scan that costs 1500 µs does not fit into a cycle of 1000 µs
     DIR/my.toml: `bus.cycle_us`: 1100 µs is not a PROFINET cycle: 31.25 µs times a power of two, such as 250, 500, 1000, 2000, 4000
+    DIR/my.toml: `bus.cycle_us`: 125 µs is not a cycle that can be served over udp: 250 to 1920000 µs
+    DIR/my.toml: `bus.cycle_us`: 2048000 µs is not a cycle that can be served over udp: 250 to 1920000 µs
     DIR/my.toml: `bus.watchdog_cycles`: 0 would give every connection up at once; at least 1, and 3 is usual
     DIR/my.toml: `bus.watchdog_cycles`: 61441 cycles of 1000 µs hold for 61441 ms; PROFINET allows 61440 ms over udp, so at most 7680 cycles
     DIR/my.toml: `robot.cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond

@@ -13,10 +13,13 @@ const NAMESPACE: &str = "http://www.profibus.com/GSDML/2003/11/DeviceProfile";
 /// The vendor's name.
 const VENDOR_NAME: &str = "skillbench";
 
-/// Send clocks that the device supports, in 31.25 µs: all of RT_CLASS_1 (IEC 61158-6-10).
-const SEND_CLOCKS: &str = "1 2 4 8 16 32 64 128";
+/// Send clocks of RT_CLASS_1, in 31.25 µs (IEC 61158-6-10).
+const SEND_CLOCKS: [u16; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
 
-/// Reduction ratios that it supports at each send clock.
+/// The send clock of 1 ms, which every device supports.
+const MILLISECOND: u16 = 32;
+
+/// Reduction ratios that the device supports at each send clock, up to a cycle of 512 ms (IEC 61158-6-10).
 const REDUCTION_RATIOS: &str = "1 2 4 8 16 32 64 128 256 512";
 
 /// MAU types of a port: 100BASE-TX full duplex, 1000BASE-T full duplex, and 0 for a cable that the table does not
@@ -159,7 +162,7 @@ fn write_access_point(
             })
         })?;
         write_virtual_submodules(xml, access_point)?;
-        write_system_submodules(xml, access_point)
+        write_system_submodules(xml, device, access_point)
     })
 }
 
@@ -217,10 +220,18 @@ fn write_virtual_submodules(xml: &mut Xml, module: &Module) -> fmt::Result {
     })
 }
 
-fn write_system_submodules(xml: &mut Xml, module: &Module) -> fmt::Result {
+/// Returns the send clocks that the device supports: at each of them it sends in every one.
+fn send_clocks(device: &Description) -> String {
+    let shortest = device.min_device_interval.min(MILLISECOND);
+    let clocks = SEND_CLOCKS.iter().filter(|clock| **clock >= shortest).map(u16::to_string);
+    clocks.collect::<Vec<_>>().join(" ")
+}
+
+fn write_system_submodules(xml: &mut Xml, device: &Description, module: &Module) -> fmt::Result {
     let (interface, port) = (xml.refer_to("Interface", "Interface"), xml.refer_to("Port", "Port 1"));
     xml.within("SystemDefinedSubmoduleList", "", |xml| {
         if let Some(Submodule { subslot, ident, .. }) = module.submodule(INTERFACE_SUBSLOT) {
+            let send_clocks = send_clocks(device);
             let attributes = format!(
                 "ID=\"ID_Interface\" SubslotNumber=\"{subslot}\" SubmoduleIdentNumber=\"0x{ident:08X}\" \
                  TextId=\"{interface}\" SupportedRT_Classes=\"RT_CLASS_1\" SupportedProtocols=\"LLDP\" \
@@ -230,7 +241,7 @@ fn write_system_submodules(xml: &mut Xml, module: &Module) -> fmt::Result {
             xml.within("InterfaceSubmoduleItem", attributes, |xml| {
                 xml.within("ApplicationRelations", "StartupMode=\"Legacy;Advanced\"", |xml| {
                     xml.empty(format_args!(
-                        "TimingProperties SendClock=\"{SEND_CLOCKS}\" ReductionRatio=\"{REDUCTION_RATIOS}\""
+                        "TimingProperties SendClock=\"{send_clocks}\" ReductionRatio=\"{REDUCTION_RATIOS}\""
                     ))
                 })
             })?;

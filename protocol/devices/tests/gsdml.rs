@@ -241,7 +241,10 @@ fn data_is_exchanged_at_every_send_clock_including_the_shortest_interval() {
     }
     let least = number(only_element(&document, "DeviceAccessPointItem"), "MinDeviceInterval");
     assert_eq!(least, ROBOT.min_device_interval.into());
-    assert!(clocks.contains(&least));
+    assert_eq!(clocks.iter().min(), Some(&least));
+    let shorter = Description { min_device_interval: 1, ..ROBOT };
+    let cycle = Duration::from_nanos(31_250) * (least / 2);
+    assert!(!comes_up(&mut bus(cycle, shorter)), "a controller that does not know of the interval");
 }
 
 #[test]

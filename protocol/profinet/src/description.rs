@@ -51,7 +51,7 @@ pub struct Description {
     pub hardware_revision: u16,
     /// Software revision of I&M0: major, minor, patch.
     pub software_revision: [u8; 3],
-    /// Shortest cycle that the device is made for, in 31.25 µs: MinDeviceInterval of its GSDML file.
+    /// Shortest cycle that the device serves, in 31.25 µs: MinDeviceInterval of its GSDML file.
     pub min_device_interval: u16,
     /// The modules, by ascending slot.
     pub modules: &'static [Module],

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use ethernet_ip::connection::TimeoutMultiplier;
-use protocol::stations::{ETHERNET_IP_ROBOT, is_station_name};
+use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT, is_station_name};
 
 use super::{Check, cycle, problem};
 use crate::{
@@ -12,8 +12,10 @@ use crate::{
 
 /// IEC 61158-6-10: one step of the cycle counter, the unit of every PROFINET cycle time.
 const PROFINET_UNIT_NS: u64 = 31_250;
-/// IEC 61158-6-10: SendClockFactor up to 128 times ReductionRatio up to 512.
-const PROFINET_MAX_UNITS: u64 = 128 * 512;
+/// IEC 61158-6-10: the longest cycle of RT_CLASS_1, 512 ms.
+const PROFINET_RT1_MAX_UNITS: u64 = 16_384;
+/// The longest cycle of RT_CLASS_UDP at which the cycle counter of 16 bits tells the next frame from an older one, 1.92 s.
+const PROFINET_UDP_MAX_UNITS: u64 = 61_440;
 /// IEC 61158-6-10: data hold time of RT_CLASS_1.
 const PROFINET_RT1_HOLD: Duration = Duration::from_millis(1_920);
 /// IEC 61158-6-10: data hold time of RT_CLASS_UDP.
@@ -174,7 +176,7 @@ fn check_ethernet_ip(bus: &Bus, ethernet_ip: &EthernetIp) -> Check {
 fn check_profinet(bus: &Bus, profinet: &Profinet) -> Check {
     let cycle_ns = u64::from(bus.cycle_us.value) * 1_000;
     let units = cycle_ns / PROFINET_UNIT_NS;
-    if cycle_ns % PROFINET_UNIT_NS != 0 || !units.is_power_of_two() || units > PROFINET_MAX_UNITS {
+    if cycle_ns % PROFINET_UNIT_NS != 0 || !units.is_power_of_two() {
         let text = format!(
             "{} µs is not a PROFINET cycle: 31.25 µs times a power of two, such as 250, 500, 1000, 2000, 4000",
             bus.cycle_us.value
@@ -182,10 +184,22 @@ fn check_profinet(bus: &Bus, profinet: &Profinet) -> Check {
         return Err(problem("bus.cycle_us", text));
     }
     let hold = bus.watchdog();
-    let (class, longest) = match profinet.cyclic {
-        Cyclic::Udp => ("udp", PROFINET_UDP_HOLD),
-        Cyclic::Rt1 => ("rt1", PROFINET_RT1_HOLD),
+    let (class, longest, most_units) = match profinet.cyclic {
+        Cyclic::Udp => ("udp", PROFINET_UDP_HOLD, PROFINET_UDP_MAX_UNITS),
+        Cyclic::Rt1 => ("rt1", PROFINET_RT1_HOLD, PROFINET_RT1_MAX_UNITS),
     };
+    // A foreign device refuses a cycle that is too short for it.
+    let least_units = if profinet.device.is_none() { PROFINET_ROBOT.min_device_interval.into() } else { 1 };
+    if !(least_units..=most_units).contains(&units) {
+        let micros = |units: u64| units * PROFINET_UNIT_NS / 1_000;
+        let text = format!(
+            "{} µs is not a cycle that can be served over {class}: {} to {} µs",
+            bus.cycle_us.value,
+            micros(least_units),
+            micros(most_units),
+        );
+        return Err(problem("bus.cycle_us", text));
+    }
     if hold > longest || bus.watchdog_cycles.value > PROFINET_MAX_HOLD_FACTOR {
         let most = (longest.as_nanos() / u128::from(cycle_ns)).min(u128::from(PROFINET_MAX_HOLD_FACTOR));
         let text = format!(

@@ -80,6 +80,17 @@ pub enum ConfigError {
     /// The cycle cannot be expressed.
     #[error(transparent)]
     Cycle(#[from] UnsupportedCycle),
+    /// The device does not serve so short a cycle.
+    #[error(
+        "a cycle of {} µs is shorter than the {} µs that the device serves (MinDeviceInterval): choose a longer one",
+        cycle.as_micros(), shortest.as_micros()
+    )]
+    ShortCycle {
+        /// The cycle asked for.
+        cycle: Duration,
+        /// The shortest one of the device.
+        shortest: Duration,
+    },
     /// The watchdog is zero or longer than the standard allows.
     #[error(
         "a watchdog of {cycles} cycles is {} ms; choose 1 cycle or more and at most {} ms", time.as_millis(),

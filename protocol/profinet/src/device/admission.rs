@@ -49,7 +49,7 @@ pub(super) fn admit<'a>(
     }
     let alarm_cr = request.alarm_cr.as_ref().ok_or(Violation::AlarmCrCount)?;
     for iocr in [input, output] {
-        check_iocr(iocr)?;
+        check_iocr(iocr, description)?;
         check_objects(iocr, &request.expected)?;
     }
     if !frame_ids(input.rt_class).contains(&input.frame_id) {
@@ -101,7 +101,7 @@ fn check_rt_port(port: u16) -> Result<(), Violation> {
     check(port > 0x3FF, Violation::InitiatorRtPort)
 }
 
-fn check_iocr(iocr: &Iocr) -> Result<(), Violation> {
+fn check_iocr(iocr: &Iocr, description: &Description) -> Result<(), Violation> {
     let (lt, transport) = match iocr.rt_class {
         RtClass::Legacy1 | RtClass::Class1 => (ETHER_TYPE, Transport::Rt1),
         RtClass::Udp => (LT_UDP, Transport::Udp),
@@ -117,6 +117,8 @@ fn check_iocr(iocr: &Iocr) -> Result<(), Violation> {
     check(whole && (1..=transport.max_reduction_ratio()).contains(&ratio), Violation::ReductionRatio)?;
     check((1..=ratio).contains(&iocr.phase), Violation::Phase)?;
     let time = CycleTime { send_clock_factor: clock, reduction_ratio: ratio };
+    let served = u32::from(description.min_device_interval)..=transport.max_counts();
+    check(served.contains(&time.counts()), Violation::ReductionRatio)?;
     let offset = iocr.frame_send_offset;
     let send_clock_ns = u32::from(clock) * 31_250;
     check(offset == Iocr::BEST_EFFORT || offset < send_clock_ns, Violation::FrameSendOffset)?;

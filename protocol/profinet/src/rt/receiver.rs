@@ -8,7 +8,7 @@ use machine::{Duration, Instant, Numbering, Sequence};
 
 /// Largest difference by which a cycle counter counts as newer than the last one, in counts: 1.92 s. The remaining 128 ms
 /// of the counter's range count as older: such a frame is late.
-const NEWER_WINDOW: u32 = 61_440;
+pub(super) const NEWER_WINDOW: u32 = 61_440;
 
 /// Largest difference that is accepted whatever the time since the last frame, in counts: 128 ms, as much as a late frame
 /// may be older.

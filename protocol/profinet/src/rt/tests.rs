@@ -157,6 +157,23 @@ fn a_cycle_is_expressed_as_send_clock_and_reduction_ratio() {
     for unfit in [0, 300, 1_500, 3_000, 513_000] {
         assert_eq!(cycle(unfit, Transport::Rt1), None, "{unfit} µs");
     }
+    for unfit in [1_921_000, 2_048_000, 4_096_000, 16_384_000] {
+        assert_eq!(cycle(unfit, Transport::Udp), None, "{unfit} µs");
+    }
+}
+
+#[test]
+fn at_the_longest_cycle_of_each_transport_every_frame_is_newer_than_the_one_before() {
+    for (transport, millis) in [(Transport::Rt1, 512), (Transport::Udp, 1_920)] {
+        let time = CycleTime::new(Duration::from_millis(millis), transport).unwrap();
+        let mut receiver = CyclicReceiver::new(0xC000, time, 1, time.multiplied(3), Instant::ZERO);
+        for number in 1..100 {
+            let now = Instant::from_millis(number * millis);
+            let frame = frame(cycle_counter(now), DataStatus::RUNNING, &[1]);
+            assert_eq!(receiver.handle_frame(now, &frame), Received::New, "{transport:?}");
+        }
+        assert_eq!(receiver.lost(), 0);
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The cycle of an IOCR: send clock, reduction ratio and cycle counter.
 
+use super::receiver::NEWER_WINDOW;
 use machine::ethernet::Mac;
 use machine::{Duration, Instant};
 
@@ -40,6 +41,18 @@ impl Transport {
         }
     }
 
+    /// Returns the longest time from one frame to the next, in counts of the cycle counter.
+    ///
+    /// Over Ethernet it is 512 ms. Over UDP the standard names ratios of up to 16 s, but the counter has 16 bits: from 1.92 s
+    /// on, the next frame counts as an older one, and every 2.048 s it has the same number.
+    #[must_use]
+    pub const fn max_counts(self) -> u32 {
+        match self {
+            Self::Rt1 => 16_384,
+            Self::Udp => NEWER_WINDOW,
+        }
+    }
+
     /// Returns the longest watchdog time and data hold time.
     #[must_use]
     pub const fn max_hold_time(self) -> Duration {
@@ -62,7 +75,7 @@ pub struct CycleTime {
 /// A cycle that no send clock and reduction ratio can express.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
-    "PROFINET has no cycle of {} µs: allowed are, over UDP, a power of two of 31.25 µs or whole ms up to 16384; \
+    "PROFINET has no cycle of {} µs: allowed are, over UDP, a power of two of 31.25 µs or whole ms up to 1920; \
      over Ethernet, the first or a power of two of ms up to 512",
     .0.as_nanos() as f64 / 1000.0
 )]
@@ -81,7 +94,8 @@ impl CycleTime {
         };
         let fits = cycle.period() == period
             && cycle.send_clock_factor.is_power_of_two()
-            && (1..=transport.max_reduction_ratio()).contains(&cycle.reduction_ratio)
+            && cycle.reduction_ratio >= 1
+            && cycle.counts() <= transport.max_counts()
             && (transport == Transport::Udp || cycle.reduction_ratio.is_power_of_two());
         if fits { Ok(cycle) } else { Err(unfit) }
     }

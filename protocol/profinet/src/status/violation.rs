@@ -148,7 +148,7 @@ violations! {
     IocrDataLength = PNIO 2 8 "IOCRBlockReq: DataLength is out of range"
     FrameId = PNIO 2 9 "IOCRBlockReq: the FrameID does not fit the RTClass"
     SendClockFactor = PNIO 2 10 "IOCRBlockReq: SendClockFactor is not 1 to 128"
-    ReductionRatio = PNIO 2 11 "IOCRBlockReq: ReductionRatio is not a power of two in range"
+    ReductionRatio = PNIO 2 11 "IOCRBlockReq: ReductionRatio is not a power of two in range, or the cycle is too short or too long for the device"
     Phase = PNIO 2 12 "IOCRBlockReq: Phase is not 1 to ReductionRatio"
     FrameSendOffset = PNIO 2 14 "IOCRBlockReq: FrameSendOffset is past the send clock"
     WatchdogFactor = PNIO 2 15 "IOCRBlockReq: WatchdogFactor is out of range"

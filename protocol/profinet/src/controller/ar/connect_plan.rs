@@ -70,6 +70,11 @@ impl ConnectPlan {
             return Err(ConfigError::Subnet { address: own.address, device: config.address, mask: own.mask });
         }
         let time = CycleTime::new(config.cycle, config.transport)?;
+        if time.counts() < u32::from(config.description.min_device_interval) {
+            let shortest =
+                CycleTime { send_clock_factor: config.description.min_device_interval, reduction_ratio: 1 };
+            return Err(ConfigError::ShortCycle { cycle: config.cycle, shortest: shortest.period() });
+        }
         let (cycles, limit) = (config.watchdog_cycles, config.transport.max_hold_time());
         let hold = time.multiplied(cycles);
         if hold.is_zero() || hold > limit {

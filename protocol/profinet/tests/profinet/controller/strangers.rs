@@ -48,6 +48,8 @@ fn a_configuration_that_cannot_work_is_refused_with_what_to_change() {
         controller().connect(config, Instant::ZERO).unwrap_err().to_string()
     };
     assert!(refused(|config| config.cycle = Duration::from_micros(700)).contains("no cycle of 700 µs"));
+    let short = refused(|config| config.cycle = Duration::from_micros(500));
+    assert!(short.contains("500 µs is shorter than the 1000 µs that the device serves"), "{short}");
     assert!(refused(|config| config.watchdog_cycles = 0).contains("choose 1 cycle or more"));
     assert!(refused(|config| config.watchdog_cycles = 2_000).contains("at most 1920 ms"));
     assert!(refused(|config| config.address = Ipv4Addr::new(10, 0, 0, 1)).contains("not in one subnet"));

@@ -46,6 +46,13 @@ fn every_field_of_a_connect_that_is_out_of_bounds_gets_its_own_status() {
         (Violation::ReductionRatio, |r| r.iocrs[0].reduction_ratio = 0),
         (Violation::ReductionRatio, |r| r.iocrs[0].reduction_ratio = 3),
         (Violation::ReductionRatio, |r| r.iocrs[0].reduction_ratio = 1_024),
+        // Cycles of 31.25 µs, of 500 µs and of 1.024 s.
+        (Violation::ReductionRatio, |r| r.iocrs[0].send_clock_factor = 1),
+        (Violation::ReductionRatio, |r| r.iocrs[1].send_clock_factor = 16),
+        (Violation::ReductionRatio, |r| {
+            (r.iocrs[0].send_clock_factor, r.iocrs[0].reduction_ratio, r.iocrs[0].phase) = (64, 512, 1);
+            (r.iocrs[0].watchdog_factor, r.iocrs[0].data_hold_factor) = (1, 1);
+        }),
         (Violation::Phase, |r| r.iocrs[0].phase = 2),
         (Violation::FrameSendOffset, |r| r.iocrs[0].frame_send_offset = 1_000_000),
         (Violation::WatchdogFactor, |r| r.iocrs[0].watchdog_factor = 0),
@@ -97,6 +104,12 @@ fn over_udp_the_bounds_are_wider_and_the_port_must_be_a_free_one() {
     assert!(refused(RtClass::Udp, |r| r.iocrs[0].reduction_ratio = 3).is_ok());
     assert!(refused(RtClass::Udp, |r| r.iocrs[1].data_hold_factor = 0x1E00).is_ok());
     assert!(refused(RtClass::Udp, |r| r.iocrs[0].tag_header = 0).is_ok());
+    assert!(refused(RtClass::Udp, |r| r.iocrs[0].reduction_ratio = 1_920).is_ok());
+    // Each frame would have the same number as the one before, and would count as repeated.
+    let every_2048_ms = refused(RtClass::Udp, |r| r.iocrs[0].reduction_ratio = 2_048);
+    assert_eq!(every_2048_ms, Violation::ReductionRatio.status(Service::Connect));
+    let every_31_us = refused(RtClass::Udp, |r| r.iocrs[0].send_clock_factor = 1);
+    assert_eq!(every_31_us, Violation::ReductionRatio.status(Service::Connect));
     let status = refused(RtClass::Udp, |r| r.ar.initiator_rt_port = 0x3FF);
     assert_eq!(status, Violation::InitiatorRtPort.status(Service::Connect));
     let status = refused(RtClass::Udp, |r| r.iocrs[0].lt = ETHER_TYPE);
