@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 
 use ethernet_ip::connection::{CloseRequest, OpenReply, OpenRequest, RealTimeFormat, Triad};
-use ethernet_ip::encapsulation::{Command, HEADER_LEN, Header};
+use ethernet_ip::encapsulation::{Command, HEADER_LEN, Header, Status};
 use ethernet_ip::{ConnectionConfig, ConnectionId, IO_PORT, Scanner, class1};
 use machine::wire::{FRAME_CAPACITY, LittleEndian, Writer};
 use machine::{
@@ -301,6 +301,35 @@ fn a_scanner_closes_first_what_an_unanswered_forward_open_may_have_opened_and_no
     assert_eq!(dialogue.sent(), [CLOSE, (Command::UnRegisterSession, 0)]);
     dialogue.begin_again();
     assert_eq!(dialogue.sent(), [IDENTIFY]);
+}
+
+#[test]
+fn a_scanner_asks_an_adapter_once_to_close_what_it_may_hold_and_then_goes_on_without() {
+    let failures: [(&str, fn(&mut Dialogue)); 3] = [
+        ("no answer", |dialogue| dialogue.advance(SECOND)),
+        ("end of TCP", |dialogue| {
+            dialogue.scanner.handle_stream(dialogue.now, dialogue.stream, StreamChange::Closed);
+        }),
+        ("encapsulation error", |dialogue| {
+            let mut buf = [0; HEADER_LEN];
+            let request = Header::request(Command::SendRRData, 7);
+            let header = Header { context: dialogue.context, status: Status::InvalidCommand, ..request };
+            header.emit(&mut buf, |_| {}).unwrap();
+            dialogue.receive(&buf);
+        }),
+    ];
+    for (what, fail) in failures {
+        let mut dialogue = Dialogue::opening();
+        dialogue.advance(OPENING);
+        dialogue.sent();
+        dialogue.begin_again();
+        assert_eq!(dialogue.sent(), [CLOSE], "{what}");
+        fail(&mut dialogue);
+        assert!(dialogue.down().is_some(), "{what}");
+        dialogue.sent();
+        dialogue.begin_again();
+        assert_eq!(dialogue.sent(), [IDENTIFY], "{what}");
+    }
 }
 
 #[test]

@@ -171,6 +171,9 @@ impl Connection {
         let may_be_open = self.step == Step::Opening || self.step == Step::Running && self.stream.is_none();
         if may_be_open && !ended {
             self.unreleased = true;
+        } else if self.step == Step::Releasing {
+            // An adapter that cannot close it must not stop each later attempt; its own watchdog ends the connection.
+            self.unreleased = false;
         }
         self.abandon();
         self.deadline = (!ended).then_some(now + self.config.retry_after);
