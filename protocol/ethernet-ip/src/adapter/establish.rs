@@ -112,7 +112,7 @@ impl State {
         let points = self.find_assemblies(application)?;
         check_io_parameters(&points, o_t, t_o)?;
         let inhibit = self.check_intervals(request, application)?;
-        self.check_room(&points)?;
+        self.check_room(*context.peer.ip(), &points)?;
         let [configuration, ..] = points.named;
         self.check_configuration(configuration, application.configuration)?;
 
@@ -243,22 +243,23 @@ impl State {
         }
     }
 
-    /// Checks that one more connection of this kind to these assemblies may be opened.
-    fn check_room(&self, points: &IoAssemblies) -> Result<(), Violation> {
+    /// Checks that a host may open one more connection of this kind to these assemblies.
+    fn check_room(&self, host: Ipv4Addr, points: &IoAssemblies) -> Result<(), Violation> {
         let description = self.device.description;
-        let (most, allowed) = match points.kind {
+        let full_for = |places: u8| self.io.is_full_for(host, points.kind, places.into());
+        let is_full = match points.kind {
             Kind::ExclusiveOwner if self.io.is_owned(points.consumed.instance) => {
-                (0, Err(Violation::OutputsOwned))
+                return Err(Violation::OutputsOwned);
             }
             Kind::ListenOnly if !self.io.may_listen_to(points.produced.instance) => {
-                (0, Err(Violation::NothingToListenTo))
+                return Err(Violation::NothingToListenTo);
             }
-            Kind::ExclusiveOwner => (description.exclusive_owners, Ok(())),
-            Kind::InputOnly => (description.input_only, Ok(())),
-            Kind::ListenOnly => (description.listen_only, Ok(())),
+            // One scanner may own all outputs.
+            Kind::ExclusiveOwner => self.io.count(points.kind) >= description.exclusive_owners.into(),
+            Kind::InputOnly => full_for(description.input_only),
+            Kind::ListenOnly => full_for(description.listen_only),
         };
-        let is_full = self.io.count(points.kind) >= usize::from(most);
-        allowed.and(if is_full { Err(Violation::TargetOutOfConnections) } else { Ok(()) })
+        if is_full { Err(Violation::TargetOutOfConnections) } else { Ok(()) }
     }
 
     /// Lets a connection take part in a multicast that runs, if it fits. The owner of the outputs gets a multicast of its

@@ -154,6 +154,14 @@ impl IoConnections {
         self.open.iter().filter(|connection| connection.kind == kind).count()
     }
 
+    /// Returns whether a host gets no further connection of this kind: all places are taken, or this host has all but the
+    /// last one, which is for other hosts.
+    pub(super) fn is_full_for(&self, host: Ipv4Addr, kind: Kind, places: usize) -> bool {
+        let own =
+            self.open.iter().filter(|connection| connection.kind == kind && connection.originator == host);
+        self.count(kind) >= places || places > 1 && own.count() + 1 >= places
+    }
+
     pub(super) fn find(&self, triad: &Triad) -> Option<&IoConnection> {
         self.open.iter().find(|connection| connection.triad == *triad)
     }

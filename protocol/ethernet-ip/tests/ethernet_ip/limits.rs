@@ -40,14 +40,26 @@ fn a_producer_may_be_inhibited_for_the_whole_of_its_interval_and_for_no_longer()
 }
 
 #[test]
-fn listen_only_connections_are_as_many_as_described_and_then_refused() {
+fn listen_only_connections_are_as_many_as_described_and_the_last_one_is_for_another_host() {
     let mut rig = Rig::new();
     let client = rig.client();
+    let other = rig.client_from(OTHER);
     rig.open(client, &owner(1));
-    for serial in 2..=5 {
+    for serial in 2..=4 {
         rig.open(client, &heartbeat(serial, LISTEN_ONLY_PATH));
     }
-    assert_eq!(rig.try_open(client, &heartbeat(6, LISTEN_ONLY_PATH)), Err((1, 0x011A)));
+    assert_eq!(rig.try_open(client, &heartbeat(5, LISTEN_ONLY_PATH)), Err((1, 0x011A)));
+    rig.open(other, &heartbeat(5, LISTEN_ONLY_PATH));
+    assert_eq!(rig.try_open(other, &heartbeat(6, LISTEN_ONLY_PATH)), Err((1, 0x011A)));
+}
+
+#[test]
+fn a_device_with_one_place_for_input_only_gives_it_to_the_first_host_that_asks() {
+    const ONE: Description = Description { input_only: 1, ..DEVICE };
+    let mut rig = Rig::of(AdapterConfig { description: &ONE, ..adapter_config() });
+    let client = rig.client();
+    rig.open(client, &heartbeat(1, INPUT_ONLY_PATH));
+    assert_eq!(rig.try_open(client, &heartbeat(2, INPUT_ONLY_PATH)), Err((1, 0x011A)));
 }
 
 #[test]

@@ -353,18 +353,20 @@ fn no_two_multicasts_that_run_at_a_time_have_one_group() {
 }
 
 #[test]
-fn input_only_connections_are_as_many_as_described_and_then_refused() {
+fn input_only_connections_are_as_many_as_described_and_the_last_one_is_for_another_host() {
     let mut rig = Rig::new();
     let client = rig.client();
-    for serial in 1..=4 {
+    let other = rig.client_from(ROBOT);
+    for serial in 1..=3 {
         rig.open(client, &heartbeat(serial, INPUT_ONLY_PATH));
     }
-    assert_eq!(rig.try_open(client, &heartbeat(5, INPUT_ONLY_PATH)), Err((1, 0x011A)));
+    assert_eq!(rig.try_open(client, &heartbeat(4, INPUT_ONLY_PATH)), Err((1, 0x011A)));
+    rig.open(other, &heartbeat(4, INPUT_ONLY_PATH));
+    assert_eq!(rig.try_open(other, &heartbeat(5, INPUT_ONLY_PATH)), Err((1, 0x011A)));
     for serial in 11..=17 {
         rig.open(client, &explicit(serial));
     }
     assert_eq!(rig.try_open(client, &explicit(18)), Err((1, 0x0113)), "the last place is for another host");
-    let other = rig.client_from(ROBOT);
     rig.open(other, &explicit(18));
     assert_eq!(rig.try_open(other, &explicit(19)), Err((1, 0x0113)));
     assert!(rig.try_open(client, &owner(20)).is_ok());
