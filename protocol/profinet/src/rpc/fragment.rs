@@ -106,11 +106,15 @@ pub enum Received<'a> {
 }
 
 /// Reassembles the fragments of one call, in their order. A new call replaces an unfinished one.
+///
+/// A caller whose answer was lost repeats only what was not acknowledged, the last fragment: the body is then complete again.
 #[derive(Debug)]
 pub struct Reassembly {
     body: Box<[u8]>,
     len: usize,
     call: Option<Call>,
+    /// The call that was completed last, while its body is still here.
+    complete: Option<Call>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -126,12 +130,13 @@ impl Reassembly {
     /// Creates an empty reassembly. The memory is allocated here; nothing later allocates.
     #[must_use]
     pub fn new() -> Self {
-        Self { body: vec![0; BODY_CAPACITY].into_boxed_slice(), len: 0, call: None }
+        Self { body: vec![0; BODY_CAPACITY].into_boxed_slice(), len: 0, call: None, complete: None }
     }
 
-    /// Drops an unfinished call.
+    /// Drops the call.
     pub const fn clear(&mut self) {
         self.call = None;
+        self.complete = None;
     }
 
     /// Handles a PDU. A PDU that is not a fragment is complete. A first fragment begins its call anew, also a repeated one.
@@ -145,8 +150,12 @@ impl Reassembly {
             .is_some_and(|call| (call.kind, call.activity, call.sequence) == (kind, activity, sequence));
         let mut call = match self.call {
             Some(call) if same && fragment > 0 => call,
+            None if self.is_last_of_complete(header, body) => {
+                return self.body.get(..self.len).map_or(Received::Refused, Received::Whole);
+            }
             _ if fragment == 0 => {
                 self.len = 0;
+                self.complete = None;
                 Call { kind, activity, sequence, order, next: 0 }
             }
             _ => return Received::Refused,
@@ -167,8 +176,17 @@ impl Reassembly {
         if header.flags & flags::LAST_FRAGMENT == 0 {
             return Received::Part;
         }
-        self.call = None;
+        self.complete = self.call.take();
         self.body.get(..self.len).map_or(Received::Refused, Received::Whole)
+    }
+
+    /// Returns whether a fragment is the last one of the call that was completed last.
+    fn is_last_of_complete(&self, header: &Header, body: &[u8]) -> bool {
+        let Header { kind, activity, sequence, order, fragment, .. } = *header;
+        let next = fragment.saturating_add(1);
+        fragment > 0
+            && self.complete == Some(Call { kind, activity, sequence, order, next })
+            && self.body.get(..self.len).is_some_and(|complete| complete.ends_with(body))
     }
 }
 

@@ -111,6 +111,26 @@ fn a_duplicate_fragment_is_ignored_a_missing_one_drops_the_call_and_a_repetition
 }
 
 #[test]
+fn the_last_fragment_of_a_complete_call_completes_it_again_and_no_other_fragment_does() {
+    let fragments = fragments(&mut long_message(4000));
+    let mut reassembly = Reassembly::new();
+    for fragment in &fragments {
+        let (header, body) = Header::parse(fragment).unwrap();
+        reassembly.take(&header, body);
+    }
+    let (last, end) = Header::parse(&fragments[3]).unwrap();
+    let (middle, part) = Header::parse(&fragments[2]).unwrap();
+    let is_whole = |reassembly: &mut Reassembly, header: &Header, body: &[u8]| matches!(reassembly.take(header, body), Received::Whole(whole) if whole.len() == 4000);
+    assert!(is_whole(&mut reassembly, &last, end) && is_whole(&mut reassembly, &last, end));
+    assert!(!is_whole(&mut reassembly, &middle, part));
+    assert!(!is_whole(&mut reassembly, &last, &[&[9], &end[1..]].concat()), "other bytes");
+    assert!(!is_whole(&mut reassembly, &Header { sequence: 4, ..last }, end), "another call");
+    let (first, start) = Header::parse(&fragments[0]).unwrap();
+    reassembly.take(&Header { sequence: 4, ..first }, start);
+    assert!(!is_whole(&mut reassembly, &last, end), "its body is overwritten");
+}
+
+#[test]
 fn fragments_of_another_byte_order_and_bodies_over_the_limit_are_refused() {
     let fragments = fragments(&mut long_message(4000));
     let mut reassembly = Reassembly::new();

@@ -265,14 +265,17 @@ fn the_same_controller_that_starts_anew_takes_its_old_place_and_another_one_wait
 }
 
 #[test]
-fn a_long_request_is_taken_in_fragments_and_each_is_acknowledged() {
+fn a_long_request_is_taken_in_fragments_each_is_acknowledged_and_the_last_one_answered_as_often_as_it_comes()
+{
     let mut rig = Rig::new();
     let connect =
         rig.datagram(Operation::Connect, &emitted(|w| connect_request(RtClass::Class1, true).emit(w)));
     let (header, body) = Header::parse(&connect).unwrap();
     let mut kinds = Vec::new();
     let chunks = body.chunks(100).collect::<Vec<_>>();
-    for (index, chunk) in chunks.iter().enumerate() {
+    // The answer is lost: only the last fragment is not acknowledged, so it alone is repeated.
+    let repeated = chunks.len() - 1;
+    for (index, chunk) in chunks.iter().enumerate().chain([(repeated, &chunks[repeated])]) {
         let last = if index + 1 == chunks.len() { flags::LAST_FRAGMENT } else { 0 };
         let header = Header { fragment: index as u16, flags: flags::FRAGMENT | last, ..header };
         let mut buf = [0; 300];
@@ -280,10 +283,11 @@ fn a_long_request_is_taken_in_fragments_and_each_is_acknowledged() {
         let sent = rig.receive(Port::Udp(RPC_PORT), &buf[..len]);
         kinds.push(Header::parse(&sent[0].1).unwrap().0.kind);
     }
-    let (last, parts) = kinds.split_last().unwrap();
+    let (parts, last) = kinds.split_at(repeated);
     assert!(parts.len() > 2 && parts.iter().all(|kind| *kind == Kind::FragmentAck));
-    assert_eq!(*last, Kind::Response);
+    assert_eq!(last, [Kind::Response; 2]);
     assert!(rig.device.has_controller());
+    assert_eq!((rig.events(), rig.device.counters().malformed), (vec![], 0));
 }
 
 #[test]
