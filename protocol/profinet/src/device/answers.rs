@@ -8,14 +8,19 @@ use crate::block::BlockWriter;
 use crate::rpc::{Header, Kind, Message, Operation, ResponseArgs};
 use crate::status::Status;
 use machine::wire::Overflow;
-use machine::{Port, Transmit};
+use machine::{Duration, Instant, Port, Transmit};
 
 /// Number of callers whose last answer is stored.
 const CALLERS: usize = 4;
 
+/// Time for which an answer is that of the same request again: no client repeats a call for so long. Later it is a new call of
+/// a caller that does not number its calls, such as a tool that reads the same record again and again.
+const HELD_FOR: Duration = Duration::from_secs(30);
+
 /// A request to be answered.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Call<'a> {
+    pub(super) now: Instant,
     pub(super) request: &'a Header,
     /// Its body.
     pub(super) body: &'a [u8],
@@ -38,6 +43,8 @@ struct Answer {
     message: Message,
     /// [`digest`] of the request's body.
     request: u64,
+    /// When it was answered first.
+    at: Instant,
     to: Option<SocketAddrV4>,
     last_use: u64,
 }
@@ -57,7 +64,8 @@ pub(super) enum RequestStatus {
 
 impl Answers {
     pub(super) fn new() -> Self {
-        let answer = |_| Answer { message: Message::new(), request: 0, to: None, last_use: 0 };
+        let answer =
+            |_| Answer { message: Message::new(), request: 0, at: Instant::ZERO, to: None, last_use: 0 };
         Self { callers: core::array::from_fn(answer), uses: 0, pending: false }
     }
 
@@ -65,7 +73,7 @@ impl Answers {
     /// controller must number its calls upwards, except that it may restart, which a Connect shows; all other callers may
     /// restart at any time.
     pub(super) fn look_up(&mut self, call: Call<'_>) -> RequestStatus {
-        let Call { request, body, from, controller } = call;
+        let Call { now, request, body, from, controller } = call;
         let Some(answer) = self.callers.iter_mut().find(|answer| answer.is_of(request, from)) else {
             return RequestStatus::New;
         };
@@ -75,7 +83,7 @@ impl Answers {
         let is_controller = controller == Some(*from.ip());
         let may_restart = !is_controller || Operation::from(request.operation) == Operation::Connect;
         match ahead {
-            0 if is_same && answer.request == digest(body) => {
+            0 if is_same && now.since(answer.at) < HELD_FOR && answer.request == digest(body) => {
                 answer.to = Some(from);
                 answer.message.repeat();
                 self.pending = true;
@@ -129,7 +137,7 @@ impl Answers {
     /// Answers a request with a body.
     pub(super) fn answer_with(
         &mut self,
-        Call { request, body: asked, from, controller }: Call<'_>,
+        Call { now, request, body: asked, from, controller }: Call<'_>,
         body: impl FnOnce(&mut [u8]) -> Result<usize, Overflow>,
     ) -> Result<(), Overflow> {
         self.uses += 1;
@@ -145,6 +153,7 @@ impl Answers {
         let Some(answer) = self.callers.get_mut(index) else { return Ok(()) };
         answer.last_use = self.uses;
         answer.to = Some(from);
+        answer.at = now;
         answer.request = digest(asked);
         answer.message.set(request.answer(Kind::Response), body)
     }

@@ -50,7 +50,7 @@ const fn service(operation: Operation) -> Option<Service> {
 impl Core {
     /// Handles a complete request.
     pub(super) fn handle_request(&mut self, now: Instant, from: SocketAddrV4, header: &Header, body: &[u8]) {
-        let call = Call { request: header, body, from, controller: self.controller() };
+        let call = Call { now, request: header, body, from, controller: self.controller() };
         let status = self.answers.look_up(call);
         match status {
             RequestStatus::New | RequestStatus::Restarted => {}

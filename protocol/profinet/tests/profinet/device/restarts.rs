@@ -1,6 +1,7 @@
 //! A controller that restarts and numbers its calls anew, with the activity of before or another one.
 
 use super::*;
+use profinet::record::{Address, ReadRequest, index};
 
 /// Returns the status of a Connect of a session, whose call has this number; `None` if it is not answered.
 fn connect(rig: &mut Rig, sequence: u32, session: u16) -> Option<Status> {
@@ -58,6 +59,24 @@ fn a_connect_with_the_number_of_an_earlier_one_gets_an_answer_of_its_own() {
     rig.events();
     assert_eq!(connect(&mut rig, 0, 2), Some(Status::OK));
     assert!(rig.device.has_controller(), "the same bytes are a new Connect, once the AR is over");
+}
+
+#[test]
+fn a_read_with_the_same_bytes_gets_the_same_answer_while_it_may_be_a_repetition_and_then_the_data_of_now() {
+    let mut rig = Rig::new();
+    // The log book, which begins with the time of the read.
+    let address = Address { sequence: 0, ar: Uuid::NIL, api: 0, slot: 0, subslot: 0, index: index::LOG_BOOK };
+    let read = ReadRequest { address, most: 4_000, target_ar: Uuid::NIL };
+    let read = rig.datagram(Operation::ReadImplicit, &emitted(|w| read.emit(w)));
+    let answer = |rig: &mut Rig| {
+        let sent = rig.receive(Port::Udp(RPC_PORT), &read);
+        Header::parse(&sent[0].1).unwrap().1.to_vec()
+    };
+    let first = answer(&mut rig);
+    rig.advance(Duration::from_millis(29_999));
+    assert_eq!(answer(&mut rig), first, "a repetition, since the answer may be lost");
+    rig.advance(Duration::from_millis(1));
+    assert_ne!(answer(&mut rig), first, "repetitions do not make it younger");
 }
 
 #[test]
