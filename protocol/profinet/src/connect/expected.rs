@@ -41,6 +41,10 @@ pub struct ExpectedModule {
 }
 
 impl ExpectedSubmodule {
+    /// Bits of SubmoduleProperties that change the frame: data of length 0 instead of those of the submodule, each way
+    /// (ReduceInputSubmoduleDataLength, ReduceOutputSubmoduleDataLength), and neither IOPS nor IOCS (DiscardIOXS).
+    pub const CHANGES: u16 = 1 << 3 | 1 << 4 | 1 << 5;
+
     /// Returns whether it has no I/O: its only data is an input of zero bytes.
     #[must_use]
     pub const fn has_no_io(&self) -> bool {

@@ -50,6 +50,10 @@ pub(super) fn admit<'a>(
     let alarm_cr = request.alarm_cr.as_ref().ok_or(Violation::AlarmCrCount)?;
     for iocr in [input, output] {
         check_iocr(iocr, description)?;
+        // The former numbering of FrameIDs belongs to the former startup.
+        let is_mixed =
+            iocr.rt_class == RtClass::Legacy1 && request.ar.properties.has(ArProperties::ADVANCED_STARTUP);
+        check(!is_mixed, Violation::IocrProperties)?;
         check_objects(iocr, &request.expected)?;
     }
     if !frame_ids(input.rt_class).contains(&input.frame_id) {
@@ -127,7 +131,12 @@ fn check_iocr(iocr: &Iocr, description: &Description) -> Result<(), Violation> {
     };
     check(in_range(iocr.watchdog_factor), Violation::WatchdogFactor)?;
     check(in_range(iocr.data_hold_factor), Violation::DataHoldFactor)?;
-    check(transport == Transport::Udp || iocr.tag_header >> 13 == 6, Violation::IocrTagHeader)
+    check(transport == Transport::Udp || is_tag(iocr.tag_header, 6), Violation::IocrTagHeader)
+}
+
+/// Returns whether a tag has this priority and no VLAN: frames are sent in none.
+const fn is_tag(header: u16, priority: u16) -> bool {
+    header >> 13 == priority && header & 0xFFF == 0
 }
 
 /// Checks that every object is an expected submodule and that no two share a byte of the frame.
@@ -179,8 +188,8 @@ fn check_alarm_cr(alarm_cr: &AlarmCr) -> Result<(), Violation> {
     check((1..=100).contains(&alarm_cr.rta_timeout), Violation::RtaTimeoutFactor)?;
     check((3..=15).contains(&alarm_cr.rta_retries), Violation::RtaRetries)?;
     check((200..=1432).contains(&alarm_cr.max_data_length), Violation::MaxAlarmDataLength)?;
-    check(over_udp || alarm_cr.tag_high >> 13 == 6, Violation::AlarmCrTagHeaderHigh)?;
-    check(over_udp || alarm_cr.tag_low >> 13 == 5, Violation::AlarmCrTagHeaderLow)
+    check(over_udp || is_tag(alarm_cr.tag_high, 6), Violation::AlarmCrTagHeaderHigh)?;
+    check(over_udp || is_tag(alarm_cr.tag_low, 5), Violation::AlarmCrTagHeaderLow)
 }
 
 /// Compares the expected modules with the device's. A submodule of the right kind but with other lengths is a
@@ -191,6 +200,7 @@ fn compare(expected: &[ExpectedModule], description: &Description) -> Result<Vec
         let real = description.module(module.slot);
         let mut submodules = Vec::new();
         for submodule in &module.submodules {
+            check(submodule.properties & ExpectedSubmodule::CHANGES == 0, Violation::SubmoduleProperties)?;
             let real_submodule = real.and_then(|real| real.submodule(submodule.subslot));
             match real_submodule {
                 Some(real) if real.ident == submodule.ident => {

@@ -131,7 +131,10 @@ fn connect_request(rt_class: RtClass, with_access_point: bool) -> ConnectRequest
             session: 1,
             initiator_mac: CONTROLLER_MAC,
             initiator_object: object(1, Identity { vendor: 0x002A, device: 0x010E }),
-            properties: ArProperties(ArProperties::ACTIVE | ArProperties::ADVANCED_STARTUP),
+            properties: match rt_class {
+                RtClass::Legacy1 => ArProperties(ArProperties::ACTIVE),
+                _ => ArProperties(ArProperties::ACTIVE | ArProperties::ADVANCED_STARTUP),
+            },
             activity_timeout: 20,
             initiator_rt_port: UDP_PORT,
             initiator_name: b"plc".to_vec(),

@@ -58,6 +58,13 @@ fn every_field_of_a_connect_that_is_out_of_bounds_gets_its_own_status() {
         (Violation::WatchdogFactor, |r| r.iocrs[0].watchdog_factor = 0),
         (Violation::DataHoldFactor, |r| r.iocrs[1].data_hold_factor = 1_921),
         (Violation::IocrTagHeader, |r| r.iocrs[0].tag_header = 0x4000),
+        (Violation::IocrTagHeader, |r| r.iocrs[1].tag_header = 0xC001),
+        (Violation::IocrProperties, |r| {
+            let iocrs = r.iocrs.iter_mut();
+            iocrs.for_each(|iocr| {
+                (iocr.rt_class, iocr.frame_id) = (RtClass::Legacy1, 0xC000 + iocr.reference)
+            });
+        }),
         (Violation::IoDataSlot, |r| r.iocrs[0].objects[0].slot = 9),
         (Violation::IoDataSubslot, |r| r.iocrs[0].objects[0].subslot = 9),
         (Violation::IoDataSubslot, |r| r.iocrs[1].objects[0] = r.iocrs[0].objects[0]),
@@ -78,6 +85,11 @@ fn every_field_of_a_connect_that_is_out_of_bounds_gets_its_own_status() {
         (Violation::MaxAlarmDataLength, |r| alarm_cr(r).max_data_length = 199),
         (Violation::AlarmCrTagHeaderHigh, |r| alarm_cr(r).tag_high = 0xA000),
         (Violation::AlarmCrTagHeaderLow, |r| alarm_cr(r).tag_low = 0xC000),
+        (Violation::AlarmCrTagHeaderHigh, |r| alarm_cr(r).tag_high = 0xC001),
+        (Violation::AlarmCrTagHeaderLow, |r| alarm_cr(r).tag_low = 0xAFFF),
+        (Violation::SubmoduleProperties, |r| r.expected[1].submodules[0].properties = 1 << 3),
+        (Violation::SubmoduleProperties, |r| r.expected[1].submodules[0].properties = 1 << 4),
+        (Violation::SubmoduleProperties, |r| r.expected[0].submodules[0].properties = 1 << 5),
         (Violation::ExpectedSlot, |r| r.expected.push(r.expected[0].clone())),
         (Violation::ExpectedSubslot, |r| r.expected[0].submodules[1].subslot = 1),
         (Violation::ExpectedSubmoduleCount, |r| r.expected[0].submodules.clear()),
