@@ -3,7 +3,8 @@
 //! A wake has five steps:
 //!
 //! 1. Frames, a limited batch from each port. After a stall of the host, the frames that arrived meanwhile are
-//!    handled before a watchdog checks for them.
+//!    handled before a watchdog checks for them. A deadline that passes while they are handled is met first; the rest,
+//!    beginning with the next port, waits for the next wake.
 //! 2. The machine's timeout, if it is due. A wake that is on time does this first, so that a frame that just arrived
 //!    does not delay what is to be sent now.
 //! 3. TCP, one piece of each connection, until the machine's next deadline; the rest waits for the next wake.
@@ -151,7 +152,7 @@ impl<M: Machine> Driver<M> {
             waits.set(1 + index, Some((port.as_fd(), PollFlags::IN)));
         }
         let send_buffer = &mut **send_buffer;
-        let mut run = Run { machine, interface, ports, streams, send_buffer, statistics, owner };
+        let mut run = Run { machine, interface, ports, turn: 0, streams, send_buffer, statistics, owner };
         let counting = allocation::arm();
         let result = run.until_the_end(&mut waits, notifier, &mut **receive_buffer);
         statistics.allocations = counting.then(allocation::count);
@@ -180,6 +181,8 @@ struct Run<'a, M, O> {
     machine: &'a mut M,
     interface: &'a Interface,
     ports: &'a [OpenPort],
+    /// The port whose frames are taken first.
+    turn: usize,
     streams: &'a mut Streams,
     send_buffer: &'a mut [u8],
     statistics: &'a mut Statistics,
@@ -196,7 +199,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         let mut deadline = None;
         loop {
             if (is_on_time(deadline) && self.timeout(deadline.take())?.is_break())
-                || self.frames(waits, buf)?.is_break()
+                || self.frames(deadline, waits, buf)?.is_break()
                 || self.timeout(deadline)?.is_break()
                 || self.streams(waits, buf)?.is_break()
                 || self.wake()?.is_break()
@@ -223,9 +226,18 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         }
     }
 
-    /// Gives the machine the frames of all ports that have some.
-    fn frames(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
-        for (index, port) in self.ports.iter().enumerate() {
+    /// Gives the machine the frames of all ports that have some, until a deadline passes. If `waited_for` had passed before
+    /// the first frame, it waits: the host was stalled.
+    fn frames(
+        &mut self,
+        waited_for: Option<Instant>,
+        waits: &WaitSet,
+        buf: &mut [u8],
+    ) -> Result<ControlFlow<()>, DriverError> {
+        let mut was_stalled = None;
+        let (before, first) = self.ports.split_at_checked(self.turn).unwrap_or_default();
+        let indexed = (self.turn..).zip(first).chain(before.iter().enumerate());
+        for (index, port) in indexed {
             if waits.ready(1 + index).is_empty() {
                 continue;
             }
@@ -242,6 +254,15 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
                         }
                         if self.drain(now)?.is_break() {
                             return Ok(ControlFlow::Break(()));
+                        }
+                        // Usually there is one frame, after which nothing is asked.
+                        match was_stalled {
+                            None => was_stalled = Some(waited_for.is_some_and(|due| due <= now)),
+                            Some(false) if self.machine.poll_timeout().is_some_and(|due| due <= now) => {
+                                self.turn = (index + 1) % self.ports.len();
+                                return Ok(ControlFlow::Continue(()));
+                            }
+                            Some(_) => {}
                         }
                     }
                     Ok(Received::Discarded) => self.statistics.discarded += 1,

@@ -8,6 +8,7 @@ use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketAddrAny, recvfrom, 
 use socket2::Socket;
 
 use crate::socket_option::{self, ON};
+use crate::udp::RECEIVE_BUFFER_BYTES;
 use crate::{Interface, PortError, Received, packet_socket, plain};
 
 const BROADCAST: [u8; 6] = [0xFF; 6];
@@ -50,6 +51,7 @@ impl EthernetSocket {
     ) -> Result<Self, PortError> {
         let prepare = |socket: &Socket| {
             socket.set_nonblocking(true)?;
+            socket.set_recv_buffer_size(RECEIVE_BUFFER_BYTES)?;
             socket_option::set(socket, libc::SOL_PACKET, libc::PACKET_IGNORE_OUTGOING, &ON)?;
             for (kind, address) in destination.memberships() {
                 let mut request: libc::packet_mreq = plain::zeroed();

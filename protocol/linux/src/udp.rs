@@ -23,7 +23,7 @@ pub(crate) struct UdpPort {
 }
 
 /// Receive buffer in bytes: what arrives in a host stall of 40 ms at a flood of full frames.
-const RECEIVE_BUFFER_BYTES: usize = 1 << 20;
+pub(crate) const RECEIVE_BUFFER_BYTES: usize = 1 << 20;
 
 impl UdpPort {
     /// Opens this port; with 0 the kernel chooses one.

@@ -4,6 +4,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod batches;
 mod destinations;
 mod ethernet_ip;
 mod machines;
@@ -42,6 +43,9 @@ fn main() -> ExitCode {
         destinations::a_port_for_any_address_receives_frames_to_groups_and_to_other_stations,
         destinations::a_port_for_any_address_receives_no_broadcast_of_another_vlan,
         destinations::a_port_for_its_own_address_receives_no_frames_to_others_beside_one_for_any_address,
+        batches::a_deadline_that_passes_while_frames_are_taken_is_met_before_the_rest_of_them,
+        batches::a_port_whose_frames_are_left_for_a_deadline_does_not_keep_the_others_waiting,
+        batches::frames_wait_in_as_large_a_buffer_as_datagrams,
         ethernet_ip::cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_from_the_next_connection_on,
         ethernet_ip::a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_its_group_only,
         recorder::frames_come_out_in_order_after_the_ring_wrapped_many_times,
