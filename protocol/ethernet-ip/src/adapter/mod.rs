@@ -184,6 +184,10 @@ impl Machine for Adapter {
             }
         }
         while let Some((stream, answer)) = self.sessions.answer_next(now, &mut self.state, buf) {
+            if core::mem::take(&mut self.state.device.restarts) {
+                self.sessions.end_all();
+                self.drop_orphans();
+            }
             match answer {
                 Answer::Reply(len) => return Some(Transmit { port: Port::Stream(stream), to: None, len }),
                 Answer::None => {}

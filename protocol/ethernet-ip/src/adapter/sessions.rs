@@ -131,6 +131,13 @@ impl Sessions {
         self.closing.push_back(stream);
     }
 
+    /// Ends all connections.
+    pub(super) fn end_all(&mut self) {
+        let sessions = self.slots.iter_mut().filter_map(|slot| slot.session.take());
+        self.closing.extend(sessions.map(|session| session.stream));
+        self.find_oldest();
+    }
+
     pub(super) fn poll_close(&mut self) -> Option<StreamId> {
         self.closing.pop_front()
     }

@@ -63,6 +63,12 @@ impl AssemblyData {
         self.all.iter().find(is_it).map(|found| &*found.data)
     }
 
+    /// Sets the data of the configuration assemblies to zeros.
+    pub(super) fn restore_defaults(&mut self) {
+        let all = self.all.iter_mut();
+        all.filter(|found| found.role == Role::Configuration).for_each(|found| found.data.fill(0));
+    }
+
     /// Takes the data of an assembly from its owner; data of another length are ignored.
     pub(in super::super) fn consume(&mut self, instance: u32, data: &[u8]) {
         let place = self.all.iter_mut().find(|found| found.instance == instance).map(|found| &mut found.data);

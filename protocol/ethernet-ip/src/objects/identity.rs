@@ -66,7 +66,8 @@ impl Object for Identity {
         Ok(())
     }
 
-    /// Handles Reset: of type 0 or of type 1, which also resets the settings. A device in use is not reset.
+    /// Handles Reset: of type 0, as a power cycle, or of type 1, which also resets settings and configuration. A device in use
+    /// is not reset. Sessions and class 3 connections end behind the reply.
     fn own_service(
         device: &mut Device,
         instance: u32,
@@ -89,7 +90,9 @@ impl Object for Identity {
         if to_defaults {
             device.qos = Default::default();
             device.network.restore_defaults();
+            device.assemblies.restore_defaults();
         }
+        device.restarts = true;
         device.io.faulted = false;
         device.manager = Default::default();
         Ok(General::Success)

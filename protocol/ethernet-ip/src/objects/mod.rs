@@ -45,6 +45,8 @@ pub(super) struct Device {
     /// Whether the request comes from another host than the owner of the outputs. Such a request cannot set what the owner
     /// depends on.
     pub(super) locked: bool,
+    /// Whether it was reset: behind the reply, all clients have to connect again.
+    pub(super) restarts: bool,
     pub(super) assemblies: AssemblyData,
 }
 
@@ -58,6 +60,7 @@ impl Device {
             manager: ManagerCounters::default(),
             io: IoState::default(),
             locked: false,
+            restarts: false,
             assemblies: AssemblyData::new(description),
         }
     }

@@ -48,6 +48,17 @@ fn data_of_the_assemblys_size_configure_the_device_and_can_be_read_again() {
 }
 
 #[test]
+fn a_reset_to_defaults_takes_the_configuration_back_and_a_plain_one_does_not() {
+    for (kind, data) in [(0, [1, 2, 3]), (1, [0, 0, 0])] {
+        let (mut rig, client) = rig();
+        rig.open(client, &OpenRequest { path: Path(ONE), ..owner(1) });
+        rig.request(client, &close_message(owner(1).triad, &[]));
+        rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, kind]);
+        assert_eq!(rig.adapter.configuration(151), Some(&data[..]), "reset of type {kind}");
+    }
+}
+
+#[test]
 fn a_connection_without_data_leaves_the_configuration_as_it_is() {
     let (mut rig, client) = rig();
     rig.open(client, &OpenRequest { path: Path(ONE), ..owner(1) });

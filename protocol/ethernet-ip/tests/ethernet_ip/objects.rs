@@ -335,11 +335,33 @@ fn a_reset_takes_settings_back_but_not_from_a_robot_in_use() {
     set(&mut rig, client, 0x48, 1, 5, &[1]);
     set(&mut rig, client, 0xF5, 1, 13, &[7, 0]);
     assert_eq!(rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, 1]).general, General::Success);
+    let client = rig.client();
     assert_eq!(get(&mut rig, client, 0x48, 1, 5).1, [47]);
     assert_eq!(get(&mut rig, client, 0xF5, 1, 13).1, [120, 0]);
     assert_eq!(rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, 9]).general, General::InvalidParameter);
     rig.open(client, &owner(1));
     assert_eq!(rig.request(client, &[5, 2, 0x20, 1, 0x24, 1, 0]).general, General::DeviceStateConflict);
+}
+
+#[test]
+fn a_reset_is_answered_and_then_all_clients_have_to_connect_again_as_after_a_power_cycle() {
+    for with_class_3 in [false, true] {
+        let (mut rig, client) = rig();
+        let other = rig.client_from(Ipv4Addr::new(192, 168, 64, 9));
+        rig.open(other, &explicit(1));
+        let opened = rig.open(client, &explicit(2));
+        let reset = &[5, 2, 0x20, 1, 0x24, 1, 0];
+        let answer = if with_class_3 {
+            rig.request_connected(client, &opened, 1, reset).unwrap()
+        } else {
+            rig.request(client, reset)
+        };
+        assert_eq!(answer.general, General::Success);
+        assert_eq!((rig.adapter.sessions(), rig.adapter.connections()), (0, (0, 0)));
+        assert_eq!(rig.closed, [client.stream, other.stream]);
+        let client = rig.client();
+        rig.open(client, &owner(3));
+    }
 }
 
 #[test]

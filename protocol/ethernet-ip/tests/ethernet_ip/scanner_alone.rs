@@ -305,7 +305,8 @@ fn a_scanner_closes_first_what_an_unanswered_forward_open_may_have_opened_and_no
 
 #[test]
 fn a_scanner_asks_an_adapter_once_to_close_what_it_may_hold_and_then_goes_on_without() {
-    let failures: [(&str, fn(&mut Dialogue)); 3] = [
+    type Fail = fn(&mut Dialogue);
+    let failures: [(&str, Fail); 3] = [
         ("no answer", |dialogue| dialogue.advance(SECOND)),
         ("end of TCP", |dialogue| {
             dialogue.scanner.handle_stream(dialogue.now, dialogue.stream, StreamChange::Closed);

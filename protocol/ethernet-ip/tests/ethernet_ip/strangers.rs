@@ -128,6 +128,7 @@ fn settings_that_would_hurt_the_owner_are_refused_to_others_while_it_is_there() 
 
     let mut rig = Rig::new();
     let client = rig.client_from(STRANGER);
+    // The last one is the reset, which ends the session.
     assert!(requests.iter().all(|request| rig.request(client, request).general == General::Success));
 }
 
