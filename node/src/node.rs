@@ -223,8 +223,9 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                     return ControlFlow::Break(());
                 }
             }
-            Some(LinkEvent::SetAddress { address, mask, gateway: _ }) => {
-                let done = self.interface.set_address(address, mask);
+            Some(LinkEvent::SetAddress { address, mask, gateway }) => {
+                let interface = &self.interface;
+                let done = interface.set_address(address, mask).and_then(|()| interface.set_gateway(gateway));
                 node.address_set(now, done.is_ok());
                 if let Err(error) = done {
                     notices.send(Notice::NoAddress(address, error));

@@ -182,8 +182,9 @@ impl Run {
             }
             loaded => loaded?,
         };
-        if let Some(Address { ip, mask, .. }) = station.address {
+        if let Some(Address { ip, mask, gateway }) = station.address {
             prepared.interface.set_address(ip, mask)?;
+            prepared.interface.set_gateway(gateway)?;
         }
         prepared.station_file = Some(file);
         Ok(Some(station))

@@ -19,6 +19,7 @@ stop_robot() { # stop_robot NAME: ends it, and takes away the address that it le
     ends "$1"
     at_robot ip address flush dev robot
 }
+has_gateway() { at_robot ip route show default dev robot | grep -q "via $PLC_ADDRESS"; }
 has_address() { at_robot ip -brief address show dev robot | grep -q "$1"; }
 
 at_plc ip address add "$PLC_ADDRESS/24" dev plc
@@ -27,20 +28,24 @@ tool for-now
 says peer 'address, name and signal are set'
 # The address is not only said: the interface has it.
 has_address "$ROBOT_ADDRESS/24" || fail "the interface has not got the address"
+! has_gateway || fail "the interface has a gateway that nobody set"
 [ ! -e "$station" ] || fail "what is set for now was stored"
 
 tool permanent
 says robot_node 'named stored-robot, address 192\.168\.64\.2, stored in'
+has_gateway || fail "the gateway is confirmed, but the interface has no route to it"
 stop_robot robot_node
 
 run_robot robot_again
 says robot_again 'named stored-robot, address 192\.168\.64\.2: stored in'
 has_address "$ROBOT_ADDRESS/24" || fail "the stored address is not on the interface"
+has_gateway || fail "the stored gateway is not on the interface"
 tool stored
 says peer 'name and address are those of before'
 tool reset
 says peer 'neither name nor address is left'
 [ ! -e "$station" ] || fail "the reset left the station file"
 ! has_address "$ROBOT_ADDRESS" || fail "the reset left the address on the interface"
+! has_gateway || fail "the reset left the gateway on the interface"
 stop_robot robot_again
 recorded

@@ -1,5 +1,7 @@
 //! A network interface: its MAC address, its IP address, and whether it is up.
 
+mod gateway;
+
 use std::net::Ipv4Addr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::sync::Arc;

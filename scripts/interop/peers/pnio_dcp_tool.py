@@ -19,8 +19,8 @@ def identify():
     return found[0]
 
 
-def set_both(name, permanent):
-    answer = dcp.set_ip_address(mac, [address, "255.255.255.0", "0.0.0.0"], store_permanent=permanent)
+def set_both(name, permanent, gateway):
+    answer = dcp.set_ip_address(mac, [address, "255.255.255.0", gateway], store_permanent=permanent)
     assert answer, answer.get_message()
     assert dcp.get_ip_address(mac) == address, dcp.get_ip_address(mac)
     answer = dcp.set_name_of_station(mac, name, store_permanent=permanent)
@@ -36,12 +36,12 @@ print(f"identified {first}", flush=True)
 if part == "for-now":
     assert first.name_of_station == station, first
     assert dcp.get_name_of_station(mac) == station
-    set_both("renamed-robot", permanent=False)
+    set_both("renamed-robot", permanent=False, gateway="0.0.0.0")
     answer = dcp.blink(mac)
     assert answer, answer.get_message()
     print("address, name and signal are set", flush=True)
 elif part == "permanent":
-    set_both("stored-robot", permanent=True)
+    set_both("stored-robot", permanent=True, gateway=ours)
 elif part == "stored":
     assert (first.name_of_station, first.IP) == ("stored-robot", address), first
     print("name and address are those of before", flush=True)

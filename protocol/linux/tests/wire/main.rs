@@ -7,6 +7,7 @@
 mod batches;
 mod destinations;
 mod ethernet_ip;
+mod gateway;
 mod machines;
 mod recorder;
 mod streams;
@@ -48,6 +49,9 @@ fn main() -> ExitCode {
         batches::frames_wait_in_as_large_a_buffer_as_datagrams,
         ethernet_ip::cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_from_the_next_connection_on,
         ethernet_ip::a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_its_group_only,
+        gateway::a_gateway_replaces_the_one_that_was_set_before_and_no_route_of_others,
+        gateway::the_interfaces_own_address_and_the_unspecified_one_are_no_gateway,
+        gateway::a_gateway_that_no_network_of_the_interface_has_is_refused,
         recorder::frames_come_out_in_order_after_the_ring_wrapped_many_times,
         recorder::a_listener_that_is_busy_for_too_long_gets_the_number_of_missed_frames,
         recorder::no_frame_of_another_interface_and_none_while_paused_is_seen,
