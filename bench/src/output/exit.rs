@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use robot_node::quality::RatingExceeded;
 
-use crate::records::run_directory::Occupied;
+use crate::records::occupied::Occupied;
 
 /// The program's exit code. The numbers are part of its interface: scripts and CI read them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -64,16 +64,16 @@ impl Exports {
         write(&self.junit, &|| Ok(junit(results, self.started.as_deref())))
     }
 
-    /// Returns a file that two exports would write, to refuse it before the run.
-    #[must_use]
-    pub fn written_twice(&self) -> Option<&Path> {
-        let files: Vec<_> =
-            [&self.json, &self.csv, &self.markdown, &self.junit].into_iter().flatten().collect();
-        files
-            .iter()
-            .enumerate()
-            .find(|(index, file)| files[..*index].contains(file))
-            .map(|(_, file)| file.as_path())
+    /// Returns the files with the options that ask for them.
+    pub fn files(&self) -> impl Iterator<Item = (&'static str, &Path)> {
+        let Self { json, csv, markdown, junit, started: _ } = self;
+        let files = [
+            ("--export-json", json),
+            ("--export-csv", csv),
+            ("--export-markdown", markdown),
+            ("--export-junit", junit),
+        ];
+        files.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?)))
     }
 }
 
@@ -389,9 +389,19 @@ mod tests {
     }
 
     #[test]
-    fn two_exports_to_one_file_are_found() {
-        let exports = Exports { csv: Some("a".into()), junit: Some("a".into()), ..Exports::default() };
-        assert_eq!(exports.written_twice(), Some(Path::new("a")));
-        assert_eq!(Exports::json("a".into()).written_twice(), None);
+    fn every_export_is_named_with_its_option() {
+        let file = |name: &str| Some(PathBuf::from(name));
+        let exports = Exports {
+            json: file("json"),
+            csv: file("csv"),
+            markdown: file("markdown"),
+            junit: file("junit"),
+            started: None,
+        };
+        for (option, file) in exports.files() {
+            assert_eq!(option, format!("--export-{}", file.display()));
+        }
+        assert_eq!(exports.files().count(), 4);
+        assert_eq!(Exports::json("a".into()).files().count(), 1);
     }
 }

@@ -19,7 +19,8 @@
 //! host           the computer of a run
 //! listening      the sockets that nodes and benches hold open for others
 //! counted        a number with the noun that it counts
-//! run_directory  the files of a measurement
+//! run_directory  the files of a measurement; occupied: the directories that no verb writes into;
+//!                replacement: files that are replaced as a whole
 //! ```
 
 pub mod arms;
@@ -36,10 +37,12 @@ pub mod interval;
 pub mod lateness;
 pub mod listening;
 pub mod mode;
+pub mod occupied;
 pub mod paper;
 pub mod plant_speed;
 pub mod quality;
 pub mod ratio;
+pub mod replacement;
 pub mod results;
 pub mod run_directory;
 pub mod schedule;

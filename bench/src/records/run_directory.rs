@@ -17,48 +17,19 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
-use rustix::fs::{Access, CWD, RenameFlags, access, renameat_with};
+use rustix::fs::{Access, access};
 use setup::Setup;
 
 use crate::records::conditions::Measured;
 use crate::records::host::date;
+use crate::records::occupied::{self, Files, Occupied};
+pub use crate::records::replacement::{Durability, replace};
 use crate::records::results::{Results, SCHEMA_VERSION};
 use crate::records::schedule::Step;
 
 /// First line of the samples.
 const SAMPLES_HEAD: &str =
     "type,repetition,execution_ms,robot_execution_ms,blends_suppressed,plc_missed,robot_missed,error\n";
-
-/// How safely a repetition is stored before the next one starts.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Durability {
-    /// It survives a power failure, since a real measurement cannot be repeated.
-    Synced,
-    /// It survives the end of this process. This is enough for a run that its seed repeats.
-    Written,
-}
-
-/// The path of the directory is in use.
-#[derive(Debug, thiserror::Error)]
-#[error("{} {found}; choose another directory by --out", path.display())]
-pub struct Occupied {
-    path: PathBuf,
-    found: &'static str,
-}
-
-impl Occupied {
-    /// Checks that the path is free, or a directory without a run.
-    fn check(path: &Path) -> Result<(), Self> {
-        let found = if path.join("samples.csv").exists() {
-            "holds a run already"
-        } else if path.exists() && !path.is_dir() {
-            "is a file"
-        } else {
-            return Ok(());
-        };
-        Err(Self { path: path.to_owned(), found })
-    }
-}
 
 /// The directory of a measurement.
 #[derive(Debug)]
@@ -74,14 +45,14 @@ pub struct RunDirectory {
 
 impl RunDirectory {
     /// Creates the directory and writes what is to be run: the setup and the text of its application. A directory
-    /// that already contains a run is not changed.
+    /// that already has one of a run's files is not changed.
     pub fn create(
         path: &Path,
         setup: &Setup,
         application: &str,
         durability: Durability,
     ) -> anyhow::Result<Self> {
-        Occupied::check(path)?;
+        Occupied::check(path, occupied::RUN)?;
         let is_own = !path.exists();
         fs::create_dir_all(path).with_context(|| {
             format!("cannot make the run directory {}; choose another by --out", path.display())
@@ -227,13 +198,13 @@ pub fn default_path(setup: &str, what: &str, started: SystemTime) -> PathBuf {
     std::iter::once(PathBuf::from(&name)).chain(numbered).find(|path| !path.exists()).unwrap_or_default()
 }
 
-/// Creates the directory of a study, which contains figures of many virtual runs but no run.
+/// Creates the directory of a study, which contains these files of many virtual runs but no run.
 ///
 /// # Errors
 ///
-/// It contains a run, or nothing can be written to it.
-pub fn make_for_study(path: &Path) -> anyhow::Result<()> {
-    Occupied::check(path)?;
+/// It contains a run or the same files with other content, or nothing can be written to it.
+pub fn make_for_study(path: &Path, files: Files<'_>) -> anyhow::Result<()> {
+    Occupied::check(path, files)?;
     fs::create_dir_all(path)
         .with_context(|| format!("cannot make the directory {}; choose another by --out", path.display()))?;
     check_writable(path)
@@ -247,51 +218,6 @@ pub fn make_for_study(path: &Path) -> anyhow::Result<()> {
 pub fn check_writable(directory: &Path) -> anyhow::Result<()> {
     access(directory, Access::WRITE_OK | Access::EXEC_OK)
         .with_context(|| format!("cannot write to {}; choose another directory", directory.display()))
-}
-
-/// Writes the setup that a study varies.
-pub fn write_setup(directory: &Path, setup: &Setup) -> anyhow::Result<()> {
-    replace(&directory.join("setup.toml"), &setup::setup_to_toml(setup)?, Durability::Written)
-}
-
-/// Replaces a file as a whole: a reader sees either the old or the new content, also if this process is killed or the
-/// disk is full, and with `Synced` also after a power failure.
-///
-/// # Errors
-///
-/// Writing failed. The old file is unchanged and nothing else is left.
-pub fn replace(path: &Path, content: impl AsRef<[u8]>, durability: Durability) -> anyhow::Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".new");
-    let new = path.with_file_name(name);
-    let write = || {
-        let mut file = File::create(&new)?;
-        file.write_all(content.as_ref())?;
-        match durability {
-            Durability::Synced => file.sync_data().and_then(|()| fs::rename(&new, path)),
-            Durability::Written => put_in_place(&new, path),
-        }
-    };
-    write()
-        .inspect_err(|_| {
-            // A partly written file would use the last bytes of a full disk.
-            let _ = fs::remove_file(&new);
-        })
-        .with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// Gives `new` the name of the file that it replaces. If a file is renamed over another one, ext4 writes its data to
-/// disk at once, as if it had to survive a power failure: more than a millisecond after each repetition, a seventh of
-/// a virtual run. Exchanging two names is as atomic and costs nothing.
-fn put_in_place(new: &Path, path: &Path) -> io::Result<()> {
-    // An exchange would also accept a directory in place of a file.
-    let replaces_file = fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
-    if replaces_file && renameat_with(CWD, new, CWD, path, RenameFlags::EXCHANGE).is_ok() {
-        // This is the old content. If it stays, the next replacement overwrites it.
-        let _ = fs::remove_file(new);
-        return Ok(());
-    }
-    fs::rename(new, path)
 }
 
 fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {
@@ -319,7 +245,6 @@ fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {
 mod tests {
     use super::*;
     use plc_node::ExecutionType;
-    use std::sync::atomic::{AtomicBool, Ordering};
     use std::time::Duration;
 
     fn step(repetition: u32) -> Step {
@@ -346,52 +271,6 @@ mod tests {
         create().unwrap();
         let said = create().unwrap_err().to_string().replace(&directory.path().display().to_string(), "DIR");
         insta::assert_snapshot!(said, @"DIR holds a run already; choose another directory by --out");
-    }
-
-    #[test]
-    fn a_file_is_replaced_as_a_whole_and_nothing_else_is_left() {
-        for durability in [Durability::Written, Durability::Synced] {
-            let directory = tempfile::tempdir().unwrap();
-            let path = directory.path().join("results.json");
-            for content in ["the first, which is longer", "the second"] {
-                replace(&path, content, durability).unwrap();
-                assert_eq!(fs::read_to_string(&path).unwrap(), content);
-                assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
-            }
-        }
-    }
-
-    #[test]
-    fn a_reader_of_a_file_that_is_being_replaced_sees_the_old_or_the_new_content() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("results.json");
-        let contents = ["a".repeat(5_000), "b".repeat(4_000)];
-        replace(&path, &contents[0], Durability::Written).unwrap();
-        let is_done = AtomicBool::new(false);
-        std::thread::scope(|scope| {
-            let reader = scope.spawn(|| {
-                while !is_done.load(Ordering::Relaxed) {
-                    assert!(contents.contains(&fs::read_to_string(&path).unwrap()));
-                }
-            });
-            for content in contents.iter().cycle().take(2_000) {
-                replace(&path, content, Durability::Written).unwrap();
-            }
-            is_done.store(true, Ordering::Relaxed);
-            reader.join().unwrap();
-        });
-    }
-
-    #[test]
-    fn a_directory_in_place_of_a_file_is_not_replaced() {
-        for durability in [Durability::Written, Durability::Synced] {
-            let directory = tempfile::tempdir().unwrap();
-            let path = directory.path().join("results.json");
-            fs::create_dir(&path).unwrap();
-            replace(&path, "content", durability).unwrap_err();
-            assert!(path.is_dir());
-            assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
-        }
     }
 
     #[test]

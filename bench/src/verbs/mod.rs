@@ -15,6 +15,7 @@ pub mod judge;
 pub mod long;
 pub mod measure;
 pub mod new;
+mod outputs;
 pub mod overhead;
 pub mod report;
 pub mod sensitivity;

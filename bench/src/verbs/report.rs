@@ -9,6 +9,7 @@ use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::output::report::{self, Comparison, Pages};
 use crate::records::run_directory::{Durability, replace};
+use crate::verbs::outputs::{self, Own, location};
 
 /// Options of a report that is drawn again.
 #[derive(Args, Debug)]
@@ -33,6 +34,9 @@ pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
             (report, lacks)
         }
         Some(path) => {
+            let is_report = location(path) == location(&options.run.join(report::FILE));
+            let asked = (!is_report).then_some(("--out", path.as_path()));
+            outputs::check(asked.as_slice(), &[], Own::default())?;
             let (html, lacks) = report::render(&options.run)?;
             replace(path, &html, Durability::Synced).map_err(|error| as_it_was(error.into()))?;
             (path.clone(), lacks)
@@ -67,6 +71,9 @@ pub struct CompareOptions {
 ///
 /// A directory contains no run, or the page cannot be written.
 pub fn compare(options: &CompareOptions) -> Result<Exit, Failure> {
+    if let Some(path) = &options.html {
+        outputs::check(&[("--html", path)], &[], Own::default())?;
+    }
     let comparison = Comparison::load(&options.runs)?;
     outln!("{}", comparison.table());
     if let Some(path) = &options.html {

@@ -1,5 +1,7 @@
 //! The option `--setup`, which most verbs have.
 
+use std::path::Path;
+
 use clap::Args;
 use planning::Found;
 use setup::Setup;
@@ -19,6 +21,13 @@ impl SetupOption {
     #[must_use]
     pub fn name(&self) -> &str {
         &self.setup
+    }
+
+    /// Returns the file of the setup; `None` for a built-in one.
+    #[must_use]
+    pub fn file(&self) -> Option<&Path> {
+        let is_built_in = setup::SETUPS.iter().any(|(known, _)| known.eq_ignore_ascii_case(&self.setup));
+        (!is_built_in).then(|| Path::new(&self.setup))
     }
 
     /// Reads the setup and its application.

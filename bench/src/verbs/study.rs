@@ -7,9 +7,11 @@ use anyhow::ensure;
 use clap::Args;
 use setup::Setup;
 
-use crate::output::exit::Exit;
+use crate::output::exit::{Exit, Failure};
+use crate::records::occupied::Files;
 use crate::records::run_directory::{self, Durability, replace};
 use crate::verbs::event_loop;
+use crate::verbs::outputs::{self, Named, Own};
 use crate::verbs::setup_option::SetupOption;
 
 /// Options of every study.
@@ -41,17 +43,44 @@ impl StudyOptions {
     ///
     /// # Errors
     ///
-    /// The directory contains a run, or a file could not be written.
-    pub fn prepare(&self, name: &str, setup: &Setup, started: SystemTime) -> anyhow::Result<PathBuf> {
+    /// The directory contains a run or files that are not of this study, or a file could not be written.
+    pub fn prepare(
+        &self,
+        name: &str,
+        setup: &Setup,
+        found: &planning::Found,
+        started: SystemTime,
+    ) -> Result<PathBuf, Failure> {
         let default = || run_directory::default_path(&setup.name, name, started);
         let directory = self.out.clone().unwrap_or_else(default);
-        run_directory::make_for_study(&directory)?;
-        for file in [&self.export_json, &self.export_csv].into_iter().flatten() {
-            ensure!(!file.is_dir(), "{} is a directory; name a file", file.display());
-            let parent = file.parent().filter(|parent| !parent.as_os_str().is_empty());
-            run_directory::check_writable(parent.unwrap_or(Path::new(".")))?;
+        let [page, json, csv] = ["html", "json", "csv"].map(|extension| format!("{name}.{extension}"));
+        self.check_exports(
+            found,
+            Own { directory: Some(&directory), files: &["setup.toml", &page, &json, &csv] },
+        )?;
+        let files = Files {
+            inputs: &[("setup.toml", &setup::setup_to_toml(setup)?)],
+            results: &[&page, &json, &csv],
+        };
+        run_directory::make_for_study(&directory, files)?;
+        for (_, file) in self.exports() {
+            check_file(file)?;
         }
         Ok(directory)
+    }
+
+    /// Returns the requested files with the options that ask for them.
+    fn exports(&self) -> impl Iterator<Item = Named<'_>> {
+        let files = [("--export-json", &self.export_json), ("--export-csv", &self.export_csv)];
+        files.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?)))
+    }
+
+    /// Rejects requested files that replace what the study reads or writes anyway.
+    fn check_exports(&self, found: &planning::Found, own: Own<'_>) -> Result<(), Failure> {
+        let application = ("the application", Path::new(&found.origin));
+        let setup = self.setup.file().map(|file| ("the setup", file));
+        let read: Vec<_> = setup.into_iter().chain([application]).collect();
+        outputs::check(&self.exports().collect::<Vec<_>>(), &read, own)
     }
 
     /// Saves the results of the study `name` into its directory, and to the other requested files.
@@ -60,7 +89,7 @@ impl StudyOptions {
     ///
     /// A file cannot be written.
     pub fn save(&self, directory: &Path, name: &str, setup: &Setup, found: Found<'_>) -> anyhow::Result<()> {
-        run_directory::write_setup(directory, setup)?;
+        write(&directory.join("setup.toml"), &setup::setup_to_toml(setup)?)?;
         let here = |extension: &str| directory.join(name).with_extension(extension);
         let Found { json, csv, page } = found;
         if let Some(page) = page {
@@ -98,6 +127,13 @@ pub struct Found<'a> {
     pub csv: &'a str,
     /// The figures as a page to read.
     pub page: Option<&'a str>,
+}
+
+/// Checks that a file can be written.
+fn check_file(file: &Path) -> anyhow::Result<()> {
+    ensure!(!file.is_dir(), "{} is a directory; name a file", file.display());
+    let parent = file.parent().filter(|parent| !parent.as_os_str().is_empty());
+    run_directory::check_writable(parent.unwrap_or(Path::new(".")))
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {

@@ -20,6 +20,7 @@ mod drives;
 mod explore;
 mod exported_fields;
 mod gate;
+mod kept_files;
 mod key_reference;
 mod report;
 mod studies;

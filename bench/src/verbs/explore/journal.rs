@@ -13,6 +13,9 @@ use super::classes::{Class, Outcome};
 /// Longest time for which an outcome is only in memory.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
+/// The file with the outcomes.
+pub(super) const OUTCOMES: &str = "outcomes.csv";
+
 const HEAD: &str = "run,type,faults,class,later_ns,reason\n";
 
 /// The file that outcomes are added to.
@@ -33,7 +36,7 @@ impl Journal {
         directory: &Path,
         mut known: impl FnMut(usize, Outcome) -> anyhow::Result<()>,
     ) -> anyhow::Result<Self> {
-        let path = directory.join("outcomes.csv");
+        let path = directory.join(OUTCOMES);
         let about = || format!("cannot write {}", path.display());
         let whole = if path.exists() { read(&path, &mut known)? } else { 0 };
         let file = OpenOptions::new().create(true).append(true).open(&path).with_context(about)?;
@@ -105,21 +108,42 @@ fn parse(line: &str) -> Option<(usize, Outcome)> {
     Some((run, Outcome { class, later_ns, reason }))
 }
 
-/// Writes what determines the jobs of an exploration, or compares it with the file that the directory already has.
+/// The file with what determines the jobs of an exploration: a line with the options, and the application.
+pub(super) const CLAIM: &str = "exploration.txt";
+
+/// The directory has an exploration of other jobs.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum OtherExploration {
+    #[error(
+        "{} has an exploration with other options; name another directory by --out, or use these: {known}",
+        directory.display()
+    )]
+    Options { directory: PathBuf, known: String },
+    #[error(
+        "{} has an exploration of an application with another text; name another directory by --out",
+        directory.display()
+    )]
+    Application { directory: PathBuf },
+}
+
+/// Compares what determines the jobs of an exploration with that of the exploration that the directory has, if it has one.
 ///
 /// # Errors
 ///
-/// They differ, or the file cannot be written.
-pub(super) fn claim(directory: &Path, what: &str) -> anyhow::Result<()> {
-    let path = directory.join("exploration.txt");
-    match fs::read_to_string(&path) {
-        Ok(known) if known == what => Ok(()),
-        Ok(known) => bail!(
-            "{} has an exploration with other options; name another directory by --out, or use these:\n{known}",
-            directory.display()
-        ),
-        Err(_) => fs::write(&path, what).with_context(|| format!("cannot write {}", path.display())),
+/// They differ.
+pub(super) fn check_claim(directory: &Path, claim: &str) -> Result<(), OtherExploration> {
+    let Ok(known) = fs::read_to_string(directory.join(CLAIM)) else { return Ok(()) };
+    if known == claim {
+        return Ok(());
     }
+    let directory = directory.to_owned();
+    let options = |claim: &str| claim.lines().next().unwrap_or_default().to_owned();
+    let known = options(&known);
+    Err(if known == options(claim) {
+        OtherExploration::Application { directory }
+    } else {
+        OtherExploration::Options { directory, known }
+    })
 }
 
 #[cfg(test)]
@@ -156,10 +180,17 @@ mod tests {
     }
 
     #[test]
-    fn a_directory_of_another_exploration_is_refused() {
+    fn a_directory_of_another_exploration_is_refused_with_its_options_in_one_line() {
         let place = tempfile::tempdir().unwrap();
-        claim(place.path(), "seed 1").unwrap();
-        claim(place.path(), "seed 1").unwrap();
-        assert!(claim(place.path(), "seed 2").unwrap_err().to_string().ends_with("seed 1"));
+        let refused = |claim: &str| {
+            let refused = check_claim(place.path(), claim).err().map(|refused| refused.to_string());
+            refused.map(|refused| refused.replace(&place.path().display().to_string(), "DIR"))
+        };
+        let claim = "--setup 'my cell.toml' --seed 1\n\nname = \"short\"\n";
+        assert_eq!(refused(claim), None);
+        fs::write(place.path().join(CLAIM), claim).unwrap();
+        assert_eq!(refused(claim), None);
+        insta::assert_snapshot!(refused(&claim.replace("seed 1", "seed 2")).unwrap(), @"DIR has an exploration with other options; name another directory by --out, or use these: --setup 'my cell.toml' --seed 1");
+        insta::assert_snapshot!(refused(&claim.replace("short", "long")).unwrap(), @"DIR has an exploration of an application with another text; name another directory by --out");
     }
 }

@@ -24,6 +24,7 @@ use std::time::SystemTime;
 use anyhow::Context as _;
 use clap::Args;
 use node::list::{List, flat};
+use planning::Found;
 use plc_node::ExecutionType;
 use setup::Setup;
 
@@ -35,6 +36,7 @@ use crate::outln;
 use crate::output::exit::{Exit, Failure};
 use crate::output::in_shell;
 use crate::output::progress::label;
+use crate::records::occupied::Files;
 use crate::records::run_directory::{self, Durability, replace};
 use crate::stands::planned_cell::PlannedCell;
 use classes::Classes;
@@ -42,6 +44,9 @@ use clean_run::CleanRun;
 pub use fault::What;
 use fault::{Job, Lengths, pairs, singles};
 use journal::Journal;
+
+/// The page with the counts.
+const PAGE: &str = "explore.html";
 
 /// A sequence that takes a second.
 const SHORT: &str = include_str!("short.toml");
@@ -112,17 +117,34 @@ impl ExploreOptions {
         Lengths { hold: self.hold_ms, cut: self.cut_ms, restart: self.restart_ms }
     }
 
-    /// Returns everything that determines the jobs: an exploration can only be continued if this is the same.
-    fn claim(&self, application: &str) -> String {
-        let Self { setup, types, kinds, every, pairs, seed, hold_ms, cut_ms, restart_ms, late_ms, .. } = self;
+    /// Returns everything that determines the jobs: an exploration can only be continued if this is the same. The first
+    /// line has the options, as a shell takes them; after it comes the text of the application.
+    fn claim(&self, text: &str) -> String {
+        let Self {
+            setup,
+            application,
+            types,
+            kinds,
+            every,
+            pairs,
+            seed,
+            hold_ms,
+            cut_ms,
+            restart_ms,
+            late_ms,
+            ..
+        } = self;
         let joined = |texts: Vec<String>| texts.join(",");
         let types = joined(flat(types).iter().map(ToString::to_string).collect());
         let kinds = joined(flat(kinds).iter().map(ToString::to_string).collect());
         let jobs = pairs.map_or_else(|| format!("--every {every}"), |pairs| format!("--pairs {pairs}"));
+        let application = application.as_ref();
+        let application =
+            application.map_or_else(String::new, |name| format!(" --application {}", in_shell(name)));
         format!(
-            "--setup {} --types {types} --kinds {kinds} {jobs} --seed {seed} --hold-ms {hold_ms} --cut-ms {cut_ms} \
-             --restart-ms {restart_ms} --late-ms {late_ms}\n\n{application}",
-            setup.name()
+            "--setup {}{application} --types {types} --kinds {kinds} {jobs} --seed {seed} --hold-ms {hold_ms} --cut-ms {cut_ms} \
+             --restart-ms {restart_ms} --late-ms {late_ms}\n\n{text}",
+            in_shell(setup.name())
         )
     }
 }
@@ -137,10 +159,32 @@ struct Exploration<'a> {
     classes: Classes,
 }
 
-/// Makes the directory of an exploration, unless it is a file or holds a run.
-fn make(directory: &Path) -> Result<(), Failure> {
+/// Writes what is explored into the directory, unless that has other files or another exploration. Returns the setup, and the
+/// application that `name` names.
+fn prepare(options: &ExploreOptions, directory: &Path, name: &str) -> Result<(Setup, Found), Failure> {
+    let mut setup = setup::setup(options.setup.name())?;
+    let own = match &options.application {
+        // A setup names its application as seen from its own directory.
+        None => Some(("application.toml", SHORT)),
+        Some(_) => None,
+    };
+    setup.application = own.map_or(name, |(file, _)| file).to_owned();
+    let text = own.map_or_else(
+        || planning::application(name, None).map(|found| found.text),
+        |(_, text)| Ok(text.to_owned()),
+    )?;
+    let claim = options.claim(&text);
+    journal::check_claim(directory, &claim).map_err(|error| Failure::new(Exit::Usage, error))?;
+    let described = setup::setup_to_toml(&setup)?;
+    let inputs: Vec<_> =
+        [("setup.toml", &*described), (journal::CLAIM, &*claim)].into_iter().chain(own).collect();
     directory::make(directory)?;
-    Ok(run_directory::make_for_study(directory)?)
+    let files = Files { inputs: &inputs, results: &[journal::OUTCOMES, PAGE] };
+    run_directory::make_for_study(directory, files)?;
+    for (name, text) in inputs {
+        replace(&directory.join(name), text, Durability::Written)?;
+    }
+    options.setup.load_with(Some(name))
 }
 
 /// Runs all faults, prints how the runs ended and saves it.
@@ -152,19 +196,9 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let default = || run_directory::default_path(options.setup.name(), "explore", started);
     let directory = options.out.clone().unwrap_or_else(default);
-    let short = directory.join("application.toml");
-    let application = match &options.application {
-        Some(application) => application.clone(),
-        None => {
-            make(&directory)?;
-            replace(&short, SHORT, Durability::Written)?;
-            short.display().to_string()
-        }
-    };
-    let (setup, found) = options.setup.load_with(Some(&application))?;
-    make(&directory)?;
-    run_directory::write_setup(&directory, &setup)?;
-    journal::claim(&directory, &options.claim(&found.text))?;
+    let short = || directory.join("application.toml").display().to_string();
+    let application = options.application.clone().unwrap_or_else(short);
+    let (setup, found) = prepare(options, &directory, &application)?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
     let clean = |execution_type| {
         CleanRun::of(execution_type, &setup, &planned, options.seed, options.lengths(), options.late_ms)
@@ -181,12 +215,11 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
         outln!(
             "\n  Saved in {}; give the same options with --out {} to go on.",
             directory.display(),
-            directory.display()
+            in_shell(directory.display())
         );
         return Ok(interrupted(done, runs, "runs"));
     }
-    let page = directory.join("explore.html");
-    replace(&page, &exploration.page()?, Durability::Written)?;
+    replace(&directory.join(PAGE), &exploration.page()?, Durability::Written)?;
     outln!("\n  Saved in {}.", directory.display());
     Ok(if exploration.classes.wrong() > 0 { Exit::RunFailed } else { Exit::Pass })
 }

@@ -29,6 +29,7 @@ use crate::output::exit::{Exit, Failure};
 use crate::output::{errln, in_shell};
 use crate::records::mode::Mode;
 use crate::records::run_directory::{self, Durability, replace};
+use crate::verbs::outputs::{self, Own};
 use conditions::Conditions;
 
 /// Options of the list of runs.
@@ -68,6 +69,9 @@ pub struct History {
 ///
 /// There is no such directory, it is a run itself, or the page cannot be written.
 pub fn run(options: &HistoryOptions) -> Result<Exit, Failure> {
+    if let Some(path) = &options.html {
+        outputs::check(&[("--html", path)], &[], Own::default())?;
+    }
     let mut history = History::load(&options.directory)?;
     history.keep(options);
     if options.json {

@@ -11,7 +11,7 @@ mod memory;
 mod run;
 mod supply;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
@@ -27,6 +27,7 @@ use crate::outln;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::verbs::event_loop::{event_loop, interrupt};
+use crate::verbs::outputs::{self, Own};
 use crate::verbs::setup_option::SetupOption;
 
 /// The default application: many short motions, repeated.
@@ -79,6 +80,7 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
         (None, Origin::Application(_)) => MOTIONS,
     };
     if let Some(path) = &options.write {
+        check_list(options, path, directory.as_deref())?;
         let sum = origin.write(most, path)?.map_err(usage)?;
         outln!("{}: {sum}", path.display());
         return Ok(Exit::Pass);
@@ -93,11 +95,22 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
     runtime.block_on(drive(options, &setup, origin, total))
 }
 
-fn origin(
-    options: &LongOptions,
-    setup: &Setup,
-    directory: Option<&std::path::Path>,
-) -> Result<Origin, Failure> {
+/// Rejects a list that would replace what its motions are made from.
+fn check_list(options: &LongOptions, path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
+    let application = match &options.from {
+        Some(_) => None,
+        None => Some(planning::application(&options.application, directory)?.origin),
+    };
+    let read = [
+        ("the setup", options.setup.file()),
+        ("the application", application.as_deref().map(Path::new)),
+        ("the list of --from", options.from.as_deref()),
+    ];
+    let read: Vec<_> = read.into_iter().filter_map(|(what, file)| Some((what, file?))).collect();
+    outputs::check(&[("--write", path)], &read, Own::default())
+}
+
+fn origin(options: &LongOptions, setup: &Setup, directory: Option<&Path>) -> Result<Origin, Failure> {
     match &options.from {
         Some(path) => Ok(Origin::List(path.clone())),
         None => {

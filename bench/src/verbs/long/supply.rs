@@ -15,6 +15,8 @@ use plc_node::MotionSource;
 use protocol::image::{Digest, Motion, Sum};
 use setup::Setup;
 
+use crate::records::replacement::{Durability, Replacement};
+
 /// Number of motions in a chunk.
 const CHUNK: usize = 4096;
 
@@ -77,14 +79,16 @@ impl Origin {
         })
     }
 
-    /// Writes the first `most` motions as a list, unless one of them cannot be planned or read.
+    /// Writes the first `most` motions as a list, unless one of them cannot be planned or read: then a file of that name stays
+    /// as it is.
     ///
     /// # Errors
     ///
     /// The file cannot be written.
     pub fn write(&self, most: u32, path: &Path) -> anyhow::Result<anyhow::Result<Sum>> {
         let cannot = || format!("cannot write {}", path.display());
-        let mut file = BufWriter::new(File::create(path).with_context(cannot)?);
+        let mut replacement = Replacement::create(path)?;
+        let mut file = BufWriter::new(replacement.file());
         planning::write_header(&mut file).with_context(cannot)?;
         let (mut digest, mut written) = (Digest::default(), Ok(()));
         let all = self.each(most, |motion| {
@@ -93,7 +97,12 @@ impl Origin {
             if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
         written.and_then(|()| file.flush()).with_context(cannot)?;
-        Ok(all.map(|()| digest.sum()))
+        drop(file);
+        if let Err(refused) = all {
+            return Ok(Err(refused));
+        }
+        replacement.finish(Durability::Written)?;
+        Ok(Ok(digest.sum()))
     }
 
     /// Calls `take` with each of the first `most` motions, until it has enough.

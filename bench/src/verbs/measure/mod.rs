@@ -24,9 +24,11 @@ use crate::output::table;
 use crate::output::{errln, in_shell};
 use crate::records::faults::{self, NoSuchDrive};
 use crate::records::mode::Mode;
+use crate::records::occupied;
 use crate::records::schedule::Schedule;
 use crate::stands::rig;
 use crate::verbs::event_loop::event_loop;
+use crate::verbs::outputs::{self, Own};
 use measurement::Measurement;
 use session::Ended;
 
@@ -41,7 +43,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let plan = found.plan(&setup)?;
     let reached = check_robot(&setup, &found, &plan)?;
     let warnings = plan.warnings().chain(reached.stopped.iter().map(ToString::to_string)).collect();
-    check_outputs(options)?;
+    check_outputs(options, &found)?;
     check_faults(options, &setup)?;
     let live = options.live.map(|address| reserve(address, options.mode)).transpose()?;
     let mut token = None;
@@ -92,12 +94,17 @@ fn load(options: &RunOptions) -> Result<(Setup, Found), Failure> {
     Ok((setup, found))
 }
 
-/// Rejects exports that cannot be written.
-fn check_outputs(options: &RunOptions) -> Result<(), Failure> {
-    if let Some(file) = options.exports.written_twice() {
-        let error = anyhow!("two exports go to {}; give each a file of its own", file.display());
-        return Err(Failure::new(Exit::Usage, error));
-    }
+/// Rejects exports that cannot be written, or that would replace what the run reads or measures.
+fn check_outputs(options: &RunOptions, found: &Found) -> Result<(), Failure> {
+    let read = [
+        ("the setup", options.setup.file()),
+        // Of a built-in one this is the name of no file.
+        ("the application", Some(Path::new(&found.origin))),
+        ("the token of the control ports", options.control_token.as_deref()),
+    ];
+    let read: Vec<_> = read.into_iter().filter_map(|(what, file)| Some((what, file?))).collect();
+    let own = Own { directory: options.out.as_deref(), files: &occupied::of_run() };
+    outputs::check(&options.exports.files().collect::<Vec<_>>(), &read, own)?;
     if options.mcap && !cfg!(feature = "mcap") {
         let error = anyhow!(
             "--mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and \

@@ -35,7 +35,7 @@ pub struct RunOptions {
     /// Seed of the pauses between runs, and in virtual mode of the clocks and phases.
     #[arg(long, value_name = "N", default_value_t = SEED)]
     pub seed: u64,
-    /// Run directory; it must not hold a run yet [default: runs/TIME-SETUP-MODE].
+    /// Run directory; it must hold no file of a run yet, such as a setup.toml [default: runs/TIME-SETUP-MODE].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Files besides the run directory.

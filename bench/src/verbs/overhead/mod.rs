@@ -29,6 +29,7 @@ use crate::outln;
 use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
 use crate::records::host::ProcessorTime;
+use crate::records::occupied::{Files, Occupied};
 use crate::records::ratio::{Ratio, RatioVerdict, median};
 use crate::stands::rig::{self, Rig, RigConfig, RigError};
 use crate::verbs::directory;
@@ -56,6 +57,10 @@ const PROGRESS_EVERY: u32 = 10;
 /// no more cycles of a second than the percentile leaves out.
 const STOLEN_TICKS: u64 = 1;
 
+/// The files that `--out` keeps.
+const RECORDINGS: Files<'_> =
+    Files { inputs: &[], results: &["plc.pcapng", "robot.pcapng", "trace-plc.rows", "trace-robot.rows"] };
+
 /// Options of the measurement.
 #[derive(Args, Debug)]
 pub struct OverheadOptions {
@@ -75,7 +80,7 @@ pub struct OverheadOptions {
     /// Seed of the order within the pairs and of the intervals.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Keep the recordings in this directory; otherwise they are removed.
+    /// Keep the recordings in this directory, which must not hold any yet; otherwise they are removed.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
@@ -155,6 +160,9 @@ impl fmt::Display for Cost {
 ///
 /// The setup or the computer does not allow it, or a repetition fails.
 pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
+    if let Some(directory) = &options.out {
+        Occupied::check(directory, RECORDINGS).map_err(anyhow::Error::from)?;
+    }
     rig::enter_user_namespace()?;
     let (setup, found) = options.setup.load()?;
     found.plan(&setup)?;

@@ -143,7 +143,7 @@ pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let (setup, found) = options.study.setup.load()?;
     found.plan(&setup)?;
-    let directory = options.study.prepare("sensitivity", &setup, started)?;
+    let directory = options.study.prepare("sensitivity", &setup, &found, started)?;
     let is_interrupted = watch_for_interrupt()?;
     let factors = options.factors.as_deref().map(flat);
     let cases = Case::all(&setup, factors.as_deref());

@@ -165,7 +165,7 @@ pub fn run(options: &SweepOptions) -> Result<Exit, Failure> {
     for cycle_us in &grid.bus_cycles_us {
         setup::check(&setup.clone().with_bus_cycle(*cycle_us))?;
     }
-    let directory = options.study.prepare("sweep", &setup, started)?;
+    let directory = options.study.prepare("sweep", &setup, &found, started)?;
     let is_interrupted = watch_for_interrupt()?;
     let points = grid.run(&setup, &found.application, options.study.quiet, &is_interrupted)?;
     let sweep = Sweep::new(&setup, &grid, points);
