@@ -5,19 +5,19 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use clap::Args;
 use node::list::{List, flat};
 use plc_node::ExecutionType;
 use setup::Setup;
 
-use super::event_loop::watch_for_interrupt;
+use super::event_loop::{interrupted, watch_for_interrupt};
 use super::jobs::Pool;
 use super::setup_option::SetupOption;
 use crate::outln;
-use crate::output::errln;
 use crate::output::exit::{Exit, Failure};
-use crate::records::faults::{self, Fault};
+use crate::records::counted::counted;
+use crate::records::faults::{self, Change, Fault};
 use crate::records::mode::Mode;
 use crate::records::schedule::Schedule;
 use crate::stands::planned_cell::PlannedCell;
@@ -27,6 +27,9 @@ use crate::stands::virtual_run::{Extras, VirtualRun};
 /// Faults of a cell in the soak: more of each than any plant has.
 const BACKGROUND: &str =
     "loss=0.001,duplicate=0.0005,jitter=100us,reorder=0.0005@2ms,corrupt=0.0001@memory,corrupt=0.0001@wire";
+
+/// Longest soak, which is about eleven years.
+const MOST_HOURS: f64 = 100_000.0;
 
 /// Growth of resident memory in MiB that is reported as growth. The allocator keeps freed memory, so less means nothing.
 const GROWTH_MIB: f64 = 8.0;
@@ -42,10 +45,11 @@ pub struct SoakOptions {
     #[command(flatten)]
     pub setup: SetupOption,
     /// Hours of the plant.
-    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = hours)]
     pub hours: f64,
-    /// Minutes of the plant after which a cell is switched off, and another one with the next seed is switched on.
-    #[arg(long, value_name = "N", default_value_t = 60.0)]
+    /// Minutes of the plant after which a cell is switched off, and another one with the next seed is switched on; at most the
+    /// hours.
+    #[arg(long, value_name = "N", default_value_t = 60.0, value_parser = minutes)]
     pub life_minutes: f64,
     /// Faults of every life; commas or blanks between them.
     #[arg(long, value_name = "FAULT", default_value = BACKGROUND, num_args = 1..)]
@@ -59,6 +63,34 @@ pub struct SoakOptions {
     /// Print the result only: no progress.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+fn hours(text: &str) -> Result<f64, String> {
+    let hours: f64 = text.parse().map_err(|_| "not a number of hours".to_owned())?;
+    if hours > 0.0 && hours <= MOST_HOURS {
+        Ok(hours)
+    } else {
+        Err(format!("a soak takes above 0 and at most {MOST_HOURS} hours"))
+    }
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes: f64 = text.parse().map_err(|_| "not a number of minutes".to_owned())?;
+    if (1.0..=MOST_HOURS * 60.0).contains(&minutes) {
+        Ok(minutes)
+    } else {
+        Err(format!("a life takes 1 to {} minutes", MOST_HOURS * 60.0))
+    }
+}
+
+/// A cell does not come up again after a repetition failed.
+#[derive(Debug, thiserror::Error)]
+#[error("seed {seed}: {reason}; after that {then}; the faults of every life are {faults}")]
+struct NeverReady {
+    seed: u64,
+    reason: String,
+    then: String,
+    faults: String,
 }
 
 /// Counts of one cell, or of all.
@@ -93,11 +125,11 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
     let faults = flat(&options.fault);
     faults::check_drives(&faults, &setup).map_err(|error| Failure::new(Exit::Usage, error))?;
     faults::check_frame_faults(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;
+    check_kills(&faults)?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
-    let (life, started) = (options.life_minutes.max(1.0 / 60.0), Instant::now());
-    let lives = (options.hours * 60.0 / life).ceil().max(1.0) as u64;
+    let started = Instant::now();
+    let (lives, life) = options.lives();
     let seeds: Vec<u64> = (0..lives).map(|life| options.seed.wrapping_add(life)).collect();
-    let life = Duration::from_secs_f64(life * 60.0);
     let (mut all, mut held) = (Counts::default(), Vec::new());
     let is_interrupted = watch_for_interrupt()?;
     let pool =
@@ -110,15 +142,39 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
             held.push(Held::now()?);
             Ok(())
         },
-    )?;
+    )
+    .map_err(failure)?;
     let growth = Growth::of(&held);
     outln!("Setup {}, {} {growth}", setup.name, all.summary(held.len(), started.elapsed()));
     if is_interrupted.load(Ordering::Relaxed) {
-        errln!("interrupted in life {} of {lives}", held.len());
-        return Ok(if all.altered == 0 { Exit::Interrupted } else { Exit::RunFailed });
+        let exit = interrupted(held.len(), seeds.len(), "lives");
+        return Ok(if all.altered == 0 { exit } else { Exit::RunFailed });
     }
     let is_well = all.altered == 0 && all.passed > 0 && growth.is_none();
     Ok(if is_well { Exit::Pass } else { Exit::RunFailed })
+}
+
+/// Rejects faults after which a cell is dead.
+fn check_kills(faults: &[Fault]) -> Result<(), Failure> {
+    let is_kill = |fault: &&Fault| {
+        let changes = faults::changes_of_nodes(std::slice::from_ref(*fault));
+        changes.iter().any(|(_, change)| matches!(change, Change::Kill(_)))
+    };
+    match faults.iter().find(is_kill) {
+        None => Ok(()),
+        Some(fault) => {
+            let error = anyhow!(
+                "`{fault}` ends a cell for good, and a soak goes on after each fault: a node that is started again is \
+                 to-robot:restart-robot=17@100ms or to-plc:restart-plc=17@100ms"
+            );
+            Err(Failure::new(Exit::Usage, error))
+        }
+    }
+}
+
+/// Returns the failure of a soak: a cell that never gets ready again is one of its faults.
+fn failure(error: anyhow::Error) -> Failure {
+    if error.is::<NeverReady>() { Failure::new(Exit::RunFailed, error) } else { error.into() }
 }
 
 /// Runs a cell with these faults for this time, or until an interrupt: one repetition of each type after the other.
@@ -150,7 +206,12 @@ fn live(
             Err(error) => {
                 counts.refused += 1;
                 counts.reason.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
-                run.recover().with_context(|| format!("seed {seed}, after: {error:#}"))?;
+                run.recover().map_err(|then| NeverReady {
+                    seed,
+                    reason: format!("{error:#}"),
+                    then: format!("{then:#}"),
+                    faults: joined(faults),
+                })?;
             }
         }
         if run.plant_time() >= life || is_interrupted.load(Ordering::Relaxed) {
@@ -159,6 +220,19 @@ fn live(
     }
     counts.plant = run.plant_time();
     Ok(counts)
+}
+
+impl SoakOptions {
+    /// Returns how many lives there are, and how long each is.
+    fn lives(&self) -> (u64, Duration) {
+        let minutes = self.hours * 60.0;
+        let life = self.life_minutes.min(minutes);
+        ((minutes / life).ceil() as u64, Duration::from_secs_f64(life * 60.0))
+    }
+}
+
+fn joined(faults: &[Fault]) -> String {
+    faults.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
 impl Counts {
@@ -176,10 +250,12 @@ impl Counts {
         let hours = plant.as_secs_f64() / 3_600.0;
         let first =
             |text: &Option<String>| text.as_ref().map_or_else(String::new, |text| format!(" ({text})"));
+        let lives = if lives == 1 { "1 life".to_owned() } else { format!("{lives} lives") };
+        let were = if *refused == 1 { "was" } else { "were" };
         format!(
-            "{hours:.1} hours of the plant in {lives} lives, {:.0} s here: {passed} repetitions passed, {refused} were refused{}, \
-             {altered} altered{}.",
+            "{hours:.1} hours of the plant in {lives}, {:.0} s here: {} passed, {refused} {were} refused{}, {altered} altered{}.",
             host.as_secs_f64(),
+            counted(*passed, "repetition"),
             first(reason),
             first(difference)
         )
@@ -233,6 +309,7 @@ impl fmt::Display for Growth {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::FromArgMatches as _;
 
     #[test]
     fn memory_or_descriptors_that_grow_from_life_to_life_are_found() {
@@ -241,6 +318,58 @@ mod tests {
         assert!(Growth::of(&flat).is_none());
         assert!(!Growth::of(&[held(20.0, 9), held(29.0, 9)]).is_none());
         assert!(!Growth::of(&[held(20.0, 9), held(20.0, 10)]).is_none());
+    }
+
+    fn options(arguments: &[&str]) -> Result<SoakOptions, clap::Error> {
+        let command = SoakOptions::augment_args(clap::Command::new("soak").no_binary_name(true));
+        command.try_get_matches_from(arguments).and_then(|found| SoakOptions::from_arg_matches(&found))
+    }
+
+    #[test]
+    fn a_soak_takes_a_number_of_hours_and_no_life_is_longer_than_that() {
+        for wrong in ["inf", "nan", "0", "-1", "1e300", "an hour"] {
+            options(&["--hours", wrong]).unwrap_err();
+            options(&["--life-minutes", wrong]).unwrap_err();
+        }
+        let lives = |arguments: &[&str]| {
+            let (lives, life) = options(arguments).unwrap().lives();
+            (lives, life.as_secs_f64())
+        };
+        assert_eq!(lives(&[]), (1, 3_600.0));
+        assert_eq!(lives(&["--hours", "0.02"]), (1, 72.0));
+        assert_eq!(lives(&["--hours", "2.5"]), (3, 3_600.0));
+        assert_eq!(lives(&["--hours", "100000", "--life-minutes", "1"]), (6_000_000, 60.0));
+    }
+
+    #[test]
+    fn a_fault_that_kills_a_node_for_good_is_refused_and_one_that_restarts_it_is_not() {
+        let fault = |text: &str| [text.parse::<Fault>().unwrap()];
+        for kill in ["kill-robot-at=2s", "kill-plc-at=2s"] {
+            let refused = check_kills(&fault(kill)).unwrap_err();
+            assert_eq!(refused.exit, Exit::Usage);
+            assert!(refused.error.to_string().contains(kill), "{}", refused.error);
+        }
+        check_kills(&fault("to-robot:restart-robot=17@100ms")).unwrap();
+        check_kills(&fault("cut-at=2s..3s")).unwrap();
+    }
+
+    #[test]
+    fn a_cell_that_never_gets_ready_fails_the_soak_by_its_faults() {
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let planned = PlannedCell::of(&setup, &found.application).unwrap();
+        let (faults, go_on) = (["loss=1".parse().unwrap()], AtomicBool::new(false));
+        let error = live(&setup, &planned, &faults, 7, Duration::from_secs(60), &go_on).unwrap_err();
+        let said = error.to_string();
+        assert!(said.starts_with("seed 7: no connection to the robot: "), "{said}");
+        assert!(said.ends_with("; the faults of every life are loss=1"), "{said}");
+        assert_eq!(failure(error).exit, Exit::RunFailed);
+    }
+
+    #[test]
+    fn one_is_counted_as_one() {
+        let counts = Counts { passed: 1, refused: 1, altered: 0, ..Counts::default() };
+        insta::assert_snapshot!(counts.summary(1, Duration::ZERO), @"0.0 hours of the plant in 1 life, 0 s here: 1 repetition passed, 1 was refused, 0 altered.");
+        insta::assert_snapshot!(Counts::default().summary(2, Duration::ZERO), @"0.0 hours of the plant in 2 lives, 0 s here: 0 repetitions passed, 0 were refused, 0 altered.");
     }
 
     #[test]

@@ -201,6 +201,6 @@ fn an_interrupted_soak_prints_what_it_lived_through_so_far() {
     let Finished { code, stdout: summary, stderr } = interrupted(place.path(), arguments, 0, Signal::TERM);
     assert!(stderr.starts_with("soak "), "{stderr}");
     assert_eq!(code, Some(130), "{stderr}");
-    assert!(stderr.contains("interrupted in life ") && stderr.contains(" of 60000"), "{stderr}");
+    assert!(stderr.contains("interrupted, ") && stderr.contains(" of 60000 lives\n"), "{stderr}");
     assert!(summary.contains(" hours of the plant in ") && summary.contains("0 altered."), "{summary}");
 }
