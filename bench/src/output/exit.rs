@@ -2,8 +2,10 @@
 
 use std::process::ExitCode;
 
+use robot_node::StartOutOfReach;
 use robot_node::quality::RatingExceeded;
 
+use crate::records::not_ready::NotReady;
 use crate::records::occupied::Occupied;
 
 /// The program's exit code. The numbers are part of its interface: scripts and CI read them.
@@ -17,9 +19,9 @@ pub enum Exit {
     Usage = 2,
     /// A figure differs from its baseline by more than its tolerance. Reserved for the gate.
     TimingRegression = 3,
-    /// A repetition failed; earlier ones are saved.
+    /// A repetition failed, where earlier ones are saved, or the run's own faults kept it from beginning.
     RunFailed = 4,
-    /// This computer or this user lacks what real mode needs.
+    /// This computer or this user lacks what real mode needs, or no node answers.
     EnvironmentUnusable = 5,
     /// A joint exceeded its rated speed, acceleration or jerk; earlier repetitions are saved.
     RatingExceeded = 6,
@@ -77,16 +79,49 @@ impl From<planning::Error> for Failure {
     }
 }
 
-/// An error without a code of its own is internal.
+/// What the user can correct and what the robot refused have their codes, however far inside they happened; an error without a
+/// code is internal.
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
+        let is_of_user = error.is::<Occupied>()
+            || error.is::<NotReady>()
+            || error.is::<setup::Error>()
+            || error.is::<planning::Error>()
+            || error.is::<StartOutOfReach>();
         let exit = if error.is::<RatingExceeded>() {
             Exit::RatingExceeded
-        } else if error.is::<Occupied>() {
+        } else if is_of_user {
             Exit::Usage
+        } else if error.is::<plc_node::Failure>() {
+            Exit::RunFailed
         } else {
             Exit::Internal
         };
         Self::new(exit, error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    use anyhow::Context as _;
+
+    #[test]
+    fn an_error_from_far_inside_keeps_its_code() {
+        let exit = |error: anyhow::Error| {
+            let outer: anyhow::Result<()> = Err(error).context("a study failed");
+            Failure::from(outer.unwrap_err()).exit
+        };
+        let failed = plc_node::Failure {
+            execution_type: plc_node::ExecutionType::Rc,
+            executed: 0,
+            cause: plc_node::FailureCause::Aborted,
+        };
+        assert_eq!(exit(failed.into()), Exit::RunFailed);
+        assert_eq!(exit(NotReady::Late(Duration::from_secs(60)).into()), Exit::Usage);
+        assert_eq!(exit(planning::application("nowhere", None).unwrap_err().into()), Exit::Usage);
+        assert_eq!(exit(anyhow::anyhow!("the disk is full")), Exit::Internal);
     }
 }

@@ -1,7 +1,7 @@
 //! What is measured and kept. How it is measured or shown is not in here.
 //!
 //! ```text
-//! schedule       the order of the runs
+//! schedule       the order of the runs; not_ready: why a virtual one did not begin
 //! mode           real or virtual time
 //! lateness       lateness of a cyclic task
 //! conditions     the result of one run, and the conditions of the measurement
@@ -37,6 +37,7 @@ pub mod interval;
 pub mod lateness;
 pub mod listening;
 pub mod mode;
+pub mod not_ready;
 pub mod occupied;
 pub mod paper;
 pub mod plant_speed;

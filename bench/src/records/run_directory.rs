@@ -69,21 +69,26 @@ impl RunDirectory {
         Ok(directory)
     }
 
-    /// Removes the directory of a run that ended before its first repetition began, unless it holds more than the
-    /// description of that run: what a node recorded stays, and so does a directory of the user's.
+    /// Removes a run that ended before its first repetition began, unless a node recorded something: then it stays. So does what
+    /// else the user has in the directory.
     pub fn discard(self) {
-        let described = ["samples.csv", "setup.toml", "application.toml", "host.json", "results.json"];
-        let is_described = |entry: &fs::DirEntry| described.iter().any(|name| entry.file_name() == *name);
         let Ok(entries) = fs::read_dir(&self.path).and_then(Iterator::collect::<io::Result<Vec<_>>>) else {
             return;
         };
-        if self.samples_len > SAMPLES_HEAD.len() as u64 || !entries.iter().all(is_described) {
+        let is = |entry: &fs::DirEntry, names: &[&str]| names.iter().any(|name| entry.file_name() == *name);
+        let is_empty = |entry: &fs::DirEntry| entry.metadata().is_ok_and(|found| found.len() == 0);
+        let described = ["samples.csv", "setup.toml", "application.toml", "host.json", "results.json"];
+        let (of_run, others): (Vec<_>, Vec<_>) =
+            entries.iter().partition(|entry| is(entry, &occupied::of_run()));
+        // A node that recorded nothing leaves an empty file.
+        let is_recorded = |entry: &&fs::DirEntry| !is(entry, &described) && !is_empty(entry);
+        if self.samples_len > SAMPLES_HEAD.len() as u64 || of_run.iter().any(is_recorded) {
             return;
         }
-        for entry in entries {
+        for entry in of_run {
             let _ = fs::remove_file(entry.path());
         }
-        if self.is_own {
+        if self.is_own && others.is_empty() {
             let _ = fs::remove_dir(&self.path);
         }
     }
@@ -271,6 +276,27 @@ mod tests {
         create().unwrap();
         let said = create().unwrap_err().to_string().replace(&directory.path().display().to_string(), "DIR");
         insta::assert_snapshot!(said, @"DIR holds a run already; choose another directory by --out");
+    }
+
+    #[test]
+    fn the_directory_of_a_run_that_never_began_is_removed_unless_a_node_recorded_something() {
+        let place = tempfile::tempdir().unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let path = place.path().join("run");
+        let run = || RunDirectory::create(&path, &setup, &found.text, Durability::Written).unwrap();
+        let begun = run();
+        fs::write(path.join("trace-plc.rows"), "").unwrap();
+        begun.discard();
+        assert!(!path.exists());
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("notes"), "").unwrap();
+        run().discard();
+        let left: Vec<_> = fs::read_dir(&path).unwrap().map(|file| file.unwrap().file_name()).collect();
+        assert_eq!(left, ["notes"], "the user's directory is as it was");
+        let begun = run();
+        fs::write(path.join("trace-plc.rows"), "a row").unwrap();
+        begun.discard();
+        assert!(path.join("trace-plc.rows").exists() && path.join("setup.toml").exists());
     }
 
     #[test]

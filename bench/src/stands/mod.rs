@@ -23,7 +23,7 @@ use planning::Application;
 use protocol_linux::capture::Retention;
 use setup::Setup;
 
-use crate::output::exit::Failure;
+use crate::output::exit::{Exit, Failure};
 use crate::output::live::Feed;
 use crate::records::attached::Attached;
 use crate::records::conditions::{Health, Measured};
@@ -88,6 +88,13 @@ pub struct StandConfig<'a> {
     pub attach: Option<&'a rig::Attach>,
     /// Token of the control ports of these nodes.
     pub token: Option<&'a ControlToken>,
+}
+
+/// Returns the failure of a run whose own faults may have kept it from beginning.
+fn under_faults(error: anyhow::Error, faults: &[Fault]) -> Failure {
+    let asked: Vec<_> = faults.iter().map(ToString::to_string).collect();
+    let asked = asked.join(", ");
+    Failure::new(Exit::RunFailed, error.context(format!("the run did not begin with its faults ({asked})")))
 }
 
 /// What a stand returns when it ends.

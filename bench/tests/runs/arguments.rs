@@ -15,7 +15,8 @@ fn refused(arguments: &[&str]) -> String {
 fn a_negative_number_is_out_of_range_and_not_an_unknown_option() {
     insta::assert_snapshot!(refused(&["--reps", "-1"]), @"error: invalid value '-1' for '--reps <N>': -1 is not in 1..=100000");
     insta::assert_snapshot!(refused(&["--override", "-5"]), @"error: invalid value '-5' for '--override <PERCENT[@TIME],...>': `-5`: an override of -5 % was asked for; it is 0 (the arm stops on its path) to 100 %");
-    insta::assert_snapshot!(refused(&["sweep", "--lengths", "5", "-1"]), @"error: invalid value '-1' for '--lengths <MM>...': a length is above 0 and at most 10000 mm");
+    insta::assert_snapshot!(refused(&["sweep", "--lengths", "5", "-1"]), @"error: invalid value '-1' for '--lengths <MM>...': a length is 0.01 to 10000 mm");
+    insta::assert_snapshot!(refused(&["sweep", "--lengths", "0.0001"]), @"error: invalid value '0.0001' for '--lengths <MM>...': a length is 0.01 to 10000 mm");
 }
 
 #[test]

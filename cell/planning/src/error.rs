@@ -242,7 +242,7 @@ pub enum Refusal {
 }
 
 /// Below this, in mm, a motion has no length and a point is on a line: the resolution of the wire's distances.
-pub(crate) const LEAST_MM: f64 = 0.01;
+pub const LEAST_MM: f64 = 0.01;
 
 /// Below this, in degrees, the tool does not turn.
 pub(crate) const LEAST_TURN_DEG: f64 = 0.001;

@@ -11,6 +11,8 @@ use protocol_linux::namespace::NamespaceError;
 use protocol_linux::{InterfaceError, PortError, RecorderError};
 
 use crate::output::exit::{Exit, Failure};
+use crate::records::faults::Fault;
+use crate::stands::under_faults;
 
 /// Why the rig does not run, or stopped.
 #[derive(Debug, thiserror::Error)]
@@ -219,6 +221,26 @@ impl RigError {
             | Self::UnreadableLine { .. } => Exit::RunFailed,
         }
     }
+
+    /// Returns the bench's exit code for this error before the first repetition: nodes that cannot be used are part of the
+    /// environment.
+    #[must_use]
+    pub fn exit_at_start(&self) -> Exit {
+        match self {
+            Self::KilledByFault { .. } => Exit::RunFailed,
+            _ if self.exit() == Exit::RunFailed => Exit::EnvironmentUnusable,
+            _ => self.exit(),
+        }
+    }
+}
+
+/// Returns the failure of a run that did not begin, so that no repetition has failed, with these faults.
+pub(super) fn at_start(error: RigError, faults: &[Fault]) -> Failure {
+    let is_of_cable = matches!(error, RigError::NotConnected { .. } | RigError::ConnectionLost { .. });
+    if is_of_cable && !faults.is_empty() {
+        return under_faults(error.into(), faults);
+    }
+    Failure::new(error.exit_at_start(), error)
 }
 
 /// Returns the name of the fault that kills a node.
@@ -236,5 +258,38 @@ fn quoted(last_stderr: &[String]) -> String {
 impl From<RigError> for Failure {
     fn from(error: RigError) -> Self {
         Self::new(error.exit(), error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_node_makes_the_environment_unusable_until_a_repetition_runs() {
+        let role = NodeRole::Plc;
+        let unreadable = || RigError::UnreadableLine { role, line: "HTTP/1.0 400".to_owned() };
+        let closed = || RigError::Detached { role, address: "127.0.0.1:80".to_owned() };
+        for error in [unreadable(), closed()] {
+            assert_eq!(error.exit(), Exit::RunFailed);
+            assert_eq!(at_start(error, &[]).exit, Exit::EnvironmentUnusable);
+        }
+        assert_eq!(at_start(RigError::KilledByFault { role }, &[]).exit, Exit::RunFailed);
+        let other = RigError::Denied { role, reason: "a wrong token".to_owned() };
+        assert_eq!(at_start(other, &[]).exit, Exit::Usage);
+    }
+
+    #[test]
+    fn a_connection_that_the_runs_own_faults_prevent_is_a_failed_run_and_names_them() {
+        let not_connected = || RigError::NotConnected {
+            waited: Duration::from_secs(10),
+            reason: "no answer".to_owned(),
+            last_stderr: Vec::new(),
+        };
+        assert_eq!(at_start(not_connected(), &[]).exit, Exit::EnvironmentUnusable);
+        let faults = ["loss=1", "jitter=50us"].map(|fault| fault.parse().unwrap());
+        let Failure { exit, error } = at_start(not_connected(), &faults);
+        assert_eq!(exit, Exit::RunFailed);
+        insta::assert_snapshot!(format!("{error:#}"), @"the run did not begin with its faults (loss=1, jitter=50us): the PLC found no robot that was ready within 10 s: no answer");
     }
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use ::node::report::NodeReport;
 
+use super::error::at_start;
 use super::{FrameLog, Reports, Rig, RigConfig, RigError};
 use crate::output::exit::Failure;
 use crate::records::attached::Attached;
@@ -19,7 +20,9 @@ const TRIES: u32 = 10;
 impl Stand for Rig {
     async fn start(config: &StandConfig<'_>) -> Result<Self, Failure> {
         if let Some(nodes) = config.attach {
-            let mut rig = Self::attach(nodes, config.token, config.setup, config.application_text).await?;
+            let mut rig = Self::attach(nodes, config.token, config.setup, config.application_text)
+                .await
+                .map_err(|error| at_start(error, config.faults))?;
             rig.feed = config.feed.cloned();
             return Ok(rig);
         }
@@ -34,7 +37,7 @@ impl Stand for Rig {
             faults: config.faults.to_vec(),
             ..RigConfig::new(config.setup, directory.join("setup.toml"))
         };
-        Ok(Self::start(&rig).await?)
+        Self::start(&rig).await.map_err(|error| at_start(error, config.faults))
     }
 
     fn refused(&self) -> Option<Vec<String>> {

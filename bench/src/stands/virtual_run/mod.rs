@@ -34,12 +34,13 @@ use setup::Setup;
 pub(crate) use nodes::{NeverEnded, Nodes};
 pub use reaction::reactions;
 
-use nodes::{OtherRobot, SharedCapture, Surroundings};
+use nodes::{SharedCapture, Surroundings};
 
-use crate::output::exit::{Exit, Failure};
+use crate::output::exit::Failure;
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::{self, Fault};
 use crate::records::mode::Mode;
+use crate::records::not_ready::NotReady;
 use crate::records::plant_speed::PlantSpeed;
 use crate::records::results::{Results, Status};
 use crate::records::schedule::{Schedule, Step};
@@ -47,7 +48,7 @@ use crate::records::trace::{Recording, Trace};
 use crate::stands::capture::{CableConfig, VirtualCapture};
 use crate::stands::planned_cell::PlannedCell;
 use crate::stands::verification::Verification;
-use crate::stands::{Finished, Stand, StandConfig};
+use crate::stands::{Finished, Stand, StandConfig, under_faults};
 use watch::SharedFrames;
 
 /// Locally administered addresses of the two stations.
@@ -282,9 +283,12 @@ impl Stand for VirtualRun {
         };
         let StandConfig { setup, application, seed, .. } = *config;
         let started = Self::start_with(setup, application, seed, &extras);
-        started.map_err(|error| match error.is::<OtherRobot>() {
-            true => Failure::new(Exit::Usage, error),
-            false => error.into(),
+        started.map_err(|error| match error.downcast_ref::<NotReady>() {
+            Some(_) if !config.faults.is_empty() => under_faults(error, config.faults),
+            Some(NotReady::NotConnected(_)) => error
+                .context("in virtual time only the setup can be the reason, such as its bus.watchdog_cycles")
+                .into(),
+            _ => error.into(),
         })
     }
 
@@ -318,5 +322,64 @@ impl Extras {
         let capture = VirtualCapture::create(directory, config, *keep)
             .with_context(|| format!("cannot make captures in {}", directory.display()))?;
         Ok(Some(Rc::new(RefCell::new(Some(capture)))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::exit::Exit;
+
+    /// Returns exit code and error of a run that does not begin.
+    fn refused(setup: &Setup, application: &str, faults: &[&str]) -> (Exit, String) {
+        let application = planning::application(application, None).unwrap().application;
+        let faults: Vec<Fault> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
+        let directory = tempfile::tempdir().unwrap();
+        let config = StandConfig {
+            setup,
+            application: &application,
+            application_text: "",
+            seed: 1,
+            directory: directory.path(),
+            capture: None,
+            frames: false,
+            faults: &faults,
+            feed: None,
+            attach: None,
+            token: None,
+        };
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let started = runtime.block_on(<VirtualRun as Stand>::start(&config));
+        let Failure { exit, error } = started.err().unwrap();
+        (exit, format!("{error:#}"))
+    }
+
+    #[test]
+    fn faults_that_keep_a_run_from_beginning_fail_it_and_are_named() {
+        let setup = setup::setup("A").unwrap();
+        for fault in ["loss=1", "delay=10s"] {
+            let (exit, said) = refused(&setup, "pick-and-place", &[fault]);
+            assert_eq!(exit, Exit::RunFailed, "{said}");
+            let begin =
+                format!("the run did not begin with its faults ({fault}): no connection to the robot: ");
+            assert!(said.starts_with(&begin), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_setup_that_keeps_a_run_from_beginning_is_a_wrong_setup() {
+        let mut setup = setup::setup("A").unwrap();
+        setup.bus.watchdog_cycles.value = 1;
+        let (exit, said) = refused(&setup, "pick-and-place", &[]);
+        assert_eq!(exit, Exit::Usage, "{said}");
+        assert!(said.contains("only the setup can be the reason, such as its bus.watchdog_cycles"), "{said}");
+        let mut setup = setup::setup("A").unwrap();
+        setup.motions.velocity_percent.value = 0.05;
+        let (exit, said) = refused(&setup, "gluing", &[]);
+        assert_eq!(exit, Exit::Usage, "{said}");
+        assert!(
+            said.contains("still on its way to the start") && said.contains("motions.velocity_percent"),
+            "{said}"
+        );
     }
 }

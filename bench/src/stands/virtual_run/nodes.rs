@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use ::node::report::LatenessReport;
 use ::node::role::NodeRole;
-use anyhow::{Context as _, anyhow, bail};
+use anyhow::{Context as _, bail};
 use machine::{Instant, Lateness};
 use plc_node::{ExecutionType, PlcEvent};
 use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
@@ -27,6 +27,7 @@ use super::phases::Phases;
 use super::watch::{SharedFrames, Watch};
 use crate::records::conditions::{Counts, Health, Measured, MotionTotals};
 use crate::records::faults::{self, Change, Fault, FaultReport};
+use crate::records::not_ready::NotReady;
 use crate::records::schedule::Step;
 use crate::records::trace::{Frame, Recording};
 use crate::stands::capture::VirtualCapture;
@@ -40,11 +41,6 @@ const RECOVERY: Duration = Duration::from_secs(60);
 
 /// Longest run; one that has not ended by then hangs. The PLC gives up a silent robot long before.
 const LONGEST_RUN: Duration = Duration::from_secs(3_600);
-
-/// The bus found another robot than the setup describes.
-#[derive(Debug, thiserror::Error)]
-#[error("no connection to the robot: {0}")]
-pub(super) struct OtherRobot(String);
 
 /// A run did not end within [`LONGEST_RUN`].
 #[derive(Debug, thiserror::Error)]
@@ -178,22 +174,22 @@ impl Nodes {
         let until = self.pair.now() + longest;
         while !self.pair.a().is_ready() {
             if self.next_event(until).is_none() {
-                bail!("the robot was not ready within {} s of virtual time", longest.as_secs());
+                return Err(NotReady::Late(longest).into());
             }
         }
         Ok(())
     }
 
     /// Returns why there is no connection, in the words of the bus if it has any.
-    fn not_connected(&self, down: Down) -> anyhow::Error {
+    fn not_connected(&self, down: Down) -> NotReady {
         let mut words = String::new();
         let explained = self.pair.a().bus().explain(&mut words);
         if explained.is_err() || words.is_empty() {
             words = down.to_string();
         }
         match down.cause {
-            DownCause::Refused => OtherRobot(words).into(),
-            _ => anyhow!("no connection to the robot: {words}"),
+            DownCause::Refused => NotReady::OtherRobot(words),
+            _ => NotReady::NotConnected(words),
         }
     }
 
@@ -261,17 +257,19 @@ impl Nodes {
     /// Waits until the nodes are connected and the robot is ready.
     pub(super) fn connect(&mut self) -> anyhow::Result<()> {
         let until = self.pair.now() + CONNECT;
+        let mut is_moving = false;
         while let Some(event) = self.next_event(until) {
             match event {
+                PlcEvent::MovingToStart => is_moving = true,
                 PlcEvent::Ready => {
                     self.changes.ready(self.pair.now());
                     return Ok(());
                 }
-                PlcEvent::Link(LinkEvent::Down(down)) => return Err(self.not_connected(down)),
+                PlcEvent::Link(LinkEvent::Down(down)) => return Err(self.not_connected(down).into()),
                 _ => {}
             }
         }
-        bail!("the robot was not ready within {} s of virtual time", CONNECT.as_secs())
+        Err(if is_moving { NotReady::StillMoving(CONNECT) } else { NotReady::Late(CONNECT) }.into())
     }
 
     pub(super) fn execute(

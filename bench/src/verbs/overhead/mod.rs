@@ -249,7 +249,7 @@ async fn measure(
         trace: Some(directory.to_owned()),
         ..RigConfig::new(setup, options.setup.name())
     };
-    let mut rig = Rig::start(&config).await.map_err(unusable)?;
+    let mut rig = Rig::start(&config).await.map_err(|error| Failure::new(error.exit_at_start(), error))?;
     let failed = |error: RigError| Failure::new(Exit::RunFailed, error);
     // The very first run warms the nodes up.
     rig.execute(options.execution_type, None).await.map_err(failed)?;

@@ -95,10 +95,10 @@ fn milliseconds(text: &str) -> Result<u32, String> {
 
 fn length(text: &str) -> Result<f64, String> {
     let mm: f64 = text.parse().map_err(|_| "not a number of millimetres".to_owned())?;
-    if mm > 0.0 && mm <= 10_000.0 {
+    if (planning::LEAST_MM..=10_000.0).contains(&mm) {
         Ok(mm)
     } else {
-        Err("a length is above 0 and at most 10000 mm".to_owned())
+        Err(format!("a length is {} to 10000 mm", planning::LEAST_MM))
     }
 }
 
