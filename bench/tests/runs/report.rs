@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use bench::records::lateness::CycleLateness;
-use bench::records::results::{Results, Status};
+use bench::records::results::{Results, Status, TypeResult};
+use plc_node::ExecutionType;
 
 use crate::program::bench;
 
@@ -74,7 +75,7 @@ fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
 fn with_enough_repetitions_each_figure_has_its_distance_from_the_papers() {
     let directory = a_run();
     let html = redrawn(directory.path(), |results| {
-        for execution_type in plc_node::ExecutionType::ALL {
+        for execution_type in ExecutionType::ALL {
             let samples = results.results.entry(execution_type).as_mut().unwrap();
             let all: Vec<f64> = samples.samples_ms.iter().copied().cycle().take(9).collect();
             samples.samples_ms = all;
@@ -141,7 +142,7 @@ fn the_traces_have_a_row_for_each_tick_of_each_type() {
     let read = |name: &str| std::fs::read_to_string(directory.path().join("run").join(name)).unwrap();
     let (robot, plc) = (read("trace-robot.csv"), read("trace-plc.csv"));
     let results: Results = serde_json::from_str(&read("results.json")).unwrap();
-    for execution_type in plc_node::ExecutionType::ALL {
+    for execution_type in ExecutionType::ALL {
         let rows = |table: &str| {
             table.lines().filter(|line| line.starts_with(&format!("{execution_type},"))).count()
         };
@@ -161,7 +162,7 @@ fn the_report_of_an_incomplete_run_says_so_and_shows_its_results() {
     let html = redrawn(directory.path(), |results| results.status = Status::Interrupted);
     assert!(html.contains("This run was interrupted.</strong> 9 of 9 runs are done"));
     let html = redrawn(directory.path(), |results| {
-        results.record_failure(plc_node::ExecutionType::Sm, 3, "the <robot> was lost".to_owned());
+        results.record_failure(ExecutionType::Sm, 3, "the <robot> was lost".to_owned());
         results.status = Status::Failed;
     });
     assert!(html.contains("A repetition of this run failed."));
@@ -172,6 +173,34 @@ fn the_report_of_an_incomplete_run_says_so_and_shows_its_results() {
     });
     assert!(html.contains("This run is not finished."));
     assert_eq!(section(&html, "samples").matches("<svg").count(), 2);
+}
+
+#[test]
+fn a_first_repetition_that_failed_or_was_interrupted_is_not_shown_as_done() {
+    let directory = a_run();
+    let without_samples = |results: &mut Results, execution_type| {
+        *results.results.entry(execution_type) = Some(TypeResult::default());
+    };
+    let html = redrawn(directory.path(), |results| {
+        results.status = Status::Interrupted;
+        [ExecutionType::Sm, ExecutionType::Cm].into_iter().for_each(|one| without_samples(results, one));
+        results.record_failure(ExecutionType::Cm, 1, "the connection to the robot was lost".to_owned());
+    });
+    let race = section(&html, "race").replace('\u{a0}', " ");
+    for told in ["RC takes 3.7", "SM was interrupted at 6.4", "CM failed at 3.7", ">done: 3.7"] {
+        assert!(race.contains(told), "{told}: {race}");
+    }
+    assert!(race.contains("the moment at which the first arm is done"), "{race}");
+    let speed = section(&html, "speed");
+    assert!(speed.contains("interrupted at 6.4") && speed.contains("failed at 3.7"), "{speed}");
+    let page = std::fs::read_to_string(directory.path().join("run/race.html")).unwrap();
+    assert!(page.contains("SM was interrupted at") && page.contains("\"end\":\"failed\""));
+    assert!(section(&html, "table").contains("Calibrated on"), "RC has figures");
+    let html = redrawn(directory.path(), |results| without_samples(results, ExecutionType::Rc));
+    assert!(!section(&html, "table").contains("Calibrated on"), "no figure has a mark");
+    let race = section(&html, "race");
+    assert!(race.contains("the moment at which the first recording ends"), "{race}");
+    assert!(race.contains(">interrupted at 3.7"), "{race}");
 }
 
 #[test]

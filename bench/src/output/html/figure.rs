@@ -11,7 +11,7 @@ pub(crate) struct Figure {
     wide: Value,
     narrow: Value,
     /// Text alternative for readers who do not see the figure.
-    about: &'static str,
+    about: String,
     /// What the figure shows, as figures.
     data: Option<Data>,
 }
@@ -40,14 +40,14 @@ impl Data {
 impl Figure {
     /// Draws a figure in both widths; `None` if there is nothing to draw.
     pub(crate) fn draw(
-        about: &'static str,
+        about: &str,
         draw: impl Fn(Format) -> anyhow::Result<Option<String>>,
     ) -> anyhow::Result<Option<Self>> {
         let (wide, narrow) = (draw(Format::Wide)?, draw(Format::Narrow)?);
         Ok(wide.zip(narrow).map(|(wide, narrow)| Self {
             wide: Value::from_safe_string(wide),
             narrow: Value::from_safe_string(narrow),
-            about,
+            about: about.to_owned(),
             data: None,
         }))
     }

@@ -4,7 +4,7 @@
 // The recording of a repetition that has not ended yet.
 class Growing extends Recording {
   constructor(type) {
-    super({ key: type.key, name: type.name, is_program: type.is_program, is_cut_off: false, end_ms: Infinity,
+    super({ key: type.key, name: type.name, is_program: type.is_program, end: "done", end_ms: Infinity,
       still_ms: [], done: [[0, 0]], slots: [], times: [], joints: [], speeds: [] }, { time_ms: 1, joint: 1, speed_mm_s: 1 });
     this.begin(type);
   }

@@ -5,6 +5,7 @@
 //! run        what a run directory holds
 //! page       the report's words and tables, for page.html
 //! ├─ first_look    the picture at the top; result has the sentences above it
+//! ├─ end           how a recorded repetition ends
 //! ├─ speed, samples, path, queue, lateness    a figure each
 //! └─ numbers                                  what the setup says, and from where
 //! race       race.html, and the picture of it in the report
@@ -12,6 +13,7 @@
 //! ```
 
 mod compare;
+mod end;
 mod first_look;
 mod lateness;
 mod numbers;

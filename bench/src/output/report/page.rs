@@ -7,7 +7,7 @@ use super::first_look::FirstLook;
 use super::race::{self, Race};
 use super::run::Run;
 use super::{RaceIs, lateness, numbers, path, queue, result, samples, speed};
-use crate::output::figures::Figures;
+use crate::output::figures::{self, Figures};
 use crate::output::html::chart::{colour, short};
 use crate::output::html::document::fill_with;
 use crate::output::html::figure::Figure;
@@ -90,16 +90,18 @@ struct RaceStill {
     result: String,
     /// What opens the page, at the moment of the picture; none where the page is not beside the report.
     link: Option<String>,
+    /// What happens at the moment of the picture.
+    moment: &'static str,
     file: &'static str,
 }
 
 impl RaceStill {
     fn of(race: &Race, is: RaceIs) -> anyhow::Result<Self> {
-        let figure = Figure::draw("The arms at the moment at which the first of them is done", |format| {
+        let figure = Figure::draw(&format!("The arms at the moment at which {}", race.moment()), |format| {
             race.still(format).map(Some)
         })?;
         let link = (is == RaceIs::Beside).then(|| race::FILE.to_owned());
-        Ok(Self { figure, result: race.result(), link, file: race::FILE })
+        Ok(Self { figure, result: race.result(), moment: race.moment(), link, file: race::FILE })
     }
 }
 
@@ -147,7 +149,7 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         no_race: race.as_ref().err().cloned(),
         race: race.ok().map(|race| RaceStill::of(&race, race_is)).transpose()?,
         speed: Figure::draw("Path speed over time of RC, SM and CM on one time axis", |format| {
-            traced(&|trace| speed::draw(trace, format))
+            traced(&|trace| speed::draw(trace, results, format))
         })?
         .zip(trace)
         .map(|(figure, trace)| figure.with(speed::data(trace))),
@@ -237,7 +239,7 @@ fn calibrated(results: &Results) -> Vec<[String; 3]> {
         let met = calibrated::figure(&number.key, &results.calibrated);
         [number.key.clone(), number.value.to_string(), met.to_owned()]
     };
-    results.calibrated.iter().map(line).collect()
+    figures::marked(results).map(line).collect()
 }
 
 fn sample_rows(results: &Results) -> Vec<samples::Row> {

@@ -4,9 +4,11 @@ use plc_node::ExecutionType;
 use plotters::element::{PathElement, Polygon};
 use plotters::prelude::Color;
 
+use super::end::End;
 use crate::output::html::chart::{self, Axes, Format, INK, MUTED, Panels, colour, px, stroke, text};
 use crate::output::html::figure::Data;
 use crate::output::progress::label;
+use crate::records::results::Results;
 use crate::records::trace::{Recording, RobotTick, Trace};
 
 /// Height in pixels of a panel and of the line of text above it.
@@ -35,7 +37,7 @@ pub(super) fn data(trace: &Trace) -> Data {
 }
 
 /// Draws the figure; `None` without ticks.
-pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<String>> {
+pub(super) fn draw(trace: &Trace, results: &Results, format: Format) -> anyhow::Result<Option<String>> {
     let panels: Vec<_> = ExecutionType::ALL
         .into_iter()
         .filter_map(|execution_type| Some((execution_type, trace.types.get(execution_type)?)))
@@ -49,7 +51,8 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
     }
     let layout = Panels { title: TITLE, panel: format.pick(PANEL, PANEL * 0.8) };
     let svg = layout.figure(format, &panels, |whole, panel, (execution_type, recording)| {
-        title(whole, *execution_type, recording, panel.top, format)?;
+        let end = End::of(results, *execution_type, recording);
+        title(whole, *execution_type, (recording, end), panel.top, format)?;
         let ticks = recording.robot_ticks();
         let axes = Axes {
             x: (0.0, longest_s * 1.01),
@@ -80,7 +83,7 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
 fn title(
     area: &chart::Area<'_>,
     execution_type: ExecutionType,
-    recording: &Recording,
+    (recording, end): (&Recording, End),
     top: f64,
     format: Format,
 ) -> anyhow::Result<()> {
@@ -93,10 +96,11 @@ fn title(
             .pick("one MoveContinuousSkill, fed by the PLC through five slots", "one MoveContinuousSkill"),
     };
     let text_at = text(format.pick(13.0, 12.0), INK);
-    let ended_s = recording.robot_ticks().last().map_or(0.0, |tick| tick.at_ms / 1e3);
-    let length =
-        if recording.is_cut_off() { format!("the first {ended_s:.0} s") } else { format!("{ended_s:.2} s") };
-    area.draw_text(&format!("{how}: {length}"), &text_at, (px(38.0), y + px(1.5)))?;
+    // The PLC measures the execution; a robot goes on for a while after a PLC that failed.
+    let last_tick_s = recording.robot_ticks().last().map_or(0.0, |tick| tick.at_ms / 1e3);
+    let ended_s = recording.plc_scans().last().map_or(last_tick_s, |scan| scan.at_us as f64 / 1e6);
+    let said = end.label(ended_s);
+    area.draw_text(&format!("{how}: {said}"), &text_at, (px(38.0), y + px(1.5)))?;
     Ok(())
 }
 

@@ -8,6 +8,7 @@ use plc_node::ExecutionType;
 use protocol::image::SLOTS;
 use serde::Serialize;
 
+use super::super::end::End;
 use super::numbering::Numbering;
 use crate::output::figures::how;
 use crate::output::progress::label;
@@ -36,8 +37,7 @@ pub(super) struct Lane {
     pub(super) how: &'static str,
     /// Time of the PLC's last scan, in ms.
     pub(super) end_ms: f64,
-    /// Whether the recording ends before its repetition.
-    pub(super) is_cut_off: bool,
+    pub(super) end: End,
     pub(super) is_program: bool,
     /// Stretches in which the tool stands still between its first and its last movement, in ms.
     pub(super) still_ms: Vec<[f64; 2]>,
@@ -64,8 +64,13 @@ pub(super) struct Units {
 pub(super) const UNITS: Units = Units { time_ms: TIME_MS, joint: JOINT, speed_mm_s: SPEED_MM_S };
 
 impl Lane {
-    /// Returns what a recording shows of an arm with so many joints; `None` without ticks.
-    pub(super) fn of(execution_type: ExecutionType, recording: &Recording, axes: usize) -> Option<Self> {
+    /// Returns what a recording that ends like this shows of an arm with so many joints; `None` without ticks.
+    pub(super) fn of(
+        execution_type: ExecutionType,
+        end: End,
+        recording: &Recording,
+        axes: usize,
+    ) -> Option<Self> {
         let ticks: Vec<_> = recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0).collect();
         let last = ticks.last()?;
         let scans = recording.plc_scans();
@@ -81,7 +86,7 @@ impl Lane {
             name: label(execution_type),
             how: how(execution_type),
             end_ms,
-            is_cut_off: recording.is_cut_off(),
+            end,
             is_program: execution_type == ExecutionType::Rc,
             still_ms: still(&ticks),
             done: done(&ticks, scans),
@@ -91,6 +96,11 @@ impl Lane {
             speeds: column(&|tick| f64::from(tick.sample.path_speed_mm_s), SPEED_MM_S),
             fastest_mm_s: ticks.iter().map(|tick| tick.sample.path_speed_mm_s).fold(0.0, f32::max),
         })
+    }
+
+    /// Returns the time of the PLC's last scan in s.
+    pub(super) fn end_s(&self) -> f64 {
+        self.end_ms / 1e3
     }
 
     /// Returns for how long the arm stands still between its motions, in ms.
@@ -216,7 +226,7 @@ mod tests {
     fn of_a_long_recording_the_first_and_the_last_tick_are_shown() {
         let mut recording = Recording::default();
         (0..25_000).for_each(|index| recording.robot(tick(f64::from(index) * 4.0, 1, 0, 1.0)));
-        let lane = Lane::of(ExecutionType::Cm, &recording, 4).unwrap();
+        let lane = Lane::of(ExecutionType::Cm, End::Done, &recording, 4).unwrap();
         assert!(lane.times.len() <= TICKS && lane.times.len() > TICKS / 2, "{}", lane.times.len());
         let last: i64 = lane.times.iter().sum();
         assert_eq!((lane.times[0], last), (0, 999_960));

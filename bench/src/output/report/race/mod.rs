@@ -24,6 +24,7 @@ use minijinja::Value;
 use plc_node::ExecutionType;
 use serde::Serialize;
 
+use super::end::End;
 use super::run::Run;
 use crate::output::html::chart::short;
 use crate::output::html::document::fill;
@@ -84,6 +85,8 @@ struct Summary {
     how: &'static str,
     /// In s.
     end: String,
+    /// The same as a predicate.
+    said: String,
     still: usize,
     /// In s.
     still_s: String,
@@ -105,7 +108,10 @@ impl Race {
         let recordings: Vec<_> = ExecutionType::ALL.into_iter().filter_map(of_type).collect();
         let lanes: Vec<_> = recordings
             .iter()
-            .filter_map(|(execution_type, recording)| Lane::of(*execution_type, recording, axes))
+            .filter_map(|(execution_type, recording)| {
+                let end = End::of(&run.results, *execution_type, recording);
+                Lane::of(*execution_type, end, recording, axes)
+            })
             .collect();
         if lanes.is_empty() {
             return Err(run.no_trace());
@@ -125,10 +131,8 @@ impl Race {
 
     /// Returns how the race ends, as recorded.
     pub(super) fn result(&self) -> String {
-        let ends = self.lanes.iter().map(|lane| match (lane.is_cut_off, lane.end_ms / 1e3) {
-            (true, end_s) => format!("{} is not done after {end_s:.0}\u{a0}s", lane.name),
-            (false, end_s) => format!("{} takes {end_s:.2}\u{a0}s", lane.name),
-        });
+        let ends =
+            self.lanes.iter().map(|lane| format!("{} {}", lane.name, lane.end.predicate(lane.end_s())));
         let still = self.lanes.iter().map(|lane| match (lane.still_ms.len(), lane.total_still_ms() / 1e3) {
             (0, _) => format!("{} never", lane.name),
             (1, for_s) => format!("{} once for {for_s:.2}\u{a0}s", lane.name),
@@ -143,10 +147,8 @@ impl Race {
             key: lane.key.clone(),
             name: lane.name.clone(),
             how: lane.how,
-            end: match (lane.is_cut_off, lane.end_ms / 1e3) {
-                (true, end_s) => format!("over {end_s:.0}"),
-                (false, end_s) => format!("{end_s:.2}"),
-            },
+            end: lane.end.cell(lane.end_s()),
+            said: lane.end.predicate(lane.end_s()),
             still: lane.still_ms.len(),
             still_s: format!("{:.2}", lane.total_still_ms() / 1e3),
             fastest: format!("{:.0}", lane.fastest_mm_s),

@@ -30,7 +30,7 @@
     write(find("time"), `${moment.toFixed(3)} s`);
   };
 
-  const result = () => lanes.map(({ recording }) => `${recording.name}: ${recording.state(moment)}, ${recording.done(moment)} of ${recording.all} motions`).join("; ");
+  const result = () => lanes.map(({ recording }) => `${recording.name}: ${recording.state(moment)}, ${recording.progress(moment)}`).join("; ");
 
   const pause = () => {
     playing = null;

@@ -26,7 +26,7 @@ class Recording {
     this.key = lane.key;
     this.name = lane.name;
     this.isProgram = lane.is_program;
-    this.isCutOff = lane.is_cut_off;
+    this.ends = lane.end;
     this.end = lane.end_ms / 1e3;
     this.stills = lane.still_ms.map(stretch => stretch.map(ms => ms / 1e3));
     this.doneChanges = lane.done.map(([ms, count]) => [ms / 1e3, count]);
@@ -59,7 +59,7 @@ class Recording {
   done(moment) { return Recording.change(this.doneChanges, moment) ?? 0; }
 
   progress(moment) {
-    return `${this.done(moment)} of ${this.all}${this.isCutOff ? " recorded" : ""} motions`;
+    return `${this.done(moment)} of ${this.all}${this.ends === "done" ? "" : " recorded"} motions`;
   }
 
   slots(moment) { return Recording.change(this.slotChanges, moment) ?? [0, 0, 0, 0, 0]; }
@@ -72,7 +72,7 @@ class Recording {
 
   // What the arm does at a moment.
   state(moment) {
-    if (moment >= this.end) return this.isCutOff ? "recorded no further" : "done";
+    if (moment >= this.end) return ["done", "failed", "interrupted"].includes(this.ends) ? this.ends : "recorded no further";
     if (this.still(moment).now) return "stands still";
     return this.speed(moment) >= 1 ? "moves" : moment === 0 ? "starts" : "waits";
   }

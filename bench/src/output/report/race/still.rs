@@ -1,11 +1,14 @@
-//! The picture of the race that opens it from the report: the arms at the moment at which the first of them is done.
+//! The picture of the race that opens it from the report: the arms at the moment at which the first of them is done, or at
+//! which the first recording ends where none is done.
 
 use plotters::element::{Circle, PathElement, Polygon};
 use plotters::prelude::{Color, RGBColor};
 use robot_node::arm::Frame;
 
+use super::super::end::End;
 use super::Race;
 use super::chain::Rod;
+use super::lane::Lane;
 use crate::output::html::chart::{self, AXIS, Area, Format, INK, MUTED, px, stroke, text};
 
 /// Turn of the view about the vertical and its tilt, in degrees.
@@ -118,20 +121,40 @@ impl Race {
         })
     }
 
-    /// Returns the moment that the picture shows, in ms.
-    pub(in super::super) fn moment_ms(&self) -> f64 {
-        self.lanes.iter().map(|lane| lane.end_ms).fold(f64::INFINITY, f64::min)
+    /// Returns the moment that the picture shows, in ms: the first arm is done, or the first recording ends if none is.
+    fn moment_ms(&self) -> f64 {
+        let earliest = |lanes: &mut dyn Iterator<Item = &Lane>| {
+            lanes.map(|lane| lane.end_ms).fold(f64::INFINITY, f64::min)
+        };
+        match earliest(&mut self.done()) {
+            f64::INFINITY => earliest(&mut self.lanes.iter()),
+            done_ms => done_ms,
+        }
+    }
+
+    /// Returns what happens at the moment of the picture.
+    pub(in super::super) fn moment(&self) -> &'static str {
+        if self.done().next().is_some() { "the first arm is done" } else { "the first recording ends" }
+    }
+
+    fn done(&self) -> impl Iterator<Item = &Lane> {
+        self.lanes.iter().filter(|lane| lane.end == End::Done)
     }
 
     fn said(&self, index: usize, at_ms: f64, format: Format) -> String {
         let Some(lane) = self.lanes.get(index) else { return String::new() };
         // Within a cycle of the PLC they end together.
-        if !lane.is_cut_off && lane.end_ms <= at_ms + 1.0 {
-            return format!("done: {:.2} s", lane.end_ms / 1e3);
+        if lane.end_ms <= at_ms + 1.0 {
+            let end_s = lane.end_s();
+            match lane.end {
+                End::Done => return format!("done: {end_s:.2} s"),
+                End::Failed | End::Interrupted => return lane.end.label(end_s),
+                End::CutOff | End::Unfinished => {}
+            }
         }
         let done = lane.done.iter().rev().find(|(at, _)| *at <= at_ms).map_or(0, |(_, done)| *done);
         let all = lane.done.last().map_or(0, |(_, done)| *done);
-        if lane.is_cut_off || done >= all {
+        if lane.end != End::Done || done >= all {
             return format.pick(format!("{done} motions done"), format!("{done} done"));
         }
         format.pick(format!("{done} of {all} motions done"), format!("{done} of {all} done"))
