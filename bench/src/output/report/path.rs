@@ -1,5 +1,9 @@
 //! The tool's path from above and from the side, with the targets and their approximation distances.
 
+mod labels;
+
+use std::collections::BTreeMap;
+
 use planning::Application;
 use plc_node::ExecutionType;
 use plotters::element::{Circle, PathElement};
@@ -8,9 +12,11 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use protocol::image::Motion;
 use setup::Setup;
 
+use super::race::numbering::Numbering;
 use crate::output::html::chart::{self, Axes, Format, INK, MUTED, PAPER, colour, px, stroke, text};
 use crate::output::html::figure::Data;
-use crate::records::trace::Trace;
+use crate::records::trace::{Recording, Trace};
+use labels::{Placed, labels, written};
 
 /// One of the two views: the coordinates on its axes.
 struct View {
@@ -65,7 +71,9 @@ pub(super) fn draw(
     // Where paths coincide, the lower one is drawn wider.
     let paths = [ExecutionType::Sm, ExecutionType::Rc, ExecutionType::Cm]
         .map(|execution_type| (execution_type, path(trace, execution_type)));
-    let content = Content { paths, targets: targets(setup, application) };
+    let mut targets = targets(setup, application);
+    targets.truncate(recorded(trace));
+    let content = Content { paths, targets };
     if content.paths.iter().all(|(_, path)| path.is_empty()) {
         return Ok(None);
     }
@@ -101,6 +109,23 @@ pub(super) fn draw(
     Ok(Some(svg))
 }
 
+/// Returns how many motions the recordings show: those that were begun in the longest one, or all if one shows the end of
+/// its repetition.
+fn recorded(trace: &Trace) -> usize {
+    let recordings =
+        || ExecutionType::ALL.into_iter().filter_map(|execution_type| trace.types.get(execution_type));
+    let begun = |recording: &Recording| {
+        let mut numbering = Numbering::default();
+        let done = recording.robot_ticks().iter().map(|tick| numbering.done(&tick.sample)).max();
+        done.unwrap_or(0) as usize + 1
+    };
+    if recordings().all(Recording::is_cut_off) {
+        recordings().map(begun).max().unwrap_or(usize::MAX)
+    } else {
+        usize::MAX
+    }
+}
+
 /// Returns the recorded path of the tool, in mm.
 fn path(trace: &Trace, execution_type: ExecutionType) -> Vec<[f64; 3]> {
     let ticks = trace.types.get(execution_type).map_or(&[][..], |recording| recording.robot_ticks());
@@ -132,12 +157,10 @@ impl Content {
 
     /// Draws the zones, the paths and the targets of a view.
     fn draw(&self, chart: &mut chart::Chart<'_, '_>, view: &View, mm_per_px: f64) -> anyhow::Result<()> {
-        for Target { at, approximation, .. } in
-            self.targets.iter().filter(|target| target.approximation > 0.0)
-        {
+        let places = places(&self.targets, view);
+        for (at, approximation) in zones(&places) {
             let radius = stroke(approximation / mm_per_px);
-            let zone = Circle::new(view.flat(at), radius, MUTED.mix(0.13).filled());
-            chart.draw_series([zone])?;
+            chart.draw_series([Circle::new(at, radius, MUTED.mix(0.13).filled())])?;
         }
         for (execution_type, path) in &self.paths {
             let (width, strength) = match execution_type {
@@ -149,16 +172,16 @@ impl Content {
             let style = colour(*execution_type).mix(strength).stroke_width(stroke(width));
             chart.draw_series([PathElement::new(line, style)])?;
         }
-        for target in &self.targets {
+        for (at, _) in places {
             // The backend draws the outline of a circle without a width.
             for (radius, colour) in [(3.6, INK), (2.3, PAPER)] {
-                chart.draw_series([Circle::new(view.flat(&target.at), px(radius), colour.filled())])?;
+                chart.draw_series([Circle::new(at, px(radius), colour.filled())])?;
             }
         }
         Ok(())
     }
 
-    /// Draws the targets' numbers beside them.
+    /// Draws the targets' numbers beside them, as far as there is room.
     fn draw_numbers(
         &self,
         chart: &chart::Chart<'_, '_>,
@@ -167,18 +190,21 @@ impl Content {
         mm_per_px: f64,
         format: Format,
     ) -> anyhow::Result<()> {
+        let size = format.pick(12.0, 11.0);
+        let mut placed = Placed::new(size);
         for (numbers, (x, y)) in labels(&self.targets, |point| view.flat(point), mm_per_px * 14.0) {
             let (x, y) = chart.backend_coord(&(x, y));
             let (left, above) = part.get_base_pixel();
             let (x, y) = (x - left, y - above - px(15.0));
-            let style = text(format.pick(12.0, 11.0), INK);
+            let style = text(size, INK);
             // At the right edge the numbers would leave the figure.
-            let (x, side) = if x > px(format.width() * 0.88) {
-                (x - px(7.0), HPos::Right)
-            } else {
-                (x + px(7.0), HPos::Left)
-            };
-            part.draw_text(&ranges(&numbers), &style.pos(Pos::new(side, VPos::Top)), (x, y))?;
+            let is_at_edge = x > px(format.width() * 0.88);
+            let (x, side) = if is_at_edge { (x - px(7.0), HPos::Right) } else { (x + px(7.0), HPos::Left) };
+            let label = written(&numbers);
+            let corner = (f64::from(x) / px(1.0) as f64, f64::from(y) / px(1.0) as f64);
+            if placed.place(&label, corner, is_at_edge) {
+                part.draw_text(&label, &style.pos(Pos::new(side, VPos::Top)), (x, y))?;
+            }
         }
         Ok(())
     }
@@ -195,32 +221,32 @@ fn targets(setup: Option<&Setup>, application: Option<&Application>) -> Vec<Targ
     motions.iter().enumerate().map(target).collect()
 }
 
-/// Returns the targets' numbers and positions; numbers at the same position are combined.
-fn labels(
-    targets: &[Target],
-    flat: impl Fn(&[f64; 3]) -> (f64, f64),
-    near: f64,
-) -> Vec<(Vec<usize>, (f64, f64))> {
-    let mut labels: Vec<(Vec<usize>, (f64, f64))> = Vec::new();
+/// Returns where a view shows targets, each place once, with the largest approximation distance there, in mm.
+fn places(targets: &[Target], view: &View) -> Vec<((f64, f64), f64)> {
+    // Targets that are less than a hundredth of a millimetre apart are at one place.
+    let hundredths = |mm: f64| (mm * 100.0).round() as i64;
+    let mut places: BTreeMap<(i64, i64), ((f64, f64), f64)> = BTreeMap::new();
     for target in targets {
-        let at = flat(&target.at);
-        let is_near = |other: &(f64, f64)| (other.0 - at.0).abs() < near && (other.1 - at.1).abs() < near;
-        match labels.iter_mut().find(|(_, other)| is_near(other)) {
-            Some((numbers, _)) => numbers.push(target.number),
-            None => labels.push((vec![target.number], at)),
-        }
+        let at = view.flat(&target.at);
+        let (_, largest) = places.entry((hundredths(at.0), hundredths(at.1))).or_insert((at, 0.0));
+        *largest = largest.max(target.approximation);
     }
-    labels
+    places.into_values().collect()
 }
 
-/// Formats ascending numbers as text: `1, 3–5`.
-fn ranges(numbers: &[usize]) -> String {
-    let runs = numbers.chunk_by(|before, after| before + 1 == *after);
-    let written = runs.map(|run| match run {
-        [first, .., last] if last - first > 1 => format!("{first}–{last}"),
-        few => few.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
-    });
-    written.collect::<Vec<_>>().join(", ")
+/// Returns the zones about the places. Of those about almost the same place only the first is kept: one above another they
+/// would become opaque.
+fn zones(places: &[((f64, f64), f64)]) -> Vec<((f64, f64), f64)> {
+    let mut kept: Vec<((f64, f64), f64)> = Vec::new();
+    for (at, radius) in places.iter().filter(|(_, radius)| *radius > 0.0) {
+        let is_shown = |(other, others_radius): &((f64, f64), f64)| {
+            radius <= others_radius && libm::hypot(at.0 - other.0, at.1 - other.1) < radius / 2.0
+        };
+        if !kept.iter().any(is_shown) {
+            kept.push((*at, *radius));
+        }
+    }
+    kept
 }
 
 /// Returns the points that are further than `least` from the previous one; always keeps the last one.
@@ -241,12 +267,54 @@ fn thinned(points: impl Iterator<Item = (f64, f64)>, least: f64) -> Vec<(f64, f6
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::records::results::PerType;
+    use crate::records::trace::{PlcScan, RobotTick};
+
+    fn target(number: usize, at: [f64; 3], approximation: f64) -> Target {
+        Target { number, at, approximation }
+    }
 
     #[test]
-    fn motion_numbers_in_a_row_are_written_as_a_range() {
-        assert_eq!(ranges(&[1, 2, 3, 4, 5]), "1–5");
-        assert_eq!(ranges(&[6, 12]), "6, 12");
-        assert_eq!(ranges(&[2, 3, 7, 8, 9]), "2, 3, 7–9");
+    fn a_place_that_many_motions_go_to_is_drawn_once_with_its_largest_zone() {
+        let [side, plan] = VIEWS;
+        let targets = [
+            target(1, [0.0, -60.0, 70.0], 5.0),
+            target(2, [0.0, -60.0, 30.0], 0.0),
+            target(3, [0.001, -60.0, 70.0], 10.0),
+        ];
+        assert_eq!(places(&targets, &side), [((0.0, 30.0), 0.0), ((0.0, 70.0), 10.0)]);
+        assert_eq!(places(&targets, &plan), [((0.0, -60.0), 10.0)]);
+    }
+
+    #[test]
+    fn zones_about_almost_the_same_place_do_not_lie_on_each_other() {
+        let row: Vec<_> = (0..100).map(|index| ((f64::from(index) * 0.5, 0.0), 10.0)).collect();
+        let kept = zones(&row);
+        let covers = |zone: &&((f64, f64), f64)| (zone.0.0 - 25.0).abs() < 10.0;
+        assert!((1..=4).contains(&kept.iter().filter(covers).count()), "{kept:?}");
+        let two_sizes = [((0.0, 0.0), 5.0), ((1.0, 0.0), 10.0), ((2.0, 0.0), 0.0)];
+        assert_eq!(zones(&two_sizes), two_sizes[..2], "the larger one shows more");
+    }
+
+    /// Returns a recording of CM of so many seconds in which each command has ten motions, one a second.
+    fn recorded_for(seconds: u32) -> Trace {
+        let mut recording = Recording::default();
+        for second in 0..=seconds {
+            let (command, executed) = ((second / 10) as u16, second % 10);
+            let sample = robot_node::Sample { command, executed, ..robot_node::Sample::default() };
+            recording.robot(RobotTick { at_ms: f64::from(second) * 1e3, sample });
+            recording
+                .plc(PlcScan { at_us: i64::from(second) * 1_000_000, sample: plc_node::Sample::default() });
+        }
+        Trace { types: PerType { cm: Some(recording), ..PerType::default() } }
+    }
+
+    #[test]
+    fn of_a_recording_that_ends_early_only_the_motions_that_were_begun_have_their_targets() {
+        assert_eq!(recorded(&recorded_for(60)), usize::MAX);
+        // Twelve commands of nine motions each, and the first motion of the next one.
+        assert_eq!(recorded(&recorded_for(200)), 12 * 9 + 1);
+        assert_eq!(recorded(&Trace::default()), usize::MAX);
     }
 
     #[test]
