@@ -3,6 +3,7 @@
 mod at_frame;
 mod drives;
 mod limits;
+mod report;
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,13 +12,15 @@ use std::time::Duration;
 use node::role::NodeRole;
 use protocol_linux::impaired::ImpairmentPlan;
 use robot_node::Disturbance;
-use serde::{Deserialize, Serialize};
-use virtual_time::{FrameFault, Impairment, LinkCounters, Side};
+use virtual_time::{FrameFault, Impairment, Side};
 
 pub use at_frame::AtFrame;
 use drives::DriveFault;
 pub use drives::NoSuchDrive;
-pub use limits::{NotReal, TooManyFrameFaults, check_drives, check_frame_faults, check_real};
+pub use limits::{
+    NotReal, Repeated, TooManyFrameFaults, check_drives, check_frame_faults, check_real, check_repeated,
+};
+pub use report::FaultReport;
 
 /// One fault, in the form of the option: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
 #[derive(Clone, PartialEq, Debug)]
@@ -265,57 +268,6 @@ pub const fn end_of(node: NodeRole) -> Side {
     match node {
         NodeRole::Plc => Side::A,
         NodeRole::Robot => Side::B,
-    }
-}
-
-/// The requested faults, and what the cable did in both directions together.
-#[derive(Clone, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct FaultReport {
-    /// Each `--fault`, as the user wrote it.
-    pub asked: Vec<String>,
-    /// Frames lost, by chance or a cut; for TCP, segments that were retransmitted.
-    pub lost: u64,
-    /// Frames that arrived twice.
-    pub duplicated: u64,
-    /// Frames that were held back.
-    pub reordered: u64,
-    /// Frames in which a bit flipped behind the checksums of Ethernet and UDP, so that it reached a node.
-    pub corrupted: u64,
-    /// Frames in which a bit flipped on the wire, before these checksums; they count as lost as well.
-    #[serde(default)]
-    pub corrupted_on_wire: u64,
-}
-
-impl FaultReport {
-    /// Creates the report of what `links` did so far.
-    #[must_use]
-    pub fn new(faults: &[Fault], links: [LinkCounters; 2]) -> Self {
-        let mut report = Self { asked: faults.iter().map(ToString::to_string).collect(), ..Self::default() };
-        for link in links {
-            report.lost += link.lost;
-            report.duplicated += link.duplicated;
-            report.reordered += link.reordered;
-            report.corrupted += link.corrupted;
-            report.corrupted_on_wire += link.corrupted_on_wire;
-        }
-        report
-    }
-}
-
-impl fmt::Display for FaultReport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { asked, lost, duplicated, reordered, corrupted, corrupted_on_wire } = self;
-        write!(
-            f,
-            "Faults put in ({}): {lost} frames lost, {duplicated} twice, {reordered} held back, {corrupted} corrupted \
-             behind the checksums of Ethernet and UDP",
-            asked.join(", ")
-        )?;
-        if *corrupted_on_wire > 0 {
-            write!(f, ", {corrupted_on_wire} on the wire and so among the lost")?;
-        }
-        f.write_str(".")
     }
 }
 

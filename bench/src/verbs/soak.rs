@@ -124,6 +124,7 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
     let (setup, found) = options.setup.load()?;
     let faults = flat(&options.fault);
     faults::check_drives(&faults, &setup).map_err(|error| Failure::new(Exit::Usage, error))?;
+    faults::check_repeated(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;
     faults::check_frame_faults(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;
     check_kills(&faults)?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;

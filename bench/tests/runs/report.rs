@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use bench::records::faults::FaultReport;
 use bench::records::lateness::CycleLateness;
 use bench::records::results::{Results, Status, TypeResult};
 use plc_node::ExecutionType;
@@ -201,6 +202,23 @@ fn a_first_repetition_that_failed_or_was_interrupted_is_not_shown_as_done() {
     let race = section(&html, "race");
     assert!(race.contains("the moment at which the first recording ends"), "{race}");
     assert!(race.contains(">interrupted at 3.7"), "{race}");
+}
+
+#[test]
+fn the_report_names_the_faults_that_were_put_in_and_those_that_never_came_to_pass() {
+    let directory = a_run();
+    assert!(!section(&report(directory.path()), "table").contains("Faults"));
+    let html = redrawn(directory.path(), |results| {
+        let asked = ["loss=0.1", "kill-robot-at=3000s"].map(str::to_owned);
+        let never = vec!["kill-robot-at=3000s".to_owned()];
+        results.faults = Some(FaultReport { asked: asked.into(), never, lost: 7, ..FaultReport::default() });
+    });
+    let table = section(&html, "table");
+    assert!(table.contains("Faults put in (loss=0.1): 7 frames lost"), "{table}");
+    assert!(
+        table.contains("Never came to pass, because the run ended before: kill-robot-at=3000s."),
+        "{table}"
+    );
 }
 
 #[test]

@@ -46,6 +46,8 @@ struct Page {
     ratio: Option<String>,
     suppressed: u32,
     frames: String,
+    /// What became of the faults that were asked for.
+    faults: Option<String>,
     repeated: u32,
     quality: Vec<QualityRow>,
     quality_columns: [[&'static str; 2]; quality::COLUMNS.len()],
@@ -88,10 +90,10 @@ struct QualityRow {
 struct RaceStill {
     figure: Option<Figure>,
     result: String,
-    /// What opens the page, at the moment of the picture; none where the page is not beside the report.
-    link: Option<String>,
     /// What happens at the moment of the picture.
     moment: &'static str,
+    /// What opens the page, at the moment of the picture; none where the page is not beside the report.
+    link: Option<String>,
     file: &'static str,
 }
 
@@ -141,6 +143,7 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         ratio: ratio(results),
         suppressed: results.blends_suppressed(),
         frames: table::cyclic_frames(&results.bus),
+        faults: results.faults.as_ref().map(ToString::to_string),
         repeated: results.repeated,
         quality: qualities(results),
         quality_columns: quality::COLUMNS,

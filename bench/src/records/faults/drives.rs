@@ -44,6 +44,11 @@ impl DriveFault {
         Ok(Self { axis, disturbance, at, until })
     }
 
+    /// Returns when it begins.
+    pub(super) const fn at(self) -> Duration {
+        self.at
+    }
+
     /// Returns what it changes, and when.
     pub(super) fn changes(self) -> Vec<(Duration, Change)> {
         let Self { axis, disturbance, at, until } = self;

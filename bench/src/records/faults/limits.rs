@@ -45,6 +45,60 @@ pub struct TooManyFrameFaults {
     found: usize,
 }
 
+/// Checks whether each direction of the cable gets each of its numbers from one fault only. Delays add up.
+///
+/// # Errors
+///
+/// The first two faults that set the same number of one direction.
+pub fn check_repeated(faults: &[Fault]) -> Result<(), Repeated> {
+    for (index, fault) in faults.iter().enumerate() {
+        let Some(number) = fault.sets() else { continue };
+        let is_same = |other: &&Fault| {
+            let is_of_one_direction = match (other.from, fault.from) {
+                (Some(other), Some(from)) => other == from,
+                _ => true,
+            };
+            other.sets() == Some(number) && is_of_one_direction
+        };
+        if let Some(first) = faults.iter().take(index).find(is_same) {
+            return Err(Repeated { first: first.to_string(), second: fault.to_string(), number });
+        }
+    }
+    Ok(())
+}
+
+/// Two faults that set the same number of one direction.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(
+    "`{first}` and `{second}` both set the {number} of one direction: leave one out, or limit each to a direction of its own, as \
+     in to-robot:loss=0.001 and to-plc:loss=0.01"
+)]
+pub struct Repeated {
+    first: String,
+    second: String,
+    number: &'static str,
+}
+
+impl Fault {
+    /// Returns the number of a direction that it sets; `None` if others may stand beside it.
+    const fn sets(&self) -> Option<&'static str> {
+        match self.kind {
+            Kind::Jitter(_) => Some("jitter"),
+            Kind::Loss(_) => Some("loss"),
+            Kind::Duplicate(_) => Some("share of duplicates"),
+            Kind::Reorder(..) => Some("reordering"),
+            Kind::Corrupt(_) => Some("corruption in memory"),
+            Kind::CorruptOnWire(_) => Some("corruption on the wire"),
+            Kind::Delay(_)
+            | Kind::FrameFault(..)
+            | Kind::AtFrame(_)
+            | Kind::Cut(..)
+            | Kind::Kill(..)
+            | Kind::Drive(_) => None,
+        }
+    }
+}
+
 /// Longest time for which a cable between two processes holds a frame: it keeps frames in memory of fixed size.
 const LONGEST_HOLD: Duration = Duration::from_secs(1);
 

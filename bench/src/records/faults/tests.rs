@@ -1,4 +1,5 @@
 use super::*;
+use virtual_time::LinkCounters;
 
 fn faults(texts: &[&str]) -> Vec<Fault> {
     texts.iter().map(|text| text.parse().unwrap()).collect()
@@ -97,4 +98,41 @@ fn the_error_for_a_wrong_fault_shows_correct_ones() {
         assert!(said(wrong).contains("is no fault"), "{wrong}");
     }
     assert!(said("to-plc:restart-plc=0@1ms").contains("is no number of a frame"));
+}
+
+#[test]
+fn what_sets_the_same_number_of_a_direction_twice_is_refused() {
+    let refused = |texts: &[&str]| check_repeated(&faults(texts)).err().map(|error| error.to_string());
+    insta::assert_snapshot!(refused(&["loss=0.1", "jitter=1ms", "loss=0.2"]).unwrap(), @"`loss=0.1` and `loss=0.2` both set the loss of one direction: leave one out, or limit each to a direction of its own, as in to-robot:loss=0.001 and to-plc:loss=0.01");
+    let whole_cable = refused(&["to-robot:reorder=0.1@1ms", "reorder=0.1@2ms"]).unwrap();
+    assert!(whole_cable.contains("both set the reordering of one direction"), "{whole_cable}");
+    for beside_each_other in [
+        ["to-robot:loss=0.1", "to-plc:loss=0.2"],
+        ["corrupt=0.1@memory", "corrupt=0.1@wire"],
+        ["delay=1ms", "to-plc:delay=2ms"],
+        ["to-plc:lose-frame=3", "to-plc:lose-frame=4"],
+        ["cut-at=1s..2s", "cut-at=3s..4s"],
+    ] {
+        assert_eq!(refused(&beside_each_other), None);
+    }
+}
+
+#[test]
+fn a_fault_that_the_run_ended_before_never_came_to_pass() {
+    let asked = [
+        "loss=0.1",
+        "cut-at=2s..3s",
+        "kill-robot-at=3000s",
+        "drive-stop=1@3000s",
+        "to-robot:lose-frame=100",
+        "to-plc:lose-frame=100",
+        "to-plc:cut-frame=99@1ms",
+        "to-robot:restart-plc=101@1ms",
+    ];
+    let counters = |sent| LinkCounters { sent, lost: 5, ..LinkCounters::default() };
+    let links = [counters(100), counters(99)];
+    let report = FaultReport::new(&faults(&asked), links, Some(Duration::from_secs(2)));
+    insta::assert_snapshot!(report, @"Faults put in (loss=0.1, cut-at=2s..3s, to-robot:lose-frame=100, to-plc:cut-frame=99@1ms): 10 frames lost, 0 twice, 0 held back, 0 corrupted behind the checksums of Ethernet and UDP. Never came to pass, because the run ended before: kill-robot-at=3000s, drive-stop=1@3000s, to-plc:lose-frame=100, to-robot:restart-plc=101@1ms.");
+    let before_ready = FaultReport::new(&faults(&["cut-at=0s..3s"]), links, None);
+    insta::assert_snapshot!(before_ready, @"Never came to pass, because the run ended before: cut-at=0s..3s.");
 }

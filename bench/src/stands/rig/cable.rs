@@ -3,12 +3,13 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use protocol_linux::capture::{CaptureFile, Retention};
 use protocol_linux::impaired::{ImpairedCable, Observer};
 use protocol_linux::namespace::{NamespaceError, NetworkNamespace};
 use protocol_linux::{Interface, InterfaceError, Recorder, RecorderError, veth};
-use virtual_time::Side;
+use virtual_time::{LinkCounters, Side};
 
 use super::RigError;
 use super::frames::FrameLog;
@@ -48,6 +49,8 @@ pub(super) struct Cable {
     /// Recorders that feed the log.
     watchers: Vec<Recorder>,
     discarded: bool,
+    /// When the robot was ready.
+    ready: Option<Instant>,
 }
 
 impl Cable {
@@ -63,6 +66,7 @@ impl Cable {
             frames: options.frames.cloned(),
             watchers: Vec::new(),
             discarded: false,
+            ready: None,
         };
         if options.faults.is_empty() {
             cable.set_up_clean(options)?;
@@ -126,7 +130,8 @@ impl Cable {
     }
 
     /// Starts the times of faults: the robot is ready.
-    pub(super) fn set_ready(&self) {
+    pub(super) fn set_ready(&mut self) {
+        self.ready = Some(Instant::now());
         if let Some(middle) = &self.middle {
             middle.set_ready();
         }
@@ -141,7 +146,11 @@ impl Cable {
 
     /// Returns the result of the faults so far; `None` without faults.
     pub(super) fn fault_report(&self) -> Option<FaultReport> {
-        self.middle.as_ref().map(|middle| FaultReport::new(&self.faults, middle.counters()))
+        self.middle.as_ref().map(|middle| self.report(middle.counters()))
+    }
+
+    fn report(&self, links: [LinkCounters; 2]) -> FaultReport {
+        FaultReport::new(&self.faults, links, self.ready.map(|ready| ready.elapsed()))
     }
 
     pub(super) fn pause_capture(&self, paused: bool) -> io::Result<()> {
@@ -183,7 +192,7 @@ impl Cable {
         let ended = all(self.recorders.drain(..).map(end));
         let middle = self.middle.take().map(|middle| middle.stop(!self.discarded)).transpose();
         watched?;
-        let faults = middle?.map(|stopped| FaultReport::new(&self.faults, stopped.counters));
+        let faults = middle?.map(|stopped| self.report(stopped.counters));
         ended?;
         Ok(faults)
     }

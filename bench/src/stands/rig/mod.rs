@@ -198,7 +198,7 @@ impl Rig {
         rig.connected_after = Some(started.elapsed());
         rig.wait_until_at_start().await?;
         rig.changes = Changes::from_now(faults);
-        if let Some(cable) = &rig.cable {
+        if let Some(cable) = &mut rig.cable {
             cable.set_ready();
         }
         rig.trace_directory.clone_from(&config.trace);

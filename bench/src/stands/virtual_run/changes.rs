@@ -12,6 +12,8 @@ use crate::records::faults::{self, AtFrame, Change, Fault};
 pub(super) struct Changes {
     /// Those at a time since the robot was ready.
     since_ready: Vec<(Duration, Change)>,
+    /// When the robot was ready.
+    ready: Option<Instant>,
     /// Those at an instant of true time, the next one last.
     due: Vec<(Instant, Change)>,
     /// Those with a frame.
@@ -23,14 +25,20 @@ pub(super) struct Changes {
 impl Changes {
     pub(super) fn of(faults: &[Fault]) -> Self {
         let at_frames = faults::at_frames(faults).collect();
-        Self { since_ready: faults::changes(faults), due: Vec::new(), at_frames, cuts: 0 }
+        Self { since_ready: faults::changes(faults), ready: None, due: Vec::new(), at_frames, cuts: 0 }
     }
 
     /// Starts the time that changes count from: the robot is ready.
     pub(super) fn ready(&mut self, now: Instant) {
+        self.ready = Some(now);
         for (after, change) in std::mem::take(&mut self.since_ready) {
             self.push(now + after, change);
         }
+    }
+
+    /// Returns the time since the robot was ready; `None` before.
+    pub(super) fn since_ready(&self, now: Instant) -> Option<Duration> {
+        self.ready.map(|ready| now.since(ready))
     }
 
     fn push(&mut self, at: Instant, change: Change) {

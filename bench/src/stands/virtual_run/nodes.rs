@@ -344,7 +344,8 @@ impl Nodes {
             allocations: None,
             repeated: Vec::new(),
             faults: (!self.faults.is_empty()).then(|| {
-                FaultReport::new(&self.faults, [Side::A, Side::B].map(|side| self.pair.link_counters(side)))
+                let links = [Side::A, Side::B].map(|side| self.pair.link_counters(side));
+                FaultReport::new(&self.faults, links, self.changes.since_ready(self.now()))
             }),
         }
     }

@@ -119,6 +119,7 @@ fn check_outputs(options: &RunOptions, found: &Found) -> Result<(), Failure> {
 fn check_faults(options: &RunOptions, setup: &Setup) -> Result<(), Failure> {
     let usage = |error: NoSuchDrive| Failure::new(Exit::Usage, error);
     faults::check_drives(&flat(&options.fault), setup).map_err(usage)?;
+    faults::check_repeated(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
     faults::check_frame_faults(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
     if options.mode == Mode::Real {
         faults::check_real(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
