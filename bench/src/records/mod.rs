@@ -5,6 +5,7 @@
 //! mode           real or virtual time
 //! lateness       lateness of a cyclic task
 //! conditions     the result of one run, and the conditions of the measurement
+//! comparable     what a run measured and how; in what two runs differ
 //! results        the results of a measurement, as in results.json; figures derives what tables show of them, statistics has
 //!                the formulas, quality the arm's motion
 //! paper          when the paper's figures stand beside a run; calibrated: the numbers chosen to meet them
@@ -26,6 +27,7 @@
 pub mod arms;
 pub mod attached;
 pub mod calibrated;
+pub mod comparable;
 pub mod conditions;
 pub(crate) mod counted;
 pub mod distance;

@@ -1,7 +1,6 @@
 //! `bench history`: the stored runs, oldest first, each compared with the last one before it that measured the same.
 //!
 //! ```text
-//! conditions  what a run measured and how; whether two runs can be compared
 //! entry       a run of the list
 //! table       the list on screen
 //! page        the list as a page
@@ -10,7 +9,6 @@
 //! ```
 
 mod chart;
-mod conditions;
 mod entry;
 mod link;
 mod page;
@@ -27,10 +25,10 @@ pub use entry::Entry;
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
 use crate::output::{errln, in_shell};
+use crate::records::comparable::Conditions;
 use crate::records::mode::Mode;
 use crate::records::run_directory::{self, Durability, replace};
 use crate::verbs::outputs::{self, Own};
-use conditions::Conditions;
 
 /// Options of the list of runs.
 #[derive(Args, Debug)]
@@ -173,17 +171,20 @@ impl History {
     }
 }
 
+/// What the earlier of two runs is called.
+const BEFORE: &str = "before";
+
 /// Compares each run with the last one before it under the same conditions. The runs are sorted by age.
 fn compared(runs: Vec<(Conditions, Entry)>) -> Vec<Entry> {
     // Few runs differ in their conditions, and to compare setups takes time: each run is compared with each condition.
     let mut found: Vec<Conditions> = Vec::new();
     let mut entries: Vec<(usize, Entry)> = Vec::new();
     for (conditions, mut entry) in runs {
-        let same = found.iter().position(|known| conditions.difference(known).is_none());
+        let same = found.iter().position(|known| conditions.difference((known, BEFORE)).is_none());
         let under_the_same = entries.iter().rev().filter(|(index, _)| Some(*index) == same);
         entry.compare(under_the_same.map(|(_, earlier)| earlier));
         let last = entries.iter().rev().find(|(_, earlier)| entry.has_kind_of(earlier));
-        entry.differs = last.and_then(|(index, _)| conditions.difference(found.get(*index)?));
+        entry.differs = last.and_then(|(index, _)| conditions.difference((found.get(*index)?, BEFORE)));
         entries.push((same.unwrap_or(found.len()), entry));
         if same.is_none() {
             found.push(conditions);
