@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn beyond_half_a_turn_the_second_link_stays_on_its_side() {
-        let mut limits = arm().limits().clone();
+        let mut limits = *arm().limits();
         (limits.lower[1], limits.upper[1]) = (-200.0, 200.0);
         let arm = Arm::new(Arc::new(KR6_R500), limits);
         for joints in [[-60.0, 195.0, 100.0, 0.0, 0.0, 0.0], [60.0, -195.0, 100.0, 0.0, 0.0, 0.0]] {
