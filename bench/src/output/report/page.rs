@@ -251,7 +251,11 @@ fn sample_rows(results: &Results) -> Vec<samples::Row> {
         let AetMad { aet_ms, mad_ms } = results.figure(execution_type)?;
         Some(samples::Row {
             name: label(execution_type),
-            about: format!("{aet_ms:.1} ms, MAD {mad_ms:.1} ms, n = {}", result.samples_ms.len()),
+            about: match result.samples_ms.len() {
+                // One sample has no deviation.
+                1 => format!("{aet_ms:.1} ms, n = 1"),
+                n => format!("{aet_ms:.1} ms, MAD {mad_ms:.1} ms, n = {n}"),
+            },
             colour: colour(execution_type),
             samples: result.samples_ms.iter().map(|sample| sample - aet_ms).collect(),
         })

@@ -81,7 +81,7 @@ pub struct ExploreOptions {
     )]
     pub kinds: Vec<List<What>>,
     /// Test only every Nth frame of each direction.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
     pub every: u64,
     /// Make this many runs with two faults each, drawn by the seed, in place of one fault at every frame.
     #[arg(long, value_name = "N", conflicts_with = "every", value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
