@@ -3,6 +3,7 @@
 use core::ops::Mul;
 
 use super::angles::sin_cos;
+use super::shortest_turn;
 
 /// A rotation, as a unit quaternion.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -45,7 +46,7 @@ impl Rotation {
         let (sin_a, cos_a) = (2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
         if sin_a.abs().max(cos_a.abs()) < LEAST_COS_B {
             let a = 2.0 * libm::atan2(z, w).to_degrees();
-            return [half_open(if a > 180.0 { a - 360.0 } else { a }), 90.0_f64.copysign(sin_b), 0.0];
+            return [half_open(shortest_turn(a)), 90.0_f64.copysign(sin_b), 0.0];
         }
         let a = libm::atan2(sin_a, cos_a);
         let c = libm::atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y));

@@ -266,7 +266,7 @@ impl Grid {
 /// Returns the distance from a rest at which the acceleration has risen fully, within a cell of this length. None where
 /// that is too near to the cell's end for a knot.
 fn ramp(rest: &Knot, cell: f64) -> Option<f64> {
-    let (acceleration, jerk) = rest.at_rest();
+    let (acceleration, jerk) = (rest.acceleration_at_rest(1.0), rest.jerk_at_rest());
     let ramp = acceleration * acceleration * acceleration / (6.0 * jerk * jerk);
     (ramp < 0.6 * cell).then_some(ramp)
 }

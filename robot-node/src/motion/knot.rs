@@ -105,16 +105,16 @@ impl Knot {
         self.highest * self.tightness[0].min(self.tightness[1])
     }
 
-    /// The highest acceleration from rest, and the highest jerk there.
-    pub(super) fn at_rest(&self) -> (f64, f64) {
-        let (tool, steepest) = (square(self.slopes.tool[0]).sqrt(), self.slopes.steepest());
+    /// The highest jerk at rest.
+    pub(super) fn jerk_at_rest(&self) -> f64 {
+        let tool = square(self.slopes.tool[0]).sqrt();
         let ramps = zip(&self.slopes.slope, &self.rates.ramps.ramp_s).map(|(slope, ramp)| slope.abs() * ramp);
-        let jerk = ramps.fold(tool * self.rates.ramps.tool_ramp_s, f64::max);
-        (self.tightness[0] / steepest, self.tightness[1] / jerk)
+        self.tightness[1] / ramps.fold(tool * self.rates.ramps.tool_ramp_s, f64::max)
     }
 
-    /// The highest acceleration where the path is straight, if `sign` is that of speeding up, else the highest deceleration.
-    pub(super) fn straight(&self, sign: f64) -> f64 {
+    /// The highest acceleration at rest or where the path is straight, if `sign` is that of speeding up, else the highest
+    /// deceleration.
+    pub(super) fn acceleration_at_rest(&self, sign: f64) -> f64 {
         let (joints, tool) = self.factors(sign);
         let tool = square(self.slopes.tool[0]).sqrt() / tool;
         let steepest = self.slopes.slope.iter().fold(tool, |most, slope| most.max(slope.abs() / joints));

@@ -93,7 +93,7 @@ impl Path {
         let knot = part.knot(spot.way, 0.0, &Rates::of(part.ratings))?;
         let (now, speed) = (self.scale.now(), square.sqrt());
         let sign = 1.0_f64.copysign(self.factor - now.share);
-        let (most, (_, most_jerk)) = (knot.straight(sign), knot.at_rest());
+        let (most, most_jerk) = (knot.acceleration_at_rest(sign), knot.jerk_at_rest());
         let under_way = self.scale.after(step_s).change;
         let accelerates = now.share * now.share * acceleration + now.change * speed;
         let room = (ACCELERATION_SHARE * most - sign * accelerates) / step_s;

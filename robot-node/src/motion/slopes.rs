@@ -1,6 +1,6 @@
 //! The derivatives of joints and tool at a place of a stretch.
 
-use super::node::{Node, Vector, square};
+use super::node::{Node, Vector};
 use crate::arm::{AXES, Joints};
 
 /// First, second and third derivatives of joints and tool by the way of a stretch, over the limits of the
@@ -88,11 +88,6 @@ impl Slopes {
             found.tool[2][i] = 0.5 * (one[2][i] + two[2][i]);
         }
         found
-    }
-
-    /// Returns the largest share of a limit that a unit of acceleration along the way uses.
-    pub(super) fn steepest(&self) -> f64 {
-        self.slope.iter().fold(square(self.tool[0]).sqrt(), |most, slope| most.max(slope.abs()))
     }
 }
 

@@ -130,8 +130,8 @@ impl Law {
         let [p0, p1, p2, p3] = self.tools(&tool);
         let chords = [(p0, p1), (p1, p2), (p2, p3)].map(|(to, from)| difference(from, to));
         let velocity = self.most(among, |way| way.velocity);
-        let step = length(chords[0]);
-        self.look_at_speed(among, step, length(chords[1]), velocity * self.cycle_s);
+        let (step, step_before) = (length(chords[0]), length(chords[1]));
+        self.look_at_speed(among, step, step_before, velocity * self.cycle_s);
         let limit = velocity * self.pace.allowed();
         let is_spline = self.ways_among(among).iter().any(|way| way.kind == Kind::Spline);
         let share = if is_spline { QUADRATURE } else { SHARE };
@@ -148,7 +148,7 @@ impl Law {
         if self.samples_of_skill >= 3 && self.is_one_tool(3) {
             let among = self.among_last(3);
             let square = self.powers[1];
-            if let Some(what) = self.slows_too_fast(among, chords.map(length)) {
+            if let Some(what) = self.slows_too_fast(among, step, step_before) {
                 return self.report(Class::ToolAcceleration, what);
             }
             let limit = self.most(among, |way| way.acceleration.max(way.deceleration));
@@ -172,14 +172,14 @@ impl Law {
     }
 
     /// The deceleration of a motion is along its path; where that bends, the tool is accelerated across it besides.
-    fn slows_too_fast(&self, among: Among, [last, before, _]: [f64; 3]) -> Option<Broken> {
+    fn slows_too_fast(&self, among: Among, step: f64, before: f64) -> Option<Broken> {
         let limit = self.most(among, |way| way.deceleration);
         let square = self.powers[1];
         let noise = 4.0 * TOOL_NOISE_MM + BEND * before;
-        let figure = (before - last) / square;
-        (before - last > limit * square * (1.0 + SHARE) + noise).then_some(Broken::Figure {
+        let slower = before - step;
+        (slower > limit * square * (1.0 + SHARE) + noise).then_some(Broken::Figure {
             quantity: "the tool's deceleration",
-            figure,
+            figure: slower / square,
             limit,
             unit: "mm/s²",
         })

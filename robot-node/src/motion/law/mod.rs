@@ -240,9 +240,9 @@ impl Law {
     /// Returns the highest square of the speed at the other end of a cell beside a rest, as the jerk allows.
     fn highest_beside_rest(&self, rest: usize, knot: usize, cell: usize) -> f64 {
         let length = self.length(cell);
-        let jerk_at = |knot: &Knot| knot.at_rest().1;
-        let jerk = jerk_at(&self.grid.knots[rest]).min(jerk_at(&self.grid.knots[knot]));
-        let jerk = self.other_side(knot - 1).map_or(jerk, |other| jerk.min(jerk_at(other)));
+        let [rest, end] = [rest, knot].map(|knot| self.grid.knots[knot].jerk_at_rest());
+        let jerk = rest.min(end);
+        let jerk = self.other_side(knot - 1).map_or(jerk, |other| jerk.min(other.jerk_at_rest()));
         let root = libm::cbrt(4.5 * jerk * length * length);
         root * root
     }

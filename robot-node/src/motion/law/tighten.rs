@@ -45,7 +45,7 @@ impl Law {
             let jerk = 2.0 / 9.0 * pace.square * pace.square.sqrt() / (length * length);
             let there = most(load(&knot.slopes, pace, jerk), pace);
             let at_rest = if from.is_rest() { start } else { end };
-            let rest = [0.0, jerk / at_rest.at_rest().1 * at_rest.tightness[1]];
+            let rest = [0.0, jerk / at_rest.jerk_at_rest() * at_rest.tightness[1]];
             // They grow with s^(4/3) and s^(1/3).
             let half =
                 Pace { square: HALF_WAY[0] * pace.square, acceleration: HALF_WAY[1] * pace.acceleration };
