@@ -3,25 +3,13 @@
 use std::time::Duration;
 
 use ethernet_ip::connection::TimeoutMultiplier;
+use profinet::rt::{COUNT_NANOS, Transport};
 use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT, is_station_name};
 
 use super::{Check, cycle, problem};
 use crate::{
     Addresses, Bus, BusKind, Cyclic, Ethercat, EthernetIp, EthernetIpFormat, Profinet, ProfinetDevice,
 };
-
-/// IEC 61158-6-10: one step of the cycle counter, the unit of every PROFINET cycle time.
-const PROFINET_UNIT_NS: u64 = 31_250;
-/// IEC 61158-6-10: the longest cycle of RT_CLASS_1, 512 ms.
-const PROFINET_RT1_MAX_UNITS: u64 = 16_384;
-/// The longest cycle of RT_CLASS_UDP at which the cycle counter of 16 bits tells the next frame from an older one, 1.92 s.
-const PROFINET_UDP_MAX_UNITS: u64 = 61_440;
-/// IEC 61158-6-10: data hold time of RT_CLASS_1.
-const PROFINET_RT1_HOLD: Duration = Duration::from_millis(1_920);
-/// IEC 61158-6-10: data hold time of RT_CLASS_UDP.
-const PROFINET_UDP_HOLD: Duration = Duration::from_millis(61_440);
-/// IEC 61158-6-10: DataHoldFactor.
-const PROFINET_MAX_HOLD_FACTOR: u32 = 7_680;
 
 /// Cycles that a MainDevice on Linux can keep.
 const ETHERCAT_CYCLES_US: std::ops::RangeInclusive<u32> = 250..=100_000;
@@ -175,23 +163,23 @@ fn check_ethernet_ip(bus: &Bus, ethernet_ip: &EthernetIp) -> Check {
 
 fn check_profinet(bus: &Bus, profinet: &Profinet) -> Check {
     let cycle_ns = u64::from(bus.cycle_us.value) * 1_000;
-    let units = cycle_ns / PROFINET_UNIT_NS;
-    if cycle_ns % PROFINET_UNIT_NS != 0 || !units.is_power_of_two() {
+    let units = cycle_ns / COUNT_NANOS;
+    if cycle_ns % COUNT_NANOS != 0 || !units.is_power_of_two() {
         let text = format!(
             "{} µs is not a PROFINET cycle: 31.25 µs times a power of two, such as 250, 500, 1000, 2000, 4000",
             bus.cycle_us.value
         );
         return Err(problem("bus.cycle_us", text));
     }
-    let hold = bus.watchdog();
-    let (class, longest, most_units) = match profinet.cyclic {
-        Cyclic::Udp => ("udp", PROFINET_UDP_HOLD, PROFINET_UDP_MAX_UNITS),
-        Cyclic::Rt1 => ("rt1", PROFINET_RT1_HOLD, PROFINET_RT1_MAX_UNITS),
+    let (class, transport) = match profinet.cyclic {
+        Cyclic::Udp => ("udp", Transport::Udp),
+        Cyclic::Rt1 => ("rt1", Transport::Rt1),
     };
+    let most_units = u64::from(transport.max_counts());
     // A foreign device refuses a cycle that is too short for it.
     let least_units = if profinet.device.is_none() { PROFINET_ROBOT.min_device_interval.into() } else { 1 };
     if !(least_units..=most_units).contains(&units) {
-        let micros = |units: u64| units * PROFINET_UNIT_NS / 1_000;
+        let micros = |units: u64| units * COUNT_NANOS / 1_000;
         let text = format!(
             "{} µs is not a cycle that can be served over {class}: {} to {} µs",
             bus.cycle_us.value,
@@ -200,14 +188,14 @@ fn check_profinet(bus: &Bus, profinet: &Profinet) -> Check {
         );
         return Err(problem("bus.cycle_us", text));
     }
-    if hold > longest || bus.watchdog_cycles.value > PROFINET_MAX_HOLD_FACTOR {
-        let most = (longest.as_nanos() / u128::from(cycle_ns)).min(u128::from(PROFINET_MAX_HOLD_FACTOR));
+    let most = transport.max_hold_factor(Duration::from_nanos(cycle_ns));
+    if bus.watchdog_cycles.value > most.into() {
         let text = format!(
             "{} cycles of {} µs hold for {} ms; PROFINET allows {} ms over {class}, so at most {most} cycles",
             bus.watchdog_cycles.value,
             bus.cycle_us.value,
-            hold.as_millis(),
-            longest.as_millis(),
+            bus.watchdog().as_millis(),
+            transport.max_hold_time().as_millis(),
         );
         return Err(problem("bus.watchdog_cycles", text));
     }

@@ -14,8 +14,8 @@ use alloc::vec::Vec;
 
 use super::{API, COUNT_LIMIT};
 use crate::block::{self, BlockReader, BlockType, BlockWriter, short};
+use crate::rt::CycleTime;
 use crate::status::{Block, Violation};
-use machine::Duration;
 use machine::ethernet::Mac;
 use machine::wire::Truncated;
 
@@ -141,16 +141,10 @@ impl Iocr {
     /// FrameSendOffset that lets the sender choose.
     pub const BEST_EFFORT: u32 = 0xFFFF_FFFF;
 
-    /// Returns the time from one frame to the next: SendClockFactor × ReductionRatio × 31.25 µs.
+    /// Returns the time from one frame to the next.
     #[must_use]
-    pub fn period(&self) -> Duration {
-        Duration::from_nanos(31_250 * u64::from(self.send_clock_factor) * u64::from(self.reduction_ratio))
-    }
-
-    /// Returns the time without a frame after which the data is no longer valid.
-    #[must_use]
-    pub fn data_hold_time(&self) -> Duration {
-        self.period() * u32::from(self.data_hold_factor)
+    pub const fn cycle_time(&self) -> CycleTime {
+        CycleTime { send_clock_factor: self.send_clock_factor, reduction_ratio: self.reduction_ratio }
     }
 
     pub(super) fn parse(body: &mut BlockReader<'_>) -> Result<Self, Violation> {

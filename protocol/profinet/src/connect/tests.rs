@@ -28,8 +28,8 @@ fn the_connect_of_a_siemens_controller_is_parsed_completely() {
     assert_eq!((output.iocr_type, output.data_length), (IocrType::Output, 40));
     assert_eq!(input.objects.len(), 6);
     assert_eq!(output.consumer_statuses.len(), 6);
-    assert_eq!(input.period(), core::time::Duration::from_millis(32));
-    assert_eq!(input.data_hold_time(), core::time::Duration::from_millis(96));
+    assert_eq!(input.cycle_time().period(), core::time::Duration::from_millis(32));
+    assert_eq!(input.cycle_time().multiplied(input.data_hold_factor), core::time::Duration::from_millis(96));
     assert_eq!(request.alarm_cr.unwrap().max_data_length, 256);
     let slots: Vec<_> =
         request.expected.iter().map(|module| (module.slot, module.submodules.len())).collect();

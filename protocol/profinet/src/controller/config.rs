@@ -93,16 +93,18 @@ pub enum ConfigError {
     },
     /// The watchdog is zero or longer than the standard allows.
     #[error(
-        "a watchdog of {cycles} cycles is {} ms; choose 1 cycle or more and at most {} ms", time.as_millis(),
-        limit.as_millis()
+        "a watchdog of {cycles} cycles is {} ms; choose 1 to {most} cycles, which are at most {} ms",
+        time.as_millis(), longest.as_millis()
     )]
     Watchdog {
         /// The cycles asked for.
         cycles: u16,
         /// The time that they take.
         time: Duration,
-        /// The longest time that the transport has.
-        limit: Duration,
+        /// The most cycles that the standard allows.
+        most: u16,
+        /// The time that these take.
+        longest: Duration,
     },
     /// A station name is empty or contains something that DCP does not allow.
     #[error(

@@ -11,7 +11,7 @@ use crate::connect::{
     Iocr, IocrType, ModuleState, Object, RtClass, SubmoduleState,
 };
 use crate::description::Description;
-use crate::rt::{CycleTime, FRAME_IDS_RT_CLASS_1_UDP, FRAME_IDS_RT_CLASS_2, MAX_C_SDU_LEN, Transport};
+use crate::rt::{COUNT_NANOS, FRAME_IDS_RT_CLASS_1_UDP, FRAME_IDS_RT_CLASS_2, MAX_C_SDU_LEN, Transport};
 use crate::status::Violation;
 
 /// A Connect that is accepted.
@@ -25,9 +25,6 @@ pub(super) struct Admission<'a> {
     /// The modules that differ from the expected ones.
     pub(super) diff: Vec<DiffModule>,
 }
-
-/// Largest WatchdogFactor and DataHoldFactor.
-const MAX_FACTOR: u16 = 0x1E00;
 
 /// Checks a Connect against the rules and against the device.
 pub(super) fn admit<'a>(
@@ -120,17 +117,15 @@ fn check_iocr(iocr: &Iocr, description: &Description) -> Result<(), Violation> {
     let whole = transport == Transport::Udp || ratio.is_power_of_two();
     check(whole && (1..=transport.max_reduction_ratio()).contains(&ratio), Violation::ReductionRatio)?;
     check((1..=ratio).contains(&iocr.phase), Violation::Phase)?;
-    let time = CycleTime { send_clock_factor: clock, reduction_ratio: ratio };
+    let time = iocr.cycle_time();
     let served = u32::from(description.min_device_interval)..=transport.max_counts();
     check(served.contains(&time.counts()), Violation::ReductionRatio)?;
     let offset = iocr.frame_send_offset;
-    let send_clock_ns = u32::from(clock) * 31_250;
-    check(offset == Iocr::BEST_EFFORT || offset < send_clock_ns, Violation::FrameSendOffset)?;
-    let in_range = |factor: u16| {
-        (1..=MAX_FACTOR).contains(&factor) && time.multiplied(factor) <= transport.max_hold_time()
-    };
-    check(in_range(iocr.watchdog_factor), Violation::WatchdogFactor)?;
-    check(in_range(iocr.data_hold_factor), Violation::DataHoldFactor)?;
+    let send_clock_ns = u64::from(clock) * COUNT_NANOS;
+    check(offset == Iocr::BEST_EFFORT || u64::from(offset) < send_clock_ns, Violation::FrameSendOffset)?;
+    let factors = 1..=transport.max_hold_factor(time.period());
+    check(factors.contains(&iocr.watchdog_factor), Violation::WatchdogFactor)?;
+    check(factors.contains(&iocr.data_hold_factor), Violation::DataHoldFactor)?;
     check(transport == Transport::Udp || is_tag(iocr.tag_header, 6), Violation::IocrTagHeader)
 }
 

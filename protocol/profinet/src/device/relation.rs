@@ -22,7 +22,7 @@ use crate::description::Description;
 use crate::provided::Provided;
 use crate::record::{ArData, IoData, IocrData, PhysicalParameters};
 use crate::rt::{
-    CycleTime, CyclicReceiver, CyclicSender, IoxStatus, MAX_C_SDU_LEN, Received, Route, Transport, UDP_PORT,
+    CyclicReceiver, CyclicSender, IoxStatus, MAX_C_SDU_LEN, Received, Route, Transport, UDP_PORT,
 };
 use crate::status::Violation;
 use machine::ethernet::Mac;
@@ -107,7 +107,7 @@ impl Relation {
             Transport::Udp => Route::Udp(SocketAddrV4::new(controller, ar.initiator_rt_port)),
         };
         let process = ProcessData::new(description, expected, diff, input, output);
-        let input_time = cycle_time(input);
+        let input_time = input.cycle_time();
         let input_route = route(transport(input));
         let mut sender = CyclicSender::new(
             input_route,
@@ -117,7 +117,7 @@ impl Relation {
             input_time.first(now, mac),
         );
         process.write_statuses(false, sender.c_sdu_mut());
-        let output_time = cycle_time(output);
+        let output_time = output.cycle_time();
         let receiver = CyclicReceiver::new(
             *output_frame_id,
             output_time,
@@ -350,8 +350,4 @@ fn io_data<'a>(
             .and_then(|object| status(opposite_frame, object.offset.into()))
             .unwrap_or_default(),
     })
-}
-
-const fn cycle_time(iocr: &Iocr) -> CycleTime {
-    CycleTime { send_clock_factor: iocr.send_clock_factor, reduction_ratio: iocr.reduction_ratio }
 }

@@ -9,6 +9,7 @@ use machine::Instant;
 
 use crate::Uuid;
 use crate::block::{self, BlockType, BlockWriter};
+use crate::rt::COUNT_NANOS;
 use crate::status::Status;
 
 /// Number of entries that are kept.
@@ -61,7 +62,7 @@ impl LogBook {
 }
 
 fn put_time(at: Instant, writer: &mut BlockWriter<'_>) {
-    writer.bytes(&(at.as_nanos() / 31_250).to_be_bytes());
+    writer.bytes(&(at.as_nanos() / COUNT_NANOS).to_be_bytes());
 }
 
 #[cfg(test)]

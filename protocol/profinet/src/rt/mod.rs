@@ -20,7 +20,7 @@ mod timing;
 
 pub use receiver::{CyclicReceiver, Received};
 pub use sender::{CyclicSender, Route};
-pub use timing::{CycleTime, Transport, UnsupportedCycle, cycle_counter};
+pub use timing::{COUNT_NANOS, CycleTime, Transport, UnsupportedCycle, cycle_counter};
 
 use machine::wire::{BigEndian, Reader, Truncated, Writer};
 

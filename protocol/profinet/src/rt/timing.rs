@@ -4,8 +4,11 @@ use super::receiver::NEWER_WINDOW;
 use machine::ethernet::Mac;
 use machine::{Duration, Instant};
 
-/// One count of the cycle counter and unit of the send clock: 31.25 µs.
-const COUNT_NANOS: u64 = 31_250;
+/// One count of the cycle counter and unit of the send clock in nanoseconds: 31.25 µs.
+pub const COUNT_NANOS: u64 = 31_250;
+
+/// Largest WatchdogFactor and DataHoldFactor (IEC 61158-6-10).
+const MAX_HOLD_FACTOR: u16 = 7_680;
 
 /// Returns the cycle counter at `at`: the clock in counts of 31.25 µs, modulo 2^16.
 #[must_use]
@@ -60,6 +63,14 @@ impl Transport {
             Self::Rt1 => Duration::from_millis(1_920),
             Self::Udp => Duration::from_millis(61_440),
         }
+    }
+
+    /// Returns the largest WatchdogFactor and DataHoldFactor of frames that come every `period`: no factor exceeds 7680, and
+    /// none makes more than [`max_hold_time`](Self::max_hold_time).
+    #[must_use]
+    pub fn max_hold_factor(self, period: Duration) -> u16 {
+        let fitting = self.max_hold_time().as_nanos() / period.as_nanos().max(1);
+        u16::try_from(fitting).unwrap_or(u16::MAX).min(MAX_HOLD_FACTOR)
     }
 }
 

@@ -75,10 +75,10 @@ impl ConnectPlan {
                 CycleTime { send_clock_factor: config.description.min_device_interval, reduction_ratio: 1 };
             return Err(ConfigError::ShortCycle { cycle: config.cycle, shortest: shortest.period() });
         }
-        let (cycles, limit) = (config.watchdog_cycles, config.transport.max_hold_time());
+        let (cycles, most) = (config.watchdog_cycles, config.transport.max_hold_factor(time.period()));
         let hold = time.multiplied(cycles);
-        if hold.is_zero() || hold > limit {
-            return Err(ConfigError::Watchdog { cycles, time: hold, limit });
+        if !(1..=most).contains(&cycles) {
+            return Err(ConfigError::Watchdog { cycles, time: hold, most, longest: time.multiplied(most) });
         }
         let expected = expected(&config.description);
         let layout = Layout::new(&expected, config.transport).map_err(ConfigError::TooMuchData)?;

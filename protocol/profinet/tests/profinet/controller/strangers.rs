@@ -50,8 +50,10 @@ fn a_configuration_that_cannot_work_is_refused_with_what_to_change() {
     assert!(refused(|config| config.cycle = Duration::from_micros(700)).contains("no cycle of 700 µs"));
     let short = refused(|config| config.cycle = Duration::from_micros(500));
     assert!(short.contains("500 µs is shorter than the 1000 µs that the device serves"), "{short}");
-    assert!(refused(|config| config.watchdog_cycles = 0).contains("choose 1 cycle or more"));
+    assert!(refused(|config| config.watchdog_cycles = 0).contains("choose 1 to 1920 cycles"));
     assert!(refused(|config| config.watchdog_cycles = 2_000).contains("at most 1920 ms"));
+    let long = refused(|config| (config.transport, config.watchdog_cycles) = (Transport::Udp, 10_000));
+    assert!(long.contains("10000 cycles is 10000 ms; choose 1 to 7680 cycles"), "{long}");
     assert!(refused(|config| config.address = Ipv4Addr::new(10, 0, 0, 1)).contains("not in one subnet"));
     assert!(refused(|config| config.station_name.clear()).contains("station name"));
     assert!(refused(|config| config.parameters[0].data = vec![0; 5_000]).contains("shorten it"));
