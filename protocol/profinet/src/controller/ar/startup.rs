@@ -79,6 +79,13 @@ impl Ar {
         let answered = match self.caller.handle(now, header, body) {
             AnswerOutcome::Pending => return true,
             AnswerOutcome::Foreign => return false,
+            // Whatever the answer, the connection has ended.
+            AnswerOutcome::Refused(_) | AnswerOutcome::Answer(..)
+                if matches!(self.phase, Phase::Releasing { .. }) =>
+            {
+                self.stop();
+                return true;
+            }
             // Whatever the answer, the submodule's diagnosis and provider status say the rest.
             AnswerOutcome::Refused(_) | AnswerOutcome::Answer(..) if self.phase == Phase::Exchanging => {
                 self.plug_answered(now);
@@ -111,7 +118,6 @@ impl Ar {
         };
         match answered {
             Ok(answer) => self.continue_startup(now, answer),
-            Err(_) if matches!(self.phase, Phase::Releasing { .. }) => self.stop(),
             // A device that is ready has executed PrmEnd. It refuses a repetition, since its answer was lost.
             Err(_) if self.phase == (Phase::EndingParameters { ready: true }) => self.exchange(now),
             Err(Some(refusal)) if self.can_do_without(refusal) => self.continue_startup(now, Answer::Done),
@@ -131,7 +137,6 @@ impl Ar {
             (Phase::Writing { parameter }, Answer::Done) => self.write(now, parameter + 1),
             (Phase::EndingParameters { ready: true }, Answer::Done) => self.exchange(now),
             (Phase::EndingParameters { ready: false }, Answer::Done) => self.await_ready(now),
-            (Phase::Releasing { .. }, _) => self.stop(),
             _ => {}
         }
     }
@@ -316,7 +321,6 @@ fn read(phase: Phase, blocks: &[u8], ar: &connect::Ar) -> Result<Answer, Refusal
             Err(_) => Err(unfit),
         },
         Phase::EndingParameters { .. } => control(Command::PrmEnd),
-        Phase::Releasing { .. } => control(Command::Release),
         _ => Ok(Answer::Done),
     }
 }
