@@ -127,14 +127,7 @@ impl Caller {
             Kind::Response => {
                 wait.restart_timeout(now);
                 if header.is_fragment() && header.flags & flags::NO_FRAGMENT_ACK == 0 {
-                    self.reply = Some(Header {
-                        kind: Kind::FragmentAck,
-                        flags: 0,
-                        flags2: 0,
-                        server_boot: header.server_boot,
-                        fragment: header.fragment,
-                        ..*header
-                    });
+                    self.reply = Some(Header { kind: Kind::FragmentAck, flags: 0, flags2: 0, ..*header });
                 }
                 match self.answer.take(header, body) {
                     Received::Whole(whole) => {
