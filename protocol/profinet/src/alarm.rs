@@ -11,7 +11,7 @@
 
 use super::block::{self, BlockReader, BlockType, BlockWriter, short};
 use super::status::{Block, HeadField, Status, Violation};
-use machine::wire::{BigEndian, Overflow, Reader, Truncated, Writer};
+use machine::wire::{BigEndian, Reader, Truncated, Writer};
 
 /// Length in bytes of the header.
 pub const HEADER_LEN: usize = 12;
@@ -132,17 +132,6 @@ impl Rta {
     /// Writes an error PDU: the header and the status.
     pub fn emit_error(&self, status: Status, writer: &mut Writer<'_, BigEndian>) {
         self.emit(writer, |w| w.u32(status.0));
-    }
-
-    /// Writes a PDU into a buffer of its own and returns its length.
-    pub fn emit_into(
-        &self,
-        buf: &mut [u8],
-        variable: impl FnOnce(&mut Writer<'_, BigEndian>),
-    ) -> Result<usize, Overflow> {
-        let mut writer = Writer::new(buf);
-        self.emit(&mut writer, variable);
-        writer.finish()
     }
 }
 
@@ -305,19 +294,21 @@ mod tests {
             let pdu = &frame[PDU_AT..];
             let (rta, variable) = Rta::parse(pdu).unwrap();
             let mut buf = [0; 100];
-            let len = match rta.pdu_type {
+            let mut writer = Writer::new(&mut buf);
+            match rta.pdu_type {
                 PduType::Data => {
                     let alarm = Alarm::parse(variable).unwrap();
-                    rta.emit_into(&mut buf, |w| alarm.emit(w)).unwrap()
+                    rta.emit(&mut writer, |w| alarm.emit(w));
                 }
-                PduType::Ack => rta.emit_into(&mut buf, |_| {}).unwrap(),
+                PduType::Ack => rta.emit(&mut writer, |_| {}),
                 PduType::Error => {
                     let status = error_status(variable).unwrap();
                     assert!(!status.text().contains("no name"), "{name}: {status:?}");
-                    rta.emit_into(&mut buf, |w| w.bytes(variable)).unwrap()
+                    rta.emit(&mut writer, |w| w.bytes(variable));
                 }
                 other => panic!("{name}: {other:?}"),
-            };
+            }
+            let len = writer.finish().unwrap();
             assert_eq!((len, &buf[..len]), (12 + variable.len(), &pdu[..len]), "{name}");
             seen += 1;
         }

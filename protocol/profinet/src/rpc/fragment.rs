@@ -51,12 +51,6 @@ impl Message {
         }
     }
 
-    /// Returns whether fragments are queued.
-    #[must_use]
-    pub const fn is_queued(&self) -> bool {
-        self.header.is_some() && self.next.is_some()
-    }
-
     /// Removes the message.
     pub const fn clear(&mut self) {
         self.header = None;

@@ -174,19 +174,17 @@ fn an_answer_has_neither_flags2_nor_serial_nor_fragment_of_its_call() {
 }
 
 #[test]
-fn a_message_is_queued_until_its_last_fragment_is_sent_or_it_is_removed() {
-    assert!(!Message::new().is_queued());
-    let mut message = long_message(FRAGMENT_LEN + 1);
+fn a_message_is_sent_until_its_last_fragment_and_again_when_repeated_unless_it_is_removed() {
     let mut buf = [0; 1500];
+    assert_eq!(Message::new().poll(&mut buf), None);
+    let mut message = long_message(FRAGMENT_LEN + 1);
     for _ in 0..2 {
-        assert!(message.is_queued());
         assert!(message.poll(&mut buf).is_some());
     }
-    assert!(!message.is_queued());
+    assert_eq!(message.poll(&mut buf), None);
     message.repeat();
-    assert!(message.is_queued());
+    assert!(message.poll(&mut buf).is_some());
     message.clear();
-    assert!(!message.is_queued());
     assert_eq!(message.poll(&mut buf), None);
     assert!(message.header().is_none());
 }

@@ -42,9 +42,6 @@ pub fn is_cyclic(frame_id: u16) -> bool {
 /// Longest C_SDU in bytes.
 pub const MAX_C_SDU_LEN: usize = 1440;
 
-/// FrameID in front of the C_SDU and status behind it, in bytes.
-const OVERHEAD: usize = 6;
-
 /// Status of a submodule's data, by its provider (IOPS) or consumer (IOCS): bit 7 is good or bad, bits 5 and 6 say
 /// who detected it, bit 0 says that another byte follows (IEC 61158-6-10, 4.7.2.3).
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
@@ -136,12 +133,6 @@ impl<'a> CyclicFrame<'a> {
             data_status: DataStatus(reader.u8()?),
             transfer_status: reader.u8()?,
         })
-    }
-
-    /// Returns the length in bytes.
-    #[must_use]
-    pub const fn buffer_len(&self) -> usize {
-        self.c_sdu.len() + OVERHEAD
     }
 
     /// Writes the frame from the FrameID on.
