@@ -135,6 +135,11 @@ impl Rta {
     }
 }
 
+/// Returns the SendSeqNum after this one: 0xFFFE, 0xFFFF, and then 15 bits that wrap around (IEC 61158-6-10).
+pub(crate) const fn next_sequence(sequence: u16) -> u16 {
+    if sequence >= 0xFFFE { sequence.wrapping_add(1) } else { (sequence + 1) & 0x7FFF }
+}
+
 /// Returns the status in the variable part of an error PDU.
 #[must_use]
 pub fn error_status(variable: &[u8]) -> Option<Status> {
@@ -313,6 +318,11 @@ mod tests {
             seen += 1;
         }
         assert_eq!(seen, 16);
+    }
+
+    #[test]
+    fn the_numbers_of_pdus_wrap_around_at_15_bits_after_their_start() {
+        assert_eq!([0xFFFE, 0xFFFF, 0, 0x7FFE, 0x7FFF].map(next_sequence), [0xFFFF, 0, 1, 0x7FFF, 0]);
     }
 
     #[test]

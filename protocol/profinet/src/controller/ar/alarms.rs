@@ -11,7 +11,7 @@
 use super::plug::Plugged;
 use crate::ETHER_TYPE;
 use crate::alarm::{
-    Acknowledgement, Alarm, FRAME_ID_HIGH, FRAME_ID_LOW, PduType, Priority, Rta, error_status,
+    Acknowledgement, Alarm, FRAME_ID_HIGH, FRAME_ID_LOW, PduType, Priority, Rta, error_status, next_sequence,
 };
 use crate::rt::{Route, UDP_PORT};
 use crate::status::Status;
@@ -76,12 +76,6 @@ pub(super) struct FinalError {
     route: Route,
     rta: Rta,
     status: Status,
-}
-
-/// Returns the number after `sequence`: numbers have 15 bits after the first two, 0xFFFE and 0xFFFF.
-const fn following(sequence: u16) -> u16 {
-    let next = sequence.wrapping_add(1);
-    if sequence < 0x8000 { next & 0x7FFF } else { next }
 }
 
 impl Alarms {
@@ -193,14 +187,14 @@ impl Endpoint {
             return Outcome::Handled;
         }
         let _ = self.acknowledged(rta.ack_sequence);
-        if rta.send_sequence != following(self.last_received) || self.outstanding.is_some() {
+        if rta.send_sequence != next_sequence(self.last_received) || self.outstanding.is_some() {
             return Outcome::Foreign;
         }
         let Ok(alarm) = Alarm::parse(variable) else { return Outcome::Malformed };
         self.last_received = rta.send_sequence;
         self.ack_due = true;
         if let Alarm::Notification(notification) = alarm {
-            self.last_sent = following(self.last_sent);
+            self.last_sent = next_sequence(self.last_sent);
             self.outstanding = Some(Outstanding {
                 alarm: Acknowledgement {
                     priority: self.priority,

@@ -120,12 +120,6 @@ fn types_sent(alarms: &mut Alarms, now: Instant) -> Vec<PduType> {
 }
 
 #[test]
-fn the_first_two_numbers_come_once_and_then_15_bits_go_round() {
-    let numbers = [0xFFFE, 0xFFFF, 0, 0x7FFE, 0x7FFF];
-    assert_eq!(numbers.map(following), [0xFFFF, 0, 1, 0x7FFF, 0]);
-}
-
-#[test]
 fn an_alarm_with_the_number_after_the_next_one_or_before_the_last_alarm_ack_has_arrived_waits() {
     let (mut alarms, now) = (alarms(), Instant::ZERO);
     assert_eq!(low(&mut alarms, now, PduType::Data, (0, 0xFFFE)), Outcome::Foreign, "0xFFFF comes first");
