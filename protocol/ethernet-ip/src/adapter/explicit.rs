@@ -4,6 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 use core::net::Ipv4Addr;
 
+use super::is_full_for;
 use crate::connection::{Triad, Watchdog};
 use machine::{Instant, StreamId};
 
@@ -61,11 +62,10 @@ impl ExplicitConnections {
         self.open
     }
 
-    /// Returns whether a host gets no further connection: all places are taken, or this host has all but the last one,
-    /// which is for other hosts.
+    /// Returns whether a host gets no further connection.
     pub(super) fn is_full_for(&self, host: Ipv4Addr) -> bool {
         let own = self.open().filter(|connection| connection.host == host).count();
-        self.len() == self.slots.len() || self.slots.len() > 1 && own + 1 >= self.slots.len()
+        is_full_for(own, self.len(), self.slots.len())
     }
 
     /// Returns whether a connection is carried by this TCP connection.

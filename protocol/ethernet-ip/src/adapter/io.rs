@@ -3,6 +3,7 @@
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
+use super::is_full_for;
 use crate::class1::{Frame, RUN_IDLE_LEN};
 use crate::connection::{Inhibit, Parameters, Triad, Trigger, Watchdog};
 use crate::description::Description;
@@ -154,12 +155,11 @@ impl IoConnections {
         self.open.iter().filter(|connection| connection.kind == kind).count()
     }
 
-    /// Returns whether a host gets no further connection of this kind: all places are taken, or this host has all but the
-    /// last one, which is for other hosts.
+    /// Returns whether a host gets no further connection of this kind.
     pub(super) fn is_full_for(&self, host: Ipv4Addr, kind: Kind, places: usize) -> bool {
         let own =
             self.open.iter().filter(|connection| connection.kind == kind && connection.originator == host);
-        self.count(kind) >= places || places > 1 && own.count() + 1 >= places
+        is_full_for(own.count(), self.count(kind), places)
     }
 
     pub(super) fn find(&self, triad: &Triad) -> Option<&IoConnection> {

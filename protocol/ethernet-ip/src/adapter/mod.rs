@@ -267,3 +267,9 @@ impl Adapter {
         self.state.counters
     }
 }
+
+/// Returns whether a host that has `own` of the `taken` connections gets no further one: all places are taken, or this host has
+/// all but the last one, which is for other hosts.
+const fn is_full_for(own: usize, taken: usize, places: usize) -> bool {
+    taken >= places || places > 1 && own + 1 >= places
+}
