@@ -1,20 +1,13 @@
 use super::*;
 use crate::captured;
 use crate::rpc::{Header, RequestArgs, ResponseArgs};
+use crate::samples::emitted;
 use crate::status::{Service, Status};
 
 fn request_blocks() -> Vec<u8> {
     let datagram = captured::datagram(captured::CONNECT_REQ);
     let (header, body) = Header::parse(&datagram).unwrap();
     RequestArgs::parse(&header, body).unwrap().blocks.to_vec()
-}
-
-fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
-    let mut buf = [0; 2000];
-    let mut writer = BlockWriter::new(&mut buf);
-    emit(&mut writer);
-    let len = writer.finish().unwrap();
-    buf[..len].to_vec()
 }
 
 #[test]

@@ -137,8 +137,8 @@ mod tests {
     use super::*;
     use crate::block::BlockReader;
     use crate::record::ReadResponse;
-    use crate::record::tests::emitted;
     use crate::rpc::{Header, ResponseArgs};
+    use crate::samples::emitted;
     use crate::{captured, samples};
 
     #[test]

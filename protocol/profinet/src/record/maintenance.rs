@@ -101,7 +101,7 @@ impl Maintenance {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::tests::emitted;
+    use crate::samples::emitted;
 
     #[test]
     fn what_is_written_is_read_again_and_other_lengths_and_blocks_are_refused() {

@@ -315,6 +315,7 @@ mod tests {
     use super::*;
     use crate::captured;
     use crate::rpc::{Header, RequestArgs, ResponseArgs};
+    use crate::samples::emitted;
 
     fn request(text: &str) -> Vec<u8> {
         let datagram = captured::datagram(text);
@@ -328,14 +329,6 @@ mod tests {
         let args = ResponseArgs::parse(&header, body).unwrap();
         assert!(args.status.is_ok());
         args.blocks.to_vec()
-    }
-
-    pub(super) fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
-        let mut buf = [0; 1000];
-        let mut writer = BlockWriter::new(&mut buf);
-        emit(&mut writer);
-        let len = writer.finish().unwrap();
-        buf[..len].to_vec()
     }
 
     #[test]

@@ -5,7 +5,6 @@ use std::net::Ipv4Addr;
 use machine::Instant;
 use machine::ethernet::Mac;
 use profinet::Uuid;
-use profinet::block::BlockWriter;
 use profinet::connect::{ArProperties, IocrType, RtClass};
 use profinet::dcp::IpSuite;
 use profinet::lldp::Naming;
@@ -15,15 +14,7 @@ use profinet::record::{
 use profinet::rt::DataStatus;
 use profinet::status::Status;
 
-use crate::samples;
-
-fn written(write: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
-    let mut buf = [0; 1000];
-    let mut writer = BlockWriter::new(&mut buf);
-    write(&mut writer);
-    let len = writer.finish().unwrap();
-    buf[..len].to_vec()
-}
+use crate::samples::{self, emitted};
 
 #[test]
 fn every_port_is_named_by_three_digits_of_its_number() {
@@ -35,7 +26,7 @@ fn every_port_is_named_by_three_digits_of_its_number() {
         neighbour: None,
     };
     for (subslot, name) in [(0x8001, b"port-001"), (0x8002, b"port-002"), (0x807B, b"port-123")] {
-        let block = written(|w| device.emit_port(0, subslot, w));
+        let block = emitted(|w| device.emit_port(0, subslot, w));
         // The name follows the head, padding, slot and subslot, and its length.
         assert_eq!((block[12], &block[13..21]), (8, &name[..]));
     }
@@ -45,7 +36,7 @@ fn every_port_is_named_by_three_digits_of_its_number() {
 fn the_times_of_the_log_book_are_in_units_of_31_25_us() {
     let mut book = LogBook::default();
     book.add(LogEntry { at: Instant::from_millis(5), ar: Uuid([3; 16]), status: Status(0x0102_0304) });
-    let record = written(|w| book.emit(Instant::from_millis(1_000), w));
+    let record = emitted(|w| book.emit(Instant::from_millis(1_000), w));
     assert_eq!(record[6..14], 32_000_u64.to_be_bytes(), "now");
     assert_eq!(record[14..16], [0, 1]);
     assert_eq!(record[16..24], 160_u64.to_be_bytes());
@@ -71,9 +62,9 @@ fn the_padding_of_ar_data_is_counted_from_the_start_of_its_block() {
         alarm_references: (0, 5),
         iocrs: [iocr; 2],
     };
-    let alone = written(|w| emit_ar_data(&[ar], w));
+    let alone = emitted(|w| emit_ar_data(&[ar], w));
     for before in 1..4 {
-        let behind = written(|w| {
+        let behind = emitted(|w| {
             w.zeros(before);
             emit_ar_data(&[ar], w);
         });

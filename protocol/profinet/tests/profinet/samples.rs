@@ -1,5 +1,7 @@
 //! The stations of the tests.
 
+use profinet::alarm::{AlarmHead, Notification, Priority};
+use profinet::block::BlockWriter;
 use profinet::description::{Description, INTERFACE_SUBSLOT, Identity, Module, PORT_SUBSLOT, Submodule};
 
 /// Bytes of data each way.
@@ -67,6 +69,27 @@ pub(crate) const P_NET: Description = Description {
         },
     ],
 };
+
+/// A diagnosis of the sample device's submodule with data.
+pub(crate) const DIAGNOSIS: Notification<'_> = Notification {
+    priority: Priority::Low,
+    head: AlarmHead { alarm_type: 1, api: 0, slot: 1, subslot: 1 },
+    module_ident: 0x100,
+    submodule_ident: 0x101,
+    specifier: 0,
+    items: &[],
+};
+
+/// Returns the blocks that `emit` writes.
+pub(crate) fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
+    let mut buf = vec![0; 60_000];
+    let mut writer = BlockWriter::new(&mut buf);
+    emit(&mut writer);
+    let len = writer.finish();
+    assert!(len.is_ok(), "the blocks are longer than the buffer");
+    buf.truncate(len.unwrap_or_default());
+    buf
+}
 
 const fn submodule(subslot: u16, ident: u32, len: u16) -> Submodule {
     Submodule { subslot, ident, input_len: len, output_len: len, parameters: &[] }

@@ -5,18 +5,9 @@ use crate::block;
 
 const MOST: u16 = COUNT_LIMIT as u16;
 
-fn long(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
-    let mut buf = vec![0; 60_000];
-    let mut writer = BlockWriter::new(&mut buf);
-    emit(&mut writer);
-    let len = writer.finish().unwrap();
-    buf.truncate(len);
-    buf
-}
-
 /// Parses the ARBlockReq of the capture with what is written behind it.
 fn behind_ar(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Result<(), Violation> {
-    ConnectRequest::parse(&[&request_blocks()[..95], &long(emit)].concat()).map(|_| ())
+    ConnectRequest::parse(&[&request_blocks()[..95], &emitted(emit)].concat()).map(|_| ())
 }
 
 /// Returns an IOCR with so many objects and consumer statuses.
@@ -96,7 +87,7 @@ fn an_answer_has_up_to_512_iocrs_that_are_read_and_one_ar() {
     let mut response = ConnectResponse::parse(ResponseArgs::parse(&header, body).unwrap().blocks).unwrap();
     let ar = emitted(|w| response.ar.emit(w));
     response.iocrs = vec![response.iocrs[0]; COUNT_LIMIT + 1];
-    let blocks = long(|w| response.emit(w));
+    let blocks = emitted(|w| response.emit(w));
     assert_eq!(ConnectResponse::parse(&blocks).unwrap().iocrs.len(), COUNT_LIMIT);
     let twice = Err(Violation::Head(Block::ArRes, HeadField::Type));
     assert_eq!(ConnectResponse::parse(&[&blocks[..], &ar].concat()), twice);
@@ -112,7 +103,7 @@ fn a_module_diff_has_up_to_512_modules_of_up_to_512_submodules() {
             state: ModuleState::ProperModule,
             submodules: vec![submodule; submodules],
         };
-        let blocks = long(|w| diff::emit(&vec![module; modules], w));
+        let blocks = emitted(|w| diff::emit(&vec![module; modules], w));
         parse_module_diff(&blocks).map(|diff| diff.unwrap().len())
     };
     let wrong = Err(Violation::Head(Block::ModuleDiff, HeadField::Length));

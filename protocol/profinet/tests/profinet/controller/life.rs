@@ -1,7 +1,7 @@
 //! A connection that data go over, and its end.
 
 use machine::wire::{BigEndian, Writer};
-use profinet::alarm::{Alarm, AlarmHead, FRAME_ID_LOW, Notification, PduType, Priority, Rta};
+use profinet::alarm::{Alarm, AlarmHead, FRAME_ID_LOW, Notification, PduType, Rta};
 use profinet::connect::ConnectRequest;
 use profinet::status::{Service, Status, Violation};
 
@@ -64,14 +64,7 @@ fn an_alarm_is_acknowledged_and_data_go_on() {
         send_sequence: 0xFFFF,
         ack_sequence: 0xFFFE,
     };
-    let notification = Alarm::Notification(Notification {
-        priority: Priority::Low,
-        head: AlarmHead { alarm_type: 1, api: 0, slot: 1, subslot: 1 },
-        module_ident: 0x100,
-        submodule_ident: 0x101,
-        specifier: 0,
-        items: &[],
-    });
+    let notification = Alarm::Notification(samples::DIAGNOSIS);
     let alarm = cell.peer.rt(|w| {
         w.u16(FRAME_ID_LOW);
         rta.emit(w, |w| notification.emit(w));
@@ -97,14 +90,8 @@ pub(super) fn alarm(cell: &mut Cell, alarm_type: u16, specifier: u16, send_seque
         send_sequence,
         ack_sequence: send_sequence.wrapping_sub(1),
     };
-    let notification = Alarm::Notification(Notification {
-        priority: Priority::Low,
-        head: AlarmHead { alarm_type, api: 0, slot: 1, subslot: 1 },
-        module_ident: 0x100,
-        submodule_ident: 0x101,
-        specifier,
-        items: &[],
-    });
+    let head = AlarmHead { alarm_type, ..samples::DIAGNOSIS.head };
+    let notification = Alarm::Notification(Notification { head, specifier, ..samples::DIAGNOSIS });
     for repetition in [false, true] {
         let frame = cell.peer.rt(|w| {
             w.u16(FRAME_ID_LOW);

@@ -1,7 +1,7 @@
 //! What the device counts: everything that it ignores or refuses raises one counter by one.
 
 use machine::Allowed;
-use profinet::alarm::{Alarm, AlarmHead, FRAME_ID_HIGH, FRAME_ID_LOW, Notification, PduType, Priority, Rta};
+use profinet::alarm::{Alarm, FRAME_ID_HIGH, FRAME_ID_LOW, Notification, PduType, Priority, Rta};
 use profinet::dcp::Content;
 use profinet::rpc::{ENDPOINT_MAPPER_INTERFACE, LOOKUP};
 
@@ -222,14 +222,7 @@ fn what_does_not_confirm_application_ready_is_counted_and_the_device_goes_on_wai
 fn an_alarm_of_either_priority_is_acknowledged_and_counts_nothing() {
     let mut rig = Rig::connected(RtClass::Class1);
     for (frame_id, priority) in [(FRAME_ID_HIGH, Priority::High), (FRAME_ID_LOW, Priority::Low)] {
-        let notification = Alarm::Notification(Notification {
-            priority,
-            head: AlarmHead { alarm_type: 1, api: 0, slot: 1, subslot: 1 },
-            module_ident: 0x100,
-            submodule_ident: 0x101,
-            specifier: 0,
-            items: &[],
-        });
+        let notification = Alarm::Notification(Notification { priority, ..samples::DIAGNOSIS });
         let (port, frame) = alarm(frame_id, RTA, |w| notification.emit(w));
         let sent = rig.receive(port, &frame);
         let pdus: Vec<_> = sent
@@ -278,15 +271,7 @@ fn a_set_of_a_station_that_is_not_listed_is_refused_and_counted_and_one_that_is_
     use profinet::dcp::{BlockError, Code};
     let listed = Peer { address: None, mac: Some(CONTROLLER_MAC), serial_number: None };
     let mut rig = Rig::around(Device::new(
-        DeviceConfig {
-            mac: MAC,
-            station_name: b"device".to_vec(),
-            permanent: None,
-            address: Some(ADDRESS),
-            mask: MASK,
-            description: samples::DEVICE,
-            controllers: Allowed(vec![listed]),
-        },
+        DeviceConfig { controllers: Allowed(vec![listed]), ..config() },
         Instant::ZERO,
     ));
     let listed = set([Content::NameOfStation(b"other")]);

@@ -36,7 +36,7 @@ use profinet::status::{Service, Status, Violation};
 use profinet::{Device, DeviceConfig, ETHER_TYPE, LT_UDP, RPC_PORT, Uuid};
 
 use crate::is_lldp;
-use crate::samples::{self, LEN};
+use crate::samples::{self, LEN, emitted};
 
 const MAC: Mac = Mac([2, 0, 0, 0, 0, 2]);
 const CONTROLLER_MAC: Mac = Mac([2, 0, 0, 0, 0, 1]);
@@ -50,18 +50,19 @@ fn device() -> Device {
 }
 
 fn device_named(name: &[u8]) -> Device {
-    Device::new(
-        DeviceConfig {
-            mac: MAC,
-            station_name: name.to_vec(),
-            permanent: None,
-            address: Some(ADDRESS),
-            mask: MASK,
-            description: samples::DEVICE,
-            controllers: machine::Allowed::default(),
-        },
-        Instant::ZERO,
-    )
+    Device::new(DeviceConfig { station_name: name.to_vec(), ..config() }, Instant::ZERO)
+}
+
+fn config() -> DeviceConfig {
+    DeviceConfig {
+        mac: MAC,
+        station_name: b"device".to_vec(),
+        permanent: None,
+        address: Some(ADDRESS),
+        mask: MASK,
+        description: samples::DEVICE,
+        controllers: machine::Allowed::default(),
+    }
 }
 
 /// Returns a Connect that fits the sample device. With `with_access_point` it is as Siemens controllers write it, with
@@ -364,12 +365,4 @@ fn ethernet_header() -> EthernetHeader {
 
 const fn control(command: Command) -> Control {
     Control { command, ar: AR, session: 1, properties: 0 }
-}
-
-fn emitted(emit: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
-    let mut buf = [0; 4000];
-    let mut writer = BlockWriter::new(&mut buf);
-    emit(&mut writer);
-    let len = writer.finish().unwrap();
-    buf[..len].to_vec()
 }

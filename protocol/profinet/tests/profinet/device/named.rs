@@ -158,15 +158,7 @@ fn a_connection_goes_on_when_what_the_device_is_called_and_where_is_only_stored(
 #[test]
 fn a_connection_goes_on_when_the_present_address_is_stored() {
     let mut rig = Rig::around(Device::new(
-        DeviceConfig {
-            mac: MAC,
-            station_name: b"device".to_vec(),
-            permanent: Some(Permanent::default()),
-            address: Some(ADDRESS),
-            mask: MASK,
-            description: samples::DEVICE,
-            controllers: machine::Allowed::default(),
-        },
+        DeviceConfig { permanent: Some(Permanent::default()), ..config() },
         Instant::ZERO,
     ));
     let block = Block { qualifier: PERMANENTLY, content: Content::Ip(suite(2)) };

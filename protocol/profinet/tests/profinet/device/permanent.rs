@@ -19,15 +19,7 @@ const fn suite(last: u8) -> IpSuite {
 pub(super) fn with(permanent: Option<Permanent>) -> Rig {
     let address = permanent.as_ref().and_then(|permanent| permanent.address).map(|suite| suite.address);
     Rig::around(Device::new(
-        DeviceConfig {
-            mac: MAC,
-            station_name: b"factory".to_vec(),
-            permanent,
-            address,
-            mask: MASK,
-            description: samples::DEVICE,
-            controllers: machine::Allowed::default(),
-        },
+        DeviceConfig { station_name: b"factory".to_vec(), permanent, address, ..config() },
         Instant::ZERO,
     ))
 }

@@ -101,16 +101,7 @@ fn the_device_asks_for_the_ports_of_profinet_and_of_lldp() {
 #[test]
 fn every_call_has_an_activity_of_its_own_made_of_its_number_the_start_and_the_address() {
     let start = Instant::from_micros(0x1234_5678_9ABC);
-    let config = DeviceConfig {
-        mac: MAC,
-        station_name: b"device".to_vec(),
-        permanent: None,
-        address: Some(ADDRESS),
-        mask: MASK,
-        description: samples::DEVICE,
-        controllers: machine::Allowed::default(),
-    };
-    let mut rig = Rig { now: start, ..Rig::around(Device::new(config, start)) };
+    let mut rig = Rig { now: start, ..Rig::around(Device::new(config(), start)) };
     rig.establish(&connect_request(RtClass::Class1, true));
     assert!(rig.control(Operation::Control, control(Command::PrmBegin)).0.is_ok());
     let (_, sent) = rig.prm_end();

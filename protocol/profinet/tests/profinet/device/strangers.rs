@@ -186,16 +186,7 @@ fn a_device_with_a_list_of_controllers_is_connected_to_and_addressed_by_these_al
         mac: Some(CONTROLLER_MAC),
         serial_number: None,
     }]);
-    let config = DeviceConfig {
-        mac: MAC,
-        station_name: b"device".to_vec(),
-        permanent: None,
-        address: Some(ADDRESS),
-        mask: MASK,
-        description: samples::DEVICE,
-        controllers,
-    };
-    let mut rig = Rig::around(Device::new(config, Instant::ZERO));
+    let mut rig = Rig::around(Device::new(DeviceConfig { controllers, ..config() }, Instant::ZERO));
     let connect = connect_request(RtClass::Class1, true);
     let (status, ..) = rig.call_from(STRANGER, Operation::Connect, &emitted(|w| connect.emit(w)));
     assert_eq!(status, Violation::InitiatorMac.status(Service::Connect));

@@ -1,6 +1,6 @@
 use super::*;
-use crate::alarm::{AlarmHead, Notification};
 use crate::captured;
+use crate::samples;
 use machine::ethernet::Mac;
 
 /// The Siemens CPU 1515-2 PN V2.9.4 and the p-net device of the captures (test data of crate `pnio` 0.1.0).
@@ -95,14 +95,7 @@ fn low(
 ) -> Outcome {
     let flags = Rta::WINDOW_1_TACK;
     let rta = Rta { destination: 0, source: 0, pdu_type, flags, send_sequence, ack_sequence };
-    let notification = Alarm::Notification(Notification {
-        priority: Priority::Low,
-        head: AlarmHead { alarm_type: 1, api: 0, slot: 1, subslot: 1 },
-        module_ident: 0x100,
-        submodule_ident: 0x101,
-        specifier: 0,
-        items: &[],
-    });
+    let notification = Alarm::Notification(samples::DIAGNOSIS);
     let mut buf = [0; 128];
     let mut writer = Writer::<BigEndian>::new(&mut buf);
     rta.emit(&mut writer, |w| {
