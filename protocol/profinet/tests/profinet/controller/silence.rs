@@ -86,29 +86,18 @@ fn found(cell: &Cell, from: Mac, address: Ipv4Addr) -> (Source, Vec<u8>) {
 }
 
 #[test]
-fn an_answer_that_comes_after_the_search_was_given_up_starts_no_connection() {
-    let mut cell = Cell::new(Transport::Rt1, Script { silent: true, ..Script::default() });
-    assert_eq!(cell.run(10), []);
-    let now = cell.now;
-    cell.ar().disconnect(now);
-    cell.goes_down(0, &[(DownCause::ClosedHere, 0, "")]);
-    let frames = cell.frames;
-    let late = found(&cell, DEVICE, DEVICE_ADDRESS);
-    cell.deliver(late);
-    assert_eq!((cell.run(10_000), cell.frames), (Vec::new(), frames));
-}
-
-#[test]
-fn an_answer_that_comes_after_the_search_was_given_up_sets_no_address() {
-    let mut cell = Cell::new(Transport::Rt1, Script { silent: true, ..Script::default() });
-    assert_eq!(cell.run(10), []);
-    let now = cell.now;
-    cell.ar().disconnect(now);
-    cell.goes_down(0, &[(DownCause::ClosedHere, 0, "")]);
-    let frames = cell.frames;
-    let late = found(&cell, DEVICE, Ipv4Addr::UNSPECIFIED);
-    cell.deliver(late);
-    assert_eq!((cell.run(10_000), cell.frames), (Vec::new(), frames));
+fn an_answer_that_comes_after_the_search_was_given_up_neither_starts_a_connection_nor_sets_an_address() {
+    for address in [DEVICE_ADDRESS, Ipv4Addr::UNSPECIFIED] {
+        let mut cell = Cell::new(Transport::Rt1, Script { silent: true, ..Script::default() });
+        assert_eq!(cell.run(10), []);
+        let now = cell.now;
+        cell.ar().disconnect(now);
+        cell.goes_down(0, &[(DownCause::ClosedHere, 0, "")]);
+        let frames = cell.frames;
+        let late = found(&cell, DEVICE, address);
+        cell.deliver(late);
+        assert_eq!((cell.run(10_000), cell.frames), (Vec::new(), frames), "{address}");
+    }
 }
 
 #[test]
