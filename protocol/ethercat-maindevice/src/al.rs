@@ -24,8 +24,7 @@ pub(crate) struct Status {
 impl Status {
     /// Reads the status of a device, counted from 0.
     pub(crate) async fn read(main: &MainDevice<'_>, index: usize) -> Result<Self, Error> {
-        let station = FIRST_STATION.wrapping_add(u16::try_from(index).unwrap_or(u16::MAX));
-        let read = Command::fprd(station, RegisterAddress::AlStatus.into());
+        let read = Command::fprd(station(index), RegisterAddress::AlStatus.into());
         Ok(Self::of(read.receive::<[u8; 6]>(main).await?))
     }
 
@@ -44,6 +43,10 @@ impl Status {
 
 /// Requests a state of a device, counted from 0.
 pub(crate) async fn request(main: &MainDevice<'_>, index: usize, control: u16) -> Result<(), Error> {
-    let station = FIRST_STATION.wrapping_add(u16::try_from(index).unwrap_or(u16::MAX));
-    Command::fpwr(station, RegisterAddress::AlControl.into()).send(main, control).await
+    Command::fpwr(station(index), RegisterAddress::AlControl.into()).send(main, control).await
+}
+
+/// Returns the station address of a device, counted from 0.
+fn station(index: usize) -> u16 {
+    FIRST_STATION.wrapping_add(u16::try_from(index).unwrap_or(u16::MAX))
 }

@@ -32,6 +32,14 @@ pub struct Description {
     pub distributed_clocks: bool,
 }
 
+impl Description {
+    /// Returns whether files can be written to the device.
+    #[must_use]
+    pub fn has_files(&self) -> bool {
+        self.mailbox.is_some_and(|mailbox| mailbox.file_capacity > 0)
+    }
+}
+
 /// A mailbox with CoE.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Mailbox {

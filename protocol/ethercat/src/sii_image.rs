@@ -93,15 +93,16 @@ fn header(
     writer.pad_to(0x14 * 2);
     let place =
         |usage| layout.find(usage).map_or((0, 0), |(_, SyncManagerLayout { start, len, .. })| (start, len));
-    let files = description.mailbox.is_some_and(|mailbox| mailbox.file_capacity > 0);
-    for exists in [files, true] {
+    for exists in [description.has_files(), true] {
         for usage in [Usage::MailboxReceive, Usage::MailboxSend] {
             let (start, len) = if exists { place(usage) } else { (0, 0) };
             writer.u16(start);
             writer.u16(len);
         }
     }
-    writer.u16(if description.mailbox.is_some() { 0x04 } else { 0 } | if files { 0x08 } else { 0 });
+    writer.u16(
+        if description.mailbox.is_some() { 0x04 } else { 0 } | if description.has_files() { 0x08 } else { 0 },
+    );
     writer.pad_to(0x3F * 2);
     writer.u16(1);
 }
@@ -168,7 +169,7 @@ fn general(
         PdoConfiguration::Mappable => 0x04 | 0x08,
     };
     writer.u8(if description.mailbox.is_some() { 0x01 | 0x02 | 0x20 | chosen } else { 0 });
-    writer.u8(u8::from(description.mailbox.is_some_and(|mailbox| mailbox.file_capacity > 0)));
+    writer.u8(description.has_files().into());
     writer.zeros(4); // EoE, SoE, channels of DS402, SysmanClass
     // The mailbox repeats its last message.
     writer.u8(if description.mailbox.is_some() { 0x04 } else { 0 });

@@ -308,12 +308,7 @@ impl Interface {
 
     fn write_ipv4(&self, what: libc::Ioctl, address: Ipv4Addr) -> std::io::Result<()> {
         let mut request = self.request();
-        let mut data = [0; 14];
-        for (to, from) in data.iter_mut().skip(2).zip(address.octets()) {
-            *to = from as libc::c_char;
-        }
-        request.ifr_ifru.ifru_addr =
-            libc::sockaddr { sa_family: libc::AF_INET as libc::sa_family_t, sa_data: data };
+        request.ifr_ifru.ifru_addr = socket_address(address);
         self.ioctl(what, &mut request)
     }
 
@@ -333,6 +328,15 @@ impl Interface {
         let result = unsafe { libc::ioctl(self.control.as_fd().as_raw_fd(), what, request) };
         if result < 0 { Err(std::io::Error::last_os_error()) } else { Ok(()) }
     }
+}
+
+/// Returns the `sockaddr_in` of an address, without a port: the address comes after the two bytes of that.
+fn socket_address(address: Ipv4Addr) -> libc::sockaddr {
+    let mut data = [0; 14];
+    for (to, from) in data.iter_mut().skip(2).zip(address.octets()) {
+        *to = from as libc::c_char;
+    }
+    libc::sockaddr { sa_family: libc::AF_INET as libc::sa_family_t, sa_data: data }
 }
 
 /// Returns the interfaces of this thread's network namespace. `/sys/class/net` would list those of the process that

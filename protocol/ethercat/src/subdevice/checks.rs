@@ -40,7 +40,7 @@ impl SubDevice {
         match state {
             AlState::Init => Ok(()),
             AlState::Boot => {
-                if self.description.mailbox.is_none_or(|mailbox| mailbox.file_capacity == 0) {
+                if !self.description.has_files() {
                     return Err(AlStatusCode::BOOT_NOT_SUPPORTED);
                 }
                 self.check_mailbox().map_err(|()| AlStatusCode::INVALID_BOOT_MAILBOX)

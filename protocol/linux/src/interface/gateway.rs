@@ -7,7 +7,7 @@ use std::os::fd::{AsFd as _, AsRawFd as _};
 
 use rustix::io::Errno;
 
-use super::{Interface, InterfaceError};
+use super::{Interface, InterfaceError, socket_address};
 
 /// Metric of the route. By it the route is told from those that others made, which stay; and theirs come first, since the
 /// lowest metric does: who sets a gateway over the bus must not redirect what the host sends elsewhere.
@@ -38,24 +38,17 @@ impl Interface {
 
     /// Adds or removes the default route with our metric. A gateway that is not specified is any, for one to be removed.
     fn change_route(&self, what: c_ulong, gateway: Ipv4Addr) -> Result<(), Error> {
-        let address = |address: Ipv4Addr| {
-            let mut data = [0; 14];
-            for (to, from) in data.iter_mut().skip(2).zip(address.octets()) {
-                *to = from as libc::c_char;
-            }
-            libc::sockaddr { sa_family: libc::AF_INET as libc::sa_family_t, sa_data: data }
-        };
         let mut name = self.request().ifr_name;
         // SAFETY: it consists of numbers, for which all bytes are valid, and of a pointer, which may be null.
         let mut route: libc::rtentry = unsafe { std::mem::zeroed() };
-        route.rt_dst = address(Ipv4Addr::UNSPECIFIED);
-        route.rt_genmask = address(Ipv4Addr::UNSPECIFIED);
+        route.rt_dst = socket_address(Ipv4Addr::UNSPECIFIED);
+        route.rt_genmask = socket_address(Ipv4Addr::UNSPECIFIED);
         route.rt_dev = name.as_mut_ptr();
         // The kernel subtracts one, so that 0 is none.
         route.rt_metric = METRIC + 1;
         route.rt_flags = libc::RTF_UP;
         if !gateway.is_unspecified() {
-            route.rt_gateway = address(gateway);
+            route.rt_gateway = socket_address(gateway);
             route.rt_flags |= libc::RTF_GATEWAY;
         }
         // SAFETY: `control` is an open socket. Both requests take an `rtentry`, which the kernel reads during the call, as it

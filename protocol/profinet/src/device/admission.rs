@@ -13,6 +13,8 @@ use crate::connect::{
 use crate::description::Description;
 use crate::rt::{COUNT_NANOS, FRAME_IDS_RT_CLASS_1_UDP, FRAME_IDS_RT_CLASS_2, MAX_C_SDU_LEN, Transport};
 use crate::status::Violation;
+use crate::tag;
+use machine::ethernet::Tag;
 
 /// A Connect that is accepted.
 #[derive(Debug)]
@@ -126,12 +128,13 @@ fn check_iocr(iocr: &Iocr, description: &Description) -> Result<(), Violation> {
     let factors = 1..=transport.max_hold_factor(time.period());
     check(factors.contains(&iocr.watchdog_factor), Violation::WatchdogFactor)?;
     check(factors.contains(&iocr.data_hold_factor), Violation::DataHoldFactor)?;
-    check(transport == Transport::Udp || is_tag(iocr.tag_header, 6), Violation::IocrTagHeader)
+    check(transport == Transport::Udp || is_tag(iocr.tag_header, tag::RT), Violation::IocrTagHeader)
 }
 
-/// Returns whether a tag has this priority and no VLAN: frames are sent in none.
-const fn is_tag(header: u16, priority: u16) -> bool {
-    header >> 13 == priority && header & 0xFFF == 0
+/// Returns whether it is this tag, whatever its DEI is: its priority, and no VLAN, since frames are sent in none.
+const fn is_tag(header: u16, tag: Tag) -> bool {
+    const DEI: u16 = 0x1000;
+    header & !DEI == tag.0
 }
 
 /// Checks that every object is an expected submodule and that no two share a byte of the frame.
@@ -183,8 +186,8 @@ fn check_alarm_cr(alarm_cr: &AlarmCr) -> Result<(), Violation> {
     check((1..=100).contains(&alarm_cr.rta_timeout), Violation::RtaTimeoutFactor)?;
     check((3..=15).contains(&alarm_cr.rta_retries), Violation::RtaRetries)?;
     check((200..=1432).contains(&alarm_cr.max_data_length), Violation::MaxAlarmDataLength)?;
-    check(over_udp || is_tag(alarm_cr.tag_high, 6), Violation::AlarmCrTagHeaderHigh)?;
-    check(over_udp || is_tag(alarm_cr.tag_low, 5), Violation::AlarmCrTagHeaderLow)
+    check(over_udp || is_tag(alarm_cr.tag_high, tag::RT), Violation::AlarmCrTagHeaderHigh)?;
+    check(over_udp || is_tag(alarm_cr.tag_low, tag::ALARM_LOW), Violation::AlarmCrTagHeaderLow)
 }
 
 /// Compares the expected modules with the device's. A submodule of the right kind but with other lengths is a
