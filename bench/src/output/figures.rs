@@ -185,10 +185,25 @@ pub(super) fn millis(value: f64) -> String {
     format!("{:.1}", rounded(value, 1))
 }
 
+/// Formats a number to a tenth, with its sign; never a negative zero.
+pub(crate) fn signed(value: f64) -> String {
+    format!("{:+.1}", rounded(value, 1)).replace('-', "−")
+}
+
 pub(super) fn percent(share: f64, digits: usize) -> String {
     format!("{:.*} %", digits, rounded(share * 100.0, digits))
 }
 
 fn none() -> String {
     "–".to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_difference_has_a_sign_and_that_of_zero_is_positive() {
+        assert_eq!([-0.04, -3.06, 0.1].map(signed), ["+0.0", "−3.1", "+0.1"]);
+    }
 }

@@ -17,7 +17,7 @@
 
 pub mod exit;
 pub mod export;
-mod figures;
+pub(crate) mod figures;
 pub(crate) mod html;
 pub mod live;
 #[cfg(feature = "mcap")]

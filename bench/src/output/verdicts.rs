@@ -4,7 +4,7 @@
 use plc_node::ExecutionType;
 use serde::Serialize;
 
-use crate::output::figures::rounded;
+use crate::output::figures::{rounded, signed};
 use crate::records::arms::Arms;
 use crate::records::calibrated::START_CYCLES;
 use crate::records::distance::{Distance, Estimate, REPRODUCED_WITHIN, distances};
@@ -95,10 +95,6 @@ fn estimate(distance: &Distance, estimate: Estimate) -> String {
 
 fn in_errors(distance: &Distance) -> String {
     signed(distance.in_errors())
-}
-
-fn signed(value: f64) -> String {
-    format!("{:+.1}", rounded(value, 1)).replace('-', "−")
 }
 
 /// Returns why CM's AET is RC's, for a run of the paper's cell; `None` for any other run.

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::run::Run;
 use super::samples;
 use crate::output::exit::Failure;
-use crate::output::figures::{millis, rounded};
+use crate::output::figures::{millis, signed};
 use crate::output::html::chart::colour;
 use crate::output::html::document::fill;
 use crate::output::html::figure::Figure;
@@ -23,7 +23,7 @@ use crate::records::schedule::repetitions;
 const TEMPLATE: &str = include_str!("compare.html");
 
 /// A run, identified by a number.
-#[derive(Serialize)]
+#[derive(Serialize, Debug)]
 struct Column {
     number: usize,
     name: String,
@@ -35,9 +35,9 @@ struct Column {
 }
 
 #[derive(Serialize)]
-struct Page {
+struct Page<'a> {
     rows: Vec<&'static str>,
-    columns: Vec<Column>,
+    columns: &'a [Column],
     notes: Vec<&'static str>,
     figures: Vec<(String, Figure)>,
 }
@@ -60,6 +60,7 @@ const ROWS: [&str; 10] = [
 #[derive(Debug)]
 pub struct Comparison {
     runs: Vec<Run>,
+    columns: Vec<Column>,
 }
 
 impl Comparison {
@@ -69,13 +70,14 @@ impl Comparison {
     ///
     /// A directory contains no run.
     pub fn load(directories: &[PathBuf]) -> Result<Self, Failure> {
-        Ok(Self { runs: directories.iter().map(|path| Run::load(path)).collect::<Result<_, _>>()? })
+        let runs = directories.iter().map(|path| Run::load(path)).collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { columns: columns(&runs), runs })
     }
 
     /// Formats the table for the screen.
     #[must_use]
     pub fn table(&self) -> String {
-        table(&columns(&self.runs))
+        table(&self.columns)
     }
 
     /// Returns the page as HTML.
@@ -84,7 +86,7 @@ impl Comparison {
     ///
     /// A figure cannot be drawn.
     pub fn page(&self) -> anyhow::Result<String> {
-        page(&self.runs, columns(&self.runs))
+        page(&self.runs, &self.columns)
     }
 }
 
@@ -121,7 +123,6 @@ impl Difference {
     }
 
     fn text(&self) -> String {
-        let signed = |ms: f64| format!("{:+.1}", rounded(ms, 1)).replace('-', "−");
         match self {
             Self::Known(mean) => format!("{} ± {}", signed(mean.ms), millis(mean.margin_ms())),
             Self::Open(ms) => format!("{} ± ?", signed(*ms)),
@@ -208,7 +209,7 @@ fn table(columns: &[Column]) -> String {
     )
 }
 
-fn page(runs: &[Run], columns: Vec<Column>) -> anyhow::Result<String> {
+fn page(runs: &[Run], columns: &[Column]) -> anyhow::Result<String> {
     let mut figures = Vec::new();
     for execution_type in ExecutionType::ALL {
         let first =
@@ -236,7 +237,7 @@ fn page(runs: &[Run], columns: Vec<Column>) -> anyhow::Result<String> {
         let data = || samples::data(&rows);
         figures.extend(drawn.map(|figure| (label(execution_type), figure.with(data()))));
     }
-    let page = Page { rows: ROWS.to_vec(), notes: notes(&columns), columns, figures };
+    let page = Page { rows: ROWS.to_vec(), notes: notes(columns), columns, figures };
     fill(TEMPLATE, &page)
 }
 
@@ -319,7 +320,7 @@ mod tests {
             std::fs::write(&path, content.replace(from, to)).unwrap();
         }
         let comparison = compared(&runs);
-        let differs: Vec<_> = columns(&comparison.runs).into_iter().map(|column| column.differs).collect();
+        let differs: Vec<_> = comparison.columns.iter().map(|column| &column.differs).collect();
         let text = |index: usize| differs[index].clone().unwrap_or_default();
         assert_eq!([text(0), text(1)], ["", ""]);
         insta::assert_snapshot!(text(2), @"motions.approximation_mm is 0.0, in run 1 10.0");

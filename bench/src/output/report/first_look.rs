@@ -4,6 +4,7 @@
 use plc_node::ExecutionType;
 use serde::Serialize;
 
+use crate::output::figures::signed;
 use crate::output::html::chart::{Format, short};
 use crate::output::progress::label;
 use crate::records::interval::Mean;
@@ -107,7 +108,7 @@ pub(super) fn range((low, high): (f64, f64)) -> String {
 }
 
 pub(super) fn signed_range((low, high): (f64, f64)) -> String {
-    format!("{low:+.1} to {high:+.1}").replace('-', "−")
+    format!("{} to {}", signed(low), signed(high))
 }
 
 const TYPES: [ExecutionType; 3] = ExecutionType::ALL;
@@ -143,8 +144,7 @@ impl FirstLook {
             ]
         };
         let difference = differences(results).into_iter().map(|(execution_type, mean)| {
-            let text = |mean: &Mean| format!("{:+.1}", mean.ms).replace('-', "−");
-            (execution_type, text(&mean), signed_range(mean.interval_ms()))
+            (execution_type, signed(mean.ms), signed_range(mean.interval_ms()))
         });
         let mut rows: Vec<_> = of_run.iter().map(row).collect();
         let differences: Vec<_> = difference.collect();
@@ -263,7 +263,7 @@ impl Strip {
         let (line, between) = (format.pick(16.0, 14.0), format.pick(8.0, 6.0));
         let mark = |(index, (origin, mean)): (usize, &(&'static str, Mean))| {
             let (low, high) = mean.interval_ms();
-            let ms = format!("{:+.1}", mean.ms).replace('-', "−");
+            let ms = signed(mean.ms);
             let margin = mean.margin_ms();
             let name = if *origin == "paper" { "paper " } else { "" };
             Bar {

@@ -6,6 +6,7 @@ use super::Exploration;
 use super::classes::{Class, Reason, Row};
 use super::fault::What;
 use crate::outln;
+use crate::output::figures::signed;
 use crate::output::progress::label;
 
 /// Reasons that are shown.
@@ -100,7 +101,7 @@ impl Exploration<'_> {
 }
 
 fn later(row: &Row) -> String {
-    let ms = |nanos: i64| format!("{:+.1}", nanos as f64 / 1e6).replace('-', "−");
+    let ms = |nanos: i64| signed(nanos as f64 / 1e6);
     match row.later_ns {
         [0, 0] => String::new(),
         [earliest, latest] => format!("{} … {}", ms(earliest), ms(latest)),

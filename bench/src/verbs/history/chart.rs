@@ -6,7 +6,7 @@ use plotters::prelude::Color;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::Entry;
-use super::entry::signed;
+use crate::output::figures::signed;
 use crate::output::html::chart::{
     self, Area, Axes, Chart, Format, INK, MUTED, PAPER, Panel, Panels, colour, px, stroke, text,
 };

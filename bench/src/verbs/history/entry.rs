@@ -161,22 +161,3 @@ impl Entry {
         (&self.setup, &self.application, &self.mode) == (&other.setup, &other.application, &other.mode)
     }
 }
-
-/// Formats a number to a tenth, with its sign; never a negative zero.
-pub(super) fn signed(ms: f64) -> String {
-    let tenths = (ms * 10.0).round() / 10.0 + 0.0;
-    format!("{tenths:+.1}").replace('-', "−")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_trend_of_zero_has_a_positive_sign() {
-        assert_eq!(
-            (signed(-0.04), signed(-3.06), signed(0.1)),
-            ("+0.0".into(), "−3.1".into(), "+0.1".into())
-        );
-    }
-}

@@ -7,8 +7,8 @@ use plc_node::ExecutionType;
 use serde::Serialize;
 
 use super::chart::{self, Run};
-use super::entry::signed;
 use super::{Entry, History, link};
+use crate::output::figures::signed;
 use crate::output::html::document::fill;
 use crate::output::html::figure::Figure;
 use crate::output::progress::label;

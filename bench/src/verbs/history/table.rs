@@ -4,8 +4,8 @@ use comfy_table::{CellAlignment, Table, presets};
 use node::screen;
 use plc_node::ExecutionType;
 
-use super::entry::signed;
 use super::{Entry, History};
+use crate::output::figures::signed;
 use crate::output::progress::label;
 use crate::records::statistics::AetMad;
 
