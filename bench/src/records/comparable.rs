@@ -11,49 +11,34 @@ use crate::records::results::Results;
 /// What a run measured and how.
 #[derive(Debug)]
 pub struct Conditions {
-    /// Names of setup and application, and the mode.
-    names: [String; 3],
-    nodes: Nodes,
-    overrides: Option<String>,
-    faults: Vec<String>,
+    /// What the run was measured on.
+    nodes: &'static str,
+    /// What the run has of each of [`TEXTS`].
+    texts: [String; TEXTS.len()],
     /// Setup and application, or why they cannot be read.
     cell: Result<(Setup, Found), String>,
 }
 
-/// What the run was measured on.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Nodes {
-    Own,
-    RanAlready,
-    RobotIsNotOurs,
-}
-
-impl Nodes {
-    const fn text(self) -> &'static str {
-        match self {
-            Self::Own => "nodes that the bench started",
-            Self::RanAlready => "nodes that ran already",
-            Self::RobotIsNotOurs => "a robot that is not ours",
-        }
-    }
-}
+/// What runs are compared in besides the nodes and the content of setup and application.
+const TEXTS: [&str; 5] = ["setup", "application", "mode", "override", "faults"];
 
 impl Conditions {
     /// Reads the conditions of a run from its directory.
     #[must_use]
     pub fn of(directory: &Path, results: &Results) -> Self {
         let cell = planning::setup_with_application(&directory.join("setup.toml").to_string_lossy());
-        Self {
-            names: [&results.setup, &results.application, &results.mode].map(Clone::clone),
-            nodes: match &results.attached {
-                None => Nodes::Own,
-                Some(attached) if attached.robot.is_some() => Nodes::RanAlready,
-                Some(_) => Nodes::RobotIsNotOurs,
-            },
-            overrides: results.overrides.clone(),
-            faults: results.faults.as_ref().map_or_else(Vec::new, |faults| faults.asked.clone()),
-            cell: cell.map_err(|error| error.to_string()),
-        }
+        let nodes = match &results.attached {
+            None => "nodes that the bench started",
+            Some(attached) if attached.robot.is_some() => "nodes that ran already",
+            Some(_) => "a robot that is not ours",
+        };
+        let overrides = results.overrides.clone().unwrap_or_else(|| "100".to_owned());
+        let asked = results.faults.as_ref().map_or(&[][..], |faults| &faults.asked);
+        let faults = if asked.is_empty() { "none".to_owned() } else { asked.join(", ") };
+        let [setup, application, mode] =
+            [&results.setup, &results.application, &results.mode].map(Clone::clone);
+        let texts = [setup, application, mode, overrides, faults];
+        Self { nodes, texts, cell: cell.map_err(|error| error.to_string()) }
     }
 
     /// Returns why a run cannot be compared with one under other conditions; `None` if it can be. `other` names that run in
@@ -72,26 +57,12 @@ impl Conditions {
 
     /// Returns the differences that are not in the content of setup and application.
     fn besides_the_cell(&self, (other, named): (&Self, &str)) -> impl Iterator<Item = String> {
-        let override_text =
-            |conditions: &Self| conditions.overrides.clone().unwrap_or_else(|| "100".to_owned());
-        let faults = |conditions: &Self| match &conditions.faults[..] {
-            [] => "none".to_owned(),
-            faults => faults.join(", "),
-        };
-        let [setup, application, mode] = &self.names;
-        let [other_setup, other_application, other_mode] = &other.names;
-        let pairs = [
-            ("setup", setup.clone(), other_setup.clone()),
-            ("application", application.clone(), other_application.clone()),
-            ("mode", mode.clone(), other_mode.clone()),
-            ("override", override_text(self), override_text(other)),
-            ("faults", faults(self), faults(other)),
-        ];
         let nodes = (self.nodes != other.nodes)
-            .then(|| format!("measured on {}, {named} on {}", self.nodes.text(), other.nodes.text()));
-        let differing = pairs.into_iter().filter(|(_, own, others)| own != others);
-        let texts = differing.map(|(what, own, others)| format!("{what} {own}, {named} {others}"));
-        nodes.into_iter().chain(texts).collect::<Vec<_>>().into_iter()
+            .then(|| format!("measured on {}, {named} on {}", self.nodes, other.nodes));
+        let pairs = TEXTS.iter().zip(self.texts.iter().zip(&other.texts));
+        let differing = pairs.filter(|(_, (own, others))| own != others);
+        let texts = differing.map(move |(what, (own, others))| format!("{what} {own}, {named} {others}"));
+        nodes.into_iter().chain(texts)
     }
 
     /// Returns the differences in the content of setup and application. To find them takes time.
