@@ -64,16 +64,16 @@ impl Exports {
         write(&self.junit, &|| Ok(junit(results, self.started.as_deref())))
     }
 
-    /// Returns the files with the options that ask for them.
-    pub fn files(&self) -> impl Iterator<Item = (&'static str, &Path)> {
+    /// Returns the options that ask for files, each with its file if it is given.
+    #[must_use]
+    pub fn files(&self) -> [(&'static str, Option<&Path>); 4] {
         let Self { json, csv, markdown, junit, started: _ } = self;
-        let files = [
-            ("--export-json", json),
-            ("--export-csv", csv),
-            ("--export-markdown", markdown),
-            ("--export-junit", junit),
-        ];
-        files.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?)))
+        [
+            ("--export-json", json.as_deref()),
+            ("--export-csv", csv.as_deref()),
+            ("--export-markdown", markdown.as_deref()),
+            ("--export-junit", junit.as_deref()),
+        ]
     }
 }
 
@@ -399,9 +399,10 @@ mod tests {
             started: None,
         };
         for (option, file) in exports.files() {
-            assert_eq!(option, format!("--export-{}", file.display()));
+            assert_eq!(option, format!("--export-{}", file.unwrap().display()));
         }
-        assert_eq!(exports.files().count(), 4);
-        assert_eq!(Exports::json("a".into()).files().count(), 1);
+        let exports = Exports::json("a".into());
+        let [json, others @ ..] = exports.files();
+        assert_eq!((json.1, others.map(|(_, file)| file)), (Some(Path::new("a")), [None; 3]));
     }
 }

@@ -7,8 +7,8 @@ use anyhow::anyhow;
 use crate::output::exit::{Exit, Failure};
 use crate::records::occupied::{self, holds_run};
 
-/// A file with what it is in messages: the option that asks for it, or what the verb reads from it.
-pub(super) type Named<'a> = (&'static str, &'a Path);
+/// A file, if there is one, with what it is in messages: the option that asks for it, or what the verb reads from it.
+pub(super) type Named<'a> = (&'static str, Option<&'a Path>);
 
 /// What a verb with its own directory writes there besides.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,9 +25,11 @@ pub(super) struct Own<'a> {
 /// [`Exit::Usage`] with the option and the file.
 pub(super) fn check(asked: &[Named<'_>], read: &[Named<'_>], own: Own<'_>) -> Result<(), Failure> {
     let usage = |error| Err(Failure::new(Exit::Usage, error));
-    let read: Vec<_> = read.iter().map(|(what, file)| (what, location(file))).collect();
+    let there = |(what, file): &Named<'_>| Some((*what, location((*file)?)));
+    let read: Vec<_> = read.iter().filter_map(there).collect();
     let mut before = Vec::new();
     for (option, file) in asked {
+        let Some(file) = file else { continue };
         let (shown, file) = (file.display(), location(file));
         let refuse = |what: &str| usage(anyhow!("{option} would replace {shown}, {what}; name another file"));
         if before.contains(&file) {
@@ -72,8 +74,9 @@ mod tests {
     fn refused(place: &Path, json: &str, csv: &str) -> Option<String> {
         let [json, csv, setup, study] = [json, csv, "cell/setup.toml", "study"].map(|name| place.join(name));
         let own = Own { directory: Some(&study), files: &["study.csv"] };
-        let asked = [("--export-json", json.as_path()), ("--export-csv", &csv)];
-        let failure = check(&asked, &[("the setup", &setup)], own).err()?;
+        let asked = [("--export-json", Some(json.as_path())), ("--export-csv", Some(&csv))];
+        let read = [("the setup", Some(setup.as_path())), ("the application", None)];
+        let failure = check(&asked, &read, own).err()?;
         assert_eq!(failure.exit, Exit::Usage);
         Some(failure.error.to_string().replace(&format!("{}/", place.display()), ""))
     }

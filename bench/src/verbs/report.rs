@@ -35,8 +35,8 @@ pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
         }
         Some(path) => {
             let is_report = location(path) == location(&options.run.join(report::FILE));
-            let asked = (!is_report).then_some(("--out", path.as_path()));
-            outputs::check(asked.as_slice(), &[], Own::default())?;
+            let asked = (!is_report).then_some(path.as_path());
+            outputs::check(&[("--out", asked)], &[], Own::default())?;
             let (html, lacks) = report::render(&options.run)?;
             replace(path, &html, Durability::Synced).map_err(|error| as_it_was(error.into()))?;
             (path.clone(), lacks)
@@ -71,9 +71,7 @@ pub struct CompareOptions {
 ///
 /// A directory contains no run, or the page cannot be written.
 pub fn compare(options: &CompareOptions) -> Result<Exit, Failure> {
-    if let Some(path) = &options.html {
-        outputs::check(&[("--html", path)], &[], Own::default())?;
-    }
+    outputs::check(&[("--html", options.html.as_deref())], &[], Own::default())?;
     let comparison = Comparison::load(&options.runs)?;
     outln!("{}", comparison.table());
     if let Some(path) = &options.html {

@@ -26,8 +26,7 @@ impl SetupOption {
     /// Returns the file of the setup; `None` for a built-in one.
     #[must_use]
     pub fn file(&self) -> Option<&Path> {
-        let is_built_in = setup::SETUPS.iter().any(|(known, _)| known.eq_ignore_ascii_case(&self.setup));
-        (!is_built_in).then(|| Path::new(&self.setup))
+        setup::built_in(setup::SETUPS, &self.setup).is_none().then(|| Path::new(&self.setup))
     }
 
     /// Reads the setup and its application.

@@ -63,24 +63,21 @@ impl StudyOptions {
             results: &[&page, &json, &csv],
         };
         run_directory::make_for_study(&directory, files)?;
-        for (_, file) in self.exports() {
+        for file in self.exports().into_iter().filter_map(|(_, file)| file) {
             check_file(file)?;
         }
         Ok(directory)
     }
 
     /// Returns the requested files with the options that ask for them.
-    fn exports(&self) -> impl Iterator<Item = Named<'_>> {
-        let files = [("--export-json", &self.export_json), ("--export-csv", &self.export_csv)];
-        files.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?)))
+    fn exports(&self) -> [Named<'_>; 2] {
+        [("--export-json", self.export_json.as_deref()), ("--export-csv", self.export_csv.as_deref())]
     }
 
     /// Rejects requested files that replace what the study reads or writes anyway.
     fn check_exports(&self, found: &planning::Found, own: Own<'_>) -> Result<(), Failure> {
-        let application = ("the application", Path::new(&found.origin));
-        let setup = self.setup.file().map(|file| ("the setup", file));
-        let read: Vec<_> = setup.into_iter().chain([application]).collect();
-        outputs::check(&self.exports().collect::<Vec<_>>(), &read, own)
+        let read = [("the setup", self.setup.file()), ("the application", found.path.as_deref())];
+        outputs::check(&self.exports(), &read, own)
     }
 
     /// Saves the results of the study `name` into its directory, and to the other requested files.

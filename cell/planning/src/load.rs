@@ -2,7 +2,7 @@
 //!
 //! [`setup::find`] reads the file, as for setups.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use setup::Setup;
 
@@ -27,6 +27,8 @@ pub const APPLICATIONS: &[(&str, &str)] = &[
 pub struct Found {
     /// Its name in messages: the file's path, or the built-in's name.
     pub origin: String,
+    /// The file; `None` for a built-in one.
+    pub path: Option<PathBuf>,
     /// The text as it was read, to be kept beside results.
     pub text: String,
     /// The application in the text.
@@ -64,9 +66,9 @@ impl Found {
 /// # Errors
 /// [`Error::Setup`] where there is none, [`Error::Format`] or [`Error::Value`] where it cannot be read.
 pub fn application(name: &str, directory: Option<&Path>) -> Result<Found, Error> {
-    let setup::Text { origin, text, .. } = setup::find("application", APPLICATIONS, name, directory)?;
+    let setup::Text { origin, path, text } = setup::find("application", APPLICATIONS, name, directory)?;
     let application = Application::parse(&origin, &text)?;
-    Ok(Found { origin, text, application })
+    Ok(Found { origin, path, text, application })
 }
 
 /// Finds the setup that `name` names and the application that it runs, which a setup in a file names by a path from

@@ -22,7 +22,7 @@ pub use bus::{
 };
 pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character, in_words};
-pub use load::{SETUPS, Text, check, find, setup, setup_from_text, setup_with_directory};
+pub use load::{SETUPS, Text, built_in, check, find, setup, setup_from_text, setup_with_directory};
 pub use model::{
     Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Setup, ThreeParallel,
 };

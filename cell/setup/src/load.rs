@@ -56,21 +56,27 @@ pub struct Text {
     pub text: String,
 }
 
-/// Finds the text `name`: a built-in one, in upper or lower case, or a file, with its path relative to `directory`.
+/// Finds a built-in text by its name, in upper or lower case; returns its name as listed and the text.
+#[must_use]
+pub fn built_in<'a>(all: &[(&'a str, &'a str)], name: &str) -> Option<(&'a str, &'a str)> {
+    all.iter().copied().find(|(known, _)| known.eq_ignore_ascii_case(name))
+}
+
+/// Finds the text `name`: one of `all` that are built in, in upper or lower case, or a file, with its path relative to `directory`.
 /// `what` is the kind of text in messages.
 pub fn find(
     what: &'static str,
-    built_in: &[(&'static str, &'static str)],
+    all: &[(&'static str, &'static str)],
     name: &str,
     directory: Option<&Path>,
 ) -> Result<Text, Error> {
-    if let Some((known, text)) = built_in.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)) {
+    if let Some((known, text)) = built_in(all, name) {
         let origin = format!("built-in {what} {known}");
-        return Ok(Text { origin, path: None, text: (*text).to_owned() });
+        return Ok(Text { origin, path: None, text: text.to_owned() });
     }
     let path = directory.map_or_else(|| PathBuf::from(name), |directory| directory.join(name));
     if !path.exists() && path.extension().is_none() {
-        let known = built_in.iter().map(|(known, _)| *known).collect();
+        let known = all.iter().map(|(known, _)| *known).collect();
         return Err(Error::Unknown { what, name: name.to_owned(), known });
     }
     let text = std::fs::read_to_string(&path).map_err(|reason| Error::Unreadable {

@@ -67,9 +67,7 @@ pub struct History {
 ///
 /// There is no such directory, it is a run itself, or the page cannot be written.
 pub fn run(options: &HistoryOptions) -> Result<Exit, Failure> {
-    if let Some(path) = &options.html {
-        outputs::check(&[("--html", path)], &[], Own::default())?;
-    }
+    outputs::check(&[("--html", options.html.as_deref())], &[], Own::default())?;
     let mut history = History::load(&options.directory)?;
     history.keep(options);
     if options.json {

@@ -72,7 +72,7 @@ pub struct LongOptions {
 /// The setup, the application or the list cannot be used; the run fails; a motion was lost, duplicated or reordered.
 pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
     let (setup, directory) = setup::setup_with_directory(options.setup.name())?;
-    let origin = origin(options, &setup, directory.as_deref())?;
+    let (origin, application) = origin(options, &setup, directory.as_deref())?;
     let usage = |error| Failure::new(Exit::Usage, error);
     let most = match (options.motions, &origin) {
         (Some(motions), _) => motions,
@@ -80,7 +80,7 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
         (None, Origin::Application(_)) => MOTIONS,
     };
     if let Some(path) = &options.write {
-        check_list(options, path, directory.as_deref())?;
+        check_list(options, path, application.as_deref())?;
         let sum = origin.write(most, path)?.map_err(usage)?;
         outln!("{}: {sum}", path.display());
         return Ok(Exit::Pass);
@@ -96,27 +96,28 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
 }
 
 /// Rejects a list that would replace what its motions are made from.
-fn check_list(options: &LongOptions, path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
-    let application = match &options.from {
-        Some(_) => None,
-        None => Some(planning::application(&options.application, directory)?.origin),
-    };
+fn check_list(options: &LongOptions, path: &Path, application: Option<&Path>) -> Result<(), Failure> {
     let read = [
         ("the setup", options.setup.file()),
-        ("the application", application.as_deref().map(Path::new)),
+        ("the application", application),
         ("the list of --from", options.from.as_deref()),
     ];
-    let read: Vec<_> = read.into_iter().filter_map(|(what, file)| Some((what, file?))).collect();
-    outputs::check(&[("--write", path)], &read, Own::default())
+    outputs::check(&[("--write", Some(path))], &read, Own::default())
 }
 
-fn origin(options: &LongOptions, setup: &Setup, directory: Option<&Path>) -> Result<Origin, Failure> {
+/// Returns where the motions come from, and the file of the application if they come from one.
+fn origin(
+    options: &LongOptions,
+    setup: &Setup,
+    directory: Option<&Path>,
+) -> Result<(Origin, Option<PathBuf>), Failure> {
     match &options.from {
-        Some(path) => Ok(Origin::List(path.clone())),
+        Some(path) => Ok((Origin::List(path.clone()), None)),
         None => {
             let found = planning::application(&options.application, directory)?;
             found.plan(setup)?;
-            Ok(Origin::Application(Box::new((found.application, setup.clone()))))
+            let origin = Origin::Application(Box::new((found.application, setup.clone())));
+            Ok((origin, found.path))
         }
     }
 }

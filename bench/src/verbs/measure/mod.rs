@@ -98,13 +98,11 @@ fn load(options: &RunOptions) -> Result<(Setup, Found), Failure> {
 fn check_outputs(options: &RunOptions, found: &Found) -> Result<(), Failure> {
     let read = [
         ("the setup", options.setup.file()),
-        // Of a built-in one this is the name of no file.
-        ("the application", Some(Path::new(&found.origin))),
+        ("the application", found.path.as_deref()),
         ("the token of the control ports", options.control_token.as_deref()),
     ];
-    let read: Vec<_> = read.into_iter().filter_map(|(what, file)| Some((what, file?))).collect();
     let own = Own { directory: options.out.as_deref(), files: &occupied::of_run() };
-    outputs::check(&options.exports.files().collect::<Vec<_>>(), &read, own)?;
+    outputs::check(&options.exports.files(), &read, own)?;
     if options.mcap && !cfg!(feature = "mcap") {
         let error = anyhow!(
             "--mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and \

@@ -84,8 +84,7 @@ fn usage(problem: String) -> Failure {
 }
 
 fn built_in<'a>(what: &str, all: &[(&'static str, &'a str)], name: &str) -> Result<&'a str, Failure> {
-    let found = all.iter().find(|(known, _)| known.eq_ignore_ascii_case(name));
-    found.map(|(_, text)| *text).ok_or_else(|| {
+    setup::built_in(all, name).map(|(_, text)| text).ok_or_else(|| {
         let known: Vec<_> = all.iter().map(|(known, _)| *known).collect();
         usage(format!("there is no built-in {what} `{name}`; there are {}", known.join(", ")))
     })
