@@ -91,3 +91,26 @@ fn the_first_frame_of_a_connection_that_is_lost_is_sent_again_and_the_fault_can_
     let (code, said) = bench(place.path(), &["--mode", "virtual", "--fault", "lose-frame=1"]);
     assert_eq!(code, Some(2), "{said}");
 }
+
+#[test]
+fn the_setup_of_an_exploration_of_any_application_runs_again_from_where_it_is() {
+    let place = tempfile::tempdir().unwrap();
+    let short = include_str!("../../src/verbs/explore/short.toml");
+    fs::create_dir(place.path().join("tasks")).unwrap();
+    fs::write(place.path().join("tasks/mine.toml"), short.replace("\"short\"", "\"mine\"")).unwrap();
+    for application in ["tasks/mine.toml", "pick-and-place-gripper"] {
+        let out = application.replace(['/', '.'], "-");
+        let options = ["--application", application, "--types", "rc", "--every", "2000", "--kinds", "lose"];
+        let explore = [&["explore", "--quiet", "--out", &out], &options[..]].concat();
+        let (code, said) = bench(place.path(), &explore);
+        assert_eq!(code, Some(0), "{said}");
+        let setup = format!("{out}/setup.toml");
+        let run = ["--setup", &setup, "--mode", "virtual", "--types", "rc", "--reps", "1", "--quiet"];
+        let (code, said) = bench(place.path(), &run);
+        assert_eq!(code, Some(0), "{said}");
+        let name = application.trim_start_matches("tasks/").trim_end_matches(".toml");
+        assert!(said.contains(name), "{said}");
+        let (code, again) = bench(place.path(), &explore);
+        assert_eq!(code, Some(0), "it goes on: {again}");
+    }
+}

@@ -24,11 +24,10 @@ use std::time::SystemTime;
 use anyhow::Context as _;
 use clap::Args;
 use node::list::{List, flat};
-use planning::Found;
+use planning::{Application, Found};
 use plc_node::ExecutionType;
 use setup::Setup;
 
-use super::directory;
 use super::event_loop::{interrupted, watch_for_interrupt};
 use super::jobs;
 use super::setup_option::SetupOption;
@@ -47,6 +46,9 @@ use journal::Journal;
 
 /// The page with the counts.
 const PAGE: &str = "explore.html";
+
+/// The application beside the setup.
+const APPLICATION: &str = "application.toml";
 
 /// A sequence that takes a second.
 const SHORT: &str = include_str!("short.toml");
@@ -159,32 +161,32 @@ struct Exploration<'a> {
     classes: Classes,
 }
 
-/// Writes what is explored into the directory, unless that has other files or another exploration. Returns the setup, and the
-/// application that `name` names.
-fn prepare(options: &ExploreOptions, directory: &Path, name: &str) -> Result<(Setup, Found), Failure> {
-    let mut setup = setup::setup(options.setup.name())?;
-    let own = match &options.application {
-        // A setup names its application as seen from its own directory.
-        None => Some(("application.toml", SHORT)),
-        Some(_) => None,
+/// Writes what is explored into the directory, unless that has other files or another exploration. Returns the setup, which
+/// names the application beside it, and that application.
+fn prepare(options: &ExploreOptions, directory: &Path) -> Result<(Setup, Found), Failure> {
+    let (mut setup, found) = match &options.application {
+        Some(name) => options.setup.load_with(Some(name))?,
+        None => (setup::setup(options.setup.name())?, short(directory)?),
     };
-    setup.application = own.map_or(name, |(file, _)| file).to_owned();
-    let text = own.map_or_else(
-        || planning::application(name, None).map(|found| found.text),
-        |(_, text)| Ok(text.to_owned()),
-    )?;
-    let claim = options.claim(&text);
+    APPLICATION.clone_into(&mut setup.application);
+    let claim = options.claim(&found.text);
     journal::check_claim(directory, &claim).map_err(|error| Failure::new(Exit::Usage, error))?;
     let described = setup::setup_to_toml(&setup)?;
-    let inputs: Vec<_> =
-        [("setup.toml", &*described), (journal::CLAIM, &*claim)].into_iter().chain(own).collect();
-    directory::make(directory)?;
+    let inputs = [("setup.toml", &*described), (APPLICATION, &*found.text), (journal::CLAIM, &*claim)];
     let files = Files { inputs: &inputs, results: &[journal::OUTCOMES, PAGE] };
     run_directory::make_for_study(directory, files)?;
     for (name, text) in inputs {
         replace(&directory.join(name), text, Durability::Written)?;
     }
-    options.setup.load_with(Some(name))
+    Ok((setup, found))
+}
+
+/// Returns the short application as it is written into the directory.
+fn short(directory: &Path) -> anyhow::Result<Found> {
+    let path = directory.join(APPLICATION);
+    let origin = path.display().to_string();
+    let application = Application::parse(&origin, SHORT)?;
+    Ok(Found { origin, path: Some(path), text: SHORT.to_owned(), application })
 }
 
 /// Runs all faults, prints how the runs ended and saves it.
@@ -196,9 +198,9 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let default = || run_directory::default_path(options.setup.name(), "explore", started);
     let directory = options.out.clone().unwrap_or_else(default);
-    let short = || directory.join("application.toml").display().to_string();
-    let application = options.application.clone().unwrap_or_else(short);
-    let (setup, found) = prepare(options, &directory, &application)?;
+    let (setup, found) = prepare(options, &directory)?;
+    let own = || directory.join(APPLICATION).display().to_string();
+    let application = options.application.clone().unwrap_or_else(own);
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
     let clean = |execution_type| {
         CleanRun::of(execution_type, &setup, &planned, options.seed, options.lengths(), options.late_ms)
