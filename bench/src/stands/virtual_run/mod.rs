@@ -229,6 +229,11 @@ impl VirtualRun {
     pub fn plant_time(&self) -> Duration {
         self.nodes.now().since(Instant::ZERO)
     }
+
+    /// Returns how much faster than the plant it has been since the nodes were switched on.
+    fn speed(&self) -> PlantSpeed {
+        PlantSpeed { plant: self.plant_time(), host: self.started.elapsed() }
+    }
 }
 
 /// Plans an application and executes a whole schedule of it without progress output, run directory or interrupts. The
@@ -247,19 +252,19 @@ pub fn whole(setup: &Setup, application: &Application, schedule: &Schedule) -> a
 ///
 /// The nodes do not connect, or a repetition fails.
 pub fn whole_planned(setup: &Setup, planned: PlannedCell, schedule: &Schedule) -> anyhow::Result<Results> {
-    whole_with_plant_time(setup, planned, schedule).map(|(results, _)| results)
+    whole_with_speed(setup, planned, schedule).map(|(results, _)| results)
 }
 
-/// Executes a whole schedule like [`whole_planned`]; returns also what the plant would have taken for it.
+/// Executes a whole schedule like [`whole_planned`]; returns also how much faster than the plant that was.
 ///
 /// # Errors
 ///
 /// The same as for [`whole_planned`].
-pub fn whole_with_plant_time(
+pub fn whole_with_speed(
     setup: &Setup,
     planned: PlannedCell,
     schedule: &Schedule,
-) -> anyhow::Result<(Results, Duration)> {
+) -> anyhow::Result<(Results, PlantSpeed)> {
     let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, &[])?;
     let mut results = Results::new(setup, &planned.name, Mode::Virtual, schedule);
     let work = Work::of(planned);
@@ -271,7 +276,7 @@ pub fn whole_with_plant_time(
     }
     results.status = Status::Complete;
     results.set_health(&run.nodes.health());
-    Ok((results, run.plant_time()))
+    Ok((results, run.speed()))
 }
 
 impl Stand for VirtualRun {
@@ -304,7 +309,7 @@ impl Stand for VirtualRun {
     }
 
     async fn finish(self, keeps_capture: bool) -> Finished {
-        let speed = PlantSpeed { plant: self.plant_time(), host: self.started.elapsed() };
+        let speed = self.speed();
         Finished {
             capture: self.end_capture(keeps_capture),
             trace: Ok(Some(self.trace)),

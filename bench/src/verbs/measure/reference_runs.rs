@@ -1,7 +1,6 @@
 //! Virtual runs that a table and report need besides the measured one. They run on another core.
 
 use std::thread::{self, JoinHandle};
-use std::time::Instant;
 
 use anyhow::{Context, anyhow};
 use planning::Application;
@@ -66,10 +65,7 @@ fn without_overhead(
     application: &Application,
     schedule: &Schedule,
 ) -> anyhow::Result<(Results, PlantSpeed)> {
-    let started = Instant::now();
-    let planned = PlannedCell::of(setup, application)?;
-    let (results, plant) = virtual_run::whole_with_plant_time(setup, planned, schedule)?;
-    Ok((results, PlantSpeed { plant, host: started.elapsed() }))
+    virtual_run::whole_with_speed(setup, PlannedCell::of(setup, application)?, schedule)
 }
 
 /// Runs RC on the paper's two arms, each as its own setup and as the other one programs the motions.
