@@ -17,9 +17,7 @@ use virtual_time::{FrameFault, Impairment, Side};
 pub use at_frame::AtFrame;
 use drives::DriveFault;
 pub use drives::NoSuchDrive;
-pub use limits::{
-    NotReal, Repeated, TooManyFrameFaults, check_drives, check_frame_faults, check_real, check_repeated,
-};
+pub use limits::{NotReal, Repeated, TooManyFrameFaults, Unfit, check, check_real};
 pub use report::FaultReport;
 
 /// One fault, in the form of the option: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
@@ -137,6 +135,14 @@ impl FromStr for Fault {
     }
 }
 
+impl Fault {
+    /// Returns whether it ends a node for good.
+    #[must_use]
+    pub const fn kills(&self) -> bool {
+        matches!(self.kind, Kind::Kill(..))
+    }
+}
+
 /// Parses a share of the frames and returns it in parts per million.
 fn share(text: &str) -> Result<u32, FaultError> {
     let (number, scale) = text.strip_suffix('%').map_or((text, 1e6), |number| (number, 1e4));
@@ -196,7 +202,7 @@ pub fn links(faults: &[Fault], cable: Impairment) -> [Impairment; 2] {
                     Kind::Duplicate(ppm) => link.duplicate_ppm = ppm,
                     Kind::Corrupt(ppm) => link.corrupt_ppm = ppm,
                     Kind::CorruptOnWire(ppm) => link.corrupt_on_wire_ppm = ppm,
-                    // What has no room is refused by `check_frame_faults`.
+                    // What has no room is refused by `check`.
                     Kind::FrameFault(frame, frame_fault) => _ = link.frame_faults.add(frame, frame_fault),
                     Kind::Reorder(ppm, by) => (link.reorder_ppm, link.reorder_by) = (ppm, by),
                     Kind::AtFrame(_) | Kind::Cut(..) | Kind::Kill(..) | Kind::Drive(..) => {}
@@ -234,8 +240,13 @@ pub fn at_frames(faults: &[Fault]) -> impl Iterator<Item = AtFrame> + '_ {
 /// Returns a capture's comment on the faults; empty without faults.
 #[must_use]
 pub fn about(faults: &[Fault]) -> String {
-    let asked: Vec<_> = faults.iter().map(ToString::to_string).collect();
-    if asked.is_empty() { String::new() } else { format!("faults put in: {}", asked.join(", ")) }
+    if faults.is_empty() { String::new() } else { format!("faults put in: {}", listed(faults)) }
+}
+
+/// Returns the faults as the user wrote them, with commas between them.
+#[must_use]
+pub fn listed(faults: &[Fault]) -> String {
+    faults.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// Converts the faults to the impairments of a cable between two processes. The host determines that cable's own

@@ -27,7 +27,7 @@ use crate::output::exit::{Exit, Failure};
 use crate::output::live::Feed;
 use crate::records::attached::Attached;
 use crate::records::conditions::{Health, Measured};
-use crate::records::faults::Fault;
+use crate::records::faults::{self, Fault};
 use crate::records::plant_speed::PlantSpeed;
 use crate::records::schedule::Step;
 use crate::records::trace::Trace;
@@ -92,8 +92,7 @@ pub struct StandConfig<'a> {
 
 /// Returns the failure of a run whose own faults may have kept it from beginning.
 fn under_faults(error: anyhow::Error, faults: &[Fault]) -> Failure {
-    let asked: Vec<_> = faults.iter().map(ToString::to_string).collect();
-    let asked = asked.join(", ");
+    let asked = faults::listed(faults);
     Failure::new(Exit::RunFailed, error.context(format!("the run did not begin with its faults ({asked})")))
 }
 

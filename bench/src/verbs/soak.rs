@@ -17,7 +17,7 @@ use super::setup_option::SetupOption;
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
 use crate::records::counted::counted;
-use crate::records::faults::{self, Change, Fault};
+use crate::records::faults::{self, Fault};
 use crate::records::mode::Mode;
 use crate::records::schedule::Schedule;
 use crate::stands::planned_cell::PlannedCell;
@@ -123,9 +123,7 @@ struct Held {
 pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
     let (setup, found) = options.setup.load()?;
     let faults = flat(&options.fault);
-    faults::check_drives(&faults, &setup).map_err(|error| Failure::new(Exit::Usage, error))?;
-    faults::check_repeated(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;
-    faults::check_frame_faults(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;
+    faults::check(&faults, &setup).map_err(|error| Failure::new(Exit::Usage, error))?;
     check_kills(&faults)?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
     let started = Instant::now();
@@ -157,11 +155,7 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
 
 /// Rejects faults after which a cell is dead.
 fn check_kills(faults: &[Fault]) -> Result<(), Failure> {
-    let is_kill = |fault: &&Fault| {
-        let changes = faults::changes_of_nodes(std::slice::from_ref(*fault));
-        changes.iter().any(|(_, change)| matches!(change, Change::Kill(_)))
-    };
-    match faults.iter().find(is_kill) {
+    match faults.iter().find(|fault| fault.kills()) {
         None => Ok(()),
         Some(fault) => {
             let error = anyhow!(
@@ -211,7 +205,7 @@ fn live(
                     seed,
                     reason: format!("{error:#}"),
                     then: format!("{then:#}"),
-                    faults: joined(faults),
+                    faults: faults::listed(faults),
                 })?;
             }
         }
@@ -230,10 +224,6 @@ impl SoakOptions {
         let life = self.life_minutes.min(minutes);
         ((minutes / life).ceil() as u64, Duration::from_secs_f64(life * 60.0))
     }
-}
-
-fn joined(faults: &[Fault]) -> String {
-    faults.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
 impl Counts {

@@ -7,24 +7,39 @@ use virtual_time::{FrameFaults, Impairment, Side};
 
 use super::{Fault, Kind, NoSuchDrive, links};
 
-/// Checks whether the robot of a setup has the drives that the faults are for.
+/// Checks whether a setup and a cable can have these faults, and beside each other.
 ///
 /// # Errors
 ///
-/// The first fault without its drive.
-pub fn check_drives(faults: &[Fault], setup: &Setup) -> Result<(), NoSuchDrive> {
+/// The first of them that cannot be.
+pub fn check(faults: &[Fault], setup: &Setup) -> Result<(), Unfit> {
+    check_drives(faults, setup)?;
+    check_repeated(faults)?;
+    Ok(check_frame_faults(faults)?)
+}
+
+/// Faults that a setup or a cable cannot have.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(transparent)]
+pub enum Unfit {
+    /// The robot does not have the drive.
+    Drive(#[from] NoSuchDrive),
+    /// Two set the same number.
+    Repeated(#[from] Repeated),
+    /// There are too many of single frames.
+    TooMany(#[from] TooManyFrameFaults),
+}
+
+/// Checks whether the robot of a setup has the drives that the faults are for.
+fn check_drives(faults: &[Fault], setup: &Setup) -> Result<(), NoSuchDrive> {
     faults.iter().try_for_each(|fault| match fault.kind {
         Kind::Drive(fault) => fault.check(setup),
         _ => Ok(()),
     })
 }
 
-/// Checks whether the cable has room for so many faults of single frames.
-///
-/// # Errors
-///
-/// There are more in one direction.
-pub fn check_frame_faults(faults: &[Fault]) -> Result<(), TooManyFrameFaults> {
+/// Checks whether the cable has room for so many faults of single frames in either direction.
+fn check_frame_faults(faults: &[Fault]) -> Result<(), TooManyFrameFaults> {
     let frame_faults = |side| {
         let of = |fault: &&Fault| matches!(fault.kind, Kind::FrameFault(..)) && fault.from == Some(side);
         faults.iter().filter(of).count()
@@ -46,11 +61,7 @@ pub struct TooManyFrameFaults {
 }
 
 /// Checks whether each direction of the cable gets each of its numbers from one fault only. Delays add up.
-///
-/// # Errors
-///
-/// The first two faults that set the same number of one direction.
-pub fn check_repeated(faults: &[Fault]) -> Result<(), Repeated> {
+fn check_repeated(faults: &[Fault]) -> Result<(), Repeated> {
     for (index, fault) in faults.iter().enumerate() {
         let Some(number) = fault.sets() else { continue };
         let is_same = |other: &&Fault| {

@@ -54,7 +54,7 @@ impl FaultReport {
 impl Fault {
     /// Returns whether the frame or the time that it begins with has come.
     fn has_begun(&self, links: &[LinkCounters; 2], since_ready: Option<Duration>) -> bool {
-        let sent = |from| links.get(usize::from(from == Side::B)).map_or(0, |link| link.sent);
+        let sent = |from: Side| links.get(from.index()).map_or(0, |link| link.sent);
         let is_time = |at| since_ready.is_some_and(|since| since >= at);
         match self.kind {
             Kind::FrameFault(frame, _) => self.from.is_some_and(|from| sent(from) >= frame),

@@ -45,18 +45,19 @@ fn a_shaft_is_held_for_a_time_and_only_drives_that_are_there_have_faults() {
     assert_eq!(changes_of_nodes(&block), expected);
     let without = setup::setup("A").unwrap();
     let with = without.clone().with_drives(setup::Drives::Ethercat);
-    assert_eq!(check_drives(&block, &with), Ok(()));
-    insta::assert_snapshot!(check_drives(&block, &without).unwrap_err(), @"drive-fault, drive-stop and drive-block need drives, and setup A has none: add --drives ethercat");
+    assert_eq!(check(&block, &with), Ok(()));
+    insta::assert_snapshot!(check(&block, &without).unwrap_err(), @"drive-fault, drive-stop and drive-block need drives, and setup A has none: add --drives ethercat");
     let fifth = faults(&["drive-stop=5@1s"]);
-    insta::assert_snapshot!(check_drives(&fifth, &with).unwrap_err(), @"there is no drive of axis 5: this arm has axes 1 to 4");
+    insta::assert_snapshot!(check(&fifth, &with).unwrap_err(), @"there is no drive of axis 5: this arm has axes 1 to 4");
 }
 
 #[test]
 fn more_faults_of_single_frames_than_there_is_room_for_are_refused() {
     let mut five = vec!["to-plc:lose-frame=1"; 4];
-    assert_eq!(check_frame_faults(&faults(&five)), Ok(()));
+    let setup = setup::setup("A").unwrap();
+    assert_eq!(check(&faults(&five), &setup), Ok(()));
     five.extend(["to-robot:lose-frame=1", "to-plc:flip-frame=9@wire"]);
-    insta::assert_snapshot!(check_frame_faults(&faults(&five)).unwrap_err(), @"5 faults of single frames in one direction, and there is room for 4: ask for fewer");
+    insta::assert_snapshot!(check(&faults(&five), &setup).unwrap_err(), @"5 faults of single frames in one direction, and there is room for 4: ask for fewer");
 }
 
 #[test]
@@ -102,7 +103,8 @@ fn the_error_for_a_wrong_fault_shows_correct_ones() {
 
 #[test]
 fn what_sets_the_same_number_of_a_direction_twice_is_refused() {
-    let refused = |texts: &[&str]| check_repeated(&faults(texts)).err().map(|error| error.to_string());
+    let setup = setup::setup("A").unwrap();
+    let refused = |texts: &[&str]| check(&faults(texts), &setup).err().map(|error| error.to_string());
     insta::assert_snapshot!(refused(&["loss=0.1", "jitter=1ms", "loss=0.2"]).unwrap(), @"`loss=0.1` and `loss=0.2` both set the loss of one direction: leave one out, or limit each to a direction of its own, as in to-robot:loss=0.001 and to-plc:loss=0.01");
     let whole_cable = refused(&["to-robot:reorder=0.1@1ms", "reorder=0.1@2ms"]).unwrap();
     assert!(whole_cable.contains("both set the reordering of one direction"), "{whole_cable}");

@@ -22,7 +22,7 @@ use crate::output::live::{LiveAddress, Reserved};
 use crate::output::report::{self, Pages};
 use crate::output::table;
 use crate::output::{errln, in_shell};
-use crate::records::faults::{self, NoSuchDrive};
+use crate::records::faults;
 use crate::records::mode::Mode;
 use crate::records::occupied;
 use crate::records::schedule::Schedule;
@@ -115,12 +115,10 @@ fn check_outputs(options: &RunOptions, found: &Found) -> Result<(), Failure> {
 
 /// Rejects faults that the drives, the cable or the mode do not have.
 fn check_faults(options: &RunOptions, setup: &Setup) -> Result<(), Failure> {
-    let usage = |error: NoSuchDrive| Failure::new(Exit::Usage, error);
-    faults::check_drives(&flat(&options.fault), setup).map_err(usage)?;
-    faults::check_repeated(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
-    faults::check_frame_faults(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
+    let faults = flat(&options.fault);
+    faults::check(&faults, setup).map_err(|error| Failure::new(Exit::Usage, error))?;
     if options.mode == Mode::Real {
-        faults::check_real(&flat(&options.fault)).map_err(|error| Failure::new(Exit::Usage, error))?;
+        faults::check_real(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;
     }
     Ok(())
 }
