@@ -3,10 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The files of a run besides its samples, see [`run_directory`](super::run_directory).
+/// The files of a run, see [`run_directory`](super::run_directory).
 pub const RUN: Files<'static> = Files {
     inputs: &[],
     results: &[
+        SAMPLES,
         "setup.toml",
         "application.toml",
         "host.json",
@@ -74,12 +75,6 @@ impl Occupied {
     }
 }
 
-/// Returns the names of all files of a run.
-#[must_use]
-pub fn of_run() -> Vec<&'static str> {
-    RUN.results.iter().copied().chain([SAMPLES]).collect()
-}
-
 /// Returns whether a directory holds a run.
 #[must_use]
 pub fn holds_run(directory: &Path) -> bool {
@@ -127,12 +122,12 @@ mod tests {
 
     #[test]
     fn a_run_takes_no_directory_that_has_its_files_and_any_other_one() {
-        for name in RUN.results {
+        for name in RUN.results.iter().filter(|name| **name != SAMPLES) {
             assert!(refused(RUN, &[(name, "")]).unwrap().contains(name));
         }
         assert_eq!(refused(RUN, &[("notes.md", "")]), None);
         for files in [RUN, STUDY] {
-            assert_eq!(refused(files, &[("samples.csv", "")]).as_deref(), Some("holds a run already"));
+            assert_eq!(refused(files, &[(SAMPLES, "")]).as_deref(), Some("holds a run already"));
         }
     }
 }

@@ -22,7 +22,7 @@ use setup::Setup;
 
 use crate::records::conditions::Measured;
 use crate::records::host::date;
-use crate::records::occupied::{self, Files, Occupied};
+use crate::records::occupied::{self, Files, Occupied, holds_run};
 pub use crate::records::replacement::{Durability, replace};
 use crate::records::results::{Results, SCHEMA_VERSION};
 use crate::records::schedule::Step;
@@ -79,7 +79,7 @@ impl RunDirectory {
         let is_empty = |entry: &fs::DirEntry| entry.metadata().is_ok_and(|found| found.len() == 0);
         let described = ["samples.csv", "setup.toml", "application.toml", "host.json", "results.json"];
         let (of_run, others): (Vec<_>, Vec<_>) =
-            entries.iter().partition(|entry| is(entry, &occupied::of_run()));
+            entries.iter().partition(|entry| is(entry, occupied::RUN.results));
         // A node that recorded nothing leaves an empty file.
         let is_recorded = |entry: &&fs::DirEntry| !is(entry, &described) && !is_empty(entry);
         if self.samples_len > SAMPLES_HEAD.len() as u64 || of_run.iter().any(is_recorded) {
@@ -152,7 +152,7 @@ pub fn results(directory: &Path) -> anyhow::Result<Results> {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let shown = directory.display();
-            return Err(if directory.join("samples.csv").exists() {
+            return Err(if holds_run(directory) {
                 anyhow!(
                     "the run in {shown} ended before its first repetition did, so there is nothing to report"
                 )

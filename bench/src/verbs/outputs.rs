@@ -45,7 +45,7 @@ pub(super) fn check(asked: &[Named<'_>], read: &[Named<'_>], own: Own<'_>) -> Re
         if own.directory.is_some_and(|directory| is_in(directory, own.files)) {
             return refuse("which is written there anyway");
         }
-        if file.parent().is_some_and(|parent| holds_run(parent) && is_in(parent, &occupied::of_run())) {
+        if file.parent().is_some_and(|parent| holds_run(parent) && is_in(parent, occupied::RUN.results)) {
             return refuse("a file of the run there");
         }
         before.push(file);

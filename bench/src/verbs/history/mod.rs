@@ -27,6 +27,7 @@ use crate::output::exit::{Exit, Failure};
 use crate::output::{errln, in_shell};
 use crate::records::comparable::Conditions;
 use crate::records::mode::Mode;
+use crate::records::occupied::holds_run;
 use crate::records::run_directory::{self, Durability, replace};
 use crate::verbs::outputs::{self, Own};
 
@@ -100,7 +101,7 @@ impl History {
     /// There is no such directory, or it is a run itself.
     pub fn load(directory: &Path) -> Result<Self, Failure> {
         let shown = directory.display();
-        if directory.join("samples.csv").exists() {
+        if holds_run(directory) {
             let error = anyhow!(
                 "{shown} is a run; name the directory that holds it, or `bench report {}` draws it",
                 in_shell(&shown)

@@ -101,7 +101,7 @@ fn check_outputs(options: &RunOptions, found: &Found) -> Result<(), Failure> {
         ("the application", found.path.as_deref()),
         ("the token of the control ports", options.control_token.as_deref()),
     ];
-    let own = Own { directory: options.out.as_deref(), files: &occupied::of_run() };
+    let own = Own { directory: options.out.as_deref(), files: occupied::RUN.results };
     outputs::check(&options.exports.files(), &read, own)?;
     if options.mcap && !cfg!(feature = "mcap") {
         let error = anyhow!(
