@@ -4,8 +4,8 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
-use rustix::fs::{CWD, RenameFlags, renameat_with};
+use anyhow::{Context as _, ensure};
+use rustix::fs::{Access, CWD, RenameFlags, access, renameat_with};
 
 /// How safely a file is stored before work goes on.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -36,13 +36,10 @@ impl Replacement {
     /// It cannot be written.
     pub fn create(path: &Path) -> anyhow::Result<Self> {
         let open = || -> io::Result<Self> {
-            let found = fs::metadata(path);
-            if found.as_ref().is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+            let Some(path) = replaced(path)? else {
                 let file = OpenOptions::new().write(true).open(path)?;
                 return Ok(Self { path: path.to_owned(), new: None, file });
-            }
-            // A link stays, and what it leads to is replaced.
-            let path = if found.is_ok() { path.canonicalize()? } else { path.to_owned() };
+            };
             let mut name = path.file_name().unwrap_or_default().to_owned();
             name.push(".new");
             let new = path.with_file_name(name);
@@ -92,6 +89,40 @@ pub fn replace(path: &Path, content: impl AsRef<[u8]>, durability: Durability) -
     let mut replacement = Replacement::create(path)?;
     replacement.file().write_all(content.as_ref()).with_context(|| cannot_write(path))?;
     replacement.finish(durability)
+}
+
+/// Returns the path of what is replaced where `path` is: a link stays, and what it leads to is replaced. `None` for what is no
+/// file and cannot be.
+fn replaced(path: &Path) -> io::Result<Option<PathBuf>> {
+    match fs::metadata(path) {
+        Ok(found) if found.is_file() || found.is_dir() => path.canonicalize().map(Some),
+        Ok(_) => Ok(None),
+        Err(_) => Ok(Some(path.to_owned())),
+    }
+}
+
+/// Checks that a file can be replaced, or written to where it cannot be.
+///
+/// # Errors
+///
+/// It is a directory, or this user may not write it.
+pub fn check_replaceable(path: &Path) -> anyhow::Result<()> {
+    ensure!(!path.is_dir(), "{} is a directory; name a file", path.display());
+    let Some(path) = replaced(path).with_context(|| cannot_write(path))? else {
+        return access(path, Access::WRITE_OK).with_context(|| cannot_write(path));
+    };
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    check_writable(parent.unwrap_or(Path::new(".")))
+}
+
+/// Checks that files can be written to a directory.
+///
+/// # Errors
+///
+/// It is missing, or this user may not write to it.
+pub fn check_writable(directory: &Path) -> anyhow::Result<()> {
+    access(directory, Access::WRITE_OK | Access::EXEC_OK)
+        .with_context(|| format!("cannot write to {}; choose another directory", directory.display()))
 }
 
 fn cannot_write(path: &Path) -> String {
@@ -192,6 +223,22 @@ mod tests {
         assert_eq!(taken, "content");
         assert!(path.metadata().unwrap().file_type().is_fifo());
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_pipe_and_a_link_are_checked_where_they_are_written_to() {
+        let directory = tempfile::tempdir().unwrap();
+        let [pipe, link] = ["pipe", "link"].map(|name| directory.path().join(name));
+        mknodat(CWD, &pipe, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+        check_replaceable(&pipe).unwrap();
+        let other = tempfile::tempdir().unwrap();
+        let file = other.path().join("file");
+        fs::write(&file, "").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        check_replaceable(&link).unwrap();
+        let refused = |path: &Path| check_replaceable(path).unwrap_err().to_string();
+        assert!(refused(other.path()).ends_with("is a directory; name a file"));
+        assert!(refused(&other.path().join("nowhere/file")).contains("nowhere; choose another directory"));
     }
 
     #[test]

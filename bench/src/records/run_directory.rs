@@ -17,13 +17,13 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
-use rustix::fs::{Access, access};
 use setup::Setup;
 
 use crate::records::conditions::Measured;
 use crate::records::host::date;
 use crate::records::occupied::{self, Files, Occupied, holds_run};
-pub use crate::records::replacement::{Durability, replace};
+use crate::records::replacement::check_writable;
+pub use crate::records::replacement::{Durability, check_replaceable, replace};
 use crate::records::results::{Results, SCHEMA_VERSION};
 use crate::records::schedule::Step;
 
@@ -213,16 +213,6 @@ pub fn make_for_study(path: &Path, files: Files<'_>) -> anyhow::Result<()> {
     fs::create_dir_all(path)
         .with_context(|| format!("cannot make the directory {}; choose another by --out", path.display()))?;
     check_writable(path)
-}
-
-/// Checks that files can be written to a directory.
-///
-/// # Errors
-///
-/// It is missing, or this user may not write to it.
-pub fn check_writable(directory: &Path) -> anyhow::Result<()> {
-    access(directory, Access::WRITE_OK | Access::EXEC_OK)
-        .with_context(|| format!("cannot write to {}; choose another directory", directory.display()))
 }
 
 fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {

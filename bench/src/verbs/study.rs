@@ -3,13 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use anyhow::ensure;
 use clap::Args;
 use setup::Setup;
 
 use crate::output::exit::{Exit, Failure};
 use crate::records::occupied::Files;
-use crate::records::run_directory::{self, Durability, replace};
+use crate::records::run_directory::{self, Durability, check_replaceable, replace};
 use crate::verbs::event_loop;
 use crate::verbs::outputs::{self, Named, Own};
 use crate::verbs::setup_option::SetupOption;
@@ -64,7 +63,7 @@ impl StudyOptions {
         };
         run_directory::make_for_study(&directory, files)?;
         for file in self.exports().into_iter().filter_map(|(_, file)| file) {
-            check_file(file)?;
+            check_replaceable(file)?;
         }
         Ok(directory)
     }
@@ -124,13 +123,6 @@ pub struct Found<'a> {
     pub csv: &'a str,
     /// The figures as a page to read.
     pub page: Option<&'a str>,
-}
-
-/// Checks that a file can be written.
-fn check_file(file: &Path) -> anyhow::Result<()> {
-    ensure!(!file.is_dir(), "{} is a directory; name a file", file.display());
-    let parent = file.parent().filter(|parent| !parent.as_os_str().is_empty());
-    run_directory::check_writable(parent.unwrap_or(Path::new(".")))
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {
