@@ -125,6 +125,14 @@ impl Recording {
         self.plc.last().is_some_and(|scan| i128::from(scan.at_us) >= least)
     }
 
+    /// Returns when it ends, in ms since the start edge: at the PLC's last scan, since the PLC measures the execution and a robot
+    /// goes on for a while after a PLC that failed; without a scan at the robot's last tick.
+    #[must_use]
+    pub fn end_ms(&self) -> f64 {
+        let last_tick = || self.robot.last().map_or(0.0, |tick| tick.at_ms);
+        self.plc.last().map_or_else(last_tick, |scan| scan.at_us as f64 / 1e3)
+    }
+
     /// Returns how many of the PLC's scans, and of the robot's cycles, have no row between the first and the last one. A
     /// cycle that the host let pass has none either.
     #[must_use]
@@ -241,9 +249,7 @@ mod tests {
             let recording = trace.types.entry(execution_type).insert(Recording::default());
             (0..length_s * 1_000).for_each(|millis| recording.plc(scan(millis * 1_000, 0)));
         }
-        let seconds = |execution_type| {
-            trace.types.get(execution_type).unwrap().plc_scans().last().unwrap().at_us as f64 / 1e6
-        };
+        let seconds = |execution_type| trace.types.get(execution_type).unwrap().end_ms() / 1e3;
         assert_eq!(ExecutionType::ALL.map(seconds), [118.999, 120.0, 120.0]);
         let said = trace.incomplete().unwrap();
         assert_eq!(

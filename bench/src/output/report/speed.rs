@@ -96,10 +96,7 @@ fn title(
             .pick("one MoveContinuousSkill, fed by the PLC through five slots", "one MoveContinuousSkill"),
     };
     let text_at = text(format.pick(13.0, 12.0), INK);
-    // The PLC measures the execution; a robot goes on for a while after a PLC that failed.
-    let last_tick_s = recording.robot_ticks().last().map_or(0.0, |tick| tick.at_ms / 1e3);
-    let ended_s = recording.plc_scans().last().map_or(last_tick_s, |scan| scan.at_us as f64 / 1e6);
-    let said = end.label(ended_s);
+    let said = end.label(recording.end_ms() / 1e3);
     area.draw_text(&format!("{how}: {said}"), &text_at, (px(38.0), y + px(1.5)))?;
     Ok(())
 }

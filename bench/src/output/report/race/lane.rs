@@ -74,7 +74,6 @@ impl Lane {
         let ticks: Vec<_> = recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0).collect();
         let last = ticks.last()?;
         let scans = recording.plc_scans();
-        let end_ms = scans.last().map_or(last.at_ms, |scan| scan.at_us as f64 / 1e3);
         let every = ticks.len().div_ceil(TICKS).max(1);
         let shown: Vec<_> = ticks.iter().step_by(every).chain((every > 1).then_some(last)).copied().collect();
         let column =
@@ -85,7 +84,7 @@ impl Lane {
             key: execution_type.to_string(),
             name: label(execution_type),
             how: how(execution_type),
-            end_ms,
+            end_ms: recording.end_ms(),
             end,
             is_program: execution_type == ExecutionType::Rc,
             still_ms: still(&ticks),
