@@ -137,7 +137,7 @@ fn notes(columns: &[Column]) -> Vec<&'static str> {
     let has_open = cells().any(is_open);
     let has_known = cells().any(|cell| cell.contains('±') && !is_open(cell));
     let known = "± is half the 95 % interval of a difference, by Welch's method: a difference smaller than that may be chance.";
-    let open = "± ? is a difference that may be chance: its interval takes five repetitions in both runs.";
+    let open = "± ? marks a difference without an interval, which takes five repetitions in both runs: it may be chance.";
     has_known.then_some(known).into_iter().chain(has_open.then_some(open)).collect()
 }
 
@@ -289,7 +289,7 @@ mod tests {
         // Each standard error is √0.5 ms; 2.31 times √1 is the margin at eight degrees of freedom.
         assert_eq!(cells, ["CM AET − run 1", "+10.0 ± 2.3", "+1.0 ± ?"]);
         let notes: String = table.lines().skip_while(|line| !line.starts_with('±')).collect();
-        assert!(notes.contains("95 % interval of a difference") && notes.contains("± ? is a"), "{table}");
+        assert!(notes.contains("95 % interval of a difference") && notes.contains("± ? marks a"), "{table}");
         let alone = compared(&runs[..2]).page().unwrap();
         assert!(alone.contains("+10.0 ± 2.3") && !alone.contains("± ?"));
     }

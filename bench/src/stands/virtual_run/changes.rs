@@ -10,8 +10,8 @@ use crate::records::faults::{self, AtFrame, Change, Fault};
 /// Changes that are still to come.
 #[derive(Debug)]
 pub(super) struct Changes {
-    /// Those at a time since the robot was ready.
-    since_ready: Vec<(Duration, Change)>,
+    /// Those at a time after the robot is ready, until it is.
+    after_ready: Vec<(Duration, Change)>,
     /// When the robot was ready.
     ready: Option<Instant>,
     /// Those at an instant of true time, the next one last.
@@ -25,13 +25,13 @@ pub(super) struct Changes {
 impl Changes {
     pub(super) fn of(faults: &[Fault]) -> Self {
         let at_frames = faults::at_frames(faults).collect();
-        Self { since_ready: faults::changes(faults), ready: None, due: Vec::new(), at_frames, cuts: 0 }
+        Self { after_ready: faults::changes(faults), ready: None, due: Vec::new(), at_frames, cuts: 0 }
     }
 
     /// Starts the time that changes count from: the robot is ready.
     pub(super) fn ready(&mut self, now: Instant) {
         self.ready = Some(now);
-        for (after, change) in std::mem::take(&mut self.since_ready) {
+        for (after, change) in std::mem::take(&mut self.after_ready) {
             self.push(now + after, change);
         }
     }

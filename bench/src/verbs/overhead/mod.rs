@@ -80,7 +80,7 @@ pub struct OverheadOptions {
     /// Seed of the order within the pairs and of the intervals.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Keep the recordings in this directory, which must not hold any yet; otherwise they are removed.
+    /// Directory to keep the recordings in, which has none yet [default: they are removed].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
