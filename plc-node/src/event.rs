@@ -8,6 +8,7 @@ use protocol::fieldbus::{Counters, Down, LinkEvent};
 use protocol::image::{ErrorNumber, Finding, State};
 use serde::{Deserialize, Serialize};
 
+use crate::advice::advice;
 use crate::function_blocks::BlockError;
 
 /// How a sequence is run: the paper's execution types (section 6.2).
@@ -189,7 +190,7 @@ pub enum FailureCause {
     #[error("the robot gave the skill up although the PLC did not ask for it; was it halted by hand?")]
     RobotHalted,
     /// The arm could not be moved to where the run starts.
-    #[error("the arm did not get to the application's `start`: {0}; correct the frame that `start` names")]
+    #[error("the arm did not get to the application's `start`: {}", at_start_in_words(.0))]
     StartNotReached(BlockError),
     /// A function block found something that must not be.
     #[error("at motion {} of the plan: {error}", motion.saturating_add(1))]
@@ -210,16 +211,21 @@ fn robot_in_words(number: ErrorNumber, motion: u32, finding: &Finding) -> String
         );
     }
     let (code, words) = (u16::from(number), finding.in_words(number));
-    let advice = match number {
-        ErrorNumber::DriveFault | ErrorNumber::DriveStopped | ErrorNumber::DrivesLost => {
-            "see to the robot's drives"
-        }
-        _ => "correct that motion",
-    };
+    let advice = advice(number).unwrap_or("correct that motion");
     format!(
         "the robot reports error {code} at motion {} of the plan: {words}; {advice}",
         motion.saturating_add(1)
     )
+}
+
+/// Formats an error on the way to the start with what to do about it, which other errors than the robot's say themselves.
+fn at_start_in_words(error: &BlockError) -> String {
+    match error {
+        BlockError::Robot { number, .. } => {
+            format!("{error}; {}", advice(*number).unwrap_or("correct the frame that `start` names"))
+        }
+        _ => error.to_string(),
+    }
 }
 
 /// Why a run was not started.
@@ -283,5 +289,48 @@ mod tests {
             "sm failed with 7 motions executed: the robot reports error 15 at motion 8 of the plan: \
              a joint would leave its range (joint 3 would be at 176, its range is 0 to 175); correct that motion"
         );
+    }
+
+    #[test]
+    fn only_a_motion_that_is_wrong_is_to_be_corrected_and_any_other_error_says_what_to_do() {
+        let words = |number: u16| {
+            let cause = FailureCause::Robot { number: number.into(), motion: 0, finding: Finding::NONE };
+            cause.to_string()
+        };
+        let of_motions = (0..=36).filter(|number| words(*number).ends_with("; correct that motion"));
+        assert_eq!(of_motions.count(), 23);
+        let others = (0..=36).map(words).filter(|words| !words.ends_with("; correct that motion"));
+        insta::assert_snapshot!(others.collect::<Vec<_>>().join("\n"), @"
+        the robot ended the skill at motion 1 of the plan with an error but without its number: look at its node
+        the robot reports error 1 at motion 1 of the plan: the robot does not have this skill; use skills that this robot has
+        the robot reports error 4 at motion 1 of the plan: no skill can start in this state; reset first; start again when the robot is ready
+        the robot reports error 5 at motion 1 of the plan: the robot has no program of this number; store the program in the robot, or run sm or cm
+        the robot reports error 6 at motion 1 of the plan: the skill has no motions; give the application motions
+        the robot reports error 7 at motion 1 of the plan: motions were written over before the robot took them; look at how the PLC writes motions into the slots
+        the robot reports error 12 at motion 1 of the plan: the override is not within 0 to 100 %; set an override of 0 to 100 %
+        the robot reports error 17 at motion 1 of the plan: the connection to the PLC was lost while the skill ran; look at the cable and at the robot's log, and start again once the connection is up
+        the robot reports error 18 at motion 1 of the plan: the PLC took back `enable` while the skill ran; enable the robot first and keep it enabled while a skill runs
+        the robot reports error 31 at motion 1 of the plan: the checks of the command images are wrong: bytes are altered on the way, or the PLC computes them otherwise; look at cables, switches and gateways, and at the PLC's check
+        the robot reports error 32 at motion 1 of the plan: the drive of an axis has a fault; see to the robot's drives
+        the robot reports error 33 at motion 1 of the plan: the drive of an axis stopped though nobody told it to; see to the robot's drives
+        the robot reports error 34 at motion 1 of the plan: the robot controller lost the connection to its drives; see to the robot's drives
+        the robot reports error 36 at motion 1 of the plan: error number 36; look the number up in the robot's manual
+        ");
+    }
+
+    #[test]
+    fn a_start_that_was_not_reached_says_what_to_do_by_the_error() {
+        let of_robot = |number| BlockError::Robot { number, motion: 0, finding: Finding::NONE };
+        let numbers =
+            [ErrorNumber::None, ErrorNumber::ConnectionLost, ErrorNumber::Disabled, ErrorNumber::Unreachable];
+        let errors = numbers.map(of_robot).into_iter().chain([BlockError::NotConnected]);
+        let words: Vec<_> = errors.map(|error| FailureCause::StartNotReached(error).to_string()).collect();
+        insta::assert_snapshot!(words.join("\n"), @"
+        the arm did not get to the application's `start`: the robot ended the skill with an error but without its number (motion 0, counted from 0); look at the robot's node
+        the arm did not get to the application's `start`: the robot reports error 17: the connection to the PLC was lost while the skill ran (motion 0, counted from 0); look at the cable and at the robot's log, and start again once the connection is up
+        the arm did not get to the application's `start`: the robot reports error 18: the PLC took back `enable` while the skill ran (motion 0, counted from 0); enable the robot first and keep it enabled while a skill runs
+        the arm did not get to the application's `start`: the robot reports error 14: the target is out of the arm's reach (motion 0, counted from 0); correct the frame that `start` names
+        the arm did not get to the application's `start`: no connection to the robot; start again once it is up
+        ");
     }
 }

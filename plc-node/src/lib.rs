@@ -15,6 +15,7 @@
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
+mod advice;
 mod axes_group;
 pub mod bus;
 mod config;

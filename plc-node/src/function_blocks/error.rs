@@ -6,15 +6,19 @@ use protocol::image::{ErrorNumber, Finding, MotionKind};
 
 use super::BufferMode;
 
+/// Formats what the robot says as text: an error number, or that there is none.
+fn robot_in_words(number: ErrorNumber, finding: Finding) -> String {
+    match number {
+        ErrorNumber::None => "the robot ended the skill with an error but without its number".to_owned(),
+        _ => format!("the robot reports error {}: {}", u16::from(number), finding.in_words(number)),
+    }
+}
+
 /// Why a block ended with `Error`: the robot's number, or what the block itself found.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, thiserror::Error)]
 pub enum BlockError {
     /// The robot refused the skill or ended it early.
-    #[error(
-        "the robot reports error {}: {} (motion {motion}, counted from 0)",
-        u16::from(*number),
-        finding.in_words(*number)
-    )]
+    #[error("{} (motion {motion}, counted from 0)", robot_in_words(*number, *finding))]
     Robot {
         /// What the robot says.
         number: ErrorNumber,
