@@ -17,10 +17,16 @@ struct Watched {
 impl Watched {
     /// Setup A's own arm, stretched half out, asked for two lines.
     fn new(class: Class) -> Self {
+        Self::with_acceleration(class, 1_500.0)
+    }
+
+    /// The same with another rated acceleration of axis 1, in degrees/s².
+    fn with_acceleration(class: Class, of_axis_1: f64) -> Self {
         let setup = setup::setup("A").unwrap();
         let mut case: Case = generator::case(&setup, 1, 0);
         case.arm = judge::case::Arm::of(&setup);
         case.arm.home_deg = vec![10.0, 60.0, 100.0, 0.0];
+        case.arm.acceleration_deg_s2[0] = of_axis_1;
         let mut law = Law::new(&case, &setup, &[class]);
         let line = Programmed {
             kind: Kind::Lin,
@@ -110,6 +116,29 @@ fn an_arm_that_becomes_faster_after_it_began_to_slow_down_is_found() {
         quantity.starts_with("while it slows down") && (figure / limit - 1.02 / 1.01).abs() < 1e-3,
         "{figure} {limit}"
     );
+}
+
+#[test]
+fn a_tool_may_become_faster_while_a_joint_brakes_with_all_that_it_has() {
+    // Axis 1 comes to rest while axis 2 swings out.
+    let is_found = |braking_share: f64| {
+        let mut arm = Watched::with_acceleration(Class::ToolSpeed, 15.0);
+        let (mut step, mut out) = (0.02, 0.0);
+        for cycle in 0..60 {
+            if cycle >= 40 {
+                // The rated acceleration in degrees a cycle².
+                step -= braking_share * 15.0 * 0.004 * 0.004;
+                out += 0.001;
+            }
+            arm.joints[0] += step;
+            arm.joints[1] += out;
+            if arm.look().is_some() {
+                return true;
+            }
+        }
+        false
+    };
+    assert_eq!((is_found(0.0), is_found(0.5), is_found(0.95)), (true, true, false));
 }
 
 #[test]

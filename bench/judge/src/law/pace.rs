@@ -2,13 +2,13 @@
 //!
 //! Where the override falls, the arm is faster for a while: it slows down as its limits allow. How fast that is, is the
 //! robot's affair; but once the acceleration that it had can be taken back it must not become faster than it was, except by
-//! [`RISE`].
+//! [`RISE`], or along a bend on which a joint already brakes with all that it has.
 
 use protocol::image::{Command, Control};
 
 use super::{Among, JOINT_NOISE, Law, SHARE, TOOL_NOISE_MM, joint};
 use crate::case::Kind;
-use crate::kinematics::{Vector, difference, length};
+use crate::kinematics::{Vector, difference, dot, length};
 use crate::violation::{Broken, Class};
 use crate::way::Way;
 
@@ -24,6 +24,9 @@ const BEND: f64 = 1e-3;
 /// How much faster than it was an arm may become while it slows down for the override: where a bend takes all of a joint's jerk,
 /// less speed is all that makes room for slowing down.
 const RISE: f64 = 1e-2;
+
+/// The share of an acceleration or a jerk from which on it counts as all that there is: the robot's planning keeps a reserve.
+const ALL_USED: f64 = 0.85;
 
 /// Cycles that an override may take where no limit is in the way: it changes steadily, not at once.
 const RAMP: u32 = 6;
@@ -225,14 +228,16 @@ impl Law {
             return;
         }
         let share = step / programmed;
-        let may_rise = self.cycle - self.pace.changed_in <= self.settles_in + RAMP;
+        let slows = self.pace.slows_from.is_some();
+        let may_rise = self.cycle - self.pace.changed_in <= self.settles_in + RAMP
+            || (slows && self.brakes_at_a_limit(among));
         let (on, highest) = self.pace.highest.unwrap_or((among.first, 0.0));
         if may_rise && on == among.first {
             self.pace.highest = Some((on, highest.max(share)));
         }
         let most = highest.max(self.pace.wanted()).max(CREEP) * (1.0 + RISE) + TOOL_NOISE_MM / programmed;
         let is_known = self.pace.highest.is_some() && on == among.first;
-        if self.pace.slows_from.is_some() && !may_rise && is_known && share > most {
+        if slows && !may_rise && is_known && share > most {
             let what = Broken::Figure {
                 quantity: "while it slows down for the override, the share of the programmed speed",
                 figure: share,
@@ -242,6 +247,27 @@ impl Law {
             self.report(Class::ToolSpeed, what);
         }
         self.pace.see(step / programmed, before / programmed, may_rise);
+    }
+
+    /// Whether a joint already brakes with all of its acceleration or its jerk, or the tool with all of its jerk, although the tool
+    /// becomes faster: along a bend that can be so, and slowing down would take more.
+    fn brakes_at_a_limit(&self, among: Among) -> bool {
+        let Some(way) = self.ways_among(among).first().filter(|way| !way.kind.is_point_to_point()) else {
+            return false;
+        };
+        let [q0, q1, q2, q3] = self.samples.map(|sample| sample.joints);
+        let [_, accelerations, jerks] = self.differences;
+        let of_joints = (0..self.axes).any(|axis| {
+            let step = q0[axis] - q1[axis];
+            let change = step - (q1[axis] - q2[axis]);
+            let jerk = change - (q1[axis] - 2.0 * q2[axis] + q3[axis]);
+            let brakes = |by: f64, most: f64| by * step.signum() < -ALL_USED * most;
+            brakes(change, accelerations[axis]) || brakes(jerk, jerks[axis])
+        });
+        let [p0, p1, p2, p3] = self.tools(&way.tool);
+        let jerk: Vector = core::array::from_fn(|i| p0[i] - 3.0 * p1[i] + 3.0 * p2[i] - p3[i]);
+        let most = way.jerk.unwrap_or(self.path_jerk) * self.powers[2];
+        of_joints || (length(jerk) > ALL_USED * most && dot(jerk, difference(p1, p0)) <= 0.0)
     }
 
     /// The highest share of the rated accelerations, the one for slowing down where the joints' speeds tell that the arm does. In a
