@@ -3,6 +3,7 @@
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -25,7 +26,7 @@ const LISTS: u64 = 10_000;
 /// Number of lists that a core executes in one job.
 const CHUNK: u64 = 250;
 
-/// Number of cases of each class that are shrunk and written.
+/// Number of cases of each class that are written, and then shrunk.
 const CASES: usize = 3;
 
 const EXAMPLES: &str = "\
@@ -52,7 +53,7 @@ pub struct JudgeOptions {
     /// Run this case instead: a file that a run with violations wrote.
     #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
-    /// Directory for cases that break a law: three of each law, each shrunk to what is needed.
+    /// Directory for cases that break a law: three of each law, written when they are found, and shrunk to what is needed at the end.
     #[arg(long, value_name = "DIR", default_value = "judged")]
     pub out: PathBuf,
     /// Laws that are not checked; commas or blanks between them.
@@ -111,14 +112,18 @@ fn run_lists(options: &JudgeOptions, setup: &Setup, classes: &[Class]) -> Result
     let chunks: Vec<Range<u64>> = (0..options.lists.div_ceil(CHUNK))
         .map(|chunk| chunk * CHUNK..((chunk + 1) * CHUNK).min(options.lists))
         .collect();
+    let written = Mutex::new(Vec::new());
     let tallies = jobs::run("judge", options.quiet, &is_interrupted, &chunks, |numbers| {
-        hunt(generator::any_case, setup, options.seed, numbers.clone(), classes)
-            .context("a random arm makes no sense")
+        let tally = hunt(generator::any_case, setup, options.seed, numbers.clone(), classes)
+            .context("a random arm makes no sense")?;
+        tally.found.iter().try_for_each(|found| write_as_drawn(options, setup, found, &written))?;
+        Ok(tally)
     })?;
     let mut tally = Tally::default();
     tallies.into_iter().flatten().for_each(|one| tally.add(one));
     print(&tally, options, setup, started);
-    write_cases(options, setup, classes, &tally)?;
+    let written = written.into_inner().unwrap_or_default();
+    write_shrunk(options, setup, classes, &written)?;
     if is_interrupted.load(Ordering::Relaxed) {
         return Ok(interrupted(tally.cases as usize, options.lists as usize, "lists"));
     }
@@ -154,32 +159,61 @@ fn print(tally: &Tally, options: &JudgeOptions, setup: &Setup, started: Instant)
     }
 }
 
-/// Shrinks the first cases of each class and writes them.
-fn write_cases(
+/// A list that broke a law: its number, and the first law that it broke.
+type Found = (u64, Violation);
+
+/// Writes one of the first cases of each class as soon as it is found, as it was drawn: what comes later takes its time.
+fn write_as_drawn(
+    options: &JudgeOptions,
+    setup: &Setup,
+    found: &Found,
+    written: &Mutex<Vec<Found>>,
+) -> anyhow::Result<()> {
+    let (number, violation) = found;
+    {
+        let Ok(mut written) = written.lock() else { return Ok(()) };
+        if written.iter().filter(|(_, other)| other.class == violation.class).count() >= CASES {
+            return Ok(());
+        }
+        written.push(found.clone());
+    }
+    directory::make(&options.out).map_err(|failure| failure.error)?;
+    let case = generator::any_case(setup, options.seed, *number);
+    let path = write(options, setup, case, *number, violation)?;
+    errln!("{}: {violation}", path.display());
+    Ok(())
+}
+
+/// Shrinks the cases that were written.
+fn write_shrunk(
     options: &JudgeOptions,
     setup: &Setup,
     classes: &[Class],
-    tally: &Tally,
+    written: &[Found],
 ) -> Result<(), Failure> {
-    let of_class =
-        |class: Class| tally.found.iter().filter(move |(_, violation)| violation.class == class).take(CASES);
-    let chosen: Vec<&(u64, Violation)> = Class::ALL.into_iter().flat_map(of_class).collect();
-    if chosen.is_empty() {
-        return Ok(());
-    }
-    directory::make(&options.out)?;
-    let lines =
-        jobs::run("shrink", options.quiet, &AtomicBool::new(false), &chosen, |(number, violation)| {
-            let case = generator::any_case(setup, options.seed, *number);
-            let (mut case, least) = shrink::shrink(&case, violation, setup, classes);
-            case.setup.clone_from(&options.setup);
-            case.found = format!("{least} (list {number} of seed {})", options.seed);
-            let name = format!("{}-{}-{number}.toml", setup.name, least.class.name());
-            let path = options.out.join(name);
-            let text = case.to_toml().context("cannot write a case as TOML")?;
-            fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-            Ok(format!("{}: {least}", path.display()))
-        })?;
+    let shrink = |(number, violation): &Found| {
+        let case = generator::any_case(setup, options.seed, *number);
+        let (case, least) = shrink::shrink(&case, violation, setup, classes);
+        let path = write(options, setup, case, *number, &least)?;
+        Ok(format!("{}: {least}", path.display()))
+    };
+    let lines = jobs::run("shrink", options.quiet, &AtomicBool::new(false), written, shrink)?;
     lines.iter().flatten().for_each(|line| outln!("{line}"));
     Ok(())
+}
+
+/// Writes a case with what it breaks, in place of the same list's case that was written before. Returns the path.
+fn write(
+    options: &JudgeOptions,
+    setup: &Setup,
+    mut case: Case,
+    number: u64,
+    violation: &Violation,
+) -> anyhow::Result<PathBuf> {
+    case.setup.clone_from(&options.setup);
+    case.found = format!("{violation} (list {number} of seed {})", options.seed);
+    let path = options.out.join(format!("{}-{}-{number}.toml", setup.name, violation.class.name()));
+    let text = case.to_toml().context("cannot write a case as TOML")?;
+    fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    Ok(path)
 }
