@@ -12,7 +12,7 @@ use crate::violation::{Class, Violation};
 /// Cycles after which the PLC loses its patience with a skill and halts it: 12 s at 4 ms.
 const PATIENCE: u32 = 3_000;
 
-/// Cycles that a halt may take: 20 s at 4 ms.
+/// Cycles that a halt may take besides [those that the deceleration takes](Law::halts_in): 20 s at 4 ms.
 const HALTS_WITHIN: u32 = 5_000;
 
 /// Cycles that are watched after a skill has ended: the arm must stand, and its last cycles must be within the limits.
@@ -172,7 +172,7 @@ impl Driver {
                 // The connection was lost before the call came to the robot.
                 return;
             }
-            if waited > PATIENCE + HALTS_WITHIN {
+            if waited > PATIENCE + HALTS_WITHIN.saturating_add(self.law.halts_in()) {
                 self.law.is_stuck();
             }
         }

@@ -140,6 +140,9 @@ struct Skill {
     idle: u32,
 }
 
+/// The most cycles that a halt is waited for: a motion without a deceleration is refused before it moves.
+const LONGEST_HALT: f64 = 1e6;
+
 impl Law {
     /// The judge of a case; `setup` is [its own](Case::its_setup). Only the `classes` are looked for.
     #[must_use]
@@ -268,6 +271,19 @@ impl Law {
         let rated = (0..self.axes).map(|axis| self.differences[1][axis] / self.differences[2][axis]);
         let by_joints = rated.fold(0.0, f64::max) * hardest(true) / least(true, 1.0);
         self.settles_in_rated.max(by_tool.max(by_joints).ceil() as u32 + 3)
+    }
+
+    /// How many cycles it takes to stop from the highest programmed speed with the programmed deceleration, where a bend or another
+    /// joint is in the way perhaps twice as many.
+    #[must_use]
+    pub fn halts_in(&self) -> u32 {
+        let [speeds, accelerations, _] = &self.differences;
+        let rated = (0..self.axes).map(|axis| speeds[axis] / accelerations[axis]).fold(0.0, f64::max);
+        let cycles = self.ways.iter().map(|way| {
+            let longest = if way.kind.is_point_to_point() { rated } else { 1.0 / self.cycle_s };
+            longest * way.velocity / way.deceleration
+        });
+        (2.0 * cycles.fold(0.0, f64::max)).min(LONGEST_HALT).ceil() as u32 + 2 * self.settles_in
     }
 
     /// Judges one more robot cycle. After a broken law nothing more is judged.
