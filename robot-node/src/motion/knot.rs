@@ -142,12 +142,19 @@ impl Knot {
             let x = (left - rest * 1.0_f64.copysign(factor)) / factor.abs();
             most = if x < most { x } else { most };
         }
-        let left = self.tightness[0] * tool;
         let [along, bend, _] = &self.slopes.tool;
+        let left = self.tightness[0] * tool.max(1.0);
         let factor: Vector<f64> = core::array::from_fn(|i| along[i] * slope + bend[i] * weight);
         let rest: Vector<f64> =
             core::array::from_fn(|i| (bend[i] * (1.0 - weight) - along[i] * slope) * known);
         most = most.min(largest(square(factor), dot(factor, rest), square(rest) - left * left));
+        if tool < 1.0 {
+            // A lower deceleration holds along the path only.
+            let (left, by) = (self.tightness[0] * tool * square(*along).sqrt(), -dot(*along, factor));
+            if by > 0.0 {
+                most = most.min(((left + dot(*along, rest)) / by).max(0.0));
+            }
+        }
         // The jerk that turning takes.
         let [bend, twist] = self.most_turning;
         let speed = known.sqrt();

@@ -1,8 +1,8 @@
 //! The shares of their limits that joints and tool use at a place of a law.
 
-use super::node::Ratings;
+use super::node::{Ratings, square};
 use super::slopes::Slopes;
-use crate::arm::{AXES, Joints};
+use crate::arm::{AXES, Joints, dot};
 
 /// Times in which the accelerations of joints and tool rise, in s, and the factors of the accelerations for slowing
 /// down.
@@ -19,6 +19,12 @@ impl Ramps {
         let Ratings { ramp_s, tool_ramp_s, deceleration, tool_deceleration, .. } = *ratings;
         Self { ramp_s, tool_ramp_s, deceleration, tool_deceleration }
     }
+
+    /// The factor of the acceleration that the tool may have while it slows down, with what bends its path: a lower deceleration
+    /// holds along the path only. Else a tool could not slow down at all in a bend that takes more than that.
+    pub(super) const fn bent_tool_deceleration(&self) -> f64 {
+        self.tool_deceleration.max(1.0)
+    }
 }
 
 /// Accelerations and jerks as shares of the limits for speeding up.
@@ -28,6 +34,8 @@ pub(super) struct Load {
     joints: [Joints; 2],
     /// The tool's.
     tool: [f64; 2],
+    /// By which the tool slows down along its path, where its deceleration is lower than its acceleration; else not needed.
+    slowed: f64,
 }
 
 impl Load {
@@ -48,7 +56,14 @@ impl Load {
             let other = along[i] * jerk + across[i] * bending + around[i] * twisting;
             (accelerated, jerked) = (accelerated + one * one, jerked + other * other);
         }
-        Self { joints, tool: [accelerated.sqrt(), jerked.sqrt() * ramps.tool_ramp_s] }
+        let slowed = match ramps.tool_deceleration < 1.0 {
+            true => {
+                (-(dot(*along, *along) * acceleration + dot(*along, *across) * square_speed)).max(0.0)
+                    / square(*along).sqrt()
+            }
+            false => 0.0,
+        };
+        Self { joints, tool: [accelerated.sqrt(), jerked.sqrt() * ramps.tool_ramp_s], slowed }
     }
 
     /// Returns the extreme values between the first and the last of three places, of which `self` is half-way, by the
@@ -76,8 +91,9 @@ impl Load {
         let [mut tool, tool_jerk] = self.tool;
         if slows {
             accelerated /= ramps.deceleration;
-            tool /= ramps.tool_deceleration;
+            tool /= ramps.bent_tool_deceleration();
         }
+        let tool = tool.max(self.slowed / ramps.tool_deceleration);
         [accelerated.max(tool), jerked.max(tool_jerk)]
     }
 }

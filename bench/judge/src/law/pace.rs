@@ -228,23 +228,25 @@ impl Law {
             return;
         }
         let share = step / programmed;
-        let slows = self.pace.slows_from.is_some();
-        let may_rise = self.cycle - self.pace.changed_in <= self.settles_in + RAMP
-            || (slows && self.brakes_at_a_limit(among));
+        let may_rise = self.cycle - self.pace.changed_in <= self.settles_in + RAMP;
         let (on, highest) = self.pace.highest.unwrap_or((among.first, 0.0));
         if may_rise && on == among.first {
             self.pace.highest = Some((on, highest.max(share)));
         }
         let most = highest.max(self.pace.wanted()).max(CREEP) * (1.0 + RISE) + TOOL_NOISE_MM / programmed;
         let is_known = self.pace.highest.is_some() && on == among.first;
-        if slows && !may_rise && is_known && share > most {
-            let what = Broken::Figure {
-                quantity: "while it slows down for the override, the share of the programmed speed",
-                figure: share,
-                limit: most,
-                unit: "",
-            };
-            self.report(Class::ToolSpeed, what);
+        if self.pace.slows_from.is_some() && !may_rise && is_known && share > most {
+            if self.brakes_at_a_limit(among) {
+                self.pace.highest = Some((on, share));
+            } else {
+                let what = Broken::Figure {
+                    quantity: "while it slows down for the override, the share of the programmed speed",
+                    figure: share,
+                    limit: most,
+                    unit: "",
+                };
+                self.report(Class::ToolSpeed, what);
+            }
         }
         self.pace.see(step / programmed, before / programmed, may_rise);
     }

@@ -106,11 +106,20 @@ impl Site<'_> {
             each(&[one], accelerated * slowed * slowed);
             each(&[other], jerked);
         }
-        let slowed = if slows { self.ramps.tool_deceleration } else { 1.0 };
+        let slowed = if slows { self.ramps.bent_tool_deceleration() } else { 1.0 };
         let fast = speeds(*tool_ramp_s);
         let tool: [_; 3] = core::array::from_fn(|i| loads([along[i], across[i], around[i]], pace, fast));
         each(&tool.map(|[one, _]| one), accelerated * slowed * slowed);
         each(&tool.map(|[_, other]| other), jerked);
+        let slowed = self.ramps.tool_deceleration;
+        if slowed < 1.0 {
+            let steep = dot(*along, *along).sqrt();
+            let by = [dot(*along, *across) / steep, steep, 0.0];
+            let load = dot(by, pace);
+            if load < 0.0 {
+                each(&[(load, by)], accelerated * slowed * slowed);
+            }
+        }
     }
 }
 
