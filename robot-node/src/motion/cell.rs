@@ -139,3 +139,110 @@ fn hyperbolic(x: f64, time: f64) -> (f64, f64) {
         (sin / root, (cos - 1.0) / x)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Speed, acceleration and jerk by differences of the way, `step` seconds apart.
+    fn differences(cell: &Cell, time: f64, step: f64) -> [f64; 2] {
+        let [before, here, after] = [time - step, time, time + step].map(|time| cell.at(time).0);
+        [(after - before) / (2.0 * step), (after - 2.0 * here + before) / (step * step)]
+    }
+
+    /// Drives along a cell from its start to its end: speed and acceleration are those of the way, the jerk that of the
+    /// acceleration.
+    fn drives(cell: &Cell, from: Pace, to: Pace) -> Result<(), TestCaseError> {
+        let (fast, steep) = (from.square.max(to.square), from.acceleration.abs().max(to.acceleration.abs()));
+        let same = |one: f64, other: f64, most: f64| (one - other).abs() <= most;
+        for (time, way, pace) in [(0.0, 0.0, from), (cell.duration, cell.length, to)] {
+            let (found, there) = cell.at(time);
+            prop_assert!(same(found, way, 1e-9 * cell.length), "{found} for {way}");
+            prop_assert!(same(there.square, pace.square, 1e-8 * fast), "{there:?} for {pace:?}");
+            prop_assert!(same(there.acceleration, pace.acceleration, 1e-8 * steep), "{there:?} for {pace:?}");
+        }
+        let step = cell.duration / 1_000.0;
+        for part in 1..10 {
+            let time = cell.duration * f64::from(part) / 10.0;
+            let (way, pace) = cell.at(time);
+            prop_assert!((0.0..=cell.length).contains(&way), "{way}");
+            let [speed, acceleration] = differences(cell, time, step);
+            let hurry = cell.length / cell.duration;
+            prop_assert!(
+                same(speed, pace.square.sqrt(), 1e-3 * (hurry + fast.sqrt())),
+                "{speed} for {pace:?}"
+            );
+            let most = 1e-3 * (steep + hurry / cell.duration);
+            prop_assert!(same(acceleration, pace.acceleration, most), "{acceleration} for {pace:?}");
+            let jerk =
+                (cell.at(time + step).1.acceleration - cell.at(time - step).1.acceleration) / (2.0 * step);
+            let most = 1e-3 * (steep / cell.duration + jerk.abs());
+            prop_assert!(same(jerk, cell.jerk(&pace), most), "{jerk} for {}", cell.jerk(&pace));
+        }
+        Ok(())
+    }
+
+    /// The acceleration is negative behind the time from which the cell brakes, and not before it.
+    fn brakes(cell: &Cell, to: Pace) -> Result<(), TestCaseError> {
+        let Some(from) = cell.brakes_from() else {
+            prop_assert!(to.acceleration >= 0.0);
+            return Ok(());
+        };
+        prop_assert!((0.0..=cell.duration).contains(&from));
+        for part in 0..=20 {
+            let time = cell.duration * f64::from(part) / 20.0;
+            let acceleration = cell.at(time).1.acceleration;
+            let tolerance = 1e-9 * (1.0 + to.acceleration.abs());
+            prop_assert!(time <= from || acceleration < tolerance, "{acceleration} behind {from} s");
+            prop_assert!(time >= from || acceleration > -tolerance, "{acceleration} before {from} s");
+        }
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn the_pace_in_a_cell_is_that_of_its_way(
+            length in 0.01..100.0_f64,
+            speed in 0.1..100.0_f64,
+            one in -5.0..5.0_f64,
+            other in -5.0..5.0_f64,
+        ) {
+            // In the unit in which length and speed are 1 the square of the speed is 1 + 2·one·s + (other − one)·s².
+            let square = |way: f64| 1.0 + way * (2.0 * one + way * (other - one));
+            prop_assume!((0..=50).all(|part| square(f64::from(part) / 50.0) > 1e-2));
+            let unit = speed * speed / length;
+            let from = Pace { square: speed * speed, acceleration: one * unit };
+            let to = Pace { square: square(1.0) * speed * speed, acceleration: other * unit };
+            let cell = Cell::new(length, from, to);
+            prop_assert!(!cell.is_from_rest() && !cell.is_to_rest());
+            drives(&cell, from, to)?;
+            brakes(&cell, to)?;
+        }
+
+        #[test]
+        fn beside_a_rest_the_jerk_is_constant(length in 0.01..100.0_f64, speed in 0.1..100.0_f64) {
+            // From rest the way grows as jerk·t³/6.
+            let seconds = 3.0 * length / speed;
+            let moving = Pace { square: speed * speed, acceleration: 2.0 * speed / seconds };
+            let start = Cell::new(length, Pace::REST, moving);
+            prop_assert!(start.is_from_rest() && !start.is_to_rest() && start.brakes_from().is_none());
+            prop_assert!((start.duration - seconds).abs() < 1e-9 * seconds);
+            drives(&start, Pace::REST, moving)?;
+            let moving = Pace { acceleration: -moving.acceleration, ..moving };
+            let end = Cell::new(length, moving, Pace::REST);
+            prop_assert!(end.is_to_rest() && !end.is_from_rest());
+            prop_assert_eq!(end.brakes_from(), Some(0.0));
+            drives(&end, moving, Pace::REST)?;
+            prop_assert_eq!(end.at(2.0 * seconds), (length, Pace { square: 0.0, acceleration: -0.0 }));
+        }
+    }
+
+    #[test]
+    fn a_cell_is_not_left_by_more_than_its_length() {
+        let pace = Pace { square: 4.0, acceleration: 0.0 };
+        let cell = Cell::new(6.0, pace, pace);
+        assert_eq!((cell.duration, cell.at(1.5).0, cell.at(4.0).0), (3.0, 3.0, 6.0));
+        assert_eq!(cell.brakes_from(), None, "a constant speed");
+    }
+}
