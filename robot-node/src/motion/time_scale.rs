@@ -273,7 +273,47 @@ mod tests {
         prop_assert!((sum - whole).abs() < 1e-9 * (1.0 + whole), "{sum} {whole}");
         let Rate { share, change, .. } = ramp.phases()[BENDS + 1].at(ramp.phases()[BENDS + 1].seconds).0;
         prop_assert!((share - ramp.target).abs() < 1e-8 && change.abs() < 1e-8, "{share} {change}");
+        agrees(ramp)?;
         Ok(scale)
+    }
+
+    /// Rate and law's time along a ramp follow from each other, whatever is asked.
+    fn agrees(ramp: Ramp) -> Result<(), TestCaseError> {
+        let mut scale = TimeScale::steady(0.5);
+        scale.start(ramp);
+        let end = ramp.seconds();
+        // The lowest and the highest rate: behind the first phase, and on the whole way.
+        let (mut later, mut whole) = ([ramp.target; 2], [ramp.target; 2]);
+        let step = end / 400.0;
+        for part in 0..400 {
+            let time = step * f64::from(part);
+            let [one, middle, two] = [time, time + step / 2.0, time + step].map(|time| scale.after(time));
+            // Within a phase this is exact.
+            let passed = step * (one.share + 4.0 * middle.share + two.share) / 6.0;
+            let law_s = scale.law_seconds(time + step) - scale.law_seconds(time);
+            prop_assert!((law_s - passed).abs() < 1e-3 * step, "{law_s} s for {passed} s");
+            let most = 1.1
+                * step
+                * (one.bend.abs().max(two.bend.abs()) * step + one.change.abs().max(two.change.abs()));
+            prop_assert!((two.share - one.share).abs() <= most + 1e-9, "{one:?} to {two:?}");
+            whole = [whole[0].min(one.share), whole[1].max(one.share)];
+            if time >= ramp.phases()[0].seconds {
+                later = [later[0].min(one.share), later[1].max(one.share)];
+            }
+            let mut scale = scale;
+            scale.advance(time);
+            prop_assert!((scale.now().share - one.share).abs() < 1e-9, "{:?} for {one:?}", scale.now());
+            prop_assert!(!scale.is_steady() && scale.target() == ramp.target);
+        }
+        // Where the first phase turns, its start does not count.
+        let [most, least] = [ramp.farthest(1.0), ramp.farthest(-1.0)];
+        let near = 1e-9 + STEEPEST * step;
+        prop_assert!((later[1] - 1e-9..=whole[1] + near).contains(&most), "{most} for {whole:?}");
+        prop_assert!((whole[0] - near..=later[0] + 1e-9).contains(&least), "{least} for {whole:?}");
+        scale.advance(end);
+        prop_assert!(scale.is_steadily(ramp.target) && scale.now() == Rate::steady(ramp.target));
+        prop_assert_eq!(scale.after(1.0), Rate::steady(ramp.target));
+        Ok(())
     }
 
     proptest! {
