@@ -268,3 +268,6 @@ impl Law {
 fn around(list: &[f64], cell: usize) -> Vector {
     core::array::from_fn(|i| list[cell - 1 + i])
 }
+
+#[cfg(test)]
+mod tests;

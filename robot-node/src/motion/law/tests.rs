@@ -1,5 +1,7 @@
 //! Laws of one joint, whose optimum is known.
 
+pub(super) mod bent;
+
 use proptest::prelude::*;
 
 use super::super::grid::Part;
