@@ -210,7 +210,9 @@ mod tests {
         ) {
             // In the unit in which length and speed are 1 the square of the speed is 1 + 2·one·s + (other − one)·s².
             let square = |way: f64| 1.0 + way * (2.0 * one + way * (other - one));
-            prop_assume!((0..=50).all(|part| square(f64::from(part) / 50.0) > 1e-2));
+            if (0..=50).any(|part| square(f64::from(part) / 50.0) < 1e-2) {
+                return Ok(());
+            }
             let unit = speed * speed / length;
             let from = Pace { square: speed * speed, acceleration: one * unit };
             let to = Pace { square: square(1.0) * speed * speed, acceleration: other * unit };

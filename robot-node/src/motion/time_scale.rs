@@ -325,6 +325,8 @@ mod tests {
         ) {
             let Some(ramp) = Ramp::landing(from, 0.004, level, share) else { return Ok(()) };
             prop_assert!(drives(ramp)?.target() == share);
+            let [first, ..] = ramp.step();
+            prop_assert!(first.start.bend.abs() <= MOST_BENT && ramp.change().abs() <= STEEPEST, "{ramp:?}");
         }
 
         #[test]
@@ -337,6 +339,10 @@ mod tests {
         ) {
             let Some(ramp) = Ramp::stepping(from, bends, 0.004, [hold, level], share) else { return Ok(()) };
             drives(ramp)?;
+            let [holding, leveling] = ramp.leveling();
+            let kept = Rate { bend: 0.0, ..holding.start };
+            prop_assert!(holding.start == kept && holding.seconds == hold, "the slope is kept: {holding:?}");
+            prop_assert!(leveling.start.bend.abs() == level.min(MOST_BENT), "{leveling:?}");
             prop_assert!((share - from.share) * (share - ramp.target) >= 0.0, "{}", ramp.target);
         }
     }
@@ -346,5 +352,17 @@ mod tests {
         assert_eq!(TimeScale::steady(1.0).law_seconds(0.004), 0.004);
         assert_eq!(TimeScale::steady(0.25).law_seconds(0.004), 0.001);
         assert_eq!(TimeScale::steady(0.0).law_seconds(0.004), 0.0);
+    }
+    #[test]
+    fn a_step_that_ends_at_the_share_is_taken_and_one_that_leads_beyond_is_not() {
+        let steady = Rate::steady(0.4);
+        let stepping = |from: Rate, bend: f64, share: f64| {
+            Ramp::stepping(from, [bend; BENDS], 0.004, [0.0, MOST_BENT], share)
+        };
+        assert_eq!(stepping(steady, 0.0, 0.4).map(|ramp| ramp.target), Some(0.4));
+        assert_eq!(stepping(steady, 1_000.0, 0.4), None, "it was there");
+        let steepest = Rate { change: STEEPEST, ..Rate::steady(0.1) };
+        assert!(stepping(steepest, 0.0, 1.0).is_some());
+        assert_eq!(stepping(steepest, 1.0, 1.0), None, "too steep");
     }
 }

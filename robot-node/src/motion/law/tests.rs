@@ -1,6 +1,8 @@
 //! Laws of one joint, whose optimum is known.
 
+mod alike;
 pub(super) mod bent;
+mod moving;
 
 use proptest::prelude::*;
 
@@ -10,7 +12,17 @@ use super::*;
 use crate::arm::AxisLimits;
 
 /// One joint that turns by `way`, with a share of its acceleration for slowing down.
-fn one_joint(way: f64, [speed, acceleration, jerk]: [f64; 3], deceleration: f64) -> (Vec<Node>, Ratings) {
+fn one_joint(way: f64, limits: [f64; 3], deceleration: f64) -> (Vec<Node>, Ratings) {
+    one_joint_at(16, way, limits, deceleration)
+}
+
+/// The same with this number of nodes behind the first.
+fn one_joint_at(
+    count: u8,
+    way: f64,
+    [speed, acceleration, jerk]: [f64; 3],
+    deceleration: f64,
+) -> (Vec<Node>, Ratings) {
     let all = |value: f64| [value; 6];
     let rated = AxisLimits {
         lower: all(-1e9),
@@ -21,7 +33,8 @@ fn one_joint(way: f64, [speed, acceleration, jerk]: [f64; 3], deceleration: f64)
     };
     let ratings = Ratings { deceleration, ..Ratings::of_axes(&rated, 1.0, 1.0) };
     let ways = [way, 0.0, 0.0, 0.0, 0.0, 0.0];
-    let nodes = (0..=16).map(|node| Node::of_axes(f64::from(node) / 16.0, speed / way, &ways, &ratings));
+    let nodes = (0..=count)
+        .map(|node| Node::of_axes(f64::from(node) / f64::from(count), speed / way, &ways, &ratings));
     (nodes.collect(), ratings)
 }
 

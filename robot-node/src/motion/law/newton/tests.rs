@@ -240,35 +240,54 @@ fn steps_come_to_where_no_value_is_better() {
     }
 }
 
+/// The largest share that a step takes of what it may, where the values from `first` on change.
+fn share_of_step(bent: &Bent, first: usize, weight: f64) -> f64 {
+    let (before, mut law) = (slack_law(bent, 0.6), slack_law(bent, 0.6));
+    law.step(first, weight);
+    let (end, mut most) = (before.cells() - 2, 0.0_f64);
+    for cell in 0..before.cells() {
+        let rise = law.values[cell] - before.values[cell];
+        assert!((first..end).contains(&cell) || rise == 0.0, "cell {cell} stays");
+        most = most.max(rise / (USED * before.left_of_speed(cell)));
+        most = most.max(-rise / (LOWERED * before.values[cell]));
+    }
+    for cell in first - 1..=end {
+        let change: Vector = core::array::from_fn(|i| law.values[cell - 1 + i] - before.values[cell - 1 + i]);
+        for site in before.sites(cell) {
+            let change = site.figures(change);
+            site.each_limit(around(&before.values, cell), |loads, whole| {
+                let [used, then] = [0.0, 1.0].map(|share| {
+                    let loads = loads.iter().map(|(load, by)| load + share * dot(*by, change));
+                    loads.map(|load| load * load).sum::<f64>()
+                });
+                most = most.max((then - used) / (USED * (whole - used)));
+            });
+        }
+    }
+    most
+}
+
 #[test]
 fn a_step_uses_no_more_of_any_limit_than_its_share() {
     for (seed, weight) in [(0, 1e2), (1, 1e4), (2, 1e6), (3, 1e8)] {
-        let before = slack_law(&Bent::random(seed).even(), 0.6);
-        let (cells, end) = (FIRST..before.cells() - 2, before.cells() - 2);
-        let mut law = slack_law(&Bent::random(seed).even(), 0.6);
-        law.step(FIRST, weight);
-        let mut most = 0.0_f64;
-        for cell in cells {
-            let rise = law.values[cell] - before.values[cell];
-            most = most.max(rise / (USED * before.left_of_speed(cell)));
-            most = most.max(-rise / (LOWERED * before.values[cell]));
+        let bent = Bent::random(seed).even();
+        for first in [2, 3, 5, 8, 13, 21, 34, 55] {
+            let most = share_of_step(&bent, first, weight);
+            assert!(most <= 1.0 + 1e-9, "{most} of what a step may use");
+            // The steps are too long, so that one limit ends them.
+            assert!(most > 1.0 - 1e-9 || weight < 1e6, "{most} of what a step may use");
         }
-        for cell in FIRST - 1..=end {
-            let change: Vector =
-                core::array::from_fn(|i| law.values[cell - 1 + i] - before.values[cell - 1 + i]);
-            for site in before.sites(cell) {
-                let change = site.figures(change);
-                site.each_limit(around(&before.values, cell), |loads, whole| {
-                    let [used, then] = [0.0, 1.0].map(|share| {
-                        let loads = loads.iter().map(|(load, by)| load + share * dot(*by, change));
-                        loads.map(|load| load * load).sum::<f64>()
-                    });
-                    most = most.max((then - used) / (USED * (whole - used)));
-                });
-            }
+    }
+}
+
+#[test]
+fn a_step_neither_uses_up_a_speed_nor_lowers_it_by_more_than_its_share() {
+    for seed in 0..4 {
+        // Where nothing bends only the speed is limited; where time counts nothing the barriers alone push.
+        let bent = Bent::random(seed).even().straight();
+        for weight in [1e-9, 1e8] {
+            let most = share_of_step(&bent, FIRST, weight);
+            assert!((most - 1.0).abs() < 1e-9, "{most} of what a step may use, weight {weight}");
         }
-        assert!(most <= 1.0 + 1e-9, "{most} of what a step may use");
-        // The steps are too long, so that one limit ends them.
-        assert!(most > 1.0 - 1e-9 || weight < 1e3, "{most} of what a step may use");
     }
 }
