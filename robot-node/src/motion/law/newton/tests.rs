@@ -285,7 +285,7 @@ fn a_step_neither_uses_up_a_speed_nor_lowers_it_by_more_than_its_share() {
     for seed in 0..4 {
         // Where nothing bends only the speed is limited; where time counts nothing the barriers alone push.
         let bent = Bent::random(seed).even().straight();
-        for weight in [1e-9, 1e8] {
+        for (bent, weight) in [(bent.clone(), 1e-9), (bent.clone(), 1e8), (bent.faster(1.0 / 16.0), 1e-9)] {
             let most = share_of_step(&bent, FIRST, weight);
             assert!((most - 1.0).abs() < 1e-9, "{most} of what a step may use, weight {weight}");
         }

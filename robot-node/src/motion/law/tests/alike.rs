@@ -75,3 +75,55 @@ fn a_refined_law_keeps_the_speed_of_the_slower_part_from_its_begin_on() {
         is_kept(&law, &[(&bent, [0.0, 0.5]), (&slower, [0.5, 1.0])], &format!("seed {seed}"));
     }
 }
+
+#[test]
+fn any_law_from_any_pace_keeps_its_limits_and_stops_only_at_its_end() {
+    let (mut found, mut none) = (0, 0);
+    for number in 0..1200 {
+        let [place, speed, acceleration] = [7, 11, 13].map(|step| f64::from(number * step % 97) / 97.0);
+        let bent = Bent::random(number % SEEDS);
+        let begin = 0.9 * place;
+        // Speeds and accelerations up to what the path allows there, and a little more.
+        let slopes = bent.slopes(begin);
+        let steepest = slopes.slope.iter().fold(0.0, |most: f64, slope| most.max(slope.abs()));
+        let pace =
+            Pace { square: 1.5 * speed * speed, acceleration: 1.2 * (2.0 * acceleration - 1.0) / steepest };
+        let Some(law) = law(&[bent.part(begin, 1.0)], pace) else {
+            none += 1;
+            continue;
+        };
+        is_kept(
+            &law,
+            &[(&bent, [begin, 1.0])],
+            &format!("from {begin} with {pace:?} with seed {}", number % SEEDS),
+        );
+        let paces = (1..law.cells()).map(|cell| law.cell(cell).at(0.0).1);
+        assert!(paces.into_iter().all(|pace| pace.square > 0.0), "from {begin} with {pace:?}");
+        found += 1;
+    }
+    assert!(found >= 690, "{found} laws are found, and {none} not");
+}
+
+#[test]
+fn the_refined_law_of_one_joint_is_the_optimum_that_is_known() {
+    for limits in [[200.0, 1_000.0, 20_000.0], [100.0, 1_000.0, 30_000.0], [250.0, 700.0, 9_000.0]] {
+        let (nodes, ratings) = one_joint_at(96, 300.0, limits, 1.0);
+        let part = Part {
+            nodes: &nodes,
+            ratings: &ratings,
+            from: 0.0,
+            to: 1.0,
+            unit: 1.0,
+            motion: 0,
+            in_blend: false,
+        };
+        let mut law = Box::<Law>::default();
+        law.begin_to_refine(&[part], Pace::REST, 1e3).expect("it can be refined");
+        let mut ends = (0..MOST_STEPS).map(|_| law.refine());
+        let end = ends.find(|progress| *progress != Progress::Unfinished);
+        let [speed, acceleration, jerk] = limits;
+        let ratio = duration(&law) / (300.0 / speed + speed / acceleration + acceleration / jerk);
+        assert_eq!(end, Some(Progress::Faster));
+        assert!((0.999..1.001).contains(&ratio), "{ratio} of the optimum with {limits:?}");
+    }
+}

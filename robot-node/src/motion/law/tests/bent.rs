@@ -100,7 +100,7 @@ impl Bent {
     }
 
     /// The same in a time that goes faster.
-    pub(super) fn faster(mut self, factor: f64) -> Self {
+    pub(in super::super) fn faster(mut self, factor: f64) -> Self {
         let Ratings { speed, acceleration, ramp_s, tool_acceleration, tool_ramp_s, .. } = &mut self.ratings;
         speed.iter_mut().for_each(|speed| *speed *= factor);
         acceleration.iter_mut().for_each(|acceleration| *acceleration *= factor * factor);
