@@ -210,7 +210,7 @@ impl Law {
             let first = self.start.square + self.start.acceleration * self.length(0);
             // Rounding may make the arm faster than allowed, but no more than by this.
             let allowed = self.grid.knots[1].highest * (1.0 + 1e-7);
-            if first < 0.0 || last == 0 || first > allowed {
+            if first < 0.0 || first > allowed {
                 return None;
             }
             self.values[0] = first;
