@@ -247,3 +247,6 @@ pub(super) fn is_resolved(
         && 3.0 * bend * speed * acceleration + twist * speed * square <= reserve * ratings.tool_jerk();
     of_joints && of_tool
 }
+
+#[cfg(test)]
+mod tests;

@@ -186,6 +186,17 @@ impl Derivatives {
 }
 
 #[cfg(test)]
+impl Derivatives {
+    /// Of a piece on which nothing moves, but whose derivatives of a joint, or from [`AXES`] on of a coordinate of the tool, are
+    /// off by this.
+    pub(super) fn with_errors(channel: usize, off: ByOrder<f64>) -> Self {
+        let mut found = Self::NONE;
+        found.0[channel].off = off;
+        found
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::motion::chebyshev::{SHARES, chebyshev_point};
@@ -249,5 +260,78 @@ mod tests {
     fn a_kink_is_seen_in_what_is_left_out() {
         let found = derivatives(&samples(|share| (share - 0.4).abs()), 1.0);
         assert!(found.joints()[0].off[0] > 0.1, "{:?}", found.joints()[0].off);
+    }
+    #[test]
+    fn a_kink_in_the_middle_is_seen_too() {
+        let found = derivatives(&samples(|share| (share - 0.5).abs()), 1.0);
+        assert!(found.joints()[0].off[0] > 0.1, "{:?}", found.joints()[0].off);
+    }
+
+    #[test]
+    fn the_range_of_a_joint_reaches_a_little_beyond_its_extreme_values_and_the_bounds_beyond_that() {
+        let (width, amplitude) = (2.0, 40.0);
+        for number in 0..200 {
+            let (often, phase) = (0.2 + 0.01 * f64::from(number), 0.7 * f64::from(number));
+            let function = |s: f64| amplitude * libm::sin(often * s + phase);
+            let found = derivatives(&samples(|share| function(share * width)), width).joints()[0];
+            let all = || (0..=2_000).map(|step| function(width * f64::from(step) / 2_000.0));
+            let (least, most) =
+                (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+            let (lowest, highest) = found.range(width);
+            let near = 0.02 * amplitude;
+            assert!((least - near..=least + 1e-4).contains(&lowest), "{lowest} for {least}, number {number}");
+            assert!((most - 1e-4..=most + near).contains(&highest), "{highest} for {most}, number {number}");
+            let bounds = found.bounds(width);
+            assert!(bounds.0 <= lowest && bounds.1 >= highest, "{bounds:?}, number {number}");
+            // Between two samples, from both towards each other.
+            let steepest = found.at[0].iter().fold(0.0, |most: f64, slope| most.max(slope.abs()));
+            let step = SHARES.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+            let beyond = EXTREMUM * steepest * width * step / 2.0;
+            let (lowest, highest) = lowest_and_highest(&found.samples);
+            assert!((lowest - bounds.0 - beyond).abs() < 1e-9 && (bounds.1 - highest - beyond).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn near_an_end_of_a_part_the_error_of_a_slope_decides_whether_there_is_an_extreme_value() {
+        // It rises to its end, or falls: with the error of the slope it may turn before.
+        for sign in [1.0, -1.0] {
+            let mut found = derivatives(&samples(|share| sign * share * (2.02 - share)), 1.0).joints()[0];
+            assert!((found.range(1.0).1 - f64::max(1.02 * sign, 0.0)).abs() < 1e-9);
+            assert!((found.range(1.0).0 - f64::min(1.02 * sign, 0.0)).abs() < 1e-9);
+            found.off[0] = 0.05;
+            let (lowest, highest) = found.range(1.0);
+            let beyond = if sign > 0.0 { highest - 1.02 } else { -1.02 - lowest };
+            assert!((1e-5..2e-3).contains(&beyond), "{beyond} beyond the end");
+            let kept = if sign > 0.0 { lowest } else { highest };
+            assert!(kept.abs() < 1e-9, "{kept} at the start");
+        }
+    }
+
+    #[test]
+    fn what_is_left_out_falls_on_as_the_factors_do_but_no_faster_than_twice_the_rate_before() {
+        let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found}");
+        near(left_out(1.0, 0.1, 0.01), 0.001);
+        near(left_out(1.0, 0.1, 0.0), 0.005 * 0.005 / 0.1);
+        near(left_out(1.0, 2.0, 0.0), 0.5);
+        near(left_out(4.0, 2.0, 0.0), 0.125);
+        near(left_out(1.0, 0.1, 0.2), 0.2);
+    }
+
+    #[test]
+    fn the_largest_value_may_be_at_any_place_and_is_none_that_is_no_number() {
+        for place in 0..PLACES {
+            let mut values = [0.25; PLACES];
+            values[place] = -0.75;
+            values[(place + 1) % PLACES] = f64::NAN;
+            assert_eq!(largest(&values), 0.75, "at {place}");
+        }
+    }
+
+    #[test]
+    fn the_errors_of_the_tool_are_those_of_its_coordinates() {
+        let found = Derivatives::with_errors(AXES + 1, [0.1, 0.2, 0.3]);
+        assert_eq!([0, 1, 2].map(|order| found.tool_off(order)[1]), [0.1, 0.2, 0.3]);
+        assert_eq!(found.tool_off(0), [0.0, 0.1, 0.0]);
     }
 }

@@ -140,3 +140,25 @@ fn limits_that_are_used_at_once_stay_within_those_of_every_joint() {
         assert!(!is_slowed || !fits(speed * 1.06), "{derivatives:?}: {speed} is too slow");
     }
 }
+
+#[test]
+fn a_jerk_that_limits_a_little_more_than_the_acceleration_counts() {
+    // 0.95 and 0.9025 of what the acceleration of 1 leaves.
+    let root = libm::cbrt(TWISTING / 0.95);
+    assert_near(joint(1, [0.0, 1_000.0, 19_000.0]).highest_of_joints(&ratings()).0, root * root);
+    let twisted = tool([[0.0; 3], [2_000.0, 0.0, 0.0], [0.0, 38_000.0, 0.0]]);
+    assert_near(twisted.highest_of_tool(&ratings()), root * root);
+}
+
+#[test]
+fn the_share_of_the_error_that_is_asked_for_is_added_to_a_derivative() {
+    let found = Derivatives::with_errors(2, [10.0, 20.0, 30.0]);
+    let node = |off: f64| Node::new(0.0, 1.0, (&found, 0, off), true, &ratings());
+    assert_eq!(node(0.0).slope[2], 0.0);
+    for (order, value) in [node(0.5).slope[2], node(0.5).bend[2], node(0.5).twist[2]].into_iter().enumerate()
+    {
+        assert_near(f64::from(value), f64::from((0.005 * (order + 1) as f64) as f32));
+    }
+    let slower = Ratings { deceleration: 0.25, ..ratings() };
+    assert_near(slower.joints_slow()[3], 250.0);
+}
