@@ -402,3 +402,6 @@ impl<'a> Approach<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

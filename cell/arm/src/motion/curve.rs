@@ -247,3 +247,79 @@ impl Curve {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(from: [f64; 6], to: [f64; 6]) -> Line {
+        Line::new(Frame::from_mm_deg(from), Frame::from_mm_deg(to), Flange::of_tool(&Frame::IDENTITY))
+    }
+
+    /// A line of 100 mm along x, and one behind it that is so long, ends beside it and turns the tool.
+    fn lines(long: f64, beside: f64, turn: f64) -> [Line; 2] {
+        let middle = [100.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        [line([0.0; 6], middle), line(middle, [100.0 + long, beside, 0.0, turn, 0.0, 0.0])]
+    }
+
+    #[test]
+    fn a_line_goes_on_while_neither_its_direction_nor_its_turn_changes_by_more_than_rounding() {
+        // The shorter the next one, the more its direction may be off by rounding, but only so much.
+        for (long, most) in
+            [(400.0, 1e-6), (50.0, 2e-6), (4.0, 2.5e-5), (2.5, 4e-5), (1.0, 5e-5), (0.1, 5e-5)]
+        {
+            let goes_on = |beside: f64, turn: f64| {
+                let [one, next] = lines(long, beside, turn);
+                one.goes_on_to(&next)
+            };
+            assert!(goes_on(0.0, 0.0), "{long} mm");
+            assert!(
+                goes_on(0.95 * most * long, 0.0) && !goes_on(1.05 * most * long, 0.0),
+                "a kink at {long} mm"
+            );
+            assert!(
+                goes_on(0.0, 0.95 * most * long) && !goes_on(0.0, 1.05 * most * long),
+                "a turn at {long} mm"
+            );
+        }
+        let [one, next] = lines(5e-4, 0.0, 0.0);
+        assert!(!one.goes_on_to(&next), "it is too short to have a direction");
+        let turned = [100.0, 0.0, 0.0, 20.0, 0.0, 0.0];
+        let (one, next) = (line([0.0; 6], turned), line(turned, [150.0, 0.0, 0.0, 30.0, 0.0, 0.0]));
+        assert!(one.goes_on_to(&next), "both turn as fast");
+        let other =
+            Line { flange: Flange::of_tool(&Frame::from_mm_deg([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])), ..next };
+        assert!(!one.goes_on_to(&other), "another tool");
+    }
+
+    #[test]
+    fn a_tool_that_only_turns_has_degrees_for_millimetres_and_one_that_does_neither_is_a_point() {
+        let turned = line([0.0; 6], [0.0, 0.0, 0.0, 30.0, 0.0, 0.0]);
+        assert!((turned.length - 30.0).abs() < 1e-9 && !turned.is_a_point());
+        assert!((line([0.0; 6], [9e-4, 0.0, 0.0, 30.0, 0.0, 0.0]).length - 30.0).abs() < 1e-9);
+        assert!((line([0.0; 6], [2e-3, 0.0, 0.0, 30.0, 0.0, 0.0]).length - 2e-3).abs() < 1e-9);
+        assert!(line([0.0; 6], [9e-4, 0.0, 0.0, 5e-4, 0.0, 0.0]).is_a_point());
+        assert!(!line([0.0; 6], [0.0, 0.0, 0.0, 2e-3, 0.0, 0.0]).is_a_point());
+    }
+
+    #[test]
+    fn each_curve_tells_where_it_ends_and_how_far_the_tool_turns() {
+        let [from, through, to] =
+            [[0.0; 6], [5.0, 5.0, 0.0, 0.0, 0.0, 0.0], [10.0, 0.0, 0.0, 40.0, 0.0, 0.0]]
+                .map(Frame::from_mm_deg);
+        let flange = Flange::of_tool(&Frame::IDENTITY);
+        let curves = [
+            Curve::Line(Line::new(from, to, flange)),
+            Curve::Arc(Arc::new(from, through.position, to, flange).expect("a circle")),
+            Curve::Spline(Spline::new(from, to, flange)),
+        ];
+        for curve in curves {
+            assert_eq!(curve.end_tool(), Some(&to));
+            assert!((curve.turn_deg() - 40.0).abs() < 1e-9, "{}", curve.turn_deg());
+            let end = curve.position(curve.length()).expect("the tool is led");
+            assert!(distance(end, to.position) < 1e-9, "{end:?}");
+        }
+        let axes = Curve::Axes(AxisLine::new([0.0; 6], [10.0; 6]));
+        assert_eq!((axes.end_tool(), axes.turn_deg(), axes.position(0.5)), (None, 0.0, None));
+    }
+}

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::cross;
 
-fn pieces(targets: &[[f64; 6]]) -> Vec<Spline> {
+pub(super) fn pieces(targets: &[[f64; 6]]) -> Vec<Spline> {
     let frames: Vec<Frame> = targets.iter().map(|target| Frame::from_mm_deg(*target)).collect();
     let at = |index: usize| frames.get(index).copied();
     (1..frames.len())
@@ -88,7 +88,59 @@ fn a_turn_back_is_no_part_of_a_curve() {
     assert!(!back[0].goes_on_to(&back[1]));
 }
 
+#[test]
+fn a_curve_goes_on_as_long_as_it_does_not_turn_back_too_far_and_keeps_its_tool() {
+    let turned = |angle: f64, long: f64| {
+        let (sin, cos) = libm::sincos(angle.to_radians());
+        let end = [40.0 + long * cos, long * sin, 0.0, 0.0, 0.0, 0.0];
+        let [one, other]: [Spline; 2] =
+            pieces(&[[0.0; 6], [40.0, 0.0, 0.0, 0.0, 0.0, 0.0], end]).try_into().unwrap();
+        (one, other)
+    };
+    for long in [5.0, 40.0, 300.0] {
+        let (one, other) = turned(TURNS_BACK_DEG - 0.5, long);
+        assert!(one.goes_on_to(&other), "{long} mm");
+        let tool = Flange::of_tool(&Frame::from_mm_deg([0.0, 0.0, 10.0, 0.0, 0.0, 0.0]));
+        let [from, to] = [*other.from(), *other.to()];
+        assert!(!one.goes_on_to(&Spline::new(from, to, tool)), "another tool");
+        let (one, other) = turned(TURNS_BACK_DEG + 0.5, long);
+        assert!(!one.goes_on_to(&other), "{long} mm");
+    }
+}
+
+#[test]
+fn of_both_quaternions_of_a_rotation_the_nearer_one_is_taken() {
+    let frame = Frame::from_mm_deg([1.0, 2.0, 3.0, 30.0, -20.0, 100.0]);
+    let [x, y, z, a, b, c, d] = pose(&frame, None);
+    let opposite = [x, y, z, -a, -b, -c, -d];
+    assert_eq!(pose(&frame, Some(&opposite)), opposite);
+    assert_eq!(pose(&frame, Some(&[x, y, z, a, b, c, d])), [x, y, z, a, b, c, d]);
+    // Only the quaternions count.
+    assert_eq!(pose(&frame, Some(&[-9.0 * x, -9.0 * y, -9.0 * z, a, b, c, d])), [x, y, z, a, b, c, d]);
+}
+
 proptest! {
+    #[test]
+    fn place_growth_and_bend_are_those_of_the_tool(targets in targets(5), share in 0.02..0.98_f64) {
+        for piece in pieces(&targets) {
+            let length = piece.length();
+            for way in [-1.0, 0.0, share * length, length, length + 1.0] {
+                prop_assert!(apart(piece.position(way), piece.tool(way).position) < 1e-12);
+            }
+            let step = 1e-4;
+            let [before, here, after] = [-step, 0.0, step].map(|step| piece.curve.growth_at(share + step));
+            prop_assert!((here[0] * piece.curve.speed(share) - 1.0).abs() < 1e-9);
+            let second = (after[0] - before[0]) / (2.0 * step) * here[0];
+            let most = 1e-4 * (second.abs() + here[0] * here[0]);
+            prop_assert!((here[1] - second).abs() < most, "{} for {second}", here[1]);
+            let (way, step) = (share * length, 1e-3 * length);
+            let [one, two, three] = [-step, 0.0, step].map(|step| piece.position(way + step));
+            let expected = core::array::from_fn(|i| (one[i] - 2.0 * two[i] + three[i]) / (step * step));
+            let [found] = piece.bends(&[way]);
+            prop_assert!(apart(found, expected) < 0.02 * (1e-3 + self::length(expected)), "{found:?} {expected:?}");
+        }
+    }
+
     #[test]
     fn tangent_and_curvature_are_continuous_at_every_target(targets in targets(6)) {
         let pieces = pieces(&targets);

@@ -154,3 +154,80 @@ fn way_in_one(curve: &Quintic, from: f64, to: f64) -> f64 {
     let sum: f64 = GAUSS.iter().map(|(at, weight)| weight * curve.speed(from + at * (to - from))).sum();
     sum * (to - from)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::pieces;
+    use super::*;
+
+    /// Gentle pieces, and some that almost turn back at their targets.
+    fn curves(side: f64) -> Vec<Quintic> {
+        let target = |index: u8| {
+            let x = 40.0 * f64::from(index);
+            [x, if index.is_multiple_of(2) { side } else { 0.0 }, 0.0, 0.0, 0.0, 0.0]
+        };
+        let targets: Vec<_> = (0..6).map(target).collect();
+        pieces(&targets).into_iter().map(|piece| piece.curve).collect()
+    }
+
+    /// The way by very many short intervals.
+    fn measured_finely(curve: &Quintic, to: f64) -> f64 {
+        way_between_many(curve, to, 4_096)
+    }
+
+    fn way_between_many(curve: &Quintic, to: f64, intervals: u32) -> f64 {
+        let border = |interval: u32| to * f64::from(interval) / f64::from(intervals);
+        (0..intervals).map(|interval| way_in_one(curve, border(interval), border(interval + 1))).sum()
+    }
+
+    #[test]
+    fn a_curve_is_as_long_as_by_very_many_intervals() {
+        for side in [0.0, 10.0, 60.0, 300.0, 900.0] {
+            for curve in curves(side) {
+                let ways = Ways::of(&curve);
+                let whole = measured_finely(&curve, 1.0);
+                assert!((ways.length() / whole - 1.0).abs() < 1e-6, "{} mm for {whole} mm", ways.length());
+                for (part, end) in ways.ends.into_iter().enumerate() {
+                    let way = measured_finely(&curve, (part + 1) as f64 * PART);
+                    assert!((end - way).abs() < 1e-6 * whole, "{end} for {way} of {whole} mm");
+                }
+                let most = if side > 500.0 {
+                    8
+                } else if side > 100.0 {
+                    2
+                } else {
+                    1
+                };
+                assert_eq!(ways.intervals.into_iter().max(), Some(most), "a curve {side} mm to the side");
+                assert_eq!(ways.intervals[2..6], [1; 4], "it is steady in the middle");
+            }
+        }
+    }
+
+    #[test]
+    fn a_guess_is_near_and_a_share_is_exact() {
+        // How far a guess is off at most, in parts.
+        for (side, most) in [(0.0, 1e-12), (10.0, 2e-6), (60.0, 3.2e-4), (300.0, 7.3e-3), (900.0, 9e-3)] {
+            for curve in curves(side) {
+                let ways = Ways::of(&curve);
+                let mut worst = 0.0_f64;
+                for number in 1..40 {
+                    let way = ways.length() * f64::from(number) / 40.0;
+                    let [share] = ways.shares(&curve, &[way]);
+                    let found = measured_finely(&curve, share);
+                    assert!((found - way).abs() < 1e-6 * ways.length(), "{found} for {way} mm");
+                    let guess = ways.guess(way);
+                    assert!(
+                        (guess.start..=guess.end).contains(&share),
+                        "{share} is not from {} on",
+                        guess.start
+                    );
+                    worst = worst.max((guess.share - share).abs() / PART);
+                }
+                assert!(worst <= most, "{worst} of a part");
+            }
+        }
+        let line = Ways::of_line(40.0);
+        assert!((line.guess(13.0).share - 13.0 / 40.0).abs() < 1e-12);
+    }
+}
