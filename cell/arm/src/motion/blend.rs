@@ -404,4 +404,4 @@ impl<'a> Approach<'a> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -294,9 +294,11 @@ mod tests {
 
     #[test]
     fn near_an_end_of_a_part_the_error_of_a_slope_decides_whether_there_is_an_extreme_value() {
-        // It rises to its end, or falls: with the error of the slope it may turn before.
-        for sign in [1.0, -1.0] {
-            let mut found = derivatives(&samples(|share| sign * share * (2.02 - share)), 1.0).joints()[0];
+        // It rises to its end, or falls, or comes from there: with the error of the slope it may turn beside it.
+        for (sign, is_mirrored) in [(1.0, false), (-1.0, false), (1.0, true), (-1.0, true)] {
+            let function = |share: f64| sign * share * (2.02 - share);
+            let of_share = |share: f64| function(if is_mirrored { 1.0 - share } else { share });
+            let mut found = derivatives(&samples(of_share), 1.0).joints()[0];
             assert!((found.range(1.0).1 - f64::max(1.02 * sign, 0.0)).abs() < 1e-9);
             assert!((found.range(1.0).0 - f64::min(1.02 * sign, 0.0)).abs() < 1e-9);
             found.off[0] = 0.05;
@@ -305,6 +307,21 @@ mod tests {
             assert!((1e-5..2e-3).contains(&beyond), "{beyond} beyond the end");
             let kept = if sign > 0.0 { lowest } else { highest };
             assert!(kept.abs() < 1e-9, "{kept} at the start");
+        }
+    }
+
+    #[test]
+    fn a_joint_that_leaves_its_range_between_two_samples_is_found_with_its_value() {
+        let limits = crate::AxisLimits { lower: [-1.0; AXES], upper: [1.0; AXES], ..crate::AxisLimits::NONE };
+        let scara = crate::Scara { link_1_mm: 200.0, link_2_mm: 200.0, height_mm: 0.0 };
+        let arm = Arm::new(std::sync::Arc::new(scara), limits);
+        // The first two samples are at 0 and 0.04.
+        for (most, sign, is_within) in
+            [(0.999, 1.0, true), (1.001, 1.0, false), (0.999, -1.0, true), (1.001, -1.0, false)]
+        {
+            let function = |share: f64| sign * (most - (share - 0.02) * (share - 0.02));
+            let found = derivatives(&samples(function), 1.0);
+            assert_eq!(found.within_range(1.0, &arm).is_ok(), is_within, "{most} to the side {sign}");
         }
     }
 

@@ -366,3 +366,6 @@ fn axes_ratings_and_nodes(way: &Joints, programmed: &Programmed, arm: &Arm) -> (
     let nodes = POINT_SHARES.iter().map(|share| Node::of_axes(*share, speed, way, &ratings)).collect();
     (ratings, nodes)
 }
+
+#[cfg(test)]
+mod tests;

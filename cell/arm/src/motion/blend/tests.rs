@@ -8,7 +8,7 @@ use super::super::segment::{Programmed, Robot};
 use super::*;
 use crate::{AXES, AxisLimits, Frames, Scara};
 
-fn arm() -> Arm {
+pub(in super::super) fn arm() -> Arm {
     let limits = AxisLimits {
         lower: [-170.0, -145.0, 0.0, -720.0, 0.0, 0.0],
         upper: [170.0, 145.0, 200.0, 720.0, 0.0, 0.0],
@@ -20,29 +20,33 @@ fn arm() -> Arm {
 }
 
 /// Prepares motions one after the other, from the middle of the arm's reach.
-fn prepared(motions: &[Motion]) -> Vec<Segment> {
+pub(in super::super) fn prepared(motions: &[Motion]) -> Vec<Segment> {
+    try_to_prepare(motions).expect("the arm can run them")
+}
+
+fn try_to_prepare(motions: &[Motion]) -> Result<Vec<Segment>, Violation> {
     let arm = arm();
     let mut frames: Frames = [None; 16];
     frames[0] = Some(Frame::IDENTITY);
     let most = Programmed { speed: 2_000.0, acceleration: 10_000.0, deceleration: 10_000.0, jerk: 200_000.0 };
     let robot = Robot { arm: &arm, tools: &frames, bases: &frames, most, presses: false };
     let start = Frame::from_mm_deg([300.0, -150.0, 100.0, 0.0, 0.0, 180.0]);
-    let mut joints = arm.inverse(&start, &[0.0; AXES]).expect("the arm reaches the start");
+    let mut joints = arm.inverse(&start, &[0.0; AXES])?;
     let prepare = |motion: &Motion| {
-        let segment = Segment::prepare(motion, &joints, robot).expect("the arm can run it");
+        let segment = Segment::prepare(motion, &joints, robot)?;
         joints = segment.end;
-        segment
+        Ok(segment)
     };
     motions.iter().map(prepare).collect()
 }
 
-fn motion(kind: MotionKind, [x, y]: [f32; 2], approximation_mm: u16) -> Motion {
+pub(in super::super) fn motion(kind: MotionKind, [x, y]: [f32; 2], approximation_mm: u16) -> Motion {
     let is_point_to_point = kind.is_point_to_point();
     Motion {
         kind,
         target: [x, y, 100.0, 0.0, 0.0, 180.0],
         velocity: if is_point_to_point { 6_000 } else { 3_000 },
-        acceleration: if is_point_to_point { 8_000 } else { 2_000 },
+        acceleration: if is_point_to_point { 10_000 } else { 2_000 },
         approximation: 100 * approximation_mm,
         ..Motion::EMPTY
     }
@@ -169,4 +173,71 @@ fn in_a_corner_neither_a_motion_nor_the_tool_nor_a_joint_is_faster_than_programm
             assert!((0.95..1.00001).contains(&share), "{share} of the speed at {}", node.way);
         }
     }
+}
+
+#[test]
+fn where_the_tool_turns_back_the_rate_of_a_corner_is_at_most_twice_that_at_its_faster_end() {
+    let arm = arm();
+    let lin = |target, zone, velocity| Motion { velocity, ..motion(MotionKind::LinCartesian, target, zone) };
+    for [one, other] in [[3_000, 1_000], [1_000, 3_000], [2_000, 2_000]] {
+        let motions = prepared(&[lin([380.0, 0.0], 20, one), lin([301.0, -140.0], 0, other)]);
+        let [first, second] = <[Segment; 2]>::try_from(motions).expect("two of them");
+        let blend = Blend::between(&first, &second, 1.0, &arm).expect("a corner");
+        let rate = |segment: &Segment, zone: f64| segment.programmed_speed() / (BORDER_SLOPE * zone);
+        let most = 2.0 * rate(&first, blend.from_zone).max(rate(&second, blend.to_zone));
+        let highest = blend.nodes.iter().map(|node| node.programmed).fold(0.0, f64::max);
+        assert!(highest <= most * (1.0 + 1e-9), "{highest} of {most} per s");
+    }
+}
+
+/// Pairs of lines and other motions between many targets.
+fn many_corners() -> Vec<[Segment; 2]> {
+    let mut corners = Vec::new();
+    for number in 0..60_u16 {
+        let place = |step: u16| {
+            let angle = f64::from((number * step) % 97) * 1.6 - 75.0;
+            let reach = 190.0 + f64::from((number * (step + 4)) % 89) * 3.2;
+            let (sin, cos) = libm::sincos(angle.to_radians());
+            [(reach * cos) as f32, (reach * sin) as f32]
+        };
+        let kinds = [MotionKind::LinCartesian, MotionKind::PtpCartesian];
+        let motions = [
+            motion(kinds[usize::from(number % 3 == 2)], place(7), 60),
+            motion(kinds[usize::from(number % 5 == 4)], place(11), 0),
+        ];
+        let found = try_to_prepare(&motions).ok();
+        corners.extend(found.and_then(|found| <[Segment; 2]>::try_from(found).ok()));
+    }
+    corners
+}
+
+#[test]
+fn the_nodes_of_a_corner_have_the_derivatives_of_its_joints_from_its_start_to_its_end() {
+    let (arm, mut cut, mut found) = (arm(), 0, 0);
+    for [first, second] in many_corners() {
+        let Some(blend) = Blend::between(&first, &second, 1.0, &arm) else { continue };
+        found += 1;
+        let nodes = &blend.nodes;
+        cut += usize::from(nodes.len() > POINT_SHARES.len() || nodes.len() < POINT_SHARES.len());
+        assert_eq!((nodes[0].way, nodes[nodes.len() - 1].way), (0.0, 1.0));
+        assert!(nodes.windows(2).all(|pair| pair[0].way < pair[1].way && pair[1].way - pair[0].way < 0.2));
+        let mut near = first.curve.joints(first.curve.length() - blend.from_zone, &arm, &first.end).unwrap();
+        for node in nodes.iter() {
+            near = blend.joints(&first, &second, node.way, &arm, &near).unwrap();
+            let step = 1e-3;
+            if node.way < step || node.way > 1.0 - step {
+                continue;
+            }
+            let [before, after] = [-step, step]
+                .map(|step| blend.joints(&first, &second, node.way + step, &arm, &near).unwrap());
+            for axis in 0..arm.axes() {
+                let slope = f64::from(node.slope[axis]) * blend.ratings.acceleration[axis];
+                let off = (slope - (after[axis] - before[axis]) / (2.0 * step)).abs();
+                // By the rate that the joints allow here.
+                let share = off * node.programmed.min(node.highest.sqrt()) / arm.limits().speed[axis];
+                assert!(share < 0.03, "{share} of the speed of axis {axis} at {}", node.way);
+            }
+        }
+    }
+    assert!(found > 50 && cut > 0, "{found} corners, and {cut} with more than one piece");
 }

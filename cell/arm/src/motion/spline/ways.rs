@@ -222,6 +222,10 @@ mod tests {
                         "{share} is not from {} on",
                         guess.start
                     );
+                    assert!((guess.end - guess.start - PART).abs() < 1e-12);
+                    let off =
+                        guess.start_way + way_between(&curve, guess.start, share, guess.intervals) - way;
+                    assert!(off.abs() < 1e-9 * ways.length(), "{off} mm");
                     worst = worst.max((guess.share - share).abs() / PART);
                 }
                 assert!(worst <= most, "{worst} of a part");
