@@ -245,11 +245,10 @@ impl Blend {
         // Neither motion is faster than outside of the corner.
         let alone = (one / (self.from_zone * eased_slope(1.0 - share)))
             .min(other / (self.to_zone * eased_slope(share)));
-        let borders = [one / (BORDER_SLOPE * self.from_zone), other / (BORDER_SLOPE * self.to_zone)];
         if leads_tool {
             // Nor is the tool, where the motions have a speed of the tool.
             let tool = BETWEEN_NODES * one.max(other) / node.tool_slope(&self.ratings);
-            alone.min(tool).min(2.0 * borders[0].max(borders[1]))
+            alone.min(tool)
         } else {
             // Nor are the joints, where both motions are point to point.
             let most = [first, second].map(Segment::programmed_share).into_iter().fold(0.0, f64::max);
