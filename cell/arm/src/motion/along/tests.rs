@@ -14,8 +14,8 @@ const JERK: f64 = 60_000.0;
 
 fn arm() -> Arm {
     let limits = AxisLimits {
-        lower: [-179.0, -145.0, 0.0, -720.0, 0.0, 0.0],
-        upper: [179.0, 145.0, 200.0, 720.0, 0.0, 0.0],
+        lower: [-179.0, -165.0, 0.0, -720.0, 0.0, 0.0],
+        upper: [179.0, 165.0, 200.0, 720.0, 0.0, 0.0],
         speed: [400.0; AXES],
         acceleration: [3_000.0; AXES],
         jerk: [60_000.0; AXES],
@@ -67,6 +67,8 @@ fn nodes_have_the_derivatives_of_joints_and_tool() {
     let curves = [
         line([350.0, -200.0], [300.0, 220.0]),
         line([190.0, -250.0], [180.0, 300.0]),
+        // Close by the base two samples are more than 75 degrees apart.
+        line([100.0, -460.0], [100.0, 460.0]),
         spline([[250.0, -250.0], [300.0, -150.0], [380.0, 20.0], [250.0, 200.0]]),
     ];
     for curve in curves {
@@ -149,6 +151,16 @@ fn on_a_circle_around_the_base_both_zones_end_where_the_first_joint_has_turned_t
     for zone in found.zones {
         assert!((0.85 * free..=free).contains(&zone), "{zone} of {free} mm");
     }
+}
+
+#[test]
+fn a_singular_position_is_told_with_the_least_share_of_the_speed_that_it_leaves() {
+    let arm = arm();
+    // The arm is nearly stretched at the start, and more so at the end.
+    let curve = line([499.98, 0.0], [499.999, 0.0]);
+    let found = along(&curve, &start(&curve, &arm), 300.0, [ACCELERATION, JERK], &ratings(&arm), &arm);
+    let Err(Violation::Singular { axis: 2, share }) = found else { panic!("{found:?}") };
+    assert!((0.002..0.005).contains(&share), "{share} of the speed");
 }
 
 #[test]
