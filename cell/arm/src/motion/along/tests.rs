@@ -156,11 +156,18 @@ fn on_a_circle_around_the_base_both_zones_end_where_the_first_joint_has_turned_t
 #[test]
 fn a_singular_position_is_told_with_the_least_share_of_the_speed_that_it_leaves() {
     let arm = arm();
-    // The arm is nearly stretched at the start, and more so at the end.
-    let curve = line([499.98, 0.0], [499.999, 0.0]);
-    let found = along(&curve, &start(&curve, &arm), 300.0, [ACCELERATION, JERK], &ratings(&arm), &arm);
-    let Err(Violation::Singular { axis: 2, share }) = found else { panic!("{found:?}") };
-    assert!((0.002..0.005).contains(&share), "{share} of the speed");
+    // The arm is nearly stretched, and more so at the one end.
+    let shares = [[499.98, 499.999], [499.999, 499.98]].map(|[begin, end]| {
+        let curve = line([begin, 0.0], [end, 0.0]);
+        let found = along(&curve, &start(&curve, &arm), 300.0, [ACCELERATION, JERK], &ratings(&arm), &arm);
+        let Err(Violation::Singular { axis: 2, share }) = found else { panic!("{found:?}") };
+        share
+    });
+    // Toward that end the first piece that leaves too little counts.
+    assert!(
+        (0.002..0.005).contains(&shares[0]) && (1e-4..5e-4).contains(&shares[1]),
+        "{shares:?} of the speed"
+    );
 }
 
 #[test]
