@@ -241,3 +241,26 @@ fn the_nodes_of_a_corner_have_the_derivatives_of_its_joints_from_its_start_to_it
     }
     assert!(found > 200 && cut > 10, "{found} corners, and {cut} with more than one piece");
 }
+
+#[test]
+fn a_corner_stays_within_its_distance_which_is_that_of_both_motions_or_a_little_less() {
+    let arm = arm();
+    for [first, second] in many_corners() {
+        let stopped = Segment { approximation_mm: 0.0, ..first.clone() };
+        assert_eq!(Blend::between(&stopped, &second, 1.0, &arm), None, "an exact stop has no corner");
+        let Some(blend) = Blend::between(&first, &second, 1.0, &arm) else { continue };
+        let (leaving, entering) =
+            (Approach::new(&first, End::Last, &arm), Approach::new(&second, End::First, &arm));
+        let allowed = first.approximation_mm.min(leaving.half_mm).min(entering.half_mm);
+        let tries = (0..4).map(|tries| (0..tries).fold(allowed, |distance, _| 0.9 * distance));
+        let is_tried = tries.into_iter().any(|distance| (distance - blend.distance_mm).abs() < 1e-9);
+        assert!(is_tried, "{} of {allowed} mm", blend.distance_mm);
+        let corner = first.tool_at(&first.end, &arm);
+        let mut near = first.curve.joints(first.curve.length() - blend.from_zone, &arm, &first.end).unwrap();
+        for step in 0..=100 {
+            near = blend.joints(&first, &second, f64::from(step) / 100.0, &arm, &near).unwrap();
+            let off = distance(first.tool_at(&near, &arm), corner);
+            assert!(off <= blend.distance_mm * 1.01 + 1e-6, "{off} of {} mm", blend.distance_mm);
+        }
+    }
+}
