@@ -22,6 +22,7 @@ mod course;
 mod feedback;
 mod joints;
 mod pace;
+mod stops;
 
 use protocol::image::{Command, Digest, Feedback};
 
@@ -140,9 +141,6 @@ struct Skill {
     idle: u32,
 }
 
-/// The most cycles that a halt is waited for: a motion without a deceleration is refused before it moves.
-const LONGEST_HALT: f64 = 1e6;
-
 impl Law {
     /// The judge of a case; `setup` is [its own](Case::its_setup). Only the `classes` are looked for.
     #[must_use]
@@ -256,36 +254,6 @@ impl Law {
         }
     }
 
-    /// How many cycles it takes to take back an acceleration of these motions.
-    fn settling_cycles(&self) -> u32 {
-        let least = |is_point_to_point: bool, rated: f64| {
-            let jerks = self.ways.iter().filter(|way| way.kind.is_point_to_point() == is_point_to_point);
-            jerks.filter_map(|way| way.jerk).fold(rated, f64::min)
-        };
-        let hardest = |is_point_to_point: bool| {
-            let ways = self.ways.iter().filter(|way| way.kind.is_point_to_point() == is_point_to_point);
-            ways.fold(0.0, |most: f64, way| most.max(way.acceleration).max(way.deceleration))
-        };
-        // Point to point both are shares of what is rated: by that a ramp takes as many cycles as differences tell.
-        let by_tool = hardest(false) / least(false, self.path_jerk) / self.cycle_s;
-        let rated = (0..self.axes).map(|axis| self.differences[1][axis] / self.differences[2][axis]);
-        let by_joints = rated.fold(0.0, f64::max) * hardest(true) / least(true, 1.0);
-        self.settles_in_rated.max(by_tool.max(by_joints).ceil() as u32 + 3)
-    }
-
-    /// How many cycles it takes to stop from the highest programmed speed with the programmed deceleration, where a bend or another
-    /// joint is in the way perhaps twice as many.
-    #[must_use]
-    pub fn halts_in(&self) -> u32 {
-        let [speeds, accelerations, _] = &self.differences;
-        let rated = (0..self.axes).map(|axis| speeds[axis] / accelerations[axis]).fold(0.0, f64::max);
-        let cycles = self.ways.iter().map(|way| {
-            let longest = if way.kind.is_point_to_point() { rated } else { 1.0 / self.cycle_s };
-            longest * way.velocity / way.deceleration
-        });
-        (2.0 * cycles.fold(0.0, f64::max)).min(LONGEST_HALT).ceil() as u32 + 2 * self.settles_in
-    }
-
     /// Judges one more robot cycle. After a broken law nothing more is judged.
     pub fn look(&mut self, seen: &Seen<'_>) {
         self.cycle += 1;
@@ -352,22 +320,6 @@ impl Law {
 
     fn ways_among(&self, among: Among) -> &[Way] {
         self.ways.get(among.first..=among.last).unwrap_or(&[])
-    }
-
-    /// How far a tool is within a cycle from a stop at most, in mm, by these motions.
-    fn near_stop_mm(&self, among: Among) -> f64 {
-        let ways = self.ways_among(among);
-        if ways.is_empty() || ways.iter().any(|way| way.kind.is_point_to_point()) {
-            return self.near_stop_by_joints_mm();
-        }
-        let acceleration =
-            ways.iter().fold(0.0, |most, way| way.acceleration.max(way.deceleration).max(most));
-        acceleration * self.cycle_s * self.cycle_s / 2.0 + PLACE_MM
-    }
-
-    /// The same where the joints alone hold the tool.
-    fn near_stop_by_joints_mm(&self) -> f64 {
-        self.tool_acceleration_by_joints * self.cycle_s * self.cycle_s / 2.0 + PLACE_MM
     }
 
     /// Whether any joint moved in the last cycle.
