@@ -25,8 +25,9 @@ const BEND: f64 = 1e-3;
 /// less speed is all that makes room for slowing down.
 const RISE: f64 = 1e-2;
 
-/// The share of an acceleration or a jerk from which on it counts as all that there is: the robot's planning keeps a reserve.
-const ALL_USED: f64 = 0.85;
+/// The share of an acceleration or a jerk from which on it counts as all that there is: the robot's planning keeps a reserve, and
+/// a ramp of the override is made of steps.
+const ALL_USED: f64 = 0.75;
 
 /// Cycles that an override may take where no limit is in the way: it changes steadily, not at once.
 const RAMP: u32 = 6;
@@ -151,7 +152,7 @@ impl Law {
         if self.samples_of_skill >= 3 && self.is_one_tool(3) {
             let among = self.among_last(3);
             let square = self.powers[1];
-            if let Some(what) = self.slows_too_fast(among, step, step_before) {
+            if let Some(what) = self.slows_too_fast(among, &chords) {
                 return self.report(Class::ToolAcceleration, what);
             }
             let limit = self.most(among, |way| way.acceleration.max(way.deceleration));
@@ -174,11 +175,19 @@ impl Law {
         }
     }
 
-    /// The deceleration of a motion is along its path; where that bends, the tool is accelerated across it besides.
-    fn slows_too_fast(&self, among: Among, step: f64, before: f64) -> Option<Broken> {
+    /// The deceleration of a motion is along its path; where that bends, the tool is accelerated across it besides, and a chord is
+    /// shorter than the way by up to a sixth of the square of the angle between two of them.
+    fn slows_too_fast(&self, among: Among, chords: &[Vector; 3]) -> Option<Broken> {
         let limit = self.most(among, |way| way.deceleration);
         let square = self.powers[1];
-        let noise = 4.0 * TOOL_NOISE_MM + BEND * before;
+        let [step, before, first] = chords.map(length);
+        let across = |one: Vector, other: Vector, lengths: f64| {
+            if lengths > 0.0 { (1.0 - dot(one, other) / lengths).max(0.0) } else { 0.0 }
+        };
+        // Twice this is the square of the angle.
+        let turned =
+            across(chords[0], chords[1], step * before).max(across(chords[1], chords[2], before * first));
+        let noise = 4.0 * TOOL_NOISE_MM + (BEND + turned / 3.0) * before;
         let slower = before - step;
         (slower > limit * square * (1.0 + SHARE) + noise).then_some(Broken::Figure {
             quantity: "the tool's deceleration",
