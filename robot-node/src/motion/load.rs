@@ -34,8 +34,8 @@ pub(super) struct Load {
     joints: [Joints; 2],
     /// The tool's.
     tool: [f64; 2],
-    /// By which the tool slows down along its path, where its deceleration is lower than its acceleration; else not needed.
-    slowed: f64,
+    /// The tool's acceleration along its path, where its deceleration is lower than its acceleration; else not needed.
+    tangential: f64,
 }
 
 impl Load {
@@ -56,14 +56,14 @@ impl Load {
             let other = along[i] * jerk + across[i] * bending + around[i] * twisting;
             (accelerated, jerked) = (accelerated + one * one, jerked + other * other);
         }
-        let slowed = match ramps.tool_deceleration < 1.0 {
+        let tangential = match ramps.tool_deceleration < 1.0 {
             true => {
-                (-(dot(*along, *along) * acceleration + dot(*along, *across) * square_speed)).max(0.0)
-                    / square(*along).sqrt()
+                let by_bend = dot(*along, *across) * square_speed;
+                (square(*along) * acceleration + by_bend) / square(*along).sqrt()
             }
             false => 0.0,
         };
-        Self { joints, tool: [accelerated.sqrt(), jerked.sqrt() * ramps.tool_ramp_s], slowed }
+        Self { joints, tool: [accelerated.sqrt(), jerked.sqrt() * ramps.tool_ramp_s], tangential }
     }
 
     /// Returns the extreme values between the first and the last of three places, of which `self` is half-way, by the
@@ -75,6 +75,7 @@ impl Load {
                 *middle -= 0.5 * slope * slope / bend;
             }
         };
+        turn(before.tangential, &mut self.tangential, after.tangential);
         for order in 0..2 {
             for axis in 0..AXES {
                 turn(before.joints[order][axis], &mut self.joints[order][axis], after.joints[order][axis]);
@@ -93,7 +94,7 @@ impl Load {
             accelerated /= ramps.deceleration;
             tool /= ramps.bent_tool_deceleration();
         }
-        let tool = tool.max(self.slowed / ramps.tool_deceleration);
+        let tool = tool.max(-self.tangential / ramps.tool_deceleration);
         [accelerated.max(tool), jerked.max(tool_jerk)]
     }
 }
