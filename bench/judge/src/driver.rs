@@ -158,6 +158,7 @@ impl Driver {
     fn wait(&mut self, motions: &[Programmed], events: &mut &[Event]) {
         let ended = Status::DONE.0 | Status::ABORTED.0 | Status::ERROR.0;
         let called_in = self.run_cycle;
+        let stuck_after = PATIENCE + HALTS_WITHIN + self.law.halts_in();
         while self.law.found().is_none() {
             let waited = self.run_cycle - called_in;
             self.happen(events);
@@ -172,7 +173,7 @@ impl Driver {
                 // The connection was lost before the call came to the robot.
                 return;
             }
-            if waited > PATIENCE + HALTS_WITHIN.saturating_add(self.law.halts_in()) {
+            if waited > stuck_after {
                 self.law.is_stuck();
             }
         }

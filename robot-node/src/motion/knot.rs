@@ -115,17 +115,18 @@ impl Knot {
     /// The highest acceleration at rest or where the path is straight, if `sign` is that of speeding up, else the highest
     /// deceleration.
     pub(super) fn acceleration_at_rest(&self, sign: f64) -> f64 {
-        let (joints, tool) = self.factors(sign);
+        let (joints, tool, _) = self.factors(sign);
         let tool = square(self.slopes.tool[0]).sqrt() / tool;
         let steepest = self.slopes.slope.iter().fold(tool, |most, slope| most.max(slope.abs() / joints));
         self.tightness[0] / steepest
     }
 
-    /// The factors of the accelerations of joints and tool.
-    const fn factors(&self, sign: f64) -> (f64, f64) {
+    /// The factors of the accelerations of joints and tool, and of the tool with what bends its path.
+    const fn factors(&self, sign: f64) -> (f64, f64, f64) {
+        let ramps = &self.rates.ramps;
         match sign < 0.0 {
-            true => (self.rates.ramps.deceleration, self.rates.ramps.tool_deceleration),
-            false => (1.0, 1.0),
+            true => (ramps.deceleration, ramps.tool_deceleration, ramps.bent_tool_deceleration()),
+            false => (1.0, 1.0, 1.0),
         }
     }
 
@@ -133,7 +134,7 @@ impl Knot {
     /// has the weight `weight` at this place, and `sign` is that of the acceleration from here to there.
     pub(super) fn reach(&self, known: f64, distance: f64, weight: f64, sign: f64) -> f64 {
         let slope = sign / (2.0 * distance);
-        let (joints, tool) = self.factors(sign);
+        let (joints, tool, bent_tool) = self.factors(sign);
         let mut most = f64::INFINITY;
         let left = self.tightness[0] * joints;
         for axis in 0..AXES {
@@ -142,17 +143,18 @@ impl Knot {
             let x = (left - rest * 1.0_f64.copysign(factor)) / factor.abs();
             most = if x < most { x } else { most };
         }
+        let left = self.tightness[0] * bent_tool;
         let [along, bend, _] = &self.slopes.tool;
-        let left = self.tightness[0] * tool.max(1.0);
         let factor: Vector<f64> = core::array::from_fn(|i| along[i] * slope + bend[i] * weight);
         let rest: Vector<f64> =
             core::array::from_fn(|i| (bend[i] * (1.0 - weight) - along[i] * slope) * known);
         most = most.min(largest(square(factor), dot(factor, rest), square(rest) - left * left));
         if tool < 1.0 {
-            // A lower deceleration holds along the path only.
-            let (left, by) = (self.tightness[0] * tool * square(*along).sqrt(), -dot(*along, factor));
-            if by > 0.0 {
-                most = most.min(((left + dot(*along, rest)) / by).max(0.0));
+            let [by_square, by_acceleration, _] = self.slopes.along_path();
+            let factor = by_acceleration * slope + by_square * weight;
+            let rest = (by_square * (1.0 - weight) - by_acceleration * slope) * known;
+            if factor < 0.0 {
+                most = most.min(((self.tightness[0] * tool + rest) / -factor).max(0.0));
             }
         }
         // The jerk that turning takes.

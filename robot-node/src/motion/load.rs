@@ -1,6 +1,6 @@
 //! The shares of their limits that joints and tool use at a place of a law.
 
-use super::node::{Ratings, square};
+use super::node::Ratings;
 use super::slopes::Slopes;
 use crate::arm::{AXES, Joints, dot};
 
@@ -20,8 +20,8 @@ impl Ramps {
         Self { ramp_s, tool_ramp_s, deceleration, tool_deceleration }
     }
 
-    /// The factor of the acceleration that the tool may have while it slows down, with what bends its path: a lower deceleration
-    /// holds along the path only. Else a tool could not slow down at all in a bend that takes more than that.
+    /// The factor of the acceleration that the tool may have while it slows down, with what bends its path; see
+    /// [`Slopes::along_path`].
     pub(super) const fn bent_tool_deceleration(&self) -> f64 {
         self.tool_deceleration.max(1.0)
     }
@@ -57,10 +57,7 @@ impl Load {
             (accelerated, jerked) = (accelerated + one * one, jerked + other * other);
         }
         let tangential = match ramps.tool_deceleration < 1.0 {
-            true => {
-                let by_bend = dot(*along, *across) * square_speed;
-                (square(*along) * acceleration + by_bend) / square(*along).sqrt()
-            }
+            true => dot(slopes.along_path(), [square_speed, acceleration, 0.0]),
             false => 0.0,
         };
         Self { joints, tool: [accelerated.sqrt(), jerked.sqrt() * ramps.tool_ramp_s], tangential }

@@ -1,7 +1,7 @@
 //! The derivatives of joints and tool at a place of a stretch.
 
-use super::node::{Node, Vector};
-use crate::arm::{AXES, Joints};
+use super::node::{Node, Vector, square};
+use crate::arm::{AXES, Joints, dot};
 
 /// First, second and third derivatives of joints and tool by the way of a stretch, over the limits of the
 /// accelerations.
@@ -43,6 +43,15 @@ impl Slopes {
         values.for_each(|value| *value *= square);
         let values = self.twist.iter_mut().chain(around);
         values.for_each(|value| *value *= cube);
+    }
+
+    /// What the square of the speed, the acceleration along the stretch and its growth add to the tool's acceleration along its
+    /// path. A deceleration below the acceleration holds there only: else a tool could not slow down at all in a bend that takes
+    /// more than that.
+    pub(super) fn along_path(&self) -> Vector<f64> {
+        let [along, across, _] = self.tool;
+        let steep = square(along).sqrt();
+        [dot(along, across) / steep, steep, 0.0]
     }
 
     /// Those at a share of the way to others, which are `length` away: cubic between two values with their slopes.

@@ -20,9 +20,8 @@ impl Law {
         let total = self.ways.len() as u32;
         let Feedback { executed, accepted, .. } = *feedback;
         if executed < self.skill.executed {
-            let (figure, limit) = (f64::from(executed), f64::from(self.skill.executed));
-            let what = Broken::Figure { quantity: "`executed` fell and", figure, limit, unit: "motions" };
-            return self.report(Class::Count, what);
+            let figures = [executed, self.skill.executed].map(f64::from);
+            return self.report_figure(Class::Count, "`executed` fell and", figures, "motions");
         }
         if executed > accepted || accepted > total {
             return self
@@ -69,13 +68,8 @@ impl Law {
             (distance(now, target.at).max(before), near)
         };
         if off > limit {
-            let what = Broken::Figure {
-                quantity: "the tool's distance from an executed target",
-                figure: off,
-                limit,
-                unit: "mm",
-            };
-            self.report(Class::Executed, what);
+            let what = "the tool's distance from an executed target";
+            self.report_figure(Class::Executed, what, [off, limit], "mm");
         }
     }
 
@@ -96,13 +90,8 @@ impl Law {
     fn look_at_force(&mut self, wanted: f64, feedback: &Feedback) {
         let found = f64::from(feedback.contact_force);
         if (found - wanted).abs() > self.force_tolerance_n + 1e-3 {
-            let what = Broken::Figure {
-                quantity: "the force of a LIN force that is done",
-                figure: found,
-                limit: wanted,
-                unit: "N",
-            };
-            self.report(Class::Force, what);
+            let what = "the force of a LIN force that is done";
+            self.report_figure(Class::Force, what, [found, wanted], "N");
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::{Law, PLACE_DEG, PLACE_MM};
 use crate::kinematics::distance;
-use crate::violation::{Broken, Class};
+use crate::violation::Class;
 
 impl Law {
     pub(super) fn look_at_course(&mut self) {
@@ -13,22 +13,12 @@ impl Law {
         let Some(way) = self.ways.get(sample.among.first) else { return };
         let Some(off) = way.off(&sample.flange.then(&way.tool)) else { return };
         if off.mm > PLACE_MM {
-            let what = Broken::Figure {
-                quantity: "the tool's distance from its course",
-                figure: off.mm,
-                limit: PLACE_MM,
-                unit: "mm",
-            };
-            return self.report(Class::Course, what);
+            let what = "the tool's distance from its course";
+            return self.report_figure(Class::Course, what, [off.mm, PLACE_MM], "mm");
         }
         if off.turned_deg > PLACE_DEG {
-            let what = Broken::Figure {
-                quantity: "the tool's turn away from its course",
-                figure: off.turned_deg,
-                limit: PLACE_DEG,
-                unit: "°",
-            };
-            self.report(Class::Turn, what);
+            let what = "the tool's turn away from its course";
+            self.report_figure(Class::Turn, what, [off.turned_deg, PLACE_DEG], "°");
         }
     }
 

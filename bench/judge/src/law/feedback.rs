@@ -40,13 +40,8 @@ impl Law {
         if !has_ended && !is_tools(&self.shown.0) && !self.candidates().any(|(tool, _)| is_tools(&tool)) {
             let [now, before, ..] = self.tools(&self.shown.0);
             let limit = length(difference(before, now)) / self.cycle_s;
-            let what = Broken::Figure {
-                quantity: "the path speed in the feedback",
-                figure: told,
-                limit,
-                unit: "mm/s",
-            };
-            return self.report(Class::Feedback, what);
+            let what = "the path speed in the feedback";
+            return self.report_figure(Class::Feedback, what, [told, limit], "mm/s");
         }
         if !self.surfaces.is_empty() {
             self.look_at_contact(feedback);
@@ -84,13 +79,8 @@ impl Law {
         let told = f64::from(feedback.contact_force);
         let force = length(self.contact(&self.shown.0));
         if (told - force).abs() > SINGLE * force + 1e-4 {
-            let what = Broken::Figure {
-                quantity: "the contact force in the feedback",
-                figure: told,
-                limit: force,
-                unit: "N",
-            };
-            return self.report(Class::Feedback, what);
+            let what = "the contact force in the feedback";
+            return self.report_figure(Class::Feedback, what, [told, force], "N");
         }
         let way = self.ways.get(self.skill.executed as usize).filter(|_| !self.skill.has_ended);
         let wanted = way.map_or(0.0, |way| way.force_n);
@@ -100,9 +90,7 @@ impl Law {
         // A line may start in a surface. From outside, the force does not overshoot.
         let was_less = self.before.is_some_and(|before| f64::from(before.contact_force) <= most);
         if wanted > 0.0 && is_soft && self.surfaces.len() == 1 && was_less && told > most {
-            let what =
-                Broken::Figure { quantity: "the contact force", figure: told, limit: wanted, unit: "N" };
-            self.report(Class::Force, what);
+            self.report_figure(Class::Force, "the contact force", [told, wanted], "N");
         }
     }
 

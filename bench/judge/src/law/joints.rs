@@ -16,17 +16,14 @@ const ORDERS: [(Class, [&str; 2]); 3] = [
 
 impl Law {
     pub(super) fn look_at_joints(&mut self) {
-        let [q0, q1, q2, q3] = self.samples.map(|sample| sample.joints);
-        for axis in 0..self.axes {
+        let joints = self.samples[0].joints;
+        for (axis, place) in joints.into_iter().enumerate().take(self.axes) {
             let (lower, upper) = (self.lower[axis], self.upper[axis]);
-            if q0[axis] < lower - BEYOND_RANGE || q0[axis] > upper + BEYOND_RANGE {
-                let limit = if q0[axis] < lower { lower } else { upper };
-                self.report(Class::Range, joint(axis, q0[axis], limit, "° (mm)"));
+            if place < lower - BEYOND_RANGE || place > upper + BEYOND_RANGE {
+                let limit = if place < lower { lower } else { upper };
+                self.report(Class::Range, joint(axis, place, limit, "° (mm)"));
             }
-            let first = q0[axis] - q1[axis];
-            let second = first - (q1[axis] - q2[axis]);
-            let third = second - (q1[axis] - 2.0 * q2[axis] + q3[axis]);
-            for (order, difference) in [first, second, third].into_iter().enumerate() {
+            for (order, difference) in self.joint_differences(axis).into_iter().enumerate() {
                 let limit = self.differences[order][axis];
                 let noise = f64::from(2 << order) * JOINT_NOISE;
                 if difference.abs() > limit * (1.0 + SHARE) + noise {

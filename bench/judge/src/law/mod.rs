@@ -27,7 +27,7 @@ mod stops;
 use protocol::image::{Command, Digest, Feedback};
 
 use crate::case::{Case, Execution, Kind, Programmed, by_joint};
-use crate::kinematics::{AXES, Joints, Links, Pose, Vector, distance};
+use crate::kinematics::{AXES, Joints, Links, Pose, Vector, difference, distance};
 use crate::violation::{Broken, Class, Violation};
 use crate::way::Way;
 use pace::Pace;
@@ -294,6 +294,17 @@ impl Law {
         self.found = Some(Violation { class, cycle: self.cycle, skill: self.skill.number, motion, what });
     }
 
+    /// Reports a figure that is beyond its limit.
+    fn report_figure(
+        &mut self,
+        class: Class,
+        quantity: &'static str,
+        [figure, limit]: [f64; 2],
+        unit: &'static str,
+    ) {
+        self.report(class, Broken::Figure { quantity, figure, limit, unit });
+    }
+
     /// Which motions a sample may belong to, when so many are executed.
     fn among(&self, executed: u32, flange: &Pose) -> Among {
         let last = self.ways.len().saturating_sub(1);
@@ -325,6 +336,20 @@ impl Law {
     /// Whether any joint moved in the last cycle.
     fn has_moved(&self) -> bool {
         self.samples[0].joints != self.samples[1].joints
+    }
+
+    /// By how much a joint moved in the last cycle, by how much more than before, and how that changed.
+    fn joint_differences(&self, axis: usize) -> [f64; 3] {
+        let [q0, q1, q2, q3] = self.samples.map(|sample| sample.joints[axis]);
+        let first = q0 - q1;
+        let second = first - (q1 - q2);
+        [first, second, second - (q1 - 2.0 * q2 + q3)]
+    }
+
+    /// The tool's chords from sample to sample, the newest first.
+    fn chords(&self, tool: &Pose) -> [Vector; 3] {
+        let [p0, p1, p2, p3] = self.tools(tool);
+        [(p0, p1), (p1, p2), (p2, p3)].map(|(to, from)| difference(from, to))
     }
 
     /// The tool's places in the last samples, the newest first.

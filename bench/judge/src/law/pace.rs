@@ -9,7 +9,7 @@ use protocol::image::{Command, Control};
 use super::{Among, JOINT_NOISE, Law, SHARE, TOOL_NOISE_MM, joint};
 use crate::case::Kind;
 use crate::kinematics::{Vector, difference, dot, length};
-use crate::violation::{Broken, Class};
+use crate::violation::Class;
 use crate::way::Way;
 
 /// So many cycles in a row within what the override allows, and without braking, end a slowing down.
@@ -131,8 +131,7 @@ impl Law {
     /// The tool on lines, circles and splines.
     fn look_at_tool(&mut self, among: Among) {
         let Some(&Way { tool, kind, .. }) = self.ways.get(among.first) else { return };
-        let [p0, p1, p2, p3] = self.tools(&tool);
-        let chords = [(p0, p1), (p1, p2), (p2, p3)].map(|(to, from)| difference(from, to));
+        let chords = self.chords(&tool);
         let velocity = self.most(among, |way| way.velocity);
         let (step, step_before) = (length(chords[0]), length(chords[1]));
         self.look_at_speed(among, step, step_before, velocity * self.cycle_s);
@@ -141,60 +140,33 @@ impl Law {
         let share = if is_spline { QUADRATURE } else { SHARE };
         if step > limit * self.cycle_s * (1.0 + share) + 2.0 * TOOL_NOISE_MM {
             let figure = step / self.cycle_s;
-            let what = Broken::Figure { quantity: "the tool's speed", figure, limit, unit: "mm/s" };
             let class = if kind == Kind::LinForce { Class::PressSpeed } else { Class::ToolSpeed };
-            return self.report(class, what);
+            return self.report_figure(class, "the tool's speed", [figure, limit], "mm/s");
         }
-        let sum = |one: Vector, other: Vector, by: f64| -> Vector {
-            core::array::from_fn(|i| one[i] + by * other[i])
-        };
-        let (second, before) = (sum(chords[0], chords[1], -1.0), sum(chords[1], chords[2], -1.0));
+        let [second, third] = bends(&chords);
         if self.samples_of_skill >= 3 && self.is_one_tool(3) {
             let among = self.among_last(3);
-            let square = self.powers[1];
-            if let Some(what) = self.slows_too_fast(among, &chords) {
-                return self.report(Class::ToolAcceleration, what);
+            let (class, square) = (Class::ToolAcceleration, self.powers[1]);
+            let (limit, slower) = (self.most(among, |way| way.deceleration), step_before - step);
+            let beyond = slower - limit * square * (1.0 + SHARE) - 4.0 * TOOL_NOISE_MM - BEND * step_before;
+            if beyond > 0.0 && beyond > shortened(&chords) {
+                let figures = [slower / square, limit];
+                return self.report_figure(class, "the tool's deceleration", figures, "mm/s²");
             }
             let limit = self.most(among, |way| way.acceleration.max(way.deceleration));
             if length(second) > limit * square * (1.0 + SHARE) + 4.0 * TOOL_NOISE_MM {
-                let figure = length(second) / square;
-                let what =
-                    Broken::Figure { quantity: "the tool's acceleration", figure, limit, unit: "mm/s²" };
-                return self.report(Class::ToolAcceleration, what);
+                let figures = [length(second) / square, limit];
+                return self.report_figure(class, "the tool's acceleration", figures, "mm/s²");
             }
         }
         if self.samples_of_skill >= 4 && self.is_one_tool(4) {
-            let third = length(sum(second, before, -1.0));
             let cube = self.powers[2];
             let limit = self.most(self.among_last(4), |way| way.jerk.unwrap_or(self.path_jerk));
-            if third > limit * cube * (1.0 + SHARE) + 8.0 * TOOL_NOISE_MM {
-                let figure = third / cube;
-                let what = Broken::Figure { quantity: "the tool's jerk", figure, limit, unit: "mm/s³" };
-                self.report(Class::ToolJerk, what);
+            if length(third) > limit * cube * (1.0 + SHARE) + 8.0 * TOOL_NOISE_MM {
+                let figures = [length(third) / cube, limit];
+                self.report_figure(Class::ToolJerk, "the tool's jerk", figures, "mm/s³");
             }
         }
-    }
-
-    /// The deceleration of a motion is along its path; where that bends, the tool is accelerated across it besides, and a chord is
-    /// shorter than the way by up to a sixth of the square of the angle between two of them.
-    fn slows_too_fast(&self, among: Among, chords: &[Vector; 3]) -> Option<Broken> {
-        let limit = self.most(among, |way| way.deceleration);
-        let square = self.powers[1];
-        let [step, before, first] = chords.map(length);
-        let across = |one: Vector, other: Vector, lengths: f64| {
-            if lengths > 0.0 { (1.0 - dot(one, other) / lengths).max(0.0) } else { 0.0 }
-        };
-        // Twice this is the square of the angle.
-        let turned =
-            across(chords[0], chords[1], step * before).max(across(chords[1], chords[2], before * first));
-        let noise = 4.0 * TOOL_NOISE_MM + (BEND + turned / 3.0) * before;
-        let slower = before - step;
-        (slower > limit * square * (1.0 + SHARE) + noise).then_some(Broken::Figure {
-            quantity: "the tool's deceleration",
-            figure: slower / square,
-            limit,
-            unit: "mm/s²",
-        })
     }
 
     /// The joints point to point.
@@ -219,9 +191,9 @@ impl Law {
             return;
         }
         let limit = self.most_share(all, shares);
-        for axis in 0..self.axes {
-            let share = (q0[axis] - 2.0 * q1[axis] + q2[axis]).abs() / accelerations[axis];
-            if share > limit * (1.0 + SHARE) + 4.0 * JOINT_NOISE / accelerations[axis] {
+        for (axis, rated) in accelerations.into_iter().enumerate().take(self.axes) {
+            let share = self.joint_differences(axis)[1].abs() / rated;
+            if share > limit * (1.0 + SHARE) + 4.0 * JOINT_NOISE / rated {
                 let what = joint(axis, share, limit, "of its rated acceleration");
                 return self.report(Class::ShareOfAcceleration, what);
             }
@@ -248,13 +220,8 @@ impl Law {
             if self.brakes_at_a_limit(among) {
                 self.pace.highest = Some((on, share));
             } else {
-                let what = Broken::Figure {
-                    quantity: "while it slows down for the override, the share of the programmed speed",
-                    figure: share,
-                    limit: most,
-                    unit: "",
-                };
-                self.report(Class::ToolSpeed, what);
+                let what = "while it slows down for the override, the share of the programmed speed";
+                self.report_figure(Class::ToolSpeed, what, [share, most], "");
             }
         }
         self.pace.see(step / programmed, before / programmed, may_rise);
@@ -266,19 +233,16 @@ impl Law {
         let Some(way) = self.ways_among(among).first().filter(|way| !way.kind.is_point_to_point()) else {
             return false;
         };
-        let [q0, q1, q2, q3] = self.samples.map(|sample| sample.joints);
         let [_, accelerations, jerks] = self.differences;
         let of_joints = (0..self.axes).any(|axis| {
-            let step = q0[axis] - q1[axis];
-            let change = step - (q1[axis] - q2[axis]);
-            let jerk = change - (q1[axis] - 2.0 * q2[axis] + q3[axis]);
+            let [step, change, jerk] = self.joint_differences(axis);
             let brakes = |by: f64, most: f64| by * step.signum() < -ALL_USED * most;
             brakes(change, accelerations[axis]) || brakes(jerk, jerks[axis])
         });
-        let [p0, p1, p2, p3] = self.tools(&way.tool);
-        let jerk: Vector = core::array::from_fn(|i| p0[i] - 3.0 * p1[i] + 3.0 * p2[i] - p3[i]);
+        let chords = self.chords(&way.tool);
+        let [_, jerk] = bends(&chords);
         let most = way.jerk.unwrap_or(self.path_jerk) * self.powers[2];
-        of_joints || (length(jerk) > ALL_USED * most && dot(jerk, difference(p1, p0)) <= 0.0)
+        of_joints || (length(jerk) > ALL_USED * most && dot(jerk, chords[0]) <= 0.0)
     }
 
     /// The highest share of the rated accelerations, the one for slowing down where the joints' speeds tell that the arm does. In a
@@ -303,4 +267,20 @@ impl Law {
         let Some(first) = ways.first() else { return false };
         ways.iter().all(|way| !way.kind.is_point_to_point() && way.tool == first.tool)
     }
+}
+
+/// How the newest of three chords differs from the one before, and how that differs from the difference before.
+fn bends([newest, before, first]: &[Vector; 3]) -> [Vector; 2] {
+    let second = difference(*before, *newest);
+    [second, difference(difference(*first, *before), second)]
+}
+
+/// By how much a bend may shorten a chord: a deceleration is along the path, and a chord is shorter than the way by up to a sixth of
+/// the square of the angle between two of them.
+fn shortened([newest, before, first]: &[Vector; 3]) -> f64 {
+    let half_square = |one: Vector, other: Vector| {
+        let lengths = length(one) * length(other);
+        if lengths > 0.0 { (1.0 - dot(one, other) / lengths).max(0.0) } else { 0.0 }
+    };
+    half_square(*newest, *before).max(half_square(*before, *first)) / 3.0 * length(*before)
 }

@@ -113,8 +113,7 @@ impl Site<'_> {
         each(&tool.map(|[_, other]| other), jerked);
         let slowed = self.ramps.tool_deceleration;
         if slowed < 1.0 {
-            let steep = dot(*along, *along).sqrt();
-            let by = [dot(*along, *across) / steep, steep, 0.0];
+            let by = self.slopes.along_path();
             let load = dot(by, pace);
             if load < 0.0 {
                 each(&[(load, by)], accelerated * slowed * slowed);
