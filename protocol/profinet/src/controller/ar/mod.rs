@@ -160,7 +160,7 @@ impl Ar {
             changes: Changes::default(),
             link: None,
             final_error: None,
-            plugs: Plugs::new(),
+            plugs: Plugs::new(config.description.submodules().count()),
             output,
             up: false,
             silent_at: Some(start + SILENT_FOR),
@@ -277,7 +277,7 @@ impl Ar {
         };
         match outcome {
             Outcome::Handled => {}
-            Outcome::Plugged(plugged) => self.plugs.add(plugged),
+            Outcome::Plugged(plugged) => self.plugged(plugged),
             Outcome::Foreign => return false,
             Outcome::Malformed => self.counters.malformed += 1,
             Outcome::Aborted(status) => {

@@ -17,9 +17,6 @@ use crate::control::Command;
 use crate::rpc::Operation;
 use machine::Instant;
 
-/// Largest number of plugged submodules that wait; a device sends their alarms one at a time.
-const MOST_WAITING: usize = 32;
-
 /// AlarmType: a submodule was plugged.
 const PLUG: u16 = 0x0004;
 /// AlarmType: a supervisor released a submodule, which needs its parameters again.
@@ -44,6 +41,11 @@ impl Plugged {
         }
         Some(Self { slot: head.slot, subslot: head.subslot, alarm: notification.specifier & SEQUENCE })
     }
+
+    /// The slot and the subslot.
+    const fn place(&self) -> (u16, u16) {
+        (self.slot, self.subslot)
+    }
 }
 
 /// The plugged submodules of an AR, in the order of their alarms.
@@ -63,14 +65,19 @@ enum Step {
 }
 
 impl Plugs {
-    /// Allocates the memory; nothing later allocates.
-    pub(super) fn new() -> Self {
-        Self { waiting: VecDeque::with_capacity(MOST_WAITING), step: None }
+    /// Allocates the memory for a device with so many submodules; nothing later allocates.
+    pub(super) fn new(submodules: usize) -> Self {
+        // Each of them once, and the one that is served once more.
+        Self { waiting: VecDeque::with_capacity(submodules + 1), step: None }
     }
 
-    pub(super) fn add(&mut self, plugged: Plugged) {
-        if self.waiting.len() < MOST_WAITING {
-            self.waiting.push_back(plugged);
+    /// Adds one of the device's submodules. If it is plugged again before its turn, its last alarm counts.
+    fn add(&mut self, plugged: Plugged) {
+        let served = usize::from(self.step.is_some());
+        let mut unserved = self.waiting.iter_mut().skip(served);
+        match unserved.find(|other| other.place() == plugged.place()) {
+            Some(same) => *same = plugged,
+            None => self.waiting.push_back(plugged),
         }
     }
 
@@ -81,6 +88,13 @@ impl Plugs {
 }
 
 impl Ar {
+    /// A submodule was plugged; one that is not the AR's gets nothing.
+    pub(super) fn plugged(&mut self, plugged: Plugged) {
+        if self.config.description.submodule(plugged.slot, plugged.subslot).is_some() {
+            self.plugs.add(plugged);
+        }
+    }
+
     /// Starts with the next plugged submodule, if data are exchanged and the device has its AlarmAck.
     pub(super) fn continue_plug(&mut self, now: Instant) {
         let acknowledged = self.link.as_ref().is_some_and(|link| link.alarms.are_acknowledged());

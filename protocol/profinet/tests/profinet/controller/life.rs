@@ -3,6 +3,7 @@
 use machine::wire::{BigEndian, Writer};
 use profinet::alarm::{Alarm, AlarmHead, FRAME_ID_LOW, Notification, PduType, Rta};
 use profinet::connect::ConnectRequest;
+use profinet::description::{Description, Module, Submodule};
 use profinet::status::{Service, Status, Violation};
 
 use super::*;
@@ -82,6 +83,17 @@ fn an_alarm_is_acknowledged_and_data_go_on() {
 
 /// Delivers a low alarm of slot 1, subslot 1, and the acknowledgement of its AlarmAck.
 pub(super) fn alarm(cell: &mut Cell, alarm_type: u16, specifier: u16, send_sequence: u16) {
+    alarm_of(cell, (1, 1), alarm_type, specifier, send_sequence);
+}
+
+/// Delivers a low alarm of a slot and subslot, and the acknowledgement of its AlarmAck.
+fn alarm_of(
+    cell: &mut Cell,
+    (slot, subslot): (u16, u16),
+    alarm_type: u16,
+    specifier: u16,
+    send_sequence: u16,
+) {
     let rta = Rta {
         destination: 0,
         source: 9,
@@ -90,7 +102,7 @@ pub(super) fn alarm(cell: &mut Cell, alarm_type: u16, specifier: u16, send_seque
         send_sequence,
         ack_sequence: send_sequence.wrapping_sub(1),
     };
-    let head = AlarmHead { alarm_type, ..samples::DIAGNOSIS.head };
+    let head = AlarmHead { alarm_type, slot, subslot, ..samples::DIAGNOSIS.head };
     let notification = Alarm::Notification(Notification { head, specifier, ..samples::DIAGNOSIS });
     for repetition in [false, true] {
         let frame = cell.peer.rt(|w| {
@@ -158,19 +170,52 @@ fn a_device_that_refuses_or_ignores_the_parameters_of_a_plugged_submodule_keeps_
     assert_eq!(cell.peer.plug_ends, [3], "the next one is served again");
 }
 
-#[test]
-fn of_submodules_that_are_plugged_at_the_same_time_32_wait_for_their_parameters() {
-    let mut cell = Cell::new(Transport::Udp, Script::default());
-    cell.run(50);
+/// Delivers plug alarms of these submodules, numbered from 1, to a controller that gets no answer to its calls meanwhile.
+fn plug_at_the_same_time(cell: &mut Cell, places: &[(u16, u16)]) {
     cell.peer.script.deaf_to_rpc = true;
     let mut sequence = 0xFFFE_u16;
-    for number in 1..=34 {
+    for (place, number) in places.iter().zip(1..) {
         sequence = sequence.wrapping_add(1);
-        alarm(&mut cell, 4, number, sequence);
+        alarm_of(cell, *place, 4, number, sequence);
     }
     cell.peer.script.deaf_to_rpc = false;
     assert_eq!(cell.run(1_000), []);
-    assert_eq!(cell.peer.plug_ends, (1..=32).collect::<Vec<_>>());
+}
+
+#[test]
+fn all_submodules_that_are_plugged_at_the_same_time_get_their_parameters_one_after_the_other() {
+    let with_data = samples::DEVICE.modules[1].submodules[0];
+    let without = |subslot| Submodule { subslot, input_len: 0, output_len: 0, ..with_data };
+    let submodules: Vec<_> = core::iter::once(with_data).chain((2..=34).map(without)).collect();
+    let module = Module { submodules: submodules.leak(), ..samples::DEVICE.modules[1] };
+    let modules = vec![samples::DEVICE.modules[0], module].leak();
+    let description = Description { modules, ..samples::DEVICE };
+    let parameter = |subslot| Parameter { slot: 1, subslot, index: 1, data: vec![subslot as u8] };
+    let parameters = (1..=34).map(parameter).collect();
+    let config = ArConfig { description, parameters, ..ar(Transport::Udp) };
+    let mut cell = Cell::with(config, Script::default());
+    cell.run(50);
+    cell.peer.written.clear();
+    plug_at_the_same_time(&mut cell, &(1..=34).map(|subslot| (1, subslot)).collect::<Vec<_>>());
+    assert_eq!(cell.peer.plug_ends, (1..=34).collect::<Vec<_>>());
+    assert_eq!(cell.peer.written, (1..=34).map(|subslot| vec![subslot]).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_submodule_that_is_plugged_again_before_its_turn_gets_its_parameters_once() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(50);
+    // The first alarm is served while the others come.
+    plug_at_the_same_time(&mut cell, &[(1, 1); 34]);
+    assert_eq!(cell.peer.plug_ends, [1, 34]);
+}
+
+#[test]
+fn a_plugged_submodule_that_is_not_of_the_ar_gets_nothing() {
+    let mut cell = Cell::new(Transport::Udp, Script::default());
+    cell.run(50);
+    plug_at_the_same_time(&mut cell, &[(1, 7), (77, 1), (1, 1)]);
+    assert_eq!(cell.peer.plug_ends, [3]);
 }
 
 #[test]
