@@ -178,9 +178,10 @@ fn at_the_longest_cycle_of_each_transport_every_frame_is_newer_than_the_one_befo
 
 #[test]
 fn the_first_frame_is_due_within_one_cycle_on_the_grid_of_the_clock() {
-    let now = Instant::from_micros(12_345);
-    let first = MS.first(now, Mac([0, 0, 0, 0, 0, 4]));
-    assert_eq!(first, Instant::from_micros(13_125));
+    let mac = Mac([0, 0, 0, 0, 0, 4]);
+    for (now, first) in [(12_345, 13_125), (13_000, 13_125), (13_124, 13_125), (13_125, 14_125)] {
+        assert_eq!(MS.first(Instant::from_micros(now), mac), Instant::from_micros(first), "after {now} µs");
+    }
 }
 
 #[test]

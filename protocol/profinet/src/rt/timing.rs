@@ -137,6 +137,7 @@ impl CycleTime {
         let period = u64::try_from(self.period().as_nanos()).unwrap_or(u64::MAX).max(COUNT_NANOS);
         let phase = u64::from(low) * COUNT_NANOS % period;
         let grid = now.as_nanos() / period * period;
-        Instant::from_nanos(grid.saturating_add(phase)).next_on_grid(self.period(), now).0
+        let this_cycle = Instant::from_nanos(grid.saturating_add(phase));
+        if this_cycle > now { this_cycle } else { this_cycle + self.period() }
     }
 }
