@@ -28,9 +28,9 @@ const SHARE: f64 = 0.25;
 /// Share of the jerk with which stops are computed.
 const JERK_SHARE: f64 = 0.25;
 
-/// Share of the path's jerk for the force. The path before may end within one cycle, and the force begin in the next: the end of
-/// that braking moves the arm by a sixth of what a whole cycle at this jerk does.
-const AFTER_A_PATH: f64 = 6.0 / 7.0;
+/// Share of the path's jerk for the force. The path before may end with a cycle, and the force begin two later: the end of that
+/// braking still counts with a sixth of its jerk in the differences of that cycle.
+const AFTER_A_PATH: f64 = 5.0 / 6.0;
 
 /// Cycles from the one that enters a surface to the first one that is slowed by what was felt there, and one more.
 const BLIND_CYCLES: f64 = 2.0;
