@@ -137,6 +137,8 @@ verb_docs() { #: every link of the documentation leads somewhere, every command 
 }
 
 verb_test() { #: the workspace's tests
+    grep -qxF '$ cargo test --workspace --all-features' README.md ||
+        { echo "README.md names another command for the tests" >&2; return 1; }
     cargo test --workspace --all-features --locked --no-fail-fast
 }
 
