@@ -25,6 +25,7 @@ struct Page {
     conditions: String,
     summary: Option<String>,
     figure: Option<Figure>,
+    columns: Vec<String>,
     rows: Vec<Vec<String>>,
     notes: Vec<String>,
 }
@@ -65,6 +66,7 @@ pub(super) fn page(study: &Sensitivity) -> anyhow::Result<String> {
             draw(&changes, format)
         })?
         .map(|figure| figure.with(data)),
+        columns: columns(),
         rows: study.rows.iter().map(cells).collect(),
         notes: LEGEND.map(str::to_owned).into_iter().chain(refused).collect(),
     };
@@ -96,14 +98,21 @@ fn points(value: f64) -> String {
     if text == "−0.0" { "+0.0".to_owned() } else { text }
 }
 
+fn columns() -> Vec<String> {
+    let figures = ["", ", h = 0", ", uncal."]
+        .into_iter()
+        .flat_map(|variant| ["RC", "SM", "CM", "AETi"].map(|figure| format!("{figure}{variant}")));
+    ["varied", "is"].map(str::to_owned).into_iter().chain(figures).collect()
+}
+
 fn cells(row: &Row) -> Vec<String> {
     let variants = [&row.calibrated, &row.without_skill_overhead, &row.uncalibrated];
     let figures = variants.into_iter().flat_map(|figures| {
         [millis(figures.rc_ms), millis(figures.sm_ms), millis(figures.cm_ms), percent(figures)]
     });
     // A figure stays beside its unit.
-    let unbroken = figures.map(|figure| figure.replace(' ', "\u{a0}"));
-    [name(row), row.value.clone()].into_iter().chain(unbroken).collect()
+    let unbroken = [row.value.clone()].into_iter().chain(figures).map(|figure| figure.replace(' ', "\u{a0}"));
+    [name(row)].into_iter().chain(unbroken).collect()
 }
 
 /// Draws a bar for each case, from no change on; none without a case.
