@@ -98,7 +98,8 @@ impl Path {
         let accelerates = now.share * now.share * acceleration + now.change * speed;
         let room = (ACCELERATION_SHARE * most - sign * accelerates) / step_s;
         let course = self.course();
-        let least_gain = if self.scale.is_steady() { 0.0 } else { LEAST_GAIN * step_s * most_jerk / speed };
+        let least_gain =
+            if self.scale.is_steady() { 0.0 } else { LEAST_GAIN * most.min(step_s * most_jerk) / speed };
         // A rate that still moves away from the override goes no farther than it would have gone.
         let farthest = if sign * now.change >= 0.0 { now.share } else { self.scale.target() };
         let is_better = |ramp: &Ramp| {

@@ -83,3 +83,48 @@ fn a_stop_on_the_path_takes_the_time_of_the_programmed_deceleration() {
         }
     }
 }
+
+/// A deceleration far below the acceleration, in cycles in which the arm becomes much faster: the rate of its law has to fall at once,
+/// and then slower and slower.
+#[test]
+fn a_stop_while_the_arm_speeds_up_takes_the_time_of_the_programmed_deceleration() {
+    let arm = bare("A").arm;
+    for (cycle_ms, jerk) in [1, 4, 12, 24].into_iter().flat_map(|ms| [(ms, 50_000.0), (ms, 1_400_000.0)]) {
+        for (acceleration, deceleration) in
+            [(2_500, 2_500), (2_500, 250), (1_500, 150), (1_500, 15), (300, 150)]
+        {
+            for cycles in [1, 2, 3, 5, 8] {
+                let cycle = Duration::from_millis(cycle_ms);
+                let config = RobotConfig { cycle, path_jerk_mm_s3: jerk, ..bare("A") };
+                let mut robot = Driven::ready(config, Program::default());
+                robot.run(vec![ptp(0.0, 40.0, 90.0)]);
+                let line = Motion { velocity: 2_000, acceleration, deceleration, ..lin(300.0, 40.0, 90.0) };
+                robot.call(Skill::MoveContinuous, vec![line]);
+                let place = |robot: &Driven| arm.forward(robot.controller.joints()).position;
+                robot.wait(|feedback| f64::from(feedback.pose[0]) > 1.0);
+                (0..cycles).for_each(|_| robot.tick());
+                robot.command.override_percent = 0;
+                let (from, mut before, mut fastest) = (robot.at, place(&robot), 0.0_f64);
+                loop {
+                    robot.tick();
+                    let now = place(&robot);
+                    let speed = robot_node::arm::distance(before, now) / cycle.as_secs_f64();
+                    (before, fastest) = (now, fastest.max(speed));
+                    if speed == 0.0 {
+                        break;
+                    }
+                }
+                let took_s = robot.at.since(from).as_secs_f64();
+                let [acceleration, deceleration] = [acceleration, deceleration].map(f64::from);
+                // The acceleration falls, turns and comes back.
+                let turns_s = 1.2 * (acceleration + 2.0 * deceleration) / jerk;
+                let most_s = 1.06 * fastest / deceleration + turns_s + 0.03 + 6.0 * cycle.as_secs_f64();
+                assert!(
+                    took_s <= most_s,
+                    "cycles of {cycle_ms} ms, {jerk} mm/s³, {acceleration} and {deceleration} mm/s², in cycle {cycles}: \
+                     {took_s:.3} s from {fastest:.1} mm/s, at most {most_s:.3} s"
+                );
+            }
+        }
+    }
+}
