@@ -67,6 +67,7 @@ pub(super) fn along(
     arm: &Arm,
 ) -> Result<Followed, Violation> {
     let (mut trail, mut nodes) = (Trail::new(), Nodes::new());
+    let reached = speed.min(fastest_around(curve, most[0]));
     let is_line = matches!(curve, Curve::Line(_));
     let is_cut = matches!(curve, Curve::Arc(arc) if arc.opening_deg() > RESOLVED_ARC_DEG);
     let (mut joints, mut start, mut share) = (*from, 0.0, if is_cut { 0.5 } else { 1.0 });
@@ -103,12 +104,12 @@ pub(super) fn along(
         derivatives.within_range(width, arm)?;
         let mut hardly = nodes[first..].iter().filter_map(|node| {
             let (highest, axis) = node.highest_of_joints(ratings);
-            let share = highest.sqrt() / speed;
+            let share = highest.sqrt() / reached;
             (share < SINGULAR_SHARE).then_some((share, axis))
         });
         if let Some(found) = hardly.next() {
             let least = hardly.fold(found, |least, next| if next.0 < least.0 { next } else { least });
-            return Err(turn_too_fast(curve, speed, least, arm)
+            return Err(turn_too_fast(curve, reached, least, arm)
                 .unwrap_or(Violation::Singular { axis: found.1, share: found.0 }));
         }
         (0..NODES).for_each(|node| trail.push((begin + SHARES[node] * width, samples.joints(node))));
@@ -121,6 +122,15 @@ pub(super) fn along(
     let from_end = trail.iter().rev().map(|(way, joints)| (length - way, joints));
     let zones = [from_start, unambiguous(&joints, from_end, length / 2.0, arm)];
     Ok(Followed { end: joints, nodes, is_resolved: all_resolved, zones })
+}
+
+/// Returns the highest speed that this acceleration of the tool allows across a curve. A joint that does not follow a higher one is no
+/// sign of a singular position.
+fn fastest_around(curve: &Curve, acceleration: f64) -> f64 {
+    match curve {
+        Curve::Arc(arc) => (acceleration * arc.radius()).sqrt(),
+        _ => f64::INFINITY,
+    }
 }
 
 /// Returns the violation of a curve on which the turn of the tool alone leaves nearly nothing of the programmed velocity: no

@@ -18,13 +18,18 @@
 
 use super::along::{AXIS_RESERVE, is_resolved};
 use super::chebyshev::{POINT_SHARES, SHARES, place_of};
-use super::curve::Curve;
 use super::derivatives::{Derivatives, Samples};
 use super::flange::Flange;
 use super::node::{Node, Ratings, ramp_s};
 use super::nodes::{Nodes, points_of};
 use super::segment::Segment;
 use crate::{Arm, Frame, Joints, TURNED_OVER_DEG, Violation, distance};
+
+mod approach;
+
+pub(super) use approach::entering_zone;
+pub use approach::wanted_zone;
+use approach::{Approach, End};
 
 /// The slope of h at 1: how fast the way through the zone grows at the corner's border.
 pub const BORDER_SLOPE: f64 = 2.0;
@@ -36,12 +41,6 @@ const BETWEEN_NODES: f64 = 0.998;
 /// share of one.
 const PIECES: usize = 8;
 const SHORTEST: f64 = 1.0 / 32.0;
-
-/// Accuracy of a zone, as a share of it; the error is to the smaller side.
-const ZONE_ACCURACY: f64 = 1e-3;
-
-/// Largest number of steps of the search for a zone.
-const ZONE_STEPS: usize = 12;
 
 /// A corner: which parts of both motions it replaces, and its nodes. Its unit is the share of its time.
 #[derive(Clone, PartialEq, Debug)]
@@ -311,94 +310,11 @@ enum Unfit {
     TooFar,
 }
 
-#[derive(Clone, Copy, PartialEq)]
-enum End {
-    First,
-    Last,
-}
-
 /// The sum of two ways of a tool that meet at a corner.
 fn sum(one: &Frame, corner: &Frame, two: &Frame) -> Frame {
     Frame {
         position: core::array::from_fn(|i| one.position[i] + two.position[i] - corner.position[i]),
         rotation: one.rotation * corner.rotation.inverse() * two.rotation,
-    }
-}
-
-/// Returns the largest length that a corner may replace at the end of a motion, in its curve's unit.
-#[must_use]
-pub fn wanted_zone(segment: &Segment, arm: &Arm) -> f64 {
-    Approach::new(segment, End::Last, arm).zone(segment.approximation_mm)
-}
-
-/// Returns the largest length that a corner of this size in mm may replace at the start of a motion, in its curve's unit.
-pub(super) fn entering_zone(segment: &Segment, distance_mm: f64, arm: &Arm) -> f64 {
-    Approach::new(segment, End::First, arm).zone(distance_mm)
-}
-
-/// One end of a motion, at a corner: the distances of its tool from the corner.
-struct Approach<'a> {
-    segment: &'a Segment,
-    end: End,
-    arm: &'a Arm,
-    /// The tool at the corner, in the root.
-    corner: [f64; 3],
-    /// Largest length of the motion that the corner may replace, half of it as a rule, in its curve's unit.
-    half: f64,
-    /// How far from the corner that is, in mm.
-    half_mm: f64,
-}
-
-impl<'a> Approach<'a> {
-    fn new(segment: &'a Segment, end: End, arm: &'a Arm) -> Self {
-        let half = match end {
-            End::First => segment.zones[0],
-            End::Last => segment.zones[1],
-        };
-        let mut approach = Self { segment, end, arm, corner: [0.0; 3], half, half_mm: 0.0 };
-        approach.corner = approach.place(0.0);
-        approach.half_mm = approach.distance_at(half);
-        approach
-    }
-
-    /// Returns the length of the motion within `distance_mm` of the corner, in its curve's unit; at most half of it.
-    fn zone(&self, distance_mm: f64) -> f64 {
-        if matches!(self.segment.curve, Curve::Line(_)) {
-            return distance_mm.min(self.half);
-        }
-        let (mut inside, mut outside) = ((0.0, 0.0), (self.half, self.half_mm));
-        if outside.1 <= distance_mm {
-            return self.half;
-        }
-        // The distance grows nearly evenly with the way: the secant method, aimed a little short, takes a few steps.
-        let aim = distance_mm * (1.0 - ZONE_ACCURACY / 2.0);
-        for step in 0..ZONE_STEPS {
-            if inside.1 >= distance_mm * (1.0 - ZONE_ACCURACY) {
-                break;
-            }
-            let share = if step % 4 == 3 { 0.5 } else { (aim - inside.1) / (outside.1 - inside.1) };
-            let way = inside.0 + share * (outside.0 - inside.0);
-            let next = (way, self.distance_at(way));
-            *if next.1 <= distance_mm { &mut inside } else { &mut outside } = next;
-        }
-        inside.0
-    }
-
-    /// Returns the distance of the tool from the corner in mm where the way to the corner is `way`.
-    fn distance_at(&self, way: f64) -> f64 {
-        distance(self.corner, self.place(way))
-    }
-
-    /// Returns the tool in the root where the way to the corner is `way`.
-    fn place(&self, way: f64) -> [f64; 3] {
-        let way = match self.end {
-            End::First => way,
-            End::Last => self.segment.curve.length() - way,
-        };
-        match &self.segment.curve {
-            Curve::Axes(axes) => self.segment.tool_at(&axes.joints(way), self.arm),
-            cartesian => cartesian.position(way).unwrap_or([f64::NAN; 3]),
-        }
     }
 }
 

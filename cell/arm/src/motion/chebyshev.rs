@@ -61,6 +61,15 @@ impl Halves {
             middle: samples[HALF],
         }
     }
+
+    /// Takes two polynomials with these factors, an even and an odd one, away.
+    pub(super) fn take_away(&mut self, pair: &Self, [even_factor, odd_factor]: [f64; 2]) {
+        for node in 0..HALF {
+            self.even[node] -= even_factor * pair.even[node];
+            self.odd[node] -= odd_factor * pair.odd[node];
+        }
+        self.middle -= even_factor * pair.middle;
+    }
 }
 
 /// What each sample counts for so many values, as [`Halves`] have the samples: for the even ones of them and the
@@ -141,6 +150,8 @@ pub(super) struct Operators {
     pub(super) derivatives: ByOrder<Operator>,
     /// The polynomial's last six factors in the order of their degrees: the even ones from the even samples.
     pub(super) factors: Weights<3>,
+    /// The Chebyshev polynomials of these degrees, two by two, as [`Halves`] of their values at the samples.
+    pub(super) pairs: [Halves; 3],
     /// From each point to the next one, as shares of the part.
     pub(super) steps: [f64; POINTS - 1],
     /// The longest way from one sample to the next one, as a share of the part.
@@ -172,6 +183,12 @@ pub(super) static OPERATORS: LazyLock<Operators> = LazyLock::new(|| {
             |pair, node| factor(NODES - 5 + 2 * pair, node),
             |pair, node| factor(NODES - 6 + 2 * pair, node),
         ),
+        pairs: core::array::from_fn(|pair| {
+            let [even, odd] = [NODES - 5, NODES - 6].map(|least| {
+                core::array::from_fn(|node| polynomial_at(least + 2 * pair, -chebyshev_point(node, NODES))[0])
+            });
+            Halves { odd: Halves::of(&odd).odd, ..Halves::of(&even) }
+        }),
         steps: core::array::from_fn(|point| place(point + 1) - place(point)),
         longest_step: SHARES.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max),
         ends,

@@ -10,6 +10,10 @@ use crate::{AXES, Arm, Joints, Violation};
 /// Factor for the extreme values of a joint between two points, which are found only approximately.
 const EXTREMUM: f64 = 1.25;
 
+/// What rounding makes of a polynomial's factors, in degrees (mm): those of the highest degrees that are no larger are left out. On a
+/// line of some hundredths of a millimetre their third derivatives would be larger than all that a joint does.
+const NOISE: f64 = 1e-12;
+
 /// Six joints and the three coordinates of the tool.
 const CHANNELS: usize = AXES + 3;
 
@@ -47,10 +51,17 @@ impl Channel {
     /// Those of a polynomial through samples at [`SHARES`] of a part that is `width` long, from the order `first` on.
     fn find(&mut self, samples: &[f64; NODES], width: f64, first: usize, operators: &Operators) {
         self.samples = *samples;
-        let halves = Halves::of(samples);
+        let mut halves = Halves::of(samples);
         let [even, odd] = operators.factors.apply(&halves);
-        let [first_pair, before, end] = core::array::from_fn(|pair| odd[pair].abs() + even[pair].abs());
-        let left_out = left_out(first_pair, before, end);
+        let mut sizes: [f64; 3] = core::array::from_fn(|pair| odd[pair].abs() + even[pair].abs());
+        for (pair, size) in sizes.iter_mut().enumerate().rev() {
+            if *size > NOISE {
+                break;
+            }
+            halves.take_away(&operators.pairs[pair], [even[pair], odd[pair]]);
+            *size = 0.0;
+        }
+        let left_out = left_out(sizes);
         let mut scale = 1.0;
         for (order, operator) in operators.derivatives.iter().enumerate() {
             scale /= width;
@@ -100,7 +111,7 @@ impl Channel {
 ///
 /// The factors of a smooth joint fall at a rate that rises or falls slowly. Near a singular position the last pair can be small
 /// by chance: it counts no less than half the rate of the pairs before lets expect.
-fn left_out(first_pair: f64, before: f64, end: f64) -> f64 {
+fn left_out([first_pair, before, end]: [f64; 3]) -> f64 {
     let expected = if before < first_pair { before / first_pair / 2.0 } else { 0.5 };
     let end = end.max(expected * before);
     // The slope of a polynomial that is left out is largest at its end.
@@ -328,11 +339,11 @@ mod tests {
     #[test]
     fn what_is_left_out_falls_on_as_the_factors_do_but_no_faster_than_twice_the_rate_before() {
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found}");
-        near(left_out(1.0, 0.1, 0.01), 0.001);
-        near(left_out(1.0, 0.1, 0.0), 0.005 * 0.005 / 0.1);
-        near(left_out(1.0, 2.0, 0.0), 0.5);
-        near(left_out(4.0, 2.0, 0.0), 0.125);
-        near(left_out(1.0, 0.1, 0.2), 0.2);
+        near(left_out([1.0, 0.1, 0.01]), 0.001);
+        near(left_out([1.0, 0.1, 0.0]), 0.005 * 0.005 / 0.1);
+        near(left_out([1.0, 2.0, 0.0]), 0.5);
+        near(left_out([4.0, 2.0, 0.0]), 0.125);
+        near(left_out([1.0, 0.1, 0.2]), 0.2);
     }
 
     #[test]

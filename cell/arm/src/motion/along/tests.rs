@@ -171,6 +171,22 @@ fn a_singular_position_is_told_with_the_least_share_of_the_speed_that_it_leaves(
 }
 
 #[test]
+fn a_line_of_a_hundredth_of_a_millimetre_is_not_taken_for_a_singular_position() {
+    let arm = arm();
+    for length_mm in [0.01, 0.03, 0.1] {
+        for turn in 0..20 {
+            let (sin, cos) = libm::sincos(f64::from(turn));
+            let curve = line([300.0, 80.0], [300.0 + length_mm * cos, 80.0 + length_mm * sin]);
+            let limits = [ACCELERATION, JERK];
+            let found = along(&curve, &start(&curve, &arm), 2_000.0, limits, &ratings(&arm), &arm).unwrap();
+            // A longer line there has joints that follow at the same speed.
+            let least = found.nodes.iter().map(|node| node.highest).fold(f64::INFINITY, f64::min);
+            assert!(least.sqrt() > 100.0, "{length_mm} mm towards {turn}: {} mm/s", least.sqrt());
+        }
+    }
+}
+
+#[test]
 fn pieces_that_double_come_to_the_end() {
     assert_eq!(pieces_to_end(1.0, 1.0), 1);
     assert_eq!(pieces_to_end(0.5, 1.0), 2);

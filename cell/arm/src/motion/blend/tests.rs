@@ -5,6 +5,7 @@ use std::sync::Arc as Shared;
 use protocol::image::{Motion, MotionKind};
 
 use super::super::segment::{Programmed, Robot};
+use super::approach::ZONE_ACCURACY;
 use super::*;
 use crate::{AXES, AxisLimits, Frames, Scara};
 
