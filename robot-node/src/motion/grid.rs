@@ -1,5 +1,7 @@
 //! The knots of a stretch of path from where the arm is, or rests, to the next rest.
 
+use core::ops::Range;
+
 use arrayvec::ArrayVec;
 
 use super::knot::{Knot, Rates};
@@ -223,37 +225,76 @@ impl Grid {
         Some(())
     }
 
-    /// Adds a knot where the acceleration has risen fully after a rest: up to there the jerk alone counts.
+    /// Adds a knot where the acceleration has risen as far as it will after a rest, in place of those before it: up to there the jerk
+    /// alone counts, which is constant in a cell beside a rest.
     fn refine_start(&mut self) {
-        let (first, next) = (self.knots[0], self.knots[1]);
-        let Some(ramp) = ramp(&first, next.way - first.way) else { return };
-        let next = self.end_of(0).unwrap_or(&next);
-        let knot = first.toward(next, ramp / (next.way - first.way));
-        self.insert(1, knot);
+        let last = self.knots.len() - 1;
+        let (first, end) = (self.knots[0], self.knots[last].way);
+        let Ramp { way: ramp, to_speed } = Ramp::of(&first, end - first.way, 1.0);
+        let before = self.knots[1..last].iter().take_while(|knot| knot.way - first.way < ramp).count();
+        let next = self.end_of(before).copied().unwrap_or(self.knots[before + 1]);
+        let from = self.knots[before];
+        let share = (first.way + ramp - from.way) / (next.way - from.way);
+        let knot = from.toward(&next, share);
+        if (before == 0 && share >= WIDEST) || !self.can_replace(1..1 + before, &first, &knot) {
+            return;
+        }
+        self.replace(1..1 + before, knot);
         // A knot close behind it makes a cell that is too short beside it.
         let is_inner = self.knots.len() > 4 && !self.begins.contains(&2);
         if is_inner && self.knots[2].way - first.way < 1.7 * ramp {
             self.remove(2);
         }
+        to_speed.into_iter().for_each(|way| self.add(first.way + way));
     }
 
     /// The same before the rest at the end.
     fn refine_end(&mut self) {
         let last = self.knots.len() - 1;
-        let (end, before) = (self.knots[last], self.knots[last - 1]);
-        let Some(ramp) = ramp(&end, end.way - before.way) else { return };
-        let knot = before.toward(&end, 1.0 - ramp / (end.way - before.way));
-        self.insert(last, knot);
-        let is_inner = last > 2 && !self.begins.contains(&(last - 1));
-        if is_inner && end.way - self.knots[last - 1].way < 1.7 * ramp {
-            self.remove(last - 1);
+        let (end, begin) = (self.knots[last], self.knots[0].way);
+        let Ramp { way: ramp, to_speed } = Ramp::of(&end, end.way - begin, -1.0);
+        let behind = self.knots[1..last].iter().rev().take_while(|knot| end.way - knot.way < ramp).count();
+        let (from, next) = (self.knots[last - behind - 1], self.knots[last - behind]);
+        let share = 1.0 - (ramp - (end.way - next.way)) / (next.way - from.way);
+        let knot = from.toward(&next, share);
+        let inner = last - behind..last;
+        if (behind == 0 && share <= 1.0 - WIDEST) || !self.can_replace(inner.clone(), &knot, &end) {
+            return;
+        }
+        self.replace(inner, knot);
+        let last = self.knots.len() - 1;
+        let is_inner = last > 3 && !self.begins.contains(&(last - 2));
+        if is_inner && end.way - self.knots[last - 2].way < 1.7 * ramp {
+            self.remove(last - 2);
+        }
+        to_speed.into_iter().for_each(|way| self.add(end.way - way));
+    }
+
+    /// Whether no part begins at these knots, and nothing is there that two others do not let expect.
+    fn can_replace(&self, knots: Range<usize>, from: &Knot, to: &Knot) -> bool {
+        !self.begins.iter().any(|begin| knots.contains(begin))
+            && self.knots[knots].iter().all(|knot| knot.is_between(from, to))
+    }
+
+    /// Adds a knot at a place, if none is near.
+    fn add(&mut self, way: f64) {
+        let next = self.knots.partition_point(|knot| knot.way <= way);
+        let Some(before) = next.checked_sub(1) else { return };
+        let (Some(one), Some(other)) = (self.knots.get(before), self.knots.get(next)) else { return };
+        let share = (way - one.way) / (other.way - one.way);
+        if (NEAREST..1.0 - NEAREST).contains(&share) {
+            let knot = one.toward(self.end_of(before).unwrap_or(other), share);
+            self.replace(next..next, knot);
         }
     }
 
-    fn insert(&mut self, index: usize, knot: Knot) {
-        if self.knots.len() < KNOTS {
-            self.knots.insert(index, knot);
-            self.begins.iter_mut().filter(|begin| **begin >= index).for_each(|begin| *begin += 1);
+    /// Puts a knot in the place of those with these indices, of which no part begins at one.
+    fn replace(&mut self, knots: Range<usize>, knot: Knot) {
+        if self.knots.len() - knots.len() < KNOTS {
+            let shifted = |begin: &&mut usize| **begin >= knots.start;
+            let removed = knots.len();
+            self.begins.iter_mut().filter(shifted).for_each(|begin| *begin = *begin + 1 - removed);
+            self.knots.splice(knots, [knot]);
         }
     }
 
@@ -263,10 +304,31 @@ impl Grid {
     }
 }
 
-/// Returns the distance from a rest at which the acceleration has risen fully, within a cell of this length. None where
-/// that is too near to the cell's end for a knot.
-fn ramp(rest: &Knot, cell: f64) -> Option<f64> {
-    let (acceleration, jerk) = (rest.acceleration_at_rest(1.0), rest.jerk_at_rest());
-    let ramp = acceleration * acceleration * acceleration / (6.0 * jerk * jerk);
-    (ramp < 0.6 * cell).then_some(ramp)
+/// Share of a stretch from rest to rest on which the acceleration rises if the jerk alone counts: a quarter of the time.
+const RISING: f64 = 1.0 / 12.0;
+
+/// Least share of a cell at which a knot is added, from either side, and the largest beside a rest.
+const NEAREST: f64 = 0.05;
+const WIDEST: f64 = 0.6;
+
+/// Ways from a rest at which a law changes.
+struct Ramp {
+    /// Until the acceleration has risen fully, or as far as the whole stretch or the highest speed lets it.
+    way: f64,
+    /// Where the speed rules: while the acceleration falls again, and where the speed is reached.
+    to_speed: Option<f64>,
+}
+
+impl Ramp {
+    /// Those beside a rest of a stretch; `sign` is that of the acceleration.
+    fn of(rest: &Knot, stretch: f64, sign: f64) -> Self {
+        let (acceleration, jerk) = (rest.acceleration_at_rest(sign), rest.jerk_at_rest());
+        let by_acceleration = acceleration * acceleration * acceleration / (6.0 * jerk * jerk);
+        let by_length = RISING * stretch;
+        // With v² the highest speed: half of it is reached after √(v/jerk) on v·√(v/jerk)/6, the rest on five times that way.
+        let speed = rest.highest.sqrt();
+        let by_speed = speed * (speed / jerk).sqrt() / 6.0;
+        let way = by_acceleration.min(by_length).min(by_speed);
+        Self { way, to_speed: (way == by_speed).then_some(6.0 * way) }
+    }
 }

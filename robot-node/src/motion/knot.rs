@@ -100,6 +100,13 @@ impl Knot {
         }
     }
 
+    /// Whether what is here is what two others let expect between them.
+    pub(super) fn is_between(&self, one: &Self, other: &Self) -> bool {
+        let length = other.way - one.way;
+        let expected = one.slopes.toward(&other.slopes, length, (self.way - one.way) / length);
+        self.slopes.is_about(&expected, length)
+    }
+
     /// Returns the square of the highest speed under the reduced limits.
     pub(super) fn highest(&self) -> f64 {
         self.highest * self.tightness[0].min(self.tightness[1])

@@ -64,7 +64,7 @@ impl Load {
     }
 
     /// Returns the extreme values between the first and the last of three places, of which `self` is half-way, by the
-    /// parabola through all three.
+    /// parabola through all three. That along the path is the one of `self`.
     pub(super) fn with_turns(mut self, before: &Self, after: &Self) -> Self {
         let turn = |before: f64, middle: &mut f64, after: f64| {
             let (slope, bend) = (0.5 * (after - before), before - 2.0 * *middle + after);
@@ -72,7 +72,6 @@ impl Load {
                 *middle -= 0.5 * slope * slope / bend;
             }
         };
-        turn(before.tangential, &mut self.tangential, after.tangential);
         for order in 0..2 {
             for axis in 0..AXES {
                 turn(before.joints[order][axis], &mut self.joints[order][axis], after.joints[order][axis]);

@@ -15,8 +15,9 @@ use super::segment::Segment;
 /// Largest number of places, at which the arm begins to slow down, that are tried as the start of a new plan.
 const BRAKING_PLACES: usize = 3;
 
-/// Number of knots ahead that are tried.
-const LATER_KNOTS: usize = 3;
+/// Knots ahead that are tried, by their distances: at first the next ones, then ever later ones, so that only an arm that can do
+/// nothing else stops where it was told to go on.
+const LATER_KNOTS: [usize; 9] = [1, 2, 3, 5, 8, 12, 18, 27, 40];
 
 impl Path {
     /// Plans the path anew after a place from which on it has changed. Returns false and leaves the law as it is where
@@ -37,8 +38,9 @@ impl Path {
 
     /// Plans the path anew from one of the next knots: where no law continues the present motion, one may from there.
     fn plan_later(&mut self, from: usize, changed: &Spot) -> bool {
-        (from + 1..=from + LATER_KNOTS)
-            .any(|kept| self.begin_at(kept, changed).is_some_and(|begin| self.plan_from(&begin)))
+        LATER_KNOTS
+            .iter()
+            .any(|ahead| self.begin_at(from + ahead, changed).is_some_and(|begin| self.plan_from(&begin)))
     }
 
     /// Returns a plan's begin at this piece; none where that is behind a place.

@@ -3,6 +3,9 @@
 use super::node::{Node, Vector, square};
 use crate::arm::{AXES, Joints, dot};
 
+/// What slopes may differ by and still be about the same, as a share of the largest one.
+const ABOUT: f64 = 2e-3;
+
 /// First, second and third derivatives of joints and tool by the way of a stretch, over the limits of the
 /// accelerations.
 #[derive(Clone, Copy, Debug)]
@@ -50,8 +53,28 @@ impl Slopes {
     /// more than that.
     pub(super) fn along_path(&self) -> Vector<f64> {
         let [along, across, _] = self.tool;
-        let steep = square(along).sqrt();
-        [dot(along, across) / steep, steep, 0.0]
+        along_path([along, across])
+    }
+
+    /// The same at a share of the way to others, which are `length` away.
+    pub(super) fn along_path_toward(&self, other: &Self, length: f64, share: f64) -> Vector<f64> {
+        along_path(self.tool_toward(other, length, share))
+    }
+
+    /// Whether these differ from others by hardly anything: from rest, along a way of this length.
+    pub(super) fn is_about(&self, other: &Self, length: f64) -> bool {
+        let Self { slope, bend, twist, tool: [along, across, around] } = self;
+        let steepest = slope.iter().fold(square(*along).sqrt(), |most, slope| most.max(slope.abs()));
+        let most = [1.0, 1.0 / length, 1.0 / (length * length)].map(|unit| ABOUT * steepest * unit);
+        let near = |one: &[f64], other: &[f64], most: f64| {
+            one.iter().zip(other).all(|(one, other)| (one - other).abs() <= most)
+        };
+        near(slope, &other.slope, most[0])
+            && near(bend, &other.bend, most[1])
+            && near(twist, &other.twist, most[2])
+            && near(along, &other.tool[0], most[0])
+            && near(across, &other.tool[1], most[1])
+            && near(around, &other.tool[2], most[2])
     }
 
     /// Those at a share of the way to others, which are `length` away: cubic between two values with their slopes.
@@ -64,16 +87,22 @@ impl Slopes {
             found.bend[axis] = hermite(one, two, length, share);
             found.twist[axis] = self.twist[axis] + share * (other.twist[axis] - self.twist[axis]);
         }
-        for order in 0..2 {
-            for i in 0..3 {
-                let [one, two] = [self, other].map(|at| [at.tool[order][i], at.tool[order + 1][i]]);
-                found.tool[order][i] = hermite(one, two, length, share);
-            }
-        }
+        let [along, across] = self.tool_toward(other, length, share);
+        found.tool = [along, across, found.tool[2]];
         for i in 0..3 {
             found.tool[2][i] = self.tool[2][i] + share * (other.tool[2][i] - self.tool[2][i]);
         }
         found
+    }
+
+    /// The tool's first and second derivatives there.
+    fn tool_toward(&self, other: &Self, length: f64, share: f64) -> [Vector<f64>; 2] {
+        [0, 1].map(|order| {
+            core::array::from_fn(|i| {
+                let [one, two] = [self, other].map(|at| [at.tool[order][i], at.tool[order + 1][i]]);
+                hermite(one, two, length, share)
+            })
+        })
     }
 
     /// Those half-way to others.
@@ -98,6 +127,11 @@ impl Slopes {
         }
         found
     }
+}
+
+fn along_path([along, across]: [Vector<f64>; 2]) -> Vector<f64> {
+    let steep = square(along).sqrt();
+    [dot(along, across) / steep, steep, 0.0]
 }
 
 /// Returns the cubic between two values with their slopes, at a share of the way.

@@ -15,7 +15,7 @@ use robot_node::arm::{AXES, Joints};
 use robot_node::motion::Segment;
 
 use crate::fastest::{Bounds, Point, fastest, fastest_from};
-use crate::fed::config;
+use crate::fed::{config, driven};
 use crate::recorded;
 
 /// Random motions, or rows of motions, of each kind.
@@ -270,6 +270,66 @@ fn random_motions_are_near_the_time_optimum() {
     }
     println!("{table}");
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn a_line_on_which_the_jerk_alone_counts_is_near_the_time_optimum() {
+    for setup in ["A", "B"] {
+        let config = config(setup);
+        for (length_mm, jerk) in
+            [(0.1, 500.0), (0.5, 500.0), (1.0, 50_000.0), (10.0, 50_000.0), (80.0, 5_000.0)]
+        {
+            let jerk_s3 = RobotConfig { path_jerk_mm_s3: jerk, ..config.clone() };
+            let line = |x: f64| Motion {
+                kind: MotionKind::LinCartesian,
+                target: [100.0 + x, 40.0, 90.0, 0.0, 0.0, 180.0].map(|coordinate| coordinate as f32),
+                velocity: 20_000,
+                acceleration: 5_000,
+                base: 1,
+                ..Motion::EMPTY
+            };
+            let (took, _) = driven(&[line(0.0), line(length_mm)], &jerk_s3);
+            // A quarter of the time each with the highest jerk, twice with the lowest, and again with the highest.
+            let least = (32.0 * length_mm / jerk).cbrt();
+            assert!(took < 1.08 * least, "{setup}, {length_mm} mm, {jerk} mm/s³: {took} s for {least} s");
+        }
+    }
+}
+
+#[test]
+fn a_higher_acceleration_or_velocity_does_not_make_a_motion_slower() {
+    let config = config("A");
+    let circle = |acceleration: u16| {
+        let line = Motion {
+            kind: MotionKind::LinCartesian,
+            target: [100.0, 0.0, 90.0, 0.0, 0.0, 180.0],
+            velocity: 600,
+            acceleration,
+            base: 1,
+            ..Motion::EMPTY
+        };
+        let kind = MotionKind::Circular;
+        let circle = Motion { kind, target: [150.0, -50.0, 90.0, 0.0, 0.0, 180.0], ..line };
+        let slow = RobotConfig { path_jerk_mm_s3: 5_000.0, ..config.clone() };
+        driven(&[line, Motion { auxiliary: [150.0, 50.0, 90.0], ..circle }], &slow).0
+    };
+    let [low, high] = [500, 5_000].map(circle);
+    assert!(high <= 1.005 * low, "{high} s with ten times the acceleration, {low} s without");
+    let short = |velocity: u16| {
+        let from = Motion {
+            kind: MotionKind::PtpCartesian,
+            target: [100.0, 40.0, 90.0, 0.0, 0.0, 180.0],
+            velocity,
+            acceleration: 1_000,
+            base: 1,
+            ..Motion::EMPTY
+        };
+        let mut to = from;
+        to.target[0] += 0.05;
+        driven(&[from, to], &config).0
+    };
+    let [slow, fast] = [2_500, 10_000].map(short);
+    assert!(fast <= 1.005 * slow, "{fast} s at the full velocity, {slow} s at a quarter");
 }
 
 #[test]

@@ -21,6 +21,7 @@ use arrayvec::ArrayVec;
 
 mod newton;
 mod refine;
+mod round;
 mod tighten;
 
 use super::cell::Cell;
@@ -36,7 +37,8 @@ const EXACT: f64 = 5e-3;
 const SLACK: f64 = 8e-3;
 
 /// Largest number of rounds.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 12;
+const MOST_POWER: usize = 4;
 
 /// Least share of the highest square of the speed.
 const LEAST_SQUARE: f64 = 1e-6;
@@ -64,7 +66,8 @@ pub(super) struct Law {
     paces: ArrayVec<Pace, KNOTS>,
     /// The values of the best round so far.
     best: List,
-    /// What the rounding of the top adds to the values, and the corners of the hull.
+    /// The values before the rounding of the top, what it adds to them, and the corners of the hull.
+    corners: List,
     added: List,
     hull: ArrayVec<u16, KNOTS>,
     refinement: refine::Refinement,
@@ -99,7 +102,7 @@ impl Law {
             if !start.is_rest() && !self.moves_everywhere() {
                 return None;
             }
-            let (most, ratio) = self.tighten(1.0 + 0.5 * round as f64);
+            let (most, ratio) = self.tighten(1.0 + 0.5 * round.min(MOST_POWER) as f64);
             if most <= 1.0 + EXACT || (round > 1 && most <= 1.0 + allowed) {
                 return Some(true);
             }
@@ -186,8 +189,11 @@ impl Law {
     /// Keeps a low speed where the reduced limits leave none: from rest there is always a law.
     fn keep_moving(&mut self) {
         let last = self.cells() - 1;
+        let fastest = self.values.iter().fold(0.0_f64, |most, value| most.max(*value));
+        let fastest = if fastest > 0.0 { fastest } else { f64::INFINITY };
         for cell in 1..last {
-            let least = LEAST_SQUARE * self.grid.knots[cell].highest.min(self.grid.knots[cell + 1].highest);
+            let highest = self.grid.knots[cell].highest.min(self.grid.knots[cell + 1].highest);
+            let least = LEAST_SQUARE * highest.min(fastest);
             self.values[cell] = self.values[cell].max(least);
         }
     }
@@ -302,65 +308,6 @@ impl Law {
             }
             before = self.acceleration(cell - 1);
         }
-    }
-
-    /// Rounds the corners at the top, where the acceleration falls faster than the jerk allows.
-    fn round_off(&mut self) -> Option<()> {
-        let cells = self.cells();
-        let moves = !self.start.is_rest();
-        // With the parabolas of the jerk added, the allowed values are below a convex hull.
-        let (mut slope, mut sum) = (0.0, 0.0);
-        let mut before = if moves { self.start.acceleration } else { self.acceleration(0) };
-        self.added.clear();
-        self.added.push(0.0);
-        for cell in 1..cells {
-            let inner = cell - 1;
-            if inner > 0 || moves {
-                let next = self.acceleration(inner);
-                let mean = (before + next) / 2.0;
-                slope += 2.0 * self.change_room(inner, self.values[inner], mean, -1.0);
-                before = next;
-            }
-            sum += slope * (self.places[cell] - self.places[cell - 1]);
-            self.added.push(sum);
-        }
-        self.hull.clear();
-        // The slope of the present acceleration is kept.
-        let kept = 2.0 * self.start.acceleration;
-        for cell in 0..cells {
-            while let [.., before, last] = self.hull[..] {
-                if self.steepness(before.into(), last.into()) >= self.steepness(last.into(), cell) {
-                    self.hull.pop();
-                } else {
-                    break;
-                }
-            }
-            if moves && self.hull.len() == 1 {
-                let rise = self.height(0) + kept * (self.places[cell] - self.places[0]);
-                if self.height(cell) < rise - 1e-9 * rise.abs() {
-                    return None;
-                }
-            }
-            self.hull.push(cell as u16);
-        }
-        for corner in 1..self.hull.len() {
-            let [one, other] = [self.hull[corner - 1], self.hull[corner]].map(usize::from);
-            let (slope, height) = (self.steepness(one, other), self.height(one));
-            for cell in one + 1..other {
-                let line = height + slope * (self.places[cell] - self.places[one]);
-                self.values[cell] = (line - self.added[cell]).max(0.0);
-            }
-        }
-        Some(())
-    }
-
-    /// Returns a value with what the rounding adds to it.
-    fn height(&self, cell: usize) -> f64 {
-        self.values[cell] + self.added[cell]
-    }
-
-    fn steepness(&self, one: usize, other: usize) -> f64 {
-        (self.height(other) - self.height(one)) / (self.places[other] - self.places[one])
     }
 
     /// The cell after a knot.

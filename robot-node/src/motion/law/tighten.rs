@@ -4,12 +4,16 @@ use super::super::load::Load;
 use super::super::node::Pace;
 use super::super::slopes::Slopes;
 use super::{EXACT, Law};
+use crate::arm::dot;
 
 /// Least share to which a limit is reduced.
 const TIGHTEST: f64 = 0.2;
 
 /// Shares of the square of the speed and of the acceleration half-way to or from a rest: ½^(4/3) and ½^(1/3).
 const HALF_WAY: [f64; 2] = [0.396_850_262_992_049_86, 0.793_700_525_984_099_7];
+
+/// Number of parts of a cell at whose borders the deceleration along the path is looked at.
+const PLACES: u32 = 16;
 
 impl Law {
     /// Reduces the limits where the law exceeds them. Returns the largest used share of a limit, and the ratio by which
@@ -64,7 +68,27 @@ impl Law {
         }
         // It may be higher than at both ends.
         let turned = at(between, middle).with_turns(&before, &after);
-        [first, most(turned, middle), most(after, to)]
+        let [accelerated, jerked] = most(turned, middle);
+        [first, [accelerated.max(self.slowing_between(cell)), jerked], most(after, to)]
+    }
+
+    /// Returns the largest share of the tool's deceleration along its path that the law uses within a cell. In a corner the path can
+    /// turn almost back within a small part of it, so it is looked at in many places.
+    fn slowing_between(&self, cell: usize) -> f64 {
+        let [start, end] = [&self.grid.knots[cell], self.end_of(cell)];
+        let most = start.rates.ramps.tool_deceleration;
+        if most >= 1.0 {
+            return 0.0;
+        }
+        let ([from, to], length) = ([self.paces[cell], self.paces[cell + 1]], self.length(cell));
+        let slowing = (1..PLACES).map(|place| {
+            let share = f64::from(place) / f64::from(PLACES);
+            let acceleration = from.acceleration + share * (to.acceleration - from.acceleration);
+            let square = from.square + share * length * (from.acceleration + acceleration);
+            let by = start.slopes.along_path_toward(&end.slopes, length, share);
+            -dot(by, [square, acceleration, 0.0])
+        });
+        slowing.fold(0.0, f64::max) / most
     }
 
     /// Reduces the limits at some knots where the law exceeds them.

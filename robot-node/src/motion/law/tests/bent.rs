@@ -307,7 +307,7 @@ fn where_another_part_follows_the_limits_of_both_hold() {
 
 #[test]
 fn a_law_from_where_the_arm_moves_takes_as_long_as_the_rest_of_that_from_rest() {
-    let (mut found, mut none) = (0, 0);
+    let (mut found, mut slower, mut none) = (0, 0, 0);
     for seed in 0..SEEDS {
         let bent = Bent::random(seed);
         let whole = bent.law();
@@ -320,10 +320,10 @@ fn a_law_from_where_the_arm_moves_takes_as_long_as_the_rest_of_that_from_rest() 
                         let what = format!("from cell {number} with seed {seed}");
                         is_kept(&law, &[(&bent, [begin, 1.0])], &what);
                         let ratio = duration(&law) / left;
-                        assert!((0.96..1.01).contains(&ratio), "{ratio} of the time, {what}");
-                        found += 1;
+                        assert!((0.96..1.15).contains(&ratio), "{ratio} of the time, {what}");
+                        (found, slower) = (found + 1, slower + usize::from(ratio > 1.01));
                     }
-                    // Rarely the arm brakes so hard that the passes find no way on.
+                    // Rarely the arm brakes so hard that the passes find no way on, or only a slower one.
                     None => none += 1,
                 }
             }
@@ -331,7 +331,7 @@ fn a_law_from_where_the_arm_moves_takes_as_long_as_the_rest_of_that_from_rest() 
             left -= cell.duration;
         }
     }
-    assert!(found >= 115, "{found} laws, and {none} not found");
+    assert!(found >= 117 && slower <= 2, "{found} laws, {slower} of them slower, and {none} not found");
 }
 
 /// Refines a law until its end. Returns how that ended, the number of steps and the share of the former duration.
