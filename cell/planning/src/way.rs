@@ -4,11 +4,13 @@
 //! of three parts:
 //!
 //! - the clearance, which tool and part need;
-//! - half the approximation distance r, within r of either end: every point of the triangle that a blend cuts off a
-//!   corner is at most r/2 away from the corner's legs;
+//! - half the approximation distance r, within r of an end that is blended: every point of the triangle that a blend cuts
+//!   off a corner is at most r/2 away from the corner's legs;
 //! - the bow of a PTP. Its joints travel evenly, so its path p(s), s = 0…1, leaves the chord by at most
-//!   max|p″| · s·(1 − s)/2: most in the middle, nothing at the ends. An arc of radius R over a chord of length L has
-//!   L²/8R in the middle; the application names the R, and the bound elsewhere follows. The vertical axis of a SCARA is
+//!   max|p″| · s·(1 − s)/2: most in the middle, nothing at the ends. The application names the radius R of an arc. Over a
+//!   chord of length L it turns by 2φ with sin φ = L/2R, so |p″| is R·(2φ)², and the bound is R·φ²/2 in the middle: for
+//!   a short chord L²/8R, for half a circle a quarter more than R. A chord longer than 2R has no such arc; the
+//!   half circle over it is taken. The vertical axis of a SCARA is
 //!   a joint of its own, so its PTP bows sideways only. The bound is taken as it is at each point of the chord: with the
 //!   largest of each eighth, ways over an obstacle were 10 mm higher than need be.
 //!
@@ -54,17 +56,30 @@ pub(crate) struct Space<'a> {
     pub(crate) approximation_mm: f64,
     /// Whether a PTP bows in the horizontal plane alone.
     pub(crate) bows_sideways: bool,
+    /// Whether the way's start and its end may be blended with other motions.
+    pub(crate) blends: [bool; 2],
 }
 
+/// A leg of a way, and whether a blend may cut the corner at either end.
+type Part = (Point, Point, [bool; 2]);
+
 impl Space<'_> {
-    /// Returns the distance in mm that the ends of a way keep from an obstacle.
-    pub(crate) fn distance_mm(&self) -> f64 {
-        self.ways.clearance_mm + self.approximation_mm / 2.0
+    /// Returns the distance in mm that the end of a leg keeps from an obstacle.
+    fn distance_mm(&self, is_blended: bool) -> f64 {
+        self.ways.clearance_mm + if is_blended { self.approximation_mm / 2.0 } else { 0.0 }
+    }
+
+    /// Returns the legs of a way over these points: it is blended at each intermediate one.
+    fn parts(&self, points: &[Point]) -> impl Iterator<Item = Part> {
+        let [at_start, at_end] = self.blends;
+        let last = points.len().saturating_sub(2);
+        let pairs = points.iter().zip(points.iter().skip(1)).enumerate();
+        pairs.map(move |(number, (&from, &to))| (from, to, [at_start || number > 0, at_end || number < last]))
     }
 
     /// Finds the way from one point to another; `crossings` are the intermediate positions that the cycle has so far.
     pub(crate) fn way(&self, from: Point, to: Point, crossings: &[Point]) -> Result<Way, Refusal> {
-        let Some(obstacle) = self.blocks(from, to) else {
+        let Some(obstacle) = self.blocks((from, to, self.blends)) else {
             return Ok(Way::Direct);
         };
         self.ends_are_free(from, to)?;
@@ -96,42 +111,40 @@ impl Space<'_> {
             .and_then(|[via, _]| via)
             .map(|point| point.z);
         let via = Point::new(middle.x, middle.y, ceiling_mm);
-        let legs = [(from, via), (via, to)];
-        let at_the_ceiling = legs.iter().find_map(|&(from, to)| self.blocks(from, to));
+        let points = [from, via, to];
+        let parts = || self.parts(&points);
+        let at_the_ceiling = parts().find_map(|part| self.blocks(part));
         let index = if needs_mm.is_some() { first } else { at_the_ceiling.unwrap_or(first) };
         let obstacle = self.obstacles.get(index);
-        let too_near = |obstacle: &Obstacle, (from, to): (Point, Point)| {
-            let nearer = self.leg(from, to).nearer(&obstacle.space, self.distance_mm(), (0.0, 1.0));
+        let too_near = |obstacle: &Obstacle, (from, to, _): Part| {
+            let nearer = self.leg(from, to).nearer(&obstacle.space, self.distance_mm(true), (0.0, 1.0));
             nearer.map_or(0.0, |(enters, leaves)| (leaves - enters) * (to - from).length())
         };
         Refusal::NoWay {
             obstacle: obstacle.map_or_else(String::new, |obstacle| obstacle.name.clone()),
             top_mm: obstacle.map_or(0.0, |obstacle| obstacle.space.upper.z),
             needs_mm,
-            inside_mm: obstacle.map_or(0.0, |obstacle| legs.iter().map(|&leg| too_near(obstacle, leg)).sum()),
+            inside_mm: obstacle.map_or(0.0, |obstacle| parts().map(|part| too_near(obstacle, part)).sum()),
             ceiling_mm,
         }
     }
 
-    /// Returns the first obstacle to which the straight way comes too near.
-    fn blocks(&self, from: Point, to: Point) -> Option<usize> {
-        self.obstacles.iter().position(|obstacle| self.is_too_near(obstacle, from, to))
+    /// Returns the first obstacle to which a leg comes too near.
+    fn blocks(&self, part: Part) -> Option<usize> {
+        self.obstacles.iter().position(|obstacle| self.is_too_near(obstacle, part))
     }
 
-    fn is_too_near(&self, obstacle: &Obstacle, from: Point, to: Point) -> bool {
+    fn is_too_near(&self, obstacle: &Obstacle, (from, to, blends): Part) -> bool {
+        let at_ends_mm = blends.map(|is_blended| self.distance_mm(is_blended));
         let Ways { clearance_mm, .. } = *self.ways;
-        self.leg(from, to).is_too_near(
-            &obstacle.space,
-            clearance_mm,
-            self.distance_mm(),
-            self.approximation_mm,
-        )
+        self.leg(from, to).is_too_near(&obstacle.space, clearance_mm, at_ends_mm, self.approximation_mm)
     }
 
     /// Returns the straight way with the deviation that a PTP may have from it.
     fn leg(&self, from: Point, to: Point) -> Leg {
         let bow = self.bow_mm(from, to);
-        Leg { from, to, bow_mm: [bow, bow, if self.bows_sideways { 0.0 } else { bow }] }
+        let (bow_mm, sideways_mm) = if self.bows_sideways { (0.0, bow) } else { (bow, 0.0) };
+        Leg { from, to, bow_mm, sideways_mm }
     }
 
     /// Returns how far a PTP may deviate from the straight way in its middle, in mm.
@@ -140,17 +153,21 @@ impl Space<'_> {
         if self.bows_sideways {
             chord.z = 0.0;
         }
-        chord.dot(chord) / (8.0 * self.ways.ptp_radius_mm)
+        let length_mm = chord.length();
+        let radius_mm = self.ways.ptp_radius_mm.max(length_mm / 2.0);
+        let sine = (length_mm / (2.0 * radius_mm)).min(1.0);
+        let per_sine = if sine > 0.0 { libm::asin(sine) / sine } else { 1.0 };
+        length_mm * length_mm / (8.0 * radius_mm) * per_sine * per_sine
     }
 
     /// Returns whether all legs are free. It first tests the obstacle that blocked the previous candidate, because this
     /// one mostly blocks the next candidate too.
     fn is_free(&self, points: &[Point], before: &Cell<usize>) -> bool {
-        points.iter().zip(points.iter().skip(1)).all(|(&from, &to)| {
-            if self.obstacles.get(before.get()).is_some_and(|obstacle| self.is_too_near(obstacle, from, to)) {
+        self.parts(points).all(|part| {
+            if self.obstacles.get(before.get()).is_some_and(|obstacle| self.is_too_near(obstacle, part)) {
                 return false;
             }
-            let blocking = self.blocks(from, to);
+            let blocking = self.blocks(part);
             before.set(blocking.unwrap_or(before.get()));
             blocking.is_none()
         })
@@ -158,15 +175,19 @@ impl Space<'_> {
 
     /// Checks that both ends of the way are allowed; otherwise no intermediate position helps.
     fn ends_are_free(&self, from: Point, to: Point) -> Result<(), Refusal> {
-        for (target, point) in [("the start of the way", from), ("the end of the way", to)] {
+        let [at_start, at_end] = self.blends;
+        for (target, point, is_blended) in
+            [("the start of the way", from, at_start), ("the end of the way", to, at_end)]
+        {
+            let distance_mm = self.distance_mm(is_blended);
             for obstacle in self.obstacles {
-                let missing_mm = obstacle.space.grown(self.distance_mm()).depth_mm(point);
+                let missing_mm = distance_mm - obstacle.space.distance_mm(point);
                 if missing_mm > 0.0 {
                     return Err(Refusal::TooNear {
                         target: target.to_owned(),
                         obstacle: obstacle.name.clone(),
                         missing_mm,
-                        distance_mm: self.distance_mm(),
+                        distance_mm,
                     });
                 }
             }
@@ -177,7 +198,7 @@ impl Space<'_> {
     /// Returns the middle of the blocked part of the straight way, rounded to whole millimetres so that a person can read
     /// and teach it.
     fn middle(&self, from: Point, to: Point) -> Point {
-        let most = self.distance_mm() + self.bow_mm(from, to);
+        let most = self.distance_mm(true) + self.bow_mm(from, to);
         let inside = self.obstacles.iter().filter_map(|obstacle| obstacle.space.grown(most).inside(from, to));
         let (first, last) = inside.fold((1.0_f64, 0.0_f64), |(first, last), (enters, leaves)| {
             (first.min(enters), last.max(leaves))
@@ -243,7 +264,7 @@ mod tests {
     }
 
     fn way(obstacles: &[Obstacle], ways: &Ways, from: [f64; 3], to: [f64; 3]) -> Result<Way, Refusal> {
-        Space { obstacles, ways, approximation_mm: 0.0, bows_sideways: false }.way(
+        Space { obstacles, ways, approximation_mm: 0.0, bows_sideways: false, blends: [true; 2] }.way(
             from.into(),
             to.into(),
             &[],
@@ -266,11 +287,63 @@ mod tests {
     }
 
     #[test]
+    fn an_arc_of_the_named_radius_stays_within_the_bow_up_to_half_a_turn() {
+        let ways = Ways { ptp_radius_mm: 300.0, ..WAYS };
+        let space = Space {
+            obstacles: &[],
+            ways: &ways,
+            approximation_mm: 0.0,
+            bows_sideways: true,
+            blends: [false; 2],
+        };
+        for half_deg in (5..=90).step_by(5) {
+            let at = |share: f64| {
+                let (sine, cosine) = libm::sincos(f64::from(half_deg).to_radians() * (2.0 * share - 1.0));
+                Point::new(cosine, sine, 0.0) * 300.0
+            };
+            let (from, to) = (at(0.0), at(1.0));
+            let bow_mm = space.bow_mm(from, to);
+            for share in (0..=100).map(|share| f64::from(share) / 100.0) {
+                let off_mm = (at(share) - from.toward(to, share)).length();
+                let most_mm = 4.0 * bow_mm * share * (1.0 - share);
+                assert!(off_mm <= most_mm + 1e-6, "{half_deg}° at {share}: {off_mm} mm, {most_mm} mm");
+            }
+        }
+        // Farther apart than any arc of this radius reaches, a half circle is the least.
+        let bow_mm = space.bow_mm(Point::new(0.0, -400.0, 0.0), Point::new(0.0, 400.0, 0.0));
+        assert!(bow_mm > 400.0, "{bow_mm}");
+    }
+
+    #[test]
+    fn an_end_that_is_not_blended_needs_the_clearance_alone() {
+        let walls = [wall(100.0, 80.0)];
+        let way = |blends| {
+            let space = Space {
+                obstacles: &walls,
+                ways: &WAYS,
+                approximation_mm: 20.0,
+                bows_sideways: false,
+                blends,
+            };
+            space.way(Point::new(75.0, 0.0, 50.0), Point::new(0.0, 0.0, 50.0), &[])
+        };
+        assert_eq!(way([false, true]), Ok(Way::Direct));
+        let refused = way([true, false]);
+        assert!(matches!(refused, Err(Refusal::TooNear { distance_mm: 20.0, .. })), "{refused:?}");
+    }
+
+    #[test]
     fn an_arm_that_bows_sideways_alone_crosses_lower_than_one_that_bows_all_ways() {
         let bowing = Ways { ptp_radius_mm: 150.0, height_step_mm: 1.0, ..WAYS };
         let walls = [wall(100.0, 80.0)];
         let height = |bows_sideways| {
-            let space = Space { obstacles: &walls, ways: &bowing, approximation_mm: 0.0, bows_sideways };
+            let space = Space {
+                obstacles: &walls,
+                ways: &bowing,
+                approximation_mm: 0.0,
+                bows_sideways,
+                blends: [true; 2],
+            };
             match space.way(Point::new(0.0, 0.0, 50.0), Point::new(200.0, 0.0, 50.0), &[]) {
                 Ok(Way::Over { points: [Some(via), None], .. }) => via.z,
                 other => panic!("{other:?}"),
@@ -296,7 +369,13 @@ mod tests {
     #[test]
     fn a_way_back_uses_the_intermediate_position_of_the_way_there_unless_that_is_a_detour() {
         let walls = [wall(100.0, 80.0)];
-        let space = Space { obstacles: &walls, ways: &WAYS, approximation_mm: 0.0, bows_sideways: false };
+        let space = Space {
+            obstacles: &walls,
+            ways: &WAYS,
+            approximation_mm: 0.0,
+            bows_sideways: false,
+            blends: [true; 2],
+        };
         let [near, far] = [Point::new(100.0, 0.0, 100.0), Point::new(100.0, 150.0, 100.0)];
         let back =
             |crossing| space.way(Point::new(200.0, 0.0, 50.0), Point::new(0.0, 20.0, 50.0), &[crossing]);
@@ -310,7 +389,9 @@ mod tests {
         let Err(Refusal::NoWay { obstacle, needs_mm: Some(needs), ceiling_mm, .. }) = refused else {
             panic!("{refused:?}");
         };
-        assert_eq!((obstacle.as_str(), needs, ceiling_mm), ("wall", 320.0, 200.0));
+        // From (0, 0, 50) over (100, 0, 310) a leg passes the edge at (90, 250) by 34 mm above, which is 12 mm away; over
+        // (100, 0, 300) it would be 9 mm.
+        assert_eq!((obstacle.as_str(), needs, ceiling_mm), ("wall", 310.0, 200.0));
     }
 
     #[test]

@@ -132,6 +132,12 @@ fn reaching() -> impl Strategy<Value = Application> {
     application(prop::collection::vec(step, 1..5), 1..6)
 }
 
+/// Returns the least distance in mm that a point of a line has from a box, of a hundred.
+fn distance_mm(space: &Cuboid, from: Point, to: Point) -> f64 {
+    let points = (0..=100_u32).map(|share| from.toward(to, f64::from(share) / 100.0));
+    points.map(|point| space.distance_mm(point)).fold(f64::INFINITY, f64::min)
+}
+
 /// Returns the farthest, in mm, that a blend of a zone can get from both paths at a junction.
 fn rounding_mm(motion: &Motion, next: &Motion) -> f64 {
     match (motion.arrives, next.leaves) {
@@ -174,8 +180,8 @@ proptest! {
         let Ok(plan) = on_setup_a(&application) else { return Ok(()) };
         for motion in plan.motions.iter().filter(|motion| motion.role.is_secondary()) {
             for obstacle in &application.obstacles {
-                let grown = obstacle.space.grown(WAYS.clearance_mm);
-                prop_assert_eq!(grown.inside(motion.start.point, motion.target.point), None, "{}", plan);
+                let away_mm = distance_mm(&obstacle.space, motion.start.point, motion.target.point);
+                prop_assert!(away_mm > WAYS.clearance_mm - 1e-6, "{} mm in\n{}", away_mm, plan);
             }
         }
     }
@@ -188,8 +194,8 @@ proptest! {
             let begins = corner.toward(motion.start.point, motion.zone_mm / motion.length_mm);
             let ends = corner.toward(next.target.point, motion.zone_mm / next.length_mm);
             for obstacle in &application.obstacles {
-                let grown = obstacle.space.grown(WAYS.clearance_mm);
-                prop_assert_eq!(grown.inside(begins, ends), None, "{}", plan);
+                let away_mm = distance_mm(&obstacle.space, begins, ends);
+                prop_assert!(away_mm > WAYS.clearance_mm - 1e-6, "{} mm in\n{}", away_mm, plan);
             }
         }
     }
@@ -207,7 +213,11 @@ proptest! {
             let first = plan.motions.iter().all(|motion| {
                 motion.role != Role::Crossing || motion.target.point != over.start.point
             });
-            if !(one && fresh && first) {
+            // At exact stops a way may come nearer than at blends, so that a lower position alone proves nothing.
+            let stops = plan.motions.iter().filter(|motion| motion.zone_mm == 0.0).map(|motion| motion.target.point);
+            let stops: Vec<Point> = stops.chain([application.start.0.pose.point]).collect();
+            let between_stops = [over.start, way.target].iter().all(|end| stops.contains(&end.point));
+            if !(one && fresh && first && between_stops) {
                 continue;
             }
             let lower = over.target.point - Point::new(0.0, 0.0, WAYS.height_step_mm);
@@ -221,10 +231,10 @@ proptest! {
                     place("start", over.start.point.coordinates(), 0.0),
                     application.start.1.clone(),
                 ),
-                steps: [lower, way.target.point]
-                    .map(|at| Step {
+                steps: [(lower, false), (way.target.point, true)]
+                    .map(|(at, accurate_stop)| Step {
                         course: Course::Reach(place("reach", at.coordinates(), 0.0)),
-                        labels: Labels { accurate_path: false, accurate_stop: true },
+                        labels: Labels { accurate_path: false, accurate_stop },
                         ..application.steps.first().expect("one at least").clone()
                     })
                     .into(),
