@@ -124,7 +124,24 @@ impl fmt::Display for OutOfReach {
             Some(missing) => write!(f, "; {}: ", Missing(missing))?,
             None => f.write_str("; ")?,
         }
-        write!(f, "change its frame, or base {base} in the setup")
+        write!(f, "change its frame{}", OrBase(*base))
+    }
+}
+
+/// What can be changed in place of a frame, in words: the base in which it stands. Base 0 is the robot's root, which no setup
+/// moves.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct OrBase(
+    /// Its number.
+    pub u8,
+);
+
+impl fmt::Display for OrBase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            0 => Ok(()),
+            base => write!(f, ", or base {base} in the setup"),
+        }
     }
 }
 

@@ -42,7 +42,7 @@ mod zone;
 pub use application::{
     Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Ways, Zones,
 };
-pub use error::{Error, LEAST_MM, OutOfReach, Refusal};
+pub use error::{Error, LEAST_MM, OrBase, OutOfReach, Refusal};
 pub use geometry::{Cuboid, Point, Pose};
 pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
 pub use load::{APPLICATIONS, Found, application, setup_and_application, setup_with_application};

@@ -128,3 +128,11 @@ fn a_corner_that_passes_the_end_of_a_joint_range_inside_its_zone_is_warned_of_wi
     insta::assert_snapshot!(stopped(160.0), @"motion 1 `LIN round 1/2` will stop exactly before motion 2 `LIN round 2/2`: after 21 % of the corner in the zone of 160.00 mm, joint 2 would be at -145.700°, its range is -145.000 to 145.000°; 0.7 degrees are missing; lower approximation_mm, or move the frames");
     assert_eq!(stopped(20.0), "");
 }
+
+#[test]
+fn who_has_a_frame_in_the_root_is_not_advised_to_change_base_0_which_no_setup_has() {
+    let frames = [[300.0, 0.0, 100.0, 0.0, 0.0, 180.0], [700.0, 0.0, 100.0, 0.0, 0.0, 180.0]];
+    let steps = "[[step]]\nname = \"far\"\nlabels = [\"accurate-stop\"]\nreach = \"f1\"\n";
+    let refused = of_frames("A", 0.0, &frames, steps).unwrap_err();
+    insta::assert_snapshot!(refused, @"motion 1 `PTP far`, its target: the target is 700.000 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 200.0 mm are missing: change its frame");
+}
