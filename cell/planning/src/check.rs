@@ -112,7 +112,7 @@ impl Planner<'_> {
 
 /// Returns how much of a path, in mm, is nearer to the box than `distance_mm`. Within the zones at the ends of the path
 /// the limit is half a zone more.
-fn nearer_mm(legs: &[Leg], space: &Cuboid, distance_mm: f64, zones_mm: [f64; 2]) -> f64 {
+pub(crate) fn nearer_mm(legs: &[Leg], space: &Cuboid, distance_mm: f64, zones_mm: [f64; 2]) -> f64 {
     let lengths = || legs.iter().map(|leg| (leg.to - leg.from).length());
     let whole_mm: f64 = lengths().sum();
     let mut passed_mm = 0.0;

@@ -25,6 +25,11 @@ pub(crate) struct Leg {
 }
 
 impl Leg {
+    /// Returns a leg that the course does not leave.
+    pub(crate) const fn straight([from, to]: [Point; 2]) -> Self {
+        Self { from, to, bow_mm: 0.0, sideways_mm: 0.0 }
+    }
+
     /// Returns the part of the leg, within `shares` of it, on which the course may come nearer to the box than
     /// `distance_mm`: its beginning and its end. A leg that only touches that distance is not nearer.
     pub(crate) fn nearer(
@@ -117,7 +122,7 @@ mod tests {
     }
 
     fn leg(from: Point, to: Point) -> Leg {
-        Leg { from, to, bow_mm: 0.0, sideways_mm: 0.0 }
+        Leg::straight([from, to])
     }
 
     fn distance(point: Point, space: &Cuboid) -> f64 {

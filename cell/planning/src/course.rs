@@ -49,7 +49,7 @@ impl Motion {
 
     /// Returns the straight line from start to target.
     pub(crate) const fn chord(&self) -> Leg {
-        Leg { from: self.start.point, to: self.target.point, bow_mm: 0.0, sideways_mm: 0.0 }
+        Leg::straight([self.start.point, self.target.point])
     }
 
     fn legs_of_circle(&self) -> Option<Vec<Leg>> {

@@ -5,6 +5,8 @@ use std::fmt;
 use arm::Violation;
 use setup::Figure;
 
+use crate::swing::SwingsTooNear;
+
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -64,6 +66,16 @@ pub enum Error {
         setup: String,
         /// The motion, and why the arm does not follow it.
         found: Box<OutOfReach>,
+    },
+    /// The arm of a setup takes the tool nearer to an obstacle in a PTP than the clearance.
+    #[error("{origin} on setup {setup}: {found}")]
+    SwingsTooNear {
+        /// The file, or the built-in's name.
+        origin: String,
+        /// The setup's name.
+        setup: String,
+        /// The motion, and how near it comes.
+        found: Box<SwingsTooNear>,
     },
 }
 

@@ -30,6 +30,8 @@ pub struct Reached {
     pub start: Joints,
     /// Joints at the end of each motion, in degrees (mm).
     pub targets: Vec<Joints>,
+    /// Joints at the end of each motion that leads from there to the start, in degrees (mm).
+    pub back: Vec<Joints>,
     /// Where the arm stops although the plan passes.
     pub stopped: Vec<Stopped>,
 }
@@ -63,10 +65,12 @@ impl Plan {
                 targets.push(here);
             }
         }
-        self.to_start.from_end.iter().try_fold(here, |here, motion| {
-            walk.motion((0, motion), &motion.wire(setup), None, &here).map(|(alone, _)| alone)
-        })?;
-        Ok(Reached { axes: installation.arm.axes(), start, targets, stopped })
+        let mut back = Vec::with_capacity(self.to_start.from_end.len());
+        for motion in &self.to_start.from_end {
+            (here, _) = walk.motion((0, motion), &motion.wire(setup), None, &here)?;
+            back.push(here);
+        }
+        Ok(Reached { axes: installation.arm.axes(), start, targets, back, stopped })
     }
 
     /// Returns the stop after motion `index` and what does not fit there.

@@ -30,7 +30,8 @@ fn every_built_in_setup_reaches_every_built_in_application_and_starts_at_its_hom
         SETUPS.iter().flat_map(|setup| APPLICATIONS.iter().map(move |application| (setup, application)))
     {
         let setup = setup(name).unwrap();
-        let reached = plan(&application(application_name), &setup).unwrap().reach(&setup);
+        let found = planning::application(application_name, None).unwrap();
+        let reached = found.reach(&found.plan(&setup).unwrap(), &setup);
         let reached = reached.unwrap_or_else(|error| panic!("{application_name} on {name}: {error}"));
         if let Some(home) = setup.robot.axes.home_deg.filter(|_| setup.application == *application_name) {
             let off = home.value.iter().zip(reached.start).map(|(home, start)| (home - start).abs());
