@@ -74,8 +74,8 @@ impl Leg {
         joined(joined(x, y) - part * self.sideways_mm, z) - part * self.bow_mm
     }
 
-    /// Returns whether the course may come nearer to the box than `distance_mm`, and within `cut_mm` of the start or the
-    /// end than the distances `at_ends_mm`, which are no less.
+    /// Returns whether the course may come into the box with every face moved outwards by `distance_mm`, and within `cut_mm`
+    /// of the start or the end by the distances `at_ends_mm`, which are no less.
     pub(crate) fn is_too_near(
         &self,
         space: &Cuboid,
@@ -86,7 +86,9 @@ impl Leg {
         let cut = (cut_mm / (self.to - self.from).length()).min(1.0);
         let [at_start_mm, at_end_mm] = at_ends_mm;
         let parts = [(distance_mm, (0.0, 1.0)), (at_start_mm, (0.0, cut)), (at_end_mm, (1.0 - cut, 1.0))];
-        parts.into_iter().any(|(distance_mm, shares)| self.nearer(space, distance_mm, shares).is_some())
+        parts
+            .into_iter()
+            .any(|(distance_mm, shares)| self.nearer(&space.grown(distance_mm), 0.0, shares).is_some())
     }
 }
 
