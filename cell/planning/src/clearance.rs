@@ -24,6 +24,15 @@ pub(crate) struct Leg {
     pub(crate) sideways_mm: f64,
 }
 
+/// How the distance of a course from a box is taken.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Measure {
+    /// From its faces, along each axis: past an edge or a corner more room is kept than the distance.
+    Faces,
+    /// From its nearest point.
+    Nearest,
+}
+
 impl Leg {
     /// Returns a leg that the course does not leave.
     pub(crate) const fn straight([from, to]: [Point; 2]) -> Self {
@@ -32,38 +41,41 @@ impl Leg {
 
     /// Returns the part of the leg, within `shares` of it, on which the course may come nearer to the box than
     /// `distance_mm`: its beginning and its end. A leg that only touches that distance is not nearer.
-    pub(crate) fn nearer(
+    pub(crate) fn nearer(&self, space: &Cuboid, distance_mm: f64, shares: (f64, f64)) -> Option<(f64, f64)> {
+        let (begin, end) = self.inside(space, distance_mm, shares)?;
+        let gap = |share: f64| self.gap_mm(space, share) - distance_mm;
+        let nearest = below_zero_within((begin, end), self.steepest_mm(), gap)?;
+        let limit = |outer: f64| if gap(outer) < 0.0 { outer } else { zero_between(nearest, outer, gap) };
+        Some((limit(begin), limit(end)))
+    }
+
+    /// Returns the part of the leg, within `shares` of it, on which the course may be in the box with every face moved outwards
+    /// by the distance and by its bow. It contains the part that is nearer, and takes no search: for one face that is a
+    /// parabola below zero, and for the box it is what the intervals of its faces have in common.
+    pub(crate) fn inside(
         &self,
         space: &Cuboid,
         distance_mm: f64,
         (begin, end): (f64, f64),
     ) -> Option<(f64, f64)> {
-        // Most obstacles are nowhere near: one cheap test of a larger box first.
-        let most_mm = distance_mm + self.bow_mm + self.sideways_mm;
-        let (first, last) = space.grown(most_mm).inside(self.from, self.to)?;
-        let (begin, end) = (begin.max(first), end.min(last));
-        if begin >= end {
-            return None;
-        }
-        let gap = |share: f64| self.gap_mm(space, share) - distance_mm;
+        let (lower, upper) = (space.lower.coordinates(), space.upper.coordinates());
+        let (from, way) = (self.from.coordinates(), (self.to - self.from).coordinates());
         let (mut enters, mut leaves) = (begin, end);
-        let mut nearest = f64::midpoint(begin, end);
-        for _ in 0..CUTS {
-            if gap(nearest) < 0.0 {
-                break;
-            }
-            let third = (leaves - enters) / 3.0;
-            let (one, other) = (enters + third, leaves - third);
-            if gap(one) <= gap(other) {
-                (leaves, nearest) = (other, one);
-            } else {
-                (enters, nearest) = (one, other);
-            }
+        let sideways = self.bow_mm + self.sideways_mm;
+        for ((((lower, upper), from), way), bow) in
+            lower.into_iter().zip(upper).zip(from).zip(way).zip([sideways, sideways, self.bow_mm])
+        {
+            let past_lower = below_zero([4.0 * bow, -4.0 * bow - way, lower - distance_mm - from])?;
+            let before_upper = below_zero([4.0 * bow, way - 4.0 * bow, from - upper - distance_mm])?;
+            enters = enters.max(past_lower.0).max(before_upper.0);
+            leaves = leaves.min(past_lower.1).min(before_upper.1);
         }
-        // The nearest place may be an end, to which the thirds only come close.
-        let nearest = [nearest, begin, end].into_iter().find(|&share| gap(share) < 0.0)?;
-        let limit = |outer: f64| if gap(outer) < 0.0 { outer } else { zero_between(nearest, outer, gap) };
-        Some((limit(begin), limit(end)))
+        (enters < leaves).then_some((enters, leaves))
+    }
+
+    /// Returns the most by which the gap changes over the whole leg, in mm.
+    fn steepest_mm(&self) -> f64 {
+        (self.to - self.from).length() + 4.0 * (self.bow_mm + self.sideways_mm)
     }
 
     /// Returns the least distance in mm that the course may have from the box at a share of the leg; inside the box it is
@@ -74,22 +86,80 @@ impl Leg {
         joined(joined(x, y) - part * self.sideways_mm, z) - part * self.bow_mm
     }
 
-    /// Returns whether the course may come into the box with every face moved outwards by `distance_mm`, and within `cut_mm`
-    /// of the start or the end by the distances `at_ends_mm`, which are no less.
+    /// Returns whether the course may come nearer to the box than `distance_mm`, and within `cut_mm` of the start or the end than
+    /// the distances `at_ends_mm`, which are no less.
     pub(crate) fn is_too_near(
         &self,
         space: &Cuboid,
         distance_mm: f64,
         at_ends_mm: [f64; 2],
         cut_mm: f64,
+        measure: Measure,
     ) -> bool {
+        // Most obstacles are nowhere near: one test of the whole leg first.
+        let most_mm = at_ends_mm.into_iter().fold(distance_mm, f64::max);
+        if self.inside(space, most_mm, (0.0, 1.0)).is_none() {
+            return false;
+        }
         let cut = (cut_mm / (self.to - self.from).length()).min(1.0);
         let [at_start_mm, at_end_mm] = at_ends_mm;
         let parts = [(distance_mm, (0.0, 1.0)), (at_start_mm, (0.0, cut)), (at_end_mm, (1.0 - cut, 1.0))];
-        parts
-            .into_iter()
-            .any(|(distance_mm, shares)| self.nearer(&space.grown(distance_mm), 0.0, shares).is_some())
+        parts.into_iter().any(|(distance_mm, shares)| {
+            let (space, distance_mm) = match measure {
+                Measure::Faces => (space.grown(distance_mm), 0.0),
+                Measure::Nearest => (*space, distance_mm),
+            };
+            let gap = |share: f64| self.gap_mm(&space, share) - distance_mm;
+            let inside = self.inside(&space, distance_mm, shares);
+            inside.and_then(|part| below_zero_within(part, self.steepest_mm(), gap)).is_some()
+        })
     }
+}
+
+/// Returns a share from `begin` to `end` at which a convex gap is below zero, which changes by no more than `steepest` from 0
+/// to 1.
+fn below_zero_within((begin, end): (f64, f64), steepest: f64, gap: impl Fn(f64) -> f64) -> Option<f64> {
+    let (mut first, mut last) = (begin, end);
+    let mut nearest = f64::midpoint(begin, end);
+    for _ in 0..CUTS {
+        let least = gap(nearest);
+        if least < 0.0 {
+            break;
+        }
+        if least > steepest * (last - first) {
+            return None;
+        }
+        let third = (last - first) / 3.0;
+        let (one, other) = (first + third, last - third);
+        if gap(one) <= gap(other) {
+            (last, nearest) = (other, one);
+        } else {
+            (first, nearest) = (one, other);
+        }
+    }
+    // The nearest place may be an end, to which the thirds only come close.
+    [nearest, begin, end].into_iter().find(|&share| gap(share) < 0.0)
+}
+
+/// Returns the open interval of s in which a·s² + b·s + c is below zero, if there is one; `a` must not be negative.
+fn below_zero([a, b, c]: [f64; 3]) -> Option<(f64, f64)> {
+    if a == 0.0 {
+        return if b > 0.0 {
+            Some((f64::NEG_INFINITY, -c / b))
+        } else if b < 0.0 {
+            Some((-c / b, f64::INFINITY))
+        } else {
+            (c < 0.0).then_some((f64::NEG_INFINITY, f64::INFINITY))
+        };
+    }
+    let square = b * b - 4.0 * a * c;
+    if square.is_nan() || square <= 0.0 {
+        return None;
+    }
+    // Of both ways to a root the one that subtracts nothing, and so loses no digits.
+    let half = -(b + square.sqrt().copysign(b)) / 2.0;
+    let (one, other) = (half / a, c / half);
+    Some((one.min(other), one.max(other)))
 }
 
 /// Returns the place between a share at which the gap is below zero and one at which it is not, from which on it is.
