@@ -64,16 +64,16 @@ fn of_a_grid_one_cycle_is_shown_unless_all_are_asked_for() {
 
 #[test]
 fn a_blend_that_had_to_shrink_is_a_warning_beside_the_plan() {
-    let directory = with_change("retreat_mm = 70.0", "retreat_mm = 12.0");
+    let directory = with_change("approach_mm = 70.0", "approach_mm = 12.0");
     let finished = plan_in(directory.path(), &["my.toml", "--setup", "B"]);
     assert_eq!(finished.code, Some(0));
     assert!(!finished.stdout.contains("warning"), "{}", finished.stdout);
-    insta::assert_snapshot!(finished.stderr, @"warning: motion 5 `LIN after B` blends into motion 6 `PTP over the wall` by 6.00 mm instead of 10 mm: it is only 12.00 mm long and gives at most half");
+    insta::assert_snapshot!(finished.stderr, @"warning: motion 1 `PTP before A` blends into motion 2 `LIN before A` by 6.00 mm instead of 10 mm: motion 2 `LIN before A` is only 12.00 mm long and gives at most half");
 }
 
 #[test]
 fn readers_that_went_away_are_no_failure_of_a_plan_with_warnings() {
-    let directory = with_change("retreat_mm = 70.0", "retreat_mm = 12.0");
+    let directory = with_change("approach_mm = 70.0", "approach_mm = 12.0");
     let without_reader = || std::io::pipe().unwrap().1;
     let mut command = Command::new(env!("CARGO_BIN_EXE_plc-node"));
     command.current_dir(directory.path()).args(["plan", "my.toml", "--setup", "B"]);
@@ -107,7 +107,7 @@ fn where_the_end_is_not_the_start_the_plan_shows_the_way_back_over_the_obstacles
     let way_back = finished.stdout.split("stops exactly\n").nth(1);
     insta::assert_snapshot!(way_back.unwrap_or(&finished.stdout), @r"
     the end is not the start: the PLC moves the arm back before a repetition, not measured
-            PTP over the wall    300.0     0.0   130.0     0.0    0.0  180.0
+            PTP over the wall    300.0     0.0   140.0     0.0    0.0  180.0
             PTP to the start     300.0     0.0    30.0     0.0    0.0  180.0
 
     15 motions in 1 continuous motion

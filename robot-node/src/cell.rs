@@ -1,7 +1,7 @@
 //! The robot in the cell of an application: the surfaces around it, and whether the arm reaches the start of the
 //! application.
 
-use planning::{Application, ToStart};
+use planning::{Application, OrBase, ToStart};
 use protocol::image::{Motion, MotionKind};
 
 use crate::RobotConfig;
@@ -11,8 +11,8 @@ use crate::motion::Segment;
 /// The arm cannot stand where an application starts.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 #[error(
-    "application {application}: start: the arm cannot stand at frame `{frame}`: {found}; change that frame, or base \
-     {base} in the setup"
+    "application {application}: start: the arm cannot stand at frame `{frame}`: {found}; change that frame{}",
+    OrBase(*base)
 )]
 pub struct StartOutOfReach {
     /// The application's name.

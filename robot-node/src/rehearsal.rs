@@ -13,7 +13,7 @@ use crate::{Account, Controller, Ending, Program, RobotConfig, RobotEvent};
 /// Number of the rehearsed program.
 const PROGRAM: u16 = 1;
 
-/// Longest time of a skill; one that has not ended by then hangs.
+/// Longest time of a skill at 100 %; one that has not ended by then hangs.
 const LONGEST: Duration = Duration::from_secs(4 * 3_600);
 
 /// How the motions are called.
@@ -46,8 +46,8 @@ pub struct RehearsalError {
     pub ending: Option<Ending>,
 }
 
-/// Executes the motions on an arm that stands at `start`, with skill calls that cost no time and joints that are at once
-/// where they are set.
+/// Executes the motions on an arm that stands at `start` at an override in %, with skill calls that cost no time and joints
+/// that are at once where they are set.
 ///
 /// # Errors
 ///
@@ -58,6 +58,7 @@ pub fn rehearse(
     motions: &[Motion],
     stops: &[Stop],
     calls: Calls,
+    override_percent: u8,
 ) -> Result<Rehearsed, RehearsalError> {
     let config = RobotConfig {
         home: start,
@@ -68,7 +69,7 @@ pub fn rehearse(
         drives: None,
         ..config.clone()
     };
-    let mut stage = Stage::new(config, Program::new(motions.to_vec(), stops));
+    let mut stage = Stage::new(config, Program::new(motions.to_vec(), stops), override_percent);
     match calls {
         Calls::Program => stage.call(0, motions, Skill::RunProgram)?,
         Calls::Singles => {
@@ -102,10 +103,10 @@ struct Stage {
 }
 
 impl Stage {
-    fn new(config: RobotConfig, program: Program) -> Self {
+    fn new(config: RobotConfig, program: Program, override_percent: u8) -> Self {
         let cycle = config.cycle;
         let mut controller = Controller::new(config, vec![(PROGRAM, program)], 0);
-        let mut command = Command { program: PROGRAM, ..Command::default() };
+        let mut command = Command { program: PROGRAM, override_percent, ..Command::default() };
         command.control = Control::ENABLE | Control::RESET;
         controller.tick(Instant::ZERO, Some(&command));
         let done = Rehearsed { account: Account::default(), path_length_mm: 0.0 };
@@ -119,7 +120,7 @@ impl Stage {
         command.number = command.number.wrapping_add(1).max(1);
         (command.skill, command.written) = (skill, 0);
         command.total = u32::try_from(motions.len()).unwrap_or(u32::MAX);
-        let until = *at + LONGEST;
+        let until = *at + LONGEST * 100 / u32::from(command.override_percent.max(1));
         while *at < until {
             let feedback = controller.feedback();
             let executed = if feedback.number == command.number { feedback.executed } else { 0 };

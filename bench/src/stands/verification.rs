@@ -17,7 +17,6 @@ use setup::Setup;
 use crate::records::conditions::Measured;
 use crate::records::faults::Fault;
 use crate::records::mode::Mode;
-use crate::records::results::PerType;
 use crate::stands::planned_cell::PlannedCell;
 use times::Times;
 
@@ -28,10 +27,14 @@ const JOINT_TOLERANCE: f64 = 0.02;
 /// Largest distance of the tool at the start from where the application starts, in mm.
 const START_TOLERANCE_MM: f64 = 0.1;
 
-/// What another override may change in the length of the path, which is the sum of its chords from one robot cycle to the
-/// next: in mm, and as a share of the length.
+/// What may differ in the length of the path, which is the sum of its chords from one robot cycle to the next: in mm, and
+/// as a share of the length.
 const LENGTH_TOLERANCE_MM: f64 = 0.1;
 const LENGTH_TOLERANCE: f64 = 1e-3;
+
+/// Override in %, at which chords are nearly as long as the path: what a chord lacks of its arc grows with the square of
+/// the speed, so that it lacks a hundredth of what it lacks at 100 %.
+const SLOW_PERCENT: u8 = 10;
 
 /// What every repetition of a run is compared with.
 #[derive(Clone, Debug)]
@@ -40,8 +43,8 @@ pub struct Verification {
     sent: Sum,
     /// Where the tool is at the start; `None` where the application names no start.
     start_mm: Option<[f64; 3]>,
-    /// What the arm alone does, from the joints with which the last repetition started.
-    rehearsed: PerType<Rehearsed>,
+    /// What the arm alone does in a type at an override in %, from the joints with which the last repetition started.
+    rehearsed: Vec<(ExecutionType, u8, Rehearsed)>,
     times: Times,
 }
 
@@ -174,13 +177,13 @@ impl Verification {
         let start_mm = match way.is_empty() {
             true => None,
             false => {
-                let way = rehearse(robot, robot.home, &way, &[], Calls::Singles);
+                let way = rehearse(robot, robot.home, &way, &[], Calls::Singles, 100);
                 let end = way.context("the arm does not get to the application's start")?.account.end;
                 Some(robot.arm.forward(&end).position)
             }
         };
         let times = Times::new(setup, &planned.stops, mode, faults);
-        Ok(Self { planned, sent: sent.sum(), start_mm, rehearsed: PerType::default(), times })
+        Ok(Self { planned, sent: sent.sum(), start_mm, rehearsed: Vec::new(), times })
     }
 
     /// Compares a repetition with the plan.
@@ -211,7 +214,7 @@ impl Verification {
         {
             return Err(Difference::Start { away_mm }.into());
         }
-        let alone = self.rehearsed(execution_type, &account.start)?;
+        let alone = self.rehearsed(execution_type, &account.start, high)?;
         let planned = alone.account;
         let (found, wanted) = (Executed::of(account), Executed::of(&planned));
         if found != wanted {
@@ -228,25 +231,45 @@ impl Verification {
         self.start_mm.map(|start| distance(start, tool))
     }
 
-    /// Compares the length of the path. A blend that became a stop lengthens it, at most to that of single motions.
+    /// Compares the length of the path. At the highest override its chords are the longest, and their sum is the least; the
+    /// slower the arm, the nearer the sum comes to the length of the path itself. A blend that became a stop lengthens it, at
+    /// most to that of single motions.
     fn check_length(&mut self, measured: &Measured, shortest_mm: f64) -> anyhow::Result<()> {
         let Some((quality, account)) = measured.quality.zip(measured.account) else { return Ok(()) };
-        let longest_mm = match measured.execution.blends_suppressed {
-            0 => shortest_mm,
-            _ => self.rehearsed(ExecutionType::Sm, &account.start)?.path_length_mm,
+        let longest = match measured.execution.blends_suppressed {
+            0 => measured.execution.execution_type,
+            _ => ExecutionType::Sm,
         };
         let tolerance = |length_mm: f64| LENGTH_TOLERANCE_MM + LENGTH_TOLERANCE * length_mm;
-        let planned_mm = [shortest_mm - tolerance(shortest_mm), longest_mm + tolerance(longest_mm)];
+        let shortest_mm = shortest_mm - tolerance(shortest_mm);
         let found_mm = quality.path_length_mm;
-        match (planned_mm[0]..=planned_mm[1]).contains(&found_mm) {
-            true => Ok(()),
-            false => Err(Difference::Length { found_mm, planned_mm }.into()),
+        let mut planned_mm = [shortest_mm; 2];
+        // Rehearsing slowly takes longer, so only a path that is longer than at the highest override is compared with it.
+        let highest = account.override_percent[1];
+        for percent in [highest, highest.min(SLOW_PERCENT)] {
+            let longest_mm = self.rehearsed(longest, &account.start, percent)?.path_length_mm;
+            planned_mm = [shortest_mm, longest_mm + tolerance(longest_mm)];
+            if (planned_mm[0]..=planned_mm[1]).contains(&found_mm) {
+                return Ok(());
+            }
+            if found_mm < shortest_mm {
+                break;
+            }
         }
+        Err(Difference::Length { found_mm, planned_mm }.into())
     }
 
-    /// Returns what the arm alone does from these joints. All repetitions of a run mostly begin with the same ones.
-    fn rehearsed(&mut self, execution_type: ExecutionType, start: &Joints) -> anyhow::Result<Rehearsed> {
-        let known = self.rehearsed.get(execution_type).copied();
+    /// Returns what the arm alone does from these joints at an override in %. All repetitions of a run mostly begin with the
+    /// same joints.
+    fn rehearsed(
+        &mut self,
+        execution_type: ExecutionType,
+        start: &Joints,
+        percent: u8,
+    ) -> anyhow::Result<Rehearsed> {
+        let percent = percent.max(1);
+        let is_it = |(of, at, _): &(ExecutionType, u8, Rehearsed)| (*of, *at) == (execution_type, percent);
+        let known = self.rehearsed.iter().find(|it| is_it(it)).map(|(.., known)| *known);
         if let Some(known) =
             known.filter(|known| largest_difference(&known.account.start, start).1 < JOINT_TOLERANCE)
         {
@@ -258,9 +281,11 @@ impl Verification {
             ExecutionType::Sm => Calls::Singles,
             ExecutionType::Cm => Calls::Continuous,
         };
-        let alone = rehearse(robot, *start, motions, stops, calls)
+        let alone = rehearse(robot, *start, motions, stops, calls, percent)
             .context("the repetition cannot be verified: the arm alone cannot execute the plan")?;
-        Ok(*self.rehearsed.entry(execution_type).insert(alone))
+        self.rehearsed.retain(|it| !is_it(it));
+        self.rehearsed.push((execution_type, percent, alone));
+        Ok(alone)
     }
 }
 
@@ -286,14 +311,24 @@ mod tests {
     use crate::stands::Stand as _;
     use crate::stands::virtual_run::VirtualRun;
 
-    /// Runs an application of a setup once, without faults; returns what verifies it and what was measured.
+    /// Runs the application of Setup A once, without faults; returns what verifies it and what was measured.
     fn run(execution_type: ExecutionType) -> (Verification, Measured) {
         let (setup, found) = planning::setup_with_application("A").unwrap();
-        let mut run = VirtualRun::start(&setup, &found.application, 1).unwrap();
-        let step = Step { execution_type, repetition: 2, pause: PAUSE, overrides: None };
+        run_of(&setup, &found, execution_type, None)
+    }
+
+    fn run_of(
+        setup: &Setup,
+        found: &planning::Found,
+        execution_type: ExecutionType,
+        overrides: Option<&str>,
+    ) -> (Verification, Measured) {
+        let mut run = VirtualRun::start(setup, &found.application, 1).unwrap();
+        let overrides = overrides.map(|text| text.parse().unwrap());
+        let step = Step { execution_type, repetition: 2, pause: PAUSE, overrides };
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
         let measured = runtime.block_on(run.execute(step)).unwrap();
-        let verification = Verification::new(&setup, &found.application, Mode::Virtual, &[]).unwrap();
+        let verification = Verification::new(setup, &found.application, Mode::Virtual, &[]).unwrap();
         (verification, measured)
     }
 
@@ -333,6 +368,21 @@ mod tests {
         ] {
             let said = said(change);
             assert!(said.contains(words), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_slow_run_is_as_long_as_its_path_although_the_chords_of_a_coarse_cycle_shorten_a_fast_one() {
+        let mut setup = setup::setup("B").unwrap();
+        setup.robot.cycle_us.value = 24_000;
+        let engraving = planning::application("engraving", None).unwrap();
+        let (mut verification, good) = run_of(&setup, &engraving, ExecutionType::Rc, Some("50"));
+        verification.check(&good).unwrap();
+        for wrong_mm in [4.0, -4.0] {
+            let mut measured = good;
+            measured.quality.as_mut().unwrap().path_length_mm += wrong_mm;
+            let said = verification.check(&measured).unwrap_err().to_string();
+            assert!(said.contains("the tool's path was"), "{wrong_mm} mm: {said}");
         }
     }
 

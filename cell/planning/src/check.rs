@@ -1,7 +1,7 @@
 //! Checks of a motion: its length, its speeds against the robot's, and obstacles.
 //!
 //! The motions of a path keep the application's clearance from every obstacle, as ways do, and half the approximation
-//! distance more where a blend cuts a corner; an accurate path has no blends. A path cannot come nearer to an obstacle
+//! distance more where a blend may cut a corner: not at an exact stop, and an accurate path has no blends. A path cannot come nearer to an obstacle
 //! than this, so a thing that a tool must touch is not entered as an obstacle.
 
 use protocol::image::MotionKind;
@@ -13,8 +13,9 @@ use crate::motion::{Motion, Role};
 use crate::planner::Planner;
 
 impl Planner<'_> {
-    /// Checks a motion, without what a way has kept free of obstacles already.
-    pub(crate) fn check(&self, motion: &Motion) -> Result<(), Refusal> {
+    /// Checks a motion, without what a way has kept free of obstacles already; `blends` are whether its start and its
+    /// target may be blended.
+    pub(crate) fn check(&self, motion: &Motion, blends: [bool; 2]) -> Result<(), Refusal> {
         // Joints and configuration can change where the tool stands.
         let asks_of_the_arm = motion.joints_deg.is_some() || motion.configuration.is_some();
         let may_stand = motion.kind.is_point_to_point() && asks_of_the_arm;
@@ -29,15 +30,16 @@ impl Planner<'_> {
         }
         self.check_speed(motion)?;
         self.not_enclosed(motion.target.point, &format!("the target of `{}`", motion.name))?;
-        if motion.role.is_secondary() { Ok(()) } else { self.check_obstacles(motion) }
+        if motion.role.is_secondary() { Ok(()) } else { self.check_obstacles(motion, blends) }
     }
 
     /// Checks that a path keeps clear of the obstacles, as it is in a continuous motion and as a single skill.
-    pub(crate) fn check_obstacles(&self, motion: &Motion) -> Result<(), Refusal> {
+    pub(crate) fn check_obstacles(&self, motion: &Motion, blends: [bool; 2]) -> Result<(), Refusal> {
         let Some(ways) = self.application.ways.filter(|_| !self.application.obstacles.is_empty()) else {
             return Ok(());
         };
         let legs = motion.legs();
+        let zones_mm = self.zones_mm(motion, blends);
         // As a single skill every piece of a spline is a straight line.
         let alone = [motion.chord()];
         let courses = [&legs[..], if motion.kind == MotionKind::Spline { &alone } else { &[] }];
@@ -48,7 +50,7 @@ impl Planner<'_> {
             if inside_mm > LEAST_MM {
                 return Err(Refusal::Through { obstacle: obstacle.name.clone(), inside_mm });
             }
-            let near_mm = nearer_mm(legs, &obstacle.space, ways.clearance_mm, self.blends_mm(motion));
+            let near_mm = nearer_mm(legs, &obstacle.space, ways.clearance_mm, zones_mm);
             if near_mm > LEAST_MM {
                 let clearance_mm = ways.clearance_mm;
                 return Err(Refusal::PathTooNear { obstacle: obstacle.name.clone(), near_mm, clearance_mm });
@@ -59,14 +61,14 @@ impl Planner<'_> {
 
     /// Returns the distances from a motion's start and from its target, in mm, within which blends may cut its corners.
     /// Where a pre- or post-movement goes straight on, nothing is cut.
-    fn blends_mm(&self, motion: &Motion) -> [f64; 2] {
-        let zone_mm = self.sizes.approximation_mm;
-        match motion.role {
-            Role::PreMovement => [zone_mm, 0.0],
-            Role::PostMovement => [0.0, zone_mm],
-            _ if motion.accurate_path => [0.0; 2],
-            _ => [zone_mm; 2],
-        }
+    fn zones_mm(&self, motion: &Motion, [at_start, at_end]: [bool; 2]) -> [f64; 2] {
+        let cuts = match motion.role {
+            Role::PreMovement => [at_start, false],
+            Role::PostMovement => [false, at_end],
+            _ if motion.accurate_path => [false; 2],
+            _ => [at_start, at_end],
+        };
+        cuts.map(|cuts| if cuts { self.sizes.approximation_mm } else { 0.0 })
     }
 
     fn check_speed(&self, motion: &Motion) -> Result<(), Refusal> {
@@ -110,7 +112,7 @@ impl Planner<'_> {
 
 /// Returns how much of a path, in mm, is nearer to the box than `distance_mm`. Within the zones at the ends of the path
 /// the limit is half a zone more.
-fn nearer_mm(legs: &[Leg], space: &Cuboid, distance_mm: f64, zones_mm: [f64; 2]) -> f64 {
+pub(crate) fn nearer_mm(legs: &[Leg], space: &Cuboid, distance_mm: f64, zones_mm: [f64; 2]) -> f64 {
     let lengths = || legs.iter().map(|leg| (leg.to - leg.from).length());
     let whole_mm: f64 = lengths().sum();
     let mut passed_mm = 0.0;

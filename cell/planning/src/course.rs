@@ -49,7 +49,7 @@ impl Motion {
 
     /// Returns the straight line from start to target.
     pub(crate) const fn chord(&self) -> Leg {
-        Leg { from: self.start.point, to: self.target.point, bow_mm: [0.0; 3] }
+        Leg::straight([self.start.point, self.target.point])
     }
 
     fn legs_of_circle(&self) -> Option<Vec<Leg>> {
@@ -64,13 +64,13 @@ impl Motion {
         let swept = self.length_mm / radius;
         let count = (swept / finest).ceil().clamp(1.0, MOST_LEGS);
         let step = swept / count;
-        let bow = radius * step * step / 8.0;
+        let bow_mm = radius * step * step / 8.0;
         let at = |number: f64| {
             let (sine, cosine) = libm::sincos(step * number);
             start + leaves * (radius * sine) + inwards * (radius * (1.0 - cosine))
         };
         let numbers = (0..count as u32).map(f64::from);
-        Some(numbers.map(|it| Leg { from: at(it), to: at(it + 1.0), bow_mm: [bow; 3] }).collect())
+        Some(numbers.map(|it| Leg { from: at(it), to: at(it + 1.0), bow_mm, sideways_mm: 0.0 }).collect())
     }
 
     fn legs_of_spline(&self) -> Vec<Leg> {
@@ -96,10 +96,10 @@ impl Motion {
         // r″ = 2·first + rest·(−18τ + 60τ² − 40τ³), whose factor is between −1.6 and 3.6.
         let most = 2.0 * first.length() + 3.6 * rest.length();
         let legs = f64::from(SPLINE_LEGS);
-        let bow = most / (8.0 * legs * legs);
+        let bow_mm = most / (8.0 * legs * legs);
         (0..SPLINE_LEGS)
             .map(f64::from)
-            .map(|it| Leg { from: at(it / legs), to: at((it + 1.0) / legs), bow_mm: [bow; 3] })
+            .map(|it| Leg { from: at(it / legs), to: at((it + 1.0) / legs), bow_mm, sideways_mm: 0.0 })
             .collect()
     }
 

@@ -5,6 +5,8 @@ use std::fmt;
 use arm::Violation;
 use setup::Figure;
 
+use crate::swing::SwingsTooNear;
+
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -65,6 +67,16 @@ pub enum Error {
         /// The motion, and why the arm does not follow it.
         found: Box<OutOfReach>,
     },
+    /// The arm of a setup takes the tool nearer to an obstacle in a PTP than the clearance.
+    #[error("{origin} on setup {setup}: {found}")]
+    SwingsTooNear {
+        /// The file, or the built-in's name.
+        origin: String,
+        /// The setup's name.
+        setup: String,
+        /// The motion, and how near it comes.
+        found: Box<SwingsTooNear>,
+    },
 }
 
 /// What of a plan the arm does not reach.
@@ -124,7 +136,24 @@ impl fmt::Display for OutOfReach {
             Some(missing) => write!(f, "; {}: ", Missing(missing))?,
             None => f.write_str("; ")?,
         }
-        write!(f, "change its frame, or base {base} in the setup")
+        write!(f, "change its frame{}", OrBase(*base))
+    }
+}
+
+/// What can be changed in place of a frame, in words: the base in which it stands. Base 0 is the robot's root, which no setup
+/// moves.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct OrBase(
+    /// Its number.
+    pub u8,
+);
+
+impl fmt::Display for OrBase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            0 => Ok(()),
+            base => write!(f, ", or base {base} in the setup"),
+        }
     }
 }
 

@@ -193,9 +193,19 @@ impl Cuboid {
     /// outside or on a face.
     #[must_use]
     pub fn depth_mm(self, point: Point) -> f64 {
-        let (lower, upper, point) = (self.lower.coordinates(), self.upper.coordinates(), point.coordinates());
-        let sides = lower.into_iter().zip(upper).zip(point);
-        sides.map(|((lower, upper), point)| (point - lower).min(upper - point)).fold(f64::INFINITY, f64::min)
+        -self.beyond_mm(point).into_iter().fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Returns how far a point is beyond the faces of the box along x, y and z, in mm: negative between two faces.
+    pub(crate) fn beyond_mm(self, point: Point) -> [f64; 3] {
+        let (below, above) = (self.lower - point, point - self.upper);
+        [below.x.max(above.x), below.y.max(above.y), below.z.max(above.z)]
+    }
+
+    /// Returns the distance of a point from the box, in mm; 0 for a point in it.
+    #[must_use]
+    pub fn distance_mm(self, point: Point) -> f64 {
+        Point::from(self.beyond_mm(point).map(|beyond| beyond.max(0.0))).length()
     }
 
     /// Returns which part of the straight line lies inside the box: the shares of its length at which it enters and

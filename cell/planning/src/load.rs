@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::plan::Plan;
 use crate::planner::plan;
 use crate::reach::Reached;
+use crate::swing::keep_clear;
 
 /// Applications compiled in: name and text.
 pub const APPLICATIONS: &[(&str, &str)] = &[
@@ -48,16 +49,21 @@ impl Found {
         })
     }
 
-    /// Follows its plan with the arm of a setup like [`Plan::reach`]; a refusal names the file of the application.
+    /// Follows its plan with the arm of a setup like [`Plan::reach`], and refuses a PTP whose joints take the tool nearer to an
+    /// obstacle than the clearance; a refusal names the file of the application.
     ///
     /// # Errors
-    /// [`Error::OutOfReach`]
+    /// [`Error::OutOfReach`], [`Error::SwingsTooNear`]
     pub fn reach(&self, plan: &Plan, setup: &Setup) -> Result<Reached, Error> {
-        plan.reach(setup).map_err(|found| Error::OutOfReach {
-            origin: self.origin.clone(),
-            setup: setup.name.clone(),
-            found: Box::new(found),
-        })
+        let [origin, name] = [&self.origin, &setup.name].map(String::clone);
+        let reached = match plan.reach(setup) {
+            Ok(reached) => reached,
+            Err(found) => return Err(Error::OutOfReach { origin, setup: name, found: Box::new(found) }),
+        };
+        match keep_clear(&self.application, plan, &reached, setup) {
+            Ok(()) => Ok(reached),
+            Err(found) => Err(Error::SwingsTooNear { origin, setup: name, found: Box::new(found) }),
+        }
     }
 }
 

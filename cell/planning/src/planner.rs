@@ -125,54 +125,64 @@ impl<'a> Planner<'a> {
         plan: &mut Plan,
         reasons: &mut Vec<Reason>,
     ) -> Result<(), Error> {
-        let into = &mut Destination { plan, reasons, index, step };
+        let into = &mut Destination { plan, reasons, index, step, stops: false };
         self.take_tool(step, &step.tool)?;
         match &step.course {
             Course::Reach(place) => {
                 let target = self.application.pose(place, cell);
+                into.stops = step.labels.accurate_stop;
                 self.way(target, place.into(), "", into)
             }
-            Course::Follow { from, segments, approach_mm, retreat_mm } => {
-                let start = from.as_ref().map_or(self.here.0, |from| self.application.pose(from, cell));
-                let path = Path::plan(self.application, step, start, segments, cell);
-                let pre = path.pre_movement(*approach_mm);
-                let post = path.post_movement(*retreat_mm);
-                let first = from.as_ref().map_or_else(Arrival::default, Arrival::from);
-                let (begin, arrival) = match &pre {
-                    // The joints are those of the path's beginning, and their signs too. A line leads there, so that elbow
-                    // and wrist are the same before it.
-                    Ok(Some(pre)) => {
-                        let status = |it: Configuration| Configuration { turn: None, ..it };
-                        let configuration = first.configuration.map(status);
-                        (pre.start, Arrival { joints_deg: None, configuration })
-                    }
-                    _ => (start, first),
-                };
-                if differ(self.here.0, begin) || self.arrived.may_differ_from(arrival) {
-                    self.way(begin, arrival, "before ", into)?;
-                }
-                // A path that gives its pre-movement no direction is refused by its own number, one later.
-                if let Some(pre) = pre.map_err(|refusal| self.refused(step, 1, refusal))? {
-                    let pre = Motion { configuration: first.configuration, ..pre };
-                    self.push(pre, &format!("LIN before {}", step.name), into)?;
-                }
-                let count = path.motions.len();
-                for (number, motion) in path.motions.into_iter().enumerate() {
-                    let kind = kind_name(motion.kind);
-                    let name = match count {
-                        1 => format!("{kind} {}", step.name),
-                        _ => format!("{kind} {} {}/{count}", step.name, number + 1),
-                    };
-                    self.push(motion, &name, into)?;
-                }
-                if let Some(refusal) = path.refusal {
-                    return Err(self.refused(step, 0, refusal));
-                }
-                match post.map_err(|refusal| self.refused(step, 0, refusal))? {
-                    Some(post) => self.push(post, &format!("LIN after {}", step.name), into),
-                    None => Ok(()),
-                }
+            Course::Follow { .. } => self.follow(step, cell, into),
+        }
+    }
+
+    /// Plans the way to a path, its pre-movement, its motions and its post-movement.
+    fn follow(&mut self, step: &'a Step, cell: usize, into: &mut Destination<'_>) -> Result<(), Error> {
+        let Course::Follow { from, segments, approach_mm, retreat_mm } = &step.course else { return Ok(()) };
+        let start = from.as_ref().map_or(self.here.0, |from| self.application.pose(from, cell));
+        let path = Path::plan(self.application, step, start, segments, cell);
+        let pre = path.pre_movement(*approach_mm);
+        let post = path.post_movement(*retreat_mm);
+        let first = from.as_ref().map_or_else(Arrival::default, Arrival::from);
+        let (begin, arrival) = match &pre {
+            // The joints are those of the path's beginning, and their signs too. A line leads there, so that elbow
+            // and wrist are the same before it.
+            Ok(Some(pre)) => {
+                let status = |it: Configuration| Configuration { turn: None, ..it };
+                let configuration = first.configuration.map(status);
+                (pre.start, Arrival { joints_deg: None, configuration })
             }
+            _ => (start, first),
+        };
+        if differ(self.here.0, begin) || self.arrived.may_differ_from(arrival) {
+            // An accurate path is not blended where it begins.
+            into.stops = step.labels.accurate_path && matches!(pre, Ok(None));
+            self.way(begin, arrival, "before ", into)?;
+            into.stops = false;
+        }
+        // A path that gives its pre-movement no direction is refused by its own number, one later.
+        if let Some(pre) = pre.map_err(|refusal| self.refused(step, 1, refusal))? {
+            let pre = Motion { configuration: first.configuration, ..pre };
+            self.push(pre, &format!("LIN before {}", step.name), into)?;
+        }
+        let count = path.motions.len();
+        for (number, motion) in path.motions.into_iter().enumerate() {
+            let kind = kind_name(motion.kind);
+            let name = match count {
+                1 => format!("{kind} {}", step.name),
+                _ => format!("{kind} {} {}/{count}", step.name, number + 1),
+            };
+            into.stops = step.labels.accurate_stop && number + 1 == count && matches!(post, Ok(None));
+            self.push(motion, &name, into)?;
+        }
+        into.stops = step.labels.accurate_stop;
+        if let Some(refusal) = path.refusal {
+            return Err(self.refused(step, 0, refusal));
+        }
+        match post.map_err(|refusal| self.refused(step, 0, refusal))? {
+            Some(post) => self.push(post, &format!("LIN after {}", step.name), into),
+            None => Ok(()),
         }
     }
 
@@ -192,7 +202,8 @@ impl<'a> Planner<'a> {
         self.take_tool(&step, tool)?;
         let start = self.application.pose(place, 0);
         let mut plan = Plan::default();
-        let into = &mut Destination { plan: &mut plan, reasons: &mut Vec::new(), index: 0, step: &step };
+        let reasons = &mut Vec::new();
+        let into = &mut Destination { plan: &mut plan, reasons, index: 0, step: &step, stops: true };
         if differ(self.here.0, start) || self.arrived.may_differ_from(place.into()) {
             self.way(start, place.into(), "to ", into)?;
         }
@@ -251,6 +262,7 @@ impl<'a> Planner<'a> {
                     ways,
                     approximation_mm: self.sizes.approximation_mm,
                     bows_sideways: self.bows_sideways(),
+                    blends: [into.blends_at_start(into.plan.motions.len()), !into.stops],
                 };
                 space
                     .way(from.point, target.point, &self.crossings)
@@ -299,18 +311,21 @@ impl<'a> Planner<'a> {
             base: self.application.base,
             ..motion
         };
+        let index = into.plan.motions.len();
         let before = into.last_if_blended(&motion).filter(|_| self.sizes.approximation_mm >= LEAST_ZONE_MM);
-        if let Some(before) = before {
-            before.bend_into(&mut motion);
+        let is_bent = before.map(|before| before.bend_into(&mut motion)).is_some();
+        if let Some(before) = into.plan.motions.last().filter(|_| is_bent) {
             // It was straight at its end so far.
-            self.check_obstacles(before).map_err(|refusal| self.refused(into.step, 0, refusal))?;
+            let blends = [into.blends_at_start(index - 1), true];
+            self.check_obstacles(before, blends).map_err(|refusal| self.refused(into.step, 0, refusal))?;
         }
-        self.check(&motion).map_err(|refusal| self.refused(into.step, 0, refusal))?;
+        let blends = [into.blends_at_start(index), !into.stops];
+        self.check(&motion, blends).map_err(|refusal| self.refused(into.step, 0, refusal))?;
         let programmed = self.setup.motions.velocity_percent.value / 100.0 * motion.speed_percent / 100.0
             * self.setup.robot.path_velocity_mm_s.value;
         if let Some(wanted_mm_s) = motion.speed_mm_s.filter(|&wanted| wanted > programmed) {
             let why = Why::Slower { wanted_mm_s, programmed_mm_s: programmed };
-            into.reasons.push(Reason { motion: into.plan.motions.len(), why });
+            into.reasons.push(Reason { motion: index, why });
         }
         self.here.0 = motion.target;
         self.arrived = self.arrived.then(&motion);
@@ -332,9 +347,20 @@ struct Destination<'p> {
     reasons: &'p mut Vec<Reason>,
     index: usize,
     step: &'p Step,
+    /// Whether the arm stops exactly at the end of the motion or of the way that comes next.
+    stops: bool,
 }
 
 impl Destination<'_> {
+    /// Returns whether motion `index` may be blended with the one before.
+    fn blends_at_start(&self, index: usize) -> bool {
+        let before = index.checked_sub(1).and_then(|before| self.plan.motions.get(before));
+        let stopped = self.plan.continuous.last().is_some_and(|it| it.motions.end == index);
+        !stopped
+            && before
+                .is_some_and(|before| !before.accurate_path && before.kind != MotionKind::LinForceCartesian)
+    }
+
     /// Returns the last motion if it belongs to another step and is blended with the next one.
     fn last_if_blended(&mut self, next: &Motion) -> Option<&mut Motion> {
         let end = self.plan.motions.len();

@@ -30,6 +30,8 @@ pub struct Reached {
     pub start: Joints,
     /// Joints at the end of each motion, in degrees (mm).
     pub targets: Vec<Joints>,
+    /// Joints at the end of each motion that leads from there to the start, in degrees (mm).
+    pub back: Vec<Joints>,
     /// Where the arm stops although the plan passes.
     pub stopped: Vec<Stopped>,
 }
@@ -63,10 +65,12 @@ impl Plan {
                 targets.push(here);
             }
         }
-        self.to_start.from_end.iter().try_fold(here, |here, motion| {
-            walk.motion((0, motion), &motion.wire(setup), None, &here).map(|(alone, _)| alone)
-        })?;
-        Ok(Reached { axes: installation.arm.axes(), start, targets, stopped })
+        let mut back = Vec::with_capacity(self.to_start.from_end.len());
+        for motion in &self.to_start.from_end {
+            (here, _) = walk.motion((0, motion), &motion.wire(setup), None, &here)?;
+            back.push(here);
+        }
+        Ok(Reached { axes: installation.arm.axes(), start, targets, back, stopped })
     }
 
     /// Returns the stop after motion `index` and what does not fit there.
@@ -241,6 +245,6 @@ mod tests {
         let from = walk.motion((1, &ptp), &ptp.wire(&setup), None, &near).unwrap().0;
         let line = Motion { name: "LIN".to_owned(), ..line };
         let refused = walk.motion((2, &line), &line.wire(&setup), None, &from).unwrap_err();
-        insta::assert_snapshot!(refused, @"motion 2 `LIN`, after 149.5 of its 300.0 mm: the path passes a singular position: joint 1 would limit it to 0.0075 of the programmed velocity; change its frame, or base 0 in the setup");
+        insta::assert_snapshot!(refused, @"motion 2 `LIN`, after 149.5 of its 300.0 mm: the path passes a singular position: joint 1 would limit it to 0.0075 of the programmed velocity; change its frame");
     }
 }

@@ -4,23 +4,27 @@
 //! of three parts:
 //!
 //! - the clearance, which tool and part need;
-//! - half the approximation distance r, within r of either end: every point of the triangle that a blend cuts off a
-//!   corner is at most r/2 away from the corner's legs;
+//! - half the approximation distance r, within r of an end that is blended: every point of the triangle that a blend cuts
+//!   off a corner is at most r/2 away from the corner's legs;
 //! - the bow of a PTP. Its joints travel evenly, so its path p(s), s = 0…1, leaves the chord by at most
-//!   max|p″| · s·(1 − s)/2: most in the middle, nothing at the ends. An arc of radius R over a chord of length L has
-//!   L²/8R in the middle; the application names the R, and the bound elsewhere follows. The vertical axis of a SCARA is
-//!   a joint of its own, so its PTP bows sideways only. The bound is taken as it is at each point of the chord: with the
-//!   largest of each eighth, ways over an obstacle were 10 mm higher than need be.
+//!   max|p″| · s·(1 − s)/2: most in the middle, nothing at the ends. The application names the radius R of an arc. Over a
+//!   chord of length L it turns by 2φ with sin φ = L/2R, so |p″| is R·(2φ)², and the bound is R·φ²/2 in the middle: for
+//!   a short chord L²/8R, for half a circle a quarter more than R. A chord longer than 2R has no such arc; the half circle
+//!   over it is taken. The vertical axis of a SCARA is a joint of its own, so its PTP bows sideways only. The bound is
+//!   taken as it is at each point of the chord: with the largest of each eighth, ways over an obstacle were 10 mm higher
+//!   than need be.
 //!
 //! Candidates are tried in this order, and the first free one is used: the straight way; one intermediate position over
 //! the obstacle, the end or the start, at the lowest free height; two of them, above the start and above the end.
-//! Candidates with legs that are too short for a full blend come last. If the cycle has crossed an obstacle before, its
+//! Candidates with legs that are too short for a full blend come last. A way over intermediate positions keeps these
+//! distances from the faces of the box along each axis, which past an edge is more room; if there is none, from its nearest
+//! point, as the straight way does. If the cycle has crossed an obstacle before, its
 //! intermediate position is used again if the way is hardly longer.
 
 use std::cell::Cell;
 
 use crate::application::{Obstacle, Ways};
-use crate::clearance::Leg;
+use crate::clearance::{Leg, Measure};
 use crate::error::{LEAST_MM, Refusal};
 use crate::geometry::Point;
 
@@ -54,26 +58,46 @@ pub(crate) struct Space<'a> {
     pub(crate) approximation_mm: f64,
     /// Whether a PTP bows in the horizontal plane alone.
     pub(crate) bows_sideways: bool,
+    /// Whether the way's start and its end may be blended with other motions.
+    pub(crate) blends: [bool; 2],
 }
 
+/// A leg of a way, and the distances in mm that its ends keep from an obstacle.
+type Part = (Leg, [f64; 2]);
+
 impl Space<'_> {
-    /// Returns the distance in mm that the ends of a way keep from an obstacle.
-    pub(crate) fn distance_mm(&self) -> f64 {
-        self.ways.clearance_mm + self.approximation_mm / 2.0
+    /// Returns the distance in mm that the end of a leg keeps from an obstacle.
+    fn distance_mm(&self, is_blended: bool) -> f64 {
+        self.ways.clearance_mm + if is_blended { self.approximation_mm / 2.0 } else { 0.0 }
+    }
+
+    /// Returns the legs of a way over these points: it is blended at each intermediate one.
+    fn parts(&self, points: &[Point]) -> impl Iterator<Item = Part> {
+        let ends_mm = self.blends.map(|is_blended| self.distance_mm(is_blended));
+        let (between_mm, last) = (self.distance_mm(true), points.len().saturating_sub(2));
+        let pairs = points.iter().zip(points.iter().skip(1)).enumerate();
+        pairs.map(move |(number, (&from, &to))| {
+            let at_start_mm = if number == 0 { ends_mm[0] } else { between_mm };
+            let at_end_mm = if number == last { ends_mm[1] } else { between_mm };
+            (self.leg(from, to), [at_start_mm, at_end_mm])
+        })
     }
 
     /// Finds the way from one point to another; `crossings` are the intermediate positions that the cycle has so far.
     pub(crate) fn way(&self, from: Point, to: Point, crossings: &[Point]) -> Result<Way, Refusal> {
-        let Some(obstacle) = self.blocks(from, to) else {
+        let straight = [from, to];
+        let Some(obstacle) = self.parts(&straight).find_map(|part| self.blocks(part, Measure::Nearest))
+        else {
             return Ok(Way::Direct);
         };
         self.ends_are_free(from, to)?;
         let middle = self.middle(from, to);
-        let fresh = self.lowest(from, to, middle, self.ways.ceiling_mm);
+        let lowest = |measure| self.lowest(from, to, middle, self.ways.ceiling_mm, measure);
+        let fresh = lowest(Measure::Faces).or_else(|| lowest(Measure::Nearest));
         let again = crossings
             .iter()
             .copied()
-            .find(|&via| self.is_free(&[from, via, to], &Cell::new(obstacle)))
+            .find(|&via| self.is_free(&[from, via, to], &Cell::new(obstacle), Measure::Faces))
             .filter(|&via| match fresh {
                 Some([Some(new), None]) => {
                     let longest = length(&[from, new, to]) * (1.0 + self.ways.detour_percent / 100.0);
@@ -92,65 +116,71 @@ impl Space<'_> {
     fn no_way(&self, from: Point, to: Point, middle: Point, first: usize) -> Refusal {
         let ceiling_mm = self.ways.ceiling_mm;
         let needs_mm = self
-            .lowest(from, to, middle, ceiling_mm + LOOK_ABOVE_MM)
+            .lowest(from, to, middle, ceiling_mm + LOOK_ABOVE_MM, Measure::Nearest)
             .and_then(|[via, _]| via)
             .map(|point| point.z);
         let via = Point::new(middle.x, middle.y, ceiling_mm);
-        let legs = [(from, via), (via, to)];
-        let at_the_ceiling = legs.iter().find_map(|&(from, to)| self.blocks(from, to));
+        let points = [from, via, to];
+        let parts = || self.parts(&points);
+        let at_the_ceiling = parts().find_map(|part| self.blocks(part, Measure::Nearest));
         let index = if needs_mm.is_some() { first } else { at_the_ceiling.unwrap_or(first) };
         let obstacle = self.obstacles.get(index);
-        let too_near = |obstacle: &Obstacle, (from, to): (Point, Point)| {
-            let nearer = self.leg(from, to).nearer(&obstacle.space, self.distance_mm(), (0.0, 1.0));
-            nearer.map_or(0.0, |(enters, leaves)| (leaves - enters) * (to - from).length())
+        let too_near = |obstacle: &Obstacle, (leg, _): Part| {
+            let inside = leg.nearer(&obstacle.space, self.distance_mm(true), (0.0, 1.0));
+            inside.map_or(0.0, |(enters, leaves)| (leaves - enters) * (leg.to - leg.from).length())
         };
         Refusal::NoWay {
             obstacle: obstacle.map_or_else(String::new, |obstacle| obstacle.name.clone()),
             top_mm: obstacle.map_or(0.0, |obstacle| obstacle.space.upper.z),
             needs_mm,
-            inside_mm: obstacle.map_or(0.0, |obstacle| legs.iter().map(|&leg| too_near(obstacle, leg)).sum()),
+            inside_mm: obstacle.map_or(0.0, |obstacle| parts().map(|part| too_near(obstacle, part)).sum()),
             ceiling_mm,
         }
     }
 
-    /// Returns the first obstacle to which the straight way comes too near.
-    fn blocks(&self, from: Point, to: Point) -> Option<usize> {
-        self.obstacles.iter().position(|obstacle| self.is_too_near(obstacle, from, to))
+    /// Returns the first obstacle to which a leg comes too near.
+    fn blocks(&self, part: Part, measure: Measure) -> Option<usize> {
+        self.obstacles.iter().position(|obstacle| self.is_too_near(obstacle, part, measure))
     }
 
-    fn is_too_near(&self, obstacle: &Obstacle, from: Point, to: Point) -> bool {
-        let Ways { clearance_mm, .. } = *self.ways;
-        self.leg(from, to).is_too_near(
-            &obstacle.space,
-            clearance_mm,
-            self.distance_mm(),
-            self.approximation_mm,
-        )
+    fn is_too_near(&self, obstacle: &Obstacle, (leg, at_ends_mm): Part, measure: Measure) -> bool {
+        leg.is_too_near(&obstacle.space, self.ways.clearance_mm, at_ends_mm, self.approximation_mm, measure)
     }
 
     /// Returns the straight way with the deviation that a PTP may have from it.
     fn leg(&self, from: Point, to: Point) -> Leg {
         let bow = self.bow_mm(from, to);
-        Leg { from, to, bow_mm: [bow, bow, if self.bows_sideways { 0.0 } else { bow }] }
+        let (bow_mm, sideways_mm) = if self.bows_sideways { (0.0, bow) } else { (bow, 0.0) };
+        Leg { from, to, bow_mm, sideways_mm }
     }
 
     /// Returns how far a PTP may deviate from the straight way in its middle, in mm.
     fn bow_mm(&self, from: Point, to: Point) -> f64 {
-        let mut chord = to - from;
-        if self.bows_sideways {
-            chord.z = 0.0;
-        }
-        chord.dot(chord) / (8.0 * self.ways.ptp_radius_mm)
+        let chord = self.chord(from, to);
+        let radius_mm = self.ways.ptp_radius_mm.max(chord.length() / 2.0);
+        let sine = (chord.length() / (2.0 * radius_mm)).min(1.0);
+        let per_sine = if sine > 0.0 { libm::asin(sine) / sine } else { 1.0 };
+        chord.dot(chord) / (8.0 * radius_mm) * per_sine * per_sine
+    }
+
+    /// Returns the vector over which a PTP bows.
+    fn chord(&self, from: Point, to: Point) -> Point {
+        let chord = to - from;
+        if self.bows_sideways { Point { z: 0.0, ..chord } } else { chord }
     }
 
     /// Returns whether all legs are free. It first tests the obstacle that blocked the previous candidate, because this
     /// one mostly blocks the next candidate too.
-    fn is_free(&self, points: &[Point], before: &Cell<usize>) -> bool {
-        points.iter().zip(points.iter().skip(1)).all(|(&from, &to)| {
-            if self.obstacles.get(before.get()).is_some_and(|obstacle| self.is_too_near(obstacle, from, to)) {
+    fn is_free(&self, points: &[Point], before: &Cell<usize>, measure: Measure) -> bool {
+        self.parts(points).all(|part| {
+            if self
+                .obstacles
+                .get(before.get())
+                .is_some_and(|obstacle| self.is_too_near(obstacle, part, measure))
+            {
                 return false;
             }
-            let blocking = self.blocks(from, to);
+            let blocking = self.blocks(part, measure);
             before.set(blocking.unwrap_or(before.get()));
             blocking.is_none()
         })
@@ -158,15 +188,19 @@ impl Space<'_> {
 
     /// Checks that both ends of the way are allowed; otherwise no intermediate position helps.
     fn ends_are_free(&self, from: Point, to: Point) -> Result<(), Refusal> {
-        for (target, point) in [("the start of the way", from), ("the end of the way", to)] {
+        let [at_start, at_end] = self.blends;
+        for (target, point, is_blended) in
+            [("the start of the way", from, at_start), ("the end of the way", to, at_end)]
+        {
+            let distance_mm = self.distance_mm(is_blended);
             for obstacle in self.obstacles {
-                let missing_mm = obstacle.space.grown(self.distance_mm()).depth_mm(point);
+                let missing_mm = distance_mm - obstacle.space.distance_mm(point);
                 if missing_mm > 0.0 {
                     return Err(Refusal::TooNear {
                         target: target.to_owned(),
                         obstacle: obstacle.name.clone(),
                         missing_mm,
-                        distance_mm: self.distance_mm(),
+                        distance_mm,
                     });
                 }
             }
@@ -177,7 +211,9 @@ impl Space<'_> {
     /// Returns the middle of the blocked part of the straight way, rounded to whole millimetres so that a person can read
     /// and teach it.
     fn middle(&self, from: Point, to: Point) -> Point {
-        let most = self.distance_mm() + self.bow_mm(from, to);
+        // The bow of a short chord is enough here: this only says where an intermediate position is tried.
+        let chord = self.chord(from, to);
+        let most = self.distance_mm(true) + chord.dot(chord) / (8.0 * self.ways.ptp_radius_mm);
         let inside = self.obstacles.iter().filter_map(|obstacle| obstacle.space.grown(most).inside(from, to));
         let (first, last) = inside.fold((1.0_f64, 0.0_f64), |(first, last), (enters, leaves)| {
             (first.min(enters), last.max(leaves))
@@ -187,7 +223,14 @@ impl Space<'_> {
     }
 
     /// Returns the free way with the fewest intermediate positions at the lowest height.
-    fn lowest(&self, from: Point, to: Point, middle: Point, ceiling: f64) -> Option<[Option<Point>; 2]> {
+    fn lowest(
+        &self,
+        from: Point,
+        to: Point,
+        middle: Point,
+        ceiling: f64,
+        measure: Measure,
+    ) -> Option<[Option<Point>; 2]> {
         let step = self.ways.height_step_mm;
         let floor = from.z.min(to.z);
         let first = (floor / step).ceil();
@@ -200,12 +243,13 @@ impl Space<'_> {
         let before = Cell::new(0);
         let one = |shortest: f64| {
             let vias = heights().flat_map(|z| [middle, to, from].map(|place| above(place, z)));
-            vias.map(|via| [from, via, to]).find(|way| longer(way, shortest) && self.is_free(way, &before))
+            vias.map(|via| [from, via, to])
+                .find(|way| longer(way, shortest) && self.is_free(way, &before, measure))
         };
         let two = |shortest: f64| {
             let vias = heights().filter(|&z| z > from.z.max(to.z));
             let ways = vias.map(|z| [from, above(from, z), above(to, z), to]);
-            ways.into_iter().find(|way| longer(way, shortest) && self.is_free(way, &before))
+            ways.into_iter().find(|way| longer(way, shortest) && self.is_free(way, &before, measure))
         };
         // First candidates whose legs are long enough for their blends.
         let legs = [2.0 * self.approximation_mm, LEAST_MM];
@@ -224,104 +268,4 @@ fn length(points: &[Point]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::Cuboid;
-
-    const WAYS: Ways = Ways {
-        clearance_mm: 10.0,
-        ceiling_mm: 200.0,
-        height_step_mm: 10.0,
-        ptp_radius_mm: f64::INFINITY,
-        detour_percent: 5.0,
-    };
-
-    fn wall(x: f64, top: f64) -> Obstacle {
-        let space =
-            Cuboid { lower: Point::new(x - 10.0, -200.0, 0.0), upper: Point::new(x + 10.0, 200.0, top) };
-        Obstacle { name: "wall".into(), space }
-    }
-
-    fn way(obstacles: &[Obstacle], ways: &Ways, from: [f64; 3], to: [f64; 3]) -> Result<Way, Refusal> {
-        Space { obstacles, ways, approximation_mm: 0.0, bows_sideways: false }.way(
-            from.into(),
-            to.into(),
-            &[],
-        )
-    }
-
-    #[test]
-    fn the_crossing_is_the_lowest_height_on_the_raster_that_clears_the_grown_wall() {
-        // The grown wall reaches x = 80 at z = 90; from (0, 0, 50) over (100, 0, z) that needs 50 + 0.8·(z − 50) ≥ 90.
-        let over = way(&[wall(100.0, 80.0)], &WAYS, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
-        let via = Some(Point::new(100.0, 0.0, 100.0));
-        assert_eq!(over, Ok(Way::Over { points: [via, None], obstacle: 0, again: false }));
-    }
-
-    #[test]
-    fn a_bowing_ptp_crosses_higher() {
-        let bowing = Ways { ptp_radius_mm: 200.0, ..WAYS };
-        let over = way(&[wall(100.0, 80.0)], &bowing, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
-        assert!(matches!(over, Ok(Way::Over { points: [Some(via), None], .. }) if via.z > 100.0), "{over:?}");
-    }
-
-    #[test]
-    fn an_arm_that_bows_sideways_alone_crosses_lower_than_one_that_bows_all_ways() {
-        let bowing = Ways { ptp_radius_mm: 150.0, height_step_mm: 1.0, ..WAYS };
-        let walls = [wall(100.0, 80.0)];
-        let height = |bows_sideways| {
-            let space = Space { obstacles: &walls, ways: &bowing, approximation_mm: 0.0, bows_sideways };
-            match space.way(Point::new(0.0, 0.0, 50.0), Point::new(200.0, 0.0, 50.0), &[]) {
-                Ok(Way::Over { points: [Some(via), None], .. }) => via.z,
-                other => panic!("{other:?}"),
-            }
-        };
-        assert!(height(true) < height(false));
-    }
-
-    #[test]
-    fn close_to_a_tall_wall_the_way_goes_straight_up_first() {
-        let over = way(&[wall(40.0, 150.0)], &WAYS, [15.0, 0.0, 50.0], [400.0, 0.0, 50.0]);
-        let points = [Some(Point::new(15.0, 0.0, 180.0)), None];
-        assert_eq!(over, Ok(Way::Over { points, obstacle: 0, again: false }));
-    }
-
-    #[test]
-    fn close_to_a_tall_wall_on_both_sides_it_goes_straight_up_over_and_straight_down() {
-        let over = way(&[wall(40.0, 150.0)], &WAYS, [15.0, 0.0, 50.0], [65.0, 0.0, 50.0]);
-        let points = [Some(Point::new(15.0, 0.0, 160.0)), Some(Point::new(65.0, 0.0, 160.0))];
-        assert_eq!(over, Ok(Way::Over { points, obstacle: 0, again: false }));
-    }
-
-    #[test]
-    fn a_way_back_uses_the_intermediate_position_of_the_way_there_unless_that_is_a_detour() {
-        let walls = [wall(100.0, 80.0)];
-        let space = Space { obstacles: &walls, ways: &WAYS, approximation_mm: 0.0, bows_sideways: false };
-        let [near, far] = [Point::new(100.0, 0.0, 100.0), Point::new(100.0, 150.0, 100.0)];
-        let back =
-            |crossing| space.way(Point::new(200.0, 0.0, 50.0), Point::new(0.0, 20.0, 50.0), &[crossing]);
-        assert_eq!(back(near), Ok(Way::Over { points: [Some(near), None], obstacle: 0, again: true }));
-        assert!(matches!(back(far), Ok(Way::Over { again: false, .. })));
-    }
-
-    #[test]
-    fn a_wall_up_to_the_ceiling_is_refused_by_how_much() {
-        let refused = way(&[wall(100.0, 250.0)], &WAYS, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
-        let Err(Refusal::NoWay { obstacle, needs_mm: Some(needs), ceiling_mm, .. }) = refused else {
-            panic!("{refused:?}");
-        };
-        assert_eq!((obstacle.as_str(), needs, ceiling_mm), ("wall", 320.0, 200.0));
-    }
-
-    #[test]
-    fn a_start_within_the_clearance_is_refused_by_how_much() {
-        let refused = way(&[wall(100.0, 80.0)], &WAYS, [84.0, 0.0, 50.0], [200.0, 0.0, 50.0]);
-        let expected = Refusal::TooNear {
-            target: "the start of the way".into(),
-            obstacle: "wall".into(),
-            missing_mm: 4.0,
-            distance_mm: 10.0,
-        };
-        assert_eq!(refused, Err(expected));
-    }
-}
+mod tests;

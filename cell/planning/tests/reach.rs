@@ -30,7 +30,8 @@ fn every_built_in_setup_reaches_every_built_in_application_and_starts_at_its_hom
         SETUPS.iter().flat_map(|setup| APPLICATIONS.iter().map(move |application| (setup, application)))
     {
         let setup = setup(name).unwrap();
-        let reached = plan(&application(application_name), &setup).unwrap().reach(&setup);
+        let found = planning::application(application_name, None).unwrap();
+        let reached = found.reach(&found.plan(&setup).unwrap(), &setup);
         let reached = reached.unwrap_or_else(|error| panic!("{application_name} on {name}: {error}"));
         if let Some(home) = setup.robot.axes.home_deg.filter(|_| setup.application == *application_name) {
             let off = home.value.iter().zip(reached.start).map(|(home, start)| (home - start).abs());
@@ -127,4 +128,12 @@ fn a_corner_that_passes_the_end_of_a_joint_range_inside_its_zone_is_warned_of_wi
     };
     insta::assert_snapshot!(stopped(160.0), @"motion 1 `LIN round 1/2` will stop exactly before motion 2 `LIN round 2/2`: after 21 % of the corner in the zone of 160.00 mm, joint 2 would be at -145.700°, its range is -145.000 to 145.000°; 0.7 degrees are missing; lower approximation_mm, or move the frames");
     assert_eq!(stopped(20.0), "");
+}
+
+#[test]
+fn who_has_a_frame_in_the_root_is_not_advised_to_change_base_0_which_no_setup_has() {
+    let frames = [[300.0, 0.0, 100.0, 0.0, 0.0, 180.0], [700.0, 0.0, 100.0, 0.0, 0.0, 180.0]];
+    let steps = "[[step]]\nname = \"far\"\nlabels = [\"accurate-stop\"]\nreach = \"f1\"\n";
+    let refused = of_frames("A", 0.0, &frames, steps).unwrap_err();
+    insta::assert_snapshot!(refused, @"motion 1 `PTP far`, its target: the target is 700.000 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 200.0 mm are missing: change its frame");
 }

@@ -130,7 +130,7 @@ const SAME_LENGTH_MM: f64 = 2e-4;
 impl Case<'_> {
     /// Returns what the controller refuses if the motions are called in this way.
     fn refused(&self, calls: Calls) -> Option<Refused> {
-        match rehearse(self.config, self.start, self.motions, self.stops, calls) {
+        match rehearse(self.config, self.start, self.motions, self.stops, calls, 100) {
             Ok(_) => None,
             Err(RehearsalError { motion, ending: Some(Ending::Fault { error, motion: of_skill, .. }) }) => {
                 Some((motion + of_skill as usize, error))
@@ -145,7 +145,9 @@ impl Case<'_> {
         for index in after {
             motions[*index].approximation = 0;
         }
-        rehearse(self.config, self.start, &motions, self.stops, Calls::Continuous).unwrap().path_length_mm
+        rehearse(self.config, self.start, &motions, self.stops, Calls::Continuous, 100)
+            .unwrap()
+            .path_length_mm
     }
 
     /// Compares the junctions that planning says will be stops with those where the controller stops: a stop that it makes
@@ -199,7 +201,7 @@ fn compare(setup: &Setup, seeds: core::ops::Range<u64>) -> Found {
             }
         };
         let there: Vec<_> = to_start.from_anywhere.into_iter().collect();
-        let start = rehearse(&config, config.home, &there, &[], Calls::Singles).unwrap().account.end;
+        let start = rehearse(&config, config.home, &there, &[], Calls::Singles, 100).unwrap().account.end;
         let (motions, stops) = (plan.wire_motions(setup), plan.stops());
         let case = Case { config: &config, start, motions: &motions, stops: &stops };
         let refused = [Calls::Program, Calls::Singles, Calls::Continuous].map(|calls| case.refused(calls));

@@ -13,9 +13,9 @@ fn rehearsed(setup: &str) -> ([Rehearsed; 3], f64) {
     let (motions, to_start) = (plan.wire_motions(&setup), plan.wire_to_start(&setup));
     let robot = RobotConfig::from_setup(&setup).unwrap().in_cell_of(&found.application, &to_start).unwrap();
     let there: Vec<_> = to_start.from_anywhere.into_iter().collect();
-    let start = rehearse(&robot, robot.home, &there, &[], Calls::Singles).unwrap().account.end;
+    let start = rehearse(&robot, robot.home, &there, &[], Calls::Singles, 100).unwrap().account.end;
     let ways = [Calls::Program, Calls::Singles, Calls::Continuous]
-        .map(|calls| rehearse(&robot, start, &motions, &plan.stops(), calls).unwrap());
+        .map(|calls| rehearse(&robot, start, &motions, &plan.stops(), calls, 100).unwrap());
     let last = motions.last().unwrap();
     assert_ne!(last.kind, MotionKind::PtpJoint, "its target is joints");
     let base = robot.bases[usize::from(last.base)].unwrap();
