@@ -104,6 +104,15 @@ pub enum OutOfReach {
         /// Number of the base.
         base: u8,
     },
+    /// The joints of a frame are not those of its place.
+    Joints {
+        /// What goes there.
+        what: String,
+        /// Where these joints take the tool, in its base: x, y, z in mm and a, b, c in degrees.
+        is: [f64; 6],
+        /// How far that is from where the frame is, in mm and in degrees.
+        off: [f64; 2],
+    },
 }
 
 impl std::error::Error for OutOfReach {}
@@ -112,15 +121,20 @@ impl fmt::Display for OutOfReach {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (violation, base) = match self {
             Self::Arm(error) => return error.fmt(f),
+            Self::Joints { what, is, off: [off_mm, off_deg] } => {
+                let is = is.map(|coordinate| format!("{:.1}", coordinate + 0.0)).join(", ");
+                return write!(
+                    f,
+                    "{what}: the frame's joints_deg take the tool to [{is}] in its base, {off_mm:.1} mm and {off_deg:.1}° away \
+                     from its mm_deg; correct one of the two"
+                );
+            }
             Self::Start { violation, base } => {
                 write!(f, "the arm cannot stand at the start: {violation}")?;
                 (violation, base)
             }
             Self::Motion { number, name, way_mm, violation, base } => {
-                match number {
-                    0 => write!(f, "`{name}`, the way back to the start")?,
-                    _ => write!(f, "motion {number} `{name}`")?,
-                }
+                f.write_str(&motion_in_words(*number, name))?;
                 match way_mm {
                     Some((way, length)) => write!(f, ", after {way:.1} of its {length:.1} mm: {violation}")?,
                     None => write!(f, ", its target: {violation}")?,
@@ -137,6 +151,14 @@ impl fmt::Display for OutOfReach {
             None => f.write_str("; ")?,
         }
         write!(f, "change its frame{}", OrBase(*base))
+    }
+}
+
+/// Names a motion by its number in the plan, from 1; 0 of one that leads back to the start.
+pub(crate) fn motion_in_words(number: usize, name: &str) -> String {
+    match number {
+        0 => format!("`{name}`, the way back to the start"),
+        _ => format!("motion {number} `{name}`"),
     }
 }
 

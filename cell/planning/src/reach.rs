@@ -5,11 +5,11 @@
 //! error. Where on a path that is, only planning says, and follows the refused path again.
 
 use arm::motion::{Curve, Programmed, Robot, Segment};
-use arm::{Arm, Frame, Frames, Installation, Joints, Violation};
+use arm::{Arm, Frame, Frames, Installation, Joints, Violation, distance};
 use protocol::image::{self, MotionKind};
 use setup::Setup;
 
-use crate::error::OutOfReach;
+use crate::error::{OutOfReach, motion_in_words};
 use crate::motion::Motion;
 use crate::plan::Plan;
 use crate::stopped::{Course, Stopped, Unfit};
@@ -17,6 +17,9 @@ use crate::stopped::{Course, Stopped, Unfit};
 /// Length in mm of the steps in which a refused path is followed, and the least and the most of them.
 const STEP_MM: f64 = 1.0;
 const STEPS: [f64; 2] = [64.0, 2_000.0];
+
+/// How far joints may take the tool from their frame, in mm and in degrees: files round both.
+const SAME_PLACE: [f64; 2] = [1.0, 1.0];
 
 /// How often a step is halved to find where the arm cannot follow.
 const HALVINGS: u32 = 10;
@@ -116,15 +119,42 @@ impl<'a> Walk<'a> {
         let near = if is_open { self.stand_at(&wire) } else { Ok(near) };
         let found = near.and_then(|near| Segment::prepare(&wire, &near, self.robot));
         let found = found.map(|segment| segment.end);
-        found.map_err(|violation| OutOfReach::Start { violation, base: start.base })
+        let joints = found.map_err(|violation| OutOfReach::Start { violation, base: start.base })?;
+        self.agrees("the start", start, &wire, &joints)?;
+        Ok(joints)
+    }
+
+    /// Refuses joints of a frame that do not take the tool there.
+    fn agrees(
+        &self,
+        what: &str,
+        motion: &Motion,
+        wire: &image::Motion,
+        joints: &Joints,
+    ) -> Result<(), OutOfReach> {
+        let Some((tool, base)) = motion.joints_deg.and_then(|_| self.frames(wire).ok()) else { return Ok(()) };
+        let is = base.inverse() * self.arm().forward(joints) * tool;
+        let wanted = Frame::from_mm_deg(motion.target.mm_deg());
+        let (_, off_deg) = (wanted.rotation.inverse() * is.rotation).axis_angle();
+        let off = [distance(wanted.position, is.position), off_deg];
+        if off[0] <= SAME_PLACE[0] && off[1] <= SAME_PLACE[1] {
+            return Ok(());
+        }
+        Err(OutOfReach::Joints { what: what.to_owned(), is: is.to_mm_deg(), off })
     }
 
     /// Returns the joints in which the arm stands best at the target of a motion.
     fn stand_at(&self, motion: &image::Motion) -> Result<Joints, Violation> {
+        let (tool, base) = self.frames(motion)?;
+        self.arm().stand_at(&(base * Frame::from_mm_deg(motion.target.map(f64::from)) * tool.inverse()))
+    }
+
+    /// Returns the tool of a motion, in the flange, and its base, in the root.
+    fn frames(&self, motion: &image::Motion) -> Result<(Frame, Frame), Violation> {
         let frame = |frames: &Frames, number: u8| frames.get(usize::from(number)).copied().flatten();
         let tool = frame(self.robot.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
         let base = frame(self.robot.bases, motion.base).ok_or(Violation::Base(motion.base))?;
-        self.arm().stand_at(&(base * Frame::from_mm_deg(motion.target.map(f64::from)) * tool.inverse()))
+        Ok((tool, base))
     }
 
     /// Follows a motion from these joints. Returns the joints at its end, and the motion as the robot drives it after the
@@ -140,6 +170,7 @@ impl<'a> Walk<'a> {
         // The robot checks each motion as a skill of its own, before it takes it into a path.
         let alone = Segment::prepare(wire, from, self.robot).map_err(refused)?;
         let end = alone.end;
+        self.agrees(&motion_in_words(number, &motion.name), motion, wire, &end)?;
         let is_bent = wire.kind == MotionKind::Spline && before.is_some();
         let on_path = if is_bent {
             Segment::prepare_after(before, wire, from, self.robot).map_err(refused)?

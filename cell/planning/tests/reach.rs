@@ -137,3 +137,17 @@ fn who_has_a_frame_in_the_root_is_not_advised_to_change_base_0_which_no_setup_ha
     let refused = of_frames("A", 0.0, &frames, steps).unwrap_err();
     insta::assert_snapshot!(refused, @"motion 1 `PTP far`, its target: the target is 700.000 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 200.0 mm are missing: change its frame");
 }
+
+#[test]
+fn joints_of_a_frame_that_do_not_take_the_tool_there_are_refused_with_where_they_do() {
+    let start = [[250.0, 250.0, 100.0, 0.0, 0.0, 180.0]];
+    let reach = |mm_deg: [f64; 6]| {
+        let joints = "joints_deg = [0.0, 90.0, 100.0, 0.0, 0.0, 0.0]";
+        let step = "[[step]]\nname = \"there\"\nlabels = [\"accurate-stop\"]\nreach = \"f1\"\n";
+        of_frames("A", 0.0, &start, &format!("f1 = {{ mm_deg = {mm_deg:?}, {joints} }}\n{step}"))
+    };
+    let refused = reach([300.0, 0.0, 100.0, 0.0, 0.0, 180.0]).unwrap_err();
+    insta::assert_snapshot!(refused, @"motion 1 `PTP there`: the frame's joints_deg take the tool to [225.0, 275.0, 100.0, 90.0, 0.0, 180.0] in its base, 285.0 mm and 90.0° away from its mm_deg; correct one of the two");
+    // Rounded a little is no contradiction.
+    assert!(reach([225.4, 274.6, 100.0, 90.5, 0.0, 180.0]).is_ok());
+}
