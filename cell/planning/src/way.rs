@@ -115,10 +115,12 @@ impl Space<'_> {
     /// Returns the refusal that names the obstacle which leaves no way, and how much is missing.
     fn no_way(&self, from: Point, to: Point, middle: Point, first: usize) -> Refusal {
         let ceiling_mm = self.ways.ceiling_mm;
-        let needs_mm = self
-            .lowest(from, to, middle, ceiling_mm + LOOK_ABOVE_MM, Measure::Nearest)
-            .and_then(|[via, _]| via)
-            .map(|point| point.z);
+        // A way with fewer intermediate positions may need more than the lowest ceiling that does.
+        let step = self.ways.height_step_mm;
+        let above = |count: u32| ((ceiling_mm / step).floor() + f64::from(count)) * step;
+        let mut higher = (1..MOST_HEIGHTS).map(above).take_while(|&z| z <= ceiling_mm + LOOK_ABOVE_MM);
+        let needs_mm =
+            higher.find(|&ceiling| self.lowest(from, to, middle, ceiling, Measure::Nearest).is_some());
         let via = Point::new(middle.x, middle.y, ceiling_mm);
         let points = [from, via, to];
         let parts = || self.parts(&points);

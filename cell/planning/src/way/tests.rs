@@ -129,9 +129,13 @@ fn a_wall_up_to_the_ceiling_is_refused_by_how_much() {
     let Err(Refusal::NoWay { obstacle, needs_mm: Some(needs), ceiling_mm, .. }) = refused else {
         panic!("{refused:?}");
     };
-    // From (0, 0, 50) over (100, 0, 310) a leg passes the edge at (90, 250) by 34 mm above, which is 12 mm away; over
-    // (100, 0, 300) it would be 9 mm.
-    assert_eq!((obstacle.as_str(), needs, ceiling_mm), ("wall", 310.0, 200.0));
+    // Straight up, over it and straight down; over one intermediate position alone it would be 310 mm.
+    assert_eq!((obstacle.as_str(), needs, ceiling_mm), ("wall", 260.0, 200.0));
+    let below = |ceiling_mm| {
+        let ways = Ways { ceiling_mm, ..WAYS };
+        way(&[wall(100.0, 250.0)], &ways, [0.0, 0.0, 50.0], [200.0, 0.0, 50.0]).is_ok()
+    };
+    assert_eq!([259.0, 260.0].map(below), [false, true]);
 }
 
 #[test]
