@@ -11,6 +11,9 @@ use setup::Figure;
 /// Changes of the override in one run, at most.
 const STEPS: usize = 16;
 
+/// Latest time of a change after the start of a run.
+const LATEST: Duration = Duration::from_secs(3_600);
+
 /// The override in whole percent of every programmed velocity, 0 to 100. At 0 the arm stops on its path.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct Override(u8);
@@ -88,7 +91,7 @@ pub struct OverrideSchedule {
 pub enum ScheduleError {
     /// A step is none.
     #[error(
-        "`{0}` is no override; write percent, and a time after the start of the run: 50, 50@2s or 80,0@2s,100@3s"
+        "`{0}` is no override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s"
     )]
     Form(String),
     /// The percent are out of their range.
@@ -106,7 +109,7 @@ pub enum ScheduleError {
     Fraction(String),
     /// A time is none.
     #[error(
-        "`{0}` has no time up to an hour behind its @; write a number with its unit, such as 2.5ms or 2s"
+        "`{0}` has no time behind its @ that a run takes; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s"
     )]
     Time(String),
     /// A step comes too early.
@@ -161,7 +164,7 @@ fn step(text: &str) -> Result<OverrideStep, ScheduleError> {
     let (percent, after_us) = match text.split_once('@') {
         None => (text, Some(0)),
         Some((percent, time)) => {
-            let after = node::run::parse_duration(time);
+            let after = node::run::parse_duration(time).filter(|after| *after <= LATEST);
             (percent, after.and_then(|after| u32::try_from(after.as_micros()).ok()))
         }
     };
@@ -244,6 +247,8 @@ mod tests {
             "-1@2s",
             "NaN",
             "50@2s,70@1s",
+            "50@1h",
+            "50@3601s",
             "50,60",
             "0",
             "80,0@2s",
@@ -257,8 +262,10 @@ mod tests {
             .map(|text| text.parse::<OverrideSchedule>().unwrap_err().to_string())
             .collect();
         insta::assert_snapshot!(told.join("\n"), @"
-        `fast` is no override; write percent, and a time after the start of the run: 50, 50@2s or 80,0@2s,100@3s
-        `50@2` has no time up to an hour behind its @; write a number with its unit, such as 2.5ms or 2s
+        `fast` is no override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s
+        `50@2` has no time behind its @ that a run takes; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
+        `50@1h` has no time behind its @ that a run takes; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
+        `50@3601s` has no time behind its @ that a run takes; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
         `50.4` is no whole percent, and the robot takes only these; write one without a fraction, such as 50
         `0.1@2s` is no whole percent, and the robot takes only these; write one without a fraction, such as 50
         `120`: an override of 120 % was asked for; it is 0 (the arm stops on its path) to 100 %
@@ -269,7 +276,7 @@ mod tests {
         `60` does not come after the step before it; write the steps in the order of their times
         `0` leaves the arm standing for ever; let a later step raise the override, as in 0,100@10s
         `80,0@2s` leaves the arm standing for ever; let a later step raise the override, as in 0,100@10s
-        `` is no override; write percent, and a time after the start of the run: 50, 50@2s or 80,0@2s,100@3s
+        `` is no override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s
         there are 17 changes of the override; a run takes 16
         ");
     }
