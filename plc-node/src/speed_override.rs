@@ -124,6 +124,12 @@ pub enum ScheduleError {
 }
 
 impl OverrideSchedule {
+    /// Returns whether the override is 100 % throughout, as without a schedule.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.steps().iter().all(|step| step.to == Override::FULL)
+    }
+
     /// Returns the steps in the order of their times. The first one is that of the start edge.
     #[must_use]
     pub fn steps(&self) -> &[OverrideStep] {
@@ -282,6 +288,13 @@ mod tests {
     }
 
     #[test]
+    #[test]
+    fn a_schedule_of_nothing_but_100_percent_is_full() {
+        let is_full = |text: &str| text.parse::<OverrideSchedule>().unwrap().is_full();
+        assert!(is_full("100") && is_full("100,100@2s"));
+        assert!(!is_full("50") && !is_full("100,50@2s") && !is_full("50,100@2s"));
+    }
+
     fn percent_are_rounded_but_only_0_stops_the_arm() {
         let percent = |percent| Override::from_percent(percent).map(Override::percent);
         assert_eq!(

@@ -54,7 +54,7 @@ impl PaperComparison {
         faults: &[Fault],
     ) -> Self {
         let Some(paper) = &setup.paper else { return Self::NoPaper };
-        if let Some(overrides) = overrides {
+        if let Some(overrides) = overrides.filter(|overrides| !overrides.is_full()) {
             return Self::NotComparable(format!("the paper had no override, and this run has {overrides}"));
         }
         if !faults.is_empty() {
@@ -84,12 +84,15 @@ impl Results {
         self.attached.as_ref().is_none_or(|attached| attached.robot.is_some())
     }
 
-    /// Adds the paper's figures and the numbers that were calibrated to them, or the reason why there are none.
+    /// Adds the paper's figures and the numbers that were calibrated to them, or the reason why there are none. A run that is
+    /// compared has the numbers of the built-in setup, and so they are calibrated, whatever its own file says of their source.
     #[must_use]
     pub fn with_paper(self, setup: &Setup, comparison: PaperComparison) -> Self {
         match comparison {
             PaperComparison::Comparable(paper) => {
-                Self { paper: Some(paper), calibrated: calibrated::of(setup), ..self }
+                let shipped = built_in(&setup.name);
+                let calibrated = calibrated::of(shipped.as_ref().unwrap_or(setup));
+                Self { paper: Some(paper), calibrated, ..self }
             }
             PaperComparison::NotComparable(reason) => Self { no_paper: Some(reason), ..self },
             PaperComparison::NoPaper => self,
@@ -132,9 +135,12 @@ fn built_in(name: &str) -> Option<Setup> {
 
 #[cfg(test)]
 mod tests {
-    use setup::BusKind;
+    use plc_node::ExecutionType;
+    use setup::{BusKind, Provenance};
 
     use super::*;
+    use crate::records::mode::Mode;
+    use crate::records::schedule::Schedule;
 
     fn cell(name: &str) -> (Setup, Application) {
         let (setup, found) = planning::setup_with_application(name).unwrap();
@@ -201,5 +207,34 @@ mod tests {
         );
         let found = PaperComparison::of(&setup, &application, None, &["loss=0.1".parse().unwrap()]);
         assert_eq!(found, PaperComparison::NotComparable("faults were put into the cable".to_owned()));
+    }
+
+    #[test]
+    fn an_override_of_100_percent_is_none() {
+        let (setup, application) = cell("A");
+        for full in ["100", "100,100@2s"] {
+            let overrides = full.parse().unwrap();
+            let found = PaperComparison::of(&setup, &application, Some(&overrides), &[]);
+            assert!(matches!(found, PaperComparison::Comparable(_)), "{full}: {found:?}");
+            let schedule =
+                Schedule { overrides: Some(overrides), ..Schedule::new(&[ExecutionType::Rc], 1, 1) };
+            assert_eq!(Results::new(&setup, "pick-and-place", Mode::Virtual, &schedule).overrides, None);
+        }
+    }
+
+    #[test]
+    fn a_number_of_the_built_in_setup_is_calibrated_whatever_a_copy_says_of_its_source() {
+        let (shipped, application) = cell("A");
+        let mut setup = shipped.clone();
+        setup.motions.velocity_percent.from = Provenance::Assumed;
+        setup.robot.skill_overhead_us.from = Provenance::Assumed;
+        let schedule = Schedule::new(&[ExecutionType::Rc], 1, 1);
+        let of = |setup: &Setup| {
+            let comparison = PaperComparison::of(setup, &application, None, &[]);
+            let results = Results::new(setup, "pick-and-place", Mode::Virtual, &schedule);
+            results.with_paper(setup, comparison).calibrated
+        };
+        assert!(!of(&shipped).is_empty());
+        assert_eq!(of(&setup), of(&shipped));
     }
 }

@@ -243,7 +243,7 @@ impl Results {
             mode: mode.name().to_owned(),
             seed: schedule.seed,
             reps: schedule.reps,
-            overrides: schedule.overrides.map(|overrides| overrides.to_string()),
+            overrides: schedule.overrides.filter(|given| !given.is_full()).map(|given| given.to_string()),
             attached: None,
             status: Status::Running,
             results,
