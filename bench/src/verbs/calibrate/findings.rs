@@ -54,12 +54,30 @@ pub struct Calibration {
 }
 
 impl Found {
-    /// Returns the range in which the figures stay within their errors, with two digits of the error.
-    pub(super) fn interval(&self) -> String {
+    /// Returns the range in which the figures stay within their errors.
+    fn range(&self) -> (f64, f64) {
         let Fit { value, known_to, .. } = self.fit;
         let (lowest, highest, _) = self.number.range();
-        let (from, to) = ((value - known_to).max(lowest), (value + known_to).min(highest));
+        ((value - known_to).max(lowest), (value + known_to).min(highest))
+    }
+
+    /// Returns that range with two digits of the error.
+    pub(super) fn interval(&self) -> String {
+        let (from, to) = self.range();
+        let known_to = self.fit.known_to;
         format!("{} to {}", with_digits_of(from, known_to), with_digits_of(to, known_to))
+    }
+
+    /// Returns why the value is beside that range; empty where it is in it. The range is that of a straight line.
+    fn beside(&self, figure: &str) -> String {
+        let (from, to) = self.range();
+        if (from..=to).contains(&self.value) {
+            return String::new();
+        }
+        format!(
+            "; {figure} changes in steps, and of the values at the nearest step {:?} has the fewest digits",
+            self.value
+        )
     }
 }
 
@@ -99,7 +117,8 @@ impl Calibration {
             Parameter::Velocity => format!(" at the assumed acceleration, {}", self.beside_acceleration()),
             _ => String::new(),
         };
-        format!("`bench calibrate` on {figures}, {seeds} seeds: {interval}{assumed}")
+        let beside = found.beside(figures);
+        format!("`bench calibrate` on {figures}, {seeds} seeds: {interval}{assumed}{beside}")
     }
 
     /// Returns a sentence on how much speed has the same effect as one percent of acceleration.
@@ -109,7 +128,7 @@ impl Calibration {
             return "on which alone RC's AET depends here".to_owned();
         }
         let percent = by_acceleration_ms / by_velocity_ms;
-        let digits = if percent < 1.0 { 2 } else { 0 };
+        let digits = if percent < 1.0 { 2 } else { 1 };
         format!("of which 1 % more does as much as {percent:.digits$} % more speed")
     }
 
@@ -185,5 +204,37 @@ impl Calibration {
             }
             Metric::Aet(_) | Metric::CmLessRc => paper,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A calibration of Setup A that found this speed, and what its figures would have.
+    fn calibration(value: f64, fit: f64) -> Calibration {
+        let setup = setup::setup("A").unwrap();
+        let paper = setup.paper.clone().unwrap();
+        let fit = Fit { value: fit, known_to: 0.05, slopes: Vec::new() };
+        let found = Found { number: Parameter::Velocity, value, from: Provenance::Calibrated, fit };
+        let speed = Speed { by_velocity_ms: -9.6, by_acceleration_ms: -12.4, at_full_speed_ms: 3487.0 };
+        let conditions = Conditions { seeds: 32, reps: 25 };
+        Calibration { setup, found: vec![found], reached: Vec::new(), speed, paper, conditions }
+    }
+
+    #[test]
+    fn a_note_says_why_its_value_is_beside_the_range_and_what_the_acceleration_does() {
+        let note = |value, fit| {
+            let calibration = calibration(value, fit);
+            calibration.note(&calibration.found[0])
+        };
+        let range = "`bench calibrate` on RC's AET, 32 seeds: 23.25 to 23.35 at the assumed acceleration, of which 1 % more does \
+                     as much as 1.3 % more speed";
+        assert_eq!(note(23.3, 23.3), range);
+        let beside =
+            "; RC's AET changes in steps, and of the values at the nearest step 23.4 has the fewest digits";
+        assert_eq!(note(23.4, 23.3), format!("{range}{beside}"));
+        let shipped = setup::setup("A").unwrap().motions.velocity_percent;
+        assert_eq!(shipped.note, note(shipped.value, 23.3), "the note of Setup A");
     }
 }
