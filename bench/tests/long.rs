@@ -144,6 +144,25 @@ fn a_lost_duplicated_or_misplaced_motion_between_list_and_robot_is_noticed() {
 }
 
 #[test]
+fn a_motion_that_the_robot_refuses_is_named_by_its_line_in_the_list() {
+    let directory = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let mut bench = Command::cargo_bin("bench").unwrap();
+        bench.current_dir(directory.path()).args(["long", "--quiet"]).args(arguments).output().unwrap()
+    };
+    assert!(run(&["--motions", "2", "--write", "dots.csv"]).status.success());
+    let text = fs::read_to_string(directory.path().join("dots.csv")).unwrap();
+    let (first, last) = text.trim_end().rsplit_once('\n').unwrap();
+    // The last motion again: it ends where it starts.
+    fs::write(directory.path().join("dots.csv"), format!("{first}\n\n# twice\n{last}\n{last}\n")).unwrap();
+    let refused = run(&["--from", "dots.csv"]);
+    let said = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(refused.status.code(), Some(4), "{said}");
+    let line = text.lines().count() + 3;
+    assert!(said.contains(&format!("motions on the robot's path, at dots.csv:{line}: cm failed")), "{said}");
+}
+
+#[test]
 fn a_written_list_gives_the_same_digest_and_a_broken_one_is_refused_before_anything_moves() {
     let directory = tempfile::tempdir().unwrap();
     let bench = |arguments: &[&str]| {

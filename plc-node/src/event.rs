@@ -202,6 +202,17 @@ pub enum FailureCause {
     },
 }
 
+impl FailureCause {
+    /// Returns the motion of the sequence, counted from 0, at which it happened; `None` if it has nothing to do with one.
+    #[must_use]
+    pub const fn motion(&self) -> Option<u32> {
+        match self {
+            Self::Robot { motion, .. } | Self::Block { motion, .. } => Some(*motion),
+            _ => None,
+        }
+    }
+}
+
 /// Formats a robot's error number and findings as text. The image counts motions from 0, a printed plan from 1.
 fn robot_in_words(number: ErrorNumber, motion: u32, finding: &Finding) -> String {
     if number == ErrorNumber::None {

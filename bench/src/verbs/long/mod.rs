@@ -95,6 +95,17 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
     runtime.block_on(drive(options, &setup, origin, total))
 }
 
+impl LongOptions {
+    /// Returns the line of the list whose motion made the run fail, as `FILE:LINE`; `None` where the motions come from an
+    /// application or no motion is at fault.
+    fn line_of(&self, error: &anyhow::Error) -> Option<String> {
+        let path = self.from.as_deref()?;
+        let motion = error.downcast_ref::<plc_node::Failure>()?.cause.motion()?;
+        let line = supply::line_of(path, motion)?;
+        Some(format!("{}:{line}", path.display()))
+    }
+}
+
 /// Rejects a list that would replace what its motions are made from.
 fn check_list(options: &LongOptions, path: &Path, application: Option<&Path>) -> Result<(), Failure> {
     let read = [
@@ -153,9 +164,9 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
     let (plant, elapsed) = (run.plant_time(), started.elapsed());
     let accepted = run.digests()[1].sum();
     let so_far = format!(
-        "after {} of {total} motions and {:.0} s of plant time",
+        "after {:.0} s of plant time, with {} of {total} motions on the robot's path",
+        plant.as_secs_f64(),
         accepted.motions,
-        plant.as_secs_f64()
     );
     let Some(ended) = ended else {
         return Err(Failure::new(
@@ -163,7 +174,10 @@ async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32)
             anyhow!("interrupted {so_far}; the PLC and the robot agreed up to there"),
         ));
     };
-    let finished = run.finish(ended).with_context(|| format!("the run failed {so_far}")).map_err(failed)?;
+    let line = ended.as_ref().err().and_then(|error| options.line_of(error));
+    let at = line.map_or_else(String::new, |line| format!(", at {line}"));
+    let finished =
+        run.finish(ended).with_context(|| format!("the run failed {so_far}{at}")).map_err(failed)?;
     print(&finished, plant, elapsed);
     let peak = milestones.peak_at_a_tenth;
     let tenth = peak.map_or_else(String::new, |peak| format!("{peak} at 10 %, "));

@@ -2,7 +2,7 @@
 //! PLC.
 
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::{BufRead as _, BufReader, BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -129,6 +129,15 @@ impl Origin {
         }
         Ok(())
     }
+}
+
+/// Returns the line of a list, counted from 1, in which a motion stands, counted from 0; `None` if there is none.
+pub(super) fn line_of(path: &Path, motion: u32) -> Option<usize> {
+    let lines = BufReader::new(File::open(path).ok()?).lines();
+    let is_content = |line: &str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
+    let content = lines.map_while(Result::ok).enumerate().filter(|(_, line)| is_content(line));
+    // The first one names the columns.
+    content.map(|(index, _)| index + 1).nth(motion as usize + 1)
 }
 
 /// The thread that supplies the motions.
