@@ -46,6 +46,34 @@ fn section<'a>(html: &'a str, id: &str) -> &'a str {
 }
 
 #[test]
+fn the_report_counts_the_skills_of_cm() {
+    for (application, skills) in
+        [("pick-and-place", "one MoveContinuousSkill"), ("gluing", "5 MoveContinuousSkills")]
+    {
+        let directory = tempfile::tempdir().unwrap();
+        let arguments = ["--mode", "virtual", "--reps", "1", "--out", "run", "--quiet", "--application"];
+        let finished = bench(directory.path(), arguments.into_iter().chain([application]));
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+        let html = report(directory.path());
+        assert!(section(&html, "look").contains(&format!(">{skills}<")), "{application}");
+        assert!(section(&html, "speed").contains(&format!("{skills}, fed by the PLC")), "{application}");
+    }
+}
+
+#[test]
+fn each_plus_minus_of_the_report_says_what_it_is() {
+    let directory = a_run();
+    let html = report(directory.path());
+    let few = section(&html, "look");
+    assert!(!few.contains("In this figure ±"), "three repetitions have no interval");
+    let longer = bench(directory.path(), ["--mode", "virtual", "--reps", "5", "--out", "five", "--quiet"]);
+    assert_eq!(longer.code, Some(0), "{}", longer.stderr);
+    let html = std::fs::read_to_string(directory.path().join("five/report.html")).unwrap();
+    assert!(section(&html, "look").contains("In this figure ± is half the 95 % interval"));
+    assert!(section(&html, "distance").contains("In this table ± is one standard error"));
+}
+
+#[test]
 fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
     let directory = a_run();
     let html = report(directory.path());

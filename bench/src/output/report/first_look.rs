@@ -41,7 +41,7 @@ struct Bars {
 struct OfType {
     key: String,
     name: String,
-    how: &'static str,
+    how: String,
     y: f64,
     bars: Vec<Bar>,
 }
@@ -113,17 +113,20 @@ pub(super) fn signed_range((low, high): (f64, f64)) -> String {
 
 const TYPES: [ExecutionType; 3] = ExecutionType::ALL;
 
-const fn how(execution_type: ExecutionType) -> &'static str {
-    match execution_type {
-        ExecutionType::Rc => "robot program",
-        ExecutionType::Sm => "single skills",
-        ExecutionType::Cm => "one MoveContinuousSkill",
+/// Returns how a type runs the sequence, in a few words; CM with so many skills.
+pub(super) fn how(execution_type: ExecutionType, continuous: Option<usize>) -> String {
+    match (execution_type, continuous) {
+        (ExecutionType::Rc, _) => "robot program".to_owned(),
+        (ExecutionType::Sm, _) => "single skills".to_owned(),
+        (ExecutionType::Cm, Some(1)) => "one MoveContinuousSkill".to_owned(),
+        (ExecutionType::Cm, Some(count)) => format!("{count} MoveContinuousSkills"),
+        (ExecutionType::Cm, None) => "MoveContinuousSkills".to_owned(),
     }
 }
 
 impl FirstLook {
-    /// Returns the picture; `None` without a sample.
-    pub(super) fn of(results: &Results) -> Option<Self> {
+    /// Returns the picture; `None` without a sample. `continuous` is the number of CM's skills.
+    pub(super) fn of(results: &Results, continuous: Option<usize>) -> Option<Self> {
         let of_run: Vec<_> = TYPES
             .iter()
             .filter_map(|execution_type| Some((*execution_type, Shown::of_run(results, *execution_type)?)))
@@ -158,8 +161,8 @@ impl FirstLook {
             ]);
         }
         Some(Self {
-            wide: Bars::of(results, &of_run, Format::Wide),
-            narrow: Bars::of(results, &of_run, Format::Narrow),
+            wide: Bars::of(results, &of_run, continuous, Format::Wide),
+            narrow: Bars::of(results, &of_run, continuous, Format::Narrow),
             rows,
             has_paper: results.paper.is_some(),
             has_intervals: of_run.iter().any(|(_, shown)| shown.mean.is_some()),
@@ -181,7 +184,12 @@ pub(super) fn differences(results: &Results) -> Vec<(&'static str, Mean)> {
 }
 
 impl Bars {
-    fn of(results: &Results, types: &[(ExecutionType, Shown)], format: Format) -> Self {
+    fn of(
+        results: &Results,
+        types: &[(ExecutionType, Shown)],
+        continuous: Option<usize>,
+        format: Format,
+    ) -> Self {
         let width = format.width();
         let text = format.pick(14.0, 12.0);
         let (left, top) = (2.0, 4.0);
@@ -226,7 +234,7 @@ impl Bars {
             drawn.push(OfType {
                 key: execution_type.to_string(),
                 name: label(*execution_type),
-                how: how(*execution_type),
+                how: how(*execution_type, continuous),
                 y: y + name - text * 0.5,
                 bars,
             });

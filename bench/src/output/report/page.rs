@@ -130,7 +130,7 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         made: made(run),
         banner: banner(results),
         summary: result::sentences(results),
-        first_look: FirstLook::of(results),
+        first_look: FirstLook::of(results, run.continuous),
         is_virtual: results.mode == "virtual",
         figures: Figures::of(results),
         calibrated: calibrated(results),
@@ -152,7 +152,7 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         no_race: race.as_ref().err().cloned(),
         race: race.ok().map(|race| RaceStill::of(&race, race_is)).transpose()?,
         speed: Figure::draw("Path speed over time of RC, SM and CM on one time axis", |format| {
-            traced(&|trace| speed::draw(trace, results, format))
+            traced(&|trace| speed::draw(trace, results, run.continuous, format))
         })?
         .zip(trace)
         .map(|(figure, trace)| figure.with(speed::data(trace))),

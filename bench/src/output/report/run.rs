@@ -19,6 +19,8 @@ pub(super) struct Run {
     pub(super) results: Results,
     pub(super) setup: Option<Setup>,
     pub(super) application: Option<Application>,
+    /// Number of the application's continuous motions, each of which is a skill of CM; `None` if it cannot be planned.
+    pub(super) continuous: Option<usize>,
     /// `host.json`, key by key.
     pub(super) host: Option<serde_json::Map<String, serde_json::Value>>,
     pub(super) trace: Option<Trace>,
@@ -44,6 +46,9 @@ impl Run {
                     (None, None)
                 }
             };
+        let cell = application.as_ref().zip(setup.as_ref());
+        let plan = cell.and_then(|(application, setup)| planning::plan(application, setup).ok());
+        let continuous = plan.map(|plan| plan.stops().len());
         let host = read("host.json")
             .and_then(|text| serde_json::from_str(&text).context("host.json is not what this version writes"))
             .map_err(&mut or_missing)
@@ -58,7 +63,16 @@ impl Run {
                 .map_err(&mut or_missing)
                 .ok(),
         };
-        Ok(Self { directory: directory.to_owned(), results, setup, application, host, trace, missing })
+        Ok(Self {
+            directory: directory.to_owned(),
+            results,
+            setup,
+            application,
+            continuous,
+            host,
+            trace,
+            missing,
+        })
     }
 
     /// Returns the directory's name, which identifies the run.

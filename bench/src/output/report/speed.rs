@@ -5,11 +5,12 @@ use plotters::element::{PathElement, Polygon};
 use plotters::prelude::Color;
 
 use super::end::End;
+use super::first_look;
 use crate::output::html::chart::{self, Axes, Format, INK, MUTED, Panels, colour, px, stroke, text};
 use crate::output::html::figure::Data;
 use crate::output::progress::label;
 use crate::records::results::Results;
-use crate::records::trace::{Recording, RobotTick, Trace};
+use crate::records::trace::{RobotTick, Trace};
 
 /// Height in pixels of a panel and of the line of text above it.
 const PANEL: f64 = 130.0;
@@ -36,8 +37,13 @@ pub(super) fn data(trace: &Trace) -> Data {
     Data::new(std::iter::once("motion".to_owned()).chain(head).collect(), (0..motions).map(row).collect())
 }
 
-/// Draws the figure; `None` without ticks.
-pub(super) fn draw(trace: &Trace, results: &Results, format: Format) -> anyhow::Result<Option<String>> {
+/// Draws the figure; `None` without ticks. `continuous` is the number of CM's skills.
+pub(super) fn draw(
+    trace: &Trace,
+    results: &Results,
+    continuous: Option<usize>,
+    format: Format,
+) -> anyhow::Result<Option<String>> {
     let panels: Vec<_> = ExecutionType::ALL
         .into_iter()
         .filter_map(|execution_type| Some((execution_type, trace.types.get(execution_type)?)))
@@ -52,7 +58,9 @@ pub(super) fn draw(trace: &Trace, results: &Results, format: Format) -> anyhow::
     let layout = Panels { title: TITLE, panel: format.pick(PANEL, PANEL * 0.8) };
     let svg = layout.figure(format, &panels, |whole, panel, (execution_type, recording)| {
         let end = End::of(results, *execution_type, recording);
-        title(whole, *execution_type, (recording, end), panel.top, format)?;
+        let said = end.label(recording.end_ms() / 1e3);
+        let how = format!("{}: {said}", how(*execution_type, continuous, format));
+        title(whole, *execution_type, &how, panel.top, format)?;
         let ticks = recording.robot_ticks();
         let axes = Axes {
             x: (0.0, longest_s * 1.01),
@@ -80,24 +88,27 @@ pub(super) fn draw(trace: &Trace, results: &Results, format: Format) -> anyhow::
     Ok(Some(svg))
 }
 
+/// Returns how a type runs the sequence, as long as there is room for.
+fn how(execution_type: ExecutionType, continuous: Option<usize>, format: Format) -> String {
+    let short = first_look::how(execution_type, continuous);
+    match execution_type {
+        ExecutionType::Rc => format.pick("the robot's own program, started by the PLC".to_owned(), short),
+        ExecutionType::Sm => format.pick("one skill call a motion, each to an exact stop".to_owned(), short),
+        ExecutionType::Cm => format.pick(format!("{short}, fed by the PLC through five slots"), short),
+    }
+}
+
 fn title(
     area: &chart::Area<'_>,
     execution_type: ExecutionType,
-    (recording, end): (&Recording, End),
+    how: &str,
     top: f64,
     format: Format,
 ) -> anyhow::Result<()> {
     let y = px(top + 5.0);
     area.draw_text(&label(execution_type), &chart::name(15.0, colour(execution_type)), (px(2.0), y))?;
-    let how = match execution_type {
-        ExecutionType::Rc => format.pick("the robot's own program, started by the PLC", "robot program"),
-        ExecutionType::Sm => format.pick("one skill call a motion, each to an exact stop", "single skills"),
-        ExecutionType::Cm => format
-            .pick("one MoveContinuousSkill, fed by the PLC through five slots", "one MoveContinuousSkill"),
-    };
     let text_at = text(format.pick(13.0, 12.0), INK);
-    let said = end.label(recording.end_ms() / 1e3);
-    area.draw_text(&format!("{how}: {said}"), &text_at, (px(38.0), y + px(1.5)))?;
+    area.draw_text(how, &text_at, (px(38.0), y + px(1.5)))?;
     Ok(())
 }
 
