@@ -2,9 +2,9 @@
 //!
 //! It carries the messages of [`crate::message`]. A controller can move the robot, so on any address but the loopback it
 //! must send the node's token first, and receives nothing before. What it sends is still not trusted.
-//! A controller that sends anything but an instruction is disconnected. This also keeps a web page from controlling a
-//! node through its reader's browser, because the first line of HTTP is no instruction. A controller that does not read
-//! is disconnected before its unread messages fill the memory; one that sends nothing, after some minutes; and one whose
+//! A controller that sends a line that is no JSON is disconnected; JSON that is no instruction is refused, and the controller
+//! stays. This also keeps a web page from controlling a node through its reader's browser, because the first line of HTTP is
+//! no JSON. A controller that does not read is disconnected before its unread messages fill the memory; one that sends nothing, after some minutes; and one whose
 //! host disappeared, after some seconds. Nothing is encrypted: anyone who can listen to the network can read the token.
 
 mod client;

@@ -37,6 +37,9 @@ pub trait OperatingMode<N: Node> {
     /// Converts an instruction to an order.
     fn instruction(&mut self, instruction: Self::Instruction) -> N::Order;
 
+    /// Returns the message that refuses an instruction for this reason, while everything goes on.
+    fn refuse(&self, reason: String) -> Self::Message;
+
     /// Returns the state that a new controller has to know, besides whether the connection is up.
     fn greeting(&self) -> Option<Self::Message> {
         None
@@ -196,10 +199,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             }
             Ok(Instruction::Stop) => Next::End(Outcome::Done),
             Err(error) => {
-                match self.process.control() {
-                    Some(port) => port.deny(format!("it sent a line that is no instruction: {error}")),
-                    None => errln!("ignored, because it is no instruction: `{line}`: {error}"),
-                }
+                self.reject(line, &error);
                 Next::Wait
             }
         }
@@ -208,6 +208,19 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
     /// Sends a new controller what earlier ones received before: the node, the link's state, and the node's own
     /// state.
     fn send_state(&mut self) {
+    /// Answers a line that is no instruction. A controller that writes JSON may have a wrong value in it: it keeps control, and
+    /// what it has started goes on. What is no JSON comes from no controller.
+    fn reject(&mut self, line: &str, error: &serde_json::Error) {
+        if is_json(line) {
+            let refusal = self.mode.refuse(in_one_line(error));
+            return self.send(&Message::Node(refusal));
+        }
+        match self.process.control() {
+            Some(port) => port.deny(format!("it sent a line that is no instruction: {error}")),
+            None => errln!("ignored, because it is no instruction: `{line}`: {error}"),
+        }
+    }
+
         let hello = Message::<C::Message>::Hello(self.hello.clone());
         let link = self.linked.then_some(Message::LinkUp);
         let greeting = self.mode.greeting().map(Message::Node);
@@ -289,6 +302,20 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
 /// Logs connects and disconnects of controllers to the node's console only.
 fn log(words: std::fmt::Arguments<'_>) {
     // A full disk must not end a running node.
+/// Returns whether the line is one JSON value.
+fn is_json(line: &str) -> bool {
+    serde_json::from_str::<serde::de::IgnoredAny>(line).is_ok()
+}
+
+/// Returns the error of a line. Its place is a column: there is one line alone.
+fn in_one_line(error: &serde_json::Error) -> String {
+    let (text, place) = (error.to_string(), format!(" at line {} column {}", error.line(), error.column()));
+    match text.strip_suffix(&place) {
+        Some(reason) => format!("{reason} (before column {})", error.column()),
+        None => text,
+    }
+}
+
     let _ = to_stdout(format_args!("{words}\n"));
 }
 

@@ -201,10 +201,11 @@ impl fmt::Display for OverrideSchedule {
 }
 
 impl TryFrom<String> for OverrideSchedule {
-    type Error = ScheduleError;
+    type Error = String;
 
-    fn try_from(text: String) -> Result<Self, ScheduleError> {
-        text.parse()
+    /// The error names the field, because an instruction has other ones.
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse().map_err(|error: ScheduleError| format!("override: {error}"))
     }
 }
 
@@ -246,6 +247,8 @@ mod tests {
         let wrong = [
             "fast",
             "50@2",
+            "50@1h",
+            "50@3601s",
             "50.4",
             "0.1@2s",
             "120",
@@ -253,8 +256,6 @@ mod tests {
             "-1@2s",
             "NaN",
             "50@2s,70@1s",
-            "50@1h",
-            "50@3601s",
             "50,60",
             "0",
             "80,0@2s",
@@ -288,13 +289,13 @@ mod tests {
     }
 
     #[test]
-    #[test]
     fn a_schedule_of_nothing_but_100_percent_is_full() {
         let is_full = |text: &str| text.parse::<OverrideSchedule>().unwrap().is_full();
         assert!(is_full("100") && is_full("100,100@2s"));
         assert!(!is_full("50") && !is_full("100,50@2s") && !is_full("50,100@2s"));
     }
 
+    #[test]
     fn percent_are_rounded_but_only_0_stops_the_arm() {
         let percent = |percent| Override::from_percent(percent).map(Override::percent);
         assert_eq!(

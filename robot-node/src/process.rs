@@ -84,6 +84,11 @@ pub enum RobotMessage {
         /// Why, in words.
         reason: String,
     },
+    /// An instruction was refused; everything goes on.
+    Refused {
+        /// Why not, in words.
+        reason: String,
+    },
 }
 
 impl fmt::Display for RobotMessage {
@@ -103,6 +108,7 @@ impl fmt::Display for RobotMessage {
             Self::ImagesAltered(false) => f.write_str("the PLC's images have right checks again"),
             Self::DrivesFailed(reason) => f.write_str(reason),
             Self::Trouble { number, reason } => write!(f, "command {number}: {reason}"),
+            Self::Refused { reason } => write!(f, "refused: {reason}"),
         }
     }
 }
@@ -313,6 +319,10 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
         instruction
     }
 }
+
+    fn refuse(&self, reason: String) -> RobotMessage {
+        RobotMessage::Refused { reason }
+    }
 
 #[cfg(test)]
 mod tests {

@@ -47,6 +47,10 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for On
     fn instruction(&mut self, instruction: PlcInstruction) -> PlcOrder {
         instruction.into()
     }
+
+    fn refuse(&self, reason: String) -> PlcMessage {
+        PlcMessage::Refused { reason }
+    }
 }
 
 /// Runs its repetitions and ends.
@@ -93,5 +97,9 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for St
 
     fn instruction(&mut self, instruction: PlcInstruction) -> PlcOrder {
         instruction.into()
+    }
+
+    fn refuse(&self, reason: String) -> PlcMessage {
+        PlcMessage::Refused { reason }
     }
 }

@@ -75,7 +75,9 @@ const fn is_alarm_of_plc(message: &PlcMessage) -> Option<bool> {
 const fn is_alarm_of_robot(message: &RobotMessage) -> Option<bool> {
     match message {
         RobotMessage::ImagesAltered(is_altered) => Some(*is_altered),
-        RobotMessage::DrivesFailed(_) | RobotMessage::Trouble { .. } => Some(true),
+        RobotMessage::DrivesFailed(_) | RobotMessage::Trouble { .. } | RobotMessage::Refused { .. } => {
+            Some(true)
+        }
         RobotMessage::Executed { .. } => None,
     }
 }
