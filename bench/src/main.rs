@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use bench::command_line::{Cli, Command};
 use bench::output::errln;
-use bench::output::exit::Failure;
+use bench::output::exit::{Exit, Failure};
 use bench::stands::rig;
 use bench::verbs::{
     buses, calibrate, doctor, explore, gate, history, install, judge, long, measure, new, overhead, report,
@@ -19,6 +19,7 @@ fn main() -> ExitCode {
     if let Some(exit) = rig::run_as_node() {
         return exit;
     }
+    protocol_linux::exit_on_stop(Exit::Interrupted as u8);
     screen::fit_terminal();
     let cli: Cli = arguments::parse(std::env::args_os());
     let outcome = match &cli.command {

@@ -192,6 +192,12 @@ impl Prepared {
     }
 }
 
+/// Lets Ctrl-C and SIGTERM end the program with the exit code for them as long as there is nothing to end in order. Call it
+/// first in `main`.
+pub fn exit_on_stop() {
+    protocol_linux::exit_on_stop(Outcome::Interrupted as u8);
+}
+
 /// Returns the time of the first cycle of a node that starts now.
 #[must_use]
 pub fn first_cycle() -> Instant {

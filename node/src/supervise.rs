@@ -75,6 +75,8 @@ pub enum Outcome {
     RunFailed = 4,
     /// The host lacks what the node needs: an interface, a permission, a port.
     EnvironmentUnusable = 5,
+    /// Ctrl-C or SIGTERM.
+    Interrupted = 130,
 }
 
 impl From<Outcome> for ExitCode {
@@ -163,7 +165,8 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                     ));
                     Next::Wait
                 }
-                ProcessEvent::Input(Input::Closed | Input::Stop(_)) => Next::End(Outcome::Done),
+                ProcessEvent::Input(Input::Closed) => Next::End(Outcome::Done),
+                ProcessEvent::Input(Input::Stop(_)) => Next::End(Outcome::Interrupted),
                 ProcessEvent::Ended => return Ok(outcome),
             };
             // Sending fails only if the thread has ended, and the next event reports that.
@@ -205,9 +208,6 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         }
     }
 
-    /// Sends a new controller what earlier ones received before: the node, the link's state, and the node's own
-    /// state.
-    fn send_state(&mut self) {
     /// Answers a line that is no instruction. A controller that writes JSON may have a wrong value in it: it keeps control, and
     /// what it has started goes on. What is no JSON comes from no controller.
     fn reject(&mut self, line: &str, error: &serde_json::Error) {
@@ -221,6 +221,9 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         }
     }
 
+    /// Sends a new controller what earlier ones received before: the node, the link's state, and the node's own
+    /// state.
+    fn send_state(&mut self) {
         let hello = Message::<C::Message>::Hello(self.hello.clone());
         let link = self.linked.then_some(Message::LinkUp);
         let greeting = self.mode.greeting().map(Message::Node);
@@ -299,9 +302,6 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
     }
 }
 
-/// Logs connects and disconnects of controllers to the node's console only.
-fn log(words: std::fmt::Arguments<'_>) {
-    // A full disk must not end a running node.
 /// Returns whether the line is one JSON value.
 fn is_json(line: &str) -> bool {
     serde_json::from_str::<serde::de::IgnoredAny>(line).is_ok()
@@ -316,6 +316,9 @@ fn in_one_line(error: &serde_json::Error) -> String {
     }
 }
 
+/// Logs connects and disconnects of controllers to the node's console only.
+fn log(words: std::fmt::Arguments<'_>) {
+    // A full disk must not end a running node.
     let _ = to_stdout(format_args!("{words}\n"));
 }
 

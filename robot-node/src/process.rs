@@ -134,6 +134,7 @@ pub fn command_line() -> clap::Command {
 
 /// Runs the process: parses `args`, with the program's name first, and runs until it is ended.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    node::run::exit_on_stop();
     let cli: Cli = arguments::parse(args);
     let Subcommand::Run(run) = cli.command;
     let is_usage = |error: &anyhow::Error| {
@@ -318,11 +319,11 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
     fn instruction(&mut self, instruction: RobotInstruction) -> RobotInstruction {
         instruction
     }
-}
 
     fn refuse(&self, reason: String) -> RobotMessage {
         RobotMessage::Refused { reason }
     }
+}
 
 #[cfg(test)]
 mod tests {

@@ -64,14 +64,15 @@ says() {
     done
 }
 
-# ends NAME [SECONDS]: waits until the program has ended successfully.
+# ends NAME [SECONDS [CODE]]: waits until the program has ended with this exit code, 0 if none is given.
 ends() {
-    local tenths=$((${2:-10} * 10))
+    local tenths=$((${2:-10} * 10)) code=0
     while kill -0 "${!1}" 2>/dev/null; do
         [ $((tenths -= 1)) -gt 0 ] || fail "$1 did not end"
         sleep 0.1
     done
-    wait "${!1}" || fail "$1 ended with exit code $?"
+    wait "${!1}" || code=$?
+    [ "$code" = "${3:-0}" ] || fail "$1 ended with exit code $code"
 }
 
 # From here on the capture contains everything on the cable.

@@ -16,7 +16,7 @@ run_robot() { # run_robot NAME: starts the node under this name of its log
 }
 stop_robot() { # stop_robot NAME: ends it, and takes away the address that it leaves on the interface
     pkill -INT -P "${!1}"
-    ends "$1"
+    ends "$1" 10 130
     at_robot ip address flush dev robot
 }
 has_gateway() { at_robot ip route show default dev robot | grep -q "via $PLC_ADDRESS"; }

@@ -14,5 +14,5 @@ says peer 'the announcement is read in strict mode'
 says peer "the station is found by its neighbour's port"
 says peer 'the neighbour has gone'
 pkill -INT -P "${robot_node:?}"
-ends robot_node
+ends robot_node 10 130
 recorded

@@ -22,6 +22,7 @@ pub(super) fn event_loop() -> anyhow::Result<Runtime> {
 pub(super) fn interrupt() -> anyhow::Result<impl Future<Output = ()>> {
     let mut interrupted = signal(SignalKind::interrupt()).context("cannot listen for Ctrl-C")?;
     let mut terminated = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
+    protocol_linux::handle_stop();
     Ok(async move {
         tokio::select! {
             _ = interrupted.recv() => {}

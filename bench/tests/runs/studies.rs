@@ -204,3 +204,12 @@ fn an_interrupted_soak_prints_what_it_lived_through_so_far() {
     assert!(stderr.contains("interrupted, ") && stderr.contains(" of 60000 lives\n"), "{stderr}");
     assert!(summary.contains(" hours of the plant in ") && summary.contains("0 altered."), "{summary}");
 }
+
+#[test]
+fn a_verb_that_has_nothing_to_save_also_ends_with_130_at_either_signal() {
+    let place = tempfile::tempdir().unwrap();
+    for signal in [Signal::INT, Signal::TERM] {
+        let Finished { code, stderr, .. } = interrupted(place.path(), "doctor --seconds 3600", 0, signal);
+        assert_eq!(code, Some(130), "{stderr}");
+    }
+}

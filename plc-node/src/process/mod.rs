@@ -78,6 +78,7 @@ pub fn command_line() -> clap::Command {
 
 /// Runs the process: parses `args`, with the program's name first, and runs until it is done.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    node::run::exit_on_stop();
     let cli: Cli = arguments::parse(args);
     screen::fit_terminal();
     let outcome = match cli.command {

@@ -55,5 +55,5 @@ pub use notifier::Notifier;
 pub use open_port::{OpenPort, PortError, Received};
 pub use port_holders::Transport;
 pub use recorder::{Recorder, RecorderError};
-pub use signals::{StopSignal, StopSignals};
+pub use signals::{StopSignal, StopSignals, exit_on_stop, handle_stop};
 pub use stream::StreamStatistics;

@@ -1,7 +1,8 @@
-//! SIGINT and SIGTERM as a descriptor to poll.
+//! SIGINT and SIGTERM as a descriptor to poll, or as the end of the process with an exit code of its own.
 
 use std::fmt;
 use std::os::fd::{AsFd, BorrowedFd, FromRawFd, OwnedFd};
+use std::sync::atomic::{AtomicI32, Ordering};
 
 /// A request to stop.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -67,4 +68,36 @@ impl AsFd for StopSignals {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.0.as_fd()
     }
+}
+
+/// Exit code at SIGINT and SIGTERM; 0 where the program handles them itself.
+static EXIT_CODE: AtomicI32 = AtomicI32::new(0);
+
+/// Ends the process at SIGINT or SIGTERM with this exit code, until [`handle_stop`] is called or the signals are blocked by
+/// [`StopSignals::block`]. A shell sees the same end for both signals then.
+pub fn exit_on_stop(code: u8) {
+    extern "C" fn end(_signal: libc::c_int) {
+        let code = EXIT_CODE.load(Ordering::Relaxed);
+        if code != 0 {
+            // SAFETY: `_exit` may be called in a signal handler.
+            unsafe { libc::_exit(code) }
+        }
+    }
+    EXIT_CODE.store(code.into(), Ordering::Relaxed);
+    for signal in [libc::SIGINT, libc::SIGTERM] {
+        // SAFETY: all zero is a valid `sigaction`, and `end` does only what a signal handler may. The call fails only for a
+        // signal that does not exist.
+        unsafe {
+            let mut action: libc::sigaction = std::mem::zeroed();
+            action.sa_sigaction = end as extern "C" fn(libc::c_int) as libc::sighandler_t;
+            action.sa_flags = libc::SA_RESTART;
+            libc::sigaction(signal, &raw const action, std::ptr::null_mut());
+        }
+    }
+}
+
+/// Leaves SIGINT and SIGTERM to handlers of the program's own. These call the handler that was there before, which then
+/// does nothing.
+pub fn handle_stop() {
+    EXIT_CODE.store(0, Ordering::Relaxed);
 }

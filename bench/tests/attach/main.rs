@@ -1,10 +1,13 @@
-//! The bench on nodes that it did not start, as in containers or on other machines: they outlive it, whatever it does.
+//! The bench on nodes that it did not start, as in containers or on other machines: they outlive it, whatever it does. And
+//! the nodes with another controller, or with none.
 //!
 //! ```text
 //!   bench ── c0 ═ plc ── PLC's network ── plc0 ═ robot0 ── robot's network ── robot ═ c1 ── bench
 //! ```
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+mod by_hand;
 
 use std::fs;
 use std::net::Ipv4Addr;
@@ -17,6 +20,11 @@ use std::time::{Duration, Instant};
 use networked_tests::End;
 use protocol_linux::namespace::NetworkNamespace;
 use rustix::process::{Pid, Signal, kill_process};
+
+use by_hand::{
+    a_wrong_value_in_an_instruction_is_refused_and_the_run_goes_on,
+    nodes_end_with_130_at_ctrl_c_and_sigterm_whatever_they_do,
+};
 
 /// Real-time tests need the host for themselves: one test at a time.
 static HOST: Mutex<()> = Mutex::new(());
@@ -37,6 +45,8 @@ fn main() -> ExitCode {
         a_node_that_goes_away_fails_the_run,
         what_runs_there_has_to_be_what_is_asked_for,
         another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named,
+        a_wrong_value_in_an_instruction_is_refused_and_the_run_goes_on,
+        nodes_end_with_130_at_ctrl_c_and_sigterm_whatever_they_do,
     ])
 }
 
@@ -56,13 +66,9 @@ impl Cell {
         cable((&plc, "plc", Some([10, 77, 0, 1])), (&control, "c0", Some([10, 77, 0, 2])));
         cable((&robot, "robot", Some([10, 77, 1, 1])), (&control, "c1", Some([10, 77, 1, 2])));
         let node = |network: &NetworkNamespace, name, interface, address| {
-            let mut command = bench();
-            command.args([name, "run", "--setup", "A", "--interface", interface, "--control", address]);
-            command.env("SKILLBENCH_CONTROL_TOKEN", TOKEN);
-            // A directory that cannot be read, as where `HOME` is another user's: the node starts all the same.
-            command.env_remove("STATE_DIRECTORY").env("XDG_STATE_HOME", "/dev/null");
-            network.confine(&mut command).unwrap();
-            command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap()
+            let mut command = node(network, name, interface);
+            command.args(["--control", address]).env("SKILLBENCH_CONTROL_TOKEN", TOKEN);
+            command.stdout(Stdio::null()).spawn().unwrap()
         };
         let nodes = [
             node(&plc, "__plc-node", "plc0", "10.77.0.1:7700"),
@@ -123,6 +129,17 @@ fn cable(a: (&NetworkNamespace, &str, Option<[u8; 4]>), b: (&NetworkNamespace, &
         name,
         address: address.map(Ipv4Addr::from),
     }));
+}
+
+/// Returns the command that starts a node of Setup A in a network.
+fn node(network: &NetworkNamespace, name: &str, interface: &str) -> Command {
+    let mut command = bench();
+    command.args([name, "run", "--setup", "A", "--interface", interface]);
+    // A directory that cannot be read, as where `HOME` is another user's: the node starts all the same.
+    command.env_remove("STATE_DIRECTORY").env("XDG_STATE_HOME", "/dev/null");
+    network.confine(&mut command).unwrap();
+    command.stdin(Stdio::null());
+    command
 }
 
 fn bench() -> Command {
