@@ -17,9 +17,11 @@
 //!
 //! A block is called once a scan, whatever `Execute` is. A skill is given up by [`GroupHalt`] or [`GroupStop`], or by another
 //! block whose [`BufferMode`] is `Aborting`, not by its own block. A block that waits for another one is `Busy` and not
-//! `Active`; whatever gives up the skill under way gives up the one that waits for it, but for the one that did so. Inputs
-//! have [engineering units](MotionInputs). Each block of a skill has the skill's state, [`SkillState`]. A block that ends with an error while the robot
-//! may still move stops the robot.
+//! `Active`; whatever gives up the skill under way gives up the one that waits for it, but for the one that did so. The inputs of a
+//! block of one motion have [engineering units](MotionInputs); [`MoveContinuous`] takes motions of the image, which
+//! [`MotionInputs::motion`] makes of such inputs. Each block of a skill has the skill's state, [`SkillState`]. A block that
+//! ends with an error after it asked the robot for something, while the robot may still move, stops the robot; a block that is
+//! refused changes nothing.
 
 mod buffer_mode;
 mod error;

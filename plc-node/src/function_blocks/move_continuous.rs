@@ -10,6 +10,29 @@ use crate::{AxesGroup, MotionSource};
 ///
 /// The first five motions are written with the start. Whenever the robot counts motion k as executed (the paper's
 /// `curExec`), motion k + 5 goes into the slot of motion k, until all (`totalNo`) are written (paper, section 5.2).
+///
+/// The source gives motions as the image carries them. [`MotionInputs`](super::MotionInputs) makes them of engineering units:
+///
+/// ```
+/// use plc_node::MotionList;
+/// use plc_node::function_blocks::{Dynamics, MotionInputs};
+/// use protocol::image::MotionKind;
+///
+/// let line = |x| MotionInputs {
+///     position: [x, 0.0, 100.0, 0.0, 0.0, 180.0], // mm and degrees
+///     auxiliary: [0.0; 3],
+///     configuration: None,
+///     dynamics: Dynamics { velocity: 250.0, acceleration: 2500.0, ..Dynamics::default() }, // mm/s, mm/s²
+///     approximation_mm: 5.0,
+///     tool: 0,
+///     base: 1,
+/// };
+/// let motions = [line(0.0), line(50.0), line(100.0)].map(|inputs| inputs.motion(MotionKind::LinCartesian));
+/// let motions = motions.into_iter().collect::<Result<Vec<_>, _>>()?;
+/// assert_eq!(motions[0].velocity, 2500); // in steps of 0.1 mm/s
+/// let mut source = MotionList::from(motions); // for MoveContinuous::call
+/// # Ok::<(), plc_node::function_blocks::BlockError>(())
+/// ```
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub struct MoveContinuous {
     /// Its parameter is the number of motions.
