@@ -2,7 +2,7 @@
 
 mod turn;
 
-use protocol::image::{Command, Control, Feedback};
+use protocol::image::{Command, Control, Feedback, Status};
 
 use turn::Waiting;
 pub(crate) use turn::{Ticket, Turn};
@@ -38,6 +38,8 @@ pub struct AxesGroup {
     scans: u64,
     /// Scans since the robot's life counter changed.
     still_scans: u32,
+    /// Whether the arm has moved between the images of the scan before and of this one.
+    moving: bool,
     /// The first scan of a stop that an error of a block asks for, until the robot stands.
     pub(crate) error_stop: Option<u64>,
     wait_limits: WaitLimits,
@@ -56,6 +58,7 @@ impl AxesGroup {
             halting: false,
             scans: 0,
             still_scans: 0,
+            moving: false,
             error_stop: None,
             wait_limits,
         }
@@ -68,6 +71,12 @@ impl AxesGroup {
             (Some(before), Some(after)) if before.life == after.life => self.still_scans.saturating_add(1),
             _ => 0,
         };
+        self.moving = match (&self.feedback, &feedback) {
+            (Some(before), Some(after)) => {
+                before.joints != after.joints && !after.status.contains(Status::AT_REST)
+            }
+            _ => false,
+        };
         self.feedback = feedback;
         self.end_error_stop();
     }
@@ -75,6 +84,7 @@ impl AxesGroup {
     /// Begins a scan in which the robot's image is still that of the scan before.
     pub const fn read_again(&mut self) {
         self.count_scan();
+        self.moving = false;
         self.still_scans = if self.feedback.is_some() { self.still_scans.saturating_add(1) } else { 0 };
     }
 
@@ -111,6 +121,12 @@ impl AxesGroup {
     #[must_use]
     pub const fn answer_scans(&self) -> u32 {
         self.wait_limits.answer_scans
+    }
+
+    /// Counts a scan in which a block waits for the robot to get into a state; returns how many these are. They begin anew
+    /// whenever the arm moves: it may brake as slowly as its motion says, and takes longer then than a robot may to answer.
+    pub(crate) const fn count_wait(&self, waited: u32) -> u32 {
+        if self.moving { 0 } else { waited.saturating_add(1) }
     }
 
     /// Returns the number of this scan, from 1.
@@ -177,6 +193,7 @@ impl AxesGroup {
         self.error_stop = None;
         self.feedback = None;
         self.still_scans = 0;
+        self.moving = false;
     }
 
     /// Claims the robot for the skill whose turn it is, and gives the command a number that is new to the robot.
@@ -234,8 +251,6 @@ impl AxesGroup {
 
 #[cfg(test)]
 mod tests {
-    use protocol::image::Status;
-
     use super::*;
 
     fn group() -> AxesGroup {

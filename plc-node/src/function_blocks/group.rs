@@ -18,6 +18,10 @@
 //! Each sets its control bit with `Execute`'s rising edge and takes it back at its end; `ENABLE` stays. An end counts only
 //! once the robot has seen the bit, by the life counter that it echoes: a state from before would be no answer. A robot
 //! that does not follow in time ends the block with an error, and the bit goes back too, so that asking again is an edge.
+//! Where a block acts on an arm that may move (all but [`GroupEnable`] and [`GroupReset`]), the time counts only while the arm
+//! stands or the robot has not seen the bit: as long as it moves, it may be braking, by the deceleration of its motion, and the
+//! bit stays. After an error of such a block the group stops the robot, as after an error of a skill: `HALT` stays until the
+//! arm stands.
 
 use protocol::image::{Control, Feedback, State, Status};
 
@@ -31,8 +35,17 @@ pub(super) struct GroupCommand {
     pub(super) interface: ExecuteInterface,
     /// The first scan with the bit.
     pub(super) since: u64,
-    /// Scans since the start.
+    /// Scans since the start, or since the arm moved last after the robot had seen the bit.
     pub(super) waited: u32,
+}
+
+/// What a block has to do with an arm that may be moving.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Arm {
+    /// The block waits as long as it moves, and an error of the block stops the robot.
+    Moving,
+    /// Nothing: the block starts no motion, and ends none.
+    Unmoved,
 }
 
 impl GroupCommand {
@@ -45,6 +58,7 @@ impl GroupCommand {
         before: impl FnOnce(&Feedback) -> Result<(), BlockError>,
         reached: impl FnOnce(&Feedback) -> Option<End>,
         ask: impl FnOnce(&mut AxesGroup, bool),
+        arm: Arm,
     ) -> Outputs {
         let started = self.interface.call(execute);
         if started {
@@ -54,7 +68,8 @@ impl GroupCommand {
             let seen = group.has_seen(self.since);
             let scans = self.waited;
             let late = scans >= group.answer_scans();
-            self.waited = self.waited.saturating_add(1);
+            let may_brake = seen && arm == Arm::Moving;
+            self.waited = if may_brake { group.count_wait(scans) } else { scans.saturating_add(1) };
             let end = match &group.feedback {
                 None => Some(End::Error(BlockError::NotConnected)),
                 Some(feedback) if started => before(feedback).err().map(End::Error),
@@ -67,6 +82,10 @@ impl GroupCommand {
             let end = end.or_else(|| late.then_some(End::Error(BlockError::StateNotReached { scans })));
             if let Some(end) = end {
                 self.interface.end(end);
+                if arm == Arm::Moving && !started && matches!(end, End::Error(_)) {
+                    group.give_up();
+                    group.stop_for_error();
+                }
             }
             ask(group, self.interface.is_busy());
         }
@@ -75,7 +94,7 @@ impl GroupCommand {
 }
 
 macro_rules! group_blocks {
-    ($($(#[$doc:meta])* $name:ident: $before:expr, $reached:expr, $ask:expr;)*) => {$(
+    ($($(#[$doc:meta])* $name:ident ($arm:ident): $before:expr, $reached:expr, $ask:expr;)*) => {$(
         $(#[$doc])*
         #[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
         pub struct $name {
@@ -85,7 +104,7 @@ macro_rules! group_blocks {
         impl $name {
             /// Runs one scan.
             pub fn call(&mut self, execute: bool, group: &mut AxesGroup) -> Outputs {
-                self.inner.call(execute, group, $before, $reached, $ask)
+                self.inner.call(execute, group, $before, $reached, $ask, Arm::$arm)
             }
 
             /// Returns the error behind `ErrorID`; `None` without an error.
@@ -99,7 +118,7 @@ macro_rules! group_blocks {
 
 group_blocks! {
     /// Switches the robot on and leads it to `Ready`. One that stands in an error stays in it: that is for [`GroupReset`].
-    GroupEnable: |_| Ok(()), |feedback| {
+    GroupEnable (Unmoved): |_| Ok(()), |feedback| {
         let is_enabled = feedback.status.contains(Status::ENABLED);
         let in_error = feedback.status.contains(Status::ERROR);
         match feedback.state {
@@ -115,7 +134,7 @@ group_blocks! {
         group.set_control(Control::RESET, is_busy && group.feedback().is_some_and(may_be_reset));
     };
     /// Switches the robot off. A skill under way stops on its path and ends with an error.
-    GroupDisable: |_| Ok(()), |feedback| {
+    GroupDisable (Moving): |_| Ok(()), |feedback| {
         let is_off = !feedback.status.contains(Status::ENABLED) && is_at_rest(feedback);
         is_off.then_some(End::Done)
     }, |group, is_busy| if is_busy {
@@ -123,11 +142,11 @@ group_blocks! {
         group.set_control(Control::ENABLE, false);
     };
     /// Acknowledges an error and leads the robot out of `Halted` to `Ready`.
-    GroupReset: |_| Ok(()), |feedback| is_ready(feedback).then_some(End::Done),
+    GroupReset (Unmoved): |_| Ok(()), |feedback| is_ready(feedback).then_some(End::Done),
         |group, is_busy| group.set_control(Control::RESET, is_busy);
     /// Stops the robot on its path; a skill under way is given up, and the next one may start at once. A robot that is
     /// stopped otherwise meanwhile, and so needs a reset, aborts the block.
-    GroupHalt: |feedback| match feedback.state {
+    GroupHalt (Moving): |feedback| match feedback.state {
         State::Halted => Err(BlockError::NothingToDo("running or ready")),
         _ => Ok(()),
     }, |feedback| match feedback.state {
@@ -135,7 +154,7 @@ group_blocks! {
         _ => is_at_rest(feedback).then_some(End::Done),
     }, |group, is_busy| group.halt(is_busy);
     /// Stops the robot on its path; a skill under way is given up. No skill starts before a reset.
-    GroupStop: |_| Ok(()), |feedback| is_at_rest(feedback).then_some(End::Done),
+    GroupStop (Moving): |_| Ok(()), |feedback| is_at_rest(feedback).then_some(End::Done),
         |group, is_busy| {
             if is_busy {
                 group.give_up();
@@ -144,13 +163,13 @@ group_blocks! {
         };
     /// Stops the robot on its path; the skill waits there, and its block shows `CommandInterrupted`. A skill that ends
     /// meanwhile aborts the block.
-    GroupInterrupt: |feedback| is_in(feedback, State::Running, "running"), |feedback| match feedback.state {
+    GroupInterrupt (Moving): |feedback| is_in(feedback, State::Running, "running"), |feedback| match feedback.state {
         State::Suspended => Some(End::Done),
         State::Running => None,
         _ => Some(End::Aborted),
     }, |group, is_busy| group.set_control(Control::SUSPEND, is_busy);
     /// Lets an interrupted skill go on.
-    GroupContinue: |feedback| is_in(feedback, State::Suspended, "interrupted"), |feedback| match feedback.state {
+    GroupContinue (Moving): |feedback| is_in(feedback, State::Suspended, "interrupted"), |feedback| match feedback.state {
         State::Suspended => None,
         State::Halted => Some(End::Aborted),
         _ => Some(End::Done),

@@ -123,7 +123,7 @@ impl<P: Copy> SkillCall<P> {
     /// Waits until the robot has given up the skill under way, and stops a robot that does not.
     fn wait_for_cancel(&mut self, group: &mut AxesGroup) {
         self.interface.wait();
-        self.waited = self.waited.saturating_add(1);
+        self.waited = group.count_wait(self.waited);
         if self.waited >= group.answer_scans() {
             group.withdraw();
             group.stop_for_error();

@@ -2,7 +2,7 @@
 
 use plc_node::function_blocks::{
     BlockError, BufferMode, GroupContinue, GroupDisable, GroupEnable, GroupHalt, GroupInterrupt,
-    GroupSetOverride, GroupStop, MotionInputs, MoveLinCartesian, MovePtpCartesian, OverrideFactors,
+    GroupSetOverride, GroupStop, MotionInputs, MoveLinCartesian, MovePtpCartesian, Outputs, OverrideFactors,
     RunProgram, SkillState,
 };
 use plc_node::{AxesGroup, Override, WaitLimits};
@@ -217,6 +217,49 @@ fn a_robot_that_does_not_follow_a_group_command_has_as_many_scans_as_the_setup_s
     assert!(halt.call(true, &mut group).error);
     assert_eq!(halt.error(), Some(BlockError::StateNotReached { scans: ANSWER_SCANS }));
     assert!(!asks(&group, Control::CANCEL), "asking again is an edge");
+}
+
+/// A block that acts on a moving arm, called in each scan.
+type Called = Box<dyn FnMut(&mut AxesGroup) -> (Outputs, Option<BlockError>)>;
+
+macro_rules! called {
+    ($($block:ident),*) => {[$((stringify!($block), {
+        let mut block = $block::default();
+        Box::new(move |group: &mut AxesGroup| (block.call(true, group), block.error())) as Called
+    })),*]};
+}
+
+/// A robot that has seen the PLC's last image and does not follow it; its first joint stands there.
+fn runs_on(group: &mut AxesGroup, joint: f32) {
+    let joints = [joint, 0.0, 0.0, 0.0, 0.0, 0.0];
+    group.read(Some(Feedback { joints, life_echo: group.command().life, ..running(0) }));
+}
+
+#[test]
+fn a_block_waits_for_an_arm_that_brakes_and_one_that_ends_with_an_error_has_the_robot_stopped() {
+    for (name, mut call) in called![GroupDisable, GroupHalt, GroupStop, GroupInterrupt] {
+        let mut group = group();
+        for scan in 0..20 * ANSWER_SCANS {
+            runs_on(&mut group, scan as f32 * 0.001);
+            assert!(call(&mut group).0.busy, "{name}, scan {scan}");
+        }
+        // It has moved in the first of these scans.
+        for scan in 0..=ANSWER_SCANS + 1 {
+            runs_on(&mut group, -1.0);
+            let (outputs, error) = call(&mut group);
+            let is_late = scan > ANSWER_SCANS;
+            assert_eq!((outputs.busy, outputs.error), (!is_late, is_late), "{name}, scan {scan}: {error:?}");
+        }
+        let (_, error) = call(&mut group);
+        assert_eq!(error, Some(BlockError::StateNotReached { scans: ANSWER_SCANS }), "{name}");
+        for scan in 0..100 {
+            runs_on(&mut group, scan as f32);
+            call(&mut group);
+            assert!(asks(&group, Control::HALT), "{name}: nothing stops the robot in scan {scan}");
+        }
+        group.read(Some(Feedback { life_echo: group.command().life, ..ready() }));
+        assert!(!asks(&group, Control::HALT), "{name}: the arm stands");
+    }
 }
 
 #[test]

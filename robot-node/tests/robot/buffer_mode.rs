@@ -30,6 +30,7 @@ struct Cell {
     /// The buffer mode of each block of a skill.
     modes: [BufferMode; 4],
     outputs: [Outputs; 8],
+    line_inputs: MotionInputs,
 }
 
 const WAY: usize = 0;
@@ -84,6 +85,7 @@ impl Cell {
             execute: [false; 8],
             modes: [BufferMode::Buffered; 4],
             outputs: [Outputs::default(); 8],
+            line_inputs: line(),
         };
         cell.execute[ENABLE] = true;
         cell.until(|cell| cell.outputs[ENABLE].done);
@@ -97,7 +99,7 @@ impl Cell {
         group.read(Some(*self.controller.feedback()));
         self.outputs = [
             self.way.call(execute[WAY], &mut way(), modes[WAY], group),
-            self.line.call(execute[LINE], &line(), modes[LINE], group),
+            self.line.call(execute[LINE], &self.line_inputs, modes[LINE], group),
             self.back.call(execute[BACK], &back(), modes[BACK], group),
             self.circle.call(execute[CIRCLE], &line(), modes[CIRCLE], group),
             self.halt.call(execute[HALT], group),
@@ -307,4 +309,42 @@ fn a_skill_that_fails_takes_the_one_that_waits_with_it() {
     );
     assert!(cell.outputs[LINE].command_aborted, "{:?}", cell.outputs[LINE]);
     assert_eq!(bad.error().map(BlockError::error_id), Some(u16::from(ErrorNumber::Unreachable)));
+}
+
+/// A line of 150 mm at 20 mm/s whose braking takes four seconds, five times as long as a robot may take to answer.
+fn gentle() -> MotionInputs {
+    let position = [150.0, 0.0, 100.0, 0.0, 0.0, 180.0];
+    let dynamics = Dynamics { velocity: 20.0, acceleration: 1000.0, deceleration: 5.0, jerk: 0.0 };
+    MotionInputs { position, dynamics, ..line() }
+}
+
+/// A cell whose line of [`gentle`] has been running for half a second.
+fn moving_gently() -> Cell {
+    let mut cell = Cell::moving();
+    cell.until(|cell| cell.outputs[WAY].done);
+    cell.line_inputs = gentle();
+    cell.start(LINE, BufferMode::Buffered);
+    cell.until(|cell| cell.feedback().path_speed > 19.9);
+    cell
+}
+
+#[test]
+fn a_halt_a_stop_and_an_interrupt_wait_for_an_arm_that_brakes_gently() {
+    for (block, state) in [(HALT, State::Ready), (STOP, State::Halted), (INTERRUPT, State::Suspended)] {
+        let mut cell = moving_gently();
+        let began = cell.at;
+        cell.execute[block] = true;
+        cell.until(|cell| !cell.outputs[block].busy && cell.outputs[block] != Outputs::default());
+        assert!(cell.outputs[block].done, "{:?}", cell.outputs[block]);
+        assert_eq!(cell.feedback().state, state);
+        assert!(cell.at.since(began) > Duration::from_secs(3), "it brakes by its own deceleration");
+    }
+}
+
+#[test]
+fn an_aborting_block_waits_for_an_arm_that_brakes_gently() {
+    let mut cell = moving_gently();
+    cell.start(BACK, BufferMode::Aborting);
+    cell.until(|cell| !cell.outputs[BACK].busy);
+    assert!(cell.outputs[BACK].done && cell.outputs[LINE].command_aborted, "{:?}", cell.back.error());
 }

@@ -133,7 +133,7 @@ explored_skill!(RunProgram, 1, |block| &mut block.call, |block, execute, group| 
 
 macro_rules! explored_group_command {
     ($block:ident, |$control:ident| $asks:expr, done: |$done:ident| $is_done:expr,
-     aborted: |$aborted:ident| $is_aborted:expr, way: [$($way:expr),*]) => {
+     aborted: |$aborted:ident| $is_aborted:expr, leaves: $leaves:expr, way: [$($way:expr),*]) => {
         impl Explored for $block {
             fn asks($control: Control) -> Option<bool> {
                 $asks
@@ -165,6 +165,9 @@ macro_rules! explored_group_command {
             fn may_be_aborted($aborted: &Feedback) -> bool {
                 $aborted.life_echo == 1 && $is_aborted
             }
+            fn may_leave(_feedback: Option<Feedback>) -> bool {
+                $leaves
+            }
             fn way_to_done() -> Vec<Feedback> {
                 let image = |(state, status)| Feedback { state, status, life_echo: 1, ..Feedback::default() };
                 [$($way),*].map(image).into()
@@ -182,22 +185,22 @@ const fn while_busy(control: Control, bit: Control) -> Option<bool> {
 
 explored_group_command!(GroupEnable, |control| (!control.contains(Control::ENABLE)).then_some(false),
     done: |f| f.status.contains(Status::ENABLED) && f.state != State::Halted,
-    aborted: |_f| false, way: [(State::Halted, Status::AT_REST), (State::Halted, ON), (State::Ready, ON)]);
+    aborted: |_f| false, leaves: true, way: [(State::Halted, Status::AT_REST), (State::Halted, ON), (State::Ready, ON)]);
 explored_group_command!(GroupDisable, |control| control.contains(Control::ENABLE).then_some(false),
     done: |f| is_at_rest(f) && !f.status.contains(Status::ENABLED),
-    aborted: |_f| false, way: [(State::Running, Status::ENABLED), (State::Halted, Status::AT_REST)]);
+    aborted: |_f| false, leaves: false, way: [(State::Running, Status::ENABLED), (State::Halted, Status::AT_REST)]);
 explored_group_command!(GroupReset, |control| while_busy(control, Control::RESET),
     done: |f| f.state == State::Ready && f.status.contains(Status::ENABLED) && !f.status.contains(Status::ERROR),
-    aborted: |_f| false, way: [(State::Halted, ON), (State::Ready, ON)]);
+    aborted: |_f| false, leaves: true, way: [(State::Halted, ON), (State::Ready, ON)]);
 explored_group_command!(GroupHalt, |control| while_busy(control, Control::CANCEL),
     done: |f| is_at_rest(f) && f.state != State::Halted,
-    aborted: |f| f.state == State::Halted, way: [(State::Running, ON), (State::Ready, ON)]);
+    aborted: |f| f.state == State::Halted, leaves: false, way: [(State::Running, ON), (State::Ready, ON)]);
 explored_group_command!(GroupStop, |control| while_busy(control, Control::HALT),
     done: |f| is_at_rest(f),
-    aborted: |_f| false, way: [(State::Running, ON), (State::Halted, ON)]);
+    aborted: |_f| false, leaves: false, way: [(State::Running, ON), (State::Halted, ON)]);
 explored_group_command!(GroupInterrupt, |control| while_busy(control, Control::SUSPEND),
     done: |f| f.state == State::Suspended,
-    aborted: |f| f.state != State::Running, way: [(State::Running, ON), (State::Suspended, ON)]);
+    aborted: |f| f.state != State::Running, leaves: false, way: [(State::Running, ON), (State::Suspended, ON)]);
 explored_group_command!(GroupContinue, |control| while_busy(control, Control::RESUME),
     done: |f| !matches!(f.state, State::Suspended | State::Halted),
-    aborted: |f| f.state == State::Halted, way: [(State::Suspended, ON), (State::Running, ON)]);
+    aborted: |f| f.state == State::Halted, leaves: false, way: [(State::Suspended, ON), (State::Running, ON)]);

@@ -31,6 +31,8 @@ struct Step {
     input: Input,
     after: Outputs,
     control: Control,
+    /// Whether the group stops the robot after an error.
+    stops_for_error: bool,
 }
 
 trait Explored: Copy + Eq + Hash + Debug + Default {
@@ -110,7 +112,8 @@ impl<F: Explored> Explorer<F> {
         let after = self.block.call(input.execute, &mut group);
         self.block.check(&group, after);
         let control = group.command.control;
-        check_rules::<F>(&Step { execute_before, before, input, after, control });
+        let stops_for_error = group.error_stop.is_some();
+        check_rules::<F>(&Step { execute_before, before, input, after, control, stops_for_error });
         assert_eq!(self.block.error().map_or(0, BlockError::error_id), after.error_id);
 
         self.block.normalise(&mut group);
@@ -120,7 +123,7 @@ impl<F: Explored> Explorer<F> {
             outputs: after,
             control,
             commanded: group.commanded,
-            stops_for_error: group.error_stop.is_some(),
+            stops_for_error,
             counts: (group.command.total, group.command.written),
             slots: group.command.slots,
             skill: group.command.skill,
@@ -130,7 +133,8 @@ impl<F: Explored> Explorer<F> {
 
 /// Checks the general rules of PLCopen Part 1, and what this handshake adds to them.
 fn check_rules<F: Explored>(step: &Step) {
-    let Step { execute_before, before, input: Input { execute, feedback }, after, control } = step;
+    let Step { execute_before, before, input: Input { execute, feedback }, after, control, stops_for_error } =
+        step;
     let shown = |o: &Outputs| [o.busy, o.done, o.command_aborted, o.error].map(u8::from).iter().sum::<u8>();
     let ended = |o: &Outputs| o.done || o.command_aborted || o.error;
     let rising = *execute && !execute_before;
@@ -141,7 +145,12 @@ fn check_rules<F: Explored>(step: &Step) {
     assert_eq!(after.error, after.error_id != 0, "ErrorID only with Error");
     assert!(after.busy || !after.command_interrupted, "CommandInterrupted only with Busy: {after:?}");
     assert!(!(after.active && after.command_interrupted), "Active and CommandInterrupted: {after:?}");
-    assert!(F::asks(*control).is_none_or(|asks| asks == after.busy), "asked exactly while busy: {after:?}");
+    let mut asked = *control;
+    if *stops_for_error {
+        // The group holds this bit, whichever block asks for it.
+        asked.set(Control::HALT, after.busy);
+    }
+    assert!(F::asks(asked).is_none_or(|asks| asks == after.busy), "asked exactly while busy: {after:?}");
     let stops = control.contains(Control::HALT);
     assert!(
         stops || !(before.busy && after.error) || F::may_leave(*feedback),

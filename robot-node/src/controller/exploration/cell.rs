@@ -177,7 +177,8 @@ impl Explored {
         for _ in 0..3 {
             now = now.step(Change::Nothing, source);
         }
-        if now.controller.state != State::Halted {
+        // A block that waits for its turn would start its skill after the reset.
+        if now.controller.state != State::Halted || [MOVE, SECOND].iter().any(|block| now.waits(*block)) {
             now = now.reaches_done(STOP, source);
         }
         assert!(now.controller.interpolator.is_at_rest());

@@ -58,7 +58,7 @@ impl Explored {
     }
 
     /// Returns whether a block waits for its turn.
-    fn waits(&self, block: usize) -> bool {
+    pub(super) fn waits(&self, block: usize) -> bool {
         self.outputs[block].busy && self.state(block) == SkillState::Ready
     }
 
