@@ -5,8 +5,6 @@ use std::fmt;
 use arm::Violation;
 use setup::Figure;
 
-use crate::swing::SwingsTooNear;
-
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -152,6 +150,25 @@ impl fmt::Display for OutOfReach {
         }
         write!(f, "change its frame{}", OrBase(*base))
     }
+}
+
+/// A PTP whose joints take the tool nearer to an obstacle than the clearance.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+#[error(
+    "{motion}: its joints take the tool to {nearest_mm:.1} mm from obstacle `{obstacle}`; clearance_mm = {clearance_mm} are \
+     needed: lower ptp_radius_mm = {ptp_radius_mm}, or lead the tool over a frame between"
+)]
+pub struct SwingsTooNear {
+    /// The motion's number in the plan, from 1, and its name.
+    pub motion: String,
+    /// The obstacle.
+    pub obstacle: String,
+    /// The least distance of the tool from the obstacle, in mm.
+    pub nearest_mm: f64,
+    /// The clearance of the application, in mm.
+    pub clearance_mm: f64,
+    /// The radius by which the application bounds how far a PTP leaves its chord, in mm.
+    pub ptp_radius_mm: f64,
 }
 
 /// Names a motion by its number in the plan, from 1; 0 of one that leads back to the start.

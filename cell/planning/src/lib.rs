@@ -43,7 +43,7 @@ mod zone;
 pub use application::{
     Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Ways, Zones,
 };
-pub use error::{Error, LEAST_MM, OrBase, OutOfReach, Refusal};
+pub use error::{Error, LEAST_MM, OrBase, OutOfReach, Refusal, SwingsTooNear};
 pub use geometry::{Cuboid, Point, Pose};
 pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
 pub use load::{APPLICATIONS, Found, application, setup_and_application, setup_with_application};
@@ -53,6 +53,5 @@ pub use planner::plan;
 pub use reach::Reached;
 pub use stopped::{Stopped, Unfit};
 pub use stream::{Stream, Streamed, count, stream, to_start};
-pub use swing::SwingsTooNear;
 pub use wire::{PROGRAM, Stop, Switch};
 pub use zone::Why;

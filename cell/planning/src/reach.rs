@@ -132,7 +132,9 @@ impl<'a> Walk<'a> {
         wire: &image::Motion,
         joints: &Joints,
     ) -> Result<(), OutOfReach> {
-        let Some((tool, base)) = motion.joints_deg.and_then(|_| self.frames(wire).ok()) else { return Ok(()) };
+        let Some((tool, base)) = motion.joints_deg.and_then(|_| self.frames(wire).ok()) else {
+            return Ok(());
+        };
         let is = base.inverse() * self.arm().forward(joints) * tool;
         let wanted = Frame::from_mm_deg(motion.target.mm_deg());
         let (_, off_deg) = (wanted.rotation.inverse() * is.rotation).axis_angle();

@@ -10,7 +10,7 @@ use setup::Setup;
 use crate::application::{Application, Obstacle, Ways};
 use crate::check::nearer_mm;
 use crate::clearance::Leg;
-use crate::error::LEAST_MM;
+use crate::error::{LEAST_MM, SwingsTooNear, motion_in_words};
 use crate::geometry::Point;
 use crate::motion::Motion;
 use crate::plan::Plan;
@@ -22,25 +22,6 @@ const STEP: f64 = 0.5;
 
 /// Largest number of points of a course.
 const MOST_STEPS: f64 = 2_000.0;
-
-/// A PTP whose joints take the tool nearer to an obstacle than the clearance.
-#[derive(Clone, PartialEq, Debug, thiserror::Error)]
-#[error(
-    "{motion}: its joints take the tool to {nearest_mm:.1} mm from obstacle `{obstacle}`; clearance_mm = {clearance_mm} are \
-     needed: lower ptp_radius_mm = {ptp_radius_mm}, or lead the tool over a frame between"
-)]
-pub struct SwingsTooNear {
-    /// The motion's number in the plan, from 1, and its name.
-    pub motion: String,
-    /// The obstacle.
-    pub obstacle: String,
-    /// The least distance of the tool from the obstacle, in mm.
-    pub nearest_mm: f64,
-    /// The clearance of the application, in mm.
-    pub clearance_mm: f64,
-    /// The radius by which the application bounds how far a PTP leaves its chord, in mm.
-    pub ptp_radius_mm: f64,
-}
 
 /// Checks that every PTP of a plan keeps the clearance of the application from its obstacles, between the joints that the
 /// arm has there.
@@ -68,12 +49,9 @@ pub(crate) fn keep_clear(
         let legs = legs(motion, [from, to], &installation);
         for obstacle in &application.obstacles {
             let Err(nearest_mm) = keeps_clear(&legs, obstacle, ways) else { continue };
-            let name = &motion.name;
+            let number = if index < plan.motions.len() { index + 1 } else { 0 };
             return Err(SwingsTooNear {
-                motion: match plan.motions.get(index) {
-                    Some(_) => format!("motion {} `{name}`", index + 1),
-                    None => format!("`{name}`, the way back to the start"),
-                },
+                motion: motion_in_words(number, &motion.name),
                 obstacle: obstacle.name.clone(),
                 nearest_mm,
                 clearance_mm: ways.clearance_mm,
