@@ -374,7 +374,8 @@ impl fmt::Display for Refusal {
             Self::TooNear { target, obstacle, missing_mm, distance_mm } => write!(
                 f,
                 "{target} lies {missing_mm:.1} mm too near obstacle `{obstacle}` to travel freely; {distance_mm:.1} mm \
-                 are needed: lengthen approach_mm or retreat_mm, or lower clearance_mm"
+                 are needed: move its frame or the obstacle, lengthen the step's approach_mm or retreat_mm, or lower \
+                 clearance_mm"
             ),
             Self::Through { obstacle, inside_mm } => write!(
                 f,
