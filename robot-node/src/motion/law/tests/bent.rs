@@ -331,7 +331,7 @@ fn a_law_from_where_the_arm_moves_takes_as_long_as_the_rest_of_that_from_rest() 
             left -= cell.duration;
         }
     }
-    assert!(found >= 117 && slower <= 2, "{found} laws, {slower} of them slower, and {none} not found");
+    assert!(found >= 160 && slower <= 8, "{found} laws, {slower} of them slower, and {none} not found");
 }
 
 /// Refines a law until its end. Returns how that ended, the number of steps and the share of the former duration.
