@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::{self, JoinHandle};
+use std::time::Duration;
 use std::vec;
 
 use anyhow::{Context, anyhow};
@@ -16,6 +17,9 @@ use protocol::image::{Digest, Motion, Sum};
 use setup::Setup;
 
 use crate::records::replacement::{Durability, Replacement};
+
+/// How long the receiver waits before the supply begins.
+const FIRST_WAIT: Duration = Duration::from_micros(100);
 
 /// Number of motions in a chunk.
 const CHUNK: usize = 4096;
@@ -149,6 +153,9 @@ impl SupplyThread {
     #[must_use]
     pub fn start(origin: Origin, total: u32) -> (Self, SuppliedMotions) {
         let (sender, chunks) = sync_channel(CHUNKS_AHEAD);
+        // A thread that waits for the first time allocates what it is woken by. Nothing can come yet, so it does that here and not
+        // in the run, where it waits only if the supply is late.
+        let _: Result<Vec<Motion>, _> = chunks.recv_timeout(FIRST_WAIT);
         let thread = thread::spawn(move || {
             let mut digest = Digest::default();
             let mut chunk = Vec::with_capacity(CHUNK);
