@@ -80,6 +80,9 @@ pub struct Robot<'a> {
 /// Largest share of a joint's jerk that the bend between two lines driven as one may take.
 const UNNOTICED: f64 = 0.01;
 
+/// The same of the tool's programmed jerk. It is across the path, so that with what the path may use along it the whole stays below the limit.
+const ACROSS: f64 = 0.2;
+
 /// One motion, ready to run.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Segment {
@@ -173,8 +176,8 @@ impl Segment {
     }
 
     /// Returns whether both are lines and the next one continues this one, so that the arm drives them as one: at the
-    /// highest speed that is programmed, no joint notices in a robot cycle of `cycle_s` seconds what rounding on the wire
-    /// leaves of a bend.
+    /// highest speed that is programmed, no joint and no tool notices in a robot cycle of `cycle_s` seconds what rounding on
+    /// the wire leaves of a bend.
     #[must_use]
     pub fn goes_straight_on_to(&self, next: &Self, arm: &Arm, cycle_s: f64) -> bool {
         let (Curve::Line(first), Curve::Line(second)) = (&self.curve, &next.curve) else { return false };
@@ -186,7 +189,10 @@ impl Segment {
         let cubed = cycle_s * cycle_s * cycle_s;
         first.beyond(second, way, arm, &self.end).is_ok_and(|[straight, on]| {
             let mut joints = straight.iter().zip(&on).zip(&arm.limits().jerk);
+            let off_mm = distance(self.tool_at(&straight, arm), self.tool_at(&on, arm));
+            let jerk_mm_s3 = self.programmed.jerk.min(next.programmed.jerk);
             joints.all(|((straight, on), jerk)| (straight - on).abs() <= UNNOTICED * jerk * cubed)
+                && off_mm <= ACROSS * jerk_mm_s3 * cubed
         })
     }
 
