@@ -153,9 +153,8 @@ impl<'a> Walk<'a> {
 
     /// Returns the tool of a motion, in the flange, and its base, in the root.
     fn frames(&self, motion: &image::Motion) -> Result<(Frame, Frame), Violation> {
-        let frame = |frames: &Frames, number: u8| frames.get(usize::from(number)).copied().flatten();
-        let tool = frame(self.robot.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
-        let base = frame(self.robot.bases, motion.base).ok_or(Violation::Base(motion.base))?;
+        let tool = frame_of(self.robot.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
+        let base = frame_of(self.robot.bases, motion.base).ok_or(Violation::Base(motion.base))?;
         Ok((tool, base))
     }
 
@@ -257,6 +256,11 @@ impl<'a> Walk<'a> {
         let alike = rest.filter_map(|share| follow(share).err()).filter(|it| it.number() == first.number());
         alike.fold(first, |worst, next| if missing(&next) > missing(&worst) { next } else { worst })
     }
+}
+
+/// Returns the tool or base of a number, if the setup has it.
+pub(crate) fn frame_of(frames: &Frames, number: u8) -> Option<Frame> {
+    frames.get(usize::from(number)).copied().flatten()
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! that is too large, or where axis 1 turns by more than half a turn, the tool leaves the chord farther. Here the joints say
 //! where it goes: they travel evenly from start to target.
 
-use arm::{Frame, Frames, Installation, Joints};
+use arm::{Frame, Installation, Joints};
 use setup::Setup;
 
 use crate::application::{Application, Obstacle, Ways};
@@ -14,7 +14,7 @@ use crate::error::{LEAST_MM, SwingsTooNear, motion_in_words};
 use crate::geometry::Point;
 use crate::motion::Motion;
 use crate::plan::Plan;
-use crate::reach::Reached;
+use crate::reach::{Reached, frame_of};
 
 /// Largest change of a joint between two points of a course, in degrees (mm). The tool of an arm of 1 m leaves the straight
 /// line between them by about LEAST_MM.
@@ -64,11 +64,10 @@ pub(crate) fn keep_clear(
 
 /// Returns the course of the tool between two positions of the joints, in the base of the motion.
 fn legs(motion: &Motion, [from, to]: [&Joints; 2], installation: &Installation) -> Vec<Leg> {
-    let frame = |frames: &Frames, number: u8| {
-        frames.get(usize::from(number)).copied().flatten().unwrap_or(Frame::IDENTITY)
-    };
     let Installation { arm, tools, bases, .. } = installation;
-    let (tool, into_base) = (frame(tools, motion.tool), frame(bases, motion.base).inverse());
+    let [tool, base] = [frame_of(tools, motion.tool), frame_of(bases, motion.base)]
+        .map(|frame| frame.unwrap_or(Frame::IDENTITY));
+    let into_base = base.inverse();
     let largest = from.iter().zip(to).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
     let steps = (largest / STEP).ceil().clamp(1.0, MOST_STEPS);
     let at = |step: u32| {
