@@ -131,5 +131,5 @@ fn what_the_arm_does_not_reach_is_a_fault_of_usage_beside_the_plan_with_the_dist
         "{}",
         finished.stdout
     );
-    insta::assert_snapshot!(finished.stderr, @"error: my.toml on setup A: the arm cannot stand at the start: the target is 559.017 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 59.0 mm are missing: change its frame, or base 1 in the setup");
+    insta::assert_snapshot!(finished.stderr, @"error: my.toml on setup A: the arm cannot stand at the start: the target is 559.017 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 59.0 mm are missing: change frame `home`, or base 1 in the setup");
 }

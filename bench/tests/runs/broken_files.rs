@@ -55,7 +55,7 @@ fn the_error_for_an_application_that_cannot_be_planned_gives_step_motion_quantit
 #[test]
 fn an_application_that_the_arm_does_not_reach_is_refused_before_the_run_with_motion_place_and_what_is_missing()
  {
-    insta::assert_snapshot!(refused_application("inserted = { mm_deg = [300.0", "inserted = { mm_deg = [600.0"), @"error: jobs/mine.toml on setup A: motion 7 `PTP before C`, its target: the target is 540.833 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 40.8 mm are missing: change its frame, or base 1 in the setup");
+    insta::assert_snapshot!(refused_application("inserted = { mm_deg = [300.0", "inserted = { mm_deg = [600.0"), @"error: jobs/mine.toml on setup A: motion 7 `PTP before C`, its target: the target is 540.833 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 40.8 mm are missing: change frame `above-assembly` or the step's approach_mm, or base 1 in the setup");
 }
 
 #[test]

@@ -239,6 +239,16 @@ pub enum Segment {
     },
 }
 
+impl Segment {
+    /// Returns the frames at which its motions end.
+    pub(crate) fn places(&self) -> &[Place] {
+        match self {
+            Self::Line(to) | Self::Circle { to, .. } | Self::Press { to, .. } => std::slice::from_ref(to),
+            Self::Spline(places) => places,
+        }
+    }
+}
+
 /// What happens at an accurate stop before the next continuous motion begins: a gripper, a valve.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Action {

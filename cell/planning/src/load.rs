@@ -56,7 +56,7 @@ impl Found {
     /// [`Error::OutOfReach`], [`Error::SwingsTooNear`]
     pub fn reach(&self, plan: &Plan, setup: &Setup) -> Result<Reached, Error> {
         let [origin, name] = [&self.origin, &setup.name].map(String::clone);
-        let reached = match plan.reach(setup) {
+        let reached = match plan.reach(&self.application, setup) {
             Ok(reached) => reached,
             Err(found) => return Err(Error::OutOfReach { origin, setup: name, found: Box::new(found) }),
         };

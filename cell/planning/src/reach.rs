@@ -9,9 +9,11 @@ use arm::{Arm, Frame, Frames, Installation, Joints, Violation, distance};
 use protocol::image::{self, MotionKind};
 use setup::Setup;
 
-use crate::error::{OutOfReach, motion_in_words};
+use crate::application::Application;
 use crate::motion::Motion;
+use crate::out_of_reach::{OutOfReach, motion_in_words};
 use crate::plan::Plan;
+use crate::source::Source;
 use crate::stopped::{Course, Stopped, Unfit};
 
 /// Length in mm of the steps in which a refused path is followed, and the least and the most of them.
@@ -40,14 +42,14 @@ pub struct Reached {
 }
 
 impl Plan {
-    /// Follows the plan with the arm of a setup.
+    /// Follows the plan of an application with the arm of a setup.
     ///
     /// # Errors
     ///
     /// The first motion that the robot would refuse, and where on it.
-    pub fn reach(&self, setup: &Setup) -> Result<Reached, OutOfReach> {
+    pub fn reach(&self, application: &Application, setup: &Setup) -> Result<Reached, OutOfReach> {
         let installation = Installation::from_setup(setup).map_err(OutOfReach::Arm)?;
-        let walk = Walk::new(setup, &installation);
+        let walk = Walk::new(application, setup, &installation);
         let start = walk.start(self)?;
         let mut here = start;
         let (mut targets, mut stopped) = (Vec::with_capacity(self.motions.len()), Vec::new());
@@ -86,13 +88,14 @@ impl Plan {
 
 /// The state of following a plan with an arm.
 struct Walk<'a> {
+    application: &'a Application,
     setup: &'a Setup,
     installation: &'a Installation,
     robot: Robot<'a>,
 }
 
 impl<'a> Walk<'a> {
-    fn new(setup: &'a Setup, installation: &'a Installation) -> Self {
+    fn new(application: &'a Application, setup: &'a Setup, installation: &'a Installation) -> Self {
         let Installation { arm, tools, bases, .. } = installation;
         let robot = &setup.robot;
         let most = Programmed {
@@ -102,7 +105,11 @@ impl<'a> Walk<'a> {
             jerk: robot.path_jerk_mm_s3.value,
         };
         let robot = Robot { arm, tools, bases, most, presses: robot.force.is_some() };
-        Self { setup, installation, robot }
+        Self { application, setup, installation, robot }
+    }
+
+    fn source(&self, motion: &Motion) -> Option<Box<Source>> {
+        Source::of(motion, self.application).map(Box::new)
     }
 
     const fn arm(&self) -> &'a Arm {
@@ -119,7 +126,11 @@ impl<'a> Walk<'a> {
         let near = if is_open { self.stand_at(&wire) } else { Ok(near) };
         let found = near.and_then(|near| Segment::prepare(&wire, &near, self.robot));
         let found = found.map(|segment| segment.end);
-        let joints = found.map_err(|violation| OutOfReach::Start { violation, base: start.base })?;
+        let joints = found.map_err(|violation| OutOfReach::Start {
+            violation,
+            source: self.source(start),
+            base: start.base,
+        })?;
         self.agrees("the start", start, &wire, &joints)?;
         Ok(joints)
     }
@@ -194,7 +205,8 @@ impl<'a> Walk<'a> {
         let found = curve.map(|curve| self.place(&curve, from, violation));
         let (violation, share) = found.unwrap_or((violation, None));
         let way_mm = share.map(|share| (share * motion.length_mm, motion.length_mm));
-        OutOfReach::Motion { number, name: motion.name.clone(), way_mm, violation, base: motion.base }
+        let (name, source) = (motion.name.clone(), self.source(motion));
+        OutOfReach::Motion { number, name, way_mm, violation, source, base: motion.base }
     }
 
     /// Returns the share of a curve that the arm can follow before this violation, if it is one of a place. Of a violation
@@ -274,7 +286,9 @@ mod tests {
         let mut setup = setup::setup("B").unwrap();
         (setup.robot.axes.lower_deg.value[4], setup.robot.axes.upper_deg.value[4]) = (-180.0, 180.0);
         let installation = Installation::from_setup(&setup).unwrap();
-        let walk = Walk::new(&setup, &installation);
+        let text = include_str!("../../applications/pick-and-place.toml");
+        let application = Application::parse("pick-and-place", text).unwrap();
+        let walk = Walk::new(&application, &setup, &installation);
         let [start, target] = [150.0, -150.0].map(|x| Pose::new([x, 0.05, 500.0, 0.0, 0.0, 180.0]));
         let ptp = Motion::straight(Role::Way, MotionKind::PtpCartesian, start, start);
         let line = Motion::straight(Role::Path, MotionKind::LinCartesian, start, target);

@@ -8,7 +8,7 @@ use std::fmt;
 use arm::motion::{Blend, Curve, Hindrance, Segment};
 use arm::{Arm, Joints};
 
-use crate::error::Missing;
+use crate::out_of_reach::Missing;
 
 /// A place at which the arm stops exactly although the plan passes it. Prints itself as a warning.
 #[derive(Clone, PartialEq, Debug)]

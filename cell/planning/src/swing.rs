@@ -10,9 +10,10 @@ use setup::Setup;
 use crate::application::{Application, Obstacle, Ways};
 use crate::check::nearer_mm;
 use crate::clearance::Leg;
-use crate::error::{LEAST_MM, SwingsTooNear, motion_in_words};
+use crate::error::LEAST_MM;
 use crate::geometry::Point;
 use crate::motion::Motion;
+use crate::out_of_reach::{SwingsTooNear, motion_in_words};
 use crate::plan::Plan;
 use crate::reach::{Reached, frame_of};
 

@@ -14,7 +14,8 @@ fn application(name: &str) -> Application {
 fn changed(name: &str, change: impl Fn(&mut Setup)) -> Result<Reached, OutOfReach> {
     let mut setup = setup(name).unwrap();
     change(&mut setup);
-    plan(&application("pick-and-place"), &setup).unwrap().reach(&setup)
+    let application = application("pick-and-place");
+    plan(&application, &setup).unwrap().reach(&application, &setup)
 }
 
 fn moved(name: &str, by: [f64; 6]) -> Result<Reached, OutOfReach> {
@@ -45,18 +46,18 @@ fn a_cell_too_far_away_is_refused_with_the_motion_and_the_distance_that_is_missi
     let far =
         ["A", "B", "D"].map(|name| moved(name, [700.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap_err().to_string());
     insta::assert_snapshot!(far.join("\n"), @r"
-    the arm cannot stand at the start: the target is 934.077 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 434.1 mm are missing: change its frame, or base 1 in the setup
-    the arm cannot stand at the start: the wrist centre would be 938.120 mm from axis 2; the arm reaches from 25.200 to 475.200 mm; 462.9 mm are missing: change its frame, or base 1 in the setup
-    the arm cannot stand at the start: the wrist centre would be 893.370 mm from axis 2; the arm reaches from 32.800 to 817.200 mm; 76.2 mm are missing: change its frame, or base 1 in the setup
+    the arm cannot stand at the start: the target is 934.077 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 434.1 mm are missing: change frame `home`, or base 1 in the setup
+    the arm cannot stand at the start: the wrist centre would be 938.120 mm from axis 2; the arm reaches from 25.200 to 475.200 mm; 462.9 mm are missing: change frame `home`, or base 1 in the setup
+    the arm cannot stand at the start: the wrist centre would be 893.370 mm from axis 2; the arm reaches from 32.800 to 817.200 mm; 76.2 mm are missing: change frame `home`, or base 1 in the setup
     ");
     let partly = ["A", "B", "D"].map(|name| {
         let by = |mm: u32| moved(name, [f64::from(mm), 0.0, 0.0, 0.0, 0.0, 0.0]);
         (1..800).find_map(|mm| by(mm).err()).unwrap().to_string()
     });
     insta::assert_snapshot!(partly.join("\n"), @r"
-    motion 1 `PTP before A`, its target: the target is 500.029 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 0.028999 mm are missing: change its frame, or base 1 in the setup
-    motion 3 `LIN A`, after 26.2 of its 30.0 mm: the wrist centre would be 475.687 mm from axis 2; the arm reaches from 25.200 to 475.200 mm; 0.5 mm are missing: change its frame, or base 1 in the setup
-    motion 1 `PTP before A`, its target: the wrist centre would be 817.633 mm from axis 2; the arm reaches from 32.800 to 817.200 mm; 0.4 mm are missing: change its frame, or base 1 in the setup
+    motion 1 `PTP before A`, its target: the target is 500.029 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 0.028999 mm are missing: change frame `carrier-rim` or the step's approach_mm, or base 1 in the setup
+    motion 3 `LIN A`, after 26.2 of its 30.0 mm: the wrist centre would be 475.687 mm from axis 2; the arm reaches from 25.200 to 475.200 mm; 0.5 mm are missing: change frame `grip`, or base 1 in the setup
+    motion 1 `PTP before A`, its target: the wrist centre would be 817.633 mm from axis 2; the arm reaches from 32.800 to 817.200 mm; 0.4 mm are missing: change frame `carrier-rim` or the step's approach_mm, or base 1 in the setup
     ");
 }
 
@@ -67,15 +68,15 @@ fn a_joint_that_would_leave_its_range_is_named_with_what_is_missing() {
         setup.robot.axes.home_deg = None;
     });
     let low = low.unwrap_err();
-    insta::assert_snapshot!(low, @"the arm cannot stand at the start: joint 3 would be at 175.000 mm, its range is 0.000 to 174.000 mm; 1.0 mm are missing: change its frame, or base 1 in the setup");
+    insta::assert_snapshot!(low, @"the arm cannot stand at the start: joint 3 would be at 175.000 mm, its range is 0.000 to 174.000 mm; 1.0 mm are missing: change frame `home`, or base 1 in the setup");
     let narrow = changed("B", |setup| setup.robot.axes.upper_deg.value[0] = -30.0);
-    insta::assert_snapshot!(narrow.unwrap_err(), @"motion 1 `PTP before A`, its target: joint 1 would be at -26.565°, its range is -230.000 to -30.000°; 3.4 degrees are missing: change its frame, or base 1 in the setup");
+    insta::assert_snapshot!(narrow.unwrap_err(), @"motion 1 `PTP before A`, its target: joint 1 would be at -26.565°, its range is -230.000 to -30.000°; 3.4 degrees are missing: change frame `carrier-rim` or the step's approach_mm, or base 1 in the setup");
 }
 
 #[test]
 fn a_base_that_a_scara_would_have_to_tilt_for_is_refused_with_the_tilt() {
     let tilted = moved("A", [0.0, 0.0, 0.0, 0.0, 5.0, 0.0]).unwrap_err();
-    insta::assert_snapshot!(tilted, @"the arm cannot stand at the start: the flange would be tilted by 5.000° from straight down; this arm cannot tilt it (c = 180); change its frame, or base 1 in the setup");
+    insta::assert_snapshot!(tilted, @"the arm cannot stand at the start: the flange would be tilted by 5.000° from straight down; this arm cannot tilt it (c = 180); change frame `home`, or base 1 in the setup");
 }
 
 /// Plans an application of frames in the root and of steps, and follows it with the arm of a setup.
@@ -88,9 +89,8 @@ fn of_frames(name: &str, zone_mm: f64, frames: &[[f64; 6]], steps: &str) -> Resu
         text += &format!("f{index} = {{ mm_deg = {frame:?} }}\n");
     }
     text += steps;
-    plan(&Application::parse("frames", &text).unwrap(), &setup(name).unwrap())
-        .unwrap()
-        .reach(&setup(name).unwrap())
+    let (application, setup) = (Application::parse("frames", &text).unwrap(), setup(name).unwrap());
+    plan(&application, &setup).unwrap().reach(&application, &setup)
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn who_has_a_frame_in_the_root_is_not_advised_to_change_base_0_which_no_setup_ha
     let frames = [[300.0, 0.0, 100.0, 0.0, 0.0, 180.0], [700.0, 0.0, 100.0, 0.0, 0.0, 180.0]];
     let steps = "[[step]]\nname = \"far\"\nlabels = [\"accurate-stop\"]\nreach = \"f1\"\n";
     let refused = of_frames("A", 0.0, &frames, steps).unwrap_err();
-    insta::assert_snapshot!(refused, @"motion 1 `PTP far`, its target: the target is 700.000 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 200.0 mm are missing: change its frame");
+    insta::assert_snapshot!(refused, @"motion 1 `PTP far`, its target: the target is 700.000 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 200.0 mm are missing: change frame `f1`");
 }
 
 #[test]
@@ -150,4 +150,32 @@ fn joints_of_a_frame_that_do_not_take_the_tool_there_are_refused_with_where_they
     insta::assert_snapshot!(refused, @"motion 1 `PTP there`: the frame's joints_deg take the tool to [225.0, 275.0, 100.0, 90.0, 0.0, 180.0] in its base, 285.0 mm and 90.0° away from its mm_deg; correct one of the two");
     // Rounded a little is no contradiction.
     assert!(reach([225.4, 274.6, 100.0, 90.5, 0.0, 180.0]).is_ok());
+}
+
+#[test]
+fn who_reads_that_a_target_is_too_far_away_is_told_what_decides_where_it_is() {
+    // The line from f0 to f1 leads straight out, f1 is just within reach, and f2 is not.
+    let frames = [400.0, 499.0, 520.0].map(|x| [x, 0.0, 100.0, 0.0, 0.0, 180.0]);
+    let refused = |steps: &str| {
+        let steps =
+            format!("[[step]]\nname = \"out\"\nlabels = [\"accurate-path\", \"accurate-stop\"]\n{steps}");
+        of_frames("A", 0.0, &frames, &steps).unwrap_err().to_string()
+    };
+    let found = [
+        "path = [{ line = \"f1\" }]\nretreat_mm = 20.0\n",
+        "from = \"f1\"\npath = [{ line = \"f0\" }]\napproach_mm = 20.0\n",
+        "path = [{ spline = [\"f2\", \"f1\"] }]\n",
+    ];
+    insta::assert_snapshot!(found.map(refused).join("\n"), @r"
+    motion 2 `LIN after out`, after 1.0 of its 20.0 mm: the target is 519.000 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 19.0 mm are missing: change frame `f1` or the step's retreat_mm
+    motion 1 `PTP before out`, its target: the target is 519.000 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 19.0 mm are missing: change frame `f1` or the step's approach_mm
+    motion 1 `SPLINE out 1/2`, after 100.0 of its 120.0 mm: the target is 520.000 mm from axis 1; the arm reaches from 50.000 to 500.000 mm; 20.0 mm are missing: change frame `f2`
+    ");
+    // The way over a wall leads out of the arm's reach, though both of its ends are within.
+    let wall = "[ways]\nclearance_mm = 5.0\nceiling_mm = 400.0\nheight_step_mm = 10.0\nptp_radius_mm = 250.0\ndetour_percent = 5.0\n\
+                [[obstacle]]\nname = \"wall\"\nlower_mm = [-50.0, 300.0, 0.0]\nupper_mm = [50.0, 500.0, 300.0]\n";
+    let step = "[[step]]\nname = \"over\"\nlabels = [\"accurate-stop\"]\nreach = \"f1\"\n";
+    let sides = [300.0, -300.0].map(|x| [x, 350.0, 100.0, 0.0, 0.0, 180.0]);
+    let over = of_frames("A", 0.0, &sides, &format!("{wall}{step}")).unwrap_err();
+    insta::assert_snapshot!(over, @"motion 1 `PTP over the wall`, its target: joint 3 would be at 310.000 mm, its range is 0.000 to 200.000 mm; 110.0 mm are missing: change the frames before and after it or the obstacle between them");
 }

@@ -29,7 +29,7 @@ fn refused_by_the_robot(setup: &Setup, name: &str) -> Option<(usize, ErrorNumber
 
 fn refused_by_planning(setup: &Setup, name: &str) -> Option<(usize, ErrorNumber)> {
     let application = planning::application(name, None).unwrap().application;
-    match plan(&application, setup).unwrap().reach(setup).err()? {
+    match plan(&application, setup).unwrap().reach(&application, setup).err()? {
         error @ (OutOfReach::Arm(_) | OutOfReach::Joints { .. }) => panic!("{error}"),
         OutOfReach::Start { violation, .. } => Some((0, violation.number())),
         OutOfReach::Motion { number, violation, .. } => Some((number, violation.number())),

@@ -183,7 +183,7 @@ fn compare(setup: &Setup, seeds: core::ops::Range<u64>) -> Found {
         // What planning refuses without an arm would not run.
         let Ok(plan) = plan(&application, setup) else { continue };
         let to_start = plan.wire_to_start(setup);
-        let reached = plan.reach(setup);
+        let reached = plan.reach(&application, setup);
         let Ok(config) = bare.clone().in_cell_of(&application, &to_start) else {
             if !matches!(reached, Err(OutOfReach::Start { .. })) {
                 found.disagreed.push(format!("seed {seed}: the start, {reached:?}"));
