@@ -20,6 +20,9 @@ pub(crate) const fn advice(number: ErrorNumber) -> Option<&'static str> {
         ErrorNumber::DriveFault | ErrorNumber::DriveStopped | ErrorNumber::DrivesLost => {
             "see to the robot's drives"
         }
+        ErrorNumber::ForceUnsteady => {
+            "set the robot's force controller for this surface (`stiffest_n_per_mm`), or press on a softer one"
+        }
         ErrorNumber::Unknown(_) => "look the number up in the robot's manual",
         ErrorNumber::UnknownMotionKind
         | ErrorNumber::MotionKindNotSupported

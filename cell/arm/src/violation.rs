@@ -297,6 +297,19 @@ pub enum Violation {
         /// How far along the line that end is, in mm.
         way_mm: f64,
     },
+    /// The contact force swings about the one to be reached.
+    #[error(
+        "the force swings up to {highest_n:.1} N about {wanted_n} N; the force controller is set for surfaces of up to \
+         {stiffness_n_per_mm} N/mm"
+    )]
+    ForceUnsteady {
+        /// The highest force, in N.
+        highest_n: f64,
+        /// The force to be reached, in N.
+        wanted_n: f64,
+        /// Of the stiffest surface that the robot is set for.
+        stiffness_n_per_mm: f64,
+    },
     /// A deceleration: mm/s², or a share of the axes' rated accelerations.
     #[error(
         "the deceleration is {value}, allowed is up to {limit} (mm/s²; for PTP 1 is the rated acceleration)"

@@ -79,6 +79,8 @@ codes! {
         DrivesLost = 34,
         /// The motion turns the tool so far on so short a way that at its velocity no wrist could follow.
         TurnTooFast = 35,
+        /// The contact force swings about the programmed one: the surface is too stiff for the force controller.
+        ForceUnsteady = 36,
     }
 }
 
@@ -121,6 +123,7 @@ impl fmt::Display for ErrorNumber {
             Self::DriveStopped => "the drive of an axis stopped though nobody told it to",
             Self::DrivesLost => "the robot controller lost the connection to its drives",
             Self::TurnTooFast => "the motion turns the tool too far on its way for its velocity",
+            Self::ForceUnsteady => "the contact force swings and does not settle",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

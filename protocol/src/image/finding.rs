@@ -34,6 +34,7 @@ use super::ErrorNumber;
 /// | `ForceOutOfRange` | | in N | above 0, at most |
 /// | `ForceDirection` | | angle between force and line in degrees | 0, at most |
 /// | `ForceNotReached` | | found, in N | wanted in N, way along the line in mm |
+/// | `ForceUnsteady` | | highest, in N | wanted in N, stiffest surface that the force controller is set for in N/mm |
 /// | `JointSpeed`, `JointAcceleration`, `JointJerk` | joint, from 1 | in degrees (mm) and s | 0, what it is rated for |
 /// | `TurnTooFast` | joint, from 1 | turn of the tool in degrees per s | 0, rated speed of the joint |
 /// | `DriveFault` | axis, from 1 | error code of the drive, object 0x603F of CiA 402 | |
@@ -155,6 +156,10 @@ impl fmt::Display for InWords {
                 write!(f, " (it points {value}° away from the line, at most {upper}°)")
             }
             ErrorNumber::ForceNotReached => write!(f, " (found {value} N of {lower} N after {upper} mm)"),
+            ErrorNumber::ForceUnsteady => write!(
+                f,
+                " (up to {value} N for {lower} N; the force controller is set for surfaces of up to {upper} N/mm)"
+            ),
             ErrorNumber::JointSpeed => finding.write_above_rating(f, "s"),
             ErrorNumber::JointAcceleration => finding.write_above_rating(f, "s²"),
             ErrorNumber::JointJerk => finding.write_above_rating(f, "s³"),

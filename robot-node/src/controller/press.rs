@@ -14,7 +14,8 @@
 //!
 //! *Done* means: the force was within its tolerance for the whole settling time, and the arm came to rest. It is held
 //! from then on, also in `Ready`, until the robot starts the next motion, halts or loses its connection; then the arm
-//! stays where it is. Held or not, it never leaves the line. An end of the line without the force is an error.
+//! stays where it is. Held or not, it never leaves the line. An end of the line without the force is an error, and so is
+//! a force that swings about the one to be reached, as on a surface that is much stiffer than the stiffest.
 
 use protocol::image::{Motion, MotionKind};
 
@@ -42,6 +43,9 @@ const MOST_ASTRAY_DEG: f64 = 5.0;
 /// forever.
 const AT_END_MM: f64 = 1e-3;
 
+/// How often the force may swing from too little to too much. On no surface up to the stiffest does it do so at all.
+const MOST_SWINGS: u32 = 10;
+
 /// Where a press stands.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Phase {
@@ -60,7 +64,7 @@ pub(super) enum Outcome {
     Open,
     /// The force is there.
     Reached,
-    /// The arm came to an end of the line without it.
+    /// The arm came to an end of the line without it, or it does not settle.
     Missed(Violation),
 }
 
@@ -87,6 +91,27 @@ pub(super) struct Press {
     acceleration: f64,
     /// Cycles in a row within the tolerance.
     settled: u32,
+    swings: Swings,
+}
+
+/// How the force swings about the one to be reached.
+#[derive(Clone, Copy, PartialEq, Default, Debug)]
+struct Swings {
+    /// Whether it was too little when it was last beyond the tolerance.
+    was_less: bool,
+    /// How often it went from too little to too much.
+    count: u32,
+    highest_n: f64,
+}
+
+impl Swings {
+    /// Takes the force of a cycle, and how much of it is missing where that is more than the tolerance.
+    fn take(&mut self, found_n: f64, missing_n: Option<f64>) {
+        self.highest_n = self.highest_n.max(found_n);
+        let Some(missing_n) = missing_n else { return };
+        self.count += u32::from(self.was_less && missing_n < 0.0);
+        self.was_less = missing_n > 0.0;
+    }
 }
 
 /// Creates the pressing part of a checked motion, if it has one.
@@ -144,6 +169,7 @@ impl Press {
             speed: 0.0,
             acceleration: 0.0,
             settled: 0,
+            swings: Swings::default(),
         };
         let (value, limit) = (limits.speed, press.fastest_approach());
         if value > limit {
@@ -229,11 +255,18 @@ impl Press {
     /// Returns the outcome of the pressing, now that the surfaces press with `force`.
     pub(super) fn outcome(&mut self, force: [f64; 3]) -> Outcome {
         let found_n = self.along(force);
-        let within = (self.wanted_n - found_n).abs() <= self.control.tolerance_n;
+        let missing_n = self.wanted_n - found_n;
+        let within = missing_n.abs() <= self.control.tolerance_n;
         self.settled = if within { self.settled.saturating_add(1) } else { 0 };
         let is_at_rest = self.speed == 0.0;
         if is_at_rest && f64::from(self.settled) * self.cycle_s >= self.control.settling.as_secs_f64() {
             return Outcome::Reached;
+        }
+        self.swings.take(found_n, (!within).then_some(missing_n));
+        if self.swings.count > MOST_SWINGS {
+            let (highest_n, wanted_n) = (self.swings.highest_n, self.wanted_n);
+            let stiffness_n_per_mm = self.control.stiffest_n_per_mm;
+            return Outcome::Missed(Violation::ForceUnsteady { highest_n, wanted_n, stiffness_n_per_mm });
         }
         // With too much force the arm moves back, towards the other end of the line.
         let way_mm = if found_n > self.wanted_n { 0.0 } else { self.curve.length() };

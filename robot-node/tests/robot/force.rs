@@ -95,6 +95,33 @@ fn on_any_surface_up_to_the_stiffest_the_force_settles_without_overshoot() {
 }
 
 #[test]
+fn on_a_surface_far_stiffer_than_the_stiffest_it_settles_or_ends_with_an_error_and_never_swings_forever() {
+    let mut unsteady = 0;
+    for stiffness in [60.0, 100.0, 200.0, 500.0, 1_000.0, 10_000.0] {
+        for (force, tenths_mm_s) in [(2.0, 10), (25.0, 100), (100.0, 200)] {
+            let mut robot = above(stiffness);
+            robot.call(
+                Skill::MoveLinForceCartesian,
+                vec![Motion { velocity: tenths_mm_s, ..press(5.0, force) }],
+            );
+            robot.wait_for_end();
+            let feedback = *robot.feedback();
+            if robot.is_done() {
+                assert_force(&robot, force);
+                continue;
+            }
+            unsteady += 1;
+            assert_eq!((feedback.error, feedback.state), (ErrorNumber::ForceUnsteady, State::Halted));
+            assert!(feedback.status.contains(Status::AT_REST), "{feedback:?}");
+            if (stiffness, force) == (1_000.0, 25.0) {
+                insta::assert_snapshot!(feedback.finding.in_words(feedback.error), @"the contact force swings and does not settle (up to 112.8 N for 25 N; the force controller is set for surfaces of up to 50 N/mm)");
+            }
+        }
+    }
+    assert!(unsteady > 0);
+}
+
+#[test]
 fn within_a_continuous_motion_it_begins_and_ends_with_an_exact_stop() {
     let mut robot = above_the_seat();
     let blended = |motion: Motion| Motion { approximation: 500, ..motion };

@@ -40,6 +40,7 @@ impl Violation {
             Self::Force { .. } => ErrorNumber::ForceOutOfRange,
             Self::ForceDirection { .. } => ErrorNumber::ForceDirection,
             Self::ForceNotReached { .. } => ErrorNumber::ForceNotReached,
+            Self::ForceUnsteady { .. } => ErrorNumber::ForceUnsteady,
         }
     }
 
@@ -94,6 +95,9 @@ impl Violation {
             Self::Override { percent } => finding(0, percent.into(), 0.0, 100.0),
             Self::ForceDirection { angle_deg, limit_deg } => finding(0, angle_deg, 0.0, limit_deg),
             Self::ForceNotReached { found_n, wanted_n, way_mm } => finding(0, found_n, wanted_n, way_mm),
+            Self::ForceUnsteady { highest_n, wanted_n, stiffness_n_per_mm } => {
+                finding(0, highest_n, wanted_n, stiffness_n_per_mm)
+            }
         }
     }
 }
