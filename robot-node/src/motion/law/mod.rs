@@ -66,8 +66,9 @@ pub(super) struct Law {
     paces: ArrayVec<Pace, KNOTS>,
     /// The values of the best round so far.
     best: List,
-    /// The values before the rounding of the top, what it adds to them, and the corners of the hull.
+    /// The values before the rounding of the top, those for which it was rounded, what is added to them, and the corners of the hull.
     corners: List,
+    assumed: List,
     added: List,
     hull: ArrayVec<u16, KNOTS>,
     refinement: refine::Refinement,
@@ -235,12 +236,17 @@ impl Law {
         self.paces.clear();
         self.paces.push(self.start);
         for knot in 1..cells {
-            let acceleration = self.acceleration(knot - 1);
-            let way = self.grid.knots[knot].way - self.places[knot - 1];
-            let square = self.values[knot - 1] + 2.0 * acceleration * way;
-            self.paces.push(Pace { square: square.max(0.0), acceleration });
+            self.paces.push(self.pace_at(knot));
         }
         self.paces.push(Pace::REST);
+    }
+
+    /// Returns speed and acceleration at a knot between two cells.
+    fn pace_at(&self, knot: usize) -> Pace {
+        let acceleration = self.acceleration(knot - 1);
+        let way = self.grid.knots[knot].way - self.places[knot - 1];
+        let square = self.values[knot - 1] + 2.0 * acceleration * way;
+        Pace { square: square.max(0.0), acceleration }
     }
 
     /// Returns the highest square of the speed at the other end of a cell beside a rest, as the jerk allows.
@@ -253,13 +259,13 @@ impl Law {
         root * root
     }
 
-    /// Returns how much the acceleration may change over a cell at this square of the speed.
-    fn change_room(&self, cell: usize, square: f64, acceleration: f64, sign: f64) -> f64 {
-        let room = |knot: &Knot| knot.bend_room(square, acceleration, sign);
+    /// Returns how much the acceleration may change over a cell that is driven with these paces at its ends.
+    fn change_room(&self, cell: usize, [from, to]: [Pace; 2], sign: f64) -> f64 {
+        let room = |knot: &Knot, pace: Pace| knot.bend_room(pace.square, pace.acceleration, sign);
         let (one, other) = (&self.grid.knots[cell], self.end_of(cell));
         let length = self.length(cell);
         // A change from rest to the highest speed within the cell is as good as no limit.
-        (room(one).min(room(other)) * length).min(MUCH * one.highest.max(other.highest) / length)
+        (room(one, from).min(room(other, to)) * length).min(MUCH * one.highest.max(other.highest) / length)
     }
 
     /// Lowers the values so that the arm can slow down to those that follow.
@@ -274,7 +280,7 @@ impl Law {
             if knot == last {
                 most = most.min(self.highest_beside_rest(knot + 1, knot, knot) / weight);
             } else {
-                let room = self.change_room(knot, next, after, 1.0);
+                let room = self.change_room(knot, [Pace { square: next, acceleration: after }; 2], 1.0);
                 most = most.min(next + 2.0 * distance * (room - f64::min(after, room / 2.0)));
             }
             if most < self.values[cell] {
@@ -298,7 +304,7 @@ impl Law {
             if cell == 1 && self.start.is_rest() {
                 most = most.min(self.highest_beside_rest(0, 1, 0) / weight);
             } else {
-                let room = self.change_room(cell - 1, known, before, 1.0);
+                let room = self.change_room(cell - 1, [Pace { square: known, acceleration: before }; 2], 1.0);
                 let change = room + before;
                 is_slowing = is_slowing && change < 0.0;
                 most = most.min(known + 2.0 * distance * if is_slowing { change } else { change.max(0.0) });

@@ -4,23 +4,32 @@ use core::iter::zip;
 
 use super::Law;
 
-/// Largest number of times that the top is rounded in a round, and how much higher a value is than its rounded one if it is rounded
-/// once more.
+/// Largest number of times that the top is rounded in a round, and how much higher or lower a value may be than the one for which it
+/// was rounded.
 const ROUNDINGS: usize = 4;
-const MUCH_FASTER: f64 = 1.25;
+const NEAR: f64 = 1.25;
+
+/// How far the values go from those for which they were rounded to the rounded ones, before they are rounded once more. Where
+/// the jerk alone counts, a square of x times its right one gives one of 1/√x times that: then this leads to the right one.
+const MIXED: f64 = 2.0 / 3.0;
 
 impl Law {
     /// Rounds the corners at the top, where the acceleration falls faster than the jerk allows. How fast it may fall depends on the
-    /// speed: where that comes out much lower than it was, it is rounded once more.
+    /// speed: where that comes out other than assumed, it is rounded once more.
     pub(super) fn round_off(&mut self) -> Option<()> {
         self.corners.clone_from(&self.values);
-        for _ in 0..ROUNDINGS {
+        for rounding in 1..=ROUNDINGS {
+            self.assumed.clone_from(&self.values);
             self.add_rooms();
             self.values.clone_from(&self.corners);
             self.span()?;
-            let mut lowered = zip(&self.corners, &self.values);
-            if !lowered.any(|(corner, rounded)| *corner > MUCH_FASTER * rounded) {
+            let mut pairs = zip(&self.assumed, &self.values);
+            if rounding == ROUNDINGS || pairs.all(|(one, other)| *one <= NEAR * other && *other <= NEAR * one)
+            {
                 break;
+            }
+            for (value, assumed) in zip(&mut self.values, &self.assumed) {
+                *value = assumed + MIXED * (*value - assumed);
             }
         }
         Some(())
@@ -31,15 +40,14 @@ impl Law {
         let cells = self.cells();
         let moves = !self.start.is_rest();
         let (mut slope, mut sum) = (0.0, 0.0);
-        let mut before = if moves { self.start.acceleration } else { self.acceleration(0) };
+        let mut before = if moves { self.start } else { self.pace_at(1) };
         self.added.clear();
         self.added.push(0.0);
         for cell in 1..cells {
             let inner = cell - 1;
             if inner > 0 || moves {
-                let next = self.acceleration(inner);
-                let mean = (before + next) / 2.0;
-                slope += 2.0 * self.change_room(inner, self.values[inner], mean, -1.0);
+                let next = self.pace_at(cell);
+                slope += 2.0 * self.change_room(inner, [before, next], -1.0);
                 before = next;
             }
             sum += slope * (self.places[cell] - self.places[cell - 1]);
