@@ -33,6 +33,11 @@ impl Correction {
         Self { seconds: self.seconds + seconds, ..self }
     }
 
+    /// The same with at most some seconds in this cycle; none where it has no more.
+    pub(super) fn at_most(self, seconds: f64) -> Option<Self> {
+        (self.seconds > seconds).then_some(Self { seconds, ..self })
+    }
+
     /// Returns its size as a share of the cycle.
     pub(super) fn share(&self, cycle_s: f64) -> f64 {
         self.seconds.abs() / cycle_s

@@ -53,6 +53,12 @@ impl Part<'_> {
         Some(Slopes::between(one, other, share, 1.0))
     }
 
+    /// Returns the speed that is programmed at a place of its own unit, in that unit.
+    pub(super) fn programmed(&self, own_way: f64) -> Option<f64> {
+        let (one, other, share) = self.nodes_around(own_way)?;
+        Some(one.programmed + share * (other.programmed - one.programmed))
+    }
+
     /// The nodes before and behind a place of its own unit, and the share of the way between them.
     fn nodes_around(&self, own_way: f64) -> Option<(&Node, &Node, f64)> {
         let next = self.nodes.partition_point(|node| node.way <= own_way).clamp(1, self.nodes.len() - 1);

@@ -174,7 +174,7 @@ impl Interpolator {
     /// Returns the place after the next cycle, how much of the cycle is left behind the end of the path, and the joints
     /// there. Corrects the cycle where an axis would not keep its ratings; what that cannot mend stays as planned.
     fn next_place(&mut self) -> (Place, f64, Result<Joints, Violation>) {
-        let planned = (self.correction, self.place_with(self.correction));
+        let planned = self.no_faster_than_programmed();
         let (mut correction, mut next) = planned;
         for _ in 0..=CORRECTIONS {
             let (_, _, Ok(joints)) = &next else { break };
@@ -193,6 +193,24 @@ impl Interpolator {
             next = self.place_with(correction);
         }
         planned.1
+    }
+
+    /// Returns the correction that fades and the place after the next cycle. One that hurries ends where the arm would be faster than
+    /// programmed, if the axes keep their ratings.
+    fn no_faster_than_programmed(&self) -> (Correction, (Place, f64, Result<Joints, Violation>)) {
+        let next = self.place_with(self.correction);
+        let most = || self.path.most_more(self.cycle_s, &next.0).max(0.0);
+        let slower = match self.correction.seconds() > 0.0 {
+            true => self.correction.at_most(most()),
+            false => None,
+        };
+        let Some(correction) = slower else { return (self.correction, next) };
+        let slower = self.place_with(correction);
+        let keeps = |joints: &Joints| self.axes.keeps_ratings(joints, &self.arm, ROUNDING).is_ok();
+        match &slower.2 {
+            Ok(joints) if keeps(joints) => (correction, slower),
+            _ => (self.correction, next),
+        }
     }
 
     fn place_with(&self, correction: Correction) -> (Place, f64, Result<Joints, Violation>) {

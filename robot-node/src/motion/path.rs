@@ -240,6 +240,19 @@ impl Path {
         (Place { cell: self.pieces.len(), time: 0.0, seconds, settled }, left.clamp(0.0, seconds))
     }
 
+    /// Returns how many more of the law's seconds than the override lets pass may pass on the way to a place that
+    /// [`ahead`](Self::ahead) gave, so that the arm is not faster there than programmed.
+    pub(super) fn most_more(&self, seconds: f64, place: &Place) -> f64 {
+        let faster = |piece: &Piece, time: f64| {
+            let (spot, pace) = piece.at(time);
+            Some(self.part(&spot)?.programmed(spot.way)? / pace.square.max(0.0).sqrt())
+        };
+        let here = self.pieces.front().and_then(|piece| faster(piece, self.time));
+        let there = self.pieces.get(place.cell).and_then(|piece| faster(piece, place.time));
+        let least = [here, there].into_iter().flatten().fold(f64::INFINITY, f64::min);
+        (least - 1.0) * self.scale.law_seconds(seconds)
+    }
+
     /// The joints at a place that [`ahead`](Self::ahead) gave; `near` is a point of the path close by.
     pub fn joints(&self, place: Place, arm: &Arm, near: &Joints) -> Result<Joints, Violation> {
         let Some(piece) = self.pieces.get(place.cell) else { return Ok(self.end) };
