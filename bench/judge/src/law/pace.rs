@@ -8,7 +8,7 @@ use protocol::image::{Command, Control};
 
 use super::{Among, JOINT_NOISE, Law, SHARE, TOOL_NOISE_MM, joint};
 use crate::case::Kind;
-use crate::kinematics::{Vector, difference, dot, length};
+use crate::kinematics::{Pose, Vector, difference, distance, dot, length};
 use crate::violation::Class;
 use crate::way::Way;
 
@@ -97,11 +97,9 @@ impl Pace {
         (self.slows_from, self.compliant, self.holds) = (None, 0, false);
     }
 
-    /// How fast the arm was, as a share of what is programmed, in the last two cycles on one motion; while it may still rise, a
-    /// share as it is wanted is by chance.
-    fn see(&mut self, share: f64, before: f64, may_rise: bool) {
-        // One that still brakes may not be slow enough for the next motion.
-        let brakes = share < before * (1.0 - BEND);
+    /// How fast the arm was on one motion, as a share of what is programmed; while it may still rise, a share as it is wanted is by
+    /// chance. One that still brakes may not be slow enough for the next motion.
+    fn see(&mut self, share: f64, brakes: bool, may_rise: bool) {
         self.compliant = if share <= self.wanted() * (1.0 + SHARE) && !brakes && !may_rise {
             self.compliant + 1
         } else {
@@ -147,7 +145,8 @@ impl Law {
         if self.samples_of_skill >= 3 && self.is_one_tool(3) {
             let among = self.among_last(3);
             let (class, square) = (Class::ToolAcceleration, self.powers[1]);
-            let (limit, slower) = (self.most(among, |way| way.deceleration), step_before - step);
+            let limit = self.most(among, |way| way.deceleration);
+            let slower = step_before - self.longest_way(&tool, [step, step_before]);
             let beyond = slower - limit * square * (1.0 + SHARE) - 4.0 * TOOL_NOISE_MM - BEND * step_before;
             if beyond > 0.0 && beyond > shortened(&chords) {
                 let figures = [slower / square, limit];
@@ -224,7 +223,9 @@ impl Law {
                 self.report_figure(Class::ToolSpeed, what, [share, most], "");
             }
         }
-        self.pace.see(step / programmed, before / programmed, may_rise);
+        let brakes =
+            step < before * (1.0 - BEND) || (self.pace.slows_from.is_some() && self.brakes_at_a_limit(among));
+        self.pace.see(share, brakes, may_rise);
     }
 
     /// Whether a joint already brakes with all of its acceleration or its jerk, or the tool with all of its jerk, although the tool
@@ -259,6 +260,17 @@ impl Law {
 
     fn most(&self, among: Among, of: impl Fn(&Way) -> f64) -> f64 {
         self.ways_among(among).iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// How far the tool went in the last cycle, at most. Where it may have come to a target and gone on from there in another
+    /// direction, that is more than the chord.
+    fn longest_way(&self, tool: &Pose, [step, before]: [f64; 2]) -> f64 {
+        let [to, from, ..] = self.tools(tool);
+        let by = |way: &Way| {
+            let [came, went] = [from, to].map(|place| distance(place, way.target.at));
+            if came <= before { came + went } else { step }
+        };
+        self.ways_among(self.among_last(2)).iter().map(by).fold(step, f64::max)
     }
 
     /// Whether the last samples belong to motions that lead one tool.
