@@ -331,7 +331,7 @@ mod tests {
         | CM | – | – | 0 | 3729 | 3.3 | – |
         | AETi | – |  |  | 42 % |  |  |
 
-        - \* calibrated on the paper's figure beside it, so no prediction: `motions.velocity_percent` = 23.4 from RC's AET, `robot.interpreter_quantum_us` = 14000 from the MADs of RC and SM
+        - \* calibrated on the paper's figure beside it, so no prediction: `motions.velocity_percent` = 23.3 from RC's AET, `robot.interpreter_quantum_us` = 14000 from the MADs of RC and SM
         - CM's AET is RC's by construction, but for the one robot cycle of robot.continuous_start_cycles: the same motions by the same law, and one call each. The model predicts only that the PLC sends them in time.
         - 3 blends became stops, because the next motion was not there in time.
         - Cyclic frames of the PLC: 0 sent to the robot, 0 received from it; lost in both directions: 0.

@@ -212,10 +212,10 @@ mod tests {
     use super::*;
 
     /// A calibration of Setup A that found this speed, and what its figures would have.
-    fn calibration(value: f64, fit: f64) -> Calibration {
+    fn calibration(value: f64, [fit, known_to]: [f64; 2]) -> Calibration {
         let setup = setup::setup("A").unwrap();
         let paper = setup.paper.clone().unwrap();
-        let fit = Fit { value: fit, known_to: 0.05, slopes: Vec::new() };
+        let fit = Fit { value: fit, known_to, slopes: Vec::new() };
         let found = Found { number: Parameter::Velocity, value, from: Provenance::Calibrated, fit };
         let speed = Speed { by_velocity_ms: -9.6, by_acceleration_ms: -12.4, at_full_speed_ms: 3487.0 };
         let conditions = Conditions { seeds: 32, reps: 25 };
@@ -230,11 +230,11 @@ mod tests {
         };
         let range = "`bench calibrate` on RC's AET, 32 seeds: 23.25 to 23.35 at the assumed acceleration, of which 1 % more does \
                      as much as 1.3 % more speed";
-        assert_eq!(note(23.3, 23.3), range);
+        assert_eq!(note(23.3, [23.3, 0.05]), range);
         let beside =
             "; RC's AET changes in steps, and of the values at the nearest step 23.4 has the fewest digits";
-        assert_eq!(note(23.4, 23.3), format!("{range}{beside}"));
+        assert_eq!(note(23.4, [23.3, 0.05]), format!("{range}{beside}"));
         let shipped = setup::setup("A").unwrap().motions.velocity_percent;
-        assert_eq!(shipped.note, note(shipped.value, 23.3), "the note of Setup A");
+        assert_eq!(shipped.note, note(shipped.value, [23.295, 0.045]), "the note of Setup A");
     }
 }

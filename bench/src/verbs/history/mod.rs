@@ -359,9 +359,9 @@ mod tests {
         });
         insta::assert_snapshot!(told.collect::<Vec<_>>().join("\n"), @"
         1 with –: –
-        2 with –: motions.velocity_percent is 46.8, before 23.4
-        3 with 1: motions.velocity_percent is 23.4, before 46.8
-        4 with 2: motions.velocity_percent is 46.8, before 23.4
+        2 with –: motions.velocity_percent is 46.6, before 23.3
+        3 with 1: motions.velocity_percent is 23.3, before 46.6
+        4 with 2: motions.velocity_percent is 46.6, before 23.3
         5 with –: in the application, ways.clearance_mm is 9.0, before 8.0
         ");
     }
