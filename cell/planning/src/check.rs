@@ -7,10 +7,10 @@
 use protocol::image::MotionKind;
 
 use crate::clearance::Leg;
-use crate::error::{LEAST_MM, LEAST_TURN_DEG, Refusal};
 use crate::geometry::{Cuboid, Point};
 use crate::motion::{Motion, Role};
 use crate::planner::Planner;
+use crate::refusal::{LEAST_MM, LEAST_TURN_DEG, Refusal};
 
 impl Planner<'_> {
     /// Checks a motion, without what a way has kept free of obstacles already; `blends` are whether its start and its

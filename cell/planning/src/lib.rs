@@ -32,6 +32,7 @@ mod path;
 mod plan;
 mod planner;
 mod reach;
+mod refusal;
 mod resolve;
 mod source;
 mod stopped;
@@ -45,7 +46,7 @@ mod zone;
 pub use application::{
     Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Ways, Zones,
 };
-pub use error::{Error, LEAST_MM, Refusal};
+pub use error::Error;
 pub use geometry::{Cuboid, Point, Pose};
 pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
 pub use load::{APPLICATIONS, Found, application, setup_and_application, setup_with_application};
@@ -54,6 +55,7 @@ pub use out_of_reach::{OrBase, OutOfReach, SwingsTooNear};
 pub use plan::{Continuous, Plan, Reason, StepLabels, ToStart};
 pub use planner::plan;
 pub use reach::Reached;
+pub use refusal::{LEAST_MM, Refusal};
 pub use source::Source;
 pub use stopped::{Stopped, Unfit};
 pub use stream::{Stream, Streamed, count, stream, to_start};

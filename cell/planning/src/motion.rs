@@ -3,8 +3,8 @@
 use protocol::image::{Configuration, MotionKind};
 
 use crate::application::Place;
-use crate::error::{LEAST_MM, Refusal};
 use crate::geometry::{Point, Pose};
+use crate::refusal::{LEAST_MM, Refusal};
 
 /// What a motion is for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

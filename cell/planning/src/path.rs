@@ -3,9 +3,9 @@
 use protocol::image::MotionKind;
 
 use crate::application::{Application, Segment, Step};
-use crate::error::{LEAST_TURN_DEG, Refusal};
 use crate::geometry::{Point, Pose};
 use crate::motion::{Motion, Role};
+use crate::refusal::{LEAST_TURN_DEG, Refusal};
 
 /// A path as far as it could be planned.
 pub(crate) struct Path {

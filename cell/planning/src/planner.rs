@@ -4,11 +4,12 @@ use protocol::image::{Configuration, MotionKind};
 use setup::Setup;
 
 use crate::application::{Application, Course, Labels, Step, Tool};
-use crate::error::{Error, LEAST_MM, LEAST_TURN_DEG, Refusal};
+use crate::error::Error;
 use crate::geometry::{Point, Pose};
 use crate::motion::{Arrival, Motion, Role};
 use crate::path::Path;
 use crate::plan::{Continuous, Plan, Reason, ToStart};
+use crate::refusal::{LEAST_MM, LEAST_TURN_DEG, Refusal};
 use crate::way::{Space, Way};
 use crate::zone::{LEAST_ZONE_MM, Sizes, Why, swallowed_point};
 

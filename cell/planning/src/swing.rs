@@ -10,12 +10,12 @@ use setup::Setup;
 use crate::application::{Application, Obstacle, Ways};
 use crate::check::nearer_mm;
 use crate::clearance::Leg;
-use crate::error::LEAST_MM;
 use crate::geometry::Point;
 use crate::motion::Motion;
 use crate::out_of_reach::{SwingsTooNear, motion_in_words};
 use crate::plan::Plan;
 use crate::reach::{Reached, frame_of};
+use crate::refusal::LEAST_MM;
 
 /// Largest change of a joint between two points of a course, in degrees (mm). The tool of an arm of 1 m leaves the straight
 /// line between them by about LEAST_MM.

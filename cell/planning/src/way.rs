@@ -25,8 +25,8 @@ use std::cell::Cell;
 
 use crate::application::{Obstacle, Ways};
 use crate::clearance::{Leg, Measure};
-use crate::error::{LEAST_MM, Refusal};
 use crate::geometry::Point;
+use crate::refusal::{LEAST_MM, Refusal};
 
 /// How far above the ceiling a free height is searched for the text of the refusal, in mm.
 const LOOK_ABOVE_MM: f64 = 2000.0;
