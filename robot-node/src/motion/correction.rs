@@ -30,12 +30,12 @@ impl Correction {
 
     /// The same with some seconds more in this cycle.
     pub(super) fn plus(self, seconds: f64) -> Self {
-        Self { seconds: self.seconds + seconds, ..self }
+        self.with(self.seconds + seconds)
     }
 
-    /// The same with at most some seconds in this cycle; none where it has no more.
-    pub(super) fn at_most(self, seconds: f64) -> Option<Self> {
-        (self.seconds > seconds).then_some(Self { seconds, ..self })
+    /// The same with these seconds in this cycle.
+    pub(super) const fn with(self, seconds: f64) -> Self {
+        Self { seconds, ..self }
     }
 
     /// Returns its size as a share of the cycle.

@@ -24,6 +24,9 @@ const PROBE: f64 = 1e-3;
 /// Largest correction, as a share of the cycle. What needs more is an error.
 const MOST_CORRECTED: f64 = 0.1;
 
+/// The place after a cycle, how much of the cycle is left behind the end of the path, and the joints there.
+type Ahead = (Place, f64, Result<Joints, Violation>);
+
 /// Outcome of one cycle.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Step {
@@ -171,9 +174,9 @@ impl Interpolator {
         Ok(Step { suppressed, ended: self.path.is_finished().then_some(left) })
     }
 
-    /// Returns the place after the next cycle, how much of the cycle is left behind the end of the path, and the joints
-    /// there. Corrects the cycle where an axis would not keep its ratings; what that cannot mend stays as planned.
-    fn next_place(&mut self) -> (Place, f64, Result<Joints, Violation>) {
+    /// Returns what is ahead, with the cycle corrected where an axis would not keep its ratings; what that cannot mend stays as
+    /// planned.
+    fn next_place(&mut self) -> Ahead {
         let planned = self.no_faster_than_programmed();
         let (mut correction, mut next) = planned;
         for _ in 0..=CORRECTIONS {
@@ -195,25 +198,24 @@ impl Interpolator {
         planned.1
     }
 
-    /// Returns the correction that fades and the place after the next cycle. One that hurries ends where the arm would be faster than
+    /// Returns the correction that fades, and what is ahead with it. One that hurries ends where the arm would be faster than
     /// programmed, if the axes keep their ratings.
-    fn no_faster_than_programmed(&self) -> (Correction, (Place, f64, Result<Joints, Violation>)) {
-        let next = self.place_with(self.correction);
-        let most = || self.path.most_more(self.cycle_s, &next.0).max(0.0);
-        let slower = match self.correction.seconds() > 0.0 {
-            true => self.correction.at_most(most()),
-            false => None,
-        };
-        let Some(correction) = slower else { return (self.correction, next) };
+    fn no_faster_than_programmed(&self) -> (Correction, Ahead) {
+        let planned = (self.correction, self.place_with(self.correction));
+        if self.correction.seconds() <= 0.0 {
+            return planned;
+        }
+        let most = self.path.most_more(self.cycle_s, &planned.1.0).max(0.0);
+        if self.correction.seconds() <= most {
+            return planned;
+        }
+        let correction = self.correction.with(most);
         let slower = self.place_with(correction);
         let keeps = |joints: &Joints| self.axes.keeps_ratings(joints, &self.arm, ROUNDING).is_ok();
-        match &slower.2 {
-            Ok(joints) if keeps(joints) => (correction, slower),
-            _ => (self.correction, next),
-        }
+        if slower.2.as_ref().is_ok_and(keeps) { (correction, slower) } else { planned }
     }
 
-    fn place_with(&self, correction: Correction) -> (Place, f64, Result<Joints, Violation>) {
+    fn place_with(&self, correction: Correction) -> Ahead {
         let (place, left) = self.path.ahead(self.cycle_s, correction.seconds());
         (place, left, self.path.joints(place, &self.arm, self.axes.joints()))
     }

@@ -215,17 +215,17 @@ impl Law {
         }
         let most = highest.max(self.pace.wanted()).max(CREEP) * (1.0 + RISE) + TOOL_NOISE_MM / programmed;
         let is_known = self.pace.highest.is_some() && on == among.first;
-        if self.pace.slows_from.is_some() && !may_rise && is_known && share > most {
-            if self.brakes_at_a_limit(among) {
+        let slows = self.pace.slows_from.is_some();
+        let is_at_a_limit = slows && self.brakes_at_a_limit(among);
+        if slows && !may_rise && is_known && share > most {
+            if is_at_a_limit {
                 self.pace.highest = Some((on, share));
             } else {
                 let what = "while it slows down for the override, the share of the programmed speed";
                 self.report_figure(Class::ToolSpeed, what, [share, most], "");
             }
         }
-        let brakes =
-            step < before * (1.0 - BEND) || (self.pace.slows_from.is_some() && self.brakes_at_a_limit(among));
-        self.pace.see(share, brakes, may_rise);
+        self.pace.see(share, is_at_a_limit || step < before * (1.0 - BEND), may_rise);
     }
 
     /// Whether a joint already brakes with all of its acceleration or its jerk, or the tool with all of its jerk, although the tool
