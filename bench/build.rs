@@ -9,8 +9,13 @@ use std::process::Command;
 const VARIABLE: &str = "SKILLBENCH_COMMIT";
 
 /// Folders and files of the workspace whose changes make the program another one, or bring the build here anyway.
-const SOURCES: [&str; 9] = [
+const SOURCES: [&str; 14] = [
     "src",
+    "judge/src",
+    "records/src",
+    "report/src",
+    "stands/src",
+    "studies/src",
     "build.rs",
     "../cell",
     "../node/src",

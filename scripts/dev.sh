@@ -50,7 +50,7 @@ verb_lint() { #: clippy with warnings denied, the purity rules among them; shell
     shellcheck --external-sources scripts/*.sh scripts/*/*.sh .ci/run
 }
 
-verb_modules() { #: fail where modules of one folder import each other in a circle, or an import of the bench runs up
+verb_modules() { #: fail where modules of one folder import each other in a circle
     python3 scripts/module-graph.py
 }
 

@@ -2,9 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
-use bench::records::schedule::Schedule;
-use bench::stands::virtual_run::whole;
 use plc_node::ExecutionType;
+use records::schedule::Schedule;
+use stands::virtual_run::whole;
 
 fn main() {
     hot_path::main(|paths| {

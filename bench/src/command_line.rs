@@ -2,23 +2,23 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::verbs::buses::BusesOptions;
-use crate::verbs::calibrate::CalibrateOptions;
 use crate::verbs::doctor::DoctorOptions;
-use crate::verbs::explore::ExploreOptions;
 use crate::verbs::gate::GateOptions;
 use crate::verbs::history::HistoryOptions;
 use crate::verbs::install::{CompletionsOptions, ManOptions};
-use crate::verbs::judge::JudgeOptions;
-use crate::verbs::long::LongOptions;
 use crate::verbs::measure::RunOptions;
 use crate::verbs::new::NewOptions;
 use crate::verbs::overhead::OverheadOptions;
 use crate::verbs::report::{CompareOptions, ReportOptions};
-use crate::verbs::sensitivity::SensitivityOptions;
-use crate::verbs::soak::SoakOptions;
-use crate::verbs::sweep::SweepOptions;
 use crate::verbs::timing::TimingOptions;
+use studies::buses::BusesOptions;
+use studies::calibrate::CalibrateOptions;
+use studies::explore::ExploreOptions;
+use studies::judge::JudgeOptions;
+use studies::long::LongOptions;
+use studies::sensitivity::SensitivityOptions;
+use studies::soak::SoakOptions;
+use studies::sweep::SweepOptions;
 
 /// Measures skill-based robot control over a real fieldbus: the same sequence as a robot program (RC), as single
 /// skills from the PLC (SM) and as one MoveContinuousSkill from the PLC (CM).

@@ -15,7 +15,7 @@
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod command_line;
-pub mod output;
-pub mod records;
-pub mod stands;
 pub mod verbs;
+
+/// The commit that the program was built from, empty if it is unknown.
+pub(crate) const COMMIT: &str = env!("SKILLBENCH_COMMIT");

@@ -5,15 +5,12 @@
 use std::process::ExitCode;
 
 use bench::command_line::{Cli, Command};
-use bench::output::errln;
-use bench::output::exit::{Exit, Failure};
-use bench::stands::rig;
-use bench::verbs::{
-    buses, calibrate, doctor, explore, gate, history, install, judge, long, measure, new, overhead, report,
-    sensitivity, soak, sweep, timing,
-};
+use bench::verbs::{doctor, gate, history, install, measure, new, overhead, report, timing};
 use clap::CommandFactory;
-use node::{arguments, screen};
+use node::{arguments, errln, screen};
+use records::exit::{Exit, Failure};
+use stands::rig;
+use studies::{buses, calibrate, explore, judge, long, sensitivity, soak, sweep};
 
 fn main() -> ExitCode {
     if let Some(exit) = rig::run_as_node() {

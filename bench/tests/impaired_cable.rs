@@ -6,12 +6,12 @@ use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use bench::records::faults;
 use networked_tests::End;
 use protocol_linux::Interface;
 use protocol_linux::allocation;
 use protocol_linux::impaired::{ImpairedCable, ImpairmentPlan, Observer};
 use protocol_linux::namespace::NetworkNamespace;
+use records::faults;
 use virtual_time::LinkCounters;
 
 const ADDRESSES: [Ipv4Addr; 2] = [Ipv4Addr::new(10, 0, 0, 1), Ipv4Addr::new(10, 0, 0, 2)];

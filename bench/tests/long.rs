@@ -6,11 +6,11 @@ use std::fs;
 use std::time::Duration;
 
 use assert_cmd::Command;
-use bench::verbs::long::{Finished, LongRun, Mismatch, Origin, SuppliedMotions, SupplyThread};
 use plc_node::MotionSource;
 use protocol::image::Motion;
 use protocol_linux::allocation;
 use setup::Setup;
+use studies::long::{Finished, LongRun, Mismatch, Origin, SuppliedMotions, SupplyThread};
 
 const SLICE: Duration = Duration::from_secs(1);
 

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use assert_cmd::Command;
-use bench::records::trace::{RobotTick, Trace};
+use records::trace::{RobotTick, Trace};
 
 fn main() -> ExitCode {
     networked_tests::run_beside(

@@ -3,11 +3,11 @@
 use std::io::BufReader;
 use std::sync::LazyLock;
 
-use bench::records::results::Results;
-use bench::records::trace::Trace;
 use node::message::Instruction;
 use planning::{Application, MotionLines};
 use plc_node::process::PlcInstruction;
+use records::results::Results;
+use records::trace::Trace;
 use setup::Setup;
 
 /// Cells of a grid that are planned; more of them only take longer.

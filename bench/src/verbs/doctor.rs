@@ -10,13 +10,14 @@ use node::screen;
 use protocol_linux::wakeups::{self, Wakeups};
 use serde::Serialize;
 
-use crate::outln;
-use crate::output::errln;
-use crate::output::exit::{Exit, Failure};
-use crate::records::host::{Host, ProcessorTime};
-use crate::records::listening::{self, Listening};
-use crate::stands::rig;
-use crate::verbs::setup_option::SetupOption;
+use crate::COMMIT;
+use records::exit::{Exit, Failure};
+use records::host::{Host, ProcessorTime};
+use records::listening::{self, Listening};
+use report::errln;
+use report::outln;
+use stands::rig;
+use studies::setup_option::SetupOption;
 
 /// Options of the look at this machine.
 #[derive(Args, Debug)]
@@ -83,7 +84,7 @@ pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     let listening = listening(&listening::find_sockets());
     let mut findings = networks();
     findings.push(listening);
-    let host = Host::read(std::time::SystemTime::now());
+    let host = Host::read(std::time::SystemTime::now(), COMMIT);
     findings.push(cores(host.cores));
     findings.push(clock_source(host.clock_source.as_deref()));
     findings.push(governor(host.governor.as_deref()));

@@ -6,10 +6,10 @@ use anyhow::Context as _;
 use clap::{Args, Command};
 use clap_complete::Shell;
 
-use crate::outln;
-use crate::output::exit::{Exit, Failure};
-use crate::output::to_stdout;
-use crate::verbs::directory;
+use records::exit::{Exit, Failure};
+use report::outln;
+use report::to_stdout;
+use studies::directory;
 
 /// Options of the completions.
 #[derive(Args, Debug)]

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::outln;
-use crate::output::errln;
-use crate::output::exit::{Exit, Failure};
-use crate::output::report::{self, Comparison, Pages};
-use crate::records::run_directory::{Durability, replace};
-use crate::verbs::outputs::{self, Own, location};
+use records::exit::{Exit, Failure};
+use records::run_directory::{Durability, replace};
+use report::errln;
+use report::outln;
+use report::pages::{self, Comparison, Pages};
+use studies::outputs::{self, Own, location};
 
 /// Options of a report that is drawn again.
 #[derive(Args, Debug)]
@@ -30,14 +30,14 @@ pub struct ReportOptions {
 pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
     let (path, lacks) = match &options.out {
         None => {
-            let Pages { report, lacks, .. } = report::write(&options.run).map_err(as_it_was)?;
+            let Pages { report, lacks, .. } = pages::write(&options.run).map_err(as_it_was)?;
             (report, lacks)
         }
         Some(path) => {
-            let is_report = location(path) == location(&options.run.join(report::FILE));
+            let is_report = location(path) == location(&options.run.join(pages::FILE));
             let asked = (!is_report).then_some(path.as_path());
             outputs::check(&[("--out", asked)], &[], Own::default())?;
-            let (html, lacks) = report::render(&options.run)?;
+            let (html, lacks) = pages::render(&options.run)?;
             replace(path, &html, Durability::Synced).map_err(|error| as_it_was(error.into()))?;
             (path.clone(), lacks)
         }

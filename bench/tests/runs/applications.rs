@@ -1,9 +1,9 @@
 //! Every shipped application runs in virtual mode, in all three execution types.
 
-use bench::records::results::Results;
-use bench::records::schedule::Schedule;
-use bench::stands::virtual_run::whole;
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
+use records::results::Results;
+use records::schedule::Schedule;
+use stands::virtual_run::whole;
 
 fn run(application: &str) -> Results {
     run_on("A", application, 2)

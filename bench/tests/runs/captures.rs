@@ -3,14 +3,14 @@
 use std::fs::File;
 use std::path::Path;
 
-use bench::records::schedule::Schedule;
-use bench::stands::Stand as _;
-use bench::stands::capture::{PLC_FILE, ROBOT_FILE};
-use bench::stands::virtual_run::{Extras, VirtualRun};
 use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketOption;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use plc_node::ExecutionType;
 use protocol_linux::capture::Retention;
+use records::schedule::Schedule;
+use stands::Stand as _;
+use stands::capture::{PLC_FILE, ROBOT_FILE};
+use stands::virtual_run::{Extras, VirtualRun};
 
 #[derive(Clone, PartialEq, Debug)]
 struct Seen {
@@ -44,7 +44,7 @@ fn read(directory: &Path, file: &str) -> Vec<Seen> {
 }
 
 /// Returns what both ends saw of one CM, and how many frames the faults hit.
-fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<bench::records::faults::FaultReport>) {
+fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<records::faults::FaultReport>) {
     let place = tempfile::tempdir().unwrap();
     let (setup, found) = planning::setup_with_application(setup).unwrap();
     let extras = Extras {

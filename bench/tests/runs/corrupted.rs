@@ -6,15 +6,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use bench::records::faults::Fault;
-use bench::records::mode::Mode;
-use bench::records::schedule::Step;
-use bench::stands::Stand as _;
-use bench::stands::verification::Verification;
-use bench::stands::virtual_run::{Extras, VirtualRun};
 use planning::Found;
 use plc_node::ExecutionType;
+use records::faults::Fault;
+use records::mode::Mode;
+use records::schedule::Step;
 use setup::Setup;
+use stands::Stand as _;
+use stands::verification::Verification;
+use stands::virtual_run::{Extras, VirtualRun};
 
 /// Joints of the arm, cycle by cycle, without the cycles in which it stands.
 type JointPath = Vec<[f64; 6]>;

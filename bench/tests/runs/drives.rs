@@ -2,10 +2,10 @@
 
 use std::process::Command;
 
-use bench::records::schedule::Schedule;
-use bench::stands::virtual_run::whole;
 use plc_node::ExecutionType;
+use records::schedule::Schedule;
 use setup::{Drives, Setup};
+use stands::virtual_run::whole;
 
 use crate::failure::failure;
 

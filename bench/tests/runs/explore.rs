@@ -95,7 +95,7 @@ fn the_first_frame_of_a_connection_that_is_lost_is_sent_again_and_the_fault_can_
 #[test]
 fn the_setup_of_an_exploration_of_any_application_runs_again_from_where_it_is() {
     let place = tempfile::tempdir().unwrap();
-    let short = include_str!("../../src/verbs/explore/short.toml");
+    let short = include_str!("../../studies/src/explore/short.toml");
     fs::create_dir(place.path().join("tasks")).unwrap();
     fs::write(place.path().join("tasks/mine.toml"), short.replace("\"short\"", "\"mine\"")).unwrap();
     for application in ["tasks/mine.toml", "pick-and-place-gripper"] {

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use bench::records::schedule::Step;
-use bench::stands::Stand as _;
-use bench::stands::virtual_run::{Extras, VirtualRun};
 use planning::Application;
 use plc_node::ExecutionType;
+use records::schedule::Step;
 use setup::Setup;
+use stands::Stand as _;
+use stands::virtual_run::{Extras, VirtualRun};
 
 /// Runs CM once with a fault, and returns the reason of its failure.
 pub(crate) fn failure(setup: &Setup, application: &Application, fault: &str) -> Option<String> {

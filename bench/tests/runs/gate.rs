@@ -3,12 +3,12 @@
 
 use std::path::Path;
 
-use bench::records::schedule::Schedule;
-use bench::stands::virtual_run::whole;
 use bench::verbs::gate::{Baseline, judge};
 use planning::Application;
 use plc_node::ExecutionType;
+use records::schedule::Schedule;
 use setup::Setup;
+use stands::virtual_run::whole;
 
 use crate::program::{Finished, bench};
 

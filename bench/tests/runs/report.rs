@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use bench::records::faults::FaultReport;
-use bench::records::lateness::CycleLateness;
-use bench::records::results::{Results, Status, TypeResult};
 use plc_node::ExecutionType;
+use records::faults::FaultReport;
+use records::lateness::CycleLateness;
+use records::results::{Results, Status, TypeResult};
 
 use crate::program::bench;
 

@@ -4,9 +4,9 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use bench::verbs::sensitivity::{Factor, Sensitivity};
-use bench::verbs::sweep::Sweep;
 use rustix::process::{Pid, Signal, kill_process};
+use studies::sensitivity::{Factor, Sensitivity};
+use studies::sweep::Sweep;
 
 use crate::program::{Finished, bench};
 

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use bench::verbs::sweep::{Grid, Predicted, Sweep, csv, render};
+use studies::sweep::{Grid, Predicted, Sweep, csv, render};
 
 fn sweep(name: &str, grid: &Grid) -> Sweep {
     let (setup, found) = planning::setup_with_application(name).unwrap();

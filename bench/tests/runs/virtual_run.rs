@@ -1,11 +1,11 @@
 //! The run command in virtual mode: the same bytes for the same seed, and physically plausible figures.
 
-use bench::records::results::{PerType, Results};
-use bench::records::schedule::Schedule;
-use bench::stands::virtual_run::whole;
 use planning::Application;
 use plc_node::ExecutionType;
+use records::results::{PerType, Results};
+use records::schedule::Schedule;
 use setup::{BusKind, Ethercat, EthernetIp, Setup};
+use stands::virtual_run::whole;
 
 fn setup_a() -> (Setup, Application) {
     let (setup, found) = planning::setup_with_application("A").unwrap();

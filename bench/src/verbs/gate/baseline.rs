@@ -8,9 +8,9 @@ use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
 use setup::Setup;
 
-use crate::output::exit::{Exit, Failure};
-use crate::output::progress::label;
-use crate::records::results::Results;
+use records::exit::{Exit, Failure};
+use records::results::Results;
+use report::progress::label;
 
 /// Version of the format.
 const SCHEMA_VERSION: u32 = 1;

@@ -18,13 +18,13 @@ use setup::Setup;
 pub use baseline::{BASELINES, Baseline, Expected, Refusal};
 pub use verdict::{Change, Verdict};
 
-use crate::output::exit::{Exit, Failure};
-use crate::records::results::Results;
-use crate::records::run_directory::{Durability, replace};
-use crate::records::schedule::Schedule;
-use crate::stands::virtual_run;
-use crate::verbs::setup_option::SetupOption;
-use crate::{out, outln};
+use records::exit::{Exit, Failure};
+use records::results::Results;
+use records::run_directory::{Durability, replace};
+use records::schedule::Schedule;
+use report::{out, outln};
+use stands::virtual_run;
+use studies::setup_option::SetupOption;
 
 /// Where the committed baselines lie, from the repository's root.
 const DIRECTORY: &str = "bench/baselines";

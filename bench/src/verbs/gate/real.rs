@@ -8,12 +8,12 @@ use anyhow::anyhow;
 use plc_node::ExecutionType;
 
 use super::{Baseline, GateOptions, default_path, find};
-use crate::out;
-use crate::output::exit::{Exit, Failure};
-use crate::output::progress::label;
-use crate::records::ratio::{Ratio, RatioVerdict};
-use crate::records::results::Results;
-use crate::records::run_directory;
+use records::exit::{Exit, Failure};
+use records::ratio::{Ratio, RatioVerdict};
+use records::results::Results;
+use records::run_directory;
+use report::out;
+use report::progress::label;
 
 /// How much higher than in virtual time a ratio may be. Host and wire may cost that much; a scan more a skill call is
 /// 0.2 % of SM, a lost blend 1 % of CM.
@@ -85,7 +85,7 @@ fn compare(baseline: &Baseline, results: &Results) -> anyhow::Result<Vec<Compare
     if compared.is_empty() {
         anyhow::bail!(
             "the run has no ratio to compare: it takes {} repetitions of RC and of CM or SM; run again with `--types rc,cm --reps {0}` or more",
-            crate::records::ratio::FEWEST
+            records::ratio::FEWEST
         );
     }
     Ok(compared)
@@ -125,9 +125,9 @@ fn render(results: &Results, compared: &[Compared]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::records::conditions::Measured;
-    use crate::records::mode::Mode;
-    use crate::records::schedule::Schedule;
+    use records::conditions::Measured;
+    use records::mode::Mode;
+    use records::schedule::Schedule;
     use std::time::Duration;
 
     /// Returns a run in which each type's repetitions lie evenly within ± `spread_ms` of its mean.

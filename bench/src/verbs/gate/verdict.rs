@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::baseline::{self, Baseline, Expected};
-use crate::records::results::Results;
-use crate::records::schedule::repetitions;
+use records::results::Results;
+use records::schedule::repetitions;
 
 /// How one figure compares.
 #[derive(Clone, PartialEq, Debug)]
@@ -135,11 +135,11 @@ impl Verdict {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::records::conditions::Measured;
-    use crate::records::mode::Mode;
-    use crate::records::results::Frames;
-    use crate::records::schedule::Schedule;
     use plc_node::ExecutionType;
+    use records::conditions::Measured;
+    use records::mode::Mode;
+    use records::results::Frames;
+    use records::schedule::Schedule;
     use std::time::Duration;
 
     fn results(sm_ms: u64) -> Results {

@@ -6,11 +6,11 @@ use plotters::prelude::Color;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::Entry;
-use crate::output::figures::signed;
-use crate::output::html::chart::{
+use report::figures::signed;
+use report::html::chart::{
     self, Area, Axes, Chart, Format, INK, MUTED, PAPER, Panel, Panels, colour, px, stroke, text,
 };
-use crate::output::progress::label;
+use report::progress::label;
 
 /// Most runs of a figure: more cannot be told apart on a phone.
 pub(super) const MOST: usize = 60;

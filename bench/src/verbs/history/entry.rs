@@ -6,11 +6,11 @@ use std::path::Path;
 use plc_node::ExecutionType;
 use serde::Serialize;
 
-use crate::records::counted::counted;
-use crate::records::interval::Mean;
-use crate::records::results::{PerType, Results, Status};
-use crate::records::run_directory;
-use crate::records::statistics::AetMad;
+use records::counted::counted;
+use records::interval::Mean;
+use records::results::{PerType, Results, Status};
+use records::run_directory;
+use records::statistics::AetMad;
 
 /// A run of the list.
 #[derive(Clone, PartialEq, Debug, Serialize)]

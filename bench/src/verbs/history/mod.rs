@@ -22,14 +22,14 @@ use clap::Args;
 
 pub use entry::Entry;
 
-use crate::outln;
-use crate::output::exit::{Exit, Failure};
-use crate::output::{errln, in_shell};
-use crate::records::comparable::Conditions;
-use crate::records::mode::Mode;
-use crate::records::occupied::holds_run;
-use crate::records::run_directory::{self, Durability, replace};
-use crate::verbs::outputs::{self, Own};
+use records::comparable::Conditions;
+use records::exit::{Exit, Failure};
+use records::mode::Mode;
+use records::occupied::holds_run;
+use records::run_directory::{self, Durability, replace};
+use report::outln;
+use report::{errln, in_shell};
+use studies::outputs::{self, Own};
 
 /// Options of the list of runs.
 #[derive(Args, Debug)]
@@ -195,11 +195,11 @@ fn compared(runs: Vec<(Conditions, Entry)>) -> Vec<Entry> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::records::conditions::Measured;
-    use crate::records::results::{Results, Status};
-    use crate::records::run_directory::{Durability, RunDirectory};
-    use crate::records::schedule::Schedule;
     use plc_node::ExecutionType;
+    use records::conditions::Measured;
+    use records::results::{Results, Status};
+    use records::run_directory::{Durability, RunDirectory};
+    use records::schedule::Schedule;
     use setup::Setup;
     use std::time::Duration;
 

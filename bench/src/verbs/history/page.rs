@@ -8,12 +8,12 @@ use serde::Serialize;
 
 use super::chart::{self, Run};
 use super::{Entry, History, link};
-use crate::output::figures::signed;
-use crate::output::html::document::fill;
-use crate::output::html::figure::Figure;
-use crate::output::progress::label;
-use crate::output::report;
-use crate::records::counted::counted;
+use records::counted::counted;
+use report::figures::signed;
+use report::html::document::fill;
+use report::html::figure::Figure;
+use report::pages;
+use report::progress::label;
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -80,7 +80,7 @@ pub(super) fn page(history: &History, directory: &Path, path: &Path) -> anyhow::
     let hosts: BTreeSet<&str> = history.entries.iter().filter_map(|entry| entry.host.as_deref()).collect();
     let hosts: Vec<String> = hosts.into_iter().map(str::to_owned).collect();
     let sections = kinds.into_iter().enumerate().map(|(index, (kind, entries))| {
-        let report = |entry: &Entry| link::from_page(path, &directory.join(&entry.run).join(report::FILE));
+        let report = |entry: &Entry| link::from_page(path, &directory.join(&entry.run).join(pages::FILE));
         section(index, kind, &entries, &hosts, &report)
     });
     let dates: Vec<_> = history.entries.iter().filter_map(|entry| entry.date.as_deref()).collect();

@@ -5,9 +5,9 @@ use node::screen;
 use plc_node::ExecutionType;
 
 use super::{Entry, History};
-use crate::output::figures::signed;
-use crate::output::progress::label;
-use crate::records::statistics::AetMad;
+use records::statistics::AetMad;
+use report::figures::signed;
+use report::progress::label;
 
 impl History {
     /// Formats the list as a table.

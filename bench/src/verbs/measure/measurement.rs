@@ -12,27 +12,28 @@ use setup::Setup;
 use super::reference_runs::ReferenceRuns;
 use super::session::{Ended, Session};
 use super::{Capture, RunOptions};
-use crate::output::exit::{Exit, Failure};
-use crate::output::live::{About, Live, Reserved};
+use crate::COMMIT;
+use records::conditions::Measured;
+use records::exit::{Exit, Failure};
+use records::faults::Fault;
+use records::host::{self, Host};
+use records::mode::Mode;
+use records::paper::PaperComparison;
+use records::results::{Results, Status};
+use records::run_directory::{self, Durability, RunDirectory, replace};
+use records::schedule::Schedule;
+use records::trace::Trace;
+use report::live::{About, Live, Reserved};
 #[cfg(feature = "mcap")]
-use crate::output::playback;
-use crate::output::progress::Progress;
-use crate::output::timeline;
-use crate::output::{errln, in_shell};
-use crate::records::conditions::Measured;
-use crate::records::faults::Fault;
-use crate::records::host::{self, Host};
-use crate::records::mode::Mode;
-use crate::records::paper::PaperComparison;
-use crate::records::results::{Results, Status};
-use crate::records::run_directory::{self, Durability, RunDirectory, replace};
-use crate::records::schedule::Schedule;
-use crate::records::trace::Trace;
-use crate::stands::rig::{Rig, RigError};
-use crate::stands::verification::Verification;
-use crate::stands::virtual_run::VirtualRun;
-use crate::stands::{Finished, Stand, StandConfig};
-use crate::verbs::event_loop::interrupt;
+use report::playback;
+use report::progress::Progress;
+use report::timeline;
+use report::{errln, in_shell};
+use stands::rig::{Rig, RigError};
+use stands::verification::Verification;
+use stands::virtual_run::VirtualRun;
+use stands::{Finished, Stand, StandConfig};
+use studies::event_loop::interrupt;
 
 /// Warnings of a plan that are shown before a run.
 const WARNINGS: usize = 5;
@@ -81,7 +82,7 @@ impl Measurement<'_> {
             live: self.live.take().map(|address| self.serve(address, &path)).transpose()?,
         };
         self.warn(&session.progress);
-        let host = Host::read(started);
+        let host = Host::read(started, COMMIT);
         session.write_host(&host)?;
         let interrupt = interrupt()?;
         let results = self.empty_results();

@@ -16,21 +16,21 @@ use planning::{Found, Reached};
 use robot_node::RobotConfig;
 use setup::Setup;
 
-use crate::outln;
-use crate::output::exit::{Exit, Failure};
-use crate::output::live::{LiveAddress, Reserved};
-use crate::output::report::{self, Pages};
-use crate::output::table;
-use crate::output::{errln, in_shell};
-use crate::records::faults;
-use crate::records::mode::Mode;
-use crate::records::occupied;
-use crate::records::schedule::Schedule;
-use crate::stands::rig;
-use crate::verbs::event_loop::event_loop;
-use crate::verbs::outputs::{self, Own};
 use measurement::Measurement;
+use records::exit::{Exit, Failure};
+use records::faults;
+use records::mode::Mode;
+use records::occupied;
+use records::schedule::Schedule;
+use report::live::{LiveAddress, Reserved};
+use report::outln;
+use report::pages::{self, Pages};
+use report::table;
+use report::{errln, in_shell};
 use session::Ended;
+use stands::rig;
+use studies::event_loop::event_loop;
+use studies::outputs::{self, Own};
 
 /// Runs a measurement and prints its table.
 ///
@@ -139,7 +139,7 @@ fn print_where(ended: &Ended, directory: &Path) {
     } else {
         outln!("  Saved in {shown}.");
     }
-    match report::write(directory) {
+    match pages::write(directory) {
         Ok(Pages { report, race, .. }) => {
             outln!("  Report: {}.", report.display());
             if let Some(race) = race {

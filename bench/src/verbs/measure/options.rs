@@ -6,13 +6,13 @@ use clap::{Args, ValueEnum};
 use node::list::List;
 use plc_node::{ExecutionType, OverrideSchedule};
 
-use crate::output::export::Exports;
-use crate::output::live::{self, LiveAddress};
-use crate::records::faults::Fault;
-use crate::records::mode::Mode;
-use crate::records::schedule::{REPETITIONS, SEED};
-use crate::stands::rig::Attach;
-use crate::verbs::setup_option::SetupOption;
+use records::faults::Fault;
+use records::mode::Mode;
+use records::schedule::{REPETITIONS, SEED};
+use report::export::Exports;
+use report::live::{self, LiveAddress};
+use stands::rig::Attach;
+use studies::setup_option::SetupOption;
 
 /// Options of a measured run.
 #[derive(Args, Debug)]

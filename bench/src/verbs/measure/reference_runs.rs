@@ -7,12 +7,12 @@ use planning::Application;
 use plc_node::ExecutionType;
 use setup::Setup;
 
-use crate::records::arms::Arms;
-use crate::records::plant_speed::PlantSpeed;
-use crate::records::results::{Results, WithoutOverhead};
-use crate::records::schedule::{SEED, Schedule};
-use crate::stands::planned_cell::PlannedCell;
-use crate::stands::virtual_run;
+use records::arms::Arms;
+use records::plant_speed::PlantSpeed;
+use records::results::{Results, WithoutOverhead};
+use records::schedule::{SEED, Schedule};
+use stands::planned_cell::PlannedCell;
+use stands::virtual_run;
 
 /// Repetitions of RC on each arm: their times differ by much less than those of the arms.
 const ARMS_REPETITIONS: u32 = 3;

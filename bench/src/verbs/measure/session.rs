@@ -1,16 +1,17 @@
 //! Executes one schedule. It saves each repetition before the next one starts, so that an early end loses nothing.
 
-use crate::output::exit::Exit;
-use crate::output::export::Exports;
-use crate::output::live::{Feed, Live};
-use crate::output::progress::Progress;
-use crate::records::conditions::{Health, Measured};
-use crate::records::host::Host;
-use crate::records::plant_speed::PlantSpeed;
-use crate::records::results::{Results, Status};
-use crate::records::run_directory::{Durability, RunDirectory};
-use crate::records::schedule::{Schedule, Step};
-use crate::stands::Stand;
+use records::conditions::{Health, Measured};
+use records::exit::Exit;
+use records::feed::Feed;
+use records::host::Host;
+use records::plant_speed::PlantSpeed;
+use records::results::{Results, Status};
+use records::run_directory::{Durability, RunDirectory};
+use records::schedule::{Schedule, Step};
+use report::export::Exports;
+use report::live::Live;
+use report::progress::Progress;
+use stands::Stand;
 
 /// The files of a run, and its progress on screen and in the live view.
 #[derive(Debug)]
@@ -194,12 +195,12 @@ fn exit(status: Status, failures: &[anyhow::Error]) -> Exit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::exit::Failure;
-    use crate::records::conditions::Health;
-    use crate::records::mode::Mode;
-    use crate::stands::{Finished, StandConfig};
     use plc_node::ExecutionType;
+    use records::conditions::Health;
+    use records::exit::Failure;
+    use records::mode::Mode;
     use robot_node::Quality;
+    use stands::{Finished, StandConfig};
     use std::time::Duration;
 
     /// Takes one millisecond more in every run, fails in run `fails_at` and exceeds a rating in run `exceeds_at`.

@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow};
 use clap::Args;
 
-use crate::outln;
-use crate::output::exit::{Exit, Failure};
-use crate::output::in_shell;
-use crate::verbs::directory;
+use records::exit::{Exit, Failure};
+use report::in_shell;
+use report::outln;
+use studies::directory;
 
 /// Files of a cell.
 const SETUP: &str = "setup.toml";

@@ -25,16 +25,16 @@ use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use setup::Setup;
 
-use crate::outln;
-use crate::output::errln;
-use crate::output::exit::{Exit, Failure};
-use crate::records::host::ProcessorTime;
-use crate::records::occupied::{Files, Occupied};
-use crate::records::ratio::{Ratio, RatioVerdict, median};
-use crate::stands::rig::{self, Rig, RigConfig, RigError};
-use crate::verbs::directory;
-use crate::verbs::event_loop::{event_loop, interrupt, interrupted};
-use crate::verbs::setup_option::SetupOption;
+use records::exit::{Exit, Failure};
+use records::host::ProcessorTime;
+use records::occupied::{Files, Occupied};
+use records::ratio::{Ratio, RatioVerdict, median};
+use report::errln;
+use report::outln;
+use stands::rig::{self, Rig, RigConfig, RigError};
+use studies::directory;
+use studies::event_loop::{event_loop, interrupt, interrupted};
+use studies::setup_option::SetupOption;
 
 /// Largest allowed ratio of the p99 lateness with and without recording.
 const LIMIT: f64 = 1.05;

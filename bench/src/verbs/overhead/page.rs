@@ -10,7 +10,8 @@ use planning::Found;
 use plc_node::ExecutionType;
 use setup::Setup;
 
-use crate::output::live::{About, Feed, Live, Reserved};
+use records::feed::Feed;
+use report::live::{About, Live, Reserved};
 
 /// Fewest bytes that a page receives during a measurement: more than the state at the beginning.
 const FEWEST: u64 = 10_000;

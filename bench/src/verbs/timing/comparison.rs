@@ -3,7 +3,7 @@
 use node::screen;
 
 use super::evenness::{Evenness, quantile};
-use crate::records::ratio::{Ratio, RatioVerdict};
+use records::ratio::{Ratio, RatioVerdict};
 
 /// Largest deviation of the mean interval, in ppm.
 const MEAN_PPM: f64 = 20.0;

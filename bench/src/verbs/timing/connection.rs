@@ -17,7 +17,7 @@ use setup::Bus;
 use super::INTERVAL;
 use super::cable::{Cable, ROBOT};
 use super::stopwatch::{RoundTrip, Stopwatch, Times};
-use crate::output::errln;
+use report::errln;
 
 /// Longest time for a connection to be established, and to be closed.
 const PATIENCE: Duration = Duration::from_secs(10);

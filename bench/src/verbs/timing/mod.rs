@@ -23,14 +23,14 @@ use clap::ValueEnum as _;
 use node::list::{List, flat, list};
 use setup::{BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpFormat, Setup};
 
-use super::each_bus::over_each_bus;
-use super::event_loop::{interrupted, watch_for_interrupt};
-use crate::outln;
-use crate::output::errln;
-use crate::output::exit::{Exit, Failure};
-use crate::stands::rig;
 use bare::Wire;
 use cable::{Cable, MASK, PLC, ROBOT};
+use records::exit::{Exit, Failure};
+use report::errln;
+use report::outln;
+use stands::rig;
+use studies::each_bus::over_each_bus;
+use studies::event_loop::{interrupted, watch_for_interrupt};
 use turns::{BusMeasurement, Turns};
 
 /// Options of a comparison.

@@ -1,0 +1,302 @@
+//! The directory of a measurement: what was to be run, on which computer, and every finished repetition.
+//!
+//! ```text
+//! setup.toml        the setup; runs again as `--setup DIR/setup.toml`
+//! application.toml  the text of the application
+//! host.json         the computer
+//! samples.csv       a line per repetition, written before the next one starts
+//! results.json      the results so far, replaced as a whole
+//! trace-*.csv       both nodes tick by tick in the first repetition of each type
+//! report.html       the report
+//! race.html         the arms side by side
+//! ```
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use anyhow::{Context, anyhow};
+use setup::Setup;
+
+use crate::conditions::Measured;
+use crate::host::date;
+use crate::occupied::{self, Files, Occupied, holds_run};
+use crate::replacement::check_writable;
+pub use crate::replacement::{Durability, check_replaceable, replace};
+use crate::results::{Results, SCHEMA_VERSION};
+use crate::schedule::Step;
+
+/// First line of the samples.
+const SAMPLES_HEAD: &str =
+    "type,repetition,execution_ms,robot_execution_ms,blends_suppressed,plc_missed,robot_missed,error\n";
+
+/// The directory of a measurement.
+#[derive(Debug)]
+pub struct RunDirectory {
+    path: PathBuf,
+    /// Whether the bench made the directory, and not its user.
+    is_own: bool,
+    samples: File,
+    /// Length of the completely written samples, in bytes.
+    samples_len: u64,
+    durability: Durability,
+}
+
+impl RunDirectory {
+    /// Creates the directory and writes what is to be run: the setup and the text of its application. A directory
+    /// that already has one of a run's files is not changed.
+    pub fn create(
+        path: &Path,
+        setup: &Setup,
+        application: &str,
+        durability: Durability,
+    ) -> anyhow::Result<Self> {
+        Occupied::check(path, occupied::RUN)?;
+        let is_own = !path.exists();
+        fs::create_dir_all(path).with_context(|| {
+            format!("cannot make the run directory {}; choose another by --out", path.display())
+        })?;
+        let samples_path = path.join("samples.csv");
+        let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
+        let samples = samples.with_context(|| format!("cannot write {}", samples_path.display()))?;
+        let mut directory = Self { path: path.to_owned(), is_own, samples, samples_len: 0, durability };
+        directory.append(SAMPLES_HEAD)?;
+        let mut setup = setup.clone();
+        setup.application = "application.toml".to_owned();
+        directory.write("setup.toml", &setup::setup_to_toml(&setup)?)?;
+        directory.write("application.toml", application)?;
+        Ok(directory)
+    }
+
+    /// Removes a run that ended before its first repetition began, unless a node recorded something: then it stays. So does what
+    /// else the user has in the directory.
+    pub fn discard(self) {
+        let Ok(entries) = fs::read_dir(&self.path).and_then(Iterator::collect::<io::Result<Vec<_>>>) else {
+            return;
+        };
+        let is = |entry: &fs::DirEntry, names: &[&str]| names.iter().any(|name| entry.file_name() == *name);
+        let is_empty = |entry: &fs::DirEntry| entry.metadata().is_ok_and(|found| found.len() == 0);
+        let described = ["samples.csv", "setup.toml", "application.toml", "host.json", "results.json"];
+        let (of_run, others): (Vec<_>, Vec<_>) =
+            entries.iter().partition(|entry| is(entry, occupied::RUN.results));
+        // A node that recorded nothing leaves an empty file.
+        let is_recorded = |entry: &&fs::DirEntry| !is(entry, &described) && !is_empty(entry);
+        if self.samples_len > SAMPLES_HEAD.len() as u64 || of_run.iter().any(is_recorded) {
+            return;
+        }
+        for entry in of_run {
+            let _ = fs::remove_file(entry.path());
+        }
+        if self.is_own && others.is_empty() {
+            let _ = fs::remove_dir(&self.path);
+        }
+    }
+
+    /// Writes a file that is never replaced.
+    fn write(&self, name: &str, text: &str) -> anyhow::Result<()> {
+        replace(&self.path.join(name), text, Durability::Written)
+    }
+
+    /// Appends a line to the samples, completely or not at all.
+    fn append(&mut self, line: &str) -> anyhow::Result<()> {
+        let saved = self.samples.write_all(line.as_bytes()).and_then(|()| match self.durability {
+            Durability::Synced => self.samples.sync_data(),
+            Durability::Written => Ok(()),
+        });
+        if saved.is_err() {
+            // Remove a partly written line. If even that fails, readers see that the line is broken.
+            let _ = self.samples.set_len(self.samples_len);
+        } else {
+            self.samples_len += line.len() as u64;
+        }
+        saved.with_context(|| format!("cannot write {}", self.path.join("samples.csv").display()))
+    }
+
+    /// Returns its path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes the description of the computer.
+    pub fn write_host(&self, json: &str) -> anyhow::Result<()> {
+        self.write("host.json", json)
+    }
+
+    /// Writes a finished or failed repetition and the results so far.
+    pub fn save(
+        &mut self,
+        step: &Step,
+        outcome: &anyhow::Result<Measured>,
+        results: &Results,
+    ) -> anyhow::Result<()> {
+        self.append(&sample_line(step, outcome))?;
+        self.save_results(results)
+    }
+
+    /// Writes the results so far.
+    pub fn save_results(&self, results: &Results) -> anyhow::Result<()> {
+        replace(&self.path.join("results.json"), &results.to_json()?, self.durability)
+    }
+}
+
+/// Reads the results of a run directory.
+///
+/// # Errors
+///
+/// There are none, or they have another version.
+pub fn results(directory: &Path) -> anyhow::Result<Results> {
+    let path = directory.join("results.json");
+    let text = match fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            let shown = directory.display();
+            return Err(if holds_run(directory) {
+                anyhow!(
+                    "the run in {shown} ended before its first repetition did, so there is nothing to report"
+                )
+            } else if directory.is_dir() {
+                anyhow!(
+                    "{shown} holds no run: results.json is missing; name a run directory, such as one below runs/"
+                )
+            } else {
+                anyhow!("there is no run directory {shown}; name one, such as one below runs/")
+            });
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
+            return Err(anyhow!(
+                "{} is a file; name a run directory, such as one below runs/",
+                directory.display()
+            ));
+        }
+        Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
+    };
+    let value: serde_json::Value =
+        serde_json::from_str(&text).with_context(|| format!("{} is no results file", path.display()))?;
+    match value.get("schema_version").and_then(serde_json::Value::as_u64) {
+        Some(version) if version == u64::from(SCHEMA_VERSION) => {}
+        Some(version) => anyhow::bail!(
+            "{} has schema version {version}, and this program reads {SCHEMA_VERSION}; use the version of skillbench that wrote it, or run again",
+            path.display()
+        ),
+        None => anyhow::bail!("{} has no schema version, so it is no results file", path.display()),
+    }
+    serde_json::from_str(&text).with_context(|| format!("{} is broken; run again", path.display()))
+}
+
+/// Reads a run directory's description of the computer, key by key; `None` if there is none.
+#[must_use]
+pub fn host(directory: &Path) -> Option<serde_json::Map<String, serde_json::Value>> {
+    let text = fs::read_to_string(directory.join("host.json")).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+/// Returns the directory of a run without `--out`: below `runs`, named by its start, its setup and its kind; the
+/// first such name that is free.
+#[must_use]
+pub fn default_path(setup: &str, what: &str, started: SystemTime) -> PathBuf {
+    let time = date(started).replace([':', '-'], "");
+    let setup: String = setup.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+    let name = format!("runs/{time}-{setup}-{what}");
+    let numbered = (2..).map(|number| PathBuf::from(format!("{name}-{number}")));
+    std::iter::once(PathBuf::from(&name)).chain(numbered).find(|path| !path.exists()).unwrap_or_default()
+}
+
+/// Creates the directory of a study, which contains these files of many virtual runs but no run.
+///
+/// # Errors
+///
+/// It contains a run or the same files with other content, or nothing can be written to it.
+pub fn make_for_study(path: &Path, files: Files<'_>) -> anyhow::Result<()> {
+    Occupied::check(path, files)?;
+    fs::create_dir_all(path)
+        .with_context(|| format!("cannot make the directory {}; choose another by --out", path.display()))?;
+    check_writable(path)
+}
+
+fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {
+    let Step { execution_type, repetition, .. } = step;
+    match outcome {
+        Ok(measured) => {
+            let millis = |nanos: u64| nanos as f64 / 1e6;
+            format!(
+                "{execution_type},{repetition},{},{},{},{},{},\n",
+                millis(measured.execution.execution_time_ns),
+                millis(measured.execution.robot_execution_ns),
+                measured.execution.blends_suppressed,
+                measured.interference.missed[0],
+                measured.interference.missed[1]
+            )
+        }
+        Err(error) => {
+            let text = format!("{error:#}").replace('"', "\"\"").replace('\n', " ");
+            format!("{execution_type},{repetition},,,,,,\"{text}\"\n")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plc_node::ExecutionType;
+    use std::time::Duration;
+
+    fn step(repetition: u32) -> Step {
+        Step { execution_type: ExecutionType::Sm, repetition, pause: Duration::ZERO, overrides: None }
+    }
+
+    #[test]
+    fn every_repetition_is_a_line_whether_it_succeeded_or_failed() {
+        let mut measured = Measured::lasting(Duration::from_nanos(6_477_123_456));
+        measured.execution.robot_execution_ns = 6_470_000_000;
+        let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("sm failed"));
+        let lines = [sample_line(&step(1), &Ok(measured)), sample_line(&step(2), &failed)];
+        insta::assert_snapshot!(lines.concat(), @r#"
+        sm,1,6477.123456,6470,0,0,0,
+        sm,2,,,,,,"sm failed: the robot said ""no"" and stopped"
+        "#);
+    }
+
+    #[test]
+    fn a_directory_that_contains_a_run_is_not_changed() {
+        let directory = tempfile::tempdir().unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let create = || RunDirectory::create(directory.path(), &setup, &found.text, Durability::Written);
+        create().unwrap();
+        let said = create().unwrap_err().to_string().replace(&directory.path().display().to_string(), "DIR");
+        insta::assert_snapshot!(said, @"DIR holds a run already; choose another directory by --out");
+    }
+
+    #[test]
+    fn the_directory_of_a_run_that_never_began_is_removed_unless_a_node_recorded_something() {
+        let place = tempfile::tempdir().unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let path = place.path().join("run");
+        let run = || RunDirectory::create(&path, &setup, &found.text, Durability::Written).unwrap();
+        let begun = run();
+        fs::write(path.join("trace-plc.rows"), "").unwrap();
+        begun.discard();
+        assert!(!path.exists());
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("notes"), "").unwrap();
+        run().discard();
+        let left: Vec<_> = fs::read_dir(&path).unwrap().map(|file| file.unwrap().file_name()).collect();
+        assert_eq!(left, ["notes"], "the user's directory is as it was");
+        let begun = run();
+        fs::write(path.join("trace-plc.rows"), "a row").unwrap();
+        begun.discard();
+        assert!(path.join("trace-plc.rows").exists() && path.join("setup.toml").exists());
+    }
+
+    #[test]
+    fn the_setup_in_the_directory_gives_the_same_run_again() {
+        let directory = tempfile::tempdir().unwrap();
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        RunDirectory::create(directory.path(), &setup, &found.text, Durability::Synced).unwrap();
+        let written = directory.path().join("setup.toml");
+        let (again, same) = planning::setup_with_application(written.to_str().unwrap()).unwrap();
+        assert_eq!((again.motions, again.robot), (setup.motions, setup.robot));
+        assert_eq!((same.text, same.application), (found.text, found.application));
+    }
+}

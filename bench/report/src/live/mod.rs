@@ -1,0 +1,269 @@
+//! The live view: a page that shows a run in progress. The bench itself serves it.
+//!
+//! ```text
+//! nodes' cyclic threads ── ring ── nodes' writers ── trace-*.rows ──┐ rows
+//! run (session, rig) ── feed ───────────────────────────────────────┤
+//!                                                                   ▼
+//!                                            frames, parts ──▶ state ──▶ hub ──▶ server ──▶ pages
+//! ```
+//!
+//! Data flows one way: nothing that a page does reaches the run. The view has a thread with an event loop of its own. The
+//! channel to it is bounded; events that do not fit are dropped. The cyclic threads do no more than for every recorded
+//! repetition: they write each cycle to a ring.
+
+mod address;
+mod connection;
+mod frames;
+mod hub;
+mod page;
+mod parts;
+mod rows;
+mod server;
+mod state;
+
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::path::Path;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use node::role::NodeRole;
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::MissedTickBehavior;
+
+pub use address::{AddressError, DEFAULT, LiveAddress};
+pub use page::About;
+
+use connection::LimitedListener;
+use frames::Frames;
+use records::feed::{Feed, FeedEvent};
+use records::results::{Results, Status};
+use records::trace::tables::{PLC_ROWS, ROBOT_ROWS};
+use rows::Rows;
+use server::Served;
+use state::{Ended, Line, Part, Repetition};
+
+/// Interval at which rows are read: 30 times a second.
+const EVERY: Duration = Duration::from_millis(33);
+
+/// Time for open pages to receive the last events.
+const LAST_EVENTS: Duration = Duration::from_millis(300);
+
+/// Why there is no live view.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveError {
+    /// The address cannot be used.
+    #[error(
+        "cannot serve the live view on {address}: {error}; `--live 127.0.0.1:PORT` takes another port, `--live 127.0.0.1:0` \
+         any that is free"
+    )]
+    Address {
+        /// The address.
+        address: LiveAddress,
+        /// The kernel's error.
+        error: io::Error,
+    },
+    /// The server does not start.
+    #[error("cannot start the server of the live view: {0}")]
+    Server(#[source] io::Error),
+}
+
+/// An address that is taken, before the run begins.
+#[derive(Debug)]
+pub struct Reserved {
+    listener: TcpListener,
+    address: SocketAddr,
+}
+
+impl Reserved {
+    /// Takes an address.
+    ///
+    /// # Errors
+    ///
+    /// Another program has it.
+    pub fn open(address: LiveAddress) -> Result<Self, LiveError> {
+        let failed = |error| LiveError::Address { address, error };
+        let listener = TcpListener::bind(address.socket()).map_err(failed)?;
+        listener.set_nonblocking(true).map_err(failed)?;
+        let address = listener.local_addr().map_err(failed)?;
+        Ok(Self { listener, address })
+    }
+}
+
+/// The served view.
+#[derive(Debug)]
+pub struct Live {
+    feed: Feed,
+    last: oneshot::Sender<Part>,
+    address: SocketAddr,
+    thread: JoinHandle<()>,
+}
+
+impl Live {
+    /// Starts serving a run whose nodes write their rows into `directory`; without one no arm is drawn.
+    ///
+    /// # Errors
+    ///
+    /// The page cannot be made, or the thread or its event loop does not start.
+    pub fn start(reserved: Reserved, about: &About<'_>, directory: Option<&Path>) -> anyhow::Result<Self> {
+        let Reserved { listener, address } = reserved;
+        let (page, axes) = page::render(about)?;
+        let served = Served::new(&page);
+        let (feed, events) = Feed::new();
+        let (last, ended) = oneshot::channel();
+        let view = View {
+            events,
+            ended,
+            served,
+            rows: directory
+                .map(|directory| [PLC_ROWS, ROBOT_ROWS].map(|name| Rows::new(&directory.join(name)))),
+            frames: Frames::new(axes),
+            reps: about.reps,
+            repetition: None,
+            opened: Instant::now(),
+        };
+        let failed = LiveError::Server;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
+        let body = move || runtime.block_on(view.serve(listener));
+        let thread = std::thread::Builder::new().name("live".to_owned()).spawn(body).map_err(failed)?;
+        Ok(Self { feed, last, address, thread })
+    }
+
+    /// Returns the address that is served.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Returns the end of the channel into which the run sends its events.
+    #[must_use]
+    pub fn feed(&self) -> Feed {
+        self.feed.clone()
+    }
+
+    /// Stops serving, without a last word.
+    pub fn stop(self) {
+        self.end_with(Part::default());
+    }
+
+    /// Tells the pages how the run ended, and stops serving. `saved` is the run directory.
+    pub fn end(self, results: Result<&Results, &anyhow::Error>, saved: &Path) {
+        let last = match results {
+            Ok(results) => Part { ended: Some(ended(results, saved)), ..parts::table(results) },
+            Err(error) => {
+                let ended = Ended { is_problem: true, text: format!("The run broke off: {error:#}.") };
+                Part { ended: Some(ended), ..Part::default() }
+            }
+        };
+        self.end_with(last);
+    }
+
+    fn end_with(self, last: Part) {
+        let Self { feed, last: sender, thread, .. } = self;
+        // The thread ends with it, also where a feed is still open.
+        let _ = sender.send(last);
+        drop(feed);
+        // It can only have panicked, which it has said; the run's results do not depend on it.
+        let _ = thread.join();
+    }
+}
+
+fn ended(results: &Results, saved: &Path) -> Ended {
+    let (done, all) = results.saved_of_all();
+    let saved = saved.display();
+    let (is_problem, text) = match results.status {
+        Status::Complete | Status::Running => (false, format!("Done: {all} repetitions, saved in {saved}.")),
+        Status::Failed => (true, format!("A repetition failed; {done} of {all} are saved in {saved}.")),
+        Status::Interrupted => (true, format!("Interrupted, {done} of {all} repetitions saved in {saved}.")),
+    };
+    Ended { is_problem, text }
+}
+
+/// What the view's thread has.
+struct View {
+    events: mpsc::Receiver<FeedEvent>,
+    /// How the run ended; nothing follows.
+    ended: oneshot::Receiver<Part>,
+    served: Served,
+    /// Rows of the PLC and of the robot.
+    rows: Option<[Rows; 2]>,
+    frames: Frames,
+    reps: u32,
+    repetition: Option<Repetition>,
+    opened: Instant,
+}
+
+impl View {
+    /// Serves until the run has ended.
+    async fn serve(mut self, listener: TcpListener) {
+        let listener = match tokio::net::TcpListener::from_std(listener) {
+            Ok(listener) => LimitedListener::new(listener),
+            Err(error) => return crate::errln!("warning: {}", LiveError::Server(error)),
+        };
+        let server = tokio::spawn(axum::serve(listener, server::routes(self.served.clone())).into_future());
+        let mut ticks = tokio::time::interval(EVERY);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let last = loop {
+            tokio::select! {
+                last = &mut self.ended => break last.unwrap_or_default(),
+                Some(event) = self.events.recv() => self.handle(event),
+                _ = ticks.tick() => self.read_rows(),
+            }
+        };
+        while let Ok(event) = self.events.try_recv() {
+            self.handle(event);
+        }
+        self.read_rows();
+        self.served.hub().publish(last);
+        self.served.hub().close();
+        tokio::time::sleep(LAST_EVENTS).await;
+        server.abort();
+    }
+
+    fn handle(&mut self, event: FeedEvent) {
+        let part = match event {
+            FeedEvent::Next { execution_type, repetition: number } => {
+                let repetition = Repetition { key: execution_type.to_string(), number, reps: self.reps };
+                self.repetition = Some(repetition);
+                // The arm may still move back to the start: the repetition before is shown until the start edge.
+                return;
+            }
+            FeedEvent::Started { at_ns } => {
+                self.frames.start(at_ns);
+                Part { repetition: self.repetition.clone(), ..Part::default() }
+            }
+            FeedEvent::MotionsDone { length_ns } => {
+                Part { end_ms: Some(length_ns as f64 / 1e6), ..Part::default() }
+            }
+            FeedEvent::Results(results) => parts::table(&results),
+            FeedEvent::Report(NodeRole::Plc, report) => {
+                Part { plc: Some(parts::node(&report)), ..Part::default() }
+            }
+            FeedEvent::Report(NodeRole::Robot, report) => {
+                Part { robot: Some(parts::node(&report)), ..Part::default() }
+            }
+            FeedEvent::Note { is_problem, text } => self.line(is_problem, text),
+        };
+        self.served.hub().publish(part);
+    }
+
+    /// Reads the new rows and publishes their frames.
+    fn read_rows(&mut self) {
+        let Some([plc, robot]) = &mut self.rows else { return };
+        let read = plc.read().and_then(|plc| Ok((plc, robot.read()?)));
+        let part = match read {
+            Ok((plc, robot)) => Part { frames: self.frames.add(plc, robot), ..Part::default() },
+            Err(error) => {
+                self.rows = None;
+                self.line(true, format!("the arm is not followed any more: {error}"))
+            }
+        };
+        self.served.hub().publish(part);
+    }
+
+    fn line(&self, is_problem: bool, text: String) -> Part {
+        let seconds = self.opened.elapsed().as_secs();
+        let at = format!("{}:{:02}", seconds / 60, seconds % 60);
+        Part { log: [Line { at, is_problem, text }].into(), ..Part::default() }
+    }
+}

@@ -1,0 +1,368 @@
+//! A trace as a timeline in Chrome's Trace Event Format, which Perfetto and chrome://tracing open.
+//!
+//! The first repetitions of all types follow each other, 100 ms apart. Of a long one only the beginning is recorded; a
+//! mark shows where that ends. Each part of the cell is a process, with a track for each kind of event:
+//!
+//! ```text
+//! run     the running type
+//! PLC     scans · its command · motions in the slots · motions written
+//! cable   what each end sends and receives
+//! robot   ticks · state · the command being executed · the motion being executed · path speed · queue
+//! ```
+
+use plc_node::ExecutionType;
+use serde::Serialize;
+use virtual_time::Side;
+
+use records::trace::place::Place;
+use records::trace::{Recording, Trace};
+
+/// The timeline, in the run directory.
+pub const FILE: &str = "trace.json";
+
+/// Gap between two repetitions, in µs.
+const GAP_US: f64 = 100_000.0;
+
+const RUN: u32 = 1;
+const PLC: u32 = 2;
+const ROBOT: u32 = 3;
+const CABLE: u32 = 4;
+
+/// Tracks of a process.
+const REPETITIONS: u32 = 1;
+const GAPS: u32 = 2;
+const CYCLES: u32 = 1;
+const COMMAND: u32 = 2;
+const STATE: u32 = 3;
+const MOTION: u32 = 4;
+const REFUSED: u32 = 5;
+
+/// One event, with the format's names of its fields.
+#[derive(Serialize, Debug)]
+struct TraceEvent {
+    name: String,
+    /// Kind of event: X a span, i an instant, C a counter, M a name.
+    ph: &'static str,
+    /// In µs.
+    ts: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dur: Option<f64>,
+    pid: u32,
+    tid: u32,
+    /// An instant's scope: t is its track.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    s: Option<&'static str>,
+    #[serde(skip_serializing_if = "serde_json::Map::is_empty")]
+    args: serde_json::Map<String, serde_json::Value>,
+}
+
+impl TraceEvent {
+    fn new(ph: &'static str, name: impl Into<String>, (pid, tid): (u32, u32), ts: f64) -> Self {
+        // Times are accurate to a nanosecond; more digits are rounding noise.
+        let ts = (ts * 1e3).round() / 1e3;
+        Self { name: name.into(), ph, ts, dur: None, pid, tid, s: None, args: serde_json::Map::new() }
+    }
+
+    fn with(mut self, key: &str, value: impl Into<serde_json::Value>) -> Self {
+        self.args.insert(key.to_owned(), value.into());
+        self
+    }
+}
+
+#[derive(Serialize, Debug)]
+#[serde(rename_all = "camelCase")]
+struct Timeline {
+    display_time_unit: &'static str,
+    trace_events: Vec<TraceEvent>,
+}
+
+/// Returns the timeline of a trace. `motions` are the names of the sequence's motions.
+///
+/// # Errors
+///
+/// None is known; the serialiser's interface allows for one.
+pub fn json(trace: &Trace, motions: &[&str]) -> serde_json::Result<String> {
+    let mut events = names();
+    let mut start = 0.0;
+    for execution_type in ExecutionType::ALL {
+        let Some(recording) = trace.types.get(execution_type) else { continue };
+        let length = length_us(recording);
+        let mut span = TraceEvent::new("X", execution_type.to_string(), (RUN, REPETITIONS), start);
+        span.dur = Some(length);
+        events.push(span);
+        if recording.is_cut_off() {
+            let mut mark = TraceEvent::new("i", "end of the recording", (RUN, REPETITIONS), start + length);
+            mark.s = Some("t");
+            events.push(mark);
+        }
+        gaps(&mut events, recording, start);
+        plc(&mut events, recording, start, start + length);
+        robot(&mut events, recording, start, start + length);
+        executed(&mut events, recording, motions, start, start + length);
+        frames(&mut events, recording, start);
+        start += length + GAP_US;
+    }
+    serde_json::to_string(&Timeline { display_time_unit: "ms", trace_events: events }).map(|json| json + "\n")
+}
+
+/// Marks the start of a recording that lacks cycles.
+fn gaps(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64) {
+    let [scans, cycles] = recording.gaps();
+    if scans + cycles > 0 {
+        let mut mark = TraceEvent::new("i", "cycles are missing in this recording", (RUN, GAPS), start)
+            .with("scans", scans)
+            .with("robot cycles", cycles);
+        mark.s = Some("t");
+        events.push(mark);
+    }
+}
+
+fn names() -> Vec<TraceEvent> {
+    let process = |pid, name| TraceEvent::new("M", "process_name", (pid, 0), 0.0).with("name", name);
+    let track = |pid, tid, name| TraceEvent::new("M", "thread_name", (pid, tid), 0.0).with("name", name);
+    vec![
+        process(RUN, "run"),
+        track(RUN, REPETITIONS, "first repetition of each type"),
+        track(RUN, GAPS, "what the recordings lack"),
+        process(PLC, "PLC"),
+        track(PLC, CYCLES, "scans"),
+        track(PLC, COMMAND, "command given"),
+        track(PLC, REFUSED, "images refused"),
+        process(ROBOT, "robot"),
+        track(ROBOT, CYCLES, "interpolation cycles"),
+        track(ROBOT, COMMAND, "command executed"),
+        track(ROBOT, STATE, "state"),
+        track(ROBOT, MOTION, "motion"),
+        track(ROBOT, REFUSED, "images refused"),
+        process(CABLE, "cable"),
+        track(CABLE, 1, "PLC sends"),
+        track(CABLE, 2, "robot receives"),
+        track(CABLE, 3, "robot sends"),
+        track(CABLE, 4, "PLC receives"),
+    ]
+}
+
+fn frames(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64) {
+    for frame in recording.frames() {
+        let track = match (frame.end, frame.sent) {
+            (Side::A, true) => 1,
+            (Side::B, false) => 2,
+            (Side::B, true) => 3,
+            (Side::A, false) => 4,
+        };
+        let mut event =
+            TraceEvent::new("i", frame.name, (CABLE, track), start + frame.at_us).with("bytes", frame.bytes);
+        event.s = Some("t");
+        events.push(if frame.faulty { event.with("fault", true) } else { event });
+    }
+}
+
+/// Returns the time from the start edge to the last recorded cycle.
+fn length_us(recording: &Recording) -> f64 {
+    let plc = recording.plc_scans().last().map_or(0.0, |scan| scan.at_us as f64);
+    recording.robot_ticks().last().map_or(0.0, |tick| tick.at_ms * 1e3).max(plc)
+}
+
+fn plc(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64) {
+    let scans = recording.plc_scans();
+    for scan in scans {
+        let at = start + scan.at_us as f64;
+        let mut cycle = TraceEvent::new("i", "scan", (PLC, CYCLES), at).with("scan", scan.sample.scan);
+        cycle.s = Some("t");
+        events.push(cycle);
+    }
+    let commands =
+        scans.iter().map(|scan| (start + scan.at_us as f64, format!("command {}", scan.sample.command)));
+    spans(events, (PLC, COMMAND), commands, end);
+    refused(events, PLC, scans.iter().map(|scan| (start + scan.at_us as f64, scan.sample.altered)));
+    let fill = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.sample.in_slots)));
+    counter(events, (PLC, "motions in the slots"), fill);
+    let written = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.sample.written)));
+    counter(events, (PLC, "motions written"), written);
+}
+
+fn robot(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64) {
+    // The robot has its own clock: a tick that began before the start edge is not part of the run.
+    let ticks = || recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0);
+    let at = move |at_ms: f64| start + at_ms * 1e3;
+    for tick in ticks() {
+        let mut cycle = TraceEvent::new("i", "tick", (ROBOT, CYCLES), at(tick.at_ms))
+            .with("executed", tick.sample.executed)
+            .with("accepted", tick.sample.accepted);
+        cycle.s = Some("t");
+        events.push(cycle);
+    }
+    let commands = ticks().map(|tick| (at(tick.at_ms), format!("command {}", tick.sample.command)));
+    spans(events, (ROBOT, COMMAND), commands, end);
+    refused(events, ROBOT, ticks().map(|tick| (at(tick.at_ms), tick.sample.altered)));
+    spans(
+        events,
+        (ROBOT, STATE),
+        ticks().map(|tick| (at(tick.at_ms), format!("{:?}", tick.sample.state))),
+        end,
+    );
+    let speed = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.sample.path_speed_mm_s)));
+    counter(events, (ROBOT, "path speed in mm/s"), speed);
+    let queue = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.sample.queued())));
+    counter(events, (ROBOT, "motions in the queue"), queue);
+}
+
+/// Adds a mark where a node refused an image because a byte was altered.
+fn refused(events: &mut Vec<TraceEvent>, node: u32, samples: impl Iterator<Item = (f64, u64)>) {
+    let mut before = None;
+    for (at, altered) in samples {
+        if before.replace(altered).is_some_and(|before| before < altered) {
+            let mut mark = TraceEvent::new("i", "altered image refused", (node, REFUSED), at);
+            mark.s = Some("t");
+            events.push(mark);
+        }
+    }
+}
+
+/// Adds a span for each motion that the robot executes.
+fn executed(events: &mut Vec<TraceEvent>, recording: &Recording, motions: &[&str], start: f64, end: f64) {
+    let mut place = Place::default();
+    let mut open: Option<(usize, TraceEvent)> = None;
+    let mut close = |open: &mut Option<(usize, TraceEvent)>, at: f64| {
+        if let Some((_, mut span)) = open.take() {
+            span.dur = Some((at - span.ts).max(0.0));
+            events.push(span);
+        }
+    };
+    for tick in recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0) {
+        let index = place.follow(&tick.sample);
+        if index == open.as_ref().map(|(open, _)| *open) {
+            continue;
+        }
+        let at = start + tick.at_ms * 1e3;
+        close(&mut open, at);
+        open = index.and_then(|index| {
+            let name = *motions.get(index)?;
+            Some((index, TraceEvent::new("X", name, (ROBOT, MOTION), at).with("number", index + 1)))
+        });
+    }
+    close(&mut open, end);
+}
+
+/// Adds a span for each stretch in which the name is the same.
+fn spans(
+    events: &mut Vec<TraceEvent>,
+    track: (u32, u32),
+    samples: impl Iterator<Item = (f64, String)>,
+    end: f64,
+) {
+    let mut open: Option<TraceEvent> = None;
+    for (at, name) in samples {
+        if open.as_ref().is_some_and(|open| open.name == name) {
+            continue;
+        }
+        let next = TraceEvent::new("X", name, track, at);
+        if let Some(mut ended) = open.replace(next) {
+            ended.dur = Some(at - ended.ts);
+            events.push(ended);
+        }
+    }
+    if let Some(mut last) = open {
+        last.dur = Some((end - last.ts).max(0.0));
+        events.push(last);
+    }
+}
+
+/// Adds a value whenever it changes.
+fn counter(
+    events: &mut Vec<TraceEvent>,
+    (pid, name): (u32, &str),
+    samples: impl Iterator<Item = (f64, f64)>,
+) {
+    let mut last = None;
+    for (at, value) in samples {
+        if last != Some(value) {
+            last = Some(value);
+            events.push(TraceEvent::new("C", name, (pid, 0), at).with("value", value));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::image::State;
+    use records::trace::{PlcScan, RobotTick};
+    use std::collections::BTreeMap;
+
+    fn trace() -> Trace {
+        let mut trace = Trace::default();
+        for execution_type in [ExecutionType::Rc, ExecutionType::Cm] {
+            let mut recording = Recording::default();
+            for number in 0..40_u16 {
+                let state = if number < 4 { State::Ready } else { State::Running };
+                let sample = robot_node::Sample {
+                    state,
+                    command: number / 20,
+                    accepted: 3,
+                    path_speed_mm_s: f32::from(number),
+                    altered: u64::from(number >= 20),
+                    ..robot_node::Sample::default()
+                };
+                recording.robot(RobotTick { at_ms: f64::from(number) * 4.0 - 1.5, sample });
+                let sample = plc_node::Sample {
+                    scan: number.into(),
+                    command: number / 20,
+                    total: 13,
+                    written: 5,
+                    in_slots: 5,
+                    altered: 0,
+                };
+                recording.plc(PlcScan { at_us: i64::from(number) * 1_000, sample });
+            }
+            *trace.types.entry(execution_type) = Some(recording);
+        }
+        trace
+    }
+
+    #[test]
+    fn every_event_has_the_fields_of_the_format_and_the_times_of_each_track_increase() {
+        let json: serde_json::Value =
+            serde_json::from_str(&json(&trace(), &["LIN to A", "PTP to B", "LIN before C"]).unwrap())
+                .unwrap();
+        let events = json["traceEvents"].as_array().unwrap();
+        assert!(events.len() > 200, "{}", events.len());
+        let refused = events.iter().filter(|event| event["name"] == "altered image refused");
+        assert_eq!(refused.count(), 2, "one in each repetition");
+        let mut tracks: BTreeMap<(u64, u64, String), f64> = BTreeMap::new();
+        for event in events {
+            let phase = event["ph"].as_str().unwrap();
+            let name = event["name"].as_str().unwrap();
+            let (pid, tid) = (event["pid"].as_u64().unwrap(), event["tid"].as_u64().unwrap());
+            let ts = event["ts"].as_f64().unwrap();
+            let counter = if phase == "C" { name } else { "" };
+            match phase {
+                "X" => assert!(event["dur"].as_f64().unwrap() >= 0.0, "{event}"),
+                "i" => assert_eq!(event["s"], "t"),
+                "C" => assert!(event["args"]["value"].is_number(), "{event}"),
+                "M" => assert!(event["args"]["name"].is_string(), "{event}"),
+                other => panic!("phase {other}"),
+            }
+            // Spans of a track do not overlap.
+            let free = tracks.entry((pid, tid, counter.to_owned())).or_insert(f64::MIN);
+            assert!(ts >= *free - 1e-3, "{event} begins before {free}");
+            *free = ts + event["dur"].as_f64().unwrap_or_default();
+        }
+    }
+
+    #[test]
+    fn every_track_has_a_name() {
+        let json: serde_json::Value =
+            serde_json::from_str(&json(&trace(), &["LIN to A", "PTP to B", "LIN before C"]).unwrap())
+                .unwrap();
+        let events = json["traceEvents"].as_array().unwrap();
+        let named = |pid: &serde_json::Value, tid: &serde_json::Value| {
+            events
+                .iter()
+                .any(|event| event["name"] == "thread_name" && event["pid"] == *pid && event["tid"] == *tid)
+        };
+        for event in events.iter().filter(|event| event["ph"] == "X" || event["ph"] == "i") {
+            assert!(named(&event["pid"], &event["tid"]), "{event}");
+        }
+    }
+}

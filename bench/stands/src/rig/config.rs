@@ -1,0 +1,83 @@
+//! Configuration of a rig, and the nodes' command lines.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use protocol_linux::capture::Retention;
+use setup::{Cyclic, Setup};
+
+use super::frames::FrameLog;
+use records::faults::Fault;
+use records::feed::Feed;
+
+/// Configuration of a rig.
+#[derive(Clone, Debug)]
+pub struct RigConfig {
+    /// A built-in setup's name, or the path of a file.
+    pub setup: OsString,
+    /// The watchdog time of the setup's connection.
+    pub watchdog: Duration,
+    /// How PROFINET's cyclic frames are sent, instead of the setup's choice.
+    pub cyclic: Option<Cyclic>,
+    /// Seed of the robot's interpreter.
+    pub seed: u64,
+    /// Directory for captures of both interfaces, from before the first frame on, and how much is kept.
+    pub capture: Option<(PathBuf, Retention)>,
+    /// Directory in which each node writes its recorded cycles; they record while [`Rig::record`](super::Rig::record)
+    /// is on.
+    pub trace: Option<PathBuf>,
+    /// Log of the frames at both interfaces while cycles are recorded.
+    pub frames: Option<FrameLog>,
+    /// The live view.
+    pub feed: Option<Feed>,
+    /// Whether the nodes write all their cycles, for the live view, and not only while [`Rig::record`](super::Rig::record) is
+    /// on.
+    pub writes_all: bool,
+    /// Faults of the cable and of the nodes; `seed` decides which frames they hit.
+    pub faults: Vec<Fault>,
+    /// The program of both nodes; `None` for this program.
+    pub program: Option<PathBuf>,
+    /// Exchange images without a bus protocol, for tests that are not about a bus.
+    pub direct: bool,
+}
+
+impl RigConfig {
+    /// Creates the configuration of a rig of this setup without captures, traces and faults. The nodes read the setup
+    /// from `read_from`.
+    pub fn new(setup: &Setup, read_from: impl Into<OsString>) -> Self {
+        Self {
+            setup: read_from.into(),
+            watchdog: setup.bus.watchdog(),
+            cyclic: None,
+            seed: 1,
+            capture: None,
+            trace: None,
+            frames: None,
+            feed: None,
+            writes_all: false,
+            faults: Vec::new(),
+            program: None,
+            direct: false,
+        }
+    }
+
+    pub(super) fn args(&self, interface: &str, rows: &str) -> Vec<OsString> {
+        let mut args: Vec<OsString> = ["run", "--json", "--interface", interface].map(OsString::from).into();
+        args.extend(["--setup".into(), self.setup.clone()]);
+        if let Some(cyclic) = self.cyclic {
+            let name = match cyclic {
+                Cyclic::Udp => "udp",
+                Cyclic::Rt1 => "rt1",
+            };
+            args.extend(["--cyclic".into(), name.into()]);
+        }
+        if let Some(directory) = &self.trace {
+            args.extend(["--trace-file".into(), directory.join(rows).into()]);
+        }
+        if self.direct {
+            args.push("--direct".into());
+        }
+        args
+    }
+}

@@ -1,0 +1,295 @@
+//! Errors of the rig, each with what to do about it.
+
+use std::io;
+use std::net::SocketAddr;
+use std::process::ExitStatus;
+use std::time::Duration;
+
+use node::role::NodeRole;
+use plc_node::ExecutionType;
+use protocol_linux::namespace::NamespaceError;
+use protocol_linux::{InterfaceError, PortError, RecorderError};
+
+use crate::under_faults;
+use records::exit::{Exit, Failure};
+use records::faults::Fault;
+
+/// Why the rig does not run, or stopped.
+#[derive(Debug, thiserror::Error)]
+pub enum RigError {
+    /// The host does not let this user create networks.
+    #[error("{reason}; `--mode virtual` needs none of this")]
+    Namespace {
+        /// What the host refused, and what to enable.
+        reason: NamespaceError,
+    },
+    /// The new interfaces cannot be set up.
+    #[error(transparent)]
+    Interface(#[from] InterfaceError),
+    /// The capture cannot be written.
+    #[error(transparent)]
+    Capture(#[from] RecorderError),
+    /// The impaired cable gets no sockets.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// A node cannot be started.
+    #[error("cannot start the {role}: {reason}")]
+    Spawn {
+        /// The node.
+        role: NodeRole,
+        /// The system's error.
+        reason: io::Error,
+    },
+    /// A node ended unexpectedly.
+    #[error("the {role} ended{}{}", status.map_or_else(String::new, |status| format!(" ({status})")), quoted(last_stderr))]
+    NodeEnded {
+        /// The node.
+        role: NodeRole,
+        /// Its exit status, if known.
+        status: Option<ExitStatus>,
+        /// Its last lines on standard error.
+        last_stderr: Vec<String>,
+    },
+    /// A fault of this run killed a node.
+    #[error("the {role} was killed by this run's fault `{}`", kill_name(*role))]
+    KilledByFault {
+        /// The node.
+        role: NodeRole,
+    },
+    /// A node that should already run does not answer.
+    #[error(
+        "no {role} answers at {address} within {} s: {reason}; is it running with `--control`, on that address and \
+         port?",
+        waited.as_secs()
+    )]
+    Unreachable {
+        /// The node.
+        role: NodeRole,
+        /// Host and port.
+        address: String,
+        /// Time of the attempts.
+        waited: Duration,
+        /// The last error.
+        reason: String,
+    },
+    /// A running node has another controller.
+    #[error("the {role} is controlled by {controller} already: end that one first")]
+    Busy {
+        /// The node.
+        role: NodeRole,
+        /// That controller.
+        controller: SocketAddr,
+    },
+    /// A running node does not follow this bench.
+    #[error("the {role} does not follow this bench: {reason}")]
+    Denied {
+        /// The node.
+        role: NodeRole,
+        /// Why not, in its words.
+        reason: String,
+    },
+    /// The connection to a running node was closed.
+    #[error("the {role} at {address} ended or closed the connection; its output says why")]
+    Detached {
+        /// The node.
+        role: NodeRole,
+        /// Host and port.
+        address: String,
+    },
+    /// Another node or setup runs at the address than the one to be measured.
+    #[error("the node at {address} is a {found}, but a {wanted} is needed")]
+    Other {
+        /// Host and port.
+        address: String,
+        /// The node and setup found.
+        found: String,
+        /// The node and setup requested.
+        wanted: String,
+    },
+    /// The node runs a setup or an application that differs from the one to be measured.
+    #[error("the {role} at {address} runs another cell: {difference}; start it with the same --setup")]
+    OtherCell {
+        /// Which node.
+        role: NodeRole,
+        /// Host and port.
+        address: String,
+        /// The first difference.
+        difference: String,
+    },
+    /// The nodes did not connect.
+    #[error("the PLC found no robot that was ready within {} s: {reason}{}", waited.as_secs(), quoted(last_stderr))]
+    NotConnected {
+        /// Time of the attempts.
+        waited: Duration,
+        /// The PLC's last reason.
+        reason: String,
+        /// The last lines of both nodes on standard error.
+        last_stderr: Vec<String>,
+    },
+    /// The connection was up and got lost.
+    #[error("the connection between the nodes was lost; the {seen_by} says: {reason}")]
+    ConnectionLost {
+        /// The node that reported it first.
+        seen_by: NodeRole,
+        /// Its reason.
+        reason: String,
+    },
+    /// The host stalled a node for about as long as its peer's watchdog time.
+    #[error(
+        "{error}; the host stopped the {role} for {} ms: `bench doctor` measures how it runs programs, and a higher \
+         bus.watchdog_cycles in a setup of your own bears more",
+        held.as_millis()
+    )]
+    HeldUp {
+        /// The node that was stalled longest.
+        role: NodeRole,
+        /// For how long.
+        held: Duration,
+        /// The error that followed.
+        error: Box<RigError>,
+    },
+    /// The PLC reports that a run failed.
+    #[error("{execution_type} failed: {reason}")]
+    RunFailed {
+        /// The execution type of the run.
+        execution_type: ExecutionType,
+        /// The PLC's reason.
+        reason: String,
+    },
+    /// The robot node's messages are about another number of motions than the PLC counted.
+    #[error(
+        "the robot-node reported {reported} motions of this run, and the PLC counted {executed}: the run cannot be verified"
+    )]
+    Unreported {
+        /// Motions that the robot executed, as the PLC counted them.
+        executed: u32,
+        /// Motions in the messages of the robot node.
+        reported: u32,
+    },
+    /// A node does not answer.
+    #[error("the {role} runs but has not answered for {} s: is the host overloaded, or the node stopped?", waited.as_secs())]
+    NoAnswer {
+        /// The node.
+        role: NodeRole,
+        /// Time waited.
+        waited: Duration,
+    },
+    /// A node sent a line that is no message.
+    #[error("the {role} sent `{line}`, which is not a message: are bench and node from the same build?")]
+    UnreadableLine {
+        /// The node.
+        role: NodeRole,
+        /// The line.
+        line: String,
+    },
+}
+
+// Not `#[from]`, which would also make it the source: then it would be printed twice.
+impl From<NamespaceError> for RigError {
+    fn from(reason: NamespaceError) -> Self {
+        Self::Namespace { reason }
+    }
+}
+
+impl RigError {
+    /// Returns the bench's exit code for this error.
+    #[must_use]
+    pub fn exit(&self) -> Exit {
+        // A node's exit code 5 means that the host lacks what the node needs.
+        let unusable = |status: &ExitStatus| status.code() == Some(Exit::EnvironmentUnusable as i32);
+        match self {
+            Self::Namespace { .. }
+            | Self::Interface(_)
+            | Self::Port(_)
+            | Self::Spawn { .. }
+            | Self::NotConnected { .. }
+            | Self::Unreachable { .. }
+            | Self::Busy { .. } => Exit::EnvironmentUnusable,
+            Self::Other { .. } | Self::OtherCell { .. } | Self::Denied { .. } => Exit::Usage,
+            Self::NodeEnded { status, .. } if status.as_ref().is_some_and(unusable) => {
+                Exit::EnvironmentUnusable
+            }
+            Self::Capture(_) => Exit::Internal,
+            Self::NodeEnded { .. }
+            | Self::KilledByFault { .. }
+            | Self::Detached { .. }
+            | Self::ConnectionLost { .. }
+            | Self::HeldUp { .. }
+            | Self::RunFailed { .. }
+            | Self::Unreported { .. }
+            | Self::NoAnswer { .. }
+            | Self::UnreadableLine { .. } => Exit::RunFailed,
+        }
+    }
+
+    /// Returns the bench's exit code for this error before the first repetition: nodes that cannot be used are part of the
+    /// environment.
+    #[must_use]
+    pub fn exit_at_start(&self) -> Exit {
+        match self {
+            Self::KilledByFault { .. } => Exit::RunFailed,
+            _ if self.exit() == Exit::RunFailed => Exit::EnvironmentUnusable,
+            _ => self.exit(),
+        }
+    }
+}
+
+/// Returns the failure of a run that did not begin, so that no repetition has failed, with these faults.
+pub(super) fn at_start(error: RigError, faults: &[Fault]) -> Failure {
+    let is_of_cable = matches!(error, RigError::NotConnected { .. } | RigError::ConnectionLost { .. });
+    if is_of_cable && !faults.is_empty() {
+        return under_faults(error.into(), faults);
+    }
+    Failure::new(error.exit_at_start(), error)
+}
+
+/// Returns the name of the fault that kills a node.
+const fn kill_name(role: NodeRole) -> &'static str {
+    match role {
+        NodeRole::Plc => "kill-plc-at",
+        NodeRole::Robot => "kill-robot-at",
+    }
+}
+
+fn quoted(last_stderr: &[String]) -> String {
+    if last_stderr.is_empty() { String::new() } else { format!("; it said: {}", last_stderr.join(" / ")) }
+}
+
+impl From<RigError> for Failure {
+    fn from(error: RigError) -> Self {
+        Self::new(error.exit(), error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_node_makes_the_environment_unusable_until_a_repetition_runs() {
+        let role = NodeRole::Plc;
+        let unreadable = || RigError::UnreadableLine { role, line: "HTTP/1.0 400".to_owned() };
+        let closed = || RigError::Detached { role, address: "127.0.0.1:80".to_owned() };
+        for error in [unreadable(), closed()] {
+            assert_eq!(error.exit(), Exit::RunFailed);
+            assert_eq!(at_start(error, &[]).exit, Exit::EnvironmentUnusable);
+        }
+        assert_eq!(at_start(RigError::KilledByFault { role }, &[]).exit, Exit::RunFailed);
+        let other = RigError::Denied { role, reason: "a wrong token".to_owned() };
+        assert_eq!(at_start(other, &[]).exit, Exit::Usage);
+    }
+
+    #[test]
+    fn a_connection_that_the_runs_own_faults_prevent_is_a_failed_run_and_names_them() {
+        let not_connected = || RigError::NotConnected {
+            waited: Duration::from_secs(10),
+            reason: "no answer".to_owned(),
+            last_stderr: Vec::new(),
+        };
+        assert_eq!(at_start(not_connected(), &[]).exit, Exit::EnvironmentUnusable);
+        let faults = ["loss=1", "jitter=50us"].map(|fault| fault.parse().unwrap());
+        let Failure { exit, error } = at_start(not_connected(), &faults);
+        assert_eq!(exit, Exit::RunFailed);
+        insta::assert_snapshot!(format!("{error:#}"), @"the run did not begin with its faults (loss=1, jitter=50us): the PLC found no robot that was ready within 10 s: no answer");
+    }
+}

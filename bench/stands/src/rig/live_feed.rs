@@ -1,0 +1,83 @@
+//! Forwards the messages of the rig's nodes to the live view.
+
+use ::node::message::Message;
+use ::node::role::NodeRole;
+use plc_node::process::PlcMessage;
+use robot_node::process::RobotMessage;
+
+use super::Rig;
+use super::node_process::NodeEvent;
+use records::feed::Feed;
+
+impl Rig {
+    /// Sends a message of a node to the live view. The rig has already handled it.
+    pub(super) fn feed_live(&self, event: &NodeEvent) {
+        let Some(feed) = &self.feed else { return };
+        let reports = || self.reports();
+        match event {
+            NodeEvent::Plc(Message::Node(PlcMessage::Started { at_ns, .. })) => feed.started(*at_ns),
+            NodeEvent::Plc(Message::Node(PlcMessage::Finished(run))) => {
+                feed.motions_done(run.execution_time_ns)
+            }
+            NodeEvent::Plc(Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
+                feed.report(NodeRole::Plc, reports().plc);
+            }
+            NodeEvent::Robot(Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
+                feed.report(NodeRole::Robot, reports().robot);
+            }
+            NodeEvent::Plc(message) => forward(feed, NodeRole::Plc, message, is_alarm_of_plc),
+            NodeEvent::Robot(message) => forward(feed, NodeRole::Robot, message, is_alarm_of_robot),
+            NodeEvent::Ended(role) => feed.note(format!("the node of the {role} has ended")),
+            NodeEvent::UnreadableLine { role, line } => feed.alarm(format!("{role}: {line}")),
+        }
+    }
+}
+
+/// Forwards the text of a message that a person may want to read.
+fn forward<M: std::fmt::Display>(
+    feed: &Feed,
+    role: NodeRole,
+    message: &Message<M>,
+    is_alarm: impl Fn(&M) -> Option<bool>,
+) {
+    let is_alarm = match message {
+        Message::LinkUp | Message::Address { problem: None, .. } => Some(false),
+        Message::LinkDown { .. }
+        | Message::Address { .. }
+        | Message::Foreign { .. }
+        | Message::Busy { .. }
+        | Message::Denied { .. } => Some(true),
+        Message::Hello(hello) => hello.warning.as_ref().map(|_| true),
+        Message::Report(_) => None,
+        Message::Farewell { problem, .. } => problem.as_ref().map(|_| true),
+        Message::Node(message) => is_alarm(message),
+    };
+    match is_alarm {
+        Some(true) => feed.alarm(format!("{role}: {message}")),
+        Some(false) => feed.note(format!("{role}: {message}")),
+        None => {}
+    }
+}
+
+/// Returns whether a message of the PLC is an alarm; `None` if it is of no interest.
+const fn is_alarm_of_plc(message: &PlcMessage) -> Option<bool> {
+    match message {
+        PlcMessage::ImageBad | PlcMessage::Failed { .. } | PlcMessage::Refused { .. } => Some(true),
+        PlcMessage::ImageGood => Some(false),
+        PlcMessage::MovingToStart
+        | PlcMessage::Ready
+        | PlcMessage::Started { .. }
+        | PlcMessage::Finished(_) => None,
+    }
+}
+
+/// Returns whether a message of the robot is an alarm; `None` if it is of no interest.
+const fn is_alarm_of_robot(message: &RobotMessage) -> Option<bool> {
+    match message {
+        RobotMessage::ImagesAltered(is_altered) => Some(*is_altered),
+        RobotMessage::DrivesFailed(_) | RobotMessage::Trouble { .. } | RobotMessage::Refused { .. } => {
+            Some(true)
+        }
+        RobotMessage::Executed { .. } => None,
+    }
+}

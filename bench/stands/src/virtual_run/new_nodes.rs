@@ -1,0 +1,94 @@
+//! Creates the nodes of a cell, once more where a fault has ended them, as a computer that is switched off and on.
+
+use std::net::Ipv4Addr;
+use std::time::Duration;
+
+use machine::Instant;
+use planning::{PROGRAM, Stop, ToStart};
+use plc_node::bus::{BusError, PlcBus};
+use plc_node::{MotionSource, PlcConfig, PlcNode};
+use protocol::image::Motion;
+use robot_node::bus::RobotBus;
+use robot_node::{Program, RobotConfig, RobotNode};
+use setup::{Bus, Setup};
+use virtual_time::Side;
+
+use super::phases::Phases;
+use super::{PLC_MAC, ROBOT_MAC, Work};
+use crate::planned_cell::PlannedCell;
+
+/// Time from the start of a node to its first cycle.
+const UNTIL_FIRST_CYCLE: Duration = Duration::from_micros(100);
+
+/// Creates both ends of a bus, each with a phase of its own.
+///
+/// # Errors
+///
+/// The setup gives no bus endpoint for the PLC.
+pub(super) fn new_buses(bus: &Bus, seed: u64, phases: &mut Phases) -> Result<(PlcBus, RobotBus), BusError> {
+    let start = phases.first(Side::A, bus.cycle_us.value);
+    let plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
+    let start = || phases.first(Side::B, bus.cycle_us.value);
+    Ok((plc, robot_node::bus::open(bus, ROBOT_MAC, None, seed, start)))
+}
+
+/// Returns the IP addresses that the PLC and the robot have at the start.
+pub(super) fn addresses(bus: &Bus) -> [Option<Ipv4Addr>; 2] {
+    let plc = bus.addresses().map(|addresses| addresses.plc);
+    [plc, robot_node::bus::address_from_project(&bus.kind)]
+}
+
+/// Creates the PLC of a cell; `plan` is what it sends, where its continuous motions end, and how the arm gets to their
+/// start.
+pub(super) fn new_plc(
+    setup: &Setup,
+    plan: (Box<dyn MotionSource>, Vec<Stop>, ToStart<Motion>),
+    bus: PlcBus,
+    start: Instant,
+) -> PlcNode<PlcBus> {
+    let (motions, stops, to_start) = plan;
+    let config = PlcConfig { motions, to_start, stops, ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM) };
+    PlcNode::new(config, bus, start)
+}
+
+/// Creates the robot of a cell, with a program of these motions and stops in its store.
+pub(super) fn new_robot(
+    config: RobotConfig,
+    (program, stops): (Vec<Motion>, &[Stop]),
+    bus: RobotBus,
+    seed: u64,
+    start: Instant,
+) -> RobotNode<RobotBus> {
+    RobotNode::new(config, vec![(PROGRAM, Program::new(program, stops))], bus, seed, start)
+}
+
+/// Makes a node that starts at an instant of its own clock.
+type Make<N> = Box<dyn Fn(Instant) -> anyhow::Result<N>>;
+
+/// Makes each node of a cell once more.
+pub(super) struct Restart {
+    pub(super) plc: Make<PlcNode<PlcBus>>,
+    pub(super) robot: Make<RobotNode<RobotBus>>,
+}
+
+impl Restart {
+    /// Prepares the nodes of a cell on the bus that its setup names. Their numbers of connections are others than those
+    /// of the first nodes.
+    pub(super) fn of(setup: &Setup, planned: PlannedCell, seed: u64) -> Self {
+        let (setup_of_plc, planned_of_plc) = (setup.clone(), planned.clone());
+        let plc: Make<_> = Box::new(move |now| {
+            let start = now + UNTIL_FIRST_CYCLE;
+            let bus = plc_node::bus::open(&setup_of_plc.bus, PLC_MAC, seed ^ now.as_nanos(), start)?;
+            let Work { source, stops, to_start, .. } = Work::of(planned_of_plc.clone());
+            Ok(new_plc(&setup_of_plc, (source, stops, to_start), bus, start))
+        });
+        let setup = setup.clone();
+        let robot: Make<_> = Box::new(move |now| {
+            let (start, seed) = (now + UNTIL_FIRST_CYCLE, seed ^ now.as_nanos());
+            let bus = robot_node::bus::open(&setup.bus, ROBOT_MAC, None, seed, || start);
+            let Work { robot, program, stops, .. } = Work::of(planned.clone());
+            Ok(new_robot(robot, (program, &stops), bus, seed, start))
+        });
+        Self { plc, robot }
+    }
+}

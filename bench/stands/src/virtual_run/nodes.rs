@@ -1,0 +1,388 @@
+//! Both nodes of a virtual run on their cable, for every bus.
+//!
+//! In one file, because events, faults and runs change the same state.
+
+use std::cell::RefCell;
+use std::net::Ipv4Addr;
+use std::rc::Rc;
+use std::time::Duration;
+
+use super::cell::VirtualCell;
+use ::node::report::LatenessReport;
+use ::node::role::NodeRole;
+use anyhow::{Context as _, bail};
+use machine::{Instant, Lateness};
+use plc_node::{ExecutionType, PlcEvent};
+use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
+use protocol::image::Digest;
+use protocol_linux::capture::CableEvent;
+use robot_node::RobotEvent;
+use setup::Setup;
+use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
+
+use super::Work;
+use super::changes::Changes;
+use super::new_nodes::{Restart, addresses, new_buses, new_plc, new_robot};
+use super::phases::Phases;
+use super::watch::{SharedFrames, Watch};
+use crate::capture::VirtualCapture;
+use crate::frame_name;
+use records::conditions::{Counts, Health, Measured, MotionTotals};
+use records::faults::{self, Change, Fault, FaultReport};
+use records::not_ready::NotReady;
+use records::schedule::Step;
+use records::trace::{Frame, Recording};
+
+/// Longest wait for the connection; one that is not up by then never will be.
+const CONNECT: Duration = Duration::from_secs(60);
+
+/// Longest time after a failed run until the robot is ready again.
+const RECOVERY: Duration = Duration::from_secs(60);
+
+/// Longest run; one that has not ended by then hangs. The PLC gives up a silent robot long before.
+const LONGEST_RUN: Duration = Duration::from_secs(3_600);
+
+/// A run did not end within [`LONGEST_RUN`].
+#[derive(Debug, thiserror::Error)]
+#[error("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())]
+pub struct NeverEnded;
+
+/// Capture that the tap writes to; the run adds changes of the cable and ends it.
+pub(super) type SharedCapture = Rc<RefCell<Option<VirtualCapture>>>;
+
+/// Faults, capture and frame log of a pair.
+pub(super) struct Surroundings<'a> {
+    pub(super) faults: &'a [Fault],
+    pub(super) capture: Option<SharedCapture>,
+    pub(super) frames: Option<SharedFrames>,
+}
+
+/// Writes tapped frames to the capture and to the frame log.
+fn tap(capture: Option<SharedCapture>, frames: Option<SharedFrames>) -> impl FnMut(Tapped<'_>) {
+    move |tapped| {
+        if let Some(capture) = &capture
+            && let Some(capture) = &mut *capture.borrow_mut()
+        {
+            capture.see(&tapped);
+        }
+        if let Some(frames) = &frames
+            && let Some(frames) = &mut *frames.borrow_mut()
+        {
+            frames.push((tapped.at, frame(&tapped)));
+        }
+    }
+}
+
+/// Converts a tapped frame to a timeline's frame; the watch sets its time since the start edge.
+fn frame(tapped: &Tapped<'_>) -> Frame {
+    Frame {
+        at_us: 0.0,
+        end: tapped.end,
+        sent: tapped.end == tapped.from,
+        name: match tapped.carrier {
+            Carrier::Ethernet => frame_name::of_ethernet(tapped.frame),
+            Carrier::Udp { source, to } => frame_name::of_udp([source.port(), to.port()], tapped.frame),
+            Carrier::Tcp { source, to, .. } => frame_name::of_tcp([source.port(), to.port()], tapped.frame),
+        },
+        bytes: tapped.frame.len(),
+        faulty: !tapped.effect.is_clean(),
+    }
+}
+
+/// Both nodes on a cable, and the changes that the faults make.
+pub struct Nodes {
+    pair: VirtualCell,
+    /// IP addresses that the sides had at the start.
+    addresses: [Option<Ipv4Addr>; 2],
+    faults: Vec<Fault>,
+    changes: Changes,
+    /// What makes a node once more; `None` where no fault asks for it.
+    restart: Option<Restart>,
+    /// The first node that a fault has killed.
+    killed: Option<NodeRole>,
+    capture: Option<SharedCapture>,
+    frames: Option<SharedFrames>,
+    /// What the robot reported of the current run, or of the last one.
+    moved: MotionTotals,
+}
+
+impl Nodes {
+    /// Switches both nodes on, on the two ends of a cable. They do not know each other yet.
+    ///
+    /// # Errors
+    ///
+    /// The setup gives no bus endpoint for the PLC.
+    pub(super) fn switch_on(
+        setup: &Setup,
+        work: Work,
+        seed: u64,
+        Surroundings { faults, capture, frames }: Surroundings<'_>,
+    ) -> anyhow::Result<Self> {
+        let Work { source, program, stops, to_start, robot, again } = work;
+        let mut phases = Phases::new(setup, seed);
+        let bus = &setup.bus;
+        let (plc_bus, robot_bus) = new_buses(bus, seed, &mut phases)?;
+        let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
+        let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
+        let robot = new_robot(robot, (program, &stops), robot_bus, seed, robot_start);
+        let plc = new_plc(setup, (source, stops, to_start), plc_bus, plc_start);
+        let delay = Duration::from_micros(bus.cable_delay_us.value.into());
+        let addresses = addresses(bus);
+        let links = faults::links(faults, Impairment { delay, ..Impairment::default() });
+        let mut pair = Pair::new(plc, robot, PairConfig { seed, clocks: phases.clocks, links, addresses });
+        if capture.is_some() || frames.is_some() {
+            pair.set_tap(tap(capture.clone(), frames.clone()));
+        }
+        Ok(Self {
+            pair,
+            addresses,
+            faults: faults.to_vec(),
+            changes: Changes::of(faults),
+            restart: again.map(|planned| Restart::of(setup, *planned, seed)),
+            killed: None,
+            capture,
+            frames,
+            moved: MotionTotals::default(),
+        })
+    }
+
+    pub(crate) const fn pair(&self) -> &VirtualCell {
+        &self.pair
+    }
+
+    /// Returns the PLC's next event up to `until` in true time. Meanwhile it sets the addresses that the stations ask
+    /// for, and applies the changes of the faults.
+    pub fn next_event(&mut self, until: Instant) -> Option<PlcEvent> {
+        loop {
+            for side in [Side::A, Side::B] {
+                self.pair.stop_at_frame(side, self.changes.next_frame(side));
+            }
+            let due = self.changes.next().filter(|at| *at <= until);
+            if let Some(event) = next_plc_event(&mut self.pair, due.unwrap_or(until), &mut self.moved) {
+                return Some(event);
+            }
+            let pair = &self.pair;
+            let at_frame = self.changes.take_at(pair.now(), |side| pair.link_counters(side).sent);
+            // Without a frame the pair stops at the instant that was asked for.
+            let change = at_frame.or_else(|| due.and_then(|_| self.changes.take()))?;
+            self.change(change);
+        }
+    }
+
+    /// Waits until the arm is at the application's start, so that a run can begin at once.
+    fn until_at_start(&mut self, longest: Duration) -> anyhow::Result<()> {
+        let until = self.pair.now() + longest;
+        while !self.pair.a().is_ready() {
+            if self.next_event(until).is_none() {
+                return Err(NotReady::Late(longest).into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns why there is no connection, in the words of the bus if it has any.
+    fn not_connected(&self, down: Down) -> NotReady {
+        let mut words = String::new();
+        let explained = self.pair.a().bus().explain(&mut words);
+        if explained.is_err() || words.is_empty() {
+            words = down.to_string();
+        }
+        match down.cause {
+            DownCause::Refused => NotReady::OtherRobot(words),
+            _ => NotReady::NotConnected(words),
+        }
+    }
+
+    fn counts(&self) -> Counts {
+        let (plc, robot) = (self.pair.a(), self.pair.b());
+        Counts {
+            missed: [plc.lateness().missed(), robot.lateness().missed()],
+            runs: [plc.lateness().runs(), robot.lateness().runs()],
+            bus: [plc.bus().counters(), robot.bus().counters()],
+            images: [plc.checks().into(), robot.checks().into()],
+        }
+    }
+
+    fn change(&mut self, change: Change) {
+        let lost =
+            |pair: &VirtualCell| [Side::A, Side::B].map(|side| pair.link_counters(side).lost).iter().sum();
+        let before: u64 = lost(&self.pair);
+        match change {
+            Change::Cut | Change::Mend => {
+                let is_cut = self.changes.count_cut(change == Change::Cut);
+                self.pair.set_cut(is_cut);
+            }
+            Change::Kill(node) => {
+                self.killed.get_or_insert(node);
+                self.pair.kill(faults::end_of(node));
+            }
+            Change::Restart(node) => return self.restart(node),
+            Change::Drive(axis, disturbance) => {
+                return self.pair.command_b(|robot, _| robot.disturb_drive(axis, disturbance));
+            }
+        }
+        let lost = lost(&self.pair) - before;
+        let Some(capture) = &self.capture else { return };
+        if let Some(capture) = &mut *capture.borrow_mut() {
+            capture.note(match change {
+                Change::Cut => CableEvent::Cut { lost_under_way: lost },
+                Change::Mend => CableEvent::Mended,
+                Change::Kill(node) => CableEvent::Killed(faults::end_of(node)),
+                Change::Restart(_) | Change::Drive(..) => return,
+            });
+        }
+    }
+
+    /// Starts a node again that was killed, with the address that it had at the start.
+    fn restart(&mut self, node: NodeRole) {
+        let Some(restart) = &self.restart else { return };
+        let side = faults::end_of(node);
+        let now = self.pair.local_time(side);
+        let [plc, robot] = self.addresses;
+        match node {
+            NodeRole::Plc => {
+                let Ok(plc_node) = (restart.plc)(now) else { return };
+                self.pair.set_address(side, plc);
+                self.pair.restart_a(plc_node);
+            }
+            NodeRole::Robot => {
+                let Ok(robot_node) = (restart.robot)(now) else { return };
+                self.pair.set_address(side, robot);
+                self.pair.restart_b(robot_node);
+            }
+        }
+        self.killed.take_if(|killed| *killed == node);
+    }
+
+    /// Waits until the nodes are connected and the robot is ready.
+    pub(super) fn connect(&mut self) -> anyhow::Result<()> {
+        let until = self.pair.now() + CONNECT;
+        let mut is_moving = false;
+        while let Some(event) = self.next_event(until) {
+            match event {
+                PlcEvent::MovingToStart => is_moving = true,
+                PlcEvent::Ready => {
+                    self.changes.ready(self.pair.now());
+                    return Ok(());
+                }
+                PlcEvent::Link(LinkEvent::Down(down)) => return Err(self.not_connected(down).into()),
+                _ => {}
+            }
+        }
+        Err(if is_moving { NotReady::StillMoving(CONNECT) } else { NotReady::Late(CONNECT) }.into())
+    }
+
+    pub(super) fn execute(
+        &mut self,
+        step: Step,
+        recording: Option<&mut Recording>,
+    ) -> anyhow::Result<Measured> {
+        self.until_at_start(LONGEST_RUN)?;
+        let start = self.pair.now() + step.pause;
+        while self.next_event(start).is_some() {}
+        self.pair.command_a(|plc, _| plc.schedule_overrides(step.overrides));
+        let before = self.counts();
+        self.start_run(step.execution_type)?;
+        let until = self.pair.now() + LONGEST_RUN;
+        let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
+        while let Some(event) = match &mut watch {
+            Some(watch) => watch.next_plc_event(self, until),
+            None => self.next_event(until),
+        } {
+            match event {
+                PlcEvent::Finished(execution) => {
+                    let moved = self.moved.of(execution.motions);
+                    return Ok(Measured {
+                        execution,
+                        quality: moved.map(|moved| moved.quality),
+                        account: moved.map(|moved| moved.account),
+                        interference: self.counts().since(&before),
+                    });
+                }
+                PlcEvent::Failed(failure) => return Err(failure.into()),
+                // A PLC that executes a run says so only behind its end: this one is another.
+                PlcEvent::Ready => {
+                    bail!("the plc-node was started again during the run and knows nothing of it")
+                }
+                PlcEvent::Link(_)
+                | PlcEvent::ImageBad
+                | PlcEvent::ImageGood
+                | PlcEvent::MovingToStart
+                | PlcEvent::Started { .. } => {}
+            }
+        }
+        if let Some(NodeRole::Plc) = self.killed {
+            bail!(
+                "the plc-node was killed by this run's fault `kill-plc-at`: nobody is left to see the end of the run"
+            );
+        }
+        Err(NeverEnded.into())
+    }
+
+    /// Waits until the robot is ready again after a run that failed.
+    pub(super) fn recover(&mut self) -> anyhow::Result<()> {
+        self.until_at_start(RECOVERY)
+    }
+
+    pub(super) fn start_run(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
+        self.pair.command_a(|plc, now| plc.start(now, execution_type)).context("cannot start the run")
+    }
+
+    pub(super) fn digests(&self) -> [Digest; 2] {
+        [*self.pair.a().sent(), *self.pair.b().controller().accepted()]
+    }
+
+    pub(super) fn health(&self) -> Health {
+        let (plc, robot): (&Lateness, &Lateness) = (self.pair.a().lateness(), self.pair.b().lateness());
+        Health {
+            plc: (&LatenessReport::from(plc)).into(),
+            robot: (&LatenessReport::from(robot)).into(),
+            bus: self.pair.a().bus().counters(),
+            robot_bus: self.pair.b().bus().counters(),
+            images: [self.pair.a().checks().into(), self.pair.b().checks().into()],
+            connected_after: None,
+            allocations: None,
+            repeated: Vec::new(),
+            faults: (!self.faults.is_empty()).then(|| {
+                let links = [Side::A, Side::B].map(|side| self.pair.link_counters(side));
+                FaultReport::new(&self.faults, links, self.changes.since_ready(self.now()))
+            }),
+        }
+    }
+
+    pub(super) fn now(&self) -> Instant {
+        self.pair.now()
+    }
+
+    pub(super) fn frames_sent(&self) -> [u64; 2] {
+        [Side::A, Side::B].map(|side| self.pair.link_counters(side).sent)
+    }
+}
+
+/// Returns the PLC's next event up to `until` in true time. Meanwhile it sets the addresses that the stations ask for,
+/// and adds the robot's reports on its skills to `moved`.
+fn next_plc_event(pair: &mut VirtualCell, until: Instant, moved: &mut MotionTotals) -> Option<PlcEvent> {
+    loop {
+        match pair.next_event(until)? {
+            Event::A(PlcEvent::Link(LinkEvent::SetAddress { address, .. })) => {
+                pair.set_address(Side::A, Some(address));
+                pair.command_a(|plc, now| plc.bus_mut().address_set(now, true));
+            }
+            Event::B(RobotEvent::Link(LinkEvent::SetAddress { address, .. })) => {
+                pair.set_address(Side::B, Some(address));
+                pair.command_b(|robot, now| robot.bus_mut().address_set(now, true));
+            }
+            Event::A(event) => {
+                // The motion to the start is not part of the run.
+                if let PlcEvent::Started { .. } = event {
+                    *moved = MotionTotals::default();
+                }
+                return Some(event);
+            }
+            Event::B(RobotEvent::SkillFinished { executed, quality, account, .. }) => {
+                moved.add(executed, quality, account);
+            }
+            Event::B(_) => {}
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! Records the trace of a virtual run: samples both nodes after each of their cycles.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use super::cell::VirtualCell;
+use machine::Instant;
+use plc_node::PlcEvent;
+use virtual_time::Side;
+
+use super::Nodes;
+use records::trace::{Frame, PlcScan, Recording, RobotTick};
+
+/// Interval between samples; shorter than any cycle, so that no cycle is missed. Sampling takes no virtual time.
+const LOOK: Duration = Duration::from_micros(100);
+
+/// Frames of the tap that are not in the recording yet; `None` while nothing is recorded.
+pub(crate) type SharedFrames = Rc<RefCell<Option<Vec<(Instant, Frame)>>>>;
+
+/// A run that is being recorded.
+#[derive(Debug)]
+pub(crate) struct Watch<'a> {
+    recording: &'a mut Recording,
+    /// True time of the start edge; nothing is recorded before it.
+    start: Option<Instant>,
+    last_tick: Option<Instant>,
+    last_scan: u64,
+    frames: Option<SharedFrames>,
+}
+
+impl Drop for Watch<'_> {
+    fn drop(&mut self) {
+        if let Some(frames) = &self.frames {
+            *frames.borrow_mut() = None;
+        }
+    }
+}
+
+impl<'a> Watch<'a> {
+    pub(crate) fn new(recording: &'a mut Recording, frames: Option<SharedFrames>) -> Self {
+        if let Some(frames) = &frames {
+            *frames.borrow_mut() = Some(Vec::new());
+        }
+        Self { recording, start: None, last_tick: None, last_scan: 0, frames }
+    }
+
+    /// Returns the PLC's next event up to `until` in true time, and records what happens meanwhile.
+    pub(crate) fn next_plc_event(&mut self, nodes: &mut Nodes, until: Instant) -> Option<PlcEvent> {
+        while nodes.pair().now() < until {
+            let event = nodes.next_event(until.min(nodes.pair().now() + LOOK));
+            let pair = nodes.pair();
+            if let Some(PlcEvent::Started { at, .. }) = event {
+                self.start = Some(true_time(pair, Side::A, at));
+            }
+            self.record(pair);
+            if event.is_some() {
+                return event;
+            }
+        }
+        None
+    }
+
+    fn record(&mut self, pair: &VirtualCell) {
+        let Some(start) = self.start else { return };
+        let since = |at: Instant| at.as_nanos() as f64 - start.as_nanos() as f64;
+        if let Some(frames) = &self.frames {
+            for (at, frame) in frames.borrow_mut().iter_mut().flat_map(|frames| frames.drain(..)) {
+                if at >= start {
+                    self.recording.frame(Frame { at_us: since(at) / 1e3, ..frame });
+                }
+            }
+        }
+        let (plc, robot) = (pair.a(), pair.b());
+        if plc.scans() != self.last_scan {
+            self.last_scan = plc.scans();
+            let at_us = (since(pair.now()) / 1e3).round() as i64;
+            self.recording.plc(PlcScan { at_us, sample: plc.sample() });
+        }
+        if self.last_tick != Some(robot.ticked_at()) {
+            self.last_tick = Some(robot.ticked_at());
+            let at_ms = since(true_time(pair, Side::B, robot.ticked_at())) / 1e6;
+            self.recording.robot(RobotTick { at_ms, sample: robot.sample() });
+        }
+    }
+}
+
+/// Converts a side's clock of less than a cycle ago to true time: the drift since then is far below a nanosecond.
+fn true_time(pair: &VirtualCell, side: Side, local: Instant) -> Instant {
+    let ago = pair.local_time(side).as_nanos().saturating_sub(local.as_nanos());
+    Instant::from_nanos(pair.now().as_nanos().saturating_sub(ago))
+}

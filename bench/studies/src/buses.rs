@@ -1,0 +1,162 @@
+//! `bench buses`: the same arm and application over every bus, in virtual time: execution times, and how long a reaction
+//! over the bus takes beside the least and the most that its cycles allow.
+
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use clap::Args;
+use node::screen;
+use planning::Application;
+use plc_node::ExecutionType;
+use setup::Setup;
+
+use crate::each_bus::over_each_bus;
+use crate::event_loop::{interrupted, watch_for_interrupt};
+use crate::jobs;
+use crate::setup_option::SetupOption;
+use records::exit::{Exit, Failure};
+use records::schedule::{Schedule, repetitions};
+use report::outln;
+use stands::reaction_limits::reaction_limits;
+use stands::virtual_run::{reactions, whole};
+
+/// Number of random sets of clocks and phases for the reactions, and number of reactions with each.
+const DRAWINGS: u64 = 100;
+const REACTIONS: usize = 20;
+
+/// Options of the comparison.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bench buses                                 the arm of Setup A over each bus
+  bench buses --setup B --reps 3              another arm
+
+The setup's own bus gives cycle, watchdog and cable; PROFINET's and EtherNet/IP's other settings are those of Setup A and B.")]
+pub struct BusesOptions {
+    /// Which setup.
+    #[command(flatten)]
+    pub setup: SetupOption,
+    /// Repetitions of each execution type.
+    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub reps: u32,
+    /// Seed of the clocks, phases and pauses.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Print the table only: no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Figures of one bus.
+struct Row {
+    bus: &'static str,
+    /// Mean execution times of RC, SM and CM in ms.
+    aet_ms: [f64; 3],
+    /// Shortest, mean and longest reaction.
+    reaction: [Duration; 3],
+}
+
+/// Runs the setup over each bus and prints the table.
+///
+/// # Errors
+///
+/// The setup cannot be used on one of the buses, or a run fails.
+pub fn run(options: &BusesOptions) -> Result<Exit, Failure> {
+    let (setup, found) = options.setup.load()?;
+    let variants = over_each_bus(&setup)?;
+    for (_, variant) in &variants {
+        setup::check(variant)?;
+    }
+    let measure = |(bus, setup): &(&'static str, Setup)| row(bus, setup, &found.application, options);
+    let is_interrupted = watch_for_interrupt()?;
+    let rows = jobs::run("buses", options.quiet, &is_interrupted, &variants, measure)?;
+    let rows: Vec<Row> = rows.into_iter().flatten().collect();
+    if !rows.is_empty() {
+        outln!("{}", render(&setup, &found.application.name, options, &rows));
+    }
+    if is_interrupted.load(Ordering::Relaxed) {
+        return Ok(interrupted(rows.len(), variants.len(), "buses"));
+    }
+    Ok(Exit::Pass)
+}
+
+fn row(
+    bus: &'static str,
+    setup: &Setup,
+    application: &Application,
+    options: &BusesOptions,
+) -> anyhow::Result<Row> {
+    let results = whole(setup, application, &Schedule::new(&ExecutionType::ALL, options.reps, options.seed))?;
+    let aet_ms = ExecutionType::ALL
+        .map(|execution_type| results.figure(execution_type).map_or(f64::NAN, |figure| figure.aet_ms));
+    let mut times = Vec::new();
+    for drawing in 0..DRAWINGS {
+        times.extend(reactions(setup, options.seed.wrapping_add(drawing), REACTIONS)?);
+    }
+    let sum: Duration = times.iter().sum();
+    let mean = sum / u32::try_from(times.len()).unwrap_or(u32::MAX).max(1);
+    let shortest = times.iter().min().copied().unwrap_or_default();
+    let longest = times.iter().max().copied().unwrap_or_default();
+    Ok(Row { bus, aet_ms, reaction: [shortest, mean, longest] })
+}
+
+fn render(setup: &Setup, application: &str, options: &BusesOptions, rows: &[Row]) -> String {
+    let mut table = screen::ruled();
+    table.set_header(["bus", "RC\nms", "SM\nms", "CM\nms", "reaction\nleast ms", "mean\nms", "most\nms"]);
+    let ms = |time: Duration| format!("{:.3}", time.as_secs_f64() * 1e3);
+    for Row { bus, aet_ms, reaction } in rows {
+        let [rc, sm, cm] = aet_ms.map(|aet| format!("{aet:.1}"));
+        let [least, mean, most] = reaction.map(ms);
+        table.add_row([(*bus).to_owned(), rc, sm, cm, least, mean, most]);
+    }
+    let (shortest, longest) = reaction_limits(setup);
+    table.add_row([
+        "by the cycles".to_owned(),
+        String::new(),
+        String::new(),
+        String::new(),
+        ms(shortest),
+        ms((shortest + longest) / 2),
+        ms(longest),
+    ]);
+    let heading = format!(
+        "Setup {}'s arm over each bus: {application}, {} of each type, virtual mode, seed {}",
+        setup.name,
+        repetitions(options.reps),
+        options.seed
+    );
+    let sentences = [
+        "RC, SM, CM: mean execution times.".to_owned(),
+        format!(
+            "Reaction: from the PLC's scan that writes a number to the scan that reads it back from the robot, which \
+             copies it in its own cycle; {} of each bus, without program and skill.",
+            DRAWINGS as usize * REACTIONS
+        ),
+        "By the cycles: at least the cable there and back; at most a scan, a robot cycle and two bus cycles more."
+            .to_owned(),
+    ];
+    let sentences = sentences.map(|sentence| screen::wrapped(&sentence, 2, 2)).join("\n");
+    let table = screen::drawn(&screen::numbers_right(table));
+    format!("{}\n\n{table}\n\n{sentences}", screen::wrapped(&heading, 0, 2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_reaction_over_every_bus_is_within_what_the_cycles_allow() {
+        // The robot's cycle of 4 ms is so much longer by the PLC's clock.
+        let drift = Duration::from_micros(1);
+        let near = Duration::from_millis(1);
+        for (bus, setup) in over_each_bus(&setup::setup("A").unwrap()).unwrap() {
+            setup::check(&setup).unwrap();
+            let (shortest, longest) = reaction_limits(&setup);
+            let times: Vec<_> =
+                (1..=50).flat_map(|seed| reactions(&setup, seed, REACTIONS).unwrap()).collect();
+            let (least, most) = (times.iter().min().unwrap(), times.iter().max().unwrap());
+            assert!(*least >= shortest && *least < shortest + near * 2, "{bus}: {least:?}");
+            assert!(*most <= longest + drift && *most > longest - near * 2, "{bus}: {most:?}");
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! The faults of an exploration: one at each frame, or pairs drawn by a seed.
+
+use std::fmt;
+use std::str::FromStr;
+
+use rand_core::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use records::faults::Fault;
+
+/// Bits of the longest frame. The bit to flip is drawn below this number; behind a frame's end it is counted from the start
+/// again.
+const BITS: u64 = 12_000;
+
+/// Kind of a fault that begins with one frame.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub enum What {
+    /// The frame is lost.
+    Lose,
+    /// It arrives twice.
+    Double,
+    /// It is held back, so that later ones overtake it.
+    Hold,
+    /// A bit of it flips behind the checksums of Ethernet and UDP.
+    FlipInMemory,
+    /// A bit of it flips on the wire.
+    FlipOnWire,
+    /// The cable is cut for a time.
+    Cut,
+    /// The robot node ends, and is started again.
+    RestartRobot,
+    /// The PLC node ends, and is started again.
+    RestartPlc,
+}
+
+impl What {
+    pub(super) const ALL: [Self; 8] = [
+        Self::Lose,
+        Self::Double,
+        Self::Hold,
+        Self::FlipInMemory,
+        Self::FlipOnWire,
+        Self::Cut,
+        Self::RestartRobot,
+        Self::RestartPlc,
+    ];
+
+    /// Returns its name in options.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Lose => "lose",
+            Self::Double => "double",
+            Self::Hold => "hold",
+            Self::FlipInMemory => "flip-memory",
+            Self::FlipOnWire => "flip-wire",
+            Self::Cut => "cut",
+            Self::RestartRobot => "restart-robot",
+            Self::RestartPlc => "restart-plc",
+        }
+    }
+
+    /// Returns what it is called in tables.
+    pub(super) const fn label(self) -> &'static str {
+        match self {
+            Self::Lose => "lost",
+            Self::Double => "twice",
+            Self::Hold => "held back",
+            Self::FlipInMemory => "bit in memory",
+            Self::FlipOnWire => "bit on the wire",
+            Self::Cut => "cable cut",
+            Self::RestartRobot => "robot restarts",
+            Self::RestartPlc => "PLC restarts",
+        }
+    }
+}
+
+impl fmt::Display for What {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for What {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let known = Self::ALL.into_iter().find(|known| known.name() == name);
+        known.ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            format!("there is no kind of fault `{name}`: {names}")
+        })
+    }
+}
+
+/// How long the faults last that have a duration, in ms.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lengths {
+    pub(super) hold: u32,
+    pub(super) cut: u32,
+    pub(super) restart: u32,
+}
+
+/// One fault.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Injected {
+    pub(super) what: What,
+    /// 0 is to the robot, 1 to the PLC.
+    pub(super) direction: usize,
+    /// Number of the frame in its direction, counted from 1.
+    pub(super) frame: u64,
+    /// Which bit of it flips.
+    bit: u64,
+}
+
+impl Injected {
+    /// Creates a fault; `seed` determines which bit flips.
+    pub(super) fn new(what: What, direction: usize, frame: u64, seed: u64) -> Self {
+        let mut random = Pcg64Mcg::seed_from_u64(seed.rotate_left(23) ^ frame << 1 ^ direction as u64);
+        Self { what, direction, frame, bit: below(&mut random, BITS) }
+    }
+
+    /// Returns the fault as `--fault` takes it.
+    pub(super) fn text(&self, lengths: Lengths) -> String {
+        let Self { what, direction, frame, bit } = *self;
+        let to = if direction == 0 { "to-robot" } else { "to-plc" };
+        let Lengths { hold, cut, restart } = lengths;
+        match what {
+            What::Lose => format!("{to}:lose-frame={frame}"),
+            What::Double => format!("{to}:double-frame={frame}"),
+            What::Hold => format!("{to}:hold-frame={frame}@{hold}ms"),
+            What::FlipInMemory => format!("{to}:flip-frame={frame}.{bit}@memory"),
+            What::FlipOnWire => format!("{to}:flip-frame={frame}@wire"),
+            What::Cut => format!("{to}:cut-frame={frame}@{cut}ms"),
+            What::RestartRobot => format!("{to}:restart-robot={frame}@{restart}ms"),
+            What::RestartPlc => format!("{to}:restart-plc={frame}@{restart}ms"),
+        }
+    }
+
+    /// Returns the fault as the cable takes it.
+    pub(super) fn fault(&self, lengths: Lengths) -> anyhow::Result<Fault> {
+        Ok(self.text(lengths).parse()?)
+    }
+}
+
+/// One run to be made.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) struct Job {
+    /// Number of the execution type among those of the exploration.
+    pub(super) type_index: usize,
+    /// Its faults, in the order of their kinds.
+    pub(super) faults: Vec<Injected>,
+}
+
+/// Returns a job for each kind of fault at every n-th frame. `frames` are those of each type without a fault, to the
+/// robot and to the PLC.
+pub(super) fn singles(frames: &[[u64; 2]], kinds: &[What], every: u64, seed: u64) -> Vec<Job> {
+    let mut jobs = Vec::new();
+    for (type_index, frames) in frames.iter().enumerate() {
+        for what in kinds {
+            for (direction, frames) in frames.iter().enumerate() {
+                let numbers = (1..=*frames).step_by(usize::try_from(every).unwrap_or(usize::MAX));
+                jobs.extend(numbers.map(|frame| Job {
+                    type_index,
+                    faults: vec![Injected::new(*what, direction, frame, seed)],
+                }));
+            }
+        }
+    }
+    jobs
+}
+
+/// Returns so many jobs of two faults, each drawn evenly among types, kinds, directions and frames.
+pub(super) fn pairs(frames: &[[u64; 2]], kinds: &[What], count: usize, seed: u64) -> Vec<Job> {
+    let mut random = Pcg64Mcg::seed_from_u64(seed.rotate_left(41) ^ 0x9A1);
+    let mut draw = |limit: usize| below(&mut random, limit as u64) as usize;
+    let mut job = || {
+        let type_index = draw(frames.len());
+        let mut fault = || {
+            let what = *kinds.get(draw(kinds.len()))?;
+            let direction = draw(2);
+            let frame = 1 + draw(*frames.get(type_index)?.get(direction)? as usize) as u64;
+            Some(Injected::new(what, direction, frame, seed))
+        };
+        let mut faults = vec![fault()?, fault()?];
+        faults.sort_by_key(|fault| fault.what);
+        Some(Job { type_index, faults })
+    };
+    (0..count).map_while(|_| job()).collect()
+}
+
+fn below(random: &mut Pcg64Mcg, bound: u64) -> u64 {
+    ((u128::from(random.next_u64()) * u128::from(bound)) >> 64) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LENGTHS: Lengths = Lengths { hold: 3, cut: 10, restart: 100 };
+
+    #[test]
+    fn every_fault_has_a_text_that_the_option_takes_and_a_name_that_is_read_back() {
+        for what in What::ALL {
+            let fault = Injected::new(what, 1, 17, 1);
+            assert_eq!(fault.fault(LENGTHS).unwrap().to_string(), fault.text(LENGTHS));
+            assert_eq!(what.to_string().parse(), Ok(what));
+        }
+        assert!("loose".parse::<What>().unwrap_err().contains("lose, double, hold"));
+    }
+
+    #[test]
+    fn single_faults_meet_every_frame_of_both_directions_once() {
+        let jobs = singles(&[[3, 2], [1, 1]], &[What::Lose, What::Cut], 1, 1);
+        let mut texts: Vec<_> =
+            jobs.iter().map(|job| (job.type_index, job.faults[0].text(LENGTHS))).collect();
+        assert_eq!(texts.len(), 2 * (5 + 2));
+        texts.sort();
+        texts.dedup();
+        assert_eq!(texts.len(), 14);
+        assert_eq!(singles(&[[3, 2]], &[What::Lose], 2, 1).len(), 3);
+    }
+
+    #[test]
+    fn the_same_seed_draws_the_same_pairs_and_their_frames_are_those_of_the_run() {
+        let frames = [[9, 4], [1, 30]];
+        let jobs = pairs(&frames, &What::ALL, 300, 7);
+        assert_eq!(jobs, pairs(&frames, &What::ALL, 300, 7));
+        assert_ne!(jobs, pairs(&frames, &What::ALL, 300, 8));
+        assert_eq!(jobs.len(), 300);
+        for Job { type_index, faults } in &jobs {
+            assert_eq!(faults.len(), 2);
+            assert!(
+                faults.iter().all(|fault| (1..=frames[*type_index][fault.direction]).contains(&fault.frame))
+            );
+        }
+        assert!(What::ALL.iter().all(|what| jobs.iter().any(|job| job.faults[1].what == *what)));
+    }
+}

@@ -1,0 +1,284 @@
+//! `bench explore`: runs with one fault at each frame of a short run, or with pairs of faults drawn by a seed, in virtual
+//! time; counts how they end.
+//!
+//! ```text
+//! fault      the faults of a run
+//! clean_run  the run without faults, and runs with faults, which are compared with it
+//! classes    counts of the outcomes
+//! journal    the outcomes in a file
+//! table      the counts and the reasons on screen
+//! page       explore.html
+//! ```
+
+mod classes;
+mod clean_run;
+mod fault;
+mod journal;
+mod page;
+mod table;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::SystemTime;
+
+use anyhow::Context as _;
+use clap::Args;
+use node::list::{List, flat};
+use planning::{Application, Found};
+use plc_node::ExecutionType;
+use setup::Setup;
+
+use crate::event_loop::{interrupted, watch_for_interrupt};
+use crate::jobs;
+use crate::setup_option::SetupOption;
+use classes::Classes;
+use clean_run::CleanRun;
+pub use fault::What;
+use fault::{Job, Lengths, pairs, singles};
+use journal::Journal;
+use records::exit::{Exit, Failure};
+use records::occupied::Files;
+use records::run_directory::{self, Durability, replace};
+use report::in_shell;
+use report::outln;
+use report::progress::label;
+use stands::planned_cell::PlannedCell;
+
+/// The page with the counts.
+const PAGE: &str = "explore.html";
+
+/// The application beside the setup.
+const APPLICATION: &str = "application.toml";
+
+/// A sequence that takes a second.
+const SHORT: &str = include_str!("short.toml");
+
+/// Options of the exploration.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bench explore                               every kind of fault at every frame of RC, SM and CM on Setup A: 90,000 runs
+  bench explore --setup B --types cm --every 10 --kinds lose,cut
+  bench explore --pairs 100000 --seed 7 --out runs/pairs
+
+Each run that does not pass is a command that runs again, such as
+  bench --setup A --mode virtual --types cm --reps 1 --fault to-robot:lose-frame=117
+An exploration that was interrupted goes on if the same options and the same --out are given again.")]
+pub struct ExploreOptions {
+    /// Which setup.
+    #[command(flatten)]
+    pub setup: SetupOption,
+    /// A built-in application's name, or the path of a .toml file, in place of seven short motions.
+    #[arg(long, value_name = "NAME|FILE")]
+    pub application: Option<String>,
+    /// Which execution types; commas or blanks between them.
+    #[arg(long, value_name = "TYPE", default_value = "rc,sm,cm", num_args = 1..)]
+    pub types: Vec<List<ExecutionType>>,
+    /// Which faults; commas or blanks between them.
+    #[arg(
+        long,
+        value_name = "KIND",
+        default_value = "lose,double,hold,flip-memory,flip-wire,cut,restart-robot,restart-plc",
+        num_args = 1..
+    )]
+    pub kinds: Vec<List<What>>,
+    /// Test only every Nth frame of each direction.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
+    pub every: u64,
+    /// Make this many runs with two faults each, drawn by the seed, in place of one fault at every frame.
+    #[arg(long, value_name = "N", conflicts_with = "every", value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    pub pairs: Option<u32>,
+    /// Seed of clocks, phases and pauses, of pairs, and of which bit flips.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// How long a frame is held back, in ms.
+    #[arg(long, value_name = "MS", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub hold_ms: u32,
+    /// How long the cable is cut, in ms.
+    #[arg(long, value_name = "MS", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub cut_ms: u32,
+    /// How long a node is off before it is started again, in ms.
+    #[arg(long, value_name = "MS", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub restart_ms: u32,
+    /// A run that passes later than this is wrong, in ms.
+    #[arg(long, value_name = "MS", default_value_t = 500)]
+    pub late_ms: u32,
+    /// Directory for outcomes and page [default: runs/TIME-SETUP-explore].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Runs at a time [default: one a core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Print the table only: no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+impl ExploreOptions {
+    const fn lengths(&self) -> Lengths {
+        Lengths { hold: self.hold_ms, cut: self.cut_ms, restart: self.restart_ms }
+    }
+
+    /// Returns everything that determines the jobs: an exploration can only be continued if this is the same. The first
+    /// line has the options, as a shell takes them; after it comes the text of the application.
+    fn claim(&self, text: &str) -> String {
+        let Self {
+            setup,
+            application,
+            types,
+            kinds,
+            every,
+            pairs,
+            seed,
+            hold_ms,
+            cut_ms,
+            restart_ms,
+            late_ms,
+            ..
+        } = self;
+        let joined = |texts: Vec<String>| texts.join(",");
+        let types = joined(flat(types).iter().map(ToString::to_string).collect());
+        let kinds = joined(flat(kinds).iter().map(ToString::to_string).collect());
+        let jobs = pairs.map_or_else(|| format!("--every {every}"), |pairs| format!("--pairs {pairs}"));
+        let application = application.as_ref();
+        let application =
+            application.map_or_else(String::new, |name| format!(" --application {}", in_shell(name)));
+        format!(
+            "--setup {}{application} --types {types} --kinds {kinds} {jobs} --seed {seed} --hold-ms {hold_ms} --cut-ms {cut_ms} \
+             --restart-ms {restart_ms} --late-ms {late_ms}\n\n{text}",
+            in_shell(setup.name())
+        )
+    }
+}
+
+/// An exploration: what is run, and how it ended so far.
+struct Exploration<'a> {
+    setup: &'a Setup,
+    options: &'a ExploreOptions,
+    clean_runs: Vec<CleanRun<'a>>,
+    /// The `--application` of commands that run again.
+    application: String,
+    classes: Classes,
+}
+
+/// Writes what is explored into the directory, unless that has other files or another exploration. Returns the setup, which
+/// names the application beside it, and that application.
+fn prepare(options: &ExploreOptions, directory: &Path) -> Result<(Setup, Found), Failure> {
+    let (mut setup, found) = match &options.application {
+        Some(name) => options.setup.load_with(Some(name))?,
+        None => (setup::setup(options.setup.name())?, short(directory)?),
+    };
+    APPLICATION.clone_into(&mut setup.application);
+    let claim = options.claim(&found.text);
+    journal::check_claim(directory, &claim).map_err(|error| Failure::new(Exit::Usage, error))?;
+    let described = setup::setup_to_toml(&setup)?;
+    let inputs = [("setup.toml", &*described), (APPLICATION, &*found.text), (journal::CLAIM, &*claim)];
+    let files = Files { inputs: &inputs, results: &[journal::OUTCOMES, PAGE] };
+    run_directory::make_for_study(directory, files)?;
+    for (name, text) in inputs {
+        replace(&directory.join(name), text, Durability::Written)?;
+    }
+    Ok((setup, found))
+}
+
+/// Returns the short application as it is written into the directory.
+fn short(directory: &Path) -> anyhow::Result<Found> {
+    let path = directory.join(APPLICATION);
+    let origin = path.display().to_string();
+    let application = Application::parse(&origin, SHORT)?;
+    Ok(Found { origin, path: Some(path), text: SHORT.to_owned(), application })
+}
+
+/// Runs all faults, prints how the runs ended and saves it.
+///
+/// # Errors
+///
+/// The setup cannot be read, a run without faults does not pass, or the outcomes cannot be written.
+pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
+    let started = SystemTime::now();
+    let default = || run_directory::default_path(options.setup.name(), "explore", started);
+    let directory = options.out.clone().unwrap_or_else(default);
+    let (setup, found) = prepare(options, &directory)?;
+    let own = || directory.join(APPLICATION).display().to_string();
+    let application = options.application.clone().unwrap_or_else(own);
+    let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
+    let clean = |execution_type| {
+        CleanRun::of(execution_type, &setup, &planned, options.seed, options.lengths(), options.late_ms)
+    };
+    let clean_runs = flat(&options.types).into_iter().map(clean).collect::<anyhow::Result<_>>()?;
+    let mut exploration =
+        Exploration { setup: &setup, options, clean_runs, application, classes: Classes::default() };
+    let is_interrupted = watch_for_interrupt()?;
+    let runs = exploration.run(&directory, &is_interrupted)?;
+    outln!("{}", exploration.table());
+    exploration.tell_reasons();
+    if is_interrupted.load(Ordering::Relaxed) {
+        let done = exploration.classes.runs() as usize;
+        outln!(
+            "\n  Saved in {}; give the same options with --out {} to go on.",
+            directory.display(),
+            in_shell(directory.display())
+        );
+        return Ok(interrupted(done, runs, "runs"));
+    }
+    replace(&directory.join(PAGE), &exploration.page()?, Durability::Written)?;
+    outln!("\n  Saved in {}.", directory.display());
+    Ok(if exploration.classes.wrong() > 0 { Exit::RunFailed } else { Exit::Pass })
+}
+
+impl Exploration<'_> {
+    fn jobs(&self) -> Vec<Job> {
+        let frames: Vec<_> = self.clean_runs.iter().map(|clean| clean.frames).collect();
+        let (kinds, seed) = (flat(&self.options.kinds), self.options.seed);
+        match self.options.pairs {
+            Some(count) => pairs(&frames, &kinds, count as usize, seed),
+            None => singles(&frames, &kinds, self.options.every, seed),
+        }
+    }
+
+    /// Makes the runs that the directory does not have yet. Returns how many there are in all.
+    fn run(&mut self, directory: &Path, is_interrupted: &AtomicBool) -> anyhow::Result<usize> {
+        let jobs = self.jobs();
+        let Self { clean_runs, classes, options, .. } = self;
+        let mut is_done = vec![false; jobs.len()];
+        let mut journal = Journal::open(directory, |run, outcome| {
+            let (job, done) =
+                jobs.get(run).zip(is_done.get_mut(run)).context("a run that is none of these")?;
+            *done = true;
+            classes.count(job, &outcome);
+            Ok(())
+        })?;
+        let left: Vec<_> = jobs.iter().zip(&is_done).enumerate().filter(|(_, (_, done))| !**done).collect();
+        let clean = |job: &Job| clean_runs.get(job.type_index).context("a job without its run");
+        let pool = jobs::Pool {
+            name: "explore",
+            quiet: options.quiet,
+            threads: options.threads,
+            interrupted: is_interrupted,
+        };
+        pool.each(
+            &left,
+            |(_, (job, _))| Ok(clean(job)?.with(&job.faults)),
+            |index, outcome| {
+                let Some((run, (job, _))) = left.get(index) else { return Ok(()) };
+                classes.count(job, &outcome);
+                let texts: Vec<_> = job.faults.iter().map(|fault| fault.text(options.lengths())).collect();
+                journal.add(*run, &label(clean(job)?.execution_type()), &texts.join(" "), &outcome)
+            },
+        )?;
+        journal.end()?;
+        Ok(jobs.len())
+    }
+
+    /// Returns the command that makes a run again.
+    fn command(&self, execution_type: ExecutionType, faults: &[fault::Injected]) -> String {
+        let faults: String =
+            faults.iter().map(|fault| format!(" --fault {}", fault.text(self.options.lengths()))).collect();
+        format!(
+            "bench --setup {} --application {} --mode virtual --types {execution_type} --reps 1 --seed {}{faults}",
+            in_shell(self.options.setup.name()),
+            in_shell(&self.application),
+            self.options.seed
+        )
+    }
+}

@@ -1,0 +1,109 @@
+//! The outcomes of an exploration on screen: counts by type and fault, and reasons with commands that run again.
+
+use node::screen;
+
+use super::Exploration;
+use super::classes::{Class, Reason, Row};
+use super::fault::What;
+use report::figures::signed;
+use report::outln;
+use report::progress::label;
+
+/// Reasons that are shown.
+const REASONS: usize = 12;
+
+pub(super) const HEAD: [&str; 11] =
+    ["type", "fault", "runs", "same", "late", "by ms", "refused", "too late", "stuck", "altered", "panicked"];
+
+impl Exploration<'_> {
+    /// Returns what was explored, in a sentence.
+    pub(super) fn title(&self) -> String {
+        let name = &self.setup.name;
+        match self.options.pairs {
+            Some(_) => format!(
+                "Setup {name}: two faults at a time, drawn by seed {}, in virtual time",
+                self.options.seed
+            ),
+            None => format!("Setup {name}: one fault at a time, in virtual time"),
+        }
+    }
+
+    /// Returns how many runs ended well, in a sentence.
+    pub(super) fn verdict(&self) -> String {
+        let count = |class| self.classes.of(class);
+        format!(
+            "Of {} runs {} passed in the same time, {} late by a bounded time, and {} were refused with a reason and the \
+             next one passed. {} ended otherwise.",
+            self.classes.runs(),
+            count(Class::Same),
+            count(Class::Late),
+            count(Class::Refused),
+            self.classes.wrong()
+        )
+    }
+
+    /// Returns the cells of each row.
+    pub(super) fn cells(&self) -> Vec<Vec<String>> {
+        let cells = |((type_index, kinds), row): (&(usize, Vec<What>), &Row)| {
+            let execution_type = self.clean_runs.get(*type_index)?.execution_type();
+            let kinds: Vec<_> = kinds.iter().map(|what| what.label()).collect();
+            let counted = |class| row.of(class).to_string();
+            let counts = [Class::Refused, Class::TooLate, Class::Stuck, Class::Altered, Class::Panicked];
+            let first = [
+                label(execution_type),
+                kinds.join(" + "),
+                row.runs().to_string(),
+                counted(Class::Same),
+                counted(Class::Late),
+                later(row),
+            ];
+            Some(first.into_iter().chain(counts.map(counted)).collect())
+        };
+        self.classes.rows.iter().filter_map(cells).collect()
+    }
+
+    /// Returns the table of the counts; that of pairs is for the page.
+    pub(super) fn table(&self) -> String {
+        let verdict = screen::wrapped(&self.verdict(), 0, 0);
+        let mut table = screen::ruled();
+        table.set_header(HEAD);
+        if self.options.pairs.is_none() {
+            for row in self.cells() {
+                table.add_row(row);
+            }
+            return format!(
+                "{}\n\n{}\n{verdict}",
+                self.title(),
+                screen::drawn(&screen::numbers_right(table))
+            );
+        }
+        format!("{}\n\n{verdict}", self.title())
+    }
+
+    /// Prints why runs did not pass, each reason with a command that runs its first one again, with the fewest faults.
+    pub(super) fn tell_reasons(&self) {
+        let reasons = self.classes.reasons();
+        for reason in reasons.iter().take(REASONS) {
+            let Reason { class, text, runs, .. } = reason;
+            outln!("\n{runs} × {}: {text}\n  {}", class.name(), self.smallest(reason));
+        }
+        if reasons.len() > REASONS {
+            outln!("\nand {} more reasons", reasons.len() - REASONS);
+        }
+    }
+
+    /// Returns the command of the first run with this reason, with the fewest faults that have the same end.
+    pub(super) fn smallest(&self, Reason { class, first, .. }: &Reason) -> String {
+        self.clean_runs.get(first.type_index).map_or_else(String::new, |clean| {
+            self.command(clean.execution_type(), &clean.shrunk(&first.faults, *class))
+        })
+    }
+}
+
+fn later(row: &Row) -> String {
+    let ms = |nanos: i64| signed(nanos as f64 / 1e6);
+    match row.later_ns {
+        [0, 0] => String::new(),
+        [earliest, latest] => format!("{} … {}", ms(earliest), ms(latest)),
+    }
+}

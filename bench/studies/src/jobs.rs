@@ -1,0 +1,183 @@
+//! Runs many independent virtual runs on all cores, with a line of progress.
+
+use std::io::{self, IsTerminal};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use report::errln;
+
+/// Shortest interval between two lines of progress.
+const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
+
+/// Runs all jobs, at most one per core at a time, and returns their results in the order of the jobs: `None` for a job
+/// that was not started before `interrupted` was set. The first error ends it.
+///
+/// # Errors
+///
+/// The error of a job.
+pub fn run<J: Sync, R: Send>(
+    name: &str,
+    quiet: bool,
+    interrupted: &AtomicBool,
+    jobs: &[J],
+    work: impl Fn(&J) -> anyhow::Result<R> + Sync,
+) -> anyhow::Result<Vec<Option<R>>> {
+    let mut results: Vec<Option<R>> = jobs.iter().map(|_| None).collect();
+    Pool { name, quiet, threads: None, interrupted }.each(jobs, work, |index, result| {
+        if let Some(slot) = results.get_mut(index) {
+            *slot = Some(result);
+        }
+        Ok(())
+    })?;
+    Ok(results)
+}
+
+/// Options for running jobs.
+pub struct Pool<'a> {
+    /// Beginning of the line of progress.
+    pub name: &'a str,
+    /// Whether there is none.
+    pub quiet: bool,
+    /// How many at a time; `None` for one per core.
+    pub threads: Option<u16>,
+    /// Set when no further job is to start.
+    pub interrupted: &'a AtomicBool,
+}
+
+impl Pool<'_> {
+    /// Runs all jobs until an interrupt, and calls `done` with the number and the result of each, in the order in which
+    /// they end. The first error ends it.
+    ///
+    /// # Errors
+    ///
+    /// The error of a job, or of `done`.
+    pub fn each<J: Sync, R: Send>(
+        &self,
+        jobs: &[J],
+        work: impl Fn(&J) -> anyhow::Result<R> + Sync,
+        mut done: impl FnMut(usize, R) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let next = AtomicUsize::new(0);
+        let cores = || thread::available_parallelism().map_or(1, usize::from);
+        let workers = self.threads.map_or_else(cores, usize::from).min(jobs.len().max(1));
+        let mut progress = Progress::start(self.name, self.quiet, jobs.len());
+        thread::scope(|scope| {
+            let (ended, outcomes) = mpsc::channel();
+            for _ in 0..workers {
+                let (ended, next, work, interrupted) = (ended.clone(), &next, &work, self.interrupted);
+                scope.spawn(move || {
+                    while let Some((index, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
+                        .filter(|_| !interrupted.load(Ordering::Relaxed))
+                        .and_then(|index| Some((index, jobs.get(index)?)))
+                    {
+                        // After a job failed, the receiver of the results is gone.
+                        if ended.send((index, work(job))).is_err() {
+                            break;
+                        }
+                    }
+                });
+            }
+            drop(ended);
+            for (index, outcome) in outcomes {
+                done(index, outcome?)?;
+                progress.step();
+            }
+            anyhow::Ok(())
+        })?;
+        progress.end();
+        Ok(())
+    }
+}
+
+/// Progress on standard error: a live line on a terminal, plain lines elsewhere.
+#[derive(Debug)]
+struct Progress {
+    view: View,
+    name: String,
+    started: Instant,
+    done: usize,
+    all: usize,
+}
+
+#[derive(Debug)]
+enum View {
+    Live(ProgressBar),
+    Plain { last_line: Instant },
+    Quiet,
+}
+
+impl Progress {
+    fn start(name: &str, quiet: bool, all: usize) -> Self {
+        let started = Instant::now();
+        let view = if quiet {
+            View::Quiet
+        } else if io::stderr().is_terminal() {
+            let style = ProgressStyle::with_template("{prefix} {bar:25} {pos:>4}/{len}  {msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            let bar = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+            View::Live(bar.with_style(style).with_prefix(name.to_owned()))
+        } else {
+            View::Plain { last_line: started }
+        };
+        Self { view, name: name.to_owned(), started, done: 0, all }
+    }
+
+    fn step(&mut self) {
+        self.done += 1;
+        let left = self.started.elapsed().as_secs_f64() / self.done as f64 * (self.all - self.done) as f64;
+        let left = if left < 1.0 { String::new() } else { format!("{left:.0} s left") };
+        match &mut self.view {
+            View::Live(bar) => {
+                bar.set_position(self.done as u64);
+                bar.set_message(left);
+            }
+            View::Plain { last_line } => {
+                if last_line.elapsed() >= PLAIN_LINE_EVERY || self.done == self.all {
+                    *last_line = Instant::now();
+                    errln!("{} {:>4}/{}  {left}", self.name, self.done, self.all);
+                }
+            }
+            View::Quiet => {}
+        }
+    }
+
+    fn end(&self) {
+        if let View::Live(bar) = &self.view {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_have_the_order_of_the_jobs_and_an_error_ends_the_rest() {
+        let jobs: Vec<u64> = (0..100).collect();
+        let square = |job: &u64| if *job == 200 { anyhow::bail!("too much") } else { Ok(job * job) };
+        let go_on = AtomicBool::new(false);
+        let squares = run("squares", true, &go_on, &jobs, square).unwrap();
+        assert!(squares.iter().zip(&jobs).all(|(square, job)| *square == Some(job * job)));
+        let failed = run("squares", true, &go_on, &[1, 200, 3], square).unwrap_err();
+        assert_eq!(failed.to_string(), "too much");
+    }
+
+    #[test]
+    fn after_an_interrupt_no_job_starts_and_those_that_ran_keep_their_results() {
+        let (interrupted, jobs): (_, Vec<u64>) = (AtomicBool::new(false), (0..1_000).collect());
+        let results = run("jobs", true, &interrupted, &jobs, |job| {
+            interrupted.store(true, Ordering::Relaxed);
+            Ok(*job)
+        });
+        let results = results.unwrap();
+        assert_eq!(results.first(), Some(&Some(0)));
+        let cores = thread::available_parallelism().unwrap().get();
+        let done: Vec<u64> = results.iter().copied().flatten().collect();
+        assert!((1..=cores).contains(&done.len()) && results.len() == jobs.len(), "{done:?}");
+    }
+}

@@ -1,0 +1,114 @@
+//! Files that the user asks for, checked before the verb begins: they replace none of what it reads and nothing of a run.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+
+use records::exit::{Exit, Failure};
+use records::occupied::{self, holds_run};
+
+/// A file, if there is one, with what it is in messages: the option that asks for it, or what the verb reads from it.
+pub type Named<'a> = (&'static str, Option<&'a Path>);
+
+/// What a verb with its own directory writes there besides.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Own<'a> {
+    /// Its directory.
+    pub directory: Option<&'a Path>,
+    /// The names of its files there.
+    pub files: &'a [&'a str],
+}
+
+/// Rejects requested files that are the same, that replace what the verb reads or writes itself, or that replace a file of
+/// a run.
+///
+/// # Errors
+///
+/// [`Exit::Usage`] with the option and the file.
+pub fn check(asked: &[Named<'_>], read: &[Named<'_>], own: Own<'_>) -> Result<(), Failure> {
+    let usage = |error| Err(Failure::new(Exit::Usage, error));
+    let there = |(what, file): &Named<'_>| Some((*what, location((*file)?)));
+    let read: Vec<_> = read.iter().filter_map(there).collect();
+    let mut before = Vec::new();
+    for (option, file) in asked {
+        let Some(file) = file else { continue };
+        let (shown, file) = (file.display(), location(file));
+        let refuse = |what: &str| usage(anyhow!("{option} would replace {shown}, {what}; name another file"));
+        if before.contains(&file) {
+            return usage(anyhow!("two exports go to {shown}; give each a file of its own"));
+        }
+        if let Some((what, _)) = read.iter().find(|(_, read)| *read == file) {
+            return refuse(what);
+        }
+        let is_in = |directory: &Path, names: &[&str]| {
+            let directory = location(directory);
+            names.iter().any(|name| directory.join(name) == file)
+        };
+        if own.directory.is_some_and(|directory| is_in(directory, own.files)) {
+            return refuse("which is written there anyway");
+        }
+        if file.parent().is_some_and(|parent| holds_run(parent) && is_in(parent, occupied::RUN.results)) {
+            return refuse("a file of the run there");
+        }
+        before.push(file);
+    }
+    Ok(())
+}
+
+/// Returns where a file is or will be: without links as far as its path exists.
+pub fn location(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut ancestors = absolute.ancestors();
+    let found = ancestors.find_map(|ancestor| Some((ancestor, ancestor.canonicalize().ok()?)));
+    let Some((ancestor, real)) = found else { return absolute };
+    match absolute.strip_prefix(ancestor) {
+        Ok(rest) if !rest.as_os_str().is_empty() => real.join(rest),
+        _ => real,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// Returns the refusal of two exports beside a setup and a run, without the name of the directory.
+    fn refused(place: &Path, json: &str, csv: &str) -> Option<String> {
+        let [json, csv, setup, study] = [json, csv, "cell/setup.toml", "study"].map(|name| place.join(name));
+        let own = Own { directory: Some(&study), files: &["study.csv"] };
+        let asked = [("--export-json", Some(json.as_path())), ("--export-csv", Some(&csv))];
+        let read = [("the setup", Some(setup.as_path())), ("the application", None)];
+        let failure = check(&asked, &read, own).err()?;
+        assert_eq!(failure.exit, Exit::Usage);
+        Some(failure.error.to_string().replace(&format!("{}/", place.display()), ""))
+    }
+
+    #[test]
+    fn an_export_replaces_neither_what_is_read_nor_a_file_of_a_run() {
+        let place = tempfile::tempdir().unwrap();
+        let place = place.path();
+        for directory in ["cell", "run", "empty"] {
+            fs::create_dir(place.join(directory)).unwrap();
+        }
+        for file in ["cell/setup.toml", "run/samples.csv", "run/results.json"] {
+            fs::write(place.join(file), "").unwrap();
+        }
+        std::os::unix::fs::symlink("cell", place.join("link")).unwrap();
+        insta::assert_snapshot!(refused(place, "cell/setup.toml", "b").unwrap(), @"--export-json would replace cell/setup.toml, the setup; name another file");
+        insta::assert_snapshot!(refused(place, "a", "link/../cell/./setup.toml").unwrap(), @"--export-csv would replace link/../cell/./setup.toml, the setup; name another file");
+        insta::assert_snapshot!(refused(place, "run/results.json", "b").unwrap(), @"--export-json would replace run/results.json, a file of the run there; name another file");
+        insta::assert_snapshot!(refused(place, "a", "run/samples.csv").unwrap(), @"--export-csv would replace run/samples.csv, a file of the run there; name another file");
+        insta::assert_snapshot!(refused(place, "a", "study/study.csv").unwrap(), @"--export-csv would replace study/study.csv, which is written there anyway; name another file");
+        insta::assert_snapshot!(refused(place, "a", "empty/../a").unwrap(), @"two exports go to empty/../a; give each a file of its own");
+        for (json, csv) in [("a", "b"), ("run/table.json", "empty/samples.csv"), ("study/a", "cell/b")] {
+            assert_eq!(refused(place, json, csv), None);
+        }
+    }
+
+    #[test]
+    fn a_relative_path_is_the_same_file_as_the_absolute_one_also_before_it_exists() {
+        let here = std::env::current_dir().unwrap().canonicalize().unwrap();
+        assert_eq!(location(Path::new("not/there.json")), here.join("not/there.json"));
+        assert_eq!(location(Path::new("src")), here.join("src"));
+    }
+}

@@ -1,0 +1,378 @@
+//! `bench soak`: many hours of the plant in virtual time, with faults all the time and many seeds. It verifies every
+//! repetition, and checks that memory and descriptors of this process do not grow.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, anyhow};
+use clap::Args;
+use node::list::{List, flat};
+use plc_node::ExecutionType;
+use setup::Setup;
+
+use crate::event_loop::{interrupted, watch_for_interrupt};
+use crate::jobs::Pool;
+use crate::setup_option::SetupOption;
+use records::counted::counted;
+use records::exit::{Exit, Failure};
+use records::faults::{self, Fault};
+use records::mode::Mode;
+use records::schedule::Schedule;
+use report::outln;
+use stands::planned_cell::PlannedCell;
+use stands::verification::{Difference, Verification};
+use stands::virtual_run::{Extras, VirtualRun};
+
+/// Faults of a cell in the soak: more of each than any plant has.
+const BACKGROUND: &str =
+    "loss=0.001,duplicate=0.0005,jitter=100us,reorder=0.0005@2ms,corrupt=0.0001@memory,corrupt=0.0001@wire";
+
+/// Longest soak, which is about eleven years.
+const MOST_HOURS: f64 = 100_000.0;
+
+/// Growth of resident memory in MiB that is reported as growth. The allocator keeps freed memory, so less means nothing.
+const GROWTH_MIB: f64 = 8.0;
+
+/// Options of the soak.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bench soak                                  an hour of the plant, a minute or less here
+  bench soak --setup B --hours 100 --threads 1")]
+pub struct SoakOptions {
+    /// Which setup.
+    #[command(flatten)]
+    pub setup: SetupOption,
+    /// Hours of the plant.
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = hours)]
+    pub hours: f64,
+    /// Minutes of the plant after which a cell is switched off, and another one with the next seed is switched on; at most the
+    /// hours.
+    #[arg(long, value_name = "N", default_value_t = 60.0, value_parser = minutes)]
+    pub life_minutes: f64,
+    /// Faults of every life; commas or blanks between them.
+    #[arg(long, value_name = "FAULT", default_value = BACKGROUND, num_args = 1..)]
+    pub fault: Vec<List<Fault>>,
+    /// Seed of the first life.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Lives at a time [default: one a core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// Print the result only: no progress.
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+fn hours(text: &str) -> Result<f64, String> {
+    let hours: f64 = text.parse().map_err(|_| "not a number of hours".to_owned())?;
+    if hours > 0.0 && hours <= MOST_HOURS {
+        Ok(hours)
+    } else {
+        Err(format!("a soak takes above 0 and at most {MOST_HOURS} hours"))
+    }
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes: f64 = text.parse().map_err(|_| "not a number of minutes".to_owned())?;
+    if (1.0..=MOST_HOURS * 60.0).contains(&minutes) {
+        Ok(minutes)
+    } else {
+        Err(format!("a life takes 1 to {} minutes", MOST_HOURS * 60.0))
+    }
+}
+
+/// A cell does not come up again after a repetition failed.
+#[derive(Debug, thiserror::Error)]
+#[error("seed {seed}: {reason}; after that {then}; the faults of every life are {faults}")]
+struct NeverReady {
+    seed: u64,
+    reason: String,
+    then: String,
+    faults: String,
+}
+
+/// Counts of one cell, or of all.
+#[derive(Clone, Default, Debug)]
+struct Counts {
+    plant: Duration,
+    passed: u64,
+    /// Repetitions that failed with a reason, and the first reason.
+    refused: u64,
+    reason: Option<String>,
+    /// Repetitions that ended, but differ from the plan, and the first difference.
+    altered: u64,
+    difference: Option<String>,
+}
+
+/// Memory and descriptors of this process.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Held {
+    /// Resident memory in MiB.
+    memory_mib: f64,
+    /// Open descriptors.
+    descriptors: usize,
+}
+
+/// Runs all cells one after another and prints their results.
+///
+/// # Errors
+///
+/// The setup cannot be read, a cell is not ready again after a failed run, or the kernel does not say what this process has.
+pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
+    let (setup, found) = options.setup.load()?;
+    let faults = flat(&options.fault);
+    faults::check(&faults, &setup).map_err(|error| Failure::new(Exit::Usage, error))?;
+    check_kills(&faults)?;
+    let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
+    let started = Instant::now();
+    let (lives, life) = options.lives();
+    let seeds: Vec<u64> = (0..lives).map(|life| options.seed.wrapping_add(life)).collect();
+    let (mut all, mut held) = (Counts::default(), Vec::new());
+    let is_interrupted = watch_for_interrupt()?;
+    let pool =
+        Pool { name: "soak", quiet: options.quiet, threads: options.threads, interrupted: &is_interrupted };
+    pool.each(
+        &seeds,
+        |seed| live(&setup, &planned, &faults, *seed, life, &is_interrupted),
+        |_, counts| {
+            all.add(counts);
+            held.push(Held::now()?);
+            Ok(())
+        },
+    )
+    .map_err(failure)?;
+    let growth = Growth::of(&held);
+    outln!("Setup {}, {} {growth}", setup.name, all.summary(held.len(), started.elapsed()));
+    if is_interrupted.load(Ordering::Relaxed) {
+        let exit = interrupted(held.len(), seeds.len(), "lives");
+        return Ok(if all.altered == 0 { exit } else { Exit::RunFailed });
+    }
+    let is_well = all.altered == 0 && all.passed > 0 && growth.is_none();
+    Ok(if is_well { Exit::Pass } else { Exit::RunFailed })
+}
+
+/// Rejects faults after which a cell is dead.
+fn check_kills(faults: &[Fault]) -> Result<(), Failure> {
+    match faults.iter().find(|fault| fault.kills()) {
+        None => Ok(()),
+        Some(fault) => {
+            let error = anyhow!(
+                "`{fault}` ends a cell for good, and a soak goes on after each fault: a node that is started again is \
+                 to-robot:restart-robot=17@100ms or to-plc:restart-plc=17@100ms"
+            );
+            Err(Failure::new(Exit::Usage, error))
+        }
+    }
+}
+
+/// Returns the failure of a soak: a cell that never gets ready again is one of its faults.
+fn failure(error: anyhow::Error) -> Failure {
+    if error.is::<NeverReady>() { Failure::new(Exit::RunFailed, error) } else { error.into() }
+}
+
+/// Runs a cell with these faults for this time, or until an interrupt: one repetition of each type after the other.
+fn live(
+    setup: &Setup,
+    planned: &PlannedCell,
+    faults: &[Fault],
+    seed: u64,
+    life: Duration,
+    is_interrupted: &AtomicBool,
+) -> anyhow::Result<Counts> {
+    let extras = Extras { faults: faults.to_vec(), ..Extras::default() };
+    let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, faults)?;
+    let mut run = VirtualRun::switch_on(setup, planned.clone(), seed, &extras)?;
+    let mut counts = Counts::default();
+    // Connects again after the faults ended a connection.
+    let mut connected = run.connect();
+    for step in Schedule::new(&ExecutionType::ALL, u32::MAX, seed).steps() {
+        let ended = connected
+            .and_then(|()| run.execute_unrecorded(step))
+            .and_then(|measured| verification.check(&measured));
+        connected = Ok(());
+        match ended {
+            Ok(()) => counts.passed += 1,
+            Err(error) if error.is::<Difference>() => {
+                counts.altered += 1;
+                counts.difference.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
+            }
+            Err(error) => {
+                counts.refused += 1;
+                counts.reason.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
+                run.recover().map_err(|then| NeverReady {
+                    seed,
+                    reason: format!("{error:#}"),
+                    then: format!("{then:#}"),
+                    faults: faults::listed(faults),
+                })?;
+            }
+        }
+        if run.plant_time() >= life || is_interrupted.load(Ordering::Relaxed) {
+            break;
+        }
+    }
+    counts.plant = run.plant_time();
+    Ok(counts)
+}
+
+impl SoakOptions {
+    /// Returns how many lives there are, and how long each is.
+    fn lives(&self) -> (u64, Duration) {
+        let minutes = self.hours * 60.0;
+        let life = self.life_minutes.min(minutes);
+        ((minutes / life).ceil() as u64, Duration::from_secs_f64(life * 60.0))
+    }
+}
+
+impl Counts {
+    fn add(&mut self, other: Self) {
+        self.plant += other.plant;
+        self.passed += other.passed;
+        self.refused += other.refused;
+        self.altered += other.altered;
+        self.reason = self.reason.take().or(other.reason);
+        self.difference = self.difference.take().or(other.difference);
+    }
+
+    fn summary(&self, lives: usize, host: Duration) -> String {
+        let Self { plant, passed, refused, reason, altered, difference } = self;
+        let hours = plant.as_secs_f64() / 3_600.0;
+        let first =
+            |text: &Option<String>| text.as_ref().map_or_else(String::new, |text| format!(" ({text})"));
+        let lives = if lives == 1 { "1 life".to_owned() } else { format!("{lives} lives") };
+        let were = if *refused == 1 { "was" } else { "were" };
+        format!(
+            "{hours:.1} hours of the plant in {lives}, {:.0} s here: {} passed, {refused} {were} refused{}, {altered} altered{}.",
+            host.as_secs_f64(),
+            counted(*passed, "repetition"),
+            first(reason),
+            first(difference)
+        )
+    }
+}
+
+impl Held {
+    /// Reads it from the kernel.
+    fn now() -> anyhow::Result<Self> {
+        let status = std::fs::read_to_string("/proc/self/status").context("cannot read /proc/self/status")?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let kib: Option<f64> = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse().ok());
+        let memory_mib = kib.context("/proc/self/status does not say `VmRSS: … kB`")? / 1_024.0;
+        let open = std::fs::read_dir("/proc/self/fd").context("cannot read /proc/self/fd")?;
+        Ok(Self { memory_mib, descriptors: open.count() })
+    }
+}
+
+/// Growth of this process from the first tenth of the cells to the last cell.
+#[derive(Clone, Copy, Debug)]
+struct Growth {
+    from: Held,
+    to: Held,
+}
+
+impl Growth {
+    fn of(held: &[Held]) -> Self {
+        let nothing = Held { memory_mib: 0.0, descriptors: 0 };
+        // By then every thread has run a cell.
+        let from = held.get(held.len() / 10).copied().unwrap_or(nothing);
+        Self { from, to: held.last().copied().unwrap_or(nothing) }
+    }
+
+    fn is_none(&self) -> bool {
+        let Self { from, to } = self;
+        to.memory_mib <= from.memory_mib + GROWTH_MIB && to.descriptors <= from.descriptors
+    }
+}
+
+impl fmt::Display for Growth {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { from, to } = self;
+        write!(
+            f,
+            "Memory {:.1} MiB at first and {:.1} MiB at last, descriptors {} and {}.",
+            from.memory_mib, to.memory_mib, from.descriptors, to.descriptors
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::FromArgMatches as _;
+
+    #[test]
+    fn memory_or_descriptors_that_grow_from_life_to_life_are_found() {
+        let held = |memory_mib, descriptors| Held { memory_mib, descriptors };
+        let flat = [held(20.0, 9), held(21.0, 9), held(24.0, 9)];
+        assert!(Growth::of(&flat).is_none());
+        assert!(!Growth::of(&[held(20.0, 9), held(29.0, 9)]).is_none());
+        assert!(!Growth::of(&[held(20.0, 9), held(20.0, 10)]).is_none());
+    }
+
+    fn options(arguments: &[&str]) -> Result<SoakOptions, clap::Error> {
+        let command = SoakOptions::augment_args(clap::Command::new("soak").no_binary_name(true));
+        command.try_get_matches_from(arguments).and_then(|found| SoakOptions::from_arg_matches(&found))
+    }
+
+    #[test]
+    fn a_soak_takes_a_number_of_hours_and_no_life_is_longer_than_that() {
+        for wrong in ["inf", "nan", "0", "-1", "1e300", "an hour"] {
+            options(&["--hours", wrong]).unwrap_err();
+            options(&["--life-minutes", wrong]).unwrap_err();
+        }
+        let lives = |arguments: &[&str]| {
+            let (lives, life) = options(arguments).unwrap().lives();
+            (lives, life.as_secs_f64())
+        };
+        assert_eq!(lives(&[]), (1, 3_600.0));
+        assert_eq!(lives(&["--hours", "0.02"]), (1, 72.0));
+        assert_eq!(lives(&["--hours", "2.5"]), (3, 3_600.0));
+        assert_eq!(lives(&["--hours", "100000", "--life-minutes", "1"]), (6_000_000, 60.0));
+    }
+
+    #[test]
+    fn a_fault_that_kills_a_node_for_good_is_refused_and_one_that_restarts_it_is_not() {
+        let fault = |text: &str| [text.parse::<Fault>().unwrap()];
+        for kill in ["kill-robot-at=2s", "kill-plc-at=2s"] {
+            let refused = check_kills(&fault(kill)).unwrap_err();
+            assert_eq!(refused.exit, Exit::Usage);
+            assert!(refused.error.to_string().contains(kill), "{}", refused.error);
+        }
+        check_kills(&fault("to-robot:restart-robot=17@100ms")).unwrap();
+        check_kills(&fault("cut-at=2s..3s")).unwrap();
+    }
+
+    #[test]
+    fn a_cell_that_never_gets_ready_fails_the_soak_by_its_faults() {
+        let (setup, found) = planning::setup_with_application("A").unwrap();
+        let planned = PlannedCell::of(&setup, &found.application).unwrap();
+        let (faults, go_on) = (["loss=1".parse().unwrap()], AtomicBool::new(false));
+        let error = live(&setup, &planned, &faults, 7, Duration::from_secs(60), &go_on).unwrap_err();
+        let said = error.to_string();
+        assert!(said.starts_with("seed 7: no connection to the robot: "), "{said}");
+        assert!(said.ends_with("; the faults of every life are loss=1"), "{said}");
+        assert_eq!(failure(error).exit, Exit::RunFailed);
+    }
+
+    #[test]
+    fn one_is_counted_as_one() {
+        let counts = Counts { passed: 1, refused: 1, altered: 0, ..Counts::default() };
+        insta::assert_snapshot!(counts.summary(1, Duration::ZERO), @"0.0 hours of the plant in 1 life, 0 s here: 1 repetition passed, 1 was refused, 0 altered.");
+        insta::assert_snapshot!(Counts::default().summary(2, Duration::ZERO), @"0.0 hours of the plant in 2 lives, 0 s here: 0 repetitions passed, 0 were refused, 0 altered.");
+    }
+
+    #[test]
+    fn a_minute_of_the_plant_with_many_faults_passes_on_every_bus() {
+        for setup in ["A", "B", "C"] {
+            let (setup, found) = planning::setup_with_application(setup).unwrap();
+            let planned = PlannedCell::of(&setup, &found.application).unwrap();
+            let faults: Vec<Fault> = BACKGROUND.split(',').map(|fault| fault.parse().unwrap()).collect();
+            let go_on = AtomicBool::new(false);
+            let counts = live(&setup, &planned, &faults, 1, Duration::from_secs(60), &go_on).unwrap();
+            assert!(counts.plant >= Duration::from_secs(60) && counts.passed > 5, "{counts:?}");
+            assert_eq!(counts.altered, 0, "{counts:?}");
+        }
+    }
+}
