@@ -12,6 +12,7 @@ use protocol_linux::allocation;
 use protocol_linux::impaired::{ImpairedCable, ImpairmentPlan, Observer};
 use protocol_linux::namespace::NetworkNamespace;
 use records::faults;
+use stands as _; // its counting allocator
 use virtual_time::LinkCounters;
 
 const ADDRESSES: [Ipv4Addr; 2] = [Ipv4Addr::new(10, 0, 0, 1), Ipv4Addr::new(10, 0, 0, 2)];
@@ -71,7 +72,7 @@ fn a_flipped_bit_reaches_the_receiver_and_the_cable_allocates_nothing() {
         let (len, _) = left.recv_from(&mut received).unwrap();
         assert_eq!(received[..len], sent, "the way back is clean");
     }
-    // The bench's counting allocator is also that of programs that link it.
+    // The stands' counting allocator is also that of programs that link them.
     assert!(allocation::arm(), "nobody counts");
     // The cable counts a frame after it has sent it, so only the counts of a stopped one are whole.
     let stopped = cable.stop(true).unwrap();

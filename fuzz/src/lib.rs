@@ -14,7 +14,11 @@ mod lone;
 mod profinet;
 mod robot;
 
-use protocol_linux::allocation;
+use protocol_linux::allocation::{self, AllocationCounter};
+
+/// Counts what a target allocates.
+#[global_allocator]
+static ALLOCATOR: AllocationCounter = AllocationCounter;
 
 /// What is done with the bytes.
 pub type Target = fn(&[u8]);
@@ -36,7 +40,7 @@ pub const TARGETS: [(&str, Target); 13] = [
     ("records", files::records),
 ];
 
-/// Returns this thread's heap allocations so far. The allocator that counts them is the bench's.
+/// Returns this thread's heap allocations so far.
 fn allocations() -> u64 {
     assert!(allocation::is_armed() || allocation::arm(), "allocations are not counted");
     allocation::count()
