@@ -54,6 +54,18 @@ verb_modules() { #: fail where modules of one folder import each other in a circ
     python3 scripts/module-graph.py
 }
 
+verb_portable() { #: virtual mode without Linux: its tests, and whether its sources name what only Linux has
+    local target=${CARGO_TARGET_DIR:-target}/portable
+    if cargo tree -p bench --no-default-features --target x86_64-pc-windows-msvc -e normal --prefix none --locked |
+        grep -E '^(protocol-linux|rustix|socket2) '; then
+        echo "the bench without real mode depends on what only Linux has" >&2
+        exit 1
+    fi
+    cargo check --quiet -p bench --no-default-features --locked --target-dir "$target"
+    python3 scripts/portable.py "$target"
+    cargo test -p bench --no-default-features --locked --no-fail-fast
+}
+
 verb_purity() { #: prove that the crates of machines can name no clock, socket, thread or file
     # These crates and their dependencies are `no_std`: a crate built for a target without an operating system cannot
     # use one. If that target is not installed, the attribute and the dependencies' features are checked instead.
@@ -116,7 +128,7 @@ built() {
 
 verb_package() { #: package the crates under protocol/ that others can use, and build each package without this repository
     # Together, so that each finds the packages of the others where a registry would have them.
-    local crates=(fieldbus-machine fieldbus-virtual-time protocol-linux profinet-proto ethernet-ip-proto ethercat-subdevice
+    local crates=(fieldbus-machine fieldbus-virtual-time fieldbus-capture-file protocol-linux profinet-proto ethernet-ip-proto ethercat-subdevice
         ethercat-maindevice ethercat-drive)
     local target=${CARGO_TARGET_DIR:-target}/packaged crate
     for crate in "${crates[@]}"; do

@@ -2,14 +2,17 @@
 
 use clap::{Parser, Subcommand};
 
+#[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::doctor::DoctorOptions;
 use crate::verbs::gate::GateOptions;
 use crate::verbs::history::HistoryOptions;
 use crate::verbs::install::{CompletionsOptions, ManOptions};
 use crate::verbs::measure::RunOptions;
 use crate::verbs::new::NewOptions;
+#[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::overhead::OverheadOptions;
 use crate::verbs::report::{CompareOptions, ReportOptions};
+#[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::timing::TimingOptions;
 use studies::buses::BusesOptions;
 use studies::calibrate::CalibrateOptions;
@@ -67,6 +70,7 @@ pub enum Command {
     /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
     Gate(GateOptions),
     /// Measure in real mode what captures and traces cost, recorded and unrecorded seconds in turn.
+    #[cfg(all(feature = "real", target_os = "linux"))]
     Overhead(OverheadOptions),
     /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
     Long(LongOptions),
@@ -79,8 +83,10 @@ pub enum Command {
     /// List the saved runs, with the trend of their figures.
     History(HistoryOptions),
     /// Test whether this machine can run real mode, and how well.
+    #[cfg(all(feature = "real", target_os = "linux"))]
     Doctor(DoctorOptions),
     /// Measure how evenly the cyclic frames of each bus arrive, and compare with a bare loop on this host.
+    #[cfg(all(feature = "real", target_os = "linux"))]
     Timing(TimingOptions),
     /// Show where one MoveContinuousSkill is slower than the robot's program: slots × bus cycle × length of motions.
     Sweep(SweepOptions),

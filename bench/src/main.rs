@@ -5,18 +5,23 @@
 use std::process::ExitCode;
 
 use bench::command_line::{Cli, Command};
-use bench::verbs::{doctor, gate, history, install, measure, new, overhead, report, timing};
+#[cfg(all(feature = "real", target_os = "linux"))]
+use bench::verbs::{doctor, overhead, timing};
+use bench::verbs::{gate, history, install, measure, new, report};
 use clap::CommandFactory;
 use node::{arguments, errln, screen};
-use records::exit::{Exit, Failure};
+use records::exit::Failure;
+#[cfg(all(feature = "real", target_os = "linux"))]
 use stands::rig;
 use studies::{buses, calibrate, explore, judge, long, sensitivity, soak, sweep};
 
 fn main() -> ExitCode {
+    #[cfg(all(feature = "real", target_os = "linux"))]
     if let Some(exit) = rig::run_as_node() {
         return exit;
     }
-    protocol_linux::exit_on_stop(Exit::Interrupted as u8);
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    protocol_linux::exit_on_stop(records::exit::Exit::Interrupted as u8);
     screen::fit_terminal();
     let cli: Cli = arguments::parse(std::env::args_os());
     let outcome = match &cli.command {
@@ -24,13 +29,16 @@ fn main() -> ExitCode {
         Some(Command::Buses(options)) => buses::run(options),
         Some(Command::Calibrate(options)) => calibrate::run(options),
         Some(Command::Gate(options)) => gate::run(options),
+        #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Overhead(options)) => overhead::run(options),
         Some(Command::Long(options)) => long::run(options),
         Some(Command::New(options)) => new::run(options),
         Some(Command::Report(options)) => report::run(options),
         Some(Command::Compare(options)) => report::compare(options),
         Some(Command::History(options)) => history::run(options),
+        #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Doctor(options)) => doctor::run(options),
+        #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Timing(options)) => timing::run(options),
         Some(Command::Sweep(options)) => sweep::run(options),
         Some(Command::Sensitivity(options)) => sensitivity::run(options),

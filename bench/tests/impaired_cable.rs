@@ -9,11 +9,11 @@ use std::time::Duration;
 use networked_tests::End;
 use protocol_linux::Interface;
 use protocol_linux::allocation;
-use protocol_linux::impaired::{ImpairedCable, ImpairmentPlan, Observer};
+use protocol_linux::impaired::{ImpairedCable, Observer};
 use protocol_linux::namespace::NetworkNamespace;
 use records::faults;
 use stands as _; // its counting allocator
-use virtual_time::LinkCounters;
+use virtual_time::{ImpairmentPlan, LinkCounters};
 
 const ADDRESSES: [Ipv4Addr; 2] = [Ipv4Addr::new(10, 0, 0, 1), Ipv4Addr::new(10, 0, 0, 2)];
 const PORT: u16 = 4_000;

@@ -11,35 +11,52 @@
 //! node        a node on its cyclic thread; short_text is text without allocation
 //! trace_row   a cycle as a line of text, written and read; trace_file records a node's cycles
 //! output      printing to a reader that may be gone; screen makes tables and text fit it
-//! arguments   the command line, parsed; list has options with several values
+//! arguments   the command line, parsed; list has options with several values, duration times with units
+//! outcome     how a program ended, as its exit code
 //! ```
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod arguments;
+#[cfg(all(feature = "real", target_os = "linux"))]
 mod control;
+mod duration;
+#[cfg(all(feature = "real", target_os = "linux"))]
 mod inbox;
+#[cfg(all(feature = "real", target_os = "linux"))]
 mod input;
 pub mod list;
 pub mod message;
+#[cfg(all(feature = "real", target_os = "linux"))]
 mod node;
+mod outcome;
 pub mod output;
 pub mod report;
 pub mod role;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub mod run;
 pub mod screen;
 mod short_text;
 pub mod station_file;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub mod supervise;
 pub mod token;
+#[cfg(all(feature = "real", target_os = "linux"))]
 mod trace_file;
 pub mod trace_row;
 mod version;
 
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub use control::{ControlError, ControlPort};
+pub use duration::parse_duration;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub use inbox::{Commands, Inbox};
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub use input::Input;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub use node::{Command, CyclicTask, Node, NodeError, NodeProcess, Notice, ProcessEvent, Snapshot};
+pub use outcome::{Outcome, exit_code};
 pub use short_text::ShortText;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub use trace_file::TraceError;
 pub use version::version;

@@ -92,6 +92,7 @@ pub struct NodeHost {
     pub kernel: String,
 }
 
+#[cfg(all(feature = "real", target_os = "linux"))]
 impl NodeHost {
     /// Returns this program's version and this computer.
     #[must_use]

@@ -7,6 +7,7 @@ use machine::{Duration, Lateness};
 use protocol::image::Checks;
 use serde::{Deserialize, Serialize};
 
+#[cfg(all(feature = "real", target_os = "linux"))]
 use crate::Snapshot;
 
 /// Lateness of the runs of a cyclic task.
@@ -142,6 +143,7 @@ impl NodeReport {
     }
 }
 
+#[cfg(all(feature = "real", target_os = "linux"))]
 impl From<&Snapshot> for NodeReport {
     fn from(snapshot: &Snapshot) -> Self {
         Self {

@@ -18,12 +18,13 @@ use protocol::direct::Direct;
 use protocol_linux::{Interface, InterfaceError, StopSignals, capabilities, clock};
 use setup::{Cyclic, Setup};
 
+use crate::Outcome;
 use crate::message::{CellText, Console, Hello, NodeHost};
 use crate::role::NodeRole;
 use crate::station_file::StationFile;
-use crate::supervise::{OperatingMode, Outcome, supervise};
+use crate::supervise::{OperatingMode, supervise};
 use crate::token::{ControlToken, TokenError};
-use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln};
+use crate::{Commands, ControlError, ControlPort, Node, NodeProcess};
 
 /// Time between the start of the program and its first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -204,36 +205,15 @@ pub fn first_cycle() -> Instant {
     clock::now() + LEAD
 }
 
-/// Parses a time with its unit, such as 100us, 2.5ms or 2s, up to a day.
-#[must_use]
-pub fn parse_duration(text: &str) -> Option<Duration> {
-    let units = [("ns", 1e-9), ("us", 1e-6), ("µs", 1e-6), ("ms", 1e-3), ("s", 1.0)];
-    let seconds = units
-        .iter()
-        .find_map(|(unit, scale)| Some(text.strip_suffix(unit)?.trim().parse::<f64>().ok()? * scale));
-    // Nanoseconds are exact to weeks, which is more than a run takes.
-    let seconds = seconds.filter(|seconds| (0.0..=86_400.0).contains(seconds));
-    seconds.map(|seconds| Duration::from_nanos((seconds * 1e9).round() as u64))
-}
-
-/// Prints the error of a run, if it failed, and returns the process's exit code. `is_usage` returns true for the
-/// node's own errors that the user can correct, as errors in a setup or an application are; all others count as
-/// errors of the host.
+/// Prints the error of a run, if it failed, and returns the process's exit code, as [`crate::exit_code`] does.
 pub fn exit_code(
     outcome: anyhow::Result<Outcome>,
     is_usage: impl FnOnce(&anyhow::Error) -> bool,
 ) -> ExitCode {
-    let outcome = outcome.unwrap_or_else(|error| {
-        errln!("error: {error:#}");
-        let is_control =
-            error.is::<TokenError>() || matches!(error.downcast_ref(), Some(ControlError::NoToken(_)));
-        if error.is::<setup::Error>() || error.is::<planning::Error>() || is_control || is_usage(&error) {
-            Outcome::Usage
-        } else {
-            Outcome::EnvironmentUnusable
-        }
-    });
-    outcome.into()
+    let is_control = |error: &anyhow::Error| {
+        error.is::<TokenError>() || matches!(error.downcast_ref(), Some(ControlError::NoToken(_)))
+    };
+    crate::exit_code(outcome, |error| is_control(error) || is_usage(error))
 }
 
 #[cfg(test)]

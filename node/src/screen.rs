@@ -4,6 +4,7 @@ use std::io::{self, IsTerminal as _};
 use std::sync::OnceLock;
 
 use comfy_table::{CellAlignment, ColumnConstraint, Table, TableComponent, presets};
+use terminal_size::{Width, terminal_size_of};
 
 /// The narrowest screen that tables and text are made for, in characters.
 const NARROWEST: usize = 60;
@@ -18,10 +19,9 @@ static TERMINAL: OnceLock<usize> = OnceLock::new();
 /// output goes to a file or a pipe, tables are as wide as they are.
 pub fn fit_terminal() {
     if io::stdout().is_terminal()
-        && let Ok(size) = rustix::termios::tcgetwinsize(io::stdout())
-        && size.ws_col > 0
+        && let Some((Width(width), _)) = terminal_size_of(io::stdout())
     {
-        let _ = TERMINAL.set(usize::from(size.ws_col).max(NARROWEST));
+        let _ = TERMINAL.set(usize::from(width).max(NARROWEST));
     }
 }
 

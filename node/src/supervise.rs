@@ -5,7 +5,6 @@
 //! and ends what the previous one had started.
 
 use std::fmt::Display;
-use std::process::ExitCode;
 
 use machine::LinkEvent;
 use serde::Serialize;
@@ -14,7 +13,7 @@ use serde::de::DeserializeOwned;
 use crate::message::{Console, Hello, Instruction, Message};
 use crate::output::to_stdout;
 use crate::station_file::{Station, StationFile};
-use crate::{Command, Input, Node, NodeError, NodeProcess, Notice, ProcessEvent, ShortText, errln};
+use crate::{Command, Input, Node, NodeError, NodeProcess, Notice, Outcome, ProcessEvent, ShortText, errln};
 
 /// What one kind of node adds to the supervision of a node, with or without instructions.
 pub trait OperatingMode<N: Node> {
@@ -60,29 +59,6 @@ pub enum Next<O> {
     Order(O),
     /// Close the connection in order and end with this result.
     End(Outcome),
-}
-
-/// How a node's process ended. The numbers are its exit codes, the same as the bench's.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Outcome {
-    /// Ended on request.
-    Done = 0,
-    /// An error of the program.
-    Internal = 1,
-    /// An error in the command line or a setup.
-    Usage = 2,
-    /// A run failed.
-    RunFailed = 4,
-    /// The host lacks what the node needs: an interface, a permission, a port.
-    EnvironmentUnusable = 5,
-    /// Ctrl-C or SIGTERM.
-    Interrupted = 130,
-}
-
-impl From<Outcome> for ExitCode {
-    fn from(outcome: Outcome) -> Self {
-        Self::from(outcome as u8)
-    }
 }
 
 /// Prints or sends what happens until the node ends, and ends it on request. `station_file` is where it keeps what its bus

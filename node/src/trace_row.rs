@@ -49,7 +49,7 @@ impl<'a> Fields<'a> {
 }
 
 /// Appends a row, without a newline.
-pub(crate) fn write_row<S: TraceSample>(at: Instant, sample: &S, line: &mut String) {
+pub fn write_row<S: TraceSample>(at: Instant, sample: &S, line: &mut String) {
     let _ = write!(line, "{},", at.as_nanos());
     sample.write(line);
 }

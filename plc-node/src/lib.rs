@@ -18,13 +18,16 @@
 mod advice;
 mod axes_group;
 pub mod bus;
+pub mod command_line;
 mod config;
+#[cfg(all(feature = "real", target_os = "linux"))]
 mod discover;
 mod event;
 pub mod function_blocks;
 mod motion_source;
 mod node;
 mod plan_command;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub mod process;
 mod readiness;
 mod sample;

@@ -1,9 +1,9 @@
 //! `plc-node plan`: what becomes of an application, for the process engineer who writes it.
 
+use node::Outcome;
 use node::errln;
 use node::output::to_stdout;
 use node::screen;
-use node::supervise::Outcome;
 
 /// An application and a setup to plan it for.
 #[derive(clap::Args, Debug)]

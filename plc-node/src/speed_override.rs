@@ -170,7 +170,7 @@ fn step(text: &str) -> Result<OverrideStep, ScheduleError> {
     let (percent, after_us) = match text.split_once('@') {
         None => (text, Some(0)),
         Some((percent, time)) => {
-            let after = node::run::parse_duration(time).filter(|after| *after <= LATEST);
+            let after = node::parse_duration(time).filter(|after| *after <= LATEST);
             (percent, after.and_then(|after| u32::try_from(after.as_micros()).ok()))
         }
     };

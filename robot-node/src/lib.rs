@@ -19,6 +19,7 @@ pub mod controller;
 mod drive_segment;
 pub mod motion;
 mod node;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub mod process;
 pub mod quality;
 pub mod rehearsal;

@@ -10,11 +10,12 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 use machine::{Instant, Lateness};
+use node::Outcome;
 use node::errln;
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::station_file::{Address, Station, StationFile, StationFileError};
-use node::supervise::{Next, OperatingMode, Outcome};
+use node::supervise::{Next, OperatingMode};
 use node::{Node, arguments};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent, ToStore};

@@ -10,8 +10,8 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use node::role::NodeRole;
-use protocol_linux::impaired::ImpairmentPlan;
 use robot_node::Disturbance;
+use virtual_time::ImpairmentPlan;
 use virtual_time::{FrameFault, Impairment, Side};
 
 pub use at_frame::AtFrame;
@@ -170,7 +170,7 @@ fn flip(text: &str) -> Option<Result<Kind, FaultError>> {
 }
 
 fn time(text: &str) -> Result<Duration, FaultError> {
-    node::run::parse_duration(text).ok_or_else(|| FaultError::Time(text.to_owned()))
+    node::parse_duration(text).ok_or_else(|| FaultError::Time(text.to_owned()))
 }
 
 /// A change of the cable, of a node or of a drive at some moment of the run.

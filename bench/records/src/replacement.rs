@@ -5,6 +5,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
+#[cfg(target_os = "linux")]
 use rustix::fs::{Access, CWD, RenameFlags, access, renameat_with};
 
 /// How safely a file is stored before work goes on.
@@ -109,7 +110,7 @@ fn replaced(path: &Path) -> io::Result<Option<PathBuf>> {
 pub fn check_replaceable(path: &Path) -> anyhow::Result<()> {
     ensure!(!path.is_dir(), "{} is a directory; name a file", path.display());
     let Some(path) = replaced(path).with_context(|| cannot_write(path))? else {
-        return access(path, Access::WRITE_OK).with_context(|| cannot_write(path));
+        return may_write(path).with_context(|| cannot_write(path));
     };
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     check_writable(parent.unwrap_or(Path::new(".")))
@@ -121,8 +122,32 @@ pub fn check_replaceable(path: &Path) -> anyhow::Result<()> {
 ///
 /// It is missing, or this user may not write to it.
 pub fn check_writable(directory: &Path) -> anyhow::Result<()> {
-    access(directory, Access::WRITE_OK | Access::EXEC_OK)
+    may_write_into(directory)
         .with_context(|| format!("cannot write to {}; choose another directory", directory.display()))
+}
+
+#[cfg(target_os = "linux")]
+fn may_write(path: &Path) -> io::Result<()> {
+    Ok(access(path, Access::WRITE_OK)?)
+}
+
+#[cfg(target_os = "linux")]
+fn may_write_into(directory: &Path) -> io::Result<()> {
+    Ok(access(directory, Access::WRITE_OK | Access::EXEC_OK)?)
+}
+
+/// Opens it, since the standard library does not know what a user may do.
+#[cfg(not(target_os = "linux"))]
+fn may_write(path: &Path) -> io::Result<()> {
+    OpenOptions::new().write(true).open(path).map(drop)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn may_write_into(directory: &Path) -> io::Result<()> {
+    match fs::metadata(directory)?.permissions().readonly() {
+        true => Err(io::ErrorKind::PermissionDenied.into()),
+        false => Ok(()),
+    }
 }
 
 fn cannot_write(path: &Path) -> String {
@@ -132,6 +157,7 @@ fn cannot_write(path: &Path) -> String {
 /// Gives `new` the name of the file that it replaces. If a file is renamed over another one, ext4 writes its data to
 /// disk at once, as if it had to survive a power failure: more than a millisecond after each repetition, a seventh of
 /// a virtual run. Exchanging two names is as atomic and costs nothing.
+#[cfg(target_os = "linux")]
 fn put_in_place(new: &Path, path: &Path) -> io::Result<()> {
     // An exchange would also accept a directory in place of a file.
     let replaces_file = fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
@@ -143,7 +169,12 @@ fn put_in_place(new: &Path, path: &Path) -> io::Result<()> {
     fs::rename(new, path)
 }
 
-#[cfg(test)]
+#[cfg(not(target_os = "linux"))]
+fn put_in_place(new: &Path, path: &Path) -> io::Result<()> {
+    fs::rename(new, path)
+}
+
+#[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
     use std::io::Read as _;

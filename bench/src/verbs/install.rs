@@ -61,6 +61,11 @@ pub fn man(options: &ManOptions, bench: Command) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-fn programs(bench: Command) -> [Command; 3] {
-    [bench, plc_node::process::command_line(), robot_node::process::command_line()]
+fn programs(bench: Command) -> Vec<Command> {
+    vec![
+        bench,
+        plc_node::command_line::command_line(),
+        #[cfg(all(feature = "real", target_os = "linux"))]
+        robot_node::process::command_line(),
+    ]
 }

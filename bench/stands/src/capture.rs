@@ -13,9 +13,9 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use capture_file::{CableEvent, CaptureFile, Packet, Retention};
 use machine::Instant;
 use machine::ethernet::Mac;
-use protocol_linux::capture::{CableEvent, CaptureFile, Packet, Retention};
 use virtual_time::{Carrier, Segment, Side, Tapped};
 
 use packet::{Ip, Tcp};

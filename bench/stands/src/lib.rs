@@ -1,26 +1,30 @@
 //! Stands: what a measurement runs on in each mode. A stand executes a sequence and returns how long it took.
 //!
 //! ```text
-//! rig          two processes on a real network, or nodes that already run
+//! rig          two processes on a real network, or nodes that already run (attach); on Linux, with the feature `real`
 //! virtual_run  both nodes in virtual time
 //! planned_cell the robot in its cell and the motions of an application
 //! verification compares each repetition with the plan; reaction_limits computes what the cycles alone take
 //! capture      the frames of a virtual cable as packets of a network; frame_name names them by their protocol
 //! ```
 
+mod attach;
 pub mod capture;
 mod frame_name;
 pub mod planned_cell;
 pub mod reaction_limits;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub mod rig;
 pub mod verification;
 pub mod virtual_run;
 
+pub use attach::{Attach, AttachError};
+
 use std::path::Path;
 
 use ::node::token::ControlToken;
+use capture_file::Retention;
 use planning::Application;
-use protocol_linux::capture::Retention;
 use setup::Setup;
 
 use records::attached::Attached;
@@ -85,7 +89,7 @@ pub struct StandConfig<'a> {
     /// The live view.
     pub feed: Option<&'a Feed>,
     /// Nodes that already run.
-    pub attach: Option<&'a rig::Attach>,
+    pub attach: Option<&'a Attach>,
     /// Token of the control ports of these nodes.
     pub token: Option<&'a ControlToken>,
 }

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use tokio::runtime::{Builder, Runtime};
+#[cfg(unix)]
 use tokio::signal::unix::{SignalKind, signal};
 
 use records::exit::Exit;
@@ -19,14 +20,27 @@ pub fn event_loop() -> anyhow::Result<Runtime> {
 }
 
 /// Resolves at the first Ctrl-C or SIGTERM.
+#[cfg(unix)]
 pub fn interrupt() -> anyhow::Result<impl Future<Output = ()>> {
     let mut interrupted = signal(SignalKind::interrupt()).context("cannot listen for Ctrl-C")?;
     let mut terminated = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
+    #[cfg(all(feature = "real", target_os = "linux"))]
     protocol_linux::handle_stop();
     Ok(async move {
         tokio::select! {
             _ = interrupted.recv() => {}
             _ = terminated.recv() => {}
+        }
+    })
+}
+
+/// Resolves at the first Ctrl-C.
+#[cfg(not(unix))]
+pub fn interrupt() -> anyhow::Result<impl Future<Output = ()>> {
+    Ok(async {
+        // If nobody can listen, Ctrl-C ends the program.
+        if tokio::signal::ctrl_c().await.is_err() {
+            std::future::pending::<()>().await;
         }
     })
 }

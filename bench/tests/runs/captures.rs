@@ -3,10 +3,10 @@
 use std::fs::File;
 use std::path::Path;
 
+use capture_file::Retention;
 use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketOption;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use plc_node::ExecutionType;
-use protocol_linux::capture::Retention;
 use records::schedule::Schedule;
 use stands::Stand as _;
 use stands::capture::{PLC_FILE, ROBOT_FILE};

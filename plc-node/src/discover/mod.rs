@@ -10,9 +10,9 @@ use anyhow::Context as _;
 use ethercat_maindevice::Found;
 use machine::search::SearchEnded;
 use machine::{Duration, Instant, Machine, PortRequest};
+use node::Outcome;
 use node::errln;
 use node::output::to_stdout;
-use node::supervise::Outcome;
 use protocol::search::Search;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 

@@ -1,24 +1,19 @@
-//! The PLC node as a process: its command line, its messages, and the PLC on a real bus.
+//! The PLC node as a process: its options, its messages, and the PLC on a real bus.
 //!
 //! By hand it runs a number of repetitions and prints them. With `--control` or `--json` it says what happens in one line
-//! of JSON a message, and runs one repetition for each instruction that comes over TCP or on standard input. Of its other
-//! commands `plc-node plan` needs no bus, and `plc-node discover` only asks who is on one.
+//! of JSON a message, and runs one repetition for each instruction that comes over TCP or on standard input.
 
 mod message;
 mod modes;
 
-use std::ffi::OsString;
 use std::fmt;
-use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
 use machine::{Duration, Instant, Lateness};
+use node::Node;
+use node::Outcome;
 use node::list::{List, flat};
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
-use node::screen;
-use node::supervise::Outcome;
-use node::{Node, arguments};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::Checks;
@@ -26,30 +21,11 @@ use protocol::image::Checks;
 pub use message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal};
 use modes::{OnInstruction, Standalone};
 
-use crate::discover::DiscoverCommand;
-use crate::plan_command::PlanCommand;
 use crate::{ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, Sample, bus};
 
-/// The PLC of a setup on a real bus: connects to the robot and runs the application.
-#[derive(Parser, Debug)]
-#[command(name = "plc-node", version = node::version())]
-struct Cli {
-    #[command(subcommand)]
-    command: Subcommand,
-}
-
-#[derive(clap::Subcommand, Debug)]
-enum Subcommand {
-    /// Connect to the robot and run the application.
-    Run(Box<Run>),
-    /// Plan an application and print its motions with their labels and zones, and the reason for each zone's size.
-    Plan(PlanCommand),
-    /// List the PROFINET, EtherNet/IP and EtherCAT devices on a network interface.
-    Discover(DiscoverCommand),
-}
-
+/// Options of `plc-node run`.
 #[derive(clap::Args, Debug)]
-struct Run {
+pub(crate) struct Run {
     #[command(flatten)]
     options: RunOptions,
     /// Repetitions of each execution type.
@@ -70,27 +46,9 @@ struct Run {
     overrides: Option<OverrideSchedule>,
 }
 
-/// Returns the command line, for its completions and manual page.
-#[must_use]
-pub fn command_line() -> clap::Command {
-    Cli::command()
-}
-
-/// Runs the process: parses `args`, with the program's name first, and runs until it is done.
-pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    node::run::exit_on_stop();
-    let cli: Cli = arguments::parse(args);
-    screen::fit_terminal();
-    let outcome = match cli.command {
-        Subcommand::Run(run) => run.execute(),
-        Subcommand::Plan(plan) => plan.execute(),
-        Subcommand::Discover(discover) => discover.execute(),
-    };
-    node::run::exit_code(outcome, |error| error.is::<bus::BusError>())
-}
-
 impl Run {
-    fn execute(self) -> anyhow::Result<Outcome> {
+    /// Runs the node until it is done.
+    pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
         let prepared = self.options.prepare()?;
         let (setup, plan, interface) = (&prepared.setup, &prepared.plan, &prepared.interface);
         // On a real clock the scan takes what it takes.

@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use node::supervise::{Next, OperatingMode, Outcome};
+use node::Outcome;
+use node::supervise::{Next, OperatingMode};
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 
 use super::message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal, message, refusal};

@@ -18,7 +18,6 @@
 pub mod allocation;
 mod arrivals;
 pub mod capabilities;
-pub mod capture;
 pub mod clock;
 mod cyclic_thread;
 mod driver;

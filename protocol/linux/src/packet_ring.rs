@@ -11,9 +11,9 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use socket2::Socket;
 
 use crate::Interface;
-use crate::capture::Packet;
 use crate::packet_socket::{self, FrameBuffer};
 use crate::socket_option;
+use capture_file::Packet;
 
 /// Size of a slot in bytes: a frame with the usual 1500 bytes of payload and the kernel's header. Longer frames are
 /// cut.

@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use socket2::{Domain, Socket, Type};
 
-use crate::capture::{Packet, SNAP_LEN};
 use crate::socket_option::{self, ON};
 use crate::{Interface, clock, plain, received_message};
+use capture_file::{Packet, SNAP_LEN};
 
 /// Receive buffer in bytes: the frames of about a second in which the reader is busy.
 const RECEIVE_BUFFER: usize = 8 << 20;

@@ -14,11 +14,11 @@ use socket2::{SockFilter, Socket};
 use machine::Instant;
 
 use crate::Interface;
-use crate::capture::{CaptureFile, Packet, Retention};
 use crate::clock;
 use crate::handover::{EndRequest, Ending};
 use crate::packet_ring::PacketRing;
 use crate::packet_socket::FrameBuffer;
+use capture_file::{CaptureFile, Packet, Retention};
 
 /// Frames that wait while the disk is busy: two seconds at one frame a millisecond each way.
 const SLOTS: usize = 4_096;

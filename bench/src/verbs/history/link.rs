@@ -1,6 +1,5 @@
 //! Links from a page to files near it, which stay right when both are moved together.
 
-use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Component, Path};
 
 /// Returns the address of a file as seen from a page; `None` if either's directory cannot be found.
@@ -27,7 +26,7 @@ fn encoded(part: Component<'_>) -> String {
         plain if plain.is_ascii_alphanumeric() || b"-._~".contains(&plain) => char::from(plain).to_string(),
         other => format!("%{other:02X}"),
     };
-    part.as_os_str().as_bytes().iter().map(byte).collect()
+    part.as_os_str().as_encoded_bytes().iter().map(byte).collect()
 }
 
 #[cfg(test)]

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use ::node::token::ControlToken;
+use capture_file::Retention;
 use planning::Found;
-use protocol_linux::capture::Retention;
 use setup::Setup;
 
 use super::reference_runs::ReferenceRuns;
@@ -29,6 +29,7 @@ use report::playback;
 use report::progress::Progress;
 use report::timeline;
 use report::{errln, in_shell};
+#[cfg(all(feature = "real", target_os = "linux"))]
 use stands::rig::{Rig, RigError};
 use stands::verification::Verification;
 use stands::virtual_run::VirtualRun;
@@ -46,8 +47,14 @@ const NO_ROWS: &str = "No arm is drawn: nodes that the bench did not start write
 const GRANTED: &str = "SCHED_FIFO, memory locked";
 
 /// Returns whether the rig says by this error that a capture lacks something.
+#[cfg(all(feature = "real", target_os = "linux"))]
 fn is_of_capture(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref::<RigError>(), Some(RigError::Capture(_)))
+}
+
+#[cfg(not(all(feature = "real", target_os = "linux")))]
+const fn is_of_capture(_: &anyhow::Error) -> bool {
+    false
 }
 
 /// A measurement: checked options, the cell, and what is to be run.
@@ -95,7 +102,10 @@ impl Measurement<'_> {
         let meanwhile = (self.options.mode == Mode::Virtual).then(reference_runs);
         let ran = match self.options.mode {
             Mode::Virtual => self.run_on::<VirtualRun>(&mut session, host, results, interrupt).await,
+            #[cfg(all(feature = "real", target_os = "linux"))]
             Mode::Real => self.run_on::<Rig>(&mut session, host, results, interrupt).await,
+            #[cfg(not(all(feature = "real", target_os = "linux")))]
+            Mode::Real => Err(super::no_real_mode()),
         };
         if let Some(live) = session.live.take() {
             live.end(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), &path);

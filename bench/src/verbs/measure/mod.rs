@@ -28,6 +28,7 @@ use report::pages::{self, Pages};
 use report::table;
 use report::{errln, in_shell};
 use session::Ended;
+#[cfg(all(feature = "real", target_os = "linux"))]
 use stands::rig;
 use studies::event_loop::event_loop;
 use studies::outputs::{self, Own};
@@ -52,9 +53,14 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         token = ControlToken::find(options.control_token.as_deref())
             .map_err(|error| Failure::new(Exit::Usage, error))?;
     }
-    if options.mode == Mode::Real && options.attach.is_none() {
-        // The kernel allows it only while this process has one thread.
-        rig::enter_user_namespace()?;
+    if options.mode == Mode::Real {
+        #[cfg(not(all(feature = "real", target_os = "linux")))]
+        return Err(no_real_mode());
+        #[cfg(all(feature = "real", target_os = "linux"))]
+        if options.attach.is_none() {
+            // The kernel allows it only while this process has one thread.
+            rig::enter_user_namespace()?;
+        }
     }
     let measurement = Measurement {
         faults: flat(&options.fault),
@@ -75,6 +81,15 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     print_where(&ended, &directory);
     ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
+}
+
+/// Returns the failure of real mode in a bench that was built without it.
+#[cfg(not(all(feature = "real", target_os = "linux")))]
+fn no_real_mode() -> Failure {
+    let error = anyhow!(
+        "this bench was built without real mode: add `--mode virtual`, or build it on Linux with the feature `real`"
+    );
+    Failure::new(Exit::EnvironmentUnusable, error)
 }
 
 /// Loads the setup with the options in it, and the application.

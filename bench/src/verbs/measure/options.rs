@@ -11,7 +11,7 @@ use records::mode::Mode;
 use records::schedule::{REPETITIONS, SEED};
 use report::export::Exports;
 use report::live::{self, LiveAddress};
-use stands::rig::Attach;
+use stands::Attach;
 use studies::setup_option::SetupOption;
 
 /// Options of a measured run.

@@ -15,12 +15,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context as _;
+use capture_file::Retention;
 use clap::Args;
 use node::report::LatenessReport;
 use page::Watched;
 use planning::Found;
 use plc_node::ExecutionType;
-use protocol_linux::capture::Retention;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use setup::Setup;

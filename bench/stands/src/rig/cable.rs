@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use protocol_linux::capture::{CaptureFile, Retention};
+use capture_file::{CaptureFile, Retention};
 use protocol_linux::impaired::{ImpairedCable, Observer};
 use protocol_linux::namespace::{NamespaceError, NetworkNamespace};
 use protocol_linux::{Interface, InterfaceError, Recorder, RecorderError, veth};

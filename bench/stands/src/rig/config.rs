@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use protocol_linux::capture::Retention;
+use capture_file::Retention;
 use setup::{Cyclic, Setup};
 
 use super::frames::FrameLog;

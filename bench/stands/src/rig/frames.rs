@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use capture_file::Packet;
 use machine::Instant;
-use protocol_linux::capture::Packet;
 use virtual_time::Side;
 
 use crate::frame_name;

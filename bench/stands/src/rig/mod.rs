@@ -33,7 +33,6 @@ mod reports;
 mod stand;
 mod wanted_cell;
 
-pub use attach::{Attach, AttachError};
 pub use config::RigConfig;
 pub use error::RigError;
 pub use frames::FrameLog;
@@ -80,7 +79,7 @@ pub fn run_as_node() -> Option<ExitCode> {
     let mut args = std::env::args_os().skip(1);
     let first = args.next()?;
     let main = match first.to_str()? {
-        PLC_NODE => plc_node::process::main,
+        PLC_NODE => plc_node::command_line::main,
         ROBOT_NODE => robot_node::process::main,
         _ => return None,
     };

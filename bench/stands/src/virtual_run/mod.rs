@@ -24,12 +24,12 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use anyhow::Context as _;
+use capture_file::Retention;
 use machine::Instant;
 use machine::ethernet::Mac;
 use planning::{Application, Stop, ToStart};
 use plc_node::{ExecutionType, MotionList, MotionSource, PlcEvent};
 use protocol::image::{Digest, Motion};
-use protocol_linux::capture::Retention;
 use robot_node::RobotConfig;
 use setup::Setup;
 

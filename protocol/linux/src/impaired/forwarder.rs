@@ -4,28 +4,17 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::time::Duration;
 
+use capture_file::CableEvent;
 use machine::Instant;
-use virtual_time::{Impairment, Link, LinkCounters, LinkEffect, Side};
+use virtual_time::{ImpairmentPlan, Link, LinkCounters, LinkEffect, Side};
 
 use super::frame::{Contents, put_in};
-use crate::capture::CableEvent;
 
 /// Frames that the cable holds at once: one second of both directions at two frames a millisecond.
 const PLACES: usize = 4_096;
 
 /// Longest frame: what an interface with 1500 bytes of payload carries, with its header and a tag.
 pub(super) const ROOM: usize = 1_536;
-
-/// What the cable does to frames, and when it is cut.
-#[derive(Clone, PartialEq, Debug, Default)]
-pub struct ImpairmentPlan {
-    /// Impairments of the frames that the first end sends, and of those that the second end sends.
-    pub links: [Impairment; 2],
-    /// Times of cuts (true) and mends (false), counted from when both ends are ready; in order.
-    pub cuts: Vec<(Duration, bool)>,
-    /// Seed of the random decisions; it has the same meaning as for a virtual cable's links.
-    pub seed: u64,
-}
 
 /// A frame on the cable; ordered by arrival, then by the order in which frames were sent.
 #[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]

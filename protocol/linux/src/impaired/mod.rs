@@ -28,17 +28,16 @@ use machine::Instant;
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 use socket2::Socket;
-use virtual_time::{LinkCounters, Side};
+use virtual_time::{ImpairmentPlan, LinkCounters, Side};
 
-use crate::capture::CableEvent;
 use crate::handover::{EndRequest, Ending};
 use crate::packet_socket::{self, FrameBuffer};
 use crate::recorder::RecorderError;
 use crate::socket_option::{self, ON};
 use crate::wait::WaitSet;
 use crate::{Interface, Notifier, PortError, allocation, clock, scheduling};
+use capture_file::CableEvent;
 
-pub use forwarder::ImpairmentPlan;
 pub use observer::{FrameCallback, Observer};
 
 use forwarder::{Due, Forwarder};

@@ -12,8 +12,8 @@ use virtual_time::{LinkEffect, Side};
 use super::Shared;
 use super::forwarder::ROOM;
 use crate::RecorderError;
-use crate::capture::{CableEvent, CaptureFile, Packet};
 use crate::handover::{Ending, Received, Sender, ring};
+use capture_file::{CableEvent, CaptureFile, Packet};
 
 /// Entries that the ring holds: half a second at two frames a millisecond each way, seen at both ends.
 const RING_CAPACITY: usize = 4_096;

@@ -7,13 +7,13 @@ use std::io::{BufReader, Read as _, Write as _};
 use std::net::{Ipv4Addr, SocketAddrV4, TcpStream, UdpSocket};
 use std::time::Duration;
 
+use capture_file::Retention;
 use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ENCAPSULATION_PORT, IO_PORT, ScannerConfig};
 use machine::{Machine, Port, PortRequest, Source, Transmit};
 use pcap_file::pcapng::{Block, PcapNgReader};
 use protocol::buses::EthernetIpScanner;
 use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR};
-use protocol_linux::capture::Retention;
 use protocol_linux::{Interface, Recorder, clock};
 
 use super::test_network::{ADDRESSES, MASK, Progress, TIMEOUT, TestNetwork};

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::mpsc::{self, Receiver};
 use std::time::Duration;
 
-use protocol_linux::capture::Packet;
+use capture_file::Packet;
 use protocol_linux::{Interface, Recorder, RecorderError, clock};
 
 use super::machines::{Cable, PRIORITY_TAG, Station};

@@ -1,4 +1,4 @@
-//! Capture files: pcapng with one interface and times in nanoseconds, which Wireshark and tshark open directly.
+#![doc = include_str!("../README.md")]
 //!
 //! Each end of a cable has its own file. One file for both ends would hold every frame twice, and whatever a
 //! dissector follows from packet to packet (TCP sequence numbers, requests and responses, I/O graphs) would count it
@@ -21,7 +21,7 @@ use pcap_file::pcapng::blocks::interface_description::{
 use virtual_time::Side;
 
 /// Captured length in bytes. Longer frames are cut; no port of a node takes longer ones.
-pub(crate) const SNAP_LEN: usize = 2048;
+pub const SNAP_LEN: usize = 2048;
 
 /// What a ring keeps from the start, in bytes: the connection's establishment, without which later frames mean
 /// little.

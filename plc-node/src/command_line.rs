@@ -1,0 +1,56 @@
+//! The command line of `plc-node`. Of its commands `plan` needs no bus, and `discover` only asks who is on one.
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser};
+use node::{arguments, screen};
+
+#[cfg(all(feature = "real", target_os = "linux"))]
+use crate::discover::DiscoverCommand;
+use crate::plan_command::PlanCommand;
+#[cfg(all(feature = "real", target_os = "linux"))]
+use crate::process::Run;
+
+/// The PLC of a setup on a real bus: connects to the robot and runs the application.
+#[derive(Parser, Debug)]
+#[command(name = "plc-node", version = node::version())]
+struct Cli {
+    #[command(subcommand)]
+    command: Subcommand,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum Subcommand {
+    /// Connect to the robot and run the application.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    Run(Box<Run>),
+    /// Plan an application and print its motions with their labels and zones, and the reason for each zone's size.
+    Plan(PlanCommand),
+    /// List the PROFINET, EtherNet/IP and EtherCAT devices on a network interface.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    Discover(DiscoverCommand),
+}
+
+/// Returns the command line, for its completions and manual page.
+#[must_use]
+pub fn command_line() -> clap::Command {
+    Cli::command()
+}
+
+/// Runs the process: parses `args`, with the program's name first, and runs until it is done.
+pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    node::run::exit_on_stop();
+    let cli: Cli = arguments::parse(args);
+    screen::fit_terminal();
+    match cli.command {
+        Subcommand::Plan(plan) => node::exit_code(plan.execute(), |_| false),
+        #[cfg(all(feature = "real", target_os = "linux"))]
+        Subcommand::Run(run) => {
+            node::run::exit_code(run.execute(), |error| error.is::<crate::bus::BusError>())
+        }
+        #[cfg(all(feature = "real", target_os = "linux"))]
+        Subcommand::Discover(discover) => node::run::exit_code(discover.execute(), |_| false),
+    }
+}
