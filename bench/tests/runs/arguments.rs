@@ -19,6 +19,7 @@ fn a_negative_number_is_out_of_range_and_not_an_unknown_option() {
     insta::assert_snapshot!(refused(&["sweep", "--lengths", "0.0001"]), @"error: invalid value '0.0001' for '--lengths <MM>...': a length is 0.01 to 10000 mm");
 }
 
+#[cfg(feature = "real")]
 #[test]
 fn every_option_that_takes_several_values_takes_commas_and_blanks_and_names_the_wrong_value() {
     insta::assert_snapshot!(refused(&["timing", "--buses", "ethercat, profinet"]), @"error: invalid value 'ethercat, profinet' for '--buses <BUS>...': there is no bus `profinet`; the buses are profinet-udp, profinet-rt1, ethernet-ip and ethercat");

@@ -19,6 +19,7 @@ fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
     insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B, C, D; or give the path of a .toml file");
 }
 
+#[cfg(feature = "real")]
 #[test]
 fn a_measurement_that_ends_before_its_first_repetition_leaves_no_run_and_keeps_a_directory_of_the_user() {
     let directory = tempfile::tempdir().unwrap();
@@ -39,6 +40,7 @@ fn a_measurement_that_ends_before_its_first_repetition_leaves_no_run_and_keeps_a
     }
 }
 
+#[cfg(feature = "real")]
 #[test]
 fn a_file_in_place_of_a_directory_or_of_a_case_is_refused_with_what_would_do() {
     let directory = tempfile::tempdir().unwrap();
@@ -219,6 +221,7 @@ fn a_virtual_run_prints_the_table_and_leaves_a_run_directory() {
     assert!(host["kernel"].is_string() && host["cores"].as_u64() > Some(0), "{host}");
 }
 
+#[cfg(feature = "real")]
 #[test]
 fn the_help_shows_examples_and_exit_codes() {
     let directory = tempfile::tempdir().unwrap();
@@ -268,6 +271,7 @@ fn the_commit_of_a_run_is_that_of_the_build_and_nothing_is_asked_at_run_time() {
     assert!(hash.is_empty() || hash.len() == 12 && hash.chars().all(|c| c.is_ascii_hexdigit()), "{built}");
 }
 
+#[cfg(feature = "real")]
 #[test]
 fn a_node_that_is_not_there_is_waited_for_and_then_named() {
     let directory = tempfile::tempdir().unwrap();
@@ -359,6 +363,7 @@ fn the_version_names_the_commit() {
     assert!(commit.is_empty() || finished.stdout.contains(commit), "{}", finished.stdout);
 }
 
+#[cfg(feature = "real")]
 #[test]
 fn there_are_completions_and_manual_pages_of_all_programs() {
     let directory = tempfile::tempdir().unwrap();
@@ -419,4 +424,13 @@ fn an_application_takes_the_place_of_the_setups() {
         finished.stdout.lines().take_while(|line| !line.contains("Saved")).collect::<Vec<_>>().join("\n")
     });
     assert_eq!(tables[0], tables[1]);
+}
+
+#[cfg(not(feature = "real"))]
+#[test]
+fn a_bench_without_real_mode_says_so_and_names_the_mode_that_it_has() {
+    let place = tempfile::tempdir().unwrap();
+    let Finished { code, stderr, .. } = bench(place.path(), ["--setup", "A", "--reps", "1"]);
+    assert_eq!(code, Some(5));
+    insta::assert_snapshot!(stderr.trim_end(), @"error: this bench was built without real mode: add `--mode virtual`, or build it on Linux with the feature `real`");
 }

@@ -205,6 +205,7 @@ fn an_interrupted_soak_prints_what_it_lived_through_so_far() {
     assert!(summary.contains(" hours of the plant in ") && summary.contains("0 altered."), "{summary}");
 }
 
+#[cfg(feature = "real")]
 #[test]
 fn a_verb_that_has_nothing_to_save_also_ends_with_130_at_either_signal() {
     let place = tempfile::tempdir().unwrap();
