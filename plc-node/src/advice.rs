@@ -11,6 +11,7 @@ pub(crate) const fn advice(number: ErrorNumber) -> Option<&'static str> {
         ErrorNumber::UnknownProgram => "store the program in the robot, or run sm or cm",
         ErrorNumber::NoMotions => "give the application motions",
         ErrorNumber::QueueOverrun => "look at how the PLC writes motions into the slots",
+        ErrorNumber::NotOneMotion => "write 1 to `total` and `written` in the scan that calls the skill",
         ErrorNumber::OverrideOutOfRange => "set an override of 0 to 100 %",
         ErrorNumber::ConnectionLost => {
             "look at the cable and at the robot's log, and start again once the connection is up"
