@@ -74,6 +74,16 @@ impl Controller {
         frames.unwrap_or((self.tool, self.base_inverse))
     }
 
+    /// Takes over the frames of the motion at whose end the path ended. A motion without a way, or with one shorter than a
+    /// cycle, ends before it was ever the present one.
+    pub(super) fn take_last_frames(&mut self) {
+        let frames = self.interpolator.path().last_frames();
+        if let Some(frames) = frames.filter(|frames| *frames != (self.tool, self.base_inverse)) {
+            (self.tool, self.base_inverse) = frames;
+            self.report_position();
+        }
+    }
+
     /// Reports where the joints are, and the pose of the present motion's tool in its base.
     pub(super) fn report_position(&mut self) {
         (self.tool, self.base_inverse) = self.present_frames();

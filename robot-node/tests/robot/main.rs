@@ -28,6 +28,7 @@ mod drives;
 mod driving;
 mod force;
 mod force_limits;
+mod frames;
 mod limits;
 mod optimum;
 mod outputs;
