@@ -6,7 +6,7 @@ use machine::{Cycle, Duration, Instant, Lateness, Machine, Source, StreamChange,
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, Verdict};
 
-use crate::{Controller, Disturbance, DriveSegment, Program, RobotConfig, RobotEvent, Sample};
+use crate::{Controller, Disturbance, DriveSegment, ImageFault, Program, RobotConfig, RobotEvent, Sample};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
 const CATCH_UP: u64 = 250;
@@ -183,20 +183,19 @@ impl<B: Fieldbus> RobotNode<B> {
             self.connected = false;
             self.altered_since = None;
             self.checker.disconnect();
-            return self.controller.set_images_altered(false);
+            return self.controller.forget_images();
         };
         if self.checker.verify(self.bus.byte_order(), &image) == Verdict::Altered {
             // The command before stands, as if the frame had been lost.
             let since = *self.altered_since.get_or_insert(at);
             if at.since(since) >= ALTERED_FOR {
                 self.connected = false;
-                self.controller.set_images_altered(true);
+                self.controller.refuse_images(ImageFault::Altered);
             }
             return;
         }
-        if self.altered_since.take().is_some() {
-            self.controller.set_images_altered(false);
-        }
+        self.altered_since = None;
+        self.controller.accept_images();
         // Every scan changes the head, but the slots only change with the motions.
         let command = if self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
             let slots = self.command.slots;

@@ -24,8 +24,8 @@ use setup::BusKind;
 
 use crate::controller::Ending;
 use crate::{
-    Account, ConfigError, Disturbance, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample,
-    StartOutOfReach, bus,
+    Account, ConfigError, Disturbance, ImageFault, Program, Quality, RobotConfig, RobotEvent, RobotNode,
+    Sample, StartOutOfReach, bus,
 };
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
@@ -73,7 +73,7 @@ pub enum RobotMessage {
         /// What it did.
         account: Account,
     },
-    /// Whether all images of the PLC have wrong checks; sent when this changes.
+    /// Whether all images of the PLC have wrong checks; sent when this changes, and not when a connection ends.
     ImagesAltered(bool),
     /// The drives do not follow the set-points any more: why, in words.
     DrivesFailed(String),
@@ -105,7 +105,7 @@ impl fmt::Display for RobotMessage {
                 "warning: every image of the PLC has a wrong check and is refused: bytes are altered on the way, or the PLC \
                  computes the check otherwise; 0 there means no check",
             ),
-            Self::ImagesAltered(false) => f.write_str("the PLC's images have right checks again"),
+            Self::ImagesAltered(false) => f.write_str("the PLC's images are accepted again"),
             Self::DrivesFailed(reason) => f.write_str(reason),
             Self::Trouble { number, reason } => write!(f, "command {number}: {reason}"),
             Self::Refused { reason } => write!(f, "refused: {reason}"),
@@ -303,7 +303,9 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
                 Some(RobotMessage::Trouble { number, reason })
             }
             RobotEvent::DrivesFailed(error) => Some(RobotMessage::DrivesFailed(error.to_string())),
-            RobotEvent::ImagesAltered(altered) => Some(RobotMessage::ImagesAltered(altered)),
+            RobotEvent::ImagesRefused { fault: ImageFault::Altered, is_refused } => {
+                Some(RobotMessage::ImagesAltered(is_refused))
+            }
             RobotEvent::Link(_)
             | RobotEvent::State(_)
             | RobotEvent::SkillStarted { .. }

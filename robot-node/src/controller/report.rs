@@ -47,14 +47,15 @@ impl Controller {
             return;
         }
         let wrong = self.wrong_override.map(|percent| Violation::Override { percent });
-        if wrong.is_none() && !self.images_altered && !feedback.status.contains(Status::WARNING) {
+        let refused = self.refused_images;
+        if wrong.is_none() && refused.is_none() && !feedback.status.contains(Status::WARNING) {
             return;
         }
-        feedback.status.set(Status::WARNING, wrong.is_some() || self.images_altered);
-        let (error, finding) = match wrong {
-            _ if self.images_altered => (ErrorNumber::WrongCheck, Finding::NONE),
-            Some(wrong) => (wrong.number(), wrong.finding()),
-            None => (ErrorNumber::None, Finding::NONE),
+        feedback.status.set(Status::WARNING, wrong.is_some() || refused.is_some());
+        let (error, finding) = match (refused, wrong) {
+            (Some(refused), _) => (refused.number(), Finding::NONE),
+            (None, Some(wrong)) => (wrong.number(), wrong.finding()),
+            (None, None) => (ErrorNumber::None, Finding::NONE),
         };
         (feedback.error, feedback.finding) = (error, finding);
     }
