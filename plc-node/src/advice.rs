@@ -18,6 +18,9 @@ pub(crate) const fn advice(number: ErrorNumber) -> Option<&'static str> {
         }
         ErrorNumber::Disabled => "enable the robot first and keep it enabled while a skill runs",
         ErrorNumber::WrongCheck => "look at cables, switches and gateways, and at the PLC's check",
+        ErrorNumber::WrongLifeCounter => {
+            "add 1 to the life counter in each scan, and set `plc.scan_cycle_us` of the robot's setup to the PLC's scan"
+        }
         ErrorNumber::DriveFault | ErrorNumber::DriveStopped | ErrorNumber::DrivesLost => {
             "see to the robot's drives"
         }

@@ -279,6 +279,7 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
         scan_cost: COST,
         answer_timeout: Duration::from_millis(200),
         silent_timeout: Duration::from_millis(50),
+        robot_cycle: ROBOT,
         queue_depth: 5,
         program: 1,
         motions: Box::new(MotionList::from(motions)),

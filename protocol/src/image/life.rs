@@ -84,6 +84,9 @@ pub struct LifeMonitor {
     /// The counter of the last image that was refused, if none was accepted since.
     refused: Option<u16>,
     outdated: u64,
+    /// Frames that the bus had received, and when their number last changed.
+    received: u64,
+    arrived_at: Instant,
 }
 
 impl LifeMonitor {
@@ -101,7 +104,22 @@ impl LifeMonitor {
             began_at: Instant::ZERO,
             refused: None,
             outdated: 0,
+            received: 0,
+            arrived_at: Instant::ZERO,
         }
+    }
+
+    /// Takes the number of frames that the bus has received so far. Where it has changed, the present image arrived now.
+    pub const fn note_arrival(&mut self, now: Instant, received: u64) {
+        if self.received != received {
+            (self.received, self.arrived_at) = (received, now);
+        }
+    }
+
+    /// Judges the bus's present image, which has this life counter, and counts it if it is outdated. One that is read more
+    /// often counts once.
+    pub fn judge_present(&mut self, life: u16) -> Age {
+        self.judge(self.arrived_at, life)
     }
 
     /// Forgets the connection: the next image sets the start.
@@ -116,9 +134,8 @@ impl LifeMonitor {
         self.is_acted_on = true;
     }
 
-    /// Judges the image with this life counter that arrived at `at`, and counts it if it is outdated. One that is read more
-    /// often counts once.
-    pub fn judge(&mut self, at: Instant, life: u16) -> Age {
+    /// Judges the image with this life counter that arrived at `at`.
+    fn judge(&mut self, at: Instant, life: u16) -> Age {
         let Some((before, count)) = self.last else {
             self.first_at = at;
             self.start(at, life);

@@ -22,6 +22,8 @@ pub enum RobotEvent {
         /// Whether they are; otherwise one was accepted again.
         is_refused: bool,
     },
+    /// The PLC's life counter has never moved on this connection, although its images arrive.
+    LifeStill,
     /// The drives do not follow the set-points any more.
     DrivesFailed(DriveError),
     /// The state machine changed its state.
@@ -73,6 +75,8 @@ pub enum RobotEvent {
 pub enum ImageFault {
     /// Their checks are wrong.
     Altered,
+    /// Their life counters are those of old images, or too far ahead.
+    Outdated,
 }
 
 impl ImageFault {
@@ -80,6 +84,7 @@ impl ImageFault {
     pub(super) const fn number(self) -> ErrorNumber {
         match self {
             Self::Altered => ErrorNumber::WrongCheck,
+            Self::Outdated => ErrorNumber::WrongLifeCounter,
         }
     }
 }

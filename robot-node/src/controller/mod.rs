@@ -201,6 +201,12 @@ impl Controller {
         self.report_images(Some(fault));
     }
 
+    /// Returns why all images of the PLC are refused, if they are.
+    #[must_use]
+    pub const fn refused_images(&self) -> Option<ImageFault> {
+        self.refused_images
+    }
+
     /// Reports that an image of the PLC was accepted.
     pub fn accept_images(&mut self) {
         self.refused_images = None;
