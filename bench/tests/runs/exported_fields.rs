@@ -47,8 +47,10 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     .cycle.robot.p99_us
     .cyclic_allocations
     .images.plc_altered
+    .images.plc_outdated
     .images.plc_unchecked
     .images.robot_altered
+    .images.robot_outdated
     .images.robot_unchecked
     .mode
     .paper.cm.aet_ms

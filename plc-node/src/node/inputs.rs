@@ -94,6 +94,8 @@ impl<B: Fieldbus> PlcNode<B> {
         let is_heard = self.bus.counters().received > self.received_still;
         Some(if self.checker.checks().altered > self.altered_still {
             FailureCause::RobotAltered { scans }
+        } else if self.outdated_since.is_some() {
+            FailureCause::RobotOutdated { scans }
         } else if is_heard {
             FailureCause::RobotSilent { scans }
         } else {

@@ -30,6 +30,7 @@ mod force;
 mod force_limits;
 mod frames;
 mod limits;
+mod old_images;
 mod optimum;
 mod outputs;
 mod overrides;
