@@ -22,6 +22,7 @@ mod exported_fields;
 mod gate;
 mod kept_files;
 mod key_reference;
+mod list_lengths;
 mod report;
 mod studies;
 mod sweep;
