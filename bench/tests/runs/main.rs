@@ -8,6 +8,7 @@ mod failure;
 mod program;
 
 mod altered_image;
+mod altered_run;
 mod applications;
 mod arguments;
 mod broken_files;
