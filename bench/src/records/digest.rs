@@ -120,37 +120,40 @@ fn values(results: &Value) -> impl Iterator<Item = (String, &Value)> {
 }
 
 fn of_value(value: &Value) -> String {
-    let mut digest = Sha256::new();
-    add(&mut digest, value);
-    hex(digest.finalize())
+    let mut text = String::new();
+    write_value(&mut text, value);
+    hex(Sha256::digest(text))
 }
 
-/// Adds a value in a form that does not depend on spaces, on the order of keys, or on whether a whole number is written with
+/// Writes a value in a form that does not depend on spaces, on the order of keys, or on whether a whole number is written with
 /// a point.
-fn add(digest: &mut Sha256, value: &Value) {
-    match value {
-        Value::Null => digest.update("null,"),
-        Value::Bool(value) => digest.update(format!("{value},")),
+fn write_value(text: &mut String, value: &Value) {
+    // Writing to a string never fails.
+    let _ = match value {
+        Value::Null => write!(text, "null,"),
+        Value::Bool(value) => write!(text, "{value},"),
         Value::Number(number) => match number.as_u64() {
-            Some(whole) => digest.update(format!("{whole},")),
+            Some(whole) => write!(text, "{whole},"),
             // Rust writes the fewest digits that give the same number back, and no point after a whole one.
-            None => digest.update(format!("{},", number.as_f64().unwrap_or(f64::NAN))),
+            None => write!(text, "{},", number.as_f64().unwrap_or(f64::NAN)),
         },
-        Value::String(text) => digest.update(format!("{}:{text},", text.len())),
+        Value::String(value) => write!(text, "{}:{value},", value.len()),
         Value::Array(elements) => {
-            digest.update(format!("[{}:", elements.len()));
-            elements.iter().for_each(|element| add(digest, element));
+            let written = write!(text, "[{}:", elements.len());
+            elements.iter().for_each(|element| write_value(text, element));
+            written
         }
         Value::Object(entries) => {
-            digest.update(format!("{{{}:", entries.len()));
+            let written = write!(text, "{{{}:", entries.len());
             // With some features of `serde_json` a map has the order of the file.
             let sorted: BTreeMap<_, _> = entries.iter().collect();
             for (key, value) in sorted {
-                digest.update(format!("{}:{key},", key.len()));
-                add(digest, value);
+                let _ = write!(text, "{}:{key},", key.len());
+                write_value(text, value);
             }
+            written
         }
-    }
+    };
 }
 
 fn hex(digest: impl AsRef<[u8]>) -> String {

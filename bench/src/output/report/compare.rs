@@ -261,7 +261,7 @@ mod tests {
         let mut directory = RunDirectory::create(&path, setup, &found.text, Durability::Written).unwrap();
         let schedule = Schedule::new(&[ExecutionType::Cm], samples_ms.len() as u32, 1);
         let mut results = Results::new(setup, &found.application.name, mode, &schedule);
-        for (step, millis) in schedule.steps().into_iter().zip(samples_ms) {
+        for (step, millis) in schedule.steps().zip(samples_ms) {
             let measured = Measured::lasting(Duration::from_millis(*millis));
             results.record(ExecutionType::Cm, &measured).unwrap();
             directory.save(&step, &Ok(measured), &results).unwrap();

@@ -232,7 +232,7 @@ mod tests {
         let schedule = Schedule::new(&ExecutionType::ALL, samples.len() as u32, 1);
         let mut results = Results::new(setup, &found.application.name, mode, &schedule);
         results.digests = Some(directory.digests().clone());
-        for (step, micros) in schedule.steps().into_iter().zip(samples.iter().flat_map(|it| [it; 3])) {
+        for (step, micros) in schedule.steps().zip(samples.iter().flat_map(|it| [it; 3])) {
             let more = if step.execution_type == ExecutionType::Sm { 2_750_000 } else { 0 };
             let measured = Measured::lasting(Duration::from_micros(micros + more));
             results.record(step.execution_type, &measured).unwrap();
