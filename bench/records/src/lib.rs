@@ -21,16 +21,20 @@
 //! listening      the sockets that nodes and benches hold open for others
 //! counted        a number with the noun that it counts
 //! feed           the events of a run for whoever watches it; exit: the exit codes, and which error leads to which
+//! digest         the digests of what is saved; agreement: whether saved figures agree with the samples;
+//!                sample_rows: samples.csv, read back
 //! run_directory  the files of a measurement; occupied: the directories that no verb writes into;
 //!                replacement: files that are replaced as a whole
 //! ```
 
+pub mod agreement;
 pub mod arms;
 pub mod attached;
 pub mod calibrated;
 pub mod comparable;
 pub mod conditions;
 pub mod counted;
+pub mod digest;
 pub mod distance;
 pub mod disturbances;
 pub mod exit;
@@ -51,6 +55,7 @@ pub mod ratio;
 pub mod replacement;
 pub mod results;
 pub mod run_directory;
+mod sample_rows;
 pub mod schedule;
 pub mod statistics;
 pub mod trace;

@@ -14,6 +14,8 @@ mod cell;
 mod changes;
 mod new_nodes;
 mod nodes;
+#[cfg(test)]
+mod old_frames;
 mod phases;
 mod reaction;
 mod watch;
