@@ -39,7 +39,7 @@ mod version;
 pub use control::{ControlError, ControlPort};
 pub use inbox::{Commands, Inbox};
 pub use input::Input;
-pub use node::{Command, CyclicTask, Node, NodeError, NodeProcess, Notice, ProcessEvent, Snapshot};
+pub use node::{Command, CyclicTask, Node, NodeError, NodeProcess, Notice, ProcessEvent, Snapshot, Waiting};
 pub use short_text::ShortText;
 pub use trace_file::TraceError;
 pub use version::version;

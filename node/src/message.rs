@@ -30,6 +30,13 @@ pub enum Message<M> {
         /// Why the interface refused the address, if it did.
         problem: Option<String>,
     },
+    /// The node has waited for this long without any progress. The message comes again every ten seconds.
+    Waiting {
+        /// Time without progress, in s.
+        seconds: u32,
+        /// What it waits for, as text.
+        reason: String,
+    },
     /// Somebody else requested what only the owner of the connection may, and was refused.
     Foreign {
         /// Who requested what, as text.
@@ -152,6 +159,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
             Self::Address { address, problem: Some(problem) } => {
                 write!(f, "the peer wants the address {address}, but: {problem}")
             }
+            Self::Waiting { seconds, reason } => write!(f, "has waited {seconds} s for {reason}"),
             Self::Report(report) => report.fmt(f),
             Self::Farewell { report, problem } => {
                 if let Some(report) = report {

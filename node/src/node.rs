@@ -37,6 +37,11 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
     /// Returns the link event that an event contains, if any.
     fn link_event(event: &Self::Event) -> Option<LinkEvent>;
 
+    /// Returns what the node waits for, if an event says that.
+    fn waiting(_event: &Self::Event) -> Option<Waiting> {
+        None
+    }
+
     /// Carries out an order and returns the answer, if there is one.
     fn order(&mut self, now: Instant, order: Self::Order) -> Option<Self::Answer>;
 
@@ -73,6 +78,17 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
 
     /// Returns the time of the node's last cycle, at `now` or before, and what the node did in it.
     fn sample(&self, now: Instant) -> (Instant, Self::Sample);
+}
+
+/// What a node waits for.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Waiting {
+    /// Time without progress, in s.
+    pub seconds: u32,
+    /// What it waits for, as text.
+    pub for_what: String,
+    /// Whether it waits for the connection: then the last reason of the bus says more.
+    pub is_for_connection: bool,
 }
 
 /// Commands of the process to the cyclic thread.

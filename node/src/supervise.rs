@@ -14,7 +14,7 @@ use serde::de::DeserializeOwned;
 use crate::message::{Console, Hello, Instruction, Message};
 use crate::output::to_stdout;
 use crate::station_file::{Station, StationFile};
-use crate::{Command, Input, Node, NodeError, NodeProcess, Notice, ProcessEvent, ShortText, errln};
+use crate::{Command, Input, Node, NodeError, NodeProcess, Notice, ProcessEvent, ShortText, Waiting, errln};
 
 /// What one kind of node adds to the supervision of a node, with or without instructions.
 pub trait OperatingMode<N: Node> {
@@ -108,6 +108,8 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
         hello,
         station_file,
         linked: false,
+        last_down: None,
+        waiting: None,
         explanation: None,
     };
     let result = supervisor.run();
@@ -138,6 +140,10 @@ struct Supervisor<'a, N: Node, C> {
     station_file: Option<StationFile>,
     /// Whether the connection is up.
     linked: bool,
+    /// Why it is down, as text.
+    last_down: Option<String>,
+    /// Length in s and reason of a wait that has not ended.
+    waiting: Option<(u32, String)>,
     /// The node's text about the next event.
     explanation: Option<ShortText>,
 }
@@ -227,8 +233,9 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         let hello = Message::<C::Message>::Hello(self.hello.clone());
         let link = self.linked.then_some(Message::LinkUp);
         let greeting = self.mode.greeting().map(Message::Node);
+        let waiting = self.waiting.clone().map(|(seconds, reason)| Message::Waiting { seconds, reason });
         if let Some(port) = self.process.control() {
-            for message in [Some(hello), link, greeting].into_iter().flatten() {
+            for message in [Some(hello), link, greeting, waiting].into_iter().flatten() {
                 port.send(&message.to_json());
             }
         }
@@ -236,16 +243,11 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
 
     fn handle_notice(&mut self, notice: Notice<N::Event, N::Answer>) -> Next<N::Order> {
         let (message, next) = match notice {
-            Notice::Event(event) => match N::link_event(&event) {
-                Some(link) => {
-                    match link {
-                        LinkEvent::Up => self.linked = true,
-                        LinkEvent::Down(_) => self.linked = false,
-                        LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
-                    }
-                    (link_message(link, self.explanation.take()), self.mode.link(link))
-                }
-                None => {
+            Notice::Event(event) => match (N::link_event(&event), N::waiting(&event)) {
+                (Some(link), _) => self.handle_link(link),
+                (None, Some(waiting)) => (Some(self.waiting_message(waiting)), Next::Wait),
+                (None, None) => {
+                    self.waiting = None;
                     let (message, next) = self.mode.event(event);
                     (message.map(Message::Node), next)
                 }
@@ -272,6 +274,32 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             self.send(&message);
         }
         next
+    }
+
+    fn handle_link(&mut self, link: LinkEvent) -> (Option<Message<C::Message>>, Next<N::Order>) {
+        let message = link_message(link, self.explanation.take());
+        match link {
+            LinkEvent::Up => (self.linked, self.last_down, self.waiting) = (true, None, None),
+            LinkEvent::Down(_) => {
+                self.linked = false;
+                if let Some(Message::LinkDown { reason }) = &message {
+                    self.last_down = Some(reason.clone());
+                }
+            }
+            LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
+        }
+        (message, self.mode.link(link))
+    }
+
+    /// Returns the message about a wait. A node that waits for its connection gives the last reason of the bus.
+    fn waiting_message(&mut self, waiting: Waiting) -> Message<C::Message> {
+        let Waiting { seconds, for_what, is_for_connection } = waiting;
+        let reason = match &self.last_down {
+            Some(down) if is_for_connection => format!("the connection: {down}"),
+            _ => for_what,
+        };
+        self.waiting = Some((seconds, reason.clone()));
+        Message::Waiting { seconds, reason }
     }
 
     /// Stores name and address that the bus set permanently. Returns whether that worked.

@@ -8,6 +8,7 @@ use protocol::fieldbus::{Counters, Down, LinkEvent};
 use protocol::image::{ErrorNumber, Finding, State};
 use serde::{Deserialize, Serialize};
 
+use crate::WaitingFor;
 use crate::advice::advice;
 use crate::function_blocks::BlockError;
 
@@ -84,6 +85,13 @@ pub enum PlcEvent {
     Finished(Execution),
     /// The run ended otherwise.
     Failed(Failure),
+    /// The PLC waits, and has waited for this long without any progress. The event comes again every ten seconds.
+    Waiting {
+        /// What it waits for.
+        for_what: WaitingFor,
+        /// Time since the last progress, in s.
+        seconds: u32,
+    },
 }
 
 /// A finished run.
@@ -193,6 +201,17 @@ pub enum FailureCause {
     RobotSilent {
         /// Scans in which it did not change.
         scans: u32,
+    },
+    /// The robot is alive, but neither moves nor counts nor ends its skill.
+    #[error(
+        "for {seconds} s the arm has not moved and the robot (state {state:?}) has neither counted a motion nor ended its \
+         skill: look at its drives and its program"
+    )]
+    NoProgress {
+        /// Time without progress, in s.
+        seconds: u32,
+        /// The robot's state.
+        state: State,
     },
     /// The owner of the PLC gave the run up.
     #[error("the run was aborted on the PLC")]

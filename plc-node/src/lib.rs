@@ -32,6 +32,7 @@ mod scan;
 mod sequence;
 mod speed_override;
 mod start_position;
+mod waiting;
 
 pub use axes_group::{AxesGroup, WaitLimits};
 pub(crate) use axes_group::{Ticket, Turn};
@@ -44,3 +45,4 @@ pub use node::PlcNode;
 pub use sample::Sample;
 pub use scan::Scan;
 pub use speed_override::{Override, OverrideError, OverrideSchedule, OverrideStep, ScheduleError};
+pub use waiting::WaitingFor;

@@ -18,7 +18,7 @@ use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::screen;
 use node::supervise::Outcome;
-use node::{Node, arguments};
+use node::{Node, Waiting, arguments};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::Checks;
@@ -28,7 +28,9 @@ use modes::{OnInstruction, Standalone};
 
 use crate::discover::DiscoverCommand;
 use crate::plan_command::PlanCommand;
-use crate::{ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, Sample, bus};
+use crate::{
+    ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, Sample, WaitingFor, bus,
+};
 
 /// The PLC of a setup on a real bus: connects to the robot and runs the application.
 #[derive(Parser, Debug)]
@@ -140,6 +142,12 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
             PlcEvent::Link(event) => Some(*event),
             _ => None,
         }
+    }
+
+    fn waiting(event: &PlcEvent) -> Option<Waiting> {
+        let PlcEvent::Waiting { for_what, seconds } = event else { return None };
+        let is_for_connection = matches!(for_what, WaitingFor::Connection { .. });
+        Some(Waiting { seconds: *seconds, for_what: for_what.to_string(), is_for_connection })
     }
 
     fn order(&mut self, now: Instant, order: PlcOrder) -> Option<Self::Answer> {

@@ -309,6 +309,7 @@ impl Nodes {
                 | PlcEvent::ImageGood
                 | PlcEvent::LifeStill
                 | PlcEvent::MovingToStart
+                | PlcEvent::Waiting { .. }
                 | PlcEvent::Started { .. } => {}
             }
         }
