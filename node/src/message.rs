@@ -36,6 +36,8 @@ pub enum Message<M> {
         seconds: u32,
         /// What it waits for, as text.
         reason: String,
+        /// Whether somebody owes progress. Without this, it may last as long as it likes, as at an override of 0 %.
+        is_owed: bool,
     },
     /// Somebody else requested what only the owner of the connection may, and was refused.
     Foreign {
@@ -159,7 +161,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
             Self::Address { address, problem: Some(problem) } => {
                 write!(f, "the peer wants the address {address}, but: {problem}")
             }
-            Self::Waiting { seconds, reason } => write!(f, "has waited {seconds} s for {reason}"),
+            Self::Waiting { seconds, reason, .. } => write!(f, "has waited {seconds} s for {reason}"),
             Self::Report(report) => report.fmt(f),
             Self::Farewell { report, problem } => {
                 if let Some(report) = report {

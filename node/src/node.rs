@@ -89,6 +89,8 @@ pub struct Waiting {
     pub for_what: String,
     /// Whether it waits for the connection: then the last reason of the bus says more.
     pub is_for_connection: bool,
+    /// Whether somebody owes progress. Without this, it may last as long as it likes, as at an override of 0 %.
+    pub is_owed: bool,
 }
 
 /// Commands of the process to the cyclic thread.

@@ -132,7 +132,7 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
     }
 }
 
-struct Supervisor<'a, N: Node, C> {
+struct Supervisor<'a, N: Node, C: OperatingMode<N>> {
     process: &'a mut NodeProcess<N>,
     mode: &'a mut C,
     console: Console,
@@ -142,8 +142,8 @@ struct Supervisor<'a, N: Node, C> {
     linked: bool,
     /// Why it is down, as text.
     last_down: Option<String>,
-    /// Length in s and reason of a wait that has not ended.
-    waiting: Option<(u32, String)>,
+    /// The last message about a wait that has not ended.
+    waiting: Option<Message<C::Message>>,
     /// The node's text about the next event.
     explanation: Option<ShortText>,
 }
@@ -233,9 +233,9 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         let hello = Message::<C::Message>::Hello(self.hello.clone());
         let link = self.linked.then_some(Message::LinkUp);
         let greeting = self.mode.greeting().map(Message::Node);
-        let waiting = self.waiting.clone().map(|(seconds, reason)| Message::Waiting { seconds, reason });
         if let Some(port) = self.process.control() {
-            for message in [Some(hello), link, greeting, waiting].into_iter().flatten() {
+            let messages = [Some(&hello), link.as_ref(), greeting.as_ref(), self.waiting.as_ref()];
+            for message in messages.into_iter().flatten() {
                 port.send(&message.to_json());
             }
         }
@@ -245,7 +245,10 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         let (message, next) = match notice {
             Notice::Event(event) => match (N::link_event(&event), N::waiting(&event)) {
                 (Some(link), _) => self.handle_link(link),
-                (None, Some(waiting)) => (Some(self.waiting_message(waiting)), Next::Wait),
+                (None, Some(waiting)) => {
+                    self.waiting = Some(self.waiting_message(&waiting));
+                    (Some(self.waiting_message(&waiting)), Next::Wait)
+                }
                 (None, None) => {
                     self.waiting = None;
                     let (message, next) = self.mode.event(event);
@@ -292,14 +295,13 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
     }
 
     /// Returns the message about a wait. A node that waits for its connection gives the last reason of the bus.
-    fn waiting_message(&mut self, waiting: Waiting) -> Message<C::Message> {
-        let Waiting { seconds, for_what, is_for_connection } = waiting;
+    fn waiting_message(&self, waiting: &Waiting) -> Message<C::Message> {
+        let Waiting { seconds, for_what, is_for_connection, is_owed } = waiting;
         let reason = match &self.last_down {
-            Some(down) if is_for_connection => format!("the connection: {down}"),
-            _ => for_what,
+            Some(down) if *is_for_connection => format!("the connection: {down}"),
+            _ => for_what.clone(),
         };
-        self.waiting = Some((seconds, reason.clone()));
-        Message::Waiting { seconds, reason }
+        Message::Waiting { seconds: *seconds, reason, is_owed: *is_owed }
     }
 
     /// Stores name and address that the bus set permanently. Returns whether that worked.

@@ -32,6 +32,32 @@ enum View {
     Quiet,
 }
 
+/// Prints lines besides the display of a run.
+#[derive(Clone, Debug)]
+pub enum Voice {
+    /// Above the lines of a terminal.
+    Live(MultiProgress),
+    /// Plain lines.
+    Plain,
+    /// None.
+    Quiet,
+}
+
+impl Voice {
+    /// Prints a line.
+    pub fn say(&self, line: &str) {
+        match self {
+            Self::Live(screen) => {
+                let _ = screen.println(line);
+            }
+            Self::Plain => {
+                errln!("{line}");
+            }
+            Self::Quiet => {}
+        }
+    }
+}
+
 impl Progress {
     /// Chooses the display that fits standard error.
     #[must_use]
@@ -89,14 +115,16 @@ impl Progress {
 
     /// Prints a line besides the display.
     pub fn say(&self, line: &str) {
+        self.voice().say(line);
+    }
+
+    /// Returns what prints lines besides the display, for use while the display is elsewhere.
+    #[must_use]
+    pub fn voice(&self) -> Voice {
         match &self.view {
-            View::Live { _screen, .. } => {
-                let _ = _screen.println(line);
-            }
-            View::Plain { .. } => {
-                errln!("{line}");
-            }
-            View::Quiet => {}
+            View::Live { _screen, .. } => Voice::Live(_screen.clone()),
+            View::Plain { .. } => Voice::Plain,
+            View::Quiet => Voice::Quiet,
         }
     }
 

@@ -25,6 +25,7 @@ use setup::Setup;
 
 use crate::output::exit::{Exit, Failure};
 use crate::output::live::Feed;
+use crate::output::progress::Voice;
 use crate::records::attached::Attached;
 use crate::records::conditions::{Health, Measured};
 use crate::records::faults::{self, Fault};
@@ -84,6 +85,8 @@ pub struct StandConfig<'a> {
     pub faults: &'a [Fault],
     /// The live view.
     pub feed: Option<&'a Feed>,
+    /// Prints what the nodes wait for.
+    pub voice: Option<&'a Voice>,
     /// Nodes that already run.
     pub attach: Option<&'a rig::Attach>,
     /// Token of the control ports of these nodes.

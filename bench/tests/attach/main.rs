@@ -43,6 +43,7 @@ fn main() -> ExitCode {
         a_bench_without_the_nodes_token_gets_nothing_but_the_reason,
         a_node_does_not_listen_to_other_hosts_without_a_token,
         a_node_that_goes_away_fails_the_run,
+        a_plc_that_is_stopped_fails_the_run_or_keeps_it_from_beginning_and_is_named,
         what_runs_there_has_to_be_what_is_asked_for,
         another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named,
         a_wrong_value_in_an_instruction_is_refused_and_the_run_goes_on,
@@ -264,6 +265,23 @@ fn a_node_that_goes_away_fails_the_run() {
     let error = text(&output.stderr);
     assert_eq!(output.status.code(), Some(4), "{error}");
     assert!(error.contains("the robot-node at 10.77.1.1:7700 ended or closed the connection"), "{error}");
+}
+
+fn a_plc_that_is_stopped_fails_the_run_or_keeps_it_from_beginning_and_is_named() {
+    let cell = Cell::start();
+    let plc = Pid::from_child(&cell.nodes[0]);
+    let first = cell.long_run("run");
+    kill_process(plc, Signal::STOP).unwrap();
+    for (bench, code) in [(first, 4), (cell.bench("stopped", PLC, &["--reps", "1"]), 5)] {
+        let output = bench.wait_with_output().unwrap();
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{error}");
+        // The robot's watchdog may notice it first.
+        let reasons = ["the plc-node has ", "the connection between the nodes was lost"];
+        assert!(reasons.iter().any(|reason| error.contains(reason)), "{error}");
+        assert!(code == 4 || error.contains("the plc-node has not sent a message in "), "{error}");
+    }
+    kill_process(plc, Signal::CONT).unwrap();
 }
 
 fn what_runs_there_has_to_be_what_is_asked_for() {

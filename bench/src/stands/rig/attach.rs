@@ -16,6 +16,7 @@ use super::messages::Startup;
 use super::node::Node;
 use super::wanted_cell::WantedCell;
 use super::{Rig, RigError};
+use crate::output::progress::Voice;
 use crate::records::attached::{Attached, AttachedAt};
 
 /// Addresses of nodes that already run.
@@ -79,12 +80,14 @@ impl Rig {
         token: Option<&ControlToken>,
         setup: &Setup,
         application: &str,
+        voice: Option<&Voice>,
     ) -> Result<Self, RigError> {
         let (sender, events) = mpsc::channel(1_024);
         let mut plc = AttachedNode::reach(NodeRole::Plc, &to.plc, token, sender.clone()).await?;
         // A controller that has sent no line loses the control port to the next one.
         plc.send(&Instruction::<PlcInstruction>::Report).await;
         let mut rig = Self::of(Node::Attached(plc), None, events, None, setup.bus.watchdog());
+        rig.voice = voice.cloned();
         let mut startup = Startup::new(Some(WantedCell { setup, application }));
         // One after the other: an error of the PLC's is often an error of both, and is then reported of the PLC.
         rig.wait_for_hellos(&mut startup).await?;

@@ -10,6 +10,7 @@ use plc_node::ExecutionType;
 use protocol_linux::namespace::NamespaceError;
 use protocol_linux::{InterfaceError, PortError, RecorderError};
 
+use super::silence::{SilentNode, in_words};
 use crate::output::exit::{Exit, Failure};
 use crate::records::faults::Fault;
 use crate::stands::under_faults;
@@ -174,6 +175,20 @@ pub enum RigError {
         /// Time waited.
         waited: Duration,
     },
+    /// Nodes send nothing, not even the report that they were asked for.
+    #[error("{}: a process or its host is stopped; start it again", in_words(nodes))]
+    Silent {
+        /// Which, and what they sent last.
+        nodes: Vec<SilentNode>,
+    },
+    /// The PLC is alive and only waits, before a run.
+    #[error("the PLC has waited {seconds} s for {reason}")]
+    NotReady {
+        /// Time without progress, in s.
+        seconds: u32,
+        /// What it waits for.
+        reason: String,
+    },
     /// A node sent a line that is no message.
     #[error("the {role} sent `{line}`, which is not a message: are bench and node from the same build?")]
     UnreadableLine {
@@ -218,6 +233,8 @@ impl RigError {
             | Self::RunFailed { .. }
             | Self::Unreported { .. }
             | Self::NoAnswer { .. }
+            | Self::Silent { .. }
+            | Self::NotReady { .. }
             | Self::UnreadableLine { .. } => Exit::RunFailed,
         }
     }

@@ -30,6 +30,7 @@ mod messages;
 mod node;
 mod node_process;
 mod reports;
+mod silence;
 mod stand;
 mod wanted_cell;
 
@@ -38,6 +39,7 @@ pub use config::RigConfig;
 pub use error::RigError;
 pub use frames::FrameLog;
 pub use reports::Reports;
+pub use silence::SilentNode;
 
 use std::io;
 use std::path::PathBuf;
@@ -58,8 +60,10 @@ use changes::Changes;
 use messages::Startup;
 use node_process::{NodeEvent, NodeProcess};
 use reports::FirstReports;
+use silence::Silence;
 
 use crate::output::live::Feed;
+use crate::output::progress::Voice;
 use crate::records::conditions::{Health, ToldSkills};
 use crate::records::faults::{self, Change, FaultReport};
 use crate::records::trace::{Window, tables};
@@ -125,6 +129,10 @@ pub struct Rig {
     before_run: Reports,
     /// The nodes' reports at the start of the current run.
     first_reports: FirstReports,
+    /// How long each node has sent nothing.
+    silence: Silence,
+    /// Prints lines beside the progress; `None` where nobody reads them.
+    voice: Option<Voice>,
     /// Reports asked for and not received: PLC, robot.
     awaited: [u32; 2],
     /// What the robot node told of its skills in the current run, or in the last one.
@@ -194,6 +202,7 @@ impl Rig {
         let mut rig =
             Self::of(Node::Process(plc), Some(Node::Process(robot)), events, Some(cable), config.watchdog);
         rig.feed.clone_from(&config.feed);
+        rig.voice.clone_from(&config.voice);
         rig.wait_until_connected(Startup::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.wait_until_at_start().await?;
@@ -226,6 +235,8 @@ impl Rig {
             before: Reports::default(),
             before_run: Reports::default(),
             first_reports: FirstReports::default(),
+            silence: Silence::from_now(),
+            voice: None,
             awaited: [0; 2],
             told: ToldSkills::default(),
             traced: Vec::new(),

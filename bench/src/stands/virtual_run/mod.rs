@@ -352,6 +352,7 @@ mod tests {
             frames: false,
             faults: &faults,
             feed: None,
+            voice: None,
             attach: None,
             token: None,
         };

@@ -178,6 +178,7 @@ impl Measurement<'_> {
     ) -> Result<Ended, Failure> {
         let directory = session.directory.path().to_owned();
         let feed = session.live.as_ref().map(Live::feed);
+        let voice = session.progress.voice();
         let config = StandConfig {
             setup: &self.setup,
             application: &self.found.application,
@@ -188,6 +189,7 @@ impl Measurement<'_> {
             frames: self.options.trace,
             faults: &self.faults,
             feed: feed.as_ref(),
+            voice: Some(&voice),
             attach: self.options.attach.as_ref(),
             token: self.token.as_ref(),
         };
