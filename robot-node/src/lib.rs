@@ -23,6 +23,7 @@ pub mod process;
 pub mod quality;
 pub mod rehearsal;
 mod sample;
+mod waiting;
 
 pub use arm::ConfigError;
 pub use cell::StartOutOfReach;
@@ -32,3 +33,4 @@ pub use drive_segment::{Disturbance, DriveSegment};
 pub use node::RobotNode;
 pub use quality::Quality;
 pub use sample::Sample;
+pub use waiting::WaitingFor;

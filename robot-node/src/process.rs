@@ -15,7 +15,7 @@ use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::station_file::{Address, Station, StationFile, StationFileError};
 use node::supervise::{Next, OperatingMode, Outcome};
-use node::{Node, arguments};
+use node::{Node, Waiting, arguments};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent, ToStore};
 use protocol::image::Checks;
@@ -231,6 +231,12 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
         }
     }
 
+    fn waiting(event: &RobotEvent) -> Option<Waiting> {
+        let RobotEvent::Waiting { for_what, seconds } = event else { return None };
+        let for_what = for_what.to_string();
+        Some(Waiting { seconds: *seconds, for_what, is_for_connection: false, is_owed: false })
+    }
+
     fn order(&mut self, _now: Instant, order: RobotInstruction) -> Option<Self::Answer> {
         let RobotInstruction::Disturb { axis, disturbance } = order;
         self.disturb_drive(axis, disturbance);
@@ -323,6 +329,7 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
             }
             RobotEvent::LifeStill => Some(RobotMessage::LifeStill),
             RobotEvent::Link(_)
+            | RobotEvent::Waiting { .. }
             | RobotEvent::State(_)
             | RobotEvent::SkillStarted { .. }
             | RobotEvent::BlendSuppressed { .. } => None,
