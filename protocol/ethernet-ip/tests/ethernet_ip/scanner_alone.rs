@@ -470,3 +470,35 @@ fn an_identity_in_a_reply_that_is_no_success_is_not_the_adapters() {
     assert_eq!((dialogue.sent(), dialogue.down()), (vec![OPEN], None));
     assert_eq!(dialogue.scanner.connection(dialogue.id).unwrap().identity(), None);
 }
+
+#[test]
+fn an_open_connection_without_data_is_reported_within_seconds_and_comes_up_when_they_come() {
+    let produced_format = RealTimeFormat::RunIdleHeader;
+    for (is_idle, expected) in [(false, "has sent no frame yet"), (true, "says that it is idle")] {
+        let mut dialogue = Dialogue::opening_of(ConnectionConfig { produced_format, ..wanted() });
+        dialogue.open(1_000);
+        let mut sequence = 0;
+        let mut receive = |dialogue: &mut Dialogue, run: bool| {
+            sequence += 1;
+            let mut frame = [0; FRAME_CAPACITY];
+            let data = vec![7; usize::from(wanted().t_o_size)];
+            let len = class1::emit(&mut frame, (2, sequence, sequence as u16), Some(run), &data).unwrap();
+            let from = Source { port: Port::Udp(IO_PORT), peer: Some(peer(ROBOT, IO_PORT)) };
+            dialogue.scanner.handle_frame(dialogue.now, from, &frame[..len]);
+        };
+        let mut reported = Vec::new();
+        for tenth in 1..=90 {
+            if is_idle {
+                receive(&mut dialogue, false);
+            }
+            dialogue.advance(Duration::from_millis(100));
+            reported.extend(dialogue.down().map(|(_, text)| (tenth, text)));
+        }
+        let [(20, text)] = reported[..] else { panic!("{reported:?}") };
+        assert!(text.contains(expected), "{text}");
+        // It is the same connection: no Forward_Close, and data bring it up.
+        assert_eq!(dialogue.sent(), []);
+        receive(&mut dialogue, true);
+        assert!(dialogue.scanner.connection(dialogue.id).unwrap().is_up());
+    }
+}

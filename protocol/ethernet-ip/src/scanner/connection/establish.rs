@@ -3,7 +3,7 @@
 use super::super::config::ConnectionConfig;
 use super::dialogue::{self, ScannerMessage, Sockets};
 use super::io::Io;
-use super::{Connection, KEEP_ALIVE, Numbers, Refusal, RequestedConnection, Step};
+use super::{Connection, DATA_WITHIN, KEEP_ALIVE, Numbers, Refusal, RequestedConnection, Step};
 use crate::cip::{General, KeyMismatch, Path, Reply, service};
 use crate::connection::{CloseRequest, OpenReply, OpenRequest, Transport};
 use crate::encapsulation::{Command, Header, Status};
@@ -134,7 +134,7 @@ impl Connection {
         };
         self.refusal = None;
         self.step = Step::Running;
-        self.deadline = None;
+        self.deadline = Some(now + DATA_WITHIN);
         self.keep_alive_at = Some(now + KEEP_ALIVE);
         self.io = Some(io);
     }

@@ -31,6 +31,24 @@ use crate::{ENCAPSULATION_PORT, IO_PORT};
 /// Time between NOPs on a session without requests. Adapters end silent sessions after 120 s.
 const KEEP_ALIVE: Duration = Duration::from_secs(30);
 
+/// Time from the adapter's answer to a Forward_Open until its missing data are reported. The connection itself waits for the
+/// first frame for 10 s or longer (volume 1, 3-4.6.2), and for ever for an adapter that is idle. Assumed.
+const DATA_WITHIN: Duration = Duration::from_secs(2);
+
+/// The adapter's frames say that it is idle.
+const IDLE: Down = Down {
+    cause: DownCause::ClosedByPeer,
+    code: 0,
+    text: "the adapter says that it is idle: set its program to run",
+};
+
+/// The adapter's frames do not come.
+const NO_FRAME: Down = Down {
+    cause: DownCause::NoAnswer,
+    code: 0,
+    text: "the adapter accepted the connection and has sent no frame yet: look at UDP port 2222 and firewalls on the way",
+};
+
 /// The last numbers given to a connection: no two connections of a scanner have the same at a time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Numbers {
@@ -201,13 +219,21 @@ impl Connection {
         let good = self.io.as_ref().is_some_and(|io| io.good);
         if good && !self.up {
             self.up = true;
+            self.deadline = None;
             self.reported = None;
             self.events.push_back(LinkEvent::Up);
         } else if !good && self.up {
             self.up = false;
-            let down =
-                Down { cause: DownCause::ClosedByPeer, code: 0, text: "the adapter says that it is idle" };
-            self.reported = Some(down);
+            self.reported = Some(IDLE);
+            self.events.push_back(LinkEvent::Down(IDLE));
+        }
+    }
+
+    /// Reports that an open connection has brought no data yet; it stays open.
+    fn report_no_data(&mut self) {
+        self.deadline = None;
+        let down = if self.io.as_ref().is_some_and(|io| io.is_heard) { IDLE } else { NO_FRAME };
+        if self.reported.replace(down) != Some(down) {
             self.events.push_back(LinkEvent::Down(down));
         }
     }
@@ -313,6 +339,7 @@ impl Connection {
         if self.deadline.is_some_and(|deadline| now >= deadline) {
             match self.step {
                 Step::Idle => self.connect(now),
+                Step::Running => self.report_no_data(),
                 _ => self.no_answer(now),
             }
         }
