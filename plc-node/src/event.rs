@@ -119,6 +119,20 @@ pub struct Execution {
     pub frames: Counters,
     /// What the PLC commanded.
     pub commanded: Commanded,
+    /// What the PLC saw of the robot; `None` from a PLC of an older version.
+    #[serde(default)]
+    pub seen: Option<Seen>,
+}
+
+/// What the PLC saw of the robot in a run, by its images alone.
+#[derive(Clone, Copy, PartialEq, Default, Debug, Serialize, Deserialize)]
+pub struct Seen {
+    /// Joints in the scan that set the start edge, in degrees (mm).
+    pub start: [f32; 6],
+    /// Pose of the tool in the base at the end: mm and degrees.
+    pub end_pose: [f32; 6],
+    /// Time by the robot's own clock from that scan to the end, in ns; 0 if its images have no clock.
+    pub clock_ns: u64,
 }
 
 /// What the PLC commanded in a run, and what it saw of the arm at the end.

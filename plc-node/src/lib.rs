@@ -38,7 +38,8 @@ pub use axes_group::{AxesGroup, WaitLimits};
 pub(crate) use axes_group::{Ticket, Turn};
 pub use config::PlcConfig;
 pub use event::{
-    Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError, UnknownExecutionType,
+    Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, Seen, StartError,
+    UnknownExecutionType,
 };
 pub use motion_source::{MotionList, MotionSource};
 pub use node::PlcNode;

@@ -54,6 +54,14 @@ pub enum WaitingFor {
     Resume,
 }
 
+impl WaitingFor {
+    /// Returns whether somebody owes progress. Without this, it may last as long as it likes.
+    #[must_use]
+    pub const fn is_owed(&self) -> bool {
+        !matches!(self, Self::Override | Self::Resume)
+    }
+}
+
 impl fmt::Display for WaitingFor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -34,6 +34,8 @@ pub struct Rehearsed {
     pub account: Account,
     /// Length of the tool's path, in mm.
     pub path_length_mm: f64,
+    /// Pose of the tool in the base at the end, as the image has it: mm and degrees.
+    pub end_pose: [f32; 6],
 }
 
 /// A motion that the arm does not execute.
@@ -109,7 +111,7 @@ impl Stage {
         let mut command = Command { program: PROGRAM, override_percent, ..Command::default() };
         command.control = Control::ENABLE | Control::RESET;
         controller.tick(Instant::ZERO, Some(&command));
-        let done = Rehearsed { account: Account::default(), path_length_mm: 0.0 };
+        let done = Rehearsed { account: Account::default(), path_length_mm: 0.0, end_pose: [0.0; 6] };
         Self { controller, command, cycle, at: Instant::ZERO, done }
     }
 
@@ -135,6 +137,7 @@ impl Stage {
                 if let RobotEvent::SkillFinished { ending, quality, account, .. } = event {
                     done.account = done.account.then(account);
                     done.path_length_mm += quality.path_length_mm;
+                    done.end_pose = controller.feedback().pose;
                     let is_done = ending == Ending::Done;
                     return if is_done {
                         Ok(())

@@ -78,8 +78,14 @@ pub(super) fn sentences(results: &Results) -> Vec<String> {
     if let Some(attached) = &results.attached {
         sentences.push(format!("Measured on nodes that ran already: {attached}."));
     }
+    sentences.extend(not_verified(results));
     sentences.extend(conditions(results));
     sentences
+}
+
+/// Returns what was not verified of the repetitions, as sentences.
+pub(super) fn not_verified(results: &Results) -> impl Iterator<Item = String> {
+    results.not_verified.iter().map(|what| format!("Not verified: {what}."))
 }
 
 /// Returns sentences on the nodes, the host and the bus: lateness, lost frames, disturbed repetitions.

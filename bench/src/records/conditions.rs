@@ -146,6 +146,7 @@ impl Measured {
                 override_percent: [100; 2],
                 end: [0.0; 6],
             },
+            seen: None,
         };
         Self { execution, quality: None, account: None, interference: Interference::default() }
     }

@@ -73,6 +73,9 @@ pub struct Results {
     /// Images that the nodes received with a wrong check, or without one.
     #[serde(default)]
     pub images: Images,
+    /// What was not verified of the repetitions, each with the reason; absent if everything was.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_verified: Vec<String>,
     /// What traces and captures of the run lack, as sentences; absent if they are complete.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub incomplete: Vec<String>,
@@ -261,6 +264,7 @@ impl Results {
             cycle: Cycles::default(),
             bus: Frames::default(),
             images: Images::default(),
+            not_verified: Vec::new(),
             incomplete: Vec::new(),
             connected_after_ms: None,
             cyclic_allocations: None,
@@ -304,6 +308,15 @@ impl Results {
         let aet = |execution_type| self.results.get(execution_type).and_then(|result| result.aet_ms);
         self.aet_improvement =
             aet(ExecutionType::Sm).zip(aet(ExecutionType::Cm)).map(|(sm, cm)| aet_improvement(sm, cm));
+    }
+
+    /// Adds what was not verified of a repetition.
+    pub fn add_unverified(&mut self, unverified: Vec<String>) {
+        for what in unverified {
+            if !self.not_verified.contains(&what) {
+                self.not_verified.push(what);
+            }
+        }
     }
 
     /// Adds a failed repetition.

@@ -2,6 +2,9 @@
 //! along the path that the controller takes without a bus; and the times of the two clocks differ by no more than the
 //! cycles between them explain.
 
+mod by_image;
+#[cfg(test)]
+mod by_image_tests;
 mod times;
 
 use std::fmt;
@@ -106,6 +109,34 @@ pub enum Difference {
         /// In degrees (mm).
         planned: f64,
     },
+    /// The tool ended elsewhere, as the robot reports its pose.
+    #[error(
+        "by the robot's image the tool ended at x {:.3}, y {:.3}, z {:.3} mm in its base, {away_mm:.3} mm from the plan's \
+         {:.3}, {:.3}, {:.3}",
+        found[0], found[1], found[2], planned[0], planned[1], planned[2]
+    )]
+    EndPose {
+        /// Distance of both, in mm.
+        away_mm: f64,
+        /// Position of the tool in the base, in mm.
+        found: [f64; 3],
+        /// Where it should be, in mm.
+        planned: [f64; 3],
+    },
+    /// The robot's clock runs at another speed.
+    #[error(
+        "by the robot's own clock the run took {:.3} ms, by the PLC's {:.3} ms, and the cycles between them explain {:.3} ms: \
+         does the clock in its image count ns?",
+        *found_ns as f64 / 1e6, *plc_ns as f64 / 1e6, *allowed_ns as f64 / 1e6
+    )]
+    Clock {
+        /// By the robot's clock.
+        found_ns: i64,
+        /// By the PLC's.
+        plc_ns: i64,
+        /// Largest difference.
+        allowed_ns: i64,
+    },
     /// The path had another length.
     #[error("the tool's path was {found_mm:.3} mm long, and the plan's is {:.3} to {:.3} mm", planned_mm[0], planned_mm[1])]
     Length {
@@ -204,7 +235,7 @@ impl Verification {
             return Err(Difference::Count { found, planned: self.sent.motions }.into());
         }
         // A robot that is not our node gives no account.
-        let Some(account) = account else { return Ok(()) };
+        let Some(account) = account else { return self.check_by_image(measured) };
         let ([low, high], commanded) = (account.override_percent, execution.commanded.override_percent);
         if low < commanded[0] || high > commanded[1] {
             return Err(Difference::Override { found: [low, high], commanded }.into());
@@ -312,12 +343,12 @@ mod tests {
     use crate::stands::virtual_run::VirtualRun;
 
     /// Runs the application of Setup A once, without faults; returns what verifies it and what was measured.
-    fn run(execution_type: ExecutionType) -> (Verification, Measured) {
+    pub(super) fn run(execution_type: ExecutionType) -> (Verification, Measured) {
         let (setup, found) = planning::setup_with_application("A").unwrap();
         run_of(&setup, &found, execution_type, None)
     }
 
-    fn run_of(
+    pub(super) fn run_of(
         setup: &Setup,
         found: &planning::Found,
         execution_type: ExecutionType,

@@ -106,6 +106,8 @@ struct Run {
     override_percent: [u8; 2],
     started_at: Instant,
     started_in_scan: u64,
+    /// The robot's joints and clock in that scan.
+    robot_before: ([f32; 6], u64),
     frames_before: Counters,
 }
 
@@ -140,6 +142,7 @@ impl<B: Fieldbus> PlcNode<B> {
                 override_percent: [u8::MAX, 0],
                 started_at: start,
                 started_in_scan: 0,
+                robot_before: ([0.0; 6], 0),
                 frames_before: Counters::default(),
             },
             overrides: None,

@@ -147,7 +147,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     fn waiting(event: &PlcEvent) -> Option<Waiting> {
         let PlcEvent::Waiting { for_what, seconds } = event else { return None };
         let is_for_connection = matches!(for_what, WaitingFor::Connection { .. });
-        let is_owed = !matches!(for_what, WaitingFor::Override | WaitingFor::Resume);
+        let is_owed = for_what.is_owed();
         Some(Waiting { seconds: *seconds, for_what: for_what.to_string(), is_for_connection, is_owed })
     }
 

@@ -39,13 +39,23 @@ const CONNECT: Duration = Duration::from_secs(60);
 /// Longest time after a failed run until the robot is ready again.
 const RECOVERY: Duration = Duration::from_secs(60);
 
-/// Longest run; one that has not ended by then hangs. The PLC gives up a silent robot long before.
-const LONGEST_RUN: Duration = Duration::from_secs(3_600);
+/// Time without a scan after which a PLC counts as gone, and for which it may wait before a run for a robot that owes
+/// progress.
+const SILENCE: Duration = Duration::from_secs(10);
 
-/// A run did not end within [`LONGEST_RUN`].
+/// Longest run: the PLC gives up a robot without progress, so that a run which lasts this long is a fault of this program.
+const LONGEST_RUN: Duration = Duration::from_secs(24 * 3_600);
+
+/// A run did not end.
 #[derive(Debug, thiserror::Error)]
-#[error("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())]
-pub(crate) struct NeverEnded;
+pub(crate) enum NeverEnded {
+    /// It was still under way after [`LONGEST_RUN`].
+    #[error("the run did not end within {} h of virtual time", LONGEST_RUN.as_secs() / 3_600)]
+    TooLong,
+    /// The PLC stands still.
+    #[error("the PLC ran no scan for {} s of virtual time", SILENCE.as_secs())]
+    NoScan,
+}
 
 /// Capture that the tap writes to; the run adds changes of the cable and ends it.
 pub(super) type SharedCapture = Rc<RefCell<Option<VirtualCapture>>>;
@@ -169,15 +179,46 @@ impl Nodes {
         }
     }
 
-    /// Waits until the arm is at the application's start, so that a run can begin at once.
-    fn until_at_start(&mut self, longest: Duration) -> anyhow::Result<()> {
-        let until = self.pair.now() + longest;
+    /// Waits until the arm is at the application's start, so that a run can begin at once. A PLC that only waits meanwhile is
+    /// an error.
+    fn until_at_start(&mut self) -> anyhow::Result<()> {
         while !self.pair.a().is_ready() {
-            if self.next_event(until).is_none() {
-                return Err(NotReady::Late(longest).into());
+            match self.next_event_of_scans()? {
+                PlcEvent::Waiting { for_what, seconds }
+                    if for_what.is_owed() && u64::from(seconds) >= SILENCE.as_secs() =>
+                {
+                    return Err(NotReady::Waiting { seconds, for_what: for_what.to_string() }.into());
+                }
+                _ => {}
             }
         }
         Ok(())
+    }
+
+    /// Returns the PLC's next event, however long that takes, as long as the PLC runs its scans.
+    fn next_event_of_scans(&mut self) -> anyhow::Result<PlcEvent> {
+        let longest = self.pair.now() + LONGEST_RUN;
+        while self.pair.now() < longest {
+            let scans = self.pair.a().scans();
+            if let Some(event) = self.next_event(self.pair.now() + SILENCE) {
+                return Ok(event);
+            }
+            self.check_scans(scans)?;
+        }
+        Err(NeverEnded::TooLong.into())
+    }
+
+    /// Checks that the PLC has run further scans.
+    fn check_scans(&self, before: u64) -> anyhow::Result<()> {
+        if self.pair.a().scans() > before {
+            return Ok(());
+        }
+        if let Some(NodeRole::Plc) = self.killed {
+            bail!(
+                "the plc-node was killed by this run's fault `kill-plc-at`: nobody is left to see the end of the run"
+            );
+        }
+        Err(NeverEnded::NoScan.into())
     }
 
     /// Returns why there is no connection, in the words of the bus if it has any.
@@ -257,10 +298,13 @@ impl Nodes {
     /// Waits until the nodes are connected and the robot is ready.
     pub(super) fn connect(&mut self) -> anyhow::Result<()> {
         let until = self.pair.now() + CONNECT;
-        let mut is_moving = false;
+        let (mut is_moving, mut waiting) = (false, None);
         while let Some(event) = self.next_event(until) {
             match event {
                 PlcEvent::MovingToStart => is_moving = true,
+                PlcEvent::Waiting { for_what, seconds } => {
+                    waiting = Some(NotReady::Waiting { seconds, for_what: for_what.to_string() });
+                }
                 PlcEvent::Ready => {
                     self.changes.ready(self.pair.now());
                     return Ok(());
@@ -269,7 +313,8 @@ impl Nodes {
                 _ => {}
             }
         }
-        Err(if is_moving { NotReady::StillMoving(CONNECT) } else { NotReady::Late(CONNECT) }.into())
+        let late = if is_moving { NotReady::StillMoving(CONNECT) } else { NotReady::Late(CONNECT) };
+        Err(waiting.unwrap_or(late).into())
     }
 
     pub(super) fn execute(
@@ -277,18 +322,24 @@ impl Nodes {
         step: Step,
         recording: Option<&mut Recording>,
     ) -> anyhow::Result<Measured> {
-        self.until_at_start(LONGEST_RUN)?;
+        self.until_at_start()?;
         let start = self.pair.now() + step.pause;
         while self.next_event(start).is_some() {}
         self.pair.command_a(|plc, _| plc.schedule_overrides(step.overrides));
         let before = self.counts();
         self.start_run(step.execution_type)?;
-        let until = self.pair.now() + LONGEST_RUN;
+        let longest = self.pair.now() + LONGEST_RUN;
         let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
-        while let Some(event) = match &mut watch {
-            Some(watch) => watch.next_plc_event(self, until),
-            None => self.next_event(until),
-        } {
+        while self.pair.now() < longest {
+            let (scans, until) = (self.pair.a().scans(), self.pair.now() + SILENCE);
+            let event = match &mut watch {
+                Some(watch) => watch.next_plc_event(self, until),
+                None => self.next_event(until),
+            };
+            let Some(event) = event else {
+                self.check_scans(scans)?;
+                continue;
+            };
             match event {
                 PlcEvent::Finished(execution) => {
                     let moved = self.moved.of(execution.motions);
@@ -313,17 +364,18 @@ impl Nodes {
                 | PlcEvent::Started { .. } => {}
             }
         }
-        if let Some(NodeRole::Plc) = self.killed {
-            bail!(
-                "the plc-node was killed by this run's fault `kill-plc-at`: nobody is left to see the end of the run"
-            );
-        }
-        Err(NeverEnded.into())
+        Err(NeverEnded::TooLong.into())
     }
 
     /// Waits until the robot is ready again after a run that failed.
     pub(super) fn recover(&mut self) -> anyhow::Result<()> {
-        self.until_at_start(RECOVERY)
+        let until = self.pair.now() + RECOVERY;
+        while !self.pair.a().is_ready() {
+            if self.next_event(until).is_none() {
+                return Err(NotReady::Late(RECOVERY).into());
+            }
+        }
+        Ok(())
     }
 
     pub(super) fn start_run(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {

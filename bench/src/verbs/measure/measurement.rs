@@ -217,7 +217,10 @@ impl Measurement<'_> {
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
         let results = Results { attached: stand.attached(), ..results };
-        let verify = |measured: &Measured| verification.check(measured);
+        let verify = |measured: &Measured| {
+            verification.check(measured)?;
+            Ok(verification.unverified(measured))
+        };
         let ended = session.run(&mut stand, &self.schedule, results, verify, interrupt).await?;
         let finished = stand.finish(self.wants_capture(ended.exit)).await;
         Ok(self.take_up(ended, finished, session))
