@@ -39,6 +39,11 @@ pub enum Message<M> {
         /// Whether somebody owes progress. Without this, it may last as long as it likes, as at an override of 0 %.
         is_owed: bool,
     },
+    /// Something is remarkable about the connection: it is slower than asked, or a station holds it and sends nothing.
+    Remark {
+        /// What, as text.
+        text: String,
+    },
     /// Somebody else requested what only the owner of the connection may, and was refused.
     Foreign {
         /// Who requested what, as text.
@@ -162,6 +167,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
                 write!(f, "the peer wants the address {address}, but: {problem}")
             }
             Self::Waiting { seconds, reason, .. } => write!(f, "has waited {seconds} s for {reason}"),
+            Self::Remark { text } => write!(f, "warning: {text}"),
             Self::Report(report) => report.fmt(f),
             Self::Farewell { report, problem } => {
                 if let Some(report) = report {

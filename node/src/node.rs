@@ -61,6 +61,16 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
         Ok(())
     }
 
+    /// Writes what is remarkable about the connection: `remark` of the bus.
+    fn remark(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
+
+    /// Returns whether a remark may follow from an event.
+    fn may_remark(event: &Self::Event) -> bool {
+        matches!(Self::link_event(event), Some(LinkEvent::Up))
+    }
+
     /// Closes the connection as its standard demands.
     fn disconnect(&mut self, now: Instant);
 
@@ -116,6 +126,8 @@ pub enum Notice<E, A> {
     Event(E),
     /// Why the peer refused the connection and what it offers instead; the next notice is the event itself.
     Explanation(ShortText),
+    /// What is remarkable about the connection.
+    Remark(ShortText),
     /// An answer to an order.
     Answer(A),
     /// The interface refused the address that the bus set.
@@ -229,7 +241,16 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                 notices.send(Notice::Explanation(words));
             }
         }
+        let may_remark = N::may_remark(&event);
         notices.send(Notice::Event(event));
+        if may_remark {
+            let mut words = ShortText::default();
+            // Text that does not fit is cut off.
+            let _ = node.remark(&mut words);
+            if !words.as_str().is_empty() {
+                notices.send(Notice::Remark(words));
+            }
+        }
         match link {
             Some(LinkEvent::Up) => {
                 self.connected = true;

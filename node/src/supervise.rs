@@ -110,6 +110,7 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
         linked: false,
         last_down: None,
         waiting: None,
+        remark: None,
         explanation: None,
     };
     let result = supervisor.run();
@@ -144,6 +145,8 @@ struct Supervisor<'a, N: Node, C: OperatingMode<N>> {
     last_down: Option<String>,
     /// The last message about a wait that has not ended.
     waiting: Option<Message<C::Message>>,
+    /// What is remarkable about the connection.
+    remark: Option<String>,
     /// The node's text about the next event.
     explanation: Option<ShortText>,
 }
@@ -233,9 +236,11 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         let hello = Message::<C::Message>::Hello(self.hello.clone());
         let link = self.linked.then_some(Message::LinkUp);
         let greeting = self.mode.greeting().map(Message::Node);
+        let remark = self.remark.clone().map(|text| Message::Remark { text });
         if let Some(port) = self.process.control() {
-            let messages = [Some(&hello), link.as_ref(), greeting.as_ref(), self.waiting.as_ref()];
-            for message in messages.into_iter().flatten() {
+            let state = [link.as_ref(), remark.as_ref(), greeting.as_ref(), self.waiting.as_ref()];
+            let messages = [Some(&hello)].into_iter().chain(state);
+            for message in messages.flatten() {
                 port.send(&message.to_json());
             }
         }
@@ -258,6 +263,11 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             Notice::Explanation(words) => {
                 self.explanation = Some(words);
                 (None, Next::Wait)
+            }
+            Notice::Remark(words) => {
+                let text = words.as_str().to_owned();
+                self.remark = Some(text.clone());
+                (Some(Message::Remark { text }), Next::Wait)
             }
             Notice::Answer(answer) => {
                 let (message, next) = self.mode.answer(answer);
@@ -284,7 +294,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         match link {
             LinkEvent::Up => (self.linked, self.last_down, self.waiting) = (true, None, None),
             LinkEvent::Down(_) => {
-                self.linked = false;
+                (self.linked, self.remark) = (false, None);
                 if let Some(Message::LinkDown { reason }) = &message {
                     self.last_down = Some(reason.clone());
                 }

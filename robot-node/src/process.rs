@@ -25,7 +25,7 @@ use setup::BusKind;
 use crate::controller::Ending;
 use crate::{
     Account, ConfigError, Disturbance, ImageFault, Program, Quality, RobotConfig, RobotEvent, RobotNode,
-    Sample, StartOutOfReach, bus,
+    Sample, StartOutOfReach, WaitingFor, bus,
 };
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
@@ -253,6 +253,14 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
 
     fn stored(&mut self, now: Instant, done: bool) {
         self.bus_mut().stored(now, done);
+    }
+
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus().remark(words)
+    }
+
+    fn may_remark(event: &RobotEvent) -> bool {
+        matches!(event, RobotEvent::Waiting { for_what: WaitingFor::Plc, .. })
     }
 
     fn disconnect(&mut self, now: Instant) {

@@ -11,7 +11,7 @@ const REPORT_EVERY: Duration = Duration::from_secs(10);
 /// What the robot waits for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum WaitingFor {
-    /// A connection: no PLC has opened one.
+    /// A PLC that sends commands over a connection.
     Plc,
     /// Data of the PLC that are not marked as bad or idle.
     GoodData,
@@ -68,7 +68,7 @@ impl WaitingFor {
 impl fmt::Display for WaitingFor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Plc => f.write_str("a PLC: none has opened a connection"),
+            Self::Plc => f.write_str("a PLC: none sends commands over a connection"),
             Self::GoodData => f.write_str(
                 "good data of the PLC: it marks them as bad or idle, although it is connected; set it to run",
             ),

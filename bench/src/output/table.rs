@@ -83,6 +83,11 @@ pub(super) fn sentences(results: &Results) -> Vec<String> {
     sentences
 }
 
+/// Returns what was remarkable about the connection, as sentences.
+pub(super) fn connection_remarks(results: &Results) -> impl Iterator<Item = String> {
+    results.connection_remarks.iter().map(|remark| format!("Connection: {remark}."))
+}
+
 /// Returns what was not verified of the repetitions, as sentences.
 pub(super) fn not_verified(results: &Results) -> impl Iterator<Item = String> {
     results.not_verified.iter().map(|what| format!("Not verified: {what}."))
@@ -108,6 +113,7 @@ fn conditions(results: &Results) -> Vec<String> {
             });
         sentences.push(format!("Connected {after:.0} ms after the start of the nodes{allocations}."));
     }
+    sentences.extend(connection_remarks(results));
     sentences.push(cyclic_frames(&results.bus));
     sentences.extend(images(&results.images));
     sentences.extend(held_up(results));

@@ -73,6 +73,9 @@ pub struct Results {
     /// Images that the nodes received with a wrong check, or without one.
     #[serde(default)]
     pub images: Images,
+    /// What was remarkable about the connection, such as longer intervals than asked for; absent if nothing was.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub connection_remarks: Vec<String>,
     /// What was not verified of the repetitions, each with the reason; absent if everything was.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_verified: Vec<String>,
@@ -264,6 +267,7 @@ impl Results {
             cycle: Cycles::default(),
             bus: Frames::default(),
             images: Images::default(),
+            connection_remarks: Vec::new(),
             not_verified: Vec::new(),
             incomplete: Vec::new(),
             connected_after_ms: None,
@@ -342,6 +346,7 @@ impl Results {
         self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
         self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });
         self.repeated = u32::try_from(health.repeated.len()).unwrap_or(u32::MAX);
+        self.connection_remarks.clone_from(&health.remarks);
         self.faults.clone_from(&health.faults);
     }
 

@@ -182,6 +182,10 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
         self.bus().explain(words)
     }
 
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus().remark(words)
+    }
+
     fn disconnect(&mut self, now: Instant) {
         Self::disconnect(self, now);
     }

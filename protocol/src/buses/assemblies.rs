@@ -74,6 +74,10 @@ impl Fieldbus for EthernetIpScanner {
         self.connection().map_or(Ok(()), |connection| connection.explain(words))
     }
 
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.connection().map_or(Ok(()), |connection| connection.remark(words))
+    }
+
     fn counters(&self) -> Counters {
         self.connection().map(Connection::counters).unwrap_or_default() + self.scanner.counters()
     }
@@ -96,6 +100,10 @@ impl Fieldbus for Adapter {
 
     fn disconnect(&mut self, now: Instant) {
         self.disconnect(now);
+    }
+
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.remark(words)
     }
 
     fn counters(&self) -> Counters {

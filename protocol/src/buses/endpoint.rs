@@ -106,6 +106,10 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Fieldbus for Endpoint<P, E, C> {
         on!(self, bus => bus.explain(words))
     }
 
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        on!(self, bus => bus.remark(words))
+    }
+
     fn counters(&self) -> Counters {
         on!(self, bus => Fieldbus::counters(bus))
     }

@@ -137,7 +137,7 @@ fn page(run: &Run, race_is: RaceIs) -> anyhow::Result<Page> {
         calibrated: calibrated(results),
         no_paper: results.no_paper.clone(),
         attached: results.attached.as_ref().map(ToString::to_string),
-        not_verified: table::not_verified(results).collect(),
+        not_verified: table::not_verified(results).chain(table::connection_remarks(results)).collect(),
         by_construction: verdicts::by_construction(results),
         not_reproduced: verdicts::not_reproduced(results),
         distances: verdicts::distance_rows(results),

@@ -46,6 +46,7 @@ fn forward<M: std::fmt::Display>(
         | Message::Address { .. }
         | Message::Foreign { .. }
         | Message::Waiting { .. }
+        | Message::Remark { .. }
         | Message::Busy { .. }
         | Message::Denied { .. } => Some(true),
         Message::Hello(hello) => hello.warning.as_ref().map(|_| true),

@@ -184,12 +184,13 @@ impl Rig {
             NodeEvent::UnreadableLine { role, line } => (*role, Some(line.clone())),
             NodeEvent::Ended(_) => return,
         };
-        let waits = matches!(
+        let is_for_user = matches!(
             event,
-            NodeEvent::Plc(Message::Waiting { .. }) | NodeEvent::Robot(Message::Waiting { .. })
+            NodeEvent::Plc(Message::Waiting { .. } | Message::Remark { .. })
+                | NodeEvent::Robot(Message::Waiting { .. } | Message::Remark { .. })
         );
-        if let (true, Some(voice), Some(news)) = (waits, &self.voice, &news) {
-            voice.say(&format!("the {role} {news}"));
+        if let (true, Some(voice), Some(news)) = (is_for_user, &self.voice, &news) {
+            voice.say(&format!("{role}: {news}"));
         }
         self.silence.hear(role, news.and_then(|news| news.lines().next().map(str::to_owned)));
     }
@@ -215,6 +216,9 @@ impl Rig {
                 ..
             })) => self.told.add(*number, *motions, *quality, *account),
             NodeEvent::Plc(Message::Node(PlcMessage::Started { after, .. })) => self.told.begin_after(*after),
+            NodeEvent::Plc(Message::Remark { text }) if !self.remarks.contains(text) => {
+                self.remarks.push(text.clone());
+            }
             NodeEvent::Plc(Message::LinkUp) => self.links.plc = true,
             NodeEvent::Plc(Message::LinkDown { .. }) => {
                 self.links = Links { plc: false, ready: false, moving_to_start: false, ..self.links };

@@ -131,6 +131,8 @@ pub struct Rig {
     first_reports: FirstReports,
     /// How long each node has sent nothing.
     silence: Silence,
+    /// What the PLC found remarkable about the connection.
+    remarks: Vec<String>,
     /// Prints lines beside the progress; `None` where nobody reads them.
     voice: Option<Voice>,
     /// Reports asked for and not received: PLC, robot.
@@ -236,6 +238,7 @@ impl Rig {
             before_run: Reports::default(),
             first_reports: FirstReports::default(),
             silence: Silence::from_now(),
+            remarks: Vec::new(),
             voice: None,
             awaited: [0; 2],
             told: ToldSkills::default(),

@@ -74,6 +74,7 @@ impl Stand for Rig {
         Health {
             faults: self.fault_report(),
             repeated: self.repeated.clone(),
+            remarks: self.remarks.clone(),
             connected_after: self.connected_after,
             ..self.reports().health()
         }
@@ -115,6 +116,7 @@ impl Reports {
             allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
             faults: None,
             repeated: Vec::new(),
+            remarks: Vec::new(),
         }
     }
 }

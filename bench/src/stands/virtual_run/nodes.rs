@@ -397,11 +397,19 @@ impl Nodes {
             connected_after: None,
             allocations: None,
             repeated: Vec::new(),
+            remarks: Vec::from_iter(self.remark()),
             faults: (!self.faults.is_empty()).then(|| {
                 let links = [Side::A, Side::B].map(|side| self.pair.link_counters(side));
                 FaultReport::new(&self.faults, links, self.changes.since_ready(self.now()))
             }),
         }
+    }
+
+    /// Returns what the PLC's bus finds remarkable about the connection.
+    fn remark(&self) -> Option<String> {
+        let mut words = String::new();
+        let written = self.pair.a().bus().remark(&mut words);
+        (written.is_ok() && !words.is_empty()).then_some(words)
     }
 
     pub(super) fn now(&self) -> Instant {

@@ -16,6 +16,7 @@ mod state;
 
 use alloc::boxed::Box;
 use alloc::vec;
+use core::fmt;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use self::delayed::Delayed;
@@ -85,6 +86,19 @@ impl Adapter {
     #[must_use]
     pub fn connections(&self) -> (usize, usize) {
         (self.state.io.len(), self.state.explicit.len())
+    }
+
+    /// Writes who owns the outputs and sends no data for them, and how long that may last; nothing while data come or nobody
+    /// owns them.
+    pub fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        let Some(owner) = self.state.io.silent_owner().filter(|_| !self.state.is_up()) else { return Ok(()) };
+        let does = if owner.count.is_some() { "sends that it is idle" } else { "has sent no frame yet" };
+        let seconds = owner.watchdog.timeout().as_secs_f64();
+        write!(
+            words,
+            "the scanner {} owns the outputs and {does}; its connection ends {seconds:.1} s after its last frame",
+            owner.originator
+        )
     }
 
     /// Returns the number of open TCP connections.

@@ -159,6 +159,11 @@ impl State {
         self.follow_owner(Some(Down { cause, code: 0, text: "" }));
     }
 
+    /// Returns whether an owner of outputs is in run.
+    pub(super) const fn is_up(&self) -> bool {
+        self.up
+    }
+
     /// Reports as an event when the link comes up or goes down, and updates the Identity's status.
     pub(super) fn follow_owner(&mut self, down: Option<Down>) {
         let owner = self.io.is_owner_running();

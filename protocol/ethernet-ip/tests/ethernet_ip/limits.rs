@@ -13,7 +13,7 @@ use machine::{
     Allowed, Duration, ForeignRequest, LinkEvent, Machine, Peer, Port, PortRequest, Requested, Sender, Source,
 };
 
-use crate::cell::{PLC, adapter, adapter_config};
+use crate::cell::{PLC, adapter, adapter_config, data};
 use crate::client::{
     INPUT_ONLY_PATH, LISTEN_ONLY_PATH, OWNER_PATH, Rig, close_message, connected, explicit, heartbeat,
     message, owner, parameters, peer,
@@ -405,4 +405,28 @@ fn each_message_that_is_not_understood_or_not_for_the_adapter_is_counted_once() 
             assert_eq!(counted(&rig), (before.0 + malformed, before.1 + foreign), "{what}");
         }
     }
+}
+
+#[test]
+fn an_owner_that_sends_nothing_is_named_with_the_time_that_its_connection_lasts() {
+    let remark = |rig: &Rig| {
+        let mut words = String::new();
+        rig.adapter.remark(&mut words).unwrap();
+        words
+    };
+    let mut rig = Rig::new();
+    assert_eq!(remark(&rig), "");
+    let stranger = rig.client_from(OTHER);
+    // The longest interval of the device, and the largest multiplier: 512 intervals.
+    let request = OpenRequest { multiplier: 7, o_t_rpi_us: 1_000_000, t_o_rpi_us: 1_000_000, ..owner(1) };
+    let opened = rig.open(stranger, &request);
+    let named = "the scanner 192.168.64.9 owns the outputs and has sent no frame yet; its connection ends 512.0 s after its last \
+                 frame";
+    assert_eq!(remark(&rig), named);
+    let client = rig.client();
+    assert_eq!(rig.try_open(client, &owner(2)), Err((1, 0x0106)), "another owner is refused");
+    rig.io(OTHER, opened.o_t_id, 1, Some(false), &data(1));
+    assert!(remark(&rig).contains("sends that it is idle"), "{}", remark(&rig));
+    rig.io(OTHER, opened.o_t_id, 2, Some(true), &data(2));
+    assert_eq!(remark(&rig), "");
 }

@@ -502,3 +502,27 @@ fn an_open_connection_without_data_is_reported_within_seconds_and_comes_up_when_
         assert!(dialogue.scanner.connection(dialogue.id).unwrap().is_up());
     }
 }
+
+#[test]
+fn a_scanner_says_by_how_much_its_adapter_is_slower_than_asked_while_the_connection_is_up() {
+    for (granted_us, expected) in
+        [(1_000, ""), (900, ""), (4_000, "it grants a packet every 4000 µs O→T and 1000 µs T→O")]
+    {
+        let mut dialogue = Dialogue::opening();
+        dialogue.open(granted_us);
+        let remark = |dialogue: &Dialogue| {
+            let mut words = String::new();
+            dialogue.scanner.connection(dialogue.id).unwrap().remark(&mut words).unwrap();
+            words
+        };
+        assert_eq!(remark(&dialogue), "");
+        let mut frame = [0; FRAME_CAPACITY];
+        let data = vec![7; usize::from(wanted().t_o_size)];
+        let len = class1::emit(&mut frame, (2, 1, 1), None, &data).unwrap();
+        let from = Source { port: Port::Udp(IO_PORT), peer: Some(peer(ROBOT, IO_PORT)) };
+        dialogue.scanner.handle_frame(dialogue.now, from, &frame[..len]);
+        assert!(dialogue.scanner.connection(dialogue.id).unwrap().is_up());
+        let said = remark(&dialogue);
+        assert!(said.contains(expected) && said.is_empty() == expected.is_empty(), "{granted_us}: {said}");
+    }
+}

@@ -133,6 +133,7 @@ impl Connection {
             return self.fail(now, Down { cause: DownCause::Refused, code: 0, text });
         };
         self.refusal = None;
+        self.granted_us = (opened.o_t_api_us, opened.t_o_api_us);
         self.step = Step::Running;
         self.deadline = Some(now + DATA_WITHIN);
         self.keep_alive_at = Some(now + KEEP_ALIVE);

@@ -110,6 +110,8 @@ pub struct Connection {
     input: Box<[u8]>,
     found: Option<Identity>,
     refusal: Option<Refusal>,
+    /// The intervals O→T and T→O in µs that the adapter granted.
+    granted_us: (u32, u32),
     up: bool,
     /// The last failure reported, which is not reported twice.
     reported: Option<Down>,
@@ -142,6 +144,7 @@ impl Connection {
             input: zeros(config.t_o_size),
             found: None,
             refusal: None,
+            granted_us: (0, 0),
             up: false,
             reported: None,
             events: VecDeque::with_capacity(8),

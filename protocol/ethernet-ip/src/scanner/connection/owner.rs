@@ -28,6 +28,20 @@ impl Connection {
         self.refusal.as_ref().map_or(Ok(()), |refusal| write!(words, "{refusal}"))
     }
 
+    /// Writes by how much the intervals that the adapter granted exceed those that were asked for; nothing where they do not, or
+    /// while the connection is not up.
+    pub fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        let (asked, granted) = ((self.config.o_t_rpi_us, self.config.t_o_rpi_us), self.granted_us);
+        if !self.up || granted.0 <= asked.0 && granted.1 <= asked.1 {
+            return Ok(());
+        }
+        write!(
+            words,
+            "the adapter {} is slower than asked: it grants a packet every {} µs O→T and {} µs T→O, asked were {} and {} µs",
+            self.config.target, granted.0, granted.1, asked.0, asked.1
+        )
+    }
+
     /// Returns the identity that the adapter reported, once it was asked.
     #[must_use]
     pub const fn identity(&self) -> Option<&Identity> {
