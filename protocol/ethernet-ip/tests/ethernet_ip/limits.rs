@@ -430,3 +430,26 @@ fn an_owner_that_sends_nothing_is_named_with_the_time_that_its_connection_lasts(
     rig.io(OTHER, opened.o_t_id, 2, Some(true), &data(2));
     assert_eq!(remark(&rig), "");
 }
+
+#[test]
+fn whoever_is_refused_the_outputs_can_ask_for_their_owner() {
+    let mut rig = Rig::new();
+    let client = rig.client();
+    let ask = |rig: &mut Rig, path: &[u8]| {
+        let words = u8::try_from(path.len() / 2).unwrap();
+        rig.request(client, &[&[0x5A, 2, 0x20, 6, 0x24, 1, 0, words], path].concat())
+    };
+    assert_eq!(ask(&mut rig, OWNER_PATH).data, [0; 12], "nobody owns them");
+    let stranger = rig.client_from(OTHER);
+    let opened = rig.open(stranger, &owner(0x1234));
+    let named = |action| [1, 0, 0, action, 0x34, 0x12, 1, 0, 0xFE, 0xCA, 0xAD, 0x0B];
+    assert_eq!(ask(&mut rig, OWNER_PATH).data, named(1));
+    rig.io(OTHER, opened.o_t_id, 1, Some(true), &data(1));
+    assert_eq!(ask(&mut rig, OWNER_PATH).data, named(2));
+    assert_eq!(ask(&mut rig, INPUT_ONLY_PATH).data, [0; 12], "no outputs, no owner");
+    // A path that is shorter than its size says, and one that makes no sense.
+    for wrong in [&[0x5A, 2, 0x20, 6, 0x24, 1][..], &[0x5A, 2, 0x20, 6, 0x24, 1, 0, 9, 0x20, 4]] {
+        assert_ne!(rig.request(client, wrong).general, General::Success);
+    }
+    assert_ne!(ask(&mut rig, &[0xFF, 0xFF]).general, General::Success);
+}
