@@ -32,6 +32,7 @@ use crate::records::schedule::Step;
 use crate::records::trace::{Frame, Recording};
 use crate::stands::capture::VirtualCapture;
 use crate::stands::frame_name;
+use crate::stands::rig::RigError;
 
 /// Longest wait for the connection; one that is not up by then never will be.
 const CONNECT: Duration = Duration::from_secs(60);
@@ -342,11 +343,15 @@ impl Nodes {
             };
             match event {
                 PlcEvent::Finished(execution) => {
-                    let moved = self.moved.of(execution.motions);
+                    let Some(moved) = self.moved.of(execution.motions) else {
+                        // Without the robot's report the run could not be verified.
+                        let reported = self.moved.motions;
+                        return Err(RigError::Unreported { executed: execution.motions, reported }.into());
+                    };
                     return Ok(Measured {
                         execution,
-                        quality: moved.map(|moved| moved.quality),
-                        account: moved.map(|moved| moved.account),
+                        quality: Some(moved.quality),
+                        account: Some(moved.account),
                         interference: self.counts().since(&before),
                     });
                 }
