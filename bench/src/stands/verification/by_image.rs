@@ -19,7 +19,7 @@ impl Verification {
         let start = start.map(f64::from);
         if let Some(away_mm) = self.away_from_start(&start)
             // Not a number is not near.
-            && !(away_mm <= START_TOLERANCE_MM)
+            && !(0.0..=START_TOLERANCE_MM).contains(&away_mm)
         {
             return Err(Difference::Start { away_mm }.into());
         }
@@ -29,7 +29,7 @@ impl Verification {
         if has_pose(&end_pose) {
             let [found, planned] = [end_pose, alone.end_pose].map(|[x, y, z, ..]| [x, y, z].map(f64::from));
             let away_mm = distance(found, planned);
-            if !(away_mm <= START_TOLERANCE_MM) {
+            if !(0.0..=START_TOLERANCE_MM).contains(&away_mm) {
                 return Err(Difference::EndPose { away_mm, found, planned }.into());
             }
         }

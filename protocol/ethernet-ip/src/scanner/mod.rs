@@ -12,7 +12,7 @@ mod config;
 mod connection;
 
 pub use config::{ConnectionConfig, ScannerConfig};
-pub use connection::{Connection, Refusal, RequestedConnection};
+pub use connection::{Connection, Owner, Refusal, RequestedConnection};
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;

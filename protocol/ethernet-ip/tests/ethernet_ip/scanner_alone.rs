@@ -526,3 +526,36 @@ fn a_scanner_says_by_how_much_its_adapter_is_slower_than_asked_while_the_connect
         assert!(said.contains(expected) && said.is_empty() == expected.is_empty(), "{granted_us}: {said}");
     }
 }
+
+#[test]
+fn an_adapter_whose_outputs_are_owned_is_asked_once_by_whom_and_its_silence_changes_nothing() {
+    const OWNER: Sent = (Command::SendRRData, 0x5A);
+    let owned = [0xD4, 0, 1, 1, 6, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    let answers: [(&str, Option<&[u8]>, &str); 3] = [
+        (
+            "named",
+            Some(&[0xDA, 0, 0, 0, 1, 0, 0, 1, 5, 0, 0x34, 0x12, 0xEF, 0xBE, 0xAD, 0xDE]),
+            "vendor 4660, serial number 0xDEADBEEF",
+        ),
+        ("not supported", Some(&[0xDA, 0, 8, 0]), ""),
+        ("no answer", None, ""),
+    ];
+    for (what, answer, expected) in answers {
+        let mut dialogue = Dialogue::opening();
+        dialogue.reply(&owned);
+        assert_eq!((dialogue.sent(), dialogue.down()), (vec![OWNER], None), "{what}");
+        match answer {
+            Some(answer) => dialogue.reply(answer),
+            None => dialogue.advance(SECOND),
+        }
+        assert_eq!(dialogue.down().map(|(cause, _)| cause), Some(DownCause::Refused), "{what}");
+        let said = dialogue.scanner.connection(dialogue.id).unwrap().refusal().unwrap().to_string();
+        assert!(
+            said.contains("another scanner owns the outputs") && said.contains(expected),
+            "{what}: {said}"
+        );
+        assert_eq!(said.contains("; the owner is "), !expected.is_empty(), "{what}: {said}");
+        // There is nothing to close.
+        assert_eq!(dialogue.sent(), [(Command::UnRegisterSession, 0)], "{what}");
+    }
+}

@@ -7,7 +7,7 @@ mod io;
 mod owner;
 mod refusal;
 
-pub use refusal::{Refusal, RequestedConnection};
+pub use refusal::{Owner, Refusal, RequestedConnection};
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -75,6 +75,8 @@ enum Step {
     Releasing,
     Identifying,
     Opening,
+    /// The outputs have an owner: asks for it, to name it.
+    AskingOwner,
     Running,
     Closing,
 }
@@ -206,6 +208,9 @@ impl Connection {
     }
 
     fn no_answer(&mut self, now: Instant) {
+        if self.step == Step::AskingOwner {
+            return self.report_refusal(now);
+        }
         let text = match self.step {
             Step::Connecting => {
                 "TCP port 44818 of the adapter does not answer; is it on and on this network?"
@@ -310,6 +315,7 @@ impl Connection {
         match self.step {
             // Cyclic data does not need the session: the watchdog tells whether the adapter is gone.
             Step::Running => self.keep_alive_at = None,
+            Step::AskingOwner => self.report_refusal(now),
             _ => {
                 let text = "the adapter ended the TCP connection";
                 self.fail(now, Down { cause: DownCause::ClosedByPeer, code: 0, text });
