@@ -166,7 +166,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
             Self::Address { address, problem: Some(problem) } => {
                 write!(f, "the peer wants the address {address}, but: {problem}")
             }
-            Self::Waiting { seconds, reason, .. } => write!(f, "has waited {seconds} s for {reason}"),
+            Self::Waiting { seconds, reason, .. } => write!(f, "waited {seconds} s so far for {reason}"),
             Self::Remark { text } => write!(f, "warning: {text}"),
             Self::Report(report) => report.fmt(f),
             Self::Farewell { report, problem } => {

@@ -2,6 +2,8 @@
 //!
 //! In one file, because events, faults and runs change the same state.
 
+mod silence;
+
 use std::cell::RefCell;
 use std::net::Ipv4Addr;
 use std::rc::Rc;
@@ -19,6 +21,9 @@ use robot_node::RobotEvent;
 use setup::Setup;
 use virtual_cell::VirtualCell;
 use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
+
+pub(crate) use silence::NeverEnded;
+use silence::{LONGEST_RUN, SILENCE};
 
 use super::Work;
 use super::changes::Changes;
@@ -39,24 +44,6 @@ const CONNECT: Duration = Duration::from_secs(60);
 
 /// Longest time after a failed run until the robot is ready again.
 const RECOVERY: Duration = Duration::from_secs(60);
-
-/// Time without a scan after which a PLC counts as gone, and for which it may wait before a run for a robot that owes
-/// progress.
-const SILENCE: Duration = Duration::from_secs(10);
-
-/// Longest run: the PLC gives up a robot without progress, so that a run which lasts this long is a fault of this program.
-const LONGEST_RUN: Duration = Duration::from_secs(24 * 3_600);
-
-/// A run did not end.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum NeverEnded {
-    /// It was still under way after [`LONGEST_RUN`].
-    #[error("the run did not end within {} h of virtual time", LONGEST_RUN.as_secs() / 3_600)]
-    TooLong,
-    /// The PLC stands still.
-    #[error("the PLC ran no scan for {} s of virtual time", SILENCE.as_secs())]
-    NoScan,
-}
 
 /// Capture that the tap writes to; the run adds changes of the cable and ends it.
 pub(super) type SharedCapture = Rc<RefCell<Option<VirtualCapture>>>;
@@ -178,48 +165,6 @@ impl Nodes {
             let change = at_frame.or_else(|| due.and_then(|_| self.changes.take()))?;
             self.change(change);
         }
-    }
-
-    /// Waits until the arm is at the application's start, so that a run can begin at once. A PLC that only waits meanwhile is
-    /// an error.
-    fn until_at_start(&mut self) -> anyhow::Result<()> {
-        while !self.pair.a().is_ready() {
-            match self.next_event_of_scans()? {
-                PlcEvent::Waiting { for_what, seconds }
-                    if for_what.is_owed() && u64::from(seconds) >= SILENCE.as_secs() =>
-                {
-                    return Err(NotReady::Waiting { seconds, for_what: for_what.to_string() }.into());
-                }
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-
-    /// Returns the PLC's next event, however long that takes, as long as the PLC runs its scans.
-    fn next_event_of_scans(&mut self) -> anyhow::Result<PlcEvent> {
-        let longest = self.pair.now() + LONGEST_RUN;
-        while self.pair.now() < longest {
-            let scans = self.pair.a().scans();
-            if let Some(event) = self.next_event(self.pair.now() + SILENCE) {
-                return Ok(event);
-            }
-            self.check_scans(scans)?;
-        }
-        Err(NeverEnded::TooLong.into())
-    }
-
-    /// Checks that the PLC has run further scans.
-    fn check_scans(&self, before: u64) -> anyhow::Result<()> {
-        if self.pair.a().scans() > before {
-            return Ok(());
-        }
-        if let Some(NodeRole::Plc) = self.killed {
-            bail!(
-                "the plc-node was killed by this run's fault `kill-plc-at`: nobody is left to see the end of the run"
-            );
-        }
-        Err(NeverEnded::NoScan.into())
     }
 
     /// Returns why there is no connection, in the words of the bus if it has any.
