@@ -5,6 +5,7 @@
 extern crate alloc;
 
 mod allowed;
+pub mod arp;
 mod contract;
 mod cycle;
 pub mod ethernet;
