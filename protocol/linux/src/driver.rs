@@ -17,6 +17,7 @@ use std::hint::spin_loop;
 use std::ops::ControlFlow;
 use std::os::fd::AsFd as _;
 
+use machine::arp::ArpPacket;
 use machine::wire::FRAME_CAPACITY;
 use machine::{Duration, Instant, Lateness, Machine, Port, Source, StreamRequest, Tick, Transmit};
 use rustix::event::PollFlags;
@@ -263,6 +264,9 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
                         self.statistics.received += 1;
                         let from = Source { port: port.port(), peer };
                         let (now, frame) = (clock::now(), buf.get(..len).unwrap_or_default());
+                        if from.port == Port::Ethernet && ArpPacket::from_frame(frame).is_some() {
+                            self.neighbours.forget();
+                        }
                         if to_all {
                             self.machine.handle_broadcast(now, from, frame);
                         } else {

@@ -9,7 +9,7 @@ use rustix::io::Errno;
 use crate::Interface;
 
 /// Stations whose entries are remembered as right, so that the kernel is not asked for each datagram. What changes an entry
-/// later is an ARP packet, which the machine sees too.
+/// later is an ARP packet, and the driver forgets all of them at the next one.
 const REMEMBERED: usize = 8;
 
 /// The entries of the host's table that were found right or were corrected.
@@ -20,6 +20,11 @@ pub(crate) struct Neighbours {
 }
 
 impl Neighbours {
+    /// Forgets which entries were right, when ARP has changed them or may have.
+    pub(crate) const fn forget(&mut self) {
+        self.right = [None; REMEMBERED];
+    }
+
     /// Makes sure that the host sends datagrams for `address` to `wanted`; without a wish, forgets the address.
     ///
     /// # Errors
