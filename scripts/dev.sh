@@ -673,35 +673,64 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setups A, B and
     docker images --format '{{.Repository}} {{.Size}}' | grep "^$IMAGES/"
 }
 
-verb_ci() { #: all of it but setup, timing and release
+# ci_begin VERB [NOTE]: notes that a part of CI begins; ci_end: that it passed. The parts that run beside others do so in
+# their own shell.
+ci_begin() {
+    CI_PART=$1 CI_NOTE=${2:-} CI_BEGAN=$SECONDS
+    echo "== $CI_PART, after $SECONDS s${CI_NOTE:+, $CI_NOTE}"
+}
+
+ci_end() {
+    printf '%-14s %6d s  %s\n' "$CI_PART" $((SECONDS - CI_BEGAN)) "$CI_NOTE" >>"$CI_SECONDS"
+    CI_PART=
+}
+
+# ci_seconds: prints the seconds of each part, also of the one that failed.
+ci_seconds() {
+    if [ -n "${CI_PART:-}" ]; then
+        CI_NOTE=failed
+        ci_end
+    fi
+    echo "== seconds of each part"
+    sed 's/ *$//' "$CI_SECONDS"
+    printf '%-14s %6d s\n' all "$SECONDS"
+}
+
+verb_ci() { #: all of it but setup, timing and release; ends with the seconds of each part
     local verb beside
+    mkdir -p "${CARGO_TARGET_DIR:-target}"
+    CI_SECONDS=$(realpath "${CARGO_TARGET_DIR:-target}")/ci-seconds.txt
+    : >"$CI_SECONDS"
+    trap ci_seconds EXIT
     for verb in format lint modules purity package test docs browser vendor gate bits instructions; do
-        echo "== $verb, after $SECONDS s"
+        ci_begin "$verb"
         ("verb_$verb")
+        ci_end
     done
     # These compile everything once more, beside what waits for frames most of the time.
     (
         for verb in fresh demo; do
-            echo "== $verb, after $SECONDS s, beside others"
+            ci_begin "$verb" "beside others"
             nice -n 10 "scripts/dev.sh" "$verb"
+            ci_end
         done
     ) >"${CARGO_TARGET_DIR:-target}/beside.txt" 2>&1 &
     beside=$!
     # shellcheck disable=SC2064 # the process of now
     trap "pkill --parent $beside; kill $beside" ERR
     for verb in wire user examples interop; do
-        echo "== $verb, after $SECONDS s"
+        ci_begin "$verb"
         case $verb in
             # What a test does to a process needs no privilege; the workflow `deep` has these tests too.
             user) (verb_user --skip stalled --skip hangs --skip killed --skip cost_of_recording) ;;
             *) ("verb_$verb") ;;
         esac
+        ci_end
     done
     trap - ERR
     local status=0
     wait "$beside" || status=$?
     cat "${CARGO_TARGET_DIR:-target}/beside.txt"
-    echo "== all, after $SECONDS s"
     return "$status"
 }
 

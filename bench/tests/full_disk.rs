@@ -105,7 +105,8 @@ fn run_into(kib: u32) -> End {
 }
 
 fn a_run_ends_in_order_at_whatever_point_the_disk_becomes_full_and_its_files_can_be_read() {
-    let sizes = (4..48).step_by(4).chain((48..=1_024).step_by(256)).chain([8_192]);
+    let sizes =
+        (4..48).step_by(4).chain((48..96).step_by(8)).chain((304..=1_024).step_by(256)).chain([8_192]);
     let ends: Vec<End> = sizes.map(run_into).collect();
     assert!(ends.is_sorted(), "a larger disk takes more: {ends:?}");
     for end in

@@ -87,18 +87,21 @@ pub struct NodeReport {
     pub last_send_error: Option<String>,
 }
 
-/// Received images by what their checks said.
+/// Received images by what their checks and life counters said.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug, Serialize, Deserialize)]
 pub struct ImageChecks {
     /// Images that were refused because a byte was altered.
     pub altered: u64,
     /// Images without a check.
     pub unchecked: u64,
+    /// Images that were refused because their life counter showed that they are old; none from a node of an older version.
+    #[serde(default)]
+    pub outdated: u64,
 }
 
 impl From<Checks> for ImageChecks {
-    fn from(Checks { altered, unchecked }: Checks) -> Self {
-        Self { altered, unchecked }
+    fn from(Checks { altered, unchecked, outdated }: Checks) -> Self {
+        Self { altered, unchecked, outdated }
     }
 }
 
@@ -109,6 +112,7 @@ impl ImageChecks {
         Self {
             altered: self.altered.saturating_sub(before.altered),
             unchecked: self.unchecked.saturating_sub(before.unchecked),
+            outdated: self.outdated.saturating_sub(before.outdated),
         }
     }
 }
@@ -170,9 +174,12 @@ impl fmt::Display for NodeReport {
             f,
             "bus: {sent} frames sent, {skipped} skipped, {received} received, {lost} missing, {late} late, {malformed} malformed, {foreign} foreign"
         )?;
-        let ImageChecks { altered, unchecked } = self.images;
-        if altered > 0 || unchecked > 0 {
-            write!(f, "\nimages: {altered} altered and refused, {unchecked} without a check")?;
+        let ImageChecks { altered, unchecked, outdated } = self.images;
+        if altered > 0 || unchecked > 0 || outdated > 0 {
+            write!(
+                f,
+                "\nimages: {altered} altered and refused, {outdated} outdated and refused, {unchecked} without a check"
+            )?;
         }
         if let Some(Allocations { while_connecting, while_cyclic }) = self.allocations {
             write!(

@@ -11,12 +11,16 @@ pub(crate) const fn advice(number: ErrorNumber) -> Option<&'static str> {
         ErrorNumber::UnknownProgram => "store the program in the robot, or run sm or cm",
         ErrorNumber::NoMotions => "give the application motions",
         ErrorNumber::QueueOverrun => "look at how the PLC writes motions into the slots",
+        ErrorNumber::NotOneMotion => "write 1 to `total` and `written` in the scan that calls the skill",
         ErrorNumber::OverrideOutOfRange => "set an override of 0 to 100 %",
         ErrorNumber::ConnectionLost => {
             "look at the cable and at the robot's log, and start again once the connection is up"
         }
         ErrorNumber::Disabled => "enable the robot first and keep it enabled while a skill runs",
         ErrorNumber::WrongCheck => "look at cables, switches and gateways, and at the PLC's check",
+        ErrorNumber::WrongLifeCounter => {
+            "add 1 to the life counter in each scan, and set `plc.scan_cycle_us` of the robot's setup to the PLC's scan"
+        }
         ErrorNumber::DriveFault | ErrorNumber::DriveStopped | ErrorNumber::DrivesLost => {
             "see to the robot's drives"
         }

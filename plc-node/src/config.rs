@@ -26,6 +26,8 @@ pub struct PlcConfig {
     pub answer_timeout: Duration,
     /// How long the robot's life counter may stand still.
     pub silent_timeout: Duration,
+    /// The robot's cycle, in which it counts its life counter up.
+    pub robot_cycle: Duration,
     /// How many motions MoveContinuous writes ahead of those that are executed, 1..=5.
     pub queue_depth: u32,
     /// The program in the robot controller that RC runs.
@@ -55,6 +57,7 @@ impl PlcConfig {
                 + micros(setup.robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value))
                 + micros(setup.robot.skill_overhead_us.value),
             silent_timeout: setup.bus.watchdog().max(robot_cycles),
+            robot_cycle: micros(setup.robot.cycle_us.value),
             queue_depth: setup.plc.slots_in_use(),
             program,
             motions: Box::new(MotionList::from(motions)),

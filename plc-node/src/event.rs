@@ -63,6 +63,8 @@ pub enum PlcEvent {
     ImageBad,
     /// The robot marks its data as good again.
     ImageGood,
+    /// The robot's life counter has never moved on this connection, although its images arrive.
+    LifeStill,
     /// The arm does not stand where a run starts and is moved there.
     MovingToStart,
     /// The robot is connected and ready, and the arm stands where a run starts: a run may start. The event comes again
@@ -171,6 +173,15 @@ pub enum FailureCause {
          cables, switches and gateways"
     )]
     RobotAltered {
+        /// Scans in which no image was taken over.
+        scans: u32,
+    },
+    /// All images of the robot were refused because of their life counters.
+    #[error(
+        "every image of the robot was refused for {scans} scans: its life counter ran backwards or too fast; frames are old, \
+         or `robot.cycle_us` is not the robot's cycle"
+    )]
+    RobotOutdated {
         /// Scans in which no image was taken over.
         scans: u32,
     },
@@ -308,9 +319,9 @@ mod tests {
             let cause = FailureCause::Robot { number: number.into(), motion: 0, finding: Finding::NONE };
             cause.to_string()
         };
-        let of_motions = (0..=37).filter(|number| words(*number).ends_with("; correct that motion"));
+        let of_motions = (0..=39).filter(|number| words(*number).ends_with("; correct that motion"));
         assert_eq!(of_motions.count(), 23);
-        let others = (0..=37).map(words).filter(|words| !words.ends_with("; correct that motion"));
+        let others = (0..=39).map(words).filter(|words| !words.ends_with("; correct that motion"));
         insta::assert_snapshot!(others.collect::<Vec<_>>().join("\n"), @"
         the robot ended the skill at motion 1 of the plan with an error but without its number: look at its node
         the robot reports error 1 at motion 1 of the plan: the robot does not have this skill; use skills that this robot has
@@ -326,7 +337,9 @@ mod tests {
         the robot reports error 33 at motion 1 of the plan: the drive of an axis stopped though nobody told it to; see to the robot's drives
         the robot reports error 34 at motion 1 of the plan: the robot controller lost the connection to its drives; see to the robot's drives
         the robot reports error 36 at motion 1 of the plan: the contact force swings and does not settle; set the robot's force controller for this surface (`stiffest_n_per_mm`), or press on a softer one
-        the robot reports error 37 at motion 1 of the plan: error number 37; look the number up in the robot's manual
+        the robot reports error 37 at motion 1 of the plan: a skill of one motion needs `total` and `written` of 1; write 1 to `total` and `written` in the scan that calls the skill
+        the robot reports error 38 at motion 1 of the plan: the life counters of the command images are refused: the images are old, or the PLC counts faster than the robot's setup says; add 1 to the life counter in each scan, and set `plc.scan_cycle_us` of the robot's setup to the PLC's scan
+        the robot reports error 39 at motion 1 of the plan: error number 39; look the number up in the robot's manual
         ");
     }
 

@@ -40,6 +40,7 @@ fn no_scan_frame_or_run_allocates_after_the_start() {
         scan_cost: Duration::ZERO,
         answer_timeout: MS * 100,
         silent_timeout: MS * 100,
+        robot_cycle: MS,
         queue_depth: 5,
         program: 1,
         motions: Box::new(MotionList::from(vec![motion; 13])),

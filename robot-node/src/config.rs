@@ -32,6 +32,8 @@ pub struct RobotConfig {
     pub surfaces: Vec<Surface>,
     /// Interpolation cycle.
     pub cycle: Duration,
+    /// The PLC's scan cycle, in which it counts its life counter up.
+    pub plc_cycle: Duration,
     /// The interpreter notices a command after a time evenly distributed between 0 and this.
     pub interpreter_quantum: Duration,
     /// Additional time before it notices a program or a MoveContinuousSkill, evenly distributed between 0 and this.
@@ -110,6 +112,7 @@ impl RobotConfig {
             }),
             surfaces: Vec::new(),
             cycle: micros(robot.cycle_us.value),
+            plc_cycle: micros(setup.plc.scan_cycle_us.value),
             interpreter_quantum: micros(robot.interpreter_quantum_us.value),
             start_quantum: micros(robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value)),
             continuous_start_cycles: robot.continuous_start_cycles.as_ref().map_or(0, |cycles| cycles.value),

@@ -27,7 +27,7 @@ mod sample;
 pub use arm::ConfigError;
 pub use cell::StartOutOfReach;
 pub use config::{ForceControl, RobotConfig};
-pub use controller::{Account, Controller, Ending, Program, RobotEvent};
+pub use controller::{Account, Controller, Ending, ImageFault, Program, RobotEvent};
 pub use drive_segment::{Disturbance, DriveSegment};
 pub use node::RobotNode;
 pub use quality::Quality;

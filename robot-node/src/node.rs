@@ -3,16 +3,23 @@
 use std::collections::VecDeque;
 
 use machine::{Cycle, Duration, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
-use protocol::fieldbus::Fieldbus;
-use protocol::image::{Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, Verdict};
+use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::image::{
+    Age, Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, LifeMonitor, State,
+    Verdict,
+};
 
-use crate::{Controller, Disturbance, DriveSegment, Program, RobotConfig, RobotEvent, Sample};
+use crate::{Controller, Disturbance, DriveSegment, ImageFault, Program, RobotConfig, RobotEvent, Sample};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
 const CATCH_UP: u64 = 250;
 
-/// Time with nothing but altered images after which the connection counts as lost: a usual watchdog.
-const ALTERED_FOR: Duration = Duration::from_millis(100);
+/// Time with nothing but refused images after which the connection counts as lost: a usual watchdog.
+const REFUSED_FOR: Duration = Duration::from_millis(100);
+
+/// Time without an outdated image after which such images are reported as accepted again. Those of a PLC that counts too fast
+/// are refused, set a new start and are refused again.
+const ACCEPTED_FOR: Duration = Duration::from_secs(1);
 
 /// Capacity for events of the connection that wait for the owner.
 const LINK_EVENTS: usize = 16;
@@ -31,8 +38,13 @@ pub struct RobotNode<B: Fieldbus> {
     command: Command,
     connected: bool,
     checker: CommandChecker,
-    /// Since when all images were altered; `None` while they are not.
-    altered_since: Option<Instant>,
+    life: LifeMonitor,
+    /// Since when all images were refused; `None` while they are not.
+    refused_since: Option<Instant>,
+    /// When an image was last refused.
+    refused_at: Instant,
+    /// Whether the connection ended since the last cycle, even if there is another one already.
+    was_lost: bool,
     output: Image,
     sealer: FeedbackSealer,
     link_events: VecDeque<RobotEvent>,
@@ -52,6 +64,7 @@ impl<B: Fieldbus> RobotNode<B> {
     ) -> Self {
         let cycle = Cycle::new(start, config.cycle);
         let drives = DriveSegment::of(&config, start);
+        let life = LifeMonitor::new(config.plc_cycle);
         let controller = Controller::new(config, programs, seed);
         let mut node = Self {
             bus,
@@ -63,7 +76,10 @@ impl<B: Fieldbus> RobotNode<B> {
             command: Command::default(),
             connected: false,
             checker: CommandChecker::default(),
-            altered_since: None,
+            life,
+            refused_since: None,
+            refused_at: start,
+            was_lost: false,
             output: [0; IMAGE_LEN],
             sealer: FeedbackSealer::default(),
             link_events: VecDeque::with_capacity(LINK_EVENTS),
@@ -112,10 +128,11 @@ impl<B: Fieldbus> RobotNode<B> {
         &self.lateness
     }
 
-    /// Returns the numbers of images by the results of their checks.
+    /// Returns the numbers of images by the results of their checks, and of outdated ones.
     #[must_use]
     pub const fn checks(&self) -> Checks {
-        self.checker.checks()
+        let Checks { altered, unchecked, .. } = self.checker.checks();
+        Checks { altered, unchecked, outdated: self.life.outdated() }
     }
 
     /// Returns the instant of the robot's next cycle.
@@ -179,23 +196,15 @@ impl<B: Fieldbus> RobotNode<B> {
     }
 
     fn read_command(&mut self, at: Instant) {
-        let Some(image) = self.bus.input() else {
-            self.connected = false;
-            self.altered_since = None;
+        let was_lost = core::mem::take(&mut self.was_lost);
+        let Some(image) = self.bus.input().filter(|_| !was_lost) else {
+            (self.connected, self.refused_since) = (false, None);
             self.checker.disconnect();
-            return self.controller.set_images_altered(false);
+            self.life.restart();
+            return self.controller.forget_images();
         };
         if self.checker.verify(self.bus.byte_order(), &image) == Verdict::Altered {
-            // The command before stands, as if the frame had been lost.
-            let since = *self.altered_since.get_or_insert(at);
-            if at.since(since) >= ALTERED_FOR {
-                self.connected = false;
-                self.controller.set_images_altered(true);
-            }
-            return;
-        }
-        if self.altered_since.take().is_some() {
-            self.controller.set_images_altered(false);
+            return self.refuse(at, ImageFault::Altered);
         }
         // Every scan changes the head, but the slots only change with the motions.
         let command = if self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
@@ -204,8 +213,42 @@ impl<B: Fieldbus> RobotNode<B> {
         } else {
             self.bus.byte_order().parse_command(&image)
         };
-        if let Ok(command) = command {
-            (self.command, self.image, self.connected) = (command, image, true);
+        let Ok(command) = command else { return };
+        // Without a reset no skill can start: until then a late image may set the start.
+        if self.controller.feedback().state != State::Halted {
+            self.life.act();
+        }
+        if self.life.judge_present(command.life) == Age::Outdated {
+            return self.refuse(at, ImageFault::Outdated);
+        }
+        (self.command, self.image, self.connected) = (command, image, true);
+        self.accept(at);
+    }
+
+    /// Refuses an image: the command before stands, as if the frame had been lost.
+    fn refuse(&mut self, at: Instant, fault: ImageFault) {
+        self.refused_at = at;
+        let since = *self.refused_since.get_or_insert(at);
+        if at.since(since) < REFUSED_FOR {
+            return;
+        }
+        self.connected = false;
+        self.controller.refuse_images(fault);
+        if fault == ImageFault::Outdated {
+            // The next image sets the start, as that of another connection.
+            self.life.restart();
+            self.refused_since = None;
+        }
+    }
+
+    fn accept(&mut self, at: Instant) {
+        self.refused_since = None;
+        let is_recent = at.since(self.refused_at) < ACCEPTED_FOR;
+        if !(is_recent && self.controller.refused_images() == Some(ImageFault::Outdated)) {
+            self.controller.accept_images();
+        }
+        if self.life.take_still(at) {
+            self.push(RobotEvent::LifeStill);
         }
     }
 
@@ -218,11 +261,23 @@ impl<B: Fieldbus> RobotNode<B> {
 
     fn take_link_events(&mut self) {
         while let Some(event) = self.bus.poll_event() {
-            if self.link_events.len() == LINK_EVENTS {
-                self.link_events.pop_front();
-            }
-            self.link_events.push_back(RobotEvent::Link(event));
+            self.was_lost |= matches!(event, LinkEvent::Down(_));
+            self.push(RobotEvent::Link(event));
         }
+    }
+
+    /// Adds an event, in place of the oldest one if there are too many.
+    fn push(&mut self, event: RobotEvent) {
+        if self.link_events.len() == LINK_EVENTS {
+            self.link_events.pop_front();
+        }
+        self.link_events.push_back(event);
+    }
+
+    /// Handles what the bus has received and reported.
+    fn after_bus(&mut self, now: Instant) {
+        self.life.note_arrival(now, self.bus.counters().received);
+        self.take_link_events();
     }
 }
 
@@ -233,12 +288,12 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);
-        self.take_link_events();
+        self.after_bus(now);
     }
 
     fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_broadcast(now, from, frame);
-        self.take_link_events();
+        self.after_bus(now);
     }
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
@@ -249,7 +304,7 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
     fn handle_timeout(&mut self, now: Instant) {
         if self.bus.poll_timeout().is_some_and(|due| due <= now) {
             self.bus.handle_timeout(now);
-            self.take_link_events();
+            self.after_bus(now);
         }
         self.tick(now);
     }

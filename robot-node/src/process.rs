@@ -25,8 +25,8 @@ use setup::BusKind;
 
 use crate::controller::Ending;
 use crate::{
-    Account, ConfigError, Disturbance, Program, Quality, RobotConfig, RobotEvent, RobotNode, Sample,
-    StartOutOfReach, bus,
+    Account, ConfigError, Disturbance, ImageFault, Program, Quality, RobotConfig, RobotEvent, RobotNode,
+    Sample, StartOutOfReach, bus,
 };
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
@@ -74,8 +74,13 @@ pub enum RobotMessage {
         /// What it did.
         account: Account,
     },
-    /// Whether all images of the PLC have wrong checks; sent when this changes.
+    /// Whether all images of the PLC have wrong checks; sent when this changes, and not when a connection ends.
     ImagesAltered(bool),
+    /// Whether all images of the PLC are refused because of their life counters; sent when this changes, and not when a
+    /// connection ends.
+    ImagesOutdated(bool),
+    /// The PLC's life counter has never moved on this connection.
+    LifeStill,
     /// The drives do not follow the set-points any more: why, in words.
     DrivesFailed(String),
     /// A skill ended otherwise, or a command or a motion was refused.
@@ -106,7 +111,14 @@ impl fmt::Display for RobotMessage {
                 "warning: every image of the PLC has a wrong check and is refused: bytes are altered on the way, or the PLC \
                  computes the check otherwise; 0 there means no check",
             ),
-            Self::ImagesAltered(false) => f.write_str("the PLC's images have right checks again"),
+            Self::ImagesOutdated(true) => f.write_str(
+                "warning: every image of the PLC is refused, its life counter runs backwards or too fast: frames are old, or \
+                 `plc.scan_cycle_us` is not the PLC's scan",
+            ),
+            Self::LifeStill => f.write_str(
+                "warning: the PLC's life counter does not move, so old images cannot be recognised: add 1 in each scan",
+            ),
+            Self::ImagesOutdated(false) | Self::ImagesAltered(false) => f.write_str("the PLC's images are accepted again"),
             Self::DrivesFailed(reason) => f.write_str(reason),
             Self::Trouble { number, reason } => write!(f, "command {number}: {reason}"),
             Self::Refused { reason } => write!(f, "refused: {reason}"),
@@ -310,7 +322,13 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
                 Some(RobotMessage::Trouble { number, reason })
             }
             RobotEvent::DrivesFailed(error) => Some(RobotMessage::DrivesFailed(error.to_string())),
-            RobotEvent::ImagesAltered(altered) => Some(RobotMessage::ImagesAltered(altered)),
+            RobotEvent::ImagesRefused { fault: ImageFault::Altered, is_refused } => {
+                Some(RobotMessage::ImagesAltered(is_refused))
+            }
+            RobotEvent::ImagesRefused { fault: ImageFault::Outdated, is_refused } => {
+                Some(RobotMessage::ImagesOutdated(is_refused))
+            }
+            RobotEvent::LifeStill => Some(RobotMessage::LifeStill),
             RobotEvent::Link(_)
             | RobotEvent::State(_)
             | RobotEvent::SkillStarted { .. }

@@ -258,18 +258,27 @@ impl Programmed {
 /// Why the case of a file cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum CaseError {
-    /// It is no TOML, or a key is wrong.
-    #[error("line {line}: {problem}")]
-    Format {
-        /// The line, from 1.
-        line: usize,
-        /// What was found and what was expected.
-        problem: String,
-    },
     /// It is of another version of the format.
-    #[error("the case has schema {0}, this program reads schema {SCHEMA}")]
-    Schema(u32),
-    /// Its setup is not there or broken.
+    #[error("{origin}: the case has schema {found}, this program reads schema {SCHEMA}")]
+    Schema {
+        /// The file.
+        origin: String,
+        /// The version found.
+        found: u32,
+    },
+    /// A list has another length than the arm has joints.
+    #[error("{origin}: `arm.{key}`: found {found} numbers, expected {joints}, one for each joint")]
+    Joints {
+        /// The file.
+        origin: String,
+        /// The list.
+        key: &'static str,
+        /// Its length.
+        found: usize,
+        /// Joints of the arm.
+        joints: usize,
+    },
+    /// It is not TOML, a key is wrong, or its setup cannot be used.
     #[error(transparent)]
     Setup(#[from] setup::Error),
     /// The figures of its arm contradict each other.
@@ -278,18 +287,22 @@ pub enum CaseError {
 }
 
 impl Case {
-    /// Reads a file's text.
+    /// Reads a file's text; `origin` names the file in messages.
     ///
     /// # Errors
     ///
     /// What is wrong with it, and where.
-    pub fn parse(text: &str) -> Result<Self, CaseError> {
-        let case: Self = toml::from_str(text).map_err(|error: toml::de::Error| {
-            let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
-            let line = before.matches('\n').count() + 1;
-            CaseError::Format { line, problem: setup::in_words(error.message()) }
-        })?;
-        if case.schema == SCHEMA { Ok(case) } else { Err(CaseError::Schema(case.schema)) }
+    pub fn parse(origin: &str, text: &str) -> Result<Self, CaseError> {
+        let case: Self = setup::read(origin, text)?;
+        if case.schema != SCHEMA {
+            return Err(CaseError::Schema { origin: origin.to_owned(), found: case.schema });
+        }
+        let joints = case.arm.links.axes();
+        let lengths = case.arm.lists().map(|(key, list)| (key, list.len()));
+        match lengths.into_iter().find(|(_, found)| *found != joints) {
+            None => Ok(case),
+            Some((key, found)) => Err(CaseError::Joints { origin: origin.to_owned(), key, found, joints }),
+        }
     }
 
     /// The text of its file.

@@ -86,7 +86,7 @@ fn a_case_runs_from_its_file_as_it_ran_from_its_seed() {
     let setup = setup::setup("B").unwrap();
     for number in 0..40 {
         let case = generator::any_case(&setup, 3, number);
-        let again = Case::parse(&case.to_toml().unwrap()).unwrap();
+        let again = Case::parse("case", &case.to_toml().unwrap()).unwrap();
         assert_eq!(again, case);
         assert_eq!(run(&again, &setup, &Class::ALL), run(&case, &setup, &Class::ALL), "list {number}");
     }
@@ -98,11 +98,60 @@ fn lists_that_broke_a_law_once_break_none_any_more() {
     let mut cases = 0;
     for file in fs::read_dir(folder).unwrap() {
         let file = file.unwrap().path();
-        let case = Case::parse(&fs::read_to_string(&file).unwrap()).unwrap();
+        let case = Case::parse("case", &fs::read_to_string(&file).unwrap()).unwrap();
         let setup = setup::setup(&case.setup).unwrap();
         let found = run(&case, &setup, &Class::ALL).unwrap().violation;
         assert!(found.is_none(), "{}: {}", file.display(), found.unwrap());
         cases += 1;
     }
     assert!(cases >= 8, "{cases} cases in {folder}");
+}
+
+/// Changes the list of numbers at `index`, counted through a document; returns its length before, and whether there is one.
+fn change_list(
+    value: &mut toml::Value,
+    index: &mut usize,
+    change: fn(&mut Vec<toml::Value>),
+) -> Option<usize> {
+    match value {
+        toml::Value::Table(table) => {
+            table.iter_mut().find_map(|(_, value)| change_list(value, index, change))
+        }
+        toml::Value::Array(list) if list.iter().all(|it| it.is_float() || it.is_integer()) => {
+            if *index > 0 {
+                *index -= 1;
+                return None;
+            }
+            let length = list.len();
+            change(list);
+            Some(length)
+        }
+        toml::Value::Array(list) => list.iter_mut().find_map(|value| change_list(value, index, change)),
+        _ => None,
+    }
+}
+
+#[test]
+fn one_number_more_or_less_is_refused_in_every_list_of_a_case() {
+    for name in ["A", "B", "D"] {
+        let setup = setup::setup(name).unwrap();
+        for number in 0..8 {
+            let text = generator::any_case(&setup, 5, number).to_toml().unwrap();
+            let changed = |mut index: usize, change: fn(&mut Vec<toml::Value>)| {
+                let mut document: toml::Value = toml::from_str(&text).unwrap();
+                let length = change_list(&mut document, &mut index, change)?;
+                let text = toml::to_string(&document).unwrap();
+                Some((length, Case::parse("case", &text).unwrap_err().to_string()))
+            };
+            let mut lists = 0;
+            while let Some((length, longer)) = changed(lists, |list| list.push(list[0].clone())) {
+                let (_, shorter) = changed(lists, |list| drop(list.pop())).unwrap();
+                for (found, said) in [(length + 1, longer), (length - 1, shorter)] {
+                    assert!(said.contains(&format!("found {found} numbers, expected {length}")), "{said}");
+                }
+                lists += 1;
+            }
+            assert!(lists >= 7, "a case has the arm's lists and those of motions, not {lists}");
+        }
+    }
 }

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use robot_node::StartOutOfReach;
 use robot_node::quality::RatingExceeded;
 
+use crate::records::agreement::Altered;
 use crate::records::not_ready::NotReady;
 use crate::records::occupied::Occupied;
 
@@ -19,7 +20,8 @@ pub enum Exit {
     Usage = 2,
     /// A figure differs from its baseline by more than its tolerance. Reserved for the gate.
     TimingRegression = 3,
-    /// A repetition failed, where earlier ones are saved, or the run's own faults kept it from beginning.
+    /// A repetition failed, where earlier ones are saved, the run's own faults kept it from beginning, or a saved figure of
+    /// a run was changed.
     RunFailed = 4,
     /// This computer or this user lacks what real mode needs, or no node answers.
     EnvironmentUnusable = 5,
@@ -63,6 +65,12 @@ impl Failure {
     pub fn new(exit: Exit, error: impl Into<anyhow::Error>) -> Self {
         Self { exit, error: error.into() }
     }
+
+    /// Creates the failure of reading a run directory: changed figures are the run's, anything else is the user's.
+    pub fn of_saved_run(error: anyhow::Error) -> Self {
+        let exit = if error.is::<Altered>() { Exit::RunFailed } else { Exit::Usage };
+        Self { exit, error }
+    }
 }
 
 /// The user can correct an error in a setup.
@@ -92,7 +100,7 @@ impl From<anyhow::Error> for Failure {
             Exit::RatingExceeded
         } else if is_of_user {
             Exit::Usage
-        } else if error.is::<plc_node::Failure>() {
+        } else if error.is::<plc_node::Failure>() || error.is::<Altered>() {
             Exit::RunFailed
         } else {
             Exit::Internal

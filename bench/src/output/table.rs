@@ -131,24 +131,29 @@ pub(super) fn cyclic_frames(bus: &Frames) -> String {
     text + "."
 }
 
-/// Returns which images were altered on the way, and whose images nothing protects against that.
+/// Returns which images were altered on the way or old, and whose images nothing protects against an alteration.
 fn images(images: &Images) -> Option<String> {
-    let Images { plc_altered, robot_altered, plc_unchecked, robot_unchecked } = *images;
-    let mut text = String::new();
+    let Images { plc_altered, robot_altered, plc_unchecked, robot_unchecked, plc_outdated, robot_outdated } =
+        *images;
+    let mut sentences = Vec::new();
     if plc_altered + robot_altered > 0 {
-        text = format!(
+        sentences.push(format!(
             "Images altered on the way, and refused by their check: {plc_altered} to the robot, {robot_altered} to the PLC."
-        );
+        ));
+    }
+    if plc_outdated + robot_outdated > 0 {
+        sentences.push(format!(
+            "Old images, refused by their life counter: {plc_outdated} to the robot, {robot_outdated} to the PLC."
+        ));
     }
     for (whose, unchecked) in [("PLC", plc_unchecked), ("robot", robot_unchecked)] {
         if unchecked > 0 {
-            let separator = if text.is_empty() { "" } else { " " };
-            text += &format!(
-                "{separator}No check was given in {unchecked} images of the {whose}: an altered byte in these would not show."
-            );
+            sentences.push(format!(
+                "No check was given in {unchecked} images of the {whose}: an altered byte in these would not show."
+            ));
         }
     }
-    (!text.is_empty()).then_some(text)
+    (!sentences.is_empty()).then(|| sentences.join(" "))
 }
 
 /// Returns which repetitions the host disturbed, and the figures without them.

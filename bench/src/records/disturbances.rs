@@ -31,7 +31,7 @@ impl MissedCycles {
     }
 }
 
-/// Received images with a wrong check, or without one.
+/// Received images with a wrong check, without one, or with the life counter of an old one.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Images {
@@ -43,6 +43,12 @@ pub struct Images {
     pub plc_unchecked: u64,
     /// Images of the robot without a check.
     pub robot_unchecked: u64,
+    /// Images of the PLC that the robot refused, because their life counter showed that they are old.
+    #[serde(default)]
+    pub plc_outdated: u64,
+    /// Images of the robot that the PLC refused, because their life counter showed that they are old.
+    #[serde(default)]
+    pub robot_outdated: u64,
 }
 
 impl Images {
@@ -53,6 +59,8 @@ impl Images {
             robot_altered: plc.altered,
             plc_unchecked: robot.unchecked,
             robot_unchecked: plc.unchecked,
+            plc_outdated: robot.outdated,
+            robot_outdated: plc.outdated,
         }
     }
 }

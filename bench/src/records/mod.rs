@@ -20,16 +20,20 @@
 //! host           the computer of a run
 //! listening      the sockets that nodes and benches hold open for others
 //! counted        a number with the noun that it counts
+//! digest         the digests of what is saved; agreement: whether saved figures agree with the samples;
+//!                sample_rows: samples.csv, read back
 //! run_directory  the files of a measurement; occupied: the directories that no verb writes into;
 //!                replacement: files that are replaced as a whole
 //! ```
 
+pub mod agreement;
 pub mod arms;
 pub mod attached;
 pub mod calibrated;
 pub mod comparable;
 pub mod conditions;
 pub(crate) mod counted;
+pub mod digest;
 pub mod distance;
 pub mod disturbances;
 pub mod faults;
@@ -48,6 +52,7 @@ pub mod ratio;
 pub mod replacement;
 pub mod results;
 pub mod run_directory;
+mod sample_rows;
 pub mod schedule;
 pub mod statistics;
 pub mod trace;

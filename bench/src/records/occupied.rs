@@ -25,8 +25,8 @@ pub const RUN: Files<'static> = Files {
     ],
 };
 
-/// The file of a run that tells its directory from others.
-const SAMPLES: &str = "samples.csv";
+/// The samples of a run. This file tells its directory from others.
+pub const SAMPLES: &str = "samples.csv";
 
 /// The files that a verb writes into its directory.
 #[derive(Clone, Copy, Debug)]

@@ -12,6 +12,7 @@ use crate::records::arms::Arms;
 use crate::records::attached::Attached;
 use crate::records::calibrated::Calibrated;
 use crate::records::conditions::{Health, Measured};
+use crate::records::digest::Digests;
 use crate::records::disturbances::{Images, MissedCycles};
 use crate::records::faults::FaultReport;
 use crate::records::lateness::CycleLateness;
@@ -88,6 +89,10 @@ pub struct Results {
     /// Injected faults and their result; absent without faults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub faults: Option<FaultReport>,
+    /// First 64 bits of the SHA-256 of each value above, of `setup.toml` and of `application.toml`: they show accidental changes.
+    /// Absent in a run of an older version.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub digests: Option<Digests>,
 }
 
 /// Progress of a run, or how it ended.
@@ -261,6 +266,7 @@ impl Results {
             cyclic_allocations: None,
             repeated: 0,
             faults: None,
+            digests: None,
         }
     }
 
@@ -284,13 +290,20 @@ impl Results {
         result.robot_samples_ms.push(millis(measured.execution.robot_execution_ns));
         result.blends_suppressed.push(measured.execution.blends_suppressed);
         result.missed_cycles.push(MissedCycles::of(&measured.interference));
-        if let Some(AetMad { aet_ms, mad_ms }) = aet_mad(&result.samples_ms) {
-            (result.aet_ms, result.mad_ms) = (Some(aet_ms), Some(mad_ms));
+        self.derive_figures();
+        Ok(())
+    }
+
+    /// Computes AET, MAD and AETi from the samples.
+    pub fn derive_figures(&mut self) {
+        for execution_type in ExecutionType::ALL {
+            let Some(result) = self.results.entry(execution_type) else { continue };
+            let figure = aet_mad(&result.samples_ms);
+            (result.aet_ms, result.mad_ms) = figure.map(|it| (it.aet_ms, it.mad_ms)).unzip();
         }
         let aet = |execution_type| self.results.get(execution_type).and_then(|result| result.aet_ms);
         self.aet_improvement =
             aet(ExecutionType::Sm).zip(aet(ExecutionType::Cm)).map(|(sm, cm)| aet_improvement(sm, cm));
-        Ok(())
     }
 
     /// Adds a failed repetition.
@@ -344,14 +357,29 @@ impl Results {
         self.overrides.iter().fold(seed, |text, overrides| format!("{text}{separator}override {overrides}"))
     }
 
-    /// Returns the results as JSON, with a newline at the end.
+    /// Returns whether an older version wrote them, without digests.
+    #[must_use]
+    pub const fn is_of_older_version(&self) -> bool {
+        self.digests.is_none()
+    }
+
+    /// Returns the results as JSON, with a newline at the end, and with the digests of their values if they have those of
+    /// the files beside them.
     pub fn to_json(&self) -> serde_json::Result<String> {
-        serde_json::to_string_pretty(self).map(|json| json + "\n")
+        let sealed = match &self.digests {
+            None => None,
+            Some(digests) => {
+                // What a reader will find.
+                let written = serde_json::from_str(&serde_json::to_string(self)?)?;
+                Some(Self { digests: Some(digests.with_values(&written)), ..self.clone() })
+            }
+        };
+        serde_json::to_string_pretty(sealed.as_ref().unwrap_or(self)).map(|json| json + "\n")
     }
 }
 
-/// Samples are whole nanoseconds, and a number in milliseconds represents them exactly up to hours.
-fn aet_mad(samples_ms: &[f64]) -> Option<AetMad> {
+/// Computes AET and MAD of samples. Samples are whole nanoseconds, and a number in milliseconds represents them exactly up to hours.
+pub(super) fn aet_mad(samples_ms: &[f64]) -> Option<AetMad> {
     let nanos = |millis: &f64| std::time::Duration::from_nanos((millis * 1e6).round() as u64);
     AetMad::of(samples_ms.iter().map(nanos))
 }

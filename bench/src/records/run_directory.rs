@@ -19,9 +19,12 @@ use std::time::SystemTime;
 use anyhow::{Context, anyhow};
 use setup::Setup;
 
+use crate::records::agreement::{self, Altered};
 use crate::records::conditions::Measured;
+use crate::records::counted::counted;
+use crate::records::digest::Digests;
 use crate::records::host::date;
-use crate::records::occupied::{self, Files, Occupied, holds_run};
+use crate::records::occupied::{self, Files, Occupied, SAMPLES, holds_run};
 use crate::records::replacement::check_writable;
 pub use crate::records::replacement::{Durability, check_replaceable, replace};
 use crate::records::results::{Results, SCHEMA_VERSION};
@@ -41,6 +44,8 @@ pub struct RunDirectory {
     /// Length of the completely written samples, in bytes.
     samples_len: u64,
     durability: Durability,
+    /// Those of the files that say what is run.
+    digests: Digests,
 }
 
 impl RunDirectory {
@@ -57,15 +62,18 @@ impl RunDirectory {
         fs::create_dir_all(path).with_context(|| {
             format!("cannot make the run directory {}; choose another by --out", path.display())
         })?;
-        let samples_path = path.join("samples.csv");
-        let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
-        let samples = samples.with_context(|| format!("cannot write {}", samples_path.display()))?;
-        let mut directory = Self { path: path.to_owned(), is_own, samples, samples_len: 0, durability };
-        directory.append(SAMPLES_HEAD)?;
         let mut setup = setup.clone();
         setup.application = "application.toml".to_owned();
-        directory.write("setup.toml", &setup::setup_to_toml(&setup)?)?;
-        directory.write("application.toml", application)?;
+        let setup = setup::setup_to_toml(&setup)?;
+        let inputs = [("setup.toml", setup.as_str()), ("application.toml", application)];
+        let samples_path = path.join(SAMPLES);
+        let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
+        let samples = samples.with_context(|| format!("cannot write {}", samples_path.display()))?;
+        let digests = Digests::of_files(&inputs);
+        let path = path.to_owned();
+        let mut directory = Self { path, is_own, samples, samples_len: 0, durability, digests };
+        directory.append(SAMPLES_HEAD)?;
+        inputs.iter().try_for_each(|(name, text)| directory.write(name, text))?;
         Ok(directory)
     }
 
@@ -77,7 +85,7 @@ impl RunDirectory {
         };
         let is = |entry: &fs::DirEntry, names: &[&str]| names.iter().any(|name| entry.file_name() == *name);
         let is_empty = |entry: &fs::DirEntry| entry.metadata().is_ok_and(|found| found.len() == 0);
-        let described = ["samples.csv", "setup.toml", "application.toml", "host.json", "results.json"];
+        let described = [SAMPLES, "setup.toml", "application.toml", "host.json", "results.json"];
         let (of_run, others): (Vec<_>, Vec<_>) =
             entries.iter().partition(|entry| is(entry, occupied::RUN.results));
         // A node that recorded nothing leaves an empty file.
@@ -110,7 +118,13 @@ impl RunDirectory {
         } else {
             self.samples_len += line.len() as u64;
         }
-        saved.with_context(|| format!("cannot write {}", self.path.join("samples.csv").display()))
+        saved.with_context(|| format!("cannot write {}", self.path.join(SAMPLES).display()))
+    }
+
+    /// Returns the digests of the setup and of the application, for the results.
+    #[must_use]
+    pub const fn digests(&self) -> &Digests {
+        &self.digests
     }
 
     /// Returns its path.
@@ -124,7 +138,8 @@ impl RunDirectory {
         self.write("host.json", json)
     }
 
-    /// Writes a finished or failed repetition and the results so far.
+    /// Writes a finished or failed repetition and the results so far, in this order: a run that is killed between the two has
+    /// one line more than results, and is read as far as its results go.
     pub fn save(
         &mut self,
         step: &Step,
@@ -141,18 +156,22 @@ impl RunDirectory {
     }
 }
 
-/// Reads the results of a run directory.
+/// Reads the results of a run directory, and checks that they agree with everything that is saved of the run.
 ///
 /// # Errors
 ///
-/// There are none, or they have another version.
+/// There are none, they have another version, or a saved figure was changed: [`Altered`].
 pub fn results(directory: &Path) -> anyhow::Result<Results> {
     let path = directory.join("results.json");
     let text = match fs::read_to_string(&path) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let shown = directory.display();
-            return Err(if holds_run(directory) {
+            let repetitions = repetitions(directory);
+            return Err(if repetitions > 0 {
+                let found = format!("is missing beside {} in {SAMPLES}", counted(repetitions, "repetition"));
+                Altered::new(path, found).into()
+            } else if holds_run(directory) {
                 anyhow!(
                     "the run in {shown} ended before its first repetition did, so there is nothing to report"
                 )
@@ -182,7 +201,16 @@ pub fn results(directory: &Path) -> anyhow::Result<Results> {
         ),
         None => anyhow::bail!("{} has no schema version, so it is no results file", path.display()),
     }
-    serde_json::from_str(&text).with_context(|| format!("{} is broken; run again", path.display()))
+    let results =
+        serde_json::from_str(&text).with_context(|| format!("{} is broken; run again", path.display()))?;
+    agreement::check(directory, &value, &results)?;
+    Ok(results)
+}
+
+/// Returns how many repetitions the samples of a run directory have.
+fn repetitions(directory: &Path) -> usize {
+    // The first line names the columns.
+    fs::read_to_string(directory.join(SAMPLES)).map_or(0, |text| text.lines().skip(1).count())
 }
 
 /// Reads a run directory's description of the computer, key by key; `None` if there is none.

@@ -51,7 +51,7 @@ pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
 fn as_it_was(failure: Failure) -> Failure {
     let Failure { exit, error } = failure;
     let what_to_do = "the run is as it was; name a file that can be written by --out";
-    Failure { exit, error: if exit == Exit::Usage { error } else { error.context(what_to_do) } }
+    Failure { exit, error: if exit == Exit::Internal { error.context(what_to_do) } else { error } }
 }
 
 /// Options of a comparison.

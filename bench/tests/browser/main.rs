@@ -10,6 +10,7 @@ mod race;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use bench::records::results::{Results, Status};
 use devtools::{Browser, Graphics, Screen};
 use serde_json::json;
 
@@ -144,6 +145,28 @@ fn the_pages_of_studies_are_laid_out_on_every_screen() {
     }
 }
 
+/// Makes each execution time of a run 60 ms longer, and interrupts it.
+fn make_slower(run: &Path) {
+    let (samples, path) = (run.join("samples.csv"), run.join("results.json"));
+    let slower = |line: &str| {
+        let mut fields: Vec<_> = line.split(',').map(str::to_owned).collect();
+        if let Ok(millis) = fields[2].parse::<f64>() {
+            fields[2] = (millis + 60.0).to_string();
+        }
+        fields.join(",") + "\n"
+    };
+    let text: String = std::fs::read_to_string(&samples).unwrap().lines().map(slower).collect();
+    std::fs::write(samples, text).unwrap();
+    let mut results: Results = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    let all = &mut results.results;
+    for result in [&mut all.rc, &mut all.sm, &mut all.cm].into_iter().flatten() {
+        result.samples_ms.iter_mut().for_each(|sample| *sample += 60.0);
+    }
+    results.derive_figures();
+    results.status = Status::Interrupted;
+    std::fs::write(path, results.to_json().unwrap()).unwrap();
+}
+
 #[test]
 #[ignore = "needs a Chromium: scripts/dev.sh browser"]
 fn a_history_is_laid_out_on_every_screen_marks_the_change_and_leads_to_the_reports() {
@@ -161,19 +184,7 @@ fn a_history_is_laid_out_on_every_screen_marks_the_change_and_leads_to_the_repor
     std::fs::remove_file(unreported.join("report.html")).unwrap();
     let broken = virtual_run("broken", &["--reps", "1"]);
     std::fs::write(broken.join("results.json"), r#"{"schema_version": 0}"#).unwrap();
-    // Each time of the last run is 60 ms longer.
-    let last = directory.path().join("runs/A run with a long name 3 & <b>/results.json");
-    let mut results: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(&last).unwrap()).unwrap();
-    for key in ["rc", "sm", "cm"] {
-        let result = &mut results["results"][key];
-        for sample in result["samples_ms"].as_array_mut().unwrap() {
-            *sample = json!(sample.as_f64().unwrap() + 60.0);
-        }
-        result["aet_ms"] = json!(result["aet_ms"].as_f64().unwrap() + 60.0);
-    }
-    results["status"] = json!("interrupted");
-    std::fs::write(&last, results.to_string()).unwrap();
+    make_slower(&directory.path().join("runs/A run with a long name 3 & <b>"));
     bench(directory.path(), &["history", "--html", "history.html"]);
     let page = directory.path().join("history.html");
     let mut browser = Browser::new(Graphics::None);

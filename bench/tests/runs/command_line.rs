@@ -59,7 +59,10 @@ fn a_file_in_place_of_a_directory_or_of_a_case_is_refused_with_what_would_do() {
     }
     let case = bench(directory.path(), ["judge", "--case", "file"]);
     assert_eq!(case.code, Some(2), "{}", case.stderr);
-    insta::assert_snapshot!(case.stderr, @"error: file: line 1: missing key `schema`");
+    insta::assert_snapshot!(case.stderr, @"
+    error: file:1: missing key `schema`
+        1 |
+    ");
 }
 
 /// Runs Setup C in virtual mode, with these lines in its section of the bus.

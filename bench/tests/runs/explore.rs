@@ -33,7 +33,7 @@ fn no_single_fault_of_any_kind_lets_an_altered_run_pass_or_keeps_the_next_one_fr
             .filter(|line| line.trim_start().starts_with("CM "))
             .map(|line| line.split_whitespace().collect())
             .collect();
-        assert_eq!(rows.len(), 8, "{said}");
+        assert_eq!(rows.len(), 9, "{said}");
         for row in rows {
             assert_eq!(row[row.len() - 4..], ["0"; 4], "too late, stuck, altered, panicked: {said}");
         }

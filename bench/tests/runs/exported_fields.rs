@@ -19,6 +19,10 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     let value: serde_json::Value = serde_json::from_str(&json).unwrap();
     let mut paths = Vec::new();
     leaves(&value, String::new(), &mut paths);
+    // One for each value, see `Digests`.
+    let (digests, others): (Vec<_>, Vec<_>) = paths.iter().partition(|path| path.starts_with(".digests."));
+    assert!(digests.len() > 20, "{digests:?}");
+    let paths = others.into_iter().cloned().collect::<Vec<_>>();
     insta::assert_snapshot!(paths.join("\n"), @"
     .aet_improvement
     .application
@@ -47,8 +51,10 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     .cycle.robot.p99_us
     .cyclic_allocations
     .images.plc_altered
+    .images.plc_outdated
     .images.plc_unchecked
     .images.robot_altered
+    .images.robot_outdated
     .images.robot_unchecked
     .mode
     .paper.cm.aet_ms

@@ -105,9 +105,11 @@ impl<'a> Reference<'a> {
         match name.unwrap() {
             "array" => {
                 let item = self.kind(&value["items"]);
-                value["maxItems"]
-                    .as_u64()
-                    .map_or_else(|| format!("list of: {item}"), |count| format!("{count} × {item}"))
+                match (value["minItems"].as_u64(), value["maxItems"].as_u64()) {
+                    (Some(least), Some(most)) if least == most => format!("{most} × {item}"),
+                    (Some(least), Some(most)) => format!("{least} to {most} × {item}"),
+                    _ => format!("list of: {item}"),
+                }
             }
             "object" => format!("table; each key a name: {}", self.kind(&value["additionalProperties"])),
             "string" => "text".to_owned(),
@@ -162,7 +164,13 @@ fn misfit(value: &Value, schema: &Value, root: &Value, key: &str) -> Option<Stri
                 })
             })
         }
-        Value::Array(found) => found.iter().find_map(|value| misfit(value, &schema["items"], root, key)),
+        Value::Array(found) => {
+            let length = found.len() as u64;
+            let is_within = schema["minItems"].as_u64().is_none_or(|least| length >= least)
+                && schema["maxItems"].as_u64().is_none_or(|most| length <= most);
+            let of_elements = || found.iter().find_map(|value| misfit(value, &schema["items"], root, key));
+            if is_within { of_elements() } else { Some(key.to_owned()) }
+        }
         _ => None,
     }
 }
@@ -197,6 +205,7 @@ fn every_shipped_file_fits_its_schema_and_a_wrong_key_or_value_does_not() {
     for (from, to, key) in [
         ("scan_cost_us", "scan_costs_us", ".plc.scan_cost_us"),
         ("cycle_us = { value = 4000", "cycle_us = { value = 4000.5", ".robot.cycle_us.value"),
+        ("value = [-132.0, -145.0, 0.0, -355.0]", "value = [-132.0]", ".robot.axes.lower_deg.value"),
         ("kind = \"scara\"", "kind = \"scarab\"", ".robot.kinematics"),
         ("from = \"paper\"", "from = \"papers\"", ".plc.scan_cycle_us.from"),
         ("[motions]", "[motions]\nspeed = 1", ".motions.speed"),

@@ -8,6 +8,7 @@ mod failure;
 mod program;
 
 mod altered_image;
+mod altered_run;
 mod applications;
 mod arguments;
 mod broken_files;
@@ -22,6 +23,7 @@ mod exported_fields;
 mod gate;
 mod kept_files;
 mod key_reference;
+mod list_lengths;
 mod report;
 mod studies;
 mod sweep;

@@ -1,8 +1,10 @@
 //! The report: it has every section whatever happened to the run, loads nothing from elsewhere, and names what cannot
 //! be drawn.
 
+use std::fmt::Write as _;
 use std::path::Path;
 
+use bench::records::disturbances::MissedCycles;
 use bench::records::faults::FaultReport;
 use bench::records::lateness::CycleLateness;
 use bench::records::results::{Results, Status, TypeResult};
@@ -32,10 +34,36 @@ fn redrawn(directory: &Path, change: impl FnOnce(&mut Results)) -> String {
     let path = directory.join("run/results.json");
     let mut results: Results = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
     change(&mut results);
-    std::fs::write(&path, results.to_json().unwrap()).unwrap();
+    store(&directory.join("run"), results);
     let finished = bench(directory, ["report", "run"]);
     assert_eq!((finished.code, finished.stdout.trim()), (Some(0), "run/report.html"), "{}", finished.stderr);
     report(directory)
+}
+
+/// Stores results in a run directory as a run that had measured them would.
+fn store(run: &Path, mut results: Results) {
+    let mut samples =
+        "type,repetition,execution_ms,robot_execution_ms,blends_suppressed,plc_missed,robot_missed,error\n"
+            .to_owned();
+    for execution_type in ExecutionType::ALL {
+        let Some(result) = results.results.entry(execution_type) else { continue };
+        let count = result.samples_ms.len();
+        result.robot_samples_ms.resize(count, 0.0);
+        result.blends_suppressed.resize(count, 0);
+        result.missed_cycles.resize(count, MissedCycles::default());
+        for (index, sample) in result.samples_ms.iter().enumerate() {
+            let (robot, blends) = (result.robot_samples_ms[index], result.blends_suppressed[index]);
+            let MissedCycles { plc, robot: missed, .. } = result.missed_cycles[index];
+            writeln!(samples, "{execution_type},{},{sample},{robot},{blends},{plc},{missed},", index + 1)
+                .unwrap();
+        }
+        for failed in &result.failed {
+            writeln!(samples, "{execution_type},{},,,,,,\"{}\"", failed.repetition, failed.error).unwrap();
+        }
+    }
+    results.derive_figures();
+    std::fs::write(run.join("samples.csv"), samples).unwrap();
+    std::fs::write(run.join("results.json"), results.to_json().unwrap()).unwrap();
 }
 
 /// Returns a section's text.
@@ -104,6 +132,7 @@ fn a_run_leaves_a_report_with_every_section_and_its_figure_in_both_widths() {
 fn with_enough_repetitions_each_figure_has_its_distance_from_the_papers() {
     let directory = a_run();
     let html = redrawn(directory.path(), |results| {
+        results.reps = 9;
         for execution_type in ExecutionType::ALL {
             let samples = results.results.entry(execution_type).as_mut().unwrap();
             let all: Vec<f64> = samples.samples_ms.iter().copied().cycle().take(9).collect();

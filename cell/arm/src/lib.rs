@@ -27,7 +27,7 @@ pub use opw::{Opw, OpwParameters};
 pub use scara::Scara;
 pub use surface::{Surface, contact_force};
 pub use three_parallel::{ThreeParallel, ThreeParallelParameters};
-pub use violation::{LEAST_WAY_MM, Rated, SINGULAR_SHARE, TURN_SHARE, TURNED_OVER_DEG, Violation};
+pub use violation::{Count, LEAST_WAY_MM, Rated, SINGULAR_SHARE, TURN_SHARE, TURNED_OVER_DEG, Violation};
 
 // A file of the tests is also a module of the robot node's tests, and names this crate.
 #[cfg(test)]

@@ -43,6 +43,24 @@ impl fmt::Display for Rated {
     }
 }
 
+/// A count of motions in the command image.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Count {
+    /// All motions of the skill.
+    Total,
+    /// Motions written into the slots so far.
+    Written,
+}
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Total => "`total`",
+            Self::Written => "`written`",
+        })
+    }
+}
+
 /// Why a motion or a skill cannot be run.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 pub enum Violation {
@@ -255,6 +273,14 @@ pub enum Violation {
     Override {
         /// As the PLC wrote it.
         percent: u8,
+    },
+    /// A count of a skill of one motion that is not 1.
+    #[error("{field} is {value}: a skill of one motion needs 1")]
+    NotOneMotion {
+        /// Which count.
+        field: Count,
+        /// As the PLC wrote it.
+        value: u32,
     },
     /// A contact force to be reached, in N.
     #[error("the force is {value_n} N, allowed is above 0 up to {limit_n} N")]

@@ -6,21 +6,9 @@ use crate::refusal::Refusal;
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The setup cannot be used, or no application of that name is there.
+    /// The setup cannot be used, no application of that name is there, or its text does not have the format.
     #[error(transparent)]
     Setup(#[from] setup::Error),
-    /// The text is not what the format wants: file, line, key and what was expected.
-    #[error("{origin}:{line}: {expectation}\n{line:>5} | {text}")]
-    Format {
-        /// The file, or the built-in's name.
-        origin: String,
-        /// Line, from 1.
-        line: usize,
-        /// What was found and what was expected.
-        expectation: String,
-        /// The line as it stands in the file.
-        text: String,
-    },
     /// The text is well formed, but a value makes no sense.
     #[error("{origin}:{line}: {key}: {problem}")]
     Value {
@@ -73,18 +61,6 @@ pub enum Error {
         /// The motion, and how near it comes.
         found: Box<SwingsTooNear>,
     },
-}
-
-impl Error {
-    pub(crate) fn format(origin: &str, text: &str, source: &toml::de::Error) -> Self {
-        let line = line_of(text, source.span().map_or(0, |span| span.start));
-        Self::Format {
-            origin: origin.to_owned(),
-            line,
-            expectation: setup::in_words(source.message()),
-            text: text.lines().nth(line - 1).unwrap_or_default().to_owned(),
-        }
-    }
 }
 
 /// Returns the line that contains a place in a text, counted from 1.

@@ -153,7 +153,8 @@ fn parse(header: &str, text: &str) -> Result<Motion, String> {
     let columns_wanted = header.split(',').count();
     let found = text.split(',').count();
     if found != columns_wanted {
-        return Err(format!("found {found} columns; a motion has {columns_wanted}: {header}"));
+        let advice = if found > columns_wanted { "; write 15.5, not 15,5" } else { "" };
+        return Err(format!("found {found} columns; a motion has {columns_wanted}: {header}{advice}"));
     }
     let mut column = || columns.next().map(|(name, text)| (name, text.trim())).unwrap_or_default();
     let (_, kind) = column();
@@ -334,6 +335,10 @@ mod tests {
         assert_eq!(
             with("1000,0,1,2,35,0,7", "1000"),
             format!("dots.csv:2: found 13 columns; a motion has 19: {COLUMNS}")
+        );
+        assert_eq!(
+            with("180,0,", "179,5,0,"),
+            format!("dots.csv:2: found 20 columns; a motion has 19: {COLUMNS}; write 15.5, not 15,5")
         );
         assert_eq!(
             with("1,2,35", "1,,35"),

@@ -70,7 +70,7 @@ impl Found {
 /// Finds the application that `name` names: one of [`APPLICATIONS`], or a file, its path seen from `directory`.
 ///
 /// # Errors
-/// [`Error::Setup`] where there is none, [`Error::Format`] or [`Error::Value`] where it cannot be read.
+/// [`Error::Setup`] where there is none or where it cannot be read, [`Error::Value`] where a value makes no sense.
 pub fn application(name: &str, directory: Option<&Path>) -> Result<Found, Error> {
     let setup::Text { origin, path, text } = setup::find("application", APPLICATIONS, name, directory)?;
     let application = Application::parse(&origin, &text)?;

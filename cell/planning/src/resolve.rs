@@ -31,9 +31,9 @@ impl Application {
     /// Reads an application from the text of `origin`, a file's path or a built-in's name.
     ///
     /// # Errors
-    /// [`Error::Format`] and [`Error::Value`] name the line, the key and what was expected there.
+    /// [`Error::Setup`] and [`Error::Value`] name the line, the key and what was expected there.
     pub fn parse(origin: &str, text: &str) -> Result<Self, Error> {
-        let file: File = toml::from_str(text).map_err(|source| Error::format(origin, text, &source))?;
+        let file: File = setup::read(origin, text)?;
         Resolver { origin, text, file: &file }.application()
     }
 }

@@ -273,7 +273,9 @@ fn axes(setup: &Setup, joints: usize) -> Check {
         let key = format!("robot.axes.{name}");
         let found = values.value.len();
         if found != joints {
-            return Err(problem(key, format!("{found} values for an arm of {joints} joints")));
+            let advice = if found > joints { "; write 15.0, not 15,0" } else { "" };
+            let text = format!("found {found} numbers, expected {joints}, one for each joint{advice}");
+            return Err(problem(key, text));
         }
         finite(&key, &values.value)?;
         if name.contains("_s") {

@@ -64,6 +64,7 @@ impl From<toml::ser::Error> for Error {
 
 impl Error {
     pub(crate) fn format(origin: &str, text: &str, key: String, source: &toml::de::Error) -> Self {
+        let key = path(&key);
         let span = source.span().unwrap_or_default();
         let before = text.get(..span.start).unwrap_or_default();
         let mut line = before.matches('\n').count() + 1;
@@ -75,8 +76,9 @@ impl Error {
             line,
             text: broken.to_owned()
                 + &mark_in_inline_table(broken, span.end.saturating_sub(start_of_line), &key),
-            key: if key == "." { String::new() } else { key },
-            expectation: in_words(source.message()),
+            expectation: in_words(source.message())
+                + &decimal_comma(source.message(), text.get(span.clone()).unwrap_or_default()),
+            key,
         }
     }
 }
@@ -101,8 +103,7 @@ pub fn control_character(text: &str) -> Option<String> {
 }
 
 /// Returns a message of the TOML parser in the words of the documentation: the parser's own are those of Rust.
-#[must_use]
-pub fn in_words(message: &str) -> String {
+fn in_words(message: &str) -> String {
     const BEGINNINGS: [(&str, &str); 9] = [
         ("unknown field ", "unknown key "),
         ("missing field ", "missing key "),
@@ -114,17 +115,17 @@ pub fn in_words(message: &str) -> String {
         ("invalid type: map", "invalid type: table"),
         ("wanted exactly 1 element, more than 1 element", "invalid table: more than one key, expected one"),
     ];
-    const EXPECTED: [(&str, &str); 9] = [
+    const EXPECTED: [(&str, &str); 6] = [
         ("f64", "a number"),
         ("u8", "an integer, 0 to 255"),
         ("u16", "an integer, 0 to 65535"),
         ("u32", "an integer, 0 to 4294967295"),
         ("u64", "an integer, 0 or more"),
         ("i8", "an integer, -128 to 127"),
-        ("an array of length 2", "a list of 2"),
-        ("an array of length 3", "a list of 3"),
-        ("an array of length 6", "a list of 6"),
     ];
+    if let Some((found, expected)) = lengths(message) {
+        return format!("found {found} numbers, expected {expected}");
+    }
     let begun = BEGINNINGS.iter().find_map(|(theirs, ours)| Some((message.strip_prefix(theirs)?, ours)));
     let message = begun.map_or_else(|| message.to_owned(), |(rest, ours)| format!("{ours}{rest}"));
     let Some((found, expected)) = message.rsplit_once(", expected ") else { return message };
@@ -135,6 +136,43 @@ pub fn in_words(message: &str) -> String {
         Some((kind, number)) => format!("{kind}`{}`, expected {ours}", Figure(number)),
         None => format!("{found}, expected {ours}"),
     }
+}
+
+/// Returns the lengths of a list in a message of the parser, found and expected: all lists of fixed length are of numbers.
+fn lengths(message: &str) -> Option<(usize, usize)> {
+    let (found, expected) = message.strip_prefix("invalid length ")?.split_once(", expected ")?;
+    let expected = expected
+        .strip_prefix("an array of length ")
+        .or_else(|| expected.strip_suffix(" elements in sequence"))?;
+    Some((found.parse().ok()?, expected.parse().ok()?))
+}
+
+/// Returns how the first number with a decimal comma should be written, if a list has too many numbers and its text has one.
+fn decimal_comma(message: &str, list: &str) -> String {
+    match lengths(message) {
+        Some((found, expected)) if found > expected => {
+            list.match_indices(',').find_map(|(at, _)| with_point(list, at)).unwrap_or_default()
+        }
+        _ => String::new(),
+    }
+}
+
+/// Returns the advice for the comma at byte `at`, if it stands between two whole numbers without a space.
+fn with_point(list: &str, at: usize) -> Option<String> {
+    let is_number = |c: char| c.is_ascii_digit() || ['.', '_', '-'].contains(&c);
+    let (before, after) = (list.get(..at)?, list.get(at + 1..)?);
+    let whole = before.get(before.rfind(|c| !is_number(c)).map_or(0, |last| last + 1)..)?;
+    let fraction = after.get(..after.find(|c| !is_number(c)).unwrap_or(after.len()))?;
+    let is_whole = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let fits = is_whole(whole.strip_prefix('-').unwrap_or(whole)) && is_whole(fraction);
+    fits.then(|| format!("; write {whole}.{fraction}, not {whole},{fraction}"))
+}
+
+/// Returns the path of a key as a user would write it; empty if there is none.
+fn path(key: &str) -> String {
+    // What the parser keeps beside a value to know its place.
+    const PLACE: &str = ".$__serde_spanned_private_value";
+    if key == "." { String::new() } else { key.replace(PLACE, "") }
 }
 
 fn in_key(key: &str) -> String {
@@ -173,7 +211,18 @@ fn lines_to_unknown_field(text: &str, line: usize, message: &str) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::in_words;
+    use super::{decimal_comma, in_words};
+
+    #[test]
+    fn the_first_decimal_comma_of_a_list_with_too_many_numbers_is_written_as_it_should_be() {
+        let advice = |list| decimal_comma("invalid length 4, expected an array of length 3", list);
+        assert_eq!(advice("[7, -50,25, 1,5]"), "; write -50.25, not -50,25");
+        assert_eq!(advice("[\n  7,\n  0,5,\n  1,\n]"), "; write 0.5, not 0,5");
+        assert_eq!(advice("[7, 8, 9, 10]"), "");
+        assert_eq!(advice("[7.5,8.5, 9.0, 10.0]"), "", "both are numbers with a point");
+        let short = decimal_comma("invalid length 2, expected an array of length 3", "[7,5]");
+        assert_eq!(short, "", "a list that is too short has no number too many");
+    }
 
     #[test]
     fn the_parsers_messages_have_the_words_of_the_documentation() {
@@ -190,7 +239,8 @@ mod tests {
                 "invalid type: integer `9` as i128, expected f64",
                 "invalid type: integer `9`, expected a number",
             ),
-            ("invalid length 5, expected an array of length 6", "invalid length 5, expected a list of 6"),
+            ("invalid length 5, expected an array of length 6", "found 5 numbers, expected 6"),
+            ("invalid length 9, expected an array of length 3", "found 9 numbers, expected 3"),
             ("unknown field `u8`, expected `a` or `b`", "unknown key `u8`, expected `a` or `b`"),
             ("missing field `from`", "missing key `from`"),
             (

@@ -8,6 +8,8 @@ mod bus_section;
 mod check;
 mod difference;
 mod error;
+mod exact;
+mod kinematics;
 mod load;
 mod model;
 mod peer;
@@ -21,8 +23,8 @@ pub use bus::{
     UnknownCyclic,
 };
 pub use difference::{Difference, text_differences};
-pub use error::{Error, Figure, control_character, in_words};
-pub use load::{SETUPS, Text, built_in, check, find, setup, setup_from_text, setup_with_directory};
+pub use error::{Error, Figure, control_character};
+pub use load::{SETUPS, Text, built_in, check, find, read, setup, setup_from_text, setup_with_directory};
 pub use model::{
     Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Setup, ThreeParallel,
 };

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 
 use crate::check::{Problem, check_setup};
+use crate::exact::Exact;
 use crate::{Error, Setup};
 
 /// Setups compiled in: name and text.
@@ -24,14 +25,14 @@ pub fn setup(name: &str) -> Result<Setup, Error> {
 /// of its file, `None` for a built-in one.
 pub fn setup_with_directory(name: &str) -> Result<(Setup, Option<PathBuf>), Error> {
     let Text { origin, path, text } = find("setup", SETUPS, name, None)?;
-    let setup = parse(&origin, &text)?;
+    let setup = read(&origin, &text)?;
     check_setup(&setup).map_err(|problem| refuse(origin, problem))?;
     Ok((setup, path.as_deref().and_then(Path::parent).map(Path::to_owned)))
 }
 
 /// Reads a setup from its text, which `origin` names in messages, and checks its values.
 pub fn setup_from_text(origin: &str, text: &str) -> Result<Setup, Error> {
-    let setup = parse(origin, text)?;
+    let setup = read(origin, text)?;
     check_setup(&setup).map_err(|problem| refuse(origin.to_owned(), problem))?;
     Ok(setup)
 }
@@ -87,9 +88,14 @@ pub fn find(
     Ok(Text { origin: path.display().to_string(), path: Some(path), text })
 }
 
-pub(crate) fn parse<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, Error> {
+/// Reads a file of a format of ours from its text, which `origin` names in messages. A list of fixed length must have
+/// exactly that length.
+///
+/// # Errors
+/// [`Error::Format`]
+pub fn read<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, Error> {
     let broken = |key: String, source: &toml::de::Error| Error::format(origin, text, key, source);
     let document = toml::Deserializer::parse(text).map_err(|source| broken(String::new(), &source))?;
-    serde_path_to_error::deserialize(document)
+    serde_path_to_error::deserialize(Exact::new(document))
         .map_err(|error| broken(error.path().to_string(), error.inner()))
 }

@@ -163,7 +163,7 @@ pub struct Frame {
 }
 
 /// The arm's geometry.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Kinematics {
@@ -177,7 +177,7 @@ pub enum Kinematics {
 
 /// The parameters of a six-axis arm with a parallel base and a spherical wrist, named as by Brandstötter, Angerer and
 /// Hofbaur (2014).
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Opw {
@@ -204,7 +204,7 @@ pub struct Opw {
 
 /// The parameters of a six-axis arm whose axes 2, 3 and 4 are parallel: the Denavit-Hartenberg ones that Universal Robots
 /// publishes.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ThreeParallel {
@@ -227,7 +227,7 @@ pub struct ThreeParallel {
 }
 
 /// The parameters of a SCARA.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, PartialEq, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Scara {
@@ -245,19 +245,32 @@ pub struct Scara {
 #[serde(deny_unknown_fields)]
 pub struct Axes {
     /// Lowest values, in degrees (mm).
+    #[cfg_attr(test, schemars(with = "Sourced<PerJoint>"))]
     pub lower_deg: Sourced<Vec<f64>>,
     /// Highest values, in degrees (mm).
+    #[cfg_attr(test, schemars(with = "Sourced<PerJoint>"))]
     pub upper_deg: Sourced<Vec<f64>>,
     /// Rated speeds in degrees (mm) per second.
+    #[cfg_attr(test, schemars(with = "Sourced<PerJoint>"))]
     pub speed_deg_s: Sourced<Vec<f64>>,
     /// Rated accelerations in degrees (mm) per second².
+    #[cfg_attr(test, schemars(with = "Sourced<PerJoint>"))]
     pub acceleration_deg_s2: Sourced<Vec<f64>>,
     /// Rated jerks in degrees (mm) per second³.
+    #[cfg_attr(test, schemars(with = "Sourced<PerJoint>"))]
     pub jerk_deg_s3: Sourced<Vec<f64>>,
     /// Position at power-on, in degrees (mm). From there the PLC moves the arm to the application's start. If left out, the
     /// arm stands there already, in the configuration that leaves its joints most room.
+    #[cfg_attr(test, schemars(with = "Option<Sourced<PerJoint>>"))]
     pub home_deg: Option<Sourced<Vec<f64>>>,
 }
+
+/// A number for each joint, as the schema describes it: a SCARA has four joints, the other arms have six.
+#[cfg(test)]
+#[derive(schemars::JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct PerJoint(#[schemars(length(min = 4, max = 6))] Vec<f64>);
 
 /// How the application's motions are programmed on this setup.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]

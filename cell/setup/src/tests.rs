@@ -1,6 +1,5 @@
-use crate::load::parse;
 use crate::{
-    BusKind, EthernetIp, EthernetIpFormat, Profinet, SETUPS, Setup, setup, setup_to_toml,
+    BusKind, EthernetIp, EthernetIpFormat, Profinet, SETUPS, Setup, read as parse, setup, setup_to_toml,
     setup_with_directory,
 };
 
@@ -201,7 +200,7 @@ fn wrong_values_are_refused_with_their_key() {
     DIR/my.toml: `bus.profinet.plc_station_name`: `Skillbench PLC` is not a name of station: lower-case letters, digits and hyphens, in labels of 1 to 63 characters with dots between them, 240 in all, and neither an IP address nor port-001
     DIR/my.toml: `bus.robot_address`: 192.168.65.2 is not in the subnet of 192.168.64.1
     DIR/my.toml: `bus.subnet_mask`: 255.0.255.0 is not a subnet mask
-    DIR/my.toml: `robot.axes.lower_deg`: 3 values for an arm of 4 joints
+    DIR/my.toml: `robot.axes.lower_deg`: found 3 numbers, expected 4, one for each joint
     DIR/my.toml: `robot.axes.upper_deg`: joint 2: the upper limit -145 is not above the lower one -145
     DIR/my.toml: `robot.axes.speed_deg_s`: 0 is not above 0
     DIR/my.toml: `robot.path_acceleration_mm_s2`: inf is not a finite number

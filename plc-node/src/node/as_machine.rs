@@ -16,17 +16,17 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_frame(now, from, frame);
-        self.drain_bus();
+        self.after_bus(now);
     }
 
     fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
         self.bus.handle_broadcast(now, from, frame);
-        self.drain_bus();
+        self.after_bus(now);
     }
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
-        self.drain_bus();
+        self.after_bus(now);
     }
 
     fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
@@ -44,7 +44,7 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
         if self.bus.poll_timeout().is_some_and(|due| due <= now) {
             self.bus.handle_timeout(now);
         }
-        self.drain_bus();
+        self.after_bus(now);
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

@@ -2,10 +2,12 @@
 //!
 //! ```text
 //! as_machine  the PLC as a machine: program and bus by time and frames
+//! inputs      the robot's image: taken over, or refused
 //! run         the way to the start of a run, its scans and its end; readiness in between
 //! ```
 
 mod as_machine;
+mod inputs;
 mod run;
 
 use std::collections::VecDeque;
@@ -13,7 +15,9 @@ use std::collections::VecDeque;
 use machine::{Instant, Lateness};
 use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::image::{Checks, Command, CommandSealer, Digest, FeedbackChecker, IMAGE_LEN, Image, Verdict};
+use protocol::image::{
+    Checks, Command, CommandSealer, Digest, FeedbackChecker, IMAGE_LEN, Image, LifeMonitor,
+};
 
 use crate::motion_source::Digested;
 use crate::readiness::Readiness;
@@ -23,9 +27,6 @@ use crate::{
     AxesGroup, ExecutionType, FailureCause, MotionSource, Override, OverrideSchedule, PlcConfig, PlcEvent,
     Sample, Scan, StartError,
 };
-
-/// Number of scans that is longer than any robot cycle: then the robot's image should have changed.
-const STILL: u32 = 20;
 
 /// Capacity for events: more than one handler can cause; the owner drains them after each.
 const EVENTS: usize = 16;
@@ -51,7 +52,7 @@ pub struct PlcNode<B> {
     connected: bool,
     /// Whether the owner knows that the robot marks its data as bad.
     image_bad: bool,
-    /// Frames received when the robot's image had not changed for [`STILL`] scans.
+    /// Frames received when the robot's image had not changed for [`STILL`](inputs::STILL) scans.
     received_still: u64,
     mode: Mode,
     readiness: Readiness,
@@ -61,7 +62,10 @@ pub struct PlcNode<B> {
     /// The image that the group's feedback was read from: a robot that is slower than the scan repeats it.
     inputs: Image,
     checker: FeedbackChecker,
-    /// Images refused when the robot's image had not changed for [`STILL`] scans.
+    life: LifeMonitor,
+    /// Since when all images were refused as outdated; `None` while they are not.
+    outdated_since: Option<Instant>,
+    /// Images refused when the robot's image had not changed for [`STILL`](inputs::STILL) scans.
     altered_still: u64,
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
     outputs: Image,
@@ -133,6 +137,8 @@ impl<B: Fieldbus> PlcNode<B> {
             overrides: None,
             inputs: [0; IMAGE_LEN],
             checker: FeedbackChecker::default(),
+            life: LifeMonitor::new(config.robot_cycle),
+            outdated_since: None,
             altered_still: 0,
             outputs: [0; IMAGE_LEN],
             sealer: CommandSealer::default(),
@@ -202,10 +208,11 @@ impl<B: Fieldbus> PlcNode<B> {
         self.scan.lateness()
     }
 
-    /// Returns the numbers of images by the results of their checks.
+    /// Returns the numbers of images by the results of their checks, and of outdated ones.
     #[must_use]
     pub const fn checks(&self) -> Checks {
-        self.checker.checks()
+        let Checks { altered, unchecked, .. } = self.checker.checks();
+        Checks { altered, unchecked, outdated: self.life.outdated() }
     }
 
     /// Returns the digest of the motions that this run, or the last one, took from their source: with SM and CM those
@@ -257,7 +264,7 @@ impl<B: Fieldbus> PlcNode<B> {
     /// Runs one scan: inputs, program, outputs.
     fn scan(&mut self, now: Instant) {
         self.scans += 1;
-        self.read_inputs();
+        self.read_inputs(now);
         if let Some(cause) = self.trouble() {
             self.fail(cause);
         }
@@ -277,43 +284,6 @@ impl<B: Fieldbus> PlcNode<B> {
         self.emit();
     }
 
-    /// Takes over the robot's image; none without a connection.
-    fn read_inputs(&mut self) {
-        let image = self.bus.input().filter(|_| self.connected);
-        let is_bad = self.connected && image.is_none();
-        if core::mem::replace(&mut self.image_bad, is_bad) != is_bad && self.connected {
-            self.push(if is_bad { PlcEvent::ImageBad } else { PlcEvent::ImageGood });
-        }
-        match image {
-            Some(image) if self.inputs == image && self.group.feedback().is_some() => {
-                self.group.read_again();
-            }
-            Some(image) => self.take_over(image),
-            None => {
-                self.checker.disconnect();
-                self.group.read(None);
-            }
-        }
-        if self.group.still_scans() == STILL {
-            self.received_still = self.bus.counters().received;
-            self.altered_still = self.checker.checks().altered;
-        }
-    }
-
-    /// Takes over a new image of the robot. One that was altered on the way is refused: the one before stands, as if the frame
-    /// had been lost.
-    fn take_over(&mut self, image: Image) {
-        let order = self.bus.byte_order();
-        match (self.checker.verify(order, &image), self.group.feedback()) {
-            (Verdict::Altered, Some(_)) => self.group.read_again(),
-            (Verdict::Altered, None) => self.group.read(None),
-            (Verdict::Intact | Verdict::Unchecked, _) => {
-                self.inputs = image;
-                self.group.read(order.parse_feedback(&image).ok());
-            }
-        }
-    }
-
     /// Computes the output image. The slots take most of the time, and they change only with a new command or with
     /// motions written.
     fn emit(&mut self) {
@@ -329,23 +299,10 @@ impl<B: Fieldbus> PlcNode<B> {
         self.sealer.seal(order, &mut self.outputs);
     }
 
-    /// Returns the trouble that makes every run impossible, whatever its blocks find.
-    fn trouble(&self) -> Option<FailureCause> {
-        if self.group.feedback().is_none() {
-            return Some(FailureCause::NoImage);
-        }
-        if !self.group.is_silent() {
-            return None;
-        }
-        let scans = self.group.still_scans();
-        let is_heard = self.bus.counters().received > self.received_still;
-        Some(if self.checker.checks().altered > self.altered_still {
-            FailureCause::RobotAltered { scans }
-        } else if is_heard {
-            FailureCause::RobotSilent { scans }
-        } else {
-            FailureCause::RobotUnheard { scans }
-        })
+    /// Handles what the bus has received and reported.
+    fn after_bus(&mut self, now: Instant) {
+        self.life.note_arrival(now, self.bus.counters().received);
+        self.drain_bus();
     }
 
     /// Passes on the events of the bus. A lost connection fails a run at once, not with the next scan.
@@ -369,6 +326,7 @@ impl<B: Fieldbus> PlcNode<B> {
     /// Removes every command from the image, because the bus repeats its last image on the next connection.
     fn disarm(&mut self) {
         self.connected = false;
+        self.forget_images();
         self.mode = Mode::Preparing;
         self.readiness = Readiness::default();
         self.start_not_reached = false;

@@ -14,6 +14,8 @@ pub enum PlcMessage {
     ImageBad,
     /// The robot marks its data as good again.
     ImageGood,
+    /// The robot's life counter has never moved on this connection.
+    LifeStill,
     /// The arm does not stand where a run starts and is moved there.
     MovingToStart,
     /// The robot is connected and ready, and the arm where a run starts: a run may start.
@@ -51,6 +53,10 @@ impl fmt::Display for PlcMessage {
                  another controller",
             ),
             Self::ImageGood => f.write_str("the robot marks its data as good again"),
+            Self::LifeStill => f.write_str(
+                "warning: the robot's life counter does not move, so no run can start: look at its node; it adds 1 in each \
+                 cycle",
+            ),
             Self::MovingToStart => f.write_str("moving the arm to the application's start"),
             Self::Ready => f.write_str("robot ready"),
             Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
@@ -129,6 +135,7 @@ pub(super) fn message(event: &PlcEvent) -> Option<PlcMessage> {
         PlcEvent::Link(_) => return None,
         PlcEvent::ImageBad => PlcMessage::ImageBad,
         PlcEvent::ImageGood => PlcMessage::ImageGood,
+        PlcEvent::LifeStill => PlcMessage::LifeStill,
         PlcEvent::MovingToStart => PlcMessage::MovingToStart,
         PlcEvent::Ready => PlcMessage::Ready,
         PlcEvent::Started { execution_type, at, after } => {

@@ -84,6 +84,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for St
             PlcEvent::Link(_)
             | PlcEvent::ImageBad
             | PlcEvent::ImageGood
+            | PlcEvent::LifeStill
             | PlcEvent::MovingToStart
             | PlcEvent::Started { .. }
             | PlcEvent::Finished(_) => Next::Wait,

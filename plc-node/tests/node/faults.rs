@@ -6,7 +6,7 @@ use plc_node::{FailureCause, PlcEvent, PlcNode, StartError};
 use protocol::direct::Direct;
 use protocol::fieldbus::DownCause;
 use protocol::image::{Control, ErrorNumber, Finding};
-use virtual_time::Side;
+use virtual_time::{Event, Side};
 
 use crate::scripted::{
     BUS, Cell, Fault, Phases, WATCHDOG, cell, cell_with_watchdog, config, motions, pause, run,
@@ -135,6 +135,45 @@ fn images_of_the_robot_that_are_all_altered_fail_the_run_and_are_called_so() {
     assert_eq!(failure.cause, FailureCause::RobotAltered { scans: 50 });
     assert!(failure.to_string().contains("wrong check"), "{failure}");
     assert!(cell.a().checks().altered > 0 && cell.a().checks().unchecked > 0);
+}
+
+#[test]
+fn old_images_of_the_robot_are_refused_and_the_run_goes_on() {
+    for execution_type in ExecutionType::ALL {
+        for images in [1, 3, 9] {
+            let mut cell = ready_cell(Fault::Old { at: 2, images });
+            assert_eq!(run(&mut cell, execution_type).motions, 13, "{execution_type}, {images}");
+            assert_eq!(cell.a().checks().outdated, u64::from(images));
+            works_again(&mut cell);
+        }
+    }
+}
+
+#[test]
+fn images_of_the_robot_that_are_all_old_fail_the_run_and_then_set_a_new_start() {
+    let mut cell = ready_cell(Fault::Old { at: 2, images: u32::MAX });
+    let failure = run_to_failure(&mut cell, Cm);
+    assert_eq!(failure.cause, FailureCause::RobotOutdated { scans: 50 });
+    assert!(failure.to_string().contains("`robot.cycle_us` is not the robot's cycle"), "{failure}");
+    works_again(&mut cell);
+}
+
+#[test]
+fn a_robot_whose_life_counter_never_moves_is_named_once_for_each_connection() {
+    let mut cell = cell(13);
+    cell.command_b(|robot, _| robot.fault = Fault::LifeStandsStill { at: 0 });
+    let named = |cell: &mut Cell| {
+        let until = cell.now() + Duration::from_secs(4);
+        core::iter::from_fn(|| cell.next_event(until))
+            .filter(|event| matches!(event, Event::A(PlcEvent::LifeStill)))
+            .count()
+    };
+    assert_eq!(named(&mut cell), 1);
+    assert_eq!(named(&mut cell), 0);
+    cell.set_cut(true);
+    pause(&mut cell, Duration::from_millis(100));
+    cell.set_cut(false);
+    assert_eq!(named(&mut cell), 1);
 }
 
 #[test]

@@ -36,6 +36,11 @@ pub(crate) enum Fault {
     Altered {
         at: u32,
     },
+    /// From this motion on so many of its images are those of two seconds before, when it was executing nothing.
+    Old {
+        at: u32,
+        images: u32,
+    },
     /// It never takes a command up.
     Deaf,
     /// It sees a reset and does not follow.
@@ -225,6 +230,15 @@ impl Machine for ScriptedRobot {
             self.tick(now);
             let mut image = [0; IMAGE_LEN];
             self.feedback.emit::<BigEndian>(&mut image);
+            if let Fault::Old { at, images } = &mut self.fault
+                && self.executed_in_all >= *at
+                && *images > 0
+            {
+                *images -= 1;
+                let life = self.feedback.life.wrapping_sub(511);
+                let (state, status) = (State::Ready, Status::AT_REST | Status::ENABLED);
+                Feedback { life, state, status, ..Feedback::default() }.emit::<BigEndian>(&mut image);
+            }
             if let Fault::Altered { at } = self.fault {
                 FeedbackSealer::default().seal(Order::BigEndian, &mut image);
                 image[45] ^= u8::from(self.executed_in_all >= at);
@@ -279,6 +293,7 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
         scan_cost: COST,
         answer_timeout: Duration::from_millis(200),
         silent_timeout: Duration::from_millis(50),
+        robot_cycle: ROBOT,
         queue_depth: 5,
         program: 1,
         motions: Box::new(MotionList::from(motions)),

@@ -159,13 +159,15 @@ pub enum Verdict {
     Altered,
 }
 
-/// Received images by what their checks said.
+/// Received images by what their checks and life counters said.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Checks {
     /// Images that were refused because a byte was altered.
     pub altered: u64,
     /// Images without a check.
     pub unchecked: u64,
+    /// Images that were refused because of their age: [`LifeMonitor`](super::LifeMonitor) counts them.
+    pub outdated: u64,
 }
 
 /// Verifies the checks of received images. `AT` is where they begin.
@@ -301,7 +303,7 @@ mod tests {
         let good = sealed::<COMMAND_CHECK>(Order::BigEndian, &plain);
         assert_eq!(checker.verify(Order::BigEndian, &good), Verdict::Intact);
         assert_eq!(checker.verify(Order::BigEndian, &plain), Verdict::Altered);
-        assert_eq!(checker.checks(), Checks { altered: 1, unchecked: 1 });
+        assert_eq!(checker.checks(), Checks { altered: 1, unchecked: 1, outdated: 0 });
         checker.disconnect();
         assert_eq!(checker.verify(Order::BigEndian, &plain), Verdict::Unchecked);
     }
@@ -312,7 +314,7 @@ mod tests {
         assert_eq!(checker.verify(Order::BigEndian, &[0; IMAGE_LEN]), Verdict::Unchecked);
         assert_eq!(checker.checks(), Checks::default());
         assert_eq!(checker.verify(Order::BigEndian, &[1; IMAGE_LEN]), Verdict::Altered);
-        assert_eq!(checker.checks(), Checks { altered: 1, unchecked: 0 });
+        assert_eq!(checker.checks(), Checks { altered: 1, ..Checks::default() });
     }
 
     #[test]

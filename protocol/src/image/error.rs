@@ -81,6 +81,10 @@ codes! {
         TurnTooFast = 35,
         /// The contact force swings about the programmed one: the surface is too stiff for the force controller.
         ForceUnsteady = 36,
+        /// A skill of one motion has a `total` or a `written` other than 1.
+        NotOneMotion = 37,
+        /// The life counters of the command images are refused, so that none of them is followed.
+        WrongLifeCounter = 38,
     }
 }
 
@@ -124,6 +128,8 @@ impl fmt::Display for ErrorNumber {
             Self::DrivesLost => "the robot controller lost the connection to its drives",
             Self::TurnTooFast => "the motion turns the tool too far on its way for its velocity",
             Self::ForceUnsteady => "the contact force swings and does not settle",
+            Self::NotOneMotion => "a skill of one motion needs `total` and `written` of 1",
+            Self::WrongLifeCounter => "the life counters of the command images are refused: the images are old, or the PLC counts faster than the robot's setup says",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

@@ -35,6 +35,7 @@ use super::ErrorNumber;
 /// | `ForceDirection` | | angle between force and line in degrees | 0, at most |
 /// | `ForceNotReached` | | found, in N | wanted in N, way along the line in mm |
 /// | `ForceUnsteady` | | highest, in N | wanted in N, stiffest surface that the force controller is set for in N/mm |
+/// | `NotOneMotion` | 1 `total`, 2 `written` | as commanded | 1, 1 |
 /// | `JointSpeed`, `JointAcceleration`, `JointJerk` | joint, from 1 | in degrees (mm) and s | 0, what it is rated for |
 /// | `TurnTooFast` | joint, from 1 | turn of the tool in degrees per s | 0, rated speed of the joint |
 /// | `DriveFault` | axis, from 1 | error code of the drive, object 0x603F of CiA 402 | |
@@ -160,6 +161,10 @@ impl fmt::Display for InWords {
                 f,
                 " (up to {value} N for {lower} N; the force controller is set for surfaces of up to {upper} N/mm)"
             ),
+            ErrorNumber::NotOneMotion => {
+                let field = if index == 1 { "total" } else { "written" };
+                write!(f, " (`{field}` is {value})")
+            }
             ErrorNumber::JointSpeed => finding.write_above_rating(f, "s"),
             ErrorNumber::JointAcceleration => finding.write_above_rating(f, "s²"),
             ErrorNumber::JointJerk => finding.write_above_rating(f, "s³"),

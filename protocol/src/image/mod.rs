@@ -22,6 +22,7 @@ mod digest;
 mod error;
 mod feedback;
 mod finding;
+mod life;
 mod motion;
 mod order;
 
@@ -35,6 +36,7 @@ pub use digest::{Digest, Sum};
 pub use error::ErrorNumber;
 pub use feedback::{Feedback, State, Status};
 pub use finding::{Finding, InWords};
+pub use life::{Age, LifeMonitor};
 pub use motion::{Motion, MotionKind};
 pub use order::Order;
 

@@ -15,8 +15,15 @@ use crate::arm::Violation;
 pub enum RobotEvent {
     /// News of the connection.
     Link(LinkEvent),
-    /// Whether all images of the PLC have wrong checks; reported when this changes.
-    ImagesAltered(bool),
+    /// Whether all images of the PLC are refused; reported when this changes. The end of a connection does not change it.
+    ImagesRefused {
+        /// On what ground.
+        fault: ImageFault,
+        /// Whether they are; otherwise one was accepted again.
+        is_refused: bool,
+    },
+    /// The PLC's life counter has never moved on this connection, although its images arrive.
+    LifeStill,
     /// The drives do not follow the set-points any more.
     DrivesFailed(DriveError),
     /// The state machine changed its state.
@@ -61,6 +68,25 @@ pub enum RobotEvent {
         /// The quantity and its limit.
         cause: Violation,
     },
+}
+
+/// Why all images of the PLC are refused.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum ImageFault {
+    /// Their checks are wrong.
+    Altered,
+    /// Their life counters are those of old images, or too far ahead.
+    Outdated,
+}
+
+impl ImageFault {
+    /// Returns what the feedback image says.
+    pub(super) const fn number(self) -> ErrorNumber {
+        match self {
+            Self::Altered => ErrorNumber::WrongCheck,
+            Self::Outdated => ErrorNumber::WrongLifeCounter,
+        }
+    }
 }
 
 /// How a skill ended.

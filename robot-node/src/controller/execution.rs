@@ -10,7 +10,7 @@ use super::event::Ending;
 use super::program::Programs;
 use super::{HIGHEST_OVERRIDE, press};
 use crate::RobotConfig;
-use crate::arm::{Joints, Violation};
+use crate::arm::{Count, Joints, Violation};
 use crate::motion::Segment;
 
 /// Motions of a program that are checked in one cycle before it starts.
@@ -103,7 +103,15 @@ impl Execution {
             }
             Skill::MoveContinuous => (Source::Slots, command.total),
             Skill::None | Skill::Unknown(_) => return Err(ErrorNumber::UnknownSkill.into()),
-            single => (Source::Single(u8::from(single).into()), command.total.min(1)),
+            single => {
+                // Slot 0 holds the motion of the skill before until `written` says that this one's is there.
+                for (field, value) in [(Count::Total, command.total), (Count::Written, command.written)] {
+                    if value != 1 {
+                        return Err(Violation::NotOneMotion { field, value });
+                    }
+                }
+                (Source::Single(u8::from(single).into()), 1)
+            }
         };
         if total == 0 {
             return Err(ErrorNumber::NoMotions.into());

@@ -41,7 +41,7 @@ use rand_pcg::Pcg64Mcg;
 
 pub use account::Account;
 pub use drives::{DriveError, DrivePower, DriveReport};
-pub use event::{Ending, RobotEvent};
+pub use event::{Ending, ImageFault, RobotEvent};
 use execution::Execution;
 pub use program::Program;
 use program::Programs;
@@ -101,8 +101,10 @@ pub struct Controller {
     factor: f64,
     /// The override in the command image, if it is above 100 %.
     wrong_override: Option<u8>,
-    /// Whether all images of the PLC were altered.
-    images_altered: bool,
+    /// Why all images of the PLC are refused on this connection, if they are.
+    refused_images: Option<ImageFault>,
+    /// The same as the owner knows it: the end of a connection does not change it.
+    reported_images: Option<ImageFault>,
     /// What the drives last reported; `None` for joints that are at once where they are set.
     drives: Option<DriveReport>,
     /// Why the drives did not follow in the last cycle.
@@ -147,7 +149,8 @@ impl Controller {
             hold: false,
             factor: 1.0,
             wrong_override: None,
-            images_altered: false,
+            refused_images: None,
+            reported_images: None,
             drives,
             drive_error: None,
             awaits_drives: false,
@@ -192,10 +195,39 @@ impl Controller {
         self.events.pop_front()
     }
 
-    /// Says whether all images of the PLC have wrong checks, so that none can be followed: the feedback then warns.
-    pub fn set_images_altered(&mut self, altered: bool) {
-        if core::mem::replace(&mut self.images_altered, altered) != altered {
-            self.event(RobotEvent::ImagesAltered(altered));
+    /// Reports that all images of the PLC are refused, so that none can be followed: the feedback then warns.
+    pub fn refuse_images(&mut self, fault: ImageFault) {
+        self.refused_images = Some(fault);
+        self.report_images(Some(fault));
+    }
+
+    /// Returns why all images of the PLC are refused, if they are.
+    #[must_use]
+    pub const fn refused_images(&self) -> Option<ImageFault> {
+        self.refused_images
+    }
+
+    /// Reports that an image of the PLC was accepted.
+    pub fn accept_images(&mut self) {
+        self.refused_images = None;
+        self.report_images(None);
+    }
+
+    /// Forgets on what ground images are refused, since the connection has ended. That is not a recovery: the owner learns of
+    /// one when an image is accepted.
+    pub const fn forget_images(&mut self) {
+        self.refused_images = None;
+    }
+
+    fn report_images(&mut self, fault: Option<ImageFault>) {
+        let before = core::mem::replace(&mut self.reported_images, fault);
+        if before == fault {
+            return;
+        }
+        for (fault, is_refused) in [(before, false), (fault, true)] {
+            if let Some(fault) = fault {
+                self.event(RobotEvent::ImagesRefused { fault, is_refused });
+            }
         }
     }
 

@@ -47,14 +47,15 @@ impl Controller {
             return;
         }
         let wrong = self.wrong_override.map(|percent| Violation::Override { percent });
-        if wrong.is_none() && !self.images_altered && !feedback.status.contains(Status::WARNING) {
+        let refused = self.refused_images;
+        if wrong.is_none() && refused.is_none() && !feedback.status.contains(Status::WARNING) {
             return;
         }
-        feedback.status.set(Status::WARNING, wrong.is_some() || self.images_altered);
-        let (error, finding) = match wrong {
-            _ if self.images_altered => (ErrorNumber::WrongCheck, Finding::NONE),
-            Some(wrong) => (wrong.number(), wrong.finding()),
-            None => (ErrorNumber::None, Finding::NONE),
+        feedback.status.set(Status::WARNING, wrong.is_some() || refused.is_some());
+        let (error, finding) = match (refused, wrong) {
+            (Some(refused), _) => (refused.number(), Finding::NONE),
+            (None, Some(wrong)) => (wrong.number(), wrong.finding()),
+            (None, None) => (ErrorNumber::None, Finding::NONE),
         };
         (feedback.error, feedback.finding) = (error, finding);
     }
@@ -72,6 +73,16 @@ impl Controller {
         let leading = self.interpolator.path().current().map(|segment| (segment.tool, segment.base_inverse));
         let frames = leading.or(pressing.map(|press| (press.tool, press.base_inverse)));
         frames.unwrap_or((self.tool, self.base_inverse))
+    }
+
+    /// Takes over the frames of the motion at whose end the path ended. A motion without a way, or with one shorter than a
+    /// cycle, ends before it was ever the present one.
+    pub(super) fn take_last_frames(&mut self) {
+        let frames = self.interpolator.path().last_frames();
+        if let Some(frames) = frames.filter(|frames| *frames != (self.tool, self.base_inverse)) {
+            (self.tool, self.base_inverse) = frames;
+            self.report_position();
+        }
     }
 
     /// Reports where the joints are, and the pose of the present motion's tool in its base.

@@ -145,6 +145,9 @@ impl Controller {
                 if let Some(motion) = step.suppressed {
                     self.suppressed(execution.executed_before + motion);
                 }
+                if step.ended.is_some() {
+                    self.take_last_frames();
+                }
                 if let (Some(left), None, false) = (step.ended, &self.press, stopping) {
                     self.path_ended(at - Duration::from_secs_f64(left.min(1.0)), execution);
                 }

@@ -16,7 +16,7 @@ use super::piece::{Piece, Spot};
 use super::refinement::Refinement;
 use super::segment::Segment;
 use super::time_scale::TimeScale;
-use crate::arm::{Arm, Joints, Violation};
+use crate::arm::{Arm, Frame, Joints, Violation};
 
 /// Five motions that wait or run, and those whose corner is still being left.
 const CAPACITY: usize = PARTS / 2;
@@ -74,6 +74,8 @@ pub struct Path {
     pub(super) start: Joints,
     pub(super) end: Joints,
     pub(super) left_behind: u32,
+    /// The tool, and the inverse of the base, of the motion at whose end the path ended.
+    last_frames: Option<(Frame, Frame)>,
     /// Room for the nodes of the queue, which are dropped before it.
     _room: Room,
 }
@@ -81,7 +83,9 @@ pub struct Path {
 impl Clone for Path {
     /// A copy has no room of its own: it allocates what it needs. It drives on with the law that there is.
     fn clone(&self) -> Self {
-        let Self { cycle_s, time, spot, braking, factor, scale, start, end, left_behind, .. } = *self;
+        let Self {
+            cycle_s, time, spot, braking, factor, scale, start, end, left_behind, last_frames, ..
+        } = *self;
         let (queue, pieces) = (self.queue.clone(), self.pieces.clone());
         let (law, refinement, _room) = (None, Refinement::none(), Room::none());
         Self {
@@ -98,6 +102,7 @@ impl Clone for Path {
             start,
             end,
             left_behind,
+            last_frames,
             _room,
         }
     }
@@ -121,6 +126,7 @@ impl Path {
             start: joints,
             end: joints,
             left_behind: 0,
+            last_frames: None,
             _room: Room::new(),
         }
     }
@@ -146,6 +152,13 @@ impl Path {
     #[must_use]
     pub fn is_finished(&self) -> bool {
         self.queue.is_empty()
+    }
+
+    /// Returns the tool of the motion that the arm left last, in the flange, and the inverse of its base. The arm may have
+    /// passed that motion within one cycle, so that it was never the present one.
+    #[must_use]
+    pub const fn last_frames(&self) -> Option<(Frame, Frame)> {
+        self.last_frames
     }
 
     /// The motion that the arm is in.
@@ -297,6 +310,7 @@ impl Path {
     fn leave_motion(&mut self) {
         if let Some(left) = self.queue.pop_front() {
             self.start = left.segment.end;
+            self.last_frames = Some((left.segment.tool, left.segment.base_inverse));
         }
         self.left_behind += 1;
     }

@@ -5,11 +5,12 @@ use std::time::Duration;
 use machine::wire::BigEndian;
 use machine::{Instant, Machine, Port, Source};
 use protocol::direct::Direct;
+use protocol::fieldbus::LinkEvent;
 use protocol::image::{
     Command, CommandSealer, Control, ErrorNumber, Feedback, FeedbackChecker, IMAGE_LEN, Image, Order, State,
     Status, Verdict,
 };
-use robot_node::RobotNode;
+use robot_node::{ImageFault, RobotEvent, RobotNode};
 
 use crate::plc;
 
@@ -17,24 +18,38 @@ use crate::plc;
 struct Robot {
     node: RobotNode<Direct>,
     now: Instant,
+    /// What it reported of the PLC's images and of the connection.
+    reports: Vec<RobotEvent>,
 }
 
 impl Robot {
     fn new() -> Self {
         let bus = Direct::new(Instant::ZERO, Duration::from_millis(1), Duration::from_millis(300));
         let programs = vec![(1, plc::application().into())];
-        Self { node: RobotNode::new(plc::config(), programs, bus, 1, Instant::ZERO), now: Instant::ZERO }
+        let node = RobotNode::new(plc::config(), programs, bus, 1, Instant::ZERO);
+        Self { node, now: Instant::ZERO, reports: Vec::new() }
     }
 
     /// Sends this image for so long, and returns the robot's last one.
     fn get(&mut self, image: &Image, ms: u64) -> Feedback {
+        self.get_or_wait(Some(image), ms)
+    }
+
+    /// The same, or sends nothing for so long.
+    fn get_or_wait(&mut self, image: Option<&Image>, ms: u64) -> Feedback {
         let mut sent = [0; 1_500];
         let (mut feedback, mut checker) = (Feedback::default(), FeedbackChecker::default());
         for _ in 0..ms {
             self.now += Duration::from_millis(1);
-            self.node.handle_frame(self.now, Source { port: Port::Ethernet, peer: None }, image);
+            if let Some(image) = image {
+                self.node.handle_frame(self.now, Source { port: Port::Ethernet, peer: None }, image);
+            }
             self.node.handle_timeout(self.now);
-            while self.node.poll_event().is_some() {}
+            while let Some(event) = self.node.poll_event() {
+                if matches!(event, RobotEvent::ImagesRefused { .. } | RobotEvent::Link(_)) {
+                    self.reports.push(event);
+                }
+            }
             while self.node.poll_transmit(self.now, &mut sent).is_some() {
                 let image = sent[..IMAGE_LEN].try_into().unwrap();
                 assert_eq!(checker.verify(Order::BigEndian, &image), Verdict::Intact);
@@ -99,4 +114,28 @@ fn nothing_but_altered_commands_ends_the_skill_and_warns_until_a_good_one_comes(
     assert!(feedback.status.contains(Status::WARNING) && !feedback.status.contains(Status::ENABLED));
     let feedback = robot.get(&idle, 20);
     assert!(feedback.error == ErrorNumber::None && !feedback.status.contains(Status::WARNING));
+}
+
+#[test]
+fn the_end_of_a_connection_is_not_reported_as_a_recovery_and_the_next_good_image_is() {
+    let idle = Command { control: Control::ENABLE, life: 7, ..Command::default() };
+    let (good, refused) =
+        (sealed(&idle), |is_refused| RobotEvent::ImagesRefused { fault: ImageFault::Altered, is_refused });
+    let mut robot = Robot::new();
+    robot.get(&good, 20);
+    robot.get(&flipped(good, 40), 200);
+    let feedback = robot.get_or_wait(None, 400);
+    assert_eq!(feedback.error, ErrorNumber::None, "a connection that has ended refuses nothing");
+    let [RobotEvent::Link(LinkEvent::Up), is_refused, RobotEvent::Link(LinkEvent::Down(_))] =
+        robot.reports[..]
+    else {
+        panic!("{:?}", robot.reports)
+    };
+    assert_eq!(is_refused, refused(true));
+    robot.reports.clear();
+    // The next connection begins with altered images: the first report still holds.
+    robot.get(&flipped(good, 40), 200);
+    assert_eq!(robot.reports, [RobotEvent::Link(LinkEvent::Up)]);
+    robot.get(&good, 20);
+    assert_eq!(robot.reports[1..], [refused(false)]);
 }

@@ -139,6 +139,7 @@ impl Cell {
             let number = plc.command.number + 1;
             plc.command = Command {
                 control: Control::ENABLE | Control::EXECUTE,
+                life: plc.command.life,
                 number,
                 skill,
                 program: 1,

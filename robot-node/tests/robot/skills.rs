@@ -256,6 +256,52 @@ fn a_call_that_makes_no_sense_is_refused() {
 }
 
 #[test]
+fn a_skill_of_one_motion_with_other_counts_is_refused_and_the_slot_of_the_one_before_stays() {
+    let far = ptp(150.0, 60.0, 90.0, 0);
+    for (total, written, index, value) in
+        [(1, 0, 2, 0.0), (1, 2, 2, 2.0), (1, 7, 2, 7.0), (0, 1, 1, 0.0), (2, 1, 1, 2.0), (13, 5, 1, 13.0)]
+    {
+        for skill in [1, 2, 3, 4, 5, 6].map(Skill::from) {
+            let mut cell = Cell::ready(Vec::new());
+            cell.call(Skill::MovePtpCartesian, vec![far]);
+            cell.wait_for_end();
+            let joints = *cell.robot().controller().joints();
+            cell.pair.command_a(|plc, _| {
+                plc.motions.clear();
+                (plc.command.number, plc.command.skill) = (plc.command.number + 1, skill);
+                (plc.command.total, plc.command.written) = (total, written);
+            });
+            cell.wait_for_end();
+            let feedback = *cell.feedback();
+            assert_eq!((feedback.state, feedback.error), (State::Halted, ErrorNumber::NotOneMotion));
+            assert_eq!((feedback.finding.index, feedback.finding.value()), (index, value), "{skill:?}");
+            assert_eq!((feedback.finding.lower(), feedback.finding.upper()), (1.0, 1.0));
+            assert_eq!(*cell.robot().controller().joints(), joints, "{skill:?}: nothing moves");
+        }
+    }
+}
+
+#[test]
+fn a_continuous_motion_never_takes_more_than_is_written_nor_more_than_its_total() {
+    let counts = |total, written| {
+        let mut cell = Cell::ready(Vec::new());
+        cell.call(Skill::MoveContinuous, Vec::new());
+        cell.command(|command| {
+            command.set_slot(0, ptp(0.0, 0.0, 60.0, 0));
+            (command.total, command.written) = (total, written);
+        });
+        cell.run_ms(2_000);
+        let feedback = cell.feedback();
+        (feedback.state, feedback.error, feedback.accepted)
+    };
+    assert_eq!(counts(2, 3), (State::Halted, ErrorNumber::QueueOverrun, 0), "more than its total");
+    assert_eq!(counts(9, 6), (State::Halted, ErrorNumber::QueueOverrun, 0), "more than five ahead");
+    assert_eq!(counts(u32::MAX, u32::MAX), (State::Halted, ErrorNumber::QueueOverrun, 0));
+    assert_eq!(counts(0, 1), (State::Halted, ErrorNumber::NoMotions, 0));
+    assert_eq!(counts(2, 1), (State::Running, ErrorNumber::None, 1), "the second is not written yet");
+}
+
+#[test]
 fn in_halted_a_call_is_refused_and_nothing_moves() {
     let mut cell = Cell::new(application());
     cell.call(Skill::RunProgram, Vec::new());

@@ -40,13 +40,14 @@ class Plc:
 
     def __init__(self, order):
         self.order = order  # ">" on PROFINET, "<" on EtherNet/IP
-        self.life = 0
+        self.start = time.monotonic()
         self.control = ENABLE | RESET
         self.number = 0
 
     def command(self):
         """The next image to the robot."""
-        self.life = (self.life + 1) & 0xFFFF
+        # Scans of one millisecond, however often the bus asks.
+        self.life = int((time.monotonic() - self.start) * 1000) & 0xFFFF
         image = bytearray(LENGTH)
         struct.pack_into(self.order + "HHHBB", image, 0, self.control, self.life, self.number, RUN_PROGRAM, 100)
         struct.pack_into(self.order + "H", image, 16, 1)

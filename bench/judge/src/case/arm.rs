@@ -69,6 +69,18 @@ impl Arm {
         }
     }
 
+    /// Returns the lists that have a number for each joint, with their keys.
+    pub(super) fn lists(&self) -> [(&'static str, &[f64]); 6] {
+        [
+            ("lower_deg", &self.lower_deg),
+            ("upper_deg", &self.upper_deg),
+            ("speed_deg_s", &self.speed_deg_s),
+            ("acceleration_deg_s2", &self.acceleration_deg_s2),
+            ("jerk_deg_s3", &self.jerk_deg_s3),
+            ("home_deg", &self.home_deg),
+        ]
+    }
+
     /// Returns the joints at the start; joints that it lacks are 0.
     #[must_use]
     pub fn home(&self) -> Joints {

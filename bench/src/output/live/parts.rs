@@ -55,6 +55,7 @@ pub(super) fn node(report: &NodeReport) -> Node {
             ("malformed", malformed),
             ("of other connections", foreign),
             ("altered images", report.images.altered),
+            ("outdated images", report.images.outdated),
             ("refused by the kernel", report.send_errors),
         ],
     }

@@ -68,7 +68,7 @@ impl Comparison {
     ///
     /// # Errors
     ///
-    /// A directory contains no run.
+    /// A directory contains no run, or one whose saved figures were changed.
     pub fn load(directories: &[PathBuf]) -> Result<Self, Failure> {
         let runs = directories.iter().map(|path| Run::load(path)).collect::<Result<Vec<_>, _>>()?;
         Ok(Self { columns: columns(&runs), runs })
@@ -166,10 +166,11 @@ fn columns(runs: &[Run]) -> Vec<Column> {
         let commit = run.host("commit").map_or_else(String::new, |commit| format!(", commit {commit}"));
         let incomplete = if run.incomplete().is_some() { ", records incomplete" } else { "" };
         let results = &run.results;
+        let older = if results.is_of_older_version() { ", written by an older version" } else { "" };
         let other = results.no_paper.as_ref();
         let other = other.map_or_else(String::new, |reason| format!("; not the paper's cell: {reason}"));
         let about = format!(
-            "setup {}, {}, {} mode, {}, {}{commit}{ended}{incomplete}{other}",
+            "setup {}, {}, {} mode, {}, {}{commit}{ended}{incomplete}{older}{other}",
             results.setup,
             results.application,
             results.mode,
@@ -257,12 +258,13 @@ mod tests {
     fn keep(place: &Path, name: &str, setup: &Setup, mode: Mode, samples_ms: &[u64]) -> PathBuf {
         let (_, found) = planning::setup_with_application("A").unwrap();
         let path = place.join(name);
-        let directory = RunDirectory::create(&path, setup, &found.text, Durability::Written).unwrap();
+        let mut directory = RunDirectory::create(&path, setup, &found.text, Durability::Written).unwrap();
         let schedule = Schedule::new(&[ExecutionType::Cm], samples_ms.len() as u32, 1);
         let mut results = Results::new(setup, &found.application.name, mode, &schedule);
-        for millis in samples_ms {
+        for (step, millis) in schedule.steps().zip(samples_ms) {
             let measured = Measured::lasting(Duration::from_millis(*millis));
             results.record(ExecutionType::Cm, &measured).unwrap();
+            directory.save(&step, &Ok(measured), &results).unwrap();
         }
         results.status = Status::Complete;
         directory.save_results(&results).unwrap();

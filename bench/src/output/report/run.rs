@@ -6,7 +6,7 @@ use anyhow::Context;
 use planning::Application;
 use setup::Setup;
 
-use crate::output::exit::{Exit, Failure};
+use crate::output::exit::Failure;
 use crate::records::results::Results;
 use crate::records::run_directory;
 use crate::records::schedule::repetitions;
@@ -31,7 +31,7 @@ pub(super) struct Run {
 impl Run {
     /// Reads a run directory. Only the results are required; the report names other missing parts.
     pub(super) fn load(directory: &Path) -> Result<Self, Failure> {
-        let results = run_directory::results(directory).map_err(|error| Failure::new(Exit::Usage, error))?;
+        let results = run_directory::results(directory).map_err(Failure::of_saved_run)?;
         let mut missing = Vec::new();
         let mut or_missing = |error: anyhow::Error| missing.push(format!("{error:#}"));
         let read = |name: &str| {
@@ -85,12 +85,13 @@ impl Run {
     pub(super) fn about(&self) -> String {
         let results = &self.results;
         format!(
-            "Setup {} · {} · {} mode · {} of each type · {}",
+            "Setup {} · {} · {} mode · {} of each type · {}{}",
             results.setup,
             results.application,
             results.mode,
             repetitions(results.reps),
-            results.seed_and_override(" · ")
+            results.seed_and_override(" · "),
+            if results.is_of_older_version() { " · written by an older version" } else { "" }
         )
     }
 

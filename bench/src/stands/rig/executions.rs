@@ -109,6 +109,7 @@ impl Rig {
                 }
                 PlcMessage::ImageBad
                 | PlcMessage::ImageGood
+                | PlcMessage::LifeStill
                 | PlcMessage::MovingToStart
                 | PlcMessage::Ready
                 | PlcMessage::Started { .. }

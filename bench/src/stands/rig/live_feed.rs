@@ -63,7 +63,10 @@ fn forward<M: std::fmt::Display>(
 /// Returns whether a message of the PLC is an alarm; `None` if it is of no interest.
 const fn is_alarm_of_plc(message: &PlcMessage) -> Option<bool> {
     match message {
-        PlcMessage::ImageBad | PlcMessage::Failed { .. } | PlcMessage::Refused { .. } => Some(true),
+        PlcMessage::ImageBad
+        | PlcMessage::LifeStill
+        | PlcMessage::Failed { .. }
+        | PlcMessage::Refused { .. } => Some(true),
         PlcMessage::ImageGood => Some(false),
         PlcMessage::MovingToStart
         | PlcMessage::Ready
@@ -75,10 +78,13 @@ const fn is_alarm_of_plc(message: &PlcMessage) -> Option<bool> {
 /// Returns whether a message of the robot is an alarm; `None` if it is of no interest.
 const fn is_alarm_of_robot(message: &RobotMessage) -> Option<bool> {
     match message {
-        RobotMessage::ImagesAltered(is_altered) => Some(*is_altered),
-        RobotMessage::DrivesFailed(_) | RobotMessage::Trouble { .. } | RobotMessage::Refused { .. } => {
-            Some(true)
+        RobotMessage::ImagesAltered(is_refused) | RobotMessage::ImagesOutdated(is_refused) => {
+            Some(*is_refused)
         }
+        RobotMessage::LifeStill
+        | RobotMessage::DrivesFailed(_)
+        | RobotMessage::Trouble { .. }
+        | RobotMessage::Refused { .. } => Some(true),
         RobotMessage::Executed { .. } => None,
     }
 }

@@ -12,6 +12,8 @@
 mod changes;
 mod new_nodes;
 mod nodes;
+#[cfg(test)]
+mod old_frames;
 mod phases;
 mod reaction;
 mod watch;

@@ -91,7 +91,7 @@ fn frame(tapped: &Tapped<'_>) -> Frame {
 
 /// Both nodes on a cable, and the changes that the faults make.
 pub(crate) struct Nodes {
-    pair: VirtualCell,
+    pub(super) pair: VirtualCell,
     /// IP addresses that the sides had at the start.
     addresses: [Option<Ipv4Addr>; 2],
     faults: Vec<Fault>,
@@ -307,6 +307,7 @@ impl Nodes {
                 PlcEvent::Link(_)
                 | PlcEvent::ImageBad
                 | PlcEvent::ImageGood
+                | PlcEvent::LifeStill
                 | PlcEvent::MovingToStart
                 | PlcEvent::Started { .. } => {}
             }

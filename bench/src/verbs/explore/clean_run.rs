@@ -12,7 +12,7 @@ use super::fault::{Injected, Lengths};
 use crate::records::conditions::Measured;
 use crate::records::faults::Fault;
 use crate::records::mode::Mode;
-use crate::records::schedule::{Schedule, Step};
+use crate::records::schedule::{PAUSE, Schedule, Step};
 use crate::stands::planned_cell::PlannedCell;
 use crate::stands::verification::Verification;
 use crate::stands::virtual_run::{Extras, NeverEnded, VirtualRun};
@@ -25,9 +25,10 @@ pub(super) struct CleanRun<'a> {
     lengths: Lengths,
     /// Latest end of a run that is late by a bounded time, in ns.
     late_ns: i64,
-    step: Step,
+    steps: Vec<Step>,
     verification: Verification,
-    execution_ns: u64,
+    /// Times of as many repetitions as the longest fault takes.
+    executions_ns: Vec<u64>,
     /// Frames to the robot and to the PLC.
     pub(super) frames: [u64; 2],
 }
@@ -45,36 +46,52 @@ impl<'a> CleanRun<'a> {
         seed: u64,
         lengths: Lengths,
         late_ms: u32,
+        longest_ms: u64,
     ) -> anyhow::Result<Self> {
-        let step =
-            Schedule::new(&[execution_type], 1, seed).steps().next().context("a schedule without a run")?;
         let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, &[])?;
         let mut run = VirtualRun::switch_on(setup, planned.clone(), seed, &Extras::default())?;
         run.connect()?;
-        let measured = run.execute_unrecorded(step)?;
+        let first = Schedule::new(&[execution_type], 1, seed);
+        let measured = run.execute_unrecorded(first.steps().next().context("a schedule without a run")?)?;
         verification.check(&measured)?;
+        let frames = run.frames_sent();
+        let mut executions_ns = vec![measured.execution.execution_time_ns];
+        let repetitions = 1 + repetitions_in(longest_ms, executions_ns.iter().copied());
+        let steps: Vec<_> = Schedule::new(&[execution_type], repetitions, seed).steps().collect();
+        for step in steps.iter().skip(1) {
+            let measured = run.execute_unrecorded(*step)?;
+            verification.clone().check(&measured)?;
+            executions_ns.push(measured.execution.execution_time_ns);
+        }
         Ok(Self {
             setup,
             planned,
             seed,
             lengths,
             late_ns: i64::from(late_ms) * 1_000_000,
-            step,
+            steps,
             verification,
-            execution_ns: measured.execution.execution_time_ns,
-            frames: run.frames_sent(),
+            executions_ns,
+            frames,
         })
     }
 
-    pub(super) const fn execution_type(&self) -> ExecutionType {
-        self.step.execution_type
+    pub(super) fn execution_type(&self) -> ExecutionType {
+        self.steps.first().map_or(ExecutionType::Rc, |step| step.execution_type)
+    }
+
+    /// Returns the number of repetitions until these faults have acted.
+    pub(super) fn repetitions(&self, faults: &[Injected]) -> u32 {
+        let lasts_ms = faults.iter().map(Injected::lasts_ms).max().unwrap_or(0);
+        1 + repetitions_in(lasts_ms, self.executions_ns.iter().copied())
     }
 
     /// Makes the run with these faults.
     pub(super) fn with(&self, faults: &[Injected]) -> Outcome {
         let run = AssertUnwindSafe(|| {
+            let repetitions = self.repetitions(faults);
             let faults = faults.iter().map(|fault| fault.fault(self.lengths)).collect::<Result<_, _>>()?;
-            self.run(faults)
+            self.run(faults, repetitions)
         });
         match catch_unwind(run) {
             Ok(Ok(outcome)) => outcome,
@@ -83,20 +100,31 @@ impl<'a> CleanRun<'a> {
         }
     }
 
-    fn run(&self, faults: Vec<Fault>) -> anyhow::Result<Outcome> {
+    fn run(&self, faults: Vec<Fault>, repetitions: u32) -> anyhow::Result<Outcome> {
         let extras = Extras { faults, ..Extras::default() };
         let mut run = VirtualRun::switch_on(self.setup, self.planned.clone(), self.seed, &extras)?;
-        let ended = run.connect().and_then(|()| run.execute_unrecorded(self.step));
-        match ended {
-            Ok(measured) => Ok(self.passed(&measured, &extras.faults)),
-            Err(reason) if reason.is::<NeverEnded>() => Ok(Outcome::new(Class::Stuck, reason.to_string())),
-            Err(reason) => Ok(self.refused(run, &extras.faults, &reason)),
+        let mut worst = Outcome::new(Class::Same, String::new());
+        let mut connected = run.connect();
+        for (step, execution_ns) in self.steps.iter().zip(&self.executions_ns).take(repetitions as usize) {
+            let ended = connected.and_then(|()| run.execute_unrecorded(*step));
+            connected = Ok(());
+            let outcome = match ended {
+                Ok(measured) => self.passed(&measured, *execution_ns, &extras.faults),
+                Err(reason) if reason.is::<NeverEnded>() => {
+                    return Ok(Outcome::new(Class::Stuck, reason.to_string()));
+                }
+                Err(reason) => return Ok(self.refused(run, *step, &extras.faults, &reason)),
+            };
+            if (outcome.class, outcome.later_ns) > (worst.class, worst.later_ns) {
+                worst = outcome;
+            }
         }
+        Ok(worst)
     }
 
-    fn passed(&self, measured: &Measured, faults: &[Fault]) -> Outcome {
+    fn passed(&self, measured: &Measured, execution_ns: u64, faults: &[Fault]) -> Outcome {
         let signed = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
-        let later_ns = signed(measured.execution.execution_time_ns) - signed(self.execution_ns);
+        let later_ns = signed(measured.execution.execution_time_ns) - signed(execution_ns);
         match self.verify(measured, faults) {
             Err(difference) => Outcome::new(Class::Altered, format!("{difference:#}")),
             Ok(()) if later_ns == 0 => Outcome::new(Class::Same, String::new()),
@@ -117,10 +145,10 @@ impl<'a> CleanRun<'a> {
     }
 
     /// Checks whether a run passes after one that was refused. Each further fault may fail one more run.
-    fn refused(&self, mut run: VirtualRun, faults: &[Fault], reason: &anyhow::Error) -> Outcome {
+    fn refused(&self, mut run: VirtualRun, step: Step, faults: &[Fault], reason: &anyhow::Error) -> Outcome {
         let mut again = || {
             run.recover()?;
-            let measured = run.execute_unrecorded(self.step)?;
+            let measured = run.execute_unrecorded(step)?;
             self.verify(&measured, faults)
         };
         let attempts: Vec<_> = faults.iter().map_while(|_| again().err()).collect();
@@ -145,6 +173,12 @@ impl<'a> CleanRun<'a> {
         }
         fewest
     }
+}
+
+/// Returns how many repetitions surely take so long, if each takes at least the shortest of these times and its pause.
+fn repetitions_in(ms: u64, executions_ns: impl Iterator<Item = u64>) -> u32 {
+    let shortest_ns = executions_ns.min().unwrap_or(0) + PAUSE.as_nanos() as u64;
+    u32::try_from((ms * 1_000_000).div_ceil(shortest_ns)).unwrap_or(u32::MAX)
 }
 
 fn text_of(panic: &(dyn Any + Send)) -> String {

@@ -1,6 +1,7 @@
 //! The faults of an exploration: one at each frame, or pairs drawn by a seed.
 
 use std::fmt;
+use std::ops::Range;
 use std::str::FromStr;
 
 use rand_core::{Rng, SeedableRng};
@@ -12,6 +13,16 @@ use crate::records::faults::Fault;
 /// again.
 const BITS: u64 = 12_000;
 
+/// Times in ms for which an old frame is held. PROFINET takes one of 1.92 to 2.05 s for new; 32.8 s is half the range of a life
+/// counter that counts every millisecond, and 65.5 s the whole.
+const OLD_MS: [Range<u64>; 3] = [2_000..2_101, 32_000..33_001, 64_000..65_001];
+
+/// The longest of them.
+pub(super) const LONGEST_HOLD_MS: u64 = 65_000;
+
+/// One frame of so many is held as an old one: each such run takes up to a minute of the cell's time.
+const OLD_SHARE: u64 = 8;
+
 /// Kind of a fault that begins with one frame.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum What {
@@ -21,6 +32,8 @@ pub enum What {
     Double,
     /// It is held back, so that later ones overtake it.
     Hold,
+    /// It is held back for seconds, so that it arrives in a later run.
+    HoldOld,
     /// A bit of it flips behind the checksums of Ethernet and UDP.
     FlipInMemory,
     /// A bit of it flips on the wire.
@@ -34,10 +47,11 @@ pub enum What {
 }
 
 impl What {
-    pub(super) const ALL: [Self; 8] = [
+    pub(super) const ALL: [Self; 9] = [
         Self::Lose,
         Self::Double,
         Self::Hold,
+        Self::HoldOld,
         Self::FlipInMemory,
         Self::FlipOnWire,
         Self::Cut,
@@ -51,6 +65,7 @@ impl What {
             Self::Lose => "lose",
             Self::Double => "double",
             Self::Hold => "hold",
+            Self::HoldOld => "hold-old",
             Self::FlipInMemory => "flip-memory",
             Self::FlipOnWire => "flip-wire",
             Self::Cut => "cut",
@@ -65,6 +80,7 @@ impl What {
             Self::Lose => "lost",
             Self::Double => "twice",
             Self::Hold => "held back",
+            Self::HoldOld => "held for seconds",
             Self::FlipInMemory => "bit in memory",
             Self::FlipOnWire => "bit on the wire",
             Self::Cut => "cable cut",
@@ -110,24 +126,40 @@ pub(super) struct Injected {
     pub(super) frame: u64,
     /// Which bit of it flips.
     bit: u64,
+    /// Draws how long an old frame is held.
+    draw: u64,
 }
 
 impl Injected {
     /// Creates a fault; `seed` determines which bit flips.
     pub(super) fn new(what: What, direction: usize, frame: u64, seed: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(seed.rotate_left(23) ^ frame << 1 ^ direction as u64);
-        Self { what, direction, frame, bit: below(&mut random, BITS) }
+        let bit = below(&mut random, BITS);
+        Self { what, direction, frame, bit, draw: random.next_u64() }
+    }
+
+    /// Returns for how long an old frame is held, in ms.
+    fn old_ms(&self) -> u64 {
+        let mut random = Pcg64Mcg::seed_from_u64(self.draw);
+        let range = OLD_MS.get(below(&mut random, OLD_MS.len() as u64) as usize);
+        range.map_or(0, |range| range.start + below(&mut random, range.end - range.start))
+    }
+
+    /// Returns for how long after the run with its frame the fault still acts, in ms.
+    pub(super) fn lasts_ms(&self) -> u64 {
+        if self.what == What::HoldOld { self.old_ms() } else { 0 }
     }
 
     /// Returns the fault as `--fault` takes it.
     pub(super) fn text(&self, lengths: Lengths) -> String {
-        let Self { what, direction, frame, bit } = *self;
+        let Self { what, direction, frame, bit, .. } = *self;
         let to = if direction == 0 { "to-robot" } else { "to-plc" };
         let Lengths { hold, cut, restart } = lengths;
         match what {
             What::Lose => format!("{to}:lose-frame={frame}"),
             What::Double => format!("{to}:double-frame={frame}"),
             What::Hold => format!("{to}:hold-frame={frame}@{hold}ms"),
+            What::HoldOld => format!("{to}:hold-frame={frame}@{}ms", self.old_ms()),
             What::FlipInMemory => format!("{to}:flip-frame={frame}.{bit}@memory"),
             What::FlipOnWire => format!("{to}:flip-frame={frame}@wire"),
             What::Cut => format!("{to}:cut-frame={frame}@{cut}ms"),
@@ -158,7 +190,10 @@ pub(super) fn singles(frames: &[[u64; 2]], kinds: &[What], every: u64, seed: u64
     for (type_index, frames) in frames.iter().enumerate() {
         for what in kinds {
             for (direction, frames) in frames.iter().enumerate() {
-                let numbers = (1..=*frames).step_by(usize::try_from(every).unwrap_or(usize::MAX));
+                let every = if *what == What::HoldOld { every.saturating_mul(OLD_SHARE) } else { every };
+                // Old frames are not all those from switching on.
+                let first = if *what == What::HoldOld { 1 + every.min(*frames) / 2 } else { 1 };
+                let numbers = (first..=*frames).step_by(usize::try_from(every).unwrap_or(usize::MAX));
                 jobs.extend(numbers.map(|frame| Job {
                     type_index,
                     faults: vec![Injected::new(*what, direction, frame, seed)],
@@ -218,6 +253,17 @@ mod tests {
         texts.dedup();
         assert_eq!(texts.len(), 14);
         assert_eq!(singles(&[[3, 2]], &[What::Lose], 2, 1).len(), 3);
+    }
+
+    #[test]
+    fn old_frames_are_held_for_all_three_times_at_one_frame_of_eight() {
+        let jobs = singles(&[[800, 0]], &[What::HoldOld], 1, 1);
+        assert_eq!(jobs.len(), 100);
+        let held: Vec<_> = jobs.iter().map(|job| job.faults[0].lasts_ms()).collect();
+        for range in OLD_MS {
+            assert!(held.iter().filter(|ms| range.contains(ms)).count() > 10, "{held:?}");
+        }
+        assert!(held.iter().all(|ms| OLD_MS.iter().any(|range| range.contains(ms))), "{held:?}");
     }
 
     #[test]

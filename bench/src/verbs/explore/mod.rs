@@ -41,7 +41,7 @@ use crate::stands::planned_cell::PlannedCell;
 use classes::Classes;
 use clean_run::CleanRun;
 pub use fault::What;
-use fault::{Job, Lengths, pairs, singles};
+use fault::{Job, LONGEST_HOLD_MS, Lengths, pairs, singles};
 use journal::Journal;
 
 /// The page with the counts.
@@ -78,7 +78,7 @@ pub struct ExploreOptions {
     #[arg(
         long,
         value_name = "KIND",
-        default_value = "lose,double,hold,flip-memory,flip-wire,cut,restart-robot,restart-plc",
+        default_value = "lose,double,hold,hold-old,flip-memory,flip-wire,cut,restart-robot,restart-plc",
         num_args = 1..
     )]
     pub kinds: Vec<List<What>>,
@@ -203,7 +203,9 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
     let application = options.application.clone().unwrap_or_else(own);
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
     let clean = |execution_type| {
-        CleanRun::of(execution_type, &setup, &planned, options.seed, options.lengths(), options.late_ms)
+        let longest_ms = if flat(&options.kinds).contains(&What::HoldOld) { LONGEST_HOLD_MS } else { 0 };
+        let lengths = options.lengths();
+        CleanRun::of(execution_type, &setup, &planned, options.seed, lengths, options.late_ms, longest_ms)
     };
     let clean_runs = flat(&options.types).into_iter().map(clean).collect::<anyhow::Result<_>>()?;
     let mut exploration =
@@ -271,11 +273,12 @@ impl Exploration<'_> {
     }
 
     /// Returns the command that makes a run again.
-    fn command(&self, execution_type: ExecutionType, faults: &[fault::Injected]) -> String {
+    fn command(&self, clean: &CleanRun<'_>, faults: &[fault::Injected]) -> String {
+        let (execution_type, repetitions) = (clean.execution_type(), clean.repetitions(faults));
         let faults: String =
             faults.iter().map(|fault| format!(" --fault {}", fault.text(self.options.lengths()))).collect();
         format!(
-            "bench --setup {} --application {} --mode virtual --types {execution_type} --reps 1 --seed {}{faults}",
+            "bench --setup {} --application {} --mode virtual --types {execution_type} --reps {repetitions} --seed {}{faults}",
             in_shell(self.options.setup.name()),
             in_shell(&self.application),
             self.options.seed

@@ -94,9 +94,9 @@ impl Exploration<'_> {
 
     /// Returns the command of the first run with this reason, with the fewest faults that have the same end.
     pub(super) fn smallest(&self, Reason { class, first, .. }: &Reason) -> String {
-        self.clean_runs.get(first.type_index).map_or_else(String::new, |clean| {
-            self.command(clean.execution_type(), &clean.shrunk(&first.faults, *class))
-        })
+        self.clean_runs
+            .get(first.type_index)
+            .map_or_else(String::new, |clean| self.command(clean, &clean.shrunk(&first.faults, *class)))
     }
 }
 

@@ -35,7 +35,7 @@ struct Compared {
 /// Compares the run in `directory` with the baseline of its setup.
 pub(super) fn run(options: &GateOptions, directory: &Path) -> Result<Exit, Failure> {
     let usage = |error: anyhow::Error| Failure::new(Exit::Usage, error);
-    let results = run_directory::results(directory).map_err(usage)?;
+    let results = run_directory::results(directory).map_err(Failure::of_saved_run)?;
     if results.mode != "real" {
         let error = anyhow!(
             "{} is a {} run; `bench gate --setup {}` makes one of its own, and --run is for real ones",
@@ -93,8 +93,15 @@ fn compare(baseline: &Baseline, results: &Results) -> anyhow::Result<Vec<Compare
 
 fn render(results: &Results, compared: &[Compared]) -> String {
     let mut text = format!(
-        "Gate: setup {}, {}, a real run; ratios of AETs within it\n\n{:<10}{:>10}{:>10}{:>22}{:>10}\n",
-        results.setup, results.application, "", "baseline", "now", "95 % interval", "at most"
+        "Gate: setup {}, {}, a real run{}; ratios of AETs within it\n\n{:<10}{:>10}{:>10}{:>22}{:>10}\n",
+        results.setup,
+        results.application,
+        if results.is_of_older_version() { ", written by an older version" } else { "" },
+        "",
+        "baseline",
+        "now",
+        "95 % interval",
+        "at most"
     );
     for ratio in compared {
         let Compared { name, expected, found } = ratio;
@@ -126,6 +133,7 @@ fn render(results: &Results, compared: &[Compared]) -> String {
 mod tests {
     use super::*;
     use crate::records::conditions::Measured;
+    use crate::records::digest::Digests;
     use crate::records::mode::Mode;
     use crate::records::schedule::Schedule;
     use std::time::Duration;
@@ -135,6 +143,7 @@ mod tests {
         let setup = setup::setup("A").unwrap();
         let mut results =
             Results::new(&setup, "pick-and-place", Mode::Real, &Schedule::new(&ExecutionType::ALL, 10, 1));
+        results.digests = Some(Digests::default());
         for (execution_type, mean) in ExecutionType::ALL.into_iter().zip(means_ms) {
             for repetition in 0..10 {
                 let ms = mean + spread_ms * (f64::from(repetition) / 4.5 - 1.0);

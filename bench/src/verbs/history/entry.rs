@@ -37,6 +37,8 @@ pub struct Entry {
     pub status: Status,
     /// Its traces or captures lack something.
     pub is_incomplete: bool,
+    /// It was written by an older version, without digests: only its figures were checked against its samples.
+    pub is_of_older_version: bool,
     /// AET and MAD so far.
     pub figures: PerType<AetMad>,
     /// 95 % interval of the AET, in ms; absent with too few repetitions.
@@ -76,6 +78,7 @@ impl Entry {
             attached: results.attached.as_ref().map(ToString::to_string),
             status: results.status,
             is_incomplete: !results.incomplete.is_empty(),
+            is_of_older_version: results.is_of_older_version(),
             aet_improvement: results.aet_improvement,
             figures: PerType::default(),
             interval_ms: PerType::default(),
@@ -131,7 +134,7 @@ impl Entry {
         (!is_open && ms.abs() >= 0.05).then_some((ms, (low, high)))
     }
 
-    /// Formats how the run ended, and whether its traces and captures lack something.
+    /// Formats how the run ended, whether its traces and captures lack something, and whether an older version wrote it.
     pub(super) fn ended(&self) -> String {
         let ended = match self.status {
             Status::Complete => "complete",
@@ -139,7 +142,9 @@ impl Entry {
             Status::Failed => "failed",
             Status::Interrupted => "interrupted",
         };
-        if self.is_incomplete { format!("{ended}, records incomplete") } else { ended.to_owned() }
+        let marks = [(self.is_incomplete, "records incomplete"), (self.is_of_older_version, "older version")];
+        let marks = marks.into_iter().filter_map(|(is_so, mark)| is_so.then_some(mark));
+        std::iter::once(ended).chain(marks).collect::<Vec<_>>().join(", ")
     }
 
     /// Returns whether all repetitions were done, and all records are there.

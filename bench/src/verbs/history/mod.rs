@@ -25,9 +25,10 @@ pub use entry::Entry;
 use crate::outln;
 use crate::output::exit::{Exit, Failure};
 use crate::output::{errln, in_shell};
+use crate::records::agreement::Altered;
 use crate::records::comparable::Conditions;
 use crate::records::mode::Mode;
-use crate::records::occupied::holds_run;
+use crate::records::occupied::{SAMPLES, holds_run};
 use crate::records::run_directory::{self, Durability, replace};
 use crate::verbs::outputs::{self, Own};
 
@@ -58,6 +59,8 @@ pub struct History {
     pub entries: Vec<Entry>,
     /// Run directories that cannot be read, with the error.
     pub unreadable: Vec<String>,
+    /// Whether one of them has a saved figure that was changed.
+    pub has_altered: bool,
     /// Why there are no entries, and what to do; none if there are some.
     pub is_empty_because: Option<String>,
 }
@@ -66,7 +69,8 @@ pub struct History {
 ///
 /// # Errors
 ///
-/// There is no such directory, it is a run itself, or the page cannot be written.
+/// There is no such directory, it is a run itself, or the page cannot be written. If a run has a saved figure that was
+/// changed, the others are listed and the exit code is that of a failed run.
 pub fn run(options: &HistoryOptions) -> Result<Exit, Failure> {
     outputs::check(&[("--html", options.html.as_deref())], &[], Own::default())?;
     let mut history = History::load(&options.directory)?;
@@ -89,7 +93,7 @@ pub fn run(options: &HistoryOptions) -> Result<Exit, Failure> {
             outln!("\n{}", path.display());
         }
     }
-    Ok(Exit::Pass)
+    Ok(if history.has_altered { Exit::RunFailed } else { Exit::Pass })
 }
 
 impl History {
@@ -117,7 +121,7 @@ impl History {
         let mut runs = Vec::new();
         for found in listed.map_err(|error| Failure::new(Exit::Usage, error))? {
             let path = found.context("cannot list the runs")?.path();
-            match path.join("samples.csv").try_exists() {
+            match holds_part_of_run(&path) {
                 Ok(true) => {}
                 // What is in no directory is no run either.
                 Err(error) if error.kind() != ErrorKind::NotADirectory => {
@@ -128,7 +132,10 @@ impl History {
             }
             match run_directory::results(&path) {
                 Ok(results) => runs.push((Conditions::of(&path, &results), Entry::new(&path, results))),
-                Err(error) => history.unreadable.push(format!("{error:#}")),
+                Err(error) => {
+                    history.has_altered |= error.is::<Altered>();
+                    history.unreadable.push(format!("{error:#}"));
+                }
             }
         }
         runs.sort_by(|(_, one), (_, other)| one.by_age(other));
@@ -168,6 +175,11 @@ impl History {
             ));
         }
     }
+}
+
+/// Returns whether a directory has the samples or the results of a run.
+fn holds_part_of_run(path: &Path) -> std::io::Result<bool> {
+    Ok(path.join(SAMPLES).try_exists()? || path.join("results.json").try_exists()?)
 }
 
 /// What the earlier of two runs is called.
@@ -214,16 +226,17 @@ mod tests {
     /// Stores a run of a setup with these execution times in µs.
     fn keep_setup(place: &Path, name: &str, setup: &Setup, mode: Mode, date: &str, samples: &[u64]) {
         let (_, found) = planning::setup_with_application("A").unwrap();
-        let directory =
+        let mut directory =
             RunDirectory::create(&place.join(name), setup, &found.text, Durability::Written).unwrap();
         directory.write_host(&format!("{{\"date\": \"{date}\", \"commit\": \"4f32136\"}}")).unwrap();
-        let schedule = Schedule::new(&ExecutionType::ALL, 1, 1);
+        let schedule = Schedule::new(&ExecutionType::ALL, samples.len() as u32, 1);
         let mut results = Results::new(setup, &found.application.name, mode, &schedule);
-        for micros in samples {
-            for (execution_type, more) in ExecutionType::ALL.into_iter().zip([0, 2_750_000, 0]) {
-                let execution = Duration::from_micros(micros + more);
-                results.record(execution_type, &Measured::lasting(execution)).unwrap();
-            }
+        results.digests = Some(directory.digests().clone());
+        for (step, micros) in schedule.steps().zip(samples.iter().flat_map(|it| [it; 3])) {
+            let more = if step.execution_type == ExecutionType::Sm { 2_750_000 } else { 0 };
+            let measured = Measured::lasting(Duration::from_micros(micros + more));
+            results.record(step.execution_type, &measured).unwrap();
+            directory.save(&step, &Ok(measured), &results).unwrap();
         }
         let is_slow = samples.iter().any(|micros| *micros > 4_000_000);
         results.status = if is_slow { Status::Interrupted } else { Status::Complete };
@@ -349,6 +362,10 @@ mod tests {
             let text = std::fs::read_to_string(&path).unwrap();
             assert!(text.contains(from));
             std::fs::write(path, text.replace(from, to)).unwrap();
+            // Its digest is that of the text before.
+            let path = place.path().join(run).join("results.json");
+            let results: Results = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+            std::fs::write(path, Results { digests: None, ..results }.to_json().unwrap()).unwrap();
         };
         change("4", "\ntitle = \"", "\ntitle = \"another ");
         change("5", "clearance_mm = 8.0", "clearance_mm = 9.0");

@@ -140,6 +140,7 @@ impl LongRun {
                 PlcEvent::Link(_)
                 | PlcEvent::ImageBad
                 | PlcEvent::ImageGood
+                | PlcEvent::LifeStill
                 | PlcEvent::MovingToStart
                 | PlcEvent::Ready
                 | PlcEvent::Started { .. } => {}

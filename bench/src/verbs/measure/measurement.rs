@@ -84,7 +84,7 @@ impl Measurement<'_> {
         let host = Host::read(started);
         session.write_host(&host)?;
         let interrupt = interrupt()?;
-        let results = self.empty_results();
+        let results = Results { digests: Some(session.directory.digests().clone()), ..self.empty_results() };
         let of_the_paper = results.paper.is_some();
         let reference_runs = || match self.has_modelled_robot() {
             true => ReferenceRuns::start(&self.setup, &self.found.application, &self.schedule, of_the_paper),

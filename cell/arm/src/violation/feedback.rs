@@ -2,7 +2,7 @@
 
 use protocol::image::{ErrorNumber, Finding};
 
-use super::{LEAST_WAY_MM, Rated, SINGULAR_SHARE, TURNED_OVER_DEG, Violation};
+use super::{Count, LEAST_WAY_MM, Rated, SINGULAR_SHARE, TURNED_OVER_DEG, Violation};
 
 impl Violation {
     /// Returns the number that the feedback image carries for it.
@@ -37,6 +37,7 @@ impl Violation {
             Self::Base(_) => ErrorNumber::UnknownBase,
             Self::Kind(_) => ErrorNumber::UnknownMotionKind,
             Self::Override { .. } => ErrorNumber::OverrideOutOfRange,
+            Self::NotOneMotion { .. } => ErrorNumber::NotOneMotion,
             Self::Force { .. } => ErrorNumber::ForceOutOfRange,
             Self::ForceDirection { .. } => ErrorNumber::ForceDirection,
             Self::ForceNotReached { .. } => ErrorNumber::ForceNotReached,
@@ -93,6 +94,13 @@ impl Violation {
             | Self::Approach { value, limit, .. }
             | Self::Force { value_n: value, limit_n: limit } => finding(0, value, 0.0, limit),
             Self::Override { percent } => finding(0, percent.into(), 0.0, 100.0),
+            Self::NotOneMotion { field, value } => {
+                let index = match field {
+                    Count::Total => 1,
+                    Count::Written => 2,
+                };
+                finding(index, value.into(), 1.0, 1.0)
+            }
             Self::ForceDirection { angle_deg, limit_deg } => finding(0, angle_deg, 0.0, limit_deg),
             Self::ForceNotReached { found_n, wanted_n, way_mm } => finding(0, found_n, wanted_n, way_mm),
             Self::ForceUnsteady { highest_n, wanted_n, stiffness_n_per_mm } => {

@@ -21,6 +21,9 @@ const PROGRAM_MOTIONS: u32 = 7;
 /// Time from one motion to the next.
 const MOTION: Duration = Duration::from_millis(20);
 
+/// Its cycle, in which it counts its life counter up, as the built-in setups have it.
+const CYCLE: Duration = Duration::from_millis(4);
+
 const RUN_PROGRAM: u8 = 17;
 const READY: u8 = 1;
 const RUNNING: u8 = 2;
@@ -39,7 +42,8 @@ pub enum Order {
 pub struct StubRobot {
     order: Order,
     number: u16,
-    life: u16,
+    /// When it was switched on: its life counter counts cycles since then.
+    start: Option<Instant>,
     skill: Option<Run>,
     done: bool,
     executed: u32,
@@ -57,7 +61,7 @@ struct Run {
 impl StubRobot {
     /// A robot that was just switched on.
     pub fn new(order: Order) -> Self {
-        Self { order, number: 0, life: 0, skill: None, done: false, executed: 0 }
+        Self { order, number: 0, start: None, skill: None, done: false, executed: 0 }
     }
 
     /// Takes the PLC's image over and gives the robot's. Says on standard output what the PLC wanted.
@@ -66,7 +70,8 @@ impl StubRobot {
         let double = |at: usize| self.number_at(&command[at..at + 4]) as u32;
         let (control, life, number, skill) = (word(0), word(2), word(4), command[6]);
         let (total, written, program) = (double(8), double(12), word(16));
-        self.life = self.life.wrapping_add(1);
+        let running = now - *self.start.get_or_insert(now);
+        let cycles = (running.as_nanos() / CYCLE.as_nanos()) as u16;
         if control & 2 != 0 && number != self.number && self.skill.is_none() {
             let own_program = skill == RUN_PROGRAM;
             println!("command {number}: skill {skill}, {total} motions, program {program}");
@@ -108,7 +113,7 @@ impl StubRobot {
         put(8, 4, self.executed.into());
         put(12, 4, self.executed.into());
         put(22, 2, life.into());
-        put(24, 2, self.life.into());
+        put(24, 2, cycles.into());
         put(36, 8, EXECUTION_NS);
         feedback
     }
