@@ -1,7 +1,5 @@
 //! What the hosts of stations do with ARP, and to which of two stations with one IP address a datagram goes.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
-
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 use machine::arp::{self, AddressClaim, ArpPacket, ClaimEvent};

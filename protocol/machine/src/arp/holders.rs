@@ -83,7 +83,7 @@ impl Holders {
     /// Handles a received packet. Returns whether it shows a station that has the address.
     pub fn handle(&mut self, packet: &ArpPacket) -> bool {
         let Some(mac) = packet.claimant(self.address).filter(|mac| *mac != self.mac) else { return false };
-        let known = self.found.iter().any(|found| *found == Some(mac));
+        let known = self.found.contains(&Some(mac));
         if let Some(free) = self.found.iter_mut().find(|found| found.is_none()).filter(|_| !known) {
             *free = Some(mac);
         }
