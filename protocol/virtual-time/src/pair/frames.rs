@@ -1,15 +1,13 @@
 //! Frames on the cable of a pair: how they are sent and delivered. TCP has its own module.
 
 use alloc::boxed::Box;
-use alloc::vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use super::in_flight::{Delivery, InFlight};
+use super::in_flight::{Delivery, InFlight, new_buf};
 use super::tap::{Carrier, Label, Tapped};
 use super::{Pair, hosts};
 use crate::link::{LinkEffect, flip};
 use crate::side::Side;
-use machine::wire::FRAME_CAPACITY;
 use machine::{Machine, Port, Source, Transmit};
 
 impl<A: Machine, B: Machine> Pair<A, B> {
@@ -114,10 +112,6 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         let spare = self.spare_bufs.pop().unwrap_or_else(new_buf);
         core::mem::replace(&mut self.buf, spare)
     }
-}
-
-pub(super) fn new_buf() -> Box<[u8]> {
-    vec![0; FRAME_CAPACITY].into_boxed_slice()
 }
 
 /// Returns a buffer that begins with these bytes: a spare one, or a new one.

@@ -1,6 +1,6 @@
 //! What the host of a station does beside its machine: it answers ARP requests for its address, as a kernel does.
 
-use super::in_flight::Delivery;
+use super::in_flight::{Delivery, new_buf};
 use super::tap::{Carrier, Label};
 use super::{Pair, Station};
 use crate::link::LinkEffect;
@@ -51,7 +51,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             return;
         }
         let arrives = station.link.pass_of_hosts(now);
-        let mut buf = self.spare_bufs.pop().unwrap_or_else(super::frames::new_buf);
+        let mut buf = self.spare_bufs.pop().unwrap_or_else(new_buf);
         let Ok(len) = packet.answer(mac).emit_frame(&mut buf) else { return };
         let label = Label {
             carrier: Carrier::Ethernet,

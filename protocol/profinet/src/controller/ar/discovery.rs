@@ -14,7 +14,7 @@ mod answer;
 use alloc::boxed::Box;
 use core::net::Ipv4Addr;
 
-use super::conflict::Obstacle;
+use super::obstacle::Obstacle;
 use super::{Refusal, down_reasons};
 use crate::ETHER_TYPE;
 use crate::dcp::{self, BlockError, Code, Content, IDENTIFY_MULTICAST, IpSuite, Pdu, Service, Station};

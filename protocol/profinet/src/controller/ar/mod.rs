@@ -20,6 +20,7 @@ mod down_reasons;
 mod layout;
 mod link;
 mod object;
+mod obstacle;
 mod plug;
 mod startup;
 
@@ -44,11 +45,11 @@ use crate::status::Status;
 use acyclic::Acyclic;
 use alarms::{FinalError, Outcome};
 use call::Caller;
-use conflict::Obstacle;
 use connect_plan::{Changes, ConnectPlan};
 use discovery::{Discovery, WantedStation};
 use link::Link;
 use object::Instance;
+use obstacle::Obstacle;
 use plug::Plugs;
 
 /// Time without a connection after which we report it.
