@@ -299,7 +299,10 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                     self.last_down = Some(reason.clone());
                 }
             }
-            LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
+            LinkEvent::SetAddress { .. }
+            | LinkEvent::Store
+            | LinkEvent::Foreign(_)
+            | LinkEvent::Conflict(_) => {}
         }
         (message, self.mode.link(link))
     }
@@ -371,6 +374,7 @@ fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Option<M
         },
         LinkEvent::SetAddress { address, .. } => Message::Address { address, problem: None },
         LinkEvent::Foreign(request) => Message::Foreign { request: request.to_string() },
+        LinkEvent::Conflict(conflict) => Message::Conflict { conflict: conflict.to_string() },
         LinkEvent::Store => return None,
     })
 }

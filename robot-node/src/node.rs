@@ -291,7 +291,10 @@ impl<B: Fieldbus> RobotNode<B> {
             match event {
                 LinkEvent::Up => self.linked = true,
                 LinkEvent::Down(_) => (self.linked, self.was_lost) = (false, true),
-                LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
+                LinkEvent::SetAddress { .. }
+                | LinkEvent::Store
+                | LinkEvent::Foreign(_)
+                | LinkEvent::Conflict(_) => {}
             }
             self.push(RobotEvent::Link(event));
         }
