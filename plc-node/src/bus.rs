@@ -66,7 +66,7 @@ pub fn open(bus: &Bus, mac: Mac, seed: u64, start: Instant) -> Result<PlcBus, Bu
         BusKind::EthernetIp(addresses, ethernet_ip) => {
             Endpoint::EthernetIp(ethernet_ip_scanner(bus, addresses, ethernet_ip, station)?)
         }
-        BusKind::Ethercat(ethercat) => Endpoint::Ethercat(EthercatMainDevice::new(bus, ethercat, start)),
+        BusKind::Ethercat(ethercat) => Endpoint::Ethercat(EthercatMainDevice::new(bus, ethercat, mac, start)),
     })
 }
 
