@@ -16,6 +16,7 @@
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
+pub mod address_check;
 pub mod arguments;
 mod control;
 mod inbox;

@@ -35,6 +35,11 @@ pub enum Message<M> {
         /// Who requested what, as text.
         request: String,
     },
+    /// Another station has a name or an IP address that only one may have.
+    Conflict {
+        /// Which one, as text.
+        conflict: String,
+    },
     /// The node's report so far, on request.
     Report(NodeReport),
     /// Last message: the node ends.
@@ -160,6 +165,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
                 problem.as_ref().map_or(Ok(()), |problem| write!(f, "\nerror: {problem}"))
             }
             Self::Foreign { request } => write!(f, "warning: {request}"),
+            Self::Conflict { conflict } => write!(f, "warning: {conflict}"),
             Self::Busy { controller } => write!(f, "controlled by {controller}"),
             Self::Denied { reason } => write!(f, "denied: {reason}"),
             Self::Node(message) => message.fmt(f),

@@ -234,7 +234,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
             Some(LinkEvent::Store) => {
                 notices.send(Notice::Store(node.to_store().into()));
             }
-            Some(LinkEvent::Foreign(_)) | None => {}
+            Some(LinkEvent::Foreign(_) | LinkEvent::Conflict(_)) | None => {}
         }
         ControlFlow::Continue(())
     }

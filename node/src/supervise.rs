@@ -241,7 +241,10 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                     match link {
                         LinkEvent::Up => self.linked = true,
                         LinkEvent::Down(_) => self.linked = false,
-                        LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
+                        LinkEvent::SetAddress { .. }
+                        | LinkEvent::Store
+                        | LinkEvent::Foreign(_)
+                        | LinkEvent::Conflict(_) => {}
                     }
                     (link_message(link, self.explanation.take()), self.mode.link(link))
                 }
@@ -331,6 +334,7 @@ fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Option<M
         },
         LinkEvent::SetAddress { address, .. } => Message::Address { address, problem: None },
         LinkEvent::Foreign(request) => Message::Foreign { request: request.to_string() },
+        LinkEvent::Conflict(conflict) => Message::Conflict { conflict: conflict.to_string() },
         LinkEvent::Store => return None,
     })
 }

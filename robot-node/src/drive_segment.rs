@@ -148,7 +148,11 @@ impl DriveSegment {
             match event {
                 LinkEvent::Up if !self.lost && !self.resetting => self.axes.want(Wanted::On),
                 LinkEvent::Down(_) => self.lost |= self.exchanges > 0,
-                LinkEvent::Up | LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
+                LinkEvent::Up
+                | LinkEvent::SetAddress { .. }
+                | LinkEvent::Store
+                | LinkEvent::Foreign(_)
+                | LinkEvent::Conflict(_) => {}
             }
         }
         // They are for who looks at drives alone.

@@ -10,6 +10,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 use machine::{Instant, Lateness};
+use node::address_check::{AddressCheckError, check_address};
 use node::errln;
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
@@ -190,8 +191,14 @@ impl Run {
             loaded => loaded?,
         };
         if let Some(Address { ip, mask, gateway }) = station.address {
-            prepared.interface.set_address(ip, mask)?;
-            prepared.interface.set_gateway(gateway)?;
+            match check_address(&prepared.interface, ip) {
+                // It starts without an address, and its controller learns of the conflict when it sets one.
+                Err(taken @ AddressCheckError::Taken(_)) => errln!("warning: {taken}"),
+                _ => {
+                    prepared.interface.set_address(ip, mask)?;
+                    prepared.interface.set_gateway(gateway)?;
+                }
+            }
         }
         prepared.station_file = Some(file);
         Ok(Some(station))

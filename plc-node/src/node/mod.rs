@@ -358,7 +358,10 @@ impl<B: Fieldbus> PlcNode<B> {
                     self.fail(FailureCause::ConnectionLost(down));
                     self.disarm();
                 }
-                LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
+                LinkEvent::SetAddress { .. }
+                | LinkEvent::Store
+                | LinkEvent::Foreign(_)
+                | LinkEvent::Conflict(_) => {}
             }
         }
     }

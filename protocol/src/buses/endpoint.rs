@@ -3,6 +3,7 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
+use machine::ethernet::Mac;
 use machine::{
     Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
     Transmit,
@@ -66,6 +67,14 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Machine for Endpoint<P, E, C> {
 
     fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
         on!(self, bus => bus.group(port, index))
+    }
+
+    fn neighbour(&self, address: Ipv4Addr) -> Option<Mac> {
+        on!(self, bus => bus.neighbour(address))
+    }
+
+    fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
+        on!(self, bus => bus.handle_wrong_neighbour(now, address, found));
     }
 
     fn handle_timeout(&mut self, now: Instant) {
