@@ -21,7 +21,7 @@ pub enum AddressCheckError {
     Driver(#[from] DriverError),
     /// The kernel gives no notifier.
     #[error("checking the address: {0}")]
-    Notifier(#[from] rustix::io::Errno),
+    Notifier(#[from] std::io::Error),
 }
 
 /// Asks every station on the cable whether it has this address, for 60 ms.

@@ -34,7 +34,7 @@ impl Connection {
 
     fn refused(&mut self, now: Instant, reply: &Reply<'_>) {
         let refusal = Refusal::of_reply(reply, self.requested(), self.found);
-        self.refusal = Some(refusal);
+        (self.refusal, self.conflict) = (Some(refusal), None);
         // There is nothing to close.
         self.step = Step::Idle;
         self.fail(now, refusal.down());
@@ -132,7 +132,7 @@ impl Connection {
             let text = "the adapter opened a multicast connection but named no multicast group";
             return self.fail(now, Down { cause: DownCause::Refused, code: 0, text });
         };
-        self.refusal = None;
+        (self.refusal, self.conflict) = (None, None);
         self.step = Step::Running;
         self.deadline = None;
         self.keep_alive_at = Some(now + KEEP_ALIVE);
