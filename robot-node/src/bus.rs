@@ -57,7 +57,7 @@ pub fn open_station(
         }
         BusKind::EthernetIp(addresses, _) => {
             let adapter = ethernet_ip_adapter(addresses, bus.allowed(), mac, seed);
-            Endpoint::EthernetIp(adapter.with_conflict_detection(start()))
+            Endpoint::EthernetIp(adapter.with_conflict_detection(Instant::ZERO))
         }
         BusKind::Ethercat(_) => {
             let Mac([_, _, serial @ ..]) = mac;

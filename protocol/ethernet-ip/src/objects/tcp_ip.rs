@@ -182,4 +182,20 @@ mod tests {
         assert_eq!(multicast([10, 0, 4, 0]), [239, 192, 128, 224], "host 1024");
         assert_eq!(multicast([10, 0, 4, 1]), [239, 192, 1, 0], "only ten bits are left");
     }
+
+    #[test]
+    fn the_last_conflict_is_the_activity_the_other_station_and_its_packet() {
+        let mac = machine::ethernet::Mac([2, 0, 0, 0, 0, 9]);
+        let packet = ArpPacket::announcement(mac, Ipv4Addr::new(192, 168, 64, 2));
+        for (is_probing, activity) in [(true, 1), (false, 2)] {
+            let [address, mask] = [[192, 168, 64, 2], [255, 255, 255, 0]].map(Ipv4Addr::from);
+            let mut network = Network::new(address, mask, Ipv4Addr::UNSPECIFIED, [0; 6]);
+            assert_eq!((network.has_conflict, network.last_conflict), (false, [0; 35]));
+            network.conflict(&packet, is_probing);
+            assert!(network.has_conflict);
+            let [first, rest @ ..] = network.last_conflict;
+            assert_eq!((first, &rest[..6]), (activity, &mac.0[..]));
+            assert_eq!(ArpPacket::parse(&rest[6..]), Ok(packet));
+        }
+    }
 }
