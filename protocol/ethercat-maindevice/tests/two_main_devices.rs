@@ -1,7 +1,7 @@
 //! Several MainDevices and one cable of SubDevices on a switch, where all hear each other: one drives the devices, the others
 //! say why they do not.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by a panic")]
 
 use ethercat_maindevice::{Config, ETHER_TYPE, ExpectedDevice, MainDevice};
 use ethercat_subdevice::description::{DataType, Description, Mailbox, Pdo, PdoEntry};
