@@ -14,6 +14,7 @@ use ethercat_drive::{
     Axes, AxisError, Cause, DRIVE, DriveConfig, Drives, ErrorCode, INPUT_LEN, OUTPUT_LEN, Wanted,
 };
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
+use machine::ethernet::Mac;
 use machine::{Counters, Duration, Instant, LinkEvent, Machine, Port, Source};
 use serde::{Deserialize, Serialize};
 use setup::Drives as DrivesOfSetup;
@@ -31,6 +32,9 @@ const FRAMES_PER_CYCLE: u32 = 500;
 
 /// Longest Ethernet frame in bytes.
 const LONGEST_FRAME: usize = 1514;
+
+/// Address of the MainDevice. Its cable has no other one.
+const MAC: Mac = Mac([0x02, 0, 0, 0, 0, 1]);
 
 /// Highest speed of a motor as a share of its joint's rated one: a drive that lags must be able to catch up.
 const MOTOR_RESERVE: f64 = 1.2;
@@ -84,7 +88,7 @@ impl DriveSegment {
             input_bytes: INPUT_LEN,
         };
         let watchdog = cycle * WATCHDOG_CYCLES;
-        let main = Config { devices: vec![expected; arm.axes()], cycle, watchdog };
+        let main = Config { mac: MAC, devices: vec![expected; arm.axes()], cycle, watchdog };
         Some(Self {
             main: MainDevice::new(main, start),
             axes: Axes::new(arm.axes()),

@@ -20,6 +20,7 @@ use node::{Node, Waiting, arguments};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent, ToStore};
 use protocol::image::Checks;
+use protocol_linux::OpenPort;
 use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
@@ -181,7 +182,13 @@ impl Run {
             endpoint.push_str(&format!(", {station}: stored in {}", file.path().display()));
         }
         let (mac, address) = (interface.mac(), interface.address());
-        let bus = bus::open_station(&setup.bus, mac, address, stored, start.as_nanos(), || start);
+        let mut bus = bus::open_station(&setup.bus, mac, address, stored, start.as_nanos(), || start);
+        if let bus::RobotBus::EthernetIp(adapter) = &mut bus
+            && OpenPort::open(interface, machine::arp::ETHERNET).is_err()
+        {
+            // EtherNet/IP runs without the privilege that ARP needs.
+            adapter.stop_conflict_detection();
+        }
         let node = RobotNode::new(config, programs, bus, self.seed, start);
         self.supervise(prepared, &endpoint, node)
     }

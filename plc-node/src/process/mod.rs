@@ -22,6 +22,7 @@ use node::{Node, Waiting, arguments};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::Checks;
+use protocol_linux::OpenPort;
 
 pub use message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal};
 use modes::{OnInstruction, Standalone};
@@ -113,7 +114,13 @@ impl Run {
         // A PLC has its address from its project.
         prepared.take_address(NodeRole::Plc)?;
         let endpoint = bus::role(&setup.bus.kind);
-        let bus = bus::open(&setup.bus, interface.mac(), nonce, start)?;
+        let mut bus = bus::open(&setup.bus, interface.mac(), nonce, start)?;
+        if let bus::PlcBus::EthernetIp(scanner) = &mut bus
+            && OpenPort::open(interface, machine::arp::ETHERNET).is_err()
+        {
+            // EtherNet/IP runs without the privilege that ARP needs.
+            scanner.stop_conflict_detection();
+        }
         self.supervise(prepared, endpoint, PlcNode::new(config, bus, start))
     }
 

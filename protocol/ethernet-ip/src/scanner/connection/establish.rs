@@ -34,7 +34,7 @@ impl Connection {
 
     fn refused(&mut self, now: Instant, reply: &Reply<'_>) {
         let refusal = Refusal::of_reply(reply, self.requested(), self.found);
-        self.refusal = Some(refusal);
+        (self.refusal, self.conflict) = (Some(refusal), None);
         let is_owned = refusal.extended == Some(Extended::OwnershipConflict);
         // A bridge on the way would answer for itself.
         if is_owned && self.step == Step::Opening && self.config.route.is_empty() {
@@ -153,7 +153,7 @@ impl Connection {
             let text = "the adapter opened a multicast connection but named no multicast group";
             return self.fail(now, Down { cause: DownCause::Refused, code: 0, text });
         };
-        self.refusal = None;
+        (self.refusal, self.conflict) = (None, None);
         self.granted_us = (opened.o_t_api_us, opened.t_o_api_us);
         self.step = Step::Running;
         self.deadline = Some(now + DATA_WITHIN);

@@ -25,7 +25,11 @@ impl Connection {
     /// Writes why the adapter refused the last connection and what it has instead, where that is more than [`Down`]
     /// holds; otherwise nothing.
     pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.refusal.as_ref().map_or(Ok(()), |refusal| write!(words, "{refusal}"))
+        match (&self.conflict, &self.refusal) {
+            (Some(conflict), _) => write!(words, "{conflict}"),
+            (None, Some(refusal)) => write!(words, "{refusal}"),
+            (None, None) => Ok(()),
+        }
     }
 
     /// Writes by how much the intervals that the adapter granted exceed those that were asked for; nothing where they do not, or
