@@ -9,6 +9,7 @@ use protocol::image::{
     Verdict,
 };
 
+use crate::sample::Positions;
 use crate::{Controller, Disturbance, DriveSegment, ImageFault, Program, RobotConfig, RobotEvent, Sample};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
@@ -161,6 +162,7 @@ impl<B: Fieldbus> RobotNode<B> {
             pose: feedback.pose,
             joints: *self.controller.reported_joints(),
             altered: self.checker.checks().altered,
+            positions: if self.drives.is_some() { Positions::Drives } else { Positions::SetPoints },
         }
     }
 
