@@ -9,6 +9,7 @@ use protocol::image::{
     Verdict,
 };
 
+use crate::sample::Positions;
 use crate::waiting::{Wait, WaitingFor};
 use crate::{Controller, Disturbance, DriveSegment, ImageFault, Program, RobotConfig, RobotEvent, Sample};
 
@@ -167,6 +168,7 @@ impl<B: Fieldbus> RobotNode<B> {
             pose: feedback.pose,
             joints: *self.controller.reported_joints(),
             altered: self.checker.checks().altered,
+            positions: if self.drives.is_some() { Positions::Drives } else { Positions::SetPoints },
         }
     }
 

@@ -24,7 +24,7 @@ pub fn render(results: &Results) -> String {
         results.application,
         repetitions(results.reps),
         results.mode,
-        results.seed_and_override(", ")
+        results.conditions(", ")
     );
     let mut text = format!("{}\n{}\n\n", screen::wrapped(&title, 0, 2), screen::wrapped(&about, 0, 2));
     text.push_str(&figures(results));
@@ -253,7 +253,7 @@ mod tests {
         results.without_skill_overhead = Some(without.as_without_overhead());
         insta::assert_snapshot!(render(&results), @"
         Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
-        pick-and-place, 2 repetitions, virtual mode, seed 7
+        pick-and-place, 2 repetitions, virtual mode, seed 7, positions = set-points
 
         ──────────────────────────────────────────────────────────────────────────────────────────────
          ms         AET    MAD   n   AET, h = 0   MAD, h = 0   paper AET   paper MAD      AET − paper
@@ -321,7 +321,7 @@ mod tests {
     fn a_type_that_was_not_requested_has_no_row_and_one_without_samples_has_no_figure() {
         insta::assert_snapshot!(render(&results(Mode::Real, &[ExecutionType::Rc])), @"
         Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
-        pick-and-place, 2 repetitions, real mode, seed 7
+        pick-and-place, 2 repetitions, real mode, seed 7, positions = set-points
 
         ────────────────────────────────────────────────────────────
          ms     AET   MAD   n   paper AET   paper MAD   AET − paper

@@ -4,6 +4,7 @@
 //! bytes on every computer. The bench's host is described in `host.json`.
 
 use plc_node::ExecutionType;
+use robot_node::Positions;
 use robot_node::quality::RatingExceeded;
 use serde::{Deserialize, Serialize};
 use setup::Setup;
@@ -45,6 +46,11 @@ pub struct Results {
     /// What became of the override in each repetition, as `--override` says it; absent where it stayed at 100 %.
     #[serde(default, rename = "override", skip_serializing_if = "Option::is_none")]
     pub overrides: Option<String>,
+    /// Source of the robot's positions, from which path, speed, quality and end are judged: `drives` or `set-points`. Absent in
+    /// a run of an older version, and where the robot is not a node of ours.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "Option<String>"))]
+    pub positions: Option<Positions>,
     /// The nodes that ran already; absent where the bench started its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attached: Option<Attached>,
@@ -255,6 +261,7 @@ impl Results {
             seed: schedule.seed,
             reps: schedule.reps,
             overrides: schedule.overrides.filter(|given| !given.is_full()).map(|given| given.to_string()),
+            positions: Some(Positions::of(setup.robot.drives)),
             attached: None,
             status: Status::Running,
             results,
@@ -368,11 +375,13 @@ impl Results {
         (types().map(|result| result.samples_ms.len()).sum(), types().count() * self.reps as usize)
     }
 
-    /// Returns the seed and, if there is one, the override: the end of the line that describes the run.
+    /// Returns seed, override and source of the positions, as far as there are any: the end of the line that describes the run.
     #[must_use]
-    pub fn seed_and_override(&self, separator: &str) -> String {
+    pub fn conditions(&self, separator: &str) -> String {
         let seed = format!("seed {}", self.seed);
-        self.overrides.iter().fold(seed, |text, overrides| format!("{text}{separator}override {overrides}"))
+        let overrides = self.overrides.iter().map(|overrides| format!("override {overrides}"));
+        let positions = self.positions.map(|positions| format!("positions = {positions}"));
+        overrides.chain(positions).fold(seed, |text, more| format!("{text}{separator}{more}"))
     }
 
     /// Returns whether an older version wrote them, without digests.

@@ -5,6 +5,7 @@
 mod by_image;
 #[cfg(test)]
 mod by_image_tests;
+mod drives;
 mod times;
 
 use std::fmt;
@@ -21,6 +22,7 @@ use crate::records::conditions::Measured;
 use crate::records::faults::Fault;
 use crate::records::mode::Mode;
 use crate::stands::planned_cell::PlannedCell;
+pub use drives::DriveDeviation;
 use times::Times;
 
 /// Largest difference of a joint from where it should be, in degrees (mm). The PLC takes a start within 0.001 for the
@@ -145,6 +147,16 @@ pub enum Difference {
         /// Shortest and longest.
         planned_mm: [f64; 2],
     },
+    /// The robot took another time.
+    #[error(
+        "the robot took {found_ms:.1} ms for its motions by its own clock, and {planned_ms:.1} ms in the rehearsal"
+    )]
+    RobotTime {
+        /// Time by the robot's clock, in ms.
+        found_ms: f64,
+        /// Rehearsed time, in ms.
+        planned_ms: f64,
+    },
     /// The two clocks disagree.
     #[error(
         "the PLC measured {:.3} ms more than the robot, and the cycles between them take {:.3} to {:.3} ms",
@@ -251,9 +263,14 @@ impl Verification {
         if found != wanted {
             return Err(Difference::Executed { found, planned: wanted }.into());
         }
+        let robot = &self.planned.robot;
+        if let Some(quality) = measured.quality.as_ref().filter(|_| robot.drives.is_some()) {
+            drives::check(robot, quality, account, &alone)?;
+        }
+        drives::check_time(robot, measured, account, &planned)?;
         compare_ends("by the robot", &account.end, &planned.end)?;
         compare_ends("by the PLC", &execution.commanded.end.map(f64::from), &planned.end)?;
-        self.check_length(measured, alone.path_length_mm)?;
+        self.check_length(measured, alone.quality.path_length_mm)?;
         Ok(self.times.check(measured, planned.skills)?)
     }
 
@@ -278,7 +295,7 @@ impl Verification {
         // Rehearsing slowly takes longer, so only a path that is longer than at the highest override is compared with it.
         let highest = account.override_percent[1];
         for percent in [highest, highest.min(SLOW_PERCENT)] {
-            let longest_mm = self.rehearsed(longest, &account.start, percent)?.path_length_mm;
+            let longest_mm = self.rehearsed(longest, &account.start, percent)?.quality.path_length_mm;
             planned_mm = [shortest_mm, longest_mm + tolerance(longest_mm)];
             if (planned_mm[0]..=planned_mm[1]).contains(&found_mm) {
                 return Ok(());

@@ -155,6 +155,11 @@ impl VirtualRun {
         self.nodes.connect()
     }
 
+    /// Returns the time since the robot was ready; times of faults count from there.
+    pub(crate) fn since_ready(&self) -> Duration {
+        self.nodes.since_ready()
+    }
+
     /// Waits until the robot is ready again after a run that failed.
     pub(crate) fn recover(&mut self) -> anyhow::Result<()> {
         self.nodes.recover()

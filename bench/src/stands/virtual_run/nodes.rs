@@ -318,6 +318,10 @@ impl Nodes {
     }
 
     /// Waits until the robot is ready again after a run that failed.
+    pub(super) fn since_ready(&self) -> Duration {
+        self.changes.since_ready(self.now()).unwrap_or_default()
+    }
+
     pub(super) fn recover(&mut self) -> anyhow::Result<()> {
         let until = self.pair.now() + RECOVERY;
         while !self.pair.a().is_ready() {

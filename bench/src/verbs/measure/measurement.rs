@@ -216,7 +216,11 @@ impl Measurement<'_> {
             session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
-        let results = Results { attached: stand.attached(), ..results };
+        let attached = stand.attached();
+        // A robot that is not our node does not say where its positions come from.
+        let is_ours = attached.as_ref().is_none_or(|attached| attached.robot.is_some());
+        let positions = results.positions.filter(|_| is_ours);
+        let results = Results { attached, positions, ..results };
         let verify = |measured: &Measured| {
             verification.check(measured)?;
             Ok(verification.unverified(measured))
