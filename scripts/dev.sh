@@ -70,7 +70,7 @@ verb_purity() { #: prove that the crates of machines can name no clock, socket, 
     # These crates and their dependencies are `no_std`: a crate built for a target without an operating system cannot
     # use one. If that target is not installed, the attribute and the dependencies' features are checked instead.
     local crate folder found dependency
-    local allowed="rand_core rand_pcg thiserror thiserror-impl proc-macro2 quote syn unicode-ident"
+    local allowed="libm rand_core rand_pcg thiserror thiserror-impl proc-macro2 quote syn unicode-ident"
     for crate in "${PURE[@]}"; do allowed+=" ${crate%%:*}"; done
     for crate in "${PURE[@]}"; do
         folder=${crate##*:} crate=${crate%%:*}

@@ -17,6 +17,8 @@
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
+#[cfg(all(feature = "real", target_os = "linux"))]
+pub mod address_check;
 pub mod arguments;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod control;
@@ -54,7 +56,7 @@ pub use inbox::{Commands, Inbox};
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use input::Input;
 #[cfg(all(feature = "real", target_os = "linux"))]
-pub use node::{Command, CyclicTask, Node, NodeError, NodeProcess, Notice, ProcessEvent, Snapshot};
+pub use node::{Command, CyclicTask, Node, NodeError, NodeProcess, Notice, ProcessEvent, Snapshot, Waiting};
 pub use outcome::{Outcome, exit_code};
 pub use short_text::ShortText;
 #[cfg(all(feature = "real", target_os = "linux"))]

@@ -30,10 +30,29 @@ pub enum Message<M> {
         /// Why the interface refused the address, if it did.
         problem: Option<String>,
     },
+    /// The node has waited for this long without any progress. The message comes again every ten seconds.
+    Waiting {
+        /// Time without progress, in s.
+        seconds: u32,
+        /// What it waits for, as text.
+        reason: String,
+        /// Whether somebody owes progress. Without this, it may last as long as it likes, as at an override of 0 %.
+        is_owed: bool,
+    },
+    /// Something is remarkable about the connection: it is slower than asked, or a station holds it and sends nothing.
+    Remark {
+        /// What, as text.
+        text: String,
+    },
     /// Somebody else requested what only the owner of the connection may, and was refused.
     Foreign {
         /// Who requested what, as text.
         request: String,
+    },
+    /// Another station has a name or an IP address that only one may have.
+    Conflict {
+        /// Which one, as text.
+        conflict: String,
     },
     /// The node's report so far, on request.
     Report(NodeReport),
@@ -153,6 +172,8 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
             Self::Address { address, problem: Some(problem) } => {
                 write!(f, "the peer wants the address {address}, but: {problem}")
             }
+            Self::Waiting { seconds, reason, .. } => write!(f, "waited {seconds} s so far for {reason}"),
+            Self::Remark { text } => write!(f, "warning: {text}"),
             Self::Report(report) => report.fmt(f),
             Self::Farewell { report, problem } => {
                 if let Some(report) = report {
@@ -161,6 +182,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
                 problem.as_ref().map_or(Ok(()), |problem| write!(f, "\nerror: {problem}"))
             }
             Self::Foreign { request } => write!(f, "warning: {request}"),
+            Self::Conflict { conflict } => write!(f, "warning: {conflict}"),
             Self::Busy { controller } => write!(f, "controlled by {controller}"),
             Self::Denied { reason } => write!(f, "denied: {reason}"),
             Self::Node(message) => message.fmt(f),

@@ -37,6 +37,11 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
     /// Returns the link event that an event contains, if any.
     fn link_event(event: &Self::Event) -> Option<LinkEvent>;
 
+    /// Returns what the node waits for, if an event says that.
+    fn waiting(_event: &Self::Event) -> Option<Waiting> {
+        None
+    }
+
     /// Carries out an order and returns the answer, if there is one.
     fn order(&mut self, now: Instant, order: Self::Order) -> Option<Self::Answer>;
 
@@ -56,6 +61,16 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
         Ok(())
     }
 
+    /// Writes what is remarkable about the connection: `remark` of the bus.
+    fn remark(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
+
+    /// Returns whether a remark may follow from an event.
+    fn may_remark(event: &Self::Event) -> bool {
+        matches!(Self::link_event(event), Some(LinkEvent::Up))
+    }
+
     /// Closes the connection as its standard demands.
     fn disconnect(&mut self, now: Instant);
 
@@ -73,6 +88,19 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
 
     /// Returns the time of the node's last cycle, at `now` or before, and what the node did in it.
     fn sample(&self, now: Instant) -> (Instant, Self::Sample);
+}
+
+/// What a node waits for.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Waiting {
+    /// Time without progress, in s.
+    pub seconds: u32,
+    /// What it waits for, as text.
+    pub for_what: String,
+    /// Whether it waits for the connection: then the last reason of the bus says more.
+    pub is_for_connection: bool,
+    /// Whether somebody owes progress. Without this, it may last as long as it likes, as at an override of 0 %.
+    pub is_owed: bool,
 }
 
 /// Commands of the process to the cyclic thread.
@@ -98,6 +126,8 @@ pub enum Notice<E, A> {
     Event(E),
     /// Why the peer refused the connection and what it offers instead; the next notice is the event itself.
     Explanation(ShortText),
+    /// What is remarkable about the connection.
+    Remark(ShortText),
     /// An answer to an order.
     Answer(A),
     /// The interface refused the address that the bus set.
@@ -211,7 +241,16 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                 notices.send(Notice::Explanation(words));
             }
         }
+        let may_remark = N::may_remark(&event);
         notices.send(Notice::Event(event));
+        if may_remark {
+            let mut words = ShortText::default();
+            // Text that does not fit is cut off.
+            let _ = node.remark(&mut words);
+            if !words.as_str().is_empty() {
+                notices.send(Notice::Remark(words));
+            }
+        }
         match link {
             Some(LinkEvent::Up) => {
                 self.connected = true;
@@ -234,7 +273,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
             Some(LinkEvent::Store) => {
                 notices.send(Notice::Store(node.to_store().into()));
             }
-            Some(LinkEvent::Foreign(_)) | None => {}
+            Some(LinkEvent::Foreign(_) | LinkEvent::Conflict(_)) | None => {}
         }
         ControlFlow::Continue(())
     }

@@ -15,16 +15,17 @@ use anyhow::Context as _;
 use machine::{Duration, Instant};
 use planning::{Found, Plan};
 use protocol::direct::Direct;
-use protocol_linux::{Interface, InterfaceError, StopSignals, capabilities, clock};
+use protocol_linux::{Interface, StopSignals, capabilities, clock};
 use setup::{Cyclic, Setup};
 
 use crate::Outcome;
+use crate::address_check::{AddressCheckError, check_address};
 use crate::message::{CellText, Console, Hello, NodeHost};
 use crate::role::NodeRole;
 use crate::station_file::StationFile;
 use crate::supervise::{OperatingMode, supervise};
 use crate::token::{ControlToken, TokenError};
-use crate::{Commands, ControlError, ControlPort, Node, NodeProcess};
+use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln};
 
 /// Time between the start of the program and its first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -144,14 +145,23 @@ impl Prepared {
     ///
     /// # Errors
     ///
-    /// The interface has another address, which may be the user's own connection, or it gets none.
-    pub fn take_address(&self, own: NodeRole) -> Result<(), InterfaceError> {
+    /// Another station on the cable has that address; the interface has another one, which may be the user's own connection;
+    /// or it gets none.
+    pub fn take_address(&self, own: NodeRole) -> anyhow::Result<()> {
         let Some(addresses) = self.setup.bus.addresses() else { return Ok(()) };
         let (key, address) = match own {
             NodeRole::Plc => ("bus.plc_address", addresses.plc),
             NodeRole::Robot => ("bus.robot_address", addresses.robot),
         };
-        self.interface.take_address(key, address, addresses.mask)
+        if self.interface.address().is_none_or(|found| found == address) {
+            match check_address(&self.interface, address) {
+                Ok(()) => {}
+                Err(taken @ AddressCheckError::Taken(_)) => return Err(taken).context(key),
+                // An address can be set where ARP cannot be read: EtherNet/IP needs no raw Ethernet.
+                Err(error) => errln!("warning: it is unknown whether another station has {address}: {error}"),
+            }
+        }
+        Ok(self.interface.take_address(key, address, addresses.mask)?)
     }
 
     /// Runs `node` until it is asked to end or `mode` ends it. `endpoint` is its role on the bus, for its first message.

@@ -13,7 +13,9 @@ use serde::de::DeserializeOwned;
 use crate::message::{Console, Hello, Instruction, Message};
 use crate::output::to_stdout;
 use crate::station_file::{Station, StationFile};
-use crate::{Command, Input, Node, NodeError, NodeProcess, Notice, Outcome, ProcessEvent, ShortText, errln};
+use crate::{
+    Command, Input, Node, NodeError, NodeProcess, Notice, Outcome, ProcessEvent, ShortText, Waiting, errln,
+};
 
 /// What one kind of node adds to the supervision of a node, with or without instructions.
 pub trait OperatingMode<N: Node> {
@@ -84,6 +86,9 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
         hello,
         station_file,
         linked: false,
+        last_down: None,
+        waiting: None,
+        remark: None,
         explanation: None,
     };
     let result = supervisor.run();
@@ -106,7 +111,7 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
     }
 }
 
-struct Supervisor<'a, N: Node, C> {
+struct Supervisor<'a, N: Node, C: OperatingMode<N>> {
     process: &'a mut NodeProcess<N>,
     mode: &'a mut C,
     console: Console,
@@ -114,6 +119,12 @@ struct Supervisor<'a, N: Node, C> {
     station_file: Option<StationFile>,
     /// Whether the connection is up.
     linked: bool,
+    /// Why it is down, as text.
+    last_down: Option<String>,
+    /// The last message about a wait that has not ended.
+    waiting: Option<Message<C::Message>>,
+    /// What is remarkable about the connection.
+    remark: Option<String>,
     /// The node's text about the next event.
     explanation: Option<ShortText>,
 }
@@ -203,8 +214,11 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         let hello = Message::<C::Message>::Hello(self.hello.clone());
         let link = self.linked.then_some(Message::LinkUp);
         let greeting = self.mode.greeting().map(Message::Node);
+        let remark = self.remark.clone().map(|text| Message::Remark { text });
         if let Some(port) = self.process.control() {
-            for message in [Some(hello), link, greeting].into_iter().flatten() {
+            let state = [link.as_ref(), remark.as_ref(), greeting.as_ref(), self.waiting.as_ref()];
+            let messages = [Some(&hello)].into_iter().chain(state);
+            for message in messages.flatten() {
                 port.send(&message.to_json());
             }
         }
@@ -212,16 +226,14 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
 
     fn handle_notice(&mut self, notice: Notice<N::Event, N::Answer>) -> Next<N::Order> {
         let (message, next) = match notice {
-            Notice::Event(event) => match N::link_event(&event) {
-                Some(link) => {
-                    match link {
-                        LinkEvent::Up => self.linked = true,
-                        LinkEvent::Down(_) => self.linked = false,
-                        LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
-                    }
-                    (link_message(link, self.explanation.take()), self.mode.link(link))
+            Notice::Event(event) => match (N::link_event(&event), N::waiting(&event)) {
+                (Some(link), _) => self.handle_link(link),
+                (None, Some(waiting)) => {
+                    self.waiting = Some(self.waiting_message(&waiting));
+                    (Some(self.waiting_message(&waiting)), Next::Wait)
                 }
-                None => {
+                (None, None) => {
+                    self.waiting = None;
                     let (message, next) = self.mode.event(event);
                     (message.map(Message::Node), next)
                 }
@@ -229,6 +241,11 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             Notice::Explanation(words) => {
                 self.explanation = Some(words);
                 (None, Next::Wait)
+            }
+            Notice::Remark(words) => {
+                let text = words.as_str().to_owned();
+                self.remark = Some(text.clone());
+                (Some(Message::Remark { text }), Next::Wait)
             }
             Notice::Answer(answer) => {
                 let (message, next) = self.mode.answer(answer);
@@ -248,6 +265,34 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             self.send(&message);
         }
         next
+    }
+
+    fn handle_link(&mut self, link: LinkEvent) -> (Option<Message<C::Message>>, Next<N::Order>) {
+        let message = link_message(link, self.explanation.take());
+        match link {
+            LinkEvent::Up => (self.linked, self.last_down, self.waiting) = (true, None, None),
+            LinkEvent::Down(_) => {
+                (self.linked, self.remark) = (false, None);
+                if let Some(Message::LinkDown { reason }) = &message {
+                    self.last_down = Some(reason.clone());
+                }
+            }
+            LinkEvent::SetAddress { .. }
+            | LinkEvent::Store
+            | LinkEvent::Foreign(_)
+            | LinkEvent::Conflict(_) => {}
+        }
+        (message, self.mode.link(link))
+    }
+
+    /// Returns the message about a wait. A node that waits for its connection gives the last reason of the bus.
+    fn waiting_message(&self, waiting: &Waiting) -> Message<C::Message> {
+        let Waiting { seconds, for_what, is_for_connection, is_owed } = waiting;
+        let reason = match &self.last_down {
+            Some(down) if *is_for_connection => format!("the connection: {down}"),
+            _ => for_what.clone(),
+        };
+        Message::Waiting { seconds: *seconds, reason, is_owed: *is_owed }
     }
 
     /// Stores name and address that the bus set permanently. Returns whether that worked.
@@ -307,6 +352,7 @@ fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Option<M
         },
         LinkEvent::SetAddress { address, .. } => Message::Address { address, problem: None },
         LinkEvent::Foreign(request) => Message::Foreign { request: request.to_string() },
+        LinkEvent::Conflict(conflict) => Message::Conflict { conflict: conflict.to_string() },
         LinkEvent::Store => return None,
     })
 }

@@ -21,8 +21,12 @@ pub(crate) const fn advice(number: ErrorNumber) -> Option<&'static str> {
         ErrorNumber::WrongLifeCounter => {
             "add 1 to the life counter in each scan, and set `plc.scan_cycle_us` of the robot's setup to the PLC's scan"
         }
-        ErrorNumber::DriveFault | ErrorNumber::DriveStopped | ErrorNumber::DrivesLost => {
-            "see to the robot's drives"
+        ErrorNumber::DriveFault
+        | ErrorNumber::DriveStopped
+        | ErrorNumber::DrivesLost
+        | ErrorNumber::DriveNotOn => "see to the robot's drives",
+        ErrorNumber::FollowingError | ErrorNumber::DriveNotArrived => {
+            "look for what holds the axis, reset, and start again"
         }
         ErrorNumber::ForceUnsteady => {
             "set the robot's force controller for this surface (`stiffest_n_per_mm`), or press on a softer one"

@@ -66,7 +66,7 @@ pub fn open(bus: &Bus, mac: Mac, seed: u64, start: Instant) -> Result<PlcBus, Bu
         BusKind::EthernetIp(addresses, ethernet_ip) => {
             Endpoint::EthernetIp(ethernet_ip_scanner(bus, addresses, ethernet_ip, station)?)
         }
-        BusKind::Ethercat(ethercat) => Endpoint::Ethercat(EthercatMainDevice::new(bus, ethercat, start)),
+        BusKind::Ethercat(ethercat) => Endpoint::Ethercat(EthercatMainDevice::new(bus, ethercat, mac, start)),
     })
 }
 
@@ -146,8 +146,9 @@ fn ethernet_ip_scanner(
     bus: &Bus,
     addresses: &Addresses,
     ethernet_ip: &EthernetIp,
-    Station { mac: Mac([_, _, serial @ ..]), seed, start }: Station,
+    Station { mac, seed, start }: Station,
 ) -> Result<EthernetIpScanner, BusError> {
+    let Mac([_, _, serial @ ..]) = mac;
     let intervals = ethernet_ip.timeout_intervals(&bus.watchdog_cycles);
     let config = ScannerConfig {
         vendor: ETHERNET_IP_VENDOR,
@@ -164,7 +165,8 @@ fn ethernet_ip_scanner(
         Some(adapter) => of_adapter(adapter, connection),
         None => connection,
     };
-    Ok(EthernetIpScanner::new(config, connection, start))
+    let own = (mac, addresses.plc, addresses.mask);
+    Ok(EthernetIpScanner::with_conflict_detection(config, own, connection, start))
 }
 
 /// Returns the configuration for an adapter of the setup that takes the place of our robot.

@@ -8,6 +8,7 @@ use protocol::fieldbus::{Counters, Down, LinkEvent};
 use protocol::image::{ErrorNumber, Finding, State};
 use serde::{Deserialize, Serialize};
 
+use crate::WaitingFor;
 use crate::advice::advice;
 use crate::function_blocks::BlockError;
 
@@ -84,6 +85,13 @@ pub enum PlcEvent {
     Finished(Execution),
     /// The run ended otherwise.
     Failed(Failure),
+    /// The PLC waits, and has waited for this long without any progress. The event comes again every ten seconds.
+    Waiting {
+        /// What it waits for.
+        for_what: WaitingFor,
+        /// Time since the last progress, in s.
+        seconds: u32,
+    },
 }
 
 /// A finished run.
@@ -111,6 +119,20 @@ pub struct Execution {
     pub frames: Counters,
     /// What the PLC commanded.
     pub commanded: Commanded,
+    /// What the PLC saw of the robot; `None` from a PLC of an older version.
+    #[serde(default)]
+    pub seen: Option<Seen>,
+}
+
+/// What the PLC saw of the robot in a run, by its images alone.
+#[derive(Clone, Copy, PartialEq, Default, Debug, Serialize, Deserialize)]
+pub struct Seen {
+    /// Joints in the scan that set the start edge, in degrees (mm).
+    pub start: [f32; 6],
+    /// Pose of the tool in the base at the end: mm and degrees.
+    pub end_pose: [f32; 6],
+    /// Time by the robot's own clock from that scan to the end, in ns; 0 if its images have no clock.
+    pub clock_ns: u64,
 }
 
 /// What the PLC commanded in a run, and what it saw of the arm at the end.
@@ -193,6 +215,17 @@ pub enum FailureCause {
     RobotSilent {
         /// Scans in which it did not change.
         scans: u32,
+    },
+    /// The robot is alive, but neither moves nor counts nor ends its skill.
+    #[error(
+        "for {seconds} s the arm has not moved and the robot (state {state:?}) has neither counted a motion nor ended its \
+         skill: look at its drives and its program"
+    )]
+    NoProgress {
+        /// Time without progress, in s.
+        seconds: u32,
+        /// The robot's state.
+        state: State,
     },
     /// The owner of the PLC gave the run up.
     #[error("the run was aborted on the PLC")]

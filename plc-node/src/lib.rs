@@ -35,15 +35,18 @@ mod scan;
 mod sequence;
 mod speed_override;
 mod start_position;
+mod waiting;
 
 pub use axes_group::{AxesGroup, WaitLimits};
 pub(crate) use axes_group::{Ticket, Turn};
 pub use config::PlcConfig;
 pub use event::{
-    Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError, UnknownExecutionType,
+    Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, Seen, StartError,
+    UnknownExecutionType,
 };
 pub use motion_source::{MotionList, MotionSource};
 pub use node::PlcNode;
 pub use sample::Sample;
 pub use scan::Scan;
 pub use speed_override::{Override, OverrideError, OverrideSchedule, OverrideStep, ScheduleError};
+pub use waiting::WaitingFor;

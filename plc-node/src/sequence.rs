@@ -122,6 +122,11 @@ impl Sequence {
         self.execution_type
     }
 
+    /// Returns whether the program itself waits, at a stop of the plan.
+    pub(crate) const fn waits(&self) -> bool {
+        matches!(self.stage, Stage::Wait { .. })
+    }
+
     pub(crate) fn totals(&self) -> Totals {
         self.ended.plus(self.current)
     }

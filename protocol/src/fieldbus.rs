@@ -30,6 +30,12 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
         Ok(())
     }
 
+    /// Writes what is remarkable about the connection as it is: slower than asked, or held by a station that sends nothing.
+    /// Otherwise writes nothing.
+    fn remark(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
+
     /// Returns the frame counters since the start.
     fn counters(&self) -> Counters;
 

@@ -9,6 +9,7 @@
 use std::net::{Ipv4Addr, SocketAddrV4};
 
 use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT};
+use machine::arp::ArpPacket;
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::search::{Answers, MOST_DEVICES, SearchCounters, SearchEnded};
 use machine::{Duration, Instant, LinkEvent, Machine, Port, Source, Transmit};
@@ -144,8 +145,10 @@ impl Segment {
                 }
                 _ => ETHERNET,
             };
-            // A station also announces itself to its neighbours.
-            if port == Port::Ethernet && !buf[..len].starts_with(&lldp::MULTICAST.0) {
+            // A station also announces itself to its neighbours, and its IP address.
+            let is_announcement =
+                buf[..len].starts_with(&lldp::MULTICAST.0) || ArpPacket::from_frame(&buf[..len]).is_some();
+            if port == Port::Ethernet && !is_announcement {
                 self.answered.push(now);
             }
             self.in_flight.push((now + CABLE, None, from, buf[..len].to_vec()));

@@ -56,7 +56,8 @@ pub fn open_station(
             Endpoint::Profinet(Device::new(config, start()))
         }
         BusKind::EthernetIp(addresses, _) => {
-            Endpoint::EthernetIp(ethernet_ip_adapter(addresses, bus.allowed(), mac, seed))
+            let adapter = ethernet_ip_adapter(addresses, bus.allowed(), mac, seed);
+            Endpoint::EthernetIp(adapter.with_conflict_detection(Instant::ZERO))
         }
         BusKind::Ethercat(_) => {
             let Mac([_, _, serial @ ..]) = mac;

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use setup::{Drives, Setup};
+use setup::{Drives, Servo, Setup};
 
 use crate::arm::motion::{Programmed, Robot};
 use crate::arm::{Arm, ConfigError, Frames, Installation, Joints, Surface};
@@ -44,6 +44,42 @@ pub struct RobotConfig {
     pub skill_overhead: Duration,
     /// What moves the joints; `None` for joints that are at once where they are set.
     pub drives: Option<Drives>,
+    /// Limits and monitoring of the drives.
+    pub servo: ServoLimits,
+}
+
+/// Limits and monitoring of the drives, the same for each axis.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct ServoLimits {
+    /// Highest speed of a motor, as a share of its joint's rated speed.
+    pub speed: f64,
+    /// Peak torque of a motor, as a share of what its joint's rated acceleration takes.
+    pub torque: f64,
+    /// Largest following error, in degrees (mm).
+    pub following_error: f64,
+    /// Time for which the following error may be larger.
+    pub following_error_for: Duration,
+    /// Exact stop: largest distance of a joint from its set-point at which it has arrived, in degrees (mm).
+    pub in_position: f64,
+    /// Time within which each joint must arrive after its set-points rest.
+    pub settling: Duration,
+    /// Time within which a reset must switch all drives on.
+    pub switch_on: Duration,
+}
+
+impl From<&Servo> for ServoLimits {
+    fn from(servo: &Servo) -> Self {
+        let millis = |value: u32| Duration::from_millis(value.into());
+        Self {
+            speed: servo.speed_percent.value / 100.0,
+            torque: servo.torque_percent.value / 100.0,
+            following_error: servo.following_error_deg.value,
+            following_error_for: millis(servo.following_error_ms.value),
+            in_position: servo.in_position_deg.value,
+            settling: millis(servo.settling_ms.value),
+            switch_on: millis(servo.switch_on_ms.value),
+        }
+    }
 }
 
 /// How the arm presses.
@@ -118,6 +154,7 @@ impl RobotConfig {
             continuous_start_cycles: robot.continuous_start_cycles.as_ref().map_or(0, |cycles| cycles.value),
             skill_overhead: micros(robot.skill_overhead_us.value),
             drives: robot.drives,
+            servo: ServoLimits::from(robot.servo.as_ref().unwrap_or(&Servo::assumed())),
         })
     }
 }

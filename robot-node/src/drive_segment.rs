@@ -11,15 +11,16 @@
 //! in the next one.
 
 use ethercat_drive::{
-    Axes, AxisError, Cause, DRIVE, DriveConfig, Drives, ErrorCode, INPUT_LEN, OUTPUT_LEN, Wanted,
+    Axes, Axis, AxisError, Cause, DRIVE, DriveConfig, Drives, ErrorCode, INPUT_LEN, OUTPUT_LEN, Power, Wanted,
 };
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
-use machine::{Counters, Duration, Instant, LinkEvent, Machine, Port, Source};
+use machine::ethernet::Mac;
+use machine::{Counters, Instant, LinkEvent, Machine, Port, Source};
 use serde::{Deserialize, Serialize};
 use setup::Drives as DrivesOfSetup;
 
 use crate::RobotConfig;
-use crate::arm::{AXES, Arm, Joints};
+use crate::arm::{AXES, Joints};
 use crate::controller::{DriveError, DrivePower, DriveReport};
 
 /// Robot cycles without process data after which either side gives the other up.
@@ -32,11 +33,8 @@ const FRAMES_PER_CYCLE: u32 = 500;
 /// Longest Ethernet frame in bytes.
 const LONGEST_FRAME: usize = 1514;
 
-/// Highest speed of a motor as a share of its joint's rated one: a drive that lags must be able to catch up.
-const MOTOR_RESERVE: f64 = 1.2;
-
-/// Cycles at rated speed by which a drive may lag behind its target.
-const WINDOW_CYCLES: f64 = 4.0;
+/// Address of the MainDevice. Its cable has no other one.
+const MAC: Mac = Mac([0x02, 0, 0, 0, 0, 1]);
 
 /// What happens to a drive, for tests of what a PLC makes of it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -66,6 +64,8 @@ pub struct DriveSegment {
     /// The drives are told to leave their faults.
     resetting: bool,
     report: DriveReport,
+    /// Following error window in degrees (mm).
+    following_error: f64,
     frame: Box<[u8; LONGEST_FRAME]>,
     answer: Box<[u8; LONGEST_FRAME]>,
 }
@@ -75,7 +75,7 @@ impl DriveSegment {
     #[must_use]
     pub fn of(config: &RobotConfig, start: Instant) -> Option<Self> {
         let Some(DrivesOfSetup::Ethercat) = config.drives else { return None };
-        let (arm, cycle) = (&config.arm, config.cycle);
+        let (axes, cycle) = (config.arm.axes(), config.cycle);
         let expected = ExpectedDevice {
             vendor: DRIVE.vendor_id,
             product: DRIVE.product_code,
@@ -84,16 +84,17 @@ impl DriveSegment {
             input_bytes: INPUT_LEN,
         };
         let watchdog = cycle * WATCHDOG_CYCLES;
-        let main = Config { devices: vec![expected; arm.axes()], cycle, watchdog };
+        let main = Config { mac: MAC, devices: vec![expected; axes], cycle, watchdog };
         Some(Self {
             main: MainDevice::new(main, start),
-            axes: Axes::new(arm.axes()),
-            drives: Drives::new(&configs(arm, &config.home, cycle), cycle, start),
+            axes: Axes::new(axes),
+            drives: Drives::new(&configs(config), cycle, start),
             targets: [0; AXES],
             exchanges: 0,
             lost: false,
             resetting: false,
-            report: DriveReport { joints: config.home, power: DrivePower::Off },
+            report: DriveReport { joints: config.home, power: DrivePower::Off { axis: 0 } },
+            following_error: config.servo.following_error,
             frame: Box::new([0; LONGEST_FRAME]),
             answer: Box::new([0; LONGEST_FRAME]),
         })
@@ -144,7 +145,11 @@ impl DriveSegment {
             match event {
                 LinkEvent::Up if !self.lost && !self.resetting => self.axes.want(Wanted::On),
                 LinkEvent::Down(_) => self.lost |= self.exchanges > 0,
-                LinkEvent::Up | LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
+                LinkEvent::Up
+                | LinkEvent::SetAddress { .. }
+                | LinkEvent::Store
+                | LinkEvent::Foreign(_)
+                | LinkEvent::Conflict(_) => {}
             }
         }
         // They are for who looks at drives alone.
@@ -189,25 +194,48 @@ impl DriveSegment {
         }
         self.report.power = match self.axes.error() {
             _ if self.lost => DrivePower::Failed(DriveError::Lost),
-            Some(error) => DrivePower::Failed(failure(error)),
-            None if self.main.inputs().is_some() && self.axes.are_on() => DrivePower::On,
-            None => DrivePower::Off,
+            Some(error) => DrivePower::Failed(self.failure(error)),
+            None if self.main.inputs().is_none() => DrivePower::Off { axis: 0 },
+            None if self.axes.are_on() => DrivePower::On,
+            None => {
+                let off = self.axes.axes().iter().position(|axis| axis.power() != Power::On);
+                DrivePower::Off { axis: off.map_or(0, |index| index as u8 + 1) }
+            }
         };
+    }
+
+    fn failure(&self, AxisError { axis, cause }: AxisError) -> DriveError {
+        let lag =
+            axis.checked_sub(1).and_then(|index| self.axes.axes().get(index)).map(Axis::following_error);
+        let axis = axis as u8;
+        match cause {
+            Cause::Fault(ErrorCode::FOLLOWING_ERROR) => DriveError::FollowingError {
+                axis,
+                away: f64::from(lag.unwrap_or(0)) / DrivesOfSetup::INCREMENTS,
+                allowed: self.following_error,
+            },
+            Cause::Fault(ErrorCode(code)) => DriveError::Fault { axis, code },
+            Cause::QuickStop | Cause::SwitchedOff => DriveError::Stopped { axis },
+        }
     }
 }
 
-/// Returns the drives of an arm whose joints stand at `home`.
-fn configs(arm: &Arm, home: &Joints, cycle: Duration) -> Vec<DriveConfig> {
+/// Returns the drives of a robot whose joints stand at home.
+fn configs(config: &RobotConfig) -> Vec<DriveConfig> {
+    let RobotConfig { arm, home, servo, .. } = config;
     let limits = arm.limits();
     let config = |axis: usize| {
-        let speed = limits.speed[axis] * DrivesOfSetup::INCREMENTS;
-        let lag = speed * cycle.as_secs_f64() * WINDOW_CYCLES;
+        let acceleration = limits.acceleration[axis] * DrivesOfSetup::INCREMENTS;
         DriveConfig {
+            serial_number: axis as u32 + 1,
             position: increments(home[axis]),
+            max_speed: limits.speed[axis] * servo.speed * DrivesOfSetup::INCREMENTS,
+            acceleration,
             // `as` saturates: what is too much for a register is as much as it takes.
-            window: lag as u32,
-            deceleration: (limits.acceleration[axis] * DrivesOfSetup::INCREMENTS) as u32,
-            ..DriveConfig::new(axis as u32 + 1, speed * MOTOR_RESERVE)
+            window: (servo.following_error * DrivesOfSetup::INCREMENTS) as u32,
+            window_time: servo.following_error_for.as_millis() as u16,
+            max_torque: (servo.torque * 1e3) as u16,
+            deceleration: acceleration as u32,
         }
     };
     (0..arm.axes()).map(config).collect()
@@ -217,12 +245,4 @@ fn configs(arm: &Arm, home: &Joints, cycle: Duration) -> Vec<DriveConfig> {
 fn increments(joint: f64) -> i32 {
     // `as` saturates; a setup's joints are within its range.
     (joint * DrivesOfSetup::INCREMENTS).round() as i32
-}
-
-fn failure(AxisError { axis, cause }: AxisError) -> DriveError {
-    let axis = axis as u8;
-    match cause {
-        Cause::Fault(ErrorCode(code)) => DriveError::Fault { axis, code },
-        Cause::QuickStop | Cause::SwitchedOff => DriveError::Stopped { axis },
-    }
 }

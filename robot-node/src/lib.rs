@@ -24,12 +24,14 @@ pub mod process;
 pub mod quality;
 pub mod rehearsal;
 mod sample;
+mod waiting;
 
 pub use arm::ConfigError;
 pub use cell::StartOutOfReach;
-pub use config::{ForceControl, RobotConfig};
+pub use config::{ForceControl, RobotConfig, ServoLimits};
 pub use controller::{Account, Controller, Ending, ImageFault, Program, RobotEvent};
 pub use drive_segment::{Disturbance, DriveSegment};
 pub use node::RobotNode;
 pub use quality::Quality;
-pub use sample::Sample;
+pub use sample::{Positions, Sample};
+pub use waiting::WaitingFor;

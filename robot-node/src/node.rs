@@ -9,6 +9,8 @@ use protocol::image::{
     Verdict,
 };
 
+use crate::sample::Positions;
+use crate::waiting::{Wait, WaitingFor};
 use crate::{Controller, Disturbance, DriveSegment, ImageFault, Program, RobotConfig, RobotEvent, Sample};
 
 /// Cycles that the controller runs at once after a stall of its host: a second at 4 ms.
@@ -48,6 +50,9 @@ pub struct RobotNode<B: Fieldbus> {
     output: Image,
     sealer: FeedbackSealer,
     link_events: VecDeque<RobotEvent>,
+    /// Whether the bus has a connection.
+    linked: bool,
+    wait: Wait,
     ticked_at: Instant,
 }
 
@@ -83,6 +88,8 @@ impl<B: Fieldbus> RobotNode<B> {
             output: [0; IMAGE_LEN],
             sealer: FeedbackSealer::default(),
             link_events: VecDeque::with_capacity(LINK_EVENTS),
+            linked: false,
+            wait: Wait::default(),
             ticked_at: start,
         };
         node.write_feedback();
@@ -161,6 +168,7 @@ impl<B: Fieldbus> RobotNode<B> {
             pose: feedback.pose,
             joints: *self.controller.reported_joints(),
             altered: self.checker.checks().altered,
+            positions: if self.drives.is_some() { Positions::Drives } else { Positions::SetPoints },
         }
     }
 
@@ -182,6 +190,27 @@ impl<B: Fieldbus> RobotNode<B> {
         self.interpolate(at);
         self.ticked_at = at;
         self.write_feedback();
+        self.watch_wait(at);
+    }
+
+    /// Reports what the robot waits for, every ten seconds.
+    fn watch_wait(&mut self, at: Instant) {
+        let is_still = self.wait.is_still(self.command.life);
+        let for_what = if !self.linked {
+            self.wait.disconnect();
+            Some(WaitingFor::Plc)
+        } else if self.bus.input().is_none() {
+            Some(WaitingFor::GoodData)
+        } else if self.refused_since.is_some() {
+            Some(WaitingFor::RightCheck { altered: self.checker.checks().altered })
+        } else if is_still {
+            Some(WaitingFor::Life { life: self.command.life })
+        } else {
+            WaitingFor::of(&self.command, self.controller.feedback())
+        };
+        if let Some((for_what, seconds)) = self.wait.see(at, for_what) {
+            self.push(RobotEvent::Waiting { for_what, seconds });
+        }
     }
 
     /// Runs the controller for one cycle, and the drives.
@@ -261,7 +290,14 @@ impl<B: Fieldbus> RobotNode<B> {
 
     fn take_link_events(&mut self) {
         while let Some(event) = self.bus.poll_event() {
-            self.was_lost |= matches!(event, LinkEvent::Down(_));
+            match event {
+                LinkEvent::Up => self.linked = true,
+                LinkEvent::Down(_) => (self.linked, self.was_lost) = (false, true),
+                LinkEvent::SetAddress { .. }
+                | LinkEvent::Store
+                | LinkEvent::Foreign(_)
+                | LinkEvent::Conflict(_) => {}
+            }
             self.push(RobotEvent::Link(event));
         }
     }

@@ -11,22 +11,24 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use machine::{Instant, Lateness};
 use node::Outcome;
+use node::address_check::{AddressCheckError, check_address};
 use node::errln;
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::station_file::{Address, Station, StationFile, StationFileError};
 use node::supervise::{Next, OperatingMode};
-use node::{Node, arguments};
+use node::{Node, Waiting, arguments};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent, ToStore};
 use protocol::image::Checks;
+use protocol_linux::OpenPort;
 use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
 use crate::controller::Ending;
 use crate::{
     Account, ConfigError, Disturbance, ImageFault, Program, Quality, RobotConfig, RobotEvent, RobotNode,
-    Sample, StartOutOfReach, bus,
+    Sample, StartOutOfReach, WaitingFor, bus,
 };
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
@@ -181,7 +183,13 @@ impl Run {
             endpoint.push_str(&format!(", {station}: stored in {}", file.path().display()));
         }
         let (mac, address) = (interface.mac(), interface.address());
-        let bus = bus::open_station(&setup.bus, mac, address, stored, start.as_nanos(), || start);
+        let mut bus = bus::open_station(&setup.bus, mac, address, stored, start.as_nanos(), || start);
+        if let bus::RobotBus::EthernetIp(adapter) = &mut bus
+            && OpenPort::open(interface, machine::arp::ETHERNET).is_err()
+        {
+            // EtherNet/IP runs without the privilege that ARP needs.
+            adapter.stop_conflict_detection();
+        }
         let node = RobotNode::new(config, programs, bus, self.seed, start);
         self.supervise(prepared, &endpoint, node)
     }
@@ -203,8 +211,14 @@ impl Run {
             loaded => loaded?,
         };
         if let Some(Address { ip, mask, gateway }) = station.address {
-            prepared.interface.set_address(ip, mask)?;
-            prepared.interface.set_gateway(gateway)?;
+            match check_address(&prepared.interface, ip) {
+                // It starts without an address, and its controller learns of the conflict when it sets one.
+                Err(taken @ AddressCheckError::Taken(_)) => errln!("warning: {taken}"),
+                _ => {
+                    prepared.interface.set_address(ip, mask)?;
+                    prepared.interface.set_gateway(gateway)?;
+                }
+            }
         }
         prepared.station_file = Some(file);
         Ok(Some(station))
@@ -232,6 +246,12 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
         }
     }
 
+    fn waiting(event: &RobotEvent) -> Option<Waiting> {
+        let RobotEvent::Waiting { for_what, seconds } = event else { return None };
+        let for_what = for_what.to_string();
+        Some(Waiting { seconds: *seconds, for_what, is_for_connection: false, is_owed: false })
+    }
+
     fn order(&mut self, _now: Instant, order: RobotInstruction) -> Option<Self::Answer> {
         let RobotInstruction::Disturb { axis, disturbance } = order;
         self.disturb_drive(axis, disturbance);
@@ -248,6 +268,14 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
 
     fn stored(&mut self, now: Instant, done: bool) {
         self.bus_mut().stored(now, done);
+    }
+
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus().remark(words)
+    }
+
+    fn may_remark(event: &RobotEvent) -> bool {
+        matches!(event, RobotEvent::Waiting { for_what: WaitingFor::Plc, .. })
     }
 
     fn disconnect(&mut self, now: Instant) {
@@ -324,6 +352,7 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
             }
             RobotEvent::LifeStill => Some(RobotMessage::LifeStill),
             RobotEvent::Link(_)
+            | RobotEvent::Waiting { .. }
             | RobotEvent::State(_)
             | RobotEvent::SkillStarted { .. }
             | RobotEvent::BlendSuppressed { .. } => None,

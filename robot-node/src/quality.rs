@@ -4,11 +4,17 @@
 //! An [`Observer`] looks at the arm once a cycle and at nothing else, so that whatever makes the arm move (a profile,
 //! a blend, an override) is measured alike. Speed, acceleration and jerk are differences of positions that lie one
 //! cycle apart. When a skill ends the observer gives its [`Quality`]; those of consecutive skills add up.
+//!
+//! Where the arm has drives, it is where they are, and not where the controller sets it. Their positions are rounded to
+//! increments: what rounding may add to a joint's speed, acceleration and jerk is subtracted.
+
+mod course;
 
 use serde::{Deserialize, Serialize};
 
 use crate::arm::{AXES, Arm, Frame, Joints, Rated, distance, dot, length};
 use crate::motion::{Curve, Interpolator, Segment};
+use course::Course;
 
 /// A cycle is the one in which the arm came to rest and left again, if its speed is at most this share of the mean of
 /// its neighbours' speeds. Braking and starting at one rate, wherever in a cycle they meet, give a half at most; the
@@ -52,6 +58,12 @@ pub struct Quality {
     pub path_length_mm: f64,
     /// Farthest that the tool was from the programmed curves, in mm.
     pub path_deviation_mm: f64,
+    /// Farthest that the drives brought the tool from the path of the set-points, in mm; 0 without drives.
+    #[serde(default)]
+    pub drive_deviation_mm: f64,
+    /// The same for the joint that was farthest from its set-points, in degrees (mm).
+    #[serde(default)]
+    pub drive_deviation_deg: f64,
     /// Acceleration of the tool, in mm/s².
     pub tool_acceleration: Load,
     /// Jerk of the tool, in mm/s³.
@@ -99,6 +111,8 @@ impl Quality {
             rests: self.rests.saturating_add(other.rests),
             path_length_mm: self.path_length_mm + other.path_length_mm,
             path_deviation_mm: self.path_deviation_mm.max(other.path_deviation_mm),
+            drive_deviation_mm: self.drive_deviation_mm.max(other.drive_deviation_mm),
+            drive_deviation_deg: self.drive_deviation_deg.max(other.drive_deviation_deg),
             tool_acceleration: self.tool_acceleration.plus(other.tool_acceleration),
             tool_jerk: self.tool_jerk.plus(other.tool_jerk),
             joint_speed: self.joint_speed.plus(other.joint_speed),
@@ -151,6 +165,14 @@ pub struct Observer {
     tool_frame: Frame,
     /// Highest share of its rated speed that a joint had, in the last two cycles.
     speed: [f64; 2],
+    /// The arm has moved since it last rested.
+    moves: bool,
+    /// What the set-points did lately; `None` without drives.
+    course: Option<Course>,
+    /// Resolution of the joints, in degrees (mm); 0 where they are exact.
+    increment: f64,
+    /// Two increments in a cycle, as a share of the slowest joint's rated speed.
+    creep: f64,
     quality: Quality,
 }
 
@@ -164,7 +186,30 @@ impl Observer {
             tool: [arm.forward(joints).position; 3],
             tool_frame: Frame::IDENTITY,
             speed: [0.0; 2],
+            moves: false,
+            course: None,
+            increment: 0.0,
+            creep: 0.0,
             quality: Quality::default(),
+        }
+    }
+
+    /// The same for an arm whose drives count their ways in increments of a degree (mm).
+    #[must_use]
+    pub fn of_drives(arm: &Arm, joints: &Joints, tick_s: f64, increment: f64) -> Self {
+        let course = Some(Course::new(joints, arm.limits(), increment));
+        let slowest = arm.limits().speed.iter().take(arm.axes()).fold(f64::INFINITY, |a, b| a.min(*b));
+        let creep = 2.0 * increment / (tick_s * slowest);
+        Self { course, increment, creep, ..Self::at_rest(arm, joints, tick_s) }
+    }
+
+    /// Starts anew with an arm that stands at `joints`.
+    pub fn rest_at(&mut self, arm: &Arm, joints: &Joints) {
+        (self.joints, self.tool) = ([*joints; 3], [arm.forward(joints).position; 3]);
+        (self.tool_frame, self.speed, self.moves) = (Frame::IDENTITY, [0.0; 2], false);
+        self.quality = Quality::default();
+        if let Some(course) = &mut self.course {
+            course.restart(joints);
         }
     }
 
@@ -174,8 +219,8 @@ impl Observer {
         &self.quality
     }
 
-    /// Observes one robot cycle.
-    pub fn look(&mut self, arm: &Arm, interpolator: &Interpolator) {
+    /// Observes one robot cycle. `actual` are the joints of the drives, where the arm has some.
+    pub fn look(&mut self, arm: &Arm, interpolator: &Interpolator, actual: Option<&Joints>) {
         let path = interpolator.path();
         if let Some(segment) = path.current()
             && segment.tool != self.tool_frame
@@ -185,21 +230,39 @@ impl Observer {
             self.tool = self.joints.map(|joints| arm.forward(&joints).origin_of(&segment.tool));
         }
         let tool = interpolator.flange().origin_of(&self.tool_frame);
-        self.see(arm, interpolator.joints(), tool);
         // Elsewhere the tool is on its curve: the joints are made from it.
-        if let Some([first, second]) = path.corner() {
+        let deviation = path.corner().map_or(0.0, |[first, second]| {
             let off_first = off_curve(first, first.curve.length(), tool, arm);
-            let deviation = off_first.min(off_curve(second, 0.0, tool, arm));
-            self.quality.path_deviation_mm = self.quality.path_deviation_mm.max(deviation);
-        }
+            off_first.min(off_curve(second, 0.0, tool, arm))
+        });
+        let off_path = match (actual, &mut self.course) {
+            (Some(actual), Some(course)) => {
+                course.add(interpolator.joints(), deviation);
+                let nearest = course.nearest(actual);
+                let actual_tool = arm.forward(actual).origin_of(&self.tool_frame);
+                let off_mm = distance(actual_tool, arm.forward(&nearest.joints).origin_of(&self.tool_frame));
+                let quality = &mut self.quality;
+                quality.drive_deviation_mm = quality.drive_deviation_mm.max(off_mm);
+                quality.drive_deviation_deg = quality.drive_deviation_deg.max(nearest.away);
+                self.see(arm, actual, actual_tool);
+                nearest.deviation_mm + off_mm
+            }
+            _ => {
+                self.see(arm, interpolator.joints(), tool);
+                deviation
+            }
+        };
+        self.quality.path_deviation_mm = self.quality.path_deviation_mm.max(off_path);
     }
 
-    /// Ends a skill, after which the arm stands where it is, and returns its quality. The next skill starts from zero.
-    pub fn end(&mut self, arm: &Arm) -> Quality {
-        // The skill ends in the cycle in which the arm arrives; that it then stands still belongs to it.
-        let (joints, tool) = (self.joints[0], self.tool[0]);
-        for _ in 0..self.joints.len() {
-            self.see(arm, &joints, tool);
+    /// Ends a skill, after which the arm stands at `joints`, and returns its quality. The next skill starts from zero.
+    pub fn end(&mut self, arm: &Arm, joints: &Joints) -> Quality {
+        // The skill ends in the cycle in which the arm arrives; that it then stands still belongs to it. Drives within the
+        // window of an exact stop go the rest of the way meanwhile.
+        let moved = *joints != self.joints[0];
+        let tool = if moved { arm.forward(joints).origin_of(&self.tool_frame) } else { self.tool[0] };
+        for _ in 0..self.joints.len() + usize::from(moved) {
+            self.see(arm, joints, tool);
         }
         core::mem::take(&mut self.quality)
     }
@@ -221,21 +284,26 @@ impl Observer {
         let velocity = per(core::array::from_fn(|i| joints[i] - j1[i]), per_s);
         let acceleration = per(core::array::from_fn(|i| joints[i] - 2.0 * j1[i] + j2[i]), per_s2);
         let jerk = per(core::array::from_fn(|i| joints[i] - 3.0 * (j1[i] - j2[i]) - j3[i]), per_s3);
+        let [one, two, four] = [1.0, 2.0, 4.0].map(|count| count * self.increment);
+        let acceleration = beyond(acceleration, two * per_s2);
         quality.joint_acceleration.add(limits.acceleration_load(&acceleration).share, tick_s);
-        quality.joint_jerk.add(limits.jerk_load(&jerk).share, tick_s);
+        quality.joint_jerk.add(limits.jerk_load(&beyond(jerk, four * per_s3)).share, tick_s);
         for axis in 0..AXES {
             let work = (velocity[axis] * velocity[axis] - before[axis] * before[axis]).abs() / 2.0;
             quality.energy_proxy_s += work / (limits.speed[axis] * limits.acceleration[axis]);
         }
 
-        let (newest, [newer, oldest]) = (limits.speed_load(&velocity).share, self.speed);
+        let (newest, [newer, oldest]) = (limits.speed_load(&beyond(velocity, one * per_s)).share, self.speed);
         quality.joint_speed.add(newest, tick_s);
-        let arrived = newest < STILL && newer >= STILL;
+        let is_still = newest < STILL;
+        let arrived = is_still && self.moves;
+        // The rounded steps of a joint that creeps differ by an increment: a rest ends with more than that.
+        self.moves = !is_still && (self.moves || newest >= STILL + self.creep);
         let passed = newer >= STILL
             && newest >= STILL
             && newer < oldest * (1.0 - EVEN)
             && newer <= newest * (1.0 + EVEN)
-            && newer <= PASSING_REST * f64::midpoint(newest, oldest);
+            && newer + self.creep <= PASSING_REST * f64::midpoint(newest, oldest);
         quality.rests = quality.rests.saturating_add(u32::from(arrived || passed));
         if newest >= STILL {
             quality.moving_s += tick_s;
@@ -245,6 +313,11 @@ impl Observer {
         self.tool = [tool, *t1, *t2];
         self.speed = [newest, newer];
     }
+}
+
+/// Returns by how much each value is beyond what rounding may cause.
+fn beyond(values: Joints, rounding: f64) -> Joints {
+    if rounding == 0.0 { values } else { values.map(|value| (value.abs() - rounding).max(0.0)) }
 }
 
 /// Returns the distance of the tool from a motion's curve, in mm; `way` is a place on the curve close by.

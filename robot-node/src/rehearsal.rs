@@ -1,14 +1,14 @@
 //! The controller without a bus: what it does with an application's motions if it gets all of them at once and nothing
-//! disturbs it. A measured run is compared with it.
+//! disturbs it. A measured run is compared with it. Drives, where the robot has some, are rehearsed too.
 
 use core::time::Duration;
 
 use machine::Instant;
 use planning::Stop;
-use protocol::image::{Command, Control, Motion, SLOTS, Skill};
+use protocol::image::{Command, Control, Motion, SLOTS, Skill, State};
 
 use crate::arm::Joints;
-use crate::{Account, Controller, Ending, Program, RobotConfig, RobotEvent};
+use crate::{Account, Controller, DriveSegment, Ending, Program, Quality, RobotConfig, RobotEvent};
 
 /// Number of the rehearsed program.
 const PROGRAM: u16 = 1;
@@ -32,8 +32,10 @@ pub enum Calls {
 pub struct Rehearsed {
     /// The robot's account of all skills.
     pub account: Account,
-    /// Length of the tool's path, in mm.
-    pub path_length_mm: f64,
+    /// How well the arm moved.
+    pub quality: Quality,
+    /// Pose of the tool in the base at the end, as the image has it: mm and degrees.
+    pub end_pose: [f32; 6],
 }
 
 /// A motion that the arm does not execute.
@@ -46,8 +48,8 @@ pub struct RehearsalError {
     pub ending: Option<Ending>,
 }
 
-/// Executes the motions on an arm that stands at `start` at an override in %, with skill calls that cost no time and joints
-/// that are at once where they are set.
+/// Executes the motions on an arm that stands at `start` at an override in %, with an interpreter that notices each call at
+/// once.
 ///
 /// # Errors
 ///
@@ -65,8 +67,6 @@ pub fn rehearse(
         interpreter_quantum: Duration::ZERO,
         start_quantum: Duration::ZERO,
         continuous_start_cycles: 0,
-        skill_overhead: Duration::ZERO,
-        drives: None,
         ..config.clone()
     };
     let mut stage = Stage::new(config, Program::new(motions.to_vec(), stops), override_percent);
@@ -96,6 +96,7 @@ pub fn rehearse(
 /// The controller, and what it did so far.
 struct Stage {
     controller: Controller,
+    drives: Option<DriveSegment>,
     command: Command,
     cycle: Duration,
     at: Instant,
@@ -104,24 +105,43 @@ struct Stage {
 
 impl Stage {
     fn new(config: RobotConfig, program: Program, override_percent: u8) -> Self {
-        let cycle = config.cycle;
-        let mut controller = Controller::new(config, vec![(PROGRAM, program)], 0);
+        let (cycle, at) = (config.cycle, Instant::ZERO);
+        let drives = DriveSegment::of(&config, at);
+        let patience = config.servo.switch_on;
+        let controller = Controller::new(config, vec![(PROGRAM, program)], 0);
         let mut command = Command { program: PROGRAM, override_percent, ..Command::default() };
         command.control = Control::ENABLE | Control::RESET;
-        controller.tick(Instant::ZERO, Some(&command));
-        let done = Rehearsed { account: Account::default(), path_length_mm: 0.0 };
-        Self { controller, command, cycle, at: Instant::ZERO, done }
+        let done = Rehearsed { account: Account::default(), quality: Quality::default(), end_pose: [0.0; 6] };
+        let mut stage = Self { controller, drives, command, cycle, at, done };
+        stage.tick();
+        while stage.controller.feedback().state != State::Ready && stage.at < Instant::ZERO + patience {
+            stage.at += cycle;
+            stage.tick();
+        }
+        stage
+    }
+
+    /// Runs one cycle.
+    fn tick(&mut self) {
+        let Self { controller, drives, command, at, .. } = self;
+        controller.tick(*at, Some(command));
+        let Some(drives) = drives else { return };
+        if controller.take_drive_reset() {
+            drives.reset();
+        }
+        controller.take_drives(drives.exchange(*at, controller.joints()));
     }
 
     /// Executes one skill; `first` is the number of its first motion.
     fn call(&mut self, first: usize, motions: &[Motion], skill: Skill) -> Result<(), RehearsalError> {
-        let Self { controller, command, cycle, at, done } = self;
+        let command = &mut self.command;
         command.control = Control::ENABLE | Control::EXECUTE;
         command.number = command.number.wrapping_add(1).max(1);
         (command.skill, command.written) = (skill, 0);
         command.total = u32::try_from(motions.len()).unwrap_or(u32::MAX);
-        let until = *at + LONGEST * 100 / u32::from(command.override_percent.max(1));
-        while *at < until {
+        let until = self.at + LONGEST * 100 / u32::from(command.override_percent.max(1));
+        while self.at < until {
+            let Self { controller, command, cycle, at, .. } = self;
             let feedback = controller.feedback();
             let executed = if feedback.number == command.number { feedback.executed } else { 0 };
             let written = command.total.min(executed.saturating_add(SLOTS as u32));
@@ -130,11 +150,13 @@ impl Stage {
             }
             command.written = written;
             *at += *cycle;
-            controller.tick(*at, Some(command));
-            while let Some(event) = controller.poll_event() {
+            self.tick();
+            while let Some(event) = self.controller.poll_event() {
+                let done = &mut self.done;
                 if let RobotEvent::SkillFinished { ending, quality, account, .. } = event {
                     done.account = done.account.then(account);
-                    done.path_length_mm += quality.path_length_mm;
+                    done.quality = done.quality.then(quality);
+                    done.end_pose = self.controller.feedback().pose;
                     let is_done = ending == Ending::Done;
                     return if is_done {
                         Ok(())

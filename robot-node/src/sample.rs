@@ -1,9 +1,48 @@
 //! What the robot does in one cycle, and its columns in a trace.
 
+use std::fmt;
 use std::fmt::Write as _;
+use std::str::FromStr;
 
 use node::trace_row::{Fields, TraceSample};
 use protocol::image::State;
+use serde::{Deserialize, Serialize};
+
+/// Source of the joints' positions.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Positions {
+    /// What the controller sets: there are no drives.
+    #[default]
+    SetPoints,
+    /// What the drives report.
+    Drives,
+}
+
+impl Positions {
+    /// Returns the source for a robot with these drives.
+    #[must_use]
+    pub const fn of(drives: Option<setup::Drives>) -> Self {
+        if drives.is_some() { Self::Drives } else { Self::SetPoints }
+    }
+}
+
+impl fmt::Display for Positions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::SetPoints => "set-points",
+            Self::Drives => "drives",
+        })
+    }
+}
+
+impl FromStr for Positions {
+    type Err = ();
+
+    fn from_str(name: &str) -> Result<Self, ()> {
+        [Self::SetPoints, Self::Drives].into_iter().find(|known| known.to_string() == name).ok_or(())
+    }
+}
 
 /// What the robot does in one interpolation cycle.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -27,6 +66,8 @@ pub struct Sample {
     pub joints: [f64; 6],
     /// Images of the PLC that the robot refused so far, because a byte was altered.
     pub altered: u64,
+    /// Source of joints, pose and path speed.
+    pub positions: Positions,
 }
 
 impl Sample {
@@ -49,13 +90,14 @@ impl Default for Sample {
             pose: [0.0; 6],
             joints: [0.0; 6],
             altered: 0,
+            positions: Positions::SetPoints,
         }
     }
 }
 
 impl TraceSample for Sample {
     const COLUMNS: &'static str = "state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,\
-        x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered";
+        x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered,positions";
 
     fn write(&self, line: &mut String) {
         let Self { state, command, executed, accepted, blends_suppressed, path_speed_mm_s, .. } = self;
@@ -70,7 +112,7 @@ impl TraceSample for Sample {
         for value in &self.joints {
             let _ = write!(line, ",{value:.7}");
         }
-        let _ = write!(line, ",{}", self.altered);
+        let _ = write!(line, ",{},{}", self.altered, self.positions);
     }
 
     fn read(fields: &mut Fields<'_>) -> Option<Self> {
@@ -99,6 +141,8 @@ impl TraceSample for Sample {
             *value = fields.value()?;
         }
         sample.altered = fields.value()?;
+        // Older versions do not name it: their path speed is that of the set-points.
+        sample.positions = fields.text().map_or(Some(Positions::SetPoints), |name| name.parse().ok())?;
         (sample.queued() == queued).then_some(sample)
     }
 }
@@ -120,6 +164,7 @@ mod tests {
                 pose: [1.0, -2.5, 3.0, 0.0, 0.0, 180.0],
                 joints: [10.0, 20.0, 30.0, 40.0, 0.0, 0.0],
                 altered: 1,
+                positions: Positions::Drives,
             };
             let mut line = String::new();
             sample.write(&mut line);

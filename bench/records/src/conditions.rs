@@ -146,6 +146,7 @@ impl Measured {
                 override_percent: [100; 2],
                 end: [0.0; 6],
             },
+            seen: None,
         };
         Self { execution, quality: None, account: None, interference: Interference::default() }
     }
@@ -172,6 +173,8 @@ pub struct Health {
     pub allocations: Option<[u64; 2]>,
     /// Repetitions that were run again because the host stalled a node until the connection was lost: which, and why.
     pub repeated: Vec<String>,
+    /// What was remarkable about the connection.
+    pub remarks: Vec<String>,
     /// Result of the injected faults, if any.
     pub faults: Option<FaultReport>,
 }

@@ -136,6 +136,12 @@ impl FromStr for Fault {
 }
 
 impl Fault {
+    /// Returns whether it is a fault of a drive.
+    #[must_use]
+    pub const fn is_of_drive(&self) -> bool {
+        matches!(self.kind, Kind::Drive(_))
+    }
+
     /// Returns whether it ends a node for good.
     #[must_use]
     pub const fn kills(&self) -> bool {

@@ -20,7 +20,7 @@
 //! host           the computer of a run
 //! listening      the sockets that nodes and benches hold open for others
 //! counted        a number with the noun that it counts
-//! feed           the events of a run for whoever watches it; exit: the exit codes, and which error leads to which
+//! feed           the events of a run for whoever watches it; voice: lines for a person meanwhile; exit: the exit codes, and which error leads to which
 //! digest         the digests of what is saved; agreement: whether saved figures agree with the samples;
 //!                sample_rows: samples.csv, read back
 //! run_directory  the files of a measurement; occupied: the directories that no verb writes into;
@@ -59,3 +59,4 @@ mod sample_rows;
 pub mod schedule;
 pub mod statistics;
 pub mod trace;
+pub mod voice;

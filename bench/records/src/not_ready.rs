@@ -15,6 +15,14 @@ pub enum NotReady {
     /// Nothing came of the connection within this time.
     #[error("the robot was not ready within {} s of virtual time", .0.as_secs())]
     Late(Duration),
+    /// The PLC only waited.
+    #[error("the PLC has waited {seconds} s of virtual time for {for_what}")]
+    Waiting {
+        /// Time without progress, in s.
+        seconds: u32,
+        /// What it waits for, as text.
+        for_what: String,
+    },
     /// The arm was still moving to where the application starts.
     #[error(
         "the arm was still on its way to the start of the application after {} s of virtual time: raise \

@@ -4,6 +4,7 @@
 //! bytes on every computer. The bench's host is described in `host.json`.
 
 use plc_node::ExecutionType;
+use robot_node::Positions;
 use robot_node::quality::RatingExceeded;
 use serde::{Deserialize, Serialize};
 use setup::Setup;
@@ -45,6 +46,11 @@ pub struct Results {
     /// What became of the override in each repetition, as `--override` says it; absent where it stayed at 100 %.
     #[serde(default, rename = "override", skip_serializing_if = "Option::is_none")]
     pub overrides: Option<String>,
+    /// Source of the robot's positions, from which path, speed, quality and end are judged: `drives` or `set-points`. Absent in
+    /// a run of an older version, and where the robot is not a node of ours.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "Option<String>"))]
+    pub positions: Option<Positions>,
     /// The nodes that ran already; absent where the bench started its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attached: Option<Attached>,
@@ -73,6 +79,12 @@ pub struct Results {
     /// Images that the nodes received with a wrong check, or without one.
     #[serde(default)]
     pub images: Images,
+    /// What was remarkable about the connection, such as longer intervals than asked for; absent if nothing was.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub connection_remarks: Vec<String>,
+    /// What was not verified of the repetitions, each with the reason; absent if everything was.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_verified: Vec<String>,
     /// What traces and captures of the run lack, as sentences; absent if they are complete.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub incomplete: Vec<String>,
@@ -249,6 +261,7 @@ impl Results {
             seed: schedule.seed,
             reps: schedule.reps,
             overrides: schedule.overrides.filter(|given| !given.is_full()).map(|given| given.to_string()),
+            positions: Some(Positions::of(setup.robot.drives)),
             attached: None,
             status: Status::Running,
             results,
@@ -261,6 +274,8 @@ impl Results {
             cycle: Cycles::default(),
             bus: Frames::default(),
             images: Images::default(),
+            connection_remarks: Vec::new(),
+            not_verified: Vec::new(),
             incomplete: Vec::new(),
             connected_after_ms: None,
             cyclic_allocations: None,
@@ -306,6 +321,15 @@ impl Results {
             aet(ExecutionType::Sm).zip(aet(ExecutionType::Cm)).map(|(sm, cm)| aet_improvement(sm, cm));
     }
 
+    /// Adds what was not verified of a repetition.
+    pub fn add_unverified(&mut self, unverified: Vec<String>) {
+        for what in unverified {
+            if !self.not_verified.contains(&what) {
+                self.not_verified.push(what);
+            }
+        }
+    }
+
     /// Adds a failed repetition.
     pub fn record_failure(&mut self, execution_type: ExecutionType, repetition: u32, error: String) {
         self.results
@@ -329,6 +353,7 @@ impl Results {
         self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
         self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });
         self.repeated = u32::try_from(health.repeated.len()).unwrap_or(u32::MAX);
+        self.connection_remarks.clone_from(&health.remarks);
         self.faults.clone_from(&health.faults);
     }
 
@@ -350,11 +375,13 @@ impl Results {
         (types().map(|result| result.samples_ms.len()).sum(), types().count() * self.reps as usize)
     }
 
-    /// Returns the seed and, if there is one, the override: the end of the line that describes the run.
+    /// Returns seed, override and source of the positions, as far as there are any: the end of the line that describes the run.
     #[must_use]
-    pub fn seed_and_override(&self, separator: &str) -> String {
+    pub fn conditions(&self, separator: &str) -> String {
         let seed = format!("seed {}", self.seed);
-        self.overrides.iter().fold(seed, |text, overrides| format!("{text}{separator}override {overrides}"))
+        let overrides = self.overrides.iter().map(|overrides| format!("override {overrides}"));
+        let positions = self.positions.map(|positions| format!("positions = {positions}"));
+        overrides.chain(positions).fold(seed, |text, more| format!("{text}{separator}{more}"))
     }
 
     /// Returns whether an older version wrote them, without digests.

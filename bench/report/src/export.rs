@@ -135,7 +135,7 @@ fn markdown(results: &Results) -> String {
         format!(
             "{application}, {}, {mode} mode, {}{}",
             repetitions(results.reps),
-            results.seed_and_override(", "),
+            results.conditions(", "),
             unfinished(results.status)
         ),
         String::new(),
@@ -323,7 +323,7 @@ mod tests {
         insta::assert_snapshot!(markdown(&results()), @r#"
         ### Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
 
-        pick, place, 3 repetitions, virtual mode, seed 7 (a repetition failed)
+        pick, place, 3 repetitions, virtual mode, seed 7, positions = set-points (a repetition failed)
 
         | ms | AET | MAD | n | paper AET | paper MAD | AET − paper |
         | --- | ---: | ---: | ---: | ---: | ---: | ---: |

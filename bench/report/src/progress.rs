@@ -11,6 +11,7 @@ use plc_node::ExecutionType;
 use crate::errln;
 use records::results::Results;
 use records::schedule::Schedule;
+use records::voice::Voice;
 
 /// Shortest interval between two plain lines, except for a type's last one.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
@@ -27,7 +28,7 @@ pub struct Progress {
 
 #[derive(Debug)]
 enum View {
-    Live { bars: Vec<(ExecutionType, ProgressBar)>, _screen: MultiProgress },
+    Live { bars: Vec<(ExecutionType, ProgressBar)>, screen: MultiProgress },
     Plain { last_line: Option<Instant> },
     Quiet,
 }
@@ -89,14 +90,19 @@ impl Progress {
 
     /// Prints a line besides the display.
     pub fn say(&self, line: &str) {
+        self.voice().say(line);
+    }
+
+    /// Returns what prints lines besides the display, for use while the display is elsewhere.
+    #[must_use]
+    pub fn voice(&self) -> Voice {
         match &self.view {
-            View::Live { _screen, .. } => {
-                let _ = _screen.println(line);
+            View::Live { screen, .. } => {
+                let screen = screen.clone();
+                Voice::new(move |line| drop(screen.println(line)))
             }
-            View::Plain { .. } => {
-                errln!("{line}");
-            }
-            View::Quiet => {}
+            View::Plain { .. } => Voice::new(|line| errln!("{line}")),
+            View::Quiet => Voice::new(|_| {}),
         }
     }
 
@@ -135,7 +141,7 @@ fn live(schedule: &Schedule) -> View {
         bar.tick();
         (*execution_type, bar)
     };
-    View::Live { bars: schedule.types.iter().map(bar).collect(), _screen: screen }
+    View::Live { bars: schedule.types.iter().map(bar).collect(), screen: screen }
 }
 
 /// Returns the type's name as in the paper.

@@ -24,7 +24,7 @@ pub fn render(results: &Results) -> String {
         results.application,
         repetitions(results.reps),
         results.mode,
-        results.seed_and_override(", ")
+        results.conditions(", ")
     );
     let mut text = format!("{}\n{}\n\n", screen::wrapped(&title, 0, 2), screen::wrapped(&about, 0, 2));
     text.push_str(&figures(results));
@@ -78,8 +78,19 @@ pub(super) fn sentences(results: &Results) -> Vec<String> {
     if let Some(attached) = &results.attached {
         sentences.push(format!("Measured on nodes that ran already: {attached}."));
     }
+    sentences.extend(not_verified(results));
     sentences.extend(conditions(results));
     sentences
+}
+
+/// Returns what was remarkable about the connection, as sentences.
+pub(super) fn connection_remarks(results: &Results) -> impl Iterator<Item = String> {
+    results.connection_remarks.iter().map(|remark| format!("Connection: {remark}."))
+}
+
+/// Returns what was not verified of the repetitions, as sentences.
+pub(super) fn not_verified(results: &Results) -> impl Iterator<Item = String> {
+    results.not_verified.iter().map(|what| format!("Not verified: {what}."))
 }
 
 /// Returns sentences on the nodes, the host and the bus: lateness, lost frames, disturbed repetitions.
@@ -102,6 +113,7 @@ fn conditions(results: &Results) -> Vec<String> {
             });
         sentences.push(format!("Connected {after:.0} ms after the start of the nodes{allocations}."));
     }
+    sentences.extend(connection_remarks(results));
     sentences.push(cyclic_frames(&results.bus));
     sentences.extend(images(&results.images));
     sentences.extend(held_up(results));
@@ -241,7 +253,7 @@ mod tests {
         results.without_skill_overhead = Some(without.as_without_overhead());
         insta::assert_snapshot!(render(&results), @"
         Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
-        pick-and-place, 2 repetitions, virtual mode, seed 7
+        pick-and-place, 2 repetitions, virtual mode, seed 7, positions = set-points
 
         ──────────────────────────────────────────────────────────────────────────────────────────────
          ms         AET    MAD   n   AET, h = 0   MAD, h = 0   paper AET   paper MAD      AET − paper
@@ -309,7 +321,7 @@ mod tests {
     fn a_type_that_was_not_requested_has_no_row_and_one_without_samples_has_no_figure() {
         insta::assert_snapshot!(render(&results(Mode::Real, &[ExecutionType::Rc])), @"
         Setup A: Siemens S7-1517, PROFINET, KUKA KR 6 R500 (SCARA)
-        pick-and-place, 2 repetitions, real mode, seed 7
+        pick-and-place, 2 repetitions, real mode, seed 7, positions = set-points
 
         ────────────────────────────────────────────────────────────
          ms     AET   MAD   n   paper AET   paper MAD   AET − paper

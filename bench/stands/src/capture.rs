@@ -3,7 +3,7 @@
 //! A machine's frame is the payload of a datagram or a piece of a stream. Here it gets the headers that the kernel
 //! adds in real mode (RFC 791, 768, 9293), with correct checksums and sequence numbers, so that dissectors see the
 //! same connections. TCP's acknowledgements without payload are added at once; they take the cable's delay and meet
-//! no fault. There is no ARP: the stations know each other's addresses. Times count from 1970-01-01 in true time, so
+//! no fault. ARP is what the machines ask and their hosts answer; it meets no fault either. Times count from 1970-01-01 in true time, so
 //! that a seed gives the same bytes on every computer.
 
 use std::cmp::Reverse;

@@ -15,10 +15,12 @@ pub mod planned_cell;
 pub mod reaction_limits;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod rig;
+mod unreported;
 pub mod verification;
 pub mod virtual_run;
 
 pub use attach::{Attach, AttachError};
+pub use unreported::Unreported;
 
 use std::path::Path;
 
@@ -35,6 +37,7 @@ use records::feed::Feed;
 use records::plant_speed::PlantSpeed;
 use records::schedule::Step;
 use records::trace::Trace;
+use records::voice::Voice;
 
 /// A connected PLC and robot, in real or virtual time.
 pub trait Stand: Sized {
@@ -88,6 +91,8 @@ pub struct StandConfig<'a> {
     pub faults: &'a [Fault],
     /// The live view.
     pub feed: Option<&'a Feed>,
+    /// Prints what the nodes wait for.
+    pub voice: Option<&'a Voice>,
     /// Nodes that already run.
     pub attach: Option<&'a Attach>,
     /// Token of the control ports of these nodes.

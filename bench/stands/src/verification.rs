@@ -2,6 +2,10 @@
 //! along the path that the controller takes without a bus; and the times of the two clocks differ by no more than the
 //! cycles between them explain.
 
+mod by_image;
+#[cfg(test)]
+mod by_image_tests;
+mod drives;
 mod times;
 
 use std::fmt;
@@ -15,6 +19,7 @@ use robot_node::rehearsal::{Calls, Rehearsed, rehearse};
 use setup::Setup;
 
 use crate::planned_cell::PlannedCell;
+pub use drives::DriveDeviation;
 use records::conditions::Measured;
 use records::faults::Fault;
 use records::mode::Mode;
@@ -106,6 +111,34 @@ pub enum Difference {
         /// In degrees (mm).
         planned: f64,
     },
+    /// The tool ended elsewhere, as the robot reports its pose.
+    #[error(
+        "by the robot's image the tool ended at x {:.3}, y {:.3}, z {:.3} mm in its base, {away_mm:.3} mm from the plan's \
+         {:.3}, {:.3}, {:.3}",
+        found[0], found[1], found[2], planned[0], planned[1], planned[2]
+    )]
+    EndPose {
+        /// Distance of both, in mm.
+        away_mm: f64,
+        /// Position of the tool in the base, in mm.
+        found: [f64; 3],
+        /// Where it should be, in mm.
+        planned: [f64; 3],
+    },
+    /// The robot's clock runs at another speed.
+    #[error(
+        "by the robot's own clock the run took {:.3} ms, by the PLC's {:.3} ms, and the cycles between them explain {:.3} ms: \
+         does the clock in its image count ns?",
+        *found_ns as f64 / 1e6, *plc_ns as f64 / 1e6, *allowed_ns as f64 / 1e6
+    )]
+    Clock {
+        /// By the robot's clock.
+        found_ns: i64,
+        /// By the PLC's.
+        plc_ns: i64,
+        /// Largest difference.
+        allowed_ns: i64,
+    },
     /// The path had another length.
     #[error("the tool's path was {found_mm:.3} mm long, and the plan's is {:.3} to {:.3} mm", planned_mm[0], planned_mm[1])]
     Length {
@@ -113,6 +146,16 @@ pub enum Difference {
         found_mm: f64,
         /// Shortest and longest.
         planned_mm: [f64; 2],
+    },
+    /// The robot took another time.
+    #[error(
+        "the robot took {found_ms:.1} ms for its motions by its own clock, and {planned_ms:.1} ms in the rehearsal"
+    )]
+    RobotTime {
+        /// Time by the robot's clock, in ms.
+        found_ms: f64,
+        /// Rehearsed time, in ms.
+        planned_ms: f64,
     },
     /// The two clocks disagree.
     #[error(
@@ -199,7 +242,7 @@ impl Verification {
             return Err(Difference::Count { found, planned: self.sent.motions }.into());
         }
         // A robot that is not our node gives no account.
-        let Some(account) = account else { return Ok(()) };
+        let Some(account) = account else { return self.check_by_image(measured) };
         let ([low, high], commanded) = (account.override_percent, execution.commanded.override_percent);
         if low < commanded[0] || high > commanded[1] {
             return Err(Difference::Override { found: [low, high], commanded }.into());
@@ -215,9 +258,14 @@ impl Verification {
         if found != wanted {
             return Err(Difference::Executed { found, planned: wanted }.into());
         }
+        let robot = &self.planned.robot;
+        if let Some(quality) = measured.quality.as_ref().filter(|_| robot.drives.is_some()) {
+            drives::check(robot, quality, account, &alone)?;
+        }
+        drives::check_time(robot, measured, account, &planned)?;
         compare_ends("by the robot", &account.end, &planned.end)?;
         compare_ends("by the PLC", &execution.commanded.end.map(f64::from), &planned.end)?;
-        self.check_length(measured, alone.path_length_mm)?;
+        self.check_length(measured, alone.quality.path_length_mm)?;
         Ok(self.times.check(measured, planned.skills)?)
     }
 
@@ -242,7 +290,7 @@ impl Verification {
         // Rehearsing slowly takes longer, so only a path that is longer than at the highest override is compared with it.
         let highest = account.override_percent[1];
         for percent in [highest, highest.min(SLOW_PERCENT)] {
-            let longest_mm = self.rehearsed(longest, &account.start, percent)?.path_length_mm;
+            let longest_mm = self.rehearsed(longest, &account.start, percent)?.quality.path_length_mm;
             planned_mm = [shortest_mm, longest_mm + tolerance(longest_mm)];
             if (planned_mm[0]..=planned_mm[1]).contains(&found_mm) {
                 return Ok(());
@@ -307,12 +355,12 @@ mod tests {
     use records::schedule::{PAUSE, Step};
 
     /// Runs the application of Setup A once, without faults; returns what verifies it and what was measured.
-    fn run(execution_type: ExecutionType) -> (Verification, Measured) {
+    pub(super) fn run(execution_type: ExecutionType) -> (Verification, Measured) {
         let (setup, found) = planning::setup_with_application("A").unwrap();
         run_of(&setup, &found, execution_type, None)
     }
 
-    fn run_of(
+    pub(super) fn run_of(
         setup: &Setup,
         found: &planning::Found,
         execution_type: ExecutionType,

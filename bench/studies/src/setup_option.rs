@@ -1,12 +1,12 @@
-//! The option `--setup`, which most verbs have.
+//! The option `--setup`, which most verbs have, and `--drives`, which goes with it.
 
 use std::path::Path;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use planning::Found;
 use setup::Setup;
 
-use records::exit::Failure;
+use records::exit::{Exit, Failure};
 
 /// Which setup a verb works on.
 #[derive(Args, Debug)]
@@ -45,5 +45,47 @@ impl SetupOption {
     /// Either cannot be read or is invalid.
     pub fn load_with(&self, application: Option<&str>) -> Result<(Setup, Found), Failure> {
         Ok(planning::setup_and_application(&self.setup, application)?)
+    }
+}
+
+/// What moves the robot's joints.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum Drives {
+    /// Emulated CiA 402 drives on an EtherCAT segment of the robot controller.
+    Ethercat,
+}
+
+impl From<Drives> for setup::Drives {
+    fn from(Drives::Ethercat: Drives) -> Self {
+        Self::Ethercat
+    }
+}
+
+/// What moves the joints of the setup's robot.
+#[derive(Args, Debug)]
+pub struct DrivesOption {
+    /// What moves the robot's joints, instead of what the setup says: emulated CiA 402 drives behind an EtherCAT segment of
+    /// the robot controller.
+    #[arg(long, value_enum)]
+    drives: Option<Drives>,
+}
+
+impl DrivesOption {
+    /// Returns the setup with these drives.
+    ///
+    /// # Errors
+    ///
+    /// Drives cannot move this arm.
+    pub fn applied_to(&self, setup: Setup) -> Result<Setup, Failure> {
+        let Some(drives) = self.drives else { return Ok(setup) };
+        let setup = setup.with_drives(drives.into());
+        setup::check(&setup).map_err(|error| Failure::new(Exit::Usage, error))?;
+        Ok(setup)
+    }
+
+    /// Returns the option as a command has it, after a blank; empty without drives.
+    #[must_use]
+    pub fn in_command(&self) -> &'static str {
+        if self.drives.is_some() { " --drives ethercat" } else { "" }
     }
 }

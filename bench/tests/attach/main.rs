@@ -8,6 +8,7 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod by_hand;
+mod stations;
 
 use std::fs;
 use std::net::Ipv4Addr;
@@ -42,11 +43,15 @@ fn main() -> ExitCode {
         a_second_bench_is_refused_and_does_not_disturb_the_first,
         a_bench_without_the_nodes_token_gets_nothing_but_the_reason,
         a_node_does_not_listen_to_other_hosts_without_a_token,
+        a_robot_with_another_last_target_fails_the_run_although_only_the_plc_is_attached,
         a_node_that_goes_away_fails_the_run,
+        a_plc_that_is_stopped_fails_the_run_or_keeps_it_from_beginning_and_is_named,
         what_runs_there_has_to_be_what_is_asked_for,
         another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named,
         a_wrong_value_in_an_instruction_is_refused_and_the_run_goes_on,
         nodes_end_with_130_at_ctrl_c_and_sigterm_whatever_they_do,
+        stations::a_robot_that_kept_the_address_of_another_one_is_not_connected_to,
+        stations::a_stranger_that_takes_the_address_of_the_robot_is_named_by_both_nodes,
     ])
 }
 
@@ -60,29 +65,36 @@ struct Cell {
 
 impl Cell {
     fn start() -> Self {
+        Self::start_with(&[])
+    }
+
+    /// Starts a cell whose robot node gets further arguments.
+    fn start_with(robot_args: &[&str]) -> Self {
         let host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
         let [plc, robot, control] = [(); 3].map(|()| NetworkNamespace::new().unwrap());
         cable((&plc, "plc0", None), (&robot, "robot0", None));
         cable((&plc, "plc", Some([10, 77, 0, 1])), (&control, "c0", Some([10, 77, 0, 2])));
         cable((&robot, "robot", Some([10, 77, 1, 1])), (&control, "c1", Some([10, 77, 1, 2])));
-        let node = |network: &NetworkNamespace, name, interface, address| {
+        let node = |network: &NetworkNamespace, name, interface, address, more: &[&str]| {
             let mut command = node(network, name, interface);
-            command.args(["--control", address]).env("SKILLBENCH_CONTROL_TOKEN", TOKEN);
+            command.args(["--control", address]).args(more).env("SKILLBENCH_CONTROL_TOKEN", TOKEN);
             command.stdout(Stdio::null()).spawn().unwrap()
         };
         let nodes = [
-            node(&plc, "__plc-node", "plc0", "10.77.0.1:7700"),
-            node(&robot, "__robot-node", "robot0", "10.77.1.1:7700"),
+            node(&plc, "__plc-node", "plc0", "10.77.0.1:7700", &[]),
+            node(&robot, "__robot-node", "robot0", "10.77.1.1:7700", robot_args),
         ];
         Self { control, nodes, place: tempfile::tempdir().unwrap(), _host: host }
     }
 
-    /// Starts a bench with one CM that is attached like this, with further `args`.
+    /// Starts a bench that is attached like this, with further `args`; it runs CM if these name no types.
     fn bench(&self, run: &str, attach: &str, args: &[&str]) -> Child {
         let mut command = bench();
+        let types: &[&str] = if args.contains(&"--types") { &[] } else { &["--types", "cm"] };
         command
             .env("SKILLBENCH_CONTROL_TOKEN", TOKEN)
-            .args(["--types", "cm", "--attach", attach, "--out"])
+            .args(types)
+            .args(["--attach", attach, "--out"])
             .arg(self.place.path().join(run))
             .args(args);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -197,11 +209,17 @@ fn the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours() {
         "{table}"
     );
     assert!(told.contains("robot not attached."), "{table}");
+    let not_verified = "Not verified: path, speed, override, ratings of the joints";
+    assert!(told.replace("  ", " ").contains(not_verified), "{table}");
+    assert!(
+        results(cell.place.path(), "run")["not_verified"][0].as_str().unwrap().starts_with("path, speed")
+    );
     let attached = &results(cell.place.path(), "run")["attached"];
     assert_eq!(attached["plc"]["version"], env!("CARGO_PKG_VERSION"));
     assert!(attached["plc"]["host"].as_str().unwrap().contains("Linux") && attached["robot"].is_null());
     let report = fs::read_to_string(cell.place.path().join("run/report.html")).unwrap();
     assert!(report.contains("Measured on nodes that ran already") && !report.contains("h = 0"));
+    assert!(report.contains(not_verified));
     let history = bench().arg("history").arg(cell.place.path()).output().unwrap();
     assert!(text(&history.stdout).contains("real, attached"), "{}", text(&history.stdout));
 }
@@ -256,6 +274,24 @@ fn a_node_does_not_listen_to_other_hosts_without_a_token() {
     assert!(error.contains("other hosts reach 0.0.0.0:7700") && error.contains("--control-token"), "{error}");
 }
 
+fn a_robot_with_another_last_target_fails_the_run_although_only_the_plc_is_attached() {
+    let place = tempfile::tempdir().unwrap();
+    let application = planning::APPLICATIONS.iter().find(|(name, _)| *name == "pick-and-place").unwrap().1;
+    let (before, last) = application.rsplit_once("reach = \"home\"").unwrap();
+    let beside = "beside = { mm_deg = [-100.0, 160.0, 150.0, 0.0, 0.0, 180.0] }";
+    let before = before.replace("\nhome = ", &format!("\n{beside}\nhome = "));
+    let path = place.path().join("beside.toml");
+    fs::write(&path, format!("{before}reach = \"beside\"{last}")).unwrap();
+    let cell = Cell::start_with(&["--application", path.to_str().unwrap()]);
+    let output = cell.measure("run", PLC, &["--reps", "1", "--types", "rc"]);
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(4), "{error}");
+    assert!(error.contains("by the PLC, joint ") && error.contains(" ended at "), "{error}");
+    // The PLC sends the motions of SM itself.
+    let output = cell.measure("sm", PLC, &["--reps", "1", "--types", "sm"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
 fn a_node_that_goes_away_fails_the_run() {
     let cell = Cell::start();
     let first = cell.long_run("run");
@@ -264,6 +300,23 @@ fn a_node_that_goes_away_fails_the_run() {
     let error = text(&output.stderr);
     assert_eq!(output.status.code(), Some(4), "{error}");
     assert!(error.contains("the robot-node at 10.77.1.1:7700 ended or closed the connection"), "{error}");
+}
+
+fn a_plc_that_is_stopped_fails_the_run_or_keeps_it_from_beginning_and_is_named() {
+    let cell = Cell::start();
+    let plc = Pid::from_child(&cell.nodes[0]);
+    let first = cell.long_run("run");
+    kill_process(plc, Signal::STOP).unwrap();
+    for (bench, code) in [(first, 4), (cell.bench("stopped", PLC, &["--reps", "1"]), 5)] {
+        let output = bench.wait_with_output().unwrap();
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{error}");
+        // The robot's watchdog may notice it first.
+        let reasons = ["the plc-node has ", "the connection between the nodes was lost"];
+        assert!(reasons.iter().any(|reason| error.contains(reason)), "{error}");
+        assert!(code == 4 || error.contains("the plc-node has not sent a message in "), "{error}");
+    }
+    kill_process(plc, Signal::CONT).unwrap();
 }
 
 fn what_runs_there_has_to_be_what_is_asked_for() {

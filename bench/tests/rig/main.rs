@@ -24,6 +24,8 @@ fn main() -> ExitCode {
         a_run_of_setup_c_passes_and_loses_no_frame,
         a_killed_node_fails_the_run_at_once_and_is_named,
         a_node_that_hangs_fails_the_run,
+        nodes_that_both_hang_fail_the_run_and_are_named_with_what_they_sent_last,
+        a_plc_that_is_stopped_before_it_is_connected_is_named,
         a_repetition_is_run_again_if_the_host_stalled_a_node_until_the_connection_was_lost,
         a_repetition_in_which_the_host_stalled_a_node_is_marked,
         ctrl_c_and_sigterm_end_everything_and_keep_the_samples,
@@ -109,6 +111,33 @@ fn a_node_that_hangs_fails_the_run() {
         assert!(reasons.iter().any(|reason| ended.stderr.contains(reason)), "{}", ended.stderr);
         ended.nothing_is_left(&networks);
     }
+}
+
+/// Nobody is left to report anything: only the silence shows it.
+fn nodes_that_both_hang_fail_the_run_and_are_named_with_what_they_sent_last() {
+    let mut bench = Bench::start(&["--reps", "1000"]);
+    let nodes = bench.nodes();
+    let networks = networks(nodes);
+    for node in nodes {
+        kill_process(node, Signal::STOP).unwrap();
+    }
+    let ended = bench.wait();
+    assert_eq!(ended.status.code(), Some(4), "{}", ended.stderr);
+    for name in ["plc-node", "robot-node"] {
+        let said = format!("the {name} has sent nothing for ");
+        assert!(ended.stderr.contains(&said) && ended.stderr.contains(", after `"), "{}", ended.stderr);
+    }
+    ended.nothing_is_left(&networks);
+}
+
+fn a_plc_that_is_stopped_before_it_is_connected_is_named() {
+    let mut bench = Bench::start(&["--reps", "1"]);
+    let plc = bench.starting("__plc-node");
+    kill_process(plc, Signal::STOP).unwrap();
+    let ended = bench.wait();
+    assert_eq!(ended.status.code(), Some(5), "{}", ended.stderr);
+    assert!(ended.stderr.contains("the plc-node has "), "{}", ended.stderr);
+    assert!(ended.stderr.contains("a process or its host is stopped"), "{}", ended.stderr);
 }
 
 /// The host breaks the connection, while both nodes are correct: this must not fail the run.

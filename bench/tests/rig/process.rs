@@ -135,14 +135,19 @@ impl Bench {
         ["__plc-node", "__robot-node"].map(|name| self.node(name).expect("a node that runs"))
     }
 
+    /// Returns a node as soon as its process runs.
+    pub(crate) fn starting(&mut self, name: &str) -> Pid {
+        let mut found = None;
+        let bench = self.child.id();
+        self.until("the node has started", || {
+            found = node_of(bench, name);
+            found.is_some()
+        });
+        found.expect("a node that runs")
+    }
+
     fn node(&self, name: &str) -> Option<Pid> {
-        let bench = self.child.id().to_string();
-        let children = fs::read_to_string(format!("/proc/{bench}/task/{bench}/children")).ok()?;
-        let named = |pid: &&str| {
-            fs::read_to_string(format!("/proc/{pid}/cmdline")).is_ok_and(|line| line.contains(name))
-        };
-        let pid = children.split_whitespace().find(named)?;
-        Pid::from_raw(pid.parse().ok()?)
+        node_of(self.child.id(), name)
     }
 
     pub(crate) fn pid(&self) -> Pid {
@@ -195,6 +200,15 @@ impl Bench {
             captures,
         }
     }
+}
+
+/// Returns the node with this name that a bench has started.
+fn node_of(bench: u32, name: &str) -> Option<Pid> {
+    let children = fs::read_to_string(format!("/proc/{bench}/task/{bench}/children")).ok()?;
+    let named =
+        |pid: &&str| fs::read_to_string(format!("/proc/{pid}/cmdline")).is_ok_and(|line| line.contains(name));
+    let pid = children.split_whitespace().find(named)?;
+    Pid::from_raw(pid.parse().ok()?)
 }
 
 /// Returns the network of a process.

@@ -63,6 +63,7 @@ fn the_exported_json_has_its_documented_fields_and_neither_time_nor_host() {
     .paper.rc.mad_ms
     .paper.sm.aet_ms
     .paper.sm.mad_ms
+    .positions
     .repeated
     .reps
     .results.cm.aet_ms

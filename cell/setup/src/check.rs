@@ -1,6 +1,7 @@
 //! Checks of well-formed values that make no sense: they are refused here, with their key, before anything starts.
 
 mod bus;
+mod servo;
 
 use protocol::image::SLOTS;
 
@@ -159,7 +160,8 @@ fn robot(setup: &Setup) -> Check {
         }
     };
     axes(setup, joints)?;
-    drives(setup)
+    drives(setup)?;
+    setup.robot.servo.as_ref().map_or(Ok(()), servo::check)
 }
 
 /// Checks that drives of the robot can run at its cycle and count the ways of its joints.

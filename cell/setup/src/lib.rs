@@ -26,7 +26,8 @@ pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character};
 pub use load::{SETUPS, Text, built_in, check, find, read, setup, setup_from_text, setup_with_directory};
 pub use model::{
-    Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Setup, ThreeParallel,
+    Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Servo, Setup,
+    ThreeParallel,
 };
 pub use peer::Peer;
 pub use sourced::{Provenance, Sourced};

@@ -25,14 +25,14 @@ pub fn setup(name: &str) -> Result<Setup, Error> {
 /// of its file, `None` for a built-in one.
 pub fn setup_with_directory(name: &str) -> Result<(Setup, Option<PathBuf>), Error> {
     let Text { origin, path, text } = find("setup", SETUPS, name, None)?;
-    let setup = read(&origin, &text)?;
+    let setup = read::<Setup>(&origin, &text)?.with_servo();
     check_setup(&setup).map_err(|problem| refuse(origin, problem))?;
     Ok((setup, path.as_deref().and_then(Path::parent).map(Path::to_owned)))
 }
 
 /// Reads a setup from its text, which `origin` names in messages, and checks its values.
 pub fn setup_from_text(origin: &str, text: &str) -> Result<Setup, Error> {
-    let setup = read(origin, text)?;
+    let setup = read::<Setup>(origin, text)?.with_servo();
     check_setup(&setup).map_err(|problem| refuse(origin.to_owned(), problem))?;
     Ok(setup)
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Bus, Sourced};
+use crate::{Bus, Provenance, Sourced};
 
 /// A PLC, a bus and a robot, with everything a user may change.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -109,6 +109,8 @@ pub struct Robot {
     pub path_jerk_mm_s3: Sourced<f64>,
     /// What moves its joints. If left out, each joint follows the controller without a delay.
     pub drives: Option<Drives>,
+    /// Limits and monitoring of these drives. If left out, assumed ones as soon as there are drives.
+    pub servo: Option<Servo>,
     /// Its force controller; a robot without one does not run LIN force.
     pub force: Option<Force>,
     /// Tool frames by number, relative to the flange; number 0 is the flange and is not listed.
@@ -132,6 +134,52 @@ pub enum Drives {
 impl Drives {
     /// Increments of a drive per degree (mm) of its joint.
     pub const INCREMENTS: f64 = 1e5;
+}
+
+/// Limits and monitoring of the drives, the same for each axis.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct Servo {
+    /// Highest speed of a motor in % of its joint's rated speed.
+    pub speed_percent: Sourced<f64>,
+    /// Peak torque of a motor in % of the torque that its joint's rated acceleration takes.
+    pub torque_percent: Sourced<f64>,
+    /// Largest following error in degrees (mm), object 0x6065 of CiA 402.
+    pub following_error_deg: Sourced<f64>,
+    /// Time for which the following error may be larger, in ms, object 0x6066.
+    pub following_error_ms: Sourced<u32>,
+    /// Exact stop: largest distance of a joint from its set-point at which it has arrived, in degrees (mm).
+    pub in_position_deg: Sourced<f64>,
+    /// Time within which each joint must arrive after its set-points rest, in ms.
+    pub settling_ms: Sourced<u32>,
+    /// Time within which a reset must switch all drives on, in ms.
+    pub switch_on_ms: Sourced<u32>,
+}
+
+impl Servo {
+    /// Returns assumed numbers, for setups that give none.
+    #[must_use]
+    pub fn assumed() -> Self {
+        fn assumed<T>(value: T, note: &str) -> Sourced<T> {
+            Sourced { value, from: Provenance::Assumed, note: note.to_owned() }
+        }
+        Self {
+            speed_percent: assumed(120.0, "a drive that lags must be able to catch up"),
+            torque_percent: assumed(
+                300.0,
+                "usual peak current of a servo amplifier: 2 to 3 times the rated one",
+            ),
+            following_error_deg: assumed(
+                1.0,
+                "half of the 2 degrees with which TwinCAT CNC starts, P-AXIS-00169",
+            ),
+            following_error_ms: assumed(10, "some cycles of the position control"),
+            in_position_deg: assumed(0.0005, "50 increments of an emulated drive"),
+            settling_ms: assumed(500, "far longer than a healthy drive needs"),
+            switch_on_ms: assumed(10_000, "start of the drives' EtherCAT included"),
+        }
+    }
 }
 
 /// A robot's force controller, for LIN force.

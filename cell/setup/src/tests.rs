@@ -100,8 +100,8 @@ fn the_error_for_an_unknown_key_gives_file_line_key_and_the_existing_keys() {
        16 | scan_cost_ms = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
     "#);
     insta::assert_snapshot!(refusal(&changed("link_1_mm", "link_one_mm")), @r#"
-    DIR/my.toml:55: in `robot.kinematics`: unknown key `link_one_mm`, expected one of `link_1_mm`, `link_2_mm`, `height_mm`
-       55 | link_one_mm = { value = 225.0, from = "datasheet" }
+    DIR/my.toml:64: in `robot.kinematics`: unknown key `link_one_mm`, expected one of `link_1_mm`, `link_2_mm`, `height_mm`
+       64 | link_one_mm = { value = 225.0, from = "datasheet" }
     "#);
 }
 
@@ -398,4 +398,37 @@ fn the_committed_schema_is_that_of_the_types() {
         include_str!("../../schemas/setup.schema.json") == schema,
         "the keys of a setup changed: INSTA_UPDATE=always cargo test -p setup the_committed_schema"
     );
+}
+
+#[test]
+fn limits_of_drives_that_no_healthy_motor_keeps_are_refused_and_missing_ones_are_assumed() {
+    let text = SETUPS.iter().find(|(known, _)| *known == "A").unwrap().1;
+    let refused = |from: &str, to: &str| {
+        crate::setup_from_text("test", &text.replacen(from, to, 1)).unwrap_err().to_string()
+    };
+    let said = [
+        refused("torque_percent = { value = 300.0", "torque_percent = { value = 150.0"),
+        refused("speed_percent = { value = 120.0", "speed_percent = { value = 90.0"),
+        refused("following_error_deg = { value = 1.0", "following_error_deg = { value = 400.0"),
+        refused("in_position_deg = { value = 0.0005", "in_position_deg = { value = 2.0"),
+        refused("in_position_deg = { value = 0.0005", "in_position_deg = { value = 0.000001"),
+        refused("settling_ms = { value = 500", "settling_ms = { value = 0"),
+    ];
+    insta::assert_snapshot!(said.join("\n"), @"
+    test: `robot.servo.torque_percent`: 150: must be 200 to 1000 %: twice the rated acceleration, since a drive takes up a robot cycle's change of speed in half of it
+    test: `robot.servo.speed_percent`: 90: must be 100 to 1000 %: the joint's rated speed
+    test: `robot.servo.following_error_deg`: 400: must be 0.00001 to 360 degrees (mm): an increment
+    test: `robot.servo.in_position_deg`: 2: must be 0.00001 to 1 degrees (mm): an increment to the following error
+    test: `robot.servo.in_position_deg`: 0.000001: must be 0.00001 to 1 degrees (mm): an increment to the following error
+    test: `robot.servo.settling_ms`: 0 is not above 0
+    ");
+    let (start, end) = (text.find("[robot.servo]").unwrap(), text.find("[robot.kinematics]").unwrap());
+    let without = format!("{}{}", &text[..start], &text[end..]);
+    let setup = crate::setup_from_text("test", &without).unwrap();
+    assert_eq!(setup.robot.servo, None);
+    let driven = setup.with_drives(crate::Drives::Ethercat);
+    assert_eq!(driven.robot.servo, Some(crate::Servo::assumed()));
+    let again = without.replacen("model = ", "drives = \"ethercat\"\nmodel = ", 1);
+    let again = crate::setup_from_text("test", &again).unwrap();
+    assert_eq!(again.robot.servo, Some(crate::Servo::assumed()), "as the run directory's setup shows it");
 }

@@ -5,7 +5,7 @@
 
 use std::fmt::Display;
 
-use crate::{Drives, Provenance, Setup, Sourced};
+use crate::{Drives, Provenance, Servo, Setup, Sourced};
 
 /// Fewest bus cycles without a frame that a connection must tolerate; 3 is usual.
 const LEAST_WATCHDOG_CYCLES: u32 = 3;
@@ -57,8 +57,17 @@ impl Setup {
 
     /// Returns the setup with these drives behind the robot controller.
     #[must_use]
-    pub const fn with_drives(mut self, drives: Drives) -> Self {
+    pub fn with_drives(mut self, drives: Drives) -> Self {
         self.robot.drives = Some(drives);
+        self.with_servo()
+    }
+
+    /// Returns the setup with assumed limits of its drives, if it has drives and gives no limits.
+    #[must_use]
+    pub(crate) fn with_servo(mut self) -> Self {
+        if self.robot.drives.is_some() {
+            self.robot.servo.get_or_insert_with(Servo::assumed);
+        }
         self
     }
 

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
+use machine::ethernet::Mac;
 use machine::{Counters, Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 use protocol::fieldbus::Fieldbus;
 use protocol::image::{IMAGE_LEN, Image, Order};
@@ -15,7 +16,7 @@ pub struct EthercatMainDevice(MainDevice);
 
 impl EthercatMainDevice {
     /// Creates the MainDevice of a setup. It looks for the robot from `start` on.
-    pub(super) fn new(bus: &Bus, ethercat: &Ethercat, start: Instant) -> Self {
+    pub(super) fn new(bus: &Bus, ethercat: &Ethercat, mac: Mac, start: Instant) -> Self {
         let device = match &ethercat.device {
             Some(device) => ExpectedDevice {
                 vendor: device.vendor,
@@ -33,7 +34,8 @@ impl EthercatMainDevice {
             },
         };
         let cycle = Duration::from_micros(bus.cycle_us.value.into());
-        Self(MainDevice::new(Config { devices: vec![device], cycle, watchdog: bus.watchdog() }, start))
+        let config = Config { mac, devices: vec![device], cycle, watchdog: bus.watchdog() };
+        Self(MainDevice::new(config, start))
     }
 }
 

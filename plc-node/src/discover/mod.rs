@@ -142,12 +142,12 @@ impl DiscoverCommand {
         if !self.bus.includes(Bus::Ethercat) {
             return Ok(None);
         }
-        let port = PortRequest::Ethernet { ether_type: ethercat_maindevice::ETHER_TYPE, groups: &[] };
+        let port = PortRequest::AnyEthernet { ether_type: ethercat_maindevice::ETHER_TYPE };
         if let Err(error) = OpenPort::open(interface, port) {
             skipped.push(Skipped { bus: Bus::Ethercat, reason: error.to_string() });
             return Ok(None);
         }
-        let search = ethercat_maindevice::search(clock::now(), length);
+        let search = ethercat_maindevice::search(clock::now(), length).on_interface(interface.mac());
         let (_, UntilFound(found)) = searched(search, interface, UntilFound(None))?;
         Ok(found.map(SubDevices::from))
     }

@@ -1,5 +1,8 @@
 //! The PLC as a machine: program and bus by time and frames.
 
+use std::net::Ipv4Addr;
+
+use machine::ethernet::Mac;
 use machine::{Instant, Machine, Source, StreamChange, StreamId, Transmit};
 use protocol::fieldbus::Fieldbus;
 
@@ -24,6 +27,11 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
         self.after_bus(now);
+    }
+
+    fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
+        self.bus.handle_wrong_neighbour(now, address, found);
+        self.drain_bus();
     }
 
     /// The program comes before the bus: outputs that are written at the instant of a bus cycle leave with it.

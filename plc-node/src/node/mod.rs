@@ -4,20 +4,24 @@
 //! as_machine  the PLC as a machine: program and bus by time and frames
 //! inputs      the robot's image: taken over, or refused
 //! run         the way to the start of a run, its scans and its end; readiness in between
+//! silence     what the PLC waits for, and when it gives up a robot that shows no progress
 //! ```
 
 mod as_machine;
 mod inputs;
 mod run;
+mod silence;
 
 use std::collections::VecDeque;
 
-use machine::{Instant, Lateness};
+use machine::{Duration, Instant, Lateness};
 use planning::Stop;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{
     Checks, Command, CommandSealer, Digest, FeedbackChecker, IMAGE_LEN, Image, LifeMonitor,
 };
+
+use silence::Silence;
 
 use crate::motion_source::Digested;
 use crate::readiness::Readiness;
@@ -70,6 +74,7 @@ pub struct PlcNode<B> {
     /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
     outputs: Image,
     sealer: CommandSealer,
+    silence: Silence,
     /// Command number and motions written as of the slots in `outputs`.
     emitted: Option<(u16, u32)>,
     events: VecDeque<PlcEvent>,
@@ -101,6 +106,8 @@ struct Run {
     override_percent: [u8; 2],
     started_at: Instant,
     started_in_scan: u64,
+    /// The robot's joints and clock in that scan.
+    robot_before: ([f32; 6], u64),
     frames_before: Counters,
 }
 
@@ -109,6 +116,9 @@ impl<B: Fieldbus> PlcNode<B> {
     #[must_use]
     pub fn new(config: PlcConfig, bus: B, start: Instant) -> Self {
         let wait_limits = config.wait_limits();
+        let longest_stop = config.stops.iter().filter_map(|stop| stop.then).map(|switch| switch.wait).max();
+        let silence =
+            Silence::new(config.scan_cycle, config.answer_timeout, longest_stop.unwrap_or(Duration::ZERO));
         Self {
             bus,
             scan: Scan::new(start, config.scan_cycle, config.scan_cost),
@@ -132,6 +142,7 @@ impl<B: Fieldbus> PlcNode<B> {
                 override_percent: [u8::MAX, 0],
                 started_at: start,
                 started_in_scan: 0,
+                robot_before: ([0.0; 6], 0),
                 frames_before: Counters::default(),
             },
             overrides: None,
@@ -142,6 +153,7 @@ impl<B: Fieldbus> PlcNode<B> {
             altered_still: 0,
             outputs: [0; IMAGE_LEN],
             sealer: CommandSealer::default(),
+            silence,
             emitted: None,
             events: VecDeque::with_capacity(EVENTS),
         }
@@ -277,6 +289,7 @@ impl<B: Fieldbus> PlcNode<B> {
         if let Mode::MovingToStart(then) = self.mode {
             self.go_on_to_start(now, then);
         }
+        self.watch_silence();
         // A run that has just failed is followed by the halt in the same scan.
         if matches!(self.mode, Mode::Idle | Mode::Preparing) {
             self.prepare();
@@ -310,12 +323,19 @@ impl<B: Fieldbus> PlcNode<B> {
         while let Some(event) = self.bus.poll_event() {
             self.push(PlcEvent::Link(event));
             match event {
-                LinkEvent::Up => self.connected = true,
+                LinkEvent::Up => {
+                    self.connected = true;
+                    self.silence.connected();
+                }
                 LinkEvent::Down(down) => {
+                    self.silence.not_connected(down);
                     self.fail(FailureCause::ConnectionLost(down));
                     self.disarm();
                 }
-                LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
+                LinkEvent::SetAddress { .. }
+                | LinkEvent::Store
+                | LinkEvent::Foreign(_)
+                | LinkEvent::Conflict(_) => {}
             }
         }
     }

@@ -8,7 +8,7 @@ use super::{Mode, PlcNode, Run};
 use crate::function_blocks::BlockError;
 use crate::readiness::Readiness;
 use crate::sequence::{Progress, Sequence};
-use crate::{Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, StartError};
+use crate::{Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, Seen, StartError};
 
 impl<B: Fieldbus> PlcNode<B> {
     pub(super) fn is_at_start(&self) -> bool {
@@ -44,6 +44,7 @@ impl<B: Fieldbus> PlcNode<B> {
             override_percent: [u8::MAX, 0],
             started_at: now,
             started_in_scan: self.scans,
+            robot_before: self.group.feedback().map_or(([0.0; 6], 0), |robot| (robot.joints, robot.clock_ns)),
             frames_before: self.bus.counters(),
         };
         self.motions.restart();
@@ -91,6 +92,7 @@ impl<B: Fieldbus> PlcNode<B> {
             scans: self.scans - self.run.started_in_scan,
             frames: frames_between(self.run.frames_before, self.bus.counters()),
             commanded: self.commanded(),
+            seen: self.seen(),
         }));
         if self.is_at_start() { self.become_idle() } else { self.move_to_start(true, None) }
     }
@@ -103,6 +105,14 @@ impl<B: Fieldbus> PlcNode<B> {
             override_percent: self.run.override_percent,
             end: self.group.feedback().map_or([0.0; 6], |feedback| feedback.joints),
         }
+    }
+
+    /// Returns what the robot's images show of the run that ends.
+    fn seen(&self) -> Option<Seen> {
+        let feedback = self.group.feedback()?;
+        let (start, clock_before) = self.run.robot_before;
+        let clock_ns = feedback.clock_ns.saturating_sub(clock_before);
+        Some(Seen { start, end_pose: feedback.pose, clock_ns })
     }
 
     /// Ends a run, if there is one, and has the next scans lead the robot to `Ready` again.

@@ -132,7 +132,7 @@ impl From<PlcInstruction> for PlcOrder {
 
 pub(super) fn message(event: &PlcEvent) -> Option<PlcMessage> {
     Some(match event {
-        PlcEvent::Link(_) => return None,
+        PlcEvent::Link(_) | PlcEvent::Waiting { .. } => return None,
         PlcEvent::ImageBad => PlcMessage::ImageBad,
         PlcEvent::ImageGood => PlcMessage::ImageGood,
         PlcEvent::LifeStill => PlcMessage::LifeStill,

@@ -9,19 +9,22 @@ mod modes;
 use std::fmt;
 
 use machine::{Duration, Instant, Lateness};
-use node::Node;
 use node::Outcome;
 use node::list::{List, flat};
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
+use node::{Node, Waiting};
 use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::Checks;
+use protocol_linux::OpenPort;
 
 pub use message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal};
 use modes::{OnInstruction, Standalone};
 
-use crate::{ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, Sample, bus};
+use crate::{
+    ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, Sample, WaitingFor, bus,
+};
 
 /// Options of `plc-node run`.
 #[derive(clap::Args, Debug)]
@@ -69,7 +72,13 @@ impl Run {
         // A PLC has its address from its project.
         prepared.take_address(NodeRole::Plc)?;
         let endpoint = bus::role(&setup.bus.kind);
-        let bus = bus::open(&setup.bus, interface.mac(), nonce, start)?;
+        let mut bus = bus::open(&setup.bus, interface.mac(), nonce, start)?;
+        if let bus::PlcBus::EthernetIp(scanner) = &mut bus
+            && OpenPort::open(interface, machine::arp::ETHERNET).is_err()
+        {
+            // EtherNet/IP runs without the privilege that ARP needs.
+            scanner.stop_conflict_detection();
+        }
         self.supervise(prepared, endpoint, PlcNode::new(config, bus, start))
     }
 
@@ -98,6 +107,13 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
             PlcEvent::Link(event) => Some(*event),
             _ => None,
         }
+    }
+
+    fn waiting(event: &PlcEvent) -> Option<Waiting> {
+        let PlcEvent::Waiting { for_what, seconds } = event else { return None };
+        let is_for_connection = matches!(for_what, WaitingFor::Connection { .. });
+        let is_owed = for_what.is_owed();
+        Some(Waiting { seconds: *seconds, for_what: for_what.to_string(), is_for_connection, is_owed })
     }
 
     fn order(&mut self, now: Instant, order: PlcOrder) -> Option<Self::Answer> {
@@ -129,6 +145,10 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
 
     fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
         self.bus().explain(words)
+    }
+
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus().remark(words)
     }
 
     fn disconnect(&mut self, now: Instant) {

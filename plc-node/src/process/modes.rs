@@ -88,6 +88,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for St
             | PlcEvent::LifeStill
             | PlcEvent::MovingToStart
             | PlcEvent::Started { .. }
+            | PlcEvent::Waiting { .. }
             | PlcEvent::Finished(_) => Next::Wait,
         };
         (message(&event), next)

@@ -7,5 +7,6 @@ mod executions;
 mod faults;
 mod overrides;
 mod scripted;
+mod silence;
 mod start_position;
 mod stops;

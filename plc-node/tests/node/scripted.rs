@@ -45,6 +45,15 @@ pub(crate) enum Fault {
     Deaf,
     /// It sees a reset and does not follow.
     IgnoresReset,
+    /// It counts no further motion and stays in this state.
+    Stands {
+        at: u32,
+        state: State,
+    },
+    /// It waits this many cycles before the next motion.
+    Pauses {
+        cycles: u32,
+    },
 }
 
 /// The scripted robot.
@@ -125,7 +134,7 @@ impl ScriptedRobot {
         if self.outputs.last().map_or(0, |(_, _, outputs)| *outputs) != command.outputs {
             self.outputs.push((self.executed_in_all, now, command.outputs));
         }
-        if self.feedback.state == State::Running {
+        if matches!(self.feedback.state, State::Running | State::Suspended) {
             self.go_on(&command);
         } else {
             self.wait(now, &command);
@@ -188,6 +197,18 @@ impl ScriptedRobot {
             return self.end(Status::ABORTED, State::Halted);
         }
         self.accept(command);
+        if let Fault::Stands { at, state } = self.fault
+            && self.executed_in_all >= at
+        {
+            self.feedback.state = state;
+            return;
+        }
+        if let Fault::Pauses { cycles } = &mut self.fault
+            && let Some(left) = cycles.checked_sub(1)
+        {
+            *cycles = left;
+            return;
+        }
         self.feedback.execution_ns += 4_000_000;
         self.left -= 1;
         if self.left > 0 {

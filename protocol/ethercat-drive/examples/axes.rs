@@ -11,6 +11,7 @@ use std::ops::ControlFlow;
 
 use ethercat_drive::{Axes, DRIVE, INPUT_LEN, OUTPUT_LEN, Wanted};
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
+use machine::ethernet::Mac;
 use machine::{Counters, Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock, scheduling};
 
@@ -31,7 +32,7 @@ struct Controller {
 }
 
 impl Controller {
-    fn new(start: Instant) -> Self {
+    fn new(mac: Mac, start: Instant) -> Self {
         let drive = ExpectedDevice {
             vendor: DRIVE.vendor_id,
             product: DRIVE.product_code,
@@ -39,7 +40,7 @@ impl Controller {
             output_bytes: OUTPUT_LEN,
             input_bytes: INPUT_LEN,
         };
-        let config = Config { devices: vec![drive; AXES], cycle: CYCLE, watchdog: CYCLE * 500 };
+        let config = Config { mac, devices: vec![drive; AXES], cycle: CYCLE, watchdog: CYCLE * 500 };
         Self {
             main: MainDevice::new(config, start),
             axes: Axes::new(AXES),
@@ -148,8 +149,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(refused) = scheduling::make_real_time().refused() {
         println!("warning: {refused}");
     }
-    let controller = Controller::new(clock::now());
-    let mut driver = Driver::new(controller, Interface::open(&interface)?, Notifier::new()?)?;
+    let interface = Interface::open(&interface)?;
+    let controller = Controller::new(interface.mac(), clock::now());
+    let mut driver = Driver::new(controller, interface, Notifier::new()?)?;
     let mut run = Run { length: Duration::from_secs(seconds), end: None, before: None };
     driver.run(&mut run)?;
     let controller = driver.machine();

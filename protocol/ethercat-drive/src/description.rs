@@ -16,10 +16,17 @@ const QUICK_STOP_OPTIONS: [i64; 5] = [0, 1, 2, 5, 6];
 /// Quick stop deceleration in increments/s², object 0x6085.
 pub(crate) const QUICK_STOP_DECELERATION: u16 = 0x6085;
 
+/// Max torque in ‰ of the rated torque, object 0x6072.
+pub(crate) const MAX_TORQUE: u16 = 0x6072;
+
 /// Default of the following error window, in increments.
 pub(crate) const DEFAULT_WINDOW: u32 = 10_000;
 /// Default of the quick stop deceleration, in increments/s².
 pub(crate) const DEFAULT_DECELERATION: u32 = 10_000_000;
+/// Default of the following error time-out, in ms.
+pub(crate) const DEFAULT_WINDOW_TIME: u16 = 10;
+/// Default of the max torque, in ‰ of the rated torque.
+pub(crate) const DEFAULT_TORQUE: u16 = 1_000;
 
 const fn entry(index: u16, bits: u8, data_type: DataType, name: &'static str) -> PdoEntry {
     PdoEntry { index, subindex: 0, bits, data_type, name }
@@ -35,7 +42,7 @@ const fn value(name: &'static str, data_type: DataType, access: Access, default:
     Entry { subindex: 0, name, data_type, access, capacity: default.len(), default }
 }
 
-/// A servo drive with cyclic synchronous position. Window, times and quick stop can be set by SDO.
+/// A servo drive with cyclic synchronous position. Window, times, torque and quick stop can be set by SDO.
 pub static DRIVE: Description = Description {
     // An emulated drive has no vendor, and the last number belongs to none.
     vendor_id: 0xFFFF_FFFF,
@@ -98,8 +105,13 @@ pub static DRIVE: Description = Description {
                 "Following error time out",
                 DataType::Unsigned16,
                 Access::ReadWrite,
-                &10_u16.to_le_bytes(),
+                &DEFAULT_WINDOW_TIME.to_le_bytes(),
             )],
+        ),
+        variable(
+            MAX_TORQUE,
+            "Max torque",
+            &[value("Max torque", DataType::Unsigned16, Access::ReadWrite, &DEFAULT_TORQUE.to_le_bytes())],
         ),
         variable(
             QUICK_STOP_DECELERATION,

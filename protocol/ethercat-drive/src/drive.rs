@@ -47,8 +47,10 @@ pub struct Parameters {
     pub window_time: Duration,
     /// What happens at a quick stop.
     pub quick_stop: QuickStop,
-    /// Deceleration of a quick stop and of a fault, in increments/s².
+    /// Deceleration of a quick stop and of a fault, in increments/s². The torque limits it, too.
     pub deceleration: f64,
+    /// Largest torque as a share of the rated one.
+    pub torque: f64,
 }
 
 /// A drive.
@@ -57,9 +59,11 @@ pub struct Drive {
     state: State,
     mode: Mode,
     motor: Motor,
-    /// Target in use: the actual position outside of operation enabled.
-    target: i32,
+    /// Acceleration at rated torque, in increments/s².
+    acceleration: f64,
     error: ErrorCode,
+    /// The following error with which a following error became a fault, in increments.
+    fault_lag: i32,
     /// The cause of a fault, while the cause lasts.
     cause: ErrorCode,
     /// Time that the following error has been outside of its window.
@@ -72,16 +76,17 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// Creates a drive whose motor stands at `position` and turns at most at `max_speed`, in increments/s. A new target
-    /// comes each `period`.
+    /// Creates a drive whose motor stands at `position`, turns at most at `max_speed`, in increments/s, and reaches this
+    /// `acceleration` at rated torque, in increments/s². A new target comes each `period`.
     #[must_use]
-    pub const fn new(position: i32, max_speed: f64, period: Duration) -> Self {
+    pub const fn new(position: i32, max_speed: f64, acceleration: f64, period: Duration) -> Self {
         Self {
             state: State::NotReadyToSwitchOn,
             mode: Mode::None,
             motor: Motor::new(position, max_speed),
-            target: position,
+            acceleration,
             error: ErrorCode::NONE,
+            fault_lag: 0,
             cause: ErrorCode::NONE,
             outside: Duration::ZERO,
             reset_before: false,
@@ -165,8 +170,15 @@ impl Drive {
         }
     }
 
+    /// Returns position demand minus actual position, object 0x60F4. After a following error it stays until the reset: the
+    /// fault ends the demand, and its cause would be lost.
     fn following_error(&self) -> i32 {
-        self.target.wrapping_sub(self.position())
+        if self.error == ErrorCode::FOLLOWING_ERROR { self.fault_lag } else { self.motor.following_error() }
+    }
+
+    /// Returns the highest acceleration that the torque gives, in increments/s².
+    fn most_acceleration(&self, parameters: &Parameters) -> f64 {
+        self.acceleration * parameters.torque
     }
 
     /// Leaves the state in which the drive starts.
@@ -229,13 +241,13 @@ impl Drive {
     fn turn(&mut self, time: Duration, outputs: Option<&Outputs>, parameters: &Parameters) {
         match (self.state, outputs) {
             (State::OperationEnabled, Some(outputs)) if self.mode == Mode::CyclicSynchronousPosition => {
-                self.target = outputs.target;
-                self.motor.follow(self.target, self.period, time);
+                self.motor.follow(outputs.target, self.period, time, self.most_acceleration(parameters));
                 self.watch_following_error(time, parameters);
                 return;
             }
             (State::OperationEnabled | State::QuickStopActive | State::FaultReactionActive, _) => {
-                self.motor.brake(parameters.deceleration, time);
+                let most = self.most_acceleration(parameters);
+                self.motor.brake(parameters.deceleration.min(most), time);
                 if self.motor.stands_still() {
                     self.state = match self.state {
                         State::FaultReactionActive => State::Fault,
@@ -248,7 +260,6 @@ impl Drive {
             }
             _ => self.motor.hold(),
         }
-        self.target = self.position();
         self.outside = Duration::ZERO;
     }
 
@@ -257,6 +268,7 @@ impl Drive {
             parameters.window.is_some_and(|window| self.following_error().unsigned_abs() > window);
         self.outside = if is_outside { self.outside + time } else { Duration::ZERO };
         if self.outside > parameters.window_time {
+            self.fault_lag = self.motor.following_error();
             self.fail(ErrorCode::FOLLOWING_ERROR);
         }
     }

@@ -7,8 +7,8 @@ use ethercat_subdevice::{DeviceConfig, DeviceId, Event, Segment};
 use machine::{Cycle, Duration, Instant, Machine, PortRequest, Source, Transmit};
 
 use crate::description::{
-    DEFAULT_DECELERATION, DEFAULT_WINDOW, DRIVE, ERROR_REGISTER, QUICK_STOP_DECELERATION, QUICK_STOP_OPTION,
-    WINDOW, WINDOW_TIME,
+    DEFAULT_DECELERATION, DEFAULT_TORQUE, DEFAULT_WINDOW, DEFAULT_WINDOW_TIME, DRIVE, ERROR_REGISTER,
+    MAX_TORQUE, QUICK_STOP_DECELERATION, QUICK_STOP_OPTION, WINDOW, WINDOW_TIME,
 };
 use crate::drive::{Drive, Parameters, QuickStop};
 use crate::error_code::ErrorCode;
@@ -17,6 +17,9 @@ use crate::state::State;
 
 /// Largest number of missed cycles that are run after a stall of the host.
 const CATCH_UP: u64 = 1_000;
+
+/// Time in which an unloaded motor reaches its highest speed at rated torque, in s, unless a configuration says otherwise.
+const RUN_UP_S: f64 = 0.01;
 
 /// A drive on the cable.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -27,9 +30,16 @@ pub struct DriveConfig {
     pub position: i32,
     /// Highest speed of its motor in increments/s.
     pub max_speed: f64,
-    /// Largest following error in increments. It is the first value of an object that the controller can write by SDO.
+    /// Acceleration of its motor at rated torque, in increments/s².
+    pub acceleration: f64,
+    /// Largest following error in increments. It is the first value of an object that the controller can write by SDO, as are
+    /// all settings after it.
     pub window: u32,
-    /// Deceleration of a quick stop and of a fault in increments/s². It is the first value of such an object, too.
+    /// Time in ms for which the following error may be larger.
+    pub window_time: u16,
+    /// Largest torque in ‰ of the rated torque. It limits every acceleration of the motor.
+    pub max_torque: u16,
+    /// Deceleration of a quick stop and of a fault in increments/s².
     pub deceleration: u32,
 }
 
@@ -41,7 +51,10 @@ impl DriveConfig {
             serial_number,
             position: 0,
             max_speed,
+            acceleration: max_speed / RUN_UP_S,
             window: DEFAULT_WINDOW,
+            window_time: DEFAULT_WINDOW_TIME,
+            max_torque: DEFAULT_TORQUE,
             deceleration: DEFAULT_DECELERATION,
         }
     }
@@ -84,15 +97,19 @@ impl Drives {
     #[must_use]
     pub fn new(configs: &[DriveConfig], period: Duration, start: Instant) -> Self {
         let mut segment = Segment::new();
-        for DriveConfig { serial_number, window, deceleration, .. } in configs {
-            let device = DeviceConfig { serial_number: *serial_number, ..DeviceConfig::new(&DRIVE) };
-            let id = segment.add(&device);
+        for config in configs {
+            let DriveConfig { serial_number, window, window_time, max_torque, deceleration, .. } = *config;
+            let id = segment.add(&DeviceConfig { serial_number, ..DeviceConfig::new(&DRIVE) });
+            // Each drive has these objects, with four or two bytes.
             for (index, value) in [(WINDOW, window), (QUICK_STOP_DECELERATION, deceleration)] {
-                // Each drive has these objects, with four bytes.
+                let _ = segment.set_object(id, index, 0, &value.to_le_bytes());
+            }
+            for (index, value) in [(WINDOW_TIME, window_time), (MAX_TORQUE, max_torque)] {
                 let _ = segment.set_object(id, index, 0, &value.to_le_bytes());
             }
         }
-        let drive = |config: &DriveConfig| Drive::new(config.position, config.max_speed, period);
+        let drive =
+            |config: &DriveConfig| Drive::new(config.position, config.max_speed, config.acceleration, period);
         let cycle = Cycle::new(start, (period / 2).max(Duration::from_micros(50)));
         Self { segment, drives: configs.iter().map(drive).collect(), cycle, events: VecDeque::new() }
     }
@@ -152,6 +169,7 @@ fn parameters(segment: &Segment, id: DeviceId) -> Parameters {
         window_time: Duration::from_millis(u16(WINDOW_TIME).unwrap_or(0).into()),
         quick_stop: QuickStop::of(u16(QUICK_STOP_OPTION).unwrap_or(0).cast_signed()),
         deceleration: f64::from(u32(QUICK_STOP_DECELERATION).unwrap_or(0).max(1)),
+        torque: f64::from(u16(MAX_TORQUE).unwrap_or(0).max(1)) / 1e3,
     }
 }
 

@@ -9,6 +9,7 @@ use ethercat_drive::{
 };
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
 use ethercat_subdevice::{AlStatusCode, DeviceId};
+use machine::ethernet::Mac;
 use machine::{Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
@@ -36,7 +37,8 @@ impl Controller {
             output_bytes: OUTPUT_LEN,
             input_bytes: INPUT_LEN,
         };
-        let config = Config { devices: vec![drive; AXES], cycle: MS, watchdog: MS * 20 };
+        let config =
+            Config { mac: Mac([2, 0, 0, 0, 0, 1]), devices: vec![drive; AXES], cycle: MS, watchdog: MS * 20 };
         Self {
             main: MainDevice::new(config, Instant::ZERO),
             axes: Axes::new(AXES),

@@ -10,8 +10,17 @@ const MS: Duration = Duration::from_millis(1);
 /// Increments/s.
 const MAX_SPEED: f64 = 1e6;
 
+/// Increments/s² at rated torque: at full speed within a cycle.
+const ACCELERATION: f64 = 1e9;
+
 fn parameters() -> Parameters {
-    Parameters { window: Some(2_000), window_time: MS * 10, quick_stop: QuickStop::Brake, deceleration: 1e7 }
+    Parameters {
+        window: Some(2_000),
+        window_time: MS * 10,
+        quick_stop: QuickStop::Brake,
+        deceleration: 1e7,
+        torque: 1.0,
+    }
 }
 
 /// A drive that gets the same process data until a test changes them.
@@ -24,7 +33,7 @@ struct CommandedDrive {
 impl CommandedDrive {
     fn new() -> Self {
         let outputs = Outputs { mode: 8, ..Outputs::default() };
-        Self { drive: Drive::new(0, MAX_SPEED, MS), outputs, parameters: parameters() }
+        Self { drive: Drive::new(0, MAX_SPEED, ACCELERATION, MS), outputs, parameters: parameters() }
     }
 
     /// Returns a drive in the state Operation enabled.
@@ -336,4 +345,50 @@ fn process_data_are_the_same_after_a_way_over_the_bus() {
     assert_eq!(ethercat_drive::Inputs::parse(&inputs.bytes()).unwrap(), inputs);
     assert_eq!(Outputs::parse(&[0; 7]), None);
     assert_eq!(ethercat_drive::Inputs::parse(&[0; 15]), None);
+}
+
+#[test]
+fn the_speed_never_changes_faster_than_the_torque_allows_also_where_the_motor_catches_up_after_a_block() {
+    // 50 increments/ms² at rated torque, 100 with twice that.
+    for (torque, most) in [(1.0, 51), (2.0, 101)] {
+        let mut commanded = CommandedDrive::running();
+        commanded.drive = Drive::new(0, MAX_SPEED, 5e7, MS);
+        for word in [0, control::SHUTDOWN, control::SWITCH_ON, control::ENABLE_OPERATION] {
+            commanded.command(word);
+        }
+        (commanded.parameters.torque, commanded.parameters.window) = (torque, None);
+        for step in 0..400 {
+            commanded.drive_on((step / 5).min(30) * 10, 1);
+        }
+        commanded.drive.block(true);
+        commanded.drive_on(300, 50);
+        commanded.drive.block(false);
+        let (mut before, mut speed, mut overshoot) = (commanded.drive.position(), 0, 0);
+        for _ in 0..1_000 {
+            commanded.drive_on(300, 1);
+            let step = commanded.drive.position() - before;
+            assert!((step - speed).abs() <= most, "from {speed} to {step} increments in a cycle");
+            assert!(step <= 1_000, "faster than its highest speed: {step}");
+            (before, speed) = (commanded.drive.position(), step);
+            overshoot = overshoot.min(commanded.drive.inputs().following_error);
+        }
+        assert_eq!((commanded.drive.inputs().following_error, speed), (0, 300));
+        assert!(overshoot >= -1, "it passes its demand by {overshoot}");
+    }
+}
+
+#[test]
+fn a_following_error_stays_readable_until_the_fault_is_reset() {
+    let mut commanded = CommandedDrive::running();
+    commanded.drive.block(true);
+    commanded.drive_on(400, 16);
+    for _ in 0..50 {
+        commanded.cycle();
+    }
+    let inputs = commanded.drive.inputs();
+    assert_eq!((commanded.drive.state(), inputs.error), (State::Fault, ErrorCode::FOLLOWING_ERROR));
+    assert_eq!(inputs.following_error, 6_400, "16 cycles of 400");
+    commanded.command(0);
+    commanded.command(control::FAULT_RESET);
+    assert_eq!(commanded.drive.inputs().following_error, 0);
 }

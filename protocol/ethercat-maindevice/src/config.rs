@@ -1,6 +1,7 @@
 //! What a MainDevice expects on its cable, and how often it exchanges process data.
 
 use machine::Duration;
+use machine::ethernet::Mac;
 
 /// Largest number of devices on a cable.
 pub(crate) const MAX_DEVICES: usize = 16;
@@ -11,6 +12,9 @@ pub const MAX_PROCESS_DATA: usize = 1400;
 /// A MainDevice and the devices that it drives.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Config {
+    /// Address of the interface. The source address of the frames is made of it, so it distinguishes them from those of other
+    /// MainDevices.
+    pub mac: Mac,
     /// The devices in the order in which they are on the cable: these and no others.
     pub devices: Vec<ExpectedDevice>,
     /// Time from one exchange of process data to the next.

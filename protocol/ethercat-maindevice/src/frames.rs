@@ -3,8 +3,10 @@
 use std::cell::RefCell;
 
 use ethercrab::{PduRx, PduTx};
-use machine::ethernet::MIN_FRAME_LEN;
+use machine::Instant;
+use machine::ethernet::{MIN_FRAME_LEN, Mac};
 
+use crate::foreign::{self, Foreign};
 use crate::lend::Place;
 
 /// Largest number of frames that ethercrab has under way at a time.
@@ -12,6 +14,12 @@ pub(crate) const IN_FLIGHT: usize = 8;
 
 /// Longest frame in bytes: an Ethernet frame without tag.
 const LONGEST: usize = 1514;
+
+/// Source address of ethercrab's frames. It ignores frames with this address.
+const ETHERCRAB: Mac = Mac([0x10; 6]);
+
+/// Place of the source address in a frame.
+const SOURCE: std::ops::Range<usize> = 6..12;
 
 thread_local! {
     /// The frames of the machine that runs at the moment.
@@ -32,6 +40,12 @@ pub(crate) struct Frames {
     waiting: usize,
     /// Received frames that ethercrab could not use.
     refused: u64,
+    /// Source address of the frames to send.
+    source: Mac,
+    /// Received replies to frames with that address.
+    pub(crate) own: u64,
+    /// What came with other addresses. ethercrab distinguishes frames only by an index of 8 bits, so it must not get these.
+    pub(crate) foreign: Foreign,
 }
 
 #[derive(Clone, Debug)]
@@ -43,22 +57,45 @@ struct Frame {
 impl Frames {
     /// Creates a store without room: a thread has this one while no machine runs.
     const fn none() -> Self {
-        Self { received: Vec::new(), ring: Vec::new(), first: 0, waiting: 0, refused: 0 }
+        Self {
+            received: Vec::new(),
+            ring: Vec::new(),
+            first: 0,
+            waiting: 0,
+            refused: 0,
+            source: ETHERCRAB,
+            own: 0,
+            foreign: Foreign::none(),
+        }
     }
 
-    pub(crate) fn new() -> Self {
+    /// Creates a store for a MainDevice on the interface with this address.
+    pub(crate) fn new(interface: Option<Mac>) -> Self {
         let ring = vec![Frame { bytes: [0; LONGEST], len: 0 }; IN_FLIGHT];
-        Self { received: Vec::with_capacity(LONGEST), ring, ..Self::none() }
+        let source = interface.map_or(ETHERCRAB, foreign::source_address);
+        Self { received: Vec::with_capacity(LONGEST), ring, source, ..Self::none() }
     }
 
-    /// Keeps a frame for ethercrab's next poll.
-    pub(crate) fn receive(&mut self, frame: &[u8]) {
+    /// Keeps a frame for ethercrab's next poll, unless it is another MainDevice's.
+    pub(crate) fn receive(&mut self, now: Instant, frame: &[u8]) {
+        if let Some(source) = foreign::source(frame) {
+            if !foreign::is_same(source, self.source) {
+                self.foreign.hear(now, source, frame);
+                return;
+            }
+            self.own += 1;
+        }
         if frame.len() > LONGEST {
             self.refused += 1;
             return;
         }
         self.received.clear();
         self.received.extend_from_slice(frame);
+        if let Some([first, rest @ ..]) = self.received.get_mut(SOURCE) {
+            let Mac([own, own_rest @ ..]) = ETHERCRAB;
+            *first = own | *first & foreign::PASSED;
+            rest.copy_from_slice(&own_rest);
+        }
     }
 
     /// Gives ethercrab the received frame.
@@ -85,6 +122,9 @@ impl Frames {
             });
             if sent.is_err() {
                 return false;
+            }
+            if let Some(source) = bytes.get_mut(SOURCE) {
+                source.copy_from_slice(&self.source.0);
             }
             if let Some(padding) = bytes.get_mut(*len..MIN_FRAME_LEN) {
                 padding.fill(0);

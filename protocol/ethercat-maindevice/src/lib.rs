@@ -3,6 +3,7 @@
 mod al;
 mod bring_up;
 mod config;
+mod foreign;
 mod frames;
 mod lend;
 mod main_device;
@@ -13,6 +14,7 @@ mod recovery;
 mod script;
 mod search;
 mod sii;
+mod survey;
 pub mod time;
 
 pub use config::{Config, ExpectedDevice, MAX_PROCESS_DATA};

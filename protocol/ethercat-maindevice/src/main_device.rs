@@ -17,12 +17,15 @@ use crate::script::Scripted;
 type Operation = Pin<Box<dyn Future<Output = ()> + Send>>;
 
 /// A MainDevice that drives the devices of its [`Config`]: it brings them to OP and exchanges process data with each
-/// cycle. When a device leaves OP, the MainDevice brings it to OP again; when no device answers, it starts over.
+/// cycle. When a device leaves OP, the MainDevice brings it to OP again; when no device answers, it starts over. It changes
+/// nothing while another MainDevice drives the devices.
 pub struct MainDevice {
     config: Config,
     operation: Scripted<Operation>,
     /// Received frames that earlier operations could not use.
     refused_before: u64,
+    /// Frames of other MainDevices that earlier operations heard.
+    foreign_before: u64,
     process: Process,
 }
 
@@ -37,8 +40,8 @@ impl MainDevice {
     #[must_use]
     pub fn new(config: Config, start: Instant) -> Self {
         let process = Process::new(config.output_bytes(), config.input_bytes());
-        let operation = Scripted::new(operation(&config, start), start);
-        Self { config, operation, refused_before: 0, process }
+        let operation = operation(&config, start);
+        Self { config, operation, refused_before: 0, foreign_before: 0, process }
     }
 
     /// Returns the data for the devices, in the order in which they are on the cable. They go out with the next cycle.
@@ -53,10 +56,15 @@ impl MainDevice {
     }
 
     /// Returns the counters of process data: `sent` and `received` are exchanges. An exchange without a good reply is
-    /// `lost`, and so are the cycles that pass while it waits for the reply. Replies after that are `late`.
+    /// `lost`, and so are the cycles that pass while it waits for the reply. Replies after that are `late`; frames of other
+    /// MainDevices are `foreign`.
     #[must_use]
     pub fn counters(&self) -> Counters {
-        Counters { late: self.refused_before + self.operation.refused(), ..self.process.counters }
+        Counters {
+            late: self.refused_before + self.operation.refused(),
+            foreign: self.foreign_before + self.operation.foreign(),
+            ..self.process.counters
+        }
     }
 
     /// Takes the devices to INIT with the next cycle and ends; without a connection, ends at once.
@@ -82,7 +90,8 @@ impl MainDevice {
             self.process.fail(now, Problem::Panic);
             self.refused_before += self.operation.refused();
             let start = now + PAUSE;
-            self.operation = Scripted::new(operation(&self.config, start), start);
+            self.foreign_before += self.operation.foreign();
+            self.operation = operation(&self.config, start);
         }
         if self.operation.poll_event().is_some() {
             self.process.closed();
@@ -90,8 +99,9 @@ impl MainDevice {
     }
 }
 
-fn operation(config: &Config, start: Instant) -> Operation {
-    Box::pin(operate(config.clone(), start))
+fn operation(config: &Config, start: Instant) -> Scripted<Operation> {
+    let operation: Operation = Box::pin(operate(config.clone(), start));
+    Scripted::new(operation, start).on_interface(config.mac)
 }
 
 impl Machine for MainDevice {

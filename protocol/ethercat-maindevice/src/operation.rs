@@ -1,7 +1,9 @@
 //! What a MainDevice does from the first frame on: it finds its devices, brings them to OP, exchanges process data, and
 //! starts over when that ends.
 
+use std::future::poll_fn;
 use std::pin::pin;
+use std::task::Poll;
 
 use ethercrab::{
     Command, MainDeviceConfig, RegisterAddress, RetryBehaviour, SubDeviceState, Timeouts, TxRxResponse,
@@ -11,11 +13,13 @@ use machine::{Cycle, Duration, Instant};
 use crate::al::{self, ACKNOWLEDGE_IN_SAFE_OP, REQUEST_INIT, REQUEST_OP, Status};
 use crate::bring_up::{Group, bring_up};
 use crate::config::{Config, MAX_DEVICES};
+use crate::frames::FRAMES;
 use crate::problem::Problem;
 use crate::process::PROCESS;
 use crate::recovery::{Recovery, Step, TO_OP};
 use crate::script::{Storage, exchange};
-use crate::time;
+use crate::survey::{Quiet, survey};
+use crate::{sii, time};
 
 /// Time from a failed attempt to the next one.
 pub(crate) const PAUSE: Duration = Duration::from_millis(50);
@@ -63,17 +67,48 @@ pub(crate) async fn operate(config: Config, start: Instant) {
 
 async fn start_over_and_over(main: &ethercrab::MainDevice<'_>, config: &Config, start: Instant) {
     time::wait_until(start).await;
+    let mut quiet = Quiet::new(config.mac, start);
+    let mut has_failed = false;
     loop {
-        let ended = match bring_up(main, config).await {
-            Ok(group) => Exchange::new(config).run(main, &group).await,
+        let ended = match survey(main, &mut quiet).await {
+            Ok(()) => {
+                if has_failed {
+                    sii::clear_errors(main).await;
+                }
+                let driven_from = time::now();
+                let ended = unless_another_drives(drive(main, config)).await;
+                if ended.as_ref().is_err_and(Problem::is_conflict) {
+                    quiet.disturbed(time::now().since(driven_from));
+                }
+                ended
+            }
             Err(problem) => Err(problem),
         };
-        match ended {
-            Ok(()) => return,
-            Err(problem) => PROCESS.with_borrow_mut(|process| process.fail(time::now(), problem)),
+        let Err(problem) = ended else { return };
+        has_failed = true;
+        let is_conflict = problem.is_conflict();
+        PROCESS.with_borrow_mut(|process| process.fail(time::now(), problem));
+        if is_conflict {
+            quiet.wait().await;
+        } else {
+            time::wait_until(time::now() + PAUSE).await;
         }
-        time::wait_until(time::now() + PAUSE).await;
     }
+}
+
+async fn drive(main: &ethercrab::MainDevice<'_>, config: &Config) -> Result<(), Problem> {
+    let group = bring_up(main, config).await?;
+    Exchange::new(config).run(main, &group).await
+}
+
+/// Runs until the future ends, or until another MainDevice is heard: then nothing more is sent.
+async fn unless_another_drives(drive: impl Future<Output = Result<(), Problem>>) -> Result<(), Problem> {
+    let mut drive = pin!(drive);
+    poll_fn(|context| match FRAMES.with_borrow(|frames| frames.foreign.found()) {
+        Some(mac) => Poll::Ready(Err(Problem::OtherMainDevice { mac })),
+        None => drive.as_mut().poll(context),
+    })
+    .await
 }
 
 /// The cyclic exchange of process data.

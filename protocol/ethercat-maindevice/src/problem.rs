@@ -4,6 +4,7 @@ use std::fmt;
 
 use ethercrab::error::{Error, TimeoutError};
 use ethercrab::{AlStatusCode, EtherCrabWireRead, SubDeviceState};
+use machine::ethernet::Mac;
 use machine::{Down, DownCause};
 
 use crate::config::{ExpectedDevice, MAX_DEVICES};
@@ -48,6 +49,12 @@ pub(crate) enum Problem {
     NotOperational { number: usize, state: SubDeviceState, code: u16 },
     /// A device left OP.
     LeftOperational { number: usize, state: SubDeviceState, code: u16 },
+    /// Frames with this source address come from another MainDevice.
+    OtherMainDevice { mac: Mac },
+    /// Another program on this host uses the same interface as a MainDevice.
+    SameInterface,
+    /// A device stays in OP beyond its watchdog, though no frame of another MainDevice comes.
+    Driven { number: usize, station: u16 },
     /// There was no good exchange for the time of the watchdog.
     Watchdog,
     /// ethercrab panicked.
@@ -76,6 +83,11 @@ impl Problem {
         self.is_silence() || matches!(self, Self::Other(_))
     }
 
+    /// Returns whether another MainDevice has the devices.
+    pub(crate) const fn is_conflict(&self) -> bool {
+        matches!(self, Self::OtherMainDevice { .. } | Self::SameInterface | Self::Driven { .. })
+    }
+
     pub(crate) fn down(&self) -> Down {
         let (cause, code, text) = match self {
             Self::Silence => (
@@ -95,6 +107,9 @@ impl Problem {
             }
             Self::LeftOperational { code, .. } => {
                 (DownCause::ClosedByPeer, u32::from(*code), "a device left OP")
+            }
+            Self::OtherMainDevice { .. } | Self::SameInterface | Self::Driven { .. } => {
+                (DownCause::Refused, 0, "another MainDevice drives the devices; stop one of the two")
             }
             Self::Watchdog => (DownCause::Watchdog, 0, ""),
             Self::Panic => (
@@ -146,6 +161,18 @@ impl Problem {
                 write!(words, "device {number} left OP: it is in {}", name(*state))?;
                 write_code(words, *code)
             }
+            Self::OtherMainDevice { mac } => write!(
+                words,
+                "another EtherCAT MainDevice ({mac}) sends on this cable: stop it; until then this one sends nothing"
+            ),
+            Self::SameInterface => words.write_str(
+                "another program on this host drives EtherCAT by the same interface: stop it; until then this one sends nothing",
+            ),
+            Self::Driven { number, station } => write!(
+                words,
+                "device {number} stays in OP, station address 0x{station:04X}: another MainDevice drives it; stop that one, or \
+                 restart the device"
+            ),
             Self::Other(error) => write!(words, "the EtherCAT devices could not be brought up: {error}"),
         }
     }

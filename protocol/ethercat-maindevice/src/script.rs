@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll, Wake, Waker};
 
 use ethercrab::{MainDeviceConfig, PduRx, PduStorage, PduTx, Timeouts};
+use machine::ethernet::Mac;
 use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
 
 use crate::frames::{self, FRAMES, Frames, IN_FLIGHT};
@@ -82,12 +83,24 @@ pub struct Scripted<F: Future> {
 impl<F: Future> Scripted<F> {
     /// Creates a machine that runs the script from `start` on.
     pub fn new(script: F, start: Instant) -> Self {
-        Self { script: Some(Box::pin(script)), frames: Frames::new(), wake: Some(start), result: None }
+        Self { script: Some(Box::pin(script)), frames: Frames::new(None), wake: Some(start), result: None }
+    }
+
+    /// Sends from the address of this interface. Then frames of other MainDevices on the cable, even if they use ethercrab as
+    /// well, are not taken for replies.
+    #[must_use]
+    pub fn on_interface(self, address: Mac) -> Self {
+        Self { frames: Frames::new(Some(address)), ..self }
     }
 
     /// Returns how many received frames ethercrab could not use: late, duplicated and damaged ones.
     pub const fn refused(&self) -> u64 {
         self.frames.refused()
+    }
+
+    /// Returns how many frames of other MainDevices came.
+    pub const fn foreign(&self) -> u64 {
+        self.frames.foreign.heard()
     }
 
     /// Ends the script where it is.
@@ -111,12 +124,13 @@ impl<F: Future> Scripted<F> {
 impl<F: Future> Machine for Scripted<F> {
     type Event = F::Output;
 
+    /// Other MainDevices may send to any address.
     fn ports(&self) -> &[PortRequest] {
-        &[PortRequest::Ethernet { ether_type: ETHER_TYPE, groups: &[] }]
+        &[PortRequest::AnyEthernet { ether_type: ETHER_TYPE }]
     }
 
     fn handle_frame(&mut self, now: Instant, _from: Source, frame: &[u8]) {
-        self.frames.receive(frame);
+        self.frames.receive(now, frame);
         self.poll(now);
     }
 

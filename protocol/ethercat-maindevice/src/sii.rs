@@ -41,6 +41,11 @@ const MOST_CATEGORIES: u32 = 64;
 const ORDER_CODE: u32 = 2;
 const NAME: u32 = 3;
 
+/// Clears the errors of commands in all devices: while it has one, a chip ignores commands, and ethercrab does not look at it.
+pub(crate) async fn clear_errors(main: &ethercrab::MainDevice<'_>) {
+    let _ = Command::bwr(CONTROL).ignore_wkc().send(main, [0, NOTHING]).await;
+}
+
 /// The identity of a device, from its EEPROM.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Identity {

@@ -5,6 +5,7 @@
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
 use ethercat_subdevice::description::{DataType, Description, Mailbox, Pdo, PdoEntry};
 use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Segment};
+use machine::ethernet::Mac;
 use machine::{Down, DownCause, Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig, Side};
 
@@ -83,7 +84,7 @@ const EXPECTED: ExpectedDevice = ExpectedDevice {
 };
 
 fn config(devices: &[ExpectedDevice]) -> Config {
-    Config { devices: devices.to_vec(), cycle: MS, watchdog: MS * 20 }
+    Config { mac: Mac([2, 0, 0, 0, 0, 1]), devices: devices.to_vec(), cycle: MS, watchdog: MS * 20 }
 }
 
 fn cell(config: Config, devices: usize) -> Cell {
@@ -315,31 +316,27 @@ fn a_damaged_eeprom_on_which_ethercrab_panics_is_reported_and_a_mended_one_is_fo
 }
 
 /// Connects while one bit flips in every hundredth frame where no checksum protects it, and then on a good cable. Returns
-/// whether ethercrab panicked, and whether data were exchanged at last.
-fn connect_with_flipped_bits(seed: u64) -> (bool, bool) {
+/// whether data were exchanged at last.
+fn connect_with_flipped_bits(seed: u64) -> bool {
     let good = Impairment { delay: Duration::from_micros(20), ..Impairment::default() };
     let cable = Impairment { corrupt_ppm: 10_000, ..good };
     let mut cell = cell_on(config(&[EXPECTED]), 1, seed, cable);
-    let mut panicked = false;
     for _ in 0..20 {
-        match event(&mut cell, MS * 200) {
-            Some((LinkEvent::Down(down), _)) => panicked |= down.text.contains("ethercrab cannot read"),
-            Some((LinkEvent::Up, _)) => break,
-            _ => {}
+        if let Some((LinkEvent::Up, _)) = event(&mut cell, MS * 200) {
+            break;
         }
     }
     for side in [Side::A, Side::B] {
         cell.set_impairment(side, good);
     }
     while event(&mut cell, MS * 10_000).is_some() {}
-    (panicked, echoes_one(&mut cell))
+    echoes_one(&mut cell)
 }
 
 #[test]
-fn flipped_bits_while_it_connects_can_make_ethercrab_panic_and_it_starts_over_until_it_is_connected() {
-    let ended: Vec<_> = (0..40).map(connect_with_flipped_bits).collect();
-    assert!(ended.iter().any(|(panicked, _)| *panicked), "ethercrab no longer panics: change the README");
-    assert!(ended.iter().all(|(_, exchanges)| *exchanges), "{ended:?}");
+fn flipped_bits_while_it_connects_do_not_keep_it_from_connecting_afterwards() {
+    let failed: Vec<_> = (0..100).filter(|seed| !connect_with_flipped_bits(*seed)).collect();
+    assert_eq!(failed, []);
 }
 
 fn echoes_one(cell: &mut Cell) -> bool {

@@ -5,6 +5,7 @@
 use ethercat_maindevice::{Config, ETHER_TYPE, ExpectedDevice, Found, Identity, MainDevice, search};
 use ethercat_subdevice::description::{DataType, Description, Pdo, PdoEntry};
 use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Segment};
+use machine::ethernet::Mac;
 use machine::{Duration, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
@@ -200,7 +201,8 @@ fn a_search_leaves_devices_in_op_as_they_are_and_tells_their_addresses_and_error
         output_bytes: 0,
         input_bytes: 4,
     };
-    let config = Config { devices: vec![expected; 2], cycle: MS, watchdog: MS * 20 };
+    let config =
+        Config { mac: Mac([2, 0, 0, 0, 0, 1]), devices: vec![expected; 2], cycle: MS, watchdog: MS * 20 };
     let main = Master::Driving(Box::new(MainDevice::new(config, Instant::ZERO)));
     let mut cell = Pair::new(main, sensors(2), over(1, short_cable()));
     assert_eq!(run(&mut cell), None);

@@ -14,6 +14,7 @@ pub mod description;
 pub mod discovery;
 pub mod encapsulation;
 mod objects;
+mod own_address;
 pub mod scanner;
 mod search;
 
@@ -28,6 +29,10 @@ use machine::wire::{self, LittleEndian};
 
 /// The UDP ports of both roles: cyclic data, then explicit messages.
 pub const PORTS: &[PortRequest] = &[PortRequest::Udp(IO_PORT), PortRequest::Udp(ENCAPSULATION_PORT)];
+
+/// The same ports, and the one for ARP, by which address conflicts are detected.
+pub const PORTS_WITH_ARP: &[PortRequest] =
+    &[PortRequest::Udp(IO_PORT), PortRequest::Udp(ENCAPSULATION_PORT), machine::arp::ETHERNET];
 
 /// TCP and UDP port of the encapsulation (volume 2, 2-2).
 pub const ENCAPSULATION_PORT: u16 = 0xAF12;

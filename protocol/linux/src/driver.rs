@@ -17,11 +17,13 @@ use std::hint::spin_loop;
 use std::ops::ControlFlow;
 use std::os::fd::AsFd as _;
 
+use machine::arp::ArpPacket;
 use machine::wire::FRAME_CAPACITY;
 use machine::{Duration, Instant, Lateness, Machine, Port, Source, StreamRequest, Tick, Transmit};
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 
+use crate::neighbours::Neighbours;
 use crate::stream::{StreamEvent, StreamStatistics, Streams};
 use crate::wait::WaitSet;
 use crate::{Interface, Notifier, OpenPort, PortError, Received, allocation, clock};
@@ -79,6 +81,8 @@ pub struct Statistics {
     pub sent: u64,
     /// Frames that the kernel refused to send.
     pub send_errors: u64,
+    /// Datagrams that were not sent, since the host would have sent them to another station than the machine found.
+    pub misdirected: u64,
     /// Reads of a port that failed.
     pub receive_errors: u64,
     /// The kernel's last error on sending a frame.
@@ -100,6 +104,7 @@ pub struct Driver<M> {
     notifier: Notifier,
     receive_buffer: Box<[u8; FRAME_CAPACITY]>,
     send_buffer: Box<[u8; FRAME_CAPACITY]>,
+    neighbours: Neighbours,
     statistics: Statistics,
 }
 
@@ -122,6 +127,7 @@ impl<M: Machine> Driver<M> {
             notifier,
             receive_buffer: Box::new([0; FRAME_CAPACITY]),
             send_buffer: Box::new([0; FRAME_CAPACITY]),
+            neighbours: Neighbours::default(),
             statistics: Statistics::default(),
         })
     }
@@ -143,8 +149,17 @@ impl<M: Machine> Driver<M> {
 
     /// Runs the machine on this thread until the owner ends the loop or the interface is gone.
     pub fn run(&mut self, owner: &mut impl Owner<M>) -> Result<(), DriverError> {
-        let Self { machine, interface, ports, streams, notifier, receive_buffer, send_buffer, statistics } =
-            self;
+        let Self {
+            machine,
+            interface,
+            ports,
+            streams,
+            notifier,
+            receive_buffer,
+            send_buffer,
+            neighbours,
+            statistics,
+        } = self;
         // The notifier and the ports keep their places; TCP's places behind them change.
         let mut waits = WaitSet::new(1 + ports.len() + Streams::WAITS);
         waits.set(0, Some((notifier.as_fd(), PollFlags::IN)));
@@ -152,7 +167,8 @@ impl<M: Machine> Driver<M> {
             waits.set(1 + index, Some((port.as_fd(), PollFlags::IN)));
         }
         let send_buffer = &mut **send_buffer;
-        let mut run = Run { machine, interface, ports, turn: 0, streams, send_buffer, statistics, owner };
+        let mut run =
+            Run { machine, interface, ports, turn: 0, streams, send_buffer, neighbours, statistics, owner };
         let counting = allocation::arm();
         let result = run.until_the_end(&mut waits, notifier, &mut **receive_buffer);
         statistics.allocations = counting.then(allocation::count);
@@ -185,6 +201,7 @@ struct Run<'a, M, O> {
     turn: usize,
     streams: &'a mut Streams,
     send_buffer: &'a mut [u8],
+    neighbours: &'a mut Neighbours,
     statistics: &'a mut Statistics,
     owner: &'a mut O,
 }
@@ -247,6 +264,9 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
                         self.statistics.received += 1;
                         let from = Source { port: port.port(), peer };
                         let (now, frame) = (clock::now(), buf.get(..len).unwrap_or_default());
+                        if from.port == Port::Ethernet && ArpPacket::from_frame(frame).is_some() {
+                            self.neighbours.forget();
+                        }
                         if to_all {
                             self.machine.handle_broadcast(now, from, frame);
                         } else {
@@ -329,7 +349,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         let mut flow = ControlFlow::Continue(());
         loop {
             while let Some(transmit) = self.machine.poll_transmit(now, self.send_buffer) {
-                self.send(transmit)?;
+                self.send(now, transmit)?;
             }
             while let Some(request) = self.machine.poll_stream() {
                 match request {
@@ -348,7 +368,15 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         }
     }
 
-    fn send(&mut self, Transmit { port, to, len }: Transmit) -> Result<(), DriverError> {
+    fn send(&mut self, now: Instant, Transmit { port, to, len }: Transmit) -> Result<(), DriverError> {
+        if let Some(address) = to.map(|to| *to.ip())
+            && let wanted = self.machine.neighbour(address)
+            && let Err(found) = self.neighbours.check(self.interface, address, wanted)
+        {
+            self.statistics.misdirected += 1;
+            self.machine.handle_wrong_neighbour(now, address, found);
+            return Ok(());
+        }
         let frame = self.send_buffer.get(..len).unwrap_or_default();
         let dscp = self.machine.dscp(port);
         if let Port::Stream(id) = port {

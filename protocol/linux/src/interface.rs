@@ -1,6 +1,7 @@
 //! A network interface: its MAC address, its IP address, and whether it is up.
 
 mod gateway;
+mod neighbour;
 
 use std::net::Ipv4Addr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};

@@ -27,6 +27,7 @@ pub mod handover;
 pub mod impaired;
 mod interface;
 pub mod namespace;
+mod neighbours;
 mod notifier;
 mod open_port;
 mod packet_ring;

@@ -148,6 +148,20 @@ pub trait Machine {
         None
     }
 
+    /// Returns the MAC address at which datagrams to this IP address must arrive; `None` if whoever has the address may get
+    /// them, as for a station that was found by its IP address alone.
+    ///
+    /// The driver asks before each datagram. If the host would send to another MAC address, because its table of neighbours
+    /// is out of date or another station has the same IP address, the driver corrects the table. Where it may not, it sends
+    /// nothing and calls [`handle_wrong_neighbour`](Self::handle_wrong_neighbour).
+    fn neighbour(&self, _address: Ipv4Addr) -> Option<Mac> {
+        None
+    }
+
+    /// Handles that a datagram was not sent: the host would send it to `found`, and not to the station that
+    /// [`neighbour`](Self::neighbour) returned.
+    fn handle_wrong_neighbour(&mut self, _now: Instant, _address: Ipv4Addr, _found: Mac) {}
+
     /// Handles the timeout: the instant of [`poll_timeout`](Self::poll_timeout) has come, or passed if the driver is
     /// late.
     fn handle_timeout(&mut self, now: Instant);
@@ -162,7 +176,7 @@ pub trait Machine {
     fn poll_timeout(&self) -> Option<Instant>;
 }
 
-/// Implements what a [`Machine`] asks the driver for (ports, connections, DSCP, groups) by passing on what one of its
+/// Implements what a [`Machine`] asks the driver for (ports, connections, DSCP, groups, neighbours) by passing on what one of its
 /// fields asks for. For a machine that contains another one:
 ///
 /// ```
@@ -221,6 +235,10 @@ macro_rules! forward_ports {
 
         fn group(&self, port: $crate::Port, index: usize) -> Option<core::net::Ipv4Addr> {
             $crate::Machine::group(&self.$inner, port, index)
+        }
+
+        fn neighbour(&self, address: core::net::Ipv4Addr) -> Option<$crate::ethernet::Mac> {
+            $crate::Machine::neighbour(&self.$inner, address)
         }
     };
 }

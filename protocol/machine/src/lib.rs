@@ -5,6 +5,7 @@
 extern crate alloc;
 
 mod allowed;
+pub mod arp;
 mod contract;
 mod cycle;
 pub mod ethernet;
@@ -23,6 +24,6 @@ pub use contract::{
 pub use cycle::{Cycle, Tick};
 pub use foreign::{ForeignRequest, ForeignRequests, Requested, Sender};
 pub use lateness::Lateness;
-pub use link::{Counters, Down, DownCause, LinkEvent};
+pub use link::{Counters, Down, DownCause, LinkEvent, StationConflict};
 pub use sequence::{Numbering, Sequence};
 pub use time::{Duration, Instant};

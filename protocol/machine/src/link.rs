@@ -4,6 +4,8 @@ use core::fmt;
 use core::net::Ipv4Addr;
 
 use crate::ForeignRequest;
+use crate::arp::AddressConflict;
+use crate::ethernet::Mac;
 
 /// An event of the connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -28,6 +30,35 @@ pub enum LinkEvent {
     Store,
     /// Somebody else requested what only the owner of the connection may, and was refused. The connection stays as it is.
     Foreign(ForeignRequest),
+    /// Another station has what only one may have. If the connection cannot go on, [`LinkEvent::Down`] follows.
+    Conflict(StationConflict),
+}
+
+/// Two stations have what only one may have.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum StationConflict {
+    /// Another station has an IP address.
+    Address(AddressConflict),
+    /// Another station has the name of the device. It is ignored: the MAC address of the right one is configured, or it came
+    /// when data were exchanged.
+    Name {
+        /// MAC address of the device.
+        device: Mac,
+        /// MAC address of the other station.
+        ignored: Mac,
+    },
+}
+
+impl fmt::Display for StationConflict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Address(conflict) => write!(f, "{conflict}; give one of them another address"),
+            Self::Name { device, ignored } => write!(
+                f,
+                "another station has the device's name: {ignored} is ignored, {device} is the device; rename one of them"
+            ),
+        }
+    }
 }
 
 /// Why a connection is down.

@@ -31,8 +31,8 @@ pub use search::{FoundStation, Search, SearchConfig};
 pub use station::{Permanent, is_station_name};
 pub use uuid::Uuid;
 
-use machine::PortRequest;
 use machine::ethernet::Mac;
+use machine::{PortRequest, arp};
 
 /// EtherType of PROFINET (IEC 61158-6-10, 4.1).
 pub const ETHER_TYPE: u16 = 0x8892;
@@ -49,9 +49,9 @@ pub const ETHERNET: PortRequest = PortRequest::Ethernet {
     ],
 };
 
-/// The ports of both roles: raw Ethernet, connection management, cyclic data over UDP, and the neighbours' announcements.
+/// The ports of both roles: raw Ethernet, connection management, cyclic data over UDP, the neighbours' announcements, and ARP.
 pub const PORTS: &[PortRequest] =
-    &[ETHERNET, PortRequest::Udp(RPC_PORT), PortRequest::Udp(rt::UDP_PORT), lldp::ETHERNET];
+    &[ETHERNET, PortRequest::Udp(RPC_PORT), PortRequest::Udp(rt::UDP_PORT), lldp::ETHERNET, arp::ETHERNET];
 
 /// UDP port of connection management (IANA `profinet-cm`).
 pub const RPC_PORT: u16 = 34964;

@@ -9,6 +9,7 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use std::time::Duration;
 
 use machine::LinkEvent;
+use machine::arp::ArpPacket;
 use machine::ethernet::Mac;
 use machine::wire::FRAME_CAPACITY;
 use machine::{Instant, Machine, Port, Source};
@@ -27,9 +28,12 @@ static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 const CONTROLLER: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 const DEVICE: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 2);
+const STATIONS: [(Mac, Ipv4Addr); 2] =
+    [(Mac([2, 0, 0, 0, 0, 1]), CONTROLLER), (Mac([2, 0, 0, 0, 0, 2]), DEVICE)];
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 
-/// Hands over what one machine has to send; returns whether there was anything.
+/// Hands over what one machine has to send, and answers what it asks by ARP as the other one's host would; returns whether
+/// there was anything.
 fn hand_over(
     now: Instant,
     from: &mut impl Machine,
@@ -42,6 +46,20 @@ fn hand_over(
         (Port::Udp(port), Some(_)) => Some(SocketAddrV4::new(source, port)),
         _ => None,
     };
+    let frame = buf.get(..transmit.len).unwrap_or_default();
+    if let Some(Ok(question)) = ArpPacket::from_frame(frame)
+        && let Some((mac, _)) = STATIONS.iter().find(|(_, address)| *address == question.target_address)
+        && question.sender_mac != *mac
+        && !question.is_probe()
+    {
+        let mut answer = [0; 64];
+        let len = question.answer(*mac).emit_frame(&mut answer).expect("60 bytes");
+        from.handle_frame(
+            now,
+            Source { port: Port::Ethernet, peer: None },
+            answer.get(..len).unwrap_or_default(),
+        );
+    }
     let port = transmit.to.map_or(transmit.port, |to| Port::Udp(to.port()));
     to.handle_frame(now, Source { port, peer }, buf.get(..transmit.len).unwrap_or_default());
     true
@@ -135,7 +153,7 @@ fn main() {
             buf: [0; FRAME_CAPACITY],
         };
         cable.set(1, 2);
-        cable.run_until(Instant::from_millis(100));
+        cable.run_until(Instant::from_millis(400));
         assert_eq!(cable.ar().input(1, 1), Some(&[2; LEN][..]), "{transport:?}");
 
         let region = Region::new(ALLOCATOR);

@@ -1,8 +1,10 @@
 //! EtherNet/IP: the image is the data of one assembly in its direction.
 
 use core::fmt;
+use core::net::Ipv4Addr;
 
 use ethernet_ip::{Adapter, Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
+use machine::ethernet::Mac;
 use machine::{Counters, Instant};
 
 use super::machine_with_one_connection;
@@ -25,6 +27,24 @@ impl EthernetIpScanner {
         // A scanner without connections has room for one.
         let connection = scanner.connect(connection, start).ok();
         Self { scanner, connection }
+    }
+
+    /// Creates one that also detects address conflicts: of its own address, on the interface `mac`, and of the adapter's.
+    #[must_use]
+    pub fn with_conflict_detection(
+        config: ScannerConfig,
+        (mac, address, mask): (Mac, Ipv4Addr, Ipv4Addr),
+        connection: ConnectionConfig,
+        start: Instant,
+    ) -> Self {
+        let mut scanner = Scanner::new(config).with_conflict_detection(mac, address, mask, start);
+        let connection = scanner.connect(connection, start).ok();
+        Self { scanner, connection }
+    }
+
+    /// Detects no address conflicts, as a scanner without raw Ethernet. Call it before the scanner runs.
+    pub fn stop_conflict_detection(&mut self) {
+        self.scanner.stop_conflict_detection();
     }
 
     /// Returns the connection to the adapter.
@@ -74,6 +94,10 @@ impl Fieldbus for EthernetIpScanner {
         self.connection().map_or(Ok(()), |connection| connection.explain(words))
     }
 
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.connection().map_or(Ok(()), |connection| connection.remark(words))
+    }
+
     fn counters(&self) -> Counters {
         self.connection().map(Connection::counters).unwrap_or_default() + self.scanner.counters()
     }
@@ -96,6 +120,10 @@ impl Fieldbus for Adapter {
 
     fn disconnect(&mut self, now: Instant) {
         self.disconnect(now);
+    }
+
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.remark(words)
     }
 
     fn counters(&self) -> Counters {

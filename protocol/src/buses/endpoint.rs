@@ -3,6 +3,7 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
+use machine::ethernet::Mac;
 use machine::{
     Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
     Transmit,
@@ -68,6 +69,14 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Machine for Endpoint<P, E, C> {
         on!(self, bus => bus.group(port, index))
     }
 
+    fn neighbour(&self, address: Ipv4Addr) -> Option<Mac> {
+        on!(self, bus => bus.neighbour(address))
+    }
+
+    fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
+        on!(self, bus => bus.handle_wrong_neighbour(now, address, found));
+    }
+
     fn handle_timeout(&mut self, now: Instant) {
         on!(self, bus => bus.handle_timeout(now));
     }
@@ -104,6 +113,10 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Fieldbus for Endpoint<P, E, C> {
 
     fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
         on!(self, bus => bus.explain(words))
+    }
+
+    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        on!(self, bus => bus.remark(words))
     }
 
     fn counters(&self) -> Counters {

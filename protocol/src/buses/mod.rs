@@ -35,6 +35,15 @@ macro_rules! machine_with_one_connection {
                 self.$machine.handle_stream(now, stream, change);
             }
 
+            fn handle_wrong_neighbour(
+                &mut self,
+                now: machine::Instant,
+                address: core::net::Ipv4Addr,
+                found: machine::ethernet::Mac,
+            ) {
+                self.$machine.handle_wrong_neighbour(now, address, found);
+            }
+
             fn handle_timeout(&mut self, now: machine::Instant) {
                 self.$machine.handle_timeout(now);
             }

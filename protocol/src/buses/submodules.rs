@@ -1,5 +1,7 @@
 //! PROFINET: the image is the data of all submodules in its direction, one after another by slot and subslot.
 
+use core::fmt;
+
 use machine::{Counters, Instant};
 use profinet::dcp::IpSuite;
 use profinet::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Device};
@@ -51,6 +53,10 @@ impl Fieldbus for ProfinetController {
         if let Some(ar) = self.controller.ar_mut(self.ar) {
             ar.disconnect(now);
         }
+    }
+
+    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.ar().map_or(Ok(()), |ar| ar.explain(words))
     }
 
     fn counters(&self) -> Counters {

@@ -85,6 +85,12 @@ codes! {
         NotOneMotion = 37,
         /// The life counters of the command images are refused, so that none of them is followed.
         WrongLifeCounter = 38,
+        /// The drive of an axis was too far from its set-points for too long.
+        FollowingError = 39,
+        /// The drive of an axis did not arrive where its set-points came to rest.
+        DriveNotArrived = 40,
+        /// The drive of an axis did not switch on after a reset.
+        DriveNotOn = 41,
     }
 }
 
@@ -130,6 +136,9 @@ impl fmt::Display for ErrorNumber {
             Self::ForceUnsteady => "the contact force swings and does not settle",
             Self::NotOneMotion => "a skill of one motion needs `total` and `written` of 1",
             Self::WrongLifeCounter => "the life counters of the command images are refused: the images are old, or the PLC counts faster than the robot's setup says",
+            Self::FollowingError => "following error: an axis was too far from its set-point",
+            Self::DriveNotArrived => "an axis did not arrive at its set-point within the settling time",
+            Self::DriveNotOn => "the drives did not switch on after a reset",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

@@ -40,6 +40,9 @@ use super::ErrorNumber;
 /// | `TurnTooFast` | joint, from 1 | turn of the tool in degrees per s | 0, rated speed of the joint |
 /// | `DriveFault` | axis, from 1 | error code of the drive, object 0x603F of CiA 402 | |
 /// | `DriveStopped` | axis, from 1 | | |
+/// | `FollowingError` | axis, from 1 | set-point minus actual position, in degrees (mm) | 0, following error window |
+/// | `DriveNotArrived` | axis, from 1 | set-point minus actual position, in degrees (mm) | 0, window of the exact stop |
+/// | `DriveNotOn` | axis, from 1; 0 without a connection to the drives | | |
 ///
 /// The figures are kept as their bits, so that findings can be compared and hashed.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -114,7 +117,10 @@ impl fmt::Display for InWords {
         let (index, value, lower, upper) = (finding.index, finding.value(), finding.lower(), finding.upper());
         match number {
             ErrorNumber::DriveFault => write!(f, " (axis {index}, error code 0x{:04X})", value as u16),
-            ErrorNumber::DriveStopped => write!(f, " (axis {index})"),
+            ErrorNumber::DriveStopped | ErrorNumber::DriveNotOn => write!(f, " (axis {index})"),
+            ErrorNumber::FollowingError | ErrorNumber::DriveNotArrived => {
+                write!(f, " (axis {index} is {value:.4} degrees or mm away, at most {upper} are allowed)")
+            }
             ErrorNumber::AxisLimit => {
                 write!(f, " (joint {index} would be at {value}, its range is {lower} to {upper})")
             }

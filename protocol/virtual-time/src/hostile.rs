@@ -51,7 +51,19 @@ impl<A: Machine, B: Machine, C: Choices> Machine for Member<A, B, C> {
     type Event = MemberEvent<A::Event, B::Event>;
 
     fn ports(&self) -> &[PortRequest] {
-        &[]
+        match self {
+            Self::A(watched) => watched.machine.ports(),
+            Self::B(watched) => watched.machine.ports(),
+            Self::Stranger(_) => &[],
+        }
+    }
+
+    fn neighbour(&self, address: Ipv4Addr) -> Option<Mac> {
+        match self {
+            Self::A(watched) => watched.machine.neighbour(address),
+            Self::B(watched) => watched.machine.neighbour(address),
+            Self::Stranger(_) => None,
+        }
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {

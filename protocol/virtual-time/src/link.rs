@@ -289,6 +289,13 @@ impl Link {
         (effect, Some(arrival))
     }
 
+    /// Returns when a frame between the two hosts that no machine counts, as ARP, arrives; `None` while cut. It meets no fault, as
+    /// on an impaired real cable.
+    pub(super) fn pass_of_hosts(&mut self, now: Instant) -> Option<Instant> {
+        self.last_arrival = self.last_arrival.max(now + self.impairment.delay);
+        (!self.cut).then_some(self.last_arrival)
+    }
+
     /// Returns how a piece of `len` bytes of a TCP stream sent now arrives: where a datagram would be lost, it arrives
     /// later. `None` while cut. Only a fault of this single frame flips one of its bits behind the checksums.
     pub(super) fn pass_stream(

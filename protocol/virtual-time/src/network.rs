@@ -1,17 +1,23 @@
 //! Any number of machines on one switch, in virtual time, for tests with more stations than the two of a
 //! [`Pair`](crate::Pair). All have the same clock, and every frame arrives after the same delay.
+//!
+//! Each station has a host with a table of neighbours, which never ages: the host answers ARP for its address, and sends a
+//! datagram to the MAC address that the table has, or first asks who has the IP address and takes the first answer.
 
-use alloc::collections::VecDeque;
+use alloc::collections::{BTreeMap, VecDeque};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
+use machine::arp::{ArpPacket, Operation};
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::wire::FRAME_CAPACITY;
 use machine::{
     Attempt, Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
     Transmit,
 };
+
+use crate::pair::hosts;
 
 /// The port that a station connects from over TCP; the stream's number tells connections apart.
 const EPHEMERAL_PORT: u16 = 50_000;
@@ -25,6 +31,11 @@ struct Station<M> {
     machine: M,
     mac: Mac,
     address: Option<Ipv4Addr>,
+    /// MAC addresses that the host knows.
+    neighbours: BTreeMap<Ipv4Addr, Mac>,
+    is_unplugged: bool,
+    /// Whether the driver may correct them, as a process with `CAP_NET_ADMIN` may.
+    may_correct: bool,
     timeout: Option<Instant>,
 }
 
@@ -75,7 +86,15 @@ impl<M: Machine> Network<M> {
     /// Connects a station.
     pub fn add(&mut self, machine: M, mac: Mac, address: Option<Ipv4Addr>) -> StationId {
         let id = StationId(self.stations.len());
-        self.stations.push(Station { machine, mac, address, timeout: None });
+        self.stations.push(Station {
+            machine,
+            mac,
+            address,
+            neighbours: BTreeMap::new(),
+            is_unplugged: false,
+            may_correct: true,
+            timeout: None,
+        });
         self.poll_machine(id);
         id
     }
@@ -104,6 +123,21 @@ impl<M: Machine> Network<M> {
     pub fn set_address(&mut self, id: StationId, address: Option<Ipv4Addr>) {
         if let Some(station) = self.stations.get_mut(id.0) {
             station.address = address;
+        }
+    }
+
+    /// Sets whether a station's driver may correct its host's table of neighbours. It may at the start.
+    pub fn set_may_correct(&mut self, id: StationId, may_correct: bool) {
+        if let Some(station) = self.stations.get_mut(id.0) {
+            station.may_correct = may_correct;
+        }
+    }
+
+    /// Removes a station from the switch: it neither receives nor sends any more. Its machine stays as it was.
+    pub fn unplug(&mut self, id: StationId) {
+        if let Some(station) = self.stations.get_mut(id.0) {
+            station.is_unplugged = true;
+            station.timeout = None;
         }
     }
 
@@ -144,6 +178,16 @@ impl<M: Machine> Network<M> {
     }
 
     fn deliver(&mut self, to: StationId, arrival: Arrival) {
+        if let Arrival::Frame { from: Source { port: Port::Ethernet, .. }, frame, .. } = &arrival {
+            self.handle_arp(to, frame);
+            let Some(station) = self.stations.get(to.0) else { return };
+            if !hosts::takes_arp(station.machine.ports(), frame) {
+                return;
+            }
+        }
+        if self.stations.get(to.0).is_none_or(|station| station.is_unplugged) {
+            return;
+        }
         self.command(to, |machine, now| match &arrival {
             Arrival::Frame { from, to_all: false, frame } => machine.handle_frame(now, *from, frame),
             Arrival::Frame { from, to_all: true, frame } => machine.handle_broadcast(now, *from, frame),
@@ -154,6 +198,9 @@ impl<M: Machine> Network<M> {
     /// Follows the contract after a change: drains frames, requests and events, then reads the timeout.
     fn poll_machine(&mut self, id: StationId) {
         let now = self.now;
+        if self.stations.get(id.0).is_none_or(|station| station.is_unplugged) {
+            return;
+        }
         loop {
             let Some(station) = self.stations.get_mut(id.0) else { return };
             let Some(transmit) = station.machine.poll_transmit(now, &mut self.buf) else { break };
@@ -175,6 +222,48 @@ impl<M: Machine> Network<M> {
         }
     }
 
+    /// Does what a station's host does with ARP: answers a question for its address, and keeps its table up to date, as the
+    /// Linux kernel does. A packet changes an entry that exists; a question for the host's own address makes one.
+    fn handle_arp(&mut self, id: StationId, frame: &[u8]) {
+        let Some(station) = self.stations.get_mut(id.0).filter(|station| !station.is_unplugged) else {
+            return;
+        };
+        let Some(Ok(packet)) = ArpPacket::from_frame(frame) else { return };
+        let asks = packet.operation == Operation::Request && station.address == Some(packet.target_address);
+        let sender = packet.sender_address;
+        if !packet.is_probe() && (asks || station.neighbours.contains_key(&sender)) {
+            station.neighbours.insert(sender, packet.sender_mac);
+        }
+        let mut answer = [0; 64];
+        let Ok(len) = packet.answer(station.mac).emit_frame(&mut answer) else { return };
+        let asker = self.stations.iter().position(|station| station.mac == packet.sender_mac);
+        if let Some(asker) = asker.filter(|_| asks) {
+            let frame = answer.get(..len).unwrap_or_default().to_vec();
+            let from = Source { port: Port::Ethernet, peer: None };
+            self.push(StationId(asker), Arrival::Frame { from, to_all: false, frame });
+        }
+    }
+
+    /// Returns the MAC address to which a station's host sends a datagram; `None` if it sends nothing.
+    fn next_hop(&mut self, from: StationId, to: Ipv4Addr) -> Option<Mac> {
+        let others = self.stations.iter().enumerate();
+        let mut others = others.filter(|(index, other)| *index != from.0 && !other.is_unplugged);
+        let first = others.find(|(_, other)| other.address == Some(to)).map(|(_, other)| other.mac);
+        let station = self.stations.get_mut(from.0)?;
+        let known = station.neighbours.get(&to).copied().or(first);
+        let hop = match (station.machine.neighbour(to), known) {
+            (Some(wanted), Some(found)) if wanted != found && !station.may_correct => {
+                let now = self.now;
+                station.machine.handle_wrong_neighbour(now, to, found);
+                return None;
+            }
+            (Some(wanted), _) => wanted,
+            (None, known) => known?,
+        };
+        station.neighbours.insert(to, hop);
+        Some(hop)
+    }
+
     fn push(&mut self, to: StationId, arrival: Arrival) {
         self.in_flight.push_back((self.now + self.delay, to, arrival));
     }
@@ -188,14 +277,20 @@ impl<M: Machine> Network<M> {
             }
             return;
         }
-        let Some(sender) = self.stations.get(from.0) else { return };
+        let source = self.stations.get(from.0).and_then(|sender| sender.address);
         let (receivers, from, to_all) = match (port, to) {
             (Port::Udp(local), Some(to)) => {
-                let Some(source) = sender.address else { return };
+                let Some(source) = source else { return };
+                let is_one = !to.ip().is_broadcast() && !to.ip().is_multicast();
+                let hop = if is_one { self.next_hop(from, *to.ip()) } else { None };
                 let is_meant = |station: &Station<M>| {
                     let port = Port::Udp(to.port());
                     let mut groups = (0..).map_while(|index| station.machine.group(port, index));
-                    station.address == Some(*to.ip()) || groups.any(|group| group == *to.ip())
+                    if is_one {
+                        station.address == Some(*to.ip()) && hop == Some(station.mac)
+                    } else {
+                        groups.any(|group| group == *to.ip())
+                    }
                 };
                 let peer = Some(SocketAddrV4::new(source, local));
                 let to_all = to.ip().is_broadcast();
@@ -222,7 +317,8 @@ impl<M: Machine> Network<M> {
 
     fn others(&self, from: StationId, is_meant: impl Fn(&Station<M>) -> bool) -> Vec<StationId> {
         let numbered = self.stations.iter().enumerate();
-        let meant = numbered.filter(|(index, station)| *index != from.0 && is_meant(station));
+        let meant = numbered
+            .filter(|(index, station)| *index != from.0 && !station.is_unplugged && is_meant(station));
         meant.map(|(index, _)| StationId(index)).collect()
     }
 

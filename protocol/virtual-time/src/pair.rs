@@ -1,6 +1,7 @@
 //! Two machines on one cable, in virtual time.
 
 mod frames;
+pub(crate) mod hosts;
 mod in_flight;
 mod stream;
 mod tap;
@@ -10,13 +11,13 @@ use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
 
+use machine::ethernet::Mac;
 use machine::{Instant, Machine};
 
 use crate::clock::{Clock, ClockReader};
 use crate::link::{Impairment, Link, LinkCounters};
 use crate::side::Side;
-use frames::new_buf;
-use in_flight::InFlights;
+use in_flight::{InFlights, new_buf};
 use stream::Streams;
 use tap::Tap;
 pub use tap::{Carrier, Segment, Tapped};
@@ -49,6 +50,8 @@ struct Station {
     clock: ClockReader,
     link: Link,
     address: Option<Ipv4Addr>,
+    /// MAC address, by the first Ethernet frame of its machine: from then on its host answers ARP.
+    mac: Option<Mac>,
     /// The machine's next timeout by its own clock.
     local_timeout: Option<Instant>,
     /// The same instant in true time.
@@ -86,6 +89,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             clock: ClockReader::new(clock),
             link: Link::new(impairment, seed, stream),
             address,
+            mac: None,
             local_timeout: None,
             timeout: None,
             alive: true,
@@ -195,6 +199,7 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         self.close_streams_of(side);
         let station = self.station(side);
         station.alive = true;
+        station.mac = None;
         station.local_timeout = None;
         let local = self.local_time(side);
         self.poll_machine(side, local);

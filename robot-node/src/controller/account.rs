@@ -1,6 +1,9 @@
 //! Account of what one skill did, for the verification of a run: which motions, at which override, from which joints to
-//! which.
+//! which, and how long it took.
 
+use core::time::Duration;
+
+use machine::Instant;
 use protocol::image::{Skill, Sum};
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +23,15 @@ pub struct Account {
     pub digest: u64,
     /// Lowest and highest override that was in effect, in %.
     pub override_percent: [u8; 2],
+    /// Time from the first motion's start to the end of the skill: what no phase of the interpreter changes.
+    #[serde(default)]
+    pub motion_time: Duration,
+    /// Time of this for which set-points were at rest, and drives had not arrived.
+    #[serde(default)]
+    pub waited: Duration,
+    /// When the first motion started.
+    #[serde(skip)]
+    pub(super) began: Option<Instant>,
     /// Joints at the start, in degrees (mm).
     pub start: Joints,
     /// Joints at the end, in degrees (mm).
@@ -34,6 +46,9 @@ impl Default for Account {
             motions: 0,
             digest: 0,
             override_percent: [u8::MAX, 0],
+            motion_time: Duration::ZERO,
+            waited: Duration::ZERO,
+            began: None,
             start: [0.0; AXES],
             end: [0.0; AXES],
         }
@@ -52,10 +67,11 @@ impl Account {
         self.override_percent = [lowest.min(percent), highest.max(percent)];
     }
 
-    /// Returns the account of the skill as it ended.
-    pub(super) fn close(self, skill: Skill, accepted: Sum, end: Joints) -> Self {
+    /// Returns the account of the skill as it ended at `at`.
+    pub(super) fn close(self, skill: Skill, accepted: Sum, end: Joints, at: Instant) -> Self {
         let digest = join(accepted.value, u64::from(u8::from(skill)));
-        Self { motions: accepted.motions, digest, end, ..self }
+        let motion_time = self.began.map_or(Duration::ZERO, |began| at.since(began));
+        Self { motions: accepted.motions, digest, motion_time, began: None, end, ..self }
     }
 
     /// Returns the account of this and then the other.
@@ -70,6 +86,9 @@ impl Account {
             motions: self.motions.saturating_add(other.motions),
             digest: join(self.digest, other.digest),
             override_percent: [low.min(other_low), high.max(other_high)],
+            motion_time: self.motion_time.saturating_add(other.motion_time),
+            waited: self.waited.saturating_add(other.waited),
+            began: None,
             start: self.start,
             end: other.end,
         }

@@ -6,8 +6,8 @@ use protocol::fieldbus::LinkEvent;
 use protocol::image::{ErrorNumber, Finding, Skill, State};
 
 use super::{Account, DriveError};
-use crate::Quality;
 use crate::arm::Violation;
+use crate::{Quality, WaitingFor};
 
 /// What happened in the robot.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -26,6 +26,13 @@ pub enum RobotEvent {
     LifeStill,
     /// The drives do not follow the set-points any more.
     DrivesFailed(DriveError),
+    /// The robot waits, and has waited for this long. The event comes again every ten seconds.
+    Waiting {
+        /// What it waits for.
+        for_what: WaitingFor,
+        /// How long already, in s.
+        seconds: u32,
+    },
     /// The state machine changed its state.
     State(State),
     /// The interpreter took up a command.

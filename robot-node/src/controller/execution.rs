@@ -40,6 +40,8 @@ pub(super) enum Phase {
     },
     /// On the path.
     Driving,
+    /// At a stop of the program, before the drives have arrived there.
+    Arriving,
     /// At a stop of the program, after an output was switched.
     Waiting {
         /// When the program goes on.
@@ -188,6 +190,11 @@ impl Execution {
     /// Returns after how many motions the path ends, as far as it is known.
     pub(super) fn section_end(&self, programs: &Programs) -> u32 {
         self.stop(programs).map_or(self.total, |(after, _)| after.min(self.total))
+    }
+
+    /// Returns whether the program stops after all accepted motions, to switch something.
+    pub(super) fn stops_here(&self, programs: &Programs) -> bool {
+        self.stop(programs).is_some_and(|(after, _)| after == self.accepted)
     }
 
     /// Returns what the program switches now that all accepted motions are executed; only once for each stop.

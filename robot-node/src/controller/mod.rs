@@ -38,6 +38,7 @@ use machine::Instant;
 use protocol::image::{Command, Control, Digest, ErrorNumber, Feedback, Finding, Skill, State, Status};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use setup::Drives;
 
 pub use account::Account;
 pub use drives::{DriveError, DrivePower, DriveReport};
@@ -109,8 +110,10 @@ pub struct Controller {
     drives: Option<DriveReport>,
     /// Why the drives did not follow in the last cycle.
     drive_error: Option<DriveError>,
-    /// A reset waits for the drives.
-    awaits_drives: bool,
+    /// Since when a reset waits for the drives; `None` while none does.
+    awaits_drives: Option<Instant>,
+    /// Since when the set-points rest and a drive has not arrived; `None` while all have.
+    away_since: Option<Instant>,
     /// The drives are to leave their fault.
     resets_drives: bool,
     tool: Frame,
@@ -127,8 +130,12 @@ impl Controller {
     pub fn new(config: RobotConfig, programs: Vec<(u16, Program)>, seed: u64) -> Self {
         let cycle_s = config.cycle.as_secs_f64();
         let interpolator = Interpolator::at_rest(config.arm.clone(), config.home, cycle_s);
-        let observer = Observer::at_rest(&config.arm, &config.home, cycle_s);
-        let drives = config.drives.map(|_| DriveReport { joints: config.home, power: DrivePower::Off });
+        let observer = match config.drives {
+            Some(_) => Observer::of_drives(&config.arm, &config.home, cycle_s, 1.0 / Drives::INCREMENTS),
+            None => Observer::at_rest(&config.arm, &config.home, cycle_s),
+        };
+        let drives =
+            config.drives.map(|_| DriveReport { joints: config.home, power: DrivePower::Off { axis: 0 } });
         let mut controller = Self {
             config,
             programs,
@@ -153,7 +160,8 @@ impl Controller {
             reported_images: None,
             drives,
             drive_error: None,
-            awaits_drives: false,
+            awaits_drives: None,
+            away_since: None,
             resets_drives: false,
             tool: Frame::IDENTITY,
             base_inverse: Frame::IDENTITY,
@@ -270,7 +278,7 @@ impl Controller {
                 self.give_up(at, Ending::Cancelled);
             }
             if control.contains(Control::RESET) && self.reset_armed {
-                self.reset();
+                self.reset(at);
             }
         }
         if control.contains(Control::SUSPEND) {
@@ -305,7 +313,7 @@ impl Controller {
     }
 
     /// Takes back an error, and leaves `Halted` once the arm stands and its drives are on.
-    fn reset(&mut self) {
+    fn reset(&mut self, at: Instant) {
         if self.execution.is_some() {
             return;
         }
@@ -313,7 +321,7 @@ impl Controller {
         if self.drives_are_on() {
             self.make_ready();
         } else {
-            (self.awaits_drives, self.resets_drives) = (true, true);
+            (self.awaits_drives, self.resets_drives) = (Some(at), true);
         }
     }
 
@@ -365,7 +373,7 @@ impl Controller {
                 }
                 self.interpolator.clear();
                 self.accepted = Digest::default();
-                self.account = Account::begin(joints);
+                self.account = Account::begin(*self.actual_joints());
                 self.hold = command.control.contains(Control::SUSPEND);
                 self.execution = Some(execution);
                 self.state = State::Running;

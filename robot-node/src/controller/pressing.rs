@@ -86,7 +86,12 @@ impl Controller {
 
     /// Handles the end of the path at the instant `ended_at`, when all accepted motions are executed: switches what the
     /// program switches there.
+    /// Nothing is switched before the drives have arrived.
     pub(super) fn path_ended(&mut self, ended_at: Instant, execution: &mut Execution) {
+        if execution.stops_here(&self.programs) && !self.is_in_place() {
+            execution.phase = Phase::Arriving;
+            return;
+        }
         match execution.take_switch(&self.programs) {
             Some(switch) => {
                 self.outputs = switch.applied_to(self.outputs);

@@ -16,12 +16,16 @@ impl Controller {
         let Some(mut execution) = self.execution else { return };
         self.account.note_override(self.feedback.override_percent);
         let waited_for_motions = self.interpolator.path().is_finished();
-        let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. });
+        let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. } | Phase::Arriving);
         let took_one = takes && execution.bad.is_none() && self.take_motion(&mut execution, command);
         if let Phase::Dispatch { until } = execution.phase {
             if let Some(ending) = self.dispatch(at, until, took_one, command, &mut execution) {
                 return self.finish(at, &execution, ending);
             }
+        } else if execution.phase == Phase::Arriving {
+            self.rest();
+            self.account.waited += self.config.cycle;
+            self.path_ended(at, &mut execution);
         } else if let Phase::Waiting { until } = execution.phase {
             self.rest();
             if at >= until && !self.hold {
@@ -38,7 +42,8 @@ impl Controller {
         } else {
             self.drive(at, &mut execution);
         }
-        self.observer.look(&self.config.arm, &self.interpolator);
+        let actual = self.drives.as_ref().map(|drives| &drives.joints);
+        self.observer.look(&self.config.arm, &self.interpolator, actual);
         // The image shows a command that was refused meanwhile.
         if self.feedback.number == execution.number {
             self.feedback.executed = self.executed(&execution);
@@ -54,6 +59,9 @@ impl Controller {
                 self.finish(at, &execution, Ending::of(violation, motion));
             }
             _ => {
+                if matches!(execution.phase, Phase::Settling { until } if at >= until && !self.hold) {
+                    self.account.waited += self.config.cycle;
+                }
                 let held = self.hold && self.interpolator.is_at_rest();
                 self.state = if held { State::Suspended } else { State::Running };
                 self.execution = Some(execution);
@@ -83,7 +91,10 @@ impl Controller {
         if checked && there && !may_be_more && at >= until && !self.hold {
             match execution.cycles_to_start.checked_sub(1) {
                 Some(left) => execution.cycles_to_start = left,
-                None => execution.phase = Phase::Driving,
+                None => {
+                    execution.phase = Phase::Driving;
+                    self.account.began = Some(at);
+                }
             }
         }
         // The motion starts at this tick: at the next one the arm is a cycle further.
@@ -172,7 +183,7 @@ impl Controller {
         let Some(mut execution) = self.execution else {
             self.press = None;
             if ending != Ending::Cancelled {
-                (self.state, self.awaits_drives) = (State::Halted, false);
+                (self.state, self.awaits_drives) = (State::Halted, None);
             }
             return;
         };
@@ -183,7 +194,7 @@ impl Controller {
                 self.execution = Some(execution);
             }
             Phase::Stopping(_) => {}
-            Phase::Dispatch { .. } | Phase::Waiting { .. } | Phase::Settling { .. } => {
+            Phase::Dispatch { .. } | Phase::Arriving | Phase::Waiting { .. } | Phase::Settling { .. } => {
                 self.finish(at, &execution, ending);
             }
             Phase::Driving => {
@@ -213,9 +224,10 @@ impl Controller {
                 Ending::Fault { error, motion, finding } => self.set_error(error, motion, finding),
             }
         }
-        let quality = self.observer.end(&self.config.arm);
+        let end = *if self.is_in_place() { self.interpolator.joints() } else { self.actual_joints() };
+        let quality = self.observer.end(&self.config.arm, &end);
         let execution = execution_time;
-        let account = self.account.close(skill, self.accepted.sum(), *self.interpolator.joints());
+        let account = self.account.close(skill, self.accepted.sum(), *self.actual_joints(), at);
         self.event(RobotEvent::SkillFinished {
             number,
             skill,

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use protocol::image::{Control, ErrorNumber, Feedback, Skill, State, Status};
 use robot_node::controller::DriveError;
-use robot_node::{Disturbance, RobotConfig, RobotEvent};
+use robot_node::{Disturbance, Ending, Quality, RobotConfig, RobotEvent, ServoLimits};
 use setup::Drives;
 
 use crate::plc::{Cell, application, config};
@@ -163,8 +163,10 @@ fn a_blocked_axis_is_a_following_error_and_a_reset_waits_until_the_drive_is_well
     let mut cell = disturbed(1, Disturbance::Block);
     cell.wait_for_end();
     let Feedback { error, finding, .. } = *cell.feedback();
-    assert_eq!(error, ErrorNumber::DriveFault);
-    assert_eq!((finding.index, finding.value() as u16), (1, 0x8611));
+    assert_eq!((error, finding.index, finding.upper()), (ErrorNumber::FollowingError, 1, 1.0));
+    assert!((1.0..4.0).contains(&finding.value().abs()), "{finding:?}");
+    let words = finding.in_words(error).to_string();
+    assert!(words.starts_with("following error: ") && words.contains("(axis 1 is "), "{words}");
     disturb(&mut cell, 1, Disturbance::Release);
     reset(&mut cell);
     assert!(run(&mut cell, Skill::MoveContinuous).status.contains(Status::DONE));
@@ -217,4 +219,107 @@ fn a_lost_plc_leaves_the_drives_on() {
     assert_eq!(cell.feedback().error, ErrorNumber::ConnectionLost);
     reset(&mut cell);
     assert_eq!(failures(&cell), []);
+}
+
+/// A robot whose drives may lag by any distance.
+fn without_window() -> RobotConfig {
+    let config = with_drives();
+    RobotConfig { servo: ServoLimits { following_error: 300.0, ..config.servo }, ..config }
+}
+
+/// Moves, and holds this axis for ever on its way.
+fn held(config: RobotConfig, axis: usize) -> Cell {
+    let mut cell = ready(config);
+    cell.call(Skill::MoveContinuous, application());
+    let start = cell.feedback().joints[axis - 1];
+    cell.wait(|feedback| (feedback.joints[axis - 1] - start).abs() > 5.0);
+    disturb(&mut cell, axis, Disturbance::Block);
+    cell
+}
+
+#[test]
+fn a_drive_that_never_arrives_is_an_error_with_axis_and_distance_after_the_settling_time() {
+    for axis in [1, 2] {
+        let mut cell = held(without_window(), axis);
+        cell.wait_for_end();
+        let Feedback { error, finding, state, .. } = *cell.feedback();
+        assert_eq!((state, error), (State::Halted, ErrorNumber::DriveNotArrived));
+        assert_eq!(usize::from(finding.index), axis);
+        assert!(finding.value().abs() > 1.0, "{finding:?}");
+        let at = |wanted: fn(&RobotEvent) -> bool| {
+            cell.events.iter().find(|(_, event)| wanted(event)).map(|(at, _)| *at)
+        };
+        assert!(
+            at(|event| matches!(event, RobotEvent::DrivesFailed(DriveError::NotArrived { .. }))).is_some()
+        );
+        // The axis that comes free moves nothing, and after a reset the arm goes on from where it stands.
+        let stood = cell.feedback().joints;
+        disturb(&mut cell, axis, Disturbance::Release);
+        cell.run_ms(200);
+        assert!(largest_difference(&cell.feedback().joints, &stood) < EXACT);
+        reset(&mut cell);
+        assert!(run(&mut cell, Skill::MoveContinuous).status.contains(Status::DONE));
+    }
+}
+
+#[test]
+fn a_held_drive_ends_every_wait_for_it_whatever_the_plc_wants_meanwhile() {
+    for wanted in [Control::SUSPEND, Control::HALT, Control::CANCEL] {
+        let mut cell = held(without_window(), 1);
+        cell.run_ms(40);
+        cell.control(Control::ENABLE | Control::EXECUTE | wanted);
+        cell.wait(|feedback| feedback.error == ErrorNumber::DriveNotArrived);
+        cell.wait(|feedback| feedback.state == State::Halted && feedback.status.contains(Status::AT_REST));
+        assert_eq!(cell.feedback().finding.index, 1, "{wanted:?}");
+    }
+    // At override 0 the set-points rest on the path.
+    let mut cell = held(without_window(), 1);
+    cell.pair.command_a(|plc, _| plc.command.override_percent = 0);
+    cell.wait(|feedback| feedback.error == ErrorNumber::DriveNotArrived);
+}
+
+#[test]
+fn a_reset_without_a_connection_to_the_drives_is_an_error_after_the_time_to_switch_on() {
+    let mut cell = ready(with_drives());
+    cell.pair.command_b(|robot, _| robot.drives_mut().unwrap().set_cut(true));
+    cell.wait(|feedback| feedback.error == ErrorNumber::DrivesLost);
+    cell.control(Control::ENABLE | Control::RESET);
+    cell.run_ms(9_900);
+    assert_eq!(cell.feedback().error, ErrorNumber::DrivesLost, "it still waits");
+    cell.run_ms(200);
+    assert_eq!((cell.feedback().state, cell.feedback().error), (State::Halted, ErrorNumber::DriveNotOn));
+    cell.pair.command_b(|robot, _| robot.drives_mut().unwrap().set_cut(false));
+    cell.control(Control::ENABLE);
+    cell.run_ms(1_000);
+    reset(&mut cell);
+    assert!(run(&mut cell, Skill::RunProgram).status.contains(Status::DONE));
+}
+
+/// Returns the quality of the last skill that ended as commanded.
+fn last_quality(cell: &Cell) -> Quality {
+    let done = cell.events.iter().rev().find_map(|(_, event)| match event {
+        RobotEvent::SkillFinished { ending: Ending::Done, quality, .. } => Some(*quality),
+        _ => None,
+    });
+    done.unwrap()
+}
+
+#[test]
+fn the_quality_is_that_of_the_drives_and_shows_what_a_short_block_does() {
+    let mut cell = ready(with_drives());
+    run(&mut cell, Skill::MoveContinuous);
+    let healthy = last_quality(&cell);
+    assert!(healthy.drive_deviation_mm < 1e-3 && healthy.drive_deviation_deg < 1e-4, "{healthy:?}");
+    healthy.check_ratings().unwrap();
+    let mut cell = held(without_window(), 1);
+    cell.run_ms(100);
+    disturb(&mut cell, 1, Disturbance::Release);
+    cell.wait_for_end();
+    let held = last_quality(&cell);
+    assert!(held.drive_deviation_mm > 1.0, "{held:?}");
+    assert!(held.path_deviation_mm >= held.drive_deviation_mm, "{held:?}");
+    // It stops at once, and catches up with three times its rated acceleration at most.
+    assert!(held.joint_acceleration.peak > 3.0, "{held:?}");
+    assert!(held.joint_speed.peak <= 1.2 + 1e-6, "{held:?}");
+    held.check_ratings().unwrap_err();
 }

@@ -43,4 +43,5 @@ mod skills;
 mod states;
 mod straight_on;
 mod suspending;
+mod waiting;
 mod zones;

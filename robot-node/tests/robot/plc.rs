@@ -21,6 +21,8 @@ pub(crate) struct Plc {
     pub(crate) motions: Vec<Motion>,
     /// Motions that it keeps back for now.
     pub(crate) keep_back: usize,
+    /// Whether its program stands still, while its bus sends on.
+    pub(crate) stands: bool,
 }
 
 impl Plc {
@@ -34,6 +36,7 @@ impl Plc {
             feedback: Feedback::default(),
             motions: Vec::new(),
             keep_back: 0,
+            stands: false,
         }
     }
 
@@ -70,7 +73,7 @@ impl Machine for Plc {
         self.bus.handle_frame(now, from, frame);
     }
     fn handle_timeout(&mut self, now: Instant) {
-        if self.scan.tick(now).is_some() {
+        if self.scan.tick(now).is_some() && !self.stands {
             self.scan();
         }
         if self.bus.poll_timeout().is_some_and(|due| due <= now) {

@@ -147,6 +147,7 @@ impl Case<'_> {
         }
         rehearse(self.config, self.start, &motions, self.stops, Calls::Continuous, 100)
             .unwrap()
+            .quality
             .path_length_mm
     }
 

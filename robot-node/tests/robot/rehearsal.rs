@@ -35,12 +35,12 @@ fn the_arm_ends_at_the_last_target_and_single_motions_take_the_longest_way() {
             let differs = |(one, other): (&f64, &f64)| (one - other).abs() > 1e-9;
             assert!(!way.account.end.iter().zip(&program.account.end).any(differs), "{setup}");
         }
-        assert!((program.path_length_mm - continuous.path_length_mm).abs() < 1e-6, "{setup}");
+        assert!((program.quality.path_length_mm - continuous.quality.path_length_mm).abs() < 1e-6, "{setup}");
         assert!(
-            singles.path_length_mm > program.path_length_mm + 1.0,
+            singles.quality.path_length_mm > program.quality.path_length_mm + 1.0,
             "{setup}: {} {}",
-            singles.path_length_mm,
-            program.path_length_mm
+            singles.quality.path_length_mm,
+            program.quality.path_length_mm
         );
         assert_ne!(program.account.digest, singles.account.digest);
     }

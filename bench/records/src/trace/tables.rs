@@ -188,6 +188,7 @@ mod tests {
             pose: [1.0, -2.5, 3.0, 0.0, 0.0, 180.0],
             joints: [10.0, 20.0, 30.0, 40.0, 0.0, 0.0],
             altered: 1,
+            positions: robot_node::Positions::Drives,
         };
         recording.robot(RobotTick { at_ms: 12.5, sample });
         let sample =
@@ -200,8 +201,8 @@ mod tests {
     fn the_tables_have_a_row_per_tick_and_a_unit_in_each_column_name() {
         let (robot, plc) = trace().to_csv();
         insta::assert_snapshot!(robot + &plc, @"
-        type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered
-        cm,12.500,Running,3,1,5,4,0,441.750,1.0000,-2.5000,3.0000,0.0000,0.0000,180.0000,10.0000000,20.0000000,30.0000000,40.0000000,0.0000000,0.0000000,1
+        type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered,positions
+        cm,12.500,Running,3,1,5,4,0,441.750,1.0000,-2.5000,3.0000,0.0000,0.0000,180.0000,10.0000000,20.0000000,30.0000000,40.0000000,0.0000000,0.0000000,1,drives
         type,t_ms,scan,command,total,written,in_slots,altered
         cm,13.000,812,3,13,6,5,2
         ");

@@ -175,7 +175,7 @@ fn columns(runs: &[Run]) -> Vec<Column> {
             results.application,
             results.mode,
             repetitions(results.reps),
-            results.seed_and_override(", ")
+            results.conditions(", ")
         );
         let differs =
             conditions.first().zip(conditions.get(index)).and_then(|(first, own)| differs(own, first));

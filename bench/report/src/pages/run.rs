@@ -90,7 +90,7 @@ impl Run {
             results.application,
             results.mode,
             repetitions(results.reps),
-            results.seed_and_override(" · "),
+            results.conditions(" · "),
             if results.is_of_older_version() { " · written by an older version" } else { "" }
         )
     }

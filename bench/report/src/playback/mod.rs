@@ -14,7 +14,8 @@
 //! /log                  rcl_interfaces/Log         once, a warning, only where the recordings lack something
 //! ```
 //!
-//! The metadata record `skillbench` has `setup`, and `complete` (`yes` or `no`) with what is `lacking`.
+//! The metadata record `skillbench` has `setup`, `positions` (`drives` or `set-points`), and `complete` (`yes` or `no`) with
+//! what is `lacking`.
 
 mod programmed;
 mod ros2;
@@ -27,6 +28,7 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapResult, WriteOptions, Writer};
 use planning::Plan;
 use plc_node::ExecutionType;
+use robot_node::Positions;
 use robot_node::arm::Rotation;
 use setup::{Kinematics, Setup};
 
@@ -185,7 +187,12 @@ impl File {
     fn say_what_is_lacking(&mut self, trace: &Trace, setup: &Setup) -> McapResult<()> {
         let lacking = trace.incomplete();
         let complete = if lacking.is_none() { "yes" } else { "no" };
-        let mut metadata = BTreeMap::from([("setup", setup.name.as_str()), ("complete", complete)]);
+        let positions = Positions::of(setup.robot.drives).to_string();
+        let mut metadata = BTreeMap::from([
+            ("setup", setup.name.as_str()),
+            ("complete", complete),
+            ("positions", &positions),
+        ]);
         metadata.extend(lacking.as_deref().map(|lacking| ("lacking", lacking)));
         let metadata = metadata.into_iter().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
         self.writer.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
@@ -237,7 +244,7 @@ mod tests {
     fn a_file_of_incomplete_recordings_says_so_in_its_metadata_and_in_a_warning() {
         let (metadata, warnings) = said((0..90).filter(|scan| !(20..25).contains(scan)));
         let said = "The recording of CM lacks 5 scans of the PLC.";
-        let wanted = [("complete", "no"), ("lacking", said), ("setup", "A")];
+        let wanted = [("complete", "no"), ("lacking", said), ("positions", "set-points"), ("setup", "A")];
         assert!(
             metadata.iter().map(|(key, value)| (key.as_str(), value.as_str())).eq(wanted),
             "{metadata:?}"

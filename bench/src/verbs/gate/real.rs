@@ -118,6 +118,16 @@ fn render(results: &Results, compared: &[Compared]) -> String {
             ratio.limit()
         );
     }
+    for (over, under) in RATIOS {
+        let name = format!("{} / {}", label(over), label(under));
+        if !compared.iter().any(|ratio| ratio.name == name) {
+            let fewest = records::ratio::FEWEST;
+            let _ = writeln!(
+                text,
+                "{name:<10}not compared: it takes {fewest} repetitions of each, and a baseline of both"
+            );
+        }
+    }
     let any = |verdict| compared.iter().any(|ratio| ratio.verdict() == verdict);
     text.push_str(if any(RatioVerdict::Beyond) {
         "\nFail: the run is slower than its baseline by more than the interval can explain.\n"

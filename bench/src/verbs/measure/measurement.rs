@@ -189,6 +189,7 @@ impl Measurement<'_> {
     ) -> Result<Ended, Failure> {
         let directory = session.directory.path().to_owned();
         let feed = session.live.as_ref().map(Live::feed);
+        let voice = session.progress.voice();
         let config = StandConfig {
             setup: &self.setup,
             application: &self.found.application,
@@ -199,6 +200,7 @@ impl Measurement<'_> {
             frames: self.options.trace,
             faults: &self.faults,
             feed: feed.as_ref(),
+            voice: Some(&voice),
             attach: self.options.attach.as_ref(),
             token: self.token.as_ref(),
         };
@@ -225,8 +227,15 @@ impl Measurement<'_> {
             session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
-        let results = Results { attached: stand.attached(), ..results };
-        let verify = |measured: &Measured| verification.check(measured);
+        let attached = stand.attached();
+        // A robot that is not our node does not say where its positions come from.
+        let is_ours = attached.as_ref().is_none_or(|attached| attached.robot.is_some());
+        let positions = results.positions.filter(|_| is_ours);
+        let results = Results { attached, positions, ..results };
+        let verify = |measured: &Measured| {
+            verification.check(measured)?;
+            Ok(verification.unverified(measured))
+        };
         let ended = session.run(&mut stand, &self.schedule, results, verify, interrupt).await?;
         let finished = stand.finish(self.wants_capture(ended.exit)).await;
         Ok(self.take_up(ended, finished, session))

@@ -102,11 +102,7 @@ fn load(options: &RunOptions) -> Result<(Setup, Found), Failure> {
         }
         setup::check(&setup)?;
     }
-    if let Some(drives) = options.drives {
-        setup = setup.with_drives(drives.into());
-        setup::check(&setup)?;
-    }
-    Ok((setup, found))
+    Ok((options.drives.applied_to(setup)?, found))
 }
 
 /// Rejects exports that cannot be written, or that would replace what the run reads or measures.

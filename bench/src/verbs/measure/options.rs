@@ -12,7 +12,7 @@ use records::schedule::{REPETITIONS, SEED};
 use report::export::Exports;
 use report::live::{self, LiveAddress};
 use stands::Attach;
-use studies::setup_option::SetupOption;
+use studies::setup_option::{DrivesOption, SetupOption};
 
 /// Options of a measured run.
 #[derive(Args, Debug)]
@@ -44,10 +44,9 @@ pub struct RunOptions {
     /// Transport of PROFINET's cyclic frames, in place of the setup's.
     #[arg(long, value_enum)]
     pub cyclic: Option<Cyclic>,
-    /// What moves the robot's joints, instead of what the setup says: emulated CiA 402 drives behind an EtherCAT segment of
-    /// the robot controller.
-    #[arg(long, value_enum)]
-    pub drives: Option<Drives>,
+    /// What moves the robot's joints.
+    #[command(flatten)]
+    pub drives: DrivesOption,
     /// Record the frames at both ends to DIR/plc.pcapng and DIR/robot.pcapng.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
@@ -106,19 +105,6 @@ pub enum Cyclic {
     Udp,
     /// RT_CLASS_1: EtherType 0x8892.
     Rt1,
-}
-
-/// What moves the robot's joints.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-pub enum Drives {
-    /// Emulated CiA 402 drives on an EtherCAT segment of the robot controller.
-    Ethercat,
-}
-
-impl From<Drives> for setup::Drives {
-    fn from(Drives::Ethercat: Drives) -> Self {
-        Self::Ethercat
-    }
 }
 
 impl From<Cyclic> for setup::Cyclic {

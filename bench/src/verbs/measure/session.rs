@@ -64,7 +64,7 @@ impl Session {
     }
 
     /// Executes the schedule on the stand until it is done, a repetition fails or is not what `verify` accepts, or
-    /// `interrupt` resolves.
+    /// `interrupt` resolves. `verify` returns what it could not verify.
     ///
     /// # Errors
     ///
@@ -75,7 +75,7 @@ impl Session {
         stand: &mut impl Stand,
         schedule: &Schedule,
         mut results: Results,
-        mut verify: impl FnMut(&Measured) -> anyhow::Result<()>,
+        mut verify: impl FnMut(&Measured) -> anyhow::Result<Vec<String>>,
         interrupt: impl Future<Output = ()>,
     ) -> anyhow::Result<Ended> {
         let mut interrupt = std::pin::pin!(interrupt);
@@ -170,10 +170,10 @@ fn record(
     results: &mut Results,
     step: &Step,
     outcome: anyhow::Result<Measured>,
-    mut verify: impl FnMut(&Measured) -> anyhow::Result<()>,
+    mut verify: impl FnMut(&Measured) -> anyhow::Result<Vec<String>>,
 ) -> anyhow::Result<Measured> {
     let outcome = outcome.and_then(|measured| {
-        verify(&measured)?;
+        results.add_unverified(verify(&measured)?);
         results.record(step.execution_type, &measured)?;
         Ok(measured)
     });
@@ -255,8 +255,9 @@ mod tests {
             live: None,
         };
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-        let ended =
-            runtime.block_on(session.run(&mut stand, &schedule, results, |_| Ok(()), interrupt)).unwrap();
+        let ended = runtime
+            .block_on(session.run(&mut stand, &schedule, results, |_| Ok(Vec::new()), interrupt))
+            .unwrap();
         let read = |name| std::fs::read_to_string(place.path().join(name)).unwrap();
         assert_eq!(read("results.json"), read("exported.json"));
         Outcome {

@@ -206,7 +206,10 @@ impl Task<Stopwatch<PlcBus>> for Call {
                 }
                 notices.send(Notice::Down(down));
             }
-            LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) => {}
+            LinkEvent::SetAddress { .. }
+            | LinkEvent::Store
+            | LinkEvent::Foreign(_)
+            | LinkEvent::Conflict(_) => {}
         }
         ControlFlow::Continue(())
     }

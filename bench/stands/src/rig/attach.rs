@@ -15,6 +15,7 @@ use super::wanted_cell::WantedCell;
 use super::{Rig, RigError};
 use crate::Attach;
 use records::attached::{Attached, AttachedAt};
+use records::voice::Voice;
 
 impl Rig {
     /// Takes control of nodes that already run `setup`, by their token if they have one, and waits until the PLC finds the robot ready. They keep
@@ -29,12 +30,14 @@ impl Rig {
         token: Option<&ControlToken>,
         setup: &Setup,
         application: &str,
+        voice: Option<&Voice>,
     ) -> Result<Self, RigError> {
         let (sender, events) = mpsc::channel(1_024);
         let mut plc = AttachedNode::reach(NodeRole::Plc, &to.plc, token, sender.clone()).await?;
         // A controller that has sent no line loses the control port to the next one.
         plc.send(&Instruction::<PlcInstruction>::Report).await;
         let mut rig = Self::of(Node::Attached(plc), None, events, None, setup.bus.watchdog());
+        rig.voice = voice.cloned();
         let mut startup = Startup::new(Some(WantedCell { setup, application }));
         // One after the other: an error of the PLC's is often an error of both, and is then reported of the PLC.
         rig.wait_for_hellos(&mut startup).await?;

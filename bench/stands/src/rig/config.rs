@@ -10,6 +10,7 @@ use setup::{Cyclic, Setup};
 use super::frames::FrameLog;
 use records::faults::Fault;
 use records::feed::Feed;
+use records::voice::Voice;
 
 /// Configuration of a rig.
 #[derive(Clone, Debug)]
@@ -31,6 +32,8 @@ pub struct RigConfig {
     pub frames: Option<FrameLog>,
     /// The live view.
     pub feed: Option<Feed>,
+    /// Prints what the nodes wait for.
+    pub voice: Option<Voice>,
     /// Whether the nodes write all their cycles, for the live view, and not only while [`Rig::record`](super::Rig::record) is
     /// on.
     pub writes_all: bool,
@@ -55,6 +58,7 @@ impl RigConfig {
             trace: None,
             frames: None,
             feed: None,
+            voice: None,
             writes_all: false,
             faults: Vec::new(),
             program: None,

@@ -10,6 +10,8 @@ use plc_node::ExecutionType;
 use protocol_linux::namespace::NamespaceError;
 use protocol_linux::{InterfaceError, PortError, RecorderError};
 
+use super::silence::{SilentNode, in_words};
+use crate::Unreported;
 use crate::under_faults;
 use records::exit::{Exit, Failure};
 use records::faults::Fault;
@@ -157,15 +159,8 @@ pub enum RigError {
         reason: String,
     },
     /// The robot node's messages are about another number of motions than the PLC counted.
-    #[error(
-        "the robot-node reported {reported} motions of this run, and the PLC counted {executed}: the run cannot be verified"
-    )]
-    Unreported {
-        /// Motions that the robot executed, as the PLC counted them.
-        executed: u32,
-        /// Motions in the messages of the robot node.
-        reported: u32,
-    },
+    #[error(transparent)]
+    Unreported(Unreported),
     /// A node does not answer.
     #[error("the {role} runs but has not answered for {} s: is the host overloaded, or the node stopped?", waited.as_secs())]
     NoAnswer {
@@ -173,6 +168,20 @@ pub enum RigError {
         role: NodeRole,
         /// Time waited.
         waited: Duration,
+    },
+    /// Nodes send nothing, not even the report that they were asked for.
+    #[error("{}: a process or its host is stopped; start it again", in_words(nodes))]
+    Silent {
+        /// Which, and what they sent last.
+        nodes: Vec<SilentNode>,
+    },
+    /// The PLC is alive and only waits, before a run.
+    #[error("the PLC has waited {seconds} s for {reason}")]
+    NotReady {
+        /// Time without progress, in s.
+        seconds: u32,
+        /// What it waits for.
+        reason: String,
     },
     /// A node sent a line that is no message.
     #[error("the {role} sent `{line}`, which is not a message: are bench and node from the same build?")]
@@ -216,8 +225,10 @@ impl RigError {
             | Self::ConnectionLost { .. }
             | Self::HeldUp { .. }
             | Self::RunFailed { .. }
-            | Self::Unreported { .. }
+            | Self::Unreported(_)
             | Self::NoAnswer { .. }
+            | Self::Silent { .. }
+            | Self::NotReady { .. }
             | Self::UnreadableLine { .. } => Exit::RunFailed,
         }
     }

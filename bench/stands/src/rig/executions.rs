@@ -3,26 +3,24 @@
 use std::time::Duration;
 
 use ::node::message::Instruction;
-use ::node::role::NodeRole;
 use plc_node::process::{PlcInstruction, PlcMessage};
 use plc_node::{Execution, ExecutionType, OverrideSchedule};
-use tokio::time::{Instant, sleep, timeout, timeout_at};
+use tokio::time::{Instant, sleep, timeout_at};
 
 use super::reports::FirstReports;
 use super::{Rig, RigError};
+use crate::Unreported;
 use records::conditions::{Measured, ToldSkills};
 use records::schedule::PAUSE;
 use records::trace::Window;
-
-/// Longest run; a PLC gives up a silent robot long before.
-const LONGEST_RUN: Duration = Duration::from_secs(3_600);
 
 impl Rig {
     /// Runs the sequence once, with this schedule of overrides.
     ///
     /// # Errors
     ///
-    /// The run failed, the connection was lost, or a node ended; detected within two seconds. After
+    /// The run failed, the connection was lost, or a node ended; detected within two seconds, or a node
+    /// sent nothing for ten seconds. After
     /// [`RigError::HeldUp`] the nodes connect again.
     pub async fn execute(
         &mut self,
@@ -30,11 +28,7 @@ impl Rig {
         overrides: Option<OverrideSchedule>,
     ) -> Result<Measured, RigError> {
         self.start_run(execution_type, overrides).await;
-        let result = match timeout(LONGEST_RUN, self.finished()).await {
-            Ok(result) => result,
-            Err(_) => Err(RigError::NoAnswer { role: NodeRole::Plc, waited: LONGEST_RUN }),
-        };
-        let run = match result {
+        let run = match self.finished().await {
             Ok(run) => run,
             Err(error) => return Err(self.with_cause(error).await),
         };
@@ -48,7 +42,8 @@ impl Rig {
         let moved = told.of(run.motions);
         if moved.is_none() && self.robot.is_some() {
             // Without the robot's report the run could not be verified.
-            return Err(RigError::Unreported { executed: run.motions, reported: told.motions });
+            let unreported = Unreported { executed: run.motions, reported: told.motions };
+            return Err(RigError::Unreported(unreported));
         }
         Ok(Measured {
             execution: run,
@@ -91,7 +86,8 @@ impl Rig {
         self.is_running = true;
         self.before_run = self.reports.clone();
         // The nodes answer at once, before they do anything for this run.
-        self.first_reports = FirstReports { is_awaited: [true; 2], ..FirstReports::default() };
+        self.first_reports =
+            FirstReports { is_awaited: [true; 2], earlier: self.awaited, ..FirstReports::default() };
         self.request_reports().await;
         self.tell_plc(&Instruction::Node(PlcInstruction::Start { execution_type, overrides })).await;
     }

@@ -45,6 +45,9 @@ fn forward<M: std::fmt::Display>(
         Message::LinkDown { .. }
         | Message::Address { .. }
         | Message::Foreign { .. }
+        | Message::Waiting { .. }
+        | Message::Remark { .. }
+        | Message::Conflict { .. }
         | Message::Busy { .. }
         | Message::Denied { .. } => Some(true),
         Message::Hello(hello) => hello.warning.as_ref().map(|_| true),

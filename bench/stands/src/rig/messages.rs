@@ -7,18 +7,19 @@ use ::node::report::NodeReport;
 use ::node::role::NodeRole;
 use plc_node::process::{PlcInstruction, PlcMessage};
 use robot_node::process::{RobotInstruction, RobotMessage};
-use tokio::time::timeout;
+use tokio::time::{sleep_until, timeout};
 
 use super::node::Node;
 use super::node_process::NodeEvent;
+use super::silence::Look;
 use super::wanted_cell::WantedCell;
 use super::{Links, Reports, Rig, RigError};
 
 /// Longest wait for the nodes to connect. A real connection takes less than a second.
 const CONNECT: Duration = Duration::from_secs(10);
 
-/// Longest time for the arm to reach the application's start.
-const TO_START: Duration = Duration::from_secs(600);
+/// Time in s for which the PLC may wait for a robot that owes progress between two runs.
+const LONGEST_WAIT_S: u32 = 10;
 
 /// Longest wait for a node to answer or to end; after that it counts as hanging.
 const ANSWER: Duration = Duration::from_secs(1);
@@ -38,8 +39,15 @@ impl<'a> Startup<'a> {
     }
 
     fn note(&mut self, event: NodeEvent) {
-        if let NodeEvent::Plc(Message::LinkDown { reason }) = event {
-            self.last_attempt = Some(reason);
+        match event {
+            NodeEvent::Plc(Message::LinkDown { reason }) => self.last_attempt = Some(reason),
+            NodeEvent::Plc(Message::Waiting { reason, .. }) => {
+                self.last_attempt = Some(format!("the PLC waits for {reason}"));
+            }
+            NodeEvent::Plc(Message::Node(message @ (PlcMessage::ImageBad | PlcMessage::ImageGood))) => {
+                self.last_attempt = Some(message.to_string());
+            }
+            _ => {}
         }
     }
 }
@@ -71,16 +79,18 @@ impl Rig {
         connected.unwrap_or_else(|_| Err(self.not_connected(&startup)))
     }
 
-    /// Waits until the arm is at the application's start, so that a run can begin at once.
+    /// Waits until the arm is at the application's start, so that a run can begin at once. It may take as long as it likes
+    /// there, but a PLC that only waits is an error.
     pub(super) async fn wait_until_at_start(&mut self) -> Result<(), RigError> {
-        let at_start = async {
-            while !(self.is_connected() && self.links.ready) {
-                self.next_event().await?;
+        while !(self.is_connected() && self.links.ready) {
+            if let NodeEvent::Plc(Message::Waiting { seconds, reason, is_owed: true }) =
+                self.next_event().await?
+                && seconds >= LONGEST_WAIT_S
+            {
+                return Err(RigError::NotReady { seconds, reason });
             }
-            Ok(())
-        };
-        let at_start = timeout(TO_START, at_start).await;
-        at_start.unwrap_or(Err(RigError::NoAnswer { role: NodeRole::Plc, waited: TO_START }))
+        }
+        Ok(())
     }
 
     /// Returns whether both nodes are connected and the robot follows the PLC.
@@ -90,7 +100,15 @@ impl Rig {
     }
 
     fn not_connected(&self, startup: &Startup<'_>) -> RigError {
-        let reason = startup.last_attempt.as_deref().unwrap_or("the nodes said nothing of it").to_owned();
+        let nodes = self.silence.unanswered(|role| self.is_present(role));
+        if !nodes.is_empty() {
+            return RigError::Silent { nodes };
+        }
+        let reason = startup.last_attempt.clone().unwrap_or_else(|| {
+            let Links { plc, robot, .. } = self.links;
+            let state = |is_up: bool| if is_up { "connected" } else { "not connected" };
+            format!("both nodes answer; the PLC is {}, the robot {}", state(plc), state(robot))
+        });
         let nodes = [Some(&self.plc), self.robot.as_ref()];
         let last_stderr = nodes.into_iter().flatten().flat_map(Node::last_stderr).collect();
         RigError::NotConnected { waited: CONNECT, reason, last_stderr }
@@ -117,16 +135,64 @@ impl Rig {
         // Both readers report the end of their node before they close the channel.
         let event = loop {
             tokio::select! {
+                biased;
                 event = self.events.recv() => break event.unwrap_or(NodeEvent::Ended(NodeRole::Plc)),
                 change = self.changes.next() => self.change(change).await,
+                () = sleep_until(self.silence.next_look()) => self.look().await?,
             }
         };
+        self.hear(&event);
         self.note(&event);
         self.feed_live(&event);
         match self.failure(&event).await {
             Some(error) => Err(error),
             None => Ok(event),
         }
+    }
+
+    /// Looks whether a node is silent, and asks one for its report that has sent nothing for some time.
+    async fn look(&mut self) -> Result<(), RigError> {
+        let present = [NodeRole::Plc, NodeRole::Robot].map(|role| (role, self.is_present(role)));
+        let nodes = match self.silence.look(|role| present.contains(&(role, true))) {
+            Look::Silent(nodes) => return Err(RigError::Silent { nodes }),
+            Look::Ask(nodes) => nodes,
+        };
+        for role in nodes {
+            if let Some(node) = self.node(role) {
+                node.send(&Instruction::<()>::Report).await;
+                self.awaited[usize::from(role == NodeRole::Robot)] += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn is_present(&self, role: NodeRole) -> bool {
+        let node = match role {
+            NodeRole::Plc => Some(&self.plc),
+            NodeRole::Robot => self.robot.as_ref(),
+        };
+        node.is_some_and(|node| !node.has_ended()) && !self.killed.contains(&role)
+    }
+
+    /// Notes that a node has sent something, and prints what a node waits for.
+    fn hear(&mut self, event: &NodeEvent) {
+        let (role, news) = match event {
+            NodeEvent::Plc(Message::Report(_)) => (NodeRole::Plc, None),
+            NodeEvent::Robot(Message::Report(_)) => (NodeRole::Robot, None),
+            NodeEvent::Plc(message) => (NodeRole::Plc, Some(message.to_string())),
+            NodeEvent::Robot(message) => (NodeRole::Robot, Some(message.to_string())),
+            NodeEvent::UnreadableLine { role, line } => (*role, Some(line.clone())),
+            NodeEvent::Ended(_) => return,
+        };
+        let is_for_user = matches!(
+            event,
+            NodeEvent::Plc(Message::Waiting { .. } | Message::Remark { .. })
+                | NodeEvent::Robot(Message::Waiting { .. } | Message::Remark { .. })
+        );
+        if let (true, Some(voice), Some(news)) = (is_for_user, &self.voice, &news) {
+            voice.say(&format!("{role}: {news}"));
+        }
+        self.silence.hear(role, news.and_then(|news| news.lines().next().map(str::to_owned)));
     }
 
     /// Updates the rig's state from a message.
@@ -150,6 +216,9 @@ impl Rig {
                 ..
             })) => self.told.add(*number, *motions, *quality, *account),
             NodeEvent::Plc(Message::Node(PlcMessage::Started { after, .. })) => self.told.begin_after(*after),
+            NodeEvent::Plc(Message::Remark { text }) if !self.remarks.contains(text) => {
+                self.remarks.push(text.clone());
+            }
             NodeEvent::Plc(Message::LinkUp) => self.links.plc = true,
             NodeEvent::Plc(Message::LinkDown { .. }) => {
                 self.links = Links { plc: false, ready: false, moving_to_start: false, ..self.links };
@@ -205,6 +274,12 @@ impl Rig {
     /// Finds the cause of a lost connection or of a failed run: a node that died, or a host that stalled one. The
     /// affected node cannot report either, so both nodes are asked.
     pub(super) async fn with_cause(&mut self, error: RigError) -> RigError {
+        if let RigError::Silent { nodes } = &error {
+            // They have had their time to answer, so the rig does not wait for them again when they end.
+            for role in nodes.iter().map(|node| node.role).collect::<Vec<_>>() {
+                self.node(role).into_iter().for_each(Node::kill);
+            }
+        }
         if !matches!(error, RigError::ConnectionLost { .. } | RigError::RunFailed { .. }) {
             return error;
         }
@@ -277,7 +352,9 @@ impl Rig {
     fn take_report(&mut self, role: NodeRole, report: &NodeReport) {
         let index = usize::from(role == NodeRole::Robot);
         self.awaited[index] = self.awaited[index].saturating_sub(1);
-        if std::mem::take(&mut self.first_reports.is_awaited[index]) {
+        if self.first_reports.earlier[index] > 0 {
+            self.first_reports.earlier[index] -= 1;
+        } else if std::mem::take(&mut self.first_reports.is_awaited[index]) {
             report.clone_into(self.first_reports.with.of(role));
         }
         report.clone_into(self.reports.of(role));

@@ -30,6 +30,7 @@ mod messages;
 mod node;
 mod node_process;
 mod reports;
+mod silence;
 mod stand;
 mod wanted_cell;
 
@@ -37,6 +38,7 @@ pub use config::RigConfig;
 pub use error::RigError;
 pub use frames::FrameLog;
 pub use reports::Reports;
+pub use silence::SilentNode;
 
 use std::io;
 use std::path::PathBuf;
@@ -57,12 +59,14 @@ use changes::Changes;
 use messages::Startup;
 use node_process::{NodeEvent, NodeProcess};
 use reports::FirstReports;
+use silence::Silence;
 
 use crate::Stand as _;
 use records::conditions::{Health, ToldSkills};
 use records::faults::{self, Change, FaultReport};
 use records::feed::Feed;
 use records::trace::{Window, tables};
+use records::voice::Voice;
 
 /// This program is also both nodes; with a counting allocator it can show that their cyclic threads allocate nothing.
 #[global_allocator]
@@ -124,6 +128,12 @@ pub struct Rig {
     before_run: Reports,
     /// The nodes' reports at the start of the current run.
     first_reports: FirstReports,
+    /// How long each node has sent nothing.
+    silence: Silence,
+    /// What the PLC found remarkable about the connection.
+    remarks: Vec<String>,
+    /// Prints lines beside the progress; `None` where nobody reads them.
+    voice: Option<Voice>,
     /// Reports asked for and not received: PLC, robot.
     awaited: [u32; 2],
     /// What the robot node told of its skills in the current run, or in the last one.
@@ -193,6 +203,7 @@ impl Rig {
         let mut rig =
             Self::of(Node::Process(plc), Some(Node::Process(robot)), events, Some(cable), config.watchdog);
         rig.feed.clone_from(&config.feed);
+        rig.voice.clone_from(&config.voice);
         rig.wait_until_connected(Startup::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.wait_until_at_start().await?;
@@ -225,6 +236,9 @@ impl Rig {
             before: Reports::default(),
             before_run: Reports::default(),
             first_reports: FirstReports::default(),
+            silence: Silence::from_now(),
+            remarks: Vec::new(),
+            voice: None,
             awaited: [0; 2],
             told: ToldSkills::default(),
             traced: Vec::new(),

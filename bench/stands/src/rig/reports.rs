@@ -20,6 +20,8 @@ pub(super) struct FirstReports {
     pub(super) with: Reports,
     /// Whether those of PLC and robot are still to come.
     pub(super) is_awaited: [bool; 2],
+    /// Reports of PLC and robot that were asked for earlier, and come before those.
+    pub(super) earlier: [u32; 2],
 }
 
 impl Reports {

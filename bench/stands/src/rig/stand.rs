@@ -20,9 +20,10 @@ const TRIES: u32 = 10;
 impl Stand for Rig {
     async fn start(config: &StandConfig<'_>) -> Result<Self, Failure> {
         if let Some(nodes) = config.attach {
-            let mut rig = Self::attach(nodes, config.token, config.setup, config.application_text)
-                .await
-                .map_err(|error| at_start(error, config.faults))?;
+            let mut rig =
+                Self::attach(nodes, config.token, config.setup, config.application_text, config.voice)
+                    .await
+                    .map_err(|error| at_start(error, config.faults))?;
             rig.feed = config.feed.cloned();
             return Ok(rig);
         }
@@ -33,6 +34,7 @@ impl Stand for Rig {
             trace: Some(directory.clone()),
             frames: config.frames.then(FrameLog::default),
             feed: config.feed.cloned(),
+            voice: config.voice.cloned(),
             writes_all: config.feed.is_some(),
             faults: config.faults.to_vec(),
             ..RigConfig::new(config.setup, directory.join("setup.toml"))
@@ -72,6 +74,7 @@ impl Stand for Rig {
         Health {
             faults: self.fault_report(),
             repeated: self.repeated.clone(),
+            remarks: self.remarks.clone(),
             connected_after: self.connected_after,
             ..self.reports().health()
         }
@@ -113,6 +116,7 @@ impl Reports {
             allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
             faults: None,
             repeated: Vec::new(),
+            remarks: Vec::new(),
         }
     }
 }

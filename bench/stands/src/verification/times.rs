@@ -77,6 +77,20 @@ impl Times {
         }
     }
 
+    /// Compares the robot's clock with the PLC's: the images at both ends of a run may be as old as one call takes.
+    pub(super) fn check_clock(&self, measured: &Measured, clock_ns: u64) -> Result<(), Difference> {
+        let nanos = |time: Duration| i64::try_from(time.as_nanos()).unwrap_or(i64::MAX);
+        let signed = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
+        let plc_ns = measured.execution.execution_time_ns;
+        let drift = Duration::from_nanos(plc_ns).mul_f64(self.drift);
+        let allowed_ns = nanos(self.call + drift + self.delayed(&measured.interference));
+        let (found_ns, plc_ns) = (signed(clock_ns), signed(plc_ns));
+        match found_ns.abs_diff(plc_ns) <= allowed_ns.unsigned_abs() {
+            true => Ok(()),
+            false => Err(Difference::Clock { found_ns, plc_ns, allowed_ns }),
+        }
+    }
+
     /// Returns the largest delay of the nodes' images that host and bus can explain.
     fn delayed(&self, interference: &Interference) -> Duration {
         let times = |cycle: Duration, count: u64| cycle * u32::try_from(count).unwrap_or(u32::MAX);

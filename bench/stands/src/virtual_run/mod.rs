@@ -157,6 +157,11 @@ impl VirtualRun {
         self.nodes.connect()
     }
 
+    /// Returns the time since the robot was ready; times of faults count from there.
+    pub fn since_ready(&self) -> Duration {
+        self.nodes.since_ready()
+    }
+
     /// Waits until the robot is ready again after a run that failed.
     pub fn recover(&mut self) -> anyhow::Result<()> {
         self.nodes.recover()
@@ -276,6 +281,7 @@ pub fn whole_with_speed(
     for step in schedule.steps() {
         let measured = run.nodes.execute(step, None)?;
         verification.check(&measured)?;
+        results.add_unverified(verification.unverified(&measured));
         results.record(step.execution_type, &measured)?;
     }
     results.status = Status::Complete;
@@ -354,6 +360,7 @@ mod tests {
             frames: false,
             faults: &faults,
             feed: None,
+            voice: None,
             attach: None,
             token: None,
         };

@@ -27,9 +27,27 @@ const UNTIL_FIRST_CYCLE: Duration = Duration::from_micros(100);
 /// The setup gives no bus endpoint for the PLC.
 pub(super) fn new_buses(bus: &Bus, seed: u64, phases: &mut Phases) -> Result<(PlcBus, RobotBus), BusError> {
     let start = phases.first(Side::A, bus.cycle_us.value);
-    let plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
+    let plc = open_plc(bus, seed, start)?;
     let start = || phases.first(Side::B, bus.cycle_us.value);
-    Ok((plc, robot_node::bus::open(bus, ROBOT_MAC, None, seed, start)))
+    Ok((plc, open_robot(bus, seed, start)))
+}
+
+/// Opens the PLC's end. The virtual cable has no third station, so EtherNet/IP does not ask for one: 60 ms of questions would
+/// only shift the phases of all cycles.
+fn open_plc(bus: &Bus, seed: u64, start: Instant) -> Result<PlcBus, BusError> {
+    let mut plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
+    if let PlcBus::EthernetIp(scanner) = &mut plc {
+        scanner.stop_conflict_detection();
+    }
+    Ok(plc)
+}
+
+fn open_robot(bus: &Bus, seed: u64, start: impl FnOnce() -> Instant) -> RobotBus {
+    let mut robot = robot_node::bus::open(bus, ROBOT_MAC, None, seed, start);
+    if let RobotBus::EthernetIp(adapter) = &mut robot {
+        adapter.stop_conflict_detection();
+    }
+    robot
 }
 
 /// Returns the IP addresses that the PLC and the robot have at the start.
@@ -78,14 +96,14 @@ impl Restart {
         let (setup_of_plc, planned_of_plc) = (setup.clone(), planned.clone());
         let plc: Make<_> = Box::new(move |now| {
             let start = now + UNTIL_FIRST_CYCLE;
-            let bus = plc_node::bus::open(&setup_of_plc.bus, PLC_MAC, seed ^ now.as_nanos(), start)?;
+            let bus = open_plc(&setup_of_plc.bus, seed ^ now.as_nanos(), start)?;
             let Work { source, stops, to_start, .. } = Work::of(planned_of_plc.clone());
             Ok(new_plc(&setup_of_plc, (source, stops, to_start), bus, start))
         });
         let setup = setup.clone();
         let robot: Make<_> = Box::new(move |now| {
             let (start, seed) = (now + UNTIL_FIRST_CYCLE, seed ^ now.as_nanos());
-            let bus = robot_node::bus::open(&setup.bus, ROBOT_MAC, None, seed, || start);
+            let bus = open_robot(&setup.bus, seed, || start);
             let Work { robot, program, stops, .. } = Work::of(planned.clone());
             Ok(new_robot(robot, (program, &stops), bus, seed, start))
         });

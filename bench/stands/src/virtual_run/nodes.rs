@@ -2,6 +2,8 @@
 //!
 //! In one file, because events, faults and runs change the same state.
 
+mod silence;
+
 use std::cell::RefCell;
 use std::net::Ipv4Addr;
 use std::rc::Rc;
@@ -20,11 +22,15 @@ use robot_node::RobotEvent;
 use setup::Setup;
 use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
 
+pub use silence::NeverEnded;
+use silence::{LONGEST_RUN, SILENCE};
+
 use super::Work;
 use super::changes::Changes;
 use super::new_nodes::{Restart, addresses, new_buses, new_plc, new_robot};
 use super::phases::Phases;
 use super::watch::{SharedFrames, Watch};
+use crate::Unreported;
 use crate::capture::VirtualCapture;
 use crate::frame_name;
 use records::conditions::{Counts, Health, Measured, MotionTotals};
@@ -38,14 +44,6 @@ const CONNECT: Duration = Duration::from_secs(60);
 
 /// Longest time after a failed run until the robot is ready again.
 const RECOVERY: Duration = Duration::from_secs(60);
-
-/// Longest run; one that has not ended by then hangs. The PLC gives up a silent robot long before.
-const LONGEST_RUN: Duration = Duration::from_secs(3_600);
-
-/// A run did not end within [`LONGEST_RUN`].
-#[derive(Debug, thiserror::Error)]
-#[error("the run did not end within {} s of virtual time", LONGEST_RUN.as_secs())]
-pub struct NeverEnded;
 
 /// Capture that the tap writes to; the run adds changes of the cable and ends it.
 pub(super) type SharedCapture = Rc<RefCell<Option<VirtualCapture>>>;
@@ -169,17 +167,6 @@ impl Nodes {
         }
     }
 
-    /// Waits until the arm is at the application's start, so that a run can begin at once.
-    fn until_at_start(&mut self, longest: Duration) -> anyhow::Result<()> {
-        let until = self.pair.now() + longest;
-        while !self.pair.a().is_ready() {
-            if self.next_event(until).is_none() {
-                return Err(NotReady::Late(longest).into());
-            }
-        }
-        Ok(())
-    }
-
     /// Returns why there is no connection, in the words of the bus if it has any.
     fn not_connected(&self, down: Down) -> NotReady {
         let mut words = String::new();
@@ -257,10 +244,13 @@ impl Nodes {
     /// Waits until the nodes are connected and the robot is ready.
     pub(super) fn connect(&mut self) -> anyhow::Result<()> {
         let until = self.pair.now() + CONNECT;
-        let mut is_moving = false;
+        let (mut is_moving, mut waiting) = (false, None);
         while let Some(event) = self.next_event(until) {
             match event {
                 PlcEvent::MovingToStart => is_moving = true,
+                PlcEvent::Waiting { for_what, seconds } => {
+                    waiting = Some(NotReady::Waiting { seconds, for_what: for_what.to_string() });
+                }
                 PlcEvent::Ready => {
                     self.changes.ready(self.pair.now());
                     return Ok(());
@@ -269,7 +259,8 @@ impl Nodes {
                 _ => {}
             }
         }
-        Err(if is_moving { NotReady::StillMoving(CONNECT) } else { NotReady::Late(CONNECT) }.into())
+        let late = if is_moving { NotReady::StillMoving(CONNECT) } else { NotReady::Late(CONNECT) };
+        Err(waiting.unwrap_or(late).into())
     }
 
     pub(super) fn execute(
@@ -277,25 +268,35 @@ impl Nodes {
         step: Step,
         recording: Option<&mut Recording>,
     ) -> anyhow::Result<Measured> {
-        self.until_at_start(LONGEST_RUN)?;
+        self.until_at_start()?;
         let start = self.pair.now() + step.pause;
         while self.next_event(start).is_some() {}
         self.pair.command_a(|plc, _| plc.schedule_overrides(step.overrides));
         let before = self.counts();
         self.start_run(step.execution_type)?;
-        let until = self.pair.now() + LONGEST_RUN;
+        let longest = self.pair.now() + LONGEST_RUN;
         let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
-        while let Some(event) = match &mut watch {
-            Some(watch) => watch.next_plc_event(self, until),
-            None => self.next_event(until),
-        } {
+        while self.pair.now() < longest {
+            let (scans, until) = (self.pair.a().scans(), self.pair.now() + SILENCE);
+            let event = match &mut watch {
+                Some(watch) => watch.next_plc_event(self, until),
+                None => self.next_event(until),
+            };
+            let Some(event) = event else {
+                self.check_scans(scans)?;
+                continue;
+            };
             match event {
                 PlcEvent::Finished(execution) => {
-                    let moved = self.moved.of(execution.motions);
+                    let Some(moved) = self.moved.of(execution.motions) else {
+                        // Without the robot's report the run could not be verified.
+                        let reported = self.moved.motions;
+                        return Err(Unreported { executed: execution.motions, reported }.into());
+                    };
                     return Ok(Measured {
                         execution,
-                        quality: moved.map(|moved| moved.quality),
-                        account: moved.map(|moved| moved.account),
+                        quality: Some(moved.quality),
+                        account: Some(moved.account),
                         interference: self.counts().since(&before),
                     });
                 }
@@ -309,20 +310,26 @@ impl Nodes {
                 | PlcEvent::ImageGood
                 | PlcEvent::LifeStill
                 | PlcEvent::MovingToStart
+                | PlcEvent::Waiting { .. }
                 | PlcEvent::Started { .. } => {}
             }
         }
-        if let Some(NodeRole::Plc) = self.killed {
-            bail!(
-                "the plc-node was killed by this run's fault `kill-plc-at`: nobody is left to see the end of the run"
-            );
-        }
-        Err(NeverEnded.into())
+        Err(NeverEnded::TooLong.into())
     }
 
     /// Waits until the robot is ready again after a run that failed.
+    pub(super) fn since_ready(&self) -> Duration {
+        self.changes.since_ready(self.now()).unwrap_or_default()
+    }
+
     pub(super) fn recover(&mut self) -> anyhow::Result<()> {
-        self.until_at_start(RECOVERY)
+        let until = self.pair.now() + RECOVERY;
+        while !self.pair.a().is_ready() {
+            if self.next_event(until).is_none() {
+                return Err(NotReady::Late(RECOVERY).into());
+            }
+        }
+        Ok(())
     }
 
     pub(super) fn start_run(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
@@ -344,11 +351,19 @@ impl Nodes {
             connected_after: None,
             allocations: None,
             repeated: Vec::new(),
+            remarks: Vec::from_iter(self.remark()),
             faults: (!self.faults.is_empty()).then(|| {
                 let links = [Side::A, Side::B].map(|side| self.pair.link_counters(side));
                 FaultReport::new(&self.faults, links, self.changes.since_ready(self.now()))
             }),
         }
+    }
+
+    /// Returns what the PLC's bus finds remarkable about the connection.
+    fn remark(&self) -> Option<String> {
+        let mut words = String::new();
+        let written = self.pair.a().bus().remark(&mut words);
+        (written.is_ok() && !words.is_empty()).then_some(words)
     }
 
     pub(super) fn now(&self) -> Instant {

@@ -8,14 +8,17 @@ use plc_node::ExecutionType;
 use setup::Setup;
 
 use super::classes::{Class, Outcome};
-use super::fault::{Injected, Lengths};
+use super::fault::{Extent, Injected, Lengths};
 use records::conditions::Measured;
 use records::faults::Fault;
 use records::mode::Mode;
 use records::schedule::{PAUSE, Schedule, Step};
 use stands::planned_cell::PlannedCell;
-use stands::verification::Verification;
+use stands::verification::{DriveDeviation, Verification};
 use stands::virtual_run::{Extras, NeverEnded, VirtualRun};
+
+/// Runs that can begin while an axis is held for half a second.
+const RUNS_WHILE_HELD: usize = 4;
 
 /// The run of an execution type without a fault. Runs with faults are compared with it.
 pub(super) struct CleanRun<'a> {
@@ -29,8 +32,8 @@ pub(super) struct CleanRun<'a> {
     verification: Verification,
     /// Times of as many repetitions as the longest fault takes.
     executions_ns: Vec<u64>,
-    /// Frames to the robot and to the PLC.
-    pub(super) frames: [u64; 2],
+    /// What faults are drawn from.
+    pub(super) extent: Extent,
 }
 
 impl<'a> CleanRun<'a> {
@@ -54,7 +57,11 @@ impl<'a> CleanRun<'a> {
         let first = Schedule::new(&[execution_type], 1, seed);
         let measured = run.execute_unrecorded(first.steps().next().context("a schedule without a run")?)?;
         verification.check(&measured)?;
-        let frames = run.frames_sent();
+        let extent = Extent {
+            frames: run.frames_sent(),
+            run_us: run.since_ready().as_micros().try_into().unwrap_or(u64::MAX),
+            axes: planned.robot.arm.axes() as u64,
+        };
         let mut executions_ns = vec![measured.execution.execution_time_ns];
         let repetitions = 1 + repetitions_in(longest_ms, executions_ns.iter().copied());
         let steps: Vec<_> = Schedule::new(&[execution_type], repetitions, seed).steps().collect();
@@ -72,7 +79,7 @@ impl<'a> CleanRun<'a> {
             steps,
             verification,
             executions_ns,
-            frames,
+            extent,
         })
     }
 
@@ -109,7 +116,14 @@ impl<'a> CleanRun<'a> {
             let ended = connected.and_then(|()| run.execute_unrecorded(*step));
             connected = Ok(());
             let outcome = match ended {
-                Ok(measured) => self.passed(&measured, *execution_ns, &extras.faults),
+                Ok(measured) => match self.verify(&measured, &extras.faults) {
+                    Ok(()) => self.passed(&measured, *execution_ns),
+                    // The fault moved the arm off its path, and the run says so.
+                    Err(deviation) if deviation.is::<DriveDeviation>() && moves_drives(&extras.faults) => {
+                        return Ok(self.refused(run, *step, &extras.faults, &deviation));
+                    }
+                    Err(difference) => Outcome::new(Class::Altered, format!("{difference:#}")),
+                },
                 Err(reason) if reason.is::<NeverEnded>() => {
                     return Ok(Outcome::new(Class::Stuck, reason.to_string()));
                 }
@@ -122,19 +136,15 @@ impl<'a> CleanRun<'a> {
         Ok(worst)
     }
 
-    fn passed(&self, measured: &Measured, execution_ns: u64, faults: &[Fault]) -> Outcome {
+    fn passed(&self, measured: &Measured, execution_ns: u64) -> Outcome {
         let signed = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
         let later_ns = signed(measured.execution.execution_time_ns) - signed(execution_ns);
-        match self.verify(measured, faults) {
-            Err(difference) => Outcome::new(Class::Altered, format!("{difference:#}")),
-            Ok(()) if later_ns == 0 => Outcome::new(Class::Same, String::new()),
-            Ok(()) if later_ns <= self.late_ns => {
-                Outcome { later_ns, ..Outcome::new(Class::Late, String::new()) }
-            }
-            Ok(()) => {
-                Outcome { later_ns, ..Outcome::new(Class::TooLate, "the run ended too late".to_owned()) }
-            }
-        }
+        let (class, reason) = match later_ns {
+            0 => (Class::Same, ""),
+            later_ns if later_ns <= self.late_ns => (Class::Late, ""),
+            _ => (Class::TooLate, "the run ended too late"),
+        };
+        Outcome { later_ns, ..Outcome::new(class, reason.to_owned()) }
     }
 
     fn verify(&self, measured: &Measured, faults: &[Fault]) -> anyhow::Result<()> {
@@ -144,15 +154,18 @@ impl<'a> CleanRun<'a> {
         })
     }
 
-    /// Checks whether a run passes after one that was refused. Each further fault may fail one more run.
+    /// Checks whether a run passes after one that was refused. Each further fault may fail one more run, and an axis that is
+    /// held every run that begins meanwhile.
     fn refused(&self, mut run: VirtualRun, step: Step, faults: &[Fault], reason: &anyhow::Error) -> Outcome {
         let mut again = || {
             run.recover()?;
             let measured = run.execute_unrecorded(step)?;
             self.verify(&measured, faults)
         };
-        let attempts: Vec<_> = faults.iter().map_while(|_| again().err()).collect();
-        match attempts.get(faults.len().saturating_sub(1)) {
+        let most: usize =
+            faults.iter().map(|fault| if fault.is_of_drive() { RUNS_WHILE_HELD } else { 1 }).sum();
+        let attempts: Vec<_> = (0..most).map_while(|_| again().err()).collect();
+        match attempts.get(most.saturating_sub(1)) {
             None => Outcome::new(Class::Refused, format!("{reason:#}")),
             Some(then) => Outcome::new(Class::Stuck, format!("{reason:#}; and then no run passes: {then:#}")),
         }
@@ -179,6 +192,10 @@ impl<'a> CleanRun<'a> {
 fn repetitions_in(ms: u64, executions_ns: impl Iterator<Item = u64>) -> u32 {
     let shortest_ns = executions_ns.min().unwrap_or(0) + PAUSE.as_nanos() as u64;
     u32::try_from((ms * 1_000_000).div_ceil(shortest_ns)).unwrap_or(u32::MAX)
+}
+
+fn moves_drives(faults: &[Fault]) -> bool {
+    faults.iter().any(Fault::is_of_drive)
 }
 
 fn text_of(panic: &(dyn Any + Send)) -> String {

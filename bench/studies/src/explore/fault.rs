@@ -23,7 +23,10 @@ pub(super) const LONGEST_HOLD_MS: u64 = 65_000;
 /// One frame of so many is held as an old one: each such run takes up to a minute of the cell's time.
 const OLD_SHARE: u64 = 8;
 
-/// Kind of a fault that begins with one frame.
+/// Shortest and longest time for which a shaft is held, in ms.
+const BLOCK_MS: [u64; 2] = [20, 500];
+
+/// Kind of a fault that begins with one frame, or at its time.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum What {
     /// The frame is lost.
@@ -44,10 +47,16 @@ pub enum What {
     RestartRobot,
     /// The PLC node ends, and is started again.
     RestartPlc,
+    /// Something holds an axis for 20 to 500 ms.
+    DriveBlock,
+    /// A drive has a fault.
+    DriveFault,
+    /// A drive stops without a command.
+    DriveStop,
 }
 
 impl What {
-    pub(super) const ALL: [Self; 9] = [
+    pub(super) const ALL: [Self; 12] = [
         Self::Lose,
         Self::Double,
         Self::Hold,
@@ -57,7 +66,15 @@ impl What {
         Self::Cut,
         Self::RestartRobot,
         Self::RestartPlc,
+        Self::DriveBlock,
+        Self::DriveFault,
+        Self::DriveStop,
     ];
+
+    /// Returns whether it needs drives behind the robot controller.
+    pub(super) const fn is_of_drives(self) -> bool {
+        matches!(self, Self::DriveBlock | Self::DriveFault | Self::DriveStop)
+    }
 
     /// Returns its name in options.
     const fn name(self) -> &'static str {
@@ -71,6 +88,9 @@ impl What {
             Self::Cut => "cut",
             Self::RestartRobot => "restart-robot",
             Self::RestartPlc => "restart-plc",
+            Self::DriveBlock => "drive-block",
+            Self::DriveFault => "drive-fault",
+            Self::DriveStop => "drive-stop",
         }
     }
 
@@ -86,6 +106,9 @@ impl What {
             Self::Cut => "cable cut",
             Self::RestartRobot => "robot restarts",
             Self::RestartPlc => "PLC restarts",
+            Self::DriveBlock => "axis is held",
+            Self::DriveFault => "drive fault",
+            Self::DriveStop => "drive stops",
         }
     }
 }
@@ -128,14 +151,48 @@ pub(super) struct Injected {
     bit: u64,
     /// Draws how long an old frame is held.
     draw: u64,
+    /// What a fault of a drive needs.
+    drive: OfDrive,
+}
+
+/// Axis, instant and length of a fault of a drive.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct OfDrive {
+    /// Counted from 1.
+    axis: u64,
+    /// Time from when the robot is ready, in µs.
+    at_us: u64,
+    /// Time for which a shaft is held, in ms.
+    length_ms: u64,
+}
+
+/// The run without a fault, as far as faults are drawn from it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Extent {
+    /// Frames to the robot and to the PLC.
+    pub(super) frames: [u64; 2],
+    /// Time from when the robot was ready to the end, in µs.
+    pub(super) run_us: u64,
+    /// Axes of the arm.
+    pub(super) axes: u64,
 }
 
 impl Injected {
-    /// Creates a fault; `seed` determines which bit flips.
-    pub(super) fn new(what: What, direction: usize, frame: u64, seed: u64) -> Self {
+    /// Creates a fault; `seed` determines which bit flips, and of drives axis and length. A fault of a drive is as far in the
+    /// run as the frame.
+    pub(super) fn new(what: What, direction: usize, frame: u64, seed: u64, extent: &Extent) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(seed.rotate_left(23) ^ frame << 1 ^ direction as u64);
         let bit = below(&mut random, BITS);
-        Self { what, direction, frame, bit, draw: random.next_u64() }
+        let draw = random.next_u64();
+        let frames = extent.frames.get(direction).copied().unwrap_or(1).max(1);
+        let at_us = u128::from(extent.run_us) * u128::from(frame) / u128::from(frames);
+        let [shortest, longest] = BLOCK_MS;
+        let drive = OfDrive {
+            axis: 1 + below(&mut random, extent.axes),
+            at_us: u64::try_from(at_us).unwrap_or(u64::MAX),
+            length_ms: shortest + below(&mut random, longest - shortest + 1),
+        };
+        Self { what, direction, frame, bit, draw, drive }
     }
 
     /// Returns for how long an old frame is held, in ms.
@@ -152,7 +209,7 @@ impl Injected {
 
     /// Returns the fault as `--fault` takes it.
     pub(super) fn text(&self, lengths: Lengths) -> String {
-        let Self { what, direction, frame, bit, .. } = *self;
+        let Self { what, direction, frame, bit, drive: OfDrive { axis, at_us, length_ms }, .. } = *self;
         let to = if direction == 0 { "to-robot" } else { "to-plc" };
         let Lengths { hold, cut, restart } = lengths;
         match what {
@@ -165,6 +222,11 @@ impl Injected {
             What::Cut => format!("{to}:cut-frame={frame}@{cut}ms"),
             What::RestartRobot => format!("{to}:restart-robot={frame}@{restart}ms"),
             What::RestartPlc => format!("{to}:restart-plc={frame}@{restart}ms"),
+            What::DriveBlock => {
+                format!("drive-block={axis}@{at_us}us..{}us", at_us + 1_000 * length_ms)
+            }
+            What::DriveFault => format!("drive-fault={axis}@{at_us}us"),
+            What::DriveStop => format!("drive-stop={axis}@{at_us}us"),
         }
     }
 
@@ -183,20 +245,21 @@ pub(super) struct Job {
     pub(super) faults: Vec<Injected>,
 }
 
-/// Returns a job for each kind of fault at every n-th frame. `frames` are those of each type without a fault, to the
-/// robot and to the PLC.
-pub(super) fn singles(frames: &[[u64; 2]], kinds: &[What], every: u64, seed: u64) -> Vec<Job> {
+/// Returns a job for each kind of fault at every n-th frame. `extents` are those of each type without a fault.
+pub(super) fn singles(extents: &[Extent], kinds: &[What], every: u64, seed: u64) -> Vec<Job> {
     let mut jobs = Vec::new();
-    for (type_index, frames) in frames.iter().enumerate() {
+    for (type_index, extent) in extents.iter().enumerate() {
         for what in kinds {
-            for (direction, frames) in frames.iter().enumerate() {
+            // The frames to the robot stand for the time in which a drive can fail.
+            let directions = if what.is_of_drives() { 1 } else { 2 };
+            for (direction, frames) in extent.frames.iter().enumerate().take(directions) {
                 let every = if *what == What::HoldOld { every.saturating_mul(OLD_SHARE) } else { every };
                 // Old frames are not all those from switching on.
                 let first = if *what == What::HoldOld { 1 + every.min(*frames) / 2 } else { 1 };
                 let numbers = (first..=*frames).step_by(usize::try_from(every).unwrap_or(usize::MAX));
                 jobs.extend(numbers.map(|frame| Job {
                     type_index,
-                    faults: vec![Injected::new(*what, direction, frame, seed)],
+                    faults: vec![Injected::new(*what, direction, frame, seed, extent)],
                 }));
             }
         }
@@ -204,19 +267,20 @@ pub(super) fn singles(frames: &[[u64; 2]], kinds: &[What], every: u64, seed: u64
     jobs
 }
 
-/// Returns so many jobs of two faults, each drawn evenly among types, kinds, directions and frames.
-pub(super) fn pairs(frames: &[[u64; 2]], kinds: &[What], count: usize, seed: u64) -> Vec<Job> {
+/// Returns so many jobs with so many faults each, drawn evenly among types, kinds, directions and frames.
+pub(super) fn drawn(extents: &[Extent], kinds: &[What], [count, faults]: [usize; 2], seed: u64) -> Vec<Job> {
     let mut random = Pcg64Mcg::seed_from_u64(seed.rotate_left(41) ^ 0x9A1);
     let mut draw = |limit: usize| below(&mut random, limit as u64) as usize;
     let mut job = || {
-        let type_index = draw(frames.len());
+        let type_index = draw(extents.len());
+        let extent = extents.get(type_index)?;
         let mut fault = || {
             let what = *kinds.get(draw(kinds.len()))?;
             let direction = draw(2);
-            let frame = 1 + draw(*frames.get(type_index)?.get(direction)? as usize) as u64;
-            Some(Injected::new(what, direction, frame, seed))
+            let frame = 1 + draw(*extent.frames.get(direction)? as usize) as u64;
+            Some(Injected::new(what, direction, frame, seed, extent))
         };
-        let mut faults = vec![fault()?, fault()?];
+        let mut faults = (0..faults).map(|_| fault()).collect::<Option<Vec<_>>>()?;
         faults.sort_by_key(|fault| fault.what);
         Some(Job { type_index, faults })
     };
@@ -233,10 +297,14 @@ mod tests {
 
     const LENGTHS: Lengths = Lengths { hold: 3, cut: 10, restart: 100 };
 
+    const fn extent(frames: [u64; 2]) -> Extent {
+        Extent { frames, run_us: 3_000_000, axes: 4 }
+    }
+
     #[test]
     fn every_fault_has_a_text_that_the_option_takes_and_a_name_that_is_read_back() {
         for what in What::ALL {
-            let fault = Injected::new(what, 1, 17, 1);
+            let fault = Injected::new(what, 1, 17, 1, &extent([99, 99]));
             assert_eq!(fault.fault(LENGTHS).unwrap().to_string(), fault.text(LENGTHS));
             assert_eq!(what.to_string().parse(), Ok(what));
         }
@@ -245,19 +313,19 @@ mod tests {
 
     #[test]
     fn single_faults_meet_every_frame_of_both_directions_once() {
-        let jobs = singles(&[[3, 2], [1, 1]], &[What::Lose, What::Cut], 1, 1);
+        let jobs = singles(&[[3, 2], [1, 1]].map(extent), &[What::Lose, What::Cut], 1, 1);
         let mut texts: Vec<_> =
             jobs.iter().map(|job| (job.type_index, job.faults[0].text(LENGTHS))).collect();
         assert_eq!(texts.len(), 2 * (5 + 2));
         texts.sort();
         texts.dedup();
         assert_eq!(texts.len(), 14);
-        assert_eq!(singles(&[[3, 2]], &[What::Lose], 2, 1).len(), 3);
+        assert_eq!(singles(&[extent([3, 2])], &[What::Lose], 2, 1).len(), 3);
     }
 
     #[test]
     fn old_frames_are_held_for_all_three_times_at_one_frame_of_eight() {
-        let jobs = singles(&[[800, 0]], &[What::HoldOld], 1, 1);
+        let jobs = singles(&[extent([800, 0])], &[What::HoldOld], 1, 1);
         assert_eq!(jobs.len(), 100);
         let held: Vec<_> = jobs.iter().map(|job| job.faults[0].lasts_ms()).collect();
         for range in OLD_MS {
@@ -268,10 +336,10 @@ mod tests {
 
     #[test]
     fn the_same_seed_draws_the_same_pairs_and_their_frames_are_those_of_the_run() {
-        let frames = [[9, 4], [1, 30]];
-        let jobs = pairs(&frames, &What::ALL, 300, 7);
-        assert_eq!(jobs, pairs(&frames, &What::ALL, 300, 7));
-        assert_ne!(jobs, pairs(&frames, &What::ALL, 300, 8));
+        let (frames, extents) = ([[9, 4], [1, 30]], [[9, 4], [1, 30]].map(extent));
+        let jobs = drawn(&extents, &What::ALL, [300, 2], 7);
+        assert_eq!(jobs, drawn(&extents, &What::ALL, [300, 2], 7));
+        assert_ne!(jobs, drawn(&extents, &What::ALL, [300, 2], 8));
         assert_eq!(jobs.len(), 300);
         for Job { type_index, faults } in &jobs {
             assert_eq!(faults.len(), 2);
@@ -280,5 +348,22 @@ mod tests {
             );
         }
         assert!(What::ALL.iter().all(|what| jobs.iter().any(|job| job.faults[1].what == *what)));
+    }
+
+    #[test]
+    fn blocks_of_20_to_500_ms_meet_every_axis_and_every_part_of_the_run() {
+        let jobs = drawn(&[extent([2_000, 1_000])], &[What::DriveBlock], [400, 1], 3);
+        let drives: Vec<_> = jobs.iter().map(|job| job.faults[0].drive).collect();
+        for axis in 1..=4 {
+            let of_axis = drives.iter().filter(|drive| drive.axis == axis);
+            assert!((60..=140).contains(&of_axis.count()), "axis {axis}");
+        }
+        for tenth in 0..10 {
+            let of_tenth = drives.iter().filter(|drive| drive.at_us * 10 / 3_000_001 == tenth);
+            assert!((20..=65).contains(&of_tenth.count()), "tenth {tenth}");
+        }
+        let lengths = || drives.iter().map(|drive| drive.length_ms);
+        assert!(lengths().all(|length_ms| (20..=500).contains(&length_ms)));
+        assert!(lengths().min() < Some(40) && lengths().max() > Some(480));
     }
 }

@@ -28,13 +28,13 @@ use planning::{Application, Found};
 use plc_node::ExecutionType;
 use setup::Setup;
 
-use crate::event_loop::{interrupted, watch_for_interrupt};
-use crate::jobs;
-use crate::setup_option::SetupOption;
+use super::event_loop::{interrupted, watch_for_interrupt};
+use super::jobs;
+use super::setup_option::{DrivesOption, SetupOption};
 use classes::Classes;
 use clean_run::CleanRun;
 pub use fault::What;
-use fault::{Job, LONGEST_HOLD_MS, Lengths, pairs, singles};
+use fault::{Extent, Job, LONGEST_HOLD_MS, Lengths, drawn, singles};
 use journal::Journal;
 use records::exit::{Exit, Failure};
 use records::occupied::Files;
@@ -60,6 +60,7 @@ Examples:
   bench explore                               every kind of fault at every frame of RC, SM and CM on Setup A: 90,000 runs
   bench explore --setup B --types cm --every 10 --kinds lose,cut
   bench explore --pairs 100000 --seed 7 --out runs/pairs
+  bench explore --drives ethercat --kinds drive-block --draws 400
 
 Each run that does not pass is a command that runs again, such as
   bench --setup A --mode virtual --types cm --reps 1 --fault to-robot:lose-frame=117
@@ -68,19 +69,18 @@ pub struct ExploreOptions {
     /// Which setup.
     #[command(flatten)]
     pub setup: SetupOption,
+    /// What moves the robot's joints.
+    #[command(flatten)]
+    pub drives: DrivesOption,
     /// A built-in application's name, or the path of a .toml file, in place of seven short motions.
     #[arg(long, value_name = "NAME|FILE")]
     pub application: Option<String>,
     /// Which execution types; commas or blanks between them.
     #[arg(long, value_name = "TYPE", default_value = "rc,sm,cm", num_args = 1..)]
     pub types: Vec<List<ExecutionType>>,
-    /// Which faults; commas or blanks between them.
-    #[arg(
-        long,
-        value_name = "KIND",
-        default_value = "lose,double,hold,hold-old,flip-memory,flip-wire,cut,restart-robot,restart-plc",
-        num_args = 1..
-    )]
+    /// Which faults; commas or blanks between them [default: lose, double, hold, hold-old, flip-memory, flip-wire, cut, restart-robot,
+    /// restart-plc; and where the robot has drives, drive-block, drive-fault, drive-stop].
+    #[arg(long, value_name = "KIND", num_args = 1..)]
     pub kinds: Vec<List<What>>,
     /// Test only every Nth frame of each direction.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
@@ -88,6 +88,9 @@ pub struct ExploreOptions {
     /// Make this many runs with two faults each, drawn by the seed, in place of one fault at every frame.
     #[arg(long, value_name = "N", conflicts_with = "every", value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     pub pairs: Option<u32>,
+    /// Make this many runs with one fault each, drawn by the seed, in place of one fault at every frame.
+    #[arg(long, value_name = "N", conflicts_with_all = ["every", "pairs"], value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    pub draws: Option<u32>,
     /// Seed of clocks, phases and pauses, of pairs, and of which bit flips.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -119,16 +122,36 @@ impl ExploreOptions {
         Lengths { hold: self.hold_ms, cut: self.cut_ms, restart: self.restart_ms }
     }
 
+    /// Returns the kinds of faults, by default all that the robot can have.
+    fn kinds_for(&self, setup: &Setup) -> Result<Vec<What>, Failure> {
+        let has_drives = setup.robot.drives.is_some();
+        let kinds = flat(&self.kinds);
+        match kinds.iter().find(|what| what.is_of_drives() && !has_drives) {
+            Some(what) => {
+                let error = anyhow::anyhow!(
+                    "--kinds {what}: the robot of setup {} has no drives; add --drives ethercat",
+                    setup.name
+                );
+                Err(Failure::new(Exit::Usage, error))
+            }
+            None if kinds.is_empty() => {
+                Ok(What::ALL.into_iter().filter(|what| has_drives || !what.is_of_drives()).collect())
+            }
+            None => Ok(kinds),
+        }
+    }
+
     /// Returns everything that determines the jobs: an exploration can only be continued if this is the same. The first
     /// line has the options, as a shell takes them; after it comes the text of the application.
-    fn claim(&self, text: &str) -> String {
+    fn claim(&self, text: &str, kinds: &[What]) -> String {
         let Self {
             setup,
+            drives,
             application,
             types,
-            kinds,
             every,
             pairs,
+            draws,
             seed,
             hold_ms,
             cut_ms,
@@ -138,13 +161,18 @@ impl ExploreOptions {
         } = self;
         let joined = |texts: Vec<String>| texts.join(",");
         let types = joined(flat(types).iter().map(ToString::to_string).collect());
-        let kinds = joined(flat(kinds).iter().map(ToString::to_string).collect());
-        let jobs = pairs.map_or_else(|| format!("--every {every}"), |pairs| format!("--pairs {pairs}"));
+        let kinds = joined(kinds.iter().map(ToString::to_string).collect());
+        let jobs = match (pairs, draws) {
+            (Some(pairs), _) => format!("--pairs {pairs}"),
+            (None, Some(draws)) => format!("--draws {draws}"),
+            (None, None) => format!("--every {every}"),
+        };
+        let drives = drives.in_command();
         let application = application.as_ref();
         let application =
             application.map_or_else(String::new, |name| format!(" --application {}", in_shell(name)));
         format!(
-            "--setup {}{application} --types {types} --kinds {kinds} {jobs} --seed {seed} --hold-ms {hold_ms} --cut-ms {cut_ms} \
+            "--setup {}{drives}{application} --types {types} --kinds {kinds} {jobs} --seed {seed} --hold-ms {hold_ms} --cut-ms {cut_ms} \
              --restart-ms {restart_ms} --late-ms {late_ms}\n\n{text}",
             in_shell(setup.name())
         )
@@ -159,6 +187,7 @@ struct Exploration<'a> {
     /// The `--application` of commands that run again.
     application: String,
     classes: Classes,
+    kinds: Vec<What>,
 }
 
 /// Writes what is explored into the directory, unless that has other files or another exploration. Returns the setup, which
@@ -168,8 +197,10 @@ fn prepare(options: &ExploreOptions, directory: &Path) -> Result<(Setup, Found),
         Some(name) => options.setup.load_with(Some(name))?,
         None => (setup::setup(options.setup.name())?, short(directory)?),
     };
+    setup = options.drives.applied_to(setup)?;
+    let kinds = options.kinds_for(&setup)?;
     APPLICATION.clone_into(&mut setup.application);
-    let claim = options.claim(&found.text);
+    let claim = options.claim(&found.text, &kinds);
     journal::check_claim(directory, &claim).map_err(|error| Failure::new(Exit::Usage, error))?;
     let described = setup::setup_to_toml(&setup)?;
     let inputs = [("setup.toml", &*described), (APPLICATION, &*found.text), (journal::CLAIM, &*claim)];
@@ -202,14 +233,15 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
     let own = || directory.join(APPLICATION).display().to_string();
     let application = options.application.clone().unwrap_or_else(own);
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
+    let kinds = options.kinds_for(&setup)?;
     let clean = |execution_type| {
-        let longest_ms = if flat(&options.kinds).contains(&What::HoldOld) { LONGEST_HOLD_MS } else { 0 };
+        let longest_ms = if kinds.contains(&What::HoldOld) { LONGEST_HOLD_MS } else { 0 };
         let lengths = options.lengths();
         CleanRun::of(execution_type, &setup, &planned, options.seed, lengths, options.late_ms, longest_ms)
     };
     let clean_runs = flat(&options.types).into_iter().map(clean).collect::<anyhow::Result<_>>()?;
     let mut exploration =
-        Exploration { setup: &setup, options, clean_runs, application, classes: Classes::default() };
+        Exploration { setup: &setup, options, clean_runs, application, classes: Classes::default(), kinds };
     let is_interrupted = watch_for_interrupt()?;
     let runs = exploration.run(&directory, &is_interrupted)?;
     outln!("{}", exploration.table());
@@ -230,11 +262,12 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
 
 impl Exploration<'_> {
     fn jobs(&self) -> Vec<Job> {
-        let frames: Vec<_> = self.clean_runs.iter().map(|clean| clean.frames).collect();
-        let (kinds, seed) = (flat(&self.options.kinds), self.options.seed);
-        match self.options.pairs {
-            Some(count) => pairs(&frames, &kinds, count as usize, seed),
-            None => singles(&frames, &kinds, self.options.every, seed),
+        let extents: Vec<Extent> = self.clean_runs.iter().map(|clean| clean.extent).collect();
+        let (kinds, seed) = (&self.kinds, self.options.seed);
+        match (self.options.pairs, self.options.draws) {
+            (Some(count), _) => drawn(&extents, kinds, [count as usize, 2], seed),
+            (None, Some(count)) => drawn(&extents, kinds, [count as usize, 1], seed),
+            (None, None) => singles(&extents, kinds, self.options.every, seed),
         }
     }
 
@@ -278,8 +311,9 @@ impl Exploration<'_> {
         let faults: String =
             faults.iter().map(|fault| format!(" --fault {}", fault.text(self.options.lengths()))).collect();
         format!(
-            "bench --setup {} --application {} --mode virtual --types {execution_type} --reps {repetitions} --seed {}{faults}",
+            "bench --setup {}{} --application {} --mode virtual --types {execution_type} --reps {repetitions} --seed {}{faults}",
             in_shell(self.options.setup.name()),
+            self.options.drives.in_command(),
             in_shell(&self.application),
             self.options.seed
         )

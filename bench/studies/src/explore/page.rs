@@ -99,8 +99,11 @@ impl Exploration<'_> {
             .filter(|((known, ..), _)| *known == type_index)
             .map(|((_, direction, what), frames)| (*direction, *what, frames))
             .collect();
-        let frames =
-            self.clean_runs.get(type_index).and_then(|clean| clean.frames.into_iter().max()).unwrap_or(0);
+        let frames = self
+            .clean_runs
+            .get(type_index)
+            .and_then(|clean| clean.extent.frames.into_iter().max())
+            .unwrap_or(0);
         Figure::draw("Worst class at each frame, a line for each direction and kind of fault", |format| {
             draw(&lines, frames, format)
         })

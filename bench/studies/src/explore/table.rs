@@ -20,6 +20,10 @@ impl Exploration<'_> {
     pub(super) fn title(&self) -> String {
         let name = &self.setup.name;
         match self.options.pairs {
+            None if self.options.draws.is_some() => format!(
+                "Setup {name}: one fault at a time, drawn by seed {}, in virtual time",
+                self.options.seed
+            ),
             Some(_) => format!(
                 "Setup {name}: two faults at a time, drawn by seed {}, in virtual time",
                 self.options.seed

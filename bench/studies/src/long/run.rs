@@ -143,6 +143,7 @@ impl LongRun {
                 | PlcEvent::LifeStill
                 | PlcEvent::MovingToStart
                 | PlcEvent::Ready
+                | PlcEvent::Waiting { .. }
                 | PlcEvent::Started { .. } => {}
             }
         }

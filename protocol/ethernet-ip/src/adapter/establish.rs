@@ -35,7 +35,7 @@ impl State {
         request: &OpenRequest<'_>,
     ) -> Result<OpenReply, Violation> {
         let OpenRequest { triad, o_t, t_o, .. } = *request;
-        if self.closed {
+        if self.closed || self.address_is_taken {
             return Err(Violation::NotConfigured);
         }
         let null = (o_t.kind == ConnectionType::Null, t_o.kind == ConnectionType::Null);

@@ -176,6 +176,16 @@ impl IoConnections {
         self.open.iter().filter(|connection| connection.kind == Kind::ExclusiveOwner)
     }
 
+    /// Returns the owner of the outputs of this assembly.
+    pub(super) fn owner_of(&self, consumed: u32) -> Option<&IoConnection> {
+        self.open.iter().find(|connection| connection.owns(consumed))
+    }
+
+    /// Returns an owner of outputs that sends no data that may be used, if there is one.
+    pub(super) fn silent_owner(&self) -> Option<&IoConnection> {
+        self.owners().find(|owner| !owner.run)
+    }
+
     /// Returns whether a host owns outputs.
     pub(super) fn is_owner(&self, host: Ipv4Addr) -> bool {
         self.owners().any(|owner| owner.originator == host)

@@ -16,6 +16,7 @@ mod state;
 
 use alloc::boxed::Box;
 use alloc::vec;
+use core::fmt;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use self::delayed::Delayed;
@@ -26,7 +27,10 @@ use super::data::DataError;
 use super::description::Description;
 use super::encapsulation::{Command, Header, MAX_MESSAGE_LEN};
 use super::objects::{Device, Network};
+use super::own_address::{Change, OwnAddress};
 use super::{ENCAPSULATION_PORT, IO_PORT};
+use machine::arp::ArpPacket;
+use machine::ethernet::Mac;
 use machine::{Allowed, Counters, DownCause, LinkEvent, Peer, Requested};
 use machine::{Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
@@ -63,6 +67,8 @@ pub struct Adapter {
     waiting: Option<(SocketAddrV4, usize)>,
     /// ListIdentity requests that went to every device.
     delayed: Delayed,
+    /// Its claim to its address, where conflicts are detected.
+    own: Option<OwnAddress>,
 }
 
 impl Adapter {
@@ -78,6 +84,46 @@ impl Adapter {
             datagram: vec![0; MAX_MESSAGE_LEN].into_boxed_slice(),
             waiting: None,
             delayed: Delayed::new(u64::from(serial_number) << 32 | u64::from(first_id)),
+            own: None,
+        }
+    }
+
+    /// Detects address conflicts (RFC 5227), by attribute 10 of the TCP/IP Interface object. It needs raw Ethernet. While another
+    /// station has the address, the adapter takes no connections.
+    #[must_use]
+    pub fn with_conflict_detection(mut self, start: Instant) -> Self {
+        let network = &mut self.state.device.network;
+        network.detects_conflicts = true;
+        self.own = Some(OwnAddress::new(Mac(network.mac), network.address, start));
+        self
+    }
+
+    /// Detects no address conflicts, as an adapter without raw Ethernet. Call it before the adapter runs.
+    pub fn stop_conflict_detection(&mut self) {
+        self.own = None;
+        self.state.device.network.detects_conflicts = false;
+    }
+
+    fn handle_arp(&mut self, now: Instant, frame: &[u8]) {
+        let Some(Ok(packet)) = ArpPacket::from_frame(frame) else {
+            self.state.counters.malformed += 1;
+            return;
+        };
+        let Some(own) = &mut self.own else { return };
+        let is_probing = own.is_probing();
+        let change = own.handle(now, &packet);
+        if matches!(change, Some(Change::Taken(_) | Change::Conflict(_))) {
+            self.state.device.network.conflict(&packet, is_probing);
+        }
+        self.follow(change);
+    }
+
+    fn follow(&mut self, change: Option<Change>) {
+        match change {
+            Some(Change::Free) => self.state.address_is_taken = false,
+            Some(Change::Taken(conflict)) => self.state.take_address_away(conflict),
+            Some(Change::Conflict(conflict)) => self.state.report_conflict(conflict),
+            None => {}
         }
     }
 
@@ -85,6 +131,19 @@ impl Adapter {
     #[must_use]
     pub fn connections(&self) -> (usize, usize) {
         (self.state.io.len(), self.state.explicit.len())
+    }
+
+    /// Writes who owns the outputs and sends no data for them, and how long that may last; nothing while data come or nobody
+    /// owns them.
+    pub fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        let Some(owner) = self.state.io.silent_owner().filter(|_| !self.state.is_up()) else { return Ok(()) };
+        let does = if owner.count.is_some() { "sends that it is idle" } else { "has sent no frame yet" };
+        let seconds = owner.watchdog.timeout().as_secs_f64();
+        write!(
+            words,
+            "the scanner {} owns the outputs and {does}; its connection ends {seconds:.1} s after its last frame",
+            owner.originator
+        )
     }
 
     /// Returns the number of open TCP connections.
@@ -98,11 +157,12 @@ impl Machine for Adapter {
     type Event = LinkEvent;
 
     fn ports(&self) -> &[PortRequest] {
-        super::PORTS
+        if self.own.is_some() { super::PORTS_WITH_ARP } else { super::PORTS }
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match (from.port, from.peer) {
+            (Port::Ethernet, _) => self.handle_arp(now, frame),
             (Port::Udp(IO_PORT), Some(peer)) => self.state.consume(now, *peer.ip(), frame),
             (Port::Udp(ENCAPSULATION_PORT), Some(peer)) => match self.datagram.get_mut(..frame.len()) {
                 Some(place) => {
@@ -160,6 +220,8 @@ impl Machine for Adapter {
     }
 
     fn handle_timeout(&mut self, now: Instant) {
+        let change = self.own.as_mut().and_then(|own| own.handle_timeout(now));
+        self.follow(change);
         self.state.check_watchdogs(now);
         while let Some(stream) = self.state.silent.pop_front() {
             self.sessions.end(stream);
@@ -171,6 +233,9 @@ impl Machine for Adapter {
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         if let Some(transmit) = self.state.produce(now, buf) {
             return Some(transmit);
+        }
+        if let Some(len) = self.own.as_mut().and_then(|own| own.poll_frame(now, buf)) {
+            return Some(Transmit { port: Port::Ethernet, to: None, len });
         }
         if let Some((peer, len)) = self.waiting.take() {
             let request = self.datagram.get(..len).unwrap_or_default();
@@ -206,7 +271,9 @@ impl Machine for Adapter {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let sessions = self.sessions.next_inactivity(self.state.device.network.inactivity());
-        Instant::earlier(Instant::earlier(self.state.next_timeout(), sessions), self.delayed.next_timeout())
+        let claim = self.own.as_ref().and_then(OwnAddress::poll_timeout);
+        let delayed = Instant::earlier(self.delayed.next_timeout(), claim);
+        Instant::earlier(Instant::earlier(self.state.next_timeout(), sessions), delayed)
     }
 }
 

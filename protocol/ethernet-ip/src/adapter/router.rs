@@ -4,7 +4,7 @@ use super::state::{Context, State};
 use crate::cip::{
     General, Path, PathError, Request, Segment, Violation, class, emit_refusal, emit_reply, service,
 };
-use crate::connection::{CloseReply, CloseRequest, OpenRequest, RefusedReply};
+use crate::connection::{CloseReply, CloseRequest, OpenRequest, RefusedReply, Triad};
 use crate::objects::{multiple_service, serve};
 use crate::{Reader, Writer, objects};
 use machine::{Down, DownCause, Requested};
@@ -37,6 +37,10 @@ impl State {
                 service::FORWARD_OPEN => self.forward_open(context, data, service, reply),
                 service::LARGE_FORWARD_OPEN => self.forward_open(context, data, service, reply),
                 service::FORWARD_CLOSE => self.forward_close(context, data, reply),
+                service::GET_CONNECTION_OWNER => emit_reply(reply, service, |writer| {
+                    self.connection_owner(data, writer)?;
+                    Ok(General::Success)
+                }),
                 service::UNCONNECTED_SEND => self.unconnected_send(context, data, reply),
                 _ => self.serve(context, &request, target, reply),
             },
@@ -109,6 +113,36 @@ impl State {
                 write_refused(writer, RefusedReply::from_close_request(data));
             }),
         }
+    }
+
+    /// Says who owns the outputs of a path: Get_Connection_Owner (volume 1, 3-5.5).
+    ///
+    /// ```text
+    /// request  0      reserved                   u8
+    ///          1      connection path size       u8, words
+    ///          2..    connection path
+    /// reply    0      connections                u8
+    ///          1      of several originators     u8, 0: this device has none
+    ///          2      of redundant owners        u8, 0: this device has none
+    ///          3      last action                u8, 0 no owner, 1 owner is idle, 2 owner is in run
+    ///          4..12  connection serial number, vendor and serial number of the owner; zeros without one
+    /// ```
+    fn connection_owner(&self, data: &[u8], writer: &mut Writer<'_>) -> Result<(), Violation> {
+        let mut reader = Reader::new(data);
+        let read = |_| Violation::TooShort;
+        reader.skip(1).map_err(read)?;
+        let words = reader.u8().map_err(read)?;
+        let path = reader.bytes(usize::from(words) * 2).map_err(read)?;
+        let [_, consumed, _] = Path(path).application().map_err(|_| Violation::UnknownObject)?.points;
+        let owner = consumed.and_then(|consumed| self.io.owner_of(consumed));
+        let action = owner.map_or(0, |owner| if owner.run { 2 } else { 1 });
+        writer.bytes(&[owner.is_some().into(), 0, 0, action]);
+        let Triad { connection_serial, vendor, originator_serial } = owner
+            .map_or(Triad { connection_serial: 0, vendor: 0, originator_serial: 0 }, |owner| owner.triad);
+        writer.u16(connection_serial);
+        writer.u16(vendor);
+        writer.u32(originator_serial);
+        Ok(())
     }
 
     fn close(&mut self, context: &Context, request: &CloseRequest<'_>) -> Result<CloseReply, Violation> {

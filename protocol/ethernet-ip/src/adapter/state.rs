@@ -11,7 +11,10 @@ use crate::IO_PORT;
 use crate::class1::{self, Frame};
 use crate::encapsulation::MAX_MESSAGE_LEN;
 use crate::objects::{Device, IoState};
-use machine::{Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Requested, Sender};
+use machine::arp::AddressConflict;
+use machine::{
+    Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Requested, Sender, StationConflict,
+};
 use machine::{Instant, Port, StreamId, Transmit};
 
 /// Largest number of bytes that an encapsulation reply adds to a CIP reply: header, items, a socket address.
@@ -33,6 +36,9 @@ pub(super) struct State {
     pub(super) scratch: Box<[u8]>,
     /// Whether new connections are refused.
     pub(super) closed: bool,
+    /// Whether another station has this device's address: new connections are refused, too.
+    pub(super) address_is_taken: bool,
+    reported_conflict: Option<AddressConflict>,
     /// The DSCP of the cyclic frame that was handed out last.
     pub(super) cyclic_dscp: u8,
     /// Who may connect.
@@ -68,6 +74,8 @@ impl State {
             silent: VecDeque::with_capacity(description.connections()),
             scratch: vec![0; MAX_MESSAGE_LEN - ENVELOPE_LEN].into_boxed_slice(),
             closed: false,
+            address_is_taken: false,
+            reported_conflict: None,
             cyclic_dscp: 0,
             originators,
             foreign: ForeignRequests::default(),
@@ -153,10 +161,35 @@ impl State {
 
     /// Ends every connection and takes no new one.
     pub(super) fn close_all(&mut self, cause: DownCause) {
+        self.closed = true;
+        self.end_all(cause);
+    }
+
+    /// Handles that another station had this device's address first.
+    pub(super) fn take_address_away(&mut self, conflict: AddressConflict) {
+        self.address_is_taken = true;
+        // It is probed again and again.
+        if self.reported_conflict.replace(conflict) != Some(conflict) {
+            self.report_conflict(conflict);
+        }
+        self.end_all(DownCause::ClosedHere);
+    }
+
+    pub(super) fn report_conflict(&mut self, conflict: AddressConflict) {
+        if self.events.len() < EVENTS {
+            self.events.push_back(LinkEvent::Conflict(StationConflict::Address(conflict)));
+        }
+    }
+
+    fn end_all(&mut self, cause: DownCause) {
         self.io.clear();
         self.explicit.clear();
-        self.closed = true;
         self.follow_owner(Some(Down { cause, code: 0, text: "" }));
+    }
+
+    /// Returns whether an owner of outputs is in run.
+    pub(super) const fn is_up(&self) -> bool {
+        self.up
     }
 
     /// Reports as an event when the link comes up or goes down, and updates the Identity's status.

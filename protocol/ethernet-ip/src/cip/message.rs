@@ -38,6 +38,8 @@ pub mod service {
     pub const UNCONNECTED_SEND: u8 = 0x52;
     /// Forward_Open, of the Connection Manager.
     pub const FORWARD_OPEN: u8 = 0x54;
+    /// Get_Connection_Owner, of the Connection Manager.
+    pub const GET_CONNECTION_OWNER: u8 = 0x5A;
     /// Large_Forward_Open, of the Connection Manager.
     pub const LARGE_FORWARD_OPEN: u8 = 0x5B;
 }

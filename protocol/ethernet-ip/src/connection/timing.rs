@@ -70,6 +70,12 @@ impl Watchdog {
         self.deadline = now + self.timeout;
     }
 
+    /// Returns how long the connection lasts after a frame.
+    #[must_use]
+    pub const fn timeout(&self) -> Duration {
+        self.timeout
+    }
+
     /// Returns when the connection times out.
     #[must_use]
     pub const fn deadline(&self) -> Instant {

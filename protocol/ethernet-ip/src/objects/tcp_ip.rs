@@ -5,9 +5,13 @@ use super::super::cip::{Violation, class};
 use super::{Device, Object, parse_exact, write_instance_path};
 use core::net::Ipv4Addr;
 use machine::Duration;
+use machine::arp::ArpPacket;
 
 /// Initial value of attribute 13 (volume 2, 5-4.3.13).
 const DEFAULT_INACTIVITY_S: u16 = 120;
+
+/// Length of attribute 11: activity, MAC address of the other station, its ARP packet (volume 2, 5-4.3.11).
+const LAST_CONFLICT: usize = 1 + 6 + ArpPacket::LEN;
 
 /// Multicast addresses reserved for each device (volume 2, 3-5.3).
 pub(in super::super) const MULTICASTS: u16 = 32;
@@ -20,6 +24,11 @@ pub(in super::super) struct Network {
     pub(in super::super) gateway: Ipv4Addr,
     pub(in super::super) mac: [u8; 6],
     inactivity_s: u16,
+    /// Whether address conflicts are detected.
+    pub(in super::super) detects_conflicts: bool,
+    last_conflict: [u8; LAST_CONFLICT],
+    /// Whether a conflict was detected since the start.
+    has_conflict: bool,
 }
 
 impl Network {
@@ -29,7 +38,26 @@ impl Network {
         gateway: Ipv4Addr,
         mac: [u8; 6],
     ) -> Self {
-        Self { address, mask, gateway, mac, inactivity_s: DEFAULT_INACTIVITY_S }
+        Self {
+            address,
+            mask,
+            gateway,
+            mac,
+            inactivity_s: DEFAULT_INACTIVITY_S,
+            detects_conflicts: false,
+            last_conflict: [0; LAST_CONFLICT],
+            has_conflict: false,
+        }
+    }
+
+    /// Takes note of a conflict: the packet that showed it, and whether this device was probing its address.
+    pub(in super::super) fn conflict(&mut self, packet: &ArpPacket, is_probing: bool) {
+        self.has_conflict = true;
+        let mut writer = machine::wire::Writer::<machine::wire::BigEndian>::new(&mut self.last_conflict);
+        // AcdActivity: 1 the address was probed, 2 it was in use and defended.
+        writer.u8(if is_probing { 1 } else { 2 });
+        writer.bytes(&packet.sender_mac.0);
+        packet.emit(&mut writer);
     }
 
     pub(super) const fn restore_defaults(&mut self) {
@@ -71,10 +99,12 @@ impl Object for TcpIpInterface {
         // Addresses are written like all numbers here: least significant byte first.
         let address = |writer: &mut Writer<'_>, address: Ipv4Addr| writer.u32(address.to_bits());
         match attribute {
-            // Status: the interface is configured by its operating system.
-            1 => writer.u32(1),
-            // Capability and control: static, and nothing can be configured by this object.
-            2 | 3 => writer.u32(0),
+            // Status: the interface is configured by its operating system; bit 6, a conflict was detected.
+            1 => writer.u32(1 | u32::from(network.has_conflict) << 6),
+            // Capability: static; bit 7, conflicts can be detected.
+            2 => writer.u32(u32::from(network.detects_conflicts) << 7),
+            // Control: nothing can be configured by this object.
+            3 => writer.u32(0),
             4 => write_instance_path(writer, class::ETHERNET_LINK),
             5 => {
                 [network.address, network.mask, network.gateway].into_iter().for_each(|a| address(writer, a));
@@ -93,9 +123,9 @@ impl Object for TcpIpInterface {
                 writer.u16(MULTICASTS);
                 address(writer, network.multicast(0));
             }
-            // Address conflict detection is off, so there are no conflicts.
-            10 => writer.u8(0),
-            11 => writer.zeros(35),
+            // SelectAcd; LastConflictDetected.
+            10 => writer.u8(network.detects_conflicts.into()),
+            11 => writer.bytes(&network.last_conflict),
             // Quick connect is off.
             12 => writer.u8(0),
             13 => writer.u16(network.inactivity_s),
@@ -151,5 +181,21 @@ mod tests {
         assert_eq!(multicast([10, 0, 3, 255]), [239, 192, 128, 192], "host 1023");
         assert_eq!(multicast([10, 0, 4, 0]), [239, 192, 128, 224], "host 1024");
         assert_eq!(multicast([10, 0, 4, 1]), [239, 192, 1, 0], "only ten bits are left");
+    }
+
+    #[test]
+    fn the_last_conflict_is_the_activity_the_other_station_and_its_packet() {
+        let mac = machine::ethernet::Mac([2, 0, 0, 0, 0, 9]);
+        let packet = ArpPacket::announcement(mac, Ipv4Addr::new(192, 168, 64, 2));
+        for (is_probing, activity) in [(true, 1), (false, 2)] {
+            let [address, mask] = [[192, 168, 64, 2], [255, 255, 255, 0]].map(Ipv4Addr::from);
+            let mut network = Network::new(address, mask, Ipv4Addr::UNSPECIFIED, [0; 6]);
+            assert_eq!((network.has_conflict, network.last_conflict), (false, [0; 35]));
+            network.conflict(&packet, is_probing);
+            assert!(network.has_conflict);
+            let [first, rest @ ..] = network.last_conflict;
+            assert_eq!((first, &rest[..6]), (activity, &mac.0[..]));
+            assert_eq!(ArpPacket::parse(&rest[6..]), Ok(packet));
+        }
     }
 }

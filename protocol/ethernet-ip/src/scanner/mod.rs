@@ -9,25 +9,30 @@
 //! frames.
 
 mod config;
+mod conflict;
 mod connection;
 
 pub use config::{ConnectionConfig, ScannerConfig};
-pub use connection::{Connection, Refusal, RequestedConnection};
+pub use connection::{Connection, Owner, Refusal, RequestedConnection};
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
 
+use machine::arp::ArpPacket;
+use machine::ethernet::Mac;
 use machine::{
     Attempt, Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId,
     StreamRequest, Transmit,
 };
 
+use self::conflict::{Asker, Conflict};
 use self::connection::Numbers;
 use super::class1::Frame;
 use super::connection::{Priority, Triad};
 use super::objects::Qos;
-use super::{IO_PORT, PORTS};
+use super::own_address::{Change, OwnAddress};
+use super::{IO_PORT, PORTS, PORTS_WITH_ARP};
 
 /// A connection of a [`Scanner`], as long as it is not removed.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
@@ -47,6 +52,8 @@ pub struct Scanner {
     to_close: VecDeque<StreamId>,
     /// Frames that belong to no connection.
     counters: Counters,
+    /// Its own address, and by what it asks for those of adapters, where conflicts are detected.
+    own: Option<(OwnAddress, Asker)>,
 }
 
 impl Scanner {
@@ -63,7 +70,28 @@ impl Scanner {
             numbers: Numbers { triad, t_o_id: config.first_id },
             to_close: VecDeque::with_capacity(8),
             counters: Counters::default(),
+            own: None,
         }
+    }
+
+    /// Detects address conflicts: of this scanner's own address, and of those of its adapters in this subnet. Call it before
+    /// [`connect`](Self::connect). It needs raw Ethernet.
+    #[must_use]
+    pub fn with_conflict_detection(
+        mut self,
+        mac: Mac,
+        address: Ipv4Addr,
+        mask: Ipv4Addr,
+        start: Instant,
+    ) -> Self {
+        self.own = Some((OwnAddress::new(mac, address, start), Asker { mac, address, mask }));
+        self
+    }
+
+    /// Detects no address conflicts, as a scanner without raw Ethernet. Call it before the scanner runs.
+    pub fn stop_conflict_detection(&mut self) {
+        self.own = None;
+        self.connections.iter_mut().flatten().for_each(Connection::stop_conflict_detection);
     }
 
     /// Adds a connection that begins to connect at `start`.
@@ -74,7 +102,8 @@ impl Scanner {
     ) -> Result<ConnectionId, TooManyConnections> {
         let free = self.connections.iter().position(Option::is_none).unwrap_or(self.connections.len());
         let number = u16::try_from(free).map_err(|_| TooManyConnections)?;
-        let connection = Connection::new(config, Attempt(number), self.numbers, start);
+        let connection =
+            Connection::new(config, Attempt(number), self.numbers, start, self.own.as_ref().map(|own| own.1));
         match self.connections.get_mut(free) {
             Some(place) => *place = Some(connection),
             None => self.connections.push(Some(connection)),
@@ -135,6 +164,34 @@ impl Scanner {
         }
     }
 
+    fn handle_arp(&mut self, now: Instant, frame: &[u8]) {
+        let Some(Ok(packet)) = ArpPacket::from_frame(frame) else {
+            self.counters.malformed += 1;
+            return;
+        };
+        let change = self.own.as_mut().and_then(|(own, _)| own.handle(now, &packet));
+        self.follow(now, change);
+        self.connections.iter_mut().flatten().for_each(|connection| connection.handle_arp(now, &packet));
+    }
+
+    /// Follows what became of the own address. Nothing connects from an address that another station has.
+    fn follow(&mut self, now: Instant, change: Option<Change>) {
+        let Some((own, _)) = &self.own else { return };
+        let mut connections = self.connections.iter_mut().flatten();
+        match change {
+            Some(Change::Taken(other)) => {
+                let conflict = Conflict::Own { mac: own.mac, other };
+                connections.for_each(|connection| connection.refuse(now, conflict));
+            }
+            Some(Change::Conflict(other)) => {
+                if let Some(connection) = connections.next() {
+                    connection.report(other);
+                }
+            }
+            Some(Change::Free) | None => {}
+        }
+    }
+
     fn attempt(&mut self, Attempt(number): Attempt) -> Option<&mut Connection> {
         self.connection_mut(ConnectionId(number))
     }
@@ -144,11 +201,12 @@ impl Machine for Scanner {
     type Event = (ConnectionId, LinkEvent);
 
     fn ports(&self) -> &[PortRequest] {
-        PORTS
+        if self.own.is_some() { PORTS_WITH_ARP } else { PORTS }
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         match from.port {
+            Port::Ethernet => self.handle_arp(now, frame),
             Port::Udp(IO_PORT) => self.handle_io(now, from.peer.map(|peer| *peer.ip()), frame),
             Port::Stream(stream) => {
                 let mut connections = self.connections.iter_mut().flatten();
@@ -204,17 +262,34 @@ impl Machine for Scanner {
         groups.nth(index).filter(|_| port == Port::Udp(IO_PORT))
     }
 
+    /// Returns the station that had the adapter's address when the connection was made.
+    fn neighbour(&self, address: Ipv4Addr) -> Option<Mac> {
+        self.connections.iter().flatten().find_map(|connection| connection.neighbour(address))
+    }
+
+    fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
+        let mut connections = self.connections.iter_mut().flatten();
+        if let Some(connection) = connections.find(|connection| connection.neighbour(address).is_some()) {
+            connection.handle_wrong_neighbour(now, address, found);
+        }
+    }
+
     fn handle_timeout(&mut self, now: Instant) {
+        let change = self.own.as_mut().and_then(|(own, _)| own.handle_timeout(now));
+        self.follow(now, change);
         self.connections.iter_mut().flatten().for_each(|connection| connection.handle_timeout(now));
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         let mut connections = self.connections.iter_mut().flatten();
         // The cyclic frames of all connections go before all other frames.
-        let cyclic = connections.find_map(|connection| connection.poll_io(now, buf));
-        cyclic.or_else(|| {
-            self.connections.iter_mut().flatten().find_map(|connection| connection.poll_message(buf))
-        })
+        if let Some(cyclic) = connections.find_map(|connection| connection.poll_io(now, buf)) {
+            return Some(cyclic);
+        }
+        if let Some(len) = self.own.as_mut().and_then(|(own, _)| own.poll_frame(now, buf)) {
+            return Some(Transmit { port: Port::Ethernet, to: None, len });
+        }
+        self.connections.iter_mut().flatten().find_map(|connection| connection.poll_message(now, buf))
     }
 
     fn poll_event(&mut self) -> Option<Self::Event> {
@@ -225,6 +300,7 @@ impl Machine for Scanner {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let timeouts = self.connections.iter().flatten().map(Connection::poll_timeout);
-        timeouts.fold(None, Instant::earlier)
+        let claim = self.own.as_ref().and_then(|(own, _)| own.poll_timeout());
+        timeouts.fold(claim, Instant::earlier)
     }
 }

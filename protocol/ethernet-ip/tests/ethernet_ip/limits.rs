@@ -13,7 +13,7 @@ use machine::{
     Allowed, Duration, ForeignRequest, LinkEvent, Machine, Peer, Port, PortRequest, Requested, Sender, Source,
 };
 
-use crate::cell::{PLC, adapter, adapter_config};
+use crate::cell::{PLC, adapter, adapter_config, data};
 use crate::client::{
     INPUT_ONLY_PATH, LISTEN_ONLY_PATH, OWNER_PATH, Rig, close_message, connected, explicit, heartbeat,
     message, owner, parameters, peer,
@@ -405,4 +405,51 @@ fn each_message_that_is_not_understood_or_not_for_the_adapter_is_counted_once() 
             assert_eq!(counted(&rig), (before.0 + malformed, before.1 + foreign), "{what}");
         }
     }
+}
+
+#[test]
+fn an_owner_that_sends_nothing_is_named_with_the_time_that_its_connection_lasts() {
+    let remark = |rig: &Rig| {
+        let mut words = String::new();
+        rig.adapter.remark(&mut words).unwrap();
+        words
+    };
+    let mut rig = Rig::new();
+    assert_eq!(remark(&rig), "");
+    let stranger = rig.client_from(OTHER);
+    // The longest interval of the device, and the largest multiplier: 512 intervals.
+    let request = OpenRequest { multiplier: 7, o_t_rpi_us: 1_000_000, t_o_rpi_us: 1_000_000, ..owner(1) };
+    let opened = rig.open(stranger, &request);
+    let named = "the scanner 192.168.64.9 owns the outputs and has sent no frame yet; its connection ends 512.0 s after its last \
+                 frame";
+    assert_eq!(remark(&rig), named);
+    let client = rig.client();
+    assert_eq!(rig.try_open(client, &owner(2)), Err((1, 0x0106)), "another owner is refused");
+    rig.io(OTHER, opened.o_t_id, 1, Some(false), &data(1));
+    assert!(remark(&rig).contains("sends that it is idle"), "{}", remark(&rig));
+    rig.io(OTHER, opened.o_t_id, 2, Some(true), &data(2));
+    assert_eq!(remark(&rig), "");
+}
+
+#[test]
+fn whoever_is_refused_the_outputs_can_ask_for_their_owner() {
+    let mut rig = Rig::new();
+    let client = rig.client();
+    let ask = |rig: &mut Rig, path: &[u8]| {
+        let words = u8::try_from(path.len() / 2).unwrap();
+        rig.request(client, &[&[0x5A, 2, 0x20, 6, 0x24, 1, 0, words], path].concat())
+    };
+    assert_eq!(ask(&mut rig, OWNER_PATH).data, [0; 12], "nobody owns them");
+    let stranger = rig.client_from(OTHER);
+    let opened = rig.open(stranger, &owner(0x1234));
+    let named = |action| [1, 0, 0, action, 0x34, 0x12, 1, 0, 0xFE, 0xCA, 0xAD, 0x0B];
+    assert_eq!(ask(&mut rig, OWNER_PATH).data, named(1));
+    rig.io(OTHER, opened.o_t_id, 1, Some(true), &data(1));
+    assert_eq!(ask(&mut rig, OWNER_PATH).data, named(2));
+    assert_eq!(ask(&mut rig, INPUT_ONLY_PATH).data, [0; 12], "no outputs, no owner");
+    // A path that is shorter than its size says, and one that makes no sense.
+    for wrong in [&[0x5A, 2, 0x20, 6, 0x24, 1][..], &[0x5A, 2, 0x20, 6, 0x24, 1, 0, 9, 0x20, 4]] {
+        assert_ne!(rig.request(client, wrong).general, General::Success);
+    }
+    assert_ne!(ask(&mut rig, &[0xFF, 0xFF]).general, General::Success);
 }

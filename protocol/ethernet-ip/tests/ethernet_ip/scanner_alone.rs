@@ -470,3 +470,92 @@ fn an_identity_in_a_reply_that_is_no_success_is_not_the_adapters() {
     assert_eq!((dialogue.sent(), dialogue.down()), (vec![OPEN], None));
     assert_eq!(dialogue.scanner.connection(dialogue.id).unwrap().identity(), None);
 }
+
+#[test]
+fn an_open_connection_without_data_is_reported_within_seconds_and_comes_up_when_they_come() {
+    let produced_format = RealTimeFormat::RunIdleHeader;
+    for (is_idle, expected) in [(false, "has sent no frame yet"), (true, "says that it is idle")] {
+        let mut dialogue = Dialogue::opening_of(ConnectionConfig { produced_format, ..wanted() });
+        dialogue.open(1_000);
+        let mut sequence = 0;
+        let mut receive = |dialogue: &mut Dialogue, run: bool| {
+            sequence += 1;
+            let mut frame = [0; FRAME_CAPACITY];
+            let data = vec![7; usize::from(wanted().t_o_size)];
+            let len = class1::emit(&mut frame, (2, sequence, sequence as u16), Some(run), &data).unwrap();
+            let from = Source { port: Port::Udp(IO_PORT), peer: Some(peer(ROBOT, IO_PORT)) };
+            dialogue.scanner.handle_frame(dialogue.now, from, &frame[..len]);
+        };
+        let mut reported = Vec::new();
+        for tenth in 1..=90 {
+            if is_idle {
+                receive(&mut dialogue, false);
+            }
+            dialogue.advance(Duration::from_millis(100));
+            reported.extend(dialogue.down().map(|(_, text)| (tenth, text)));
+        }
+        let [(20, text)] = reported[..] else { panic!("{reported:?}") };
+        assert!(text.contains(expected), "{text}");
+        // It is the same connection: no Forward_Close, and data bring it up.
+        assert_eq!(dialogue.sent(), []);
+        receive(&mut dialogue, true);
+        assert!(dialogue.scanner.connection(dialogue.id).unwrap().is_up());
+    }
+}
+
+#[test]
+fn a_scanner_says_by_how_much_its_adapter_is_slower_than_asked_while_the_connection_is_up() {
+    for (granted_us, expected) in
+        [(1_000, ""), (900, ""), (4_000, "it grants a packet every 4000 µs O→T and 1000 µs T→O")]
+    {
+        let mut dialogue = Dialogue::opening();
+        dialogue.open(granted_us);
+        let remark = |dialogue: &Dialogue| {
+            let mut words = String::new();
+            dialogue.scanner.connection(dialogue.id).unwrap().remark(&mut words).unwrap();
+            words
+        };
+        assert_eq!(remark(&dialogue), "");
+        let mut frame = [0; FRAME_CAPACITY];
+        let data = vec![7; usize::from(wanted().t_o_size)];
+        let len = class1::emit(&mut frame, (2, 1, 1), None, &data).unwrap();
+        let from = Source { port: Port::Udp(IO_PORT), peer: Some(peer(ROBOT, IO_PORT)) };
+        dialogue.scanner.handle_frame(dialogue.now, from, &frame[..len]);
+        assert!(dialogue.scanner.connection(dialogue.id).unwrap().is_up());
+        let said = remark(&dialogue);
+        assert!(said.contains(expected) && said.is_empty() == expected.is_empty(), "{granted_us}: {said}");
+    }
+}
+
+#[test]
+fn an_adapter_whose_outputs_are_owned_is_asked_once_by_whom_and_its_silence_changes_nothing() {
+    const OWNER: Sent = (Command::SendRRData, 0x5A);
+    let owned = [0xD4, 0, 1, 1, 6, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    let answers: [(&str, Option<&[u8]>, &str); 3] = [
+        (
+            "named",
+            Some(&[0xDA, 0, 0, 0, 1, 0, 0, 1, 5, 0, 0x34, 0x12, 0xEF, 0xBE, 0xAD, 0xDE]),
+            "vendor 4660, serial number 0xDEADBEEF",
+        ),
+        ("not supported", Some(&[0xDA, 0, 8, 0]), ""),
+        ("no answer", None, ""),
+    ];
+    for (what, answer, expected) in answers {
+        let mut dialogue = Dialogue::opening();
+        dialogue.reply(&owned);
+        assert_eq!((dialogue.sent(), dialogue.down()), (vec![OWNER], None), "{what}");
+        match answer {
+            Some(answer) => dialogue.reply(answer),
+            None => dialogue.advance(SECOND),
+        }
+        assert_eq!(dialogue.down().map(|(cause, _)| cause), Some(DownCause::Refused), "{what}");
+        let said = dialogue.scanner.connection(dialogue.id).unwrap().refusal().unwrap().to_string();
+        assert!(
+            said.contains("another scanner owns the outputs") && said.contains(expected),
+            "{what}: {said}"
+        );
+        assert_eq!(said.contains("; the owner is "), !expected.is_empty(), "{what}: {said}");
+        // There is nothing to close.
+        assert_eq!(dialogue.sent(), [(Command::UnRegisterSession, 0)], "{what}");
+    }
+}

@@ -26,7 +26,7 @@ pub(super) enum Contents {
     },
     /// Part of something that the receiving host checks and reassembles: a TCP segment or a fragment.
     Piece,
-    /// Traffic between the two hosts that no machine sees: ARP, ICMP.
+    /// Traffic between the two hosts: ICMP, and ARP, which machines read but which their hosts answer. It is not impaired.
     Hosts,
 }
 

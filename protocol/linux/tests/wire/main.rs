@@ -9,6 +9,7 @@ mod destinations;
 mod ethernet_ip;
 mod gateway;
 mod machines;
+mod neighbours;
 mod recorder;
 mod streams;
 mod test_network;
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
         gateway::a_gateway_replaces_the_one_that_was_set_before_and_no_route_of_others,
         gateway::the_interfaces_own_address_and_the_unspecified_one_are_no_gateway,
         gateway::a_gateway_that_no_network_of_the_interface_has_is_refused,
+        neighbours::a_wrong_neighbour_is_seen_and_corrected,
         recorder::frames_come_out_in_order_after_the_ring_wrapped_many_times,
         recorder::a_listener_that_is_busy_for_too_long_gets_the_number_of_missed_frames,
         recorder::no_frame_of_another_interface_and_none_while_paused_is_seen,

@@ -5,6 +5,7 @@
 //!                  ├─ DCP answers ───────────── each AR, until one of them accepts it
 //!                  └─ cyclic data, alarms ───── the ARs with the sender's MAC address     (RT_CLASS_1)
 //! Ethernet 0x88CC ─── LLDP ─────────────────── station
+//! Ethernet 0x0806 ─── ARP ──────────────────── each AR, the claim to the own address
 //! UDP 34962 ───────── cyclic data, alarms ───── the ARs with the sender's IP address      (RT_CLASS_UDP)
 //! UDP 34964 ───────┬─ calls ─────────────────── responder: ApplicationReady of an AR, endpoint mapper
 //!                  └─ answers to calls ──────── the ARs with the sender's IP address
@@ -19,10 +20,11 @@ pub use config::{ArConfig, ConfigError, ControllerConfig, Parameter};
 
 use alloc::vec::Vec;
 use core::iter::Flatten;
-use core::net::SocketAddrV4;
+use core::net::{Ipv4Addr, SocketAddrV4};
 use core::slice::IterMut;
 
-use machine::ethernet::EthernetHeader;
+use machine::arp::{self, AddressClaim, ArpPacket, ClaimEvent};
+use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit};
 
 use super::dcp::{self, IpSuite, Pdu};
@@ -50,6 +52,8 @@ pub struct Controller {
     station: Station,
     requests: Requests,
     responder: Responder,
+    /// The claim to its own IP address, from the first AR on.
+    claim: AddressClaim,
     ars: Vec<Option<Ar>>,
     /// Frames that belong to no AR.
     counters: Counters,
@@ -66,6 +70,7 @@ impl Controller {
             station: Station::controller(config.mac, config.description, config.station_name.as_bytes(), ip),
             requests: Requests::new(),
             responder: Responder::new(),
+            claim: AddressClaim::new(config.mac),
             ars: Vec::new(),
             counters: Counters::default(),
             has_answers: false,
@@ -79,6 +84,9 @@ impl Controller {
         let number = u16::try_from(free).ok().filter(|_| free < MOST_ARS);
         let number = number.ok_or(ConfigError::TooManyArs(MOST_ARS))?;
         let ar = Ar::new(&self.config, config, number, start)?;
+        if self.claim.address().is_none() {
+            self.claim.claim(start, self.config.address);
+        }
         match self.ars.get_mut(free) {
             Some(place) => *place = Some(ar),
             None => self.ars.push(Some(ar)),
@@ -129,6 +137,9 @@ impl Controller {
             self.counters.malformed += 1;
             return;
         };
+        if header.ether_type == arp::ETHER_TYPE {
+            return self.handle_arp(now, payload);
+        }
         let for_us = header.destination == self.config.mac || header.destination.is_group();
         if header.ether_type != ETHER_TYPE || !for_us {
             if let Err(refusal) = self.station.handle_other(now, &header, payload) {
@@ -148,6 +159,20 @@ impl Controller {
         if !ars.any(|ar| ar.handle_rt(now, frame_id, payload)) {
             self.counters.foreign += 1;
         }
+    }
+
+    fn handle_arp(&mut self, now: Instant, payload: &[u8]) {
+        // Hosts answer ARP, machines only read it: what is about others is not counted.
+        let Ok(packet) = ArpPacket::parse(payload) else {
+            self.counters.malformed += 1;
+            return;
+        };
+        self.claim.handle(now, &packet);
+        self.has_answers = true;
+        if let Some(ClaimEvent::Conflict(conflict)) = self.claim.poll_event() {
+            self.all().for_each(|ar| ar.own_address_taken(now, conflict));
+        }
+        self.all().for_each(|ar| ar.handle_arp(now, &packet));
     }
 
     fn handle_dcp(&mut self, now: Instant, header: &EthernetHeader, payload: &[u8]) {
@@ -244,7 +269,7 @@ impl Controller {
         if let Some((to, len)) = self.responder.poll_transmit(buf) {
             return Some(Transmit { port: Port::Udp(RPC_PORT), to: Some(to), len });
         }
-        let len = self.station.poll_transmit(now, buf)?;
+        let len = self.claim.poll_frame(now, buf).or_else(|| self.station.poll_transmit(now, buf))?;
         Some(Transmit { port: Port::Ethernet, to: None, len })
     }
 }
@@ -265,9 +290,21 @@ impl Machine for Controller {
         }
     }
 
+    fn neighbour(&self, address: Ipv4Addr) -> Option<Mac> {
+        self.ars.iter().flatten().find_map(|ar| ar.neighbour(address))
+    }
+
+    fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
+        self.all().filter(|ar| ar.address() == address).for_each(|ar| ar.wrong_neighbour(now, found));
+    }
+
     fn handle_timeout(&mut self, now: Instant) {
         self.has_answers |= self.station.poll_timeout() <= now;
         self.station.handle_timeout(now);
+        if self.claim.poll_timeout().is_some_and(|due| due <= now) {
+            self.claim.handle_timeout(now);
+            self.has_answers = true;
+        }
         self.all().for_each(|ar| ar.handle_timeout(now));
     }
 
@@ -290,6 +327,7 @@ impl Machine for Controller {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let ars = self.ars.iter().flatten().map(Ar::poll_timeout);
-        ars.fold(Some(self.station.poll_timeout()), Instant::earlier)
+        let own = Instant::earlier(Some(self.station.poll_timeout()), self.claim.poll_timeout());
+        ars.fold(own, Instant::earlier)
     }
 }

@@ -6,6 +6,7 @@
 //!                  ├─ 0xFC01, 0xFE01 ─────────── alarms
 //!                  └─ the output IOCR's ──────── relation: cyclic data        (RT_CLASS_1)
 //! Ethernet 0x88CC ─── LLDP ───────────────────── station
+//! Ethernet 0x0806 ─── ARP ────────────────────── address
 //! UDP 34962 ───────── the same two ───────────── alarms, relation             (RT_CLASS_UDP)
 //! UDP 34964 ───────── RPC ────────────────────── dispatch, server, mapper, answers, records, admission
 //! ```
@@ -14,6 +15,7 @@
 //! connect again: its new AR replaces the old one. While there is an AR, no other station can end or change it, and the
 //! station's name and address cannot be changed.
 
+mod address;
 mod admission;
 mod alarms;
 mod answers;
@@ -47,6 +49,7 @@ use super::station::{Effect, Permanent, SetPermission, Station};
 use super::status::{Service, Status, Violation};
 use crate::ETHER_TYPE;
 use crate::lldp::Naming;
+use machine::arp::{self, AddressClaim};
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Peer, Requested, Sender};
 use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
@@ -90,6 +93,12 @@ struct Core {
     description: Description,
     controllers: Allowed,
     station: Station,
+    /// The claim to its IP address.
+    claim: AddressClaim,
+    /// The station that claimed the controller's IP address and was reported last.
+    impostor: Option<Mac>,
+    /// The address that is being probed before the owner sets it.
+    probed: Option<IpSuite>,
     answers: Answers,
     reply: Option<Reply>,
     call: Message,
@@ -124,7 +133,14 @@ impl Device {
         });
         let inputs = description.submodules();
         let inputs = inputs.map(|(slot, submodule)| (slot, submodule.subslot, submodule.input_len));
+        let mut claim = AddressClaim::new(mac);
+        if let Some(address) = address {
+            claim.claim(start, address);
+        }
         let core = Core {
+            claim,
+            impostor: None,
+            probed: None,
             mac,
             start,
             description,
@@ -142,7 +158,7 @@ impl Device {
             foreign: ForeignRequests::default(),
             log_book: LogBook::default(),
             counters: Counters::default(),
-            acyclic: false,
+            acyclic: true,
         };
         Self { requests: Requests::new(), core }
     }
@@ -160,6 +176,9 @@ impl Core {
             self.counters.malformed += 1;
             return;
         };
+        if header.ether_type == arp::ETHER_TYPE {
+            return self.handle_arp(now, payload);
+        }
         let is_ours = header.destination == self.mac || header.destination == dcp::IDENTIFY_MULTICAST;
         if header.ether_type != ETHER_TYPE || !is_ours {
             if let Err(refusal) = self.station.handle_other(now, &header, payload) {
@@ -262,7 +281,7 @@ impl Core {
             self.counters.foreign += 1;
             self.report_foreign(now, Sender::Mac(from), what);
         }
-        self.ask_owner(effect.step);
+        self.ask_owner(now, effect.step);
     }
 
     /// Ends the AR from this side; sends the reason to the controller and reports it as an event.
@@ -288,6 +307,7 @@ impl Core {
         }
         self.counters = self.counters();
         if let Some(relation) = self.relation.take() {
+            self.impostor = None;
             self.answers.forget(relation.controller);
             // What the controller wrote to the interface goes with the AR.
             self.set_naming(now, Naming::default());
@@ -332,7 +352,8 @@ impl Core {
         {
             return Some(transmit);
         }
-        if let Some(len) = self.station.poll_transmit(now, buf) {
+        let of_station = self.claim.poll_frame(now, buf).or_else(|| self.station.poll_transmit(now, buf));
+        if let Some(len) = of_station {
             return Some(Transmit { port: Port::Ethernet, to: None, len });
         }
         self.poll_reply(buf).or_else(|| self.answers.poll_transmit(buf)).or_else(|| self.poll_call(buf))
@@ -365,6 +386,7 @@ impl Machine for Device {
         let core = &mut self.core;
         core.acyclic |= core.station.poll_timeout() <= now;
         core.station.handle_timeout(now);
+        core.handle_claim_timeout(now);
         let Some(relation) = &mut core.relation else { return };
         if let Some(violation) = relation.expired(now) {
             core.abort(now, violation);
@@ -394,6 +416,7 @@ impl Machine for Device {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let relation = self.core.relation.as_ref().map(Relation::poll_timeout);
-        Instant::earlier(relation, Some(self.core.station.poll_timeout()))
+        let own = Instant::earlier(self.core.claim.poll_timeout(), Some(self.core.station.poll_timeout()));
+        Instant::earlier(relation, own)
     }
 }

@@ -6,7 +6,6 @@ use super::super::dcp::IpSuite;
 use super::super::lldp::{Naming, Neighbour};
 use super::super::provided::DataError;
 use super::super::record::Maintenance;
-use super::super::station::OwnerStep;
 use super::super::status::Violation;
 use super::relation::Relation;
 use super::{Core, Device};
@@ -66,10 +65,12 @@ impl Device {
     pub fn address_set(&mut self, now: Instant, done: bool) {
         self.core.acyclic = true;
         let (changed, step) = self.core.station.address_set(now, done);
+        self.core.claim_address(now);
         if changed {
+            self.core.station.set_conflict(false);
             self.core.abort(now, Violation::AddressChanged);
         }
-        self.core.ask_owner(step);
+        self.core.ask_owner(now, step);
     }
 
     /// Returns what the owner has to store permanently at [`LinkEvent::Store`]: the station name; IP address, mask and
@@ -99,17 +100,6 @@ impl Core {
     pub(super) fn ask_to_store(&mut self) {
         if !self.events.contains(&LinkEvent::Store) {
             self.report(LinkEvent::Store);
-        }
-    }
-
-    /// Reports as an event what the owner has to do for a Set.
-    pub(super) fn ask_owner(&mut self, step: Option<OwnerStep>) {
-        match step {
-            Some(OwnerStep::SetAddress(IpSuite { address, mask, gateway })) => {
-                self.report(LinkEvent::SetAddress { address, mask, gateway });
-            }
-            Some(OwnerStep::Store) => self.ask_to_store(),
-            None => {}
         }
     }
 }

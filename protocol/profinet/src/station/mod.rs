@@ -47,6 +47,8 @@ pub(super) struct Station {
     new_name: Vec<u8>,
     factory_name: Vec<u8>,
     ip: IpSuite,
+    /// Whether another station has its address, or the one that it was to have.
+    has_conflict: bool,
     /// What the owner stores permanently; `None` if it cannot store.
     stored: Option<Stored>,
     prompt: [Option<Reply>; MOST_REPLIES],
@@ -160,6 +162,7 @@ impl Station {
             new_name: Vec::with_capacity(MAX_NAME_LEN),
             factory_name: name.to_vec(),
             ip,
+            has_conflict: false,
             stored: None,
             prompt: [None; MOST_REPLIES],
             delayed: [None; MOST_REPLIES],
@@ -177,6 +180,11 @@ impl Station {
 
     pub(super) const fn ip(&self) -> IpSuite {
         self.ip
+    }
+
+    /// Sets whether another station has its address, as DCP reports it.
+    pub(super) const fn set_conflict(&mut self, has_conflict: bool) {
+        self.has_conflict = has_conflict;
     }
 
     /// Returns I&M1 to 4; `None` if the owner cannot store them.

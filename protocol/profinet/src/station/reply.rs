@@ -116,7 +116,8 @@ impl Station {
         let content = match code {
             Code::MAC_ADDRESS => Content::MacAddress(self.mac),
             Code::IP => {
-                let qualifier = u16::from(!self.ip.address.is_unspecified());
+                let conflict = if self.has_conflict { Block::ADDRESS_CONFLICT } else { 0 };
+                let qualifier = u16::from(!self.ip.address.is_unspecified()) | conflict;
                 return Some(Block { qualifier, content: Content::Ip(self.ip) });
             }
             Code::TYPE_OF_STATION => Content::TypeOfStation(self.description.station_type.as_bytes()),

@@ -18,6 +18,7 @@ mod pair;
 mod records;
 mod samples;
 mod search;
+mod stations;
 mod tshark;
 mod two_devices;
 
@@ -25,4 +26,9 @@ mod two_devices;
 /// leave them out.
 fn is_lldp(port: machine::Port, frame: &[u8]) -> bool {
     port == machine::Port::Ethernet && frame.get(12..14) == Some(&profinet::lldp::ETHER_TYPE.to_be_bytes())
+}
+
+/// Returns whether a frame is ARP, which the tests of the steps leave out.
+fn is_arp(port: machine::Port, frame: &[u8]) -> bool {
+    port == machine::Port::Ethernet && machine::arp::ArpPacket::from_frame(frame).is_some()
 }

@@ -75,7 +75,7 @@ fn run(description: Description, transport: Transport) -> ([bool; 2], Option<Vec
     let config = PairConfig { seed: 1, clocks: [Clock::default(); 2], links: [cable; 2], addresses };
     let mut pair = Pair::new(controller, device, config);
     let mut up = [false; 2];
-    while let Some(event) = pair.next_event(Instant::from_millis(100)) {
+    while let Some(event) = pair.next_event(Instant::from_millis(400)) {
         match event {
             Event::A((_, event)) => up[0] = event == LinkEvent::Up,
             Event::B(event) => up[1] = event == LinkEvent::Up,

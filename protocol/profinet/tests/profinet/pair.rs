@@ -127,11 +127,11 @@ fn run(bus: &mut Bus, for_: Duration) -> Vec<Reported> {
 const BOTH: [Transport; 2] = [Transport::Udp, Transport::Rt1];
 
 #[test]
-fn data_go_both_ways_within_a_tenth_of_a_second_of_power_on() {
+fn data_go_both_ways_within_400_ms_of_power_on() {
     for transport in BOTH {
         let mut bus = bus(transport, 20, 1);
         let took = connect(&mut bus, Duration::from_secs(1)).expect("a connection");
-        assert!(took < Duration::from_millis(100), "{transport:?}: {took:?}");
+        assert!(took < Duration::from_millis(400), "{transport:?}: {took:?}");
         assert_eq!(run(&mut bus, Duration::from_secs(10)), []);
         assert_eq!(bus.data(), [Some(&data(0x22)[..]), Some(&data(0x11)[..])], "{transport:?}");
         for counters in [bus.ar().counters(), bus.pair.b().counters()] {

@@ -134,7 +134,8 @@ impl<P: StationPair, C: Choices> PairRun<P, C> {
     fn record(&mut self, event: MemberEvent<(P::Id, LinkEvent), LinkEvent>) {
         let now = self.network.now();
         let reported = match event {
-            MemberEvent::A((_, LinkEvent::Foreign(_))) | MemberEvent::B(LinkEvent::Foreign(_)) => return,
+            MemberEvent::A((_, LinkEvent::Foreign(_) | LinkEvent::Conflict(_)))
+            | MemberEvent::B(LinkEvent::Foreign(_) | LinkEvent::Conflict(_)) => return,
             MemberEvent::A((_, event)) => MemberEvent::A(event),
             MemberEvent::B(LinkEvent::SetAddress { address, .. }) if P::ASKS_FOR_ADDRESS => {
                 self.network.set_address(self.stations[1], Some(address));

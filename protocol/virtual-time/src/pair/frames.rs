@@ -1,15 +1,13 @@
 //! Frames on the cable of a pair: how they are sent and delivered. TCP has its own module.
 
 use alloc::boxed::Box;
-use alloc::vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use super::Pair;
-use super::in_flight::{Delivery, InFlight};
+use super::in_flight::{Delivery, InFlight, new_buf};
 use super::tap::{Carrier, Label, Tapped};
-use crate::link::flip;
+use super::{Pair, hosts};
+use crate::link::{LinkEffect, flip};
 use crate::side::Side;
-use machine::wire::FRAME_CAPACITY;
 use machine::{Machine, Port, Source, Transmit};
 
 impl<A: Machine, B: Machine> Pair<A, B> {
@@ -26,7 +24,14 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             Carrier::Udp { to, .. } => Some(*to.ip()),
             _ => None,
         };
-        if self.station(side).alive && self.wants(side, port) && self.belongs(side, port, to) {
+        if self.station(side).alive && label.carrier == Carrier::Ethernet {
+            self.answer_arp(side, frame);
+        }
+        if self.station(side).alive
+            && self.wants(side, port)
+            && self.belongs(side, port, to)
+            && self.has_opened(side, port, frame)
+        {
             let local = self.read_clock(side);
             let source = Source { port, peer };
             match (side, to.is_some_and(|to| to.is_broadcast())) {
@@ -73,7 +78,17 @@ impl<A: Machine, B: Machine> Pair<A, B> {
             }
             (port, _) => (port, None, Carrier::Ethernet),
         };
-        let (effect, arrives) = sender.link.decide(now, len);
+        let (effect, arrives) = match (port, self.buf.get(..len)) {
+            (Port::Ethernet, Some(frame)) => {
+                sender.learn_mac(frame);
+                if hosts::is_arp(frame) {
+                    (LinkEffect::default(), sender.link.pass_of_hosts(now))
+                } else {
+                    sender.link.decide(now, len)
+                }
+            }
+            _ => sender.link.decide(now, len),
+        };
         let label = Label { carrier, dscp, effect };
         if let Some(tap) = &mut self.tap {
             let frame = self.buf.get(..len).unwrap_or_default();
@@ -97,10 +112,6 @@ impl<A: Machine, B: Machine> Pair<A, B> {
         let spare = self.spare_bufs.pop().unwrap_or_else(new_buf);
         core::mem::replace(&mut self.buf, spare)
     }
-}
-
-pub(super) fn new_buf() -> Box<[u8]> {
-    vec![0; FRAME_CAPACITY].into_boxed_slice()
 }
 
 /// Returns a buffer that begins with these bytes: a spare one, or a new one.

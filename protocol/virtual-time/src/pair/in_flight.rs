@@ -2,10 +2,12 @@
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
+use alloc::vec;
 use core::net::SocketAddrV4;
 
 use super::tap::Label;
 use crate::Side;
+use machine::wire::FRAME_CAPACITY;
 use machine::{Instant, Port, StreamId};
 
 /// What arrives at one end of the cable.
@@ -61,4 +63,9 @@ impl InFlights {
     pub(super) fn take(&mut self) -> VecDeque<InFlight> {
         core::mem::take(&mut self.0)
     }
+}
+
+/// Returns a buffer for one frame.
+pub(super) fn new_buf() -> Box<[u8]> {
+    vec![0; FRAME_CAPACITY].into_boxed_slice()
 }

@@ -143,7 +143,7 @@ impl Explored {
             let phase = match execution.phase {
                 Phase::Dispatch { .. } => 0,
                 Phase::Driving => 1,
-                Phase::Waiting { .. } => 2,
+                Phase::Arriving | Phase::Waiting { .. } => 2,
                 Phase::Settling { .. } => 3,
                 Phase::Stopping(Ending::Halted) => 4,
                 Phase::Stopping(Ending::Cancelled) => 6,

@@ -1,7 +1,7 @@
 //! Messages of a scanner over TCP, and parsing of their answers.
 
 use crate::Writer;
-use crate::cip::{ElectronicKey, Reply, Request, Revision, class, service};
+use crate::cip::{ElectronicKey, Path, Reply, Request, Revision, class, service};
 use crate::connection::{CloseRequest, OpenRequest};
 use crate::cpf::{Item, Packet, kind, write_item};
 use crate::description::Identity;
@@ -20,6 +20,8 @@ pub(super) enum ScannerMessage {
     Identify,
     /// Forward_Open.
     Open,
+    /// Get_Connection_Owner of the outputs that another scanner owns.
+    AskOwner,
     /// Forward_Close of the connection that was opened last.
     Close,
     /// UnRegisterSession.
@@ -116,6 +118,18 @@ pub(super) fn emit_close(
 ) -> Result<usize, Overflow> {
     emit_request(buf, numbers, service::FORWARD_CLOSE, class::CONNECTION_MANAGER, |writer| {
         request.emit(writer)
+    })
+}
+
+/// Writes the question for the owner of the outputs of a connection path.
+pub(super) fn emit_ask_owner(
+    buf: &mut [u8],
+    numbers: (u32, u32),
+    path: &Path<'_>,
+) -> Result<usize, Overflow> {
+    emit_request(buf, numbers, service::GET_CONNECTION_OWNER, class::CONNECTION_MANAGER, |writer| {
+        writer.bytes(&[0, u8::try_from(path.0.len() / 2).unwrap_or(u8::MAX)]);
+        writer.bytes(path.0);
     })
 }
 

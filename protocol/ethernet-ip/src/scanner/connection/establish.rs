@@ -3,8 +3,8 @@
 use super::super::config::ConnectionConfig;
 use super::dialogue::{self, ScannerMessage, Sockets};
 use super::io::Io;
-use super::{Connection, KEEP_ALIVE, Numbers, Refusal, RequestedConnection, Step};
-use crate::cip::{General, KeyMismatch, Path, Reply, service};
+use super::{Connection, DATA_WITHIN, KEEP_ALIVE, Numbers, Owner, Refusal, RequestedConnection, Step};
+use crate::cip::{Extended, General, KeyMismatch, Path, Reply, service};
 use crate::connection::{CloseRequest, OpenReply, OpenRequest, Transport};
 use crate::encapsulation::{Command, Header, Status};
 use core::net::SocketAddrV4;
@@ -34,10 +34,22 @@ impl Connection {
 
     fn refused(&mut self, now: Instant, reply: &Reply<'_>) {
         let refusal = Refusal::of_reply(reply, self.requested(), self.found);
-        self.refusal = Some(refusal);
+        (self.refusal, self.conflict) = (Some(refusal), None);
+        let is_owned = refusal.extended == Some(Extended::OwnershipConflict);
+        // A bridge on the way would answer for itself.
+        if is_owned && self.step == Step::Opening && self.config.route.is_empty() {
+            return self.enter(now, Step::AskingOwner, ScannerMessage::AskOwner);
+        }
+        self.report_refusal(now);
+    }
+
+    /// Reports the refusal of the last connection, with what was found out about it.
+    pub(super) fn report_refusal(&mut self, now: Instant) {
         // There is nothing to close.
         self.step = Step::Idle;
-        self.fail(now, refusal.down());
+        if let Some(refusal) = self.refusal {
+            self.fail(now, refusal.down());
+        }
     }
 
     pub(super) fn handle_message(
@@ -64,6 +76,9 @@ impl Connection {
                 }
             }
             (_, Command::SendRRData) if dialogue::number_of(header) == self.request => {
+                if header.status != Status::Success && self.step == Step::AskingOwner {
+                    return self.report_refusal(now);
+                }
                 if header.status != Status::Success {
                     let (code, text) = (header.status.into(), header.status.text());
                     return self.fail(now, Down { cause: DownCause::Refused, code, text });
@@ -110,6 +125,12 @@ impl Connection {
                     _ => self.counters.malformed += 1,
                 }
             }
+            // An adapter without this service refuses it; then nobody is named.
+            (Step::AskingOwner, service::GET_CONNECTION_OWNER) => {
+                let owner = Owner::parse(reply.data).filter(|_| reply.general == General::Success);
+                self.refusal = self.refusal.map(|refusal| Refusal { owner, ..refusal });
+                self.report_refusal(now);
+            }
             // If it was not open, there is nothing to close.
             (Step::Releasing, service::FORWARD_CLOSE) => {
                 self.unreleased = false;
@@ -132,9 +153,10 @@ impl Connection {
             let text = "the adapter opened a multicast connection but named no multicast group";
             return self.fail(now, Down { cause: DownCause::Refused, code: 0, text });
         };
-        self.refusal = None;
+        (self.refusal, self.conflict) = (None, None);
+        self.granted_us = (opened.o_t_api_us, opened.t_o_api_us);
         self.step = Step::Running;
-        self.deadline = None;
+        self.deadline = Some(now + DATA_WITHIN);
         self.keep_alive_at = Some(now + KEEP_ALIVE);
         self.io = Some(io);
     }
@@ -219,6 +241,7 @@ impl Connection {
                 };
                 dialogue::emit_open(buf, numbers, &request, config.is_large())
             }
+            ScannerMessage::AskOwner => dialogue::emit_ask_owner(buf, numbers, &path),
             ScannerMessage::Close => {
                 dialogue::emit_close(buf, numbers, &CloseRequest { triad: self.numbers.triad, path })
             }

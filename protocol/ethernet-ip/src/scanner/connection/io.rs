@@ -29,6 +29,8 @@ pub(super) struct Io {
     pub(super) group: Option<Ipv4Addr>,
     /// Whether good data of the adapter has arrived.
     pub(super) good: bool,
+    /// Whether any frame of it has arrived.
+    pub(super) is_heard: bool,
 }
 
 impl Io {
@@ -62,6 +64,7 @@ impl Io {
             consumed_format: config.consumed_format,
             group: group.filter(|_| config.multicast),
             good: false,
+            is_heard: false,
         })
     }
 
@@ -107,7 +110,7 @@ impl Io {
         self.watchdog.feed(now);
         counters.received += 1;
         counters.lost += u64::from(ahead.saturating_sub(1));
-        self.good = run;
+        (self.good, self.is_heard) = (run, true);
         if let Some(input) = input.get_mut(..data.len()) {
             input.copy_from_slice(data);
         }

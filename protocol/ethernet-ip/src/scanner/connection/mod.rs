@@ -7,7 +7,7 @@ mod io;
 mod owner;
 mod refusal;
 
-pub use refusal::{Refusal, RequestedConnection};
+pub use refusal::{Owner, Refusal, RequestedConnection};
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -15,13 +15,17 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
+use machine::arp::{AddressConflict, ArpPacket};
+use machine::ethernet::Mac;
 use machine::{
-    Attempt, Counters, Down, DownCause, Duration, Instant, LinkEvent, Port, StreamId, StreamRequest, Transmit,
+    Attempt, Counters, Down, DownCause, Duration, Instant, LinkEvent, Port, StationConflict, StreamId,
+    StreamRequest, Transmit,
 };
 
 use self::dialogue::ScannerMessage;
 use self::io::Io;
 use super::config::ConnectionConfig;
+use super::conflict::{Asker, Conflict, Target};
 use crate::class1::Frame;
 use crate::connection::Triad;
 use crate::description::Identity;
@@ -30,6 +34,24 @@ use crate::{ENCAPSULATION_PORT, IO_PORT};
 
 /// Time between NOPs on a session without requests. Adapters end silent sessions after 120 s.
 const KEEP_ALIVE: Duration = Duration::from_secs(30);
+
+/// Time from the adapter's answer to a Forward_Open until its missing data are reported. The connection itself waits for the
+/// first frame for 10 s or longer (volume 1, 3-4.6.2), and for ever for an adapter that is idle. Assumed.
+const DATA_WITHIN: Duration = Duration::from_secs(2);
+
+/// The adapter's frames say that it is idle.
+const IDLE: Down = Down {
+    cause: DownCause::ClosedByPeer,
+    code: 0,
+    text: "the adapter says that it is idle: set its program to run",
+};
+
+/// The adapter's frames do not come.
+const NO_FRAME: Down = Down {
+    cause: DownCause::NoAnswer,
+    code: 0,
+    text: "the adapter accepted the connection and has sent no frame yet: look at UDP port 2222 and firewalls on the way",
+};
 
 /// The last numbers given to a connection: no two connections of a scanner have the same at a time.
 #[derive(Clone, Copy, Debug)]
@@ -52,11 +74,15 @@ impl Numbers {
 enum Step {
     /// Waits for the next attempt, or for ever after a disconnect.
     Idle,
+    /// Asks who has the adapter's address.
+    Asking,
     Connecting,
     Registering,
     Releasing,
     Identifying,
     Opening,
+    /// The outputs have an owner: asks for it, to name it.
+    AskingOwner,
     Running,
     Closing,
 }
@@ -92,6 +118,11 @@ pub struct Connection {
     input: Box<[u8]>,
     found: Option<Identity>,
     refusal: Option<Refusal>,
+    /// The intervals O→T and T→O in µs that the adapter granted.
+    granted_us: (u32, u32),
+    /// Who has the adapter's address, where that is asked.
+    target: Option<Target>,
+    conflict: Option<Conflict>,
     up: bool,
     /// The last failure reported, which is not reported twice.
     reported: Option<Down>,
@@ -100,7 +131,13 @@ pub struct Connection {
 }
 
 impl Connection {
-    pub(super) fn new(config: ConnectionConfig, attempt: Attempt, numbers: Numbers, start: Instant) -> Self {
+    pub(super) fn new(
+        config: ConnectionConfig,
+        attempt: Attempt,
+        numbers: Numbers,
+        start: Instant,
+        own: Option<Asker>,
+    ) -> Self {
         let zeros = |len: u16| vec![0; usize::from(len)].into_boxed_slice();
         Self {
             path: config.path(),
@@ -124,6 +161,9 @@ impl Connection {
             input: zeros(config.t_o_size),
             found: None,
             refusal: None,
+            granted_us: (0, 0),
+            target: own.and_then(|own| Target::new(own, config.target)),
+            conflict: None,
             up: false,
             reported: None,
             events: VecDeque::with_capacity(8),
@@ -142,6 +182,69 @@ impl Connection {
     fn queue(&mut self, message: ScannerMessage) {
         if let Some(stream) = self.stream {
             self.to_send.push_back((stream, message));
+        }
+    }
+
+    pub(super) fn stop_conflict_detection(&mut self) {
+        self.target = None;
+    }
+
+    /// Begins an attempt.
+    fn begin(&mut self, now: Instant) {
+        let Some(target) = &mut self.target else { return self.connect(now) };
+        target.ask(now);
+        self.step = Step::Asking;
+        self.deadline = None;
+    }
+
+    /// Goes on once the answers are there.
+    fn follow_question(&mut self, now: Instant) {
+        let Some(target) = &mut self.target else { return };
+        target.holders.handle_timeout(now);
+        if self.step == Step::Asking && target.holders.is_done() {
+            match target.conflict() {
+                Some(conflict) => self.refuse(now, conflict),
+                None => self.connect(now),
+            }
+        }
+    }
+
+    /// Ends the attempt: two stations have an address that only one may have.
+    pub(super) fn refuse(&mut self, now: Instant, conflict: Conflict) {
+        if self.leaving {
+            return;
+        }
+        if self.conflict.replace(conflict) != Some(conflict) {
+            // Other stations than those reported before.
+            self.reported = None;
+        }
+        self.refusal = None;
+        self.fail(now, conflict.down());
+    }
+
+    pub(super) fn report(&mut self, conflict: AddressConflict) {
+        self.events.push_back(LinkEvent::Conflict(StationConflict::Address(conflict)));
+    }
+
+    pub(super) fn handle_arp(&mut self, now: Instant, packet: &ArpPacket) {
+        let Some(target) = &mut self.target else { return };
+        let Some(other) = target.handle(now, packet) else { return };
+        let conflict = target.conflict();
+        match (self.step, conflict) {
+            (Step::Running, _) => self.report(other),
+            (Step::Idle | Step::Asking | Step::Closing, _) | (_, None) => {}
+            (_, Some(conflict)) => self.refuse(now, conflict),
+        }
+    }
+
+    pub(super) fn neighbour(&self, address: Ipv4Addr) -> Option<Mac> {
+        self.target.as_ref().filter(|_| !matches!(self.step, Step::Idle | Step::Asking))?.station(address)
+    }
+
+    /// Handles that the host would send to another station than the one that was found.
+    pub(super) fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
+        if let Some(station) = self.neighbour(address) {
+            self.refuse(now, Conflict::Adapter { address, macs: [station, found] });
         }
     }
 
@@ -185,6 +288,9 @@ impl Connection {
     }
 
     fn no_answer(&mut self, now: Instant) {
+        if self.step == Step::AskingOwner {
+            return self.report_refusal(now);
+        }
         let text = match self.step {
             Step::Connecting => {
                 "TCP port 44818 of the adapter does not answer; is it on and on this network?"
@@ -201,13 +307,21 @@ impl Connection {
         let good = self.io.as_ref().is_some_and(|io| io.good);
         if good && !self.up {
             self.up = true;
+            self.deadline = None;
             self.reported = None;
             self.events.push_back(LinkEvent::Up);
         } else if !good && self.up {
             self.up = false;
-            let down =
-                Down { cause: DownCause::ClosedByPeer, code: 0, text: "the adapter says that it is idle" };
-            self.reported = Some(down);
+            self.reported = Some(IDLE);
+            self.events.push_back(LinkEvent::Down(IDLE));
+        }
+    }
+
+    /// Reports that an open connection has brought no data yet; it stays open.
+    fn report_no_data(&mut self) {
+        self.deadline = None;
+        let down = if self.io.as_ref().is_some_and(|io| io.is_heard) { IDLE } else { NO_FRAME };
+        if self.reported.replace(down) != Some(down) {
             self.events.push_back(LinkEvent::Down(down));
         }
     }
@@ -281,6 +395,7 @@ impl Connection {
         match self.step {
             // Cyclic data does not need the session: the watchdog tells whether the adapter is gone.
             Step::Running => self.keep_alive_at = None,
+            Step::AskingOwner => self.report_refusal(now),
             _ => {
                 let text = "the adapter ended the TCP connection";
                 self.fail(now, Down { cause: DownCause::ClosedByPeer, code: 0, text });
@@ -302,6 +417,7 @@ impl Connection {
     }
 
     pub(super) fn handle_timeout(&mut self, now: Instant) {
+        self.follow_question(now);
         if self.io.as_ref().is_some_and(|io| io.expired(now)) {
             let text = "the adapter sent nothing for as long as the timeout allows";
             self.fail(now, Down { cause: DownCause::Watchdog, code: 0, text });
@@ -312,7 +428,8 @@ impl Connection {
         }
         if self.deadline.is_some_and(|deadline| now >= deadline) {
             match self.step {
-                Step::Idle => self.connect(now),
+                Step::Idle => self.begin(now),
+                Step::Running => self.report_no_data(),
                 _ => self.no_answer(now),
             }
         }
@@ -326,7 +443,10 @@ impl Connection {
     }
 
     /// Writes the next message over TCP.
-    pub(super) fn poll_message(&mut self, buf: &mut [u8]) -> Option<Transmit> {
+    pub(super) fn poll_message(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if let Some(len) = self.target.as_mut().and_then(|target| target.holders.poll_transmit(now, buf)) {
+            return Some(Transmit { port: Port::Ethernet, to: None, len });
+        }
         while let Some((stream, message)) = self.to_send.pop_front() {
             if let Some(len) = self.emit(message, buf) {
                 return Some(Transmit { port: Port::Stream(stream), to: None, len });
@@ -341,6 +461,8 @@ impl Connection {
 
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
         let io = self.io.as_ref().map(Io::next_timeout);
-        Instant::earlier(Instant::earlier(self.deadline, self.keep_alive_at), io)
+        let question = self.target.as_ref().and_then(|target| target.holders.poll_timeout());
+        let deadlines = Instant::earlier(self.deadline, self.keep_alive_at);
+        Instant::earlier(Instant::earlier(deadlines, question), io)
     }
 }

@@ -25,7 +25,25 @@ impl Connection {
     /// Writes why the adapter refused the last connection and what it has instead, where that is more than [`Down`]
     /// holds; otherwise nothing.
     pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.refusal.as_ref().map_or(Ok(()), |refusal| write!(words, "{refusal}"))
+        match (&self.conflict, &self.refusal) {
+            (Some(conflict), _) => write!(words, "{conflict}"),
+            (None, Some(refusal)) => write!(words, "{refusal}"),
+            (None, None) => Ok(()),
+        }
+    }
+
+    /// Writes by how much the intervals that the adapter granted exceed those that were asked for; nothing where they do not, or
+    /// while the connection is not up.
+    pub fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        let (asked, granted) = ((self.config.o_t_rpi_us, self.config.t_o_rpi_us), self.granted_us);
+        if !self.up || granted.0 <= asked.0 && granted.1 <= asked.1 {
+            return Ok(());
+        }
+        write!(
+            words,
+            "the adapter {} is slower than asked: it grants a packet every {} µs O→T and {} µs T→O, asked were {} and {} µs",
+            self.config.target, granted.0, granted.1, asked.0, asked.1
+        )
     }
 
     /// Returns the identity that the adapter reported, once it was asked.

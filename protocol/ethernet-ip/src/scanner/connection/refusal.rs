@@ -6,6 +6,7 @@ use core::net::Ipv4Addr;
 use super::advice::advice;
 use crate::Reader;
 use crate::cip::{AcceptableIntervals, ElectronicKey, Extended, General, Reply, Revision};
+use crate::connection::Triad;
 use crate::description::{Assembly, Description, Identity, Role};
 use machine::{Down, DownCause};
 
@@ -24,6 +25,30 @@ pub struct Refusal {
     pub requested: RequestedConnection,
     /// The identity that the device reported.
     pub found: Option<Identity>,
+    /// The scanner that owns the outputs, if the device says it.
+    pub owner: Option<Owner>,
+}
+
+/// The scanner that owns the outputs of an adapter.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Owner {
+    /// Its connection, with its vendor and its serial number.
+    pub triad: Triad,
+    /// Whether its last frame was run; false for one that is idle, or has sent none.
+    pub is_run: bool,
+}
+
+impl Owner {
+    /// Reads the adapter's answer; `None` if it names nobody.
+    pub(super) fn parse(data: &[u8]) -> Option<Self> {
+        let mut reader = Reader::new(data);
+        let connections = reader.u8().ok()?;
+        reader.skip(2).ok()?;
+        let action = reader.u8().ok()?;
+        let (connection_serial, vendor) = (reader.u16().ok()?, reader.u16().ok()?);
+        let triad = Triad { connection_serial, vendor, originator_serial: reader.u32().ok()? };
+        (connections > 0).then_some(Self { triad, is_run: action == 2 })
+    }
 }
 
 /// Parameters that a Forward_Open requested.
@@ -67,7 +92,7 @@ impl Refusal {
             }
             _ => {}
         }
-        Self { general: reply.general, extended, size, intervals, requested, found }
+        Self { general: reply.general, extended, size, intervals, requested, found, owner: None }
     }
 
     /// Returns what a user can do about it.
@@ -109,6 +134,11 @@ impl fmt::Display for Refusal {
         }
         if let Some(AcceptableIntervals { o_t, t_o }) = self.intervals {
             write!(f, "; the device would take {o_t} O→T and {t_o} T→O")?;
+        }
+        if let Some(Owner { triad, is_run }) = self.owner {
+            let (vendor, serial) = (triad.vendor, triad.originator_serial);
+            let does = if is_run { "in run" } else { "idle or silent" };
+            write!(f, "; the owner is vendor {vendor}, serial number 0x{serial:08X}, {does}")?;
         }
         if let (true, Some(found)) = (self.is_about_key(), self.found) {
             write!(f, "; the device is {found}")?;

@@ -42,7 +42,7 @@ impl Ar {
             let to = Some(SocketAddrV4::new(self.config.address, RPC_PORT));
             return Some(Transmit { port: Port::Udp(RPC_PORT), to, len });
         }
-        let len = self.discovery.poll_transmit(buf)?;
+        let len = self.discovery.poll_transmit(now, buf)?;
         Some(Transmit { port: Port::Ethernet, to: None, len })
     }
 
@@ -63,7 +63,8 @@ impl Ar {
     pub(super) fn handle_acyclic_timeout(&mut self, now: Instant) {
         self.acyclic = Acyclic::Active;
         self.handle_link_timeout(now);
-        self.discovery.handle_timeout(now);
+        let progress = self.discovery.handle_timeout(now);
+        self.progress(now, progress);
         if self.caller.handle_timeout(now) {
             self.give_up_call(now);
         }

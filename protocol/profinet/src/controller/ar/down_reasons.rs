@@ -8,6 +8,19 @@ pub(super) const NO_RPC: &str = "the device is there but does not answer calls o
      addresses, the subnet mask and firewalls";
 pub(super) const ADDRESS_TAKEN: &str = "the device does not answer calls, and reports by DCP that another station has the IP \
      address that it is to have: find that station, or choose another address";
+pub(super) const NO_ARP: &str = "the device is there but does not answer ARP for its IP address: check its address, the \
+     subnet mask, and switches that filter";
+pub(super) const WRONG_IDENTITY: &str = "the station of this name is another device than described (the status is its \
+     VendorID and DeviceID): check the name and the description";
+pub(super) const NAME_TWICE: &str =
+    "two stations answer to the device's name: give one of them another name, by DCP or its own tool";
+pub(super) const ADDRESS_REFUSED: &str = "the device refused the IP address that was set by DCP (the status is its \
+     BlockError): look whether another controller or DHCP holds its address";
+pub(super) const ADDRESS_TWICE: &str = "another station has this IP address, which the device has or is to have: give one of them another address";
+pub(super) const OWN_ADDRESS_TWICE: &str =
+    "another station has this IP address, which is the controller's: give one of them another address";
+pub(super) const WRONG_NEIGHBOUR: &str = "another station has this IP address in the host's table of neighbours, which may \
+     not be corrected: allow CAP_NET_ADMIN, or remove the entry";
 pub(super) const NOT_READY: &str = "the device took its parameters but did not report that it is ready: look at the \
      device, and at firewalls for UDP port 34964";
 pub(super) const NO_CYCLIC: &str = "the device is connected but sends no cyclic frames: check the transport (udp or \

@@ -24,10 +24,10 @@ pub(super) struct Link {
 
 impl Link {
     /// Creates the AR that the device granted, if its answer fits the request. The MAC addresses are those of the
-    /// controller and of the station that was found.
+    /// controller and of the station that was found, which is also the one that answered.
     pub(super) fn new(
         now: Instant,
-        (own, found): (Mac, Option<Mac>),
+        (own, device): (Mac, Mac),
         config: &ArConfig,
         plan: &ConnectPlan,
         output: &Provided,
@@ -46,11 +46,6 @@ impl Link {
                 None => Err(unfit),
             }
         };
-        let device = granted.ar.responder_mac;
-        // The cyclic frames go to the station that was found, even if the answer names another one.
-        if device.is_group() || config.transport == Transport::Rt1 && found != Some(device) {
-            return Err(unfit);
-        }
         let route = match config.transport {
             Transport::Rt1 => Route::Ethernet { source: own, destination: device },
             Transport::Udp => {

@@ -13,12 +13,14 @@
 mod acyclic;
 mod alarms;
 mod call;
+mod conflict;
 mod connect_plan;
 mod discovery;
 mod down_reasons;
 mod layout;
 mod link;
 mod object;
+mod obstacle;
 mod plug;
 mod startup;
 
@@ -47,6 +49,7 @@ use connect_plan::{Changes, ConnectPlan};
 use discovery::{Discovery, WantedStation};
 use link::Link;
 use object::Instance;
+use obstacle::Obstacle;
 use plug::Plugs;
 
 /// Time without a connection after which we report it.
@@ -116,6 +119,8 @@ pub struct Ar {
     silent_at: Option<Instant>,
     /// The last failure.
     words: &'static str,
+    /// The station that ended the last attempt.
+    obstacle: Option<Obstacle>,
     /// Last failure reported since the connection was up.
     reported: Option<Down>,
     diff: Vec<DiffModule>,
@@ -140,6 +145,7 @@ impl Ar {
         let identity = config.description.identity;
         let discovery = Discovery::new(WantedStation {
             own_mac: own.mac,
+            own_address: own.address,
             name: config.station_name.as_bytes().into(),
             identity: (identity.vendor, identity.device),
             mac: config.mac,
@@ -165,6 +171,7 @@ impl Ar {
             up: false,
             silent_at: Some(start + SILENT_FOR),
             words: down_reasons::NO_STATION,
+            obstacle: None,
             reported: None,
             diff: Vec::new(),
             events: VecDeque::with_capacity(8),
@@ -301,13 +308,14 @@ impl Ar {
         self.phase = Phase::Pausing { until: now + self.pause };
         self.pause = self.pause.saturating_mul(2).min(PAUSE_AT_MOST);
         let was_up = core::mem::take(&mut self.up);
-        let same = |reported: Down| (reported.cause, reported.code) == (down.cause, down.code);
+        let same = |reported: Down| reported == down;
         let nothing_new = match self.reported {
             Some(reported) => down.cause == DownCause::NoAnswer || same(reported),
             // A silent device is reported only after a while.
             None => down.cause == DownCause::NoAnswer,
         };
         self.words = down.text;
+        self.obstacle = None;
         if was_up || !nothing_new {
             self.report(down);
         }
@@ -347,19 +355,20 @@ impl Ar {
     }
 
     /// Returns a hint for the user if the device stays silent in this phase.
-    const fn reason_for_silence(&self) -> &'static str {
+    fn reason_for_silence(&self) -> &'static str {
         match self.phase {
             Phase::Connecting | Phase::Writing { .. } | Phase::EndingParameters { .. } => self.no_answer(),
             Phase::AwaitingReady { .. } => down_reasons::NOT_READY,
             Phase::Exchanging => down_reasons::NO_CYCLIC,
             Phase::Pausing { .. } => self.words,
+            _ if self.discovery.is_resolving() => down_reasons::NO_ARP,
             _ if self.discovery.has_found() => down_reasons::NO_SET,
             _ => down_reasons::NO_STATION,
         }
     }
 
     /// Returns a hint for the user if the device does not answer calls.
-    const fn no_answer(&self) -> &'static str {
+    fn no_answer(&self) -> &'static str {
         if self.discovery.has_conflict() { down_reasons::ADDRESS_TAKEN } else { down_reasons::NO_RPC }
     }
 

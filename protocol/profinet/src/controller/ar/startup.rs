@@ -5,7 +5,6 @@ use rand_core::Rng;
 use super::acyclic::Acyclic;
 use super::call::AnswerOutcome;
 use super::connect_plan::Changes;
-use super::discovery::Progress;
 use super::link::{Link, unusable};
 use super::{
     Ar, PAUSE, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, SILENT_READY_WITHIN, down_reasons, random_uuid,
@@ -39,24 +38,30 @@ impl Ar {
     /// Handles a DCP answer or a Hello. Returns whether it belongs to this AR.
     pub(in super::super) fn handle_dcp(&mut self, now: Instant, from: Mac, pdu: &Pdu<'_>) -> bool {
         self.acyclic = Acyclic::Active;
-        if self.discovery.is_hello(from, pdu) {
-            // However many Hellos come, a pause is not shorter than the first one.
-            if let Phase::Pausing { until } = &mut self.phase {
-                *until = (*until).min(now + PAUSE);
-            }
-            return true;
+        if self.discovery.is_hello(pdu) {
+            return self.handle_hello(now, from);
         }
-        match self.discovery.handle(now, from, pdu) {
-            Progress::Found(_) if self.phase == Phase::Searching => self.connect(now),
-            Progress::Refused(refusal) if self.phase == Phase::Searching => self.refuse(now, refusal),
-            Progress::Pending | Progress::Found(_) => {}
-            // After the search, another station of the same name is no reason to stop.
-            Progress::Refused(_) | Progress::Foreign => return false,
+        let progress = self.discovery.handle(now, from, pdu);
+        self.progress(now, progress)
+    }
+
+    /// Handles the Hello of a station of the device's name: it has come up, and can be searched for.
+    fn handle_hello(&mut self, now: Instant, from: Mac) -> bool {
+        let is_other = self.phase == Phase::Exchanging && self.discovery.device() != Some(from);
+        if self.discovery.is_excluded(from) || is_other {
+            if self.discovery.ignore(from) {
+                self.report_ignored(from);
+            }
+            return false;
+        }
+        // However many Hellos come, a pause is not shorter than the first one.
+        if let Phase::Pausing { until } = &mut self.phase {
+            *until = (*until).min(now + PAUSE);
         }
         true
     }
 
-    fn connect(&mut self, now: Instant) {
+    pub(super) fn connect(&mut self, now: Instant) {
         let activity = random_uuid(&mut self.random);
         self.caller.begin(activity, rpc::object(self.instance.number(), self.config.description.identity));
         // ARUUID and alarm endpoint stay the same for all connections of an AR; only the session key differs
@@ -142,7 +147,15 @@ impl Ar {
     }
 
     fn connected(&mut self, now: Instant, granted: ConnectResponse) {
-        let macs = (self.own, self.discovery.device());
+        // Calls go to an IP address: who answered says who has it.
+        let responder = granted.ar.responder_mac;
+        if responder.is_group() {
+            return self.refuse(now, Refusal { code: 0, text: down_reasons::UNFIT_ANSWER });
+        }
+        if self.discovery.device() != Some(responder) {
+            return self.refuse_responder(now, responder);
+        }
+        let macs = (self.own, responder);
         let link = match Link::new(now, macs, &self.config, &self.plan, &self.output, &granted) {
             Ok(link) => link,
             Err(refusal) => return self.refuse(now, refusal),
@@ -267,7 +280,7 @@ impl Ar {
     }
 
     /// Ends the attempt: the device answers, but cannot be used.
-    fn refuse(&mut self, now: Instant, Refusal { code, text }: Refusal) {
+    pub(super) fn refuse(&mut self, now: Instant, Refusal { code, text }: Refusal) {
         let down = Down { cause: DownCause::Refused, code, text };
         self.fail(now, down, Some(Violation::ArRemoved.status(Service::Abort)));
     }

@@ -17,7 +17,7 @@ fn the_watchdog_ends_the_ar_tells_the_device_and_the_controller_reconnects() {
     assert_eq!(cell.input(), None);
     assert_eq!(cell.peer.partings, [Status(0xCF81_FD05)]);
     cell.peer.script.no_cyclic = false;
-    assert_eq!(cell.run(200), [LinkEvent::Up]);
+    assert_eq!(cell.run(400), [LinkEvent::Up]);
     let second = cell.peer.connect.as_ref().unwrap();
     assert_eq!((first.ar.session, second.ar.session), (1, 2), "another connection ...");
     assert_eq!(first.ar.uuid, second.ar.uuid, "... of the same AR ...");
@@ -49,7 +49,7 @@ fn an_error_pdu_of_the_device_ends_the_ar_and_is_told_in_words() {
         let frame = cell.peer.rt(|w| pdu(w, rta));
         cell.deliver(frame);
         cell.goes_down(0, &[(DownCause::ClosedByPeer, status.0, status.text())]);
-        assert_eq!(cell.run(200), [LinkEvent::Up]);
+        assert_eq!(cell.run(400), [LinkEvent::Up]);
     }
 }
 

@@ -21,7 +21,7 @@ use profinet::rpc::{Header, Kind};
 use profinet::rt::Transport;
 use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Parameter};
 
-use crate::{is_lldp, samples, tshark};
+use crate::{is_arp, is_lldp, samples, tshark};
 use peer::{Peer, Script};
 
 const CONTROLLER: Mac = Mac([2, 0, 0, 0, 0, 1]);
@@ -78,7 +78,7 @@ impl Cell {
     fn with(config: ArConfig, script: Script) -> Self {
         let mut controller = controller();
         let ar = controller.connect(config, Instant::ZERO).unwrap();
-        Self {
+        let mut cell = Self {
             controller,
             ar,
             peer: Peer::new(script),
@@ -86,7 +86,10 @@ impl Cell {
             events: Vec::new(),
             frames: 0,
             tap: Vec::new(),
-        }
+        };
+        // Up to the end of the Identify window, so that the steps after it are at the same times as their tests count.
+        cell.run_until(Instant::from_millis(200) - Duration::from_nanos(1));
+        cell
     }
 
     fn ar(&mut self) -> &mut Ar {
@@ -151,10 +154,15 @@ impl Cell {
         for round in 0.. {
             assert!(round < 100, "the controller sends without end");
             let Some(transmit) = self.poll(&mut buf) else { break };
-            self.frames += 1;
-            self.tap_to_peer(&transmit, &buf[..transmit.len]);
+            let is_step = !is_arp(transmit.port, &buf[..transmit.len]);
+            if is_step {
+                self.frames += 1;
+                self.tap_to_peer(&transmit, &buf[..transmit.len]);
+            }
             for answer in self.peer.receive(self.now, &transmit, &buf[..transmit.len]) {
-                self.tap_from_peer(&answer.0, &answer.1);
+                if is_step {
+                    self.tap_from_peer(&answer.0, &answer.1);
+                }
                 self.controller.handle_frame(self.now, answer.0, &answer.1);
             }
         }

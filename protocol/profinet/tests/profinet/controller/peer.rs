@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use machine::arp::{self, ArpPacket};
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::wire::{BigEndian, FRAME_CAPACITY, Reader, Writer};
 use machine::{Duration, Instant, Port, Source, Transmit};
@@ -102,6 +103,14 @@ pub(super) fn datagram(header: &Header, body: impl FnOnce(&mut [u8]) -> usize) -
     (udp(RPC_PORT, 49_152), buf[..len].to_vec())
 }
 
+/// Answers for the device's address, as its host would.
+fn answer_arp(question: &ArpPacket) -> Frames {
+    let mut buf = [0; 64];
+    let len = question.answer(DEVICE).emit_frame(&mut buf).unwrap();
+    let is_asked = question.operation == arp::Operation::Request && question.target_address == DEVICE_ADDRESS;
+    if is_asked { vec![(ETHERNET, buf[..len].to_vec())] } else { Vec::new() }
+}
+
 impl Peer {
     pub(super) fn new(script: Script) -> Self {
         Self {
@@ -126,6 +135,9 @@ impl Peer {
         }
         match transmit.port {
             Port::Ethernet => {
+                if let Some(packet) = ArpPacket::from_frame(frame) {
+                    return answer_arp(&packet.unwrap());
+                }
                 let (_, payload) = EthernetHeader::parse(frame).unwrap();
                 match Pdu::parse(payload) {
                     Ok(pdu) => self.receive_dcp(&pdu),

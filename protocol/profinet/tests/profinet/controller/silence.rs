@@ -1,5 +1,6 @@
 //! What is reported of a device that does not answer, or whose answers come late or from elsewhere.
 
+use machine::StationConflict;
 use machine::ethernet::EthernetHeader;
 use profinet::dcp::{self, Content, IpSuite, Pdu};
 use profinet::status::{Service, Violation};
@@ -55,7 +56,7 @@ fn another_reason_to_refuse_is_reported_again_and_silence_after_it_is_not() {
 #[test]
 fn a_controller_that_is_called_late_does_what_was_due() {
     let mut cell = Cell::new(Transport::Udp, Script { silent: true, ..Script::default() });
-    assert_eq!((cell.run(10), cell.frames), (Vec::new(), 1));
+    assert_eq!((cell.run(0), cell.frames), (Vec::new(), 1));
     // It is due at 200, 450 and 700 ms.
     for (at, frames) in [(250, 2), (449, 2), (500, 3)] {
         cell.now = Instant::from_millis(at);
@@ -106,7 +107,8 @@ fn a_second_station_of_the_name_does_not_end_a_connection() {
     assert_eq!(cell.run(50), [LinkEvent::Up]);
     let second = found(&cell, Mac([2, 0, 0, 0, 0, 9]), DEVICE_ADDRESS);
     cell.deliver(second);
-    assert_eq!((cell.run(100), cell.controller.counters().foreign), (Vec::new(), 1));
+    let conflict = StationConflict::Name { device: DEVICE, ignored: Mac([2, 0, 0, 0, 0, 9]) };
+    assert_eq!((cell.run(100), cell.controller.counters().foreign), (vec![LinkEvent::Conflict(conflict)], 1));
     let again = found(&cell, DEVICE, DEVICE_ADDRESS);
     cell.deliver(again);
     assert_eq!((cell.run(100), cell.controller.counters().foreign), (Vec::new(), 1));

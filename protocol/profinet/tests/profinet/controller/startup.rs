@@ -65,8 +65,8 @@ fn inputs_that_the_device_calls_bad_are_not_handed_out() {
 #[test]
 fn a_silent_device_is_reported_once_after_3_s_and_found_when_it_comes() {
     let mut cell = Cell::new(Transport::Udp, Script { silent: true, ..Script::default() });
-    assert_eq!(cell.run(2_999), []);
-    cell.goes_down(1, &[(DownCause::NoAnswer, 0, "no station answers")]);
+    assert_eq!(cell.run(2_799), []);
+    cell.goes_down(2, &[(DownCause::NoAnswer, 0, "no station answers")]);
     assert_eq!(cell.run(20_000), []);
     cell.peer.script.silent = false;
     assert_eq!(cell.run(500), [LinkEvent::Up]);
@@ -90,8 +90,8 @@ fn a_device_whose_object_has_another_instance_is_found_without_a_report() {
     let script = Script { instances: vec![7, 0], ..Script::default() };
     let mut cell = Cell::new(Transport::Rt1, script);
     assert_eq!(cell.run(10), [LinkEvent::Up]);
-    let mut cell = Cell::new(Transport::Rt1, Script { instances: vec![7], ..Script::default() });
-    cell.peer.script.reports_no_instance = true;
+    let script = Script { instances: vec![7], reports_no_instance: true, ..Script::default() };
+    let mut cell = Cell::new(Transport::Rt1, script);
     cell.goes_down(10_000, &[(DownCause::Refused, 0x1C01_0003, "the device rejected the call")]);
 }
 
@@ -342,7 +342,7 @@ fn a_device_whose_data_stop_while_it_prepares_itself_is_missed_after_the_watchdo
     cell.goes_down(30, &[(DownCause::Watchdog, 0xCF81_FD05, "no cyclic frame came within")]);
     assert_eq!(cell.peer.partings, [Violation::ConsumerExpired.status(Service::Abort)]);
     cell.peer.script = Script::default();
-    assert_eq!(cell.run(200), [LinkEvent::Up]);
+    assert_eq!(cell.run(400), [LinkEvent::Up]);
 }
 
 #[test]
@@ -359,9 +359,9 @@ fn a_hello_of_the_device_ends_a_long_pause_and_that_of_another_station_does_not(
         frame[..6].copy_from_slice(&dcp::HELLO_MULTICAST.0);
         (source, frame)
     };
-    // Attempts at 0, 0.1, 0.3, 0.7, 1.5 and 3.1 s; the next one would be at 4.7 s.
+    // Attempts at 0, 0.3, 0.7, 1.3 and 2.3 s, each with a search of 0.2 s; the next one would be at 4.1 s.
     let refusal = Some(Violation::OutOfArResources.status(Service::Connect));
-    for (name, up_after) in [(&b"device"[..], 100), (b"Device", 100), (b"other", 1_500)] {
+    for (name, up_after) in [(&b"device"[..], 300), (b"Device", 300), (b"other", 900)] {
         let mut cell = Cell::new(Transport::Rt1, Script { refuses_connect: refusal, ..Script::default() });
         cell.run(3_200);
         cell.peer.script.refuses_connect = None;

@@ -28,7 +28,8 @@ fn whatever_is_set_is_not_possible_also_if_its_length_is_wrong() {
         let transmit = controller.poll_transmit(Instant::ZERO, &mut buf)?;
         Some((transmit.port, buf[..transmit.len].to_vec()))
     });
-    let answers: Vec<_> = sent.filter(|(port, frame)| !is_lldp(*port, frame)).collect();
+    let answers: Vec<_> =
+        sent.filter(|(port, frame)| !is_lldp(*port, frame) && !is_arp(*port, frame)).collect();
     let [(_, answer)] = &answers[..] else { panic!("one answer: {answers:?}") };
     let (_, payload) = EthernetHeader::parse(answer).unwrap();
     let results: Vec<_> = Pdu::parse(payload).unwrap().blocks().map(|block| block.unwrap().content).collect();

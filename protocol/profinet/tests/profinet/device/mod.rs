@@ -19,6 +19,7 @@ mod strangers;
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
+use machine::arp::ArpPacket;
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{DownCause, Duration, Instant, LinkEvent, Machine, Port, Source, Transmit};
 use profinet::block::{BlockReader, BlockWriter};
@@ -35,8 +36,8 @@ use profinet::rt::{CyclicFrame, DataStatus, UDP_PORT};
 use profinet::status::{Service, Status, Violation};
 use profinet::{Device, DeviceConfig, ETHER_TYPE, LT_UDP, RPC_PORT, Uuid};
 
-use crate::is_lldp;
 use crate::samples::{self, LEN, emitted};
+use crate::{is_arp, is_lldp};
 
 const MAC: Mac = Mac([2, 0, 0, 0, 0, 2]);
 const CONTROLLER_MAC: Mac = Mac([2, 0, 0, 0, 0, 1]);
@@ -177,6 +178,8 @@ struct Rig {
     counter: u16,
     /// What the device announced to its neighbour.
     announced: Vec<(Instant, Vec<u8>)>,
+    /// Whether it probes an address that was set.
+    probes: bool,
 }
 
 impl Rig {
@@ -195,6 +198,7 @@ impl Rig {
             rt_class: RtClass::Class1,
             counter: 0,
             announced: Vec::new(),
+            probes: false,
         }
     }
 
@@ -225,7 +229,9 @@ impl Rig {
         let mut sent = Sent::new();
         while let Some(transmit) = self.device.poll_transmit(self.now, &mut buf) {
             let frame = buf[..transmit.len].to_vec();
-            if is_lldp(transmit.port, &frame) {
+            if is_arp(transmit.port, &frame) {
+                self.probes |= ArpPacket::from_frame(&frame).unwrap().unwrap().is_probe();
+            } else if is_lldp(transmit.port, &frame) {
                 self.announced.push((self.now, frame));
             } else {
                 sent.push((transmit, frame));
@@ -257,7 +263,15 @@ impl Rig {
         sent
     }
 
+    /// Lets the time pass in which the device probes an address. Returns what else is sent.
+    fn probe(&mut self) -> Sent {
+        let sent = if self.probes { self.advance(machine::arp::PROBE_TIME) } else { Sent::new() };
+        self.probes = false;
+        sent
+    }
+
     fn events(&mut self) -> Vec<LinkEvent> {
+        assert_eq!(self.probe().len(), 0, "nothing is answered while an address is probed");
         core::iter::from_fn(|| self.device.poll_event()).collect()
     }
 

@@ -34,6 +34,7 @@ pub(super) fn set(rig: &mut Rig, blocks: &[(u16, Content<'_>)]) -> Sent {
 /// Does what the owner does, and returns the answer and what it stored last.
 pub(super) fn own(rig: &mut Rig, mut stored: Permanent, works: bool) -> (Sent, Permanent) {
     let mut sent = rig.drain();
+    sent.extend(rig.probe());
     while let Some(event) = rig.device.poll_event() {
         match event {
             LinkEvent::SetAddress { .. } => rig.device.address_set(rig.now, true),

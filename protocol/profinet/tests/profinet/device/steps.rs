@@ -92,9 +92,14 @@ fn inputs_that_are_set_all_at_once_are_in_the_next_frame() {
 }
 
 #[test]
-fn the_device_asks_for_the_ports_of_profinet_and_of_lldp() {
-    let ports =
-        [profinet::ETHERNET, PortRequest::Udp(34_964), PortRequest::Udp(34_962), profinet::lldp::ETHERNET];
+fn the_device_asks_for_the_ports_of_profinet_lldp_and_arp() {
+    let ports = [
+        profinet::ETHERNET,
+        PortRequest::Udp(34_964),
+        PortRequest::Udp(34_962),
+        profinet::lldp::ETHERNET,
+        machine::arp::ETHERNET,
+    ];
     assert_eq!(device().ports(), ports);
 }
 

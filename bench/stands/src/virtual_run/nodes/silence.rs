@@ -1,0 +1,72 @@
+//! What limits the waits of a virtual run: the silence of the PLC, and not the length of the run.
+
+use std::time::Duration;
+
+use ::node::role::NodeRole;
+use anyhow::bail;
+use plc_node::PlcEvent;
+
+use super::Nodes;
+use records::not_ready::NotReady;
+
+/// Time without a scan after which a PLC counts as gone, and for which it may wait before a run for a robot that owes
+/// progress.
+pub(super) const SILENCE: Duration = Duration::from_secs(10);
+
+/// Longest run: the PLC gives up a robot without progress, so that a run which lasts this long is a fault of this program.
+pub(super) const LONGEST_RUN: Duration = Duration::from_secs(24 * 3_600);
+
+/// A run did not end.
+#[derive(Debug, thiserror::Error)]
+pub enum NeverEnded {
+    /// It was still under way after [`LONGEST_RUN`].
+    #[error("the run did not end within {} h of virtual time", LONGEST_RUN.as_secs() / 3_600)]
+    TooLong,
+    /// The PLC stands still.
+    #[error("the PLC ran no scan for {} s of virtual time", SILENCE.as_secs())]
+    NoScan,
+}
+
+impl Nodes {
+    /// Waits until the arm is at the application's start, so that a run can begin at once. A PLC that only waits meanwhile is
+    /// an error.
+    pub(super) fn until_at_start(&mut self) -> anyhow::Result<()> {
+        while !self.pair.a().is_ready() {
+            match self.next_event_of_scans()? {
+                PlcEvent::Waiting { for_what, seconds }
+                    if for_what.is_owed() && u64::from(seconds) >= SILENCE.as_secs() =>
+                {
+                    return Err(NotReady::Waiting { seconds, for_what: for_what.to_string() }.into());
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the PLC's next event, however long that takes, as long as the PLC runs its scans.
+    fn next_event_of_scans(&mut self) -> anyhow::Result<PlcEvent> {
+        let longest = self.pair.now() + LONGEST_RUN;
+        while self.pair.now() < longest {
+            let scans = self.pair.a().scans();
+            if let Some(event) = self.next_event(self.pair.now() + SILENCE) {
+                return Ok(event);
+            }
+            self.check_scans(scans)?;
+        }
+        Err(NeverEnded::TooLong.into())
+    }
+
+    /// Checks that the PLC has run further scans.
+    pub(super) fn check_scans(&self, before: u64) -> anyhow::Result<()> {
+        if self.pair.a().scans() > before {
+            return Ok(());
+        }
+        if let Some(NodeRole::Plc) = self.killed {
+            bail!(
+                "the plc-node was killed by this run's fault `kill-plc-at`: nobody is left to see the end of the run"
+            );
+        }
+        Err(NeverEnded::NoScan.into())
+    }
+}

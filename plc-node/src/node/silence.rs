@@ -1,0 +1,158 @@
+//! Silence of the robot: what the PLC waits for in a scan, when it says so, and when it gives a run up.
+
+use machine::Duration;
+use protocol::fieldbus::{Down, Fieldbus};
+use protocol::image::{ErrorNumber, State, Status};
+
+use super::{Mode, PlcNode};
+use crate::waiting::{Patience, SILENCE};
+use crate::{AxesGroup, FailureCause, PlcEvent, WaitingFor};
+
+/// Least change of a joint that counts as motion, in degrees (mm): more than the image rounds away.
+const MOTION: f32 = 2e-4;
+
+/// Watches over the progress of what the PLC waits for.
+#[derive(Debug)]
+pub(super) struct Silence {
+    patience: Patience,
+    /// Longest time without progress in a run: also a program of the robot may wait at a stop.
+    longest: Duration,
+    /// The robot at the last progress.
+    progress: Option<Shown>,
+    /// Why the last attempt to connect failed.
+    last_down: Option<Down>,
+}
+
+/// What a robot that executes a skill changes.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Shown {
+    commanded: (u16, u32),
+    number: u16,
+    counts: [u32; 2],
+    state: State,
+    status: Status,
+    joints: [f32; 6],
+}
+
+impl Shown {
+    fn of(group: &AxesGroup) -> Option<Self> {
+        let (command, feedback) = (group.command(), group.feedback()?);
+        Some(Self {
+            commanded: (command.number, command.written),
+            number: feedback.number,
+            counts: [feedback.executed, feedback.accepted],
+            state: feedback.state,
+            status: feedback.status,
+            joints: feedback.joints,
+        })
+    }
+
+    /// Returns whether this is the same, but for joints that did not move.
+    fn is_still(&self, before: &Self) -> bool {
+        let stand = self.joints.iter().zip(before.joints).all(|(now, before)| (now - before).abs() <= MOTION);
+        stand && *self == Self { joints: self.joints, ..*before }
+    }
+}
+
+impl Silence {
+    pub(super) fn new(scan: Duration, answer: Duration, longest_stop: Duration) -> Self {
+        let longest = SILENCE + answer + longest_stop;
+        Self { patience: Patience::new(scan), longest, progress: None, last_down: None }
+    }
+
+    pub(super) const fn connected(&mut self) {
+        self.last_down = None;
+        self.restart();
+    }
+
+    pub(super) const fn not_connected(&mut self, down: Down) {
+        self.last_down = Some(down);
+    }
+
+    const fn restart(&mut self) {
+        self.patience.restart();
+        self.progress = None;
+    }
+
+    /// Takes the robot's image of a scan in which it owes progress. Returns whether it showed some.
+    fn see(&mut self, group: &AxesGroup) -> bool {
+        let shown = Shown::of(group);
+        let is_still = matches!((&shown, &self.progress), (Some(now), Some(before)) if now.is_still(before));
+        if !is_still {
+            self.progress = shown;
+        }
+        !is_still
+    }
+}
+
+impl<B: Fieldbus> PlcNode<B> {
+    /// Reports what the PLC waits for, and fails a run in which the robot owes progress and shows none.
+    pub(super) fn watch_silence(&mut self) {
+        let is_commanded = matches!(self.mode, Mode::Running | Mode::MovingToStart(_));
+        let is_own_wait = self.mode == Mode::Running && self.run.sequence.waits();
+        let is_progress = match self.mode {
+            Mode::Idle | Mode::Starting(_) => true,
+            Mode::Preparing => false,
+            Mode::Running | Mode::MovingToStart(_) => is_own_wait || self.silence.see(&self.group),
+        };
+        if self.mode == Mode::Preparing {
+            self.silence.progress = None;
+        }
+        if is_progress {
+            return self.silence.patience.restart();
+        }
+        let waited = self.silence.patience.count();
+        let for_what = if is_commanded { self.paused() } else { Some(self.unready()) };
+        match for_what {
+            Some(for_what) if self.silence.patience.is_report_due(waited, &for_what) => {
+                let seconds = u32::try_from(waited.as_secs()).unwrap_or(u32::MAX);
+                self.push(PlcEvent::Waiting { for_what, seconds });
+            }
+            None if waited >= self.silence.longest => self.fail(self.no_progress(waited)),
+            _ => {}
+        }
+    }
+
+    /// Returns what a robot that executes a skill may wait for as long as it likes, if it does.
+    fn paused(&self) -> Option<WaitingFor> {
+        let feedback = self.group.feedback()?;
+        if feedback.state == State::Suspended {
+            return Some(WaitingFor::Resume);
+        }
+        let is_zero = self.group.command().override_percent == 0 || feedback.override_percent == 0;
+        is_zero.then_some(WaitingFor::Override)
+    }
+
+    /// Returns what is missing before a run may start.
+    fn unready(&self) -> WaitingFor {
+        if !self.connected {
+            return WaitingFor::Connection { last: self.silence.last_down };
+        }
+        let (received, altered) = (self.bus.counters().received, self.checker.checks().altered);
+        let Some(feedback) = self.group.feedback() else {
+            return if self.image_bad {
+                WaitingFor::GoodData
+            } else {
+                WaitingFor::Image { received, altered }
+            };
+        };
+        if self.group.is_silent() && altered > self.altered_still {
+            return WaitingFor::Image { received, altered };
+        }
+        if self.group.is_silent() {
+            return WaitingFor::Life { received, life: feedback.life, altered };
+        }
+        let is_error = feedback.status.contains(Status::ERROR) || feedback.status.contains(Status::WARNING);
+        WaitingFor::Ready {
+            state: feedback.state,
+            error: if is_error { feedback.error } else { ErrorNumber::None },
+            is_enabled: feedback.status.contains(Status::ENABLED),
+        }
+    }
+
+    fn no_progress(&self, waited: Duration) -> FailureCause {
+        let seconds = u32::try_from(waited.as_secs()).unwrap_or(u32::MAX);
+        let state = self.group.feedback().map_or(State::Halted, |feedback| feedback.state);
+        FailureCause::NoProgress { seconds, state }
+    }
+}
