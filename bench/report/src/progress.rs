@@ -141,7 +141,7 @@ fn live(schedule: &Schedule) -> View {
         bar.tick();
         (*execution_type, bar)
     };
-    View::Live { bars: schedule.types.iter().map(bar).collect(), screen: screen }
+    View::Live { bars: schedule.types.iter().map(bar).collect(), screen }
 }
 
 /// Returns the type's name as in the paper.

@@ -38,7 +38,7 @@ fn run(setup: &str, seed: u64, fault: Option<String>) -> Ended {
         let mut until = start;
         let mut is_started = false;
         loop {
-            match virtual_cell::next_event(&mut nodes.pair, until) {
+            match nodes.pair.next_event(until) {
                 Some(Event::A(PlcEvent::Finished(_))) => break,
                 Some(Event::A(PlcEvent::Failed(failure))) => {
                     ended.failures.push(failure.to_string());

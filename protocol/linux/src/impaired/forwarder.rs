@@ -159,6 +159,8 @@ impl Forwarder {
 
 #[cfg(test)]
 mod tests {
+    use virtual_time::Impairment;
+
     use super::*;
 
     const MS: fn(u64) -> Duration = Duration::from_millis;
