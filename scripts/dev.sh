@@ -664,6 +664,17 @@ demo_up() {
     demo_compose up --no-color --build --abort-on-container-exit --exit-code-from bench | tee "$1"
 }
 
+# demo_wrong_robot: starts a robot of another name at the robot's address, and expects that the PLC refuses it.
+demo_wrong_robot() {
+    local output
+    mkdir -p "$RUNS/station"
+    echo '{ "name": "old-robot" }' >"$RUNS/station/old-robot.json"
+    output=$(demo_compose -f docker-compose.yml -f scripts/demo/wrong-robot.yml up --no-color \
+        --abort-on-container-exit --exit-code-from bench 2>&1) && { echo "$output"; return 1; }
+    demo_compose -f docker-compose.yml -f scripts/demo/wrong-robot.yml down
+    grep -m 1 'another station has this IP address' <<<"$output" || { echo "$output"; return 1; }
+}
+
 verb_demo() { #: the containers of docs/permissions.md for real, Setups A, B and C, REPS=1 of each type (as root)
     export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" COMPOSE_PROJECT_NAME=skillbench-ci IMAGES=skillbench-ci
     export SETUP RUNS BENCH_USER=65534:65534
@@ -682,6 +693,8 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setups A, B and
         grep -q -- '--features mcap' <<<"$output"
         demo_compose down
     done
+    SETUP=A
+    demo_wrong_robot
     docker images --format '{{.Repository}} {{.Size}}' | grep "^$IMAGES/"
 }
 

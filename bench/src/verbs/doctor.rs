@@ -2,6 +2,8 @@
 //!
 //! The computer's state is read first; functions with that state as arguments decide what follows from it.
 
+mod addresses;
+
 use std::time::Duration;
 
 use anyhow::Context;
@@ -28,6 +30,9 @@ pub struct DoctorOptions {
     /// Time for which wake-ups are measured, in s.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=3_600))]
     pub seconds: u32,
+    /// Ask on this interface, given by its name or its IPv4 address, whether two stations have an address of the setup.
+    #[arg(long, value_name = "IF|ADDRESS")]
+    pub interface: Option<String>,
     /// Print JSON instead of a table.
     #[arg(long)]
     pub json: bool,
@@ -82,7 +87,10 @@ pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     let setup = setup::setup(options.setup.name())?;
     // Before this process enters a namespace, from where it sees fewer files of others.
     let listening = listening(&listening::find_sockets());
+    // Likewise: another namespace has other interfaces.
+    let held = options.interface.as_deref().map(|interface| addresses::check(interface, &setup));
     let mut findings = networks();
+    findings.extend(held.into_iter().flatten());
     findings.push(listening);
     let host = Host::read(std::time::SystemTime::now(), COMMIT);
     findings.push(cores(host.cores));
