@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use ethernet_ip::ENCAPSULATION_PORT;
 use machine::Instant;
-use virtual_time::hostile::{Choices as _, Script};
+use virtual_time::hostile::{Choices as _, Phases, Script};
 
 use crate::attack::{self, Attack, RunsAlone};
 
@@ -19,6 +19,8 @@ use pair::{STATIONS, ScannerAndAdapter};
 
 /// The pair alone, by whether the adapter lists its scanner.
 static ALONE: LazyLock<RunsAlone<bool>> = LazyLock::new(RunsAlone::default);
+
+const PHASES: Phases = attack::phases(12);
 
 /// Attacks the adapter.
 pub(crate) fn adapter(data: &[u8]) {
@@ -34,10 +36,10 @@ fn attack(target: usize, data: &[u8]) {
     let mut choices = Script::new(data);
     let mut is = || choices.below(2) == 1;
     let (listed, forges) = (is(), is());
-    let alone = attack::alone(&ALONE, listed, || ScannerAndAdapter::new(listed, crate::allocations));
+    let alone = attack::alone(&ALONE, listed, PHASES, || ScannerAndAdapter::new(listed, crate::allocations));
     // The Forward_Open is answered.
     let connected = Instant::from_micros(400);
     let listen = Some(SocketAddrV4::new(STATIONS[1].1, ENCAPSULATION_PORT));
-    let attack = Attack { stations: STATIONS, target, listed, connected, forges, listen };
+    let attack = Attack { stations: STATIONS, phases: PHASES, target, listed, connected, forges, listen };
     attack.run(ScannerAndAdapter::new(listed, crate::allocations), alone, choices);
 }

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use machine::Instant;
 use profinet::rt::Transport;
-use virtual_time::hostile::{Choices as _, Script};
+use virtual_time::hostile::{Choices as _, Phases, Script};
 
 use crate::attack::{self, Attack, RunsAlone};
 
@@ -21,6 +21,9 @@ pub(crate) use samples::DEVICE;
 
 /// The pair alone, by transport and by whether its stations list each other.
 static ALONE: LazyLock<RunsAlone<(bool, bool)>> = LazyLock::new(RunsAlone::default);
+
+/// The search for the device takes 260 ms.
+const PHASES: Phases = attack::phases(320);
 
 const fn transport(udp: bool) -> Transport {
     if udp { Transport::Udp } else { Transport::Rt1 }
@@ -41,9 +44,10 @@ fn attack(target: usize, data: &[u8]) {
     let mut is = || choices.below(2) == 1;
     let (udp, listed, forges) = (is(), is(), is());
     let pair = || ControllerAndDevice::new(transport(udp), listed, crate::allocations);
-    let alone = attack::alone(&ALONE, (udp, listed), pair);
-    // The device has accepted the Connect.
-    let connected = Instant::from_micros(160);
-    let attack = Attack { stations: STATIONS, target, listed, connected, forges, listen: None };
+    let alone = attack::alone(&ALONE, (udp, listed), PHASES, pair);
+    // The search for the device has ended, and the device has accepted the Connect.
+    let connected = Instant::from_millis(300);
+    let attack =
+        Attack { stations: STATIONS, phases: PHASES, target, listed, connected, forges, listen: None };
     attack.run(ControllerAndDevice::new(transport(udp), listed, crate::allocations), alone, choices);
 }

@@ -352,9 +352,9 @@ mod tests {
             let cause = FailureCause::Robot { number: number.into(), motion: 0, finding: Finding::NONE };
             cause.to_string()
         };
-        let of_motions = (0..=39).filter(|number| words(*number).ends_with("; correct that motion"));
+        let of_motions = (0..=42).filter(|number| words(*number).ends_with("; correct that motion"));
         assert_eq!(of_motions.count(), 23);
-        let others = (0..=39).map(words).filter(|words| !words.ends_with("; correct that motion"));
+        let others = (0..=42).map(words).filter(|words| !words.ends_with("; correct that motion"));
         insta::assert_snapshot!(others.collect::<Vec<_>>().join("\n"), @"
         the robot ended the skill at motion 1 of the plan with an error but without its number: look at its node
         the robot reports error 1 at motion 1 of the plan: the robot does not have this skill; use skills that this robot has
@@ -372,7 +372,10 @@ mod tests {
         the robot reports error 36 at motion 1 of the plan: the contact force swings and does not settle; set the robot's force controller for this surface (`stiffest_n_per_mm`), or press on a softer one
         the robot reports error 37 at motion 1 of the plan: a skill of one motion needs `total` and `written` of 1; write 1 to `total` and `written` in the scan that calls the skill
         the robot reports error 38 at motion 1 of the plan: the life counters of the command images are refused: the images are old, or the PLC counts faster than the robot's setup says; add 1 to the life counter in each scan, and set `plc.scan_cycle_us` of the robot's setup to the PLC's scan
-        the robot reports error 39 at motion 1 of the plan: error number 39; look the number up in the robot's manual
+        the robot reports error 39 at motion 1 of the plan: following error: an axis was too far from its set-point; look for what holds the axis, reset, and start again
+        the robot reports error 40 at motion 1 of the plan: an axis did not arrive at its set-point within the settling time; look for what holds the axis, reset, and start again
+        the robot reports error 41 at motion 1 of the plan: the drives did not switch on after a reset; see to the robot's drives
+        the robot reports error 42 at motion 1 of the plan: error number 42; look the number up in the robot's manual
         ");
     }
 
