@@ -57,7 +57,7 @@ verb_modules() { #: fail where modules of one folder import each other in a circ
 verb_portable() { #: virtual mode without Linux: its tests, and whether its sources name what only Linux has
     local target=${CARGO_TARGET_DIR:-target}/portable
     if cargo tree -p bench --no-default-features --target x86_64-pc-windows-msvc -e normal --prefix none --locked |
-        grep -E '^(protocol-linux|rustix|socket2) '; then
+        grep -E '^(protocol-linux|rustix) '; then
         echo "the bench without real mode depends on what only Linux has" >&2
         exit 1
     fi

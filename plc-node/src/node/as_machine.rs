@@ -26,7 +26,7 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
         self.bus.handle_stream(now, stream, change);
-        self.after_bus(now);
+        self.drain_bus();
     }
 
     fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
@@ -43,8 +43,10 @@ impl<B: Fieldbus> Machine for PlcNode<B> {
         }
         if self.bus.poll_timeout().is_some_and(|due| due <= now) {
             self.bus.handle_timeout(now);
+            self.after_bus(now);
+        } else {
+            self.drain_bus();
         }
-        self.after_bus(now);
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

@@ -19,7 +19,7 @@ pub(super) const LONGEST_RUN: Duration = Duration::from_secs(24 * 3_600);
 /// A run did not end.
 #[derive(Debug, thiserror::Error)]
 pub enum NeverEnded {
-    /// It was still under way after [`LONGEST_RUN`].
+    /// It was still under way after `LONGEST_RUN`.
     #[error("the run did not end within {} h of virtual time", LONGEST_RUN.as_secs() / 3_600)]
     TooLong,
     /// The PLC stands still.
