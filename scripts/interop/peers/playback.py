@@ -15,7 +15,7 @@ rows = {}
 with (run / "trace-robot.csv").open() as table:
     for row in csv.DictReader(table):
         if float(row["t_ms"]) >= 0.0:
-            numbers = {key: float(value) for key, value in row.items() if key not in ("type", "state")}
+            numbers = {key: float(value) for key, value in row.items() if key not in ("type", "state", "positions")}
             rows.setdefault(row["type"], []).append(numbers)
 
 messages = {}
