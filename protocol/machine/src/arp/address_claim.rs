@@ -44,7 +44,7 @@ pub enum ClaimEvent {
     Free(Ipv4Addr),
     /// Another station has the address, or probes it at the same time: it must not be used.
     Taken(AddressConflict),
-    /// Another station uses the address, too. Reported once for each station, and again after [`DEFEND_INTERVAL`].
+    /// Another station uses the address, too. Reported once for each station, and again after 10 s.
     Conflict(AddressConflict),
 }
 
