@@ -1,6 +1,7 @@
 //! One connection of a scanner: its TCP connection and session, its establishment, and its cyclic data.
 
 mod advice;
+mod conflicts;
 mod dialogue;
 mod establish;
 mod io;
@@ -15,11 +16,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use machine::arp::{AddressConflict, ArpPacket};
-use machine::ethernet::Mac;
 use machine::{
-    Attempt, Counters, Down, DownCause, Duration, Instant, LinkEvent, Port, StationConflict, StreamId,
-    StreamRequest, Transmit,
+    Attempt, Counters, Down, DownCause, Duration, Instant, LinkEvent, Port, StreamId, StreamRequest, Transmit,
 };
 
 use self::dialogue::ScannerMessage;
@@ -182,69 +180,6 @@ impl Connection {
     fn queue(&mut self, message: ScannerMessage) {
         if let Some(stream) = self.stream {
             self.to_send.push_back((stream, message));
-        }
-    }
-
-    pub(super) fn stop_conflict_detection(&mut self) {
-        self.target = None;
-    }
-
-    /// Begins an attempt.
-    fn begin(&mut self, now: Instant) {
-        let Some(target) = &mut self.target else { return self.connect(now) };
-        target.ask(now);
-        self.step = Step::Asking;
-        self.deadline = None;
-    }
-
-    /// Goes on once the answers are there.
-    fn follow_question(&mut self, now: Instant) {
-        let Some(target) = &mut self.target else { return };
-        target.holders.handle_timeout(now);
-        if self.step == Step::Asking && target.holders.is_done() {
-            match target.conflict() {
-                Some(conflict) => self.refuse(now, conflict),
-                None => self.connect(now),
-            }
-        }
-    }
-
-    /// Ends the attempt: two stations have an address that only one may have.
-    pub(super) fn refuse(&mut self, now: Instant, conflict: Conflict) {
-        if self.leaving {
-            return;
-        }
-        if self.conflict.replace(conflict) != Some(conflict) {
-            // Other stations than those reported before.
-            self.reported = None;
-        }
-        self.refusal = None;
-        self.fail(now, conflict.down());
-    }
-
-    pub(super) fn report(&mut self, conflict: AddressConflict) {
-        self.events.push_back(LinkEvent::Conflict(StationConflict::Address(conflict)));
-    }
-
-    pub(super) fn handle_arp(&mut self, now: Instant, packet: &ArpPacket) {
-        let Some(target) = &mut self.target else { return };
-        let Some(other) = target.handle(now, packet) else { return };
-        let conflict = target.conflict();
-        match (self.step, conflict) {
-            (Step::Running, _) => self.report(other),
-            (Step::Idle | Step::Asking | Step::Closing, _) | (_, None) => {}
-            (_, Some(conflict)) => self.refuse(now, conflict),
-        }
-    }
-
-    pub(super) fn neighbour(&self, address: Ipv4Addr) -> Option<Mac> {
-        self.target.as_ref().filter(|_| !matches!(self.step, Step::Idle | Step::Asking))?.station(address)
-    }
-
-    /// Handles that the host would send to another station than the one that was found.
-    pub(super) fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
-        if let Some(station) = self.neighbour(address) {
-            self.refuse(now, Conflict::Adapter { address, macs: [station, found] });
         }
     }
 
