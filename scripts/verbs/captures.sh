@@ -1,0 +1,71 @@
+# shellcheck shell=bash
+# Captures through tshark: the gate of each bus, and that it finds faults.
+
+# PROFINET gate: no malformed or short frame, no error, no reserved bit set, and nothing but PROFINET on its ports.
+PROFINET_TRAFFIC='pn_rt || dcerpc'
+PROFINET_FAULTS='(eth.type==0x8892 || vlan.etype==0x8892 || pn_rt || pn_io || pn_dcp || dcerpc || lldp || udp.port in {34962 .. 34964}) && (_ws.malformed || _ws.short || _ws.expert.severity >= 0x00600000 || pn_rt.transfer_status != 0 || pn_rt.ds_res3 == 1 || pn_rt.ds_Reserved_2 == 1 || (udp.port == 34964 && !dcerpc && !icmp) || (udp.port in {34962 .. 34963} && !pn_rt && !icmp))'
+
+# gate_profinet CAPTURE: prints the faults in a capture; fails if there are any, or if the capture is empty.
+gate_profinet() {
+    local frames faults
+    frames=$(tshark -n -r "$1" -Y "$PROFINET_TRAFFIC" 2>/dev/null | wc -l)
+    faults=$(tshark -n -r "$1" -2 -Y "$PROFINET_FAULTS" 2>/dev/null | tee >(cat >&2) | wc -l)
+    echo "$1: $frames PROFINET frames, $faults faults"
+    [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
+}
+
+# EtherNet/IP gate: nothing else on its ports, no malformed or short frame, no error, and one sequenced address item
+# and one connected data item in each I/O datagram.
+ENIP_TRAFFIC='(tcp.port==44818||udp.port==44818||udp.port==2222)&&!icmp'
+gate_ethernet_ip() {
+    local dissect=(tshark -n -2 -r "$1" -d "udp.port==2222,cipio" -d "udp.port==44818,enip" -d "tcp.port==44818,enip")
+    local frames faults
+    frames=$("${dissect[@]}" -Y "($ENIP_TRAFFIC)&&(enip||cipio)" 2>/dev/null | wc -l)
+    faults=$(
+        for fault in \
+            "$ENIP_TRAFFIC&&(_ws.malformed||_ws.short||_ws.expert.group==0x07000000||_ws.expert.severity==0x00800000)" \
+            "(udp.port==44818||udp.port==2222)&&!icmp&&!enip&&!cipio" \
+            "cipio&&!(enip.cpf.typeid==0x8002||enip.cpf.typeid==0x00a1)"; do
+            "${dissect[@]}" -Y "$fault" 2>/dev/null
+        done | tee >(cat >&2) | wc -l
+    )
+    echo "$1: $frames EtherNet/IP frames, $faults faults"
+    [ "$frames" -gt 0 ] && [ "$faults" -eq 0 ]
+}
+
+# EtherCAT gate: no malformed or short frame, no error, no cut datagram, every request came back, and no process data
+# passed all devices without being counted. SOEM sends from a group address, which is a warning of Ethernet's.
+ETHERCAT_FAULTS='_ws.malformed || _ws.short || (_ws.expert.severity >= 0x00600000 && !eth.src_not_group) || ecat_mailbox.invalid || ecat_mailbox.coe.invalid || ecat_mailbox.foe.invalid || ecatf.type != 1 || ecatf.length + 16 > frame.len || ecat.cmd > 14 || ecat.sub1.cmd > 14 || ecat.sub2.cmd > 14 || ecat.sub3.cmd > 14 || (eth.src.lg == 1 && ecat.cmd in {10 .. 12} && ecat.cnt == 0)'
+gate_ethercat() {
+    local requests replies faults
+    requests=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 0' 2>/dev/null | wc -l)
+    replies=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 1' 2>/dev/null | wc -l)
+    faults=$(tshark -n -r "$1" -Y "$ETHERCAT_FAULTS" 2>/dev/null | tee >(cat >&2) | wc -l)
+    [ "$requests" -eq "$replies" ] || faults=$((faults + 1))
+    echo "$1: $requests EtherCAT frames, $replies replies, $faults faults"
+    [ "$requests" -gt 0 ] && [ "$faults" -eq 0 ]
+}
+
+# gate_sees_faults GATE CAPTURE: checks that a gate finds faults, in the same capture with the last eight bytes of
+# each frame cut off. Randomly changed bytes would not be enough: in a capture of a dozen frames they may hit only
+# addresses, and a frame that is not ours is no fault.
+gate_sees_faults() {
+    local broken verdict
+    broken=$(mktemp --suffix .pcapng)
+    editcap -C -8 -L "$2" "$broken"
+    if verdict=$("$1" "$broken" 2>/dev/null) || [[ ! $verdict =~ ,\ [1-9][0-9]*\ faults$ ]]; then
+        echo "$1 did not see the faults put into $2: $verdict" >&2
+        rm "$broken"
+        return 1
+    fi
+    rm "$broken"
+}
+
+# gate_run GATE DIRECTORY: checks the captures of both ends of a run.
+gate_run() {
+    local capture
+    for capture in "$2/plc.pcapng" "$2/robot.pcapng"; do
+        "$1" "$capture"
+        gate_sees_faults "$1" "$capture"
+    done
+}

@@ -1,0 +1,53 @@
+# shellcheck shell=bash
+# Our stacks against each other as examples, and against those of others.
+
+verb_examples() { #: the stacks' examples against each other, each in a process of its own; captures through the gates (as root)
+    local target="${CARGO_TARGET_DIR:-$PWD/target}" stack gate
+    export EXAMPLES="$target/debug/examples" OUT
+    build
+    for stack in profinet ethernet-ip ethercat ethercat-drive; do
+        OUT="$target/interop/examples-$stack"
+        echo "-- $stack"
+        timeout 90 bash "scripts/examples/$stack.sh"
+        case $stack in
+            ethernet-ip) gate=gate_ethernet_ip ;;
+            *) gate=gate_${stack%-drive} ;;
+        esac
+        "$gate" "$OUT/capture.pcapng"
+    done
+}
+
+verb_interop() { #: our stacks against those of others, each in a process of its own; captures through the gates (as root)
+    local target="${CARGO_TARGET_DIR:-$PWD/target}" interop=scripts/interop
+    export NODES="$target/debug" PEERS="$target/interop/peers/debug" VENV="$target/interop/python"
+    export NODE_MODULES="$target/interop/node_modules" EXAMPLES="$target/debug/examples" OUT
+    build
+    cargo build --manifest-path "$interop/peers/Cargo.toml" --target-dir "$target/interop/peers" --locked
+    if ! cmp -s "$interop/peers/python.txt" "$VENV/python.txt"; then
+        rm -rf "$VENV"
+        python3 -m venv "$VENV"
+        # ethernetip2 asks for Python 3.12 but runs on Debian 12's 3.11.
+        "$VENV/bin/pip" install --quiet --ignore-requires-python --requirement "$interop/peers/python.txt"
+        cp "$interop/peers/python.txt" "$VENV/python.txt"
+    fi
+    if ! cmp -s "$interop/peers/package-lock.json" "$target/interop/package-lock.json"; then
+        cp "$interop/peers/"package{,-lock}.json "$target/interop"
+        npm ci --prefix "$target/interop" --no-audit --no-fund --silent
+    fi
+    local test name gate
+    for test in "$interop"/*-*.sh; do
+        name=$(basename "$test" .sh)
+        case " ${*:-$name} " in *" $name "*) ;; *) continue ;; esac
+        OUT="$target/interop/$name"
+        echo "-- $name"
+        timeout 90 bash "$test"
+        case $name in
+            playback-*) continue ;; # no bus
+            profinet-*) gate=gate_profinet ;;
+            ethercat-*) gate=gate_ethercat ;;
+            *) gate=gate_ethernet_ip ;;
+        esac
+        "$gate" "$OUT/capture.pcapng"
+        gate_sees_faults "$gate" "$OUT/capture.pcapng"
+    done
+}
