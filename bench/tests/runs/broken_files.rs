@@ -43,7 +43,7 @@ fn the_error_for_a_broken_application_file_gives_line_key_and_expectation() {
     error: jobs/mine.toml:43: in `step[0].aproach_mm`: unknown key `aproach_mm`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
        43 | aproach_mm = 70.0
     ");
-    insta::assert_snapshot!(refused_application("reach = \"home\"", "reach = \"hom\""), @"error: jobs/mine.toml:71: reach: there is no frame `hom`; there is above-assembly, carrier-rim, grip, home, inserted");
+    insta::assert_snapshot!(refused_application("reach = \"home\"", "reach = \"hom\""), @"error: jobs/mine.toml:71: reach: there is no frame `hom`; did you mean `home`?");
 }
 
 #[test]

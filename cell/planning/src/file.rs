@@ -227,9 +227,11 @@ pub(crate) struct Step {
     #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub(crate) retreat_mm: Option<Spanned<f64>>,
     /// Highest speed on the path in mm/s, in addition to the setup's.
-    pub(crate) speed_mm_s: Option<f64>,
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
+    pub(crate) speed_mm_s: Option<Spanned<f64>>,
     /// Share of the setup's programmed speed in %, for all motions of the step.
-    pub(crate) speed_percent: Option<f64>,
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
+    pub(crate) speed_percent: Option<Spanned<f64>>,
     /// Action at the end of the step; needs the label `accurate-stop`.
     #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub(crate) then: Option<Name>,

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use protocol::image::Configuration;
-use setup::{Figure, control_character};
+use setup::{Figure, control_character, meant_or_all};
 use toml::Spanned;
 
 use crate::application::{Application, Grid, Obstacle, Place, Surface, Tool, Ways, Zones};
@@ -324,8 +324,8 @@ impl Resolver<'_> {
     ) -> Result<&'m T, Error> {
         all.get(name.get_ref()).ok_or_else(|| {
             let known: Vec<&str> = all.keys().map(String::as_str).collect();
-            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-            self.wrong(name, key, format!("there is no {what} `{}`; there is {known}", name.get_ref()))
+            let instead = meant_or_all(name.get_ref(), &known);
+            self.wrong(name, key, format!("there is no {what} `{}`; {instead}", name.get_ref()))
         })
     }
 

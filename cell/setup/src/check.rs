@@ -31,6 +31,9 @@ const MAX_VELOCITY_MM_S: f64 = 6_553.5;
 const MAX_ACCELERATION_MM_S2: f64 = 65_535.0;
 const MAX_APPROXIMATION_MM: f64 = 655.35;
 
+/// Largest length of an arm's part, and distance of a frame, in mm.
+const MAX_LENGTH_MM: f64 = 10_000.0;
+
 /// Highest number of robot cycles before the first motion of a MoveContinuousSkill.
 const MAX_START_CYCLES: u32 = 1_000;
 
@@ -145,9 +148,9 @@ fn robot(setup: &Setup) -> Check {
     frames("robot.bases", &robot.bases)?;
     let joints = match &robot.kinematics {
         Kinematics::Scara(scara) => {
-            above_zero("robot.kinematics.link_1_mm", scara.link_1_mm.value)?;
-            above_zero("robot.kinematics.link_2_mm", scara.link_2_mm.value)?;
-            finite("robot.kinematics.height_mm", &[scara.height_mm.value])?;
+            link("robot.kinematics.link_1_mm", scara.link_1_mm.value)?;
+            link("robot.kinematics.link_2_mm", scara.link_2_mm.value)?;
+            length("robot.kinematics.height_mm", scara.height_mm.value)?;
             4
         }
         Kinematics::Opw(opw) => {
@@ -203,10 +206,10 @@ fn opw_numbers(opw: &Opw) -> Check {
         ("c1_mm", &opw.c1_mm),
         ("c4_mm", &opw.c4_mm),
     ] {
-        finite(&key(name), &[length.value])?;
+        self::length(&key(name), length.value)?;
     }
-    above_zero(&key("c2_mm"), opw.c2_mm.value)?;
-    above_zero(&key("c3_mm"), opw.c3_mm.value)?;
+    link(&key("c2_mm"), opw.c2_mm.value)?;
+    link(&key("c3_mm"), opw.c3_mm.value)?;
     offsets_and_signs(&opw.offsets_deg.value, &opw.signs.value)
 }
 
@@ -220,7 +223,7 @@ fn three_parallel_numbers(arm: &ThreeParallel) -> Check {
         ("d5_mm", &arm.d5_mm),
         ("d6_mm", &arm.d6_mm),
     ] {
-        finite(&key(name), &[length.value])?;
+        self::length(&key(name), length.value)?;
     }
     let (a2, a3) = (arm.a2_mm.value, arm.a3_mm.value);
     if a2 * a3 <= 0.0 {
@@ -256,7 +259,9 @@ fn frames(key: &str, frames: &[Frame]) -> Check {
         if frames.iter().take(index).any(|earlier| earlier.number == number) {
             return Err(problem(format!("{key}[{index}].number"), format!("{number} is there twice")));
         }
-        finite(&format!("{key}[{index}].mm_deg"), &frame.mm_deg.value)?;
+        let (key, [x, y, z, ..]) = (format!("{key}[{index}].mm_deg"), frame.mm_deg.value);
+        finite(&key, &frame.mm_deg.value)?;
+        [x, y, z].iter().try_for_each(|value| length(&key, *value))?;
     }
     Ok(())
 }
@@ -320,6 +325,21 @@ fn share(key: &str, percent: f64) -> Check {
 fn above_zero(key: &str, value: f64) -> Check {
     finite(key, &[value])?;
     if value > 0.0 { Ok(()) } else { Err(problem(key, format!("{} is not above 0", Figure(value)))) }
+}
+
+/// Checks the length of a link.
+fn link(key: &str, value: f64) -> Check {
+    above_zero(key, value)?;
+    length(key, value)
+}
+
+/// Checks a length that an arm or a frame of it can have.
+fn length(key: &str, value: f64) -> Check {
+    finite(key, &[value])?;
+    if value.abs() <= MAX_LENGTH_MM {
+        return Ok(());
+    }
+    Err(problem(key, format!("{} mm is more than an arm has: at most {MAX_LENGTH_MM} mm", Figure(value))))
 }
 
 fn not_negative(key: &str, value: f64) -> Check {

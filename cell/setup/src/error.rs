@@ -3,11 +3,13 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::nearest;
+
 /// Why a setup cannot be used, or an application's file cannot be found.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The name is neither a built-in one nor a file.
-    #[error("there is no {what} `{name}`: built in are {}; or give the path of a .toml file", known.join(", "))]
+    #[error("there is no {what} `{name}`: {}built in are {}; or give the path of a .toml file", did_you_mean(name, known), known.join(", "))]
     Unknown {
         /// "setup" or "application".
         what: &'static str,
@@ -25,6 +27,14 @@ pub enum Error {
         path: PathBuf,
         /// The system's error.
         reason: std::io::Error,
+    },
+    /// The file is not a text of this program.
+    #[error("{}: {problem}", path.display())]
+    NotText {
+        /// The file.
+        path: PathBuf,
+        /// What it is, and what it should be.
+        problem: String,
     },
     /// The text does not have the expected format.
     #[error("{origin}:{line}: {}{expectation}\n{line:>5} | {text}", in_key(key))]
@@ -76,11 +86,53 @@ impl Error {
             line,
             text: broken.to_owned()
                 + &mark_in_inline_table(broken, span.end.saturating_sub(start_of_line), &key),
-            expectation: in_words(source.message())
-                + &decimal_comma(source.message(), text.get(span.clone()).unwrap_or_default()),
+            expectation: brackets(source.message(), broken, before).unwrap_or_else(|| {
+                in_words(source.message())
+                    + &decimal_comma(source.message(), text.get(span.clone()).unwrap_or_default())
+            }),
             key,
         }
     }
+}
+
+/// Returns the advice for a table whose header has a bracket too few or too many; `line` is its line, `before` the text before it.
+fn brackets(message: &str, line: &str, before: &str) -> Option<String> {
+    let header = line.trim_start();
+    let name = header.trim_start_matches('[').split(']').next().unwrap_or_default().trim();
+    let is_list = header.starts_with("[[");
+    if !header.starts_with('[') || name.is_empty() {
+        return None;
+    }
+    if message.starts_with("duplicate key") {
+        let is_the_other = |line: &str| line.trim_start().starts_with(&format!("[{name}]"));
+        let other = before.lines().position(|line| is_list && is_the_other(line))? + 1;
+        return Some(format!(
+            "`[{name}]` in line {other} begins a single table: write `[[{name}]]` there too"
+        ));
+    }
+    match (message.strip_prefix("invalid type: ")?.split_once(", expected ")?, is_list) {
+        (("map", "a sequence"), false) => {
+            Some(format!("`[{name}]` is a single table, expected a list of them: write `[[{name}]]`"))
+        }
+        (("sequence", _), true) => {
+            Some(format!("`[[{name}]]` begins a list, expected a single table: write `[{name}]`"))
+        }
+        _ => None,
+    }
+}
+
+/// Returns the beginning of an answer if one of the known names was probably meant.
+fn did_you_mean(name: &str, known: &[&str]) -> String {
+    nearest(name, known.iter().copied()).map_or_else(String::new, |meant| format!("did you mean `{meant}`? "))
+}
+
+/// Returns what an unknown key or value was probably meant to be, if the message lists those that are known.
+fn meant(message: &str) -> Option<String> {
+    let (found, expected) = message.strip_prefix("unknown ")?.split_once(", expected ")?;
+    let found = found.split('`').nth(1)?;
+    let meant = nearest(found, expected.split('`').skip(1).step_by(2))?;
+    let what = if message.starts_with("unknown field") { "key" } else { "value" };
+    Some(format!("unknown {what} `{found}`: did you mean `{meant}`?"))
 }
 
 /// A number of a file as an error shows it: with an exponent where its digits would hide the rest of the sentence.
@@ -125,6 +177,9 @@ fn in_words(message: &str) -> String {
     ];
     if let Some((found, expected)) = lengths(message) {
         return format!("found {found} numbers, expected {expected}");
+    }
+    if let Some(meant) = meant(message) {
+        return meant;
     }
     let begun = BEGINNINGS.iter().find_map(|(theirs, ours)| Some((message.strip_prefix(theirs)?, ours)));
     let message = begun.map_or_else(|| message.to_owned(), |(rest, ours)| format!("{ours}{rest}"));

@@ -12,6 +12,7 @@ mod exact;
 mod kinematics;
 mod load;
 mod model;
+mod nearest;
 mod peer;
 mod sourced;
 mod vary;
@@ -29,6 +30,7 @@ pub use model::{
     Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Servo, Setup,
     ThreeParallel,
 };
+pub use nearest::{meant_or_all, nearest};
 pub use peer::Peer;
 pub use sourced::{Provenance, Sourced};
 pub use write::setup_to_toml;

@@ -80,12 +80,38 @@ pub fn find(
         let known = all.iter().map(|(known, _)| *known).collect();
         return Err(Error::Unknown { what, name: name.to_owned(), known });
     }
-    let text = std::fs::read_to_string(&path).map_err(|reason| Error::Unreadable {
-        what,
-        path: path.clone(),
-        reason,
-    })?;
+    let text = read_text(what, &path)?;
     Ok(Text { origin: path.display().to_string(), path: Some(path), text })
+}
+
+/// Largest file in bytes that is read as a whole.
+const MOST_BYTES: u64 = 16 << 20;
+
+/// Reads a text file.
+fn read_text(what: &'static str, path: &Path) -> Result<String, Error> {
+    let unreadable = |reason| Error::Unreadable { what, path: path.to_owned(), reason };
+    let not_text = |problem: String| Error::NotText { path: path.to_owned(), problem };
+    let about = std::fs::metadata(path).map_err(unreadable)?;
+    // Opening a pipe or a device could wait for ever.
+    if !about.is_file() && !about.is_dir() {
+        return Err(not_text(format!("is not a file; give the path of a {what}'s .toml file")));
+    }
+    if about.len() > MOST_BYTES {
+        return Err(not_text(format!("has {} MB; a {what} has 16 at most", about.len() / 1_000_000)));
+    }
+    let bytes = std::fs::read(path).map_err(unreadable)?;
+    String::from_utf8(bytes)
+        .map_err(|error| not_text(not_utf_8(error.as_bytes(), error.utf8_error().valid_up_to())))
+}
+
+/// Returns what is wrong with bytes that are UTF-8 only up to this place.
+fn not_utf_8(bytes: &[u8], valid: usize) -> String {
+    if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
+        return "is in UTF-16: save it as UTF-8".to_owned();
+    }
+    let line = 1 + bytes.iter().take(valid).filter(|byte| **byte == b'\n').count();
+    let byte = bytes.get(valid).copied().unwrap_or_default();
+    format!("line {line} has the byte 0x{byte:02X}, which is not UTF-8: save the file as UTF-8")
 }
 
 /// Reads a file of a format of ours from its text, which `origin` names in messages. A list of fixed length must have

@@ -94,9 +94,9 @@ fn the_error_for_broken_toml_gives_file_line_and_expectation() {
 }
 
 #[test]
-fn the_error_for_an_unknown_key_gives_file_line_key_and_the_existing_keys() {
+fn the_error_for_an_unknown_key_gives_file_line_key_and_the_one_that_was_meant() {
     insta::assert_snapshot!(refusal(&changed("scan_cost_us", "scan_cost_ms")), @r#"
-    DIR/my.toml:16: in `plc.scan_cost_ms`: unknown key `scan_cost_ms`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
+    DIR/my.toml:16: in `plc.scan_cost_ms`: unknown key `scan_cost_ms`: did you mean `scan_cost_us`?
        16 | scan_cost_ms = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
     "#);
     insta::assert_snapshot!(refusal(&changed("link_1_mm", "link_one_mm")), @r#"
@@ -431,4 +431,51 @@ fn limits_of_drives_that_no_healthy_motor_keeps_are_refused_and_missing_ones_are
     let again = without.replacen("model = ", "drives = \"ethercat\"\nmodel = ", 1);
     let again = crate::setup_from_text("test", &again).unwrap();
     assert_eq!(again.robot.servo, Some(crate::Servo::assumed()), "as the run directory's setup shows it");
+}
+
+#[test]
+fn a_bracket_too_many_or_too_few_is_named_with_the_right_header() {
+    let said = |from, to| refusal(&changed(from, to));
+    insta::assert_snapshot!(said("[plc]", "[[plc]]"), @"
+    DIR/my.toml:14: in `plc`: `[[plc]]` begins a list, expected a single table: write `[plc]`
+       14 | [[plc]]
+    ");
+    insta::assert_snapshot!(said("[robot.kinematics]", "[[robot.kinematics]]"), @"
+    DIR/my.toml:62: in `robot.kinematics`: `[[robot.kinematics]]` begins a list, expected a single table: write `[robot.kinematics]`
+       62 | [[robot.kinematics]]
+    ");
+    insta::assert_snapshot!(said("[[robot.bases]]", "[robot.bases]"), @"
+    DIR/my.toml:82: in `robot.bases`: `[robot.bases]` is a single table, expected a list of them: write `[[robot.bases]]`
+       82 | [robot.bases]
+    ");
+    let both = changed("[[robot.bases]]", "[robot.bases]") + "\n[[robot.bases]]\nnumber = 2\n";
+    insta::assert_snapshot!(refusal(&both), @"
+    DIR/my.toml:86: `[robot.bases]` in line 82 begins a single table: write `[[robot.bases]]` there too
+       86 | [[robot.bases]]
+    ");
+}
+
+#[test]
+fn a_file_that_is_not_utf_8_or_not_a_file_is_refused_with_its_place() {
+    let directory = tempfile::tempdir().unwrap();
+    let said = |name: &str, bytes: &[u8]| {
+        let path = directory.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let error = setup(path.to_str().unwrap()).unwrap_err();
+        error.to_string().replace(&directory.path().display().to_string(), "DIR")
+    };
+    let latin_1 = b"schema = 1\nname = \"Gr\xFCn\"\n";
+    insta::assert_snapshot!(said("latin.toml", latin_1), @"DIR/latin.toml: line 2 has the byte 0xFC, which is not UTF-8: save the file as UTF-8");
+    let utf_16: Vec<u8> = "\u{FEFF}schema = 1".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    insta::assert_snapshot!(said("wide.toml", &utf_16), @"DIR/wide.toml: is in UTF-16: save it as UTF-8");
+    insta::assert_snapshot!(said("large.toml", &vec![b' '; 17 << 20]), @"DIR/large.toml: has 17 MB; a setup has 16 at most");
+    #[cfg(unix)]
+    insta::assert_snapshot!(setup("/dev/null").unwrap_err(), @"/dev/null: is not a file; give the path of a setup's .toml file");
+}
+
+#[test]
+fn an_arm_of_more_than_ten_metres_is_refused() {
+    let said = |from, to| refusal(&changed(from, to));
+    insta::assert_snapshot!(said("link_2_mm = { value = 275.0", "link_2_mm = { value = 1e300"), @"DIR/my.toml: `robot.kinematics.link_2_mm`: 1e300 mm is more than an arm has: at most 10000 mm");
+    insta::assert_snapshot!(said("mm_deg = { value = [300.0", "mm_deg = { value = [30000.0"), @"DIR/my.toml: `robot.bases[0].mm_deg`: 30000 mm is more than an arm has: at most 10000 mm");
 }

@@ -1,5 +1,6 @@
 //! Process steps: their labels, paths and actions.
 
+use setup::Figure;
 use toml::Spanned;
 
 use super::Resolver;
@@ -29,10 +30,28 @@ impl Resolver<'_> {
             labels,
             tool: self.tool(tool)?,
             course: self.course(at)?,
-            speed_mm_s: step.speed_mm_s,
-            speed_percent: step.speed_percent.unwrap_or(100.0),
+            speed_mm_s: self.above_zero(step.speed_mm_s.as_ref(), "speed_mm_s", f64::MAX)?,
+            speed_percent: self
+                .above_zero(step.speed_percent.as_ref(), "speed_percent", 100.0)?
+                .unwrap_or(100.0),
             then,
         })
+    }
+
+    /// Returns a speed above 0 and not above `highest`, if there is one.
+    fn above_zero(
+        &self,
+        value: Option<&Spanned<f64>>,
+        key: &str,
+        highest: f64,
+    ) -> Result<Option<f64>, Error> {
+        let Some(value) = value else { return Ok(None) };
+        let number = *value.get_ref();
+        if number > 0.0 && number <= highest {
+            return Ok(Some(number));
+        }
+        let most = if highest < f64::MAX { format!(" and at most {highest}") } else { String::new() };
+        Err(self.wrong(value, key, format!("is {}; it must be above 0{most}", Figure(number))))
     }
 
     fn labels(&self, step: &file::Step) -> Result<Labels, Error> {
