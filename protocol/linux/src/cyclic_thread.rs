@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 
-use machine::{Instant, Machine};
+use machine::{Instant, Multihomed};
 
 use crate::handover::{Received, Receiver, Sender, ring};
 use crate::{Driver, DriverError, NoticeSender, Notifier, Owner, Statistics, scheduling};
@@ -14,7 +14,7 @@ const RING_CAPACITY: usize = 64;
 
 /// What the owner of a machine does on the cyclic thread. Like [`Owner`], a task must not block, allocate, lock or
 /// log.
-pub trait Task<M: Machine>: Send + 'static {
+pub trait Task<M: Multihomed>: Send + 'static {
     /// What another thread sends to the task.
     type Command: Send + 'static;
     /// What the task reports to another thread.
@@ -78,7 +78,7 @@ impl From<std::io::Error> for StartError {
 #[derive(Debug)]
 pub struct CyclicThread<M, T: Task<M>>
 where
-    M: Machine,
+    M: Multihomed,
 {
     commands: Sender<T::Command>,
     notices: Receiver<T::Notice>,
@@ -110,7 +110,7 @@ pub struct Finished<M, T> {
 
 impl<M, T> CyclicThread<M, T>
 where
-    M: Machine + Send + 'static,
+    M: Multihomed + Send + 'static,
     T: Task<M>,
 {
     /// Starts the loop. `waker` is the notifier that the driver was created with; `reader` is notified of notices and of
@@ -158,13 +158,13 @@ where
     }
 }
 
-struct RingOwner<M: Machine, T: Task<M>> {
+struct RingOwner<M: Multihomed, T: Task<M>> {
     task: T,
     commands: Receiver<T::Command>,
     notices: NoticeSender<T::Notice>,
 }
 
-impl<M: Machine, T: Task<M>> Owner<M> for RingOwner<M, T> {
+impl<M: Multihomed, T: Task<M>> Owner<M> for RingOwner<M, T> {
     fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()> {
         self.task.inspect(now, machine);
         // One command per wake: the machine's contract requires that everything is sent between two changes.

@@ -1,10 +1,10 @@
-//! The real-time driver: one machine, its ports, one thread, absolute deadlines.
+//! The real-time driver: one machine, its ports on one interface or several, one thread, absolute deadlines.
 //!
 //! A wake has five steps:
 //!
 //! 1. Frames, a limited batch from each port. After a stall of the host, the frames that arrived meanwhile are
 //!    handled before a watchdog checks for them. A deadline that passes while they are handled is met first; the rest,
-//!    beginning with the next port, waits for the next wake.
+//!    beginning with the next port, on whichever interface, waits for the next wake.
 //! 2. The machine's timeout, if it is due. A wake that is on time does this first, so that a frame that just arrived
 //!    does not delay what is to be sent now.
 //! 3. TCP, one piece of each connection, until the machine's next deadline; the rest waits for the next wake.
@@ -19,14 +19,15 @@ use std::os::fd::AsFd as _;
 
 use machine::arp::ArpPacket;
 use machine::wire::FRAME_CAPACITY;
-use machine::{Duration, Instant, Lateness, Machine, Port, Source, StreamRequest, Tick, Transmit};
+use machine::{Duration, Instant, InterfaceId, Multihomed, Port, Source, StreamRequest, Tick, Transmit};
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 
+use crate::interfaces::{InterfacePort, Interfaces};
 use crate::neighbours::Neighbours;
-use crate::stream::{StreamEvent, StreamStatistics, Streams};
+use crate::stream::{StreamEvent, Streams};
 use crate::wait::WaitSet;
-use crate::{Interface, Notifier, OpenPort, PortError, Received, allocation, clock};
+use crate::{Interface, Notifier, Owner, PortError, Received, Statistics, allocation, clock};
 
 /// Frames taken from one port before the other ports get their turn: more than arrive during a host stall of 40 ms at
 /// a cycle of 1 ms.
@@ -53,81 +54,45 @@ pub enum DriverError {
     Poll(Errno),
 }
 
-/// Owner of a machine: passes commands in and events out. It runs on the cyclic thread, so it must not block,
-/// allocate, lock or log.
-pub trait Owner<M: Machine> {
-    /// Passes commands to the machine. The driver calls it before its thread sleeps. `Break` ends the loop.
-    fn wake(&mut self, now: Instant, machine: &mut M, statistics: &Statistics) -> ControlFlow<()>;
-
-    /// Handles an event of the machine. `Break` ends the loop once everything is sent.
-    fn event(&mut self, now: Instant, machine: &mut M, event: M::Event) -> ControlFlow<()>;
-
-    /// Returns the latest time for the next [`wake`](Self::wake), apart from the machine's own deadlines.
-    fn deadline(&self) -> Option<Instant> {
-        None
-    }
-}
-
-/// Counters of the driver since its start.
-#[derive(Clone, Default, Debug)]
-pub struct Statistics {
-    /// Lateness of the thread at the machine's deadlines.
-    pub lateness: Lateness,
-    /// Frames given to the machine.
-    pub received: u64,
-    /// Frames discarded: for other stations, or too long.
-    pub discarded: u64,
-    /// Frames given to the kernel.
-    pub sent: u64,
-    /// Frames that the kernel refused to send.
-    pub send_errors: u64,
-    /// Datagrams that were not sent, since the host would have sent them to another station than the machine found.
-    pub misdirected: u64,
-    /// Reads of a port that failed.
-    pub receive_errors: u64,
-    /// The kernel's last error on sending a frame.
-    pub last_send_error: Option<Errno>,
-    /// Counters of TCP connections.
-    pub streams: StreamStatistics,
-    /// Allocations of the thread from the first wake to the end; `None` if the program does not count them, see
-    /// [`allocation`]. While the loop runs, [`allocation::count`] has the count so far.
-    pub allocations: Option<u64>,
-}
-
 /// A machine with its open ports.
 #[derive(Debug)]
 pub struct Driver<M> {
     machine: M,
-    interface: Interface,
-    ports: Vec<OpenPort>,
+    interfaces: Interfaces,
     streams: Streams,
     notifier: Notifier,
     receive_buffer: Box<[u8; FRAME_CAPACITY]>,
     send_buffer: Box<[u8; FRAME_CAPACITY]>,
-    neighbours: Neighbours,
+    /// What is known of the neighbours at each interface.
+    neighbours: Box<[Neighbours]>,
     statistics: Statistics,
 }
 
-impl<M: Machine> Driver<M> {
-    /// Creates a driver for a machine on `interface` without starting it; `notifier` wakes it.
+impl<M: Multihomed> Driver<M> {
+    /// Creates a driver for a machine without starting it; `notifier` wakes it. `interfaces` is the machine's interface, or
+    /// all of them in the order of their [`InterfaceId`]s; two may be the same one.
     ///
-    /// Opens the machine's ports, and the TCP port on which it accepts connections, if it has one.
+    /// Opens the machine's ports, and the TCP ports on which it accepts connections, if it has any.
     ///
     /// # Errors
     ///
-    /// A port is taken, or opening it is not permitted.
-    pub fn new(machine: M, interface: Interface, notifier: Notifier) -> Result<Self, PortError> {
-        let ports = OpenPort::open_all(&interface, machine.ports())?;
-        let streams = Streams::open(&interface, machine.listen_port())?;
+    /// A port is taken, opening it is not permitted, or the machine has another number of interfaces.
+    pub fn new(
+        machine: M,
+        interfaces: impl Into<Vec<Interface>>,
+        notifier: Notifier,
+    ) -> Result<Self, PortError> {
+        let interfaces = Interfaces::open(&machine, interfaces.into())?;
+        let streams = Streams::open(&machine, &interfaces)?;
+        let neighbours = interfaces.iter().map(|_| Neighbours::default()).collect();
         Ok(Self {
             machine,
-            interface,
-            ports,
+            interfaces,
             streams,
             notifier,
             receive_buffer: Box::new([0; FRAME_CAPACITY]),
             send_buffer: Box::new([0; FRAME_CAPACITY]),
-            neighbours: Neighbours::default(),
+            neighbours,
             statistics: Statistics::default(),
         })
     }
@@ -147,12 +112,11 @@ impl<M: Machine> Driver<M> {
         &self.statistics
     }
 
-    /// Runs the machine on this thread until the owner ends the loop or the interface is gone.
+    /// Runs the machine on this thread until the owner ends the loop or an interface is gone.
     pub fn run(&mut self, owner: &mut impl Owner<M>) -> Result<(), DriverError> {
         let Self {
             machine,
-            interface,
-            ports,
+            interfaces,
             streams,
             notifier,
             receive_buffer,
@@ -161,14 +125,14 @@ impl<M: Machine> Driver<M> {
             statistics,
         } = self;
         // The notifier and the ports keep their places; TCP's places behind them change.
-        let mut waits = WaitSet::new(1 + ports.len() + Streams::WAITS);
+        let mut waits = WaitSet::new(1 + interfaces.ports().len() + streams.waits());
         waits.set(0, Some((notifier.as_fd(), PollFlags::IN)));
-        for (index, port) in ports.iter().enumerate() {
-            waits.set(1 + index, Some((port.as_fd(), PollFlags::IN)));
+        for (index, port) in interfaces.ports().iter().enumerate() {
+            waits.set(1 + index, Some((port.open.as_fd(), PollFlags::IN)));
         }
         let send_buffer = &mut **send_buffer;
         let mut run =
-            Run { machine, interface, ports, turn: 0, streams, send_buffer, neighbours, statistics, owner };
+            Run { machine, interfaces, turn: 0, streams, send_buffer, neighbours, statistics, owner };
         let counting = allocation::arm();
         let result = run.until_the_end(&mut waits, notifier, &mut **receive_buffer);
         statistics.allocations = counting.then(allocation::count);
@@ -195,18 +159,17 @@ fn is_on_time(deadline: Option<Instant>) -> bool {
 /// The parts of a driver that one wake uses.
 struct Run<'a, M, O> {
     machine: &'a mut M,
-    interface: &'a Interface,
-    ports: &'a [OpenPort],
+    interfaces: &'a Interfaces,
     /// The port whose frames are taken first.
     turn: usize,
     streams: &'a mut Streams,
     send_buffer: &'a mut [u8],
-    neighbours: &'a mut Neighbours,
+    neighbours: &'a mut [Neighbours],
     statistics: &'a mut Statistics,
     owner: &'a mut O,
 }
 
-impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
+impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
     fn until_the_end(
         &mut self,
         waits: &mut WaitSet,
@@ -225,17 +188,18 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
             }
             deadline = self.machine.poll_timeout();
             let wake = [deadline, self.owner.deadline(), self.streams.deadline()].into_iter().flatten().min();
-            self.streams.follow(self.machine.dscp(Streams::UNNUMBERED));
-            for port in self.ports {
-                let groups = (0..).map_while(|index| self.machine.group(port.port(), index));
-                port.update_groups(groups);
+            self.streams.follow(|on| self.machine.dscp(on, Streams::UNNUMBERED));
+            for InterfacePort { on, open } in self.interfaces.ports() {
+                let groups = (0..).map_while(|index| self.machine.group(*on, open.port(), index));
+                open.update_groups(groups);
             }
-            self.streams.await_in(waits, 1 + self.ports.len());
+            self.streams.await_in(waits, 1 + self.interfaces.ports().len());
             let early = wake.map(|wake| wake.since(clock::now()).saturating_sub(EARLY));
             match waits.wait(early) {
                 Ok(()) | Err(Errno::INTR) => {}
                 Err(error) => return Err(DriverError::Poll(error)),
             }
+            self.statistics.wakeups += 1;
             if !waits.ready(0).is_empty() {
                 notifier.clear();
             }
@@ -252,9 +216,10 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         buf: &mut [u8],
     ) -> Result<ControlFlow<()>, DriverError> {
         let mut was_stalled = None;
-        let (before, first) = self.ports.split_at_checked(self.turn).unwrap_or_default();
+        let ports = self.interfaces.ports();
+        let (before, first) = ports.split_at_checked(self.turn).unwrap_or_default();
         let indexed = (self.turn..).zip(first).chain(before.iter().enumerate());
-        for (index, port) in indexed {
+        for (index, InterfacePort { on, open: port }) in indexed {
             if waits.ready(1 + index).is_empty() {
                 continue;
             }
@@ -265,12 +230,12 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
                         let from = Source { port: port.port(), peer };
                         let (now, frame) = (clock::now(), buf.get(..len).unwrap_or_default());
                         if from.port == Port::Ethernet && ArpPacket::from_frame(frame).is_some() {
-                            self.neighbours.forget();
+                            self.forget_neighbours(*on);
                         }
                         if to_all {
-                            self.machine.handle_broadcast(now, from, frame);
+                            self.machine.handle_broadcast(now, *on, from, frame);
                         } else {
-                            self.machine.handle_frame(now, from, frame);
+                            self.machine.handle_frame(now, *on, from, frame);
                         }
                         if self.drain(now)?.is_break() {
                             return Ok(ControlFlow::Break(()));
@@ -279,7 +244,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
                         match was_stalled {
                             None => was_stalled = Some(waited_for.is_some_and(|due| due <= now)),
                             Some(false) if self.machine.poll_timeout().is_some_and(|due| due <= now) => {
-                                self.turn = (index + 1) % self.ports.len();
+                                self.turn = (index + 1) % ports.len();
                                 return Ok(ControlFlow::Continue(()));
                             }
                             Some(_) => {}
@@ -289,7 +254,7 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
                     Err(Errno::AGAIN) => break,
                     Err(error) => {
                         self.statistics.receive_errors += 1;
-                        self.check_interface(error)?;
+                        self.check_interface(*on, error)?;
                         break;
                     }
                 }
@@ -313,15 +278,15 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
 
     /// Handles each TCP connection that is ready, and accepts clients.
     fn streams(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
-        self.streams.begin_round(clock::now(), waits, 1 + self.ports.len());
+        self.streams.begin_round(clock::now(), waits, 1 + self.interfaces.ports().len());
         loop {
             let now = clock::now();
             match self.streams.next_event(now, buf) {
-                Some(StreamEvent::Change(id, change)) => self.machine.handle_stream(now, id, change),
-                Some(StreamEvent::Piece(id, len)) => {
+                Some(StreamEvent::Change(on, id, change)) => self.machine.handle_stream(now, on, id, change),
+                Some(StreamEvent::Piece(on, id, len)) => {
                     self.statistics.received += 1;
                     let from = Source { port: Port::Stream(id), peer: None };
-                    self.machine.handle_frame(now, from, buf.get(..len).unwrap_or_default());
+                    self.machine.handle_frame(now, on, from, buf.get(..len).unwrap_or_default());
                 }
                 None => break,
             }
@@ -348,13 +313,13 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
     fn drain(&mut self, now: Instant) -> Result<ControlFlow<()>, DriverError> {
         let mut flow = ControlFlow::Continue(());
         loop {
-            while let Some(transmit) = self.machine.poll_transmit(now, self.send_buffer) {
-                self.send(now, transmit)?;
+            while let Some((on, transmit)) = self.machine.poll_transmit(now, self.send_buffer) {
+                self.send(now, on, transmit)?;
             }
-            while let Some(request) = self.machine.poll_stream() {
+            while let Some((on, request)) = self.machine.poll_stream() {
                 match request {
                     StreamRequest::Connect { to, attempt } => {
-                        self.streams.connect(to, attempt, |id| self.machine.dscp(Port::Stream(id)));
+                        self.streams.connect(on, to, attempt, |id| self.machine.dscp(on, Port::Stream(id)));
                     }
                     StreamRequest::Close(id) => self.streams.close(now, id),
                 }
@@ -368,38 +333,59 @@ impl<M: Machine, O: Owner<M>> Run<'_, M, O> {
         }
     }
 
-    fn send(&mut self, now: Instant, Transmit { port, to, len }: Transmit) -> Result<(), DriverError> {
+    fn send(
+        &mut self,
+        now: Instant,
+        on: InterfaceId,
+        Transmit { port, to, len }: Transmit,
+    ) -> Result<(), DriverError> {
         if let Some(address) = to.map(|to| *to.ip())
-            && let wanted = self.machine.neighbour(address)
-            && let Err(found) = self.neighbours.check(self.interface, address, wanted)
+            && let Some(interface) = self.interfaces.get(on)
+            && let Some(neighbours) = self.neighbours.get_mut(usize::from(on.0))
+            && let wanted = self.machine.neighbour(on, address)
+            && let Err(found) = neighbours.check(interface, address, wanted)
         {
             self.statistics.misdirected += 1;
-            self.machine.handle_wrong_neighbour(now, address, found);
+            self.machine.handle_wrong_neighbour(now, on, address, found);
             return Ok(());
         }
         let frame = self.send_buffer.get(..len).unwrap_or_default();
-        let dscp = self.machine.dscp(port);
+        let dscp = self.machine.dscp(on, port);
         if let Port::Stream(id) = port {
             self.streams.send(id, dscp, frame);
             self.statistics.sent += 1;
             return Ok(());
         }
-        let open = self.ports.iter().find(|open| open.port() == port);
+        let open = self.interfaces.port(on, port);
         match open.map_or(Err(Errno::NOTCONN), |open| open.send(frame, to, dscp)) {
             Ok(()) => self.statistics.sent += 1,
             Err(error) => {
                 self.statistics.send_errors += 1;
                 self.statistics.last_send_error = Some(error);
-                self.check_interface(error)?;
+                self.check_interface(on, error)?;
             }
         }
         Ok(())
     }
 
+    /// Forgets which entries of the host's table of neighbours were right, since ARP may have changed them. Interfaces of the
+    /// machine that are the same one of the host share its table.
+    fn forget_neighbours(&mut self, on: InterfaceId) {
+        let changed = self.interfaces.get(on).map(Interface::index);
+        for (interface, neighbours) in self.interfaces.iter().zip(&mut *self.neighbours) {
+            if Some(interface.index()) == changed {
+                neighbours.forget();
+            }
+        }
+    }
+
     /// Returns an error if the interface is gone. A cable without carrier is not an error.
-    fn check_interface(&self, error: Errno) -> Result<(), DriverError> {
-        if matches!(error, Errno::NXIO | Errno::NODEV | Errno::NETDOWN) && !self.interface.exists() {
-            return Err(DriverError::InterfaceGone { interface: self.interface.name().to_owned() });
+    fn check_interface(&self, on: InterfaceId, error: Errno) -> Result<(), DriverError> {
+        if matches!(error, Errno::NXIO | Errno::NODEV | Errno::NETDOWN)
+            && let Some(interface) = self.interfaces.get(on)
+            && !interface.exists()
+        {
+            return Err(DriverError::InterfaceGone { interface: interface.name().to_owned() });
         }
         Ok(())
     }

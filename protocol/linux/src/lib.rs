@@ -1,8 +1,8 @@
 //! Ports and the real-time driver: what runs a [`machine::Machine`] on Linux.
 //!
 //! From the bottom up: an [`Interface`] is a network interface by name; an [`OpenPort`] is a socket on it that a machine
-//! knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine time and frames; a [`CyclicThread`] runs
-//! that loop on a thread of its own, with real-time scheduling where the host allows it, and talks to other threads over
+//! knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine, on one interface or several, time and
+//! frames; a [`CyclicThread`] runs that loop on a thread of its own, with real-time scheduling where the host allows it, and talks to other threads over
 //! wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one host, also for an ordinary user;
 //! [`impaired`] makes a cable that loses, delays, duplicates or corrupts frames. [`Recorder`] writes the frames that pass
 //! an interface into a capture.
@@ -26,10 +26,12 @@ mod ethernet;
 pub mod handover;
 pub mod impaired;
 mod interface;
+mod interfaces;
 pub mod namespace;
 mod neighbours;
 mod notifier;
 mod open_port;
+mod owner;
 mod packet_ring;
 mod packet_socket;
 mod parts;
@@ -48,11 +50,12 @@ pub mod wakeups;
 
 pub use arrivals::{Arrival, ArrivalLog};
 pub use cyclic_thread::{CyclicThread, Finished, RingFull, StartError, Task};
-pub use driver::{Driver, DriverError, Owner, Statistics};
+pub use driver::{Driver, DriverError};
 pub use handover::NoticeSender;
 pub use interface::{Interface, InterfaceError};
 pub use notifier::Notifier;
 pub use open_port::{OpenPort, PortError, Received};
+pub use owner::{Owner, Statistics};
 pub use port_holders::Transport;
 pub use recorder::{Recorder, RecorderError};
 pub use signals::{StopSignal, StopSignals, exit_on_stop, handle_stop};

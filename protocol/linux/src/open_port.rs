@@ -42,6 +42,26 @@ pub enum PortError {
         /// The local addresses that other programs use it with.
         by: Vec<SocketAddr>,
     },
+    /// Two interfaces of the machine are this one, and both need the port.
+    #[error(
+        "{transport} port {port} on `{interface}` is needed by two buses of this node: give one of them another interface"
+    )]
+    Shared {
+        /// UDP or TCP.
+        transport: Transport,
+        /// The port.
+        port: u16,
+        /// The interface.
+        interface: String,
+    },
+    /// The machine has another number of interfaces.
+    #[error("{given} network interfaces were given to a node that needs {needed}: one for each bus")]
+    InterfaceCount {
+        /// The number that the machine needs.
+        needed: usize,
+        /// The number that was given.
+        given: usize,
+    },
     /// Any other error of the kernel.
     #[error("opening {what} on `{interface}`: {reason}")]
     Refused {

@@ -1,4 +1,4 @@
-//! TCP connections of a machine: those that clients open and those that the machine opens.
+//! TCP connections of a machine: those that clients open and those that the machine opens, at all of its interfaces.
 //!
 //! There is a fixed number of places. Each connection takes one, with its own buffer for bytes that the kernel does
 //! not take at once. If a peer does not read, its buffer fills and the connection is closed; no other connection
@@ -13,7 +13,7 @@ use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-use machine::{Attempt, Instant, Port, StreamChange, StreamId};
+use machine::{Attempt, Instant, InterfaceId, Multihomed, Port, StreamChange, StreamId};
 use rustix::event::PollFlags;
 use socket2::{Domain, Protocol, Socket, Type};
 
@@ -21,6 +21,8 @@ pub(crate) use place::StreamEvent;
 use place::{Connection, Overflow, Place, State};
 
 use crate::dscp::Marking;
+use crate::interfaces::Interfaces;
+use crate::port_holders::Transport;
 use crate::wait::WaitSet;
 use crate::{Interface, PortError};
 
@@ -56,50 +58,70 @@ pub struct StreamStatistics {
     pub accept_errors: u64,
 }
 
-/// All connections of a machine.
+/// An interface of the machine, as a way to make and accept connections.
 #[derive(Debug)]
-pub(crate) struct Streams {
+struct StreamInterface {
+    on: InterfaceId,
     interface: Interface,
     listener: Option<Socket>,
     /// DSCP of the answers to clients before they are accepted, and of their connections at first.
     marking: Marking,
+    /// Clients that may still be accepted in this wake.
+    accepts: usize,
+}
+
+/// All connections of a machine.
+#[derive(Debug)]
+pub(crate) struct Streams {
+    /// The machine's interfaces. The index is the [`InterfaceId`].
+    interfaces: Box<[StreamInterface]>,
     /// Until when no clients are accepted.
     accept_again_at: Option<Instant>,
     places: Box<[Place]>,
     /// Index of the place that was handled last.
     turn: usize,
-    /// Clients that may still be accepted in this wake.
-    accepts: usize,
     next_id: u32,
     /// Connections that could not be started; the machine is not informed yet.
-    failed: VecDeque<(StreamId, Attempt)>,
+    failed: VecDeque<(InterfaceId, StreamId, Attempt)>,
     statistics: StreamStatistics,
 }
 
 impl Streams {
-    /// Starts without connections; accepts clients at `port`, if given.
-    pub(crate) fn open(interface: &Interface, port: Option<u16>) -> Result<Self, PortError> {
-        let listener = port
-            .map(|port| {
-                listen(interface, port).map_err(|reason| PortError::tcp(interface.name(), port, reason))
-            })
-            .transpose()?;
+    /// Starts without connections; accepts clients at each interface at the TCP port that the machine has there.
+    pub(crate) fn open<M: Multihomed>(machine: &M, interfaces: &Interfaces) -> Result<Self, PortError> {
+        let mut opened: Vec<StreamInterface> = Vec::new();
+        for (on, interface) in (0..=u8::MAX).map(InterfaceId).zip(interfaces.iter()) {
+            let port = machine.listen_port(on);
+            let is_same = |other: &&StreamInterface| other.interface.index() == interface.index();
+            if let Some(port) = port
+                && opened.iter().filter(is_same).any(|other| machine.listen_port(other.on) == Some(port))
+            {
+                let interface = interface.name().to_owned();
+                return Err(PortError::Shared { transport: Transport::Tcp, port, interface });
+            }
+            let listener = port
+                .map(|port| {
+                    listen(interface, port).map_err(|reason| PortError::tcp(interface.name(), port, reason))
+                })
+                .transpose()?;
+            let interface = interface.clone();
+            opened.push(StreamInterface { on, interface, listener, marking: Marking::default(), accepts: 0 });
+        }
         Ok(Self {
-            interface: interface.clone(),
-            listener,
-            marking: Marking::default(),
+            interfaces: opened.into(),
             accept_again_at: None,
             places: std::iter::repeat_with(Place::vacant).take(CONNECTIONS).collect(),
             turn: 0,
-            accepts: 0,
             next_id: 1,
             failed: VecDeque::with_capacity(CONNECTIONS),
             statistics: StreamStatistics::default(),
         })
     }
 
-    /// Number of entries in the [`WaitSet`] for the connections and the listener.
-    pub(crate) const WAITS: usize = 1 + CONNECTIONS;
+    /// Returns the number of entries in the [`WaitSet`] for the listeners and the connections.
+    pub(crate) const fn waits(&self) -> usize {
+        self.interfaces.len() + CONNECTIONS
+    }
 
     pub(crate) const fn statistics(&self) -> StreamStatistics {
         self.statistics
@@ -107,20 +129,24 @@ impl Streams {
 
     /// Writes the sockets to wait for into the set, from entry `first` on.
     pub(crate) fn await_in(&self, waits: &mut WaitSet, first: usize) {
-        let listener = self.listener.as_ref().filter(|_| self.accept_again_at.is_none());
-        waits.set(first, listener.map(|listener| (listener.as_fd(), PollFlags::IN)));
+        for (index, interface) in self.interfaces.iter().enumerate() {
+            let listener = interface.listener.as_ref().filter(|_| self.accept_again_at.is_none());
+            waits.set(first + index, listener.map(|listener| (listener.as_fd(), PollFlags::IN)));
+        }
         for (index, place) in self.places.iter().enumerate() {
-            waits.set(first + 1 + index, place.wait_for());
+            waits.set(first + self.interfaces.len() + index, place.wait_for());
         }
     }
 
     /// Port that stands for connections without a number; no connection has this number.
     pub(crate) const UNNUMBERED: Port = Port::Stream(StreamId(0));
 
-    /// Sets this DSCP on the answers to clients from now on.
-    pub(crate) fn follow(&self, dscp: u8) {
-        if let Some(listener) = &self.listener {
-            self.marking.follow(listener.as_fd(), dscp);
+    /// Sets the DSCP that `dscp` returns for an interface on the answers to clients there from now on.
+    pub(crate) fn follow(&self, dscp: impl Fn(InterfaceId) -> u8) {
+        for interface in &self.interfaces {
+            if let Some(listener) = &interface.listener {
+                interface.marking.follow(listener.as_fd(), dscp(interface.on));
+            }
         }
     }
 
@@ -135,16 +161,18 @@ impl Streams {
     /// Takes the result of a wait. Each connection then has one turn.
     pub(crate) fn begin_round(&mut self, now: Instant, waits: &WaitSet, first: usize) {
         self.accept_again_at = self.accept_again_at.filter(|until| *until > now);
-        self.accepts = if waits.ready(first).is_empty() { 0 } else { ACCEPTS };
+        for (index, interface) in self.interfaces.iter_mut().enumerate() {
+            interface.accepts = if waits.ready(first + index).is_empty() { 0 } else { ACCEPTS };
+        }
         for (index, place) in self.places.iter_mut().enumerate() {
-            place.ready = waits.ready(first + 1 + index);
+            place.ready = waits.ready(first + self.interfaces.len() + index);
         }
     }
 
     /// Returns the next event of this round; received bytes are in `buf`.
     pub(crate) fn next_event(&mut self, now: Instant, buf: &mut [u8]) -> Option<StreamEvent> {
-        if let Some((id, attempt)) = self.failed.pop_front() {
-            return Some(StreamEvent::Change(id, StreamChange::NotConnected(attempt)));
+        if let Some((on, id, attempt)) = self.failed.pop_front() {
+            return Some(StreamEvent::Change(on, id, StreamChange::NotConnected(attempt)));
         }
         let buf = match buf.len() {
             0..=PIECE => buf,
@@ -160,20 +188,30 @@ impl Streams {
         self.accept(now)
     }
 
-    /// Starts to connect, in place of the same attempt if it is still under way. `dscp` returns the DSCP of its packets.
-    pub(crate) fn connect(&mut self, to: SocketAddrV4, attempt: Attempt, dscp: impl FnOnce(StreamId) -> u8) {
-        let under_way = |connection: &Connection| connection.state == State::Connecting(attempt);
+    /// Starts to connect from an interface, in place of the same attempt there if it is still under way. `dscp` returns the
+    /// DSCP of its packets.
+    pub(crate) fn connect(
+        &mut self,
+        on: InterfaceId,
+        to: SocketAddrV4,
+        attempt: Attempt,
+        dscp: impl FnOnce(StreamId) -> u8,
+    ) {
+        let under_way =
+            |connection: &Connection| connection.on == on && connection.state == State::Connecting(attempt);
         for place in self.places.iter_mut().filter(|place| place.connection.as_ref().is_some_and(under_way)) {
             place.vacate();
         }
-        self.failed.retain(|(_, other)| *other != attempt);
+        self.failed.retain(|(there, _, other)| (*there, *other) != (on, attempt));
         let id = self.fresh_id();
         let begun = self.vacant_place().is_some_and(|index| {
             let marking = Marking::default();
+            let interface = self.interfaces.get(usize::from(on.0));
             let begin = || -> io::Result<Socket> {
+                let interface = &interface.ok_or(io::ErrorKind::NotFound)?.interface;
                 let socket =
                     Socket::new(Domain::IPV4, Type::STREAM.nonblocking().cloexec(), Some(Protocol::TCP))?;
-                socket.bind_device(Some(self.interface.name().as_bytes()))?;
+                socket.bind_device(Some(interface.name().as_bytes()))?;
                 prepare(&socket)?;
                 marking.follow(socket.as_fd(), dscp(id));
                 match socket.connect(&SocketAddr::from(to).into()) {
@@ -183,11 +221,11 @@ impl Streams {
             };
             let socket = begin();
             let Some((place, socket)) = self.places.get_mut(index).zip(socket.ok()) else { return false };
-            place.occupy(Connection { id, socket, state: State::Connecting(attempt), marking });
+            place.occupy(Connection { on, id, socket, state: State::Connecting(attempt), marking });
             true
         });
         if !begun && self.failed.len() < CONNECTIONS {
-            self.failed.push_back((id, attempt));
+            self.failed.push_back((on, id, attempt));
         }
     }
 
@@ -235,18 +273,21 @@ impl Streams {
     }
 
     fn accept(&mut self, now: Instant) -> Option<StreamEvent> {
-        while self.accepts > 0 {
-            self.accepts -= 1;
-            let flags = libc::SOCK_NONBLOCK | libc::SOCK_CLOEXEC;
-            let (socket, peer) = match self.listener.as_ref()?.accept4(flags) {
+        let flags = libc::SOCK_NONBLOCK | libc::SOCK_CLOEXEC;
+        while let Some(interface) = self.interfaces.iter_mut().find(|interface| interface.accepts > 0) {
+            interface.accepts -= 1;
+            let (on, marking) = (interface.on, interface.marking.clone());
+            let (socket, peer) = match interface.listener.as_ref()?.accept4(flags) {
                 Ok((socket, peer)) => (socket, peer.as_socket_ipv4()),
                 Err(error) => {
                     let harmless = [libc::EAGAIN, libc::EINTR, libc::ECONNABORTED];
                     if !error.raw_os_error().is_some_and(|code| harmless.contains(&code)) {
                         self.statistics.accept_errors += 1;
                         self.accept_again_at = Some(now + ACCEPT_PAUSE);
+                        return None;
                     }
-                    return None;
+                    interface.accepts = 0;
+                    continue;
                 }
             };
             let Some(index) = self.vacant_place() else {
@@ -256,10 +297,9 @@ impl Streams {
             // This fails if the client is gone already.
             let Some(peer) = peer.filter(|_| prepare(&socket).is_ok()) else { continue };
             let id = self.fresh_id();
-            let marking = self.marking.clone();
-            self.places.get_mut(index)?.occupy(Connection { id, socket, state: State::Open, marking });
+            self.places.get_mut(index)?.occupy(Connection { on, id, socket, state: State::Open, marking });
             self.statistics.accepted += 1;
-            return Some(StreamEvent::Change(id, StreamChange::Accepted(peer)));
+            return Some(StreamEvent::Change(on, id, StreamChange::Accepted(peer)));
         }
         None
     }

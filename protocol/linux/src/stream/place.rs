@@ -5,7 +5,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use machine::wire::FRAME_CAPACITY;
-use machine::{Attempt, Instant, StreamChange, StreamId};
+use machine::{Attempt, Instant, InterfaceId, StreamChange, StreamId};
 use rustix::event::PollFlags;
 use rustix::io::Errno;
 use rustix::net::{RecvFlags, SendFlags, recv, send};
@@ -23,9 +23,9 @@ const LINGER: Duration = Duration::from_secs(1);
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum StreamEvent {
     /// It opened or closed.
-    Change(StreamId, StreamChange),
+    Change(InterfaceId, StreamId, StreamChange),
     /// This many bytes were received, at the start of the buffer.
-    Piece(StreamId, usize),
+    Piece(InterfaceId, StreamId, usize),
 }
 
 /// State of a connection.
@@ -46,6 +46,7 @@ pub(super) enum State {
 /// A connection.
 #[derive(Debug)]
 pub(super) struct Connection {
+    pub(super) on: InterfaceId,
     pub(super) id: StreamId,
     pub(super) socket: Socket,
     pub(super) state: State,
@@ -113,15 +114,15 @@ impl Place {
     /// Handles this connection once.
     pub(super) fn handle(&mut self, now: Instant, buf: &mut [u8]) -> Option<StreamEvent> {
         let ready = std::mem::replace(&mut self.ready, PollFlags::empty());
-        let Connection { id, state, .. } = *self.connection.as_ref()?;
-        let gone = Some(StreamEvent::Change(id, StreamChange::Closed));
+        let Connection { on, id, state, .. } = *self.connection.as_ref()?;
+        let gone = Some(StreamEvent::Change(on, id, StreamChange::Closed));
         match state {
             State::Lost => {
                 self.vacate();
                 gone
             }
             State::Connecting(attempt) => {
-                (!ready.is_empty()).then(|| StreamEvent::Change(id, self.connected(attempt)))
+                (!ready.is_empty()).then(|| StreamEvent::Change(on, id, self.connected(attempt)))
             }
             State::Open => {
                 if ready.contains(PollFlags::OUT) && self.flush().is_err() {
@@ -137,7 +138,7 @@ impl Place {
                         self.end(now, true);
                         gone
                     }
-                    Ok(len) => Some(StreamEvent::Piece(id, len)),
+                    Ok(len) => Some(StreamEvent::Piece(on, id, len)),
                     Err(Errno::AGAIN | Errno::INTR) => None,
                     Err(_) => {
                         self.vacate();
