@@ -11,7 +11,8 @@
 //! node        a node on its cyclic thread; short_text is text without allocation
 //! trace_row   a cycle as a line of text, written and read; trace_file records a node's cycles
 //! output      printing to a reader that may be gone; screen makes tables and text fit it
-//! arguments   the command line, parsed; list has options with several values, duration times with units
+//! arguments   the command line, parsed; list has options with several values, duration times with units,
+//!             interface_option an interface for each bus
 //! outcome     how a program ended, as its exit code
 //! ```
 
@@ -27,6 +28,7 @@ mod duration;
 mod inbox;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod input;
+pub mod interface_option;
 pub mod list;
 pub mod message;
 #[cfg(all(feature = "real", target_os = "linux"))]

@@ -86,7 +86,7 @@ pub struct Hello {
     pub setup: String,
     /// The bus and its mode.
     pub bus: String,
-    /// The interface that it is on.
+    /// The interface that it is on; several, with commas between them, on several buses.
     pub interface: String,
     /// That interface's MAC address.
     pub mac: String,

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use machine::{Counters, Down, DownCause, LinkEvent};
-use machine::{Instant, Lateness, Machine};
+use machine::{Instant, InterfaceId, Lateness, Multihomed};
 use protocol::fieldbus::ToStore;
 use protocol::image::Checks;
 use rustix::io::Errno;
@@ -26,7 +26,7 @@ use protocol_linux::{
 const DISCONNECT_LIMIT: Duration = Duration::from_millis(300);
 
 /// A machine that is a complete node: a PLC or a robot on its bus.
-pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
+pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
     /// Commands of only this kind of node.
     type Order: Send + Debug + 'static;
     /// The node's answers to orders.
@@ -37,6 +37,11 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
     /// Returns the link event that an event contains, if any.
     fn link_event(event: &Self::Event) -> Option<LinkEvent>;
 
+    /// Returns the interface whose bus a link event is of.
+    fn link_interface(_event: &Self::Event) -> InterfaceId {
+        InterfaceId::FIRST
+    }
+
     /// Returns what the node waits for, if an event says that.
     fn waiting(_event: &Self::Event) -> Option<Waiting> {
         None
@@ -45,8 +50,8 @@ pub trait Node: Machine<Event: Send + Debug> + Send + 'static {
     /// Carries out an order and returns the answer, if there is one.
     fn order(&mut self, now: Instant, order: Self::Order) -> Option<Self::Answer>;
 
-    /// Reports to the bus whether the address was set: `address_set` of the bus.
-    fn address_set(&mut self, now: Instant, done: bool);
+    /// Reports to the bus of an interface whether the address was set: `address_set` of the bus.
+    fn address_set(&mut self, now: Instant, on: InterfaceId, done: bool);
 
     /// Returns what the bus set permanently of its own station: `to_store` of the bus.
     fn to_store(&self) -> ToStore<'_> {
@@ -177,7 +182,8 @@ impl Snapshot {
 /// The node's owner on the cyclic thread.
 #[derive(Debug)]
 pub struct CyclicTask<S> {
-    interface: Interface,
+    /// The node's interfaces. The index is the [`InterfaceId`].
+    interfaces: Vec<Interface>,
     trace: Option<TraceRing<S>>,
     connected: bool,
     /// [`allocation::count`] when the connection was first up.
@@ -232,7 +238,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
         event: N::Event,
         notices: &mut NoticeSender<Self::Notice>,
     ) -> ControlFlow<()> {
-        let link = N::link_event(&event);
+        let (link, on) = (N::link_event(&event), N::link_interface(&event));
         if let Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })) = link {
             let mut words = ShortText::default();
             // Text that does not fit is cut off.
@@ -263,10 +269,11 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                 }
             }
             Some(LinkEvent::SetAddress { address, mask, gateway }) => {
-                let interface = &self.interface;
-                let done = interface.set_address(address, mask).and_then(|()| interface.set_gateway(gateway));
-                node.address_set(now, done.is_ok());
-                if let Err(error) = done {
+                let done = self.interfaces.get(usize::from(on.0)).map(|interface| {
+                    interface.set_address(address, mask).and_then(|()| interface.set_gateway(gateway))
+                });
+                node.address_set(now, on, matches!(done, Some(Ok(()))));
+                if let Some(Err(error)) = done {
                     notices.send(Notice::NoAddress(address, error));
                 }
             }
@@ -341,13 +348,13 @@ pub enum NodeError {
 }
 
 impl<N: Node> NodeProcess<N> {
-    /// Starts the node on a cyclic thread. It takes instructions from `commands` and records cycles into `trace` when
-    /// instructed to.
+    /// Starts the node on a cyclic thread, with its interfaces in the order of their [`InterfaceId`]s. It takes instructions
+    /// from `commands` and records cycles into `trace` when instructed to.
     ///
     /// The caller provides `signals`, because they must be blocked before any thread starts.
     pub fn start(
         node: N,
-        interface: Interface,
+        interfaces: Vec<Interface>,
         signals: StopSignals,
         commands: Commands,
         trace: Option<&Path>,
@@ -359,11 +366,11 @@ impl<N: Node> NodeProcess<N> {
             }
             None => (None, None),
         };
-        let task = CyclicTask { interface, trace: ring, connected: false, at_up: None, stopping: None };
+        let task = CyclicTask { interfaces, trace: ring, connected: false, at_up: None, stopping: None };
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
         let inbox = Inbox::new(signals, reader.clone(), commands);
-        let driver = Driver::new(node, task.interface.clone(), waker.clone())?;
+        let driver = Driver::new(node, task.interfaces.clone(), waker.clone())?;
         let thread = CyclicThread::start(driver, task, waker, reader)?;
         Ok(Self { thread, trace, inbox, ended: false })
     }

@@ -7,7 +7,7 @@
 //! exit_code              the process's exit code
 //! ```
 
-use std::net::{SocketAddr, SocketAddrV4};
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -20,6 +20,7 @@ use setup::{Cyclic, Setup};
 
 use crate::Outcome;
 use crate::address_check::{AddressCheckError, check_address};
+use crate::interface_option::{BusName, InterfaceOption, InterfaceOptionError};
 use crate::message::{CellText, Console, Hello, NodeHost};
 use crate::role::NodeRole;
 use crate::station_file::StationFile;
@@ -50,9 +51,10 @@ pub struct RunOptions {
     #[arg(long, value_name = "NAME|FILE")]
     pub application: Option<String>,
     /// The network interface that the other node is on: its name, or the IPv4 address that it has. It gets the address
-    /// that the setup wants there; a PROFINET device gets its own from the controller.
-    #[arg(long, value_name = "IF|ADDRESS")]
-    pub interface: String,
+    /// that the setup wants there; a PROFINET device gets its own from the controller. Several buses share it, or each has
+    /// one of its own: profinet=IF,ethernet-ip=IF,ethercat=IF.
+    #[arg(long, value_name = "IF|ADDRESS|BUS=IF,...")]
+    pub interface: InterfaceOption,
     /// Transport of PROFINET's cyclic frames, in place of the setup's; a device takes what the controller asks for.
     #[arg(long, value_name = "udp|rt1")]
     pub cyclic: Option<Cyclic>,
@@ -83,8 +85,8 @@ pub struct Prepared {
     pub application: Found,
     /// That application's motions.
     pub plan: Plan,
-    /// The interface to the other node; it is up.
-    pub interface: Interface,
+    /// The interface of each bus, in the order of the setup, at least one; they are up.
+    pub interfaces: Vec<Interface>,
     /// Where it keeps the name and the address that its bus sets permanently; `None` if it cannot.
     pub station_file: Option<StationFile>,
     signals: StopSignals,
@@ -111,9 +113,12 @@ impl RunOptions {
         }
         setup::check(&setup)?;
         let plan = application.plan(&setup)?;
-        let interface = Interface::find(&self.interface)?;
-        interface.set_up()?;
-        Ok(Prepared { setup, application, plan, interface, station_file: None, signals })
+        let names = self.interface.for_buses(&[BusName::of(&setup.bus.kind)])?;
+        let interfaces: Vec<_> = names.into_iter().map(Interface::find).collect::<Result<_, _>>()?;
+        for interface in &interfaces {
+            interface.set_up()?;
+        }
+        Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })
     }
 
     /// Returns whether the node takes instructions, over TCP or from standard input.
@@ -124,6 +129,12 @@ impl RunOptions {
 }
 
 impl Prepared {
+    /// Returns the interface of a node with one bus: the first.
+    #[must_use]
+    pub fn interface(&self) -> &Interface {
+        &self.interfaces[0]
+    }
+
     /// Returns a connection to the other node without a bus protocol, in use from `start` on.
     ///
     /// # Errors
@@ -153,15 +164,7 @@ impl Prepared {
             NodeRole::Plc => ("bus.plc_address", addresses.plc),
             NodeRole::Robot => ("bus.robot_address", addresses.robot),
         };
-        if self.interface.address().is_none_or(|found| found == address) {
-            match check_address(&self.interface, address) {
-                Ok(()) => {}
-                Err(taken @ AddressCheckError::Taken(_)) => return Err(taken).context(key),
-                // An address can be set where ARP cannot be read: EtherNet/IP needs no raw Ethernet.
-                Err(error) => errln!("warning: it is unknown whether another station has {address}: {error}"),
-            }
-        }
-        Ok(self.interface.take_address(key, address, addresses.mask)?)
+        take_address(self.interface(), key, address, addresses.mask)
     }
 
     /// Runs `node` until it is asked to end or `mode` ends it. `endpoint` is its role on the bus, for its first message.
@@ -177,14 +180,16 @@ impl Prepared {
         node: N,
         mode: &mut C,
     ) -> anyhow::Result<Outcome> {
-        let Self { setup, application, interface, station_file, signals, .. } = self;
+        let Self { setup, application, interfaces, station_file, signals, .. } = self;
+        let listed =
+            |what: fn(&Interface) -> String| interfaces.iter().map(what).collect::<Vec<_>>().join(", ");
         let cell = CellText { setup: setup::setup_to_toml(&setup)?, application: application.text };
         let hello = Hello {
             node: role,
             setup: setup.name,
             bus: endpoint.to_owned(),
-            interface: interface.name().to_owned(),
-            mac: interface.mac().to_string(),
+            interface: listed(|interface| interface.name().to_owned()),
+            mac: listed(|interface| interface.mac().to_string()),
             warning: None,
             cell: Some(cell),
             host: Some(NodeHost::this()),
@@ -198,9 +203,32 @@ impl Prepared {
             None => (Console::Text, Commands::None),
         };
         let trace = options.trace_file.as_deref();
-        let process = NodeProcess::start(node, interface, signals, commands, trace)?;
+        let process = NodeProcess::start(node, interfaces, signals, commands, trace)?;
         Ok(supervise(process, mode, console, hello, station_file))
     }
+}
+
+/// Gives an interface the IP address that a setup has for it under `key`.
+///
+/// # Errors
+///
+/// Another station on the cable has that address; the interface has another one, which may be the user's own connection; or
+/// it gets none.
+pub fn take_address(
+    interface: &Interface,
+    key: &'static str,
+    address: Ipv4Addr,
+    mask: Ipv4Addr,
+) -> anyhow::Result<()> {
+    if interface.address().is_none_or(|found| found == address) {
+        match check_address(interface, address) {
+            Ok(()) => {}
+            Err(taken @ AddressCheckError::Taken(_)) => return Err(taken).context(key),
+            // An address can be set where ARP cannot be read: EtherNet/IP needs no raw Ethernet.
+            Err(error) => errln!("warning: it is unknown whether another station has {address}: {error}"),
+        }
+    }
+    Ok(interface.take_address(key, address, mask)?)
 }
 
 /// Lets Ctrl-C and SIGTERM end the program with the exit code for them as long as there is nothing to end in order. Call it
@@ -220,10 +248,12 @@ pub fn exit_code(
     outcome: anyhow::Result<Outcome>,
     is_usage: impl FnOnce(&anyhow::Error) -> bool,
 ) -> ExitCode {
-    let is_control = |error: &anyhow::Error| {
-        error.is::<TokenError>() || matches!(error.downcast_ref(), Some(ControlError::NoToken(_)))
+    let is_of_options = |error: &anyhow::Error| {
+        error.is::<TokenError>()
+            || error.is::<InterfaceOptionError>()
+            || matches!(error.downcast_ref(), Some(ControlError::NoToken(_)))
     };
-    crate::exit_code(outcome, |error| is_control(error) || is_usage(error))
+    crate::exit_code(outcome, |error| is_of_options(error) || is_usage(error))
 }
 
 #[cfg(test)]

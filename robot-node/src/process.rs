@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
-use machine::{Instant, Lateness};
+use machine::{Instant, InterfaceId, Lateness};
 use node::Outcome;
 use node::address_check::{AddressCheckError, check_address};
 use node::errln;
@@ -162,7 +162,7 @@ impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
         let mut prepared = self.options.prepare()?;
         let stored = self.find_station(&mut prepared)?;
-        let (setup, plan, interface) = (&prepared.setup, &prepared.plan, &prepared.interface);
+        let (setup, plan, interface) = (&prepared.setup, &prepared.plan, prepared.interface());
         let to_start = plan.wire_to_start(setup);
         let config =
             RobotConfig::from_setup(setup)?.in_cell_of(&prepared.application.application, &to_start)?;
@@ -199,7 +199,7 @@ impl Run {
     fn find_station(&self, prepared: &mut Prepared) -> anyhow::Result<Option<Station>> {
         let is_device = matches!(prepared.setup.bus.kind, BusKind::Profinet(..)) && !self.options.direct;
         let of_interface =
-            || StationFile::of_interface(prepared.interface.name()).filter(|_| !self.options.json);
+            || StationFile::of_interface(prepared.interface().name()).filter(|_| !self.options.json);
         let named = self.station_file.clone().map(StationFile::at);
         let Some(file) = named.or_else(of_interface).filter(|_| is_device) else { return Ok(None) };
         let station = match file.load() {
@@ -211,12 +211,12 @@ impl Run {
             loaded => loaded?,
         };
         if let Some(Address { ip, mask, gateway }) = station.address {
-            match check_address(&prepared.interface, ip) {
+            match check_address(prepared.interface(), ip) {
                 // It starts without an address, and its controller learns of the conflict when it sets one.
                 Err(taken @ AddressCheckError::Taken(_)) => errln!("warning: {taken}"),
                 _ => {
-                    prepared.interface.set_address(ip, mask)?;
-                    prepared.interface.set_gateway(gateway)?;
+                    prepared.interface().set_address(ip, mask)?;
+                    prepared.interface().set_gateway(gateway)?;
                 }
             }
         }
@@ -258,7 +258,7 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
         None
     }
 
-    fn address_set(&mut self, now: Instant, done: bool) {
+    fn address_set(&mut self, now: Instant, _on: InterfaceId, done: bool) {
         self.bus_mut().address_set(now, done);
     }
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
+use node::interface_option::{BusName, InterfaceOption};
 use node::screen;
 use protocol_linux::wakeups::{self, Wakeups};
 use serde::Serialize;
@@ -30,9 +31,10 @@ pub struct DoctorOptions {
     /// Time for which wake-ups are measured, in s.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=3_600))]
     pub seconds: u32,
-    /// Ask on this interface, given by its name or its IPv4 address, whether two stations have an address of the setup.
-    #[arg(long, value_name = "IF|ADDRESS")]
-    pub interface: Option<String>,
+    /// Ask on this interface, given by its name or its IPv4 address, whether two stations have an address of the setup; for
+    /// several buses profinet=IF,ethernet-ip=IF.
+    #[arg(long, value_name = "IF|ADDRESS|BUS=IF,...")]
+    pub interface: Option<InterfaceOption>,
     /// Print JSON instead of a table.
     #[arg(long)]
     pub json: bool,
@@ -88,9 +90,16 @@ pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     // Before this process enters a namespace, from where it sees fewer files of others.
     let listening = listening(&listening::find_sockets());
     // Likewise: another namespace has other interfaces.
-    let held = options.interface.as_deref().map(|interface| addresses::check(interface, &setup));
+    let held = match &options.interface {
+        Some(option) => {
+            let names = option.for_buses(&[BusName::of(&setup.bus.kind)]);
+            let names = names.map_err(|error| Failure::new(Exit::Usage, error))?;
+            names.into_iter().flat_map(|interface| addresses::check(interface, &setup)).collect()
+        }
+        None => Vec::new(),
+    };
     let mut findings = networks();
-    findings.extend(held.into_iter().flatten());
+    findings.extend(held);
     findings.push(listening);
     let host = Host::read(std::time::SystemTime::now(), COMMIT);
     findings.push(cores(host.cores));

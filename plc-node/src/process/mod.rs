@@ -8,7 +8,7 @@ mod modes;
 
 use std::fmt;
 
-use machine::{Duration, Instant, Lateness};
+use machine::{Duration, Instant, InterfaceId, Lateness};
 use node::Outcome;
 use node::list::{List, flat};
 use node::role::NodeRole;
@@ -53,7 +53,7 @@ impl Run {
     /// Runs the node until it is done.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
         let prepared = self.options.prepare()?;
-        let (setup, plan, interface) = (&prepared.setup, &prepared.plan, &prepared.interface);
+        let (setup, plan, interface) = (&prepared.setup, &prepared.plan, prepared.interface());
         // On a real clock the scan takes what it takes.
         let config = PlcConfig {
             scan_cost: Duration::ZERO,
@@ -139,7 +139,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
         }
     }
 
-    fn address_set(&mut self, now: Instant, done: bool) {
+    fn address_set(&mut self, now: Instant, _on: InterfaceId, done: bool) {
         self.bus_mut().address_set(now, done);
     }
 

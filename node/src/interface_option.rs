@@ -1,0 +1,203 @@
+//! The option `--interface`: one network interface for all buses of a node, or one for each bus.
+
+use std::fmt;
+use std::str::FromStr;
+
+use setup::BusKind;
+
+/// A kind of bus, by the name that setups and options give it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum BusName {
+    /// PROFINET IO.
+    Profinet,
+    /// EtherNet/IP.
+    EthernetIp,
+    /// EtherCAT.
+    Ethercat,
+}
+
+impl BusName {
+    const ALL: [Self; 3] = [Self::Profinet, Self::EthernetIp, Self::Ethercat];
+
+    /// Returns the name of a setup's bus.
+    #[must_use]
+    pub const fn of(kind: &BusKind) -> Self {
+        match kind {
+            BusKind::Profinet(..) => Self::Profinet,
+            BusKind::EthernetIp(..) => Self::EthernetIp,
+            BusKind::Ethercat(..) => Self::Ethercat,
+        }
+    }
+
+    const fn as_str(self) -> &'static str {
+        match self {
+            Self::Profinet => "profinet",
+            Self::EthernetIp => "ethernet-ip",
+            Self::Ethercat => "ethercat",
+        }
+    }
+}
+
+impl fmt::Display for BusName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// Network interfaces for the buses of a node, each by its name or its IPv4 address: `eth0` for all buses, or
+/// `profinet=eth0,ethernet-ip=eth1`.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum InterfaceOption {
+    /// One interface for all buses.
+    All(String),
+    /// An interface for each bus, in the order of the option. No bus is in it twice.
+    Each(Vec<(BusName, String)>),
+}
+
+/// Why the interfaces of an option cannot be those of a node.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum InterfaceOptionError {
+    /// A part names an interface and not its bus.
+    #[error("`{0}` has no bus: write BUS=IF for each bus, as in profinet=eth0,ethernet-ip=eth1")]
+    NoBus(String),
+    /// No bus has this name.
+    #[error("`{0}` is not a bus: write profinet=IF, ethernet-ip=IF or ethercat=IF")]
+    UnknownBus(String),
+    /// A bus has no interface behind its `=`.
+    #[error("bus {0} has no interface: write {0}=IF with a name or an IPv4 address")]
+    NoInterface(BusName),
+    /// A bus is there twice.
+    #[error("bus {0} has two interfaces in --interface: give it one")]
+    Twice(BusName),
+    /// The setup has no such bus.
+    #[error("the setup has no {bus} bus, only {}: leave {bus}=IF out of --interface", in_words(of_setup))]
+    NotInSetup {
+        /// The bus.
+        bus: BusName,
+        /// Buses of the setup.
+        of_setup: Vec<BusName>,
+    },
+    /// A bus of the setup has no interface.
+    #[error("bus {0} of the setup has no interface: add {0}=IF to --interface")]
+    LeftOut(BusName),
+}
+
+fn in_words(buses: &[BusName]) -> String {
+    buses.iter().map(BusName::to_string).collect::<Vec<_>>().join(" and ")
+}
+
+impl FromStr for InterfaceOption {
+    type Err = InterfaceOptionError;
+
+    fn from_str(text: &str) -> Result<Self, InterfaceOptionError> {
+        if !text.contains(['=', ',']) {
+            return Ok(Self::All(text.to_owned()));
+        }
+        let mut each: Vec<(BusName, String)> = Vec::new();
+        for part in text.split(',').map(str::trim) {
+            let Some((bus, interface)) = part.split_once('=') else {
+                return Err(InterfaceOptionError::NoBus(part.to_owned()));
+            };
+            let Some(bus) = BusName::ALL.into_iter().find(|known| known.as_str() == bus.trim()) else {
+                return Err(InterfaceOptionError::UnknownBus(bus.trim().to_owned()));
+            };
+            if interface.trim().is_empty() {
+                return Err(InterfaceOptionError::NoInterface(bus));
+            }
+            if each.iter().any(|(other, _)| *other == bus) {
+                return Err(InterfaceOptionError::Twice(bus));
+            }
+            each.push((bus, interface.trim().to_owned()));
+        }
+        Ok(Self::Each(each))
+    }
+}
+
+impl InterfaceOption {
+    /// Returns the interface of each of a setup's buses, in their order.
+    ///
+    /// # Errors
+    ///
+    /// The option names a bus that the setup does not have, or leaves one out.
+    pub fn for_buses(&self, buses: &[BusName]) -> Result<Vec<&str>, InterfaceOptionError> {
+        let each = match self {
+            Self::All(interface) => return Ok(buses.iter().map(|_| interface.as_str()).collect()),
+            Self::Each(each) => each,
+        };
+        if let Some((bus, _)) = each.iter().find(|(bus, _)| !buses.contains(bus)) {
+            return Err(InterfaceOptionError::NotInSetup { bus: *bus, of_setup: buses.to_vec() });
+        }
+        let interface = |bus: &BusName| {
+            let found = each.iter().find(|(other, _)| other == bus);
+            found.map(|(_, interface)| interface.as_str()).ok_or(InterfaceOptionError::LeftOut(*bus))
+        };
+        buses.iter().map(interface).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(text: &str) -> String {
+        text.parse::<InterfaceOption>().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn one_interface_serves_every_bus() {
+        let option: InterfaceOption = "eth0".parse().unwrap();
+        assert_eq!(option.for_buses(&[BusName::Profinet]), Ok(vec!["eth0"]));
+        assert_eq!(option.for_buses(&BusName::ALL), Ok(vec!["eth0"; 3]));
+    }
+
+    #[test]
+    fn each_bus_gets_its_interface_in_the_order_of_the_setup() {
+        let option: InterfaceOption = "ethernet-ip=10.0.0.1, profinet=eth0".parse().unwrap();
+        let buses = [BusName::Profinet, BusName::EthernetIp];
+        assert_eq!(option.for_buses(&buses), Ok(vec!["eth0", "10.0.0.1"]));
+        let same: InterfaceOption = "profinet=eth0,ethernet-ip=eth0".parse().unwrap();
+        assert_eq!(same.for_buses(&buses), Ok(vec!["eth0", "eth0"]));
+    }
+
+    #[test]
+    fn the_bus_of_every_built_in_setup_may_be_named() {
+        for name in ["A", "B", "C", "D"] {
+            let bus = BusName::of(&setup::setup(name).unwrap().bus.kind);
+            let option: InterfaceOption = format!("{bus}=eth0").parse().unwrap();
+            assert_eq!(option.for_buses(&[bus]), Ok(vec!["eth0"]), "setup {name}");
+        }
+    }
+
+    #[test]
+    fn a_bus_that_the_setup_does_not_have_and_one_that_is_left_out_are_named() {
+        let option: InterfaceOption = "profinet=eth0,ethercat=eth1".parse().unwrap();
+        assert_eq!(
+            option.for_buses(&[BusName::Profinet, BusName::EthernetIp]).unwrap_err().to_string(),
+            "the setup has no ethercat bus, only profinet and ethernet-ip: leave ethercat=IF out of --interface"
+        );
+        let all = option.for_buses(&BusName::ALL).unwrap_err().to_string();
+        assert_eq!(all, "bus ethernet-ip of the setup has no interface: add ethernet-ip=IF to --interface");
+    }
+
+    #[test]
+    fn a_bus_is_named_once_and_with_an_interface() {
+        assert_eq!(
+            error("profinet=eth0,profinet=eth1"),
+            "bus profinet has two interfaces in --interface: give it one"
+        );
+        let without = "bus ethercat has no interface: write ethercat=IF with a name or an IPv4 address";
+        assert_eq!(error("profinet=eth0,ethercat="), without);
+        assert_eq!(
+            error("profibus=eth0"),
+            "`profibus` is not a bus: write profinet=IF, ethernet-ip=IF or ethercat=IF"
+        );
+        for (text, part) in [("eth0,eth1", "eth0"), ("profinet=eth0,eth1", "eth1"), ("profinet=eth0,", "")] {
+            assert_eq!(
+                error(text),
+                format!(
+                    "`{part}` has no bus: write BUS=IF for each bus, as in profinet=eth0,ethernet-ip=eth1"
+                )
+            );
+        }
+    }
+}
