@@ -8,6 +8,7 @@ mod batches;
 mod destinations;
 mod ethernet_ip;
 mod gateway;
+mod interfaces;
 mod machines;
 mod neighbours;
 mod recorder;
@@ -53,6 +54,14 @@ fn main() -> ExitCode {
         gateway::a_gateway_replaces_the_one_that_was_set_before_and_no_route_of_others,
         gateway::the_interfaces_own_address_and_the_unspecified_one_are_no_gateway,
         gateway::a_gateway_that_no_network_of_the_interface_has_is_refused,
+        interfaces::one_thread_serves_two_interfaces_with_one_wakeup_a_cycle,
+        interfaces::two_buses_on_the_same_interface_of_the_host_have_sockets_of_their_own,
+        interfaces::a_port_that_two_buses_need_on_one_interface_is_refused_and_named,
+        interfaces::the_interface_that_is_removed_is_named,
+        interfaces::connections_are_made_and_accepted_at_each_interface,
+        interfaces::after_a_stall_each_interface_has_a_batch_before_what_is_overdue,
+        interfaces::an_interface_whose_frames_are_left_for_a_deadline_does_not_keep_the_other_one_waiting,
+        interfaces::an_arp_packet_makes_every_bus_on_its_interface_look_at_the_neighbours_again,
         neighbours::a_wrong_neighbour_is_seen_and_corrected,
         recorder::frames_come_out_in_order_after_the_ring_wrapped_many_times,
         recorder::a_listener_that_is_busy_for_too_long_gets_the_number_of_missed_frames,
