@@ -303,29 +303,27 @@ pub(crate) fn an_arp_packet_makes_every_bus_on_its_interface_look_at_the_neighbo
     let wrong = Mac([2, 0, 0, 0, 0, 0x77]);
     star.run(|[interface, _]| {
         let ports: [&[PortRequest]; 2] = [&[machine::arp::ETHERNET], &[PortRequest::Udp(UDP)]];
-        let machine = Notebook { neighbour: Some(right), ..Notebook::on(ports) };
+        let cycle = Some(Cycle::new(clock::now(), PERIOD));
+        let machine = Notebook { neighbour: Some(right), cycle, ..Notebook::on(ports) };
         let mut driver = driver(machine, [interface.clone(), interface.clone()]);
         let datagram = (BUSES[1], Port::Udp(UDP), SocketAddrV4::new(address(0, 2), UDP));
-        let mut sent = 0;
+        let mut step = 0;
         driver
             .run(&mut Until(|machine: &mut Notebook| {
-                match (sent, machine.frames().is_empty()) {
-                    (0, _) => {
-                        machine.queue = vec![datagram];
-                        sent = 1;
-                    }
-                    // Somebody's ARP changes the entry that was right, as the first bus hears.
-                    (1, true) => {
+                let is_claim = |(_, _, frame): &(_, _, Vec<u8>)| frame[6..12] == wrong.0;
+                match step {
+                    0 => machine.queue = vec![datagram],
+                    // Somebody's ARP changes the entry that was right, and the first bus alone receives it.
+                    1 => {
                         assert_eq!(interface.neighbour(address(0, 2)).unwrap(), Some(right));
                         interface.set_neighbour(address(0, 2), wrong).unwrap();
                         star.at_peer(0, |peer| claim(peer, address(0, 2), wrong));
                     }
-                    (1, false) => {
-                        machine.queue = vec![datagram];
-                        sent = 2;
-                    }
+                    2 if !machine.frames().iter().any(is_claim) => return false,
+                    2 => machine.queue = vec![datagram],
                     _ => return true,
                 }
+                step += 1;
                 false
             }))
             .unwrap();
