@@ -84,7 +84,7 @@ impl<M: Multihomed> Driver<M> {
     ) -> Result<Self, PortError> {
         let interfaces = Interfaces::open(&machine, interfaces.into())?;
         let streams = Streams::open(&machine, &interfaces)?;
-        let neighbours = interfaces.iter().map(|_| Neighbours::default()).collect();
+        let neighbours = interfaces.iter().map(|_| Neighbours::new()).collect();
         Ok(Self {
             machine,
             interfaces,
