@@ -9,7 +9,8 @@
 //!    does not delay what is to be sent now.
 //! 3. TCP, one piece of each connection, until the machine's next deadline; the rest waits for the next wake.
 //! 4. The owner.
-//! 5. Sleep until the machine's next deadline or a frame, whichever is first.
+//! 5. Sleep until the machine's next deadline or a frame, whichever is first. Frames of many stations wake it together
+//!    ([`Pace`]).
 //!
 //! After each change the driver sends everything that the machine has to send. Nothing here allocates, locks or logs.
 
@@ -25,6 +26,7 @@ use rustix::io::Errno;
 
 use crate::interfaces::{InterfacePort, Interfaces};
 use crate::neighbours::Neighbours;
+use crate::pace::Pace;
 use crate::stream::{StreamEvent, Streams};
 use crate::wait::WaitSet;
 use crate::{Interface, Notifier, Owner, PortError, Received, Statistics, allocation, clock};
@@ -124,15 +126,25 @@ impl<M: Multihomed> Driver<M> {
             neighbours,
             statistics,
         } = self;
-        // The notifier and the ports keep their places; TCP's places behind them change.
-        let mut waits = WaitSet::new(1 + interfaces.ports().len() + streams.waits());
-        waits.set(0, Some((notifier.as_fd(), PollFlags::IN)));
-        for (index, port) in interfaces.ports().iter().enumerate() {
-            waits.set(1 + index, Some((port.open.as_fd(), PollFlags::IN)));
+        // The ports and the notifier keep their places; those of TCP after them change.
+        let ports = interfaces.ports();
+        let mut waits = WaitSet::new(ports.len() + 1 + streams.waits());
+        for (index, port) in ports.iter().enumerate() {
+            waits.set(index, Some((port.open.as_fd(), PollFlags::IN)));
         }
+        waits.set(ports.len(), Some((notifier.as_fd(), PollFlags::IN)));
         let send_buffer = &mut **send_buffer;
-        let mut run =
-            Run { machine, interfaces, turn: 0, streams, send_buffer, neighbours, statistics, owner };
+        let mut run = Run {
+            machine,
+            interfaces,
+            turn: 0,
+            pace: Pace::new(clock::now()),
+            streams,
+            send_buffer,
+            neighbours,
+            statistics,
+            owner,
+        };
         let counting = allocation::arm();
         let result = run.until_the_end(&mut waits, notifier, &mut **receive_buffer);
         statistics.allocations = counting.then(allocation::count);
@@ -162,6 +174,7 @@ struct Run<'a, M, O> {
     interfaces: &'a Interfaces,
     /// The port whose frames are taken first.
     turn: usize,
+    pace: Pace,
     streams: &'a mut Streams,
     send_buffer: &'a mut [u8],
     neighbours: &'a mut [Neighbours],
@@ -176,8 +189,10 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
         notifier: &Notifier,
         buf: &mut [u8],
     ) -> Result<(), DriverError> {
+        let ports = self.interfaces.ports().len();
         let mut deadline = None;
         loop {
+            let (taken, sent) = (self.statistics.taken(), self.statistics.sent);
             if (is_on_time(deadline) && self.timeout(deadline.take())?.is_break())
                 || self.frames(deadline, waits, buf)?.is_break()
                 || self.timeout(deadline)?.is_break()
@@ -187,20 +202,26 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
                 return Ok(());
             }
             deadline = self.machine.poll_timeout();
+            if self.statistics.taken() > taken && self.statistics.sent == sent {
+                self.pace.count_wakeup(clock::now());
+            }
+            let pause = self.pace.pause(clock::now());
             let wake = [deadline, self.owner.deadline(), self.streams.deadline()].into_iter().flatten().min();
             self.streams.follow(|on| self.machine.dscp(on, Streams::UNNUMBERED));
             for InterfacePort { on, open } in self.interfaces.ports() {
                 let groups = (0..).map_while(|index| self.machine.group(*on, open.port(), index));
                 open.update_groups(groups);
             }
-            self.streams.await_in(waits, 1 + self.interfaces.ports().len());
-            let early = wake.map(|wake| wake.since(clock::now()).saturating_sub(EARLY));
-            match waits.wait(early) {
+            self.streams.await_in(waits, ports + 1);
+            let now = clock::now();
+            let early = wake.map(|wake| wake.since(now).saturating_sub(EARLY));
+            let limit = early.into_iter().chain(pause.map(|until| until.since(now))).min();
+            match waits.wait_beyond(if pause.is_some() { ports } else { 0 }, limit) {
                 Ok(()) | Err(Errno::INTR) => {}
                 Err(error) => return Err(DriverError::Poll(error)),
             }
             self.statistics.wakeups += 1;
-            if !waits.ready(0).is_empty() {
+            if !waits.ready(ports).is_empty() {
                 notifier.clear();
             }
             spin_until(wake);
@@ -220,7 +241,7 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
         let (before, first) = ports.split_at_checked(self.turn).unwrap_or_default();
         let indexed = (self.turn..).zip(first).chain(before.iter().enumerate());
         for (index, InterfacePort { on, open: port }) in indexed {
-            if waits.ready(1 + index).is_empty() {
+            if waits.ready(index).is_empty() {
                 continue;
             }
             for _ in 0..BATCH {
@@ -271,6 +292,7 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
         }
         if self.machine.poll_timeout().is_some_and(|due| due <= now) {
             self.machine.handle_timeout(now);
+            self.pace.count_deadline();
             return self.drain(now);
         }
         Ok(ControlFlow::Continue(()))
@@ -278,7 +300,7 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
 
     /// Handles each TCP connection that is ready, and accepts clients.
     fn streams(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
-        self.streams.begin_round(clock::now(), waits, 1 + self.interfaces.ports().len());
+        self.streams.begin_round(clock::now(), waits, self.interfaces.ports().len() + 1);
         loop {
             let now = clock::now();
             match self.streams.next_event(now, buf) {

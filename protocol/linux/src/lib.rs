@@ -32,6 +32,7 @@ mod neighbours;
 mod notifier;
 mod open_port;
 mod owner;
+mod pace;
 mod packet_ring;
 mod packet_socket;
 mod parts;

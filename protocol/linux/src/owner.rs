@@ -50,3 +50,10 @@ pub struct Statistics {
     /// so far.
     pub allocations: Option<u64>,
 }
+
+impl Statistics {
+    /// Returns the number of frames that the thread took from the kernel.
+    pub(crate) const fn taken(&self) -> u64 {
+        self.received + self.discarded
+    }
+}

@@ -41,6 +41,11 @@ impl WaitSet {
 
     /// Waits until one of the sockets is ready, at most for `limit`, or for ever without a limit.
     pub(crate) fn wait(&mut self, limit: Option<Duration>) -> Result<(), Errno> {
+        self.wait_beyond(0, limit)
+    }
+
+    /// Waits like [`wait`](Self::wait), but not for the first `passed_over` entries. They count as ready, since nobody knows.
+    pub(crate) fn wait_beyond(&mut self, passed_over: usize, limit: Option<Duration>) -> Result<(), Errno> {
         let limit = limit.map(|limit| libc::timespec {
             tv_sec: limit.as_secs().try_into().unwrap_or(libc::time_t::MAX),
             tv_nsec: limit.subsec_nanos().into(),
@@ -48,10 +53,15 @@ impl WaitSet {
         let limit = limit.as_ref().map_or(std::ptr::null(), std::ptr::from_ref);
         // The kernel reads every entry, so vacant ones at the end are left out.
         let used = self.places.iter().rposition(|entry| entry.fd >= 0).map_or(0, |last| last + 1);
+        let (passed_over, awaited) = self.places.split_at_mut(passed_over.min(used));
+        for entry in passed_over.iter_mut() {
+            entry.revents = entry.events;
+        }
+        let used = used - passed_over.len();
         // SAFETY: the first `used` entries exist and nobody else borrows them; the kernel reads them and writes their
         // `revents`, only during the call. `limit` is null or points to a `timespec` that outlives the call.
         let result =
-            unsafe { libc::ppoll(self.places.as_mut_ptr(), used as libc::nfds_t, limit, std::ptr::null()) };
+            unsafe { libc::ppoll(awaited.as_mut_ptr(), used as libc::nfds_t, limit, std::ptr::null()) };
         if result >= 0 {
             return Ok(());
         }
