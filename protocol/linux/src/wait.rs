@@ -1,4 +1,4 @@
-//! The sockets that the cyclic thread waits for: a list of fixed length whose entries are reused.
+//! The sockets that the cyclic thread waits for: a list whose entries are reused.
 
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::time::Duration;
@@ -12,17 +12,21 @@ const VACANT: libc::pollfd = libc::pollfd { fd: -1, events: 0, revents: 0 };
 /// Entries for sockets, each with the events it is waited for and those that occurred.
 #[derive(Debug)]
 pub(crate) struct WaitSet {
-    places: Box<[libc::pollfd]>,
+    places: Vec<libc::pollfd>,
 }
 
 impl WaitSet {
     /// Creates a set of vacant entries.
     pub(crate) fn new(places: usize) -> Self {
-        Self { places: vec![VACANT; places].into_boxed_slice() }
+        Self { places: vec![VACANT; places] }
     }
 
-    /// Waits for `what` on this socket from now on, or for nothing in this entry.
+    /// Waits for `what` on this socket from now on, or for nothing in this entry. The set grows where a socket needs an entry
+    /// beyond its end.
     pub(crate) fn set(&mut self, place: usize, what: Option<(BorrowedFd<'_>, PollFlags)>) {
+        if what.is_some() && place >= self.places.len() {
+            self.places.resize(place + 1, VACANT);
+        }
         if let Some(entry) = self.places.get_mut(place) {
             *entry = what.map_or(VACANT, |(socket, events)| libc::pollfd {
                 fd: socket.as_raw_fd(),

@@ -1,7 +1,7 @@
 //! TCP connections of a machine: those that clients open and those that the machine opens, at all of its interfaces.
 //!
-//! There is a fixed number of places. Each connection takes one, with its own buffer for bytes that the kernel does
-//! not take at once. If a peer does not read, its buffer fills and the connection is closed; no other connection
+//! There is a fixed number of places for clients; a machine that opens more connections itself gets more places. Each
+//! connection takes one, with its own buffer for bytes that the kernel does not take at once. If a peer does not read, its buffer fills and the connection is closed; no other connection
 //! waits for it. A connection that the machine closes stays until the peer has seen the end, so that the last bytes
 //! arrive.
 
@@ -26,8 +26,11 @@ use crate::port_holders::Transport;
 use crate::wait::WaitSet;
 use crate::{Interface, PortError};
 
-/// Largest number of connections. Further clients are accepted and disconnected at once.
-pub(crate) const CONNECTIONS: usize = 32;
+/// Number of places from the start. Clients that find none free are accepted and disconnected at once.
+const PLACES: usize = 32;
+
+/// Largest number of places: a connection to each of many stations, within what the kernel allows a process by default.
+const MOST_PLACES: usize = 512;
 
 /// Send buffer of the kernel in bytes, for a peer that does not read; the kernel doubles the figure for its own
 /// needs.
@@ -77,7 +80,7 @@ pub(crate) struct Streams {
     interfaces: Box<[StreamInterface]>,
     /// Until when no clients are accepted.
     accept_again_at: Option<Instant>,
-    places: Box<[Place]>,
+    places: Vec<Place>,
     /// Index of the place that was handled last.
     turn: usize,
     next_id: u32,
@@ -110,17 +113,17 @@ impl Streams {
         Ok(Self {
             interfaces: opened.into(),
             accept_again_at: None,
-            places: std::iter::repeat_with(Place::vacant).take(CONNECTIONS).collect(),
+            places: std::iter::repeat_with(Place::vacant).take(PLACES).collect(),
             turn: 0,
             next_id: 1,
-            failed: VecDeque::with_capacity(CONNECTIONS),
+            failed: VecDeque::with_capacity(PLACES),
             statistics: StreamStatistics::default(),
         })
     }
 
-    /// Returns the number of entries in the [`WaitSet`] for the listeners and the connections.
+    /// Returns the number of entries in the [`WaitSet`] for the listeners and the connections, at first.
     pub(crate) const fn waits(&self) -> usize {
-        self.interfaces.len() + CONNECTIONS
+        self.interfaces.len() + PLACES
     }
 
     pub(crate) const fn statistics(&self) -> StreamStatistics {
@@ -204,7 +207,7 @@ impl Streams {
         }
         self.failed.retain(|(there, _, other)| (*there, *other) != (on, attempt));
         let id = self.fresh_id();
-        let begun = self.vacant_place().is_some_and(|index| {
+        let begun = self.place_to_connect().is_some_and(|index| {
             let marking = Marking::default();
             let interface = self.interfaces.get(usize::from(on.0));
             let begin = || -> io::Result<Socket> {
@@ -224,7 +227,7 @@ impl Streams {
             place.occupy(Connection { on, id, socket, state: State::Connecting(attempt), marking });
             true
         });
-        if !begun && self.failed.len() < CONNECTIONS {
+        if !begun && self.failed.len() < MOST_PLACES {
             self.failed.push_back((on, id, attempt));
         }
     }
@@ -270,6 +273,15 @@ impl Streams {
         let (_, index) = self.places.iter().enumerate().filter_map(ending).min()?;
         self.places.get_mut(index)?.vacate();
         Some(index)
+    }
+
+    /// Returns a place for a connection that the machine opens: a new one where none is free.
+    fn place_to_connect(&mut self) -> Option<usize> {
+        let is_free = self.places.iter().any(|place| place.connection.is_none());
+        if !is_free && self.places.len() < MOST_PLACES {
+            self.places.push(Place::vacant());
+        }
+        self.vacant_place()
     }
 
     fn accept(&mut self, now: Instant) -> Option<StreamEvent> {

@@ -59,6 +59,7 @@ fn main() -> ExitCode {
         interfaces::a_port_that_two_buses_need_on_one_interface_is_refused_and_named,
         interfaces::the_interface_that_is_removed_is_named,
         interfaces::connections_are_made_and_accepted_at_each_interface,
+        interfaces::a_machine_connects_to_more_stations_than_clients_may_connect_to_it,
         interfaces::frames_of_many_stations_wake_the_thread_in_groups,
         interfaces::after_a_stall_each_interface_has_a_batch_before_what_is_overdue,
         interfaces::an_interface_whose_frames_are_left_for_a_deadline_does_not_keep_the_other_one_waiting,

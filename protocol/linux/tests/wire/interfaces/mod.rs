@@ -246,6 +246,27 @@ pub(crate) fn connections_are_made_and_accepted_at_each_interface() {
     assert_eq!(numbers.len(), 4, "connections of all interfaces are numbered together: {calls:?}");
 }
 
+pub(crate) fn a_machine_connects_to_more_stations_than_clients_may_connect_to_it() {
+    const STATIONS: u16 = 100;
+    let star = Star::new();
+    let listeners = [0, 1].map(|cable| star.at_peer(cable, |_| TcpListener::bind(("0.0.0.0", TCP)).unwrap()));
+    let calls = star.run(|interfaces| {
+        let connect = |number: u16| {
+            let on = BUSES[usize::from(number % 2)];
+            let to = SocketAddrV4::new(address(on.0, 2), TCP);
+            (on, StreamRequest::Connect { to, attempt: Attempt(number) })
+        };
+        let machine = Notebook { requests: (0..STATIONS).map(connect).collect(), ..Notebook::default() };
+        let mut driver = driver(machine, interfaces);
+        let all = usize::from(STATIONS);
+        driver.run(&mut Until(|machine: &mut Notebook| machine.calls.len() >= all)).unwrap();
+        driver.into_machine().calls
+    });
+    let is_open = |call: &Call| matches!(call, Call::Stream(_, _, StreamChange::Connected(_)));
+    assert!(calls.iter().all(is_open), "{calls:?}");
+    drop(listeners);
+}
+
 pub(crate) fn frames_of_many_stations_wake_the_thread_in_groups() {
     let star = Star::new();
     let sockets = [star.socket(0), star.socket(1)];
