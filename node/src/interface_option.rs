@@ -1,46 +1,22 @@
 //! The option `--interface`: one network interface for all buses of a node, or one for each bus.
 
-use std::fmt;
 use std::str::FromStr;
 
 use setup::BusKind;
 
-/// A kind of bus, by the name that setups and options give it.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum BusName {
-    /// PROFINET IO.
-    Profinet,
-    /// EtherNet/IP.
-    EthernetIp,
-    /// EtherCAT.
-    Ethercat,
-}
+/// Name of a kind of bus, as it stands in a setup.
+pub type BusName = &'static str;
 
-impl BusName {
-    const ALL: [Self; 3] = [Self::Profinet, Self::EthernetIp, Self::Ethercat];
+/// Every kind of bus.
+const BUSES: [BusName; 3] = ["profinet", "ethernet-ip", "ethercat"];
 
-    /// Returns the name of a setup's bus.
-    #[must_use]
-    pub const fn of(kind: &BusKind) -> Self {
-        match kind {
-            BusKind::Profinet(..) => Self::Profinet,
-            BusKind::EthernetIp(..) => Self::EthernetIp,
-            BusKind::Ethercat(..) => Self::Ethercat,
-        }
-    }
-
-    const fn as_str(self) -> &'static str {
-        match self {
-            Self::Profinet => "profinet",
-            Self::EthernetIp => "ethernet-ip",
-            Self::Ethercat => "ethercat",
-        }
-    }
-}
-
-impl fmt::Display for BusName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.as_str())
+/// Returns the name of a setup's bus.
+#[must_use]
+pub const fn bus_name(kind: &BusKind) -> BusName {
+    match kind {
+        BusKind::Profinet(..) => "profinet",
+        BusKind::EthernetIp(..) => "ethernet-ip",
+        BusKind::Ethercat(..) => "ethercat",
     }
 }
 
@@ -70,7 +46,7 @@ pub enum InterfaceOptionError {
     #[error("bus {0} has two interfaces in --interface: give it one")]
     Twice(BusName),
     /// The setup has no such bus.
-    #[error("the setup has no {bus} bus, only {}: leave {bus}=IF out of --interface", in_words(of_setup))]
+    #[error("the setup has no {bus} bus, only {}: leave {bus}=IF out of --interface", of_setup.join(" and "))]
     NotInSetup {
         /// The bus.
         bus: BusName,
@@ -80,10 +56,6 @@ pub enum InterfaceOptionError {
     /// A bus of the setup has no interface.
     #[error("bus {0} of the setup has no interface: add {0}=IF to --interface")]
     LeftOut(BusName),
-}
-
-fn in_words(buses: &[BusName]) -> String {
-    buses.iter().map(BusName::to_string).collect::<Vec<_>>().join(" and ")
 }
 
 impl FromStr for InterfaceOption {
@@ -98,7 +70,7 @@ impl FromStr for InterfaceOption {
             let Some((bus, interface)) = part.split_once('=') else {
                 return Err(InterfaceOptionError::NoBus(part.to_owned()));
             };
-            let Some(bus) = BusName::ALL.into_iter().find(|known| known.as_str() == bus.trim()) else {
+            let Some(bus) = BUSES.into_iter().find(|known| *known == bus.trim()) else {
                 return Err(InterfaceOptionError::UnknownBus(bus.trim().to_owned()));
             };
             if interface.trim().is_empty() {
@@ -125,11 +97,11 @@ impl InterfaceOption {
             Self::Each(each) => each,
         };
         if let Some((bus, _)) = each.iter().find(|(bus, _)| !buses.contains(bus)) {
-            return Err(InterfaceOptionError::NotInSetup { bus: *bus, of_setup: buses.to_vec() });
+            return Err(InterfaceOptionError::NotInSetup { bus, of_setup: buses.to_vec() });
         }
         let interface = |bus: &BusName| {
             let found = each.iter().find(|(other, _)| other == bus);
-            found.map(|(_, interface)| interface.as_str()).ok_or(InterfaceOptionError::LeftOut(*bus))
+            found.map(|(_, interface)| interface.as_str()).ok_or(InterfaceOptionError::LeftOut(bus))
         };
         buses.iter().map(interface).collect()
     }
@@ -146,14 +118,14 @@ mod tests {
     #[test]
     fn one_interface_serves_every_bus() {
         let option: InterfaceOption = "eth0".parse().unwrap();
-        assert_eq!(option.for_buses(&[BusName::Profinet]), Ok(vec!["eth0"]));
-        assert_eq!(option.for_buses(&BusName::ALL), Ok(vec!["eth0"; 3]));
+        assert_eq!(option.for_buses(&[BUSES[0]]), Ok(vec!["eth0"]));
+        assert_eq!(option.for_buses(&BUSES), Ok(vec!["eth0"; 3]));
     }
 
     #[test]
     fn each_bus_gets_its_interface_in_the_order_of_the_setup() {
         let option: InterfaceOption = "ethernet-ip=10.0.0.1, profinet=eth0".parse().unwrap();
-        let buses = [BusName::Profinet, BusName::EthernetIp];
+        let buses = [BUSES[0], BUSES[1]];
         assert_eq!(option.for_buses(&buses), Ok(vec!["eth0", "10.0.0.1"]));
         let same: InterfaceOption = "profinet=eth0,ethernet-ip=eth0".parse().unwrap();
         assert_eq!(same.for_buses(&buses), Ok(vec!["eth0", "eth0"]));
@@ -162,7 +134,7 @@ mod tests {
     #[test]
     fn the_bus_of_every_built_in_setup_may_be_named() {
         for name in ["A", "B", "C", "D"] {
-            let bus = BusName::of(&setup::setup(name).unwrap().bus.kind);
+            let bus = bus_name(&setup::setup(name).unwrap().bus.kind);
             let option: InterfaceOption = format!("{bus}=eth0").parse().unwrap();
             assert_eq!(option.for_buses(&[bus]), Ok(vec!["eth0"]), "setup {name}");
         }
@@ -172,10 +144,10 @@ mod tests {
     fn a_bus_that_the_setup_does_not_have_and_one_that_is_left_out_are_named() {
         let option: InterfaceOption = "profinet=eth0,ethercat=eth1".parse().unwrap();
         assert_eq!(
-            option.for_buses(&[BusName::Profinet, BusName::EthernetIp]).unwrap_err().to_string(),
+            option.for_buses(&[BUSES[0], BUSES[1]]).unwrap_err().to_string(),
             "the setup has no ethercat bus, only profinet and ethernet-ip: leave ethercat=IF out of --interface"
         );
-        let all = option.for_buses(&BusName::ALL).unwrap_err().to_string();
+        let all = option.for_buses(&BUSES).unwrap_err().to_string();
         assert_eq!(all, "bus ethernet-ip of the setup has no interface: add ethernet-ip=IF to --interface");
     }
 

@@ -20,7 +20,7 @@ use setup::{Cyclic, Setup};
 
 use crate::Outcome;
 use crate::address_check::{AddressCheckError, check_address};
-use crate::interface_option::{BusName, InterfaceOption, InterfaceOptionError};
+use crate::interface_option::{InterfaceOption, InterfaceOptionError, bus_name};
 use crate::message::{CellText, Console, Hello, NodeHost};
 use crate::role::NodeRole;
 use crate::station_file::StationFile;
@@ -113,7 +113,7 @@ impl RunOptions {
         }
         setup::check(&setup)?;
         let plan = application.plan(&setup)?;
-        let names = self.interface.for_buses(&[BusName::of(&setup.bus.kind)])?;
+        let names = self.interface.for_buses(&[bus_name(&setup.bus.kind)])?;
         let interfaces: Vec<_> = names.into_iter().map(Interface::find).collect::<Result<_, _>>()?;
         for interface in &interfaces {
             interface.set_up()?;

@@ -31,9 +31,13 @@ use crate::stream::{StreamEvent, Streams};
 use crate::wait::WaitSet;
 use crate::{Interface, Notifier, Owner, PortError, Received, Statistics, allocation, clock};
 
-/// Frames taken from one port before the other ports get their turn: more than arrive during a host stall of 40 ms at
-/// a cycle of 1 ms.
+/// Frames taken from one port before the other ports get their turn: more than arrive during a host stall of 40 ms from a
+/// station with a cycle of 1 ms.
 const BATCH: usize = 64;
+
+/// Frames taken from one port in addition for each ms of a stall: those of 128 stations with that cycle. They are handled in
+/// much less time than they took to arrive, so that a flood cannot make one stall lead to the next.
+const BATCH_PER_MS: u128 = 128;
 
 /// The thread wakes this long before its deadline and busy-waits for the rest. A sleep ends some 10 µs late,
 /// sometimes more, sometimes less, and a frame that arrives meanwhile would be handled first.
@@ -168,6 +172,11 @@ fn is_on_time(deadline: Option<Instant>) -> bool {
     deadline.is_some_and(|due| due <= now && now.since(due) < ON_TIME)
 }
 
+/// Returns how many frames may wait at a port after a stall, besides a batch.
+fn frames_in(stall: Duration) -> usize {
+    usize::try_from(stall.as_micros() * BATCH_PER_MS / 1_000).unwrap_or(usize::MAX / 2)
+}
+
 /// The parts of a driver that one wake uses.
 struct Run<'a, M, O> {
     machine: &'a mut M,
@@ -229,14 +238,14 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
     }
 
     /// Gives the machine the frames of all ports that have some, until a deadline passes. If `waited_for` had passed before
-    /// the first frame, it waits: the host was stalled.
+    /// the first frame, it waits: the host was stalled, and a port may have as many frames as came meanwhile.
     fn frames(
         &mut self,
         waited_for: Option<Instant>,
         waits: &WaitSet,
         buf: &mut [u8],
     ) -> Result<ControlFlow<()>, DriverError> {
-        let mut was_stalled = None;
+        let (mut was_stalled, mut batch) = (None, BATCH);
         let ports = self.interfaces.ports();
         let (before, first) = ports.split_at_checked(self.turn).unwrap_or_default();
         let indexed = (self.turn..).zip(first).chain(before.iter().enumerate());
@@ -244,7 +253,9 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
             if waits.ready(index).is_empty() {
                 continue;
             }
-            for _ in 0..BATCH {
+            let mut taken = 0;
+            while taken < batch {
+                taken += 1;
                 match port.receive(buf) {
                     Ok(Received::Frame { len, peer, to_all }) => {
                         self.statistics.received += 1;
@@ -263,7 +274,11 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
                         }
                         // Usually there is one frame, after which nothing is asked.
                         match was_stalled {
-                            None => was_stalled = Some(waited_for.is_some_and(|due| due <= now)),
+                            None => {
+                                let stall = waited_for.filter(|due| *due <= now).map(|due| now.since(due));
+                                batch += stall.map_or(0, frames_in);
+                                was_stalled = Some(stall.is_some());
+                            }
                             Some(false) if self.machine.poll_timeout().is_some_and(|due| due <= now) => {
                                 self.turn = (index + 1) % ports.len();
                                 return Ok(ControlFlow::Continue(()));

@@ -61,7 +61,7 @@ fn main() -> ExitCode {
         interfaces::connections_are_made_and_accepted_at_each_interface,
         interfaces::a_machine_connects_to_more_stations_than_clients_may_connect_to_it,
         interfaces::frames_of_many_stations_wake_the_thread_in_groups,
-        interfaces::after_a_stall_each_interface_has_a_batch_before_what_is_overdue,
+        interfaces::after_a_stall_the_frames_that_came_meanwhile_are_taken_before_what_is_overdue,
         interfaces::an_interface_whose_frames_are_left_for_a_deadline_does_not_keep_the_other_one_waiting,
         interfaces::an_arp_packet_makes_every_bus_on_its_interface_look_at_the_neighbours_again,
         neighbours::a_wrong_neighbour_is_seen_and_corrected,
