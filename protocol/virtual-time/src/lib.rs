@@ -14,7 +14,10 @@ mod side;
 
 pub use clock::Clock;
 pub use link::{FrameFault, FrameFaults, Impairment, Link, LinkCounters, LinkEffect};
-pub use network::{Network, StationId};
-pub use pair::{Carrier, Event, Pair, PairConfig, Segment, Tapped};
+pub use network::{
+    CableId, Carrier, Network, NicId, NodeId, Plug, Segment, StationConfig, SwitchConfig, SwitchCounters,
+    SwitchId, Tapped,
+};
+pub use pair::{Event, Pair, PairConfig};
 pub use plan::ImpairmentPlan;
 pub use side::Side;
