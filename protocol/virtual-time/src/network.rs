@@ -202,7 +202,7 @@ impl<M: Multihomed> Network<M> {
 
     /// Gives a node's machine a command; `now` is by its own clock. Returns `None` for a node of another network.
     pub fn command<R>(&mut self, id: NodeId, command: impl FnOnce(&mut M, Instant) -> R) -> Option<R> {
-        self.start_nodes();
+        self.switch_on();
         let local = self.read_clock(id);
         let result = command(&mut self.nodes.get_mut(id.0)?.machine, local);
         self.poll_machine(id, local);
@@ -216,7 +216,7 @@ impl<M: Multihomed> Network<M> {
     ///
     /// A machine is polled again and again at one instant, so that time would never move on. The message names its node.
     pub fn next_event(&mut self, until: Instant) -> Option<(NodeId, M::Event)> {
-        self.start_nodes();
+        self.switch_on();
         loop {
             if let Some(event) = self.events.pop_front() {
                 return Some(event);

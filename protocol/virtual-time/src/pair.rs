@@ -2,25 +2,13 @@
 
 use core::net::Ipv4Addr;
 
-use machine::ethernet::Mac;
-use machine::{
-    Instant, InterfaceId, Multihomed, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
-    Transmit,
-};
+use machine::{Instant, InterfaceId, Multihomed};
 
 use crate::clock::Clock;
+use crate::either::{Either, Event};
 use crate::link::{Impairment, LinkCounters};
 use crate::network::{CableId, Network, NodeId, Plug, Tapped};
 use crate::side::Side;
-
-/// An event of one of the two machines.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Event<A, B> {
-    /// An event of the first machine.
-    A(A),
-    /// An event of the second machine.
-    B(B),
-}
 
 /// Configuration of a [`Pair`], apart from its machines.
 #[derive(Clone, Copy, Debug)]
@@ -33,13 +21,6 @@ pub struct PairConfig {
     pub links: [Impairment; 2],
     /// IP addresses that the sides have at the start.
     pub addresses: [Option<Ipv4Addr>; 2],
-}
-
-/// The machine of a node of a pair.
-#[derive(Debug)]
-enum Either<A, B> {
-    A(A),
-    B(B),
 }
 
 /// The nodes and the cable of every pair: it is the whole network.
@@ -70,7 +51,7 @@ impl<A: Multihomed, B: Multihomed> Pair<A, B> {
         let ends = nodes
             .map(|(node, address)| Plug::Nic(network.add_nic(node, &[InterfaceId::FIRST], None, address)));
         network.connect(ends, links);
-        network.start_nodes();
+        network.switch_on();
         Self(network)
     }
 
@@ -183,80 +164,3 @@ impl<A: Multihomed, B: Multihomed> Pair<A, B> {
 
 /// Why a machine of another type cannot be found.
 const ONE_TYPE_EACH: &str = "node 0 of a pair is an A and node 1 a B, from `new` on";
-
-/// Calls a method of whichever machine it is.
-macro_rules! either {
-    ($self:ident, $machine:ident => $call:expr) => {
-        match $self {
-            Either::A($machine) => $call,
-            Either::B($machine) => $call,
-        }
-    };
-}
-
-impl<A: Multihomed, B: Multihomed> Multihomed for Either<A, B> {
-    type Event = Event<A::Event, B::Event>;
-
-    fn interfaces(&self) -> u8 {
-        either!(self, machine => machine.interfaces())
-    }
-
-    fn handle_frame(&mut self, now: Instant, on: InterfaceId, from: Source, frame: &[u8]) {
-        either!(self, machine => machine.handle_frame(now, on, from, frame));
-    }
-
-    fn handle_broadcast(&mut self, now: Instant, on: InterfaceId, from: Source, frame: &[u8]) {
-        either!(self, machine => machine.handle_broadcast(now, on, from, frame));
-    }
-
-    fn handle_stream(&mut self, now: Instant, on: InterfaceId, stream: StreamId, change: StreamChange) {
-        either!(self, machine => machine.handle_stream(now, on, stream, change));
-    }
-
-    fn handle_wrong_neighbour(&mut self, now: Instant, on: InterfaceId, address: Ipv4Addr, found: Mac) {
-        either!(self, machine => machine.handle_wrong_neighbour(now, on, address, found));
-    }
-
-    fn ports(&self, on: InterfaceId) -> &[PortRequest] {
-        either!(self, machine => machine.ports(on))
-    }
-
-    fn listen_port(&self, on: InterfaceId) -> Option<u16> {
-        either!(self, machine => machine.listen_port(on))
-    }
-
-    fn poll_stream(&mut self) -> Option<(InterfaceId, StreamRequest)> {
-        either!(self, machine => machine.poll_stream())
-    }
-
-    fn dscp(&self, on: InterfaceId, port: Port) -> u8 {
-        either!(self, machine => machine.dscp(on, port))
-    }
-
-    fn group(&self, on: InterfaceId, port: Port, index: usize) -> Option<Ipv4Addr> {
-        either!(self, machine => machine.group(on, port, index))
-    }
-
-    fn neighbour(&self, on: InterfaceId, address: Ipv4Addr) -> Option<Mac> {
-        either!(self, machine => machine.neighbour(on, address))
-    }
-
-    fn handle_timeout(&mut self, now: Instant) {
-        either!(self, machine => machine.handle_timeout(now));
-    }
-
-    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<(InterfaceId, Transmit)> {
-        either!(self, machine => machine.poll_transmit(now, buf))
-    }
-
-    fn poll_event(&mut self) -> Option<Self::Event> {
-        match self {
-            Self::A(machine) => machine.poll_event().map(Event::A),
-            Self::B(machine) => machine.poll_event().map(Event::B),
-        }
-    }
-
-    fn poll_timeout(&self) -> Option<Instant> {
-        either!(self, machine => machine.poll_timeout())
-    }
-}

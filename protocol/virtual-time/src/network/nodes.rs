@@ -97,7 +97,7 @@ impl<M: Multihomed> Network<M> {
 
     /// Starts another machine in place of one that was killed. Its TCP connections are closed.
     pub fn restart(&mut self, id: NodeId, machine: M) {
-        self.start_nodes();
+        self.switch_on();
         let Some(node) = self.nodes.get_mut(id.0) else { return };
         node.machine = machine;
         self.close_streams_of(id);
@@ -118,8 +118,8 @@ impl<M: Multihomed> Network<M> {
         self.nodes.get(id.0).is_some_and(|node| node.is_alive)
     }
 
-    /// Polls the nodes that were added since, for the first time.
-    pub(crate) fn start_nodes(&mut self) {
+    /// Starts the nodes that were added since, which otherwise start with the next event or command.
+    pub fn switch_on(&mut self) {
         while self.started < self.nodes.len() {
             let id = NodeId(self.started);
             self.started += 1;
