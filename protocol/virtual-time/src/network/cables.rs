@@ -20,6 +20,7 @@ impl Cable {
         Self { ends, links: [Link::new(of_a, seed, stream), Link::new(of_b, seed, stream + 1)] }
     }
 
+    #[inline]
     pub(super) const fn end(&self, side: Side) -> Plug {
         let [a, b] = &self.ends;
         match side {
@@ -28,6 +29,7 @@ impl Cable {
         }
     }
 
+    #[inline]
     pub(super) const fn link(&mut self, from: Side) -> &mut Link {
         let [a, b] = &mut self.links;
         match from {

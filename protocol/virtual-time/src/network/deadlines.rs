@@ -34,6 +34,7 @@ impl Deadlines {
     }
 
     /// Sets when a node's timeout is due.
+    #[inline]
     pub(super) fn set(&mut self, node: usize, due: Option<Instant>) {
         let mut place = self.leaves + node;
         let Some(leaf) = self.tree.get_mut(place) else { return };
@@ -51,6 +52,7 @@ impl Deadlines {
     }
 
     /// Returns the first timeout and its node.
+    #[inline]
     pub(super) fn first(&self) -> Option<(Instant, usize)> {
         self.tree.get(1).copied().filter(|(_, node)| *node != NEVER.1)
     }

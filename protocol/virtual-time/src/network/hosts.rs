@@ -36,11 +36,13 @@ pub(super) struct Nic {
 }
 
 /// Returns whether an Ethernet frame carries ARP, by its EtherType. Nothing sends ARP in tagged frames here.
+#[inline]
 pub(super) fn is_arp(frame: &[u8]) -> bool {
     frame.get(12..14) == Some(&arp::ETHER_TYPE.to_be_bytes())
 }
 
 /// Returns whether a machine with these ports receives an Ethernet frame, if that carries ARP.
+#[inline]
 pub(super) fn takes_arp(ports: &[PortRequest], frame: &[u8]) -> bool {
     let is_for_arp = |request: &PortRequest| {
         matches!(request, PortRequest::Ethernet { ether_type, .. } | PortRequest::AnyEthernet { ether_type }
@@ -69,6 +71,7 @@ impl Nic {
     }
 
     /// Remembers its own MAC address when its machine sends the first Ethernet frame.
+    #[inline]
     pub(super) fn learn_mac(&mut self, frame: &[u8]) {
         if self.mac.is_none() {
             self.mac = EthernetHeader::parse(frame).ok().map(|(header, _)| header.source);

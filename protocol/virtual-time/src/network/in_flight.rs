@@ -81,6 +81,7 @@ impl Role {
 pub(super) struct InFlights(VecDeque<InFlight>);
 
 impl InFlights {
+    #[inline]
     pub(super) fn push(&mut self, arrives: Instant, arrival: Arrival) {
         let passing = InFlight { arrives, arrival };
         match self.0.iter().rev().take_while(|other| other.arrives > arrives).count() {
@@ -89,10 +90,12 @@ impl InFlights {
         }
     }
 
+    #[inline]
     pub(super) fn pop(&mut self) -> Option<InFlight> {
         self.0.pop_front()
     }
 
+    #[inline]
     pub(super) fn next_arrival(&self) -> Option<Instant> {
         self.0.front().map(|first| first.arrives)
     }
