@@ -8,7 +8,10 @@ use ethercat_subdevice::description::{DataType, Description, Mailbox, Pdo, PdoEn
 use ethercat_subdevice::{AlState, DeviceConfig, DeviceId, Segment};
 use machine::ethernet::Mac;
 use machine::{DownCause, Duration, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit};
-use virtual_time::{Network, StationId};
+use virtual_time::{Network, NodeId, StationConfig, SwitchConfig, SwitchId};
+
+/// Delay of the cable of each station: between two a frame takes twice as long.
+const CABLE: Duration = Duration::from_nanos(10_000);
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -136,18 +139,23 @@ const fn expected(description: &Description) -> ExpectedDevice {
 /// A switch with devices.
 struct Cell {
     network: Network<Station>,
-    devices: StationId,
+    devices: NodeId,
     description: &'static Description,
     /// What each station reported: when, and in words.
-    told: Vec<(StationId, Instant, String)>,
+    told: Vec<(NodeId, Instant, String)>,
 }
 
 impl Cell {
     fn of(description: &'static Description) -> Self {
-        let mut network = Network::new(Duration::from_micros(20));
+        let mut network = Network::with_switch(1, SwitchConfig::IDEAL);
         let mut segment = Segment::new();
         segment.add(&DeviceConfig::new(description));
-        let devices = network.add(Station::Devices(segment), mac(0xFF), None);
+        let devices = network.add_station(
+            SwitchId::FIRST,
+            "devices",
+            Station::Devices(segment),
+            StationConfig::new(mac(0xFF), None, CABLE),
+        );
         Self { network, devices, description, told: Vec::new() }
     }
 
@@ -156,18 +164,23 @@ impl Cell {
     }
 
     /// Starts a PLC on the interface with this address.
-    fn start(&mut self, mac: Mac) -> StationId {
+    fn start(&mut self, mac: Mac) -> NodeId {
         let config = Config { mac, devices: vec![expected(self.description)], cycle: MS, watchdog: MS * 20 };
         let plc = MainDevice::new(config, self.network.now());
-        self.network.add(Station::Plc(Box::new(plc)), mac, None)
+        self.network.add_station(
+            SwitchId::FIRST,
+            "plc",
+            Station::Plc(Box::new(plc)),
+            StationConfig::new(mac, None, CABLE),
+        )
     }
 
     /// Ends a PLC as a crash does: without a word.
-    fn kill(&mut self, plc: StationId) {
+    fn kill(&mut self, plc: NodeId) {
         self.network.command(plc, |station, _| *station = Station::Empty).unwrap();
     }
 
-    fn set_cut(&mut self, plc: StationId, cut: bool) {
+    fn set_cut(&mut self, plc: NodeId, cut: bool) {
         let change = |station: &mut Station, _| {
             *station = match std::mem::replace(station, Station::Empty) {
                 Station::Plc(plc) if cut => Station::Away(plc),
@@ -196,18 +209,18 @@ impl Cell {
     }
 
     /// Returns what a PLC reported.
-    fn told(&self, plc: StationId) -> Vec<&str> {
+    fn told(&self, plc: NodeId) -> Vec<&str> {
         self.told.iter().filter(|(id, ..)| *id == plc).map(|(.., words)| words.as_str()).collect()
     }
 
-    fn plc(&self, plc: StationId) -> &MainDevice {
+    fn plc(&self, plc: NodeId) -> &MainDevice {
         match self.network.machine(plc) {
             Some(Station::Plc(plc) | Station::Away(plc) | Station::Deaf(plc, _)) => plc,
             _ => panic!("it is a PLC"),
         }
     }
 
-    fn is_up(&self, plc: StationId) -> bool {
+    fn is_up(&self, plc: NodeId) -> bool {
         self.plc(plc).inputs().is_some()
     }
 
@@ -386,7 +399,12 @@ fn a_stranger_that_starts_later_and_does_not_listen_ends_the_connection_once_and
         cell.run(MS * 200);
         let next = Some(cell.network.now());
         let frame = request(8, 0x0120, 1, source);
-        cell.network.add(Station::Stranger { frame, every: MS * 300, next }, mac(9), None);
+        cell.network.add_station(
+            SwitchId::FIRST,
+            "stranger",
+            Station::Stranger { frame, every: MS * 300, next },
+            StationConfig::new(mac(9), None, CABLE),
+        );
         cell.run(MS * 60_000);
         let told = cell.told(plc);
         assert!(told.last().unwrap().contains(&source.to_string()), "{told:?}");
@@ -402,7 +420,12 @@ fn who_only_reads_does_not_end_the_connection_and_is_counted() {
     cell.run(MS * 200);
     let next = Some(cell.network.now());
     let frame = request(7, 0x0130, 0, mac(9));
-    cell.network.add(Station::Stranger { frame, every: MS * 3, next }, mac(9), None);
+    cell.network.add_station(
+        SwitchId::FIRST,
+        "stranger",
+        Station::Stranger { frame, every: MS * 3, next },
+        StationConfig::new(mac(9), None, CABLE),
+    );
     cell.run(MS * 10_000);
     assert_eq!(cell.told(plc), ["up"]);
     // Requests and replies.

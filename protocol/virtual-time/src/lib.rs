@@ -5,6 +5,7 @@
 extern crate alloc;
 
 mod clock;
+mod either;
 pub mod hostile;
 mod link;
 mod network;
@@ -13,8 +14,12 @@ mod plan;
 mod side;
 
 pub use clock::Clock;
+pub use either::{Either, Event};
 pub use link::{FrameFault, FrameFaults, Impairment, Link, LinkCounters, LinkEffect};
-pub use network::{Network, StationId};
-pub use pair::{Carrier, Event, Pair, PairConfig, Segment, Tapped};
+pub use network::{
+    CableId, Carrier, Network, NicId, NodeId, Plug, Segment, StationConfig, SwitchConfig, SwitchCounters,
+    SwitchId, Tapped,
+};
+pub use pair::{Pair, PairConfig};
 pub use plan::ImpairmentPlan;
 pub use side::Side;

@@ -205,6 +205,10 @@ impl Link {
         self.impairment = impairment;
     }
 
+    pub(super) const fn delay(&self) -> Duration {
+        self.impairment.delay
+    }
+
     /// Cuts or mends the link.
     pub const fn set_cut(&mut self, cut: bool) {
         self.cut = cut;

@@ -4,8 +4,13 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 use machine::arp::{self, AddressClaim, ArpPacket, ClaimEvent};
 use machine::ethernet::Mac;
-use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
-use virtual_time::{Clock, Event, Impairment, Network, Pair, PairConfig};
+use machine::{Duration, Instant, InterfaceId, Machine, Port, PortRequest, Source, Transmit};
+use virtual_time::{
+    Clock, Event, Impairment, Network, Pair, PairConfig, StationConfig, SwitchConfig, SwitchId,
+};
+
+/// Delay of the cable of each station: between two a frame takes twice as long.
+const CABLE: Duration = Duration::from_nanos(500);
 
 const MACS: [Mac; 3] = [Mac([2, 0, 0, 0, 0, 1]), Mac([2, 0, 0, 0, 0, 2]), Mac([2, 0, 0, 0, 0, 3])];
 const FIRST: Ipv4Addr = Ipv4Addr::new(10, 0, 0, 1);
@@ -89,10 +94,16 @@ impl Machine for Talker {
 
 #[test]
 fn of_two_stations_with_one_address_the_one_in_the_table_of_neighbours_gets_the_datagram() {
-    let mut network = Network::new(Duration::from_micros(1));
+    let mut network = Network::with_switch(1, SwitchConfig::IDEAL);
     let addresses = [FIRST, SECOND, SECOND];
-    let stations =
-        [0, 1, 2].map(|index: usize| network.add(Talker::default(), MACS[index], Some(addresses[index])));
+    let stations = [0, 1, 2].map(|index: usize| {
+        network.add_station(
+            SwitchId::FIRST,
+            "talker",
+            Talker::default(),
+            StationConfig::new(MACS[index], Some(addresses[index]), CABLE),
+        )
+    });
     let mut now = 0;
     let mut sent = |network: &mut Network<Talker>, by: usize, frame: &[u8], wanted| {
         network.command(stations[by], |talker, _| {
@@ -108,7 +119,7 @@ fn of_two_stations_with_one_address_the_one_in_the_table_of_neighbours_gets_the_
     sent(&mut network, 2, &announcement, None);
     assert_eq!(sent(&mut network, 0, b"x", None), [1, 1], "an announcement changes the table");
     assert_eq!(sent(&mut network, 0, b"x", Some(MACS[1])), [2, 1], "the driver corrects it");
-    network.set_may_correct(stations[0], false);
+    network.set_may_correct(stations[0], InterfaceId::FIRST, false);
     assert_eq!(sent(&mut network, 0, b"x", Some(MACS[2])), [2, 1], "or sends nothing");
     assert_eq!(network.machine(stations[0]).unwrap().wrong, [MACS[1]]);
 }

@@ -4,7 +4,10 @@
 
 use machine::ethernet::Mac;
 use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
-use virtual_time::Network;
+use virtual_time::{Network, StationConfig, SwitchConfig, SwitchId};
+
+/// Delay of the cable of each station: between two a frame takes twice as long.
+const CABLE: Duration = Duration::from_nanos(500);
 
 const ETHER_TYPE: u16 = 0x88A4;
 const SENDER: Mac = Mac([2, 0, 0, 0, 0, 1]);
@@ -52,12 +55,22 @@ fn receivers(destination: [u8; 6]) -> [usize; 3] {
         &[PortRequest::AnyEthernet { ether_type: ETHER_TYPE }],
         &[PortRequest::AnyEthernet { ether_type: 0x88B5 }],
     ];
-    let mut network = Network::new(Duration::from_micros(1));
+    let mut network = Network::with_switch(1, SwitchConfig::IDEAL);
     let stations = [0, 1, 2].map(|index: u8| {
         let station = Station { ports: PORTS[usize::from(index)], frame: None, received: 0 };
-        network.add(station, Mac([2, 0, 0, 0, 0, 2 + index]), None)
+        network.add_station(
+            SwitchId::FIRST,
+            "station",
+            station,
+            StationConfig::new(Mac([2, 0, 0, 0, 0, 2 + index]), None, CABLE),
+        )
     });
-    let sender = network.add(Station { ports: &[], frame: None, received: 0 }, SENDER, None);
+    let sender = network.add_station(
+        SwitchId::FIRST,
+        "station",
+        Station { ports: &[], frame: None, received: 0 },
+        StationConfig::new(SENDER, None, CABLE),
+    );
     let frame = [&destination[..], &SENDER.0, &ETHER_TYPE.to_be_bytes(), &[0; 46]].concat();
     network.command(sender, |station, _| station.frame = Some(frame));
     assert_eq!(network.next_event(Instant::from_millis(1)), None);

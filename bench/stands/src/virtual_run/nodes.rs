@@ -9,7 +9,7 @@ use std::net::Ipv4Addr;
 use std::rc::Rc;
 use std::time::Duration;
 
-use super::cell::VirtualCell;
+use super::cell::{CellNode, NewNode, RobotId, VirtualCell};
 use ::node::report::LatenessReport;
 use ::node::role::NodeRole;
 use anyhow::{Context as _, bail};
@@ -18,9 +18,8 @@ use machine::{Instant, Lateness};
 use plc_node::{ExecutionType, PlcEvent};
 use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
 use protocol::image::Digest;
-use robot_node::RobotEvent;
 use setup::Setup;
-use virtual_time::{Carrier, Event, Impairment, Pair, PairConfig, Side, Tapped};
+use virtual_time::{Carrier, Impairment, Side, Tapped};
 
 pub use silence::NeverEnded;
 use silence::{LONGEST_RUN, SILENCE};
@@ -89,7 +88,7 @@ fn frame(tapped: &Tapped<'_>) -> Frame {
 
 /// Both nodes on a cable, and the changes that the faults make.
 pub struct Nodes {
-    pub(super) pair: VirtualCell,
+    pub(super) cell: VirtualCell,
     /// IP addresses that the sides had at the start.
     addresses: [Option<Ipv4Addr>; 2],
     faults: Vec<Fault>,
@@ -127,12 +126,16 @@ impl Nodes {
         let delay = Duration::from_micros(bus.cable_delay_us.value.into());
         let addresses = addresses(bus);
         let links = faults::links(faults, Impairment { delay, ..Impairment::default() });
-        let mut pair = Pair::new(plc, robot, PairConfig { seed, clocks: phases.clocks, links, addresses });
+        let [plc_clock, robot_clock] = phases.clocks;
+        let [plc_address, robot_address] = addresses;
+        let plc = NewNode { machine: plc, clock: plc_clock, address: plc_address };
+        let robot = NewNode { machine: robot, clock: robot_clock, address: robot_address };
+        let mut cell = VirtualCell::of_one(plc, robot, links, seed);
         if capture.is_some() || frames.is_some() {
-            pair.set_tap(tap(capture.clone(), frames.clone()));
+            cell.set_tap(tap(capture.clone(), frames.clone()));
         }
         Ok(Self {
-            pair,
+            cell,
             addresses,
             faults: faults.to_vec(),
             changes: Changes::of(faults),
@@ -144,8 +147,8 @@ impl Nodes {
         })
     }
 
-    pub(crate) const fn pair(&self) -> &VirtualCell {
-        &self.pair
+    pub(super) const fn cell(&self) -> &VirtualCell {
+        &self.cell
     }
 
     /// Returns the PLC's next event up to `until` in true time. Meanwhile it sets the addresses that the stations ask
@@ -153,15 +156,16 @@ impl Nodes {
     pub fn next_event(&mut self, until: Instant) -> Option<PlcEvent> {
         loop {
             for side in [Side::A, Side::B] {
-                self.pair.stop_at_frame(side, self.changes.next_frame(side));
+                self.cell.stop_at_frame(RobotId::FIRST, side, self.changes.next_frame(side));
             }
             let due = self.changes.next().filter(|at| *at <= until);
-            if let Some(event) = next_plc_event(&mut self.pair, due.unwrap_or(until), &mut self.moved) {
+            if let Some(event) = self.cell.next_plc_event(due.unwrap_or(until), &mut self.moved) {
                 return Some(event);
             }
-            let pair = &self.pair;
-            let at_frame = self.changes.take_at(pair.now(), |side| pair.link_counters(side).sent);
-            // Without a frame the pair stops at the instant that was asked for.
+            let cell = &self.cell;
+            let sent = |side| cell.link_counters(RobotId::FIRST, side).sent;
+            let at_frame = self.changes.take_at(cell.now(), sent);
+            // Without a frame the cell stops at the instant that was asked for.
             let change = at_frame.or_else(|| due.and_then(|_| self.changes.take()))?;
             self.change(change);
         }
@@ -170,7 +174,7 @@ impl Nodes {
     /// Returns why there is no connection, in the words of the bus if it has any.
     fn not_connected(&self, down: Down) -> NotReady {
         let mut words = String::new();
-        let explained = self.pair.a().bus().explain(&mut words);
+        let explained = self.cell.plc().bus().explain(&mut words);
         if explained.is_err() || words.is_empty() {
             words = down.to_string();
         }
@@ -181,7 +185,7 @@ impl Nodes {
     }
 
     fn counts(&self) -> Counts {
-        let (plc, robot) = (self.pair.a(), self.pair.b());
+        let (plc, robot) = (self.cell.plc(), self.cell.robot(RobotId::FIRST));
         Counts {
             missed: [plc.lateness().missed(), robot.lateness().missed()],
             runs: [plc.lateness().runs(), robot.lateness().runs()],
@@ -191,24 +195,27 @@ impl Nodes {
     }
 
     fn change(&mut self, change: Change) {
-        let lost =
-            |pair: &VirtualCell| [Side::A, Side::B].map(|side| pair.link_counters(side).lost).iter().sum();
-        let before: u64 = lost(&self.pair);
+        let lost = |cell: &VirtualCell| {
+            [Side::A, Side::B].map(|side| cell.link_counters(RobotId::FIRST, side).lost).iter().sum()
+        };
+        let before: u64 = lost(&self.cell);
         match change {
             Change::Cut | Change::Mend => {
                 let is_cut = self.changes.count_cut(change == Change::Cut);
-                self.pair.set_cut(is_cut);
+                self.cell.set_cut(RobotId::FIRST, is_cut);
             }
             Change::Kill(node) => {
                 self.killed.get_or_insert(node);
-                self.pair.kill(faults::end_of(node));
+                self.cell.kill(cell_node(node));
             }
             Change::Restart(node) => return self.restart(node),
             Change::Drive(axis, disturbance) => {
-                return self.pair.command_b(|robot, _| robot.disturb_drive(axis, disturbance));
+                return self
+                    .cell
+                    .command_robot(RobotId::FIRST, |robot, _| robot.disturb_drive(axis, disturbance));
             }
         }
-        let lost = lost(&self.pair) - before;
+        let lost = lost(&self.cell) - before;
         let Some(capture) = &self.capture else { return };
         if let Some(capture) = &mut *capture.borrow_mut() {
             capture.note(match change {
@@ -223,19 +230,19 @@ impl Nodes {
     /// Starts a node again that was killed, with the address that it had at the start.
     fn restart(&mut self, node: NodeRole) {
         let Some(restart) = &self.restart else { return };
-        let side = faults::end_of(node);
-        let now = self.pair.local_time(side);
+        let place = cell_node(node);
+        let now = self.cell.local_time(place);
         let [plc, robot] = self.addresses;
         match node {
             NodeRole::Plc => {
                 let Ok(plc_node) = (restart.plc)(now) else { return };
-                self.pair.set_address(side, plc);
-                self.pair.restart_a(plc_node);
+                self.cell.set_address(place, plc);
+                self.cell.restart_plc(plc_node);
             }
             NodeRole::Robot => {
                 let Ok(robot_node) = (restart.robot)(now) else { return };
-                self.pair.set_address(side, robot);
-                self.pair.restart_b(robot_node);
+                self.cell.set_address(place, robot);
+                self.cell.restart_robot(RobotId::FIRST, robot_node);
             }
         }
         self.killed.take_if(|killed| *killed == node);
@@ -243,7 +250,7 @@ impl Nodes {
 
     /// Waits until the nodes are connected and the robot is ready.
     pub(super) fn connect(&mut self) -> anyhow::Result<()> {
-        let until = self.pair.now() + CONNECT;
+        let until = self.cell.now() + CONNECT;
         let (mut is_moving, mut waiting) = (false, None);
         while let Some(event) = self.next_event(until) {
             match event {
@@ -252,7 +259,7 @@ impl Nodes {
                     waiting = Some(NotReady::Waiting { seconds, for_what: for_what.to_string() });
                 }
                 PlcEvent::Ready => {
-                    self.changes.ready(self.pair.now());
+                    self.changes.ready(self.cell.now());
                     return Ok(());
                 }
                 PlcEvent::Link(LinkEvent::Down(down)) => return Err(self.not_connected(down).into()),
@@ -269,15 +276,15 @@ impl Nodes {
         recording: Option<&mut Recording>,
     ) -> anyhow::Result<Measured> {
         self.until_at_start()?;
-        let start = self.pair.now() + step.pause;
+        let start = self.cell.now() + step.pause;
         while self.next_event(start).is_some() {}
-        self.pair.command_a(|plc, _| plc.schedule_overrides(step.overrides));
+        self.cell.command_plc(|plc, _| plc.schedule_overrides(step.overrides));
         let before = self.counts();
         self.start_run(step.execution_type)?;
-        let longest = self.pair.now() + LONGEST_RUN;
+        let longest = self.cell.now() + LONGEST_RUN;
         let mut watch = recording.map(|recording| Watch::new(recording, self.frames.clone()));
-        while self.pair.now() < longest {
-            let (scans, until) = (self.pair.a().scans(), self.pair.now() + SILENCE);
+        while self.cell.now() < longest {
+            let (scans, until) = (self.cell.plc().scans(), self.cell.now() + SILENCE);
             let event = match &mut watch {
                 Some(watch) => watch.next_plc_event(self, until),
                 None => self.next_event(until),
@@ -323,8 +330,8 @@ impl Nodes {
     }
 
     pub(super) fn recover(&mut self) -> anyhow::Result<()> {
-        let until = self.pair.now() + RECOVERY;
-        while !self.pair.a().is_ready() {
+        let until = self.cell.now() + RECOVERY;
+        while !self.cell.plc().is_ready() {
             if self.next_event(until).is_none() {
                 return Err(NotReady::Late(RECOVERY).into());
             }
@@ -333,27 +340,28 @@ impl Nodes {
     }
 
     pub(super) fn start_run(&mut self, execution_type: ExecutionType) -> anyhow::Result<()> {
-        self.pair.command_a(|plc, now| plc.start(now, execution_type)).context("cannot start the run")
+        self.cell.command_plc(|plc, now| plc.start(now, execution_type)).context("cannot start the run")
     }
 
     pub(super) fn digests(&self) -> [Digest; 2] {
-        [*self.pair.a().sent(), *self.pair.b().controller().accepted()]
+        [*self.cell.plc().sent(), *self.cell.robot(RobotId::FIRST).controller().accepted()]
     }
 
     pub(super) fn health(&self) -> Health {
-        let (plc, robot): (&Lateness, &Lateness) = (self.pair.a().lateness(), self.pair.b().lateness());
+        let (plc, robot): (&Lateness, &Lateness) =
+            (self.cell.plc().lateness(), self.cell.robot(RobotId::FIRST).lateness());
         Health {
             plc: (&LatenessReport::from(plc)).into(),
             robot: (&LatenessReport::from(robot)).into(),
-            bus: self.pair.a().bus().counters(),
-            robot_bus: self.pair.b().bus().counters(),
-            images: [self.pair.a().checks().into(), self.pair.b().checks().into()],
+            bus: self.cell.plc().bus().counters(),
+            robot_bus: self.cell.robot(RobotId::FIRST).bus().counters(),
+            images: [self.cell.plc().checks().into(), self.cell.robot(RobotId::FIRST).checks().into()],
             connected_after: None,
             allocations: None,
             repeated: Vec::new(),
             remarks: Vec::from_iter(self.remark()),
             faults: (!self.faults.is_empty()).then(|| {
-                let links = [Side::A, Side::B].map(|side| self.pair.link_counters(side));
+                let links = [Side::A, Side::B].map(|side| self.cell.link_counters(RobotId::FIRST, side));
                 FaultReport::new(&self.faults, links, self.changes.since_ready(self.now()))
             }),
         }
@@ -362,43 +370,23 @@ impl Nodes {
     /// Returns what the PLC's bus finds remarkable about the connection.
     fn remark(&self) -> Option<String> {
         let mut words = String::new();
-        let written = self.pair.a().bus().remark(&mut words);
+        let written = self.cell.plc().bus().remark(&mut words);
         (written.is_ok() && !words.is_empty()).then_some(words)
     }
 
     pub(super) fn now(&self) -> Instant {
-        self.pair.now()
+        self.cell.now()
     }
 
     pub(super) fn frames_sent(&self) -> [u64; 2] {
-        [Side::A, Side::B].map(|side| self.pair.link_counters(side).sent)
+        [Side::A, Side::B].map(|side| self.cell.link_counters(RobotId::FIRST, side).sent)
     }
 }
 
-/// Returns the PLC's next event up to `until` in true time. Meanwhile it sets the addresses that the stations ask for,
-/// and adds the robot's reports on its skills to `moved`.
-fn next_plc_event(pair: &mut VirtualCell, until: Instant, moved: &mut MotionTotals) -> Option<PlcEvent> {
-    loop {
-        match pair.next_event(until)? {
-            Event::A(PlcEvent::Link(LinkEvent::SetAddress { address, .. })) => {
-                pair.set_address(Side::A, Some(address));
-                pair.command_a(|plc, now| plc.bus_mut().address_set(now, true));
-            }
-            Event::B(RobotEvent::Link(LinkEvent::SetAddress { address, .. })) => {
-                pair.set_address(Side::B, Some(address));
-                pair.command_b(|robot, now| robot.bus_mut().address_set(now, true));
-            }
-            Event::A(event) => {
-                // The motion to the start is not part of the run.
-                if let PlcEvent::Started { .. } = event {
-                    *moved = MotionTotals::default();
-                }
-                return Some(event);
-            }
-            Event::B(RobotEvent::SkillFinished { executed, quality, account, .. }) => {
-                moved.add(executed, quality, account);
-            }
-            Event::B(_) => {}
-        }
+/// Returns the place of a node in the cell.
+const fn cell_node(node: NodeRole) -> CellNode {
+    match node {
+        NodeRole::Plc => CellNode::Plc,
+        NodeRole::Robot => CellNode::Robot(RobotId::FIRST),
     }
 }

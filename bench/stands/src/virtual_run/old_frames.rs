@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use plc_node::{ExecutionType, PlcEvent};
 use robot_node::RobotEvent;
-use virtual_time::{Event, Side};
+use virtual_time::Side;
 
+use super::cell::{CellEvent, RobotId};
 use super::{Extras, VirtualRun};
 use records::faults::Fault;
 
@@ -34,37 +35,37 @@ fn run(setup: &str, seed: u64, fault: Option<String>) -> Ended {
     let mut ended = Ended::default();
     for execution_type in [ExecutionType::Sm, ExecutionType::Rc] {
         let nodes = &mut run.nodes;
-        let start = nodes.pair.now() + PAUSE;
+        let start = nodes.cell.now() + PAUSE;
         let mut until = start;
         let mut is_started = false;
         loop {
-            match nodes.pair.next_event(until) {
-                Some(Event::A(PlcEvent::Finished(_))) => break,
-                Some(Event::A(PlcEvent::Failed(failure))) => {
+            match nodes.cell.next_event(until) {
+                Some(CellEvent::Plc(PlcEvent::Finished(_))) => break,
+                Some(CellEvent::Plc(PlcEvent::Failed(failure))) => {
                     ended.failures.push(failure.to_string());
                     break;
                 }
-                Some(Event::B(RobotEvent::SkillStarted { number, .. })) => {
-                    let commanded = nodes.pair.a().command().number;
+                Some(CellEvent::Robot(_, RobotEvent::SkillStarted { number, .. })) => {
+                    let commanded = nodes.cell.plc().command().number;
                     if number != commanded {
                         ended.strange.push((number, commanded));
                     }
                 }
                 Some(_) => {}
                 None if is_started => panic!("the run never ends: {fault:?}"),
-                None if nodes.pair.a().is_ready() => {
+                None if nodes.cell.plc().is_ready() => {
                     nodes.start_run(execution_type).unwrap();
-                    (is_started, until) = (true, nodes.pair.now() + Duration::from_secs(120));
+                    (is_started, until) = (true, nodes.cell.now() + Duration::from_secs(120));
                 }
                 None => until += Duration::from_millis(1),
             }
         }
         if execution_type == ExecutionType::Sm {
-            ended.frames = [Side::A, Side::B].map(|side| nodes.pair.link_counters(side).sent);
+            ended.frames = [Side::A, Side::B].map(|side| nodes.cell.link_counters(RobotId::FIRST, side).sent);
         }
     }
-    let pair = &run.nodes.pair;
-    ended.outdated = [pair.a().checks().outdated, pair.b().checks().outdated];
+    let cell = &run.nodes.cell;
+    ended.outdated = [cell.plc().checks().outdated, cell.robot(RobotId::FIRST).checks().outdated];
     ended
 }
 

@@ -4,10 +4,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-use super::cell::VirtualCell;
+use super::cell::{CellNode, RobotId, VirtualCell};
 use machine::Instant;
 use plc_node::PlcEvent;
-use virtual_time::Side;
 
 use super::Nodes;
 use records::trace::{Frame, PlcScan, Recording, RobotTick};
@@ -47,13 +46,13 @@ impl<'a> Watch<'a> {
 
     /// Returns the PLC's next event up to `until` in true time, and records what happens meanwhile.
     pub(crate) fn next_plc_event(&mut self, nodes: &mut Nodes, until: Instant) -> Option<PlcEvent> {
-        while nodes.pair().now() < until {
-            let event = nodes.next_event(until.min(nodes.pair().now() + LOOK));
-            let pair = nodes.pair();
+        while nodes.cell().now() < until {
+            let event = nodes.next_event(until.min(nodes.cell().now() + LOOK));
+            let cell = nodes.cell();
             if let Some(PlcEvent::Started { at, .. }) = event {
-                self.start = Some(true_time(pair, Side::A, at));
+                self.start = Some(true_time(cell, CellNode::Plc, at));
             }
-            self.record(pair);
+            self.record(cell);
             if event.is_some() {
                 return event;
             }
@@ -61,7 +60,7 @@ impl<'a> Watch<'a> {
         None
     }
 
-    fn record(&mut self, pair: &VirtualCell) {
+    fn record(&mut self, cell: &VirtualCell) {
         let Some(start) = self.start else { return };
         let since = |at: Instant| at.as_nanos() as f64 - start.as_nanos() as f64;
         if let Some(frames) = &self.frames {
@@ -71,22 +70,22 @@ impl<'a> Watch<'a> {
                 }
             }
         }
-        let (plc, robot) = (pair.a(), pair.b());
+        let (plc, robot) = (cell.plc(), cell.robot(RobotId::FIRST));
         if plc.scans() != self.last_scan {
             self.last_scan = plc.scans();
-            let at_us = (since(pair.now()) / 1e3).round() as i64;
+            let at_us = (since(cell.now()) / 1e3).round() as i64;
             self.recording.plc(PlcScan { at_us, sample: plc.sample() });
         }
         if self.last_tick != Some(robot.ticked_at()) {
             self.last_tick = Some(robot.ticked_at());
-            let at_ms = since(true_time(pair, Side::B, robot.ticked_at())) / 1e6;
+            let at_ms = since(true_time(cell, CellNode::Robot(RobotId::FIRST), robot.ticked_at())) / 1e6;
             self.recording.robot(RobotTick { at_ms, sample: robot.sample() });
         }
     }
 }
 
-/// Converts a side's clock of less than a cycle ago to true time: the drift since then is far below a nanosecond.
-fn true_time(pair: &VirtualCell, side: Side, local: Instant) -> Instant {
-    let ago = pair.local_time(side).as_nanos().saturating_sub(local.as_nanos());
-    Instant::from_nanos(pair.now().as_nanos().saturating_sub(ago))
+/// Converts a node's clock of less than a cycle ago to true time: the drift since then is far below a nanosecond.
+fn true_time(cell: &VirtualCell, node: CellNode, local: Instant) -> Instant {
+    let ago = cell.local_time(node).as_nanos().saturating_sub(local.as_nanos());
+    Instant::from_nanos(cell.now().as_nanos().saturating_sub(ago))
 }

@@ -6,13 +6,16 @@ use ethernet_ip::{Adapter, AdapterConfig, ConnectionId, Scanner};
 use machine::arp::{self, AddressConflict, ArpPacket};
 use machine::ethernet::Mac;
 use machine::{
-    Down, DownCause, Duration, Instant, LinkEvent, Machine, Port, PortRequest, Source, StationConflict,
-    StreamChange, StreamId, StreamRequest, Transmit,
+    Down, DownCause, Duration, Instant, InterfaceId, LinkEvent, Machine, Port, PortRequest, Source,
+    StationConflict, StreamChange, StreamId, StreamRequest, Transmit,
 };
-use virtual_time::{Network, StationId};
+use virtual_time::{Network, NodeId, StationConfig, SwitchConfig, SwitchId};
 
 use crate::cell::{PLC, ROBOT, adapter_config, wanted};
 use crate::single_connection::SCANNER;
+
+/// Delay of the cable of each station: between two a frame takes twice as long.
+const CABLE: Duration = Duration::from_nanos(12_500);
 
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 const ELSEWHERE: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 77);
@@ -121,27 +124,42 @@ impl Machine for Station {
 
 struct Cell {
     network: Network<Station>,
-    plc: StationId,
-    robot: StationId,
+    plc: NodeId,
+    robot: NodeId,
     connection: ConnectionId,
-    strangers: Vec<StationId>,
-    events: Vec<(StationId, Instant, LinkEvent)>,
+    strangers: Vec<NodeId>,
+    events: Vec<(NodeId, Instant, LinkEvent)>,
 }
 
 impl Cell {
     /// A scanner and an adapter; strangers are on the switch before them.
     fn with(strangers: &[(Mac, Ipv4Addr)]) -> Self {
-        let mut network = Network::new(Duration::from_micros(25));
-        let add =
-            |(mac, address): &(Mac, Ipv4Addr)| network.add(Station::Stranger(None), *mac, Some(*address));
+        let mut network = Network::with_switch(1, SwitchConfig::IDEAL);
+        let add = |(mac, address): &(Mac, Ipv4Addr)| {
+            network.add_station(
+                SwitchId::FIRST,
+                "stranger",
+                Station::Stranger(None),
+                StationConfig::new(*mac, Some(*address), CABLE),
+            )
+        };
         let strangers = strangers.iter().map(add).collect();
         let now = network.now();
         let adapter = Adapter::new(AdapterConfig { mac: ROBOT_MAC.0, ..adapter_config() });
-        let robot =
-            network.add(Station::Adapter(adapter.with_conflict_detection(now)), ROBOT_MAC, Some(ROBOT));
+        let robot = network.add_station(
+            SwitchId::FIRST,
+            "adapter",
+            Station::Adapter(adapter.with_conflict_detection(now)),
+            StationConfig::new(ROBOT_MAC, Some(ROBOT), CABLE),
+        );
         let mut scanner = Scanner::new(SCANNER).with_conflict_detection(PLC_MAC, PLC, MASK, now);
         let connection = scanner.connect(wanted(), now).unwrap();
-        let plc = network.add(Station::Scanner(scanner), PLC_MAC, Some(PLC));
+        let plc = network.add_station(
+            SwitchId::FIRST,
+            "scanner",
+            Station::Scanner(scanner),
+            StationConfig::new(PLC_MAC, Some(PLC), CABLE),
+        );
         Self { network, plc, robot, connection, strangers, events: Vec::new() }
     }
 
@@ -152,7 +170,7 @@ impl Cell {
         }
     }
 
-    fn of(&self, id: StationId) -> Vec<LinkEvent> {
+    fn of(&self, id: NodeId) -> Vec<LinkEvent> {
         self.events.iter().filter(|(of, ..)| *of == id).map(|(.., event)| *event).collect()
     }
 
@@ -167,7 +185,12 @@ impl Cell {
     /// Lets a new station say that it has an address.
     fn claims(&mut self, mac: Mac, address: Ipv4Addr) {
         let announcement = ArpPacket::announcement(mac, address);
-        self.network.add(Station::Stranger(Some(announcement)), mac, Some(address));
+        self.network.add_station(
+            SwitchId::FIRST,
+            "stranger",
+            Station::Stranger(Some(announcement)),
+            StationConfig::new(mac, Some(address), CABLE),
+        );
     }
 
     /// Returns how many connections the robot has.
@@ -248,7 +271,7 @@ fn when_the_stranger_has_another_address_the_connection_comes_within_two_seconds
         cell.run(5_000);
         let moved = cell.network.now();
         for id in cell.strangers.clone() {
-            cell.network.set_address(id, Some(ELSEWHERE));
+            cell.network.set_address(id, InterfaceId::FIRST, Some(ELSEWHERE));
         }
         cell.run(2_500);
         let up = cell.events.iter().find(|(id, _, event)| *id == cell.plc && *event == LinkEvent::Up);

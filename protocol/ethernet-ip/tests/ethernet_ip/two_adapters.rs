@@ -6,14 +6,17 @@ use ethernet_ip::connection::RealTimeFormat;
 use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ConnectionId, IO_PORT, Scanner};
 use machine::ethernet::Mac;
 use machine::{
-    DownCause, Duration, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId,
-    StreamRequest, Transmit,
+    DownCause, Duration, Instant, InterfaceId, LinkEvent, Machine, Port, PortRequest, Source, StreamChange,
+    StreamId, StreamRequest, Transmit,
 };
-use virtual_time::{Network, StationId};
+use virtual_time::{Network, NodeId, StationConfig, SwitchConfig, SwitchId};
 
 use crate::cell::adapter_config;
 use crate::samples::{CONSUMED, DEVICE, LEN, PRODUCED};
 use crate::single_connection::SCANNER;
+
+/// Delay of the cable of each station: between two a frame takes twice as long.
+const CABLE: Duration = Duration::from_nanos(12_500);
 
 const SCANNER_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 const ADAPTERS: [Ipv4Addr; 2] = [Ipv4Addr::new(192, 168, 64, 2), Ipv4Addr::new(192, 168, 64, 3)];
@@ -86,8 +89,8 @@ impl Machine for Station {
 
 struct Cell {
     network: Network<Station>,
-    scanner: StationId,
-    adapters: [StationId; 2],
+    scanner: NodeId,
+    adapters: [NodeId; 2],
     connections: [ConnectionId; 2],
 }
 
@@ -106,17 +109,27 @@ impl Cell {
             connection.set_output(&[0xA0 + index as u8; LEN]).unwrap();
             id
         });
-        let mut network = Network::new(Duration::from_micros(25));
+        let mut network = Network::with_switch(1, SwitchConfig::IDEAL);
         let adapters = [0, 1].map(|index| {
             let address = ADAPTERS[index];
             let mac = [2, 0, 0, 0, 0, 2 + index as u8];
             let config = AdapterConfig { address, mac, serial_number: 7 + index as u32, ..adapter_config() };
             let mut adapter = Adapter::new(config);
             adapter.set_produced(PRODUCED, &[0xD0 + index as u8; LEN]).unwrap();
-            network.add(Station::Adapter(adapter), Mac(mac), Some(address))
+            network.add_station(
+                SwitchId::FIRST,
+                "adapter",
+                Station::Adapter(adapter),
+                StationConfig::new(Mac(mac), Some(address), CABLE),
+            )
         });
         let mac = Mac([2, 0, 0, 0, 0, 1]);
-        let scanner = network.add(Station::Scanner(scanner), mac, Some(SCANNER_ADDRESS));
+        let scanner = network.add_station(
+            SwitchId::FIRST,
+            "scanner",
+            Station::Scanner(scanner),
+            StationConfig::new(mac, Some(SCANNER_ADDRESS), CABLE),
+        );
         Self { network, scanner, adapters, connections }
     }
 
@@ -135,7 +148,7 @@ impl Cell {
         self.network.command(self.scanner, command).unwrap()
     }
 
-    fn adapter<R>(&mut self, id: StationId, command: impl FnOnce(&mut Adapter, Instant) -> R) -> R {
+    fn adapter<R>(&mut self, id: NodeId, command: impl FnOnce(&mut Adapter, Instant) -> R) -> R {
         let command = |station: &mut Station, now| match station {
             Station::Adapter(adapter) => command(adapter, now),
             Station::Scanner(_) => panic!("{id:?} is the scanner"),
@@ -183,7 +196,7 @@ fn an_adapter_that_is_gone_is_asked_again_and_the_other_one_misses_nothing() {
     let mut cell = Cell::new(false);
     cell.run(100);
     let second = cell.adapters[1];
-    cell.network.set_address(second, None);
+    cell.network.set_address(second, InterfaceId::FIRST, None);
     let events = cell.run(5_000);
     let causes: Vec<_> = events
         .iter()
@@ -196,7 +209,7 @@ fn an_adapter_that_is_gone_is_asked_again_and_the_other_one_misses_nothing() {
     let expected = [DownCause::Watchdog, DownCause::NoAnswer].map(|cause| (lost, Some(cause)));
     assert_eq!(causes, expected, "{events:?}");
     assert_eq!(cell.data(), [[DATA[0][0], None], [DATA[1][0], None]]);
-    cell.network.set_address(second, Some(ADAPTERS[1]));
+    cell.network.set_address(second, InterfaceId::FIRST, Some(ADAPTERS[1]));
     assert_eq!(cell.run(2_000), [(lost, LinkEvent::Up)]);
     assert_eq!(cell.data(), DATA);
     let first = cell.connections[0];

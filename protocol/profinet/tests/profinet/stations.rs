@@ -6,13 +6,17 @@ use std::net::Ipv4Addr;
 use machine::arp::{AddressClaim, AddressConflict, ClaimEvent};
 use machine::ethernet::Mac;
 use machine::{
-    DownCause, Duration, Instant, LinkEvent, Machine, PortRequest, Source, StationConflict, Transmit,
+    DownCause, Duration, Instant, InterfaceId, LinkEvent, Machine, PortRequest, Source, StationConflict,
+    Transmit,
 };
 use profinet::rt::Transport;
 use profinet::{ArConfig, ArId, Controller, ControllerConfig, Device, DeviceConfig};
-use virtual_time::{Network, StationId};
+use virtual_time::{Network, NodeId, StationConfig, SwitchConfig, SwitchId};
 
 use crate::samples::{self, LEN};
+
+/// Delay of the cable of each station: between two a frame takes twice as long.
+const CABLE: Duration = Duration::from_nanos(20_000);
 
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 const PLC: Ipv4Addr = Ipv4Addr::new(10, 7, 3, 1);
@@ -89,12 +93,12 @@ impl Machine for Station {
 
 struct Cell {
     network: Network<Station>,
-    controller: StationId,
+    controller: NodeId,
     ar: ArId,
     /// What the controller reported, and when.
     reported: Vec<(Instant, LinkEvent)>,
     /// What each other station reported.
-    others: Vec<(StationId, LinkEvent)>,
+    others: Vec<(NodeId, LinkEvent)>,
 }
 
 impl Cell {
@@ -121,12 +125,17 @@ impl Cell {
         };
         let ar = controller.connect(config, Instant::ZERO).unwrap();
         controller.ar_mut(ar).unwrap().set_output(1, 1, &[0xA0; LEN]).unwrap();
-        let mut network = Network::new(Duration::from_micros(40));
-        let controller = network.add(Station::Controller(controller), MACS[0], Some(PLC));
+        let mut network = Network::with_switch(1, SwitchConfig::IDEAL);
+        let controller = network.add_station(
+            SwitchId::FIRST,
+            "controller",
+            Station::Controller(controller),
+            StationConfig::new(MACS[0], Some(PLC), CABLE),
+        );
         Self { network, controller, ar, reported: Vec::new(), others: Vec::new() }
     }
 
-    fn device(&mut self, mac: Mac, name: &str, address: Option<Ipv4Addr>) -> StationId {
+    fn device(&mut self, mac: Mac, name: &str, address: Option<Ipv4Addr>) -> NodeId {
         let config = DeviceConfig {
             mac,
             station_name: name.into(),
@@ -138,20 +147,34 @@ impl Cell {
         };
         let mut device = Device::new(config, self.network.now());
         device.set_input(1, 1, &[mac.0[5]; LEN]).unwrap();
-        self.network.add(Station::Device(device), mac, address)
+        self.network.add_station(
+            SwitchId::FIRST,
+            "device",
+            Station::Device(device),
+            StationConfig::new(mac, address, CABLE),
+        )
     }
 
-    fn stranger(&mut self, mac: Mac, address: Ipv4Addr) -> StationId {
+    fn stranger(&mut self, mac: Mac, address: Ipv4Addr) -> NodeId {
         let mut claim = AddressClaim::new(mac);
         claim.claim(self.network.now(), address);
-        self.network.add(Station::Stranger(claim), mac, Some(address))
+        self.network.add_station(
+            SwitchId::FIRST,
+            "stranger",
+            Station::Stranger(claim),
+            StationConfig::new(mac, Some(address), CABLE),
+        )
     }
 
     fn run(&mut self, millis: u64) {
         let until = self.network.now() + Duration::from_millis(millis);
         while let Some((station, event)) = self.network.next_event(until) {
             if let LinkEvent::SetAddress { address, .. } = event {
-                self.network.set_address(station, Some(address).filter(|it| !it.is_unspecified()));
+                self.network.set_address(
+                    station,
+                    InterfaceId::FIRST,
+                    Some(address).filter(|it| !it.is_unspecified()),
+                );
                 self.network.command(station, |station, now| match station {
                     Station::Device(device) => device.address_set(now, true),
                     _ => panic!("only a device has its address from others"),
@@ -164,7 +187,7 @@ impl Cell {
         }
     }
 
-    fn of<R>(&self, id: StationId, of: impl FnOnce(&Device) -> R) -> R {
+    fn of<R>(&self, id: NodeId, of: impl FnOnce(&Device) -> R) -> R {
         match self.network.machine(id) {
             Some(Station::Device(device)) => of(device),
             _ => panic!("{id:?} is a device"),
@@ -172,7 +195,7 @@ impl Cell {
     }
 
     /// Returns whether a station has ever been connected to.
-    fn is_untouched(&self, id: StationId) -> bool {
+    fn is_untouched(&self, id: NodeId) -> bool {
         self.of(id, |device| !device.has_controller() && device.counters().received == 0)
             && !self.others.iter().any(|(other, event)| *other == id && *event == LinkEvent::Up)
     }
@@ -211,7 +234,7 @@ fn a_robot_that_kept_the_address_is_neither_connected_to_nor_sent_data() {
             let old = cell.device(MACS[1], "old-arm", Some(ROBOT));
             let new = cell.device(MACS[2], "arm", None);
             let controller = cell.controller;
-            cell.network.set_may_correct(controller, may_correct);
+            cell.network.set_may_correct(controller, InterfaceId::FIRST, may_correct);
             cell.run(5_000);
             assert!(cell.is_untouched(old) && cell.is_untouched(new), "{transport:?} {wanted:?}");
             let [text] = cell.refusals()[..] else { panic!("{:?}", cell.reported) };
@@ -220,7 +243,7 @@ fn a_robot_that_kept_the_address_is_neither_connected_to_nor_sent_data() {
             let macs = [MACS[1], MACS[2]].map(|mac| words.contains(&mac.to_string()));
             assert_eq!((macs, words.contains("10.7.3.9")), ([true; 2], true), "{words}");
             // The old one is switched off: now the new one gets the address and is connected to.
-            cell.network.unplug(old);
+            cell.network.kill(old);
             cell.run(1_000);
             assert_eq!((cell.ups().len(), cell.input()), (1, Some(3)), "{:?}", cell.reported);
         }
@@ -239,7 +262,7 @@ fn of_two_stations_with_one_name_neither_is_addressed_and_both_are_named_as_long
             let words = cell.explanation();
             assert!(words.starts_with("two stations answer to the device's name"), "{words}");
             assert!([MACS[1], MACS[2]].iter().all(|mac| words.contains(&mac.to_string())), "{words}");
-            cell.network.unplug(twins[0]);
+            cell.network.kill(twins[0]);
             cell.run(2_000);
             assert_eq!((cell.ups().len(), cell.input()), (1, Some(3)), "{:?}", cell.reported);
         }
@@ -298,11 +321,11 @@ fn a_device_that_is_replaced_by_another_one_of_its_name_has_data_within_1_s() {
             for gap in [0, 5, 19, 25, 60, 130, 300, 1_000, 2_500, 10_000] {
                 let mut cell = Cell::new(transport, None);
                 let controller = cell.controller;
-                cell.network.set_may_correct(controller, may_correct);
+                cell.network.set_may_correct(controller, InterfaceId::FIRST, may_correct);
                 let old = cell.device(MACS[1], "arm", None);
                 cell.run(2_000);
                 assert_eq!(cell.input(), Some(2));
-                cell.network.unplug(old);
+                cell.network.kill(old);
                 cell.run(gap);
                 cell.device(MACS[2], "arm", None);
                 let replaced = cell.network.now();
@@ -325,7 +348,7 @@ fn a_device_that_is_replaced_while_it_does_not_answer_a_connect_has_data_within_
             let old = cell.device(MACS[1], "arm", Some(ROBOT));
             // It has answered by DCP and by ARP, and is gone before the Connect, at 200 ms.
             cell.run(199);
-            cell.network.unplug(old);
+            cell.network.kill(old);
             cell.run(gap - 199);
             cell.device(MACS[2], "arm", Some(ROBOT));
             cell.run(1_000);
@@ -361,7 +384,7 @@ fn whoever_takes_the_address_of_the_robot_or_of_the_controller_later_ends_the_co
             assert!(cell.explanation().contains(&MACS[3].to_string()), "{}", cell.explanation());
             assert_eq!(cell.input(), None);
             assert!(cell.others.contains(&(robot, LinkEvent::Conflict(conflict))), "{:?}", cell.others);
-            cell.network.unplug(stranger);
+            cell.network.kill(stranger);
             cell.run(2_000);
             assert_eq!(
                 (cell.ups().len(), cell.input()),

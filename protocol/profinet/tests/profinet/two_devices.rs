@@ -3,12 +3,15 @@
 use std::net::Ipv4Addr;
 
 use machine::ethernet::Mac;
-use machine::{DownCause, Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
+use machine::{DownCause, Duration, Instant, InterfaceId, LinkEvent, Machine, PortRequest, Source, Transmit};
 use profinet::rt::Transport;
 use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Device, DeviceConfig};
-use virtual_time::{Network, StationId};
+use virtual_time::{Network, NodeId, StationConfig, SwitchConfig, SwitchId};
 
 use crate::samples::{self, LEN};
+
+/// Delay of the cable of each station: between two a frame takes twice as long.
+const CABLE: Duration = Duration::from_nanos(12_500);
 
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 const CONTROLLER: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
@@ -75,8 +78,8 @@ impl Machine for Station {
 
 struct Cell {
     network: Network<Station>,
-    controller: StationId,
-    devices: [StationId; 2],
+    controller: NodeId,
+    devices: [NodeId; 2],
     ars: [ArId; 2],
 }
 
@@ -111,7 +114,7 @@ impl Cell {
             controller.ar_mut(id).unwrap().set_output(1, 1, &[0xA0 + index as u8; LEN]).unwrap();
             id
         });
-        let mut network = Network::new(Duration::from_micros(25));
+        let mut network = Network::with_switch(1, SwitchConfig::IDEAL);
         let devices = [0, 1].map(|index| {
             let config = DeviceConfig {
                 mac: Mac([2, 0, 0, 0, 0, 2 + index as u8]),
@@ -125,10 +128,20 @@ impl Cell {
             let mac = config.mac;
             let mut device = Device::new(config, Instant::ZERO);
             device.set_input(1, 1, &[0xD0 + index as u8; LEN]).unwrap();
-            network.add(Station::Device(device), mac, None)
+            network.add_station(
+                SwitchId::FIRST,
+                "device",
+                Station::Device(device),
+                StationConfig::new(mac, None, CABLE),
+            )
         });
         let station = Station::Controller(controller);
-        let controller = network.add(station, Mac([2, 0, 0, 0, 0, 1]), Some(CONTROLLER));
+        let controller = network.add_station(
+            SwitchId::FIRST,
+            "controller",
+            station,
+            StationConfig::new(Mac([2, 0, 0, 0, 0, 1]), Some(CONTROLLER), CABLE),
+        );
         Self { network, controller, devices, ars }
     }
 
@@ -139,14 +152,14 @@ impl Cell {
         while let Some((station, (ar, event))) = self.network.next_event(until) {
             reported.extend(ar.map(|ar| (ar, event)));
             if let LinkEvent::SetAddress { address, .. } = event {
-                self.network.set_address(station, Some(address));
+                self.network.set_address(station, InterfaceId::FIRST, Some(address));
                 self.device(station, |device, now| device.address_set(now, true));
             }
         }
         reported
     }
 
-    fn device<R>(&mut self, id: StationId, command: impl FnOnce(&mut Device, Instant) -> R) -> R {
+    fn device<R>(&mut self, id: NodeId, command: impl FnOnce(&mut Device, Instant) -> R) -> R {
         let command = |station: &mut Station, now| match station {
             Station::Device(device) => command(device, now),
             Station::Controller(_) => panic!("{id:?} is the controller"),

@@ -6,12 +6,12 @@ use alloc::vec::Vec;
 use core::net::Ipv4Addr;
 
 use machine::ethernet::Mac;
-use machine::{Duration, Instant, LinkEvent, Machine};
+use machine::{Duration, Instant, InterfaceId, LinkEvent, Machine};
 
 use super::{
     Choices, MS, Member, MemberEvent, Random, RecordedStation, STRANGER, STRANGER_MAC, SentFrame, Stranger,
 };
-use crate::{Network, StationId};
+use crate::{Network, NodeId, StationConfig, SwitchConfig, SwitchId};
 
 /// The two stations of a pair, and what they do in a run, by their protocol.
 pub trait StationPair {
@@ -82,20 +82,33 @@ pub struct RunRecord {
 pub struct PairRun<P: StationPair, C: Choices = Random> {
     pair: P,
     network: Network<Member<P::A, P::B, C>>,
-    stations: [StationId; 2],
+    stations: [NodeId; 2],
     events: Vec<ReportedEvent>,
     images: Vec<[Option<u8>; 2]>,
+}
+
+/// Puts a station on the switch. Between two stations a frame takes 25 µs.
+fn plug_in<M: Machine>(
+    network: &mut Network<M>,
+    name: &'static str,
+    machine: M,
+    (mac, address): (Mac, Option<Ipv4Addr>),
+) -> NodeId {
+    let config = StationConfig::new(mac, address, Duration::from_nanos(12_500));
+    network.add_station(SwitchId::FIRST, name, machine, config)
 }
 
 impl<P: StationPair, C: Choices> PairRun<P, C> {
     /// Puts the pair on a switch. `count` returns the heap allocations so far.
     #[must_use]
     pub fn new(pair: P, a: PairStation<P::A>, b: PairStation<P::B>, count: fn() -> u64) -> Self {
-        let mut network = Network::new(Duration::from_micros(25));
+        let mut network = Network::with_switch(0, SwitchConfig::IDEAL);
         let stations = [
-            network.add(Member::A(RecordedStation::new(a.machine, count)), a.mac, a.address),
-            network.add(Member::B(RecordedStation::new(b.machine, count)), b.mac, b.address),
+            (P::NAMES[0], Member::A(RecordedStation::new(a.machine, count)), a.mac, a.address),
+            (P::NAMES[1], Member::B(RecordedStation::new(b.machine, count)), b.mac, b.address),
         ];
+        let stations = stations
+            .map(|(name, machine, mac, address)| plug_in(&mut network, name, machine, (mac, address)));
         Self { pair, network, stations, events: Vec::new(), images: Vec::new() }
     }
 
@@ -138,7 +151,7 @@ impl<P: StationPair, C: Choices> PairRun<P, C> {
             | MemberEvent::B(LinkEvent::Foreign(_) | LinkEvent::Conflict(_)) => return,
             MemberEvent::A((_, event)) => MemberEvent::A(event),
             MemberEvent::B(LinkEvent::SetAddress { address, .. }) if P::ASKS_FOR_ADDRESS => {
-                self.network.set_address(self.stations[1], Some(address));
+                self.network.set_address(self.stations[1], InterfaceId::FIRST, Some(address));
                 self.b(|pair, watched, now| pair.address_set(&mut watched.machine, now));
                 MemberEvent::B(LinkEvent::Up)
             }
@@ -155,7 +168,12 @@ impl<P: StationPair, C: Choices> PairRun<P, C> {
     /// A frame of the stranger allocates while data are exchanged.
     pub fn run_whole(mut self, stranger: Option<Stranger<C>>, phases: Phases) -> (RunRecord, [u64; 2]) {
         if let Some(stranger) = stranger {
-            self.network.add(Member::Stranger(stranger), STRANGER_MAC, Some(STRANGER));
+            plug_in(
+                &mut self.network,
+                "the stranger",
+                Member::Stranger(stranger),
+                (STRANGER_MAC, Some(STRANGER)),
+            );
         }
         self.run(phases.up);
         let before = self.allocations();
@@ -178,7 +196,12 @@ impl<P: StationPair, C: Choices> PairRun<P, C> {
     /// Runs beside a station that sends from the addresses of one of the pair. It may end the connection; only a panic is an
     /// error.
     pub fn run_with_forger(mut self, stranger: Stranger<C>, (mac, address): (Mac, Ipv4Addr), end: Instant) {
-        self.network.add(Member::Stranger(stranger.forging(mac)), mac, Some(address));
+        plug_in(
+            &mut self.network,
+            "the forger",
+            Member::Stranger(stranger.forging(mac)),
+            (mac, Some(address)),
+        );
         self.run(end);
     }
 }

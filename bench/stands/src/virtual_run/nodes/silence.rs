@@ -31,7 +31,7 @@ impl Nodes {
     /// Waits until the arm is at the application's start, so that a run can begin at once. A PLC that only waits meanwhile is
     /// an error.
     pub(super) fn until_at_start(&mut self) -> anyhow::Result<()> {
-        while !self.pair.a().is_ready() {
+        while !self.cell.plc().is_ready() {
             match self.next_event_of_scans()? {
                 PlcEvent::Waiting { for_what, seconds }
                     if for_what.is_owed() && u64::from(seconds) >= SILENCE.as_secs() =>
@@ -46,10 +46,10 @@ impl Nodes {
 
     /// Returns the PLC's next event, however long that takes, as long as the PLC runs its scans.
     fn next_event_of_scans(&mut self) -> anyhow::Result<PlcEvent> {
-        let longest = self.pair.now() + LONGEST_RUN;
-        while self.pair.now() < longest {
-            let scans = self.pair.a().scans();
-            if let Some(event) = self.next_event(self.pair.now() + SILENCE) {
+        let longest = self.cell.now() + LONGEST_RUN;
+        while self.cell.now() < longest {
+            let scans = self.cell.plc().scans();
+            if let Some(event) = self.next_event(self.cell.now() + SILENCE) {
                 return Ok(event);
             }
             self.check_scans(scans)?;
@@ -59,7 +59,7 @@ impl Nodes {
 
     /// Checks that the PLC has run further scans.
     pub(super) fn check_scans(&self, before: u64) -> anyhow::Result<()> {
-        if self.pair.a().scans() > before {
+        if self.cell.plc().scans() > before {
             return Ok(());
         }
         if let Some(NodeRole::Plc) = self.killed {

@@ -1,13 +1,14 @@
-//! Taps on a virtual cable: see what passes each end, with everything that a capture needs to write a real packet.
+//! Taps on the cables: see what passes each end, with everything that a capture needs to write a real packet.
 
 use alloc::boxed::Box;
 use core::fmt;
 use core::net::SocketAddrV4;
 
-use super::Pair;
+use super::Network;
+use super::ids::{CableId, NodeId};
 use crate::link::LinkEffect;
 use crate::side::Side;
-use machine::{Instant, Machine, Port};
+use machine::{Instant, InterfaceId, Multihomed, Port};
 
 /// The protocol headers around a machine's frame.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -53,14 +54,16 @@ pub enum Segment {
     },
 }
 
-/// A frame at one end of the cable, for [`Pair::set_tap`].
+/// A frame at one end of a cable, for [`Network::set_tap`].
 #[derive(Clone, Copy, Debug)]
 pub struct Tapped<'a> {
     /// When it passes, in true time. A segment that is retransmitted is shown at once, with the later time.
     pub at: Instant,
+    /// The cable.
+    pub cable: CableId,
     /// The end of the cable at which it is seen.
     pub end: Side,
-    /// The sender. At the other end it has arrived.
+    /// The end that it comes from. At the other end it has arrived.
     pub from: Side,
     /// The headers around the frame.
     pub carrier: Carrier,
@@ -94,32 +97,43 @@ impl fmt::Debug for Tap {
     }
 }
 
-impl<A: Machine, B: Machine> Pair<A, B> {
-    /// Shows every frame to `tap`, once when it is sent and once when it arrives.
+impl<M: Multihomed> Network<M> {
+    /// Shows every frame on every cable to `tap`, once where it is sent and once where it arrives.
     pub fn set_tap(&mut self, tap: impl FnMut(Tapped<'_>) + 'static) {
         self.tap = Some(Tap(Box::new(tap)));
     }
 
-    pub(super) fn tap_departure(&mut self, at: Instant, from: Side, label: Label, frame: &[u8]) {
+    pub(super) fn tap_departure(
+        &mut self,
+        at: Instant,
+        (cable, from): (CableId, Side),
+        label: Label,
+        frame: &[u8],
+    ) {
         let Label { carrier, dscp, effect } = label;
         if let Some(tap) = &mut self.tap {
-            tap.see(Tapped { at, end: from, from, carrier, dscp, effect, frame });
+            tap.see(Tapped { at, cable, end: from, from, carrier, dscp, effect, frame });
         }
     }
 
-    pub(super) fn tap_arrival(&mut self, end: Side, label: Label, frame: &[u8]) {
+    pub(super) fn tap_arrival(
+        &mut self,
+        at: Instant,
+        (cable, end): (CableId, Side),
+        label: Label,
+        frame: &[u8],
+    ) {
         let Label { carrier, dscp, effect } = label;
         if let Some(tap) = &mut self.tap {
-            tap.see(Tapped { at: self.now, end, from: end.other(), carrier, dscp, effect, frame });
+            tap.see(Tapped { at, cable, end, from: end.other(), carrier, dscp, effect, frame });
         }
     }
 
-    /// Returns the DSCP of what leaves by this port; not computed without a tap.
-    pub(super) fn dscp(&self, from: Side, port: Port) -> u8 {
-        match (&self.tap, from) {
-            (None, _) => 0,
-            (Some(_), Side::A) => self.a.dscp(port),
-            (Some(_), Side::B) => self.b.dscp(port),
+    /// Returns the DSCP of what leaves a node by this port; not computed without a tap.
+    pub(super) fn dscp(&self, node: NodeId, on: InterfaceId, port: Port) -> u8 {
+        match (&self.tap, self.nodes.get(node.0)) {
+            (Some(_), Some(node)) => node.machine.dscp(on, port),
+            _ => 0,
         }
     }
 }
