@@ -158,15 +158,15 @@ fn a_mistake_in_an_application_for_several_arms_is_named_with_its_line() {
     my.toml:6: schema: is 2; an application with [[arm]] has 3
     my.toml:30: mark 1: is listed twice; give each mark a number of its own
     my.toml:30: mark 0: its number must be 1 to 65535
-    my.toml:76: mark: 9 is not listed; add [[mark]] with number = 9
-    my.toml:72: mark: arm `giver` has mark 1 twice; give each wait a mark of its own
-    my.toml:72: mark: mark 1 does not move the arm: write reach in a step of its own
-    my.toml:82: then: `release` and `grip` at one stop; put a motion between them
-    my.toml:65: labels: step `offer` needs labels, or a mark
-    my.toml:65: name: a step that moves needs a name
-    my.toml:95: name: two arms are named `giver`; a setup could not tell them apart
-    my.toml:69: reach: there is no frame `ofered`; there is above-assembly, before-taken, carrier-rim, giver-home, inserted, offered, picked, pulled-out, taken, taker-home
-    my.toml:103: mark: arm `taker` has mark 1 twice; give each wait a mark of its own
+    my.toml:80: mark: 9 is not listed; add [[mark]] with number = 9
+    my.toml:76: mark: arm `giver` has mark 1 twice; give each wait a mark of its own
+    my.toml:76: mark: mark 1 does not move the arm: write reach in a step of its own
+    my.toml:86: then: `release` and `grip` at one stop; put a motion between them
+    my.toml:69: labels: step `offer` needs labels, or a mark
+    my.toml:69: name: a step that moves needs a name
+    my.toml:99: name: two arms are named `giver`; a setup could not tell them apart
+    my.toml:73: reach: there is no frame `ofered`; there is above-assembly, before-taken, carrier-rim, giver-home, inserted, offered, picked, pulled-out, taken, taker-home
+    my.toml:111: mark: arm `taker` has mark 1 twice; give each wait a mark of its own
     my.toml:32: in `mark[1].together`: invalid type: integer `1`, expected a boolean
        32 | together = 1
     my.toml:1: missing key `arm`
@@ -189,7 +189,7 @@ fn an_application_for_several_arms_is_refused_where_one_arm_works_alone() {
     ];
     insta::assert_snapshot!(said.join("\n"), @r#"
     built-in application hand-over:42: arm: is for 2 arms (giver, taker): it needs a setup with [[station]], and `application = "giver"` there
-    my.toml:76: mark: 9 is not listed; add [[mark]] with number = 9
+    my.toml:80: mark: 9 is not listed; add [[mark]] with number = 9
     my.toml:39: in `step[0].mark`: unknown key `mark`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
        39 | mark = 1
     "#);

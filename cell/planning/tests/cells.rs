@@ -79,14 +79,13 @@ fn the_plans_of_two_arms_show_where_they_wait() {
 
     step IV: continuous motion 1, 3 motions
          1  PTP before pick, step III, blending
-            to 0.0, 0.0, 105.0 mm; 0.0, 0.0, 180.0°
-            at 100 %, zone 7.50 mm
-            10 mm wanted: half of a short motion
+            to 0.0, 0.0, 110.0 mm; 0.0, 0.0, 180.0°
+            at 100 %, zone 10.00 mm
+            the approximation distance
          2  LIN before pick, step II, blending
             to 0.0, 0.0, 90.0 mm; 0.0, 0.0, 180.0°
-            at 100 %, zone 7.50 mm
-            straight on: the path is kept; half of a short
-            motion
+            at 100 %, zone 10.00 mm
+            straight on: the path is kept
          3  LIN pick, step I, accurate path, accurate stop
             to 0.0, 0.0, 60.0 mm; 0.0, 0.0, 180.0°
             at 100 %, zone 0.00 mm
