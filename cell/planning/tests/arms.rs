@@ -165,7 +165,7 @@ fn a_mistake_in_an_application_for_several_arms_is_named_with_its_line() {
     my.toml:69: labels: step `offer` needs labels, or a mark
     my.toml:69: name: a step that moves needs a name
     my.toml:99: name: two arms are named `giver`; a setup could not tell them apart
-    my.toml:73: reach: there is no frame `ofered`; there is above-assembly, before-taken, carrier-rim, giver-home, inserted, offered, picked, pulled-out, taken, taker-home
+    my.toml:73: reach: there is no frame `ofered`; did you mean `offered`?
     my.toml:111: mark: arm `taker` has mark 1 twice; give each wait a mark of its own
     my.toml:32: in `mark[1].together`: invalid type: integer `1`, expected a boolean
        32 | together = 1

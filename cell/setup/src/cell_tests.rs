@@ -137,7 +137,7 @@ fn a_wrong_number_in_a_station_is_named_with_its_station() {
     my.toml:96: in `station[1].root_mm_deg.value`: found 5 numbers, expected 6
        96 | root_mm_deg = { value = [750.0, -175.0, 180.0, 0.0, 0.0], from = "assumed", note = "opposite of the SCARA, facing it, the table 200 mm above its foot" }
           |                 ^^^^^
-    my.toml:20: in `station[0].root_mm`: unknown key `root_mm`, expected one of `name`, `application`, `root_mm_deg`, `position`, `bus`, `robot`, `motions`
+    my.toml:20: in `station[0].root_mm`: unknown key `root_mm`: did you mean `root_mm_deg`?
        20 | root_mm = { value = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], from = "assumed", note = "the cell's origin" }
     my.toml:20: in `station[0].root_mm_deg`: missing key `from`
        20 | root_mm_deg = { value = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], note = "the cell's origin" }
