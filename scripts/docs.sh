@@ -231,12 +231,13 @@ help_names() {
     done | sort -u
 }
 
-# file_keys FILE...: prints the keys and sections of these TOML files, without names chosen by their author.
+# file_keys FILE...: prints the keys and sections of these TOML files, without names chosen by their author; the sections of a
+# station are those of a setup.
 file_keys() {
     sed -E 's/#.*//; s/"[^"]*"//g' "$@" | awk '
-        /^\[/ { section = $0; gsub(/[][ ]/, "", section); print section }
+        /^\[/ { section = $0; gsub(/[][ ]/, "", section); sub(/^station[.]/, "", section); print section }
         /=/ {
-            free = section ~ /^(tools|bases|frames|grids|actions)$/
+            free = section ~ /^(arm[.])?(tools|bases|frames|grids|actions)$/
             while (match($0, /[A-Za-z_][A-Za-z0-9_-]* *=/)) {
                 key = substr($0, RSTART, RLENGTH - 1); $0 = substr($0, RSTART + RLENGTH); gsub(/ /, "", key)
                 if (!free) print key

@@ -4,7 +4,7 @@ use std::io::BufReader;
 use std::sync::LazyLock;
 
 use node::message::Instruction;
-use planning::{Application, MotionLines};
+use planning::{Application, ArmsApplication, MotionLines};
 use plc_node::process::PlcInstruction;
 use records::results::Results;
 use records::trace::Trace;
@@ -15,34 +15,49 @@ const MOST_CELLS: usize = 64;
 
 static SETUP: LazyLock<Option<Setup>> = LazyLock::new(|| setup::setup("A").ok());
 
-/// Reads a setup; one that is accepted is written and read back as it was.
+/// Reads a setup of one robot or of several; one that is accepted is written and read back as it was, and each station of it
+/// is a setup.
 pub(crate) fn setup(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
-    match setup::setup_from_text("fuzz.toml", text) {
+    match setup::cell_from_text("fuzz.toml", text) {
         Ok(read) => {
-            let written = setup::setup_to_toml(&read).unwrap_or_else(|error| panic!("written: {error}"));
-            let again = setup::setup_from_text("again.toml", &written);
+            let written = setup::cell_to_toml(&read).unwrap_or_else(|error| panic!("written: {error}"));
+            let again = setup::cell_from_text("again.toml", &written);
             let again = again.unwrap_or_else(|error| panic!("it writes what it refuses: {error}"));
             assert!(again == read, "what was written is another setup");
+            assert_eq!(setup::setup_from_text("fuzz.toml", text).is_ok(), read.is_one());
+            for station in read.setups() {
+                setup::check(&station).unwrap_or_else(|error| panic!("a station of it is refused: {error}"));
+            }
         }
         Err(error) => assert!(!error.to_string().is_empty()),
     }
 }
 
-/// Reads an application and plans it for Setup A.
+/// Reads an application for one arm or for several and plans it for Setup A.
 pub(crate) fn application(data: &[u8]) {
-    let (Ok(text), Some(setup)) = (std::str::from_utf8(data), SETUP.as_ref()) else { return };
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    if let Ok(arms) = ArmsApplication::parse("fuzz.toml", text) {
+        assert!(Application::parse("fuzz.toml", text).is_err(), "several arms are read as one");
+        return arms.arms.iter().for_each(|arm| plan(&arm.application));
+    }
     match Application::parse("fuzz.toml", text) {
-        Ok(application) if application.cells() <= MOST_CELLS => {
-            if let Ok(plan) = planning::plan(&application, setup) {
-                let motions = plan.wire_motions(setup);
-                assert_eq!(motions.len(), plan.motions.len());
-                let numbers = motions.iter().flat_map(|motion| motion.target);
-                assert!(numbers.into_iter().all(f32::is_finite), "a target that is no number");
-            }
-        }
-        Ok(_) => {}
+        Ok(application) => plan(&application),
         Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
+
+fn plan(application: &Application) {
+    let Some(setup) = SETUP.as_ref().filter(|_| application.cells() <= MOST_CELLS) else { return };
+    if let Ok(plan) = planning::plan(application, setup) {
+        let motions = plan.wire_motions(setup);
+        assert_eq!(motions.len(), plan.motions.len());
+        let numbers = motions.iter().flat_map(|motion| motion.target);
+        assert!(numbers.into_iter().all(f32::is_finite), "a target that is no number");
+        for wait in &plan.waits {
+            let last = wait.after.checked_sub(1).and_then(|last| motions.get(last));
+            assert!(last.is_none_or(|last| last.approximation == 0), "a mark without a stop");
+        }
     }
 }
 

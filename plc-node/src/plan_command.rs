@@ -4,13 +4,14 @@ use node::Outcome;
 use node::errln;
 use node::output::to_stdout;
 use node::screen;
+use planning::{Plan, Reached};
 
 /// An application and a setup to plan it for.
 #[derive(clap::Args, Debug)]
 pub(crate) struct PlanCommand {
-    /// A built-in application's name, or the path of a .toml file.
+    /// A built-in application's name, or the path of a .toml file. A setup of several stations needs none: its own is planned.
     #[arg(value_name = "NAME|FILE")]
-    application: String,
+    application: Option<String>,
     /// The setup to plan for: a built-in one's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     setup: String,
@@ -25,26 +26,58 @@ const WARNINGS: usize = 10;
 impl PlanCommand {
     /// Prints the plan to standard output and its warnings to standard error; then whether the arm reaches it.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
+        let Some(application) = &self.application else { return self.execute_for_all_stations() };
         let setup = setup::setup(&self.setup)?;
-        let application = planning::application(&self.application, None)?;
+        let application = planning::application(application, None)?;
         let plan = application.plan(&setup)?;
         let reached = application.reach(&plan, &setup);
+        self.print(&plan, reached.as_ref().ok())?;
+        print_start(&reached?)?;
+        Ok(Outcome::Done)
+    }
+
+    /// Prints the plan of the setup's own application: of each station, with the marks at which they wait for each other.
+    fn execute_for_all_stations(self) -> anyhow::Result<Outcome> {
+        let (cell, found) = planning::cell_with_applications(&self.setup)?;
+        let planned = found.plan(&cell)?;
+        for station in &planned.stations {
+            if !cell.is_one() {
+                to_stdout(format_args!("station {}\n", station.name))?;
+            }
+            self.print(&station.plan, Some(&station.reached))?;
+            print_start(&station.reached)?;
+            if !cell.is_one() {
+                to_stdout(format_args!("\n"))?;
+            }
+        }
+        if !planned.marks.is_empty() {
+            to_stdout(format_args!("{planned}"))?;
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// Prints a plan to standard output and its warnings to standard error.
+    fn print(&self, plan: &Plan, reached: Option<&Reached>) -> anyhow::Result<()> {
         // A width that a format can carry has 16 bits.
         let width = screen::table_width().min(usize::from(u16::MAX));
         let text = if self.all { format!("{plan:#width$}") } else { format!("{plan:width$}") };
         to_stdout(format_args!("{text}"))?;
         let shown = if self.all { usize::MAX } else { WARNINGS };
-        let stopped = reached.as_ref().map_or(&[][..], |reached| &reached.stopped);
+        let stopped = reached.map_or(&[][..], |reached| &reached.stopped);
         let warnings = || plan.warnings().chain(stopped.iter().map(ToString::to_string));
         warnings().take(shown).for_each(|warning| errln!("warning: {warning}"));
         let unseen = warnings().skip(shown).count();
         if unseen > 0 {
             errln!("{unseen} more warnings; --all prints them");
         }
-        let reached = reached?;
-        let joints = reached.start.iter().take(reached.axes).map(|joint| format!("{:.3}", joint + 0.0));
-        let joints = joints.collect::<Vec<_>>().join(", ");
-        to_stdout(format_args!("the arm reaches all of it; at its start home_deg would be\n[{joints}]\n"))?;
-        Ok(Outcome::Done)
+        Ok(())
     }
+}
+
+/// Prints where an arm that reaches its plan stands at the start.
+fn print_start(reached: &Reached) -> anyhow::Result<()> {
+    let joints = reached.start.iter().take(reached.axes).map(|joint| format!("{:.3}", joint + 0.0));
+    let joints = joints.collect::<Vec<_>>().join(", ");
+    to_stdout(format_args!("the arm reaches all of it; at its start home_deg would be\n[{joints}]\n"))?;
+    Ok(())
 }

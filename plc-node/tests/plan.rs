@@ -1,6 +1,6 @@
 //! `plc-node plan`: what goes to which stream, and what is said of an application that cannot be planned.
 
-#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a helper of a test may panic as the test may")]
 
 use std::fs;
 use std::path::Path;
@@ -52,6 +52,35 @@ fn every_application_that_is_built_in_is_planned_on_every_arm_without_a_warning(
         assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "{name} on {setup}");
         assert!(finished.stdout.starts_with(&format!("{name} on setup {setup}: ")), "{}", finished.stdout);
     }
+}
+
+#[test]
+fn without_an_application_that_of_the_setup_is_planned_for_each_of_its_stations() {
+    let [alone, named] = [plan(&[]), plan(&["pick-and-place"])];
+    assert_eq!((alone.code, alone.stdout, alone.stderr), (named.code, named.stdout, named.stderr));
+    for (setup, application, arms) in
+        [("E", "hand-over", ["giver", "taker"]), ("F", "carry-plate", ["left-edge", "right-edge"])]
+    {
+        let finished = plan(&["--setup", setup]);
+        assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""), "{setup}");
+        let mut rest = finished.stdout.as_str();
+        for (station, arm) in ["left", "right"].into_iter().zip(arms) {
+            let begin = format!("station {station}\n{application}-{arm} on setup {setup}-{station}: ");
+            rest = rest.split_once(&begin).unwrap_or_else(|| panic!("{begin}: {rest}")).1;
+        }
+        assert!(rest.contains("\nmarks\n") && rest.contains("left after motion"), "{rest}");
+    }
+}
+
+#[test]
+fn a_setup_of_several_stations_is_not_planned_for_one_arm() {
+    let finished = plan(&["pick-and-place", "--setup", "E"]);
+    assert_eq!(finished.code, Some(2));
+    assert!(finished.stderr.contains("has 2 stations (left, right)"), "{}", finished.stderr);
+    assert!(finished.stderr.contains("plc-node plan --setup"), "{}", finished.stderr);
+    let finished = plan(&["hand-over"]);
+    assert_eq!(finished.code, Some(2));
+    assert!(finished.stderr.contains("2 arms (giver, taker)"), "{}", finished.stderr);
 }
 
 #[test]

@@ -29,16 +29,77 @@ fn bytes(cell: &str) -> (usize, usize) {
     }
 }
 
+/// Returns whether a row gives no meaning to its bytes or bits: they are reserved, or reserved for what the page allots them to.
+fn is_reserved(row: &[&str]) -> bool {
+    row[1] == "reserved" || row[1].starts_with("reserved: ")
+}
+
 /// Returns for each byte whether the table gives it a meaning. The table must have every byte once.
 fn documented(heading: &str, len: usize) -> Vec<bool> {
     let mut has_meaning = Vec::new();
     for row in table(heading) {
         let (from, to) = bytes(row[0]);
         assert_eq!(from, has_meaning.len(), "`{heading}`, row {row:?}");
-        has_meaning.resize(to, row[1] != "reserved");
+        has_meaning.resize(to, !is_reserved(&row));
     }
     assert_eq!(has_meaning.len(), len, "the table below `{heading}` ends early or late");
     has_meaning
+}
+
+/// Returns the ranges of bytes that a table reserves for a field, with the field.
+fn allotted_in(heading: &str) -> Vec<(&'static str, &'static str)> {
+    let reserved_for = |row: Vec<&'static str>| Some((row[0], row[1].strip_prefix("reserved: ")?));
+    table(heading).into_iter().filter_map(reserved_for).collect()
+}
+
+#[test]
+fn what_is_allotted_is_reserved_in_the_tables_of_the_images_and_the_other_way_round() {
+    let allotted = |image: &str| -> Vec<_> {
+        let rows = table("## Allotted bytes").into_iter().filter(|row| row[0] == image);
+        rows.map(|row| (row[1], row[2])).collect()
+    };
+    let bits =
+        allotted_in("### Control bits").into_iter().map(|(bit, name)| format!("control bit {bit} {name}"));
+    let (in_control, in_command): (Vec<_>, Vec<_>) =
+        allotted("command").into_iter().partition(|(bytes, _)| *bytes == "0..2");
+    assert_eq!(
+        in_control.into_iter().map(|(_, field)| field.to_owned()).collect::<Vec<_>>(),
+        bits.collect::<Vec<_>>()
+    );
+    assert_eq!(in_command, allotted_in("## Command: from the PLC to the robot"));
+    assert_eq!(allotted("feedback"), allotted_in("## Feedback: from the robot to the PLC"));
+}
+
+#[test]
+fn allotted_bytes_that_a_peer_sets_change_nothing_that_is_read_today() {
+    for image in ["command", "feedback"] {
+        for row in table("## Allotted bytes").into_iter().filter(|row| row[0] == image) {
+            let mut bytes = [0; IMAGE_LEN];
+            match row[2]
+                .strip_prefix("control bit ")
+                .and_then(|rest| rest.split(' ').next()?.parse::<u16>().ok())
+            {
+                // Big-endian: bit 8 is the lowest of the first byte.
+                Some(bit) => bytes[..2].copy_from_slice(&(1_u16 << bit).to_be_bytes()),
+                None => {
+                    let (from, to) = self::bytes(row[1]);
+                    bytes[from..to].fill(0xFF);
+                }
+            }
+            let zeros = [0; IMAGE_LEN];
+            if image == "command" {
+                let parsed = |bytes: &[u8]| Command::parse::<BigEndian>(bytes).unwrap();
+                let known = Control(0x7F);
+                let (mut today, told) = (parsed(&zeros), parsed(&bytes));
+                assert_eq!(told.control.0 & known.0, 0, "{row:?}");
+                today.control = told.control;
+                assert_eq!(told, today, "{row:?}");
+            } else {
+                let parsed = |bytes: &[u8]| Feedback::parse::<BigEndian>(bytes).unwrap();
+                assert_eq!(parsed(&bytes), parsed(&zeros), "{row:?}");
+            }
+        }
+    }
 }
 
 /// Returns which bytes of an image of ones are left after it was read and written.
@@ -83,7 +144,7 @@ fn the_page_has_every_auxiliary_byte_of_a_motion_without_a_point_or_force() {
     for row in table("### Auxiliary bytes") {
         let (from, to) = bytes(row[0]);
         assert_eq!(from, documented.len(), "row {row:?}");
-        documented.resize(to, row[1] != "reserved");
+        documented.resize(to, !is_reserved(&row));
     }
     assert_eq!(documented, &carried(&image)[..36]);
 }
@@ -129,7 +190,7 @@ fn the_page_has_every_kind_of_motion_and_every_state() {
 /// Returns the names of a table's bits by their numbers, empty where they are reserved.
 fn bits(heading: &str) -> Vec<String> {
     let mut names = Vec::new();
-    for row in table(heading).into_iter().filter(|row| row[1] != "reserved") {
+    for row in table(heading).into_iter().filter(|row| !is_reserved(row)) {
         assert_eq!(row[0], names.len().to_string(), "`{heading}`");
         names.push(format!("{{{}}}", row[1]));
     }

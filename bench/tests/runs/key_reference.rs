@@ -8,6 +8,8 @@ use serde_json::Value;
 
 const SETUP: &str = include_str!("../../../cell/schemas/setup.schema.json");
 const APPLICATION: &str = include_str!("../../../cell/schemas/application.schema.json");
+const CELL: &str = include_str!("../../../cell/schemas/cell.schema.json");
+const ARMS_APPLICATION: &str = include_str!("../../../cell/schemas/arms-application.schema.json");
 
 const HEAD: &str = "\
 # All keys of setups and applications
@@ -16,7 +18,8 @@ Made from the types that read the files: `INSTA_UPDATE=always cargo test -p benc
 editors: [setup.schema.json](../cell/schemas/setup.schema.json) and
 [application.schema.json](../cell/schemas/application.schema.json). `bench new DIR` writes both beside the files that it makes, whose
 first line names them, so that an editor with a TOML language server (Taplo, *Even Better TOML*) completes keys, shows their meaning
-and marks mistakes. Limits, units and examples: [setups.md](setups.md), [applications.md](applications.md).
+and marks mistakes. Limits, units and examples: [setups.md](setups.md), [applications.md](applications.md). For several arms:
+[cell.schema.json](../cell/schemas/cell.schema.json) and [arms-application.schema.json](../cell/schemas/arms-application.schema.json).
 
 ◆: a number with its source, `{ value = 1000, from = \"paper\", note = \"section 6.2\" }`; `from` is `paper`, `datasheet`, `calibrated` or
 `assumed`, and `note` may be left out.
@@ -27,6 +30,8 @@ struct Reference<'a> {
     schema: &'a Value,
     /// The file, as part of anchors.
     file: &'a str,
+    /// The schema and the name of a file whose sections are written already.
+    before: Option<(&'a Value, &'a str)>,
     /// Sections that still have to be written.
     open: VecDeque<&'a str>,
     seen: Vec<&'a str>,
@@ -35,8 +40,23 @@ struct Reference<'a> {
 
 impl<'a> Reference<'a> {
     fn of(schema: &'a Value, file: &'a str) -> String {
-        let mut reference =
-            Self { schema, file, open: VecDeque::new(), seen: Vec::new(), text: format!("\n## {file}\n\n") };
+        Self::written(schema, file, None)
+    }
+
+    /// Like `of`, for a file that shares sections with the one of `before`: they are written there.
+    fn after(before: &'a Value, before_file: &'a str, schema: &'a Value, file: &'a str) -> String {
+        Self::written(schema, file, Some((before, before_file)))
+    }
+
+    fn written(schema: &'a Value, file: &'a str, before: Option<(&'a Value, &'a str)>) -> String {
+        let mut reference = Self {
+            schema,
+            file,
+            before,
+            open: VecDeque::new(),
+            seen: Vec::new(),
+            text: format!("\n## {file}\n\n"),
+        };
         reference.table(schema);
         while let Some(name) = reference.open.pop_front() {
             let definition = &schema["$defs"][name];
@@ -84,6 +104,12 @@ impl<'a> Reference<'a> {
                 definition["properties"].get("value").filter(|_| name.starts_with("Sourced"))
             {
                 return format!("{} ◆", self.kind(sourced));
+            }
+            if let Some((before, file)) = self.before
+                && before["$defs"].get(name) == Some(definition)
+            {
+                let anchor = format!("{file} {name}").to_lowercase().replace(' ', "-");
+                return format!("[{name}](#{anchor})");
             }
             if !self.seen.contains(&name) {
                 self.seen.push(name);
@@ -182,8 +208,13 @@ fn read(toml: &str) -> Value {
 #[test]
 fn the_documented_keys_are_those_of_the_schemas() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/keys.md");
-    let [setup, application]: [Value; 2] = [SETUP, APPLICATION].map(|it| serde_json::from_str(it).unwrap());
-    let text = [HEAD, &Reference::of(&setup, "Setup"), &Reference::of(&application, "Application")].concat();
+    let schemas: [Value; 4] =
+        [SETUP, APPLICATION, CELL, ARMS_APPLICATION].map(|it| serde_json::from_str(it).unwrap());
+    let [setup, application, cell, arms] = &schemas;
+    let one = [HEAD, &Reference::of(setup, "Setup"), &Reference::of(application, "Application")].concat();
+    let several = Reference::after(setup, "Setup", cell, "Setup of several stations")
+        + &Reference::after(application, "Application", arms, "Application for several arms");
+    let text = one + &several;
     if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
         std::fs::write(path, &text).unwrap();
     }
@@ -196,10 +227,18 @@ fn the_documented_keys_are_those_of_the_schemas() {
 
 #[test]
 fn every_shipped_file_fits_its_schema_and_a_wrong_key_or_value_does_not() {
-    let [setup, application]: [Value; 2] = [SETUP, APPLICATION].map(|it| serde_json::from_str(it).unwrap());
-    let setups = setup::SETUPS.iter().map(|(name, text)| (name, text, &setup));
-    let applications = planning::APPLICATIONS.iter().map(|(name, text)| (name, text, &application));
-    for (name, text, schema) in setups.chain(applications) {
+    let schemas: [Value; 4] =
+        [SETUP, APPLICATION, CELL, ARMS_APPLICATION].map(|it| serde_json::from_str(it).unwrap());
+    let [setup, application, cell, arms] = &schemas;
+    let shipped = [
+        (setup::SETUPS, setup),
+        (planning::APPLICATIONS, application),
+        (setup::CELLS, cell),
+        (planning::ARMS_APPLICATIONS, arms),
+    ];
+    for ((name, text), schema) in
+        shipped.iter().flat_map(|(files, schema)| files.iter().map(move |it| (it, *schema)))
+    {
         assert_eq!(misfit(&read(text), schema, schema, ""), None, "{name}");
     }
     for (from, to, key) in [
@@ -211,6 +250,6 @@ fn every_shipped_file_fits_its_schema_and_a_wrong_key_or_value_does_not() {
         ("[motions]", "[motions]\nspeed = 1", ".motions.speed"),
     ] {
         let changed = setup::SETUPS[0].1.replacen(from, to, 1);
-        assert_eq!(misfit(&read(&changed), &setup, &setup, "").as_deref(), Some(key), "{to}");
+        assert_eq!(misfit(&read(&changed), setup, setup, "").as_deref(), Some(key), "{to}");
     }
 }

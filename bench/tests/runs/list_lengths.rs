@@ -1,11 +1,13 @@
 //! A list of fixed length is refused where it has one number more or one less, whichever list of a setup or an application
 //! it is: the schemas say which there are.
 
-use planning::Application;
+use planning::{Application, ArmsApplication};
 use serde_json::{Map, Value, json};
 
 const SETUP: &str = include_str!("../../../cell/schemas/setup.schema.json");
 const APPLICATION: &str = include_str!("../../../cell/schemas/application.schema.json");
+const CELL: &str = include_str!("../../../cell/schemas/cell.schema.json");
+const ARMS_APPLICATION: &str = include_str!("../../../cell/schemas/arms-application.schema.json");
 
 /// Stands for a list in a text, until the list is put in its place.
 const PLACE: &str = "the list";
@@ -140,12 +142,15 @@ fn table(schema: &Value, root: &Value, step: Option<&Step>, rest: &[Step], list:
 /// Returns what a reader says of a text whose format it does not accept, without the text's own line; `None` if the format
 /// is right, whatever the values are worth.
 fn refusal(of: Kind, text: &str) -> Option<String> {
+    let in_application = |error| match error {
+        planning::Error::Setup(error) => Some(error),
+        _ => None,
+    };
     let error = match of {
         Kind::Setup => setup::setup_from_text("file", text).err()?,
-        Kind::Application => match Application::parse("file", text).err()? {
-            planning::Error::Setup(error) => error,
-            _ => return None,
-        },
+        Kind::Cell => setup::cell_from_text("file", text).err()?,
+        Kind::Application => in_application(Application::parse("file", text).err()?)?,
+        Kind::ArmsApplication => in_application(ArmsApplication::parse("file", text).err()?)?,
     };
     let is_of_format = matches!(error, setup::Error::Format { .. });
     is_of_format.then(|| error.to_string().lines().next().unwrap().to_owned())
@@ -155,7 +160,17 @@ fn refusal(of: Kind, text: &str) -> Option<String> {
 enum Kind {
     Setup,
     Application,
+    Cell,
+    ArmsApplication,
 }
+
+/// The formats, each with its schema and how many lists of fixed length that has at least.
+const FORMATS: [(Kind, &str, usize); 4] = [
+    (Kind::Setup, SETUP, 5),
+    (Kind::Application, APPLICATION, 9),
+    (Kind::Cell, CELL, 6),
+    (Kind::ArmsApplication, ARMS_APPLICATION, 9),
+];
 
 /// Returns the last key of a path that a person gave a meaning.
 fn key(path: &Path) -> &str {
@@ -168,7 +183,7 @@ fn key(path: &Path) -> &str {
 
 #[test]
 fn one_number_more_or_less_is_refused_in_every_list_of_fixed_length_with_its_key() {
-    for (of, schema, least) in [(Kind::Setup, SETUP, 5), (Kind::Application, APPLICATION, 9)] {
+    for (of, schema, least) in FORMATS {
         let schema: Value = serde_json::from_str(schema).unwrap();
         let mut paths = Vec::new();
         lists(&schema, &schema, &Vec::new(), &[], &mut paths);
@@ -180,6 +195,9 @@ fn one_number_more_or_less_is_refused_in_every_list_of_fixed_length_with_its_key
             }
             let document = toml::to_string(&smallest(&schema, &schema, path, &json!(PLACE))).unwrap();
             assert!(document.contains(PLACE), "{path:?}: {document}");
+            // The format of a setup with [[station]] depends on the version.
+            let version = if of == Kind::Cell { "schema = 2\n" } else { "schema = 1\n" };
+            let document = document.replacen("schema = 1\n", version, 1);
             let said = |list: &[&str]| {
                 let text = document.replace(&format!("\"{PLACE}\""), &format!("[{}]", list.join(", ")));
                 refusal(of, &text)

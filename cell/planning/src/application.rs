@@ -31,6 +31,19 @@ pub struct Application {
     pub surfaces: Vec<Surface>,
     /// The process steps in order; the last ends in an accurate stop.
     pub steps: Vec<Step>,
+    /// Where the arm waits for others, in order; empty where one arm works alone.
+    pub waits: Vec<Wait>,
+}
+
+/// A place between steps at which the arm waits at a mark until the other arms of that mark have come.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Wait {
+    /// Number of the mark.
+    pub mark: u32,
+    /// How many steps come before it.
+    pub after_steps: usize,
+    /// What happens once the others have come.
+    pub then: Option<Action>,
 }
 
 impl Application {
@@ -38,6 +51,11 @@ impl Application {
     #[must_use]
     pub fn cells(&self) -> usize {
         self.grids.first().map_or(1, Grid::cells)
+    }
+
+    /// Returns where the arm waits after this many steps.
+    pub(crate) fn waits_after(&self, steps: usize) -> impl Iterator<Item = &Wait> {
+        self.waits.iter().filter(move |wait| wait.after_steps == steps)
     }
 
     /// Returns the pose of a place in a cell, which is counted from 0.

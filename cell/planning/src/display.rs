@@ -77,6 +77,9 @@ impl Plan {
             .iter()
             .enumerate()
             .filter(|(_, it)| it.motions.start >= range.start && it.motions.end <= range.end);
+        if range.start == 0 {
+            self.show_waits(f, 0, false)?;
+        }
         for (number, continuous) in inside {
             writeln!(
                 f,
@@ -89,10 +92,12 @@ impl Plan {
                     if let Some(motion) = self.motions.get(index) {
                         self.show_narrow_motion(f, index, motion)?;
                     }
+                    self.show_waits(f, index + 1, false)?;
                 }
                 if let Some(then) = &continuous.then {
                     show_wrapped(f, "  then  ", &described(then))?;
                 }
+                self.show_waits(f, continuous.motions.end, true)?;
                 continue;
             }
             writeln!(
@@ -104,12 +109,20 @@ impl Plan {
                 if let Some(motion) = self.motions.get(index) {
                     self.show_motion(f, index, motion, name)?;
                 }
+                self.show_waits(f, index + 1, false)?;
             }
             if let Some(then) = &continuous.then {
                 writeln!(f, "  then  {}", described(then))?;
             }
+            self.show_waits(f, continuous.motions.end, true)?;
         }
         Ok(())
+    }
+
+    /// Writes the marks at which the arm waits once this many motions are executed, before or after the action there.
+    fn show_waits(&self, f: &mut fmt::Formatter<'_>, motions: usize, after_action: bool) -> fmt::Result {
+        let here = self.waits_after(motions).filter(|wait| wait.after_action == after_action);
+        here.into_iter().try_for_each(|wait| show_wrapped(f, "  wait  ", &format!("at mark {}", wait.mark)))
     }
 
     /// Writes what comes before the next repetition, if it does not begin where this one ends.

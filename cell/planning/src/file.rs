@@ -11,7 +11,7 @@ use toml::Spanned;
 pub(crate) type Name = Spanned<String>;
 
 /// An application: what the robot is to do, without a particular robot.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(test, schemars(rename = "Application"))]
@@ -71,7 +71,7 @@ pub(crate) struct File {
 }
 
 /// How motions blend.
-#[derive(Deserialize, Default)]
+#[derive(Clone, Deserialize, Default)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Zones {
@@ -84,7 +84,7 @@ pub(crate) struct Zones {
 }
 
 /// How secondary motions find their way over obstacles.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Ways {
@@ -106,7 +106,7 @@ pub(crate) struct Ways {
 }
 
 /// A frame: either by `mm_deg`, or `on` another one.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Frame {
@@ -136,7 +136,7 @@ pub(crate) struct Configuration {
 }
 
 /// A grid of frames.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Grid {
@@ -150,7 +150,7 @@ pub(crate) struct Grid {
 }
 
 /// An output that is switched, and a wait.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Action {
@@ -163,7 +163,7 @@ pub(crate) struct Action {
 }
 
 /// A box that no motion may come near, in the base.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Obstacle {
@@ -176,7 +176,7 @@ pub(crate) struct Obstacle {
 }
 
 /// A flat elastic surface.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Surface {
@@ -196,7 +196,7 @@ pub(crate) struct Surface {
 }
 
 /// A process step.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Step {
@@ -251,7 +251,7 @@ pub(crate) enum Label {
 }
 
 /// A segment of a path.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Segment {
@@ -266,7 +266,7 @@ pub(crate) enum Segment {
 }
 
 /// An arc.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Circle {
@@ -279,7 +279,7 @@ pub(crate) struct Circle {
 }
 
 /// A straight line until contact, and a force there.
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Press {

@@ -13,10 +13,16 @@
 //! repetition is a [`stream()`], which holds one cycle; motions from elsewhere are read from a list by
 //! [`MotionLines`], which holds one.
 //!
+//! Several arms have one [`ArmsApplication`]: each arm's part is planned like any application, on the setup of its station, and
+//! the marks at which they wait for each other become places in its list of motions ([`PlannedCell`]).
+//!
 //! What can be known without an arm is refused while planning, with the step, the motion, the quantity and its limit.
 //! [`Plan::reach`] then follows a plan with the arm of a setup.
 
 mod application;
+mod arms;
+mod arms_file;
+mod cell;
 mod check;
 mod clearance;
 mod course;
@@ -26,6 +32,7 @@ mod file;
 mod geometry;
 mod list;
 mod load;
+mod meeting;
 mod motion;
 mod out_of_reach;
 mod path;
@@ -44,15 +51,21 @@ mod wire;
 mod zone;
 
 pub use application::{
-    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Ways, Zones,
+    Action, Application, Course, Grid, Labels, Obstacle, Place, Segment, Step, Surface, Tool, Wait, Ways,
+    Zones,
 };
+pub use arms::{ArmApplication, ArmsApplication, Mark};
+pub use cell::{FoundCell, PlannedCell, PlannedStation, cell_with_applications};
 pub use error::Error;
 pub use geometry::{Cuboid, Point, Pose};
 pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
-pub use load::{APPLICATIONS, Found, application, setup_and_application, setup_with_application};
+pub use load::{
+    APPLICATIONS, ARMS_APPLICATIONS, Found, application, setup_and_application, setup_with_application,
+};
+pub use meeting::NoMeeting;
 pub use motion::{Motion, Role};
 pub use out_of_reach::{OrBase, OutOfReach, SwingsTooNear};
-pub use plan::{Continuous, Plan, Reason, StepLabels, ToStart};
+pub use plan::{Continuous, Plan, Reason, StepLabels, ToStart, WaitAt};
 pub use planner::plan;
 pub use reach::Reached;
 pub use refusal::{LEAST_MM, Refusal};

@@ -23,6 +23,12 @@ pub const APPLICATIONS: &[(&str, &str)] = &[
     ("insertion-with-force", include_str!("../../applications/insertion-with-force.toml")),
 ];
 
+/// Applications for several arms compiled in: name and text.
+pub const ARMS_APPLICATIONS: &[(&str, &str)] = &[
+    ("hand-over", include_str!("../../applications/hand-over.toml")),
+    ("carry-plate", include_str!("../../applications/carry-plate.toml")),
+];
+
 /// An application and the text that it was read from.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Found {
@@ -72,7 +78,10 @@ impl Found {
 /// # Errors
 /// [`Error::Setup`] where there is none or where it cannot be read, [`Error::Value`] where a value makes no sense.
 pub fn application(name: &str, directory: Option<&Path>) -> Result<Found, Error> {
-    let setup::Text { origin, path, text } = setup::find("application", APPLICATIONS, name, directory)?;
+    // One for several arms is found too, so that its error says what it is.
+    let all =
+        if setup::built_in(ARMS_APPLICATIONS, name).is_some() { ARMS_APPLICATIONS } else { APPLICATIONS };
+    let setup::Text { origin, path, text } = setup::find("application", all, name, directory)?;
     let application = Application::parse(&origin, &text)?;
     Ok(Found { origin, path, text, application })
 }

@@ -30,6 +30,20 @@ pub struct Plan {
     pub reasons: Vec<Reason>,
     /// Index of the first motion of each cycle.
     pub cycles: Vec<usize>,
+    /// Where the arm waits for others, in order; empty where one arm works alone.
+    pub waits: Vec<WaitAt>,
+}
+
+/// A place in the list of motions at which the arm rests until the other arms of a mark have come: the PLC writes no motion
+/// beyond it before.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct WaitAt {
+    /// Number of the mark.
+    pub mark: u32,
+    /// How many motions of the plan are executed there; the last of them ends in an exact stop.
+    pub after: usize,
+    /// Whether the action at this stop comes first, and not after the wait.
+    pub after_action: bool,
 }
 
 /// How the arm moves to the place of the tool before the first step. The PLC moves it there before a repetition, unless
@@ -100,6 +114,19 @@ impl Plan {
         self.continuous.clear();
         self.reasons.clear();
         self.cycles.clear();
+        self.waits.clear();
+    }
+
+    /// Returns the marks at which the arm waits once this many motions are executed, in order.
+    pub fn waits_after(&self, motions: usize) -> impl Iterator<Item = &WaitAt> {
+        let first = self.waits.partition_point(|wait| wait.after < motions);
+        self.waits.iter().skip(first).take_while(move |wait| wait.after == motions)
+    }
+
+    /// Returns whether the arm rests once this many motions are executed: at the end of a continuous motion, or at a mark.
+    pub(crate) fn rests_after(&self, motions: usize) -> bool {
+        self.continuous.last().is_some_and(|it| it.motions.end == motions)
+            || self.waits_after(motions).next().is_some()
     }
 
     /// Returns the warnings of the plan as sentences that name the motions concerned.

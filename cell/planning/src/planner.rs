@@ -3,12 +3,12 @@
 use protocol::image::{Configuration, MotionKind};
 use setup::Setup;
 
-use crate::application::{Application, Course, Labels, Step, Tool};
+use crate::application::{Action, Application, Course, Labels, Step, Tool};
 use crate::error::Error;
 use crate::geometry::{Point, Pose};
 use crate::motion::{Arrival, Motion, Role};
 use crate::path::Path;
-use crate::plan::{Continuous, Plan, Reason, ToStart};
+use crate::plan::{Continuous, Plan, Reason, ToStart, WaitAt};
 use crate::refusal::{LEAST_MM, LEAST_TURN_DEG, Refusal};
 use crate::way::{Space, Way};
 use crate::zone::{LEAST_ZONE_MM, Sizes, Why, swallowed_point};
@@ -68,12 +68,17 @@ impl<'a> Planner<'a> {
         self.crossings.clear();
         let mut ways = Vec::new();
         let mut begin = first;
+        // An action before the first step would have no motion to come after.
+        let acted = plan.continuous.last().is_some_and(|it| it.motions.end == first && it.then.is_some());
+        self.wait(0, acted, plan);
         let result = self.application.steps.iter().enumerate().try_for_each(|(index, step)| {
             self.step(index, step, cell, plan, &mut ways)?;
-            if step.labels.accurate_stop && begin < plan.motions.len() {
+            let action = self.wait(index + 1, step.then.is_some(), plan);
+            let ends = step.labels.accurate_stop || action.is_some();
+            if ends && begin < plan.motions.len() {
                 let motions = begin..plan.motions.len();
                 begin = motions.end;
-                plan.continuous.push(Continuous { motions, then: step.then.clone() });
+                plan.continuous.push(Continuous { motions, then: step.then.clone().or(action) });
             }
             Ok(())
         });
@@ -82,6 +87,21 @@ impl<'a> Planner<'a> {
         }
         self.size_zones(first, plan, result.is_err(), ways);
         result
+    }
+
+    /// Appends the marks at which the arm waits after this many steps. `acted` says whether an action of the step comes first.
+    /// Returns the action at one of the marks, if there is one.
+    fn wait(&self, steps: usize, mut acted: bool, plan: &mut Plan) -> Option<Action> {
+        let after = plan.motions.len();
+        let mut action = None;
+        for wait in self.application.waits_after(steps) {
+            plan.waits.push(WaitAt { mark: wait.mark, after, after_action: acted });
+            if let Some(then) = &wait.then {
+                acted = true;
+                action.get_or_insert_with(|| then.clone());
+            }
+        }
+        action
     }
 
     /// Plans step IV: sizes the zones of the motions from `first` on, and merges the reasons of the zones with those of
@@ -93,18 +113,20 @@ impl<'a> Planner<'a> {
         for index in first..end {
             let stop = stops.next_if(|it| it.motions.end == index + 1);
             let mut swallowed = None;
-            let (zone, why) = match (stop, plan.motions.get(index), plan.motions.get(index + 1)) {
+            let mark = plan.waits_after(index + 1).next().map(|wait| wait.mark);
+            let (zone, why) = match (stop, mark, plan.motions.get(index), plan.motions.get(index + 1)) {
                 (Some(_), ..) if refused && index + 1 == end => (0.0, Why::LastGood),
                 (Some(stop), ..) => {
                     let then = stop.then.as_ref().map(|then| then.name.clone());
                     (0.0, Why::AccurateStop { then })
                 }
-                (None, Some(motion), Some(next)) => {
+                (None, Some(mark), ..) => (0.0, Why::Mark { mark }),
+                (None, None, Some(motion), Some(next)) => {
                     let (zone, why) = self.sizes.zone(index, motion, next);
                     swallowed = swallowed_point(index, motion, next, zone);
                     (zone, why)
                 }
-                (None, ..) => (0.0, Why::LastGood),
+                (None, None, ..) => (0.0, Why::LastGood),
             };
             if let Some(motion) = plan.motions.get_mut(index) {
                 motion.zone_mm = zone;
@@ -126,12 +148,13 @@ impl<'a> Planner<'a> {
         plan: &mut Plan,
         reasons: &mut Vec<Reason>,
     ) -> Result<(), Error> {
-        let into = &mut Destination { plan, reasons, index, step, stops: false };
+        let rests = step.labels.accurate_stop || self.application.waits_after(index + 1).next().is_some();
+        let into = &mut Destination { plan, reasons, index, step, rests, stops: false };
         self.take_tool(step, &step.tool)?;
         match &step.course {
             Course::Reach(place) => {
                 let target = self.application.pose(place, cell);
-                into.stops = step.labels.accurate_stop;
+                into.stops = into.rests;
                 self.way(target, place.into(), "", into)
             }
             Course::Follow { .. } => self.follow(step, cell, into),
@@ -174,10 +197,10 @@ impl<'a> Planner<'a> {
                 1 => format!("{kind} {}", step.name),
                 _ => format!("{kind} {} {}/{count}", step.name, number + 1),
             };
-            into.stops = step.labels.accurate_stop && number + 1 == count && matches!(post, Ok(None));
+            into.stops = into.rests && number + 1 == count && matches!(post, Ok(None));
             self.push(motion, &name, into)?;
         }
-        into.stops = step.labels.accurate_stop;
+        into.stops = into.rests;
         if let Some(refusal) = path.refusal {
             return Err(self.refused(step, 0, refusal));
         }
@@ -204,7 +227,8 @@ impl<'a> Planner<'a> {
         let start = self.application.pose(place, 0);
         let mut plan = Plan::default();
         let reasons = &mut Vec::new();
-        let into = &mut Destination { plan: &mut plan, reasons, index: 0, step: &step, stops: true };
+        let into =
+            &mut Destination { plan: &mut plan, reasons, index: 0, step: &step, rests: true, stops: true };
         if differ(self.here.0, start) || self.arrived.may_differ_from(place.into()) {
             self.way(start, place.into(), "to ", into)?;
         }
@@ -348,6 +372,8 @@ struct Destination<'p> {
     reasons: &'p mut Vec<Reason>,
     index: usize,
     step: &'p Step,
+    /// Whether the arm rests at the end of the step: exactly there, or at a mark.
+    rests: bool,
     /// Whether the arm stops exactly at the end of the motion or of the way that comes next.
     stops: bool,
 }
@@ -356,7 +382,7 @@ impl Destination<'_> {
     /// Returns whether motion `index` may be blended with the one before.
     fn blends_at_start(&self, index: usize) -> bool {
         let before = index.checked_sub(1).and_then(|before| self.plan.motions.get(before));
-        let stopped = self.plan.continuous.last().is_some_and(|it| it.motions.end == index);
+        let stopped = self.plan.rests_after(index);
         !stopped
             && before
                 .is_some_and(|before| !before.accurate_path && before.kind != MotionKind::LinForceCartesian)
@@ -365,7 +391,7 @@ impl Destination<'_> {
     /// Returns the last motion if it belongs to another step and is blended with the next one.
     fn last_if_blended(&mut self, next: &Motion) -> Option<&mut Motion> {
         let end = self.plan.motions.len();
-        let stops = self.plan.continuous.last().is_some_and(|it| it.motions.end == end);
+        let stops = self.plan.rests_after(end);
         let last = self.plan.motions.last_mut()?;
         (!stops && last.step != next.step && !last.accurate_path && !next.accurate_path).then_some(last)
     }

@@ -1,5 +1,6 @@
 //! From the file to an [`Application`]: every name is looked up once, and every error names its line.
 
+mod arms;
 mod step;
 
 use std::collections::BTreeMap;
@@ -10,6 +11,7 @@ use setup::{Figure, control_character, meant_or_all};
 use toml::Spanned;
 
 use crate::application::{Application, Grid, Obstacle, Place, Surface, Tool, Ways, Zones};
+use crate::arms::ArmsApplication;
 use crate::error::{Error, line_of};
 use crate::file::{self, File, Name};
 use crate::geometry::{Cuboid, Point, Pose};
@@ -33,9 +35,33 @@ impl Application {
     /// # Errors
     /// [`Error::Setup`] and [`Error::Value`] name the line, the key and what was expected there.
     pub fn parse(origin: &str, text: &str) -> Result<Self, Error> {
+        let names = arms_in(text);
+        if let Some(first) = names.first() {
+            let problem = format!(
+                "is for {} arms ({}): it needs a setup with [[station]], and `application = \"{first}\"` there",
+                names.len(),
+                names.join(", ")
+            );
+            // What is wrong in it comes first.
+            ArmsApplication::parse(origin, text)?;
+            let line =
+                text.lines().position(|line| line.trim_start().starts_with("[[arm]]")).map_or(1, |it| it + 1);
+            return Err(Error::Value { origin: origin.to_owned(), line, key: "arm".to_owned(), problem });
+        }
         let file: File = setup::read(origin, text)?;
         Resolver { origin, text, file: &file }.application()
     }
+}
+
+/// Returns the names of the sections `[[arm]]` of a text; none of an application for one arm, or of a text that cannot be read.
+pub(crate) fn arms_in(text: &str) -> Vec<String> {
+    let Ok(table) = text.parse::<toml::Table>() else { return Vec::new() };
+    let arms = table.get("arm").and_then(toml::Value::as_array).into_iter().flatten();
+    arms.map(|arm| {
+        let name = arm.get("name").and_then(toml::Value::as_str).unwrap_or_default();
+        name.chars().filter(|character| !character.is_control()).collect()
+    })
+    .collect()
 }
 
 /// Largest coordinate, in mm (degrees): no robot reaches farther.
@@ -58,6 +84,12 @@ impl Resolver<'_> {
                 format!("is {found}; this version reads {SCHEMA}"),
             ));
         }
+        self.resolved()
+    }
+
+    /// Resolves a file whose version is known to be right.
+    fn resolved(&self) -> Result<Application, Error> {
+        let file = self.file;
         self.printable()?;
         for (name, grid) in &file.grids {
             if file.frames.contains_key(name) {
@@ -98,6 +130,7 @@ impl Resolver<'_> {
             obstacles,
             surfaces: file.surfaces.iter().map(|it| self.surface(it)).collect::<Result<Vec<_>, _>>()?,
             steps,
+            waits: Vec::new(),
         })
     }
 

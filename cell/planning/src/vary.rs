@@ -127,11 +127,17 @@ impl Plan {
     fn with_motions(&self, mut replace: impl FnMut(&Motion, &mut Vec<Motion>)) -> Self {
         let mut plan =
             Self { motions: Vec::new(), continuous: Vec::new(), reasons: Vec::new(), ..self.clone() };
+        let mut waits = plan.waits.iter_mut().peekable();
+        while waits.next_if(|wait| wait.after == 0).is_some() {}
         for continuous in &self.continuous {
             // A motion is only joined with one of its own continuous motion.
             let mut motions = Vec::new();
-            for motion in self.motions.get(continuous.motions.clone()).unwrap_or_default() {
+            let replaced = self.motions.get(continuous.motions.clone()).unwrap_or_default();
+            for (index, motion) in continuous.motions.clone().zip(replaced) {
                 replace(motion, &mut motions);
+                while let Some(wait) = waits.next_if(|wait| wait.after == index + 1) {
+                    wait.after = plan.motions.len() + motions.len();
+                }
             }
             let range: Range<usize> = plan.motions.len()..plan.motions.len() + motions.len();
             plan.motions.append(&mut motions);

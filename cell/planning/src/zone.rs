@@ -26,6 +26,11 @@ pub enum Why {
         /// The action at the stop.
         then: Option<String>,
     },
+    /// No zone: the arm waits at a mark.
+    Mark {
+        /// Number of the first mark there.
+        mark: u32,
+    },
     /// No zone: the motion ends in contact.
     Contact,
     /// No zone: the motions after this one were refused.
@@ -114,6 +119,7 @@ impl fmt::Display for Why {
         match self {
             Self::AccurateStop { then: Some(then) } => write!(f, "{then} happens here"),
             Self::AccurateStop { then: None } => f.write_str("stops exactly"),
+            Self::Mark { mark } => write!(f, "waits at mark {mark}"),
             Self::Contact => f.write_str("ends in contact"),
             Self::LastGood => f.write_str("the last motion before one that was refused"),
             Self::Blending => f.write_str("the approximation distance"),

@@ -107,6 +107,7 @@ fn application(
                 ways: Some(WAYS),
                 grids: Vec::new(),
                 surfaces: Vec::new(),
+                waits: Vec::new(),
                 obstacles,
                 steps,
             }

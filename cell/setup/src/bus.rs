@@ -45,6 +45,18 @@ pub enum BusKind {
     Ethercat(Ethercat),
 }
 
+impl BusKind {
+    /// Returns its name in a setup and in options.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Profinet(..) => "profinet",
+            Self::EthernetIp(..) => "ethernet-ip",
+            Self::Ethercat(_) => "ethercat",
+        }
+    }
+}
+
 /// The nodes in an IP network.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Addresses {

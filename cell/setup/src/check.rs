@@ -1,11 +1,16 @@
 //! Checks of well-formed values that make no sense: they are refused here, with their key, before anything starts.
 
 mod bus;
+mod cell;
 mod servo;
 
 use protocol::image::SLOTS;
 
-use crate::{Drives, Figure, Frame, Kinematics, Opw, Setup, Sourced, ThreeParallel, control_character};
+pub(crate) use cell::check_cell;
+
+use crate::{
+    Drives, Figure, Frame, Kinematics, Opw, Paper, Setup, Sourced, ThreeParallel, control_character,
+};
 
 /// A key and the error in its value.
 #[derive(Debug)]
@@ -45,18 +50,29 @@ const MAX_NAME: usize = 64;
 
 pub(crate) fn check_setup(setup: &Setup) -> Check {
     schema(setup.schema)?;
-    for (key, text) in [("name", &setup.name), ("title", &setup.title)] {
+    head(&setup.name, &setup.title, setup.paper.as_ref())?;
+    parts(setup)
+}
+
+/// Checks what stands on top of the file.
+fn head(setup_name: &str, title: &str, paper: Option<&Paper>) -> Check {
+    for (key, text) in [("name", setup_name), ("title", title)] {
         if let Some(text) = control_character(text) {
             return Err(problem(key, text));
         }
     }
-    name(&setup.name)?;
-    if let Some(paper) = &setup.paper {
+    name(setup_name)?;
+    if let Some(paper) = paper {
         for (name, figure) in [("rc", paper.rc), ("sm", paper.sm), ("cm", paper.cm)] {
             above_zero(&format!("paper.{name}.aet_ms"), figure.aet_ms)?;
             not_negative(&format!("paper.{name}.mad_ms"), figure.mad_ms)?;
         }
     }
+    Ok(())
+}
+
+/// Checks the PLC, the bus, the robot and its motions.
+fn parts(setup: &Setup) -> Check {
     plc(setup)?;
     bus::check(&setup.bus)?;
     robot(setup)?;
@@ -85,7 +101,10 @@ fn schema(found: u32) -> Check {
     }
     Err(problem(
         "schema",
-        format!("this program reads version {SCHEMA} of the format, this is version {found}"),
+        format!(
+            "found {found}; write {SCHEMA} for a setup of one robot, or {} for one with [[station]]",
+            crate::cell::CELL_SCHEMA
+        ),
     ))
 }
 

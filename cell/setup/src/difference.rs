@@ -4,7 +4,7 @@
 
 use toml::{Table, Value};
 
-use crate::{Error, Setup};
+use crate::{Cell, Error, Setup};
 
 /// A key whose value is not the same in two setups.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -28,6 +28,42 @@ impl Setup {
         let mut differences = Vec::new();
         compare_tables("", &first, &second, &mut differences);
         Ok(differences)
+    }
+}
+
+impl Cell {
+    /// Returns where this cell differs from another one, like [`Setup::differences`]. A station's keys are `station.NAME.…`:
+    /// stations of one name are compared, wherever they stand in the file. A station that only one cell has is one difference.
+    ///
+    /// # Errors
+    ///
+    /// One of them cannot be written as TOML.
+    pub fn differences(&self, other: &Self) -> Result<Vec<Difference>, Error> {
+        let (first, second) = (self.by_name()?, other.by_name()?);
+        let mut differences = Vec::new();
+        compare_tables("", &first, &second, &mut differences);
+        for difference in &mut differences {
+            let is_station = difference.key.strip_prefix("station.").is_some_and(|name| !name.contains('.'));
+            if is_station {
+                // The whole section would hide the rest of a table.
+                let found = |value: &Option<String>| value.as_ref().map(|_| "a station".to_owned());
+                (difference.first, difference.second) = (found(&difference.first), found(&difference.second));
+            }
+        }
+        Ok(differences)
+    }
+
+    /// Returns the cell as TOML, with a table of stations by their names.
+    fn by_name(&self) -> Result<Table, Error> {
+        let mut table = Table::try_from(self)?;
+        let mut by_name = Table::new();
+        for station in &self.stations {
+            let mut section = Table::try_from(station)?;
+            section.remove("name");
+            by_name.insert(station.name.clone(), Value::Table(section));
+        }
+        table.insert("station".to_owned(), Value::Table(by_name));
+        Ok(table)
     }
 }
 

@@ -60,6 +60,18 @@ pub enum Error {
         /// What is wrong, and what would be correct.
         problem: String,
     },
+    /// A setup of several stations, where one station is served.
+    #[error(
+        "{origin} has {} stations ({}): runs of several robots are not implemented yet, only their plan: \
+         plc-node plan --setup SETUP",
+        stations.len(), stations.join(", ")
+    )]
+    Several {
+        /// The file, or the name of a built-in one.
+        origin: String,
+        /// The names of its stations.
+        stations: Vec<String>,
+    },
     /// A setup cannot be written as TOML.
     #[error("cannot write the setup as TOML: {0}")]
     Write(toml::ser::Error),

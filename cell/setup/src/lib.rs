@@ -1,10 +1,12 @@
 //! Setups: all numbers that a user may change, each with its unit in its key and with its provenance.
 //!
 //! A *setup* is a PLC, a bus and a robot ([`Setup`]), and it names the robot's application. The project's own setups
-//! are compiled in ([`SETUPS`]); a path selects a user's setup.
+//! are compiled in ([`SETUPS`]); a path selects a user's setup. A setup with several robots is a [`Cell`] ([`CELLS`]); each of its
+//! stations is a `Setup` too.
 
 mod bus;
 mod bus_section;
+mod cell;
 mod check;
 mod difference;
 mod error;
@@ -23,9 +25,13 @@ pub use bus::{
     EthernetIpFormat, EthernetIpKey, Profinet, ProfinetDevice, ProfinetModule, ProfinetSubmodule,
     UnknownCyclic,
 };
+pub use cell::{Cell, Station};
 pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character};
-pub use load::{SETUPS, Text, built_in, check, find, read, setup, setup_from_text, setup_with_directory};
+pub use load::{
+    CELLS, SETUPS, Text, built_in, cell, cell_from_text, check, check_cell, find, read, setup,
+    setup_from_text, setup_with_directory,
+};
 pub use model::{
     Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Servo, Setup,
     ThreeParallel,
@@ -33,7 +39,9 @@ pub use model::{
 pub use nearest::{meant_or_all, nearest};
 pub use peer::Peer;
 pub use sourced::{Provenance, Sourced};
-pub use write::setup_to_toml;
+pub use write::{cell_to_toml, setup_to_toml};
 
+#[cfg(test)]
+mod cell_tests;
 #[cfg(test)]
 mod tests;

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
-use crate::check::{Problem, check_setup};
+use crate::cell::CELL_SCHEMA;
+use crate::check::{self, Problem, check_setup};
 use crate::exact::Exact;
-use crate::{Error, Setup};
+use crate::{Cell, Error, Setup};
 
 /// Setups compiled in: name and text.
 pub const SETUPS: &[(&str, &str)] = &[
@@ -16,6 +17,10 @@ pub const SETUPS: &[(&str, &str)] = &[
     ("D", include_str!("../../setups/D.toml")),
 ];
 
+/// Setups of several stations compiled in: name and text. Only [`cell()`] reads them.
+pub const CELLS: &[(&str, &str)] =
+    &[("E", include_str!("../../setups/E.toml")), ("F", include_str!("../../setups/F.toml"))];
+
 /// Finds the setup `name`: a built-in one, or the path of a file. Checks its values.
 pub fn setup(name: &str) -> Result<Setup, Error> {
     Ok(setup_with_directory(name)?.0)
@@ -24,17 +29,74 @@ pub fn setup(name: &str) -> Result<Setup, Error> {
 /// Finds a setup like [`setup()`], and also returns the directory to which its application's path is relative: that
 /// of its file, `None` for a built-in one.
 pub fn setup_with_directory(name: &str) -> Result<(Setup, Option<PathBuf>), Error> {
-    let Text { origin, path, text } = find("setup", SETUPS, name, None)?;
-    let setup = read::<Setup>(&origin, &text)?.with_servo();
-    check_setup(&setup).map_err(|problem| refuse(origin, problem))?;
-    Ok((setup, path.as_deref().and_then(Path::parent).map(Path::to_owned)))
+    let text = find_setup(name)?;
+    Ok((setup_from_text(&text.origin, &text.text)?, text.directory()))
 }
 
 /// Reads a setup from its text, which `origin` names in messages, and checks its values.
+///
+/// # Errors
+/// Among others [`Error::Several`]: a setup of several stations is a [`Cell`].
 pub fn setup_from_text(origin: &str, text: &str) -> Result<Setup, Error> {
+    if has_stations(origin, text)? {
+        let cell = cell_of_several(origin, text)?;
+        let stations = cell.names().map(str::to_owned).collect();
+        return Err(Error::Several { origin: origin.to_owned(), stations });
+    }
     let setup = read::<Setup>(origin, text)?.with_servo();
     check_setup(&setup).map_err(|problem| refuse(origin.to_owned(), problem))?;
     Ok(setup)
+}
+
+/// Finds a setup with any number of stations, and the directory to which the paths in it are relative, like
+/// [`setup_with_directory`]. A setup of one robot is a cell of one station.
+pub fn cell(name: &str) -> Result<(Cell, Option<PathBuf>), Error> {
+    let text = find_setup(name)?;
+    Ok((cell_from_text(&text.origin, &text.text)?, text.directory()))
+}
+
+/// Reads a setup with any number of stations from its text, like [`setup_from_text`].
+pub fn cell_from_text(origin: &str, text: &str) -> Result<Cell, Error> {
+    if has_stations(origin, text)? {
+        cell_of_several(origin, text)
+    } else {
+        setup_from_text(origin, text).map(Cell::from)
+    }
+}
+
+fn cell_of_several(origin: &str, text: &str) -> Result<Cell, Error> {
+    let cell = read::<Cell>(origin, text)?.with_servos();
+    check::check_cell(&cell).map_err(|problem| refuse(origin.to_owned(), problem))?;
+    Ok(cell)
+}
+
+/// Returns whether a text is a setup with sections `[[station]]`, and refuses one whose `schema` says otherwise. What cannot
+/// be read at all has none: its reader says why.
+fn has_stations(origin: &str, text: &str) -> Result<bool, Error> {
+    let Ok(table) = text.parse::<toml::Table>() else { return Ok(false) };
+    let schema = table.get("schema").and_then(toml::Value::as_integer);
+    let mismatch = match (schema == Some(CELL_SCHEMA.into()), table.contains_key("station")) {
+        (true, true) => return Ok(true),
+        (false, false) => return Ok(false),
+        (true, false) => format!(
+            "{CELL_SCHEMA} needs a section [[station]] for each robot, found none: add them, or write 1"
+        ),
+        (false, true) => {
+            let found = schema.map_or_else(|| "no version".to_owned(), |found| found.to_string());
+            format!("{found}: a setup with [[station]] has schema = {CELL_SCHEMA}")
+        }
+    };
+    Err(refuse(origin.to_owned(), Problem { key: "schema".to_owned(), text: mismatch }))
+}
+
+fn find_setup(name: &str) -> Result<Text, Error> {
+    let all = if built_in(CELLS, name).is_some() { CELLS } else { SETUPS };
+    find("setup", all, name, None)
+}
+
+/// Checks a cell that was changed after it was read.
+pub fn check_cell(cell: &Cell) -> Result<(), Error> {
+    check::check_cell(cell).map_err(|problem| refuse(format!("setup {}", cell.name), problem))
 }
 
 /// Checks a setup that was changed after it was read, for example by an option on the command line.
@@ -55,6 +117,14 @@ pub struct Text {
     pub path: Option<PathBuf>,
     /// The text itself.
     pub text: String,
+}
+
+impl Text {
+    /// Returns the directory of the file; `None` for a built-in one.
+    #[must_use]
+    pub fn directory(&self) -> Option<PathBuf> {
+        self.path.as_deref().and_then(Path::parent).map(Path::to_owned)
+    }
 }
 
 /// Finds a built-in text by its name, in upper or lower case; returns its name as listed and the text.

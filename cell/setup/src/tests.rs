@@ -186,7 +186,7 @@ fn wrong_values_are_refused_with_their_key() {
     ];
     let said: Vec<_> = refusals.iter().map(|(from, to)| refusal(&changed(from, to))).collect();
     insta::assert_snapshot!(said.join("\n"), @r#"
-    DIR/my.toml: `schema`: this program reads version 1 of the format, this is version 2
+    DIR/my.toml: `schema`: 2 needs a section [[station]] for each robot, found none: add them, or write 1
     DIR/my.toml: `plc.scan_cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
     DIR/my.toml: `plc.scan_cost_us`: a scan that costs 1500 µs does not fit into a cycle of 1000 µs
     DIR/my.toml: `bus.cycle_us`: 1100 µs is not a PROFINET cycle: 31.25 µs times a power of two, such as 250, 500, 1000, 2000, 4000

@@ -5,7 +5,7 @@
 
 use std::fmt::Display;
 
-use crate::{Drives, Provenance, Servo, Setup, Sourced};
+use crate::{Cell, Drives, Provenance, Servo, Setup, Sourced};
 
 /// Fewest bus cycles without a frame that a connection must tolerate; 3 is usual.
 const LEAST_WATCHDOG_CYCLES: u32 = 3;
@@ -104,6 +104,43 @@ impl Setup {
     pub fn without_start_cycles(mut self) -> Self {
         let cycles = &mut self.robot.continuous_start_cycles;
         *cycles = cycles.as_ref().map(|cycles| cycles.varied(0));
+        self
+    }
+}
+
+impl Cell {
+    /// Returns the cell with one station changed as a setup of its own: its bus, its robot and its motions, the keys
+    /// `station.NAME.…`. What the change does to the PLC, all stations have. Without a station of this name there is no cell.
+    #[must_use]
+    pub fn with_station(mut self, name: &str, change: impl FnOnce(Setup) -> Setup) -> Option<Self> {
+        let changed = change(self.setup_of(self.station(name)?));
+        self.plc = changed.plc;
+        let station = self.stations.iter_mut().find(|station| station.name == name)?;
+        (station.bus, station.robot, station.motions) = (changed.bus, changed.robot, changed.motions);
+        Some(self)
+    }
+
+    /// Returns the cell with every station changed as [`Cell::with_station`] does.
+    #[must_use]
+    pub fn with_each_station(mut self, change: impl Fn(Setup) -> Setup) -> Self {
+        let changed: Vec<Setup> = self.setups().map(change).collect();
+        if let Some(Setup { plc, .. }) = changed.first() {
+            self.plc = plc.clone();
+        }
+        for (station, Setup { bus, robot, motions, .. }) in self.stations.iter_mut().zip(changed) {
+            (station.bus, station.robot, station.motions) = (bus, robot, motions);
+        }
+        self
+    }
+
+    /// Returns the cell with assumed limits of drives where a station has drives and gives none.
+    #[must_use]
+    pub(crate) fn with_servos(mut self) -> Self {
+        for station in &mut self.stations {
+            if station.robot.drives.is_some() {
+                station.robot.servo.get_or_insert_with(Servo::assumed);
+            }
+        }
         self
     }
 }

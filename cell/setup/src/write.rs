@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-use crate::{Error, Setup};
+use crate::{Cell, Error, Setup};
 
 /// Writes the setup as TOML that [`crate::setup`] reads back unchanged.
 pub fn setup_to_toml(setup: &Setup) -> Result<String, Error> {
@@ -10,6 +10,19 @@ pub fn setup_to_toml(setup: &Setup) -> Result<String, Error> {
     let mut text = String::new();
     write_table(&mut text, "", &table);
     Ok(text)
+}
+
+/// Writes a setup with any number of stations as TOML that [`crate::cell()`] reads back unchanged: a cell made from a setup as
+/// that setup.
+pub fn cell_to_toml(cell: &Cell) -> Result<String, Error> {
+    match cell.stations.as_slice() {
+        [station] if cell.is_one() => setup_to_toml(&cell.setup_of(station)),
+        _ => {
+            let mut text = String::new();
+            write_table(&mut text, "", &Table::try_from(cell)?);
+            Ok(text)
+        }
+    }
 }
 
 /// Writes a table's own keys first, then its sub-tables with their headers.

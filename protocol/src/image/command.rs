@@ -11,7 +11,7 @@
 //! 16..18 program number   u16   what `RunProgram` runs
 //! 18..20 digital outputs  u16   of the PLC, inputs of the robot
 //! 20..28 start time       u64   ns on the robot's clock, 0 starts at once: for arms that must start together
-//! 28..32 zero
+//! 28..32 zero, allotted: see docs/process-image.md, "Allotted bytes"
 //! 32..36 check            u32   see Checker; 0 is none. Not part of the struct below
 //! 36..256 five slots      5 × Motion
 //! ```

@@ -23,7 +23,7 @@
 //! 101..104 zero
 //! 104..116 error finding    3 × f32   value, least and most allowed; see Finding
 //! 116..120 check            u32   see Checker; 0 is none. Not part of the struct below
-//! 120..256 zero
+//! 120..256 zero, 120..128 allotted: see docs/process-image.md, "Allotted bytes"
 //! ```
 
 use super::{ErrorNumber, Finding, Image, bits, codes};

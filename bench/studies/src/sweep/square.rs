@@ -48,6 +48,7 @@ pub(super) fn application(application: &Application, side_mm: f64, motions: u32)
         grids: Vec::new(),
         obstacles: Vec::new(),
         surfaces: Vec::new(),
+        waits: Vec::new(),
         steps: vec![step],
     }
 }

@@ -138,7 +138,7 @@ impl Resolver<'_> {
         })
     }
 
-    fn action(&self, name: &Name) -> Result<Action, Error> {
+    pub(super) fn action(&self, name: &Name) -> Result<Action, Error> {
         let at = self.known(&self.file.actions, name, "action", "then")?;
         let action = at.get_ref();
         if action.output > HIGHEST_OUTPUT {

@@ -1,0 +1,214 @@
+//! Planning for a cell of several stations: each station's motions by its own arm, and the marks at which they meet.
+
+use std::fmt;
+use std::path::Path;
+
+use ::arm::{Frame, distance};
+use setup::{Cell, Setup};
+
+use crate::application::Application;
+use crate::arms::{ArmsApplication, Mark};
+use crate::error::Error;
+use crate::load::{ARMS_APPLICATIONS, Found, application};
+use crate::plan::Plan;
+use crate::reach::Reached;
+use crate::resolve::arms_in;
+
+/// How far apart the bases of two arms may be in the cell, in mm and in degrees: files round both.
+const SAME_BASE: [f64; 2] = [0.05, 0.01];
+
+/// The applications of all stations of a cell, in the order of its stations.
+#[derive(Clone, PartialEq, Debug)]
+pub struct FoundCell {
+    /// The cell's name in messages: its file's path, or the built-in's name.
+    pub origin: String,
+    /// The marks at which the arms wait for each other; none if each station has an application of its own.
+    pub marks: Vec<Mark>,
+    /// What each station is to do; of an application for several arms, the text of the whole and the part of its arm.
+    pub stations: Vec<Found>,
+}
+
+/// The motions of a cell.
+#[derive(Clone, Debug)]
+pub struct PlannedCell {
+    /// The marks at which the arms wait for each other.
+    pub marks: Vec<Mark>,
+    /// The stations, in the order of the setup.
+    pub stations: Vec<PlannedStation>,
+}
+
+/// The motions of one station of a cell.
+#[derive(Clone, Debug)]
+pub struct PlannedStation {
+    /// Its name in the setup.
+    pub name: String,
+    /// The station as a setup of its own.
+    pub setup: Setup,
+    /// What it is to do.
+    pub application: Application,
+    /// Its motions, and in [`Plan::waits`] where among them it waits at which mark.
+    pub plan: Plan,
+    /// Where its arm stands at the ends of its motions.
+    pub reached: Reached,
+}
+
+/// Finds a setup with any number of stations, and the applications that its stations run. A setup of one robot is a cell of
+/// one station.
+///
+/// # Errors
+/// Those of [`setup::cell()`], of [`application()`] and of [`ArmsApplication::parse`]; a station whose arm the application does
+/// not have, and an arm without a station.
+pub fn cell_with_applications(name: &str) -> Result<(Cell, FoundCell), Error> {
+    let (cell, directory) = setup::cell(name)?;
+    let built_in = [setup::SETUPS, setup::CELLS].iter().find_map(|all| setup::built_in(all, name));
+    let origin = built_in.map_or_else(|| name.to_owned(), |(known, _)| format!("built-in setup {known}"));
+    let (marks, stations) = match &cell.application {
+        Some(application) => of_one_application(&origin, &cell, application, directory.as_deref())?,
+        None => {
+            let own = |station: &setup::Station| application(&station.application, directory.as_deref());
+            (Vec::new(), cell.stations.iter().map(own).collect::<Result<_, _>>()?)
+        }
+    };
+    Ok((cell, FoundCell { origin, marks, stations }))
+}
+
+/// Finds the application of all stations, and gives each station the part of its arm.
+fn of_one_application(
+    origin: &str,
+    cell: &Cell,
+    name: &str,
+    directory: Option<&Path>,
+) -> Result<(Vec<Mark>, Vec<Found>), Error> {
+    let refused =
+        |key: String, problem: String| setup::Error::Value { origin: origin.to_owned(), key, problem };
+    let setup::Text { origin: of_text, path, text } =
+        setup::find("application", ARMS_APPLICATIONS, name, directory)?;
+    if arms_in(&text).is_empty() {
+        // What is wrong in it comes first.
+        Application::parse(&of_text, &text)?;
+        let problem = format!("{of_text} is for one arm; leave the key out, and write it at a station");
+        return Err(refused("application".to_owned(), problem).into());
+    }
+    let arms = ArmsApplication::parse(&of_text, &text)?;
+    let mut stations = Vec::with_capacity(cell.stations.len());
+    for (index, station) in cell.stations.iter().enumerate() {
+        let key = || format!("station.{}.application", station.name);
+        let wanted = &station.application;
+        let Some(arm) = arms.arms.iter().find(|arm| arm.name == *wanted) else {
+            let known: Vec<_> = arms.arms.iter().map(|arm| arm.name.as_str()).collect();
+            let problem = format!("`{wanted}` is not an arm of {of_text}: it has {}", known.join(", "));
+            return Err(refused(key(), problem).into());
+        };
+        if let Some(other) = cell.stations.iter().take(index).find(|other| other.application == *wanted) {
+            let problem = format!("station `{}` is arm `{wanted}` too; each arm is one station", other.name);
+            return Err(refused(key(), problem).into());
+        }
+        stations.push(Found {
+            origin: of_text.clone(),
+            path: path.clone(),
+            text: text.clone(),
+            application: arm.application.clone(),
+        });
+    }
+    let is_missing = |arm: &&str| !cell.stations.iter().any(|station| station.application == **arm);
+    if let Some(missing) = arms.arms.iter().map(|arm| arm.name.as_str()).find(is_missing) {
+        let problem =
+            format!("arm `{missing}` of {of_text} has no station; add one with application = \"{missing}\"");
+        return Err(refused("station".to_owned(), problem).into());
+    }
+    Ok((arms.marks, stations))
+}
+
+impl FoundCell {
+    /// Plans the motions of each station on its own arm, and follows them with it: like [`Found::plan`] and [`Found::reach`].
+    ///
+    /// # Errors
+    /// Those of both, which name the station's setup; bases of two arms that are not one place in the cell.
+    pub fn plan(&self, cell: &Cell) -> Result<PlannedCell, Error> {
+        if cell.application.is_some() {
+            self.check_bases(cell)?;
+        }
+        let stations = cell.stations.iter().zip(&self.stations).map(|(station, found)| {
+            let setup = cell.setup_of(station);
+            let plan = found.plan(&setup)?;
+            let reached = found.reach(&plan, &setup)?;
+            let (name, application) = (station.name.clone(), found.application.clone());
+            Ok(PlannedStation { name, setup, application, plan, reached })
+        });
+        Ok(PlannedCell { marks: self.marks.clone(), stations: stations.collect::<Result<_, Error>>()? })
+    }
+
+    /// Checks that the frames of one application are at one place in the cell for all its arms.
+    fn check_bases(&self, cell: &Cell) -> Result<(), Error> {
+        let mut first = None;
+        for (station, found) in cell.stations.iter().zip(&self.stations) {
+            let number = found.application.base;
+            let base = match number {
+                0 => Some(Frame::IDENTITY),
+                _ => {
+                    let listed = station.robot.bases.iter().find(|base| base.number == number);
+                    listed.map(|base| Frame::from_mm_deg(base.mm_deg.value))
+                }
+            };
+            // A base that the robot does not have is refused while planning.
+            let Some(base) = base else { continue };
+            let place = Frame::from_mm_deg(station.root_mm_deg.value) * base;
+            let Some((other, there)) = first else {
+                first = Some((&station.name, place));
+                continue;
+            };
+            let (_, turn_deg) = (there.rotation.inverse() * place.rotation).axis_angle();
+            let off = [distance(there.position, place.position), turn_deg.abs()];
+            if off[0] > SAME_BASE[0] || off[1] > SAME_BASE[1] {
+                let key = format!("station.{}.robot.bases", station.name);
+                let problem = format!(
+                    "base {number} lies {:.2} mm and {:.2}° from that of `{other}` in the cell; one application needs one \
+                     place: correct it or a root_mm_deg",
+                    off[0], off[1]
+                );
+                return Err(setup::Error::Value { origin: self.origin.clone(), key, problem }.into());
+            }
+        }
+        Ok(())
+    }
+}
+
+impl PlannedCell {
+    /// Returns the station of this name.
+    #[must_use]
+    pub fn station(&self, name: &str) -> Option<&PlannedStation> {
+        self.stations.iter().find(|station| station.name == name)
+    }
+
+    /// Returns the stations that wait at a mark, with how many motions each has executed there.
+    pub fn waiting_at(&self, mark: u32) -> impl Iterator<Item = (&PlannedStation, usize)> {
+        self.stations.iter().flat_map(move |station| {
+            let here = station.plan.waits.iter().filter(move |wait| wait.mark == mark);
+            here.map(move |wait| (station, wait.after))
+        })
+    }
+}
+
+/// Lists the marks, with the motion of each station after which it waits there.
+impl fmt::Display for PlannedCell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "marks")?;
+        let width = self.marks.iter().map(|mark| mark.name.chars().count()).max().unwrap_or(0);
+        for mark in &self.marks {
+            let first_cycle = |waiting: Vec<(&PlannedStation, usize)>| {
+                let mut told: Vec<String> = Vec::new();
+                for (station, after) in waiting {
+                    let begin = format!("{} after motion ", station.name);
+                    if !told.iter().any(|it| it.starts_with(&begin)) {
+                        told.push(format!("{begin}{after}"));
+                    }
+                }
+                told.join(", ")
+            };
+            let waiting = first_cycle(self.waiting_at(mark.number).collect());
+            let together = if mark.together { "; together from here to the next" } else { "" };
+            writeln!(f, "  {:>4}  {:width$}  {waiting}{together}", mark.number, mark.name)?;
+        }
+        Ok(())
+    }
+}
