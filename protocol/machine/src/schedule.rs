@@ -137,12 +137,18 @@ impl Turns {
         Self { queue: VecDeque::new(), waits: Vec::new() }
     }
 
+    /// Makes room for the tasks with numbers below `tasks`, so that [`push`](Self::push) does not allocate.
+    pub fn reserve(&mut self, tasks: usize) {
+        if tasks > self.waits.len() {
+            self.waits.resize(tasks, false);
+            self.queue.reserve(tasks.saturating_sub(self.queue.len()));
+        }
+    }
+
     /// Puts a task at the end, unless it already waits. Allocates only for a number higher than all before.
     pub fn push(&mut self, task: u16) {
         if usize::from(task) >= self.waits.len() {
-            let len = usize::from(task) + 1;
-            self.waits.resize(len, false);
-            self.queue.reserve(len.saturating_sub(self.queue.len()));
+            self.reserve(usize::from(task) + 1);
         }
         if let Some(waits) = self.waits.get_mut(usize::from(task))
             && !*waits
