@@ -11,7 +11,9 @@
 
 use std::fmt;
 
-use machine::{Counters, Deadlines, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit, Turns};
+use machine::{
+    Counters, Deadlines, Instant, LinkEvent, Machine, Numbers, Port, PortRequest, Source, Transmit, Turns,
+};
 
 use crate::ETHER_TYPE;
 use crate::cable::{Cable, Reply};
@@ -51,7 +53,7 @@ pub struct MainDevice {
     cable: Cable,
     deadlines: Deadlines,
     /// Devices whose deadline is over.
-    due: Turns,
+    due: Numbers,
     /// Devices that have frames to send.
     sending: Turns,
     /// Devices that have events.
@@ -86,8 +88,10 @@ impl MainDevice {
             Device { main, slot, is_up: false }
         };
         let devices: Vec<_> = (0..).zip(config.devices.iter().copied()).map(device).collect();
-        let [mut due, mut sending, mut reporting] = [const { Turns::new() }; 3];
-        for turns in [&mut due, &mut sending, &mut reporting] {
+        let [mut sending, mut reporting] = [const { Turns::new() }; 2];
+        let mut due = Numbers::new();
+        due.reserve(count);
+        for turns in [&mut sending, &mut reporting] {
             turns.reserve(count);
         }
         Ok(Self {
@@ -221,9 +225,9 @@ impl Machine for MainDevice {
 
     fn handle_timeout(&mut self, now: Instant) {
         while let Some(index) = self.deadlines.take_due(now) {
-            self.due.push(index);
+            self.due.insert(index);
         }
-        while let Some(index) = self.due.pop() {
+        while let Some(index) = self.due.take_first() {
             self.serve(index, |main| main.handle_timeout(now));
         }
     }

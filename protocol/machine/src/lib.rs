@@ -28,6 +28,6 @@ pub use foreign::{ForeignRequest, ForeignRequests, Requested, Sender};
 pub use lateness::Lateness;
 pub use link::{Counters, Down, DownCause, LinkEvent, StationConflict};
 pub use multihomed::{InterfaceId, Multihomed};
-pub use schedule::{Deadlines, Directory, Turns};
+pub use schedule::{Deadlines, Directory, Numbers, Turns};
 pub use sequence::{Numbering, Sequence};
 pub use time::{Duration, Instant};

@@ -11,7 +11,7 @@ const NONE: u32 = u32::MAX;
 /// The deadlines of numbered tasks: a heap that knows the place of each task.
 #[derive(Clone, Default, Debug)]
 pub struct Deadlines {
-    /// A binary heap: of equal deadlines, that of the lower number comes first.
+    /// A binary heap. Equal deadlines have no order, so that those of one cycle cost the same however many they are.
     heap: Vec<(Instant, u16)>,
     /// Place in the heap for each number, or [`NONE`].
     places: Vec<u32>,
@@ -25,41 +25,49 @@ impl Deadlines {
     }
 
     /// Sets or removes the deadline of a task. Allocates only for a number higher than all before.
+    #[inline]
     pub fn set(&mut self, task: u16, deadline: Option<Instant>) {
+        let place = self.places.get(usize::from(task)).map_or(NONE, |place| *place) as usize;
+        let before = self.heap.get(place).map(|(at, _)| *at);
+        if before != deadline {
+            self.change(task, place, before, deadline);
+        }
+    }
+
+    fn change(&mut self, task: u16, place: usize, before: Option<Instant>, deadline: Option<Instant>) {
         if usize::from(task) >= self.places.len() {
             let len = usize::from(task) + 1;
             self.places.resize(len, NONE);
             self.heap.reserve(len.saturating_sub(self.heap.len()));
         }
-        let place = self.places.get(usize::from(task)).map_or(NONE, |place| *place) as usize;
-        match (self.heap.get(place).copied(), deadline) {
+        match (before, deadline) {
             (None, None) => {}
             (None, Some(at)) => {
                 self.heap.push((at, task));
-                self.rise(self.heap.len() - 1);
+                self.rise(self.heap.len() - 1, (at, task));
             }
-            (Some((before, _)), Some(at)) if before == at => {}
-            (Some((before, _)), Some(at)) => {
-                self.put(place, (at, task));
-                if at < before { self.rise(place) } else { self.sink(place) }
-            }
+            (Some(before), Some(at)) if at < before => self.rise(place, (at, task)),
+            (Some(_), Some(at)) => self.sink(place, (at, task)),
             (Some(_), None) => self.remove(place, task),
         }
     }
 
     /// Returns the first deadline.
+    #[inline]
     #[must_use]
     pub fn first(&self) -> Option<Instant> {
         self.heap.first().map(|(at, _)| *at)
     }
 
-    /// Removes the first deadline that has passed at `now` and returns its task.
+    /// Removes a first deadline that has passed at `now` and returns its task; of equal deadlines, any.
+    #[inline]
     pub fn take_due(&mut self, now: Instant) -> Option<u16> {
         let (at, task) = *self.heap.first()?;
-        (at <= now).then(|| {
-            self.remove(0, task);
-            task
-        })
+        if at > now {
+            return None;
+        }
+        self.remove(0, task);
+        Some(task)
     }
 
     /// Returns all tasks with their deadlines, in no particular order.
@@ -72,13 +80,11 @@ impl Deadlines {
             *slot = NONE;
         }
         let Some(last) = self.heap.pop() else { return };
-        if place < self.heap.len() {
-            self.put(place, last);
-            self.sink(place);
-            self.rise(place);
-        }
+        let Some(removed) = self.heap.get(place) else { return };
+        if last.0 < removed.0 { self.rise(place, last) } else { self.sink(place, last) }
     }
 
+    #[inline]
     fn put(&mut self, place: usize, entry: (Instant, u16)) {
         if let (Some(slot), Some(known)) =
             (self.heap.get_mut(place), self.places.get_mut(usize::from(entry.1)))
@@ -88,12 +94,11 @@ impl Deadlines {
         }
     }
 
-    /// Moves an entry towards the first one, to its place.
-    fn rise(&mut self, mut place: usize) {
-        let Some(entry) = self.heap.get(place).copied() else { return };
+    /// Puts an entry at this place, or nearer to the first one.
+    fn rise(&mut self, mut place: usize, entry: (Instant, u16)) {
         while let Some(parent) = place.checked_sub(1).map(|place| place / 2)
             && let Some(above) = self.heap.get(parent).copied()
-            && entry < above
+            && entry.0 < above.0
         {
             self.put(place, above);
             place = parent;
@@ -101,25 +106,75 @@ impl Deadlines {
         self.put(place, entry);
     }
 
-    /// Moves an entry away from the first one, to its place.
-    fn sink(&mut self, mut place: usize) {
-        let Some(entry) = self.heap.get(place).copied() else { return };
+    /// Puts an entry at this place, or farther from the first one.
+    fn sink(&mut self, mut place: usize, entry: (Instant, u16)) {
         loop {
             let left = 2 * place + 1;
             let Some(mut below) = self.heap.get(left).copied() else { break };
             let mut child = left;
             if let Some(right) = self.heap.get(left + 1).copied()
-                && right < below
+                && right.0 < below.0
             {
                 (below, child) = (right, left + 1);
             }
-            if entry <= below {
+            if entry.0 <= below.0 {
                 break;
             }
             self.put(place, below);
             place = child;
         }
         self.put(place, entry);
+    }
+}
+
+/// A set of numbered tasks, taken by ascending number.
+#[derive(Clone, Default, Debug)]
+pub struct Numbers {
+    /// A bit for each number.
+    words: Vec<u64>,
+    /// No word before this one has a bit.
+    lowest: usize,
+}
+
+impl Numbers {
+    /// Creates an empty set.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { words: Vec::new(), lowest: 0 }
+    }
+
+    /// Makes room for the numbers below `tasks`, so that [`insert`](Self::insert) does not allocate.
+    pub fn reserve(&mut self, tasks: usize) {
+        if tasks > self.words.len() * 64 {
+            self.words.resize(tasks.div_ceil(64), 0);
+        }
+    }
+
+    /// Adds a task. Allocates only for a number higher than all before.
+    #[inline]
+    pub fn insert(&mut self, task: u16) {
+        let word = usize::from(task / 64);
+        if word >= self.words.len() {
+            self.reserve(usize::from(task) + 1);
+        }
+        if let Some(bits) = self.words.get_mut(word) {
+            *bits |= 1 << (task % 64);
+            self.lowest = self.lowest.min(word);
+        }
+    }
+
+    /// Removes the lowest number and returns it.
+    #[inline]
+    pub fn take_first(&mut self) -> Option<u16> {
+        while let Some(bits) = self.words.get_mut(self.lowest) {
+            if *bits != 0 {
+                let bit = bits.trailing_zeros() as u16;
+                *bits &= *bits - 1;
+                return Some(self.lowest as u16 * 64 + bit);
+            }
+            self.lowest += 1;
+        }
+        None
     }
 }
 
@@ -146,6 +201,7 @@ impl Turns {
     }
 
     /// Puts a task at the end, unless it already waits. Allocates only for a number higher than all before.
+    #[inline]
     pub fn push(&mut self, task: u16) {
         if usize::from(task) >= self.waits.len() {
             self.reserve(usize::from(task) + 1);
@@ -159,12 +215,14 @@ impl Turns {
     }
 
     /// Returns the first task, which stays.
+    #[inline]
     #[must_use]
     pub fn first(&self) -> Option<u16> {
         self.queue.front().copied()
     }
 
     /// Removes the first task and returns it.
+    #[inline]
     pub fn pop(&mut self) -> Option<u16> {
         let task = self.queue.pop_front()?;
         if let Some(waits) = self.waits.get_mut(usize::from(task)) {
@@ -174,6 +232,7 @@ impl Turns {
     }
 
     /// Returns whether a task waits.
+    #[inline]
     #[must_use]
     pub fn contains(&self, task: u16) -> bool {
         self.waits.get(usize::from(task)) == Some(&true)
@@ -185,6 +244,7 @@ impl Turns {
     }
 
     /// Returns whether no task waits.
+    #[inline]
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.queue.is_empty()
@@ -226,6 +286,7 @@ impl<K: Ord + Copy> Directory<K> {
     }
 
     /// Moves a task from one key to another.
+    #[inline]
     pub fn replace(&mut self, task: u16, before: Option<K>, after: Option<K>) {
         if before == after {
             return;
@@ -238,6 +299,12 @@ impl<K: Ord + Copy> Directory<K> {
         }
     }
 
+    /// Returns the key of the entry at this index, by ascending key.
+    #[must_use]
+    pub fn key(&self, index: usize) -> Option<K> {
+        self.entries.get(index).map(|(key, _)| *key)
+    }
+
     /// Returns the tasks of a key, by ascending number.
     pub fn of(&self, key: K) -> impl Iterator<Item = u16> {
         let start = self.entries.partition_point(|(known, _)| *known < key);
@@ -246,6 +313,7 @@ impl<K: Ord + Copy> Directory<K> {
     }
 
     /// Returns the task of a key after another one, or the first one.
+    #[inline]
     #[must_use]
     pub fn next(&self, key: K, after: Option<u16>) -> Option<u16> {
         let is_before = |entry: &(K, u16)| match after {
@@ -281,13 +349,25 @@ mod tests {
                 prop_assert_eq!(deadlines.first(), model.values().min().copied());
                 prop_assert_eq!(deadlines.iter().collect::<BTreeMap<_, _>>(), model.clone());
             }
-            let mut expected: Vec<_> = model.into_iter().map(|(task, at)| (at, task)).collect();
-            expected.sort_unstable();
-            let due = |(at, _): &(Instant, u16)| *at <= Instant::from_nanos(20);
-            let taken: Vec<_> = core::iter::from_fn(|| deadlines.take_due(Instant::from_nanos(20))).collect();
-            let due: Vec<_> = expected.iter().copied().filter(due).map(|(_, task)| task).collect();
+            let now = Instant::from_nanos(20);
+            let mut taken: Vec<_> = core::iter::from_fn(|| deadlines.take_due(now)).collect();
+            prop_assert!(taken.is_sorted_by_key(|task| model.get(task)));
+            taken.sort_unstable();
+            let due: Vec<_> = model.iter().filter(|(_, at)| **at <= now).map(|(task, _)| *task).collect();
             prop_assert_eq!(taken, due);
         }
+    }
+
+    #[test]
+    fn numbers_are_taken_by_ascending_number_also_those_added_meanwhile() {
+        let mut numbers = Numbers::new();
+        for task in [700, 3, 64, 3, u16::MAX] {
+            numbers.insert(task);
+        }
+        assert_eq!((numbers.take_first(), numbers.take_first()), (Some(3), Some(64)));
+        numbers.insert(5);
+        let rest: Vec<_> = core::iter::from_fn(|| numbers.take_first()).collect();
+        assert_eq!(rest, [5, 700, u16::MAX]);
     }
 
     #[test]
@@ -312,5 +392,6 @@ mod tests {
         assert_eq!(directory.of(7).collect::<Vec<_>>(), [1, 4, 9]);
         assert_eq!((directory.next(7, None), directory.next(7, Some(4))), (Some(1), Some(9)));
         assert_eq!((directory.next(7, Some(9)), directory.next(5, None)), (None, None));
+        assert_eq!([0, 2, 3, 4].map(|index| directory.key(index)), [Some(7), Some(7), Some(9), None]);
     }
 }
