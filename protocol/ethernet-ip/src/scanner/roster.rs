@@ -116,7 +116,15 @@ impl Roster {
     /// Takes note of what the owner changed.
     pub(super) fn settle(&mut self) {
         while let Some(number) = self.touched.pop() {
-            self.note(number);
+            let is_more = |connection: &Connection| {
+                connection.has_message() || connection.has_stream_request() || connection.has_event()
+            };
+            if self.get(number).is_some_and(is_more) {
+                self.note(number);
+            } else {
+                // At most its deadline has changed, as by new outputs nothing has.
+                self.serve_io(number, |_| ());
+            }
         }
     }
 
@@ -124,6 +132,17 @@ impl Roster {
     pub(super) fn serve<R>(&mut self, number: u16, call: impl FnOnce(&mut Connection) -> R) -> Option<R> {
         let result = call(self.slots.get_mut(usize::from(number))?.connection.as_mut()?);
         self.note(number);
+        Some(result)
+    }
+
+    /// Calls a connection for cyclic data, which change at most its deadline and add events.
+    fn serve_io<R>(&mut self, number: u16, call: impl FnOnce(&mut Connection) -> R) -> Option<R> {
+        let connection = self.slots.get_mut(usize::from(number))?.connection.as_mut()?;
+        let result = call(connection);
+        if connection.has_event() {
+            self.reporting.push(number);
+        }
+        self.deadlines.set(number, connection.poll_timeout());
         Some(result)
     }
 
@@ -178,7 +197,7 @@ impl Roster {
         let mut last = None;
         // Several connections to one adapter may take part in one multicast: they have one connection number.
         while let Some(number) = self.by_frames.next(key((peer, id)), last) {
-            self.serve(number, &mut call);
+            self.serve_io(number, &mut call);
             last = Some(number);
         }
         last.is_some()
@@ -233,7 +252,7 @@ impl Roster {
             self.cyclic.push(number);
         }
         while let Some(number) = self.cyclic.pop() {
-            if let Some(Some(transmit)) = self.serve(number, |connection| connection.poll_io(now, buf)) {
+            if let Some(Some(transmit)) = self.serve_io(number, |connection| connection.poll_io(now, buf)) {
                 return Some(transmit);
             }
         }
