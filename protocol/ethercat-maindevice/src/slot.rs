@@ -99,10 +99,11 @@ impl Slot {
                 let station = u16::from_le_bytes([*low, *high]).wrapping_add(self.index);
                 [*low, *high] = station.to_le_bytes();
             }
-        } else if FMMUS.contains(&register) && rest.get(FMMU_ACTIVE) == Some(&1) {
-            if let Some(start) = rest.first_chunk_mut::<4>() {
-                *start = self.logical(*start);
-            }
+        } else if FMMUS.contains(&register)
+            && rest.get(FMMU_ACTIVE) == Some(&1)
+            && let Some(start) = rest.first_chunk_mut::<4>()
+        {
+            *start = self.logical(*start);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Nothing is allocated while several devices are in OP: counted by the allocator itself.
 
-#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test fails by a panic")]
+#![expect(clippy::indexing_slicing, reason = "a test fails by a panic")]
 
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice, SubDeviceId};
 use ethercat_subdevice::description::{DataType, Description, Pdo, PdoEntry};

@@ -12,7 +12,6 @@ use machine::wire::{LittleEndian, Writer};
 
 mod stations;
 
-#[expect(dead_code, reason = "the tests use the others")]
 #[path = "../tests/ethernet_ip/samples.rs"]
 mod samples;
 

@@ -125,7 +125,7 @@ impl Cell {
     /// Lets 1 ms pass for the adapters, and keeps what they send.
     fn prepare(&mut self) {
         self.deliver();
-        self.now = self.now + MS;
+        self.now += MS;
         for adapter in &mut self.adapters {
             adapter.handle_timeout(self.now);
         }

@@ -18,7 +18,6 @@ const ADAPTERS: usize = 64;
 const SCANNER_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 
 /// A station of the network.
-#[expect(clippy::large_enum_variant, reason = "a test")]
 enum Station {
     Scanner(Scanner),
     Adapter(Adapter),

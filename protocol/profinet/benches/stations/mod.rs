@@ -147,7 +147,7 @@ impl Cell {
     /// Lets 1 ms pass for the devices, and keeps what they send.
     fn prepare(&mut self) {
         self.deliver();
-        self.now = self.now + MS;
+        self.now += MS;
         for device in &mut self.devices {
             device.handle_timeout(self.now);
         }
