@@ -13,7 +13,7 @@
 use ethercat_drive::{
     Axes, Axis, AxisError, Cause, DRIVE, DriveConfig, Drives, ErrorCode, INPUT_LEN, OUTPUT_LEN, Power, Wanted,
 };
-use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
+use ethercat_maindevice::{Config, ExpectedDevice, GroupMainDevice};
 use machine::ethernet::Mac;
 use machine::{Counters, Instant, LinkEvent, Machine, Port, Source};
 use serde::{Deserialize, Serialize};
@@ -53,7 +53,7 @@ pub enum Disturbance {
 /// Drives, their cable and their MainDevice.
 #[derive(Debug)]
 pub struct DriveSegment {
-    main: MainDevice,
+    main: GroupMainDevice,
     axes: Axes,
     drives: Drives,
     targets: [i32; AXES],
@@ -86,7 +86,7 @@ impl DriveSegment {
         let watchdog = cycle * WATCHDOG_CYCLES;
         let main = Config { mac: MAC, devices: vec![expected; axes], cycle, watchdog };
         Some(Self {
-            main: MainDevice::new(main, start),
+            main: GroupMainDevice::new(main, start),
             axes: Axes::new(axes),
             drives: Drives::new(&configs(config), cycle, start),
             targets: [0; AXES],

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
+use ethercat_maindevice::{Config, ExpectedDevice, GroupMainDevice};
 use machine::ethernet::Mac;
 use machine::{Counters, Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 use protocol::fieldbus::Fieldbus;
@@ -12,7 +12,7 @@ use setup::{Bus, Ethercat};
 
 /// A MainDevice with one SubDevice, the robot.
 #[derive(Debug)]
-pub struct EthercatMainDevice(MainDevice);
+pub struct EthercatMainDevice(GroupMainDevice);
 
 impl EthercatMainDevice {
     /// Creates the MainDevice of a setup. It looks for the robot from `start` on.
@@ -35,7 +35,7 @@ impl EthercatMainDevice {
         };
         let cycle = Duration::from_micros(bus.cycle_us.value.into());
         let config = Config { mac, devices: vec![device], cycle, watchdog: bus.watchdog() };
-        Self(MainDevice::new(config, start))
+        Self(GroupMainDevice::new(config, start))
     }
 }
 

@@ -10,7 +10,7 @@ use std::error::Error;
 use std::ops::ControlFlow;
 
 use ethercat_drive::{Axes, DRIVE, INPUT_LEN, OUTPUT_LEN, Wanted};
-use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
+use ethercat_maindevice::{Config, ExpectedDevice, GroupMainDevice};
 use machine::ethernet::Mac;
 use machine::{Counters, Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock, scheduling};
@@ -22,7 +22,7 @@ const CYCLE: Duration = Duration::from_millis(1);
 const SPEEDS: [i32; AXES] = [1, -20, 300, -400, 500, 600];
 
 struct Controller {
-    main: MainDevice,
+    main: GroupMainDevice,
     axes: Axes,
     targets: [i32; AXES],
     inputs: [u8; AXES * INPUT_LEN],
@@ -42,7 +42,7 @@ impl Controller {
         };
         let config = Config { mac, devices: vec![drive; AXES], cycle: CYCLE, watchdog: CYCLE * 500 };
         Self {
-            main: MainDevice::new(config, start),
+            main: GroupMainDevice::new(config, start),
             axes: Axes::new(AXES),
             targets: [0; AXES],
             inputs: [0; AXES * INPUT_LEN],

@@ -7,7 +7,7 @@ use ethercat_drive::{
     Axes, AxisError, Cause, DRIVE, DriveConfig, Drives, ErrorCode, INPUT_LEN, OUTPUT_LEN, Power, State,
     Wanted,
 };
-use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
+use ethercat_maindevice::{Config, ExpectedDevice, GroupMainDevice};
 use ethercat_subdevice::{AlStatusCode, DeviceId};
 use machine::ethernet::Mac;
 use machine::{Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
@@ -18,7 +18,7 @@ const AXES: usize = 6;
 
 /// The part of a robot controller that moves the drives: each exchange of process data is a cycle.
 struct Controller {
-    main: MainDevice,
+    main: GroupMainDevice,
     axes: Axes,
     targets: [i32; AXES],
     /// Increments per cycle.
@@ -40,7 +40,7 @@ impl Controller {
         let config =
             Config { mac: Mac([2, 0, 0, 0, 0, 1]), devices: vec![drive; AXES], cycle: MS, watchdog: MS * 20 };
         Self {
-            main: MainDevice::new(config, Instant::ZERO),
+            main: GroupMainDevice::new(config, Instant::ZERO),
             axes: Axes::new(AXES),
             targets: [0; AXES],
             speeds: [0; AXES],

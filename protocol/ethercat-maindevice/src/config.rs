@@ -3,10 +3,11 @@
 use machine::Duration;
 use machine::ethernet::Mac;
 
-/// Largest number of devices on a cable.
+/// Largest number of devices that are up or down together.
 pub(crate) const MAX_DEVICES: usize = 16;
 
-/// Largest length in bytes of the process data of all devices, so that one frame carries them.
+/// Largest length in bytes of the process data of one device, or of devices that are up or down together, so that one frame
+/// carries them.
 pub const MAX_PROCESS_DATA: usize = 1400;
 
 /// A MainDevice and the devices that it drives.
@@ -15,7 +16,7 @@ pub struct Config {
     /// Address of the interface. The source address of the frames is made of it, so it distinguishes them from those of other
     /// MainDevices.
     pub mac: Mac,
-    /// The devices in the order in which they are on the cable: these and no others.
+    /// The devices in the order in which they are on the cable.
     pub devices: Vec<ExpectedDevice>,
     /// Time from one exchange of process data to the next.
     pub cycle: Duration,

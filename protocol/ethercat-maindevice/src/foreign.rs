@@ -139,6 +139,11 @@ impl Foreign {
         }
     }
 
+    /// Takes note of another MainDevice that was found elsewhere.
+    pub(crate) const fn found_by_others(&mut self, now: Instant, mac: Mac) {
+        (self.found, self.last) = (Some(mac), Some(now));
+    }
+
     /// Returns the source address of another MainDevice, if there is one.
     pub(crate) const fn found(&self) -> Option<Mac> {
         self.found

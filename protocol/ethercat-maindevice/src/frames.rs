@@ -13,7 +13,7 @@ use crate::lend::Place;
 pub(crate) const IN_FLIGHT: usize = 8;
 
 /// Longest frame in bytes: an Ethernet frame without tag.
-const LONGEST: usize = 1514;
+pub(crate) const LONGEST: usize = 1514;
 
 /// Source address of ethercrab's frames. It ignores frames with this address.
 const ETHERCRAB: Mac = Mac([0x10; 6]);
@@ -137,12 +137,26 @@ impl Frames {
 
     /// Writes the next frame to send into `buf`. Returns its length in bytes.
     pub(crate) fn send(&mut self, buf: &mut [u8]) -> Option<usize> {
-        self.waiting = self.waiting.checked_sub(1)?;
-        let frame = self.ring.get(self.first);
-        self.first = (self.first + 1) % self.ring.len().max(1);
-        let Frame { bytes, len } = frame?;
-        buf.get_mut(..*len)?.copy_from_slice(bytes.get(..*len)?);
-        Some(*len)
+        let frame = self.next()?;
+        let len = frame.len();
+        let room = buf.get_mut(..len);
+        let is_sent = room.map(|room| room.copy_from_slice(frame)).is_some();
+        self.drop_next();
+        is_sent.then_some(len)
+    }
+
+    /// Returns the next frame to send, which stays.
+    pub(crate) fn next(&self) -> Option<&[u8]> {
+        let Frame { bytes, len } = self.ring.get(self.first).filter(|_| self.waiting > 0)?;
+        bytes.get(..*len)
+    }
+
+    /// Removes the next frame to send.
+    pub(crate) const fn drop_next(&mut self) {
+        if self.waiting > 0 {
+            self.waiting -= 1;
+            self.first = (self.first + 1) % IN_FLIGHT;
+        }
     }
 
     pub(crate) const fn refused(&self) -> u64 {

@@ -2,9 +2,11 @@
 
 mod al;
 mod bring_up;
+mod cable;
 mod config;
 mod foreign;
 mod frames;
+mod group;
 mod lend;
 mod main_device;
 mod operation;
@@ -14,12 +16,14 @@ mod recovery;
 mod script;
 mod search;
 mod sii;
+mod slot;
 mod survey;
 pub mod time;
 
 pub use config::{Config, ExpectedDevice, MAX_PROCESS_DATA};
 pub use ethercrab;
-pub use main_device::MainDevice;
+pub use group::GroupMainDevice;
+pub use main_device::{MainDevice, SubDeviceId, TooManyDevices};
 pub use script::{Scripted, with_main_device};
 pub use search::{Found, FoundSubDevice, search};
 pub use sii::{Identity, Unreadable};

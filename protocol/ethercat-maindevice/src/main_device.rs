@@ -1,133 +1,277 @@
-//! The MainDevice as a machine.
+//! The MainDevice as a machine: one cable with several devices, each of which is up or down on its own.
+//!
+//! ```text
+//! MainDevice ─┬─ device 1: an ethercrab of its own ─┐
+//!             ├─ device 2: an ethercrab of its own ─┼─ cable: their datagrams share Ethernet frames
+//!             └─ ...                                ┘
+//! ```
+//!
+//! So whatever happens to one device is handled as if it were alone on the cable, and the others do not take part in it. A
+//! MainDevice with one device sends that ethercrab's frames as they are.
 
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::pin::Pin;
 
-use machine::{Counters, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
+use machine::{
+    Counters, Deadlines, Instant, LinkEvent, Machine, Numbers, Port, PortRequest, Source, Transmit, Turns,
+};
 
+use crate::ETHER_TYPE;
+use crate::cable::{Cable, Reply};
 use crate::config::Config;
-use crate::lend::lend;
-use crate::operation::{PAUSE, operate};
-use crate::problem::Problem;
-use crate::process::{PLACE, Process};
-use crate::script::Scripted;
+use crate::foreign::{self, Foreign};
+use crate::group::GroupMainDevice;
+use crate::slot::Slot;
 
-/// Runs only in the thread of its machine, and moves to another thread together with the machine.
-type Operation = Pin<Box<dyn Future<Output = ()> + Send>>;
+/// Largest number of devices: their station addresses and logical addresses must not overlap.
+const MOST_DEVICES: usize = 1024;
 
-/// A MainDevice that drives the devices of its [`Config`]: it brings them to OP and exchanges process data with each
-/// cycle. When a device leaves OP, the MainDevice brings it to OP again; when no device answers, it starts over. It changes
-/// nothing while another MainDevice drives the devices.
-pub struct MainDevice {
-    config: Config,
-    operation: Scripted<Operation>,
-    /// Received frames that earlier operations could not use.
-    refused_before: u64,
-    /// Frames of other MainDevices that earlier operations heard.
-    foreign_before: u64,
-    process: Process,
+/// A device of a [`MainDevice`]: its place in [`Config::devices`], from 0.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+pub struct SubDeviceId(pub u16);
+
+/// Error: more devices than a MainDevice can drive.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct TooManyDevices(pub usize);
+
+impl fmt::Display for TooManyDevices {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} devices on one EtherCAT cable: use at most {MOST_DEVICES}", self.0)
+    }
 }
 
-impl fmt::Debug for MainDevice {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("MainDevice").field("process", &self.process).finish_non_exhaustive()
-    }
+impl std::error::Error for TooManyDevices {}
+
+/// A MainDevice that drives the devices of its [`Config`], each on its own: it brings them to OP and exchanges process data
+/// with each cycle. When a device leaves OP, is cut off, missing or another one than expected, the MainDevice reports this for
+/// the device and brings it to OP as soon as possible; the others exchange their data meanwhile. It changes nothing while
+/// another MainDevice drives the devices.
+///
+/// Devices after the last expected one are left as they are, unless there is only one expected device: then they are refused.
+#[derive(Debug)]
+pub struct MainDevice {
+    devices: Vec<Device>,
+    cable: Cable,
+    deadlines: Deadlines,
+    /// Devices whose deadline is over.
+    due: Numbers,
+    /// Devices that have frames to send.
+    sending: Turns,
+    /// Devices that have events.
+    reporting: Turns,
+    /// Number of devices that are up.
+    up: usize,
+    /// Frames of other MainDevices, where several devices share the cable.
+    foreign: Foreign,
+    /// Replies to no frame on its way.
+    late: u64,
+}
+
+#[derive(Debug)]
+struct Device {
+    main: GroupMainDevice,
+    slot: Slot,
+    is_up: bool,
 }
 
 impl MainDevice {
     /// Creates a MainDevice that looks for its devices from `start` on.
+    pub fn new(config: Config, start: Instant) -> Result<Self, TooManyDevices> {
+        let count = config.devices.len();
+        let number =
+            u16::try_from(count).ok().filter(|_| count <= MOST_DEVICES).ok_or(TooManyDevices(count))?;
+        let mut deadlines = Deadlines::new();
+        let device = |(index, device)| {
+            let slot = Slot { index, count: number, grid: start };
+            let config = Config { devices: vec![device], ..config.clone() };
+            let main = GroupMainDevice::at((count > 1).then_some(slot), config, start);
+            deadlines.set(index, main.poll_timeout());
+            Device { main, slot, is_up: false }
+        };
+        let devices: Vec<_> = (0..).zip(config.devices.iter().copied()).map(device).collect();
+        let [mut sending, mut reporting] = [const { Turns::new() }; 2];
+        let mut due = Numbers::new();
+        due.reserve(count);
+        for turns in [&mut sending, &mut reporting] {
+            turns.reserve(count);
+        }
+        Ok(Self {
+            cable: Cable::new(if count > 1 { count } else { 0 }),
+            devices,
+            deadlines,
+            due,
+            sending,
+            reporting,
+            up: 0,
+            foreign: Foreign::none(),
+            late: 0,
+        })
+    }
+
+    /// Returns the devices.
+    pub fn ids(&self) -> impl Iterator<Item = SubDeviceId> + use<> {
+        (0..self.devices.len() as u16).map(SubDeviceId)
+    }
+
+    /// Returns the data for a device, which go out with the next cycle; empty if there is no such device.
+    pub fn outputs_mut(&mut self, id: SubDeviceId) -> &mut [u8] {
+        self.devices.get_mut(usize::from(id.0)).map_or(&mut [], |device| device.main.outputs_mut())
+    }
+
+    /// Returns a device's data from its last good exchange; `None` unless it is in OP.
     #[must_use]
-    pub fn new(config: Config, start: Instant) -> Self {
-        let process = Process::new(config.output_bytes(), config.input_bytes());
-        let operation = operation(&config, start);
-        Self { config, operation, refused_before: 0, foreign_before: 0, process }
+    pub fn inputs(&self, id: SubDeviceId) -> Option<&[u8]> {
+        self.devices.get(usize::from(id.0))?.main.inputs()
     }
 
-    /// Returns the data for the devices, in the order in which they are on the cable. They go out with the next cycle.
-    pub fn outputs_mut(&mut self) -> &mut [u8] {
-        &mut self.process.outputs
-    }
-
-    /// Returns the devices' data from the last good exchange; `None` unless all devices are in OP.
+    /// Returns the counters of a device's process data: `sent` and `received` are exchanges. An exchange without a good reply
+    /// is `lost`, and so are the cycles that pass while it waits for the reply.
     #[must_use]
-    pub fn inputs(&self) -> Option<&[u8]> {
-        self.process.is_up().then_some(&self.process.inputs)
+    pub fn counters(&self, id: SubDeviceId) -> Counters {
+        self.devices.get(usize::from(id.0)).map_or_else(Counters::default, |device| device.main.counters())
     }
 
-    /// Returns the counters of process data: `sent` and `received` are exchanges. An exchange without a good reply is
-    /// `lost`, and so are the cycles that pass while it waits for the reply. Replies after that are `late`; frames of other
-    /// MainDevices are `foreign`.
+    /// Returns the counters of frames that concern no device: late replies, and frames of other MainDevices. With one device,
+    /// its own counters have them.
     #[must_use]
-    pub fn counters(&self) -> Counters {
-        Counters {
-            late: self.refused_before + self.operation.refused(),
-            foreign: self.foreign_before + self.operation.foreign(),
-            ..self.process.counters
+    pub fn cable_counters(&self) -> Counters {
+        Counters { late: self.late, foreign: self.foreign.heard(), ..Counters::default() }
+    }
+
+    /// Takes a device to INIT with the next cycle and ends its connection; without a connection, ends at once.
+    pub fn disconnect(&mut self, now: Instant, id: SubDeviceId) {
+        self.serve(id.0, |main| main.disconnect(now));
+    }
+
+    /// Writes details that the last event `Down` of a device does not contain: what was expected and what was found.
+    pub fn explain(&self, id: SubDeviceId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.devices.get(usize::from(id.0)).map_or(Ok(()), |device| device.main.explain(words))
+    }
+
+    /// Calls a device, and notes what it has to send and to report, and when it is due next.
+    fn serve(&mut self, index: u16, call: impl FnOnce(&mut GroupMainDevice)) {
+        let Some(Device { main, is_up, .. }) = self.devices.get_mut(usize::from(index)) else { return };
+        call(main);
+        let was_up = std::mem::replace(is_up, main.is_up());
+        self.up = self.up + usize::from(*is_up) - usize::from(was_up);
+        self.deadlines.set(index, main.poll_timeout());
+        if main.next_frame().is_some() {
+            self.sending.push(index);
+        }
+        if main.has_event() {
+            self.reporting.push(index);
         }
     }
 
-    /// Takes the devices to INIT with the next cycle and ends; without a connection, ends at once.
-    pub fn disconnect(&mut self, now: Instant) {
-        if self.process.is_up() {
-            self.process.leaving = true;
-            self.handle_timeout(now);
-        } else {
-            self.operation.cancel();
-            self.process.closed();
+    /// Gives each device its part of a reply.
+    fn handle_reply(&mut self, now: Instant, from: Source, place: usize, frame: &[u8]) {
+        let mut cable = std::mem::take(&mut self.cable);
+        for number in 0.. {
+            let Some((device, reply)) = cable.part(place, number, frame) else { break };
+            self.serve(device, |main| main.handle_frame(now, from, reply));
+        }
+        self.cable = cable;
+    }
+
+    /// Handles a frame that no device of this cable expects. Devices on their way to OP must hear it, to find out whether another
+    /// MainDevice drives them; those in OP learn of it once it is certain.
+    fn handle_stray(&mut self, now: Instant, from: Source, frame: &[u8], is_own: bool) {
+        if self.up < self.devices.len() {
+            for index in 0..self.devices.len() as u16 {
+                let is_up = self.devices.get(usize::from(index)).is_none_or(|device| device.is_up);
+                if !is_up {
+                    self.serve(index, |main| main.handle_frame(now, from, frame));
+                }
+            }
+        }
+        if let (false, Some(source)) = (is_own, foreign::source(frame)) {
+            self.foreign.hear(now, source, frame);
+        }
+        if let Some(other) = self.foreign.found() {
+            self.foreign.forget();
+            for index in 0..self.devices.len() as u16 {
+                self.serve(index, |main| main.handle_other(now, other));
+            }
         }
     }
 
-    /// Writes details that the last event `Down` does not contain: what was expected and what was found.
-    pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.process.explain(words)
+    fn is_own(&self, frame: &[u8]) -> bool {
+        let own = self.devices.first().map(|device| device.main.source());
+        foreign::source(frame).zip(own).is_some_and(|(source, own)| foreign::is_same(source, own))
     }
-
-    /// Polls the operation. Some answers of devices make ethercrab panic; that must not end the PLC's process.
-    fn run(&mut self, now: Instant, poll: impl FnOnce(&mut Scripted<Operation>)) {
-        let poll = || lend(PLACE, &mut self.process, || poll(&mut self.operation));
-        if catch_unwind(AssertUnwindSafe(poll)).is_err() {
-            self.process.fail(now, Problem::Panic);
-            self.refused_before += self.operation.refused();
-            let start = now + PAUSE;
-            self.foreign_before += self.operation.foreign();
-            self.operation = operation(&self.config, start);
-        }
-        if self.operation.poll_event().is_some() {
-            self.process.closed();
-        }
-    }
-}
-
-fn operation(config: &Config, start: Instant) -> Scripted<Operation> {
-    let operation: Operation = Box::pin(operate(config.clone(), start));
-    Scripted::new(operation, start).on_interface(config.mac)
 }
 
 impl Machine for MainDevice {
-    type Event = LinkEvent;
+    type Event = (SubDeviceId, LinkEvent);
 
+    /// Other MainDevices may send to any address.
     fn ports(&self) -> &[PortRequest] {
-        self.operation.ports()
+        &[PortRequest::AnyEthernet { ether_type: ETHER_TYPE }]
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        self.run(now, |operation| operation.handle_frame(now, from, frame));
+        if self.devices.len() == 1 {
+            return self.serve(0, |main| main.handle_frame(now, from, frame));
+        }
+        if !self.is_own(frame) {
+            return self.handle_stray(now, from, frame, false);
+        }
+        match self.cable.find(frame) {
+            Reply::Of(place) => self.handle_reply(now, from, place, frame),
+            Reply::Late => self.late += 1,
+            // Another program on this host has the same source address.
+            Reply::Unknown => self.handle_stray(now, from, frame, true),
+        }
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        self.run(now, |operation| operation.handle_timeout(now));
+        while let Some(index) = self.deadlines.take_due(now) {
+            self.due.insert(index);
+        }
+        while let Some(index) = self.due.take_first() {
+            self.serve(index, |main| main.handle_timeout(now));
+        }
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        self.operation.poll_transmit(now, buf)
+        if let [device] = self.devices.as_mut_slice() {
+            return device.main.poll_transmit(now, buf);
+        }
+        let mut len = None;
+        while let Some(index) = self.sending.first() {
+            let Some(device) = self.devices.get_mut(usize::from(index)) else { break };
+            let Some(frame) = device.main.next_frame() else {
+                self.sending.pop();
+                continue;
+            };
+            let start = match len {
+                Some(len) => len,
+                None => self.cable.begin(frame, buf)?,
+            };
+            match self.cable.append(device.slot, frame, buf, start) {
+                Some(end) => len = Some(end),
+                // It waits for the next frame.
+                None if len.is_some() => break,
+                // It is too long for any frame.
+                None => {}
+            }
+            device.main.drop_frame();
+        }
+        let len = self.cable.finish(buf, len?)?;
+        Some(Transmit { port: Port::Ethernet, to: None, len })
     }
 
-    fn poll_event(&mut self) -> Option<LinkEvent> {
-        self.process.poll_event()
+    fn poll_event(&mut self) -> Option<Self::Event> {
+        while let Some(index) = self.reporting.first() {
+            let device = self.devices.get_mut(usize::from(index));
+            if let Some(event) = device.and_then(|device| device.main.poll_event()) {
+                return Some((SubDeviceId(index), event));
+            }
+            self.reporting.pop();
+        }
+        None
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        self.operation.poll_timeout()
+        self.deadlines.first()
     }
 }

@@ -18,6 +18,7 @@ use crate::problem::Problem;
 use crate::process::PROCESS;
 use crate::recovery::{Recovery, Step, TO_OP};
 use crate::script::{Storage, exchange};
+use crate::slot::Slot;
 use crate::survey::{Quiet, survey};
 use crate::{sii, time};
 
@@ -43,7 +44,7 @@ const REPETITIONS: usize = 3;
 type Response = TxRxResponse<MAX_DEVICES>;
 
 /// Runs until the owner wants to end the connection.
-pub(crate) async fn operate(config: Config, start: Instant) {
+pub(crate) async fn operate(config: Config, slot: Option<Slot>, start: Instant) {
     let storage = Storage::new();
     #[expect(clippy::expect_used, reason = "new memory was not split before")]
     let (tx, rx, pdu_loop) = storage.try_split().expect("new memory");
@@ -61,22 +62,27 @@ pub(crate) async fn operate(config: Config, start: Instant) {
         retry_behaviour: RetryBehaviour::Count(REPETITIONS),
     };
     let main_device = ethercrab::MainDevice::new(pdu_loop, timeouts, settings);
-    let run = pin!(start_over_and_over(&main_device, &config, start));
+    let run = pin!(start_over_and_over(&main_device, &config, slot, start));
     exchange(tx, rx, run).await;
 }
 
-async fn start_over_and_over(main: &ethercrab::MainDevice<'_>, config: &Config, start: Instant) {
+async fn start_over_and_over(
+    main: &ethercrab::MainDevice<'_>,
+    config: &Config,
+    slot: Option<Slot>,
+    start: Instant,
+) {
     time::wait_until(start).await;
     let mut quiet = Quiet::new(config.mac, start);
     let mut has_failed = false;
     loop {
-        let ended = match survey(main, &mut quiet).await {
+        let ended = match survey(main, slot, &mut quiet).await {
             Ok(()) => {
                 if has_failed {
                     sii::clear_errors(main).await;
                 }
                 let driven_from = time::now();
-                let ended = unless_another_drives(drive(main, config)).await;
+                let ended = unless_another_drives(drive(main, config, slot)).await;
                 if ended.as_ref().is_err_and(Problem::is_conflict) {
                     quiet.disturbed(time::now().since(driven_from));
                 }
@@ -96,9 +102,9 @@ async fn start_over_and_over(main: &ethercrab::MainDevice<'_>, config: &Config, 
     }
 }
 
-async fn drive(main: &ethercrab::MainDevice<'_>, config: &Config) -> Result<(), Problem> {
+async fn drive(main: &ethercrab::MainDevice<'_>, config: &Config, slot: Option<Slot>) -> Result<(), Problem> {
     let group = bring_up(main, config).await?;
-    Exchange::new(config).run(main, &group).await
+    Exchange::new(config, slot).run(main, &group).await
 }
 
 /// Runs until the future ends, or until another MainDevice is heard: then nothing more is sent.
@@ -114,6 +120,7 @@ async fn unless_another_drives(drive: impl Future<Output = Result<(), Problem>>)
 /// The cyclic exchange of process data.
 struct Exchange<'a> {
     config: &'a Config,
+    slot: Option<Slot>,
     cycle: Cycle,
     working_counter: u16,
     /// Whether the last frame did not come back.
@@ -128,11 +135,14 @@ struct Exchange<'a> {
 }
 
 impl<'a> Exchange<'a> {
-    fn new(config: &'a Config) -> Self {
+    fn new(config: &'a Config, slot: Option<Slot>) -> Self {
         let now = time::now();
+        // The devices of one cable have their cycles together, so that they share wake-ups and frames.
+        let first = slot.map_or(now, |slot| slot.grid.next_on_grid(config.cycle, now).0);
         Self {
             config,
-            cycle: Cycle::new(now, config.cycle),
+            slot,
+            cycle: Cycle::new(first, config.cycle),
             working_counter: config.working_counter(),
             frame_lost: false,
             answered_at: now,
@@ -159,8 +169,12 @@ impl<'a> Exchange<'a> {
             });
             if leaving {
                 // The devices' answer does not matter: the MainDevice ends here.
-                let request = Command::bwr(RegisterAddress::AlControl.into()).ignore_wkc();
-                let _ = request.send(main, REQUEST_INIT).await;
+                if self.slot.is_some() {
+                    let _ = al::request(main, 0, REQUEST_INIT).await;
+                } else {
+                    let request = Command::bwr(RegisterAddress::AlControl.into()).ignore_wkc();
+                    let _ = request.send(main, REQUEST_INIT).await;
+                }
                 return Ok(());
             }
             write_outputs(main, group);

@@ -8,6 +8,7 @@ use machine::ethernet::Mac;
 use machine::{Down, DownCause};
 
 use crate::config::{ExpectedDevice, MAX_DEVICES};
+use crate::slot::Slot;
 
 /// A device on the cable.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -55,6 +56,8 @@ pub(crate) enum Problem {
     SameInterface,
     /// A device stays in OP beyond its watchdog, though no frame of another MainDevice comes.
     Driven { number: usize, station: u16 },
+    /// The device at this place is driven as another one of the same MainDevice, with this number.
+    Renumbered { driven_as: usize },
     /// There was no good exchange for the time of the watchdog.
     Watchdog,
     /// ethercrab panicked.
@@ -88,13 +91,22 @@ impl Problem {
         matches!(self, Self::OtherMainDevice { .. } | Self::SameInterface | Self::Driven { .. })
     }
 
-    pub(crate) fn down(&self) -> Down {
+    pub(crate) fn down(&self, slot: Option<Slot>) -> Down {
         let (cause, code, text) = match self {
             Self::Silence => (
                 DownCause::NoAnswer,
                 0,
                 "no EtherCAT frame comes back; is the cable plugged in, and is the device on?",
             ),
+            Self::NoDevice if slot.is_some() => {
+                (DownCause::NoAnswer, 0, "there is no SubDevice at this place on the cable")
+            }
+            Self::OtherDevices { .. } if slot.is_some() => {
+                (DownCause::Refused, 0, "another device is at this place on the cable than is expected")
+            }
+            Self::Renumbered { .. } => {
+                (DownCause::Refused, 0, "the devices on the cable have changed places; restore their order")
+            }
             Self::NoDevice => (DownCause::NoAnswer, 0, "there is no SubDevice on the cable"),
             Self::OtherDevices { .. } | Self::TooManyDevices { .. } => {
                 (DownCause::Refused, 0, "other devices are on the cable than are expected")
@@ -124,24 +136,13 @@ impl Problem {
     }
 
     /// Writes what [`Problem::down`] leaves out, if anything.
-    pub(crate) fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+    pub(crate) fn explain(&self, slot: Option<Slot>, words: &mut dyn fmt::Write) -> fmt::Result {
+        // A slot has one device, and the cable has several.
+        let of_cable = |number: usize| slot.map_or(number, Slot::number);
         match self {
-            Self::Silence | Self::NoDevice | Self::Watchdog | Self::Panic => Ok(()),
-            Self::OtherDevices { expected, found } => {
-                write!(words, "the EtherCAT cable has other devices: expected {}", expected.len())?;
-                for (index, device) in expected.iter().enumerate() {
-                    let ExpectedDevice { vendor, product, revision, .. } = device;
-                    write!(words, "{}vendor 0x{vendor:08X}, product 0x{product:08X}", before(index))?;
-                    if let Some(revision) = revision {
-                        write!(words, ", revision 0x{revision:08X}")?;
-                    }
-                }
-                write!(words, "; found {}", found.len())?;
-                for (index, device) in found.iter().enumerate() {
-                    write!(words, "{}{device}", before(index))?;
-                }
-                Ok(())
-            }
+            Self::NoDevice => slot.map_or(Ok(()), |slot| slot.explain_missing(words)),
+            Self::Silence | Self::Watchdog | Self::Panic => Ok(()),
+            Self::OtherDevices { expected, found } => explain_others(expected, found, slot, words),
             Self::TooManyDevices { expected } => {
                 write!(words, "the EtherCAT cable has more than {MAX_DEVICES} devices: expected {expected}")
             }
@@ -149,16 +150,17 @@ impl Problem {
                 let [found_outputs, found_inputs] = bytes;
                 write!(
                     words,
-                    "device {number}, {found}, has {found_outputs} bytes of outputs and {found_inputs} of inputs; \
-                     expected {outputs} and {inputs}"
+                    "device {}, {found}, has {found_outputs} bytes of outputs and {found_inputs} of inputs; \
+                     expected {outputs} and {inputs}",
+                    of_cable(*number)
                 )
             }
             Self::NotOperational { number, state, code } => {
-                write!(words, "device {number} does not come to OP: it is in {}", name(*state))?;
+                write!(words, "device {} does not come to OP: it is in {}", of_cable(*number), name(*state))?;
                 write_code(words, *code)
             }
             Self::LeftOperational { number, state, code } => {
-                write!(words, "device {number} left OP: it is in {}", name(*state))?;
+                write!(words, "device {} left OP: it is in {}", of_cable(*number), name(*state))?;
                 write_code(words, *code)
             }
             Self::OtherMainDevice { mac } => write!(
@@ -170,12 +172,47 @@ impl Problem {
             ),
             Self::Driven { number, station } => write!(
                 words,
-                "device {number} stays in OP, station address 0x{station:04X}: another MainDevice drives it; stop that one, or \
-                 restart the device"
+                "device {} stays in OP, station address 0x{station:04X}: another MainDevice drives it; stop that one, or \
+                 restart the device",
+                of_cable(*number)
+            ),
+            Self::Renumbered { driven_as } => write!(
+                words,
+                "place {} on the cable has device {driven_as}, which runs: restore the order of the devices",
+                of_cable(1)
             ),
             Self::Other(error) => write!(words, "the EtherCAT devices could not be brought up: {error}"),
         }
     }
+}
+
+/// Writes which devices were expected and which ones were found.
+fn explain_others(
+    expected: &[ExpectedDevice],
+    found: &[FoundDevice],
+    slot: Option<Slot>,
+    words: &mut dyn fmt::Write,
+) -> fmt::Result {
+    match slot {
+        Some(slot) => write!(words, "device {} is another one: expected", slot.number())?,
+        None => write!(words, "the EtherCAT cable has other devices: expected {}", expected.len())?,
+    }
+    let separator = |index| if slot.is_some() { " " } else { before(index) };
+    for (index, device) in expected.iter().enumerate() {
+        let ExpectedDevice { vendor, product, revision, .. } = device;
+        write!(words, "{}vendor 0x{vendor:08X}, product 0x{product:08X}", separator(index))?;
+        if let Some(revision) = revision {
+            write!(words, ", revision 0x{revision:08X}")?;
+        }
+    }
+    match slot {
+        Some(_) => words.write_str("; found")?,
+        None => write!(words, "; found {}", found.len())?,
+    }
+    for (index, device) in found.iter().enumerate() {
+        write!(words, "{}{device}", separator(index))?;
+    }
+    Ok(())
 }
 
 const fn before(index: usize) -> &'static str {

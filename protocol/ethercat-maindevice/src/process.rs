@@ -8,6 +8,7 @@ use machine::{Counters, Down, DownCause, Duration, Instant, LinkEvent};
 
 use crate::lend::Place;
 use crate::problem::Problem;
+use crate::slot::Slot;
 
 /// Largest number of events that wait for the owner, who takes them after each call.
 const EVENTS: usize = 4;
@@ -27,6 +28,8 @@ pub(crate) const PLACE: &Place<Process> = &PROCESS;
 /// Process data and connection.
 #[derive(Debug)]
 pub(crate) struct Process {
+    /// The place of the device among those of a MainDevice that drives each on its own.
+    slot: Option<Slot>,
     /// Data for the devices, in their order.
     pub(crate) outputs: Vec<u8>,
     /// Data of the devices, in their order.
@@ -47,6 +50,7 @@ impl Process {
     /// Creates a store without room: a thread has this one while no machine runs.
     const fn none() -> Self {
         Self {
+            slot: None,
             outputs: Vec::new(),
             inputs: Vec::new(),
             counters: Counters {
@@ -66,8 +70,9 @@ impl Process {
         }
     }
 
-    pub(crate) fn new(output_bytes: usize, input_bytes: usize) -> Self {
+    pub(crate) fn new(slot: Option<Slot>, output_bytes: usize, input_bytes: usize) -> Self {
         Self {
+            slot,
             outputs: vec![0; output_bytes],
             inputs: vec![0; input_bytes],
             events: VecDeque::with_capacity(EVENTS),
@@ -92,7 +97,7 @@ impl Process {
     /// Notes why there is no connection, or no longer one. Reports the reason unless it was the last one reported.
     pub(crate) fn fail(&mut self, now: Instant, problem: Problem) {
         let was_up = std::mem::take(&mut self.up);
-        let down = problem.down();
+        let down = problem.down(self.slot);
         if !was_up {
             let is_known = self.reported.as_ref() == Some(&problem);
             let is_more_of_it = problem.is_silence() && self.reported.is_some();
@@ -115,8 +120,12 @@ impl Process {
         self.events.pop_front()
     }
 
+    pub(crate) fn has_event(&self) -> bool {
+        !self.events.is_empty()
+    }
+
     pub(crate) fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.reported.as_ref().map_or(Ok(()), |problem| problem.explain(words))
+        self.reported.as_ref().map_or(Ok(()), |problem| problem.explain(self.slot, words))
     }
 
     fn push(&mut self, event: LinkEvent) {
@@ -135,7 +144,7 @@ mod tests {
     fn an_error_that_lasts_a_second_is_reported_once_also_after_another_reason_and_silence_is_not() {
         let other = || Problem::Other(Error::StateTransition);
         for (problem, expected) in [(Problem::Silence, vec![]), (other(), vec![DownCause::Refused])] {
-            let mut process = Process::new(0, 0);
+            let mut process = Process::new(None, 0, 0);
             process.good();
             process.fail(Instant::ZERO, Problem::Watchdog);
             process.events.clear();

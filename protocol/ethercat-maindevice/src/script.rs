@@ -103,6 +103,21 @@ impl<F: Future> Scripted<F> {
         self.frames.foreign.heard()
     }
 
+    /// Returns the next frame to send, which stays.
+    pub(crate) fn next_frame(&self) -> Option<&[u8]> {
+        self.frames.next()
+    }
+
+    /// Removes the next frame to send.
+    pub(crate) const fn drop_frame(&mut self) {
+        self.frames.drop_next();
+    }
+
+    /// Takes note of another MainDevice, for the next poll.
+    pub(crate) const fn hear_other(&mut self, now: Instant, mac: Mac) {
+        self.frames.foreign.found_by_others(now, mac);
+    }
+
     /// Ends the script where it is.
     pub(crate) fn cancel(&mut self) {
         (self.script, self.wake) = (None, None);

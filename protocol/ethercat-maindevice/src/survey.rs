@@ -12,6 +12,7 @@ use machine::{Duration, Instant};
 use crate::config::MAX_DEVICES;
 use crate::frames::FRAMES;
 use crate::problem::Problem;
+use crate::slot::Slot;
 use crate::time;
 
 /// Time to listen for another MainDevice. Those that exchange process data send every few milliseconds; those that bring
@@ -97,7 +98,16 @@ impl Quiet {
 }
 
 /// Fails if another MainDevice drives the devices.
-pub(crate) async fn survey(main: &MainDevice<'_>, quiet: &mut Quiet) -> Result<(), Problem> {
+pub(crate) async fn survey(
+    main: &MainDevice<'_>,
+    slot: Option<Slot>,
+    quiet: &mut Quiet,
+) -> Result<(), Problem> {
+    if let Some(slot) = slot
+        && let Some(problem) = taken_by_another_slot(main, slot).await
+    {
+        return Err(problem);
+    }
     // Broadcast: the states of all devices in one byte. If no frame comes back, bringing up reports that.
     let states = Command::brd(AL_STATUS).ignore_wkc().receive::<u8>(main).await.unwrap_or(0);
     let is_free = matches!(states & STATE, 0 | INIT);
@@ -107,7 +117,8 @@ pub(crate) async fn survey(main: &MainDevice<'_>, quiet: &mut Quiet) -> Result<(
     let since = time::now();
     // Of two that start together, the one with the shorter time is heard by the other.
     listen(since + quiet.longer(LISTEN)).await?;
-    for position in 0..MAX_DEVICES as u16 {
+    let devices = if slot.is_some() { 1 } else { MAX_DEVICES as u16 };
+    for position in 0..devices {
         match driven(main, position, since).await {
             Ok(None) => {}
             Ok(Some(problem)) => return Err(problem),
@@ -116,6 +127,13 @@ pub(crate) async fn survey(main: &MainDevice<'_>, quiet: &mut Quiet) -> Result<(
         }
     }
     Ok(())
+}
+
+/// Returns the problem if the device at the slot's place is driven as that of another slot: the devices changed places.
+async fn taken_by_another_slot(main: &MainDevice<'_>, slot: Slot) -> Option<Problem> {
+    let station = Command::aprd(0, STATION_ADDRESS).receive::<u16>(main).await.ok()?;
+    let driven_as = slot.other_with_station(station)?;
+    is_in_op(main, 0).await.ok()?.then_some(Problem::Renumbered { driven_as })
 }
 
 /// Listens until this instant, and after a suspicious frame longer.

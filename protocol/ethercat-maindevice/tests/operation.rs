@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
-use ethercat_maindevice::{Config, ExpectedDevice, MainDevice};
+use ethercat_maindevice::{Config, ExpectedDevice, GroupMainDevice};
 use ethercat_subdevice::description::{DataType, Description, Mailbox, Pdo, PdoEntry};
 use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Segment};
 use machine::ethernet::Mac;
@@ -73,7 +73,7 @@ impl Machine for Echo {
     }
 }
 
-type Cell = Pair<MainDevice, Echo>;
+type Cell = Pair<GroupMainDevice, Echo>;
 
 const EXPECTED: ExpectedDevice = ExpectedDevice {
     vendor: 0x0000_0F00,
@@ -97,7 +97,7 @@ fn cell_on(config: Config, devices: usize, seed: u64, cable: Impairment) -> Cell
         segment.add(&DeviceConfig::new(&DEVICE));
     }
     let pair = PairConfig { seed, clocks: [Clock::default(); 2], links: [cable; 2], addresses: [None; 2] };
-    Pair::new(MainDevice::new(config, Instant::ZERO), Echo(segment, Vec::new()), pair)
+    Pair::new(GroupMainDevice::new(config, Instant::ZERO), Echo(segment, Vec::new()), pair)
 }
 
 /// Returns the next event of the connection within this time, and when it came.
@@ -211,7 +211,7 @@ fn the_devices_have_the_watchdog_of_the_config() {
     let gone_at = cell.now();
     cell.command_a(|main, now| {
         // A MainDevice that has ended sends nothing.
-        *main = MainDevice::new(config(&[]), now + MS * 100_000);
+        *main = GroupMainDevice::new(config(&[]), now + MS * 100_000);
     });
     let fell_at = loop {
         match cell.next_event(cell.now() + MS * 1_000).unwrap() {
@@ -229,7 +229,7 @@ fn the_devices_have_the_watchdog_of_the_config() {
 #[test]
 fn on_request_the_devices_go_to_init_and_the_connection_ends() {
     let mut cell = running();
-    cell.command_a(MainDevice::disconnect);
+    cell.command_a(GroupMainDevice::disconnect);
     assert_eq!(cause(event(&mut cell, MS * 50)), Some(DownCause::ClosedHere));
     for id in [0, 1].map(DeviceId) {
         assert_eq!(cell.b().0.state(id).unwrap().0, AlState::Init);

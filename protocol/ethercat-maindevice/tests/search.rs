@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing, reason = "a test fails by a panic")]
 
-use ethercat_maindevice::{Config, ETHER_TYPE, ExpectedDevice, Found, Identity, MainDevice, search};
+use ethercat_maindevice::{Config, ETHER_TYPE, ExpectedDevice, Found, GroupMainDevice, Identity, search};
 use ethercat_subdevice::description::{DataType, Description, Pdo, PdoEntry};
 use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Segment};
 use machine::ethernet::Mac;
@@ -52,7 +52,7 @@ fn short_cable() -> Impairment {
 
 /// First the MainDevice, then a search from the same interface.
 enum Master {
-    Driving(Box<MainDevice>),
+    Driving(Box<GroupMainDevice>),
     Searching(Box<dyn Machine<Event = Found>>),
 }
 
@@ -203,7 +203,7 @@ fn a_search_leaves_devices_in_op_as_they_are_and_tells_their_addresses_and_error
     };
     let config =
         Config { mac: Mac([2, 0, 0, 0, 0, 1]), devices: vec![expected; 2], cycle: MS, watchdog: MS * 20 };
-    let main = Master::Driving(Box::new(MainDevice::new(config, Instant::ZERO)));
+    let main = Master::Driving(Box::new(GroupMainDevice::new(config, Instant::ZERO)));
     let mut cell = Pair::new(main, sensors(2), over(1, short_cable()));
     assert_eq!(run(&mut cell), None);
     cell.command_a(|master, now| *master = searching(now + MS));

@@ -3,7 +3,7 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by a panic")]
 
-use ethercat_maindevice::{Config, ETHER_TYPE, ExpectedDevice, MainDevice};
+use ethercat_maindevice::{Config, ETHER_TYPE, ExpectedDevice, GroupMainDevice};
 use ethercat_subdevice::description::{DataType, Description, Mailbox, Pdo, PdoEntry};
 use ethercat_subdevice::{AlState, DeviceConfig, DeviceId, Segment};
 use machine::ethernet::Mac;
@@ -43,7 +43,7 @@ static SENSOR: Description = Description { product_code: 8, outputs: &[], ..DEVI
 
 /// What is on the switch.
 enum Station {
-    Plc(Box<MainDevice>),
+    Plc(Box<GroupMainDevice>),
     Devices(Segment),
     /// Sends a frame every so often.
     Stranger {
@@ -52,9 +52,9 @@ enum Station {
         next: Option<Instant>,
     },
     /// A MainDevice whose cable is cut.
-    Away(Box<MainDevice>),
+    Away(Box<GroupMainDevice>),
     /// A MainDevice that hears nothing but replies to its own frames.
-    Deaf(Box<MainDevice>, Mac),
+    Deaf(Box<GroupMainDevice>, Mac),
     Empty,
 }
 
@@ -166,7 +166,7 @@ impl Cell {
     /// Starts a PLC on the interface with this address.
     fn start(&mut self, mac: Mac) -> NodeId {
         let config = Config { mac, devices: vec![expected(self.description)], cycle: MS, watchdog: MS * 20 };
-        let plc = MainDevice::new(config, self.network.now());
+        let plc = GroupMainDevice::new(config, self.network.now());
         self.network.add_station(
             SwitchId::FIRST,
             "plc",
@@ -213,7 +213,7 @@ impl Cell {
         self.told.iter().filter(|(id, ..)| *id == plc).map(|(.., words)| words.as_str()).collect()
     }
 
-    fn plc(&self, plc: NodeId) -> &MainDevice {
+    fn plc(&self, plc: NodeId) -> &GroupMainDevice {
         match self.network.machine(plc) {
             Some(Station::Plc(plc) | Station::Away(plc) | Station::Deaf(plc, _)) => plc,
             _ => panic!("it is a PLC"),

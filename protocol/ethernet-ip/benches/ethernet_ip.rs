@@ -1,4 +1,5 @@
-//! Encoding and decoding of EtherNet/IP: the class 1 frame of 256 bytes, and the request that opens a connection.
+//! Encoding and decoding of EtherNet/IP: the class 1 frame of 256 bytes, the request that opens a connection, and
+//! a cycle of a scanner with many adapters.
 
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a benchmark ends by panicking")]
 
@@ -9,12 +10,18 @@ use ethernet_ip::connection::{
 };
 use machine::wire::{LittleEndian, Writer};
 
+mod stations;
+
+#[path = "../tests/ethernet_ip/samples.rs"]
+mod samples;
+
 type Buffer = [u8; 512];
 
 const EMPTY: Buffer = [0; 512];
 
 fn main() {
     hot_path::main(|paths| {
+        stations::add(paths);
         paths.add("EtherNet/IP class 1 frame", "encode O→T", || EMPTY, encode);
         paths.add(
             "EtherNet/IP class 1 frame",

@@ -1,4 +1,5 @@
-//! PROFINET on the wire: the cyclic frame both ways it travels, and the request that opens a connection.
+//! PROFINET on the wire: the cyclic frame both ways it travels, and the request that opens a connection; and a cycle of a
+//! controller with many devices.
 
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a benchmark ends by panicking")]
 
@@ -9,6 +10,12 @@ use profinet::connect::ConnectRequest;
 use profinet::rpc::{Header, RequestArgs};
 use profinet::rt::{CyclicFrame, DataStatus};
 use profinet::tag;
+
+mod stations;
+
+#[expect(dead_code, reason = "the tests use the others")]
+#[path = "../tests/profinet/samples.rs"]
+mod samples;
 
 /// 256 bytes of data, their IOPS and those of the other modules.
 const C_SDU: [u8; 260] = [0x5A; 260];
@@ -25,6 +32,7 @@ const EMPTY: Buffer = [0; 512];
 
 fn main() {
     hot_path::main(|paths| {
+        stations::add(paths);
         paths.add("PROFINET cyclic frame", "encode, udp", || EMPTY, encode_udp);
         paths.add(
             "PROFINET cyclic frame",

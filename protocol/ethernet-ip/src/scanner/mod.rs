@@ -11,12 +11,12 @@
 mod config;
 mod conflict;
 mod connection;
+mod roster;
 
 pub use config::{ConnectionConfig, ScannerConfig};
 pub use connection::{Connection, Owner, Refusal, RequestedConnection};
 
 use alloc::collections::VecDeque;
-use alloc::vec::Vec;
 use core::net::Ipv4Addr;
 
 use machine::arp::ArpPacket;
@@ -28,6 +28,7 @@ use machine::{
 
 use self::conflict::{Asker, Conflict};
 use self::connection::Numbers;
+use self::roster::Roster;
 use super::class1::Frame;
 use super::connection::{Priority, Triad};
 use super::objects::Qos;
@@ -46,7 +47,7 @@ pub struct TooManyConnections;
 /// An EtherNet/IP scanner.
 #[derive(Debug)]
 pub struct Scanner {
-    connections: Vec<Option<Connection>>,
+    connections: Roster,
     numbers: Numbers,
     /// TCP connections to close.
     to_close: VecDeque<StreamId>,
@@ -66,7 +67,7 @@ impl Scanner {
             originator_serial: config.serial_number,
         };
         Self {
-            connections: Vec::new(),
+            connections: Roster::default(),
             numbers: Numbers { triad, t_o_id: config.first_id },
             to_close: VecDeque::with_capacity(8),
             counters: Counters::default(),
@@ -91,7 +92,7 @@ impl Scanner {
     /// Detects no address conflicts, as a scanner without raw Ethernet. Call it before the scanner runs.
     pub fn stop_conflict_detection(&mut self) {
         self.own = None;
-        self.connections.iter_mut().flatten().for_each(Connection::stop_conflict_detection);
+        self.connections.serve_all(Connection::stop_conflict_detection);
     }
 
     /// Adds a connection that begins to connect at `start`.
@@ -100,38 +101,33 @@ impl Scanner {
         config: ConnectionConfig,
         start: Instant,
     ) -> Result<ConnectionId, TooManyConnections> {
-        let free = self.connections.iter().position(Option::is_none).unwrap_or(self.connections.len());
-        let number = u16::try_from(free).map_err(|_| TooManyConnections)?;
-        let connection =
-            Connection::new(config, Attempt(number), self.numbers, start, self.own.as_ref().map(|own| own.1));
-        match self.connections.get_mut(free) {
-            Some(place) => *place = Some(connection),
-            None => self.connections.push(Some(connection)),
-        }
+        let number = self.connections.next_number()?;
+        let own = self.own.as_ref().map(|own| own.1);
+        let connection = Connection::new(config, Attempt(number), self.numbers, start, own);
+        self.connections.add(number, connection);
         Ok(ConnectionId(number))
     }
 
     /// Returns a connection; `None` once it was removed.
     #[must_use]
     pub fn connection(&self, id: ConnectionId) -> Option<&Connection> {
-        self.connections.get(usize::from(id.0))?.as_ref()
+        self.connections.get(id.0)
     }
 
     /// Returns a connection, for commands; none once it was removed. Poll the scanner afterwards.
     pub fn connection_mut(&mut self, id: ConnectionId) -> Option<&mut Connection> {
-        self.connections.get_mut(usize::from(id.0))?.as_mut()
+        self.connections.get_mut(id.0)
     }
 
     /// Returns every connection that was not removed.
     pub fn connections(&self) -> impl Iterator<Item = (ConnectionId, &Connection)> {
-        let numbered = self.connections.iter().zip(0..);
-        numbered.filter_map(|(connection, number)| Some((ConnectionId(number), connection.as_ref()?)))
+        self.connections.iter().map(|(number, connection)| (ConnectionId(number), connection))
     }
 
     /// Removes a connection at once. An adapter that is still connected notices this by its watchdog:
     /// [`Connection::disconnect`] first, and wait for [`LinkEvent::Down`].
     pub fn remove(&mut self, id: ConnectionId) -> Option<Connection> {
-        let removed = self.connections.get_mut(usize::from(id.0))?.take()?;
+        let removed = self.connections.remove(id.0)?;
         self.to_close.extend(removed.stream());
         Some(removed)
     }
@@ -151,15 +147,8 @@ impl Scanner {
             self.counters.foreign += 1;
             return;
         };
-        // Several connections to one adapter may take part in one multicast: they have one connection number.
-        let mut is_known = false;
-        for connection in self.connections.iter_mut().flatten() {
-            if connection.consumes(peer, frame.connection) {
-                connection.handle_io(now, &frame);
-                is_known = true;
-            }
-        }
-        if !is_known {
+        let handle = |connection: &mut Connection| connection.handle_io(now, &frame);
+        if !self.connections.serve_frames(peer, frame.connection, handle) {
             self.counters.foreign += 1;
         }
     }
@@ -171,29 +160,25 @@ impl Scanner {
         };
         let change = self.own.as_mut().and_then(|(own, _)| own.handle(now, &packet));
         self.follow(now, change);
-        self.connections.iter_mut().flatten().for_each(|connection| connection.handle_arp(now, &packet));
+        self.connections
+            .serve_target(packet.sender_address, |connection| connection.handle_arp(now, &packet));
     }
 
     /// Follows what became of the own address. Nothing connects from an address that another station has.
     fn follow(&mut self, now: Instant, change: Option<Change>) {
         let Some((own, _)) = &self.own else { return };
-        let mut connections = self.connections.iter_mut().flatten();
         match change {
             Some(Change::Taken(other)) => {
                 let conflict = Conflict::Own { mac: own.mac, other };
-                connections.for_each(|connection| connection.refuse(now, conflict));
+                self.connections.serve_all(|connection| connection.refuse(now, conflict));
             }
             Some(Change::Conflict(other)) => {
-                if let Some(connection) = connections.next() {
-                    connection.report(other);
+                if let Some(first) = self.connections.first() {
+                    self.connections.serve(first, |connection| connection.report(other));
                 }
             }
             Some(Change::Free) | None => {}
         }
-    }
-
-    fn attempt(&mut self, Attempt(number): Attempt) -> Option<&mut Connection> {
-        self.connection_mut(ConnectionId(number))
     }
 }
 
@@ -205,38 +190,38 @@ impl Machine for Scanner {
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.connections.settle();
         match from.port {
             Port::Ethernet => self.handle_arp(now, frame),
             Port::Udp(IO_PORT) => self.handle_io(now, from.peer.map(|peer| *peer.ip()), frame),
             Port::Stream(stream) => {
-                let mut connections = self.connections.iter_mut().flatten();
-                match connections.find(|connection| connection.has(stream)) {
-                    Some(connection) => connection.handle_bytes(now, frame, &mut self.numbers),
-                    None => self.counters.foreign += 1,
-                }
+                let Some(number) = self.connections.with_stream(stream) else {
+                    self.counters.foreign += 1;
+                    return;
+                };
+                let numbers = &mut self.numbers;
+                self.connections.serve(number, |connection| connection.handle_bytes(now, frame, numbers));
             }
             _ => self.counters.foreign += 1,
         }
     }
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        self.connections.settle();
         match change {
-            StreamChange::Connected(attempt) => {
-                let connection = self.attempt(attempt);
-                if !connection.is_some_and(|connection| connection.handle_connected(now, stream)) {
+            StreamChange::Connected(Attempt(number)) => {
+                let handle = |connection: &mut Connection| connection.handle_connected(now, stream);
+                if self.connections.serve(number, handle) != Some(true) {
                     self.to_close.push_back(stream);
                 }
             }
-            StreamChange::NotConnected(attempt) => {
-                if let Some(connection) = self.attempt(attempt) {
-                    connection.handle_not_connected(now);
-                }
+            StreamChange::NotConnected(Attempt(number)) => {
+                self.connections.serve(number, |connection| connection.handle_not_connected(now));
             }
             StreamChange::Accepted(_) => self.to_close.push_back(stream),
             StreamChange::Closed => {
-                let mut connections = self.connections.iter_mut().flatten();
-                if let Some(connection) = connections.find(|connection| connection.has(stream)) {
-                    connection.handle_closed(now);
+                if let Some(number) = self.connections.with_stream(stream) {
+                    self.connections.serve(number, |connection| connection.handle_closed(now));
                 }
             }
         }
@@ -246,7 +231,8 @@ impl Machine for Scanner {
         if let Some(stream) = self.to_close.pop_front() {
             return Some(StreamRequest::Close(stream));
         }
-        self.connections.iter_mut().flatten().find_map(Connection::poll_stream)
+        self.connections.settle();
+        self.connections.poll_stream()
     }
 
     /// Returns the DSCP that a device's QoS object has by default; a scanner has no such object.
@@ -258,49 +244,51 @@ impl Machine for Scanner {
     }
 
     fn group(&self, port: Port, index: usize) -> Option<Ipv4Addr> {
-        let mut groups = self.connections.iter().flatten().filter_map(Connection::group);
-        groups.nth(index).filter(|_| port == Port::Udp(IO_PORT))
+        self.connections.group(index).filter(|_| port == Port::Udp(IO_PORT))
     }
 
     /// Returns the station that had the adapter's address when the connection was made.
     fn neighbour(&self, address: Ipv4Addr) -> Option<Mac> {
-        self.connections.iter().flatten().find_map(|connection| connection.neighbour(address))
+        self.connections.with_target(address).find_map(|(_, connection)| connection.neighbour(address))
     }
 
     fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
-        let mut connections = self.connections.iter_mut().flatten();
-        if let Some(connection) = connections.find(|connection| connection.neighbour(address).is_some()) {
-            connection.handle_wrong_neighbour(now, address, found);
+        self.connections.settle();
+        let its = self.connections.with_target(address);
+        let its = its.filter(|(_, connection)| connection.neighbour(address).is_some());
+        let first = its.map(|(number, _)| number).next();
+        if let Some(number) = first {
+            let handle = |connection: &mut Connection| connection.handle_wrong_neighbour(now, address, found);
+            self.connections.serve(number, handle);
         }
     }
 
     fn handle_timeout(&mut self, now: Instant) {
         let change = self.own.as_mut().and_then(|(own, _)| own.handle_timeout(now));
         self.follow(now, change);
-        self.connections.iter_mut().flatten().for_each(|connection| connection.handle_timeout(now));
+        self.connections.settle();
+        self.connections.handle_timeout(now);
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        let mut connections = self.connections.iter_mut().flatten();
+        self.connections.settle();
         // The cyclic frames of all connections go before all other frames.
-        if let Some(cyclic) = connections.find_map(|connection| connection.poll_io(now, buf)) {
+        if let Some(cyclic) = self.connections.poll_cyclic(now, buf) {
             return Some(cyclic);
         }
         if let Some(len) = self.own.as_mut().and_then(|(own, _)| own.poll_frame(now, buf)) {
             return Some(Transmit { port: Port::Ethernet, to: None, len });
         }
-        self.connections.iter_mut().flatten().find_map(|connection| connection.poll_message(now, buf))
+        self.connections.poll_message(now, buf)
     }
 
     fn poll_event(&mut self) -> Option<Self::Event> {
-        let mut numbered = self.connections.iter_mut().zip(0..);
-        numbered
-            .find_map(|(connection, number)| Some((ConnectionId(number), connection.as_mut()?.poll_event()?)))
+        self.connections.settle();
+        self.connections.poll_event().map(|(number, event)| (ConnectionId(number), event))
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        let timeouts = self.connections.iter().flatten().map(Connection::poll_timeout);
         let claim = self.own.as_ref().and_then(|(own, _)| own.poll_timeout());
-        timeouts.fold(claim, Instant::earlier)
+        Instant::earlier(claim, self.connections.poll_timeout())
     }
 }

@@ -141,6 +141,29 @@ pub enum ConfigError {
         /// Its length in bytes.
         len: usize,
     },
+    /// Another AR has the station name.
+    #[error("two devices have the station name {0:?}: give one of them another name")]
+    SameName(String),
+    /// Another AR has the address.
+    #[error(
+        "the devices {other:?} and {name:?} have the address {address}: give one of them another address"
+    )]
+    SameAddress {
+        /// The address.
+        address: Ipv4Addr,
+        /// Name of the device that was to be added.
+        name: String,
+        /// Name of the device that has the address.
+        other: String,
+    },
+    /// The device has the address of the controller.
+    #[error("the device {name:?} has the controller's address {address}: give one of them another address")]
+    OwnAddress {
+        /// The address.
+        address: Ipv4Addr,
+        /// Name of the device.
+        name: String,
+    },
     /// The controller has no number left for another AR.
     #[error("a controller has {0} ARs at most: remove one first")]
     TooManyArs(usize),

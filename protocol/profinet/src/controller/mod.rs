@@ -2,26 +2,24 @@
 //!
 //! ```text
 //! Ethernet 0x8892 ─┬─ DCP requests ──────────── station
-//!                  ├─ DCP answers ───────────── each AR, until one of them accepts it
-//!                  └─ cyclic data, alarms ───── the ARs with the sender's MAC address     (RT_CLASS_1)
+//!                  ├─ DCP answers, Hello ────── the AR with that transaction, or with that name
+//!                  └─ cyclic data, alarms ───── the AR with the sender's MAC address      (RT_CLASS_1)
 //! Ethernet 0x88CC ─── LLDP ─────────────────── station
-//! Ethernet 0x0806 ─── ARP ──────────────────── each AR, the claim to the own address
-//! UDP 34962 ───────── cyclic data, alarms ───── the ARs with the sender's IP address      (RT_CLASS_UDP)
+//! Ethernet 0x0806 ─── ARP ──────────────────── the AR with the sender's IP address, the claim to the own address
+//! UDP 34962 ───────── cyclic data, alarms ───── the AR with the sender's IP address       (RT_CLASS_UDP)
 //! UDP 34964 ───────┬─ calls ─────────────────── responder: ApplicationReady of an AR, endpoint mapper
-//!                  └─ answers to calls ──────── the ARs with the sender's IP address
+//!                  └─ answers to calls ──────── the AR with the sender's IP address
 //! ```
 
 mod ar;
 mod config;
 mod responder;
+mod roster;
 
 pub use ar::Ar;
 pub use config::{ArConfig, ConfigError, ControllerConfig, Parameter};
 
-use alloc::vec::Vec;
-use core::iter::Flatten;
 use core::net::{Ipv4Addr, SocketAddrV4};
-use core::slice::IterMut;
 
 use machine::arp::{self, AddressClaim, ArpPacket, ClaimEvent};
 use machine::ethernet::{EthernetHeader, Mac};
@@ -37,6 +35,7 @@ use super::rt::{Transport, UDP_PORT};
 use super::station::{self, Station};
 use super::{ETHER_TYPE, PORTS, RPC_PORT};
 use responder::{RequestOutcome, Responder};
+use roster::Roster;
 
 /// Largest number of ARs: each needs two FrameIDs of its own, and RT_CLASS_1 has 15,360.
 const MOST_ARS: usize = 4096;
@@ -54,7 +53,7 @@ pub struct Controller {
     responder: Responder,
     /// The claim to its own IP address, from the first AR on.
     claim: AddressClaim,
-    ars: Vec<Option<Ar>>,
+    ars: Roster,
     /// Frames that belong to no AR.
     counters: Counters,
     /// Whether the station or the responder may have frames to send.
@@ -71,49 +70,48 @@ impl Controller {
             requests: Requests::new(),
             responder: Responder::new(),
             claim: AddressClaim::new(config.mac),
-            ars: Vec::new(),
+            ars: Roster::default(),
             counters: Counters::default(),
             has_answers: false,
             config,
         })
     }
 
-    /// Adds an AR that starts to search for its device at `start`.
+    /// Adds an AR that starts to search for its device at `start`. No two ARs have one station name or one address.
     pub fn connect(&mut self, config: ArConfig, start: Instant) -> Result<ArId, ConfigError> {
-        let free = self.ars.iter().position(Option::is_none).unwrap_or(self.ars.len());
-        let number = u16::try_from(free).ok().filter(|_| free < MOST_ARS);
-        let number = number.ok_or(ConfigError::TooManyArs(MOST_ARS))?;
+        let number = self.ars.next_number()?;
+        if config.address == self.config.address {
+            return Err(ConfigError::OwnAddress { address: config.address, name: config.station_name });
+        }
+        self.ars.check(&config.station_name, config.address)?;
         let ar = Ar::new(&self.config, config, number, start)?;
         if self.claim.address().is_none() {
             self.claim.claim(start, self.config.address);
         }
-        match self.ars.get_mut(free) {
-            Some(place) => *place = Some(ar),
-            None => self.ars.push(Some(ar)),
-        }
+        self.ars.add(number, ar);
         Ok(ArId(number))
     }
 
     /// Returns an AR; `None` once it was removed.
     #[must_use]
     pub fn ar(&self, ar: ArId) -> Option<&Ar> {
-        self.ars.get(usize::from(ar.0))?.as_ref()
+        self.ars.get(ar.0)
     }
 
     /// Returns an AR, for commands; `None` once it was removed. Poll the controller afterwards.
     pub fn ar_mut(&mut self, ar: ArId) -> Option<&mut Ar> {
-        self.ars.get_mut(usize::from(ar.0))?.as_mut()
+        self.ars.get_mut(ar.0)
     }
 
     /// Returns every AR that was not removed.
     pub fn ars(&self) -> impl Iterator<Item = (ArId, &Ar)> {
-        self.ars.iter().zip(0..).filter_map(|(ar, number)| Some((ArId(number), ar.as_ref()?)))
+        self.ars.iter().map(|(number, ar)| (ArId(number), ar))
     }
 
     /// Removes an AR at once. A device that is still connected notices this by its watchdog: [`Ar::disconnect`] first, and
     /// wait for [`LinkEvent::Down`].
     pub fn remove(&mut self, ar: ArId) -> Option<Ar> {
-        self.ars.get_mut(usize::from(ar.0))?.take()
+        self.ars.remove(ar.0)
     }
 
     /// Returns the numbers of frames that belong to no AR, since the start.
@@ -126,10 +124,6 @@ impl Controller {
     #[must_use]
     pub fn neighbour(&self) -> Option<&Neighbour> {
         self.station.neighbour()
-    }
-
-    fn all(&mut self) -> Flatten<IterMut<'_, Option<Ar>>> {
-        self.ars.iter_mut().flatten()
     }
 
     fn handle_ethernet(&mut self, now: Instant, frame: &[u8]) {
@@ -154,9 +148,7 @@ impl Controller {
         if dcp::FRAME_IDS.contains(&frame_id) {
             return self.handle_dcp(now, &header, payload);
         }
-        let mut ars =
-            self.all().filter(|ar| ar.transport() == Transport::Rt1 && ar.device() == Some(header.source));
-        if !ars.any(|ar| ar.handle_rt(now, frame_id, payload)) {
+        if !self.ars.serve_rt(header.source, frame_id, |ar| ar.handle_rt(now, frame_id, payload)) {
             self.counters.foreign += 1;
         }
     }
@@ -170,9 +162,14 @@ impl Controller {
         self.claim.handle(now, &packet);
         self.has_answers = true;
         if let Some(ClaimEvent::Conflict(conflict)) = self.claim.poll_event() {
-            self.all().for_each(|ar| ar.own_address_taken(now, conflict));
+            self.ars.serve_all(|ar| ar.own_address_taken(now, conflict));
         }
-        self.all().for_each(|ar| ar.handle_arp(now, &packet));
+        if packet.sender_address == self.config.address {
+            // Another station uses the controller's own address, which concerns every AR.
+            self.ars.serve_all(|ar| ar.handle_arp(now, &packet));
+        } else if let Some(ar) = self.ars.with_address(packet.sender_address) {
+            self.ars.serve(ar, |ar| ar.handle_arp(now, &packet));
+        }
     }
 
     fn handle_dcp(&mut self, now: Instant, header: &EthernetHeader, payload: &[u8]) {
@@ -186,48 +183,49 @@ impl Controller {
                 }
             }
             Ok(pdu) => {
-                if !self.all().any(|ar| ar.handle_dcp(now, header.source, &pdu)) {
-                    self.counters.foreign += 1;
-                }
+                let ar = self.ars.with_dcp(&pdu);
+                let is_its =
+                    ar.and_then(|ar| self.ars.serve(ar, |ar| ar.handle_dcp(now, header.source, &pdu)));
+                self.counters.foreign += u64::from(is_its != Some(true));
             }
             Err(_) => self.counters.malformed += 1,
         }
     }
 
     fn handle_rt_datagram(&mut self, now: Instant, from: SocketAddrV4, payload: &[u8]) {
-        let mut ars = self
-            .ars
-            .iter_mut()
-            .flatten()
-            .filter(|ar| ar.transport() == Transport::Udp && ar.address() == *from.ip())
-            .peekable();
-        match payload.first_chunk().copied().map(u16::from_be_bytes) {
-            None if ars.peek().is_some() => self.counters.malformed += 1,
-            Some(frame_id) if ars.any(|ar| ar.handle_rt(now, frame_id, payload)) => {}
-            _ => self.counters.foreign += 1,
+        let its = self.ars.with_address(*from.ip());
+        let its = its.filter(|ar| self.ars.get(*ar).is_some_and(|ar| ar.transport() == Transport::Udp));
+        let Some(ar) = its else {
+            self.counters.foreign += 1;
+            return;
+        };
+        let Some(frame_id) = payload.first_chunk().copied().map(u16::from_be_bytes) else {
+            self.counters.malformed += 1;
+            return;
+        };
+        if self.ars.serve(ar, |ar| ar.handle_rt(now, frame_id, payload)) != Some(true) {
+            self.counters.foreign += 1;
         }
     }
 
     fn handle_rpc(&mut self, now: Instant, from: SocketAddrV4, datagram: &[u8]) {
-        let is_its = |ar: &&Ar| ar.address() == *from.ip();
-        let is_known = self.ars.iter().flatten().any(|ar| is_its(&ar));
+        let its = self.ars.with_address(*from.ip());
         let Ok((header, body)) = Header::parse(datagram) else {
-            let counter = if is_known { &mut self.counters.malformed } else { &mut self.counters.foreign };
+            let counter =
+                if its.is_some() { &mut self.counters.malformed } else { &mut self.counters.foreign };
             *counter += 1;
             return;
         };
         let is_call = matches!(header.kind, Kind::Request | Kind::Ping);
         // Engineering systems and diagnostic tools ask the endpoint mapper, too.
         let is_lookup = is_call && header.interface == ENDPOINT_MAPPER_INTERFACE;
-        if !is_known && !is_lookup {
+        if its.is_none() && !is_lookup {
             self.counters.foreign += 1;
             return;
         }
         if !is_call {
-            let mut ars = self.ars.iter_mut().flatten().filter(|ar| ar.address() == *from.ip());
-            if !ars.any(|ar| ar.handle_answer(now, &header, body)) {
-                self.counters.foreign += 1;
-            }
+            let is_its = its.and_then(|ar| self.ars.serve(ar, |ar| ar.handle_answer(now, &header, body)));
+            self.counters.foreign += u64::from(is_its != Some(true));
             return;
         }
         self.has_answers = true;
@@ -242,21 +240,13 @@ impl Controller {
                 return;
             }
         };
-        let ars = &self.ars;
-        let session = |uuid| {
-            let expecting = ars.iter().flatten().filter(is_its).filter_map(Ar::expects_call);
-            expecting.into_iter().find_map(|(ar, session)| (ar == uuid).then_some(session))
-        };
+        let expected = its.and_then(|ar| self.ars.get(ar)?.expects_call());
+        let session = |uuid| expected.and_then(|(ar, session)| (ar == uuid).then_some(session));
         let endpoint = Endpoint::of(CONTROLLER_INTERFACE, &self.config.description, self.config.address);
         match self.responder.handle(from, &header, body, &endpoint, session) {
-            RequestOutcome::Ready(uuid) => {
-                let is_it = |ar: &&mut Ar| ar.expects_call().is_some_and(|(ar, _)| ar == uuid);
-                if let Some(ar) = self.ars.iter_mut().flatten().find(is_it) {
-                    ar.application_ready(
-                        now,
-                        RequestArgs::parse(&header, body).map_or(&[], |args| args.blocks),
-                    );
-                }
+            RequestOutcome::Ready(_) => {
+                let blocks = RequestArgs::parse(&header, body).map_or(&[][..], |args| args.blocks);
+                its.and_then(|ar| self.ars.serve(ar, |ar| ar.application_ready(now, blocks)));
             }
             RequestOutcome::Answered => {}
             RequestOutcome::Foreign => self.counters.foreign += 1,
@@ -282,6 +272,7 @@ impl Machine for Controller {
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.ars.settle();
         match (from.port, from.peer) {
             (Port::Ethernet, _) => self.handle_ethernet(now, frame),
             (Port::Udp(RPC_PORT), Some(peer)) => self.handle_rpc(now, peer, frame),
@@ -291,29 +282,30 @@ impl Machine for Controller {
     }
 
     fn neighbour(&self, address: Ipv4Addr) -> Option<Mac> {
-        self.ars.iter().flatten().find_map(|ar| ar.neighbour(address))
+        self.ars.get(self.ars.with_address(address)?)?.neighbour(address)
     }
 
     fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
-        self.all().filter(|ar| ar.address() == address).for_each(|ar| ar.wrong_neighbour(now, found));
+        self.ars.settle();
+        if let Some(ar) = self.ars.with_address(address) {
+            self.ars.serve(ar, |ar| ar.wrong_neighbour(now, found));
+        }
     }
 
     fn handle_timeout(&mut self, now: Instant) {
+        self.ars.settle();
         self.has_answers |= self.station.poll_timeout() <= now;
         self.station.handle_timeout(now);
         if self.claim.poll_timeout().is_some_and(|due| due <= now) {
             self.claim.handle_timeout(now);
             self.has_answers = true;
         }
-        self.all().for_each(|ar| ar.handle_timeout(now));
+        self.ars.handle_timeout(now);
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        // The cyclic frames of all ARs go before all other frames.
-        if let Some(transmit) = self.all().find_map(|ar| ar.poll_cyclic(buf)) {
-            return Some(transmit);
-        }
-        if let Some(transmit) = self.all().find_map(|ar| ar.poll_acyclic(now, buf)) {
+        self.ars.settle();
+        if let Some(transmit) = self.ars.poll_transmit(now, buf) {
             return Some(transmit);
         }
         let transmit = if self.has_answers { self.poll_answer(now, buf) } else { None };
@@ -322,12 +314,12 @@ impl Machine for Controller {
     }
 
     fn poll_event(&mut self) -> Option<Self::Event> {
-        self.ars.iter_mut().zip(0..).find_map(|(ar, number)| Some((ArId(number), ar.as_mut()?.poll_event()?)))
+        self.ars.settle();
+        self.ars.poll_event().map(|(number, event)| (ArId(number), event))
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        let ars = self.ars.iter().flatten().map(Ar::poll_timeout);
         let own = Instant::earlier(Some(self.station.poll_timeout()), self.claim.poll_timeout());
-        ars.fold(own, Instant::earlier)
+        Instant::earlier(own, self.ars.poll_timeout())
     }
 }

@@ -97,6 +97,12 @@ impl CyclicSender {
         self.cycle.next()
     }
 
+    /// Returns whether a frame is due.
+    #[must_use]
+    pub const fn is_due(&self) -> bool {
+        self.due.is_some()
+    }
+
     /// Handles a timeout. A frame that is due now is sent by the next [`poll_transmit`](Self::poll_transmit).
     pub fn handle_timeout(&mut self, now: Instant) {
         if let Some(tick) = self.cycle.tick(now) {

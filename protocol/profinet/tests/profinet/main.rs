@@ -13,6 +13,8 @@ mod captured;
 mod controller;
 mod device;
 mod loss;
+mod many_devices;
+mod network;
 mod one_way;
 mod pair;
 mod records;

@@ -261,9 +261,14 @@ impl Connection {
         }
     }
 
-    /// Returns whether cyclic frames with this connection number from this station are for this connection.
-    pub(super) fn consumes(&self, peer: Ipv4Addr, id: u32) -> bool {
-        self.config.target == peer && self.io.as_ref().is_some_and(|io| io.t_o_id() == id)
+    /// Returns the adapter's address.
+    pub(super) const fn target(&self) -> Ipv4Addr {
+        self.config.target
+    }
+
+    /// Returns the sender and the connection number of the cyclic frames that are for this connection, while it is open.
+    pub(super) fn consumed(&self) -> Option<(Ipv4Addr, u32)> {
+        self.io.as_ref().map(|io| (self.config.target, io.t_o_id()))
     }
 
     /// Handles a cyclic frame.
@@ -277,11 +282,6 @@ impl Connection {
     /// Returns its TCP connection, while it has one.
     pub(super) const fn stream(&self) -> Option<StreamId> {
         self.stream
-    }
-
-    /// Returns whether this is its TCP connection.
-    pub(super) fn has(&self, stream: StreamId) -> bool {
-        self.stream == Some(stream)
     }
 
     /// Handles bytes of its TCP connection.
@@ -388,6 +388,22 @@ impl Connection {
             }
         }
         None
+    }
+
+    /// Returns whether [`poll_message`](Self::poll_message) may have something to send.
+    pub(super) fn has_message(&self) -> bool {
+        let asks = self.target.as_ref().is_some_and(|target| target.holders.poll_timeout().is_some());
+        asks || !self.to_send.is_empty()
+    }
+
+    /// Returns whether it wants to make or to close a TCP connection.
+    pub(super) fn has_stream_request(&self) -> bool {
+        self.connect || !self.to_close.is_empty()
+    }
+
+    /// Returns whether an event is waiting.
+    pub(super) fn has_event(&self) -> bool {
+        !self.events.is_empty()
     }
 
     pub(super) fn poll_event(&mut self) -> Option<LinkEvent> {

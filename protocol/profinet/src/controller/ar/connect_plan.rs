@@ -189,6 +189,11 @@ fn expected(description: &Description) -> Vec<ExpectedModule> {
     description.modules.iter().map(module).collect()
 }
 
+/// Returns the number of the AR of RT_CLASS_1 to which a FrameID belongs, if any: two for each AR, in either numbering.
+pub(super) const fn number_of(frame_id: u16) -> u16 {
+    (frame_id & !(FIRST_FRAME_ID | FIRST_FRAME_ID_LEGACY)) / 2
+}
+
 fn iocr(config: &ArConfig, number: u16, time: CycleTime, iocr_type: IocrType, direction: &Direction) -> Iocr {
     let (rt_class, lowest) = match config.transport {
         Transport::Rt1 => (RtClass::Class1, FIRST_FRAME_ID),

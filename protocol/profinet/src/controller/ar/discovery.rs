@@ -120,6 +120,11 @@ impl Discovery {
         self.identify(now);
     }
 
+    /// Returns the transaction of the search.
+    pub(super) const fn xid(&self) -> u32 {
+        self.xid
+    }
+
     fn identify(&mut self, now: Instant) {
         self.step = Step::Identify { until: now + REPEAT_AFTER };
         self.send = true;

@@ -259,9 +259,25 @@ impl Ar {
         self.config.transport
     }
 
-    /// Returns the device's MAC address, while there is a connection.
-    pub(super) fn device(&self) -> Option<Mac> {
-        self.link.as_ref().map(|link| link.device)
+    /// Returns the device's station name.
+    pub(super) fn station_name(&self) -> &str {
+        &self.config.station_name
+    }
+
+    /// Returns the device's MAC address, while it is connected by RT_CLASS_1.
+    pub(super) fn rt1_device(&self) -> Option<Mac> {
+        let link = self.link.as_ref().filter(|_| self.config.transport == Transport::Rt1)?;
+        Some(link.device)
+    }
+
+    /// Returns the number of the AR to whose cyclic data a FrameID belongs, if any.
+    pub(super) const fn number_of(frame_id: u16) -> u16 {
+        connect_plan::number_of(frame_id)
+    }
+
+    /// Returns the transaction of the search for the device.
+    pub(super) const fn xid(&self) -> u32 {
+        self.discovery.xid()
     }
 
     /// Handles a cyclic frame or an alarm, from the FrameID on. Returns whether it belongs to this AR.
@@ -390,6 +406,21 @@ impl Ar {
     /// Writes the cyclic frame that is due, if one is.
     pub(super) fn poll_cyclic(&mut self, buf: &mut [u8]) -> Option<Transmit> {
         self.link.as_mut()?.sender.poll_transmit(buf)
+    }
+
+    /// Returns whether a cyclic frame is due.
+    pub(super) fn has_cyclic(&self) -> bool {
+        self.link.as_ref().is_some_and(|link| link.sender.is_due())
+    }
+
+    /// Returns whether another frame may be waiting.
+    pub(super) const fn has_acyclic(&self) -> bool {
+        matches!(self.acyclic, Acyclic::Active)
+    }
+
+    /// Returns whether an event is waiting.
+    pub(super) fn has_event(&self) -> bool {
+        !self.events.is_empty()
     }
 
     pub(super) fn poll_event(&mut self) -> Option<LinkEvent> {

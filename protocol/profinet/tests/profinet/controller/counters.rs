@@ -226,12 +226,48 @@ fn lost_late_and_skipped_frames_are_counted_across_connections() {
 
 #[test]
 fn a_controller_has_4096_ars_at_most_and_a_removed_one_makes_room() {
-    let mut controller = controller();
-    let connect = |controller: &mut Controller| controller.connect(ar(Transport::Rt1), Instant::ZERO);
-    let ids: Vec<ArId> = (0..4096).map(|_| connect(&mut controller).unwrap()).collect();
-    let refused = connect(&mut controller).unwrap_err();
+    let mask = Ipv4Addr::new(255, 255, 0, 0);
+    let mut controller = Controller::new(ControllerConfig { mask, ..controller_config() }).unwrap();
+    let connect = |controller: &mut Controller, device: u16| {
+        let [high, low] = device.to_be_bytes();
+        let [a, b, ..] = DEVICE_ADDRESS.octets();
+        let config = ArConfig {
+            station_name: format!("device-{device}"),
+            address: Ipv4Addr::new(a, b, high + 100, low),
+            ..ar(Transport::Rt1)
+        };
+        controller.connect(config, Instant::ZERO)
+    };
+    let ids: Vec<ArId> = (0..4096).map(|device| connect(&mut controller, device).unwrap()).collect();
+    let refused = connect(&mut controller, 5_000).unwrap_err();
     assert_eq!(refused.to_string(), "a controller has 4096 ARs at most: remove one first");
     assert!(controller.remove(ids[7]).is_some());
-    assert_eq!(connect(&mut controller), Ok(ids[7]));
-    assert!(connect(&mut controller).is_err());
+    assert_eq!(connect(&mut controller, 5_000), Ok(ids[7]));
+    assert!(connect(&mut controller, 5_001).is_err());
+}
+
+#[test]
+fn two_devices_with_one_name_or_one_address_are_refused_and_named() {
+    let mut controller = controller();
+    let first = ar(Transport::Rt1);
+    let id = controller.connect(first.clone(), Instant::ZERO).unwrap();
+    let mut refusal = |config: ArConfig| controller.connect(config, Instant::ZERO).unwrap_err().to_string();
+    assert_eq!(
+        refusal(first.clone()),
+        "two devices have the station name \"device\": give one of them another name"
+    );
+    assert_eq!(
+        refusal(ArConfig { station_name: "other".into(), ..first.clone() }),
+        format!(
+            "the devices \"device\" and \"other\" have the address {DEVICE_ADDRESS}: give one of them another address"
+        )
+    );
+    assert_eq!(
+        refusal(ArConfig { station_name: "other".into(), address: CONTROLLER_ADDRESS, ..first.clone() }),
+        format!(
+            "the device \"other\" has the controller's address {CONTROLLER_ADDRESS}: give one of them another address"
+        )
+    );
+    assert!(controller.remove(id).is_some());
+    assert!(controller.connect(first, Instant::ZERO).is_ok(), "the name and the address are free again");
 }

@@ -34,15 +34,18 @@ fn controller() -> Controller {
 }
 
 fn controller_with(seed: u64) -> Controller {
-    let config = ControllerConfig {
+    Controller::new(ControllerConfig { seed, ..controller_config() }).unwrap()
+}
+
+fn controller_config() -> ControllerConfig {
+    ControllerConfig {
         mac: CONTROLLER,
         station_name: "controller".into(),
         address: CONTROLLER_ADDRESS,
         mask: Ipv4Addr::new(255, 255, 255, 0),
         description: samples::CONTROLLER,
-        seed,
-    };
-    Controller::new(config).unwrap()
+        seed: 1,
+    }
 }
 
 fn ar(transport: Transport) -> ArConfig {
