@@ -28,6 +28,9 @@ pub enum BusError {
     /// What the setup says of PROFINET does not work.
     #[error("bus: {0}")]
     Profinet(profinet::ConfigError),
+    /// There are more stations on a bus than it has.
+    #[error("bus: {0}")]
+    TooMany(String),
     /// An EtherNet/IP connection cannot have such a long timeout.
     #[error(
         "bus.watchdog_cycles is {intervals}, but an EtherNet/IP connection waits for 512 packet intervals at most"
@@ -57,16 +60,53 @@ struct Station {
 /// from `start` on.
 ///
 /// `seed` makes its UUIDs and connection numbers different from those of earlier runs.
+///
+/// # Errors
+///
+/// The bus does not allow what the setup says.
 pub fn open(bus: &Bus, mac: Mac, seed: u64, start: Instant) -> Result<PlcBus, BusError> {
-    let station = Station { mac, seed, start };
-    Ok(match &bus.kind {
+    open_all(bus, &[], mac, seed, start)
+}
+
+/// Returns the PLC's endpoint on a bus with several stations, as each of them describes the bus: the first one and the `others`.
+/// All are of one kind, and agree on what the PLC is there; [`setup`] checks that.
+///
+/// # Errors
+///
+/// The bus does not allow what a setup says, or that many stations.
+pub fn open_all(
+    first: &Bus,
+    others: &[&Bus],
+    mac: Mac,
+    seed: u64,
+    start: Instant,
+) -> Result<PlcBus, BusError> {
+    let plc = Station { mac, seed, start };
+    let all = || std::iter::once(first).chain(others.iter().copied());
+    Ok(match &first.kind {
         BusKind::Profinet(addresses, profinet) => {
-            Endpoint::Profinet(profinet_controller(bus, addresses, profinet, station)?)
+            let devices = all().filter_map(|bus| match &bus.kind {
+                BusKind::Profinet(addresses, profinet) => Some(io_device(bus, addresses, profinet)),
+                BusKind::EthernetIp(..) | BusKind::Ethercat(_) => None,
+            });
+            let config = io_controller(addresses, profinet, plc);
+            Endpoint::Profinet(ProfinetController::new(config, devices.collect(), start)?)
         }
-        BusKind::EthernetIp(addresses, ethernet_ip) => {
-            Endpoint::EthernetIp(ethernet_ip_scanner(bus, addresses, ethernet_ip, station)?)
+        BusKind::EthernetIp(addresses, _) => {
+            let connections = all().filter_map(|bus| match &bus.kind {
+                BusKind::EthernetIp(addresses, ethernet_ip) => Some(connection(bus, addresses, ethernet_ip)),
+                BusKind::Profinet(..) | BusKind::Ethercat(_) => None,
+            });
+            let connections = connections.collect::<Result<Vec<_>, _>>()?;
+            Endpoint::EthernetIp(ethernet_ip_scanner(addresses, connections, plc)?)
         }
-        BusKind::Ethercat(ethercat) => Endpoint::Ethercat(EthercatMainDevice::new(bus, ethercat, mac, start)),
+        BusKind::Ethercat(_) => {
+            let devices = all().filter_map(|bus| match &bus.kind {
+                BusKind::Ethercat(ethercat) => Some(ethercat::expected(ethercat)),
+                BusKind::Profinet(..) | BusKind::EthernetIp(..) => None,
+            });
+            Endpoint::Ethercat(EthercatMainDevice::new(first, devices.collect(), mac, start)?)
+        }
     })
 }
 
@@ -80,24 +120,26 @@ pub const fn role(kind: &BusKind) -> &'static str {
     }
 }
 
-fn profinet_controller(
-    bus: &Bus,
+fn io_controller(
     addresses: &Addresses,
     profinet: &Profinet,
-    Station { mac, seed, start }: Station,
-) -> Result<ProfinetController, BusError> {
-    let description = profinet.device.as_ref().map_or(PROFINET_ROBOT, described);
-    // Devices may refuse a record for a subslot that they do not have.
-    let has_interface = description.submodule(0, INTERFACE_SUBSLOT).is_some();
-    let config = ControllerConfig {
+    Station { mac, seed, .. }: Station,
+) -> ControllerConfig {
+    ControllerConfig {
         mac,
         station_name: profinet.plc_station_name.clone(),
         address: addresses.plc,
         mask: addresses.mask,
         description: PROFINET_PLC,
         seed,
-    };
-    let device = ArConfig {
+    }
+}
+
+fn io_device(bus: &Bus, addresses: &Addresses, profinet: &Profinet) -> ArConfig {
+    let description = profinet.device.as_ref().map_or(PROFINET_ROBOT, described);
+    // Devices may refuse a record for a subslot that they do not have.
+    let has_interface = description.submodule(0, INTERFACE_SUBSLOT).is_some();
+    ArConfig {
         station_name: profinet.robot_station_name.clone(),
         mac: bus.robot.and_then(|robot| robot.mac),
         address: addresses.robot,
@@ -110,8 +152,7 @@ fn profinet_controller(
         cycle: Duration::from_micros(bus.cycle_us.value.into()),
         // More than fits is more than PROFINET allows, and the controller says so.
         watchdog_cycles: u16::try_from(bus.watchdog_cycles.value).unwrap_or(u16::MAX),
-    };
-    Ok(ProfinetController::new(config, device, start)?)
+    }
 }
 
 /// Returns the description of a setup's device, for a controller that expects it.
@@ -143,30 +184,37 @@ fn described(device: &ProfinetDevice) -> Description {
 }
 
 fn ethernet_ip_scanner(
-    bus: &Bus,
     addresses: &Addresses,
-    ethernet_ip: &EthernetIp,
+    connections: Vec<ConnectionConfig>,
     Station { mac, seed, start }: Station,
 ) -> Result<EthernetIpScanner, BusError> {
     let Mac([_, _, serial @ ..]) = mac;
-    let intervals = ethernet_ip.timeout_intervals(&bus.watchdog_cycles);
     let config = ScannerConfig {
         vendor: ETHERNET_IP_VENDOR,
         serial_number: u32::from_be_bytes(serial),
         first_id: seed as u32,
     };
+    let own = (mac, addresses.plc, addresses.mask);
+    EthernetIpScanner::with_conflict_detection(config, own, connections, start)
+        .map_err(|error| BusError::TooMany(error.to_string()))
+}
+
+fn connection(
+    bus: &Bus,
+    addresses: &Addresses,
+    ethernet_ip: &EthernetIp,
+) -> Result<ConnectionConfig, BusError> {
+    let intervals = ethernet_ip.timeout_intervals(&bus.watchdog_cycles);
     let connection = ConnectionConfig {
         multiplier: TimeoutMultiplier::at_least(intervals).ok_or(BusError::Timeout { intervals })?,
         multicast: ethernet_ip.multicast,
         serial_number: bus.robot.and_then(|robot| robot.serial_number),
         ..ConnectionConfig::exclusive_owner(addresses.robot, &ETHERNET_IP_ROBOT, bus.cycle_us.value)
     };
-    let connection = match &ethernet_ip.adapter {
+    Ok(match &ethernet_ip.adapter {
         Some(adapter) => of_adapter(adapter, connection),
         None => connection,
-    };
-    let own = (mac, addresses.plc, addresses.mask);
-    Ok(EthernetIpScanner::with_conflict_detection(config, own, connection, start))
+    })
 }
 
 /// Returns the configuration for an adapter of the setup that takes the place of our robot.

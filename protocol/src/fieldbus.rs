@@ -1,10 +1,15 @@
-//! What a node needs from any bus: one image in each direction, and events of the connection.
+//! What a node needs from any bus: one image in each direction for each connection, and events of the connections.
+//!
+//! A robot has one connection, by a [`Fieldbus`]. The PLC has one with each of its stations, by a [`ControllerBus`].
 
 use core::fmt;
 use core::net::Ipv4Addr;
 
+use machine::ethernet::Mac;
 pub use machine::{Counters, Down, DownCause, LinkEvent};
-use machine::{Instant, Machine};
+use machine::{
+    Instant, Machine, Source, StreamChange, StreamId, Transmit,
+};
 pub use profinet::record::Maintenance;
 
 use crate::image::{Image, Order};
@@ -49,6 +54,146 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
 
     /// Reports the result of [`LinkEvent::Store`]: whether the owner could store it.
     fn stored(&mut self, _now: Instant, _done: bool) {}
+}
+
+/// A station of a [`ControllerBus`]: its number from 0, in the order in which the bus was given its stations.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Debug)]
+pub struct StationId(pub u16);
+
+impl StationId {
+    /// The only station of a bus with one.
+    pub const FIRST: Self = Self(0);
+}
+
+/// The PLC's end of a bus: one [`Image`] in each direction with each of its stations.
+///
+/// A station that the bus does not have has no input and no counters, and its output goes nowhere.
+pub trait ControllerBus: Machine<Event = (StationId, LinkEvent)> {
+    /// Returns the number of stations. It never changes.
+    fn stations(&self) -> u16;
+
+    /// Returns the order in which this bus carries the bytes of a number. It never changes.
+    fn byte_order(&self) -> Order;
+
+    /// Sets the image that a station is sent with the next cyclic frame and every later one.
+    fn set_output(&mut self, station: StationId, image: &Image);
+
+    /// Returns a station's last image that was marked as good; `None` before the first one and once the connection is lost.
+    fn input(&self, station: StationId) -> Option<Image>;
+
+    /// Returns the next station of which an image has arrived since the last call.
+    fn poll_arrival(&mut self) -> Option<StationId>;
+
+    /// Closes the connection to a station as the standard demands, or gives up the attempt to connect.
+    fn disconnect(&mut self, now: Instant, station: StationId);
+
+    /// Writes why a station refused the last connection, as [`Fieldbus::explain`].
+    fn explain(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result;
+
+    /// Writes what is remarkable about the connection to a station, as [`Fieldbus::remark`].
+    fn remark(&self, _station: StationId, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
+
+    /// Returns the frame counters of a station since the start. Frames that belong to no station count with the first one.
+    fn counters(&self, station: StationId) -> Counters;
+}
+
+/// An endpoint with one connection as the PLC's end of a bus with one station.
+#[derive(Clone, Debug)]
+pub struct OneStation<B> {
+    /// The endpoint.
+    pub bus: B,
+    received: u64,
+}
+
+impl<B: Fieldbus> OneStation<B> {
+    /// Takes an endpoint.
+    #[must_use]
+    pub const fn new(bus: B) -> Self {
+        Self { bus, received: 0 }
+    }
+}
+
+impl<B: Fieldbus> Machine for OneStation<B> {
+    type Event = (StationId, LinkEvent);
+
+    machine::forward_ports!(bus);
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_frame(now, from, frame);
+    }
+
+    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        self.bus.handle_broadcast(now, from, frame);
+    }
+
+    fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
+        self.bus.handle_stream(now, stream, change);
+    }
+
+    fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
+        self.bus.handle_wrong_neighbour(now, address, found);
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.bus.handle_timeout(now);
+    }
+
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        self.bus.poll_transmit(now, buf)
+    }
+
+    fn poll_event(&mut self) -> Option<Self::Event> {
+        self.bus.poll_event().map(|event| (StationId::FIRST, event))
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.bus.poll_timeout()
+    }
+}
+
+impl<B: Fieldbus> ControllerBus for OneStation<B> {
+    fn stations(&self) -> u16 {
+        1
+    }
+
+    fn byte_order(&self) -> Order {
+        self.bus.byte_order()
+    }
+
+    fn set_output(&mut self, station: StationId, image: &Image) {
+        if station == StationId::FIRST {
+            self.bus.set_output(image);
+        }
+    }
+
+    fn input(&self, station: StationId) -> Option<Image> {
+        self.bus.input().filter(|_| station == StationId::FIRST)
+    }
+
+    fn poll_arrival(&mut self) -> Option<StationId> {
+        let received = self.bus.counters().received;
+        (core::mem::replace(&mut self.received, received) != received).then_some(StationId::FIRST)
+    }
+
+    fn disconnect(&mut self, now: Instant, station: StationId) {
+        if station == StationId::FIRST {
+            self.bus.disconnect(now);
+        }
+    }
+
+    fn explain(&self, _station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus.explain(words)
+    }
+
+    fn remark(&self, _station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus.remark(words)
+    }
+
+    fn counters(&self, station: StationId) -> Counters {
+        if station == StationId::FIRST { self.bus.counters() } else { Counters::default() }
+    }
 }
 
 /// What the bus set permanently of its own station, so that it survives a restart. The owner removes what is not there from

@@ -1,99 +1,130 @@
-//! The PLC as EtherCAT MainDevice: the image is the process data of one SubDevice in its direction.
+//! The PLC as EtherCAT MainDevice: an image is the process data of a SubDevice in its direction.
 
 use core::fmt;
 
-use ethercat_maindevice::{Config, ExpectedDevice, GroupMainDevice};
+use ethercat_maindevice::{Config, ExpectedDevice, MainDevice, SubDeviceId};
 use machine::ethernet::Mac;
 use machine::{Counters, Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
-use protocol::fieldbus::Fieldbus;
+use protocol::buses::Stations;
+use protocol::fieldbus::{ControllerBus, StationId};
 use protocol::image::{IMAGE_LEN, Image, Order};
 use protocol::stations::ETHERCAT_ROBOT;
 use setup::{Bus, Ethercat};
 
-/// A MainDevice with one SubDevice, the robot.
+use super::BusError;
+
+/// A MainDevice with a SubDevice for each station.
 #[derive(Debug)]
-pub struct EthercatMainDevice(GroupMainDevice);
+pub struct EthercatMainDevice {
+    main: MainDevice,
+    stations: Stations<SubDeviceId>,
+}
+
+/// Returns the SubDevice that a setup expects.
+pub(super) fn expected(ethercat: &Ethercat) -> ExpectedDevice {
+    match &ethercat.device {
+        Some(device) => ExpectedDevice {
+            vendor: device.vendor,
+            product: device.product,
+            revision: device.revision,
+            output_bytes: device.output_bytes.into(),
+            input_bytes: device.input_bytes.into(),
+        },
+        None => ExpectedDevice {
+            vendor: ETHERCAT_ROBOT.vendor_id,
+            product: ETHERCAT_ROBOT.product_code,
+            revision: Some(ETHERCAT_ROBOT.revision),
+            output_bytes: IMAGE_LEN,
+            input_bytes: IMAGE_LEN,
+        },
+    }
+}
 
 impl EthercatMainDevice {
-    /// Creates the MainDevice of a setup. It looks for the robot from `start` on.
-    pub(super) fn new(bus: &Bus, ethercat: &Ethercat, mac: Mac, start: Instant) -> Self {
-        let device = match &ethercat.device {
-            Some(device) => ExpectedDevice {
-                vendor: device.vendor,
-                product: device.product,
-                revision: device.revision,
-                output_bytes: device.output_bytes.into(),
-                input_bytes: device.input_bytes.into(),
-            },
-            None => ExpectedDevice {
-                vendor: ETHERCAT_ROBOT.vendor_id,
-                product: ETHERCAT_ROBOT.product_code,
-                revision: Some(ETHERCAT_ROBOT.revision),
-                output_bytes: IMAGE_LEN,
-                input_bytes: IMAGE_LEN,
-            },
-        };
+    /// Creates the MainDevice of a bus. It looks for its SubDevices from `start` on.
+    pub(super) fn new(
+        bus: &Bus,
+        devices: Vec<ExpectedDevice>,
+        mac: Mac,
+        start: Instant,
+    ) -> Result<Self, BusError> {
         let cycle = Duration::from_micros(bus.cycle_us.value.into());
-        let config = Config { mac, devices: vec![device], cycle, watchdog: bus.watchdog() };
-        Self(GroupMainDevice::new(config, start))
+        let config = Config { mac, devices, cycle, watchdog: bus.watchdog() };
+        let main = MainDevice::new(config, start).map_err(|error| BusError::TooMany(error.to_string()))?;
+        Ok(Self { stations: Stations::new(main.ids().collect()), main })
     }
 }
 
 impl Machine for EthercatMainDevice {
-    type Event = LinkEvent;
+    type Event = (StationId, LinkEvent);
 
     fn ports(&self) -> &[PortRequest] {
-        self.0.ports()
+        self.main.ports()
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        self.0.handle_frame(now, from, frame);
+        self.main.handle_frame(now, from, frame);
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        self.0.handle_timeout(now);
+        self.main.handle_timeout(now);
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        self.0.poll_transmit(now, buf)
+        self.main.poll_transmit(now, buf)
     }
 
-    fn poll_event(&mut self) -> Option<LinkEvent> {
-        self.0.poll_event()
+    fn poll_event(&mut self) -> Option<Self::Event> {
+        let (device, event) = self.main.poll_event()?;
+        Some((self.stations.of(device)?, event))
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        self.0.poll_timeout()
+        self.main.poll_timeout()
     }
 }
 
-impl Fieldbus for EthercatMainDevice {
+impl ControllerBus for EthercatMainDevice {
+    fn stations(&self) -> u16 {
+        self.stations.count()
+    }
+
     fn byte_order(&self) -> Order {
         Order::LittleEndian
     }
 
     /// The device's data may be shorter or longer than the image.
-    fn set_output(&mut self, image: &Image) {
-        self.0.outputs_mut().iter_mut().zip(image).for_each(|(place, byte)| *place = *byte);
+    fn set_output(&mut self, station: StationId, image: &Image) {
+        let Some(device) = self.stations.connection(station) else { return };
+        self.main.outputs_mut(device).iter_mut().zip(image).for_each(|(place, byte)| *place = *byte);
     }
 
     /// The device's data may be shorter or longer than the image.
-    fn input(&self) -> Option<Image> {
-        let inputs = self.0.inputs()?;
+    fn input(&self, station: StationId) -> Option<Image> {
+        let inputs = self.main.inputs(self.stations.connection(station)?)?;
         let mut image = [0; IMAGE_LEN];
         image.iter_mut().zip(inputs).for_each(|(place, byte)| *place = *byte);
         Some(image)
     }
 
-    fn disconnect(&mut self, now: Instant) {
-        self.0.disconnect(now);
+    fn poll_arrival(&mut self) -> Option<StationId> {
+        let main = &self.main;
+        self.stations.poll_arrival(|device| main.counters(device).received)
     }
 
-    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.0.explain(words)
+    fn disconnect(&mut self, now: Instant, station: StationId) {
+        if let Some(device) = self.stations.connection(station) {
+            self.main.disconnect(now, device);
+        }
     }
 
-    fn counters(&self) -> Counters {
-        self.0.counters()
+    fn explain(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.stations.connection(station).map_or(Ok(()), |device| self.main.explain(device, words))
+    }
+
+    fn counters(&self, station: StationId) -> Counters {
+        let Some(device) = self.stations.connection(station) else { return Counters::default() };
+        let own = self.main.counters(device);
+        if station == StationId::FIRST { own + self.main.cable_counters() } else { own }
     }
 }

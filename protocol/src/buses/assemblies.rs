@@ -1,45 +1,64 @@
 //! EtherNet/IP: the image is the data of one assembly in its direction.
 
+use alloc::vec::Vec;
 use core::fmt;
 use core::net::Ipv4Addr;
 
-use ethernet_ip::{Adapter, Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
+use ethernet_ip::{
+    Adapter, Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig, TooManyConnections,
+};
 use machine::ethernet::Mac;
 use machine::{Counters, Instant};
 
-use super::machine_with_one_connection;
-use crate::fieldbus::Fieldbus;
+use super::{Stations, machine_with_stations};
+use crate::fieldbus::{ControllerBus, Fieldbus, StationId};
 use crate::image::{IMAGE_LEN, Image, Order};
 use crate::stations::{COMMAND, FEEDBACK};
 
-/// A scanner with one connection.
+/// A scanner with a connection to each station.
 #[derive(Debug)]
 pub struct EthernetIpScanner {
     scanner: Scanner,
-    connection: Option<ConnectionId>,
+    stations: Stations<ConnectionId>,
 }
 
 impl EthernetIpScanner {
     /// Creates a scanner that begins to connect at `start`.
-    #[must_use]
-    pub fn new(config: ScannerConfig, connection: ConnectionConfig, start: Instant) -> Self {
-        let mut scanner = Scanner::new(config);
-        // A scanner without connections has room for one.
-        let connection = scanner.connect(connection, start).ok();
-        Self { scanner, connection }
+    ///
+    /// # Errors
+    ///
+    /// There are more connections than a scanner has.
+    pub fn new(
+        config: ScannerConfig,
+        connections: Vec<ConnectionConfig>,
+        start: Instant,
+    ) -> Result<Self, TooManyConnections> {
+        Self::connect(Scanner::new(config), connections, start)
     }
 
-    /// Creates one that also detects address conflicts: of its own address, on the interface `mac`, and of the adapter's.
-    #[must_use]
+    /// Creates one that also detects address conflicts: of its own address, on the interface `mac`, and of the adapters'.
+    ///
+    /// # Errors
+    ///
+    /// There are more connections than a scanner has.
     pub fn with_conflict_detection(
         config: ScannerConfig,
         (mac, address, mask): (Mac, Ipv4Addr, Ipv4Addr),
-        connection: ConnectionConfig,
+        connections: Vec<ConnectionConfig>,
         start: Instant,
-    ) -> Self {
-        let mut scanner = Scanner::new(config).with_conflict_detection(mac, address, mask, start);
-        let connection = scanner.connect(connection, start).ok();
-        Self { scanner, connection }
+    ) -> Result<Self, TooManyConnections> {
+        let scanner = Scanner::new(config).with_conflict_detection(mac, address, mask, start);
+        Self::connect(scanner, connections, start)
+    }
+
+    fn connect(
+        mut scanner: Scanner,
+        connections: Vec<ConnectionConfig>,
+        start: Instant,
+    ) -> Result<Self, TooManyConnections> {
+        let connections = connections.into_iter().map(|connection| scanner.connect(connection, start));
+        let connections = connections.collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { scanner, stations: Stations::new(connections) })
     }
 
     /// Detects no address conflicts, as a scanner without raw Ethernet. Call it before the scanner runs.
@@ -47,27 +66,31 @@ impl EthernetIpScanner {
         self.scanner.stop_conflict_detection();
     }
 
-    /// Returns the connection to the adapter.
+    /// Returns the connection to a station.
     #[must_use]
-    pub fn connection(&self) -> Option<&Connection> {
-        self.scanner.connection(self.connection?)
+    pub fn connection(&self, station: StationId) -> Option<&Connection> {
+        self.scanner.connection(self.stations.connection(station)?)
     }
 
-    fn connection_mut(&mut self) -> Option<&mut Connection> {
-        self.scanner.connection_mut(self.connection?)
+    fn connection_mut(&mut self, station: StationId) -> Option<&mut Connection> {
+        self.scanner.connection_mut(self.stations.connection(station)?)
     }
 }
 
-machine_with_one_connection!(EthernetIpScanner, scanner);
+machine_with_stations!(EthernetIpScanner, scanner);
 
-impl Fieldbus for EthernetIpScanner {
+impl ControllerBus for EthernetIpScanner {
+    fn stations(&self) -> u16 {
+        self.stations.count()
+    }
+
     fn byte_order(&self) -> Order {
         Order::LittleEndian
     }
 
     /// The assembly may be shorter or longer than the image.
-    fn set_output(&mut self, image: &Image) {
-        if let Some(connection) = self.connection_mut() {
+    fn set_output(&mut self, station: StationId, image: &Image) {
+        if let Some(connection) = self.connection_mut(station) {
             for (place, byte) in connection.output_mut().iter_mut().zip(image) {
                 *place = *byte;
             }
@@ -75,31 +98,38 @@ impl Fieldbus for EthernetIpScanner {
     }
 
     /// The assembly may be shorter or longer than the image.
-    fn input(&self) -> Option<Image> {
+    fn input(&self, station: StationId) -> Option<Image> {
         let mut image = [0; IMAGE_LEN];
-        let data = self.connection()?.input()?;
+        let data = self.connection(station)?.input()?;
         for (place, byte) in image.iter_mut().zip(data) {
             *place = *byte;
         }
         Some(image)
     }
 
-    fn disconnect(&mut self, now: Instant) {
-        if let Some(connection) = self.connection_mut() {
+    fn poll_arrival(&mut self) -> Option<StationId> {
+        let scanner = &self.scanner;
+        let received = |id| scanner.connection(id).map_or(0, |connection| connection.counters().received);
+        self.stations.poll_arrival(received)
+    }
+
+    fn disconnect(&mut self, now: Instant, station: StationId) {
+        if let Some(connection) = self.connection_mut(station) {
             connection.disconnect(now);
         }
     }
 
-    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.connection().map_or(Ok(()), |connection| connection.explain(words))
+    fn explain(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.connection(station).map_or(Ok(()), |connection| connection.explain(words))
     }
 
-    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.connection().map_or(Ok(()), |connection| connection.remark(words))
+    fn remark(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.connection(station).map_or(Ok(()), |connection| connection.remark(words))
     }
 
-    fn counters(&self) -> Counters {
-        self.connection().map(Connection::counters).unwrap_or_default() + self.scanner.counters()
+    fn counters(&self, station: StationId) -> Counters {
+        let own = self.connection(station).map(Connection::counters).unwrap_or_default();
+        if station == StationId::FIRST { own + self.scanner.counters() } else { own }
     }
 }
 

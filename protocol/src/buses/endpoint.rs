@@ -5,11 +5,11 @@ use core::net::Ipv4Addr;
 
 use machine::ethernet::Mac;
 use machine::{
-    Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
+    Counters, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
     Transmit,
 };
 
-use crate::fieldbus::{Fieldbus, ToStore};
+use crate::fieldbus::{ControllerBus, Fieldbus, StationId, ToStore};
 use crate::image::{Image, Order};
 
 /// An endpoint on one of the buses, as one type.
@@ -34,8 +34,13 @@ macro_rules! on {
     };
 }
 
-impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Machine for Endpoint<P, E, C> {
-    type Event = LinkEvent;
+impl<V, P, E, C> Machine for Endpoint<P, E, C>
+where
+    P: Machine<Event = V>,
+    E: Machine<Event = V>,
+    C: Machine<Event = V>,
+{
+    type Event = V;
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
         on!(self, bus => bus.handle_frame(now, from, frame));
@@ -85,7 +90,7 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Machine for Endpoint<P, E, C> {
         on!(self, bus => bus.poll_transmit(now, buf))
     }
 
-    fn poll_event(&mut self) -> Option<LinkEvent> {
+    fn poll_event(&mut self) -> Option<V> {
         on!(self, bus => bus.poll_event())
     }
 
@@ -133,5 +138,43 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Fieldbus for Endpoint<P, E, C> {
 
     fn stored(&mut self, now: Instant, done: bool) {
         on!(self, bus => Fieldbus::stored(bus, now, done));
+    }
+}
+
+impl<P: ControllerBus, E: ControllerBus, C: ControllerBus> ControllerBus for Endpoint<P, E, C> {
+    fn stations(&self) -> u16 {
+        on!(self, bus => bus.stations())
+    }
+
+    fn byte_order(&self) -> Order {
+        on!(self, bus => bus.byte_order())
+    }
+
+    fn set_output(&mut self, station: StationId, image: &Image) {
+        on!(self, bus => bus.set_output(station, image));
+    }
+
+    fn input(&self, station: StationId) -> Option<Image> {
+        on!(self, bus => bus.input(station))
+    }
+
+    fn poll_arrival(&mut self) -> Option<StationId> {
+        on!(self, bus => bus.poll_arrival())
+    }
+
+    fn disconnect(&mut self, now: Instant, station: StationId) {
+        on!(self, bus => bus.disconnect(now, station));
+    }
+
+    fn explain(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        on!(self, bus => bus.explain(station, words))
+    }
+
+    fn remark(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        on!(self, bus => bus.remark(station, words))
+    }
+
+    fn counters(&self, station: StationId) -> Counters {
+        on!(self, bus => bus.counters(station))
     }
 }

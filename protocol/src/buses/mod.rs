@@ -1,20 +1,23 @@
-//! The stacks' endpoints as [`Fieldbus`](crate::fieldbus::Fieldbus): how each bus carries the image.
+//! The stacks' endpoints as [`Fieldbus`](crate::fieldbus::Fieldbus) and
+//! [`ControllerBus`](crate::fieldbus::ControllerBus): how each bus carries the image.
 
 mod assemblies;
 mod endpoint;
 mod process_data;
+mod stations;
 mod submodules;
 
 pub use assemblies::EthernetIpScanner;
 pub use endpoint::Endpoint;
 pub use process_data::EthercatSubDevice;
+pub use stations::Stations;
 pub use submodules::ProfinetController;
 
-/// Implements [`machine::Machine`] for an endpoint with one connection: all methods except the one for events.
-macro_rules! machine_with_one_connection {
+/// Implements [`machine::Machine`] for a stack with a connection to each of its stations: the events name the station.
+macro_rules! machine_with_stations {
     ($endpoint:ident, $machine:ident) => {
         impl machine::Machine for $endpoint {
-            type Event = machine::LinkEvent;
+            type Event = (crate::fieldbus::StationId, machine::LinkEvent);
 
             machine::forward_ports!($machine);
 
@@ -52,8 +55,9 @@ macro_rules! machine_with_one_connection {
                 self.$machine.poll_transmit(now, buf)
             }
 
-            fn poll_event(&mut self) -> Option<machine::LinkEvent> {
-                self.$machine.poll_event().map(|(_, event)| event)
+            fn poll_event(&mut self) -> Option<Self::Event> {
+                let (connection, event) = self.$machine.poll_event()?;
+                Some((self.stations.of(connection)?, event))
             }
 
             fn poll_timeout(&self) -> Option<machine::Instant> {
@@ -62,4 +66,4 @@ macro_rules! machine_with_one_connection {
         }
     };
 }
-use machine_with_one_connection;
+use machine_with_stations;

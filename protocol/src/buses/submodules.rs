@@ -1,66 +1,86 @@
 //! PROFINET: the image is the data of all submodules in its direction, one after another by slot and subslot.
 
+use alloc::vec::Vec;
 use core::fmt;
 
 use machine::{Counters, Instant};
 use profinet::dcp::IpSuite;
 use profinet::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Device};
 
-use super::machine_with_one_connection;
-use crate::fieldbus::{Fieldbus, StationAddress, ToStore};
+use super::{Stations, machine_with_stations};
+use crate::fieldbus::{ControllerBus, Fieldbus, StationAddress, StationId, ToStore};
 use crate::image::{IMAGE_LEN, Image, Order};
 
-/// An IO-Controller that drives one IO-Device.
+/// An IO-Controller that drives an IO-Device for each station.
 #[derive(Debug)]
 pub struct ProfinetController {
     controller: Controller,
-    ar: ArId,
+    stations: Stations<ArId>,
 }
 
 impl ProfinetController {
-    /// Creates a controller that starts to look for its device at `start`.
-    pub fn new(config: ControllerConfig, device: ArConfig, start: Instant) -> Result<Self, ConfigError> {
+    /// Creates a controller that starts to look for its devices at `start`.
+    ///
+    /// # Errors
+    ///
+    /// PROFINET does not allow something of it.
+    pub fn new(config: ControllerConfig, devices: Vec<ArConfig>, start: Instant) -> Result<Self, ConfigError> {
         let mut controller = Controller::new(config)?;
-        let ar = controller.connect(device, start)?;
-        Ok(Self { controller, ar })
+        let ars = devices.into_iter().map(|device| controller.connect(device, start));
+        let ars = ars.collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { controller, stations: Stations::new(ars) })
     }
 
-    /// Returns the AR with the device.
+    /// Returns the AR with a station.
     #[must_use]
-    pub fn ar(&self) -> Option<&Ar> {
-        self.controller.ar(self.ar)
+    pub fn ar(&self, station: StationId) -> Option<&Ar> {
+        self.controller.ar(self.stations.connection(station)?)
+    }
+
+    fn ar_mut(&mut self, station: StationId) -> Option<&mut Ar> {
+        self.controller.ar_mut(self.stations.connection(station)?)
     }
 }
 
-machine_with_one_connection!(ProfinetController, controller);
+machine_with_stations!(ProfinetController, controller);
 
-impl Fieldbus for ProfinetController {
+impl ControllerBus for ProfinetController {
+    fn stations(&self) -> u16 {
+        self.stations.count()
+    }
+
     fn byte_order(&self) -> Order {
         Order::BigEndian
     }
 
-    fn set_output(&mut self, image: &Image) {
-        if let Some(ar) = self.controller.ar_mut(self.ar) {
+    fn set_output(&mut self, station: StationId, image: &Image) {
+        if let Some(ar) = self.ar_mut(station) {
             ar.set_outputs(split(image));
         }
     }
 
-    fn input(&self) -> Option<Image> {
-        joined(self.ar()?.inputs())
+    fn input(&self, station: StationId) -> Option<Image> {
+        joined(self.ar(station)?.inputs())
     }
 
-    fn disconnect(&mut self, now: Instant) {
-        if let Some(ar) = self.controller.ar_mut(self.ar) {
+    fn poll_arrival(&mut self) -> Option<StationId> {
+        let controller = &self.controller;
+        self.stations.poll_arrival(|ar| controller.ar(ar).map_or(0, |ar| ar.counters().received))
+    }
+
+    fn disconnect(&mut self, now: Instant, station: StationId) {
+        if let Some(ar) = self.ar_mut(station) {
             ar.disconnect(now);
         }
     }
 
-    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.ar().map_or(Ok(()), |ar| ar.explain(words))
+    fn explain(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.ar(station).map_or(Ok(()), |ar| ar.explain(words))
     }
 
-    fn counters(&self) -> Counters {
-        self.ar().map(Ar::counters).unwrap_or_default() + self.controller.counters()
+    fn counters(&self, station: StationId) -> Counters {
+        let own = self.ar(station).map(Ar::counters).unwrap_or_default();
+        if station == StationId::FIRST { own + self.controller.counters() } else { own }
     }
 }
 

@@ -1,0 +1,124 @@
+//! What a PLC runs: a program over its stations.
+
+use core::fmt::Debug;
+
+use machine::Instant;
+use protocol::image::Sum;
+
+use crate::function_blocks::BlockError;
+use crate::{ExecutionType, FailureCause, Station, StartError};
+
+/// The application program of a [`Plc`](crate::Plc): it is called once in each scan of a run, with all stations.
+///
+/// Outside of a run the PLC itself keeps the robots enabled, leads them to `Ready` and moves the arms to where a run starts; in a
+/// run the stations are the program's. A program works with a station's [`AxesGroup`](crate::AxesGroup) and the function blocks,
+/// or with its images as bytes ([`Station::image`], [`Station::set_image`]), as code from elsewhere does. It must not block,
+/// and allocate nothing.
+///
+/// A program that has both robots execute their stored programs at once:
+///
+/// ```
+/// use machine::Instant;
+/// use plc_node::function_blocks::{BufferMode, RunProgram};
+/// use plc_node::{ExecutionType, PlcProgram, Progress, Station};
+///
+/// #[derive(Debug, Default)]
+/// struct Together([RunProgram; 2]);
+///
+/// impl PlcProgram for Together {
+///     fn begin(&mut self, _now: Instant, _execution_type: ExecutionType) {
+///         *self = Self::default();
+///     }
+///
+///     fn scan(&mut self, _now: Instant, stations: &mut [Station]) -> Progress {
+///         let mut are_done = true;
+///         for (station, (block, one)) in self.0.iter_mut().zip(stations).enumerate() {
+///             let outputs = block.call(true, 1, BufferMode::Aborting, one.group_mut());
+///             if let Some(error) = block.error() {
+///                 return Progress::Failed { station, motion: 0, error };
+///             }
+///             are_done &= outputs.done;
+///         }
+///         if are_done { Progress::Done } else { Progress::Running }
+///     }
+/// }
+/// ```
+pub trait PlcProgram: Debug + Send {
+    /// Returns why no run of this kind can start, if none can.
+    ///
+    /// # Errors
+    /// The program has nothing to run.
+    fn check(&self, _execution_type: ExecutionType) -> Result<(), StartError> {
+        Ok(())
+    }
+
+    /// Begins a run; the first [`scan`](Self::scan), which sets the start edge, follows at once.
+    fn begin(&mut self, now: Instant, execution_type: ExecutionType);
+
+    /// Executes one scan of a run, which began at `now`. The stations have their inputs; their outputs go out after the scan.
+    fn scan(&mut self, now: Instant, stations: &mut [Station]) -> Progress;
+
+    /// Handles that a station of the run is lost: its connection, its image, or its progress. The others go on unless the
+    /// program ends the run, which then fails with this cause.
+    fn lose(&mut self, _station: usize, _cause: FailureCause) -> AfterLoss {
+        AfterLoss::EndRun
+    }
+
+    /// Returns whether the program itself waits at a station: then the robot there owes no progress.
+    fn waits(&self, _station: usize) -> bool {
+        false
+    }
+
+    /// Returns what a station has executed in this run, or in the last one.
+    fn totals(&self, _station: usize) -> Totals {
+        Totals::default()
+    }
+
+    /// Returns the number and the digest of the motions that the program sent to a station in this run, or in the last one.
+    fn sent(&self, _station: usize) -> Sum {
+        Sum::default()
+    }
+}
+
+/// State of a program after a scan.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Progress {
+    /// The run goes on.
+    Running,
+    /// The run is done.
+    Done,
+    /// A robot gave its skill up, without an error: it was halted.
+    Aborted {
+        /// Index of its station.
+        station: usize,
+    },
+    /// A block reported an error.
+    Failed {
+        /// Index of its station.
+        station: usize,
+        /// The motion concerned, from 0.
+        motion: u32,
+        /// The block's error.
+        error: BlockError,
+    },
+}
+
+/// What becomes of a run that has lost a station.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum AfterLoss {
+    /// The run goes on without the station, and fails when the others are done.
+    GoOn,
+    /// The run ends: the other robots are halted.
+    EndRun,
+}
+
+/// Totals of a station in a run so far.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub struct Totals {
+    /// Motions that the robot executed.
+    pub executed: u32,
+    /// Motions that were run to a stop because the next one was not there in time.
+    pub blends_suppressed: u32,
+    /// The robot's own measure in ns.
+    pub robot_execution_ns: u64,
+}
