@@ -42,6 +42,11 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
         InterfaceId::FIRST
     }
 
+    /// Returns the number of the connection that a link event is of, from 0.
+    fn connection(_event: &Self::Event) -> usize {
+        0
+    }
+
     /// Returns what the node waits for, if an event says that.
     fn waiting(_event: &Self::Event) -> Option<Waiting> {
         None
@@ -61,13 +66,13 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
     /// Reports to the bus whether that was stored: `stored` of the bus.
     fn stored(&mut self, _now: Instant, _done: bool) {}
 
-    /// Writes why the peer refused the connection: `explain` of the bus.
-    fn explain(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
+    /// Writes why the peer of an event refused the connection: `explain` of its bus.
+    fn explain(&self, _event: &Self::Event, _words: &mut dyn fmt::Write) -> fmt::Result {
         Ok(())
     }
 
-    /// Writes what is remarkable about the connection: `remark` of the bus.
-    fn remark(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
+    /// Writes what is remarkable about the connection of an event: `remark` of its bus.
+    fn remark(&self, _event: &Self::Event, _words: &mut dyn fmt::Write) -> fmt::Result {
         Ok(())
     }
 
@@ -82,7 +87,7 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
     /// Returns the lateness of the node's own cycle.
     fn lateness(&self) -> &Lateness;
 
-    /// Returns the frame counters of its bus.
+    /// Returns the frame counters of its buses.
     fn counters(&self) -> Counters;
 
     /// Returns what the checks of the received images said.
@@ -185,11 +190,29 @@ pub struct CyclicTask<S> {
     /// The node's interfaces. The index is the [`InterfaceId`].
     interfaces: Vec<Interface>,
     trace: Option<TraceRing<S>>,
-    connected: bool,
+    /// Which connections are up.
+    links: Vec<bool>,
     /// [`allocation::count`] when the connection was first up.
     at_up: Option<u64>,
     /// When to end although the peer has not confirmed the end of the connection.
     stopping: Option<Instant>,
+}
+
+impl<S> CyclicTask<S> {
+    /// Returns whether one of the connections is up.
+    fn is_connected(&self) -> bool {
+        self.links.contains(&true)
+    }
+
+    /// Notes that a connection is up, or down.
+    fn note_link(&mut self, connection: usize, is_up: bool) {
+        if self.links.len() <= connection {
+            self.links.resize(connection + 1, false);
+        }
+        if let Some(link) = self.links.get_mut(connection) {
+            *link = is_up;
+        }
+    }
 }
 
 impl<N: Node> Task<N> for CyclicTask<N::Sample> {
@@ -211,7 +234,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
             }
             Command::Stop => {
                 node.disconnect(now);
-                if !self.connected {
+                if !self.is_connected() {
                     return ControlFlow::Break(());
                 }
                 self.stopping = Some(now + DISCONNECT_LIMIT);
@@ -239,32 +262,32 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
         notices: &mut NoticeSender<Self::Notice>,
     ) -> ControlFlow<()> {
         let (link, on) = (N::link_event(&event), N::link_interface(&event));
+        let connection = N::connection(&event);
         if let Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })) = link {
             let mut words = ShortText::default();
             // Text that does not fit is cut off.
-            let _ = node.explain(&mut words);
+            let _ = node.explain(&event, &mut words);
             if !words.as_str().is_empty() {
                 notices.send(Notice::Explanation(words));
             }
         }
-        let may_remark = N::may_remark(&event);
-        notices.send(Notice::Event(event));
-        if may_remark {
-            let mut words = ShortText::default();
+        let mut remark = ShortText::default();
+        if N::may_remark(&event) {
             // Text that does not fit is cut off.
-            let _ = node.remark(&mut words);
-            if !words.as_str().is_empty() {
-                notices.send(Notice::Remark(words));
-            }
+            let _ = node.remark(&event, &mut remark);
+        }
+        notices.send(Notice::Event(event));
+        if !remark.as_str().is_empty() {
+            notices.send(Notice::Remark(remark));
         }
         match link {
             Some(LinkEvent::Up) => {
-                self.connected = true;
+                self.note_link(connection, true);
                 self.at_up.get_or_insert_with(allocation::count);
             }
             Some(LinkEvent::Down(_)) => {
-                self.connected = false;
-                if self.stopping.is_some() {
+                self.note_link(connection, false);
+                if self.stopping.is_some() && !self.is_connected() {
                     return ControlFlow::Break(());
                 }
             }
@@ -366,7 +389,7 @@ impl<N: Node> NodeProcess<N> {
             }
             None => (None, None),
         };
-        let task = CyclicTask { interfaces, trace: ring, connected: false, at_up: None, stopping: None };
+        let task = CyclicTask { interfaces, trace: ring, links: Vec::new(), at_up: None, stopping: None };
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
         let inbox = Inbox::new(signals, reader.clone(), commands);

@@ -2,6 +2,7 @@
 
 use core::fmt;
 use core::str::FromStr;
+use std::collections::VecDeque;
 
 use machine::Instant;
 use protocol::fieldbus::{Counters, Down, LinkEvent};
@@ -55,7 +56,53 @@ impl FromStr for ExecutionType {
 )]
 pub struct UnknownExecutionType(pub String);
 
-/// The events of a PLC node.
+/// An event of a PLC, and the station that it concerns.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct PlcReport {
+    /// Index of the station; `None` where it concerns all of them.
+    pub station: Option<usize>,
+    /// What happened.
+    pub event: PlcEvent,
+}
+
+/// The events of a PLC that its owner has not taken yet.
+#[derive(Debug)]
+pub(crate) struct Events {
+    queue: VecDeque<PlcReport>,
+    capacity: usize,
+}
+
+/// More events of a station than one handler can cause; the owner drains them after each.
+const EVENTS: usize = 16;
+
+impl Events {
+    pub(crate) fn for_stations(count: usize) -> Self {
+        let capacity = EVENTS * count.max(1);
+        Self { queue: VecDeque::with_capacity(capacity), capacity }
+    }
+
+    /// Adds an event of a station. The capacity taken at the start is never exceeded.
+    pub(crate) fn push(&mut self, station: usize, event: PlcEvent) {
+        self.add(PlcReport { station: Some(station), event });
+    }
+
+    /// Adds an event of all stations.
+    pub(crate) fn push_for_all(&mut self, event: PlcEvent) {
+        self.add(PlcReport { station: None, event });
+    }
+
+    fn add(&mut self, report: PlcReport) {
+        if self.queue.len() < self.capacity {
+            self.queue.push_back(report);
+        }
+    }
+
+    pub(crate) fn pop(&mut self) -> Option<PlcReport> {
+        self.queue.pop_front()
+    }
+}
+
+/// What happens at a station, or in the PLC.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum PlcEvent {
     /// News of the connection.

@@ -2,11 +2,12 @@
 //! paper compares.
 //!
 //! ```text
-//! node                 PlcNode: a Machine over any Fieldbus; runs and failures
+//! plc                  PlcNode: buses, stations and a program, on an interface for each bus; runs and failures
 //! ├─ scan              inputs → program → outputs on an absolute grid
-//! ├─ readiness         leads the robot to Ready
-//! ├─ start_position    moves the arm to where a run starts
-//! ├─ sequence          RC, SM and CM as a PLC program steps through them
+//! ├─ station           a robot: its images, its readiness, the way to where a run starts, its silence
+//! ├─ program           PlcProgram: what runs over the stations
+//! ├─ sequences         the program of the paper: RC, SM and CM at each station; marks between them
+//! ├─ sequence          one of them, as a PLC program steps through it
 //! ├─ function_blocks   PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
 //! └─ axes_group        the robot as the program sees it: one command, one feedback, the command number
 //! ```
@@ -25,28 +26,32 @@ mod discover;
 mod event;
 pub mod function_blocks;
 mod motion_source;
-mod node;
 mod plan_command;
+mod plc;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod process;
-mod readiness;
+mod program;
 mod sample;
 mod scan;
 mod sequence;
+mod sequences;
 mod speed_override;
-mod start_position;
+mod station;
 mod waiting;
 
 pub use axes_group::{AxesGroup, WaitLimits};
 pub(crate) use axes_group::{Ticket, Turn};
 pub use config::PlcConfig;
 pub use event::{
-    Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, Seen, StartError,
+    Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, PlcReport, Seen, StartError,
     UnknownExecutionType,
 };
 pub use motion_source::{MotionList, MotionSource};
-pub use node::PlcNode;
+pub use plc::{PlacedStation, PlcNode};
+pub use program::{AfterLoss, PlcProgram, Progress, Totals};
 pub use sample::Sample;
 pub use scan::Scan;
+pub use sequences::{Sequences, StationWork};
 pub use speed_override::{Override, OverrideError, OverrideSchedule, OverrideStep, ScheduleError};
+pub use station::{Station, StationConfig};
 pub use waiting::WaitingFor;

@@ -15,6 +15,12 @@ pub trait MotionSource: Debug + Send {
 
     /// Returns motion `index`, counted from 0; `None` past the end or if the source failed.
     fn get(&mut self, index: u32) -> Option<Motion>;
+
+    /// Returns how many of the motions may be asked for at present: the PLC holds back those beyond a mark at which the arm waits
+    /// for others.
+    fn available(&self) -> u32 {
+        self.total()
+    }
 }
 
 /// Motions that are all in memory.
@@ -53,6 +59,8 @@ pub(crate) struct Section<'a> {
     pub(crate) source: &'a mut dyn MotionSource,
     pub(crate) from: u32,
     pub(crate) end: u32,
+    /// Motions of the source that may be asked for.
+    pub(crate) available: u32,
 }
 
 impl MotionSource for Section<'_> {
@@ -63,6 +71,10 @@ impl MotionSource for Section<'_> {
     fn get(&mut self, index: u32) -> Option<Motion> {
         let index = self.from.checked_add(index).filter(|index| *index < self.end)?;
         self.source.get(index)
+    }
+
+    fn available(&self) -> u32 {
+        self.available.min(self.end).saturating_sub(self.from)
     }
 }
 

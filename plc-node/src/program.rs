@@ -3,10 +3,10 @@
 use core::fmt::Debug;
 
 use machine::Instant;
-use protocol::image::Sum;
+use protocol::image::{Digest, Sum};
 
 use crate::function_blocks::BlockError;
-use crate::{ExecutionType, FailureCause, Station, StartError};
+use crate::{ExecutionType, FailureCause, StartError, Station};
 
 /// The application program of a [`Plc`](crate::Plc): it is called once in each scan of a run, with all stations.
 ///
@@ -76,7 +76,7 @@ pub trait PlcProgram: Debug + Send {
 
     /// Returns the number and the digest of the motions that the program sent to a station in this run, or in the last one.
     fn sent(&self, _station: usize) -> Sum {
-        Sum::default()
+        Digest::default().sum()
     }
 }
 

@@ -9,6 +9,7 @@ use crate::function_blocks::{
     MoveLinForceCartesian, MovePtpCartesian, MovePtpJoint, MoveSpline, Outputs, RunProgram, Tally,
 };
 use crate::motion_source::Section;
+use crate::program::Totals;
 use crate::{AxesGroup, ExecutionType, MotionSource};
 
 /// The program never starts a skill while another one is under way, so that no mode matters.
@@ -35,9 +36,23 @@ struct Answer {
     tally: Tally,
 }
 
-/// State of the program after a scan.
+/// How far the arm may go at present.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Progress {
+pub(crate) struct Reach {
+    /// Motions that it may execute.
+    pub(crate) motions: u32,
+    /// Whether the action at a stop behind the last of them happens too.
+    pub(crate) with_action: bool,
+}
+
+impl Reach {
+    /// To the end.
+    pub(crate) const END: Self = Self { motions: u32::MAX, with_action: true };
+}
+
+/// State of a sequence after a scan.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum SkillProgress {
     /// A skill is being executed, or the next one starts in the next scan.
     Running,
     /// The last skill is done.
@@ -57,14 +72,6 @@ enum Stage {
     Switch(Switch),
     /// Waits for the switch to take effect.
     Wait { until: Instant },
-}
-
-/// Totals of a sequence so far.
-#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
-pub(crate) struct Totals {
-    pub(crate) executed: u32,
-    pub(crate) blends_suppressed: u32,
-    pub(crate) robot_execution_ns: u64,
 }
 
 impl Totals {
@@ -89,12 +96,14 @@ impl Totals {
 pub(crate) struct Sequence {
     execution_type: ExecutionType,
     program: u16,
+    /// Whether RC has a program for each section between two marks, numbered from `program` on.
+    is_in_sections: bool,
     blocks: Blocks,
     /// Motions before the current skill.
     step: u32,
     /// SM: the motion of the current step, its kind and the inputs of its block, read when the step begins.
     motion: Option<(MotionKind, MotionInputs)>,
-    /// CM: whether the block was called for this continuous motion.
+    /// CM, and RC in sections: whether the block was called for this continuous motion or section.
     is_called: bool,
     stage: Stage,
     /// Skills before the current one.
@@ -108,6 +117,7 @@ impl Sequence {
         Self {
             execution_type,
             program,
+            is_in_sections: false,
             blocks: Blocks { move_continuous: MoveContinuous::with_depth(queue_depth), ..Blocks::default() },
             step: 0,
             motion: None,
@@ -118,8 +128,10 @@ impl Sequence {
         }
     }
 
-    pub(crate) const fn execution_type(&self) -> ExecutionType {
-        self.execution_type
+    /// Has RC run a program for each section between two marks. Actions at the ends of sections are the PLC's.
+    pub(crate) const fn in_sections(mut self) -> Self {
+        self.is_in_sections = true;
+        self
     }
 
     /// Returns whether the program itself waits, at a stop of the plan.
@@ -131,55 +143,81 @@ impl Sequence {
         self.ended.plus(self.current)
     }
 
+    /// Returns whether the arm stands as far as it may go, and waits there.
+    pub(crate) fn has_come_to(&self, reach: Reach) -> bool {
+        let is_at_a_stop = match self.stage {
+            Stage::Skill => true,
+            // The action comes after the wait, or before it.
+            Stage::Switch(_) | Stage::Wait { .. } => !reach.with_action,
+        };
+        is_at_a_stop && self.totals().executed >= reach.motions
+    }
+
     /// Executes one scan of the program, which began at `now`; the first one sets the start edge. `stops` contains where the
-    /// continuous motions end.
+    /// continuous motions end, `reach` how far the arm may go.
     pub(crate) fn scan(
         &mut self,
         now: Instant,
         motions: &mut dyn MotionSource,
         stops: &[Stop],
+        reach: Reach,
         group: &mut AxesGroup,
-    ) -> Progress {
+    ) -> SkillProgress {
         let total = motions.total();
+        let may_act = self.step < reach.motions || reach.with_action;
         match self.stage {
+            // A skill that begins at a mark waits for it.
+            Stage::Skill if self.is_between_skills() && self.step >= reach.motions => {
+                return SkillProgress::Running;
+            }
             Stage::Skill => {}
+            Stage::Switch(_) if !may_act => return SkillProgress::Running,
             Stage::Switch(switch) => {
                 group.set_outputs(switch.applied_to(group.outputs()));
                 self.stage = Stage::Wait { until: now + switch.wait };
-                return Progress::Running;
+                return SkillProgress::Running;
             }
-            Stage::Wait { until } if now < until => return Progress::Running,
+            Stage::Wait { until } if now < until => return SkillProgress::Running,
             Stage::Wait { .. } => {
                 self.stage = Stage::Skill;
                 return self.next_step(total);
             }
         }
         let answer = match self.execution_type {
-            ExecutionType::Rc => {
-                let block = &mut self.blocks.run_program;
-                let outputs = block.call(true, self.program, MODE, group);
-                Ok(Answer { outputs, error: block.error(), tally: block.tally() })
-            }
+            ExecutionType::Rc => Ok(self.stored_program(group)),
             ExecutionType::Cm => {
                 let next = stops.partition_point(|stop| stop.after <= self.step);
                 let end = stops.get(next).map_or(total, |stop| stop.after.min(total));
-                Ok(self.continuous_motion(&mut Section { source: motions, from: self.step, end }, group))
+                let available = reach.motions;
+                Ok(self.continuous_motion(
+                    &mut Section { source: motions, from: self.step, end, available },
+                    group,
+                ))
             }
             ExecutionType::Sm => self.single_motion(motions, group),
         };
         match answer {
             Ok(answer) => self.advance(answer, total, stops),
-            Err(error) => Progress::Failed { motion: self.step, error },
+            Err(error) => SkillProgress::Failed { motion: self.step, error },
         }
     }
 
-    fn advance(&mut self, Answer { outputs, error, tally }: Answer, total: u32, stops: &[Stop]) -> Progress {
+    fn advance(
+        &mut self,
+        Answer { outputs, error, tally }: Answer,
+        total: u32,
+        stops: &[Stop],
+    ) -> SkillProgress {
         self.current = tally;
         if outputs.done {
             self.ended = self.totals();
             self.current = Tally::default();
             self.step = match self.execution_type {
-                ExecutionType::Rc => return Progress::Done,
+                ExecutionType::Rc if !self.is_in_sections => return SkillProgress::Done,
+                ExecutionType::Rc => {
+                    self.program = self.program.saturating_add(1);
+                    self.step.saturating_add(tally.executed)
+                }
                 ExecutionType::Sm => self.step.saturating_add(1),
                 ExecutionType::Cm => self.step.saturating_add(tally.executed),
             };
@@ -188,30 +226,50 @@ impl Sequence {
             let stop = stops.get(here).filter(|stop| stop.after == self.step);
             if let Some(switch) = stop.and_then(|stop| stop.then) {
                 self.stage = Stage::Switch(switch);
-                return Progress::Running;
+                return SkillProgress::Running;
             }
             return self.next_step(total);
         }
         if outputs.command_aborted {
-            return Progress::Aborted;
+            return SkillProgress::Aborted;
         }
         match error {
-            None => Progress::Running,
+            None => SkillProgress::Running,
             Some(error @ BlockError::Robot { motion, .. }) => {
-                Progress::Failed { motion: self.step.saturating_add(motion), error }
+                SkillProgress::Failed { motion: self.step.saturating_add(motion), error }
             }
             // A source counts all motions, a block only those of its skill.
             Some(BlockError::SourceEnded { index, .. }) => {
                 let index = self.step.saturating_add(index);
-                Progress::Failed { motion: index, error: BlockError::SourceEnded { index, total } }
+                SkillProgress::Failed { motion: index, error: BlockError::SourceEnded { index, total } }
             }
-            Some(error) => Progress::Failed { motion: self.step.saturating_add(tally.executed), error },
+            Some(error) => SkillProgress::Failed { motion: self.step.saturating_add(tally.executed), error },
+        }
+    }
+
+    /// Returns whether no block was called for the current step yet.
+    const fn is_between_skills(&self) -> bool {
+        match self.execution_type {
+            ExecutionType::Rc => self.is_in_sections && !self.is_called,
+            ExecutionType::Sm => self.motion.is_none(),
+            ExecutionType::Cm => !self.is_called,
         }
     }
 
     /// Sets the step variable: the next scan is the first of the next step, if there is one.
-    const fn next_step(&self, total: u32) -> Progress {
-        if self.step >= total { Progress::Done } else { Progress::Running }
+    const fn next_step(&self, total: u32) -> SkillProgress {
+        if self.step >= total { SkillProgress::Done } else { SkillProgress::Running }
+    }
+
+    /// Calls the block of the stored program; if it ran the previous section, with a falling edge first.
+    fn stored_program(&mut self, group: &mut AxesGroup) -> Answer {
+        let block = &mut self.blocks.run_program;
+        if self.step > 0 && !self.is_called {
+            block.call(false, self.program, MODE, group);
+        }
+        self.is_called = true;
+        let outputs = block.call(true, self.program, MODE, group);
+        Answer { outputs, error: block.error(), tally: block.tally() }
     }
 
     /// Calls the block of the current continuous motion; if it ran the previous one, with a falling edge first.
@@ -298,11 +356,11 @@ mod tests {
                 executed: 1,
                 ..Feedback::default()
             }));
-            let progress = sequence.scan(Instant::ZERO, &mut motions, &stops, &mut group);
+            let progress = sequence.scan(Instant::ZERO, &mut motions, &stops, Reach::END, &mut group);
             if seen.last() != Some(&group.outputs()) {
                 seen.push(group.outputs());
             }
-            if progress == Progress::Done {
+            if progress == SkillProgress::Done {
                 break;
             }
         }

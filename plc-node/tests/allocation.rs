@@ -1,11 +1,12 @@
 //! The cyclic path takes no memory from the heap after the start.
 
 use machine::wire::{BigEndian, FRAME_CAPACITY};
-use machine::{Duration, Instant, Machine, Port, Source};
+use machine::{Duration, Instant, Multihomed, Port, Source};
 use planning::{Stop, Switch, ToStart};
 use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
 use protocol::direct::Direct;
 use protocol::image::{Command, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
+use protocol::one_station::OneStation;
 use protocol_linux::allocation::{self, AllocationCounter};
 
 #[global_allocator]
@@ -47,7 +48,8 @@ fn no_scan_frame_or_run_allocates_after_the_start() {
         to_start: ToStart { from_anywhere: Some(motion), from_end: vec![motion; 2] },
         stops: vec![Stop { after: 5, then: None }, Stop { after: 13, then: Some(switch) }],
     };
-    let mut plc = PlcNode::new(config, Direct::new(Instant::ZERO, MS, MS * 20), Instant::ZERO);
+    let mut plc =
+        PlcNode::new(config, OneStation::new(Direct::new(Instant::ZERO, MS, MS * 20)), Instant::ZERO);
     let mut feedback = Feedback { state: State::Ready, status: Status::ENABLED, ..Feedback::default() };
     let (mut frame, mut image) = (vec![0; FRAME_CAPACITY], [0; IMAGE_LEN]);
     let source = Source { port: Port::Ethernet, peer: None };
@@ -57,13 +59,13 @@ fn no_scan_frame_or_run_allocates_after_the_start() {
     for _ in 0..30_000 {
         now = plc.poll_timeout().unwrap().max(now);
         plc.handle_timeout(now);
-        while let Some(transmit) = plc.poll_transmit(now, &mut frame) {
+        while let Some((on, transmit)) = plc.poll_transmit(now, &mut frame) {
             answer(&Command::parse::<BigEndian>(&frame[..transmit.len]).unwrap(), &mut feedback);
             feedback.emit::<BigEndian>(&mut image);
-            plc.handle_frame(now, source, &image);
+            plc.handle_frame(now, on, source, &image);
         }
-        while let Some(event) = plc.poll_event() {
-            match event {
+        while let Some(report) = plc.poll_event() {
+            match report.event {
                 PlcEvent::Ready => {
                     plc.start(now, ExecutionType::ALL[runs % 3]).unwrap();
                     runs += 1;

@@ -5,11 +5,8 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
-use machine::ethernet::Mac;
 pub use machine::{Counters, Down, DownCause, LinkEvent};
-use machine::{
-    Instant, Machine, Source, StreamChange, StreamId, Transmit,
-};
+use machine::{Instant, Machine};
 pub use profinet::record::Maintenance;
 
 use crate::image::{Image, Order};
@@ -97,103 +94,6 @@ pub trait ControllerBus: Machine<Event = (StationId, LinkEvent)> {
 
     /// Returns the frame counters of a station since the start. Frames that belong to no station count with the first one.
     fn counters(&self, station: StationId) -> Counters;
-}
-
-/// An endpoint with one connection as the PLC's end of a bus with one station.
-#[derive(Clone, Debug)]
-pub struct OneStation<B> {
-    /// The endpoint.
-    pub bus: B,
-    received: u64,
-}
-
-impl<B: Fieldbus> OneStation<B> {
-    /// Takes an endpoint.
-    #[must_use]
-    pub const fn new(bus: B) -> Self {
-        Self { bus, received: 0 }
-    }
-}
-
-impl<B: Fieldbus> Machine for OneStation<B> {
-    type Event = (StationId, LinkEvent);
-
-    machine::forward_ports!(bus);
-
-    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        self.bus.handle_frame(now, from, frame);
-    }
-
-    fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        self.bus.handle_broadcast(now, from, frame);
-    }
-
-    fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
-        self.bus.handle_stream(now, stream, change);
-    }
-
-    fn handle_wrong_neighbour(&mut self, now: Instant, address: Ipv4Addr, found: Mac) {
-        self.bus.handle_wrong_neighbour(now, address, found);
-    }
-
-    fn handle_timeout(&mut self, now: Instant) {
-        self.bus.handle_timeout(now);
-    }
-
-    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        self.bus.poll_transmit(now, buf)
-    }
-
-    fn poll_event(&mut self) -> Option<Self::Event> {
-        self.bus.poll_event().map(|event| (StationId::FIRST, event))
-    }
-
-    fn poll_timeout(&self) -> Option<Instant> {
-        self.bus.poll_timeout()
-    }
-}
-
-impl<B: Fieldbus> ControllerBus for OneStation<B> {
-    fn stations(&self) -> u16 {
-        1
-    }
-
-    fn byte_order(&self) -> Order {
-        self.bus.byte_order()
-    }
-
-    fn set_output(&mut self, station: StationId, image: &Image) {
-        if station == StationId::FIRST {
-            self.bus.set_output(image);
-        }
-    }
-
-    fn input(&self, station: StationId) -> Option<Image> {
-        self.bus.input().filter(|_| station == StationId::FIRST)
-    }
-
-    fn poll_arrival(&mut self) -> Option<StationId> {
-        let received = self.bus.counters().received;
-        (core::mem::replace(&mut self.received, received) != received).then_some(StationId::FIRST)
-    }
-
-    fn disconnect(&mut self, now: Instant, station: StationId) {
-        if station == StationId::FIRST {
-            self.bus.disconnect(now);
-        }
-    }
-
-    fn explain(&self, _station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.bus.explain(words)
-    }
-
-    fn remark(&self, _station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.bus.remark(words)
-    }
-
-    fn counters(&self, station: StationId) -> Counters {
-        if station == StationId::FIRST { self.bus.counters() } else { Counters::default() }
-    }
 }
 
 /// What the bus set permanently of its own station, so that it survives a restart. The owner removes what is not there from

@@ -13,5 +13,6 @@ pub mod buses;
 pub mod direct;
 pub mod fieldbus;
 pub mod image;
+pub mod one_station;
 pub mod search;
 pub mod stations;

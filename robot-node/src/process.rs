@@ -270,7 +270,7 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
         self.bus_mut().stored(now, done);
     }
 
-    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+    fn remark(&self, _event: &RobotEvent, words: &mut dyn fmt::Write) -> fmt::Result {
         self.bus().remark(words)
     }
 

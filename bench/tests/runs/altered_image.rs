@@ -3,10 +3,11 @@
 use machine::wire::BigEndian;
 use machine::{Duration, Instant, Machine, PortRequest, Source, Transmit};
 use planning::PROGRAM;
-use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
+use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode, PlcReport};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
 use protocol::image::{Command, Digest, IMAGE_LEN, Image, Order};
+use protocol::one_station::OneStation;
 use robot_node::{RobotConfig, RobotNode};
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
@@ -80,7 +81,8 @@ fn digests(at: Option<u32>) -> [Digest; 2] {
     let (setup, found) = planning::setup_with_application("A").unwrap();
     let motions = found.plan(&setup).unwrap().wire_motions(&setup);
     let bus = || Direct::new(Instant::ZERO, MS, MS * 100);
-    let plc = PlcNode::new(PlcConfig::from_setup(&setup, motions, PROGRAM), bus(), Instant::ZERO);
+    let plc =
+        PlcNode::new(PlcConfig::from_setup(&setup, motions, PROGRAM), OneStation::new(bus()), Instant::ZERO);
     let robot_bus = WrongSlot { bus: bus(), at, image: [0; IMAGE_LEN] };
     let robot_config = RobotConfig::from_setup(&setup).unwrap();
     let robot = RobotNode::new(robot_config, Vec::new(), robot_bus, 1, Instant::ZERO);
@@ -94,14 +96,14 @@ fn digests(at: Option<u32>) -> [Digest; 2] {
     let until = Instant::from_millis(60_000);
     while let Some(event) = pair.next_event(until) {
         match event {
-            Event::A(PlcEvent::Ready) => {
+            Event::A(PlcReport { event: PlcEvent::Ready, .. }) => {
                 pair.command_a(|plc, now| plc.start(now, ExecutionType::Cm)).unwrap();
             }
-            Event::A(PlcEvent::Finished(execution)) => {
+            Event::A(PlcReport { event: PlcEvent::Finished(execution), .. }) => {
                 assert_eq!(execution.motions, 13, "no counter shows the fault");
-                return [*pair.a().sent(), *pair.b().controller().accepted()];
+                return [pair.a().sent(), *pair.b().controller().accepted()];
             }
-            Event::A(PlcEvent::Failed(failure)) => panic!("{failure}"),
+            Event::A(PlcReport { event: PlcEvent::Failed(failure), .. }) => panic!("{failure}"),
             _ => {}
         }
     }

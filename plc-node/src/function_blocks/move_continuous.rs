@@ -92,7 +92,7 @@ fn fill(
     depth: u32,
     motions: &mut dyn MotionSource,
 ) -> Result<(), BlockError> {
-    let end = executed.saturating_add(depth).min(command.total);
+    let end = executed.saturating_add(depth).min(command.total).min(motions.available());
     while command.written < end {
         let index = command.written;
         let motion = motions.get(index).ok_or(BlockError::SourceEnded { index, total: command.total })?;

@@ -1,217 +1,198 @@
-//! The PLC: scan, bus, readiness, runs.
+//! The PLC: buses, stations, a program, and one scan over all of them.
 //!
 //! ```text
-//! as_machine  the PLC as a machine: program and bus by time and frames
-//! inputs      the robot's image: taken over, or refused
-//! run         the way to the start of a run, its scans and its end; readiness in between
-//! silence     what the PLC waits for, and when it gives up a robot that shows no progress
+//! as_multihomed  the PLC as a machine on an interface for each bus: time and frames
+//! run            the way to the start of a run, its scans and its end
 //! ```
 
-mod as_machine;
-mod inputs;
+mod as_multihomed;
 mod run;
-mod silence;
-
-use std::collections::VecDeque;
 
 use machine::{Duration, Instant, Lateness};
-use planning::Stop;
-use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
-use protocol::image::{
-    Checks, Command, CommandSealer, Digest, FeedbackChecker, IMAGE_LEN, Image, LifeMonitor,
-};
+use protocol::fieldbus::{ControllerBus, Counters, LinkEvent, StationId};
+use protocol::image::{Checks, Command, Digest};
 
-use silence::Silence;
+use run::Run;
 
-use crate::motion_source::Digested;
-use crate::readiness::Readiness;
-use crate::sequence::Sequence;
-use crate::start_position::StartPosition;
+use crate::event::Events;
+use crate::program::{AfterLoss, PlcProgram};
+use crate::sequences::{Sequences, StationWork};
+use crate::station::{Station, StationConfig, StationState, WayToStart, Work};
 use crate::{
-    AxesGroup, ExecutionType, FailureCause, MotionSource, Override, OverrideSchedule, PlcConfig, PlcEvent,
-    Sample, Scan, StartError,
+    ExecutionType, FailureCause, Override, OverrideSchedule, PlcConfig, PlcEvent, Sample, Scan, StartError,
 };
 
-/// Capacity for events: more than one handler can cause; the owner drains them after each.
-const EVENTS: usize = 16;
-
-/// A PLC with one robot on one bus.
+/// A PLC: its buses, its stations and its program.
 ///
-/// While connected it keeps the robot enabled and leads it to `Ready` by itself: it halts a skill that is not one of
-/// its own (left over from a failed run, or from before a restart of the PLC), resets the robot, and moves the arm to
-/// where a run starts.
+/// While connected it keeps each robot enabled and leads it to `Ready` by itself: it halts a skill that is not one of its own
+/// (left over from a failed run, or from before a restart of the PLC), resets the robot, and moves the arm to where a run
+/// starts. In a run the stations are the program's.
 #[derive(Debug)]
-pub struct PlcNode<B> {
-    bus: B,
+pub struct PlcNode<B, P = Sequences> {
+    buses: Vec<B>,
+    stations: Vec<Station>,
+    /// Where each station is: the index of its bus, and its number there.
+    places: Vec<(usize, StationId)>,
+    /// Index of each station, by bus and number.
+    on_bus: Vec<Vec<usize>>,
+    program: P,
     scan: Scan,
     scans: u64,
-    group: AxesGroup,
-    program: u16,
-    queue_depth: u32,
-    motions: Digested,
-    stops: Vec<Stop>,
-    start_position: StartPosition,
-    /// Whether the last attempt to move the arm to the start failed.
-    start_not_reached: bool,
-    connected: bool,
-    /// Whether the owner knows that the robot marks its data as bad.
-    image_bad: bool,
-    /// Frames received when the robot's image had not changed for [`STILL`](inputs::STILL) scans.
-    received_still: u64,
     mode: Mode,
-    readiness: Readiness,
     run: Run,
     /// Changes of the override in the runs that start from now on; `None` leaves it unchanged.
     overrides: Option<OverrideSchedule>,
-    /// The image that the group's feedback was read from: a robot that is slower than the scan repeats it.
-    inputs: Image,
-    checker: FeedbackChecker,
-    life: LifeMonitor,
-    /// Since when all images were refused as outdated; `None` while they are not.
-    outdated_since: Option<Instant>,
-    /// Images refused when the robot's image had not changed for [`STILL`](inputs::STILL) scans.
-    altered_still: u64,
-    /// The outputs that the last scan computed; on the bus once the scan's cost has passed.
-    outputs: Image,
-    sealer: CommandSealer,
-    silence: Silence,
-    /// Command number and motions written as of the slots in `outputs`.
-    emitted: Option<(u16, u32)>,
-    events: VecDeque<PlcEvent>,
+    events: Events,
 }
 
-/// What the program does in a scan.
+/// What the PLC does in a scan, besides what each station does.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Mode {
-    /// Leads the robot to `Ready`, if there is a robot.
-    Preparing,
-    /// Moves the arm to where a run starts; the run that is wanted follows.
-    MovingToStart(Option<ExecutionType>),
-    /// The robot is ready, and the arm where a run starts, as far as it could be moved there.
+    /// No run is wanted.
     Idle,
-    /// The next scan sets the start edge.
+    /// A run starts once every arm is where it begins.
     Starting(ExecutionType),
     /// A run is under way.
     Running,
 }
 
-/// The run under way, or the last one.
+/// A station of a PLC: on which of its buses, its number there, and what is known of it.
 #[derive(Debug)]
-struct Run {
-    sequence: Sequence,
-    overrides: Option<OverrideSchedule>,
-    /// Steps of them that are done.
-    overridden: usize,
-    /// Lowest and highest override so far, in %.
-    override_percent: [u8; 2],
-    started_at: Instant,
-    started_in_scan: u64,
-    /// The robot's joints and clock in that scan.
-    robot_before: ([f32; 6], u64),
-    frames_before: Counters,
+pub struct PlacedStation {
+    /// Index of its bus.
+    pub bus: usize,
+    /// Its number on the bus.
+    pub id: StationId,
+    /// What the PLC knows of it.
+    pub config: StationConfig,
 }
 
-impl<B: Fieldbus> PlcNode<B> {
-    /// Creates a PLC whose first scan is at `start`.
+impl<B: ControllerBus> PlcNode<B> {
+    /// Creates a PLC with one station, on a bus with one, whose first scan is at `start`.
     #[must_use]
     pub fn new(config: PlcConfig, bus: B, start: Instant) -> Self {
         let wait_limits = config.wait_limits();
-        let longest_stop = config.stops.iter().filter_map(|stop| stop.then).map(|switch| switch.wait).max();
-        let silence =
-            Silence::new(config.scan_cycle, config.answer_timeout, longest_stop.unwrap_or(Duration::ZERO));
+        let PlcConfig { scan_cycle, scan_cost, answer_timeout, robot_cycle, .. } = config;
+        let PlcConfig { queue_depth, program, motions, to_start, stops, .. } = config;
+        let station = StationConfig {
+            name: String::new(),
+            wait_limits,
+            answer_timeout,
+            robot_cycle,
+            to_start,
+            longest_stop: StationConfig::longest_of(&stops),
+        };
+        let work = StationWork { program, queue_depth, motions, stops, waits: Vec::new() };
+        let station = PlacedStation { bus: 0, id: StationId::FIRST, config: station };
+        let scan = Scan::new(start, scan_cycle, scan_cost);
+        Self::with_program(scan, vec![bus], vec![station], Sequences::new(vec![work]))
+    }
+
+    /// Returns the digest of the motions that the first station took from its source in this run, or in the last one: with SM and
+    /// CM those that it sent. RC takes none.
+    #[must_use]
+    pub fn sent(&self) -> Digest {
+        self.program.digest(0).copied().unwrap_or_default()
+    }
+}
+
+impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
+    /// Creates a PLC with these buses, stations and program. Each bus is on an interface of its own, in this order. A station
+    /// whose bus does not exist is never connected.
+    #[must_use]
+    pub fn with_program(scan: Scan, buses: Vec<B>, placed: Vec<PlacedStation>, program: P) -> Self {
+        let mut on_bus: Vec<Vec<usize>> = buses.iter().map(|_| Vec::new()).collect();
+        let mut places = Vec::with_capacity(placed.len());
+        let mut stations = Vec::with_capacity(placed.len());
+        for (index, PlacedStation { bus, id, config }) in placed.into_iter().enumerate() {
+            if let Some(numbers) = on_bus.get_mut(bus) {
+                let number = usize::from(id.0);
+                numbers.resize(numbers.len().max(number + 1), usize::MAX);
+                if let Some(place) = numbers.get_mut(number) {
+                    *place = index;
+                }
+            }
+            let order = buses.get(bus).map_or(protocol::image::Order::LittleEndian, |bus| bus.byte_order());
+            places.push((bus, id));
+            stations.push(Station::new(index, config, order, scan.period()));
+        }
+        let (count, period) = (stations.len(), scan.period());
+        debug_assert!(period > Duration::ZERO, "a scan has a cycle");
         Self {
-            bus,
-            scan: Scan::new(start, config.scan_cycle, config.scan_cost),
+            buses,
+            places,
+            on_bus,
+            program,
+            scan,
             scans: 0,
-            group: AxesGroup::new(wait_limits),
-            program: config.program,
-            queue_depth: config.queue_depth,
-            motions: Digested::new(config.motions),
-            stops: config.stops,
-            start_position: StartPosition::new(config.to_start),
-            start_not_reached: false,
-            connected: false,
-            image_bad: false,
-            received_still: 0,
-            mode: Mode::Preparing,
-            readiness: Readiness::default(),
-            run: Run {
-                sequence: Sequence::new(ExecutionType::Rc, config.program, config.queue_depth),
-                overrides: None,
-                overridden: 0,
-                override_percent: [u8::MAX, 0],
-                started_at: start,
-                started_in_scan: 0,
-                robot_before: ([0.0; 6], 0),
-                frames_before: Counters::default(),
-            },
+            mode: Mode::Idle,
+            run: Run::none(count),
             overrides: None,
-            inputs: [0; IMAGE_LEN],
-            checker: FeedbackChecker::default(),
-            life: LifeMonitor::new(config.robot_cycle),
-            outdated_since: None,
-            altered_still: 0,
-            outputs: [0; IMAGE_LEN],
-            sealer: CommandSealer::default(),
-            silence,
-            emitted: None,
-            events: VecDeque::with_capacity(EVENTS),
+            events: Events::for_stations(count),
+            stations,
         }
     }
 
-    /// Has the next scan set the start edge of a run, or move the arm to where the run starts if it is not there; the start
+    /// Has the next scan set the start edge of a run, or move the arms to where the run starts if they are not there; the start
     /// edge then follows.
     ///
     /// # Errors
-    /// The robot is not connected or not ready, a run is under way, or there is nothing to run.
+    /// A robot is not connected or not ready, a run is under way, or there is nothing to run.
     pub fn start(&mut self, _now: Instant, execution_type: ExecutionType) -> Result<(), StartError> {
         match self.mode {
-            Mode::Running => return Err(StartError::Running(self.run.sequence.execution_type())),
-            Mode::Starting(other) | Mode::MovingToStart(Some(other)) => {
-                return Err(StartError::Running(other));
-            }
-            _ if !self.connected => return Err(StartError::NotConnected),
-            Mode::Preparing => return Err(self.not_ready()),
-            Mode::Idle | Mode::MovingToStart(None) => {}
+            Mode::Running => return Err(StartError::Running(self.run.execution_type)),
+            Mode::Starting(other) => return Err(StartError::Running(other)),
+            Mode::Idle => {}
         }
-        if execution_type != ExecutionType::Rc && self.motions.total() == 0 {
-            return Err(StartError::NoMotions(execution_type));
+        if self.stations.iter().any(|station| !station.is_connected()) {
+            return Err(StartError::NotConnected);
         }
-        self.mode = match self.mode {
-            Mode::MovingToStart(_) => Mode::MovingToStart(Some(execution_type)),
-            _ => Mode::Starting(execution_type),
-        };
+        if let Some(station) = self.stations.iter().find(|station| station.state == StationState::Preparing) {
+            return Err(station.not_ready());
+        }
+        self.program.check(execution_type)?;
+        self.mode = Mode::Starting(execution_type);
         Ok(())
     }
 
-    /// Sets the override from the next scan on, whether a run is under way or not. It stays until it is set again, or until
-    /// the next step of a run's schedule.
-    pub const fn set_override(&mut self, _now: Instant, to: Override) {
-        self.group.set_override(to);
+    /// Sets the override of every robot from the next scan on, whether a run is under way or not. It stays until it is set again,
+    /// or until the next step of a run's schedule.
+    pub fn set_override(&mut self, _now: Instant, to: Override) {
+        self.stations.iter_mut().for_each(|station| station.group_mut().set_override(to));
     }
 
     /// Has every run that starts from now on change the override by this schedule; without one the override stays.
-    pub const fn schedule_overrides(&mut self, schedule: Option<OverrideSchedule>) {
+    pub fn schedule_overrides(&mut self, schedule: Option<OverrideSchedule>) {
         self.overrides = schedule;
     }
 
-    /// Gives the run up: it fails at once, and the next scan halts the robot. Does nothing without a run.
+    /// Gives the run up: it fails at once, and the next scan halts the robots. Does nothing without a run.
     pub fn abort(&mut self, _now: Instant) {
-        self.fail(FailureCause::Aborted);
+        self.fail(None, FailureCause::Aborted);
     }
 
-    /// Gives a run up and ends the connection.
+    /// Gives a run up and ends the connections.
     pub fn disconnect(&mut self, now: Instant) {
-        self.fail(FailureCause::Aborted);
-        self.bus.disconnect(now);
-        self.drain_bus();
-        self.disarm();
+        self.fail(None, FailureCause::Aborted);
+        for (bus, id) in &self.places {
+            if let Some(bus) = self.buses.get_mut(*bus) {
+                bus.disconnect(now, *id);
+            }
+        }
+        (0..self.buses.len()).for_each(|bus| self.drain_bus(bus));
+        (0..self.stations.len()).for_each(|station| self.disarm(station));
     }
 
     /// Returns whether a run may start.
     #[must_use]
     pub fn is_ready(&self) -> bool {
-        self.mode == Mode::Idle
+        self.mode == Mode::Idle && self.stations.iter().all(Station::is_ready)
+    }
+
+    /// Returns whether the connections of all stations are up.
+    #[must_use]
+    pub fn is_connected(&self) -> bool {
+        self.stations.iter().all(Station::is_connected)
     }
 
     /// Returns the lateness of the scans.
@@ -220,35 +201,77 @@ impl<B: Fieldbus> PlcNode<B> {
         self.scan.lateness()
     }
 
-    /// Returns the numbers of images by the results of their checks, and of outdated ones.
+    /// Returns the numbers of images by the results of their checks, and of outdated ones, of all stations together.
     #[must_use]
-    pub const fn checks(&self) -> Checks {
-        let Checks { altered, unchecked, .. } = self.checker.checks();
-        Checks { altered, unchecked, outdated: self.life.outdated() }
+    pub fn checks(&self) -> Checks {
+        let all = self.stations.iter().map(Station::checks);
+        all.fold(Checks::default(), |sum, one| Checks {
+            altered: sum.altered + one.altered,
+            unchecked: sum.unchecked + one.unchecked,
+            outdated: sum.outdated + one.outdated,
+        })
     }
 
-    /// Returns the digest of the motions that this run, or the last one, took from their source: with SM and CM those
-    /// that it sent. RC takes none.
+    /// Returns the frame counters of all stations together.
     #[must_use]
-    pub const fn sent(&self) -> &Digest {
-        self.motions.given()
+    pub fn counters(&self) -> Counters {
+        (0..self.stations.len()).fold(Counters::default(), |sum, station| sum + self.counters_of(station))
     }
 
-    /// Returns the bus endpoint.
+    /// Returns the frame counters of a station.
     #[must_use]
-    pub const fn bus(&self) -> &B {
-        &self.bus
+    pub fn counters_of(&self, station: usize) -> Counters {
+        self.bus_of(station).map_or_else(Counters::default, |(bus, id)| bus.counters(id))
     }
 
-    /// Returns the bus endpoint, for commands of its own; poll the node afterwards.
-    pub const fn bus_mut(&mut self) -> &mut B {
-        &mut self.bus
+    /// Writes why a station refused the last connection, in the words of its bus.
+    ///
+    /// # Errors
+    /// That of the writer.
+    pub fn explain(&self, station: usize, words: &mut dyn std::fmt::Write) -> std::fmt::Result {
+        self.bus_of(station).map_or(Ok(()), |(bus, id)| bus.explain(id, words))
     }
 
-    /// Returns the command to the robot as of the last scan.
+    /// Writes what is remarkable about the connection to a station.
+    ///
+    /// # Errors
+    /// That of the writer.
+    pub fn remark(&self, station: usize, words: &mut dyn std::fmt::Write) -> std::fmt::Result {
+        self.bus_of(station).map_or(Ok(()), |(bus, id)| bus.remark(id, words))
+    }
+
+    /// Returns the buses, in the order of the interfaces.
     #[must_use]
-    pub const fn command(&self) -> &Command {
-        self.group.command()
+    pub fn buses(&self) -> &[B] {
+        &self.buses
+    }
+
+    /// Returns the buses, for commands of their own; poll the PLC afterwards.
+    pub fn buses_mut(&mut self) -> &mut [B] {
+        &mut self.buses
+    }
+
+    /// Returns the stations.
+    #[must_use]
+    pub fn stations(&self) -> &[Station] {
+        &self.stations
+    }
+
+    /// Returns the program.
+    #[must_use]
+    pub const fn program(&self) -> &P {
+        &self.program
+    }
+
+    /// Returns the program, to give it other work between two runs.
+    pub const fn program_mut(&mut self) -> &mut P {
+        &mut self.program
+    }
+
+    /// Returns the command to the first station's robot as of the last scan.
+    #[must_use]
+    pub fn command(&self) -> Command {
+        self.stations.first().map_or_else(Command::default, |station| *station.group().command())
     }
 
     /// Returns how many scans have run.
@@ -257,80 +280,148 @@ impl<B: Fieldbus> PlcNode<B> {
         self.scans
     }
 
-    /// Returns what the PLC did in its last scan.
+    /// Returns what the PLC commanded the first station in its last scan.
     #[must_use]
     pub fn sample(&self) -> Sample {
-        let command = self.command();
-        let feedback = self.group.feedback().filter(|feedback| feedback.number == command.number);
-        let executed = feedback.map_or(0, |feedback| feedback.executed);
-        Sample {
-            scan: self.scans,
-            command: command.number,
-            total: command.total,
-            written: command.written,
-            in_slots: command.written.saturating_sub(executed),
-            altered: self.checker.checks().altered,
-        }
+        self.sample_of(0)
+    }
+
+    /// Returns what the PLC commanded a station in its last scan.
+    #[must_use]
+    pub fn sample_of(&self, station: usize) -> Sample {
+        let station = self.stations.get(station);
+        station.map_or(Sample { scan: self.scans, ..Sample::default() }, |station| station.sample(self.scans))
+    }
+
+    fn bus_of(&self, station: usize) -> Option<(&B, StationId)> {
+        let (bus, id) = self.places.get(station)?;
+        Some((self.buses.get(*bus)?, *id))
     }
 
     /// Runs one scan: inputs, program, outputs.
     fn scan(&mut self, now: Instant) {
         self.scans += 1;
         self.read_inputs(now);
-        if let Some(cause) = self.trouble() {
-            self.fail(cause);
-        }
         match self.mode {
-            Mode::Starting(execution_type) if self.is_at_start() => self.begin_run(now, execution_type),
-            Mode::Starting(execution_type) => self.move_to_start(false, Some(execution_type)),
+            Mode::Starting(execution_type) => self.start_when_ready(now, execution_type),
             Mode::Running => self.run(now),
-            Mode::MovingToStart(_) | Mode::Idle | Mode::Preparing => {}
+            Mode::Idle => {}
         }
-        if let Mode::MovingToStart(then) = self.mode {
-            self.go_on_to_start(now, then);
-        }
+        self.go_on_to_start(now);
         self.watch_silence();
         // A run that has just failed is followed by the halt in the same scan.
-        if matches!(self.mode, Mode::Idle | Mode::Preparing) {
-            self.prepare();
+        self.prepare();
+        self.stations.iter_mut().for_each(Station::emit);
+    }
+
+    fn read_inputs(&mut self, now: Instant) {
+        for index in 0..self.stations.len() {
+            let (image, received) = match self.bus_of(index) {
+                Some((bus, id)) => (bus.input(id), bus.counters(id).received),
+                None => (None, 0),
+            };
+            let Some(station) = self.stations.get_mut(index) else { return };
+            if let Some(cause) = station.read_inputs(now, image, received, &mut self.events) {
+                self.fail(Some(index), cause);
+            }
+            if let Some(cause) = self.stations.get(index).and_then(|station| station.trouble(received)) {
+                self.fail(Some(index), cause);
+            }
         }
-        self.emit();
     }
 
-    /// Computes the output image. The slots take most of the time, and they change only with a new command or with
-    /// motions written.
-    fn emit(&mut self) {
-        let command = self.group.command();
-        let slots = Some((command.number, command.written));
-        let order = self.bus.byte_order();
-        if core::mem::replace(&mut self.emitted, slots) == slots {
-            order.emit_command_head(command, &mut self.outputs);
-        } else {
-            order.emit_command(command, &mut self.outputs);
-            self.sealer.take_tail(&self.outputs);
+    /// Moves on each arm that moves to where a run starts.
+    fn go_on_to_start(&mut self, now: Instant) {
+        for index in 0..self.stations.len() {
+            let Some(station) = self.stations.get_mut(index) else { return };
+            if station.state != StationState::MovingToStart || self.mode == Mode::Running {
+                continue;
+            }
+            match station.go_on_to_start(now) {
+                WayToStart::UnderWay => {}
+                WayToStart::Reached => {
+                    station.state = StationState::Ready;
+                    self.report_ready();
+                }
+                WayToStart::Failed(cause) => self.fail(Some(index), cause),
+            }
         }
-        self.sealer.seal(order, &mut self.outputs);
     }
 
-    /// Handles what the bus has received and reported.
-    fn after_bus(&mut self, now: Instant) {
-        self.life.note_arrival(now, self.bus.counters().received);
-        self.drain_bus();
+    fn watch_silence(&mut self) {
+        for index in 0..self.stations.len() {
+            let work = match self.mode {
+                Mode::Running => Work::Run { waits: self.program.waits(index) },
+                Mode::Idle | Mode::Starting(_) => Work::None,
+            };
+            let received = self.counters_of(index).received;
+            let Some(station) = self.stations.get_mut(index) else { return };
+            if let Some(cause) = station.watch_silence(work, received, &mut self.events) {
+                self.fail(Some(index), cause);
+            }
+        }
     }
 
-    /// Passes on the events of the bus. A lost connection fails a run at once, not with the next scan.
-    fn drain_bus(&mut self) {
-        while let Some(event) = self.bus.poll_event() {
-            self.push(PlcEvent::Link(event));
+    /// Does the work of a scan at each station that no run has.
+    fn prepare(&mut self) {
+        for index in 0..self.stations.len() {
+            let is_runs = self.mode == Mode::Running && !self.run.is_lost(index);
+            let Some(station) = self.stations.get_mut(index) else { return };
+            if is_runs || station.state == StationState::MovingToStart {
+                continue;
+            }
+            let was_ready = station.is_ready();
+            let is_new = station.prepare(&mut self.events);
+            if is_new {
+                self.report_ready();
+            } else if let (true, false, Mode::Starting(_)) =
+                (was_ready, self.stations.get(index).is_some_and(Station::is_ready), self.mode)
+            {
+                self.fail(Some(index), FailureCause::RobotHalted);
+            }
+        }
+    }
+
+    /// Reports that a run may start, if it may.
+    fn report_ready(&mut self) {
+        if self.is_ready() {
+            self.events.push_for_all(PlcEvent::Ready);
+        }
+    }
+
+    /// Handles what a bus has received and reported.
+    fn after_bus(&mut self, now: Instant, bus: usize) {
+        while let Some(id) = self.buses.get_mut(bus).and_then(ControllerBus::poll_arrival) {
+            let Some(index) = self.index_of(bus, id) else { continue };
+            let received = self.counters_of(index).received;
+            if let Some(station) = self.stations.get_mut(index) {
+                station.life.note_arrival(now, received);
+            }
+        }
+        self.drain_bus(bus);
+    }
+
+    fn index_of(&self, bus: usize, id: StationId) -> Option<usize> {
+        self.on_bus.get(bus)?.get(usize::from(id.0)).copied().filter(|index| *index < self.stations.len())
+    }
+
+    /// Passes on the events of a bus. A lost connection fails a run at once, not with the next scan.
+    fn drain_bus(&mut self, bus: usize) {
+        while let Some((id, event)) = self.buses.get_mut(bus).and_then(B::poll_event) {
+            let Some(index) = self.index_of(bus, id) else { continue };
+            self.events.push(index, PlcEvent::Link(event));
             match event {
                 LinkEvent::Up => {
-                    self.connected = true;
-                    self.silence.connected();
+                    if let Some(station) = self.stations.get_mut(index) {
+                        station.connect();
+                    }
                 }
                 LinkEvent::Down(down) => {
-                    self.silence.not_connected(down);
-                    self.fail(FailureCause::ConnectionLost(down));
-                    self.disarm();
+                    if let Some(station) = self.stations.get_mut(index) {
+                        station.note_down(down);
+                    }
+                    self.fail(Some(index), FailureCause::ConnectionLost(down));
+                    self.disarm(index);
                 }
                 LinkEvent::SetAddress { .. }
                 | LinkEvent::Store
@@ -340,30 +431,57 @@ impl<B: Fieldbus> PlcNode<B> {
         }
     }
 
-    /// Removes every command from the image, because the bus repeats its last image on the next connection.
-    fn disarm(&mut self) {
-        self.connected = false;
-        self.forget_images();
-        self.mode = Mode::Preparing;
-        self.readiness = Readiness::default();
-        self.start_not_reached = false;
-        self.group.disarm();
-        self.emit();
-        self.scan.drop_outputs();
-        self.bus.set_output(&self.outputs);
+    /// Removes every command from a station's image, because the bus repeats its last image on the next connection.
+    fn disarm(&mut self, index: usize) {
+        let Some(station) = self.stations.get_mut(index) else { return };
+        station.disarm();
+        self.write_output(index);
+        if self.stations.iter().all(|station| !station.is_connected()) {
+            self.scan.drop_outputs();
+        }
     }
 
-    /// Adds an event. The capacity taken at the start is never exceeded, because the owner drains events after each
-    /// handler.
-    fn push(&mut self, event: PlcEvent) {
-        if self.events.len() < EVENTS {
-            self.events.push_back(event);
+    fn write_output(&mut self, index: usize) {
+        let Some((bus, id)) = self.places.get(index).copied() else { return };
+        if let (Some(bus), Some(station)) = (self.buses.get_mut(bus), self.stations.get(index)) {
+            bus.set_output(id, station.outputs());
         }
     }
 
     fn write_outputs(&mut self, now: Instant) {
         if self.scan.take_outputs(now) {
-            self.bus.set_output(&self.outputs);
+            (0..self.stations.len()).for_each(|station| self.write_output(station));
+        }
+    }
+
+    /// Fails a run, if there is one, because of a station or of all, and has the next scans lead the robots to `Ready` again.
+    fn fail(&mut self, station: Option<usize>, cause: FailureCause) {
+        match self.mode {
+            Mode::Running => {
+                let after = station.map_or(AfterLoss::EndRun, |station| self.program.lose(station, cause));
+                match (after, station) {
+                    (AfterLoss::GoOn, Some(index)) => self.run.lose(index, cause),
+                    _ => return self.end_run(station, cause),
+                }
+                if let Some(lost) = station.and_then(|index| self.stations.get_mut(index)) {
+                    lost.prepare_again(false);
+                }
+            }
+            Mode::Starting(execution_type) => {
+                self.mode = Mode::Idle;
+                for index in station.map_or(0..self.stations.len(), |index| index..index + 1) {
+                    let Some(station) = self.stations.get_mut(index) else { continue };
+                    station.prepare_again(station.state == StationState::MovingToStart);
+                }
+                self.report_failure(station, execution_type, 0, cause);
+            }
+            Mode::Idle => {
+                // Nobody waits for it: the next run tries again and says what is wrong.
+                let Some(station) = station.and_then(|index| self.stations.get_mut(index)) else { return };
+                if station.state == StationState::MovingToStart {
+                    station.prepare_again(true);
+                }
+            }
         }
     }
 }

@@ -1,165 +1,212 @@
-//! Runs: the way to their start, their scans and their ends; and what leads the robot to `Ready` in between.
+//! Runs: the way to their start, their scans and their ends.
 
 use machine::Instant;
-use protocol::fieldbus::{Counters, Fieldbus};
-use protocol::image::{ErrorNumber, State, Status};
+use protocol::fieldbus::{ControllerBus, Counters};
 
-use super::{Mode, PlcNode, Run};
+use super::{Mode, PlcNode};
 use crate::function_blocks::BlockError;
-use crate::readiness::Readiness;
-use crate::sequence::{Progress, Sequence};
-use crate::{Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, Seen, StartError};
+use crate::program::{PlcProgram, Progress};
+use crate::station::{Station, StationState};
+use crate::{Commanded, Execution, ExecutionType, Failure, FailureCause, OverrideSchedule, PlcEvent, Seen};
 
-impl<B: Fieldbus> PlcNode<B> {
-    pub(super) fn is_at_start(&self) -> bool {
-        self.start_position.is_reached(self.group.feedback())
-    }
+/// The run under way, or the last one.
+#[derive(Debug)]
+pub(super) struct Run {
+    pub(super) execution_type: ExecutionType,
+    overrides: Option<OverrideSchedule>,
+    /// Steps of them that are done.
+    overridden: usize,
+    /// Lowest and highest override so far, in %.
+    override_percent: [u8; 2],
+    started_at: Instant,
+    started_in_scan: u64,
+    /// Each station at the start.
+    before: Vec<Before>,
+    /// The first station that was lost while others went on, and why.
+    lost: Option<(usize, FailureCause)>,
+}
 
-    pub(super) fn move_to_start(&mut self, is_at_end: bool, then: Option<ExecutionType>) {
-        self.start_position.begin(is_at_end);
-        self.mode = Mode::MovingToStart(then);
-        self.push(PlcEvent::MovingToStart);
-    }
+/// A station at the start of a run.
+#[derive(Clone, Debug)]
+struct Before {
+    /// The robot's joints and clock.
+    robot: ([f32; 6], u64),
+    frames: Counters,
+    is_lost: bool,
+}
 
-    pub(super) fn go_on_to_start(&mut self, now: Instant, then: Option<ExecutionType>) {
-        match (self.start_position.scan(now, &mut self.group), then) {
-            (Progress::Running, _) => {}
-            (Progress::Done, Some(execution_type)) => self.mode = Mode::Starting(execution_type),
-            (Progress::Done, None) => self.become_idle(),
-            (Progress::Aborted, _) => self.fail(FailureCause::RobotHalted),
-            (Progress::Failed { error, .. }, _) => self.fail(FailureCause::StartNotReached(error)),
+impl Run {
+    /// Returns what stands for a run before the first one.
+    pub(super) fn none(stations: usize) -> Self {
+        let before = Before { robot: ([0.0; 6], 0), frames: Counters::default(), is_lost: false };
+        Self {
+            execution_type: ExecutionType::Rc,
+            overrides: None,
+            overridden: 0,
+            override_percent: [u8::MAX, 0],
+            started_at: Instant::ZERO,
+            started_in_scan: 0,
+            before: vec![before; stations],
+            lost: None,
         }
     }
 
-    pub(super) fn become_idle(&mut self) {
-        self.mode = Mode::Idle;
-        self.push(PlcEvent::Ready);
+    /// Returns whether the run goes on without a station.
+    pub(super) fn is_lost(&self, station: usize) -> bool {
+        self.before.get(station).is_some_and(|before| before.is_lost)
     }
 
-    pub(super) fn begin_run(&mut self, now: Instant, execution_type: ExecutionType) {
-        self.run = Run {
-            sequence: Sequence::new(execution_type, self.program, self.queue_depth),
-            overrides: self.overrides,
-            overridden: 0,
-            override_percent: [u8::MAX, 0],
-            started_at: now,
-            started_in_scan: self.scans,
-            robot_before: self.group.feedback().map_or(([0.0; 6], 0), |robot| (robot.joints, robot.clock_ns)),
-            frames_before: self.bus.counters(),
-        };
-        self.motions.restart();
+    /// Notes that the run goes on without a station.
+    pub(super) fn lose(&mut self, station: usize, cause: FailureCause) {
+        self.lost.get_or_insert((station, cause));
+        if let Some(before) = self.before.get_mut(station) {
+            before.is_lost = true;
+        }
+    }
+}
+
+impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
+    /// Begins the run once every arm is where it starts, and moves there those that are not.
+    pub(super) fn start_when_ready(&mut self, now: Instant, execution_type: ExecutionType) {
+        for station in self.stations.iter_mut().filter(|station| station.is_ready()) {
+            if !station.is_at_start() {
+                station.move_to_start(false, &mut self.events);
+            }
+        }
+        if self.stations.iter().all(Station::is_ready) {
+            self.begin_run(now, execution_type);
+        }
+    }
+
+    fn begin_run(&mut self, now: Instant, execution_type: ExecutionType) {
+        for index in 0..self.stations.len() {
+            let frames = self.counters_of(index);
+            if let (Some(before), Some(station)) = (self.run.before.get_mut(index), self.stations.get(index))
+            {
+                *before = Before { robot: station.robot(), frames, is_lost: false };
+            }
+        }
+        self.run.execution_type = execution_type;
+        (self.run.overrides, self.run.overridden) = (self.overrides, 0);
+        self.run.override_percent = [u8::MAX, 0];
+        (self.run.started_at, self.run.started_in_scan) = (now, self.scans);
+        self.run.lost = None;
+        self.program.begin(now, execution_type);
         self.mode = Mode::Running;
-        self.push(PlcEvent::Started { execution_type, at: now, after: self.group.command().number });
+        let after = self.command().number;
+        self.events.push_for_all(PlcEvent::Started { execution_type, at: now, after });
         self.run(now);
     }
 
+    /// Executes one scan of a run.
     pub(super) fn run(&mut self, now: Instant) {
         self.follow_overrides(now);
-        let percent = self.group.command().override_percent;
-        let [lowest, highest] = self.run.override_percent;
-        self.run.override_percent = [lowest.min(percent), highest.max(percent)];
-        match self.run.sequence.scan(now, &mut self.motions, &self.stops, &mut self.group) {
+        for station in &self.stations {
+            let percent = station.group().command().override_percent;
+            let [lowest, highest] = self.run.override_percent;
+            self.run.override_percent = [lowest.min(percent), highest.max(percent)];
+        }
+        match self.program.scan(now, &mut self.stations) {
             Progress::Running => {}
-            Progress::Done => self.finish(now),
-            Progress::Aborted => self.fail(FailureCause::RobotHalted),
-            Progress::Failed { motion, error } => self.fail(match error {
-                BlockError::Robot { number, finding, .. } => FailureCause::Robot { number, motion, finding },
-                error => FailureCause::Block { error, motion },
-            }),
+            Progress::Done => match self.run.lost {
+                None => self.finish(now),
+                Some((station, cause)) => self.end_run(Some(station), cause),
+            },
+            Progress::Aborted { station } => self.fail(Some(station), FailureCause::RobotHalted),
+            Progress::Failed { station, motion, error } => {
+                let cause = match error {
+                    BlockError::Robot { number, finding, .. } => {
+                        FailureCause::Robot { number, motion, finding }
+                    }
+                    error => FailureCause::Block { error, motion },
+                };
+                self.fail(Some(station), cause);
+            }
         }
     }
 
     /// Sets the override as the run's schedule says.
-    pub(super) fn follow_overrides(&mut self, now: Instant) {
+    fn follow_overrides(&mut self, now: Instant) {
         let Some(schedule) = &self.run.overrides else { return };
         let since = now.since(self.run.started_at);
         let due = schedule.steps().iter().skip(self.run.overridden).take_while(|step| step.after() <= since);
         for step in due {
-            self.group.set_override(step.to);
+            self.stations.iter_mut().for_each(|station| station.group_mut().set_override(step.to));
             self.run.overridden += 1;
         }
     }
 
-    pub(super) fn finish(&mut self, now: Instant) {
-        let totals = self.run.sequence.totals();
+    fn finish(&mut self, now: Instant) {
+        self.mode = Mode::Idle;
         let execution_time_ns = now.as_nanos().saturating_sub(self.run.started_at.as_nanos());
-        self.push(PlcEvent::Finished(Execution {
-            execution_type: self.run.sequence.execution_type(),
-            execution_time_ns,
-            robot_execution_ns: totals.robot_execution_ns,
-            motions: totals.executed,
-            blends_suppressed: totals.blends_suppressed,
-            scans: self.scans - self.run.started_in_scan,
-            frames: frames_between(self.run.frames_before, self.bus.counters()),
-            commanded: self.commanded(),
-            seen: self.seen(),
-        }));
-        if self.is_at_start() { self.become_idle() } else { self.move_to_start(true, None) }
+        for index in 0..self.stations.len() {
+            let totals = self.program.totals(index);
+            let frames_before = self.run.before.get(index).map(|before| before.frames).unwrap_or_default();
+            let execution = Execution {
+                execution_type: self.run.execution_type,
+                execution_time_ns,
+                robot_execution_ns: totals.robot_execution_ns,
+                motions: totals.executed,
+                blends_suppressed: totals.blends_suppressed,
+                scans: self.scans - self.run.started_in_scan,
+                frames: frames_between(frames_before, self.counters_of(index)),
+                commanded: self.commanded(index),
+                seen: self.seen(index),
+            };
+            self.events.push(index, PlcEvent::Finished(execution));
+        }
+        for station in &mut self.stations {
+            if station.is_at_start() {
+                station.state = StationState::Ready;
+            } else {
+                station.move_to_start(true, &mut self.events);
+            }
+        }
+        self.report_ready();
     }
 
-    fn commanded(&self) -> Commanded {
-        let sent = self.motions.given().sum();
+    fn commanded(&self, index: usize) -> Commanded {
+        let sent = self.program.sent(index);
+        let feedback = self.stations.get(index).and_then(|station| station.group().feedback());
         Commanded {
             motions: sent.motions,
             digest: sent.value,
             override_percent: self.run.override_percent,
-            end: self.group.feedback().map_or([0.0; 6], |feedback| feedback.joints),
+            end: feedback.map_or([0.0; 6], |feedback| feedback.joints),
         }
     }
 
-    /// Returns what the robot's images show of the run that ends.
-    fn seen(&self) -> Option<Seen> {
-        let feedback = self.group.feedback()?;
-        let (start, clock_before) = self.run.robot_before;
+    /// Returns what a robot's images show of the run that ends.
+    fn seen(&self, index: usize) -> Option<Seen> {
+        let feedback = self.stations.get(index)?.group().feedback()?;
+        let (start, clock_before) = self.run.before.get(index)?.robot;
         let clock_ns = feedback.clock_ns.saturating_sub(clock_before);
         Some(Seen { start, end_pose: feedback.pose, clock_ns })
     }
 
-    /// Ends a run, if there is one, and has the next scans lead the robot to `Ready` again.
-    pub(super) fn fail(&mut self, cause: FailureCause) {
-        let (execution_type, executed) = match self.mode {
-            Mode::Running => (self.run.sequence.execution_type(), self.run.sequence.totals().executed),
-            Mode::Starting(execution_type) | Mode::MovingToStart(Some(execution_type)) => (execution_type, 0),
-            // Nobody waits for it: the next run tries again and says what is wrong.
-            Mode::MovingToStart(None) => return self.prepare_again(true),
-            Mode::Idle | Mode::Preparing => return,
-        };
-        self.prepare_again(matches!(self.mode, Mode::MovingToStart(_)));
-        self.push(PlcEvent::Failed(Failure { execution_type, executed, cause }));
+    /// Ends a run as failed: the next scans halt the robots and lead them to `Ready` again.
+    pub(super) fn end_run(&mut self, station: Option<usize>, cause: FailureCause) {
+        self.mode = Mode::Idle;
+        for index in 0..self.stations.len() {
+            if let Some(station) = self.stations.get_mut(index).filter(|_| !self.run.is_lost(index)) {
+                station.prepare_again(false);
+            }
+        }
+        let executed = self.program.totals(station.unwrap_or_default()).executed;
+        self.report_failure(station, self.run.execution_type, executed, cause);
     }
 
-    /// Has the next scans lead the robot to `Ready` again.
-    pub(super) fn prepare_again(&mut self, start_not_reached: bool) {
-        self.group.release(self.group.command().number, false);
-        self.mode = Mode::Preparing;
-        self.readiness = Readiness::after_failure();
-        self.start_not_reached = start_not_reached;
-    }
-
-    /// Does the work of a scan while no sequence runs.
-    pub(super) fn prepare(&mut self) {
-        if self.mode == Mode::Idle && Readiness::holds(&self.group) {
-            return;
-        }
-        self.mode = Mode::Preparing;
-        if !self.readiness.scan(&mut self.group) {
-            return;
-        }
-        // What has just failed, or what somebody halted, is not repeated without being asked for.
-        if core::mem::take(&mut self.start_not_reached) || self.is_at_start() {
-            self.become_idle();
-        } else {
-            self.move_to_start(false, None);
-        }
-    }
-
-    pub(super) fn not_ready(&self) -> StartError {
-        let feedback = self.group.feedback();
-        StartError::NotReady {
-            state: feedback.map_or(State::Halted, |feedback| feedback.state),
-            error: feedback
-                .filter(|feedback| feedback.status.contains(Status::ERROR))
-                .map_or(ErrorNumber::None, |feedback| feedback.error),
+    pub(super) fn report_failure(
+        &mut self,
+        station: Option<usize>,
+        execution_type: ExecutionType,
+        executed: u32,
+        cause: FailureCause,
+    ) {
+        let failed = PlcEvent::Failed(Failure { execution_type, executed, cause });
+        match station {
+            Some(station) => self.events.push(station, failed),
+            None => self.events.push_for_all(failed),
         }
     }
 }

@@ -15,15 +15,17 @@ use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::{Node, Waiting};
 use planning::PROGRAM;
-use protocol::fieldbus::{Counters, Fieldbus, LinkEvent};
+use protocol::fieldbus::{ControllerBus, Counters, LinkEvent};
 use protocol::image::Checks;
+use protocol::one_station::OneStation;
 use protocol_linux::OpenPort;
 
 pub use message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal};
 use modes::{OnInstruction, Standalone};
 
 use crate::{
-    ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, Sample, WaitingFor, bus,
+    ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, PlcProgram, PlcReport, Sample,
+    WaitingFor, bus,
 };
 
 /// Options of `plc-node run`.
@@ -66,7 +68,7 @@ impl Run {
         let nonce = start.as_nanos();
         if self.options.direct {
             let bus = prepared.direct(NodeRole::Plc, start)?;
-            let node = PlcNode::new(config, bus, start);
+            let node = PlcNode::new(config, OneStation::new(bus), start);
             return self.supervise(prepared, "images without a protocol", node);
         }
         // A PLC has its address from its project.
@@ -82,7 +84,7 @@ impl Run {
         self.supervise(prepared, endpoint, PlcNode::new(config, bus, start))
     }
 
-    fn supervise<B: Fieldbus + Send + fmt::Debug + 'static>(
+    fn supervise<B: ControllerBus + Send + fmt::Debug + 'static>(
         &self,
         prepared: Prepared,
         endpoint: &str,
@@ -97,20 +99,28 @@ impl Run {
     }
 }
 
-impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
+impl<B, P> Node for PlcNode<B, P>
+where
+    B: ControllerBus + Send + fmt::Debug + 'static,
+    P: PlcProgram + 'static,
+{
     type Order = PlcOrder;
     type Answer = PlcRefusal;
     type Sample = Sample;
 
-    fn link_event(event: &PlcEvent) -> Option<LinkEvent> {
-        match event {
-            PlcEvent::Link(event) => Some(*event),
+    fn link_event(report: &PlcReport) -> Option<LinkEvent> {
+        match report.event {
+            PlcEvent::Link(event) => Some(event),
             _ => None,
         }
     }
 
-    fn waiting(event: &PlcEvent) -> Option<Waiting> {
-        let PlcEvent::Waiting { for_what, seconds } = event else { return None };
+    fn connection(report: &PlcReport) -> usize {
+        report.station.unwrap_or_default()
+    }
+
+    fn waiting(report: &PlcReport) -> Option<Waiting> {
+        let PlcEvent::Waiting { for_what, seconds } = &report.event else { return None };
         let is_for_connection = matches!(for_what, WaitingFor::Connection { .. });
         let is_owed = for_what.is_owed();
         Some(Waiting { seconds: *seconds, for_what: for_what.to_string(), is_for_connection, is_owed })
@@ -139,16 +149,15 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
         }
     }
 
-    fn address_set(&mut self, now: Instant, _on: InterfaceId, done: bool) {
-        self.bus_mut().address_set(now, done);
+    /// A PLC has its addresses from its project.
+    fn address_set(&mut self, _now: Instant, _on: InterfaceId, _done: bool) {}
+
+    fn explain(&self, report: &PlcReport, words: &mut dyn fmt::Write) -> fmt::Result {
+        Self::explain(self, report.station.unwrap_or_default(), words)
     }
 
-    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.bus().explain(words)
-    }
-
-    fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.bus().remark(words)
+    fn remark(&self, report: &PlcReport, words: &mut dyn fmt::Write) -> fmt::Result {
+        Self::remark(self, report.station.unwrap_or_default(), words)
     }
 
     fn disconnect(&mut self, now: Instant) {
@@ -160,7 +169,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> Node for PlcNode<B> {
     }
 
     fn counters(&self) -> Counters {
-        self.bus().counters()
+        Self::counters(self)
     }
 
     fn checks(&self) -> Checks {

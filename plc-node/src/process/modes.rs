@@ -4,10 +4,10 @@ use std::fmt;
 
 use node::Outcome;
 use node::supervise::{Next, OperatingMode};
-use protocol::fieldbus::{Fieldbus, LinkEvent};
+use protocol::fieldbus::{ControllerBus, LinkEvent};
 
 use super::message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal, message, refusal};
-use crate::{ExecutionType, OverrideSchedule, PlcEvent, PlcNode, StartError};
+use crate::{ExecutionType, OverrideSchedule, PlcEvent, PlcNode, PlcProgram, PlcReport, StartError};
 
 /// The mode in which the PLC follows instructions.
 #[derive(Default)]
@@ -16,13 +16,17 @@ pub(super) struct OnInstruction {
     ready: bool,
 }
 
-impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for OnInstruction {
+impl<B, P> OperatingMode<PlcNode<B, P>> for OnInstruction
+where
+    B: ControllerBus + Send + fmt::Debug + 'static,
+    P: PlcProgram + 'static,
+{
     type Message = PlcMessage;
     type Instruction = PlcInstruction;
 
-    fn event(&mut self, event: PlcEvent) -> (Option<PlcMessage>, Next<PlcOrder>) {
-        self.ready = matches!(event, PlcEvent::Ready);
-        (message(&event), Next::Wait)
+    fn event(&mut self, report: PlcReport) -> (Option<PlcMessage>, Next<PlcOrder>) {
+        self.ready = matches!(report.event, PlcEvent::Ready);
+        (message(&report.event), Next::Wait)
     }
 
     fn link(&mut self, event: LinkEvent) -> Next<PlcOrder> {
@@ -74,12 +78,16 @@ impl Standalone {
     }
 }
 
-impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for Standalone {
+impl<B, P> OperatingMode<PlcNode<B, P>> for Standalone
+where
+    B: ControllerBus + Send + fmt::Debug + 'static,
+    P: PlcProgram + 'static,
+{
     type Message = PlcMessage;
     type Instruction = PlcInstruction;
 
-    fn event(&mut self, event: PlcEvent) -> (Option<PlcMessage>, Next<PlcOrder>) {
-        let next = match event {
+    fn event(&mut self, report: PlcReport) -> (Option<PlcMessage>, Next<PlcOrder>) {
+        let next = match report.event {
             PlcEvent::Ready => self.next(),
             PlcEvent::Failed(_) => Next::End(Outcome::RunFailed),
             PlcEvent::Link(_)
@@ -91,7 +99,7 @@ impl<B: Fieldbus + Send + fmt::Debug + 'static> OperatingMode<PlcNode<B>> for St
             | PlcEvent::Waiting { .. }
             | PlcEvent::Finished(_) => Next::Wait,
         };
-        (message(&event), next)
+        (message(&report.event), next)
     }
 
     fn answer(&mut self, answer: PlcRefusal) -> (PlcMessage, Next<PlcOrder>) {

@@ -1,10 +1,10 @@
 //! The robot's image: taken over in each scan, or refused because of its check or its age.
 
 use machine::{Duration, Instant};
-use protocol::fieldbus::Fieldbus;
 use protocol::image::{Age, Image, Verdict};
 
-use super::{Mode, PlcNode};
+use super::{Station, StationState};
+use crate::event::Events;
 use crate::{FailureCause, PlcEvent};
 
 /// Number of scans that is longer than any robot cycle: then the robot's image should have changed.
@@ -13,44 +13,54 @@ pub(super) const STILL: u32 = 20;
 /// Time with nothing but old images of the robot after which the connection counts as lost: a usual watchdog.
 const OUTDATED_FOR: Duration = Duration::from_millis(100);
 
-impl<B: Fieldbus> PlcNode<B> {
-    /// Takes over the robot's image; none without a connection.
-    pub(super) fn read_inputs(&mut self, now: Instant) {
-        let image = self.bus.input().filter(|_| self.connected);
-        let is_bad = self.connected && image.is_none();
-        if core::mem::replace(&mut self.image_bad, is_bad) != is_bad && self.connected {
-            self.push(if is_bad { PlcEvent::ImageBad } else { PlcEvent::ImageGood });
+impl Station {
+    /// Takes over the robot's image of a scan; none without a connection. `received` are the frames of its connection so far.
+    /// Returns why the robot counts as lost, if it does from now on.
+    pub(crate) fn read_inputs(
+        &mut self,
+        now: Instant,
+        image: Option<Image>,
+        received: u64,
+        events: &mut Events,
+    ) -> Option<FailureCause> {
+        let image = image.filter(|_| self.is_connected);
+        let is_bad = self.is_connected && image.is_none();
+        if core::mem::replace(&mut self.image_bad, is_bad) != is_bad && self.is_connected {
+            events.push(self.index, if is_bad { PlcEvent::ImageBad } else { PlcEvent::ImageGood });
         }
-        match image {
+        let lost = match image {
             Some(image) if self.inputs == image && self.group.feedback().is_some() => {
                 self.outdated_since = None;
                 self.group.read_again();
+                None
             }
             Some(image) => self.take_over(now, image),
             None => {
                 self.forget_images();
                 self.group.read(None);
+                None
             }
-        }
+        };
         if image.is_some() && self.life.take_still(now) {
-            self.push(PlcEvent::LifeStill);
+            events.push(self.index, PlcEvent::LifeStill);
         }
         if self.group.still_scans() == STILL {
-            self.received_still = self.bus.counters().received;
+            self.received_still = received;
             self.altered_still = self.checker.checks().altered;
         }
+        lost
     }
 
     /// Takes over a new image of the robot. One that was altered on the way, or is an old one, is refused: the one before
     /// stands, as if the frame had been lost.
-    fn take_over(&mut self, now: Instant, image: Image) {
-        let order = self.bus.byte_order();
-        if self.checker.verify(order, &image) == Verdict::Altered {
-            return self.keep_feedback();
+    fn take_over(&mut self, now: Instant, image: Image) -> Option<FailureCause> {
+        if self.checker.verify(self.order, &image) == Verdict::Altered {
+            self.keep_feedback();
+            return None;
         }
-        let feedback = order.parse_feedback(&image).ok();
+        let feedback = self.order.parse_feedback(&image).ok();
         // Before the robot is ready nothing can run: until then a late image may set the start.
-        if self.mode != Mode::Preparing {
+        if self.state != StationState::Preparing {
             self.life.act();
         }
         if feedback.is_some_and(|feedback| self.life.judge_present(feedback.life) == Age::Outdated) {
@@ -58,6 +68,7 @@ impl<B: Fieldbus> PlcNode<B> {
         }
         (self.inputs, self.outdated_since) = (image, None);
         self.group.read(feedback);
+        None
     }
 
     fn keep_feedback(&mut self) {
@@ -65,14 +76,16 @@ impl<B: Fieldbus> PlcNode<B> {
     }
 
     /// Refuses an old image. Nothing but these for a time is a lost connection, and the next image sets the start.
-    fn refuse_outdated(&mut self, now: Instant) {
+    fn refuse_outdated(&mut self, now: Instant) -> Option<FailureCause> {
         let since = *self.outdated_since.get_or_insert(now);
         if now.since(since) < OUTDATED_FOR {
-            return self.keep_feedback();
+            self.keep_feedback();
+            return None;
         }
-        self.fail(FailureCause::RobotOutdated { scans: self.group.still_scans() });
+        let lost = FailureCause::RobotOutdated { scans: self.group.still_scans() };
         self.forget_images();
         self.group.read(None);
+        Some(lost)
     }
 
     /// Forgets what was found about the robot's images: the next ones are those of another connection.
@@ -82,8 +95,9 @@ impl<B: Fieldbus> PlcNode<B> {
         self.outdated_since = None;
     }
 
-    /// Returns the trouble that makes every run impossible, whatever its blocks find.
-    pub(super) fn trouble(&self) -> Option<FailureCause> {
+    /// Returns the trouble that makes every run with this station impossible, whatever its blocks find. `received` are the
+    /// frames of its connection so far.
+    pub(crate) fn trouble(&self, received: u64) -> Option<FailureCause> {
         if self.group.feedback().is_none() {
             return Some(FailureCause::NoImage);
         }
@@ -91,7 +105,7 @@ impl<B: Fieldbus> PlcNode<B> {
             return None;
         }
         let scans = self.group.still_scans();
-        let is_heard = self.bus.counters().received > self.received_still;
+        let is_heard = received > self.received_still;
         Some(if self.checker.checks().altered > self.altered_still {
             FailureCause::RobotAltered { scans }
         } else if self.outdated_since.is_some() {

@@ -1,10 +1,11 @@
-//! Silence of the robot: what the PLC waits for in a scan, when it says so, and when it gives a run up.
+//! Silence of the robot: what the PLC waits for in a scan, when it says so, and when it gives the robot up.
 
 use machine::Duration;
-use protocol::fieldbus::{Down, Fieldbus};
+use protocol::fieldbus::Down;
 use protocol::image::{ErrorNumber, State, Status};
 
-use super::{Mode, PlcNode};
+use super::{Station, StationState};
+use crate::event::Events;
 use crate::waiting::{Patience, SILENCE};
 use crate::{AxesGroup, FailureCause, PlcEvent, WaitingFor};
 
@@ -85,31 +86,50 @@ impl Silence {
     }
 }
 
-impl<B: Fieldbus> PlcNode<B> {
-    /// Reports what the PLC waits for, and fails a run in which the robot owes progress and shows none.
-    pub(super) fn watch_silence(&mut self) {
-        let is_commanded = matches!(self.mode, Mode::Running | Mode::MovingToStart(_));
-        let is_own_wait = self.mode == Mode::Running && self.run.sequence.waits();
-        let is_progress = match self.mode {
-            Mode::Idle | Mode::Starting(_) => true,
-            Mode::Preparing => false,
-            Mode::Running | Mode::MovingToStart(_) => is_own_wait || self.silence.see(&self.group),
+/// What a station does in a scan, as far as its robot owes progress.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Work {
+    /// A run is under way; the program waits there itself, or not.
+    Run { waits: bool },
+    /// A run is about to start, or none is wanted.
+    None,
+}
+
+impl Station {
+    /// Reports what the PLC waits for at this station. Returns why the robot is given up, if it owes progress and shows none.
+    pub(crate) fn watch_silence(
+        &mut self,
+        work: Work,
+        received: u64,
+        events: &mut Events,
+    ) -> Option<FailureCause> {
+        let is_running = matches!(work, Work::Run { .. });
+        let is_commanded = is_running || self.state == StationState::MovingToStart;
+        let is_progress = match (work, self.state) {
+            (Work::Run { waits: true }, _) => true,
+            (Work::Run { waits: false }, _) | (Work::None, StationState::MovingToStart) => {
+                self.silence.see(&self.group)
+            }
+            (Work::None, StationState::Ready) => true,
+            (Work::None, StationState::Preparing) => false,
         };
-        if self.mode == Mode::Preparing {
+        if !is_running && self.state == StationState::Preparing {
             self.silence.progress = None;
         }
         if is_progress {
-            return self.silence.patience.restart();
+            self.silence.patience.restart();
+            return None;
         }
         let waited = self.silence.patience.count();
-        let for_what = if is_commanded { self.paused() } else { Some(self.unready()) };
+        let for_what = if is_commanded { self.paused() } else { Some(self.unready(received)) };
         match for_what {
             Some(for_what) if self.silence.patience.is_report_due(waited, &for_what) => {
                 let seconds = u32::try_from(waited.as_secs()).unwrap_or(u32::MAX);
-                self.push(PlcEvent::Waiting { for_what, seconds });
+                events.push(self.index, PlcEvent::Waiting { for_what, seconds });
+                None
             }
-            None if waited >= self.silence.longest => self.fail(self.no_progress(waited)),
-            _ => {}
+            None if waited >= self.silence.longest => Some(self.no_progress(waited)),
+            _ => None,
         }
     }
 
@@ -124,11 +144,11 @@ impl<B: Fieldbus> PlcNode<B> {
     }
 
     /// Returns what is missing before a run may start.
-    fn unready(&self) -> WaitingFor {
-        if !self.connected {
+    fn unready(&self, received: u64) -> WaitingFor {
+        if !self.is_connected {
             return WaitingFor::Connection { last: self.silence.last_down };
         }
-        let (received, altered) = (self.bus.counters().received, self.checker.checks().altered);
+        let altered = self.checker.checks().altered;
         let Some(feedback) = self.group.feedback() else {
             return if self.image_bad {
                 WaitingFor::GoodData

@@ -2,7 +2,7 @@
 //! again.
 
 use machine::Duration;
-use plc_node::{ExecutionType, PlcEvent};
+use plc_node::{ExecutionType, PlcEvent, PlcReport};
 use proptest::prelude::*;
 use protocol::image::ErrorNumber;
 use virtual_time::Event;
@@ -49,7 +49,7 @@ impl Book {
     fn go_on(&mut self, cell: &mut Cell, time: Duration) {
         let until = cell.now() + time;
         while let Some(event) = cell.next_event(until) {
-            if let Event::A(PlcEvent::Finished(_) | PlcEvent::Failed(_)) = event {
+            if let Event::A(PlcReport { event: PlcEvent::Finished(_) | PlcEvent::Failed(_), .. }) = event {
                 self.ended += 1;
             }
         }

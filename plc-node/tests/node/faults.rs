@@ -2,10 +2,11 @@
 
 use machine::{Duration, Instant};
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
-use plc_node::{FailureCause, PlcEvent, PlcNode, StartError};
+use plc_node::{FailureCause, PlcEvent, PlcNode, PlcReport, StartError};
 use protocol::direct::Direct;
 use protocol::fieldbus::DownCause;
 use protocol::image::{Control, ErrorNumber, Finding};
+use protocol::one_station::OneStation;
 use virtual_time::{Event, Side};
 
 use crate::scripted::{
@@ -57,14 +58,14 @@ fn data_that_the_robot_marks_as_bad_are_reported_within_a_scan_whether_a_run_is_
             start(&mut cell, Cm);
         }
         pause(&mut cell, Duration::from_millis(100));
-        cell.command_a(|plc, _| plc.bus_mut().set_input_bad(true));
+        cell.command_a(|plc, _| plc.buses_mut()[0].bus.set_input_bad(true));
         let bad_at = cell.now();
         wait_for(&mut cell, |event| (event == PlcEvent::ImageBad).then_some(()));
         assert!(cell.now().since(bad_at) <= Duration::from_millis(1));
         if runs {
             assert_eq!(wait_for_failure(&mut cell).cause, FailureCause::NoImage);
         }
-        cell.command_a(|plc, _| plc.bus_mut().set_input_bad(false));
+        cell.command_a(|plc, _| plc.buses_mut()[0].bus.set_input_bad(false));
         wait_for(&mut cell, |event| (event == PlcEvent::ImageGood).then_some(()));
         works_again(&mut cell);
     }
@@ -165,7 +166,7 @@ fn a_robot_whose_life_counter_never_moves_is_named_once_for_each_connection() {
     let named = |cell: &mut Cell| {
         let until = cell.now() + Duration::from_secs(4);
         core::iter::from_fn(|| cell.next_event(until))
-            .filter(|event| matches!(event, Event::A(PlcEvent::LifeStill)))
+            .filter(|event| matches!(event, Event::A(PlcReport { event: PlcEvent::LifeStill, .. })))
             .count()
     };
     assert_eq!(named(&mut cell), 1);
@@ -236,7 +237,7 @@ fn a_plc_that_was_restarted_while_the_robot_moved_halts_it_and_finds_a_new_numbe
     start(&mut cell, Cm);
     pause(&mut cell, Duration::from_millis(100));
     let bus = Direct::new(cell.now(), BUS, WATCHDOG);
-    let node = PlcNode::new(config(motions(13)), bus, cell.now());
+    let node = PlcNode::new(config(motions(13)), OneStation::new(bus), cell.now());
     cell.command_a(|plc, _| *plc = node);
     cell.command_b(|robot, _| robot.motion_cycles = 5);
     until_ready(&mut cell);

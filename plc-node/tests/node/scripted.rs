@@ -6,13 +6,14 @@
 use machine::wire::BigEndian;
 use machine::{Cycle, Duration, Instant, Machine, PortRequest, Source, Transmit};
 use planning::ToStart;
-use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode};
+use plc_node::{ExecutionType, MotionList, PlcConfig, PlcEvent, PlcNode, PlcReport};
 use protocol::direct::Direct;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::{
     Command, Control, ErrorNumber, Feedback, FeedbackSealer, IMAGE_LEN, Motion, MotionKind, Order, Skill,
     State, Status,
 };
+use protocol::one_station::OneStation;
 use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 
 /// What the robot does wrong.
@@ -295,7 +296,7 @@ pub(crate) const COST: Duration = Duration::from_micros(150);
 pub(crate) const CABLE: Duration = Duration::from_micros(25);
 pub(crate) const WATCHDOG: Duration = Duration::from_millis(20);
 
-pub(crate) type Cell = Pair<PlcNode<Direct>, ScriptedRobot>;
+pub(crate) type Cell = Pair<PlcNode<OneStation<Direct>>, ScriptedRobot>;
 
 /// Returns motions that differ from each other.
 pub(crate) fn motions(count: u16) -> Vec<Motion> {
@@ -329,7 +330,7 @@ pub(crate) fn cell_with(config: PlcConfig, phases: Phases) -> Cell {
 
 pub(crate) fn cell_with_watchdog(config: PlcConfig, phases: Phases, watchdog: Duration) -> Cell {
     let [scan, plc_bus, robot_bus, robot] = phases.0.map(Instant::from_micros);
-    let plc = PlcNode::new(config, Direct::new(plc_bus, BUS, watchdog), scan);
+    let plc = PlcNode::new(config, OneStation::new(Direct::new(plc_bus, BUS, watchdog)), scan);
     let robot = ScriptedRobot::new(Direct::new(robot_bus, BUS, watchdog), robot, ROBOT);
     let cable = Impairment { delay: CABLE, ..Impairment::default() };
     let config =
@@ -346,7 +347,7 @@ pub(crate) fn wait_for<T>(cell: &mut Cell, mut wanted: impl FnMut(PlcEvent) -> O
     let until = cell.now() + Duration::from_secs(10);
     let mut others = Vec::new();
     while let Some(event) = cell.next_event(until) {
-        if let Event::A(event) = event {
+        if let Event::A(PlcReport { event, .. }) = event {
             if let Some(found) = wanted(event) {
                 return found;
             }

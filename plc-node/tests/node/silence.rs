@@ -3,7 +3,7 @@
 use machine::Duration;
 use planning::{Stop, Switch};
 use plc_node::ExecutionType::{self, Cm, Rc};
-use plc_node::{FailureCause, Override, PlcEvent, WaitingFor};
+use plc_node::{FailureCause, Override, PlcEvent, PlcReport, WaitingFor};
 use protocol::fieldbus::DownCause;
 use protocol::image::State;
 use virtual_time::Event;
@@ -18,8 +18,10 @@ fn reports(cell: &mut Cell, time: Duration) -> (Vec<(u32, WaitingFor)>, Option<F
     let (mut reports, mut failed) = (Vec::new(), None);
     while let Some(event) = cell.next_event(until) {
         match event {
-            Event::A(PlcEvent::Waiting { for_what, seconds }) => reports.push((seconds, for_what)),
-            Event::A(PlcEvent::Failed(failure)) => failed = Some(failure.cause),
+            Event::A(PlcReport { event: PlcEvent::Waiting { for_what, seconds }, .. }) => {
+                reports.push((seconds, for_what))
+            }
+            Event::A(PlcReport { event: PlcEvent::Failed(failure), .. }) => failed = Some(failure.cause),
             _ => {}
         }
     }
@@ -74,7 +76,7 @@ fn a_robot_that_is_connected_and_not_usable_is_reported_within_seconds_with_what
 #[test]
 fn data_that_are_bad_from_the_first_frame_are_reported_within_seconds() {
     let mut cell = cell(13);
-    cell.command_a(|plc, _| plc.bus_mut().set_input_bad(true));
+    cell.command_a(|plc, _| plc.buses_mut()[0].bus.set_input_bad(true));
     let (said, _) = reports(&mut cell, Duration::from_secs(5));
     assert!(matches!(said[..], [(2, WaitingFor::GoodData)]), "{said:?}");
 }

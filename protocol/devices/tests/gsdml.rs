@@ -15,7 +15,7 @@ use profinet::description::{Description, Identity};
 use profinet::rt::{Transport, UDP_PORT};
 use profinet::{ArConfig, ControllerConfig, Device, DeviceConfig, Parameter, lldp};
 use protocol::buses::ProfinetController;
-use protocol::fieldbus::LinkEvent;
+use protocol::fieldbus::{LinkEvent, StationId};
 use protocol::stations::{PROFINET_PLC, PROFINET_ROBOT as ROBOT};
 use roxmltree::{Document, Node};
 use virtual_time::{Carrier, Clock, Event, Impairment, Pair, PairConfig, Side};
@@ -209,12 +209,12 @@ fn bus(cycle: Duration, description: Description) -> Bus {
     let mut device = Device::new(device, start);
     device.set_inputs(|_, _, data| data.fill(7));
     let pair = PairConfig { seed: 1, clocks: [Clock::default(); 2], links, addresses };
-    Bus::new(ProfinetController::new(controller, wanted, start).unwrap(), device, pair)
+    Bus::new(ProfinetController::new(controller, vec![wanted], start).unwrap(), device, pair)
 }
 
 fn comes_up(bus: &mut Bus) -> bool {
     while let Some(event) = bus.next_event(Instant::from_millis(10_000)) {
-        if event == Event::A(LinkEvent::Up) {
+        if event == Event::A((StationId::FIRST, LinkEvent::Up)) {
             return true;
         }
     }

@@ -5,8 +5,7 @@ use core::net::Ipv4Addr;
 
 use machine::ethernet::Mac;
 use machine::{
-    Counters, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
-    Transmit,
+    Counters, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
 };
 
 use crate::fieldbus::{ControllerBus, Fieldbus, StationId, ToStore};

@@ -43,7 +43,9 @@ impl<C: Copy + Ord> Stations<C> {
 
     /// Returns the next station whose number of received frames has changed since it was last asked for.
     pub fn poll_arrival(&mut self, received: impl Fn(C) -> u64) -> Option<StationId> {
-        while let Some((connection, before)) = self.connections.get(self.next).zip(self.received.get_mut(self.next)) {
+        while let Some((connection, before)) =
+            self.connections.get(self.next).zip(self.received.get_mut(self.next))
+        {
             let station = StationId(u16::try_from(self.next).unwrap_or(u16::MAX));
             self.next += 1;
             let now = received(*connection);

@@ -24,7 +24,11 @@ impl ProfinetController {
     /// # Errors
     ///
     /// PROFINET does not allow something of it.
-    pub fn new(config: ControllerConfig, devices: Vec<ArConfig>, start: Instant) -> Result<Self, ConfigError> {
+    pub fn new(
+        config: ControllerConfig,
+        devices: Vec<ArConfig>,
+        start: Instant,
+    ) -> Result<Self, ConfigError> {
         let mut controller = Controller::new(config)?;
         let ars = devices.into_iter().map(|device| controller.connect(device, start));
         let ars = ars.collect::<Result<Vec<_>, _>>()?;

@@ -9,6 +9,7 @@ use anyhow::bail;
 use machine::{Duration, Instant, Machine};
 use plc_node::bus::PlcBus;
 use protocol::fieldbus::{Down, DownCause, Fieldbus as _, LinkEvent};
+use protocol::one_station::FirstStation;
 use protocol_linux::handover::Received;
 use protocol_linux::{CyclicThread, Driver, Interface, NoticeSender, Notifier, Task, clock};
 use robot_node::bus::RobotBus;
@@ -40,7 +41,7 @@ pub(super) enum Peer {
 /// A connection that is up.
 #[derive(Debug)]
 pub(super) struct Connection {
-    plc: CyclicThread<Stopwatch<PlcBus>, Call>,
+    plc: CyclicThread<Stopwatch<FirstStation<PlcBus>>, Call>,
     robot: Option<CyclicThread<Stopwatch<RobotBus>, Serve>>,
     times: Arc<Times>,
     up_at: Instant,
@@ -59,7 +60,8 @@ impl Connection {
             })?),
         };
         let plc = cable.plc.run(|interface| {
-            let endpoint = plc_node::bus::open(bus, interface.mac(), seed, clock::now())?;
+            let bus = plc_node::bus::open(bus, interface.mac(), seed, clock::now())?;
+            let endpoint = FirstStation { bus };
             start(Stopwatch::of_plc(endpoint, Arc::clone(&times)), interface, Call::default())
         })?;
         let mut own = Self { plc, robot, times, up_at: Instant::ZERO };
@@ -169,14 +171,14 @@ struct Call {
     down: Option<Down>,
 }
 
-impl Task<Stopwatch<PlcBus>> for Call {
+impl Task<Stopwatch<FirstStation<PlcBus>>> for Call {
     type Command = ();
     type Notice = Notice;
 
     fn command(
         &mut self,
         now: Instant,
-        plc: &mut Stopwatch<PlcBus>,
+        plc: &mut Stopwatch<FirstStation<PlcBus>>,
         _: &protocol_linux::Statistics,
         (): (),
         _: &mut NoticeSender<Notice>,
@@ -189,7 +191,7 @@ impl Task<Stopwatch<PlcBus>> for Call {
     fn event(
         &mut self,
         now: Instant,
-        _: &mut Stopwatch<PlcBus>,
+        _: &mut Stopwatch<FirstStation<PlcBus>>,
         event: LinkEvent,
         notices: &mut NoticeSender<Notice>,
     ) -> ControlFlow<()> {
@@ -214,7 +216,7 @@ impl Task<Stopwatch<PlcBus>> for Call {
         ControlFlow::Continue(())
     }
 
-    fn expired(&mut self, _: Instant, _: &mut Stopwatch<PlcBus>) -> ControlFlow<()> {
+    fn expired(&mut self, _: Instant, _: &mut Stopwatch<FirstStation<PlcBus>>) -> ControlFlow<()> {
         ControlFlow::Break(())
     }
 

@@ -4,7 +4,7 @@ use std::net::Ipv4Addr;
 
 use machine::{Instant, InterfaceId};
 use plc_node::bus::PlcBus;
-use plc_node::{PlcEvent, PlcNode};
+use plc_node::{PlcEvent, PlcNode, PlcReport};
 use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use records::conditions::MotionTotals;
 use robot_node::bus::RobotBus;
@@ -34,7 +34,7 @@ pub(super) enum CellNode {
 
 /// An event of a node.
 pub(super) enum CellEvent {
-    Plc(PlcEvent),
+    Plc(PlcReport),
     Robot(RobotId, RobotEvent),
 }
 
@@ -197,15 +197,11 @@ impl VirtualCell {
     pub(super) fn next_plc_event(&mut self, until: Instant, moved: &mut MotionTotals) -> Option<PlcEvent> {
         loop {
             match self.next_event(until)? {
-                CellEvent::Plc(PlcEvent::Link(LinkEvent::SetAddress { address, .. })) => {
-                    self.set_address(CellNode::Plc, Some(address));
-                    self.command_plc(|plc, now| plc.bus_mut().address_set(now, true));
-                }
                 CellEvent::Robot(id, RobotEvent::Link(LinkEvent::SetAddress { address, .. })) => {
                     self.set_address(CellNode::Robot(id), Some(address));
                     self.command_robot(id, |robot, now| robot.bus_mut().address_set(now, true));
                 }
-                CellEvent::Plc(event) => {
+                CellEvent::Plc(PlcReport { event, .. }) => {
                     // The motion to the start is not part of the run.
                     if let PlcEvent::Started { .. } = event {
                         *moved = MotionTotals::default();

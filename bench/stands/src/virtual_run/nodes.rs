@@ -174,7 +174,7 @@ impl Nodes {
     /// Returns why there is no connection, in the words of the bus if it has any.
     fn not_connected(&self, down: Down) -> NotReady {
         let mut words = String::new();
-        let explained = self.cell.plc().bus().explain(&mut words);
+        let explained = self.cell.plc().explain(0, &mut words);
         if explained.is_err() || words.is_empty() {
             words = down.to_string();
         }
@@ -189,7 +189,7 @@ impl Nodes {
         Counts {
             missed: [plc.lateness().missed(), robot.lateness().missed()],
             runs: [plc.lateness().runs(), robot.lateness().runs()],
-            bus: [plc.bus().counters(), robot.bus().counters()],
+            bus: [plc.counters(), robot.bus().counters()],
             images: [plc.checks().into(), robot.checks().into()],
         }
     }
@@ -344,7 +344,7 @@ impl Nodes {
     }
 
     pub(super) fn digests(&self) -> [Digest; 2] {
-        [*self.cell.plc().sent(), *self.cell.robot(RobotId::FIRST).controller().accepted()]
+        [self.cell.plc().sent(), *self.cell.robot(RobotId::FIRST).controller().accepted()]
     }
 
     pub(super) fn health(&self) -> Health {
@@ -353,7 +353,7 @@ impl Nodes {
         Health {
             plc: (&LatenessReport::from(plc)).into(),
             robot: (&LatenessReport::from(robot)).into(),
-            bus: self.cell.plc().bus().counters(),
+            bus: self.cell.plc().counters(),
             robot_bus: self.cell.robot(RobotId::FIRST).bus().counters(),
             images: [self.cell.plc().checks().into(), self.cell.robot(RobotId::FIRST).checks().into()],
             connected_after: None,
@@ -370,7 +370,7 @@ impl Nodes {
     /// Returns what the PLC's bus finds remarkable about the connection.
     fn remark(&self) -> Option<String> {
         let mut words = String::new();
-        let written = self.cell.plc().bus().remark(&mut words);
+        let written = self.cell.plc().remark(0, &mut words);
         (written.is_ok() && !words.is_empty()).then_some(words)
     }
 

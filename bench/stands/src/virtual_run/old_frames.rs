@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use plc_node::{ExecutionType, PlcEvent};
+use plc_node::{ExecutionType, PlcEvent, PlcReport};
 use robot_node::RobotEvent;
 use virtual_time::Side;
 
@@ -40,8 +40,8 @@ fn run(setup: &str, seed: u64, fault: Option<String>) -> Ended {
         let mut is_started = false;
         loop {
             match nodes.cell.next_event(until) {
-                Some(CellEvent::Plc(PlcEvent::Finished(_))) => break,
-                Some(CellEvent::Plc(PlcEvent::Failed(failure))) => {
+                Some(CellEvent::Plc(PlcReport { event: PlcEvent::Finished(_), .. })) => break,
+                Some(CellEvent::Plc(PlcReport { event: PlcEvent::Failed(failure), .. })) => {
                     ended.failures.push(failure.to_string());
                     break;
                 }

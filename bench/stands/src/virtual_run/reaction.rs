@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::bail;
 use machine::{Cycle, Instant, LinkEvent, Machine, Source, StreamChange, StreamId, Transmit};
-use protocol::fieldbus::Fieldbus;
+use protocol::fieldbus::{ControllerBus, Fieldbus, StationId};
 use protocol::image::{IMAGE_LEN, Image};
 use setup::Setup;
 use virtual_time::{Event, Impairment, Pair, PairConfig, Side};
@@ -47,15 +47,11 @@ pub fn reactions(setup: &Setup, seed: u64, count: usize) -> anyhow::Result<Vec<D
     let mut until = pair.now() + PATIENCE;
     while pair.a().task.reactions.len() < count {
         match pair.next_event((pair.now() + Duration::from_millis(10)).min(until)) {
-            Some(Event::A(LinkEvent::SetAddress { address, .. })) => {
-                pair.set_address(Side::A, Some(address));
-                pair.command_a(|asker, now| asker.bus.address_set(now, true));
-            }
             Some(Event::B(LinkEvent::SetAddress { address, .. })) => {
                 pair.set_address(Side::B, Some(address));
                 pair.command_b(|copier, now| copier.bus.address_set(now, true));
             }
-            Some(Event::A(LinkEvent::Down(down))) => bail!("no connection to the robot: {down}"),
+            Some(Event::A((_, LinkEvent::Down(down)))) => bail!("no connection to the robot: {down}"),
             _ if pair.now() >= until => bail!("a number did not come back from the robot"),
             _ => {}
         }
@@ -68,8 +64,8 @@ pub fn reactions(setup: &Setup, seed: u64, count: usize) -> anyhow::Result<Vec<D
 }
 
 /// What a node does in its cycle.
-trait Task {
-    fn run(&mut self, now: Instant, bus: &mut impl Fieldbus);
+trait Task<B> {
+    fn run(&mut self, now: Instant, bus: &mut B);
 }
 
 /// Writes a number, waits until it comes back, pauses for some scans, and writes the next one.
@@ -84,9 +80,9 @@ struct Asker {
     reactions: Vec<Duration>,
 }
 
-impl Task for Asker {
-    fn run(&mut self, now: Instant, bus: &mut impl Fieldbus) {
-        let Some(input) = bus.input() else { return };
+impl<B: ControllerBus> Task<B> for Asker {
+    fn run(&mut self, now: Instant, bus: &mut B) {
+        let Some(input) = bus.input(StationId::FIRST) else { return };
         if let Some(asked_at) = self.asked_at {
             if !input.starts_with(&self.number.to_be_bytes()) {
                 return;
@@ -103,7 +99,7 @@ impl Task for Asker {
         self.asked_at = Some(now);
         let mut image: Image = [0; IMAGE_LEN];
         image.iter_mut().zip(self.number.to_be_bytes()).for_each(|(place, byte)| *place = byte);
-        bus.set_output(&image);
+        bus.set_output(StationId::FIRST, &image);
     }
 }
 
@@ -111,8 +107,8 @@ impl Task for Asker {
 #[derive(Debug)]
 struct Copier;
 
-impl Task for Copier {
-    fn run(&mut self, _now: Instant, bus: &mut impl Fieldbus) {
+impl<B: Fieldbus> Task<B> for Copier {
+    fn run(&mut self, _now: Instant, bus: &mut B) {
         if let Some(image) = bus.input() {
             bus.set_output(&image);
         }
@@ -126,8 +122,8 @@ struct Periodic<B, T> {
     task: T,
 }
 
-impl<B: Fieldbus, T: Task> Machine for Periodic<B, T> {
-    type Event = LinkEvent;
+impl<B: Machine, T: Task<B>> Machine for Periodic<B, T> {
+    type Event = B::Event;
 
     machine::forward_ports!(bus);
 
@@ -156,7 +152,7 @@ impl<B: Fieldbus, T: Task> Machine for Periodic<B, T> {
         self.bus.poll_transmit(now, buf)
     }
 
-    fn poll_event(&mut self) -> Option<LinkEvent> {
+    fn poll_event(&mut self) -> Option<B::Event> {
         self.bus.poll_event()
     }
 

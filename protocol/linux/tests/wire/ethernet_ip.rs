@@ -12,7 +12,7 @@ use ethernet_ip::{Adapter, AdapterConfig, ConnectionConfig, ENCAPSULATION_PORT, 
 use machine::{Machine, Port, PortRequest, Source, Transmit};
 use pcap_file::pcapng::{Block, PcapNgReader};
 use protocol::buses::EthernetIpScanner;
-use protocol::fieldbus::{Fieldbus as _, LinkEvent};
+use protocol::fieldbus::{ControllerBus as _, LinkEvent, StationId};
 use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR};
 use protocol_linux::{Interface, Recorder, clock};
 
@@ -38,14 +38,26 @@ fn adapter(interface: &Interface) -> Adapter {
 }
 
 impl Progress for EthernetIpScanner {
+    fn link((_, event): (StationId, LinkEvent)) -> LinkEvent {
+        event
+    }
+
     fn progress(&self) -> u64 {
-        self.counters().received
+        self.counters(StationId::FIRST).received
     }
 }
 
-impl Progress for Adapter {}
+impl Progress for Adapter {
+    fn link(event: LinkEvent) -> LinkEvent {
+        event
+    }
+}
 
-impl Progress for DatagramLog {}
+impl Progress for DatagramLog {
+    fn link(event: LinkEvent) -> LinkEvent {
+        event
+    }
+}
 
 /// Runs a scanner until it has received 20 frames.
 ///
@@ -54,7 +66,8 @@ fn exchange(network: &TestNetwork, multicast: bool) {
     let config = ScannerConfig { vendor: ETHERNET_IP_VENDOR, serial_number: 1, first_id: 0x5C00_0000 };
     let connection = ConnectionConfig::exclusive_owner(ROBOT, &ETHERNET_IP_ROBOT, 2_000);
     let connection = ConnectionConfig { multicast, ..connection };
-    let scanner = network.start(0, |_| EthernetIpScanner::new(config, connection, clock::now()));
+    let scanner =
+        network.start(0, |_| EthernetIpScanner::new(config, vec![connection], clock::now()).unwrap());
     scanner.until(if multicast { "20 frames to its group" } else { "20 frames to the scanner alone" }, 20);
     scanner.stop();
 }

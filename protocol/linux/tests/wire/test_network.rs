@@ -80,7 +80,10 @@ impl TestNetwork {
 }
 
 /// A machine whose progress a test waits for.
-pub(crate) trait Progress: Machine<Event = LinkEvent> + Send + 'static {
+pub(crate) trait Progress: Machine + Send + 'static {
+    /// Returns the link event in an event.
+    fn link(event: Self::Event) -> LinkEvent;
+
     /// Returns a count that only rises; what it counts is up to the machine.
     fn progress(&self) -> u64 {
         0
@@ -143,9 +146,10 @@ impl<M: Progress> Task<M> for Watch {
         &mut self,
         _: Instant,
         _: &mut M,
-        event: LinkEvent,
+        event: M::Event,
         notices: &mut NoticeSender<LinkEvent>,
     ) -> ControlFlow<()> {
+        let event = M::link(event);
         self.ups += u64::from(event == LinkEvent::Up);
         notices.send(event);
         ControlFlow::Continue(())

@@ -77,6 +77,10 @@ impl Station {
 }
 
 impl Progress for Station {
+    fn link(event: LinkEvent) -> LinkEvent {
+        event
+    }
+
     /// Returns the number of images that were sent, or received if those are fewer.
     fn progress(&self) -> u64 {
         self.counters().sent.min(self.counters().received)
@@ -154,6 +158,10 @@ pub(crate) struct Echo {
 }
 
 impl Progress for Echo {
+    fn link(event: LinkEvent) -> LinkEvent {
+        event
+    }
+
     fn progress(&self) -> u64 {
         self.answered
     }

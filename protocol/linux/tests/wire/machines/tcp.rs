@@ -47,7 +47,11 @@ impl EchoServer {
     }
 }
 
-impl Progress for EchoServer {}
+impl Progress for EchoServer {
+    fn link(event: LinkEvent) -> LinkEvent {
+        event
+    }
+}
 
 impl Machine for EchoServer {
     type Event = LinkEvent;
@@ -146,6 +150,10 @@ impl Caller {
 }
 
 impl Progress for Caller {
+    fn link(event: LinkEvent) -> LinkEvent {
+        event
+    }
+
     /// Returns the number of refused attempts and closed connections.
     fn progress(&self) -> u64 {
         self.closed.len() as u64

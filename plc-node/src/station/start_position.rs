@@ -8,7 +8,7 @@ use machine::Instant;
 use planning::ToStart;
 use protocol::image::{Feedback, Motion, MotionKind};
 
-use crate::sequence::{Progress, Sequence};
+use crate::sequence::{Reach, Sequence, SkillProgress};
 use crate::{AxesGroup, ExecutionType, MotionList};
 
 /// How far each joint may be from where it was the first time, in degrees (mm): more than the image rounds away, less than
@@ -17,7 +17,7 @@ const TOLERANCE: f32 = 1e-3;
 
 /// The start of the runs, and the way there.
 #[derive(Debug)]
-pub(crate) struct StartPosition {
+pub(super) struct StartPosition {
     from_anywhere: MotionList,
     from_end: MotionList,
     /// The joints of the start, in degrees (mm): the application's, or those with which the arm first got there.
@@ -31,7 +31,7 @@ pub(crate) struct StartPosition {
 }
 
 impl StartPosition {
-    pub(crate) fn new(to_start: ToStart<Motion>) -> Self {
+    pub(super) fn new(to_start: ToStart<Motion>) -> Self {
         let from_anywhere: Vec<Motion> = to_start.from_anywhere.into_iter().collect();
         let known = from_anywhere.first().filter(|motion| motion.kind == MotionKind::PtpJoint);
         Self {
@@ -45,7 +45,7 @@ impl StartPosition {
     }
 
     /// Returns whether the arm is at the start and was moved there at least once, or no start is known.
-    pub(crate) fn is_reached(&self, feedback: Option<&Feedback>) -> bool {
+    pub(super) fn is_reached(&self, feedback: Option<&Feedback>) -> bool {
         if self.from_anywhere.is_empty() {
             return true;
         }
@@ -57,16 +57,16 @@ impl StartPosition {
 
     /// Begins to move there. From the end of the sequence, the planned way is free of the application's obstacles; from
     /// other positions this is unknown.
-    pub(crate) fn begin(&mut self, is_at_end: bool) {
+    pub(super) fn begin(&mut self, is_at_end: bool) {
         self.under_way = Sequence::new(ExecutionType::Sm, 0, 1);
         self.is_from_end = is_at_end && !self.from_end.is_empty();
     }
 
     /// Runs one scan while the arm moves to the start.
-    pub(crate) fn scan(&mut self, now: Instant, group: &mut AxesGroup) -> Progress {
+    pub(super) fn scan(&mut self, now: Instant, group: &mut AxesGroup) -> SkillProgress {
         let motions = if self.is_from_end { &mut self.from_end } else { &mut self.from_anywhere };
-        let progress = self.under_way.scan(now, motions, &[], group);
-        if progress == Progress::Done {
+        let progress = self.under_way.scan(now, motions, &[], Reach::END, group);
+        if progress == SkillProgress::Done {
             self.was_moved = true;
             if self.joints.is_none() {
                 self.remember(group.feedback());

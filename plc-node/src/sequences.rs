@@ -1,0 +1,188 @@
+//! The paper's sequences as a PLC program: each station's motions as RC, SM or CM.
+//!
+//! Arms wait for each other at marks. No motion beyond a mark is given to a robot before all arms of the mark have come to it: with
+//! CM the PLC writes no slot beyond, and the arm stops there as at any last motion that it knows, without losing its skill.
+
+use machine::Instant;
+use planning::{Stop, WaitAt};
+use protocol::image::{Digest, Sum};
+
+use crate::motion_source::Digested;
+use crate::program::{AfterLoss, PlcProgram, Progress, Totals};
+use crate::sequence::{Reach, Sequence, SkillProgress};
+use crate::{ExecutionType, FailureCause, MotionSource, StartError, Station};
+
+/// What a station runs.
+#[derive(Debug)]
+pub struct StationWork {
+    /// The program in the robot controller that RC runs.
+    pub program: u16,
+    /// How many motions MoveContinuous writes ahead of those that are executed, 1..=5.
+    pub queue_depth: u32,
+    /// The motions that SM and CM run.
+    pub motions: Box<dyn MotionSource>,
+    /// Where their continuous motions end, in order, and what the PLC switches there.
+    pub stops: Vec<Stop>,
+    /// Where the arm waits for others, in order; none where it works alone.
+    pub waits: Vec<WaitAt>,
+}
+
+/// The program that runs the sequences of all stations.
+#[derive(Debug)]
+pub struct Sequences {
+    parts: Vec<Part>,
+}
+
+/// The sequence of a station.
+#[derive(Debug)]
+struct Part {
+    sequence: Sequence,
+    program: u16,
+    queue_depth: u32,
+    motions: Digested,
+    stops: Vec<Stop>,
+    waits: Vec<WaitAt>,
+    /// Marks that were passed in this run.
+    passed: usize,
+    state: PartState,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum PartState {
+    Running,
+    Done,
+    Lost,
+}
+
+impl Part {
+    fn new(StationWork { program, queue_depth, motions, stops, waits }: StationWork) -> Self {
+        Self {
+            sequence: Sequence::new(ExecutionType::Rc, program, queue_depth),
+            program,
+            queue_depth,
+            motions: Digested::new(motions),
+            stops,
+            waits,
+            passed: 0,
+            state: PartState::Done,
+        }
+    }
+
+    fn begin(&mut self, execution_type: ExecutionType) {
+        let sequence = Sequence::new(execution_type, self.program, self.queue_depth);
+        self.sequence = if self.waits.is_empty() { sequence } else { sequence.in_sections() };
+        self.motions.restart();
+        self.passed = 0;
+        self.state = PartState::Running;
+    }
+
+    /// Returns how far the arm may go: to the next mark that it has not passed.
+    fn reach(&self) -> Reach {
+        self.waits.get(self.passed).map_or(Reach::END, |wait| Reach {
+            motions: u32::try_from(wait.after).unwrap_or(u32::MAX),
+            with_action: wait.after_action,
+        })
+    }
+
+    /// Returns the mark at which the arm stands and waits.
+    fn stands_at(&self) -> Option<u32> {
+        let wait = self.waits.get(self.passed)?;
+        (self.state != PartState::Lost && self.sequence.has_come_to(self.reach())).then_some(wait.mark)
+    }
+
+    /// Returns whether the arm comes to a mark in this run that it has not passed.
+    fn comes_to(&self, mark: u32) -> bool {
+        self.waits.iter().skip(self.passed).any(|wait| wait.mark == mark)
+    }
+}
+
+impl Sequences {
+    /// Creates the program with the work of each station, in the order of the stations.
+    #[must_use]
+    pub fn new(work: Vec<StationWork>) -> Self {
+        Self { parts: work.into_iter().map(Part::new).collect() }
+    }
+
+    /// Returns the digest of the motions that a station took from their source in this run, or in the last one.
+    #[must_use]
+    pub fn digest(&self, station: usize) -> Option<&Digest> {
+        self.parts.get(station).map(|part| part.motions.given())
+    }
+
+    /// Lets the arms pass each mark at which all stand that have it.
+    fn pass_marks(&mut self) {
+        loop {
+            let together = |mark: u32| {
+                let mut having = self.parts.iter().filter(|part| part.comes_to(mark));
+                having.all(|part| part.stands_at() == Some(mark))
+            };
+            let Some(mark) = self.parts.iter().filter_map(Part::stands_at).find(|mark| together(*mark))
+            else {
+                return;
+            };
+            for part in self.parts.iter_mut().filter(|part| part.stands_at() == Some(mark)) {
+                part.passed += 1;
+            }
+        }
+    }
+}
+
+impl PlcProgram for Sequences {
+    fn check(&self, execution_type: ExecutionType) -> Result<(), StartError> {
+        let is_empty = |part: &Part| part.motions.total() == 0;
+        if execution_type != ExecutionType::Rc && self.parts.iter().any(is_empty) {
+            return Err(StartError::NoMotions(execution_type));
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, _now: Instant, execution_type: ExecutionType) {
+        self.parts.iter_mut().for_each(|part| part.begin(execution_type));
+    }
+
+    fn scan(&mut self, now: Instant, stations: &mut [Station]) -> Progress {
+        self.pass_marks();
+        let mut is_running = false;
+        for (index, (part, station)) in self.parts.iter_mut().zip(stations).enumerate() {
+            if part.state != PartState::Running {
+                continue;
+            }
+            let reach = part.reach();
+            match part.sequence.scan(now, &mut part.motions, &part.stops, reach, station.group_mut()) {
+                SkillProgress::Running => is_running = true,
+                SkillProgress::Done => part.state = PartState::Done,
+                SkillProgress::Aborted => return Progress::Aborted { station: index },
+                SkillProgress::Failed { motion, error } => {
+                    return Progress::Failed { station: index, motion, error };
+                }
+            }
+        }
+        if is_running { Progress::Running } else { Progress::Done }
+    }
+
+    /// Others that would wait for the lost arm at a mark end with it.
+    fn lose(&mut self, station: usize, _cause: FailureCause) -> AfterLoss {
+        let Some(part) = self.parts.get_mut(station) else { return AfterLoss::EndRun };
+        part.state = PartState::Lost;
+        let mut marks = part.waits.iter().skip(part.passed).map(|wait| wait.mark).collect::<Vec<_>>();
+        marks.retain(|mark| {
+            self.parts.iter().any(|other| other.state == PartState::Running && other.comes_to(*mark))
+        });
+        let is_alone = self.parts.iter().all(|part| part.state != PartState::Running);
+        if is_alone || !marks.is_empty() { AfterLoss::EndRun } else { AfterLoss::GoOn }
+    }
+
+    fn waits(&self, station: usize) -> bool {
+        self.parts.get(station).is_some_and(|part| {
+            part.state != PartState::Running || part.sequence.waits() || part.stands_at().is_some()
+        })
+    }
+
+    fn totals(&self, station: usize) -> Totals {
+        self.parts.get(station).map(|part| part.sequence.totals()).unwrap_or_default()
+    }
+
+    fn sent(&self, station: usize) -> Sum {
+        self.parts.get(station).map_or_else(|| Digest::default().sum(), |part| part.motions.given().sum())
+    }
+}

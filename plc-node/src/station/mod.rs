@@ -1,0 +1,244 @@
+//! A station of the PLC: a robot as the PLC sees it, with its images and its readiness.
+//!
+//! ```text
+//! inputs      the robot's image: taken over, or refused
+//! readiness   leads the robot to Ready, and the arm to where a run starts
+//! start_position  where that is, and how the PLC knows
+//! silence     what the PLC waits for, and when it gives up a robot that shows no progress
+//! ```
+
+mod inputs;
+mod readiness;
+mod silence;
+mod start_position;
+
+use machine::{Duration, Instant};
+use planning::{Stop, ToStart};
+use protocol::fieldbus::Down;
+use protocol::image::{Checks, CommandSealer, FeedbackChecker, IMAGE_LEN, Image, LifeMonitor, Motion, Order};
+
+use readiness::Readiness;
+pub(crate) use readiness::WayToStart;
+use silence::Silence;
+pub(crate) use silence::Work;
+use start_position::StartPosition;
+
+use crate::{AxesGroup, Sample, WaitLimits};
+
+/// What a PLC knows of a station before it runs.
+#[derive(Debug)]
+pub struct StationConfig {
+    /// Its name in messages; empty where it is the only one.
+    pub name: String,
+    /// How many scans the program waits for the robot.
+    pub wait_limits: WaitLimits,
+    /// How long the robot may take to take up a command.
+    pub answer_timeout: Duration,
+    /// The robot's cycle, in which it counts its life counter up.
+    pub robot_cycle: Duration,
+    /// How the arm moves to where a run begins. Without a motion, a run begins where the arm stands.
+    pub to_start: ToStart<Motion>,
+    /// Where its continuous motions end: its robot may be silent for as long as it waits there.
+    pub longest_stop: Duration,
+}
+
+impl StationConfig {
+    /// Returns the longest wait of these stops.
+    #[must_use]
+    pub fn longest_of(stops: &[Stop]) -> Duration {
+        stops.iter().filter_map(|stop| stop.then).map(|switch| switch.wait).max().unwrap_or(Duration::ZERO)
+    }
+}
+
+/// What a station does outside of a run.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum StationState {
+    /// The PLC leads the robot to `Ready`, if there is a robot.
+    Preparing,
+    /// The arm moves to where a run starts.
+    MovingToStart,
+    /// The robot is ready, and the arm where a run starts, as far as it could be moved there.
+    Ready,
+}
+
+/// A robot of the PLC: its connection, its axes group, its images, and whether it is ready.
+#[derive(Debug)]
+pub struct Station {
+    /// Its index among the stations of the PLC.
+    index: usize,
+    name: String,
+    order: Order,
+    group: AxesGroup,
+    start_position: StartPosition,
+    pub(crate) state: StationState,
+    readiness: Readiness,
+    /// Whether the last attempt to move the arm to the start failed.
+    start_not_reached: bool,
+    is_connected: bool,
+    /// Whether the owner knows that the robot marks its data as bad.
+    image_bad: bool,
+    /// Frames received when the robot's image had not changed for [`STILL`](inputs::STILL) scans.
+    received_still: u64,
+    /// Images refused when the robot's image had not changed for [`STILL`](inputs::STILL) scans.
+    altered_still: u64,
+    /// The image that the group's feedback was read from: a robot that is slower than the scan repeats it.
+    inputs: Image,
+    checker: FeedbackChecker,
+    pub(crate) life: LifeMonitor,
+    /// Since when all images were refused as outdated; `None` while they are not.
+    outdated_since: Option<Instant>,
+    /// The image that the last scan computed; on the bus once the scan's cost has passed.
+    outputs: Image,
+    sealer: CommandSealer,
+    /// Command number and motions written as of the slots in `outputs`; `None` if they are others.
+    emitted: Option<(u16, u32)>,
+    /// Whether the program set the image of this scan itself.
+    is_image_set: bool,
+    silence: Silence,
+}
+
+impl Station {
+    pub(crate) fn new(index: usize, config: StationConfig, order: Order, scan_cycle: Duration) -> Self {
+        let StationConfig { name, wait_limits, answer_timeout, robot_cycle, to_start, longest_stop } = config;
+        Self {
+            index,
+            name,
+            order,
+            group: AxesGroup::new(wait_limits),
+            start_position: StartPosition::new(to_start),
+            state: StationState::Preparing,
+            readiness: Readiness::default(),
+            start_not_reached: false,
+            is_connected: false,
+            image_bad: false,
+            received_still: 0,
+            altered_still: 0,
+            inputs: [0; IMAGE_LEN],
+            checker: FeedbackChecker::default(),
+            life: LifeMonitor::new(robot_cycle),
+            outdated_since: None,
+            outputs: [0; IMAGE_LEN],
+            sealer: CommandSealer::default(),
+            emitted: None,
+            is_image_set: false,
+            silence: Silence::new(scan_cycle, answer_timeout, longest_stop),
+        }
+    }
+
+    /// Returns the station's name; empty where it is the only one.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Returns the robot as function blocks see it.
+    #[must_use]
+    pub const fn group(&self) -> &AxesGroup {
+        &self.group
+    }
+
+    /// Returns the robot as function blocks see it, to command it.
+    pub const fn group_mut(&mut self) -> &mut AxesGroup {
+        &mut self.group
+    }
+
+    /// Returns whether the station is connected.
+    #[must_use]
+    pub const fn is_connected(&self) -> bool {
+        self.is_connected
+    }
+
+    /// Returns whether the robot is ready for a run, and the arm where it starts.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.state == StationState::Ready
+    }
+
+    /// Returns the order in which the station's bus carries the bytes of a number.
+    #[must_use]
+    pub const fn byte_order(&self) -> Order {
+        self.order
+    }
+
+    /// Returns the robot's image of this scan as it came; `None` without a connection. Its check and its age were accepted.
+    #[must_use]
+    pub fn image(&self) -> Option<&Image> {
+        self.group.feedback().map(|_| &self.inputs)
+    }
+
+    /// Sets the image that goes to the robot after this scan as it is, in place of the axes group's command. The check in it is
+    /// the program's too.
+    pub fn set_image(&mut self, image: &Image) {
+        (self.outputs, self.is_image_set, self.emitted) = (*image, true, None);
+    }
+
+    /// Returns the numbers of images by the results of their checks, and of outdated ones.
+    #[must_use]
+    pub const fn checks(&self) -> Checks {
+        let Checks { altered, unchecked, .. } = self.checker.checks();
+        Checks { altered, unchecked, outdated: self.life.outdated() }
+    }
+
+    /// Returns what the PLC commanded in scan number `scan`, the last one.
+    pub(crate) fn sample(&self, scan: u64) -> Sample {
+        let command = self.group.command();
+        let feedback = self.group.feedback().filter(|feedback| feedback.number == command.number);
+        let executed = feedback.map_or(0, |feedback| feedback.executed);
+        Sample {
+            scan,
+            command: command.number,
+            total: command.total,
+            written: command.written,
+            in_slots: command.written.saturating_sub(executed),
+            altered: self.checker.checks().altered,
+        }
+    }
+
+    /// Returns the image for the robot that the last scan computed.
+    pub(crate) const fn outputs(&self) -> &Image {
+        &self.outputs
+    }
+
+    /// Computes the output image. The slots take most of the time, and they change only with a new command or with
+    /// motions written.
+    pub(crate) fn emit(&mut self) {
+        if std::mem::take(&mut self.is_image_set) {
+            return;
+        }
+        let command = self.group.command();
+        let slots = Some((command.number, command.written));
+        if std::mem::replace(&mut self.emitted, slots) == slots {
+            self.order.emit_command_head(command, &mut self.outputs);
+        } else {
+            self.order.emit_command(command, &mut self.outputs);
+            self.sealer.take_tail(&self.outputs);
+        }
+        self.sealer.seal(self.order, &mut self.outputs);
+    }
+
+    pub(crate) const fn connect(&mut self) {
+        self.is_connected = true;
+        self.silence.connected();
+    }
+
+    pub(crate) const fn note_down(&mut self, down: Down) {
+        self.silence.not_connected(down);
+    }
+
+    /// Removes every command from the image, because the bus repeats its last image on the next connection.
+    pub(crate) fn disarm(&mut self) {
+        self.is_connected = false;
+        self.forget_images();
+        self.state = StationState::Preparing;
+        self.readiness = Readiness::default();
+        self.start_not_reached = false;
+        self.group.disarm();
+        self.is_image_set = false;
+        self.emit();
+    }
+
+    /// Returns the joints and the clock of the robot.
+    pub(crate) fn robot(&self) -> ([f32; 6], u64) {
+        self.group.feedback().map_or(([0.0; 6], 0), |robot| (robot.joints, robot.clock_ns))
+    }
+}
