@@ -8,11 +8,14 @@ use machine::{
     DownCause, Duration, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId,
     StreamRequest, Transmit,
 };
-use virtual_time::{Network, StationId};
+use virtual_time::{Network, NodeId, StationConfig, SwitchConfig, SwitchId};
 
 use crate::cell::adapter_config;
 use crate::samples::{CONSUMED, DEVICE, LEN, PRODUCED};
 use crate::single_connection::SCANNER;
+
+/// Half of what a frame takes from one station to another, since the switch takes no time.
+const CABLE: Duration = Duration::from_nanos(12_500);
 
 const ADAPTERS: usize = 64;
 const SCANNER_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
@@ -102,8 +105,8 @@ impl Machine for Station {
 
 struct Cell {
     network: Network<Station>,
-    scanner: StationId,
-    adapters: Vec<StationId>,
+    scanner: NodeId,
+    adapters: Vec<NodeId>,
     connections: Vec<ConnectionId>,
 }
 
@@ -115,7 +118,7 @@ impl Cell {
     /// Creates a scanner and adapters that exchange data every 1 ms: inputs are the adapter's number, outputs its complement.
     fn new() -> Self {
         let mut scanner = Scanner::new(SCANNER);
-        let mut network = Network::new(Duration::from_micros(25));
+        let mut network = Network::with_switch(1, SwitchConfig::IDEAL);
         let (mut adapters, mut connections) = (Vec::new(), Vec::new());
         for index in 0..ADAPTERS {
             let config = ConnectionConfig::exclusive_owner(address(index), &DEVICE, 1_000);
@@ -127,10 +130,20 @@ impl Cell {
             let config = AdapterConfig { address: address(index), mac, serial_number, ..adapter_config() };
             let mut adapter = Adapter::new(config);
             adapter.set_produced(PRODUCED, &[index as u8; LEN]).unwrap();
-            adapters.push(network.add(Station::Adapter(adapter), Mac(mac), Some(address(index))));
+            adapters.push(network.add_station(
+                SwitchId::FIRST,
+                "adapter",
+                Station::Adapter(adapter),
+                StationConfig::new(Mac(mac), Some(address(index)), CABLE),
+            ));
         }
         let mac = Mac([2, 0, 0, 0, 0, 1]);
-        let scanner = network.add(Station::Scanner(scanner), mac, Some(SCANNER_ADDRESS));
+        let scanner = network.add_station(
+            SwitchId::FIRST,
+            "scanner",
+            Station::Scanner(scanner),
+            StationConfig::new(mac, Some(SCANNER_ADDRESS), CABLE),
+        );
         Self { network, scanner, adapters, connections }
     }
 

@@ -4,12 +4,17 @@ use std::net::Ipv4Addr;
 
 use machine::arp::ArpPacket;
 use machine::ethernet::{EthernetHeader, Mac};
-use machine::{Counters, Duration, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit};
+use machine::{
+    Counters, Duration, Instant, InterfaceId, LinkEvent, Machine, Port, PortRequest, Source, Transmit,
+};
 use profinet::rt::Transport;
 use profinet::{ArConfig, ArId, Controller, ControllerConfig, Device, DeviceConfig, ETHER_TYPE, dcp};
-use virtual_time::{Network, StationId};
+use virtual_time::{Network, NodeId, StationConfig, SwitchConfig, SwitchId};
 
 use crate::samples::{self, LEN};
+
+/// Half of what a frame takes from one station to another, since the switch takes no time.
+const CABLE: Duration = Duration::from_nanos(12_500);
 
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 const CONTROLLER: (Mac, Ipv4Addr) = (Mac([2, 0, 0, 0, 0, 1]), Ipv4Addr::new(192, 168, 64, 1));
@@ -80,8 +85,8 @@ impl Machine for Station {
 
 pub(crate) struct Cell {
     network: Network<Station>,
-    controller: StationId,
-    devices: Vec<StationId>,
+    controller: NodeId,
+    devices: Vec<NodeId>,
     ars: Vec<ArId>,
 }
 
@@ -103,7 +108,7 @@ impl Cell {
             seed: 1,
         })
         .unwrap();
-        let mut network = Network::new(Duration::from_micros(25));
+        let mut network = Network::with_switch(1, SwitchConfig::IDEAL);
         let mut cell_ars = Vec::new();
         let mut stations = Vec::new();
         for device in 0..devices {
@@ -132,9 +137,19 @@ impl Cell {
             };
             let mut machine = Device::new(config, Instant::ZERO);
             machine.set_input(1, 1, &[device as u8; LEN]).unwrap();
-            stations.push(network.add(Station::Device(machine), mac, None));
+            stations.push(network.add_station(
+                SwitchId::FIRST,
+                "device",
+                Station::Device(machine),
+                StationConfig::new(mac, None, CABLE),
+            ));
         }
-        let controller = network.add(Station::Controller(controller), mac, Some(address));
+        let controller = network.add_station(
+            SwitchId::FIRST,
+            "controller",
+            Station::Controller(controller),
+            StationConfig::new(mac, Some(address), CABLE),
+        );
         Self { network, controller, devices: stations, ars: cell_ars }
     }
 
@@ -147,7 +162,7 @@ impl Cell {
             let device = ar.and_then(|ar| self.ars.iter().position(|known| *known == ar));
             reported.extend(device.map(|device| (device, event)));
             if let LinkEvent::SetAddress { address, .. } = event {
-                self.network.set_address(station, Some(address));
+                self.network.set_address(station, InterfaceId::FIRST, Some(address));
                 let command = |station: &mut Station, now| match station {
                     Station::Device(device) => device.address_set(now, true),
                     Station::Controller(_) => panic!("the controller has its address"),
