@@ -88,6 +88,22 @@ fn the_page_has_every_auxiliary_byte_of_a_motion_without_a_point_or_force() {
     assert_eq!(documented, &carried(&image)[..36]);
 }
 
+#[test]
+fn the_page_gives_each_auxiliary_field_to_the_kinds_that_have_it() {
+    let rows = table("### Auxiliary bytes");
+    let fields: [(&str, fn(MotionKind) -> bool); 4] = [
+        ("status", MotionKind::has_configuration),
+        ("turn", MotionKind::has_configuration),
+        ("deceleration", |kind| !kind.has_auxiliary()),
+        ("jerk", |kind| !kind.has_auxiliary()),
+    ];
+    for (field, has_field) in fields {
+        let row = rows.iter().find(|row| row[1] == field).unwrap_or_else(|| panic!("no row `{field}`"));
+        let kinds = MotionKind::standard().filter(|kind| has_field(*kind)).map(u8::from);
+        assert_eq!(row[3], kinds.map(|code| code.to_string()).collect::<Vec<_>>().join(", "), "`{field}`");
+    }
+}
+
 /// Returns the numbers in the first column of a table; a row without one belongs to the row above it.
 fn codes(heading: &str) -> Vec<u16> {
     let cells = table(heading).into_iter().map(|row| row[0]).filter(|cell| !cell.is_empty());
