@@ -89,6 +89,17 @@ fn the_page_has_every_auxiliary_byte_of_a_motion_without_a_point_or_force() {
 }
 
 #[test]
+fn the_pages_of_blocks_and_of_skills_name_the_one_of_each_kind() {
+    let blocks = include_str!("../../docs/plcopen.md");
+    let skills = table("### Skills");
+    for kind in MotionKind::standard() {
+        let (code, name) = (u8::from(kind).to_string(), format!("{:?}", kind.skill()));
+        assert!(blocks.contains(&format!("\n| `{name}` |")), "docs/plcopen.md lacks `{name}`");
+        assert!(skills.iter().any(|row| row[0] == code && row[1] == name), "no skill {code} `{name}`");
+    }
+}
+
+#[test]
 fn the_page_gives_each_auxiliary_field_to_the_kinds_that_have_it() {
     let rows = table("### Auxiliary bytes");
     let fields: [(&str, fn(MotionKind) -> bool); 4] = [

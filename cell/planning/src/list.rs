@@ -309,6 +309,15 @@ mod tests {
     }
 
     #[test]
+    fn the_page_of_lists_names_every_kind() {
+        let page = include_str!("../../../docs/applications.md");
+        let sentence = page.lines().find(|line| line.starts_with("`kind` is ")).unwrap();
+        let (kinds, _) = sentence.split_once(". ").unwrap();
+        let documented = kinds.split('`').skip(3).step_by(2);
+        assert!(documented.eq(MotionKind::standard().filter_map(list_name)), "{kinds}");
+    }
+
+    #[test]
     fn a_list_without_the_optional_columns_is_read_as_before() {
         let list = "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,acceleration,approximation,tool,base\n\
                     lin,0,0,30,0,0,180,0,0,0,4463,2500,1000,0,1\n";

@@ -291,14 +291,17 @@ impl<'a> Asked<'a> {
     fn curve(&self) -> Result<Curve, Violation> {
         let start = self.arm.forward(self.from) * self.tool;
         let (to, flange) = (self.to(), Flange::of_tool(&self.tool));
-        let is_spline = match self.motion.kind.path() {
+        let kind = self.motion.kind;
+        let is_spline = match kind.path() {
+            // The target is read as a pose below.
+            Some(_) if kind.has_joint_target() => return Err(Violation::Kind(kind.into())),
             Some(PathForm::Circle) => {
                 let through = self.base.point(self.motion.auxiliary.map(f64::from));
                 return Ok(Curve::Arc(Arc::new(start, through, to, flange)?));
             }
             Some(PathForm::Spline) => true,
             Some(PathForm::Line) => false,
-            Some(PathForm::Axes) | None => return Err(Violation::Kind(self.motion.kind.into())),
+            Some(PathForm::Axes) | None => return Err(Violation::Kind(kind.into())),
         };
         let way_mm = distance(start.position, to.position);
         let line = Line::new(start, to, flange);
