@@ -149,6 +149,33 @@ fn the_page_has_every_auxiliary_byte_of_a_motion_without_a_point_or_force() {
     assert_eq!(documented, &carried(&image)[..36]);
 }
 
+#[test]
+fn the_pages_of_blocks_and_of_skills_name_the_one_of_each_kind() {
+    let blocks = include_str!("../../docs/plcopen.md");
+    let skills = table("### Skills");
+    for kind in MotionKind::standard() {
+        let (code, name) = (u8::from(kind).to_string(), format!("{:?}", kind.skill()));
+        assert!(blocks.contains(&format!("\n| `{name}` |")), "docs/plcopen.md lacks `{name}`");
+        assert!(skills.iter().any(|row| row[0] == code && row[1] == name), "no skill {code} `{name}`");
+    }
+}
+
+#[test]
+fn the_page_gives_each_auxiliary_field_to_the_kinds_that_have_it() {
+    let rows = table("### Auxiliary bytes");
+    let fields: [(&str, fn(MotionKind) -> bool); 4] = [
+        ("status", MotionKind::has_configuration),
+        ("turn", MotionKind::has_configuration),
+        ("deceleration", |kind| !kind.has_auxiliary()),
+        ("jerk", |kind| !kind.has_auxiliary()),
+    ];
+    for (field, has_field) in fields {
+        let row = rows.iter().find(|row| row[1] == field).unwrap_or_else(|| panic!("no row `{field}`"));
+        let kinds = MotionKind::standard().filter(|kind| has_field(*kind)).map(u8::from);
+        assert_eq!(row[3], kinds.map(|code| code.to_string()).collect::<Vec<_>>().join(", "), "`{field}`");
+    }
+}
+
 /// Returns the numbers in the first column of a table; a row without one belongs to the row above it.
 fn codes(heading: &str) -> Vec<u16> {
     let cells = table(heading).into_iter().map(|row| row[0]).filter(|cell| !cell.is_empty());

@@ -2,7 +2,7 @@
 //! application.
 
 use planning::{Application, OrBase, ToStart};
-use protocol::image::{Motion, MotionKind};
+use protocol::image::Motion;
 
 use crate::RobotConfig;
 use crate::arm::{Frame, Frames, Joints, Surface, Violation};
@@ -67,7 +67,7 @@ impl RobotConfig {
     /// Returns the joints in which the arm stands at the target of a point-to-point motion.
     fn at_start(&self, start: &Motion) -> Result<Joints, Violation> {
         let target = start.target.map(f64::from);
-        if start.kind == MotionKind::PtpJoint {
+        if start.kind.has_joint_target() {
             let axes = self.arm.axes();
             return Ok(core::array::from_fn(|axis| if axis < axes { target[axis] } else { 0.0 }));
         }

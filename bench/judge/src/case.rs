@@ -218,7 +218,19 @@ impl Kind {
     /// Whether only the joints' way is given.
     #[must_use]
     pub const fn is_point_to_point(self) -> bool {
-        matches!(self, Self::Ptp | Self::PtpJoint)
+        match self {
+            Self::Ptp | Self::PtpJoint => true,
+            Self::Lin | Self::Circ | Self::Spline | Self::LinForce => false,
+        }
+    }
+
+    /// Whether it ends in contact, with a force.
+    #[must_use]
+    pub const fn has_force(self) -> bool {
+        match self {
+            Self::LinForce => true,
+            Self::Lin | Self::Ptp | Self::PtpJoint | Self::Circ | Self::Spline => false,
+        }
     }
 }
 

@@ -102,7 +102,7 @@ impl Way {
         let through = base.point(motion.auxiliary.map(f64::from));
         let per_unit = if motion.kind.is_point_to_point() { [1e-4, 1e-4, 1e-4] } else { [0.1, 1.0, 10.0] };
         let deceleration = if motion.deceleration == 0 { motion.acceleration } else { motion.deceleration };
-        let is_force = motion.kind == Kind::LinForce;
+        let is_force = motion.kind.has_force();
         Self {
             kind: motion.kind,
             tool,

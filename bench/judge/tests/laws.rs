@@ -2,9 +2,11 @@
 //! `bench judge` runs as many as one asks for.
 #![expect(clippy::unwrap_used, reason = "a test fails where there is nothing to unwrap")]
 
+use std::collections::BTreeSet;
 use std::fs;
 
 use judge::{Case, Class, generator, hunt, run};
+use protocol::image::MotionKind;
 use setup::Setup;
 
 /// Lists for each setup.
@@ -27,6 +29,15 @@ fn no_list_of(setup: &Setup, seed: u64, lists: u64) {
     // A robot that refuses everything would break no law either.
     let [done, ..] = tally.ended;
     assert!(done > lists / 2 && tally.motions > lists, "{done} skills done, {} motions", tally.motions);
+}
+
+#[test]
+fn the_generator_draws_every_standard_kind_of_motion() {
+    let setup = setup::setup("B").unwrap();
+    let cases = (0..500).map(|number| generator::any_case(&setup, 1, number));
+    let motions = cases.flat_map(|case| case.runs).flat_map(|run| run.motions);
+    let drawn: BTreeSet<u8> = motions.map(|motion| MotionKind::from(motion.kind).into()).collect();
+    assert_eq!(drawn, MotionKind::standard().map(u8::from).collect());
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! distance more where a blend may cut a corner: not at an exact stop, and an accurate path has no blends. A path cannot come nearer to an obstacle
 //! than this, so a thing that a tool must touch is not entered as an obstacle.
 
-use protocol::image::MotionKind;
+use protocol::image::PathForm;
 
 use crate::clearance::Leg;
 use crate::geometry::{Cuboid, Point};
@@ -22,8 +22,11 @@ impl Planner<'_> {
         if motion.length_mm < LEAST_MM && motion.turn_deg < LEAST_TURN_DEG && !may_stand {
             return Err(Refusal::ZeroLength { length_mm: motion.length_mm });
         }
-        let may_turn_on_the_spot =
-            matches!(motion.kind, MotionKind::LinCartesian) || motion.kind.is_point_to_point();
+        let may_turn_on_the_spot = match motion.kind.path() {
+            Some(PathForm::Axes) => true,
+            Some(PathForm::Line) => !motion.kind.has_force(),
+            Some(PathForm::Circle | PathForm::Spline) | None => false,
+        };
         let way_mm = (motion.target.point - motion.start.point).length();
         if way_mm < LEAST_MM && !may_turn_on_the_spot {
             return Err(Refusal::TurnOnTheSpot { way_mm });
@@ -42,7 +45,7 @@ impl Planner<'_> {
         let zones_mm = self.zones_mm(motion, blends);
         // As a single skill every piece of a spline is a straight line.
         let alone = [motion.chord()];
-        let courses = [&legs[..], if motion.kind == MotionKind::Spline { &alone } else { &[] }];
+        let courses = [&legs[..], if motion.kind.path() == Some(PathForm::Spline) { &alone } else { &[] }];
         for (obstacle, legs) in
             self.application.obstacles.iter().flat_map(|obstacle| courses.map(|legs| (obstacle, legs)))
         {

@@ -11,7 +11,7 @@
 //! Without a target before or after, the parabola of the other end is all there is; with neither, the piece is straight.
 //! As a single skill every piece is straight, so a course follows the chord as well.
 
-use protocol::image::MotionKind;
+use protocol::image::PathForm;
 
 use crate::clearance::Leg;
 use crate::geometry::Point;
@@ -40,10 +40,10 @@ impl Motion {
 
     /// Returns the path of a continuous motion as legs.
     pub(crate) fn legs(&self) -> Vec<Leg> {
-        match self.kind {
-            MotionKind::Circular => self.legs_of_circle().unwrap_or_else(|| vec![self.chord()]),
-            MotionKind::Spline => self.legs_of_spline(),
-            _ => vec![self.chord()],
+        match self.kind.path() {
+            Some(PathForm::Circle) => self.legs_of_circle().unwrap_or_else(|| vec![self.chord()]),
+            Some(PathForm::Spline) => self.legs_of_spline(),
+            Some(PathForm::Axes | PathForm::Line) | None => vec![self.chord()],
         }
     }
 
@@ -105,7 +105,7 @@ impl Motion {
 
     /// Joins this motion and the next one into one spline, if the robot continues from one to the other.
     pub(crate) fn bend_into(&mut self, next: &mut Self) {
-        let are_splines = self.kind == MotionKind::Spline && next.kind == MotionKind::Spline;
+        let are_splines = [self.kind, next.kind].iter().all(|kind| kind.path() == Some(PathForm::Spline));
         let (one, other) = (self.target.point - self.start.point, next.target.point - next.start.point);
         if are_splines && self.tool == next.tool && one.angle_deg(other) < TURNS_BACK_DEG {
             self.spline_neighbours[1] = Some(next.target.point);

@@ -34,14 +34,18 @@ const HIGHEST_FRAME: u8 = 15;
 /// The longest line in bytes; the numbers of a motion take half of it.
 const LONGEST_LINE: u64 = 1024;
 
-const KINDS: [(&str, MotionKind); 6] = [
-    ("lin", MotionKind::LinCartesian),
-    ("ptp", MotionKind::PtpCartesian),
-    ("ptp-joint", MotionKind::PtpJoint),
-    ("circ", MotionKind::Circular),
-    ("spline", MotionKind::Spline),
-    ("lin-force", MotionKind::LinForceCartesian),
-];
+/// Returns the name of a kind in a list; none for an empty slot and an unknown kind, which a list cannot hold.
+const fn list_name(kind: MotionKind) -> Option<&'static str> {
+    Some(match kind {
+        MotionKind::LinCartesian => "lin",
+        MotionKind::PtpCartesian => "ptp",
+        MotionKind::PtpJoint => "ptp-joint",
+        MotionKind::Circular => "circ",
+        MotionKind::Spline => "spline",
+        MotionKind::LinForceCartesian => "lin-force",
+        MotionKind::None | MotionKind::Unknown(_) => return None,
+    })
+}
 
 /// Why a motion list cannot be read on.
 #[derive(Debug, thiserror::Error)]
@@ -158,9 +162,9 @@ fn parse(header: &str, text: &str) -> Result<Motion, String> {
     }
     let mut column = || columns.next().map(|(name, text)| (name, text.trim())).unwrap_or_default();
     let (_, kind) = column();
-    let known = KINDS.iter().find(|(name, _)| *name == kind);
-    let kind = known.map(|(_, kind)| *kind).ok_or_else(|| {
-        let names = KINDS.map(|(name, _)| name).join(", ");
+    let known = MotionKind::standard().find(|known| list_name(*known) == Some(kind));
+    let kind = known.ok_or_else(|| {
+        let names = MotionKind::standard().filter_map(list_name).collect::<Vec<_>>().join(", ");
         format!("kind: found `{kind}`; expected one of {names}")
     })?;
     let mut motion = Motion { kind, ..Motion::EMPTY };
@@ -230,8 +234,7 @@ pub fn write_header(writer: &mut impl Write) -> io::Result<()> {
 /// # Errors
 /// Those of the writer, and [`io::ErrorKind::InvalidInput`] for a motion of no known kind.
 pub fn write_motion(writer: &mut impl Write, motion: &Motion) -> io::Result<()> {
-    let kind = KINDS.iter().find(|(_, kind)| *kind == motion.kind);
-    let (name, _) = kind.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
+    let name = list_name(motion.kind).ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
     write!(writer, "{name}")?;
     for coordinate in motion.target.iter().chain(&motion.auxiliary) {
         write!(writer, ",{coordinate}")?;
@@ -259,7 +262,7 @@ mod tests {
         let coordinate = || -1e6..1e6_f32;
         let numbers = (any::<u16>(), any::<u16>(), any::<u16>(), 0..16_u8, 0..16_u8);
         (
-            0..KINDS.len(),
+            proptest::sample::select(MotionKind::standard().collect::<Vec<_>>()),
             proptest::array::uniform6(coordinate()),
             proptest::array::uniform3(coordinate()),
             numbers,
@@ -267,7 +270,6 @@ mod tests {
             any::<[u16; 2]>(),
         )
             .prop_map(|(kind, target, auxiliary, numbers, configuration, [deceleration, jerk])| {
-                let kind = KINDS[kind].1;
                 let (velocity, acceleration, approximation, tool, base) = numbers;
                 let configuration = configuration.map(|(status, turn)| Configuration { status, turn });
                 Motion {
@@ -304,6 +306,15 @@ mod tests {
             let _ = MotionLines::new(list.as_bytes(), "test").count();
             let _ = MotionLines::new(text.as_bytes(), "test").count();
         }
+    }
+
+    #[test]
+    fn the_page_of_lists_names_every_kind() {
+        let page = include_str!("../../../docs/applications.md");
+        let sentence = page.lines().find(|line| line.starts_with("`kind` is ")).unwrap();
+        let (kinds, _) = sentence.split_once(". ").unwrap();
+        let documented = kinds.split('`').skip(3).step_by(2);
+        assert!(documented.eq(MotionKind::standard().filter_map(list_name)), "{kinds}");
     }
 
     #[test]

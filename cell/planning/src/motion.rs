@@ -1,6 +1,6 @@
 //! A planned motion and its geometry.
 
-use protocol::image::{Configuration, MotionKind};
+use protocol::image::{Configuration, MotionKind, PathForm};
 
 use crate::application::Place;
 use crate::geometry::{Point, Pose};
@@ -129,7 +129,7 @@ impl Motion {
     /// Creates a motion along a straight line, of any kind but a circle.
     pub(crate) fn straight(role: Role, kind: MotionKind, start: Pose, target: Pose) -> Self {
         let way = target.point - start.point;
-        let known = matches!(kind, MotionKind::LinCartesian | MotionKind::LinForceCartesian);
+        let known = kind.path() == Some(PathForm::Line);
         let direction = if known { way.direction() } else { None };
         Self {
             name: String::new(),
@@ -195,7 +195,7 @@ impl Motion {
     /// Returns whether the tool goes straight without turning, so that a blend with another such motion in the same
     /// direction leaves neither path.
     pub(crate) fn keeps_straight(&self) -> bool {
-        matches!(self.kind, MotionKind::LinCartesian | MotionKind::LinForceCartesian) && self.turn_deg < 1e-6
+        self.kind.path() == Some(PathForm::Line) && self.turn_deg < 1e-6
     }
 
     /// Returns the direction in which a pre-movement enters this path.

@@ -58,7 +58,7 @@ impl Path {
             return Ok(None);
         };
         let direction = last.last_direction().ok_or_else(|| no_direction(last, "retreat_mm"))?;
-        let onwards = if last.kind == MotionKind::LinForceCartesian { -length_mm } else { length_mm };
+        let onwards = if last.kind.has_force() { -length_mm } else { length_mm };
         let target = last.target.at(last.target.point + direction * onwards);
         Ok(Some(Motion::straight(Role::PostMovement, MotionKind::LinCartesian, last.target, target)))
     }

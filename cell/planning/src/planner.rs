@@ -383,9 +383,7 @@ impl Destination<'_> {
     fn blends_at_start(&self, index: usize) -> bool {
         let before = index.checked_sub(1).and_then(|before| self.plan.motions.get(before));
         let stopped = self.plan.rests_after(index);
-        !stopped
-            && before
-                .is_some_and(|before| !before.accurate_path && before.kind != MotionKind::LinForceCartesian)
+        !stopped && before.is_some_and(|before| !before.accurate_path && !before.kind.has_force())
     }
 
     /// Returns the last motion if it belongs to another step and is blended with the next one.

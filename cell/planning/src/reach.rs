@@ -6,7 +6,7 @@
 
 use arm::motion::{Curve, Programmed, Robot, Segment};
 use arm::{Arm, Frame, Frames, Installation, Joints, Violation, distance};
-use protocol::image::{self, MotionKind};
+use protocol::image::{self, PathForm};
 use setup::Setup;
 
 use crate::application::Application;
@@ -61,7 +61,7 @@ impl Plan {
                 let wire = motion.wire(setup);
                 let (alone, on_path) = walk.motion((index + 1, motion), &wire, course.last(), &from)?;
                 // A LIN force begins and ends at rest.
-                let stands = motion.kind == MotionKind::LinForceCartesian;
+                let stands = motion.kind.has_force();
                 let ends = stands || wire.approximation == 0 || index + 1 == continuous.motions.end;
                 course.append((on_path, from), [stands, ends], walk.arm(), |back, unfit| {
                     stopped.extend(self.stop(index - back, unfit));
@@ -183,7 +183,7 @@ impl<'a> Walk<'a> {
         let alone = Segment::prepare(wire, from, self.robot).map_err(refused)?;
         let end = alone.end;
         self.agrees(&motion_in_words(number, &motion.name), motion, wire, &end)?;
-        let is_bent = wire.kind == MotionKind::Spline && before.is_some();
+        let is_bent = wire.kind.path() == Some(PathForm::Spline) && before.is_some();
         let on_path = if is_bent {
             Segment::prepare_after(before, wire, from, self.robot).map_err(refused)?
         } else {
@@ -280,6 +280,7 @@ mod tests {
     use super::*;
     use crate::geometry::Pose;
     use crate::motion::Role;
+    use protocol::image::MotionKind;
 
     #[test]
     fn a_line_right_beside_axis_1_that_would_turn_the_arm_at_once_is_refused_where_it_would() {

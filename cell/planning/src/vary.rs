@@ -68,7 +68,8 @@ impl Plan {
             let is_straight = match motion.kind {
                 MotionKind::LinCartesian => true,
                 MotionKind::PtpCartesian => motion.joints_deg.is_none() && motion.turn_deg < 1e-6,
-                _ => false,
+                MotionKind::PtpJoint | MotionKind::Circular | MotionKind::Spline => false,
+                MotionKind::LinForceCartesian | MotionKind::None | MotionKind::Unknown(_) => false,
             };
             if !is_straight || pieces < 2 {
                 return into.push(motion.clone());

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use protocol::image::MotionKind;
+use protocol::image::PathForm;
 
 use crate::geometry::Point;
 use crate::motion::{Motion, Role};
@@ -170,7 +170,7 @@ pub(crate) fn swallowed_point(index: usize, motion: &Motion, next: &Motion, zone
     let corner = motion.target.point;
     [(index, motion), (index + 1, next)].into_iter().find_map(|(circle, motion)| {
         let distance_mm = (Point::from(motion.auxiliary) - corner).length();
-        let is_swallowed = motion.kind == MotionKind::Circular && distance_mm <= zone_mm;
+        let is_swallowed = motion.kind.path() == Some(PathForm::Circle) && distance_mm <= zone_mm;
         is_swallowed.then_some(Why::SwallowsPoint { circle, distance_mm })
     })
 }
@@ -187,11 +187,11 @@ pub(crate) struct Sizes {
 impl Sizes {
     /// Returns the zone in mm between motion number `index` and the next one of its continuous motion, with the reason.
     pub(crate) fn zone(&self, index: usize, motion: &Motion, next: &Motion) -> (f64, Why) {
-        if motion.kind == MotionKind::LinForceCartesian {
+        if motion.kind.has_force() {
             return (0.0, Why::Contact);
         }
         let within_a_path = motion.role == Role::Path && next.role == Role::Path && motion.step == next.step;
-        if within_a_path && motion.kind == MotionKind::Spline && next.kind == MotionKind::Spline {
+        if within_a_path && [motion, next].iter().all(|it| it.kind.path() == Some(PathForm::Spline)) {
             return (self.path_tolerance_mm.max(LEAST_ZONE_MM), Why::SplinePoint);
         }
         if motion.accurate_path || next.accurate_path {

@@ -97,10 +97,7 @@ impl MotionInputs {
         let is_given = [
             ("Deceleration", motion.deceleration > 0 && kind.has_auxiliary()),
             ("Jerk", motion.jerk > 0 && kind.has_auxiliary()),
-            (
-                "Configuration",
-                motion.configuration.is_some() && (kind.has_auxiliary() || kind == MotionKind::PtpJoint),
-            ),
+            ("Configuration", motion.configuration.is_some() && !kind.has_configuration()),
         ];
         match is_given.into_iter().find(|(_, is_given)| *is_given) {
             Some((name, _)) => Err(BlockError::InputNotSupported { name, kind }),
@@ -218,23 +215,21 @@ mod tests {
     proptest! {
         #[test]
         fn a_motion_of_the_image_read_in_engineering_units_gives_the_same_motion(
-            kind in 1..=6_u8,
+            kind in proptest::sample::select(MotionKind::standard().collect::<Vec<_>>()),
             numbers in any::<[u16; 5]>(),
             coordinates in proptest::array::uniform9(-1e6..1e6_f32),
             given in proptest::option::of((0..=7_u8, any::<Option<u8>>())),
             (tool, base) in (0..16_u8, 0..16_u8),
         ) {
-            let kind = MotionKind::from(kind);
             let [velocity, acceleration, approximation, deceleration, jerk] = numbers;
             let [a, b, c, d, e, f, auxiliary @ ..] = coordinates;
-            let is_cartesian = !kind.has_auxiliary() && kind != MotionKind::PtpJoint;
             let motion = Motion {
                 kind,
                 target: [a, b, c, d, e, f],
                 auxiliary: if kind.has_auxiliary() { auxiliary } else { [0.0; 3] },
                 configuration: given
                     .map(|(status, turn)| Configuration { status, turn })
-                    .filter(|_| is_cartesian),
+                    .filter(|_| kind.has_configuration()),
                 velocity,
                 acceleration,
                 deceleration: if kind.has_auxiliary() { 0 } else { deceleration },

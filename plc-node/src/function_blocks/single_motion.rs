@@ -45,14 +45,14 @@ impl SingleMotion {
     fn call(
         &mut self,
         execute: bool,
-        (skill, kind): (Skill, MotionKind),
+        kind: MotionKind,
         inputs: &MotionInputs,
         mode: BufferMode,
         group: &mut AxesGroup,
     ) -> Outputs {
         let read = || Ok(Latched(Motion { approximation: 0, ..inputs.motion(kind)? }));
         self.call.call(execute, mode, group, read, |command, Latched(motion)| {
-            write(command, skill, motion);
+            write(command, kind.skill(), motion);
             Ok(true)
         });
         self.call.outputs()
@@ -67,7 +67,7 @@ fn write(command: &mut Command, skill: Skill, motion: Motion) {
 }
 
 macro_rules! single_motion_blocks {
-    ($($(#[$doc:meta])* $name:ident: $skill:ident, $kind:ident;)*) => {$(
+    ($($(#[$doc:meta])* $name:ident: $kind:ident;)*) => {$(
         $(#[$doc])*
         ///
         /// A single motion ends in an exact stop, so its approximation distance is not used.
@@ -85,7 +85,7 @@ macro_rules! single_motion_blocks {
                 mode: BufferMode,
                 group: &mut AxesGroup,
             ) -> Outputs {
-                self.inner.call(execute, (Skill::$skill, MotionKind::$kind), inputs, mode, group)
+                self.inner.call(execute, MotionKind::$kind, inputs, mode, group)
             }
         }
 
@@ -95,17 +95,17 @@ macro_rules! single_motion_blocks {
 
 single_motion_blocks! {
     /// Moves the tool on a straight line to a Cartesian target.
-    MoveLinCartesian: MoveLinCartesian, LinCartesian;
+    MoveLinCartesian: LinCartesian;
     /// Moves all axes together to a Cartesian target.
-    MovePtpCartesian: MovePtpCartesian, PtpCartesian;
+    MovePtpCartesian: PtpCartesian;
     /// Moves all axes together to a joint target.
-    MovePtpJoint: MovePtpJoint, PtpJoint;
+    MovePtpJoint: PtpJoint;
     /// Moves the tool on a circle through the intermediate point to a Cartesian target.
-    MoveCircular: MoveCircular, Circular;
+    MoveCircular: Circular;
     /// Moves the tool on a spline to a Cartesian target.
-    MoveSpline: MoveSpline, Spline;
+    MoveSpline: Spline;
     /// Moves the tool on a straight line into contact and holds the force.
-    MoveLinForceCartesian: MoveLinForceCartesian, LinForceCartesian;
+    MoveLinForceCartesian: LinForceCartesian;
 }
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ pub(super) struct StartPosition {
 impl StartPosition {
     pub(super) fn new(to_start: ToStart<Motion>) -> Self {
         let from_anywhere: Vec<Motion> = to_start.from_anywhere.into_iter().collect();
-        let known = from_anywhere.first().filter(|motion| motion.kind == MotionKind::PtpJoint);
+        let known = from_anywhere.first().filter(|motion| motion.kind.has_joint_target());
         Self {
             joints: known.map(|motion| motion.target),
             from_anywhere: from_anywhere.into(),

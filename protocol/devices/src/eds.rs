@@ -5,9 +5,9 @@
 
 use std::fmt::{self, Write};
 
-use ethernet_ip::cip::class;
+use ethernet_ip::PORT_NUMBER;
+use ethernet_ip::cip::ObjectClass;
 use ethernet_ip::description::{Assembly, Description, Role};
-use ethernet_ip::{CLASSES, PORT_NUMBER};
 
 use crate::Date;
 
@@ -56,31 +56,45 @@ fn write_all(text: &mut String, device: &Description, changed: Date) -> fmt::Res
     write_connections(text, device)?;
     write_capacity(text, device)?;
     section(text, "Port")?;
-    write_class(text, device, class::PORT)?;
+    write_class(text, device, ObjectClass::Port)?;
     entry(text, "Port1", format_args!("TCP, \"EtherNet/IP\", \"20 F5 24 01\", {PORT_NUMBER}"))?;
-    for code in
-        [class::IDENTITY, class::MESSAGE_ROUTER, class::TCP_IP_INTERFACE, class::ETHERNET_LINK, class::QOS]
-    {
-        let name = CLASSES.iter().find(|known| known.0 == code).map_or("", |known| known.2);
-        section(text, &format!("{name} Class"))?;
-        write_class(text, device, code)?;
+    let mut plain: Vec<_> =
+        ObjectClass::ALL.iter().filter_map(|class| Some((plain_section(*class)?, *class))).collect();
+    plain.sort_by_key(|(position, _)| *position);
+    for (_, class) in plain {
+        section(text, &format!("{} Class", class.name()))?;
+        write_class(text, device, class)?;
     }
     Ok(())
 }
 
-/// Writes the section of a class of objects.
-fn write_class(text: &mut String, device: &Description, code: u32) -> fmt::Result {
-    let Some((_, revision, name)) = CLASSES.iter().find(|known| known.0 == code) else { return Ok(()) };
-    let (instances, highest) = match code {
-        class::ASSEMBLY => {
+/// Returns the position of a class among the sections that only describe a class; none for a class whose section has
+/// entries of its own, which another function writes.
+const fn plain_section(class: ObjectClass) -> Option<u8> {
+    match class {
+        ObjectClass::Identity => Some(0),
+        ObjectClass::MessageRouter => Some(1),
+        ObjectClass::TcpIpInterface => Some(2),
+        ObjectClass::EthernetLink => Some(3),
+        ObjectClass::Qos => Some(4),
+        ObjectClass::Assembly | ObjectClass::ConnectionManager | ObjectClass::Port => None,
+    }
+}
+
+/// Writes the entries that describe a class of objects.
+fn write_class(text: &mut String, device: &Description, class: ObjectClass) -> fmt::Result {
+    let (instances, highest) = match class {
+        ObjectClass::Assembly => {
             let instances = device.assemblies.iter().map(|assembly| assembly.instance);
             (instances.len(), instances.max().unwrap_or(0))
         }
-        _ => (1, 1),
+        ObjectClass::Identity | ObjectClass::MessageRouter | ObjectClass::ConnectionManager => (1, 1),
+        ObjectClass::Qos | ObjectClass::Port => (1, 1),
+        ObjectClass::TcpIpInterface | ObjectClass::EthernetLink => (1, 1),
     };
-    entry(text, "Revision", revision)?;
-    entry(text, "Object_Name", format_args!("\"{name} Object\""))?;
-    entry(text, "Object_Class_Code", format_args!("0x{code:02X}"))?;
+    entry(text, "Revision", class.revision())?;
+    entry(text, "Object_Name", format_args!("\"{} Object\"", class.name()))?;
+    entry(text, "Object_Class_Code", format_args!("0x{:02X}", class.code()))?;
     entry(text, "MaxInst", highest)?;
     entry(text, "Number_Of_Static_Instances", instances)?;
     entry(text, "Max_Number_Of_Dynamic_Instances", 0)
@@ -158,7 +172,7 @@ fn write_params(text: &mut String, device: &Description) -> fmt::Result {
 
 fn write_assemblies(text: &mut String, device: &Description) -> fmt::Result {
     section(text, "Assembly")?;
-    write_class(text, device, class::ASSEMBLY)?;
+    write_class(text, device, ObjectClass::Assembly)?;
     for Assembly { instance, size, name, .. } in device.assemblies {
         let mut fields = vec![
             (quoted(name), "name"),
@@ -182,7 +196,7 @@ fn hex(segment: &str, instance: u32) -> String {
 
 fn write_connections(text: &mut String, device: &Description) -> fmt::Result {
     section(text, "Connection Manager")?;
-    write_class(text, device, class::CONNECTION_MANAGER)?;
+    write_class(text, device, ObjectClass::ConnectionManager)?;
     let Some(produced) = device.role(Role::Produced) else { return Ok(()) };
     let kinds = [
         (Role::Consumed, "Exclusive Owner", EXCLUSIVE_OWNER, O_T_RUN_IDLE),

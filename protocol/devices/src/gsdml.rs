@@ -2,6 +2,7 @@
 
 use std::fmt::{self, Write};
 
+use profinet::MauType;
 use profinet::description::{Description, INTERFACE_SUBSLOT, Module, PORT_SUBSLOT, Submodule};
 use profinet::record::Maintenance;
 
@@ -21,10 +22,6 @@ const MILLISECOND: u16 = 32;
 
 /// Reduction ratios that the device supports at each send clock, up to a cycle of 512 ms (IEC 61158-6-10).
 const REDUCTION_RATIOS: &str = "1 2 4 8 16 32 64 128 256 512";
-
-/// MAU types of a port: 100BASE-TX full duplex, 1000BASE-T full duplex, and 0 for a cable that the table does not
-/// list, such as a veth pair.
-const MAU_TYPES: [u16; 3] = [16, 30, 0];
 
 /// Returns the file's name, which contains the date of the last change.
 #[must_use]
@@ -253,7 +250,8 @@ fn write_system_submodules(xml: &mut Xml, device: &Description, module: &Module)
         );
         xml.within("PortSubmoduleItem", attributes, |xml| {
             xml.within("MAUTypeList", "", |xml| {
-                MAU_TYPES.iter().try_for_each(|value| xml.empty(format_args!("MAUTypeItem Value=\"{value}\"")))
+                let mut types = MauType::ALL.iter().map(|it| it.code());
+                types.try_for_each(|value| xml.empty(format_args!("MAUTypeItem Value=\"{value}\"")))
             })
         })
     })

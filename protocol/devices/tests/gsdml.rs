@@ -13,7 +13,7 @@ use machine::wire::FRAME_CAPACITY;
 use machine::{Instant, Machine};
 use profinet::description::{Description, Identity};
 use profinet::rt::{Transport, UDP_PORT};
-use profinet::{ArConfig, ControllerConfig, Device, DeviceConfig, Parameter, lldp};
+use profinet::{ArConfig, ControllerConfig, Device, DeviceConfig, MauType, Parameter, lldp};
 use protocol::buses::ProfinetController;
 use protocol::fieldbus::{LinkEvent, StationId};
 use protocol::stations::{PROFINET_PLC, PROFINET_ROBOT as ROBOT};
@@ -83,6 +83,14 @@ fn the_protocols_beside_profinet_are_those_that_the_running_device_speaks() {
     let access_point = only_element(&document, "DeviceAccessPointItem");
     assert_eq!(access_point.attribute("LLDP_NoD_Supported"), Some("true"));
 
+    let frame = announcement();
+    let (header, payload) = EthernetHeader::parse(&frame).unwrap();
+    assert_eq!((header.destination, header.ether_type), (lldp::MULTICAST, lldp::ETHER_TYPE));
+    assert!(lldp::Pdu::parse(payload).is_ok());
+}
+
+/// Returns the first frame of the running device: its LLDP announcement.
+fn announcement() -> Vec<u8> {
     let config = DeviceConfig {
         mac: Mac([2, 0, 0, 0, 0, 2]),
         station_name: ROBOT.order_id.into(),
@@ -96,9 +104,23 @@ fn the_protocols_beside_profinet_are_those_that_the_running_device_speaks() {
     device.handle_timeout(Instant::ZERO);
     let mut buf = [0; FRAME_CAPACITY];
     let sent = device.poll_transmit(Instant::ZERO, &mut buf).unwrap();
-    let (header, payload) = EthernetHeader::parse(&buf[..sent.len]).unwrap();
-    assert_eq!((header.destination, header.ether_type), (lldp::MULTICAST, lldp::ETHER_TYPE));
-    assert!(lldp::Pdu::parse(payload).is_ok());
+    buf[..sent.len].to_vec()
+}
+
+#[test]
+fn the_port_has_the_medium_that_the_running_device_announces_among_those_of_the_file() {
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let listed: Vec<_> = only_element(&document, "MAUTypeList")
+        .children()
+        .filter(Node::is_element)
+        .map(|item| number(item, "Value"))
+        .collect();
+    assert_eq!(listed, MauType::ALL.iter().map(|it| it.code().into()).collect::<Vec<u32>>());
+    let frame = announcement();
+    let (_, payload) = EthernetHeader::parse(&frame).unwrap();
+    let announced = lldp::Pdu::parse(payload).unwrap().mac_phy.unwrap().mau_type;
+    assert!(listed.contains(&announced.into()), "{announced} is not in {listed:?}");
 }
 
 #[test]

@@ -20,7 +20,7 @@ mod search;
 
 pub use adapter::{Adapter, AdapterConfig};
 pub use data::DataError;
-pub use objects::{CLASSES, PORT_NUMBER};
+pub use objects::PORT_NUMBER;
 pub use scanner::{Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig, TooManyConnections};
 pub use search::{FoundDevice, Search, SearchConfig};
 

@@ -13,6 +13,7 @@ pub mod dcp;
 pub mod description;
 pub mod device;
 pub mod lldp;
+mod mau;
 mod provided;
 pub mod record;
 mod requests;
@@ -26,6 +27,7 @@ mod uuid;
 
 pub use controller::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Parameter};
 pub use device::{Device, DeviceConfig};
+pub use mau::MauType;
 pub use provided::DataError;
 pub use search::{FoundStation, Search, SearchConfig};
 pub use station::{Permanent, is_station_name};

@@ -22,6 +22,7 @@ mod digest;
 mod error;
 mod feedback;
 mod finding;
+mod kind;
 mod life;
 mod motion;
 mod order;
@@ -36,8 +37,9 @@ pub use digest::{Digest, Sum};
 pub use error::ErrorNumber;
 pub use feedback::{Feedback, State, Status};
 pub use finding::{Finding, InWords};
+pub use kind::{AuxiliaryForm, KindTraits, MotionKind, PathForm, TargetForm};
 pub use life::{Age, LifeMonitor};
-pub use motion::{Motion, MotionKind};
+pub use motion::Motion;
 pub use order::Order;
 
 /// Length in bytes of the image in either direction.
@@ -108,6 +110,11 @@ macro_rules! codes {
             $($(#[$code_doc])* $variant,)*
             /// A code that this version does not know; it survives a round trip.
             Unknown($number),
+        }
+
+        impl $name {
+            /// Every code that has a name, in the order of the declaration.
+            pub const NAMED: &'static [Self] = &[$(Self::$variant,)*];
         }
 
         impl From<$number> for $name {

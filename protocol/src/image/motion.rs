@@ -15,44 +15,8 @@
 //! 43     tool and base   u8        tool in the high four bits, base in the low four
 //! ```
 
-use super::{Configuration, MOTION_LEN, codes};
+use super::{Configuration, MOTION_LEN, MotionKind};
 use machine::wire::{ByteOrder, Reader, Truncated, Writer};
-
-codes! {
-    /// The motion types of the paper's section 5.2. The skill of a single motion has the same code.
-    MotionKind: u8 {
-        /// An empty slot.
-        None = 0,
-        /// A straight line of the tool to a Cartesian target.
-        LinCartesian = 1,
-        /// Point to point, all axes synchronised, to a Cartesian target.
-        PtpCartesian = 2,
-        /// Point to point, all axes synchronised, to a joint target.
-        PtpJoint = 3,
-        /// A circle through the intermediate point to a Cartesian target.
-        Circular = 4,
-        /// A spline through the targets of consecutive spline motions.
-        Spline = 5,
-        /// A straight line that ends in contact and then holds a force, `auxiliary` in N along the base's axes: the
-        /// force of the tool on the surface, so it points along the line.
-        LinForceCartesian = 6,
-    }
-}
-
-impl MotionKind {
-    /// Returns whether velocity and acceleration are shares of the axes' rated values instead of mm/s and mm/s².
-    #[must_use]
-    pub const fn is_point_to_point(self) -> bool {
-        matches!(self, Self::PtpCartesian | Self::PtpJoint)
-    }
-
-    /// Returns whether the auxiliary bytes are a point or a force. Those of an empty slot and of an unknown kind are
-    /// read as such.
-    #[must_use]
-    pub const fn has_auxiliary(self) -> bool {
-        !matches!(self, Self::LinCartesian | Self::PtpCartesian | Self::PtpJoint | Self::Spline)
-    }
-}
 
 /// Length of the auxiliary bytes that no field uses, where there is neither a point nor a force.
 const RESERVED: usize = 6;

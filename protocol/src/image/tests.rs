@@ -172,10 +172,38 @@ fn a_motions_figures_are_in_mm_and_seconds_or_shares_of_what_is_rated() {
     assert_eq!(motion.buffer_len(), MOTION_LEN);
 }
 
+/// Returns the known and some unknown kinds for which a question has the answer yes.
+fn kinds_with(question: impl Fn(MotionKind) -> bool) -> Vec<MotionKind> {
+    (0..=u8::MAX).map(MotionKind::from).filter(|kind| question(*kind)).collect()
+}
+
 #[test]
-fn motions_from_point_to_point_are_those_of_two_kinds() {
-    let kinds: Vec<_> = (0..=7).map(MotionKind::from).filter(|kind| kind.is_point_to_point()).collect();
-    assert_eq!(kinds, [MotionKind::PtpCartesian, MotionKind::PtpJoint]);
+fn each_question_about_a_kind_has_the_answer_that_its_row_gives() {
+    use MotionKind::{Circular, LinCartesian, LinForceCartesian, PtpCartesian, PtpJoint, Spline};
+
+    let standard: Vec<_> = MotionKind::standard().collect();
+    assert_eq!(standard, [LinCartesian, PtpCartesian, PtpJoint, Circular, Spline, LinForceCartesian]);
+    assert_eq!(kinds_with(|kind| kind.traits().is_some()), standard);
+    assert_eq!(kinds_with(MotionKind::is_point_to_point), [PtpCartesian, PtpJoint]);
+    assert_eq!(kinds_with(MotionKind::has_joint_target), [PtpJoint]);
+    assert_eq!(kinds_with(MotionKind::has_configuration), [LinCartesian, PtpCartesian, Spline]);
+    assert_eq!(kinds_with(MotionKind::has_force), [LinForceCartesian]);
+    let mut known = kinds_with(MotionKind::has_auxiliary);
+    known.retain(|kind| standard.contains(kind));
+    assert_eq!(known, [Circular, LinForceCartesian]);
+    // A slot that nobody understands is passed on as it came.
+    assert!([0, 200, u8::MAX].map(MotionKind::from).into_iter().all(MotionKind::has_auxiliary));
+}
+
+#[test]
+fn the_skill_of_a_kind_has_its_code_and_leads_back_to_it() {
+    for kind in MotionKind::standard() {
+        let skill = kind.skill();
+        assert_eq!((u8::from(skill), skill.motion_kind()), (kind.into(), Some(kind)));
+    }
+    let single = Skill::NAMED.iter().filter_map(|skill| skill.motion_kind());
+    assert!(single.eq(MotionKind::standard()), "a skill of one motion executes a standard kind");
+    assert_eq!([MotionKind::None, MotionKind::Unknown(16)].map(MotionKind::skill), [Skill::None; 2]);
 }
 
 #[test]
@@ -226,12 +254,11 @@ proptest! {
 
     #[test]
     fn a_motion_of_a_known_kind_survives_a_round_trip(
-        kind in 1..=6_u8,
+        kind in proptest::sample::select(MotionKind::standard().collect::<Vec<_>>()),
         numbers in any::<[u16; 5]>(),
         coordinates in proptest::array::uniform9(-1e6..1e6_f32),
         given in proptest::option::of((0..=Configuration::HIGHEST_STATUS, any::<Option<u8>>())),
     ) {
-        let kind = MotionKind::from(kind);
         let [velocity, acceleration, approximation, deceleration, jerk] = numbers;
         let [a, b, c, d, e, f, point @ ..] = coordinates;
         let has_auxiliary = kind.has_auxiliary();

@@ -104,15 +104,15 @@ impl Execution {
                 (Source::Program(index), motions)
             }
             Skill::MoveContinuous => (Source::Slots, command.total),
-            Skill::None | Skill::Unknown(_) => return Err(ErrorNumber::UnknownSkill.into()),
-            single => {
+            skill => {
+                let kind = skill.motion_kind().ok_or(ErrorNumber::UnknownSkill)?;
                 // Slot 0 holds the motion of the skill before until `written` says that this one's is there.
                 for (field, value) in [(Count::Total, command.total), (Count::Written, command.written)] {
                     if value != 1 {
                         return Err(Violation::NotOneMotion { field, value });
                     }
                 }
-                (Source::Single(u8::from(single).into()), 1)
+                (Source::Single(kind), 1)
             }
         };
         if total == 0 {

@@ -17,7 +17,7 @@
 //! stays where it is. Held or not, it never leaves the line. An end of the line without the force is an error, and so is
 //! a force that swings about the one to be reached, as on a surface that is much stiffer than the stiffest.
 
-use protocol::image::{Motion, MotionKind};
+use protocol::image::Motion;
 
 use crate::arm::{Arm, Frame, Joints, LEAST_WAY_MM, Violation, distance, dot, length};
 use crate::motion::{Curve, Limits, Segment, next_change};
@@ -120,11 +120,9 @@ pub(super) fn of(
     segment: &Segment,
     config: &RobotConfig,
 ) -> Result<Option<Press>, Violation> {
-    match (motion.kind, config.force) {
-        (MotionKind::LinForceCartesian, Some(control)) => {
-            Press::new(motion, segment, control, config.cycle.as_secs_f64()).map(Some)
-        }
-        _ => Ok(None),
+    match config.force.filter(|_| motion.kind.has_force()) {
+        Some(control) => Press::new(motion, segment, control, config.cycle.as_secs_f64()).map(Some),
+        None => Ok(None),
     }
 }
 

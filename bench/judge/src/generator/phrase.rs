@@ -352,7 +352,7 @@ impl<'a> Walk<'a> {
 /// Gives some motions a deceleration and a jerk of their own.
 pub(super) fn soften(dice: &mut Dice, motions: &mut [Programmed], setup: &Setup) {
     let robot = &setup.robot;
-    for motion in motions.iter_mut().filter(|motion| motion.kind != Kind::LinForce) {
+    for motion in motions.iter_mut().filter(|motion| !motion.kind.has_force()) {
         let is_point_to_point = motion.kind.is_point_to_point();
         let most = if is_point_to_point { 1e4 } else { robot.path_acceleration_mm_s2.value };
         if dice.chance(0.5) {

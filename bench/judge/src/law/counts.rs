@@ -46,8 +46,8 @@ impl Law {
     fn look_at_executed(&mut self, index: usize, is_one: bool, feedback: &Feedback) {
         let Some(way) = self.ways.get(index) else { return };
         let (kind, target, zone_mm) = (way.kind, way.target, way.zone_mm);
-        self.skill.holds = kind == Kind::LinForce;
-        if kind == Kind::LinForce {
+        self.skill.holds = kind.has_force();
+        if kind.has_force() {
             return self.look_at_force(way.force_n, feedback);
         }
         let [now, before, ..] = self.tools(&way.tool);
@@ -76,7 +76,7 @@ impl Law {
     /// Where a LIN force has ended is where the next motion starts.
     pub(super) fn take_up_force(&mut self, executed: u32, flange: &Pose) {
         for index in self.skill.executed as usize..executed as usize {
-            let Some(way) = self.ways.get_mut(index).filter(|way| way.kind == Kind::LinForce) else {
+            let Some(way) = self.ways.get_mut(index).filter(|way| way.kind.has_force()) else {
                 continue;
             };
             way.end = *flange;
@@ -98,8 +98,7 @@ impl Law {
     /// An arm that runs and stands, stands at the end of a motion.
     fn look_at_standing(&mut self, feedback: &Feedback) {
         let may_move = !self.pace.holds && self.pace.wanted() > 0.0 && self.cycle > self.pace.changed_in + 2;
-        let presses =
-            self.ways.get(self.skill.executed as usize).is_some_and(|way| way.kind == Kind::LinForce);
+        let presses = self.ways.get(self.skill.executed as usize).is_some_and(|way| way.kind.has_force());
         self.skill.has_moved |= self.has_moved();
         if self.has_moved() || !may_move || feedback.state != State::Running || presses {
             self.skill.idle = 0;
@@ -147,7 +146,7 @@ impl Law {
             return self.report(Class::State, Broken::Words("a skill ended by an error that has no number"));
         }
         let bad = feedback.error_motion as usize;
-        let by_force = self.ways.get(bad).is_some_and(|way| way.kind == Kind::LinForce);
+        let by_force = self.ways.get(bad).is_some_and(|way| way.kind.has_force());
         if by_force && feedback.error == ErrorNumber::ForceNotReached {
             return;
         }

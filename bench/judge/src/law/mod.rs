@@ -246,9 +246,10 @@ impl Law {
             let next = self.ways.get(index + 1).map(|next| (next.kind, next.half_mm()));
             let way = &mut self.ways[index];
             way.zone_mm = match next {
-                None | Some((Kind::LinForce, _)) => 0.0,
+                None => 0.0,
+                Some((next, _)) if next.has_force() => 0.0,
                 Some((Kind::Spline, _)) if way.kind == Kind::Spline => 0.0,
-                Some(_) if way.kind == Kind::LinForce => 0.0,
+                Some(_) if way.kind.has_force() => 0.0,
                 Some((_, next_half)) => way.approximation_mm.min(half).min(next_half),
             };
         }

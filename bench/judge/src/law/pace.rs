@@ -138,7 +138,7 @@ impl Law {
         let share = if is_spline { QUADRATURE } else { SHARE };
         if step > limit * self.cycle_s * (1.0 + share) + 2.0 * TOOL_NOISE_MM {
             let figure = step / self.cycle_s;
-            let class = if kind == Kind::LinForce { Class::PressSpeed } else { Class::ToolSpeed };
+            let class = if kind.has_force() { Class::PressSpeed } else { Class::ToolSpeed };
             return self.report_figure(class, "the tool's speed", [figure, limit], "mm/s");
         }
         let [second, third] = bends(&chords);
@@ -203,7 +203,7 @@ impl Law {
     ///
     /// A LIN force is led by the force as well.
     fn look_at_speed(&mut self, among: Among, step: f64, before: f64, programmed: f64) {
-        let is_led = self.ways_among(among).iter().any(|way| way.kind == Kind::LinForce);
+        let is_led = self.ways_among(among).iter().any(|way| way.kind.has_force());
         if !among.is_one() || programmed <= 0.0 || is_led {
             return;
         }

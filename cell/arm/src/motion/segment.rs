@@ -1,6 +1,6 @@
 //! From a motion as the PLC wrote it to one that the arm can run: checked, with the limits that hold along it.
 
-use protocol::image::{ErrorNumber, Motion, MotionKind};
+use protocol::image::{ErrorNumber, Motion, MotionKind, PathForm};
 
 use super::along::{AXIS_RESERVE, Followed, TOOL_RESERVE, along};
 use super::arc::Arc;
@@ -235,8 +235,7 @@ fn check(motion: &Motion, robot: &Robot<'_>) -> Result<(), Violation> {
         MotionKind::LinForceCartesian => return Err(ErrorNumber::MotionKindNotSupported.into()),
         MotionKind::None | MotionKind::Unknown(_) => return Err(Violation::Kind(motion.kind.into())),
     }
-    let used =
-        if matches!(motion.kind, MotionKind::Circular | MotionKind::LinForceCartesian) { 9 } else { 6 };
+    let used = if motion.kind.has_auxiliary() { 9 } else { 6 };
     let mut coordinates = motion.target.iter().chain(&motion.auxiliary).take(used);
     match coordinates.position(|coordinate| !coordinate.is_finite()) {
         Some(index) => Err(Violation::NotFinite(index as u8 + 1)),
@@ -292,13 +291,20 @@ impl<'a> Asked<'a> {
     fn curve(&self) -> Result<Curve, Violation> {
         let start = self.arm.forward(self.from) * self.tool;
         let (to, flange) = (self.to(), Flange::of_tool(&self.tool));
-        if self.motion.kind == MotionKind::Circular {
-            let through = self.base.point(self.motion.auxiliary.map(f64::from));
-            return Ok(Curve::Arc(Arc::new(start, through, to, flange)?));
-        }
+        let kind = self.motion.kind;
+        let is_spline = match kind.path() {
+            // The target is read as a pose below.
+            Some(_) if kind.has_joint_target() => return Err(Violation::Kind(kind.into())),
+            Some(PathForm::Circle) => {
+                let through = self.base.point(self.motion.auxiliary.map(f64::from));
+                return Ok(Curve::Arc(Arc::new(start, through, to, flange)?));
+            }
+            Some(PathForm::Spline) => true,
+            Some(PathForm::Line) => false,
+            Some(PathForm::Axes) | None => return Err(Violation::Kind(kind.into())),
+        };
         let way_mm = distance(start.position, to.position);
         let line = Line::new(start, to, flange);
-        let is_spline = self.motion.kind == MotionKind::Spline;
         if line.is_a_point() || (is_spline && way_mm < LEAST_WAY_MM) {
             return Err(Violation::ZeroLength { way_mm });
         }
@@ -319,7 +325,7 @@ impl<'a> Asked<'a> {
     /// Where a point-to-point motion ends.
     fn joints_at_the_end(&self) -> Result<Joints, Violation> {
         let Self { motion, arm, .. } = self;
-        if motion.kind == MotionKind::PtpJoint {
+        if motion.kind.has_joint_target() {
             let target = motion.target.map(f64::from);
             let joints = core::array::from_fn(|axis| if axis < arm.axes() { target[axis] } else { 0.0 });
             if let Some(configuration) = motion.configuration {

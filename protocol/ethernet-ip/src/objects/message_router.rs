@@ -1,8 +1,8 @@
 //! Message Router, class 02, and its Multiple_Service_Packet (volume 1, 5-3 and appendix ).
 
-use super::super::cip::{General, Violation, emit_refusal, service};
+use super::super::cip::{General, ObjectClass, Violation, emit_refusal, service};
 use super::super::{Reader, Writer};
-use super::{CLASSES, Device, Object};
+use super::{Device, Object};
 
 pub(super) struct MessageRouter;
 
@@ -19,8 +19,8 @@ impl Object for MessageRouter {
     ) -> Result<(), Violation> {
         match attribute {
             1 => {
-                writer.u16(CLASSES.len() as u16);
-                CLASSES.iter().for_each(|(class, ..)| writer.u16(*class as u16));
+                writer.u16(ObjectClass::ALL.len() as u16);
+                ObjectClass::ALL.iter().for_each(|class| writer.u16(class.code().into()));
             }
             2 => writer.u16(device.description.explicit.into()),
             _ => return Err(Violation::UnknownAttribute),

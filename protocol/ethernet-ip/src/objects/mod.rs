@@ -17,21 +17,9 @@ pub use port::PORT_NUMBER;
 pub(super) use qos::Qos;
 pub(super) use tcp_ip::{MULTICASTS, Network};
 
-use super::cip::{General, Target, Violation, class, service};
+use super::cip::{General, ObjectClass, Target, Violation, service};
 use super::description::Description;
 use super::{Reader, Writer};
-
-/// Every class of objects that the device has: its code, its revision and its name.
-pub const CLASSES: [(u32, u16, &str); 8] = [
-    (class::IDENTITY, identity::Identity::REVISION, "Identity"),
-    (class::MESSAGE_ROUTER, message_router::MessageRouter::REVISION, "Message Router"),
-    (class::ASSEMBLY, assembly::Assembly::REVISION, "Assembly"),
-    (class::CONNECTION_MANAGER, connection_manager::ConnectionManager::REVISION, "Connection Manager"),
-    (class::QOS, qos::QosObject::REVISION, "QoS"),
-    (class::PORT, port::Port::REVISION, "Port"),
-    (class::TCP_IP_INTERFACE, tcp_ip::TcpIpInterface::REVISION, "TCP/IP Interface"),
-    (class::ETHERNET_LINK, ethernet_link::EthernetLink::REVISION, "Ethernet Link"),
-];
 
 /// State of all objects.
 #[derive(Debug)]
@@ -145,18 +133,46 @@ pub(super) fn serve(
     data: &[u8],
     writer: &mut Writer<'_>,
 ) -> Result<General, Violation> {
-    let serve = match target.class.ok_or(Violation::PathSegment)? {
-        class::IDENTITY => serve_class::<identity::Identity>,
-        class::MESSAGE_ROUTER => serve_class::<message_router::MessageRouter>,
-        class::ASSEMBLY => serve_class::<assembly::Assembly>,
-        class::CONNECTION_MANAGER => serve_class::<connection_manager::ConnectionManager>,
-        class::QOS => serve_class::<qos::QosObject>,
-        class::PORT => serve_class::<port::Port>,
-        class::TCP_IP_INTERFACE => serve_class::<tcp_ip::TcpIpInterface>,
-        class::ETHERNET_LINK => serve_class::<ethernet_link::EthernetLink>,
-        _ => return Err(Violation::UnknownObject),
-    };
-    serve(device, target, service, data, writer)
+    let code = target.class.ok_or(Violation::PathSegment)?;
+    let class = ObjectClass::from_code(code).ok_or(Violation::UnknownObject)?;
+    (class.served().serve)(device, target, service, data, writer)
+}
+
+/// Answers a request to an object of one class.
+type Serve = fn(&mut Device, Target, u8, &[u8], &mut Writer<'_>) -> Result<General, Violation>;
+
+/// How the device implements a class.
+struct Served {
+    revision: u16,
+    serve: Serve,
+}
+
+impl Served {
+    const fn by<O: Object>() -> Self {
+        Self { revision: O::REVISION, serve: serve_class::<O> }
+    }
+}
+
+impl ObjectClass {
+    /// Returns the object that serves the class.
+    const fn served(self) -> Served {
+        match self {
+            Self::Identity => Served::by::<identity::Identity>(),
+            Self::MessageRouter => Served::by::<message_router::MessageRouter>(),
+            Self::Assembly => Served::by::<assembly::Assembly>(),
+            Self::ConnectionManager => Served::by::<connection_manager::ConnectionManager>(),
+            Self::Qos => Served::by::<qos::QosObject>(),
+            Self::Port => Served::by::<port::Port>(),
+            Self::TcpIpInterface => Served::by::<tcp_ip::TcpIpInterface>(),
+            Self::EthernetLink => Served::by::<ethernet_link::EthernetLink>(),
+        }
+    }
+
+    /// Returns the revision of the class that the device implements: class attribute 1.
+    #[must_use]
+    pub const fn revision(self) -> u16 {
+        self.served().revision
+    }
 }
 
 fn serve_class<O: Object>(

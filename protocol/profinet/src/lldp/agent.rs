@@ -8,6 +8,7 @@ use super::{
     CHASSIS_IS_MAC, ETHER_TYPE, Id, LOCALLY_ASSIGNED, MOST_ID, MULTICAST, MacPhy, PORT_IS_MAC, Pdu, Violation,
 };
 use crate::description::Description;
+use crate::mau::MauType;
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Duration, Instant};
 
@@ -20,9 +21,12 @@ pub const TIME_TO_LIVE: u16 = 20;
 /// Name of the first port. A station has one.
 pub(crate) const PORT_NAME: &[u8] = b"port-001";
 
-/// A port whose kind and speed the station does not know: it negotiates nothing that it knows of, offers an unknown speed,
-/// and is of an unknown kind, as a virtual cable.
-const UNKNOWN_PORT: MacPhy = MacPhy { autonegotiation: 0, advertised: 0x8000, mau_type: 0 };
+/// Our port: it negotiates nothing that the station knows of.
+const OUR_PORT: MacPhy = MacPhy {
+    autonegotiation: 0,
+    advertised: MauType::OF_OUR_PORTS.advertised(),
+    mau_type: MauType::OF_OUR_PORTS.code(),
+};
 
 /// How ports and chassis are named: MultipleInterfaceMode.NameOfDevice.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
@@ -74,7 +78,7 @@ impl Local<'_> {
             delays: Some([0; 5]),
             port_status: Some([0; 2]),
             chassis_mac: Some(self.mac),
-            mac_phy: Some(UNKNOWN_PORT),
+            mac_phy: Some(OUR_PORT),
             ..Pdu::new(chassis, named(port.as_bytes()), TIME_TO_LIVE)
         };
         let header =

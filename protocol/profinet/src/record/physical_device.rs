@@ -17,10 +17,9 @@ use crate::connect::API;
 use crate::dcp::IpSuite;
 use crate::description::{Description, INTERFACE_SUBSLOT, PORT_SUBSLOT};
 use crate::lldp::Neighbour;
+use crate::mau::MauType;
 use machine::ethernet::Mac;
 
-/// MAUType of a port whose kind the device does not know, or that has none, as a virtual cable.
-const MAU_TYPE_UNKNOWN: u16 = 0;
 /// LinkState.Link: up. Who reads the record has come by this link.
 const LINK_UP: u8 = 1;
 
@@ -86,15 +85,14 @@ impl PhysicalDevice<'_> {
                 w.bytes(&peer.mac().0);
                 align(start, w);
             }
-            w.u16(MAU_TYPE_UNKNOWN);
+            w.u16(MauType::OF_OUR_PORTS.code());
             align(start, w);
             // DomainBoundary and MulticastBoundary: nothing is blocked.
             w.zeros(8);
             // LinkState.Port: unknown, since no port can be blocked.
             w.bytes(&[0, LINK_UP]);
             align(start, w);
-            // MediaType: unknown.
-            w.u32(0);
+            w.u32(MauType::OF_OUR_PORTS.media_type());
         });
     }
 }

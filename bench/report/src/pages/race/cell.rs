@@ -1,7 +1,7 @@
 //! What stands around the arm: obstacles and targets, in the root's frame.
 
 use planning::Application;
-use protocol::image::{Motion, MotionKind};
+use protocol::image::Motion;
 use robot_node::arm::Frame;
 use serde::Serialize;
 
@@ -45,7 +45,7 @@ impl Cell {
             }
         };
         let mut targets: Vec<[f64; 3]> = Vec::new();
-        for motion in motions.iter().filter(|motion| motion.kind != MotionKind::PtpJoint) {
+        for motion in motions.iter().filter(|motion| !motion.kind.has_joint_target()) {
             let [x, y, z, ..] = motion.target.map(f64::from);
             let at = base.point([x, y, z]);
             if targets.len() < TARGETS && !targets.contains(&at) {
