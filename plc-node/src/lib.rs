@@ -30,6 +30,7 @@ mod plan_command;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod process;
 mod readiness;
+pub mod robot_clock;
 mod sample;
 mod scan;
 mod sequence;
