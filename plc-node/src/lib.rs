@@ -8,7 +8,8 @@
 //! ├─ start_position    moves the arm to where a run starts
 //! ├─ sequence          RC, SM and CM as a PLC program steps through them
 //! ├─ function_blocks   PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
-//! └─ axes_group        the robot as the program sees it: one command, one feedback, the command number
+//! ├─ axes_group        the robot as the program sees it: one command, one feedback, the command number
+//! └─ robot_clock       a robot's clock, estimated from its feedback; start times for several robots
 //! ```
 //!
 //! Nothing here reads a clock, opens a socket or allocates after [`PlcNode::new`]; time and frames are arguments.

@@ -119,6 +119,13 @@ impl Controller {
         master.asked.min(most)
     }
 
+    /// Returns the share of the programmed speed with which a LIN force goes: 0 until the master has passed the arm, then the
+    /// override, since a force has no law.
+    pub(super) fn press_rate(&self, at: Instant, execution: &Execution) -> f64 {
+        let waits = self.master.is_some_and(|master| master.at(at).0 <= self.law_time(execution));
+        if waits { 0.0 } else { self.factor }
+    }
+
     /// Reports the law's time of the skill that runs.
     pub(super) fn report_law_time(&mut self, execution: &Execution) {
         if self.master.is_some() {

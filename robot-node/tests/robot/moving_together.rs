@@ -2,9 +2,10 @@
 
 use proptest::prelude::*;
 use protocol::image::{Control, Motion, Services, Skill, State, Status};
-use robot_node::Program;
+use robot_node::arm::{Joints, distance};
+use robot_node::{Program, RobotConfig};
 
-use crate::driven::{Driven, bare, lin, ptp};
+use crate::driven::{Driven, bare, lin, press, ptp, seat};
 
 /// A cycle of the robot, and how exactly the arm follows: at 250 mm/s 0.1 mm.
 const CYCLE_S: f64 = 0.004;
@@ -16,6 +17,7 @@ struct Moment {
     at: f64,
     wanted: f64,
     has: f64,
+    joints: Joints,
 }
 
 impl Moment {
@@ -85,7 +87,7 @@ impl<F: Fn(f64) -> f64> Master<F> {
             robot.tick();
             let at = f64::from(cycle) * CYCLE_S;
             let has = f64::from(robot.feedback().law_time_us) / 1e6;
-            moments.push(Moment { at, wanted: (self.course)(at), has });
+            moments.push(Moment { at, wanted: (self.course)(at), has, joints: *robot.controller.joints() });
         }
         moments
     }
@@ -138,6 +140,66 @@ fn the_law_time_at_the_end_is_what_the_arm_needs_alone_whatever_the_masters_rate
         assert!((0.0..0.03).contains(&(alone_s - end)), "{end} s, alone {alone_s} s");
         assert!((end - ends[0]).abs() < 0.000_1, "{ends:?}");
     }
+}
+
+/// Returns the joints at a law time, between those of three cycles of an arm that went at full rate.
+fn joints_at(alone: &[Moment], law_s: f64) -> Joints {
+    let next = alone.partition_point(|moment| moment.has < law_s).clamp(1, alone.len() - 2);
+    let near = [&alone[next - 1], &alone[next], &alone[next + 1]];
+    let share = |one: usize, others: [usize; 2]| -> f64 {
+        let [x, y] = others.map(|other| (law_s - near[other].has) / (near[one].has - near[other].has));
+        x * y
+    };
+    let shares = [share(0, [1, 2]), share(1, [0, 2]), share(2, [0, 1])];
+    core::array::from_fn(|axis| (0..3).map(|moment| shares[moment] * near[moment].joints[axis]).sum())
+}
+
+#[test]
+fn at_each_law_time_the_arm_is_where_it_is_alone() {
+    let application = |setup: &str| {
+        let (setup, found) = planning::setup_with_application(setup).unwrap();
+        found.plan(&setup).unwrap().wire_motions(&setup)
+    };
+    let robot = |setup: &str| match setup {
+        "B" => Driven::ready(bare("B"), Program::default()),
+        _ => ready("A"),
+    };
+    for (setup, motions) in [("A", tour()), ("B", application("B"))] {
+        let alone = master(|_| 4_000.0).leads(&mut robot(setup), motions.clone(), |_, _| {});
+        let start = alone.iter().rposition(|moment| moment.has == 0.0).unwrap();
+        let alone = &alone[start..=before_the_end(&alone).len()];
+        let arm = bare(setup).arm;
+        for rate in [0.97, 0.5, 0.13] {
+            let mut led = robot(setup);
+            let moments = master(steady(rate)).leads(&mut led, motions.clone(), |_, _| {});
+            assert!(led.is_done(), "{setup}: {:?}", led.feedback());
+            follows(&moments, CLOSE_S);
+            let inner = |moment: &&Moment| moment.has > CYCLE_S && moment.has < alone[alone.len() - 2].has;
+            let away = |moment: &Moment| {
+                let [led, alone] =
+                    [moment.joints, joints_at(alone, moment.has)].map(|joints| arm.forward(&joints));
+                distance(led.position, alone.position)
+            };
+            let farthest = moments.iter().filter(inner).map(away).fold(0.0, f64::max);
+            assert!(farthest < 0.1, "{setup}, {rate}: {farthest} mm");
+        }
+    }
+}
+
+#[test]
+fn a_lin_force_waits_for_its_master_too() {
+    let config = bare("A");
+    let surfaces = vec![seat(&config, 8.0, 5.0)];
+    let mut robot = Driven::ready(RobotConfig { surfaces, ..config }, Program::default());
+    robot.run(vec![ptp(100.0, 40.0, 20.0)]);
+    let start = *robot.controller.joints();
+    robot.call(Skill::MoveLinForceCartesian, vec![press(-10.0, 25.0)]);
+    robot.control(Control::SYNC);
+    robot.run_ms(1_000);
+    assert_eq!((robot.feedback().state, robot.controller.joints()), (State::Running, &start));
+    robot.command.law_time_us = 1_000;
+    robot.wait_for_end();
+    assert!(robot.is_done(), "{:?}", robot.feedback());
 }
 
 #[test]
