@@ -9,7 +9,8 @@
 //! ├─ sequences         the program of the paper: RC, SM and CM at each station; marks between them
 //! ├─ sequence          one of them, as a PLC program steps through it
 //! ├─ function_blocks   PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
-//! └─ axes_group        the robot as the program sees it: one command, one feedback, the command number
+//! ├─ axes_group        the robot as the program sees it: one command, one feedback, the command number
+//! └─ robot_clock       a robot's clock, estimated from its feedback; start times for several robots
 //! ```
 //!
 //! Nothing here reads a clock, opens a socket or allocates after [`PlcNode::new`]; time and frames are arguments.
@@ -31,6 +32,7 @@ mod plc;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod process;
 mod program;
+pub mod robot_clock;
 mod sample;
 mod scan;
 mod sequence;

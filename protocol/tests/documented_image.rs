@@ -5,7 +5,7 @@
 use machine::wire::{BigEndian, Reader, Writer};
 use protocol::image::{
     Command, CommandSealer, Control, ErrorNumber, Feedback, FeedbackSealer, IMAGE_LEN, MOTION_LEN, Motion,
-    MotionKind, Order, Skill, State, Status,
+    MotionKind, Order, Services, Skill, State, Status,
 };
 
 const PAGE: &str = include_str!("../../docs/process-image.md");
@@ -89,7 +89,7 @@ fn allotted_bytes_that_a_peer_sets_change_nothing_that_is_read_today() {
             let zeros = [0; IMAGE_LEN];
             if image == "command" {
                 let parsed = |bytes: &[u8]| Command::parse::<BigEndian>(bytes).unwrap();
-                let known = Control(0x7F);
+                let known = Control(0xFF);
                 let (mut today, told) = (parsed(&zeros), parsed(&bytes));
                 assert_eq!(told.control.0 & known.0, 0, "{row:?}");
                 today.control = told.control;
@@ -231,4 +231,6 @@ fn the_page_has_every_control_and_status_bit_by_its_name() {
     assert_eq!(bits("### Control bits"), control);
     let status: Vec<_> = (0..16).map(|bit| format!("{:?}", Status(1 << bit))).collect();
     assert_eq!(bits("### Status bits"), status);
+    let services: Vec<_> = (0..16).map(|bit| format!("{:?}", Services(1 << bit))).collect();
+    assert_eq!(bits("### Services"), services);
 }

@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use machine::{Cycle, Duration, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::{
-    Age, Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, LifeMonitor, State,
-    Verdict,
+    Age, Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, LifeMonitor, Services,
+    State, Verdict,
 };
 
 use crate::sample::Positions;
@@ -49,6 +49,8 @@ pub struct RobotNode<B: Fieldbus> {
     was_lost: bool,
     output: Image,
     sealer: FeedbackSealer,
+    /// What the sealer has of the feedback's bytes behind the check.
+    sealed: (u32, Services),
     link_events: VecDeque<RobotEvent>,
     /// Whether the bus has a connection.
     linked: bool,
@@ -87,6 +89,7 @@ impl<B: Fieldbus> RobotNode<B> {
             was_lost: false,
             output: [0; IMAGE_LEN],
             sealer: FeedbackSealer::default(),
+            sealed: (0, Services::default()),
             link_events: VecDeque::with_capacity(LINK_EVENTS),
             linked: false,
             wait: Wait::default(),
@@ -283,7 +286,13 @@ impl<B: Fieldbus> RobotNode<B> {
 
     fn write_feedback(&mut self) {
         let order = self.bus.byte_order();
-        order.emit_feedback(self.controller.feedback(), &mut self.output);
+        let feedback = self.controller.feedback();
+        order.emit_feedback(feedback, &mut self.output);
+        let behind = (feedback.law_time_us, feedback.services);
+        if self.sealed != behind {
+            self.sealed = behind;
+            self.sealer.take_tail(&self.output);
+        }
         self.sealer.seal(order, &mut self.output);
         self.bus.set_output(&self.output);
     }

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use machine::{Duration, Instant};
-use protocol::image::{Command, Feedback, State, Status};
+use protocol::image::{Command, Control, Feedback, State, Status};
 
 /// Time from one report to the next. Assumed: short enough for a person who waits.
 const REPORT_EVERY: Duration = Duration::from_secs(10);
@@ -35,6 +35,16 @@ pub enum WaitingFor {
         /// Number of the command.
         number: u16,
     },
+    /// The start time of a skill.
+    StartTime {
+        /// Number of the command.
+        number: u16,
+    },
+    /// The master that the arm follows.
+    Master {
+        /// Number of the command.
+        number: u16,
+    },
     /// The next motion of a skill that has more of them.
     Motion {
         /// Number of the command.
@@ -56,7 +66,14 @@ impl WaitingFor {
                 Some(Self::Override { number })
             }
             State::Running if feedback.status.contains(Status::AT_REST) && command.number == number => {
-                let Command { written, total, .. } = *command;
+                let Command { written, total, start_time_ns, .. } = *command;
+                let follows = command.control.contains(Control::SYNC);
+                if !follows && feedback.executed == 0 && start_time_ns > feedback.clock_ns {
+                    return Some(Self::StartTime { number });
+                }
+                if follows && feedback.accepted > feedback.executed {
+                    return Some(Self::Master { number });
+                }
                 let is_empty = feedback.accepted >= written && feedback.executed >= written;
                 (is_empty && written < total).then_some(Self::Motion { number, written, total })
             }
@@ -85,6 +102,14 @@ impl fmt::Display for WaitingFor {
                 write!(f, "an override above 0 %: the arm stands on its path in command {number}")
             }
             Self::Resume { number } => write!(f, "RESUME from the PLC: command {number} is suspended"),
+            Self::StartTime { number } => write!(
+                f,
+                "the start time of command {number}, bytes 20..28: it is ahead of the robot's clock; a halt or a cancel ends the wait"
+            ),
+            Self::Master { number } => write!(
+                f,
+                "the master of command {number}: with SYNC the arm stands until the law time in bytes 28..32 passes its own"
+            ),
             Self::Motion { number, written, total } => {
                 write!(f, "the next motion of command {number}: the PLC has written {written} of {total}")
             }

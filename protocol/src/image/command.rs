@@ -10,8 +10,9 @@
 //! 12..16 written          u32   motions written into the slots so far, counted from the skill's start
 //! 16..18 program number   u16   what `RunProgram` runs
 //! 18..20 digital outputs  u16   of the PLC, inputs of the robot
-//! 20..28 start time       u64   ns on the robot's clock, 0 starts at once: for arms that must start together
-//! 28..32 zero, allotted: see docs/process-image.md, "Allotted bytes"
+//! 20..28 start time       u64   ns on the robot's clock, 0 starts at once: for arms that must start together. With `SYNC`: when
+//!                               the law time holds, 0 as soon as it is seen
+//! 28..32 law time         u32   µs, with `SYNC`: where on its law the arm should be then
 //! 32..36 check            u32   see Checker; 0 is none. Not part of the struct below
 //! 36..256 five slots      5 × Motion
 //! ```
@@ -37,6 +38,8 @@ bits! {
         /// Stop on the path as fast as the limits allow and give up the skill, like `HALT`, but be `Ready` then, without a
         /// reset. No skill starts while it is set.
         CANCEL = 6,
+        /// The arm's law follows a master: see [`Command::law_time_us`].
+        SYNC = 7,
     }
 }
 
@@ -86,8 +89,11 @@ pub struct Command {
     pub program: u16,
     /// The PLC's digital outputs, which the robot reads as inputs.
     pub outputs: u16,
-    /// When to start, in ns on the robot's clock; 0 starts at once.
+    /// When to start, in ns on the robot's clock; 0 starts at once. With [`Control::SYNC`] the time at which the law time
+    /// holds; 0 is when the robot sees it.
     pub start_time_ns: u64,
+    /// Time in µs on the arm's own law that it should have at the start time, with [`Control::SYNC`]: the position of the master.
+    pub law_time_us: u32,
     /// Motion `k` in slot `k mod 5`.
     pub slots: [Motion; SLOTS],
 }
@@ -105,6 +111,7 @@ impl Default for Command {
             program: 0,
             outputs: 0,
             start_time_ns: 0,
+            law_time_us: 0,
             slots: [Motion::EMPTY; SLOTS],
         }
     }
@@ -137,6 +144,7 @@ impl Command {
             program: reader.u16()?,
             outputs: reader.u16()?,
             start_time_ns: reader.u64()?,
+            law_time_us: reader.u32()?,
             slots: [Motion::EMPTY; SLOTS],
         })
     }
@@ -165,6 +173,7 @@ impl Command {
         writer.u16(self.program);
         writer.u16(self.outputs);
         writer.u64(self.start_time_ns);
+        writer.u32(self.law_time_us);
         writer.pad_to(HEAD_LEN);
     }
 

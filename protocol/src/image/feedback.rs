@@ -23,7 +23,10 @@
 //! 101..104 zero
 //! 104..116 error finding    3 × f32   value, least and most allowed; see Finding
 //! 116..120 check            u32   see Checker; 0 is none. Not part of the struct below
-//! 120..256 zero, 120..128 allotted: see docs/process-image.md, "Allotted bytes"
+//! 120..124 law time         u32   µs, with `SYNC`: time on its own law that the arm has
+//! 124..126 zero
+//! 126..128 services         bits  what this robot serves beyond what every robot does
+//! 128..256 zero
 //! ```
 
 use super::{ErrorNumber, Finding, Image, bits, codes};
@@ -61,6 +64,14 @@ codes! {
         Running = 2,
         /// A skill is paused on its path.
         Suspended = 3,
+    }
+}
+
+bits! {
+    /// What a robot serves beyond what every robot does.
+    Services: u16 {
+        /// It follows a master with [`Control::SYNC`](super::Control::SYNC).
+        SYNC = 0,
     }
 }
 
@@ -105,6 +116,10 @@ pub struct Feedback {
     pub contact_force: f32,
     /// The quantity that [`error`](Self::error) refers to, and its limits.
     pub finding: Finding,
+    /// Time in µs on its own law that the arm has; 0 without [`Control::SYNC`](super::Control::SYNC).
+    pub law_time_us: u32,
+    /// What the robot serves.
+    pub services: Services,
 }
 
 impl Default for Feedback {
@@ -129,6 +144,8 @@ impl Default for Feedback {
             path_speed: 0.0,
             contact_force: 0.0,
             finding: Finding::NONE,
+            law_time_us: 0,
+            services: Services::default(),
         }
     }
 }
@@ -165,6 +182,10 @@ impl Feedback {
         let index = reader.u8()?;
         reader.skip(3)?;
         feedback.finding = Finding::new(index, reader.f32()?, reader.f32()?, reader.f32()?);
+        reader.skip(4)?; // the check
+        feedback.law_time_us = reader.u32()?;
+        reader.skip(2)?;
+        feedback.services = Services(reader.u16()?);
         Ok(feedback)
     }
 
@@ -196,6 +217,10 @@ impl Feedback {
         for value in [self.finding.value(), self.finding.lower(), self.finding.upper()] {
             writer.f32(value);
         }
+        writer.u32(0); // the check
+        writer.u32(self.law_time_us);
+        writer.u16(0);
+        writer.u16(self.services.0);
         writer.pad_to(len);
     }
 }

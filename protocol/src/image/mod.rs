@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! command  0..36  head      36..80  slot 0   80..124  slot 1  124..168  slot 2  168..212  slot 3  212..256  slot 4
-//! feedback 0..116 head    116..120 check   120..256 zero
+//! feedback 0..116 head    116..120 check   120..128 more   128..256 zero
 //! ```
 //!
 //! The last four bytes of a command's head are its check, too: [`Sealer`] writes it and [`Checker`] verifies it.
@@ -35,7 +35,7 @@ pub use command::{Command, Control, Skill};
 pub use configuration::Configuration;
 pub use digest::{Digest, Sum};
 pub use error::ErrorNumber;
-pub use feedback::{Feedback, State, Status};
+pub use feedback::{Feedback, Services, State, Status};
 pub use finding::{Finding, InWords};
 pub use kind::{AuxiliaryForm, KindTraits, MotionKind, PathForm, TargetForm};
 pub use life::{Age, LifeMonitor};

@@ -90,6 +90,7 @@ fn a_commands_head_has_the_specified_36_bytes() {
         program: 0x0506,
         outputs: 0x0708,
         start_time_ns: 0x0102_0304_0506_0708,
+        law_time_us: 0x090A_0B0C,
         ..Command::default()
     };
     let mut image = [0xFF; IMAGE_LEN];
@@ -97,7 +98,7 @@ fn a_commands_head_has_the_specified_36_bytes() {
     #[rustfmt::skip]
     let head = [
         0, 3,  1, 2,  3, 4,  16, 100,  0, 0, 0, 13,  0, 0, 0, 5,  5, 6,  7, 8,
-        1, 2, 3, 4, 5, 6, 7, 8,  0, 0, 0, 0, 0, 0, 0, 0,
+        1, 2, 3, 4, 5, 6, 7, 8,  9, 10, 11, 12,  0, 0, 0, 0,
     ];
     assert_eq!(&image[..HEAD_LEN], &head);
     assert!(image[HEAD_LEN..].iter().all(|byte| *byte == 0), "empty slots are zero");
@@ -130,6 +131,8 @@ fn a_feedbacks_head_has_the_specified_bytes() {
         path_speed: 3.0,
         contact_force: 4.0,
         finding: Finding::new(5, 6.0, 7.0, 8.0),
+        law_time_us: 0x0102_0304,
+        services: Services::SYNC,
     };
     let mut image = [0xFF; IMAGE_LEN];
     feedback.emit::<LittleEndian>(&mut image);
@@ -142,7 +145,8 @@ fn a_feedbacks_head_has_the_specified_bytes() {
     assert_eq!(&image[88..96], &[0, 0, 0, 0x40, 0, 0, 0x40, 0x40]);
     let rest = [0, 0, 0x80, 0x40, 5, 0, 0, 0, 0, 0, 0xC0, 0x40, 0, 0, 0xE0, 0x40, 0, 0, 0, 0x41];
     assert_eq!(&image[96..116], &rest);
-    assert!(image[116..].iter().all(|byte| *byte == 0));
+    assert_eq!(&image[116..128], &[0, 0, 0, 0, 4, 3, 2, 1, 0, 0, 1, 0]);
+    assert!(image[128..].iter().all(|byte| *byte == 0));
     assert_eq!(Feedback::parse::<LittleEndian>(&image), Ok(feedback));
 }
 
@@ -241,14 +245,16 @@ proptest! {
         let mut image = [0; IMAGE_LEN];
         let command = Command::parse::<BigEndian>(&bytes).unwrap();
         command.emit::<BigEndian>(&mut image);
-        bytes[28..36].fill(0);
+        bytes[32..36].fill(0);
         bytes[HEAD_LEN..].chunks_exact_mut(MOTION_LEN).for_each(clear_reserved);
         prop_assert_eq!(&image[..], &bytes[..]);
 
         let feedback = Feedback::parse::<LittleEndian>(&bytes).unwrap();
         feedback.emit::<LittleEndian>(&mut image);
         bytes[101..104].fill(0);
-        bytes[116..].fill(0);
+        bytes[116..120].fill(0);
+        bytes[124..126].fill(0);
+        bytes[128..].fill(0);
         prop_assert_eq!(&image[..], &bytes[..]);
     }
 
@@ -283,6 +289,6 @@ proptest! {
     #[test]
     fn a_shorter_image_is_refused(len in 0..IMAGE_LEN) {
         prop_assert!(Command::parse::<BigEndian>(&[0; IMAGE_LEN][..len]).is_err());
-        prop_assert_eq!(Feedback::parse::<BigEndian>(&[0; IMAGE_LEN][..len]).is_err(), len < 116);
+        prop_assert_eq!(Feedback::parse::<BigEndian>(&[0; IMAGE_LEN][..len]).is_err(), len < 128);
     }
 }

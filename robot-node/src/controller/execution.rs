@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use machine::Instant;
 use planning::Switch;
-use protocol::image::{Command, ErrorNumber, Motion, MotionKind, SLOTS, Skill};
+use protocol::image::{Command, Control, ErrorNumber, Motion, MotionKind, SLOTS, Skill};
 
 use super::event::Ending;
 use super::program::Programs;
@@ -35,7 +35,7 @@ pub(super) enum Source {
 pub(super) enum Phase {
     /// The interpreter works; the arm has not moved yet.
     Dispatch {
-        /// When the motion may start.
+        /// When the motion may start, unless its start time is later.
         until: Instant,
     },
     /// On the path.
@@ -73,7 +73,11 @@ pub(super) struct Execution {
     /// The highest `written` seen: it only grows.
     written: u32,
     pub(super) phase: Phase,
-    /// Cycles that pass before the first motion, once it might start.
+    /// When it is to start; the clock's origin for at once.
+    pub(super) start: Instant,
+    /// The law that the arm had driven before, in s.
+    pub(super) law_before_s: f64,
+    /// Cycles that pass before the first motion, once it might start but for its start time.
     pub(super) cycles_to_start: u32,
     /// The motion that cannot be run, and why.
     pub(super) bad: Option<(u32, Violation)>,
@@ -121,7 +125,9 @@ impl Execution {
         if command.override_percent > HIGHEST_OVERRIDE {
             return Err(Violation::Override { percent: command.override_percent });
         }
-        let start = Instant::from_nanos(command.start_time_ns);
+        // Of a master's set-point it is the time at which that holds.
+        let follows = command.control.contains(Control::SYNC);
+        let start = if follows { Instant::ZERO } else { Instant::from_nanos(command.start_time_ns) };
         Ok(Self {
             number: command.number,
             skill: command.skill,
@@ -132,7 +138,9 @@ impl Execution {
             executed_before: 0,
             stops_passed: 0,
             written: 0,
-            phase: Phase::Dispatch { until: until.max(start) },
+            phase: Phase::Dispatch { until },
+            start,
+            law_before_s: 0.0,
             cycles_to_start: 0,
             bad: None,
             check: Check { next: 0, from: *joints },

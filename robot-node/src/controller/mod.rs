@@ -26,6 +26,7 @@ mod event;
 mod execution;
 #[cfg(test)]
 mod exploration;
+mod master;
 mod press;
 mod pressing;
 mod program;
@@ -35,7 +36,9 @@ mod running;
 use std::collections::VecDeque;
 
 use machine::Instant;
-use protocol::image::{Command, Control, Digest, ErrorNumber, Feedback, Finding, Skill, State, Status};
+use protocol::image::{
+    Command, Control, Digest, ErrorNumber, Feedback, Finding, Services, Skill, State, Status,
+};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use setup::Drives;
@@ -44,6 +47,7 @@ pub use account::Account;
 pub use drives::{DriveError, DrivePower, DriveReport};
 pub use event::{Ending, ImageFault, RobotEvent};
 use execution::Execution;
+use master::Master;
 pub use program::Program;
 use program::Programs;
 
@@ -100,6 +104,8 @@ pub struct Controller {
     hold: bool,
     /// The override, 0…1.
     factor: f64,
+    /// The master that the arm follows, if there is one.
+    master: Option<Master>,
     /// The override in the command image, if it is above 100 %.
     wrong_override: Option<u8>,
     /// Why all images of the PLC are refused on this connection, if they are.
@@ -155,6 +161,7 @@ impl Controller {
             reset_armed: true,
             hold: false,
             factor: 1.0,
+            master: None,
             wrong_override: None,
             refused_images: None,
             reported_images: None,
@@ -165,7 +172,7 @@ impl Controller {
             resets_drives: false,
             tool: Frame::IDENTITY,
             base_inverse: Frame::IDENTITY,
-            feedback: Feedback::default(),
+            feedback: Feedback { services: Services::SYNC, ..Feedback::default() },
             reported: [0.0; AXES],
             events: VecDeque::with_capacity(EVENTS),
         };
@@ -260,6 +267,7 @@ impl Controller {
 
     fn without_connection(&mut self, at: Instant) {
         (self.last_number, self.plc_outputs, self.wrong_override) = (None, None, None);
+        self.leave_master();
         self.reset_armed = true;
         self.give_up(at, Ending::plain(ErrorNumber::ConnectionLost, self.feedback.executed));
     }
@@ -287,6 +295,7 @@ impl Controller {
             self.hold = false;
         }
         self.take_override(command.override_percent);
+        self.take_master(at, command);
         let before = self.plc_outputs.replace(command.outputs).unwrap_or(command.outputs);
         let changed = before ^ command.outputs;
         self.outputs = self.outputs & !changed | command.outputs & changed;
@@ -372,6 +381,7 @@ impl Controller {
                     execution.cycles_to_start = self.config.continuous_start_cycles;
                 }
                 self.interpolator.clear();
+                execution.law_before_s = self.interpolator.path().driven_s();
                 self.accepted = Digest::default();
                 self.account = Account::begin(*self.actual_joints());
                 self.hold = command.control.contains(Control::SUSPEND);

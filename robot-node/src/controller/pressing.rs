@@ -59,7 +59,8 @@ impl Controller {
     pub(super) fn press_on(&mut self, at: Instant, execution: &mut Execution) {
         let stopping = matches!(execution.phase, Phase::Stopping(_));
         let held = stopping || self.hold;
-        if let Err(violation) = self.lead(if held { 0.0 } else { self.factor }) {
+        let share = if held { 0.0 } else { self.press_rate(at, execution) };
+        if let Err(violation) = self.lead(share) {
             return self.stop_for(violation, execution);
         }
         self.measure_contact_force();

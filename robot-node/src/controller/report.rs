@@ -8,8 +8,18 @@ use crate::arm::{Frame, Violation, contact_force, length};
 
 impl Controller {
     pub(super) fn cleared_feedback(&self) -> Feedback {
-        let Feedback { life, life_echo, override_percent, joints, pose, contact_force, .. } = self.feedback;
-        Feedback { life, life_echo, override_percent, joints, pose, contact_force, ..Feedback::default() }
+        let Feedback { life, life_echo, override_percent, joints, pose, contact_force, services, .. } =
+            self.feedback;
+        Feedback {
+            life,
+            life_echo,
+            override_percent,
+            joints,
+            pose,
+            contact_force,
+            services,
+            ..Feedback::default()
+        }
     }
 
     pub(super) fn report(&mut self, at: Instant, command: Option<&Command>) {

@@ -42,6 +42,7 @@ impl Controller {
         } else {
             self.drive(at, &mut execution);
         }
+        self.report_law_time(&execution);
         let actual = self.drives.as_ref().map(|drives| &drives.joints);
         self.observer.look(&self.config.arm, &self.interpolator, actual);
         // The image shows a command that was refused meanwhile.
@@ -91,10 +92,11 @@ impl Controller {
         if checked && there && !may_be_more && at >= until && !self.hold {
             match execution.cycles_to_start.checked_sub(1) {
                 Some(left) => execution.cycles_to_start = left,
-                None => {
+                None if at >= execution.start => {
                     execution.phase = Phase::Driving;
                     self.account.began = Some(at);
                 }
+                None => {}
             }
         }
         // The motion starts at this tick: at the next one the arm is a cycle further.
@@ -150,7 +152,7 @@ impl Controller {
 
     fn drive(&mut self, at: Instant, execution: &mut Execution) {
         let stopping = matches!(execution.phase, Phase::Stopping(_));
-        let target = if stopping || self.hold { 0.0 } else { self.factor };
+        let target = if stopping || self.hold { 0.0 } else { self.rate(at, execution) };
         match self.interpolator.drive(target) {
             Ok(step) => {
                 if let Some(motion) = step.suppressed {

@@ -44,6 +44,8 @@ pub struct Interpolator {
     cycle_s: f64,
     axes: AxisMonitor,
     correction: Correction,
+    /// The law's seconds of the next cycle that pass before the arm starts from a rest.
+    omitted_s: f64,
     /// The arm cannot go on along its path and brakes, or has braked.
     off_path: bool,
     /// The last cycle did not move the arm, or ended with the end of its path.
@@ -65,6 +67,7 @@ impl Interpolator {
             path: Path::at_rest(joints, cycle_s),
             axes: AxisMonitor::at_rest(arm.limits(), &joints, cycle_s),
             correction: Correction::NONE,
+            omitted_s: 0.0,
             arm,
             cycle_s,
             off_path: false,
@@ -146,6 +149,11 @@ impl Interpolator {
         }
     }
 
+    /// Lets the arm, which rests on its path, start within the next cycle: so many of the law's seconds of that cycle do not pass.
+    pub const fn start_later(&mut self, law_s: f64) {
+        self.omitted_s = law_s;
+    }
+
     /// Drives one cycle with an override, 0…1, of the programmed speeds. At 0 the arm stops on its path as soon as its
     /// limits allow, and then [stands](Self::is_held) there; above 0 it goes on.
     ///
@@ -169,6 +177,7 @@ impl Interpolator {
         }
         let (place, left, joints) = self.next_place();
         self.go_if_allowed(joints)?;
+        self.omitted_s = 0.0;
         let suppressed = self.path.go_to(place);
         self.path.refine(self.cycle_s);
         Ok(Step { suppressed, ended: self.path.is_finished().then_some(left) })
@@ -216,7 +225,7 @@ impl Interpolator {
     }
 
     fn place_with(&self, correction: Correction) -> Ahead {
-        let (place, left) = self.path.ahead(self.cycle_s, correction.seconds());
+        let (place, left) = self.path.ahead(self.cycle_s, correction.seconds() - self.omitted_s);
         (place, left, self.path.joints(place, &self.arm, self.axes.joints()))
     }
 

@@ -74,6 +74,8 @@ pub struct Path {
     pub(super) start: Joints,
     pub(super) end: Joints,
     pub(super) left_behind: u32,
+    /// Seconds of all laws that the arm has driven, of former paths too.
+    driven_s: f64,
     /// The tool, and the inverse of the base, of the motion at whose end the path ended.
     last_frames: Option<(Frame, Frame)>,
     /// Room for the nodes of the queue, which are dropped before it.
@@ -84,7 +86,18 @@ impl Clone for Path {
     /// A copy has no room of its own: it allocates what it needs. It drives on with the law that there is.
     fn clone(&self) -> Self {
         let Self {
-            cycle_s, time, spot, braking, factor, scale, start, end, left_behind, last_frames, ..
+            cycle_s,
+            time,
+            spot,
+            braking,
+            factor,
+            scale,
+            start,
+            end,
+            left_behind,
+            driven_s,
+            last_frames,
+            ..
         } = *self;
         let (queue, pieces) = (self.queue.clone(), self.pieces.clone());
         let (law, refinement, _room) = (None, Refinement::none(), Room::none());
@@ -102,6 +115,7 @@ impl Clone for Path {
             start,
             end,
             left_behind,
+            driven_s,
             last_frames,
             _room,
         }
@@ -126,6 +140,7 @@ impl Path {
             start: joints,
             end: joints,
             left_behind: 0,
+            driven_s: 0.0,
             last_frames: None,
             _room: Room::new(),
         }
@@ -161,6 +176,13 @@ impl Path {
         self.last_frames
     }
 
+    /// Returns the seconds of the law that the arm has driven so far, on this path and on those before. At rest, at override 0 and
+    /// without a path none pass. What was driven counts as it was driven, whatever is planned later.
+    #[must_use]
+    pub const fn driven_s(&self) -> f64 {
+        self.driven_s
+    }
+
     /// The motion that the arm is in.
     #[must_use]
     pub fn current(&self) -> Option<&Segment> {
@@ -178,7 +200,8 @@ impl Path {
     }
 
     /// Whether the law has the arm at rest here.
-    pub(super) fn rests(&self) -> bool {
+    #[must_use]
+    pub fn rests(&self) -> bool {
         self.pieces.front().is_none_or(|piece| piece.at(self.time).1.is_rest())
     }
 
@@ -284,7 +307,8 @@ impl Path {
     /// thereby has reached its decision point without a successor: its blend is suppressed.
     pub fn go_to(&mut self, place: Place) -> Option<u32> {
         let left = place.cell.min(self.pieces.len());
-        self.pieces.drain(..left);
+        let passed: f64 = self.pieces.drain(..left).map(|piece| piece.cell.duration).sum();
+        self.driven_s += passed + place.time - self.time;
         self.refinement.leave(left);
         self.time = place.time;
         self.scale.advance(place.seconds);

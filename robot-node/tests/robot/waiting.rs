@@ -52,14 +52,20 @@ fn a_plc_whose_program_stands_still_is_named_and_one_that_has_no_life_counter_is
 #[test]
 fn an_override_of_zero_a_suspended_skill_and_a_missing_motion_are_named_and_the_skill_ends_after_them() {
     let motions = || vec![lin(400.0, 0.0, 150.0, 0), lin(400.0, 100.0, 150.0, 0), lin(400.0, 0.0, 150.0, 0)];
-    for wait in ["override", "suspend", "motion"] {
+    for wait in ["override", "suspend", "motion", "start time", "master"] {
         let mut cell = Cell::ready(application());
         let keep_back = usize::from(wait == "motion");
         cell.call_keeping_back(Skill::MoveContinuous, motions(), keep_back);
+        if wait == "start time" {
+            let far = cell.feedback().clock_ns + 3_600_000_000_000;
+            cell.command(|command| command.start_time_ns = far);
+        }
         cell.run_ms(700);
         match wait {
             "override" => cell.command(|command| command.override_percent = 0),
             "suspend" => cell.control(Control::ENABLE | Control::EXECUTE | Control::SUSPEND),
+            "master" => cell.control(Control::ENABLE | Control::EXECUTE | Control::SYNC),
+            "start time" => {}
             _ => cell.wait(|feedback| feedback.executed == 2),
         }
         cell.run_ms(500);
@@ -67,11 +73,19 @@ fn an_override_of_zero_a_suspended_skill_and_a_missing_motion_are_named_and_the_
         every_ten_seconds(&said, |what| match wait {
             "override" => matches!(what, WaitingFor::Override { .. }),
             "suspend" => matches!(what, WaitingFor::Resume { .. }),
+            "master" => matches!(what, WaitingFor::Master { .. }),
+            "start time" => matches!(what, WaitingFor::StartTime { .. }),
             _ => matches!(what, WaitingFor::Motion { written: 2, total: 3, .. }),
         });
         match wait {
             "override" => cell.command(|command| command.override_percent = 100),
             "suspend" => cell.control(Control::ENABLE | Control::EXECUTE | Control::RESUME),
+            "master" => cell.control(Control::ENABLE | Control::EXECUTE),
+            "start time" => {
+                cell.control(Control::ENABLE | Control::CANCEL);
+                cell.wait(|feedback| feedback.state == protocol::image::State::Ready);
+                continue;
+            }
             _ => cell.pair.command_a(|plc, _| plc.keep_back = 0),
         }
         cell.wait_for_end();

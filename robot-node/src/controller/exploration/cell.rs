@@ -22,6 +22,7 @@ pub(super) struct Explored {
     halt: GroupHalt,
     pub(super) set_override: GroupSetOverride,
     pub(super) velocity: Velocity,
+    pub(super) lead: Lead,
     pub(super) overriding: EnableOutputs,
     execute: [bool; BLOCKS],
     pub(super) outputs: [Outputs; BLOCKS],
@@ -49,6 +50,7 @@ impl Explored {
             halt: GroupHalt::default(),
             set_override: GroupSetOverride::default(),
             velocity: Velocity::Full,
+            lead: Lead::Free,
             overriding: EnableOutputs::default(),
             execute: [false; BLOCKS],
             outputs: [Outputs::default(); BLOCKS],
@@ -71,6 +73,7 @@ impl Explored {
             Change::Nothing | Change::LostFrame => {}
             Change::Execute(block) => next.execute[block] = true,
             Change::Override(velocity) => next.velocity = velocity,
+            Change::Master(lead) => next.lead = lead,
             Change::Enable => next.enabled = !next.enabled,
             Change::Connection => next.connected = !next.connected,
         }
@@ -101,6 +104,8 @@ impl Explored {
             if next.velocity == Velocity::Wrong {
                 next.seen.override_percent = 200;
             }
+            next.seen.control.set(Control::SYNC, next.lead != Lead::Free);
+            next.seen.law_time_us = if next.lead == Lead::Ahead { u32::MAX } else { 0 };
         }
         next.at += next.controller.config.cycle;
         next.controller.tick(next.at, next.connected.then_some(&next.seen));
@@ -166,6 +171,7 @@ impl Explored {
             (self.execute, self.outputs, self.busy, [MOVE, SECOND].map(|block| self.state(block))),
             (self.velocity, self.overriding, self.seen.override_percent, command.override_percent),
             (self.enabled, self.connected, seen, self.seen.control.0),
+            (self.lead, self.seen.law_time_us, self.controller.master.map(|master| master.asks_for_rest())),
         );
         (robot, plc)
     }

@@ -2,7 +2,7 @@
 //!
 //! A step is one scan of the PLC's function blocks (two of a skill where one waits for the other), and one robot cycle on
 //! the image that they wrote. Before each, one thing may change: `Execute` of a block rises, and falls when the block has
-//! ended; the override, to 0, to 100 % or to one that is none; `enable`; the connection; or the robot gets an old image
+//! ended; the override, to 0, to 100 % or to one that is none; a master; `enable`; the connection; or the robot gets an old image
 //! again, which is the effect of a lost frame. From every state all of them are tried. (The blocks' own exploration tries
 //! all orders of `Execute` alone.)
 //!
@@ -50,6 +50,8 @@ enum Change {
     Execute(usize),
     /// The velocity factor of the override.
     Override(Velocity),
+    /// The master that the arm follows.
+    Master(Lead),
     Enable,
     Connection,
     LostFrame,
@@ -64,7 +66,18 @@ enum Velocity {
     Wrong,
 }
 
-const CHANGES: [Change; 14] = [
+/// What the PLC's master does.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+enum Lead {
+    /// There is none.
+    Free,
+    /// It stands at the skill's start.
+    Stands,
+    /// It is far ahead of the arm.
+    Ahead,
+}
+
+const CHANGES: [Change; 17] = [
     Change::Nothing,
     Change::Execute(MOVE),
     Change::Execute(STOP),
@@ -76,6 +89,9 @@ const CHANGES: [Change; 14] = [
     Change::Override(Velocity::Full),
     Change::Override(Velocity::Stop),
     Change::Override(Velocity::Wrong),
+    Change::Master(Lead::Free),
+    Change::Master(Lead::Stands),
+    Change::Master(Lead::Ahead),
     Change::Enable,
     Change::Connection,
     Change::LostFrame,
@@ -90,6 +106,8 @@ enum Skills {
     Bad,
     /// A motion, a LIN force, a motion.
     Pressing,
+    /// Three motions that follow a master.
+    Led,
     /// Two motions, by two blocks in one buffer mode.
     Two(BufferMode),
 }
@@ -101,7 +119,7 @@ impl Skills {
     /// Returns the values of joint 3 at the ends of the motions, in mm; of a LIN force, where its line ends.
     fn targets(self) -> &'static [f64] {
         match self {
-            Self::Good => &[HOME - 0.1, HOME - 0.2, HOME - 0.05],
+            Self::Good | Self::Led => &[HOME - 0.1, HOME - 0.2, HOME - 0.05],
             Self::Bad => &[HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME + 100.0],
             Self::Pressing => &[HOME - 0.1, HOME - 1.0, HOME - 0.05],
             Self::Two(_) => &[HOME - 0.1, HOME - 0.2],
@@ -132,7 +150,7 @@ impl Skills {
     /// places.
     const fn place_mm(self) -> f64 {
         match self {
-            Self::Good | Self::Bad | Self::Two(_) => 0.02,
+            Self::Good | Self::Bad | Self::Led | Self::Two(_) => 0.02,
             Self::Pressing => 0.15,
         }
     }
@@ -141,7 +159,8 @@ impl Skills {
     /// and that of a wrong override not on the motion.
     fn meets(self, change: Change) -> bool {
         match (self, change) {
-            (Self::Two(_), Change::Override(_)) => false,
+            (Self::Led, Change::Master(_)) => true,
+            (_, Change::Master(_)) | (Self::Led | Self::Two(_), Change::Override(_)) => false,
             (Self::Two(_), _) | (Self::Good, Change::Override(_)) => true,
             (_, change) => !matches!(change, Change::Override(Velocity::Wrong) | Change::Execute(SECOND)),
         }
@@ -237,6 +256,13 @@ fn so_does_a_stream_with_a_bad_motion_which_never_ends_as_done() {
 #[test]
 fn so_does_a_skill_that_presses_and_nothing_but_a_skill_that_runs_moves_the_arm() {
     let Found { ends, states, .. } = explore(Skills::Pressing);
+    assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
+    assert_eq!(states.len(), 4);
+}
+
+#[test]
+fn so_does_a_skill_that_follows_a_master_which_comes_stands_and_goes() {
+    let Found { ends, states, .. } = explore(Skills::Led);
     assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
     assert_eq!(states.len(), 4);
 }

@@ -19,6 +19,23 @@ impl Explored {
         assert!(!stood || now.factor > 0.0 || now.interpolator.is_at_rest(), "it starts at override 0");
     }
 
+    /// Checks that an arm that stands does so until its master passes, and that it tells its law time only to a master.
+    fn keeps_to_the_master(&self, before: &Self) {
+        let led = self.connected && self.seen.control.contains(Control::SYNC);
+        assert_eq!(self.controller.master.is_some(), led);
+        let (was, now) = (&before.controller, &self.controller);
+        let stands = led && self.seen.law_time_us == 0 && was.interpolator.is_at_rest();
+        assert!(!stands || now.interpolator.is_at_rest(), "it starts without its master");
+        let [earlier, later] = [was.feedback().law_time_us, now.feedback().law_time_us];
+        assert!(led || later == 0, "{later} us without a master");
+        let goes_on = led && was.master.is_some() && was.execution.is_some() && now.execution.is_some();
+        assert!(
+            !goes_on
+                || later >= earlier
+                || was.execution.map(|skill| skill.number) != now.execution.map(|skill| skill.number)
+        );
+    }
+
     /// Checks that the blocks' outputs agree with the robot whose image they read in this step.
     fn keeps_the_blocks_promises(&self, before: &Self) {
         let seen = before.controller.feedback();
@@ -69,6 +86,7 @@ impl Explored {
 
     pub(super) fn keeps_the_rules(&self, before: &Self) {
         self.keeps_the_override(before);
+        self.keeps_to_the_master(before);
         self.keeps_the_blocks_promises(before);
         self.keeps_the_turns(before);
         for outputs in self.outputs {
