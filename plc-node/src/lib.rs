@@ -23,6 +23,7 @@ mod config;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod discover;
 mod event;
+mod export;
 pub mod function_blocks;
 mod motion_source;
 mod node;
