@@ -144,6 +144,11 @@ impl Exported {
         self.core.get(self.outputs[2], 0) * self.core.get(self.outputs[3], 0)
     }
 
+    /// Takes an error back, as the next start does.
+    pub(crate) fn clear_error(&mut self) {
+        self.core.set(self.outputs[2], 0, 0);
+    }
+
     pub(crate) fn sample_us(&self, index: u32) -> i64 {
         self.core.get(self.samples, index)
     }

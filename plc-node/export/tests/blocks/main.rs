@@ -2,4 +2,5 @@
 //! both commands is compared in each scan. The robot obeys the exported code.
 
 mod bed;
+mod faults;
 mod runs;

@@ -30,3 +30,15 @@ fn the_robot_executes_setup_a_by_the_exported_code_whose_bytes_are_those_of_the_
     println!("{samples:?}");
     assert!(samples.iter().all(|sample| *sample > 1_000_000), "{samples:?}");
 }
+
+#[test]
+fn the_same_holds_on_a_little_endian_bus_and_for_applications_with_stops_and_switched_outputs() {
+    for (setup, application, order) in [
+        ("B", "pick-and-place", Order::LittleEndian),
+        ("B", "pick-and-place-gripper", Order::LittleEndian),
+        ("A", "pick-and-place-gripper", Order::BigEndian),
+        ("D", "gluing", Order::BigEndian),
+    ] {
+        println!("{setup} {application} {:?}", run_all(setup, application, order));
+    }
+}
