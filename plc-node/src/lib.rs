@@ -24,6 +24,7 @@ mod config;
 mod discover;
 mod event;
 mod export;
+mod export_command;
 pub mod function_blocks;
 mod motion_source;
 mod node;
