@@ -39,7 +39,8 @@ pub fn export(application: &Application, directory: &Path) -> Result<(), ExportE
         return Err(ExportError::NotEmpty(directory.into()));
     }
     let name = directory.file_name().ok_or_else(|| failed(io::ErrorKind::InvalidInput.into()))?;
-    let partial = directory.with_file_name(format!(".{}.partial-{}", name.to_string_lossy(), std::process::id()));
+    let partial =
+        directory.with_file_name(format!(".{}.partial-{}", name.to_string_lossy(), std::process::id()));
     let written = fs::create_dir(&partial)
         .and_then(|()| fs::write(partial.join(FILE), text))
         .and_then(|()| fs::write(partial.join(VECTORS), vectors))

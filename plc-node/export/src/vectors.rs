@@ -59,7 +59,8 @@ fn one_order(
     let variable = |name: &str| program.variable("SB_Core", name);
     let (feedback, command) = (variable("feedback_bytes")?, variable("command_bytes")?);
     let (ready, start, of_type) = (variable("ready")?, variable("start")?, variable("execution_type")?);
-    let (now, repetitions, big) = (variable("now_us")?, variable("repetitions")?, variable("bus_big_endian")?);
+    let (now, repetitions, big) =
+        (variable("now_us")?, variable("repetitions")?, variable("bus_big_endian")?);
     let mut core = program.instance("SB_Core")?;
     let mut robot = Robot::new(order, application.with_check);
     let is_big = order == Order::BigEndian;

@@ -21,11 +21,11 @@
 //! ```
 //! use structured_text::{Program, Source};
 //!
-//! let text = "FUNCTION_BLOCK Counter VAR_INPUT by : UINT; END_VAR VAR_OUTPUT total : UINT; END_VAR total := total + by; END_FUNCTION_BLOCK";
+//! let text = "FUNCTION_BLOCK Counter VAR_INPUT more : UINT; END_VAR VAR_OUTPUT total : UINT; END_VAR total := total + more; END_FUNCTION_BLOCK";
 //! let program = Program::compile(&[Source { file: "counter.st", text }])?;
 //! let mut counter = program.instance("Counter")?;
-//! let (by, total) = (program.variable("Counter", "by")?, program.variable("Counter", "total")?);
-//! counter.set(by, 0, 40_000);
+//! let (more, total) = (program.variable("Counter", "more")?, program.variable("Counter", "total")?);
+//! counter.set(more, 0, 40_000);
 //! counter.scan(&program, 100)?;
 //! assert_eq!(counter.get(total, 0), 40_000);
 //! let trap = counter.scan(&program, 100).unwrap_err(); // 80,000 is not a UINT

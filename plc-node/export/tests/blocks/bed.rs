@@ -187,6 +187,16 @@ pub(crate) struct Bed {
 
 impl Bed {
     pub(crate) fn new(setup: &str, application: &str, order: Order) -> Self {
+        Self::with_edited(setup, application, order, |text| text)
+    }
+
+    /// Creates a bed whose exported code somebody edited.
+    pub(crate) fn with_edited(
+        setup: &str,
+        application: &str,
+        order: Order,
+        edit: impl Fn(String) -> String,
+    ) -> Self {
         let (setup, application) = setup_and_application(setup, Some(application)).unwrap();
         let plan = application.plan(&setup).unwrap();
         let (motions, stops, to_start) =
@@ -197,7 +207,7 @@ impl Bed {
             scan_cost: Duration::ZERO,
             ..PlcConfig::from_setup(&setup, motions.clone(), PROGRAM)
         };
-        let text = plc_export::structured_text(&config().exported(true)).unwrap();
+        let text = edit(plc_export::structured_text(&config().exported(true)).unwrap());
         let robot =
             RobotConfig::from_setup(&setup).unwrap().in_cell_of(&application.application, &to_start).unwrap();
         let programs = vec![(PROGRAM, RobotProgram::new(motions.clone(), &stops))];
@@ -315,4 +325,15 @@ impl Bed {
         }
         panic!("not ready in {most} scans")
     }
+}
+
+/// Returns the application of setup A.
+pub(crate) fn exported_a() -> plc_export::Application {
+    let (setup, application) = setup_and_application("A", None).unwrap();
+    let plan = application.plan(&setup).unwrap();
+    let mut config = PlcConfig {
+        to_start: plan.wire_to_start(&setup),
+        ..PlcConfig::from_setup(&setup, plan.wire_motions(&setup), PROGRAM)
+    };
+    config.exported(true)
 }

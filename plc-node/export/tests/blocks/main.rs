@@ -2,5 +2,6 @@
 //! both commands is compared in each scan. The robot obeys the exported code.
 
 mod bed;
+mod directory;
 mod faults;
 mod runs;
