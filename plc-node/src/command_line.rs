@@ -1,4 +1,4 @@
-//! The command line of `plc-node`. Of its commands `plan` needs no bus, and `discover` only asks who is on one.
+//! The command line of `plc-node`. Of its commands `plan` and `export` need no bus, and `discover` only asks who is on one.
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -8,6 +8,7 @@ use node::{arguments, screen};
 
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::discover::DiscoverCommand;
+use crate::export_command::ExportCommand;
 use crate::plan_command::PlanCommand;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::process::Run;
@@ -27,6 +28,8 @@ enum Subcommand {
     Run(Box<Run>),
     /// Plan an application and print its motions with their labels and zones, and the reason for each zone's size.
     Plan(PlanCommand),
+    /// Export the PLC's function blocks and the planned motions as code for another PLC.
+    Export(ExportCommand),
     /// List the PROFINET, EtherNet/IP and EtherCAT devices on a network interface.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Discover(DiscoverCommand),
@@ -46,6 +49,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     screen::fit_terminal();
     match cli.command {
         Subcommand::Plan(plan) => node::exit_code(plan.execute(), |_| false),
+        Subcommand::Export(export) => node::exit_code(export.execute(), |_| false),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Subcommand::Run(run) => {
             node::run::exit_code(run.execute(), |error| error.is::<crate::bus::BusError>())

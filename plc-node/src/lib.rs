@@ -25,6 +25,8 @@ mod config;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod discover;
 mod event;
+mod export;
+mod export_command;
 pub mod function_blocks;
 mod motion_source;
 mod plan_command;

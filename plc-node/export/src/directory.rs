@@ -1,0 +1,53 @@
+//! The directory of an export: written whole or not at all.
+
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use crate::{Application, FILE, Refused, VECTORS, VectorsError, structured_text, vectors};
+
+/// Why nothing was exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// What does not fit.
+    #[error(transparent)]
+    Refused(#[from] Refused),
+    /// The vectors could not be made.
+    #[error(transparent)]
+    Vectors(#[from] VectorsError),
+    /// The directory contains something.
+    #[error("{}: not empty; name a new or an empty directory", .0.display())]
+    NotEmpty(PathBuf),
+    /// The directory cannot be written.
+    #[error("{}: cannot be written: {error}", .path.display())]
+    Write {
+        /// The directory.
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+}
+
+/// Writes the export into a directory that is new or empty. The files are written beside it first, and then renamed.
+///
+/// # Errors
+/// What does not fit, or the directory cannot be written; then nothing is left.
+pub fn export(application: &Application, directory: &Path) -> Result<(), ExportError> {
+    let text = structured_text(application)?;
+    let vectors = vectors(&text, application)?;
+    let failed = |error| ExportError::Write { path: directory.into(), error };
+    if fs::read_dir(directory).is_ok_and(|mut entries| entries.next().is_some()) {
+        return Err(ExportError::NotEmpty(directory.into()));
+    }
+    let name = directory.file_name().ok_or_else(|| failed(io::ErrorKind::InvalidInput.into()))?;
+    let partial =
+        directory.with_file_name(format!(".{}.partial-{}", name.to_string_lossy(), std::process::id()));
+    let written = fs::create_dir(&partial)
+        .and_then(|()| fs::write(partial.join(FILE), text))
+        .and_then(|()| fs::write(partial.join(VECTORS), vectors))
+        // An empty directory gives way; the system refuses one that is filled meanwhile.
+        .and_then(|()| fs::rename(&partial, directory));
+    written.map_err(|error| {
+        let _ = fs::remove_dir_all(&partial);
+        failed(error)
+    })
+}

@@ -1,0 +1,23 @@
+//! The PLC's code for other PLCs: the first layer in Structured Text, with the planned motions as data.
+//!
+//! ```text
+//! templates/      the code, written once in Structured Text, with the places of an application's numbers
+//! application     what these numbers are
+//! words           a motion as the eleven UDINT that the code packs into the image
+//! directory       the files, written whole or not at all
+//! vectors         what the code gets and answers in each scan, for other compilers
+//! structured_text the code with an application's numbers, as one file
+//! ```
+//!
+//! The crate `structured-text` executes the text; `tests/` compare it with the PLC's own function blocks, scan by scan.
+
+mod application;
+mod directory;
+mod structured_text;
+mod vectors;
+mod words;
+
+pub use application::{Application, Refused, StopData};
+pub use directory::{ExportError, export};
+pub use structured_text::{FILE, structured_text};
+pub use vectors::{VECTORS, VectorsError, vectors};

@@ -1,0 +1,108 @@
+//! The code with an application's numbers, in the dialect `st`: one neutral file.
+
+use std::fmt::Write as _;
+
+use crate::words::{WORDS, words};
+use crate::{Application, Refused, StopData};
+
+/// Name of the file.
+pub const FILE: &str = "skillbench.st";
+
+/// The code in the order in which it is declared.
+const TEMPLATES: [&str; 7] = [
+    include_str!("../templates/1-types.st"),
+    include_str!("../templates/2-functions.st"),
+    include_str!("../templates/3-image.st"),
+    include_str!("../templates/4-group.st"),
+    include_str!("../templates/5-skill.st"),
+    include_str!("../templates/6-program.st"),
+    include_str!("../templates/7-core.st"),
+];
+
+/// Most motions of a file for a compiler that we do not know: 4.4 MB of data.
+const MOST_MOTIONS: usize = 100_000;
+
+/// Words of a stop.
+const STOP_WORDS: usize = 4;
+
+/// Values in a line.
+const PER_LINE: usize = WORDS;
+
+/// Returns the file's text. The same application gives the same text.
+///
+/// # Errors
+/// What does not fit.
+pub fn structured_text(application: &Application) -> Result<String, Refused> {
+    application.check(MOST_MOTIONS)?;
+    let mut text = TEMPLATES.join("\n");
+    for (place, value) in places(application) {
+        text = text.replace(place, &value);
+    }
+    Ok(text)
+}
+
+fn places(application: &Application) -> Vec<(&'static str, String)> {
+    let mut motions: Vec<u32> = application.all_motions().flat_map(words).collect();
+    let mut stops: Vec<u32> = application.stops.iter().flat_map(stop_words).collect();
+    // An array has at least one element.
+    if motions.is_empty() {
+        motions.resize(WORDS, 0);
+    }
+    if stops.is_empty() {
+        stops.resize(STOP_WORDS, 0);
+    }
+    let total = application.motions.len();
+    let anywhere = usize::from(application.from_anywhere.is_some());
+    let check = if application.with_check { "TRUE" } else { "FALSE" };
+    vec![
+        ("@LAST_WORD@", (motions.len() - 1).to_string()),
+        ("@LAST_STOP@", (stops.len() - 1).to_string()),
+        ("@WITH_CHECK@", check.into()),
+        ("@ANSWER_SCANS@", application.answer_scans.to_string()),
+        ("@SILENT_SCANS@", application.silent_scans.to_string()),
+        ("@PROGRESS_SCANS@", application.progress_scans.to_string()),
+        ("@ROBOT_CYCLE_US@", application.robot_cycle_us.to_string()),
+        ("@QUEUE_DEPTH@", application.queue_depth.to_string()),
+        ("@PROGRAM@", application.program.to_string()),
+        ("@TOTAL@", total.to_string()),
+        ("@FIRST_FROM_ANYWHERE@", total.to_string()),
+        ("@COUNT_FROM_ANYWHERE@", anywhere.to_string()),
+        ("@FIRST_FROM_END@", (total + anywhere).to_string()),
+        ("@COUNT_FROM_END@", application.from_end.len().to_string()),
+        ("@STOP_COUNT@", application.stops.len().to_string()),
+        ("@MOTIONS@", list(&motions)),
+        ("@STOPS@", list(&stops)),
+        ("@START_JOINTS@", start_joints(application)),
+        ("@KNOWS_START@", if known_start(application).is_some() { "TRUE" } else { "FALSE" }.into()),
+    ]
+}
+
+/// Returns the joints of the start, where the application names the start by these.
+fn known_start(application: &Application) -> Option<[f32; 6]> {
+    let motion = application.from_anywhere.as_ref()?;
+    (motion.kind == protocol::image::MotionKind::PtpJoint).then_some(motion.target)
+}
+
+fn start_joints(application: &Application) -> String {
+    list(&known_start(application).unwrap_or_default().map(f32::to_bits))
+}
+
+fn stop_words(stop: &StopData) -> [u32; STOP_WORDS] {
+    match stop.switch {
+        None => [stop.after, 0, 1, 0],
+        Some((output, set, wait_us)) => [stop.after, 1 + u32::from(set), 1 << output.min(15), wait_us],
+    }
+}
+
+fn list(values: &[u32]) -> String {
+    let mut text = String::with_capacity(values.len() * 12);
+    for (index, value) in values.iter().enumerate() {
+        let before = match index {
+            0 => "",
+            index if index.is_multiple_of(PER_LINE) => ",\n        ",
+            _ => ", ",
+        };
+        let _ = write!(text, "{before}{value}");
+    }
+    text
+}

@@ -1,0 +1,50 @@
+use std::fs;
+
+use plc_export::{Application, ExportError, FILE, Refused, VECTORS, export, structured_text};
+
+use crate::bed::exported_a;
+
+#[test]
+fn two_exports_are_equal_and_a_directory_with_something_in_it_is_left_alone() {
+    let directory = tempfile::tempdir().unwrap();
+    let [one, other] = ["one", "other"].map(|name| directory.path().join(name));
+    fs::create_dir(&other).unwrap(); // an empty one will do
+    for path in [&one, &other] {
+        export(&exported_a(), path).unwrap();
+    }
+    for file in [FILE, VECTORS] {
+        assert_eq!(fs::read(one.join(file)).unwrap(), fs::read(other.join(file)).unwrap());
+    }
+    fs::write(one.join(FILE), "edited").unwrap();
+    assert!(matches!(export(&exported_a(), &one), Err(ExportError::NotEmpty(path)) if path == one));
+    assert_eq!(fs::read_to_string(one.join(FILE)).unwrap(), "edited");
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 2, "nothing half written is left");
+}
+
+#[test]
+fn what_exceeds_a_plc_is_refused_with_the_size_that_fits() {
+    let a = exported_a();
+    let motions = a.motions.iter().copied().cycle().take(100_000).collect();
+    let found = 100_000 + a.from_end.len() + usize::from(a.from_anywhere.is_some());
+    let refused = structured_text(&Application { motions, ..a.clone() }).unwrap_err();
+    assert_eq!(refused, Refused::TooManyMotions { found, most: 100_000 });
+    let refused = structured_text(&Application { robot_cycle_us: 15_001, ..a }).unwrap_err();
+    assert_eq!(refused, Refused::LongCycle { found: 15_001, most: 15_000 });
+}
+
+#[test]
+fn vectors_run_each_execution_type_in_both_byte_orders() {
+    let a = exported_a();
+    let lines = plc_export::vectors(&structured_text(&a).unwrap(), &a).unwrap();
+    for (field, value) in [
+        ("execution_type", "1"),
+        ("execution_type", "2"),
+        ("execution_type", "3"),
+        ("bus_big_endian", "true"),
+        ("bus_big_endian", "false"),
+    ] {
+        assert!(lines.lines().any(|line| line.contains(&format!("\"{field}\":{value},"))), "{field} {value}");
+    }
+    // The last line of each byte order: CM of 13 motions is done, and the arm is back at the start.
+    assert!(lines.lines().count() < 2 * 1_500, "the runs end by themselves");
+}

@@ -1,0 +1,7 @@
+//! The exported code, executed as text, beside the PLC's own function blocks: both get each image of the robot, and each byte of
+//! both commands is compared in each scan. The robot obeys the exported code.
+
+mod bed;
+mod directory;
+mod faults;
+mod runs;

@@ -1,0 +1,157 @@
+//! Tokens → tree.
+
+mod declarations;
+mod expressions;
+mod statements;
+
+use crate::lexer::{Kind, Token, tokens};
+use crate::syntax::Declaration;
+use crate::{Mistake, Place};
+
+/// Deepest nesting of statements and expressions: the checker and the execution recurse as deep.
+const DEEPEST: u32 = 64;
+
+/// Words that name nothing else.
+const KEYWORDS: [&str; 46] = [
+    "AND",
+    "ARRAY",
+    "BY",
+    "CASE",
+    "CONSTANT",
+    "DO",
+    "ELSE",
+    "ELSIF",
+    "END_CASE",
+    "END_FOR",
+    "END_FUNCTION",
+    "END_FUNCTION_BLOCK",
+    "END_IF",
+    "END_REPEAT",
+    "END_STRUCT",
+    "END_TYPE",
+    "END_VAR",
+    "END_WHILE",
+    "EXIT",
+    "FALSE",
+    "FOR",
+    "FUNCTION",
+    "FUNCTION_BLOCK",
+    "IF",
+    "MOD",
+    "NOT",
+    "OF",
+    "OR",
+    "PROGRAM",
+    "REPEAT",
+    "RETURN",
+    "STRUCT",
+    "THEN",
+    "TO",
+    "TRUE",
+    "TYPE",
+    "UNTIL",
+    "VAR",
+    "VAR_GLOBAL",
+    "VAR_IN_OUT",
+    "VAR_INPUT",
+    "VAR_OUTPUT",
+    "VAR_TEMP",
+    "WHILE",
+    "XOR",
+    "END_PROGRAM",
+];
+
+/// Parses a text.
+///
+/// # Errors
+/// The text is not a sequence of the subset's declarations.
+pub fn parse(text: &str) -> Result<Vec<Declaration>, Mistake> {
+    let tokens = tokens(text)?;
+    let tokens = tokens.into_iter().filter(|token| !matches!(token.kind, Kind::Comment(_))).collect();
+    Parser { tokens, next: 0, depth: 0, operators: 0 }.declarations()
+}
+
+struct Parser {
+    tokens: Vec<Token>,
+    next: usize,
+    depth: u32,
+    /// Operators of the statement or declaration so far.
+    operators: u32,
+}
+
+type Parsed<T> = Result<T, Mistake>;
+
+impl Parser {
+    fn peek(&self) -> Option<&Kind> {
+        self.tokens.get(self.next).map(|token| &token.kind)
+    }
+
+    /// Returns the place of the next token; after the last one its place.
+    fn place(&self) -> Place {
+        let last = self.tokens.len().saturating_sub(1);
+        self.tokens.get(self.next.min(last)).map_or(Place { line: 1, column: 1 }, |token| token.place)
+    }
+
+    fn mistake<T>(&self, expected: &str) -> Parsed<T> {
+        let found = match self.peek() {
+            None => "the end of the text".into(),
+            Some(Kind::Word(word)) => format!("`{word}`"),
+            Some(Kind::Symbol(symbol)) => format!("`{symbol}`"),
+            Some(Kind::Integer(_, value)) => format!("`{value}`"),
+            Some(Kind::Real(_, value)) => format!("`{value}`"),
+            Some(Kind::Comment(_)) => "a comment".into(),
+        };
+        Err(Mistake::new(self.place(), format!("{found}: expected {expected}")))
+    }
+
+    fn is_word(&self, word: &str) -> bool {
+        matches!(self.peek(), Some(Kind::Word(found)) if found.eq_ignore_ascii_case(word))
+    }
+
+    fn is_symbol(&self, symbol: &str) -> bool {
+        matches!(self.peek(), Some(Kind::Symbol(found)) if *found == symbol)
+    }
+
+    fn take_word(&mut self, word: &str) -> bool {
+        let found = self.is_word(word);
+        self.next += usize::from(found);
+        found
+    }
+
+    fn take_symbol(&mut self, symbol: &str) -> bool {
+        let found = self.is_symbol(symbol);
+        self.next += usize::from(found);
+        found
+    }
+
+    fn word(&mut self, word: &str) -> Parsed<()> {
+        if self.take_word(word) { Ok(()) } else { self.mistake(&format!("`{word}`")) }
+    }
+
+    fn symbol(&mut self, symbol: &str) -> Parsed<()> {
+        if self.take_symbol(symbol) { Ok(()) } else { self.mistake(&format!("`{symbol}`")) }
+    }
+
+    fn name(&mut self) -> Parsed<(String, Place)> {
+        let place = self.place();
+        match self.peek() {
+            Some(Kind::Word(word)) if !KEYWORDS.iter().any(|keyword| keyword.eq_ignore_ascii_case(word)) => {
+                let word = word.clone();
+                self.next += 1;
+                Ok((word, place))
+            }
+            _ => self.mistake("a name"),
+        }
+    }
+
+    /// Parses one level deeper.
+    fn deeper<T>(&mut self, parse: impl FnOnce(&mut Self) -> Parsed<T>) -> Parsed<T> {
+        if self.depth >= DEEPEST {
+            return Err(Mistake::new(self.place(), format!("nested deeper than {DEEPEST} levels; split it")));
+        }
+        self.depth += 1;
+        let parsed = parse(self);
+        self.depth -= 1;
+        parsed
+    }
+}
