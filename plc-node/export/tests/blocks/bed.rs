@@ -1,10 +1,13 @@
 //! Both programs and the robot, scan by scan, without a bus.
 
-use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
+use machine::{
+    Duration, Instant, InterfaceId, Machine, Multihomed as _, Port, PortRequest, Source, Transmit,
+};
 use planning::setup_and_application;
 use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
 use protocol::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use protocol::image::{IMAGE_LEN, Image, Order};
+use protocol::one_station::OneStation;
 use robot_node::{Program as RobotProgram, RobotConfig, RobotNode};
 use structured_text::{Instance, Program, Source as Text, Variable};
 
@@ -169,7 +172,7 @@ pub(crate) enum Way {
 
 /// Both programs and the robot.
 pub(crate) struct Bed {
-    pub(crate) plc: PlcNode<Wire>,
+    pub(crate) plc: PlcNode<OneStation<Wire>>,
     pub(crate) exported: Exported,
     pub(crate) robot: RobotNode<Wire>,
     pub(crate) now: Instant,
@@ -213,7 +216,7 @@ impl Bed {
         let programs = vec![(PROGRAM, RobotProgram::new(motions.clone(), &stops))];
         let start = Instant::from_millis(1);
         Self {
-            plc: PlcNode::new(config(), Wire::new(order), start),
+            plc: PlcNode::new(config(), OneStation::new(Wire::new(order)), start),
             exported: Exported::new(&text, order),
             robot: RobotNode::new(robot, programs, Wire::new(order), 7, start + Duration::from_micros(700)),
             now: start,
@@ -265,11 +268,11 @@ impl Bed {
         let frame: &[u8] = if way == Way::Cut { &[] } else { &self.feedback };
         if self.feedback != before {
             self.images += 1;
-            self.plc.handle_frame(self.now, ETHERNET, frame);
+            self.plc.handle_frame(self.now, InterfaceId::FIRST, ETHERNET, frame);
         }
         self.plc.handle_timeout(self.now);
-        while let Some(event) = self.plc.poll_event() {
-            match event {
+        while let Some(report) = self.plc.poll_event() {
+            match report.event {
                 PlcEvent::Finished(execution) => {
                     self.samples.push(execution.execution_time_ns);
                     self.remaining -= 1;
@@ -283,7 +286,7 @@ impl Bed {
         }
         let now_us = u32::try_from(self.now.as_nanos() / 1_000).unwrap();
         let command = self.exported.scan(now_us, &self.feedback);
-        let expected = self.plc.bus().output;
+        let expected = self.plc.buses()[0].bus.output;
         if command != expected {
             let order = Order::BigEndian;
             let differing: Vec<_> = (0..IMAGE_LEN).filter(|at| command[*at] != expected[*at]).collect();
@@ -294,11 +297,11 @@ impl Bed {
                 order.parse_feedback(&self.feedback)
             );
         }
-        self.robot.handle_frame(self.now, ETHERNET, &command);
+        Machine::handle_frame(&mut self.robot, self.now, ETHERNET, &command);
         let end = self.now + Duration::from_millis(1);
-        while let Some(due) = self.robot.poll_timeout().filter(|due| *due < end) {
-            self.robot.handle_timeout(due);
-            while self.robot.poll_event().is_some() {}
+        while let Some(due) = Machine::poll_timeout(&self.robot).filter(|due| *due < end) {
+            Machine::handle_timeout(&mut self.robot, due);
+            while Machine::poll_event(&mut self.robot).is_some() {}
         }
         self.now = end;
     }
