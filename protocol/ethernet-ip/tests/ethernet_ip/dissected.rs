@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 use std::net::SocketAddrV4;
 
-use ethernet_ip::cip::Path;
+use ethernet_ip::cip::{ObjectClass, Path};
 use ethernet_ip::connection::OpenRequest;
 use ethernet_ip::encapsulation::Command;
 use ethernet_ip::{ConnectionConfig, ENCAPSULATION_PORT};
@@ -133,7 +133,7 @@ fn every_object_answers_as_the_dissector_expects_it() {
     let mut rig = Rig::new();
     let client = rig.client();
     let mut exchanges = Vec::new();
-    for class in [1, 2, 4, 6, 0x48, 0xF4, 0xF5, 0xF6] {
+    for class in ObjectClass::ALL.iter().map(|class| class.code()) {
         for instance in [0, 1] {
             exchanges.push(exchange(&mut rig, client, &[1, 2, 0x20, class, 0x24, instance]));
             for id in 1..=13 {

@@ -2,7 +2,7 @@
 //!
 //! In one file, because all of its short tests begin with the same set-up of an object.
 
-use ethernet_ip::cip::General;
+use ethernet_ip::cip::{General, ObjectClass};
 
 use std::net::Ipv4Addr;
 
@@ -138,6 +138,9 @@ fn every_object_answers_each_of_its_attributes_and_its_class_attributes() {
         (0xF5, 1, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13], 96),
         (0xF6, 1, &[1, 2, 3, 6, 7, 8, 9, 10, 11], 133),
     ];
+    for class in ObjectClass::ALL {
+        assert!(objects.iter().any(|(code, ..)| *code == class.code()), "no attributes of {}", class.name());
+    }
     // Get_Attributes_All has zeros for the counters of the interface and of its medium, which are not there.
     let absent = |class, id| match (class, id) {
         (0xF6, 4) => 44,
