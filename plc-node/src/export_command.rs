@@ -22,7 +22,7 @@ enum Dialect {
 enum Check {
     /// The code sends the check, and verifies that of the robot.
     On,
-    /// The code sends 0, and accepts every image.
+    /// The code sends 0, and ignores the check of the robot.
     Off,
 }
 

@@ -9,14 +9,17 @@ use crate::{Application, Refused, StopData};
 pub const FILE: &str = "skillbench.st";
 
 /// The code in the order in which it is declared.
-const TEMPLATES: [&str; 7] = [
+const TEMPLATES: [&str; 10] = [
     include_str!("../templates/1-types.st"),
     include_str!("../templates/2-functions.st"),
     include_str!("../templates/3-image.st"),
-    include_str!("../templates/4-group.st"),
-    include_str!("../templates/5-skill.st"),
-    include_str!("../templates/6-program.st"),
-    include_str!("../templates/7-core.st"),
+    include_str!("../templates/3-life.st"),
+    include_str!("../templates/4-self-test.st"),
+    include_str!("../templates/5-group.st"),
+    include_str!("../templates/6-skill.st"),
+    include_str!("../templates/7-blocks.st"),
+    include_str!("../templates/8-program.st"),
+    include_str!("../templates/9-core.st"),
 ];
 
 /// Most motions of a file for a compiler that we do not know: 4.4 MB of data.

@@ -29,7 +29,7 @@
 //! counter.scan(&program, 100)?;
 //! assert_eq!(counter.get(total, 0), 40_000);
 //! let trap = counter.scan(&program, 100).unwrap_err(); // 80,000 is not a UINT
-//! assert!(trap.to_string().starts_with("counter.st:1:93: scan 2: "), "{trap}");
+//! assert!(trap.to_string().starts_with("counter.st:1:103: scan 2: "), "{trap}");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -1,4 +1,5 @@
 //! What the checker refuses, where execution traps, and that no text makes either panic.
+#![expect(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on stops")]
 
 use proptest::prelude::*;
 use structured_text::{Program, Source, Trap};

@@ -1,3 +1,5 @@
+#![expect(clippy::disallowed_methods, reason = "the files of an export are what is tested")]
+
 use std::fs;
 
 use plc_export::{Application, ExportError, FILE, Refused, VECTORS, export, structured_text};

@@ -1,0 +1,34 @@
+# shellcheck shell=bash
+# Exported code by the grammars of others.
+
+ST_GRAMMAR=tree-sitter-iec61131-3-st==0.1.2
+TREE_SITTER=tree-sitter==0.26.1
+
+verb_grammars() { #: parse exported Structured Text by a grammar that others wrote, and find mistakes by it
+    local environment=${CARGO_TARGET_DIR:-$PWD/target}/tools/st-grammar out python file mistake application
+    python=$environment/bin/python
+    if ! "$python" -c 'import tree_sitter, tree_sitter_iec61131_3_st' 2>/dev/null; then
+        rm -rf "$environment"
+        python3 -m venv "$environment"
+        "$environment/bin/pip" install --quiet "$TREE_SITTER" "$ST_GRAMMAR"
+    fi
+    cargo build --quiet -p plc-node --locked
+    out=$(mktemp -d)
+    # shellcheck disable=SC2064 # the directory of now
+    trap "rm -rf '$out'" EXIT
+    for application in pick-and-place pick-and-place-gripper; do
+        "${CARGO_TARGET_DIR:-target}/debug/plc-node" export --for st --setup A --application "$application" --out "$out/$application"
+    done
+    "$python" scripts/st-grammar.py "$out"/*/skillbench.st
+    file=$out/pick-and-place/skillbench.st
+    # The grammar must find a mistake, or it proves nothing.
+    for mistake in 'END_IF;|' ' := | = = ' ' THEN$|' '^END_FUNCTION_BLOCK|'; do
+        sed "0,/${mistake%%|*}/s/${mistake%%|*}/$(cut -d'|' -f2 <<<"$mistake")/" "$file" >"$out/wrong.st"
+        cmp --silent "$file" "$out/wrong.st" && { echo "$mistake changed nothing" >&2; return 1; }
+        if "$python" scripts/st-grammar.py "$out/wrong.st" 2>/dev/null; then
+            echo "the grammar accepts $mistake" >&2
+            return 1
+        fi
+    done
+    echo "exported Structured Text: no fault by the grammar of others, which finds 4 mistakes of 4"
+}
