@@ -2,10 +2,10 @@
 //!
 //! No image is seen before it was stamped. With y = time seen (PLC) − stamp (robot) − least delay, every image is a point
 //! on or above the line of the true offsets, whether it was lost and repeated, late or read in a late scan. The least
-//! delayed image of each quarter of a second is close to that line: at most `spread` above it.
+//! delayed image of each half second is close to that line: at most `spread` above it.
 //!
 //! ```text
-//! y │       o   o         each quarter gives two limits of the line: the best image's y, and that minus the spread.
+//! y │       o   o         each half second gives two limits of the line: the best image's y, and that minus the spread.
 //!   │ o  o    o    o      The estimate at a time is the middle of all lines within all limits, the uncertainty half
 //!   │──────────────── ◄   of their range
 //!   └───────────────── stamp
@@ -21,16 +21,17 @@ use machine::{Duration, Instant};
 
 /// Time whose least delayed image is kept. In a shorter one more images are late than jitter explains; in a longer one drift hides
 /// how late an image can be.
-const WINDOW: Duration = Duration::from_millis(250);
+const WINDOW: Duration = Duration::from_millis(500);
 
 /// Images that a window has at least: one that has fewer lasts longer.
-const IMAGES: u32 = 20;
+const IMAGES: u32 = 60;
 
 /// Windows that are kept, 80 s: twice the time in which 1 ms passes at 25 ppm.
-const WINDOWS: usize = 320;
+const WINDOWS: usize = 160;
 
-/// Allowance for the jitter that is left in the least delayed image of a window, in ns.
-const LEAST_JITTER_NS: f64 = 15_000.0;
+/// Allowance for the jitter that is left in the least delayed image of a window, in ns. Of 100 µs that are evenly distributed more is left
+/// in one of 10⁸ windows, even if a third of the images is lost.
+const LEAST_JITTER_NS: f64 = 20_000.0;
 
 /// Largest rate at which both clocks part: twice 100 ppm, the tolerance of a poor crystal (IEEE 802.3, 40.6.1.2.6: 100 ppm).
 const MOST_DRIFT: f64 = 200e-6;
@@ -42,7 +43,7 @@ const JUMP_NS: f64 = 20e6;
 const JUMPED_IMAGES: u32 = 25;
 
 /// This many windows in a row whose images are all late are a clock that was set back a little, or a slower network.
-const LATE_WINDOWS: u32 = 8;
+const LATE_WINDOWS: u32 = 4;
 
 /// What delays an image from the robot's stamp until the PLC sees it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -101,6 +102,8 @@ impl Rates {
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Window {
     best: Point,
+    /// Distance between both limits, in ns.
+    width: f64,
     /// Rates that it allows together with each later one.
     rates: Rates,
 }
@@ -110,7 +113,9 @@ struct Window {
 struct Open {
     since: Instant,
     images: u32,
+    /// The least delayed one at the middle of the rates that were known when the window began.
     best: Point,
+    rates: Rates,
 }
 
 /// All lines of offsets that the kept windows allow, from the newest of them on.
@@ -186,17 +191,22 @@ impl RobotClock {
         }
         self.jumped_images = 0;
         let Some(open) = &mut self.open else {
-            self.open = Some(Open { since: seen_at, images: 1, best: point });
+            let rates = self.lines.map_or(Rates::ANY, |lines| lines.rates);
+            self.open = Some(Open { since: seen_at, images: 1, best: point, rates });
             return;
         };
         open.images = open.images.saturating_add(1);
-        if point.above(&open.best) < 0.0 {
+        let rate = 0.5 * (open.rates.least + open.rates.most);
+        if point.above(&open.best) < rate * point.since(&open.best) {
             open.best = point;
         }
         if open.images >= IMAGES && seen_at.since(open.since) >= WINDOW {
+            // Another one may be the least delayed by as much as the rate is unknown.
+            let unknown = 0.5 * (open.rates.most - open.rates.least);
+            let width = self.width + unknown * seen_at.since(open.since).as_secs_f64() * 1e9;
             let best = open.best;
             self.open = None;
-            self.close(best);
+            self.close(best, width);
         }
     }
 
@@ -223,9 +233,9 @@ impl RobotClock {
     }
 
     /// Takes over the best image of a window, unless all its images were late.
-    fn close(&mut self, best: Point) {
+    fn close(&mut self, best: Point, width: f64) {
         let is_late = self.lines.is_some_and(|lines| {
-            best.above(&lines.newest) - self.width > lines.after(best.since(&lines.newest))[1]
+            best.above(&lines.newest) - width > lines.after(best.since(&lines.newest))[1]
         });
         self.late_windows = if is_late { self.late_windows + 1 } else { 0 };
         if is_late && self.late_windows < LATE_WINDOWS {
@@ -235,25 +245,25 @@ impl RobotClock {
             self.windows.clear();
             self.late_windows = 0;
         }
-        self.keep(best);
+        self.keep(best, width);
         self.drop_contradicted();
         self.find_lines();
     }
 
     /// Keeps a window, and what rates it allows together with each one before.
-    fn keep(&mut self, best: Point) {
+    fn keep(&mut self, best: Point, width: f64) {
         if self.windows.len() == WINDOWS {
             self.windows.pop_front();
         }
-        for Window { best: before, rates } in &mut self.windows {
+        for Window { best: before, width: before_width, rates } in &mut self.windows {
             let (since, above) = (best.since(before), best.above(before));
             if since > 0.0 {
                 let per = 1.0 / since;
-                let both = Rates { least: (above - self.width) * per, most: (above + self.width) * per };
+                let both = Rates { least: (above - width) * per, most: (above + *before_width) * per };
                 *rates = rates.and(both);
             }
         }
-        self.windows.push_back(Window { best, rates: Rates::ANY });
+        self.windows.push_back(Window { best, width, rates: Rates::ANY });
     }
 
     /// Drops the oldest windows that no line allows together with the newer ones: the rate has changed since, or all
@@ -269,12 +279,12 @@ impl RobotClock {
     }
 
     fn find_lines(&mut self) {
-        let Some(newest) = self.windows.back().map(|window| window.best) else { return };
+        let Some(Window { best: newest, width, .. }) = self.windows.back().copied() else { return };
         let rates = self.windows.iter().fold(Rates::ANY, |rates, window| rates.and(window.rates));
-        let mut range = [-self.width, 0.0];
-        for Window { best, .. } in &self.windows {
+        let mut range = [-width, 0.0];
+        for Window { best, width, .. } in &self.windows {
             let (since, above) = (newest.since(best), best.above(&newest));
-            range[0] = range[0].max(above - self.width + rates.least * since);
+            range[0] = range[0].max(above - width + rates.least * since);
             range[1] = range[1].min(above + rates.most * since);
         }
         self.lines = Some(Lines { newest, range, rates });
