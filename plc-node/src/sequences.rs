@@ -3,6 +3,9 @@
 //! Arms wait for each other at marks. No motion beyond a mark is given to a robot before all arms of the mark have come to it: with
 //! CM the PLC writes no slot beyond, and the arm stops there as at any last motion that it knows, without losing its skill.
 
+#[cfg(test)]
+mod exploration;
+
 use machine::Instant;
 use planning::{Stop, WaitAt};
 use protocol::image::{Digest, Sum};
