@@ -105,6 +105,8 @@ pub(crate) struct Sequence {
     motion: Option<(MotionKind, MotionInputs)>,
     /// CM, and RC in sections: whether the block was called for this continuous motion or section.
     is_called: bool,
+    /// RC in sections: motions before the end of the section that the robot's program runs.
+    section_end: u32,
     stage: Stage,
     /// Skills before the current one.
     ended: Totals,
@@ -122,6 +124,7 @@ impl Sequence {
             step: 0,
             motion: None,
             is_called: false,
+            section_end: 0,
             stage: Stage::Skill,
             ended: Totals::default(),
             current: Tally::default(),
@@ -145,12 +148,15 @@ impl Sequence {
 
     /// Returns whether the arm stands as far as it may go, and waits there.
     pub(crate) fn has_come_to(&self, reach: Reach) -> bool {
-        let is_at_a_stop = match self.stage {
-            Stage::Skill => true,
+        let executed = match self.stage {
+            // The skill before the action may count its last motion before it is done.
+            Stage::Skill if reach.with_action => self.step,
+            Stage::Skill => self.step.saturating_add(self.current.executed),
             // The action comes after the wait, or before it.
-            Stage::Switch(_) | Stage::Wait { .. } => !reach.with_action,
+            Stage::Switch(_) | Stage::Wait { .. } if reach.with_action => return false,
+            Stage::Switch(_) | Stage::Wait { .. } => self.step,
         };
-        is_at_a_stop && self.totals().executed >= reach.motions
+        executed >= reach.motions
     }
 
     /// Executes one scan of the program, which began at `now`; the first one sets the start edge. `stops` contains where the
@@ -184,7 +190,7 @@ impl Sequence {
             }
         }
         let answer = match self.execution_type {
-            ExecutionType::Rc => Ok(self.stored_program(group)),
+            ExecutionType::Rc => Ok(self.stored_program(reach.motions.min(total), group)),
             ExecutionType::Cm => {
                 let next = stops.partition_point(|stop| stop.after <= self.step);
                 let end = stops.get(next).map_or(total, |stop| stop.after.min(total));
@@ -215,8 +221,9 @@ impl Sequence {
             self.step = match self.execution_type {
                 ExecutionType::Rc if !self.is_in_sections => return SkillProgress::Done,
                 ExecutionType::Rc => {
+                    // Whatever the robot counts, the mark comes next.
                     self.program = self.program.saturating_add(1);
-                    self.step.saturating_add(tally.executed)
+                    self.section_end
                 }
                 ExecutionType::Sm => self.step.saturating_add(1),
                 ExecutionType::Cm => self.step.saturating_add(tally.executed),
@@ -262,12 +269,14 @@ impl Sequence {
     }
 
     /// Calls the block of the stored program; if it ran the previous section, with a falling edge first.
-    fn stored_program(&mut self, group: &mut AxesGroup) -> Answer {
+    fn stored_program(&mut self, section_end: u32, group: &mut AxesGroup) -> Answer {
         let block = &mut self.blocks.run_program;
         if self.step > 0 && !self.is_called {
             block.call(false, self.program, MODE, group);
         }
-        self.is_called = true;
+        if !self.is_called {
+            (self.is_called, self.section_end) = (true, section_end);
+        }
         let outputs = block.call(true, self.program, MODE, group);
         Answer { outputs, error: block.error(), tally: block.tally() }
     }

@@ -3,6 +3,9 @@
 //! Arms wait for each other at marks. No motion beyond a mark is given to a robot before all arms of the mark have come to it: with
 //! CM the PLC writes no slot beyond, and the arm stops there as at any last motion that it knows, without losing its skill.
 
+#[cfg(test)]
+mod exploration;
+
 use machine::Instant;
 use planning::{Stop, WaitAt};
 use protocol::image::{Digest, Sum};
@@ -45,6 +48,8 @@ struct Part {
     /// Marks that were passed in this run.
     passed: usize,
     state: PartState,
+    /// What went wrong in the scan in which another station's trouble came first.
+    trouble: Option<Progress>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -65,6 +70,7 @@ impl Part {
             waits,
             passed: 0,
             state: PartState::Done,
+            trouble: None,
         }
     }
 
@@ -73,7 +79,7 @@ impl Part {
         self.sequence = if self.waits.is_empty() { sequence } else { sequence.in_sections() };
         self.motions.restart();
         self.passed = 0;
-        self.state = PartState::Running;
+        (self.state, self.trouble) = (PartState::Running, None);
     }
 
     /// Returns how far the arm may go: to the next mark that it has not passed.
@@ -93,6 +99,11 @@ impl Part {
     /// Returns whether the arm comes to a mark in this run that it has not passed.
     fn comes_to(&self, mark: u32) -> bool {
         self.waits.iter().skip(self.passed).any(|wait| wait.mark == mark)
+    }
+
+    /// Returns whether both arms come to one mark that they have not passed.
+    fn shares_mark_with(&self, other: &Self) -> bool {
+        self.waits.iter().skip(self.passed).any(|wait| other.comes_to(wait.mark))
     }
 }
 
@@ -140,22 +151,27 @@ impl PlcProgram for Sequences {
         self.parts.iter_mut().for_each(|part| part.begin(execution_type));
     }
 
+    /// Runs all parts also where one has trouble: the others may go on.
     fn scan(&mut self, now: Instant, stations: &mut [Station]) -> Progress {
         self.pass_marks();
         let mut is_running = false;
         for (index, (part, station)) in self.parts.iter_mut().zip(stations).enumerate() {
-            if part.state != PartState::Running {
+            if part.state != PartState::Running || part.trouble.is_some() {
                 continue;
             }
             let reach = part.reach();
             match part.sequence.scan(now, &mut part.motions, &part.stops, reach, station.group_mut()) {
                 SkillProgress::Running => is_running = true,
                 SkillProgress::Done => part.state = PartState::Done,
-                SkillProgress::Aborted => return Progress::Aborted { station: index },
+                SkillProgress::Aborted => part.trouble = Some(Progress::Aborted { station: index }),
                 SkillProgress::Failed { motion, error } => {
-                    return Progress::Failed { station: index, motion, error };
+                    part.trouble = Some(Progress::Failed { station: index, motion, error });
                 }
             }
+        }
+        let running = self.parts.iter_mut().filter(|part| part.state == PartState::Running);
+        if let Some(trouble) = running.filter_map(|part| part.trouble.take()).next() {
+            return trouble;
         }
         if is_running { Progress::Running } else { Progress::Done }
     }
@@ -164,16 +180,15 @@ impl PlcProgram for Sequences {
     fn lose(&mut self, station: usize, _cause: FailureCause) -> AfterLoss {
         let Some(part) = self.parts.get_mut(station) else { return AfterLoss::EndRun };
         part.state = PartState::Lost;
-        let mut marks = part.waits.iter().skip(part.passed).map(|wait| wait.mark).collect::<Vec<_>>();
-        marks.retain(|mark| {
-            self.parts.iter().any(|other| other.state == PartState::Running && other.comes_to(*mark))
-        });
-        let is_alone = self.parts.iter().all(|part| part.state != PartState::Running);
-        if is_alone || !marks.is_empty() { AfterLoss::EndRun } else { AfterLoss::GoOn }
+        let mut running = self.parts.iter().filter(|part| part.state == PartState::Running).peekable();
+        let is_last = running.peek().is_none();
+        let lost = self.parts.get(station);
+        let is_awaited = |part: &Part| lost.is_some_and(|lost| lost.shares_mark_with(part));
+        if is_last || running.any(is_awaited) { AfterLoss::EndRun } else { AfterLoss::GoOn }
     }
 
     fn waits(&self, station: usize) -> bool {
-        self.parts.get(station).is_some_and(|part| {
+        self.parts.get(station).is_none_or(|part| {
             part.state != PartState::Running || part.sequence.waits() || part.stands_at().is_some()
         })
     }

@@ -108,8 +108,8 @@ impl ControllerBus for EthercatMainDevice {
     }
 
     fn poll_arrival(&mut self) -> Option<StationId> {
-        let main = &self.main;
-        self.stations.poll_arrival(|device| main.counters(device).received)
+        let main = &mut self.main;
+        core::iter::from_fn(|| main.poll_received()).find_map(|connection| self.stations.of(connection))
     }
 
     fn disconnect(&mut self, now: Instant, station: StationId) {

@@ -351,6 +351,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     fn watch_silence(&mut self) {
         for index in 0..self.stations.len() {
             let work = match self.mode {
+                Mode::Running if self.run.is_lost(index) => Work::None,
                 Mode::Running => Work::Run { waits: self.program.waits(index) },
                 Mode::Idle | Mode::Starting(_) => Work::None,
             };
@@ -365,13 +366,15 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Does the work of a scan at each station that no run has.
     fn prepare(&mut self) {
         for index in 0..self.stations.len() {
-            let is_runs = self.mode == Mode::Running && !self.run.is_lost(index);
+            let is_run = self.mode == Mode::Running;
+            let is_lost = is_run && self.run.is_lost(index);
             let Some(station) = self.stations.get_mut(index) else { return };
-            if is_runs || station.state == StationState::MovingToStart {
+            if is_run && !is_lost || station.state == StationState::MovingToStart {
                 continue;
             }
             let was_ready = station.is_ready();
-            let is_new = station.prepare(&mut self.events);
+            // An arm that the run has lost stands where it is while others move.
+            let is_new = station.prepare(!is_lost, &mut self.events);
             if is_new {
                 self.report_ready();
             } else if let (true, false, Mode::Starting(_)) =
@@ -457,6 +460,8 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Fails a run, if there is one, because of a station or of all, and has the next scans lead the robots to `Ready` again.
     fn fail(&mut self, station: Option<usize>, cause: FailureCause) {
         match self.mode {
+            // It belongs to the run no more, and gets ready for the next one.
+            Mode::Running if station.is_some_and(|index| self.run.is_lost(index)) => {}
             Mode::Running => {
                 let after = station.map_or(AfterLoss::EndRun, |station| self.program.lose(station, cause));
                 match (after, station) {

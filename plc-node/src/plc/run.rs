@@ -188,11 +188,24 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     pub(super) fn end_run(&mut self, station: Option<usize>, cause: FailureCause) {
         self.mode = Mode::Idle;
         for index in 0..self.stations.len() {
-            if let Some(station) = self.stations.get_mut(index).filter(|_| !self.run.is_lost(index)) {
+            let is_lost = self.run.is_lost(index);
+            let Some(station) = self.stations.get_mut(index) else { return };
+            if !is_lost {
                 station.prepare_again(false);
+            } else if station.is_ready() && !station.is_at_start() {
+                station.move_to_start(false, &mut self.events);
             }
         }
-        let executed = self.program.totals(station.unwrap_or_default()).executed;
+        // The first station that was lost is why the run cannot be done, whatever ended it.
+        let (station, cause) = match (station, self.run.lost) {
+            (Some(_), Some((first, cause))) => (Some(first), cause),
+            _ => (station, cause),
+        };
+        let executed_at = |index| self.program.totals(index).executed;
+        let executed = match station {
+            Some(station) => executed_at(station),
+            None => (0..self.stations.len()).map(executed_at).fold(0, u32::saturating_add),
+        };
         self.report_failure(station, self.run.execution_type, executed, cause);
     }
 

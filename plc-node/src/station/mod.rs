@@ -167,7 +167,9 @@ impl Station {
     }
 
     /// Sets the image that goes to the robot after this scan as it is, in place of the axes group's command. The check in it is
-    /// the program's too.
+    /// the program's too, and so are the command number, which must be new to the robot, and the life counter: continue from that
+    /// of the axes group's command, which counts on meanwhile. In the scan in which the run ends otherwise than done the image
+    /// does not go out.
     pub fn set_image(&mut self, image: &Image) {
         (self.outputs, self.is_image_set, self.emitted) = (*image, true, None);
     }

@@ -93,12 +93,15 @@ impl Station {
     pub(crate) fn prepare_again(&mut self, start_not_reached: bool) {
         self.group.release(self.group.command().number, false);
         self.state = StationState::Preparing;
+        // What the program has set in this scan must not go out: it may execute.
+        self.is_image_set = false;
         self.readiness = Readiness::after_failure();
         self.start_not_reached = start_not_reached;
     }
 
-    /// Does the work of a scan outside of a run. Returns whether the station has become ready in it.
-    pub(crate) fn prepare(&mut self, events: &mut Events) -> bool {
+    /// Does the work of a scan outside of a run. Returns whether the station has become ready in it. An arm that may not move
+    /// to where a run starts gets ready where it stands.
+    pub(crate) fn prepare(&mut self, may_move: bool, events: &mut Events) -> bool {
         if self.state == StationState::Ready && Readiness::holds(&self.group) {
             return false;
         }
@@ -107,7 +110,7 @@ impl Station {
             return false;
         }
         // What has just failed, or what somebody halted, is not repeated without being asked for.
-        if core::mem::take(&mut self.start_not_reached) || self.is_at_start() {
+        if core::mem::take(&mut self.start_not_reached) || self.is_at_start() || !may_move {
             self.state = StationState::Ready;
             return true;
         }

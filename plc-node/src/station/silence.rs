@@ -20,6 +20,8 @@ pub(super) struct Silence {
     longest: Duration,
     /// The robot at the last progress.
     progress: Option<Shown>,
+    /// Whether the robot's skill stood in the scan before because somebody wants it to.
+    is_paused: bool,
     /// Why the last attempt to connect failed.
     last_down: Option<Down>,
 }
@@ -58,7 +60,7 @@ impl Shown {
 impl Silence {
     pub(super) fn new(scan: Duration, answer: Duration, longest_stop: Duration) -> Self {
         let longest = SILENCE + answer + longest_stop;
-        Self { patience: Patience::new(scan), longest, progress: None, last_down: None }
+        Self { patience: Patience::new(scan), longest, progress: None, is_paused: false, last_down: None }
     }
 
     pub(super) const fn connected(&mut self) {
@@ -120,8 +122,13 @@ impl Station {
             self.silence.patience.restart();
             return None;
         }
-        let waited = self.silence.patience.count();
         let for_what = if is_commanded { self.paused() } else { Some(self.unready(received)) };
+        let is_paused = is_commanded && for_what.is_some();
+        // The robot owes nothing for the time before: it may take some cycles to move again.
+        if core::mem::replace(&mut self.silence.is_paused, is_paused) && !is_paused {
+            self.silence.patience.restart();
+        }
+        let waited = self.silence.patience.count();
         match for_what {
             Some(for_what) if self.silence.patience.is_report_due(waited, &for_what) => {
                 let seconds = u32::try_from(waited.as_secs()).unwrap_or(u32::MAX);

@@ -58,6 +58,8 @@ pub struct MainDevice {
     sending: Turns,
     /// Devices that have events.
     reporting: Turns,
+    /// Devices whose process data have arrived since the owner last asked.
+    received: Turns,
     /// Number of devices that are up.
     up: usize,
     /// Frames of other MainDevices, where several devices share the cable.
@@ -88,10 +90,10 @@ impl MainDevice {
             Device { main, slot, is_up: false }
         };
         let devices: Vec<_> = (0..).zip(config.devices.iter().copied()).map(device).collect();
-        let [mut sending, mut reporting] = [const { Turns::new() }; 2];
+        let [mut sending, mut reporting, mut received] = [const { Turns::new() }; 3];
         let mut due = Numbers::new();
         due.reserve(count);
-        for turns in [&mut sending, &mut reporting] {
+        for turns in [&mut sending, &mut reporting, &mut received] {
             turns.reserve(count);
         }
         Ok(Self {
@@ -101,6 +103,7 @@ impl MainDevice {
             due,
             sending,
             reporting,
+            received,
             up: 0,
             foreign: Foreign::none(),
             late: 0,
@@ -130,6 +133,11 @@ impl MainDevice {
         self.devices.get(usize::from(id.0)).map_or_else(Counters::default, |device| device.main.counters())
     }
 
+    /// Returns the next device whose process data have arrived since it was last returned here.
+    pub fn poll_received(&mut self) -> Option<SubDeviceId> {
+        self.received.pop().map(SubDeviceId)
+    }
+
     /// Returns the counters of frames that concern no device: late replies, and frames of other MainDevices. With one device,
     /// its own counters have them.
     #[must_use]
@@ -150,7 +158,11 @@ impl MainDevice {
     /// Calls a device, and notes what it has to send and to report, and when it is due next.
     fn serve(&mut self, index: u16, call: impl FnOnce(&mut GroupMainDevice)) {
         let Some(Device { main, is_up, .. }) = self.devices.get_mut(usize::from(index)) else { return };
+        let before = main.counters().received;
         call(main);
+        if main.counters().received != before {
+            self.received.push(index);
+        }
         let was_up = std::mem::replace(is_up, main.is_up());
         self.up = self.up + usize::from(*is_up) - usize::from(was_up);
         self.deadlines.set(index, main.poll_timeout());

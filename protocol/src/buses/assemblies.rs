@@ -108,9 +108,8 @@ impl ControllerBus for EthernetIpScanner {
     }
 
     fn poll_arrival(&mut self) -> Option<StationId> {
-        let scanner = &self.scanner;
-        let received = |id| scanner.connection(id).map_or(0, |connection| connection.counters().received);
-        self.stations.poll_arrival(received)
+        let scanner = &mut self.scanner;
+        core::iter::from_fn(|| scanner.poll_received()).find_map(|connection| self.stations.of(connection))
     }
 
     fn disconnect(&mut self, now: Instant, station: StationId) {

@@ -10,9 +10,6 @@ use crate::fieldbus::StationId;
 pub struct Stations<C> {
     connections: Vec<C>,
     stations: BTreeMap<C, StationId>,
-    /// Frames that each station's connection had received when it was last asked, and where to go on asking.
-    received: Vec<u64>,
-    next: usize,
 }
 
 impl<C: Copy + Ord> Stations<C> {
@@ -20,7 +17,7 @@ impl<C: Copy + Ord> Stations<C> {
     #[must_use]
     pub fn new(connections: Vec<C>) -> Self {
         let stations = connections.iter().copied().zip((0..).map(StationId)).collect();
-        Self { received: alloc::vec![0; connections.len()], connections, stations, next: 0 }
+        Self { connections, stations }
     }
 
     /// Returns the number of stations.
@@ -39,21 +36,5 @@ impl<C: Copy + Ord> Stations<C> {
     #[must_use]
     pub fn of(&self, connection: C) -> Option<StationId> {
         self.stations.get(&connection).copied()
-    }
-
-    /// Returns the next station whose number of received frames has changed since it was last asked for.
-    pub fn poll_arrival(&mut self, received: impl Fn(C) -> u64) -> Option<StationId> {
-        while let Some((connection, before)) =
-            self.connections.get(self.next).zip(self.received.get_mut(self.next))
-        {
-            let station = StationId(u16::try_from(self.next).unwrap_or(u16::MAX));
-            self.next += 1;
-            let now = received(*connection);
-            if core::mem::replace(before, now) != now {
-                return Some(station);
-            }
-        }
-        self.next = 0;
-        None
     }
 }

@@ -68,8 +68,8 @@ impl ControllerBus for ProfinetController {
     }
 
     fn poll_arrival(&mut self) -> Option<StationId> {
-        let controller = &self.controller;
-        self.stations.poll_arrival(|ar| controller.ar(ar).map_or(0, |ar| ar.counters().received))
+        let controller = &mut self.controller;
+        core::iter::from_fn(|| controller.poll_received()).find_map(|connection| self.stations.of(connection))
     }
 
     fn disconnect(&mut self, now: Instant, station: StationId) {

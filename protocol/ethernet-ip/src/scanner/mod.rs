@@ -132,6 +132,11 @@ impl Scanner {
         Some(removed)
     }
 
+    /// Returns the next connection whose cyclic data have arrived since it was last returned here.
+    pub fn poll_received(&mut self) -> Option<ConnectionId> {
+        self.connections.poll_received().map(ConnectionId)
+    }
+
     /// Returns the numbers of frames that belong to no connection, since the start.
     #[must_use]
     pub const fn counters(&self) -> Counters {

@@ -31,6 +31,8 @@ pub(super) struct Roster {
     messages: Turns,
     streams: Turns,
     reporting: Turns,
+    /// Connections whose cyclic data have arrived since the owner last asked.
+    received: Turns,
 }
 
 #[derive(Default, Debug)]
@@ -67,8 +69,8 @@ impl Roster {
         }
         let numbers = self.slots.len();
         self.due.reserve(numbers);
-        let Self { touched, cyclic, messages, streams, reporting, .. } = self;
-        for turns in [touched, cyclic, messages, streams, reporting] {
+        let Self { touched, cyclic, messages, streams, reporting, received, .. } = self;
+        for turns in [touched, cyclic, messages, streams, reporting, received] {
             turns.reserve(numbers);
         }
         self.note(number);
@@ -197,7 +199,14 @@ impl Roster {
         let mut last = None;
         // Several connections to one adapter may take part in one multicast: they have one connection number.
         while let Some(number) = self.by_frames.next(key((peer, id)), last) {
-            self.serve_io(number, &mut call);
+            let has_arrived = self.serve_io(number, |connection| {
+                let before = connection.counters().received;
+                call(connection);
+                connection.counters().received != before
+            });
+            if has_arrived == Some(true) {
+                self.received.push(number);
+            }
             last = Some(number);
         }
         last.is_some()
@@ -290,6 +299,11 @@ impl Roster {
             self.reporting.pop();
         }
         None
+    }
+
+    /// Returns the next connection whose cyclic data have arrived.
+    pub(super) fn poll_received(&mut self) -> Option<u16> {
+        self.received.pop()
     }
 
     pub(super) fn poll_timeout(&self) -> Option<Instant> {

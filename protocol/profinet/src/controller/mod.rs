@@ -114,6 +114,11 @@ impl Controller {
         self.ars.remove(ar.0)
     }
 
+    /// Returns the next AR whose cyclic data have arrived since it was last returned here.
+    pub fn poll_received(&mut self) -> Option<ArId> {
+        self.ars.poll_received().map(ArId)
+    }
+
     /// Returns the numbers of frames that belong to no AR, since the start.
     #[must_use]
     pub const fn counters(&self) -> Counters {
@@ -203,7 +208,7 @@ impl Controller {
             self.counters.malformed += 1;
             return;
         };
-        if self.ars.serve(ar, |ar| ar.handle_rt(now, frame_id, payload)) != Some(true) {
+        if !self.ars.serve_data(ar, |ar| ar.handle_rt(now, frame_id, payload)) {
             self.counters.foreign += 1;
         }
     }

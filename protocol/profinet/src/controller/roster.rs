@@ -35,6 +35,8 @@ pub(super) struct Roster {
     cyclic: Turns,
     acyclic: Turns,
     reporting: Turns,
+    /// ARs whose cyclic data have arrived since the owner last asked.
+    received: Turns,
 }
 
 #[derive(Default, Debug)]
@@ -80,7 +82,8 @@ impl Roster {
             None => self.slots.push(slot),
         }
         let numbers = self.slots.len();
-        for turns in [&mut self.touched, &mut self.cyclic, &mut self.acyclic, &mut self.reporting] {
+        let Self { touched, cyclic, acyclic, reporting, received, .. } = self;
+        for turns in [touched, cyclic, acyclic, reporting, received] {
             turns.reserve(numbers);
         }
         self.due.reserve(numbers);
@@ -134,6 +137,19 @@ impl Roster {
         Some(result)
     }
 
+    /// Calls an AR for a frame that may have cyclic data, and takes note of what that changed and of data that arrived.
+    pub(super) fn serve_data(&mut self, number: u16, call: impl FnOnce(&mut Ar) -> bool) -> bool {
+        let result = self.serve(number, |ar| {
+            let before = ar.counters().received;
+            (call(ar), ar.counters().received != before)
+        });
+        let (is_its, has_arrived) = result.unwrap_or_default();
+        if has_arrived {
+            self.received.push(number);
+        }
+        is_its
+    }
+
     /// Calls every AR, for what concerns them all.
     pub(super) fn serve_all(&mut self, mut call: impl FnMut(&mut Ar)) {
         for number in 0..self.slots.len() as u16 {
@@ -170,7 +186,7 @@ impl Roster {
         // The FrameID of cyclic data has the number of the AR; alarms have two FrameIDs for all.
         let number = Ar::number_of(frame_id);
         let is_its = self.get(number).is_some_and(|ar| ar.rt1_device() == Some(source));
-        if is_its && self.serve(number, &mut call) == Some(true) {
+        if is_its && self.serve_data(number, &mut call) {
             return true;
         }
         self.serve_mac(source, call)
@@ -180,7 +196,7 @@ impl Roster {
     fn serve_mac(&mut self, mac: Mac, mut call: impl FnMut(&mut Ar) -> bool) -> bool {
         let mut last = None;
         while let Some(number) = self.by_mac.next(key(mac), last) {
-            if self.serve(number, &mut call) == Some(true) {
+            if self.serve_data(number, &mut call) {
                 return true;
             }
             last = Some(number);
@@ -240,6 +256,11 @@ impl Roster {
             self.reporting.pop();
         }
         None
+    }
+
+    /// Returns the next AR whose cyclic data have arrived.
+    pub(super) fn poll_received(&mut self) -> Option<u16> {
+        self.received.pop()
     }
 
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
