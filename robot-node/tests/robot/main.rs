@@ -41,6 +41,7 @@ mod rehearsal;
 mod six_axes;
 mod skills;
 mod states;
+mod stored;
 mod straight_on;
 mod suspending;
 mod waiting;
