@@ -205,6 +205,7 @@ where
         self.scans()
     }
 
+    /// A trace has one file; its rows are of the first station. [`PlcNode::sample_of`] has those of the others.
     fn sample(&self, now: Instant) -> (Instant, Sample) {
         (now, Self::sample(self))
     }
