@@ -1,9 +1,11 @@
 //! What both node processes share, whatever their bus and their work.
 //!
 //! ```text
-//! run         the command `run`: its options, and what happens before and after a node runs on its bus
+//! run         the command `run`: its options, and what happens before and after a node runs on its bus; cell_run
+//!             prepares the nodes of a setup with several stations
 //! supervise   the thread beside the cyclic one: notices become messages, instructions become commands
-//! ├─ message  the messages and instructions, one JSON line each; report has their figures
+//! ├─ message  the messages and instructions, one JSON line each; report has their figures, station_message
+//! │           names the station of a message where a node has several
 //! ├─ inbox    waits for instructions, signals and notices at once; input lists them
 //! └─ control  the control port: one controller at a time over TCP; token is the secret that it shows
 //! role        which of the two nodes
@@ -21,6 +23,8 @@
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod address_check;
 pub mod arguments;
+#[cfg(all(feature = "real", target_os = "linux"))]
+pub mod cell_run;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod control;
 mod duration;
@@ -42,6 +46,7 @@ pub mod run;
 pub mod screen;
 mod short_text;
 pub mod station_file;
+pub mod station_message;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod supervise;
 pub mod token;

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::output::to_stdout;
 use crate::report::NodeReport;
 use crate::role::NodeRole;
+use crate::station_message::StationMessage;
 
 /// What a node sends. `M` are the messages of only this kind of node.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -203,7 +204,7 @@ impl Console {
     /// Prints a message on standard output.
     ///
     /// A failure is ignored: it cannot be reported, and standard input ends then, too.
-    pub fn print<M: Serialize + fmt::Display>(self, message: &Message<M>) {
+    pub fn print<M: Serialize + fmt::Display>(self, message: &StationMessage<M>) {
         let line = match self {
             Self::Text => message.to_string(),
             Self::Json => message.to_json(),

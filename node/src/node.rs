@@ -42,9 +42,14 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
         InterfaceId::FIRST
     }
 
-    /// Returns the number of the connection that a link event is of, from 0.
-    fn connection(_event: &Self::Event) -> usize {
-        0
+    /// Returns the index of the station that an event is about; `None` where it is about the whole node.
+    fn station(_event: &Self::Event) -> Option<usize> {
+        None
+    }
+
+    /// Returns the number of stations, each with a connection of its own.
+    fn stations(&self) -> usize {
+        1
     }
 
     /// Returns what the node waits for, if an event says that.
@@ -136,8 +141,8 @@ pub enum Notice<E, A> {
     Event(E),
     /// Why the peer refused the connection and what it offers instead; the next notice is the event itself.
     Explanation(ShortText),
-    /// What is remarkable about the connection.
-    Remark(ShortText),
+    /// What is remarkable about the connection to the station of this index.
+    Remark(usize, ShortText),
     /// An answer to an order.
     Answer(A),
     /// The interface refused the address that the bus set.
@@ -159,7 +164,7 @@ pub struct Snapshot {
     pub bus: Counters,
     /// What the checks of the received images said.
     pub checks: Checks,
-    /// Allocations of the cyclic thread before and after the connection was first up; `None` if they are not counted.
+    /// Allocations of the cyclic thread before and after all connections were first up; `None` if they are not counted.
     pub allocations: Option<(u64, u64)>,
     /// Frames that the kernel refused.
     pub send_errors: u64,
@@ -190,9 +195,9 @@ pub struct CyclicTask<S> {
     /// The node's interfaces. The index is the [`InterfaceId`].
     interfaces: Vec<Interface>,
     trace: Option<TraceRing<S>>,
-    /// Which connections are up.
+    /// Whether the connection to each station is up.
     links: Vec<bool>,
-    /// [`allocation::count`] when the connection was first up.
+    /// [`allocation::count`] when all connections were first up.
     at_up: Option<u64>,
     /// When to end although the peer has not confirmed the end of the connection.
     stopping: Option<Instant>,
@@ -204,13 +209,13 @@ impl<S> CyclicTask<S> {
         self.links.contains(&true)
     }
 
-    /// Notes that a connection is up, or down.
-    fn note_link(&mut self, connection: usize, is_up: bool) {
-        if self.links.len() <= connection {
-            self.links.resize(connection + 1, false);
-        }
-        if let Some(link) = self.links.get_mut(connection) {
+    /// Notes that the connection to a station is up, or down.
+    fn note_link(&mut self, station: usize, is_up: bool) {
+        if let Some(link) = self.links.get_mut(station) {
             *link = is_up;
+        }
+        if !self.links.contains(&false) {
+            self.at_up.get_or_insert_with(allocation::count);
         }
     }
 }
@@ -262,7 +267,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
         notices: &mut NoticeSender<Self::Notice>,
     ) -> ControlFlow<()> {
         let (link, on) = (N::link_event(&event), N::link_interface(&event));
-        let connection = N::connection(&event);
+        let station = N::station(&event).unwrap_or_default();
         if let Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })) = link {
             let mut words = ShortText::default();
             // Text that does not fit is cut off.
@@ -278,15 +283,12 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
         }
         notices.send(Notice::Event(event));
         if !remark.as_str().is_empty() {
-            notices.send(Notice::Remark(remark));
+            notices.send(Notice::Remark(station, remark));
         }
         match link {
-            Some(LinkEvent::Up) => {
-                self.note_link(connection, true);
-                self.at_up.get_or_insert_with(allocation::count);
-            }
+            Some(LinkEvent::Up) => self.note_link(station, true),
             Some(LinkEvent::Down(_)) => {
-                self.note_link(connection, false);
+                self.note_link(station, false);
                 if self.stopping.is_some() && !self.is_connected() {
                     return ControlFlow::Break(());
                 }
@@ -389,7 +391,8 @@ impl<N: Node> NodeProcess<N> {
             }
             None => (None, None),
         };
-        let task = CyclicTask { interfaces, trace: ring, links: Vec::new(), at_up: None, stopping: None };
+        let links = vec![false; node.stations()];
+        let task = CyclicTask { interfaces, trace: ring, links, at_up: None, stopping: None };
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
         let inbox = Inbox::new(signals, reader.clone(), commands);

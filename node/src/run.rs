@@ -1,7 +1,8 @@
 //! The command `run` of both nodes: its options, and what happens before and after a node runs on its bus.
 //!
 //! ```text
-//! RunOptions::prepare    signals, capabilities, the setup with its plan, the interface
+//! RunOptions::prepare    signals, capabilities, the setup with its plan, the interface; cell_run does this for a setup of
+//!                        several stations
 //!   the node's own       its bus, from first_cycle on
 //! Prepared::supervise    the cyclic thread, the source of its instructions, its messages
 //! exit_code              the process's exit code
@@ -20,11 +21,12 @@ use setup::{Cyclic, Setup};
 
 use crate::Outcome;
 use crate::address_check::{AddressCheckError, check_address};
-use crate::interface_option::{InterfaceOption, InterfaceOptionError, bus_name};
+use crate::cell_run::CellRunError;
+use crate::interface_option::{BusName, InterfaceOption, InterfaceOptionError, bus_name};
 use crate::message::{CellText, Console, Hello, NodeHost};
 use crate::role::NodeRole;
 use crate::station_file::StationFile;
-use crate::supervise::{OperatingMode, supervise};
+use crate::supervise::{OperatingMode, Supervised, supervise};
 use crate::token::{ControlToken, TokenError};
 use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln};
 
@@ -89,7 +91,19 @@ pub struct Prepared {
     pub interfaces: Vec<Interface>,
     /// Where it keeps the name and the address that its bus sets permanently; `None` if it cannot.
     pub station_file: Option<StationFile>,
-    signals: StopSignals,
+    pub(crate) signals: StopSignals,
+}
+
+/// A node's interfaces, and what it says of itself.
+#[derive(Debug)]
+pub(crate) struct NodeStart {
+    pub(crate) setup: String,
+    pub(crate) cell: CellText,
+    /// Names of the stations; empty where there is only one.
+    pub(crate) stations: Vec<String>,
+    pub(crate) interfaces: Vec<Interface>,
+    pub(crate) station_file: Option<StationFile>,
+    pub(crate) signals: StopSignals,
 }
 
 impl RunOptions {
@@ -100,12 +114,7 @@ impl RunOptions {
     /// A setup or an application does not exist or is wrong ([`setup::Error`], [`planning::Error`]), or the host does
     /// not allow something.
     pub fn prepare(&self) -> anyhow::Result<Prepared> {
-        if let Some(address) = self.control {
-            ControlPort::check(address, ControlToken::find(self.control_token.as_deref())?.as_ref())?;
-        }
-        // Threads inherit the blocked signals and the capabilities.
-        let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
-        capabilities::raise().context("making use of the program's capabilities")?;
+        let signals = self.prepare_process()?;
         let (mut setup, application) =
             planning::setup_and_application(&self.setup, self.application.as_deref())?;
         if let Some(cyclic) = self.cyclic {
@@ -113,12 +122,25 @@ impl RunOptions {
         }
         setup::check(&setup)?;
         let plan = application.plan(&setup)?;
-        let names = self.interface.for_buses(&[bus_name(&setup.bus.kind)])?;
-        let interfaces: Vec<_> = names.into_iter().map(Interface::find).collect::<Result<_, _>>()?;
-        for interface in &interfaces {
-            interface.set_up()?;
-        }
+        let interfaces = self.find_interfaces(&[bus_name(&setup.bus.kind)])?;
+        set_up(&interfaces)?;
         Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })
+    }
+
+    /// Checks the control port, takes over the signals and raises the capabilities. Threads inherit both.
+    pub(crate) fn prepare_process(&self) -> anyhow::Result<StopSignals> {
+        if let Some(address) = self.control {
+            ControlPort::check(address, ControlToken::find(self.control_token.as_deref())?.as_ref())?;
+        }
+        let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
+        capabilities::raise().context("making use of the program's capabilities")?;
+        Ok(signals)
+    }
+
+    /// Finds the interface of each bus, in their order.
+    pub(crate) fn find_interfaces(&self, buses: &[BusName]) -> anyhow::Result<Vec<Interface>> {
+        let names = self.interface.for_buses(buses)?;
+        Ok(names.into_iter().map(Interface::find).collect::<Result<_, _>>()?)
     }
 
     /// Returns whether the node takes instructions, over TCP or from standard input.
@@ -181,12 +203,29 @@ impl Prepared {
         mode: &mut C,
     ) -> anyhow::Result<Outcome> {
         let Self { setup, application, interfaces, station_file, signals, .. } = self;
+        let cell = CellText { setup: setup::setup_to_toml(&setup)?, application: application.text };
+        let stations = Vec::new();
+        let start = NodeStart { setup: setup.name, cell, stations, interfaces, station_file, signals };
+        start.supervise(options, role, endpoint, node, mode)
+    }
+}
+
+impl NodeStart {
+    /// Starts the node and runs it until it is asked to end or `mode` ends it.
+    pub(crate) fn supervise<N: Node, C: OperatingMode<N>>(
+        self,
+        options: &RunOptions,
+        role: NodeRole,
+        endpoint: &str,
+        node: N,
+        mode: &mut C,
+    ) -> anyhow::Result<Outcome> {
+        let Self { setup, cell, stations, interfaces, station_file, signals } = self;
         let listed =
             |what: fn(&Interface) -> String| interfaces.iter().map(what).collect::<Vec<_>>().join(", ");
-        let cell = CellText { setup: setup::setup_to_toml(&setup)?, application: application.text };
         let hello = Hello {
             node: role,
-            setup: setup.name,
+            setup,
             bus: endpoint.to_owned(),
             interface: listed(|interface| interface.name().to_owned()),
             mac: listed(|interface| interface.mac().to_string()),
@@ -204,8 +243,13 @@ impl Prepared {
         };
         let trace = options.trace_file.as_deref();
         let process = NodeProcess::start(node, interfaces, signals, commands, trace)?;
-        Ok(supervise(process, mode, console, hello, station_file))
+        Ok(supervise(process, mode, Supervised { console, hello, stations, station_file }))
     }
+}
+
+/// Switches each interface on.
+pub(crate) fn set_up(interfaces: &[Interface]) -> anyhow::Result<()> {
+    Ok(interfaces.iter().try_for_each(Interface::set_up)?)
 }
 
 /// Gives an interface the IP address that a setup has for it under `key`.
@@ -251,6 +295,7 @@ pub fn exit_code(
     let is_of_options = |error: &anyhow::Error| {
         error.is::<TokenError>()
             || error.is::<InterfaceOptionError>()
+            || error.is::<CellRunError>()
             || matches!(error.downcast_ref(), Some(ControlError::NoToken(_)))
     };
     crate::exit_code(outcome, |error| is_of_options(error) || is_usage(error))

@@ -13,6 +13,7 @@ use serde::de::DeserializeOwned;
 use crate::message::{Console, Hello, Instruction, Message};
 use crate::output::to_stdout;
 use crate::station_file::{Station, StationFile};
+use crate::station_message::StationMessage;
 use crate::{
     Command, Input, Node, NodeError, NodeProcess, Notice, Outcome, ProcessEvent, ShortText, Waiting, errln,
 };
@@ -34,6 +35,11 @@ pub trait OperatingMode<N: Node> {
 
     /// Handles the node's answer to an order: returns its message and what to do.
     fn answer(&mut self, answer: N::Answer) -> (Self::Message, Next<N::Order>);
+
+    /// Returns the index of the station that an answer is about; `None` where it is about the whole node.
+    fn answered_station(_answer: &N::Answer) -> Option<usize> {
+        None
+    }
 
     /// Converts an instruction to an order.
     fn instruction(&mut self, instruction: Self::Instruction) -> N::Order;
@@ -63,17 +69,27 @@ pub enum Next<O> {
     End(Outcome),
 }
 
-/// Prints or sends what happens until the node ends, and ends it on request. `station_file` is where it keeps what its bus
-/// sets permanently.
+/// What the supervisor knows of a node before it runs.
+#[derive(Debug)]
+pub struct Supervised {
+    /// Format of the messages on standard output.
+    pub console: Console,
+    /// The first message.
+    pub hello: Hello,
+    /// Names of the stations, in their order; empty where there is only one, which no message names.
+    pub stations: Vec<String>,
+    /// Where the node keeps what its bus sets permanently.
+    pub station_file: Option<StationFile>,
+}
+
+/// Prints or sends what happens until the node ends, and ends it on request.
 pub fn supervise<N: Node, C: OperatingMode<N>>(
     mut process: NodeProcess<N>,
     mode: &mut C,
-    console: Console,
-    hello: Hello,
-    station_file: Option<StationFile>,
+    Supervised { console, hello, stations, station_file }: Supervised,
 ) -> Outcome {
     let hello = Hello { warning: process.warning().map(str::to_owned), ..hello };
-    console.print::<C::Message>(&Message::Hello(hello.clone()));
+    console.print::<C::Message>(&Message::Hello(hello.clone()).into());
     let port = process.control().map(|port| (port.address(), port.wants_token()));
     if let Some((Ok(address), wants_token)) = port {
         let who = if wants_token { "by who has the token" } else { "by any program on this computer" };
@@ -85,10 +101,8 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
         console,
         hello,
         station_file,
-        linked: false,
-        last_down: None,
-        waiting: None,
-        remark: None,
+        links: (0..stations.len().max(1)).map(|_| Link::default()).collect(),
+        stations,
         explanation: None,
     };
     let result = supervisor.run();
@@ -100,7 +114,7 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
     };
     let problem = result.as_ref().err().or(ended.as_ref().err()).map(ToString::to_string);
     let report = snapshot.as_ref().map(Into::into);
-    console.print::<C::Message>(&Message::Farewell { report, problem: problem.clone() });
+    console.print::<C::Message>(&Message::Farewell { report, problem: problem.clone() }.into());
     if let Some(problem) = problem {
         errln!("error: {problem}");
     }
@@ -117,16 +131,24 @@ struct Supervisor<'a, N: Node, C: OperatingMode<N>> {
     console: Console,
     hello: Hello,
     station_file: Option<StationFile>,
-    /// Whether the connection is up.
-    linked: bool,
-    /// Why it is down, as text.
-    last_down: Option<String>,
-    /// The last message about a wait that has not ended.
-    waiting: Option<Message<C::Message>>,
-    /// What is remarkable about the connection.
-    remark: Option<String>,
+    /// Names of the stations; empty where there is only one.
+    stations: Vec<String>,
+    /// The connection to each station, at least one.
+    links: Vec<Link>,
     /// The node's text about the next event.
     explanation: Option<ShortText>,
+}
+
+/// The connection to a station, as a new controller has to know it.
+#[derive(Default)]
+struct Link {
+    is_up: bool,
+    /// Why it is down, as text.
+    last_down: Option<String>,
+    /// The last wait that was reported and has not ended.
+    waiting: Option<Waiting>,
+    /// What is remarkable about the connection.
+    remark: Option<String>,
 }
 
 impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
@@ -200,7 +222,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
     fn reject(&mut self, line: &str, error: &serde_json::Error) {
         if is_json(line) {
             let refusal = self.mode.refuse(in_one_line(error));
-            return self.send(&Message::Node(refusal));
+            return self.send(None, Message::Node(refusal));
         }
         match self.process.control() {
             Some(port) => port.deny(format!("it sent a line that is no instruction: {error}")),
@@ -208,91 +230,115 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         }
     }
 
-    /// Sends a new controller what earlier ones received before: the node, the link's state, and the node's own
+    /// Sends a new controller what earlier ones received before: the node, the state of each connection, and the node's own
     /// state.
     fn send_state(&mut self) {
-        let hello = Message::<C::Message>::Hello(self.hello.clone());
-        let link = self.linked.then_some(Message::LinkUp);
-        let greeting = self.mode.greeting().map(Message::Node);
-        let remark = self.remark.clone().map(|text| Message::Remark { text });
+        let mut state = vec![StationMessage::from(Message::Hello(self.hello.clone()))];
+        let about = |station: usize, message: Message<C::Message>| self.about(Some(station), message);
+        for (station, link) in self.links.iter().enumerate() {
+            state.extend(link.is_up.then(|| about(station, Message::LinkUp)));
+            state.extend(link.remark.clone().map(|text| about(station, Message::Remark { text })));
+        }
+        state.extend(self.mode.greeting().map(|greeting| Message::Node(greeting).into()));
+        for (station, link) in self.links.iter().enumerate() {
+            let waiting = link.waiting.as_ref().map(|waiting| link.waiting_message(waiting));
+            state.extend(waiting.map(|message| about(station, message)));
+        }
         if let Some(port) = self.process.control() {
-            let state = [link.as_ref(), remark.as_ref(), greeting.as_ref(), self.waiting.as_ref()];
-            let messages = [Some(&hello)].into_iter().chain(state);
-            for message in messages.flatten() {
-                port.send(&message.to_json());
-            }
+            state.iter().for_each(|message| port.send(&message.to_json()));
         }
     }
 
+    /// Names the station of a message, if there are several.
+    fn about(&self, station: Option<usize>, message: Message<C::Message>) -> StationMessage<C::Message> {
+        let name = station.and_then(|station| self.stations.get(station));
+        StationMessage { station: name.cloned(), message }
+    }
+
     fn handle_notice(&mut self, notice: Notice<N::Event, N::Answer>) -> Next<N::Order> {
-        let (message, next) = match notice {
-            Notice::Event(event) => match (N::link_event(&event), N::waiting(&event)) {
-                (Some(link), _) => self.handle_link(link),
-                (None, Some(waiting)) => {
-                    self.waiting = Some(self.waiting_message(&waiting));
-                    (Some(self.waiting_message(&waiting)), Next::Wait)
-                }
-                (None, None) => {
-                    self.waiting = None;
-                    let (message, next) = self.mode.event(event);
-                    (message.map(Message::Node), next)
-                }
-            },
+        let (station, message, next) = match notice {
+            Notice::Event(event) => self.handle_event(event),
             Notice::Explanation(words) => {
                 self.explanation = Some(words);
-                (None, Next::Wait)
+                return Next::Wait;
             }
-            Notice::Remark(words) => {
-                let text = words.as_str().to_owned();
-                self.remark = Some(text.clone());
-                (Some(Message::Remark { text }), Next::Wait)
+            Notice::Remark(station, text) => {
+                let text = text.as_str().to_owned();
+                if let Some(link) = self.links.get_mut(station) {
+                    link.remark = Some(text.clone());
+                }
+                (Some(station), Some(Message::Remark { text }), Next::Wait)
             }
             Notice::Answer(answer) => {
+                let station = C::answered_station(&answer);
                 let (message, next) = self.mode.answer(answer);
-                (Some(Message::Node(message)), next)
+                (station, Some(Message::Node(message)), next)
             }
             Notice::NoAddress(address, error) => {
-                (Some(Message::Address { address, problem: Some(error.to_string()) }), Next::Wait)
+                (None, Some(Message::Address { address, problem: Some(error.to_string()) }), Next::Wait)
             }
             Notice::Store(record) => {
                 let stored = self.store(&(&record).into());
                 let _ = self.process.send(Command::Stored(stored));
-                (None, Next::Wait)
+                return Next::Wait;
             }
-            Notice::Snapshot(snapshot) => (Some(Message::Report((&snapshot).into())), Next::Wait),
+            Notice::Snapshot(snapshot) => (None, Some(Message::Report((&snapshot).into())), Next::Wait),
         };
         if let Some(message) = message {
-            self.send(&message);
+            self.send(station, message);
         }
         next
     }
 
-    fn handle_link(&mut self, link: LinkEvent) -> (Option<Message<C::Message>>, Next<N::Order>) {
-        let message = link_message(link, self.explanation.take());
-        match link {
-            LinkEvent::Up => (self.linked, self.last_down, self.waiting) = (true, None, None),
-            LinkEvent::Down(_) => {
-                (self.linked, self.remark) = (false, None);
-                if let Some(Message::LinkDown { reason }) = &message {
-                    self.last_down = Some(reason.clone());
-                }
-            }
-            LinkEvent::SetAddress { .. }
-            | LinkEvent::Store
-            | LinkEvent::Foreign(_)
-            | LinkEvent::Conflict(_) => {}
+    fn handle_event(
+        &mut self,
+        event: N::Event,
+    ) -> (Option<usize>, Option<Message<C::Message>>, Next<N::Order>) {
+        let station = N::station(&event);
+        let index = station.unwrap_or_default();
+        if let Some(link) = N::link_event(&event) {
+            let (message, next) = self.handle_link(index, link);
+            return (station, message, next);
         }
-        (message, self.mode.link(link))
+        if let Some(waiting) = N::waiting(&event) {
+            let message = self.links.get(index).map(|link| link.waiting_message(&waiting));
+            if let Some(link) = self.links.get_mut(index) {
+                link.waiting = Some(waiting);
+            }
+            return (station, message, Next::Wait);
+        }
+        // What happens to the whole node ends every wait.
+        for (number, link) in self.links.iter_mut().enumerate() {
+            if station.is_none_or(|station| station == number) {
+                link.waiting = None;
+            }
+        }
+        let (message, next) = self.mode.event(event);
+        (station, message.map(Message::Node), next)
     }
 
-    /// Returns the message about a wait. A node that waits for its connection gives the last reason of the bus.
-    fn waiting_message(&self, waiting: &Waiting) -> Message<C::Message> {
-        let Waiting { seconds, for_what, is_for_connection, is_owed } = waiting;
-        let reason = match &self.last_down {
-            Some(down) if *is_for_connection => format!("the connection: {down}"),
-            _ => for_what.clone(),
-        };
-        Message::Waiting { seconds: *seconds, reason, is_owed: *is_owed }
+    fn handle_link(
+        &mut self,
+        station: usize,
+        event: LinkEvent,
+    ) -> (Option<Message<C::Message>>, Next<N::Order>) {
+        let message = link_message(event, self.explanation.take());
+        if let Some(link) = self.links.get_mut(station) {
+            match event {
+                LinkEvent::Up => (link.is_up, link.last_down, link.waiting) = (true, None, None),
+                LinkEvent::Down(_) => {
+                    (link.is_up, link.remark) = (false, None);
+                    if let Some(Message::LinkDown { reason }) = &message {
+                        link.last_down = Some(reason.clone());
+                    }
+                }
+                LinkEvent::SetAddress { .. }
+                | LinkEvent::Store
+                | LinkEvent::Foreign(_)
+                | LinkEvent::Conflict(_) => {}
+            }
+        }
+        (message, self.mode.link(event))
     }
 
     /// Stores name and address that the bus set permanently. Returns whether that worked.
@@ -314,12 +360,25 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
 
     /// Sends a message to the controller. Results of its instructions go to it alone; messages about the node are
     /// also printed.
-    fn send(&mut self, message: &Message<C::Message>) {
-        let Some(port) = self.process.control() else { return self.console.print(message) };
+    fn send(&mut self, station: Option<usize>, message: Message<C::Message>) {
+        let message = self.about(station, message);
+        let Some(port) = self.process.control() else { return self.console.print(&message) };
         port.send(&message.to_json());
-        if !matches!(message, Message::Node(_) | Message::Report(_)) {
-            self.console.print(message);
+        if !matches!(message.message, Message::Node(_) | Message::Report(_)) {
+            self.console.print(&message);
         }
+    }
+}
+
+impl Link {
+    /// Returns the message about a wait. A node that waits for its connection gives the last reason of the bus.
+    fn waiting_message<M>(&self, waiting: &Waiting) -> Message<M> {
+        let Waiting { seconds, for_what, is_for_connection, is_owed } = waiting;
+        let reason = match &self.last_down {
+            Some(down) if *is_for_connection => format!("the connection: {down}"),
+            _ => for_what.clone(),
+        };
+        Message::Waiting { seconds: *seconds, reason, is_owed: *is_owed }
     }
 }
 

@@ -1,11 +1,11 @@
 //! The configuration of a PLC node.
 
 use machine::Duration;
-use planning::{Stop, ToStart};
+use planning::{PROGRAM, PlannedStation, Stop, ToStart, WaitAt};
 use protocol::image;
 use setup::Setup;
 
-use crate::{MotionList, MotionSource, WaitLimits};
+use crate::{MotionList, MotionSource, StationConfig, StationWork, WaitLimits};
 
 /// Time that a working robot may take to accept a command, in addition to the time in its setup. Assumed, since no source
 /// states it: long enough for any controller, short enough for a person who waits.
@@ -64,6 +64,30 @@ impl PlcConfig {
             to_start: ToStart::default(),
             stops: Vec::new(),
         }
+    }
+
+    /// Creates the configuration of a PLC that serves this station of a cell, with its motions and its program.
+    #[must_use]
+    pub fn of_station(planned: &PlannedStation) -> Self {
+        let PlannedStation { setup, plan, .. } = planned;
+        Self {
+            to_start: plan.wire_to_start(setup),
+            stops: plan.stops(),
+            ..Self::from_setup(setup, plan.wire_motions(setup), PROGRAM)
+        }
+    }
+
+    /// Returns what the PLC knows of the station, which has this name in messages, and what it runs there with these waits for other
+    /// arms.
+    #[must_use]
+    pub fn into_station(self, name: &str, waits: &[WaitAt]) -> (StationConfig, StationWork) {
+        let wait_limits = self.wait_limits();
+        let Self { answer_timeout, robot_cycle, to_start, .. } = self;
+        let Self { program, queue_depth, motions, stops, .. } = self;
+        let longest_stop = StationConfig::longest_of(&stops);
+        let name = name.to_owned();
+        let config = StationConfig { name, wait_limits, answer_timeout, robot_cycle, to_start, longest_stop };
+        (config, StationWork { program, queue_depth, motions, stops, waits: waits.to_vec() })
     }
 
     /// Returns the timeouts in scans, the unit in which the program counts. The echo of a life counter of 16 bits tells its

@@ -33,3 +33,16 @@ fn an_interface_for_a_bus_that_the_setup_does_not_have_is_refused() {
         );
     }
 }
+
+#[test]
+fn a_bus_of_several_stations_that_has_no_interface_is_named() {
+    let (code, said) = run("E", "profinet=nosuch0");
+    let reason = "bus ethernet-ip of the setup has no interface: add ethernet-ip=IF to --interface";
+    assert!(code == Some(2) && said.contains(reason), "{code:?}: {said}");
+    let (code, said) = run("F", "profinet=nosuch0,ethernet-ip=nosuch1");
+    let reason = "the setup has no ethernet-ip bus, only profinet and ethercat";
+    assert!(code == Some(2) && said.contains(reason), "{code:?}: {said}");
+    let (code, said) = run("F", "lo");
+    let reason = "bus ethercat shares interface lo with bus profinet: give it an interface of its own";
+    assert!(code == Some(2) && said.contains(reason), "{code:?}: {said}");
+}

@@ -18,7 +18,6 @@ use node::run::{Prepared, RunOptions};
 use node::station_file::{Address, Station, StationFile, StationFileError};
 use node::supervise::{Next, OperatingMode};
 use node::{Node, Waiting, arguments};
-use planning::PROGRAM;
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent, ToStore};
 use protocol::image::Checks;
 use protocol_linux::OpenPort;
@@ -49,6 +48,9 @@ enum Subcommand {
 struct Run {
     #[command(flatten)]
     options: RunOptions,
+    /// The station of the setup that this robot is, where the setup has several.
+    #[arg(long, value_name = "NAME")]
+    station: Option<String>,
     /// Seed of the moments at which the interpreter notices a command.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -160,13 +162,13 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 impl Run {
     fn execute(self) -> anyhow::Result<Outcome> {
-        let mut prepared = self.options.prepare()?;
+        let mut prepared = self.options.prepare_station(self.station.as_deref())?;
         let stored = self.find_station(&mut prepared)?;
         let (setup, plan, interface) = (&prepared.setup, &prepared.plan, prepared.interface());
         let to_start = plan.wire_to_start(setup);
         let config =
             RobotConfig::from_setup(setup)?.in_cell_of(&prepared.application.application, &to_start)?;
-        let programs = vec![(PROGRAM, Program::new(plan.wire_motions(setup), &plan.stops()))];
+        let programs = Program::stored(plan, setup);
         let start = node::run::first_cycle();
         if self.options.direct {
             let bus = prepared.direct(NodeRole::Robot, start)?;

@@ -115,7 +115,14 @@ pub enum PlcOrder {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum PlcRefusal {
     /// A run is not started.
-    Start(ExecutionType, StartError),
+    Start {
+        /// How it was to be run.
+        execution_type: ExecutionType,
+        /// Why not.
+        error: StartError,
+        /// Index of the station that is the reason; `None` if that is none.
+        station: Option<usize>,
+    },
     /// The override stays as it is.
     Override(OverrideError),
 }
@@ -150,7 +157,7 @@ pub(super) fn message(event: &PlcEvent) -> Option<PlcMessage> {
 
 pub(super) fn refusal(refusal: PlcRefusal) -> PlcMessage {
     match refusal {
-        PlcRefusal::Start(execution_type, error) => {
+        PlcRefusal::Start { execution_type, error, .. } => {
             PlcMessage::Failed { execution_type, reason: error.to_string() }
         }
         PlcRefusal::Override(error) => PlcMessage::Refused { reason: error.to_string() },

@@ -3,6 +3,7 @@
 //! By hand it runs a number of repetitions and prints them. With `--control` or `--json` it says what happens in one line
 //! of JSON a message, and runs one repetition for each instruction that comes over TCP or on standard input.
 
+mod cell;
 mod message;
 mod modes;
 
@@ -18,14 +19,14 @@ use planning::PROGRAM;
 use protocol::fieldbus::{ControllerBus, Counters, LinkEvent};
 use protocol::image::Checks;
 use protocol::one_station::OneStation;
-use protocol_linux::OpenPort;
+use protocol_linux::{Interface, OpenPort};
 
 pub use message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal};
 use modes::{OnInstruction, Standalone};
 
 use crate::{
     ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, PlcProgram, PlcReport, Sample,
-    WaitingFor, bus,
+    StartError, Station, WaitingFor, bus,
 };
 
 /// Options of `plc-node run`.
@@ -54,6 +55,9 @@ pub(crate) struct Run {
 impl Run {
     /// Runs the node until it is done.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
+        if self.options.has_several_stations() {
+            return self.execute_cell();
+        }
         let prepared = self.options.prepare()?;
         let (setup, plan, interface) = (&prepared.setup, &prepared.plan, prepared.interface());
         // On a real clock the scan takes what it takes.
@@ -75,12 +79,7 @@ impl Run {
         prepared.take_address(NodeRole::Plc)?;
         let endpoint = bus::role(&setup.bus.kind);
         let mut bus = bus::open(&setup.bus, interface.mac(), nonce, start)?;
-        if let bus::PlcBus::EthernetIp(scanner) = &mut bus
-            && OpenPort::open(interface, machine::arp::ETHERNET).is_err()
-        {
-            // EtherNet/IP runs without the privilege that ARP needs.
-            scanner.stop_conflict_detection();
-        }
+        do_without_arp(&mut bus, interface);
         self.supervise(prepared, endpoint, PlcNode::new(config, bus, start))
     }
 
@@ -96,6 +95,24 @@ impl Run {
             let mut standalone = Standalone::new(&flat(&self.types), self.reps, self.overrides);
             prepared.supervise(&self.options, NodeRole::Plc, endpoint, node, &mut standalone)
         }
+    }
+}
+
+/// Has a scanner run without the privilege that ARP needs, where it is missing.
+fn do_without_arp(bus: &mut bus::PlcBus, interface: &Interface) {
+    if let bus::PlcBus::EthernetIp(scanner) = bus
+        && OpenPort::open(interface, machine::arp::ETHERNET).is_err()
+    {
+        scanner.stop_conflict_detection();
+    }
+}
+
+/// Returns the index of the station because of which a run does not start; `None` if no station is the reason.
+fn station_of(stations: &[Station], error: StartError) -> Option<usize> {
+    match error {
+        StartError::NotConnected => stations.iter().position(|station| !station.is_connected()),
+        StartError::NotReady { .. } => stations.iter().position(Station::is_preparing),
+        StartError::Running(_) | StartError::NoMotions(_) => None,
     }
 }
 
@@ -115,8 +132,12 @@ where
         }
     }
 
-    fn connection(report: &PlcReport) -> usize {
-        report.station.unwrap_or_default()
+    fn station(report: &PlcReport) -> Option<usize> {
+        report.station
+    }
+
+    fn stations(&self) -> usize {
+        Self::stations(self).len()
     }
 
     fn waiting(report: &PlcReport) -> Option<Waiting> {
@@ -133,7 +154,11 @@ where
                 if started.is_ok() {
                     self.schedule_overrides(overrides);
                 }
-                started.err().map(|error| PlcRefusal::Start(execution_type, error))
+                started.err().map(|error| PlcRefusal::Start {
+                    execution_type,
+                    error,
+                    station: station_of(self.stations(), error),
+                })
             }
             PlcOrder::SetOverride(percent) => match Override::from_percent(percent) {
                 Ok(to) => {
@@ -180,6 +205,7 @@ where
         self.scans()
     }
 
+    /// A trace has one file; its rows are of the first station. [`PlcNode::sample_of`] has those of the others.
     fn sample(&self, now: Instant) -> (Instant, Sample) {
         (now, Self::sample(self))
     }

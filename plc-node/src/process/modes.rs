@@ -43,10 +43,19 @@ where
     }
 
     fn answer(&mut self, answer: PlcRefusal) -> (PlcMessage, Next<PlcOrder>) {
-        let is_unready =
-            matches!(answer, PlcRefusal::Start(_, StartError::NotConnected | StartError::NotReady { .. }));
+        let is_unready = matches!(
+            answer,
+            PlcRefusal::Start { error: StartError::NotConnected | StartError::NotReady { .. }, .. }
+        );
         self.ready &= !is_unready;
         (refusal(answer), Next::Wait)
+    }
+
+    fn answered_station(answer: &PlcRefusal) -> Option<usize> {
+        match answer {
+            PlcRefusal::Start { station, .. } => *station,
+            PlcRefusal::Override(_) => None,
+        }
     }
 
     fn instruction(&mut self, instruction: PlcInstruction) -> PlcOrder {
@@ -104,6 +113,13 @@ where
 
     fn answer(&mut self, answer: PlcRefusal) -> (PlcMessage, Next<PlcOrder>) {
         (refusal(answer), Next::End(Outcome::RunFailed))
+    }
+
+    fn answered_station(answer: &PlcRefusal) -> Option<usize> {
+        match answer {
+            PlcRefusal::Start { station, .. } => *station,
+            PlcRefusal::Override(_) => None,
+        }
     }
 
     fn instruction(&mut self, instruction: PlcInstruction) -> PlcOrder {

@@ -154,6 +154,11 @@ impl Station {
         self.state == StationState::Ready
     }
 
+    /// Returns whether the PLC leads the robot to `Ready`, if there is a robot.
+    pub(crate) fn is_preparing(&self) -> bool {
+        self.state == StationState::Preparing
+    }
+
     /// Returns the order in which the station's bus carries the bytes of a number.
     #[must_use]
     pub const fn byte_order(&self) -> Order {

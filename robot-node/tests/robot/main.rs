@@ -43,6 +43,7 @@ mod six_axes;
 mod skills;
 mod start_times;
 mod states;
+mod stored;
 mod straight_on;
 mod suspending;
 mod waiting;

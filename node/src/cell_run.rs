@@ -1,0 +1,352 @@
+//! The command `run` on a setup of several stations: the PLC node serves all of them, a robot node is one of them.
+//!
+//! ```text
+//! RunOptions::prepare_cell     the PLC's: all stations planned, the buses that they are on, an interface for each bus
+//! RunOptions::prepare_station  a robot's: its station as a setup of its own
+//! ```
+
+use std::net::Ipv4Addr;
+
+use planning::{FoundCell, PlannedCell};
+use protocol_linux::{Interface, StopSignals};
+use setup::{Addresses, Bus, BusKind, Cell, Station, meant_or_all};
+
+use crate::interface_option::{BusName, bus_name};
+use crate::message::CellText;
+use crate::role::NodeRole;
+use crate::run::{NodeStart, Prepared, RunOptions, set_up, take_address};
+use crate::supervise::OperatingMode;
+use crate::{Node, Outcome};
+
+/// Why a node does not run a setup of several stations.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum CellRunError {
+    /// A robot node is one robot.
+    #[error("setup {setup} has {} robots: choose one with --station {}", stations.len(), stations.join(" or --station "))]
+    NoStation {
+        /// The setup's name.
+        setup: String,
+        /// The names of its stations.
+        stations: Vec<String>,
+    },
+    /// No station has this name.
+    #[error("setup {setup} has no station `{name}`: {}", meant_or_all(name, &stations.iter().map(String::as_str).collect::<Vec<_>>()))]
+    UnknownStation {
+        /// The setup's name.
+        setup: String,
+        /// The name.
+        name: String,
+        /// The names of its stations.
+        stations: Vec<String>,
+    },
+    /// An application in place of the setup's is for one arm.
+    #[error(
+        "setup {0} has several stations with applications of their own: leave --application out, and write them into a setup file"
+    )]
+    Application(String),
+    /// Images without a protocol have one sender and one receiver.
+    #[error("setup {0} has several stations: leave --direct out, which connects two nodes")]
+    Direct(String),
+    /// SubDevices of one line would be in several processes.
+    #[error("stations {} are on one EtherCAT line: a robot-node is a line with one SubDevice; give the others other buses", .0.join(" and "))]
+    SeveralInLine(Vec<String>),
+    /// An EtherCAT segment is not a network of others.
+    #[error(
+        "bus ethercat shares interface {interface} with bus {other}: give it an interface of its own, ethercat=IF"
+    )]
+    SharedSegment {
+        /// The interface.
+        interface: String,
+        /// The other bus.
+        other: BusName,
+    },
+    /// Two buses give the PLC different addresses on one interface.
+    #[error("the PLC is {} on bus {} and {} on bus {}, both on interface {interface}: give each bus an interface", addresses[0], buses[0], addresses[1], buses[1])]
+    TwoAddresses {
+        /// The interface.
+        interface: String,
+        /// The buses.
+        buses: [BusName; 2],
+        /// The PLC's addresses there.
+        addresses: [Ipv4Addr; 2],
+    },
+}
+
+/// A bus of the PLC, with the stations on it.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct CellBus {
+    /// The bus.
+    pub name: BusName,
+    /// Indexes of its stations in the cell, in the order in which the bus numbers them: on EtherCAT that of the line.
+    pub stations: Vec<usize>,
+}
+
+impl CellBus {
+    /// Returns the buses of a cell, in the order of their first stations.
+    #[must_use]
+    pub fn of_cell(cell: &Cell) -> Vec<Self> {
+        let mut buses: Vec<Self> = Vec::new();
+        for (index, station) in cell.stations.iter().enumerate() {
+            let name = bus_name(&station.bus.kind);
+            match buses.iter_mut().find(|bus| bus.name == name) {
+                Some(bus) => bus.stations.push(index),
+                None => buses.push(Self { name, stations: vec![index] }),
+            }
+        }
+        let position = |index: &usize| cell.stations.get(*index).map(|one| cell.ethercat_position(one));
+        buses.iter_mut().for_each(|bus| bus.stations.sort_by_key(position));
+        buses
+    }
+
+    /// Returns how each of its stations describes the bus.
+    pub fn descriptions<'a>(&self, cell: &'a Cell) -> impl Iterator<Item = &'a Bus> {
+        self.stations.iter().filter_map(|index| Some(&cell.stations.get(*index)?.bus))
+    }
+
+    fn addresses<'a>(&self, cell: &'a Cell) -> Option<&'a Addresses> {
+        self.descriptions(cell).next()?.addresses()
+    }
+}
+
+/// What the PLC node of several stations needs to start on its buses.
+#[derive(Debug)]
+pub struct PreparedCell {
+    /// The setup, checked.
+    pub cell: Cell,
+    /// The motions of all stations, and where they wait for each other.
+    pub planned: PlannedCell,
+    /// Its buses.
+    pub buses: Vec<CellBus>,
+    /// The interface of each bus, in their order; they are up.
+    pub interfaces: Vec<Interface>,
+    /// Texts of the applications.
+    applications: String,
+    signals: StopSignals,
+}
+
+impl RunOptions {
+    /// Returns whether the setup has several stations. Where it cannot be read, [`prepare`](Self::prepare) says why.
+    #[must_use]
+    pub fn has_several_stations(&self) -> bool {
+        setup::cell(&self.setup).is_ok_and(|(cell, _)| !cell.is_one())
+    }
+
+    /// Prepares the PLC node of a setup with several stations. Call it while the process has one thread.
+    ///
+    /// # Errors
+    ///
+    /// [`CellRunError`], and those of [`prepare`](Self::prepare).
+    pub fn prepare_cell(&self) -> anyhow::Result<PreparedCell> {
+        let signals = self.prepare_process()?;
+        let (cell, found) = self.find_cell()?;
+        let planned = found.plan(&cell)?;
+        let buses = CellBus::of_cell(&cell);
+        let names: Vec<_> = buses.iter().map(|bus| bus.name).collect();
+        let interfaces = self.find_interfaces(&names)?;
+        check_interfaces(&cell, &buses, &interfaces.iter().map(Interface::name).collect::<Vec<_>>())?;
+        set_up(&interfaces)?;
+        let applications = applications(&cell, &found);
+        Ok(PreparedCell { cell, planned, buses, interfaces, applications, signals })
+    }
+
+    /// Prepares a node of one robot: of the station named so, or of a setup with one robot only. Call it while the process has
+    /// one thread.
+    ///
+    /// # Errors
+    ///
+    /// [`CellRunError`], and those of [`prepare`](Self::prepare).
+    pub fn prepare_station(&self, name: Option<&str>) -> anyhow::Result<Prepared> {
+        if !self.has_several_stations() {
+            let prepared = self.prepare()?;
+            let only = Cell::from(prepared.setup.clone());
+            if let Some(name) = name {
+                find_station(&only, name)?;
+            }
+            return Ok(prepared);
+        }
+        let signals = self.prepare_process()?;
+        let (cell, found) = self.find_cell()?;
+        let index = match (name, cell.stations.len()) {
+            (Some(name), _) => find_station(&cell, name)?,
+            (None, 1) => 0,
+            (None, _) => {
+                return Err(
+                    CellRunError::NoStation { setup: cell.name.clone(), stations: names(&cell) }.into()
+                );
+            }
+        };
+        let mut planned = found.plan(&cell)?;
+        let (planned, application) = (planned.stations.swap_remove(index), found.stations[index].clone());
+        let interfaces = self.find_interfaces(&[bus_name(&planned.setup.bus.kind)])?;
+        set_up(&interfaces)?;
+        let (setup, plan) = (planned.setup, planned.plan);
+        Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })
+    }
+
+    /// Finds the setup with its applications, with the options in it.
+    fn find_cell(&self) -> anyhow::Result<(Cell, FoundCell)> {
+        let (mut cell, found) = planning::cell_with_applications(&self.setup)?;
+        if self.application.is_some() {
+            return Err(CellRunError::Application(cell.name).into());
+        }
+        if self.direct {
+            return Err(CellRunError::Direct(cell.name).into());
+        }
+        if let Some(cyclic) = self.cyclic {
+            for station in &mut cell.stations {
+                station.bus.set_cyclic(cyclic);
+            }
+            setup::check_cell(&cell)?;
+        }
+        Ok((cell, found))
+    }
+}
+
+fn names(cell: &Cell) -> Vec<String> {
+    cell.names().map(str::to_owned).collect()
+}
+
+/// Returns the index of the station that a robot node can be.
+fn find_station(cell: &Cell, name: &str) -> Result<usize, CellRunError> {
+    let Some(index) = cell.names().position(|known| known == name) else {
+        let (setup, name) = (cell.name.clone(), name.to_owned());
+        return Err(CellRunError::UnknownStation { setup, name, stations: names(cell) });
+    };
+    let is_ethercat = |station: &&Station| matches!(station.bus.kind, BusKind::Ethercat(_));
+    let in_line: Vec<_> = cell.stations.iter().filter(is_ethercat).map(|one| one.name.clone()).collect();
+    if in_line.len() > 1 && in_line.iter().any(|other| other == name) {
+        return Err(CellRunError::SeveralInLine(in_line));
+    }
+    Ok(index)
+}
+
+/// Checks that each of these interfaces, by their names, can carry the buses on it.
+fn check_interfaces(cell: &Cell, buses: &[CellBus], interfaces: &[&str]) -> Result<(), CellRunError> {
+    for (index, (bus, interface)) in buses.iter().zip(interfaces).enumerate() {
+        let before = buses.iter().zip(interfaces).take(index).filter(|(_, other)| *other == interface);
+        for (other, _) in before {
+            let interface = (*interface).to_owned();
+            match (other.addresses(cell), bus.addresses(cell)) {
+                (None, _) => return Err(CellRunError::SharedSegment { interface, other: bus.name }),
+                (_, None) => return Err(CellRunError::SharedSegment { interface, other: other.name }),
+                (Some(one), Some(two)) if one.plc != two.plc => {
+                    let (buses, addresses) = ([other.name, bus.name], [one.plc, two.plc]);
+                    return Err(CellRunError::TwoAddresses { interface, buses, addresses });
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Returns the text of the application of all stations, or those of each with its station's name in a comment before it.
+fn applications(cell: &Cell, found: &FoundCell) -> String {
+    let texts = found.stations.iter().map(|station| station.text.as_str());
+    if cell.application.is_some() {
+        return texts.take(1).collect();
+    }
+    cell.names().zip(texts).map(|(name, text)| format!("# station {name}\n{text}\n")).collect()
+}
+
+impl PreparedCell {
+    /// Gives each interface the IP address that the PLC has there; buses with the same address on one interface share it.
+    ///
+    /// # Errors
+    ///
+    /// Another station on the cable has that address; the interface has another one, which may be the user's own connection;
+    /// or it gets none.
+    pub fn take_addresses(&self) -> anyhow::Result<()> {
+        let mut taken: Vec<&str> = Vec::new();
+        for (bus, interface) in self.buses.iter().zip(&self.interfaces) {
+            let Some(addresses) = bus.addresses(&self.cell) else { continue };
+            if !taken.contains(&interface.name()) {
+                take_address(interface, "station.bus.plc_address", addresses.plc, addresses.mask)?;
+                taken.push(interface.name());
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs the PLC until it is asked to end or `mode` ends it. `endpoint` is what it is on its buses, for its first message.
+    ///
+    /// # Errors
+    ///
+    /// The control port cannot be opened, or the cyclic thread does not start.
+    pub fn supervise<N: Node, C: OperatingMode<N>>(
+        self,
+        options: &RunOptions,
+        endpoint: &str,
+        node: N,
+        mode: &mut C,
+    ) -> anyhow::Result<Outcome> {
+        let Self { cell, interfaces, applications, signals, .. } = self;
+        let text = CellText { setup: setup::cell_to_toml(&cell)?, application: applications };
+        let several = Some(names(&cell)).filter(|stations| stations.len() > 1);
+        let (stations, setup) = (several.unwrap_or_default(), cell.name);
+        let start = NodeStart { setup, cell: text, stations, interfaces, station_file: None, signals };
+        start.supervise(options, NodeRole::Plc, endpoint, node, mode)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(name: &str) -> Cell {
+        setup::cell(name).unwrap().0
+    }
+
+    #[test]
+    fn a_cell_has_a_bus_for_each_kind_with_its_stations_in_the_order_of_the_bus() {
+        let of = |cell: &Cell| {
+            CellBus::of_cell(cell).into_iter().map(|bus| (bus.name, bus.stations)).collect::<Vec<_>>()
+        };
+        assert_eq!(of(&cell("E")), [("profinet", vec![0]), ("ethernet-ip", vec![1])]);
+        assert_eq!(of(&cell("F")), [("profinet", vec![0]), ("ethercat", vec![1])]);
+        let mut in_line = cell("F");
+        in_line.stations.insert(0, in_line.stations[1].clone());
+        in_line.stations[0].name = "last".to_owned();
+        (in_line.stations[0].position, in_line.stations[2].position) = (Some(1), Some(0));
+        assert_eq!(of(&in_line), [("ethercat", vec![2, 0]), ("profinet", vec![1])]);
+    }
+
+    #[test]
+    fn buses_share_an_interface_unless_one_is_ethercat_or_their_addresses_differ() {
+        let check = |cell: &Cell, interfaces: [&str; 2]| {
+            let checked = check_interfaces(cell, &CellBus::of_cell(cell), &interfaces);
+            checked.map_err(|error| error.to_string())
+        };
+        let (mut e, f) = (cell("E"), cell("F"));
+        assert_eq!(check(&e, ["eth0", "eth0"]), Ok(()));
+        assert_eq!(check(&f, ["eth0", "eth1"]), Ok(()));
+        let shared = "bus ethercat shares interface eth0 with bus profinet: give it an interface of its own, ethercat=IF";
+        assert_eq!(check(&f, ["eth0", "eth0"]), Err(shared.to_owned()));
+        if let BusKind::EthernetIp(addresses, _) = &mut e.stations[1].bus.kind {
+            addresses.plc = [192, 168, 64, 9].into();
+        }
+        assert_eq!(
+            check(&e, ["eth0", "eth0"]).unwrap_err(),
+            "the PLC is 192.168.64.1 on bus profinet and 192.168.64.9 on bus ethernet-ip, both on interface eth0: give each \
+             bus an interface"
+        );
+        assert_eq!(check(&e, ["eth0", "eth1"]), Ok(()));
+    }
+
+    #[test]
+    fn a_robot_is_one_station_and_a_wrong_name_is_answered_by_the_one_that_was_meant_or_by_all() {
+        let find = |cell: &Cell, name| find_station(cell, name).map_err(|error| error.to_string());
+        let e = cell("E");
+        assert_eq!((find(&e, "left"), find(&e, "right")), (Ok(0), Ok(1)));
+        assert_eq!(find(&e, "lefft").unwrap_err(), "setup E has no station `lefft`: did you mean `left`?");
+        assert_eq!(find(&e, "middle").unwrap_err(), "setup E has no station `middle`: there is left, right");
+        assert_eq!(find(&cell("A"), "robot"), Ok(0));
+        let mut in_line = cell("F");
+        in_line.stations[0].bus = in_line.stations[1].bus.clone();
+        assert_eq!(
+            find(&in_line, "right").unwrap_err(),
+            "stations left and right are on one EtherCAT line: a robot-node is a line with one SubDevice; give the others \
+             other buses"
+        );
+    }
+}
