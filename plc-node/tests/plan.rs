@@ -122,7 +122,7 @@ fn what_cannot_be_read_or_planned_is_a_fault_of_usage_with_file_and_place() {
     });
     insta::assert_snapshot!(finished.concat(), @r#"
     error: there is no application `juggle`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force; or give the path of a .toml file
-    error: my.toml:43: in `step[0].aproach_mm`: unknown key `aproach_mm`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
+    error: my.toml:43: in `step[0].aproach_mm`: unknown key `aproach_mm`: did you mean `approach_mm`?
        43 | aproach_mm = 70.0
     error: my.toml:40: labels: step `A`: is empty; expected some of "blending", "accurate-path", "accurate-stop"
     error: my.toml on setup A: step `A`, motion 3: its length is 0.000 mm and it does not turn; a motion needs at least 0.01 mm: remove it or move its frame
