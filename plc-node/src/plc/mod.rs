@@ -2,14 +2,16 @@
 //!
 //! ```text
 //! as_multihomed  the PLC as a machine on an interface for each bus: time and frames
+//! links          what the buses report, and the images that they are given
 //! run            the way to the start of a run, its scans and its end
 //! ```
 
 mod as_multihomed;
+mod links;
 mod run;
 
 use machine::{Duration, Instant, Lateness};
-use protocol::fieldbus::{ControllerBus, Counters, LinkEvent, StationId};
+use protocol::fieldbus::{ControllerBus, Counters, StationId};
 use protocol::image::{Checks, Command, Digest};
 
 use run::Run;
@@ -378,71 +380,6 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     fn report_ready(&mut self) {
         if self.is_ready() {
             self.events.push_for_all(PlcEvent::Ready);
-        }
-    }
-
-    /// Handles what a bus has received and reported.
-    fn after_bus(&mut self, now: Instant, bus: usize) {
-        while let Some(id) = self.buses.get_mut(bus).and_then(ControllerBus::poll_arrival) {
-            let Some(index) = self.index_of(bus, id) else { continue };
-            let received = self.counters_of(index).received;
-            if let Some(station) = self.stations.get_mut(index) {
-                station.life.note_arrival(now, received);
-            }
-        }
-        self.drain_bus(bus);
-    }
-
-    fn index_of(&self, bus: usize, id: StationId) -> Option<usize> {
-        self.on_bus.get(bus)?.get(usize::from(id.0)).copied().filter(|index| *index < self.stations.len())
-    }
-
-    /// Passes on the events of a bus. A lost connection fails a run at once, not with the next scan.
-    fn drain_bus(&mut self, bus: usize) {
-        while let Some((id, event)) = self.buses.get_mut(bus).and_then(B::poll_event) {
-            let Some(index) = self.index_of(bus, id) else { continue };
-            self.events.push(index, PlcEvent::Link(event));
-            match event {
-                LinkEvent::Up => {
-                    if let Some(station) = self.stations.get_mut(index) {
-                        station.connect();
-                    }
-                }
-                LinkEvent::Down(down) => {
-                    if let Some(station) = self.stations.get_mut(index) {
-                        station.note_down(down);
-                    }
-                    self.fail(Some(index), FailureCause::ConnectionLost(down));
-                    self.disarm(index);
-                }
-                LinkEvent::SetAddress { .. }
-                | LinkEvent::Store
-                | LinkEvent::Foreign(_)
-                | LinkEvent::Conflict(_) => {}
-            }
-        }
-    }
-
-    /// Removes every command from a station's image, because the bus repeats its last image on the next connection.
-    fn disarm(&mut self, index: usize) {
-        let Some(station) = self.stations.get_mut(index) else { return };
-        station.disarm();
-        self.write_output(index);
-        if self.stations.iter().all(|station| !station.is_connected()) {
-            self.scan.drop_outputs();
-        }
-    }
-
-    fn write_output(&mut self, index: usize) {
-        let Some((bus, id)) = self.places.get(index).copied() else { return };
-        if let (Some(bus), Some(station)) = (self.buses.get_mut(bus), self.stations.get(index)) {
-            bus.set_output(id, station.outputs());
-        }
-    }
-
-    fn write_outputs(&mut self, now: Instant) {
-        if self.scan.take_outputs(now) {
-            (0..self.stations.len()).for_each(|station| self.write_output(station));
         }
     }
 

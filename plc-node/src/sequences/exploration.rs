@@ -38,6 +38,10 @@ struct Robot {
 /// An arm of a cell: how many motions it has, and its waits by mark and place.
 type Arm = (usize, &'static [(u32, usize)]);
 
+/// What makes a state another one: of each arm motions executed, skills, motions written, whether it executes and whether it is
+/// lost; the marks met, and whether the run has ended.
+type Key = (Vec<(usize, usize, u32, bool, bool)>, Vec<u32>, bool);
+
 struct Cell {
     arms: [Arm; 2],
     execution_type: ExecutionType,
@@ -202,7 +206,7 @@ impl Cell {
         }
     }
 
-    fn key(&self) -> (Vec<(usize, usize, u32, bool, bool)>, Vec<u32>, bool) {
+    fn key(&self) -> Key {
         let station = |(robot, station): (&Robot, &Station)| {
             let command = station.group().command();
             let executes = command.control.contains(Control::EXECUTE);

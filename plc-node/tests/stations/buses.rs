@@ -235,9 +235,9 @@ impl Cell {
             }
             finished.iter().all(Option::is_some).then_some(())
         });
-        for station in 0..count {
+        for (station, finished) in finished.into_iter().enumerate() {
             let motions: Vec<Motion> = motions(station, 4 + station as u16);
-            assert_eq!(finished[station], Some(motions.len() as u32), "{execution_type}, station {station}");
+            assert_eq!(finished, Some(motions.len() as u32), "{execution_type}, station {station}");
             if execution_type != ExecutionType::Rc {
                 assert_eq!(self.script(station, |script| script.taken.clone()), motions);
             }

@@ -170,5 +170,5 @@ fn a_run_starts_once_both_arms_are_at_their_start() {
     });
     assert!(begun >= cell.robot(RIGHT, |robot| robot.executed[0]));
     assert_eq!(cell.robot(LEFT, |robot| robot.begun.len()), 0);
-    let _ = cell.wait_for(|report| matches!(report.event, PlcEvent::Finished(_)).then_some(()));
+    cell.wait_for(|report| matches!(report.event, PlcEvent::Finished(_)).then_some(()));
 }

@@ -8,8 +8,11 @@ use protocol::image::Skill;
 
 use crate::cell::{Cell, LEFT, MS, RIGHT, cell, motions, wait, work};
 
+/// Marks, and the motions before each.
+type Waits = &'static [(u32, usize)];
+
 /// Four motions, and eight.
-fn marked(left: &[(u32, usize)], right: &[(u32, usize)]) -> [StationWork; 2] {
+fn marked(left: Waits, right: Waits) -> [StationWork; 2] {
     let waits =
         |waits: &[(u32, usize)]| waits.iter().map(|(mark, after)| wait(*mark, *after, false)).collect();
     [work(motions(LEFT, 4), waits(left), vec![]), work(motions(RIGHT, 8), waits(right), vec![])]
@@ -57,14 +60,14 @@ fn arms_wait_for_each_other_at_a_mark_whoever_comes_first_and_go_on_together() {
 
 #[test]
 fn marks_at_the_very_beginning_at_the_very_end_and_two_at_one_place_are_passed() {
-    let places: [(&[(u32, usize)], &[(u32, usize)]); 4] = [
-        (&[(1, 0)], &[(1, 6)]),
-        (&[(1, 4)], &[(1, 1)]),
-        (&[(1, 0), (2, 4)], &[(1, 0), (2, 8)]),
-        (&[(1, 2), (2, 2), (3, 4)], &[(1, 1), (2, 7), (3, 7)]),
+    let places: [[Waits; 2]; 4] = [
+        [&[(1, 0)], &[(1, 6)]],
+        [&[(1, 4)], &[(1, 1)]],
+        [&[(1, 0), (2, 4)], &[(1, 0), (2, 8)]],
+        [&[(1, 2), (2, 2), (3, 4)], &[(1, 1), (2, 7), (3, 7)]],
     ];
     for execution_type in ExecutionType::ALL {
-        for (left, right) in places {
+        for [left, right] in places {
             let mut cell = cell(marked(left, right));
             let what = format!("{execution_type} {left:?} {right:?}");
             assert_eq!(cell.run(execution_type), [4, 8], "{what}");

@@ -255,3 +255,22 @@ fn an_ar_that_is_removed_makes_room_for_a_new_one() {
     let all = cell.controller(|controller, _| controller.ars().filter(|(_, ar)| Ar::is_up(ar)).count());
     assert_eq!(all, 2);
 }
+
+#[test]
+fn a_controller_names_each_ar_whose_data_have_arrived_once() {
+    for transports in EACH_WAY {
+        let mut cell = Cell::new(transports);
+        cell.run(400);
+        let received = |cell: &mut Cell| {
+            cell.controller(|controller, _| {
+                let mut ars: Vec<_> = core::iter::from_fn(|| controller.poll_received()).collect();
+                ars.sort();
+                ars
+            })
+        };
+        assert_eq!(received(&mut cell), cell.ars);
+        assert_eq!(received(&mut cell), []);
+        cell.run(10);
+        assert_eq!(received(&mut cell), cell.ars, "{transports:?}");
+    }
+}
