@@ -1,6 +1,6 @@
 //! `plc-node plan`: what goes to which stream, and what is said of an application that cannot be planned.
 
-#![expect(clippy::unwrap_used, clippy::panic, reason = "a helper of a test may panic as the test may")]
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
 use std::fs;
 use std::path::Path;
