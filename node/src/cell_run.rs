@@ -157,12 +157,10 @@ impl RunOptions {
     /// [`CellRunError`], and those of [`prepare`](Self::prepare).
     pub fn prepare_station(&self, name: Option<&str>) -> anyhow::Result<Prepared> {
         if !self.has_several_stations() {
-            let prepared = self.prepare()?;
-            let only = Cell::from(prepared.setup.clone());
-            if let Some(name) = name {
+            if let (Some(name), Ok((only, _))) = (name, setup::cell(&self.setup)) {
                 find_station(&only, name)?;
             }
-            return Ok(prepared);
+            return self.prepare();
         }
         let signals = self.prepare_process()?;
         let (cell, found) = self.find_cell()?;
