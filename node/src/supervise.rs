@@ -10,10 +10,10 @@ use machine::LinkEvent;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::message::{Console, Hello, Instruction, Message};
+use crate::message::{Hello, Instruction, Message};
 use crate::output::to_stdout;
 use crate::station_file::{Station, StationFile};
-use crate::station_message::StationMessage;
+use crate::station_message::{Console, StationMessage};
 use crate::{
     Command, Input, Node, NodeError, NodeProcess, Notice, Outcome, ProcessEvent, ShortText, Waiting, errln,
 };
