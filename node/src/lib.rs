@@ -25,6 +25,7 @@ pub mod address_check;
 pub mod arguments;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod cell_run;
+pub mod cell_run_error;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod control;
 mod duration;

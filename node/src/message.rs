@@ -6,10 +6,8 @@ use std::net::{Ipv4Addr, SocketAddr};
 
 use serde::{Deserialize, Serialize};
 
-use crate::output::to_stdout;
 use crate::report::NodeReport;
 use crate::role::NodeRole;
-use crate::station_message::StationMessage;
 
 /// What a node sends. `M` are the messages of only this kind of node.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -188,28 +186,6 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
             Self::Denied { reason } => write!(f, "denied: {reason}"),
             Self::Node(message) => message.fmt(f),
         }
-    }
-}
-
-/// Format of the messages on standard output.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Console {
-    /// Text for a person.
-    Text,
-    /// One JSON value a line, for a program.
-    Json,
-}
-
-impl Console {
-    /// Prints a message on standard output.
-    ///
-    /// A failure is ignored: it cannot be reported, and standard input ends then, too.
-    pub fn print<M: Serialize + fmt::Display>(self, message: &StationMessage<M>) {
-        let line = match self {
-            Self::Text => message.to_string(),
-            Self::Json => message.to_json(),
-        };
-        let _ = to_stdout(format_args!("{line}\n"));
     }
 }
 

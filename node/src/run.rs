@@ -21,11 +21,12 @@ use setup::{Cyclic, Setup};
 
 use crate::Outcome;
 use crate::address_check::{AddressCheckError, check_address};
-use crate::cell_run::CellRunError;
+use crate::cell_run_error::CellRunError;
 use crate::interface_option::{BusName, InterfaceOption, InterfaceOptionError, bus_name};
-use crate::message::{CellText, Console, Hello, NodeHost};
+use crate::message::{CellText, Hello, NodeHost};
 use crate::role::NodeRole;
 use crate::station_file::StationFile;
+use crate::station_message::Console;
 use crate::supervise::{OperatingMode, Supervised, supervise};
 use crate::token::{ControlToken, TokenError};
 use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln};

@@ -10,6 +10,7 @@ use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
 
 use crate::message::Message;
+use crate::output::to_stdout;
 
 /// A message and the station that it is about.
 #[derive(Clone, PartialEq, Debug)]
@@ -84,6 +85,28 @@ impl<M: fmt::Display> fmt::Display for StationMessage<M> {
             write!(f, "{station}: ")?;
         }
         self.message.fmt(f)
+    }
+}
+
+/// Format of the messages on standard output.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Console {
+    /// Text for a person.
+    Text,
+    /// One JSON value a line, for a program.
+    Json,
+}
+
+impl Console {
+    /// Prints a message on standard output.
+    ///
+    /// A failure is ignored: it cannot be reported, and standard input ends then, too.
+    pub fn print<M: Serialize + fmt::Display>(self, message: &StationMessage<M>) {
+        let line = match self {
+            Self::Text => message.to_string(),
+            Self::Json => message.to_json(),
+        };
+        let _ = to_stdout(format_args!("{line}\n"));
     }
 }
 

@@ -10,10 +10,10 @@ use machine::LinkEvent;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::message::{Console, Hello, Instruction, Message};
+use crate::message::{Hello, Instruction, Message};
 use crate::output::to_stdout;
 use crate::station_file::{Station, StationFile};
-use crate::station_message::StationMessage;
+use crate::station_message::{Console, StationMessage};
 use crate::{
     Command, Input, Node, NodeError, NodeProcess, Notice, Outcome, ProcessEvent, ShortText, Waiting, errln,
 };
@@ -257,7 +257,11 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
 
     fn handle_notice(&mut self, notice: Notice<N::Event, N::Answer>) -> Next<N::Order> {
         let (station, message, next) = match notice {
-            Notice::Event(event) => self.handle_event(event),
+            Notice::Event(event) => {
+                let station = N::station(&event);
+                let (message, next) = self.handle_event(station, event);
+                (station, message, next)
+            }
             Notice::Explanation(words) => {
                 self.explanation = Some(words);
                 return Next::Wait;
@@ -292,20 +296,19 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
 
     fn handle_event(
         &mut self,
+        station: Option<usize>,
         event: N::Event,
-    ) -> (Option<usize>, Option<Message<C::Message>>, Next<N::Order>) {
-        let station = N::station(&event);
+    ) -> (Option<Message<C::Message>>, Next<N::Order>) {
         let index = station.unwrap_or_default();
         if let Some(link) = N::link_event(&event) {
-            let (message, next) = self.handle_link(index, link);
-            return (station, message, next);
+            return self.handle_link(index, link);
         }
         if let Some(waiting) = N::waiting(&event) {
             let message = self.links.get(index).map(|link| link.waiting_message(&waiting));
             if let Some(link) = self.links.get_mut(index) {
                 link.waiting = Some(waiting);
             }
-            return (station, message, Next::Wait);
+            return (message, Next::Wait);
         }
         // What happens to the whole node ends every wait.
         for (number, link) in self.links.iter_mut().enumerate() {
@@ -314,7 +317,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             }
         }
         let (message, next) = self.mode.event(event);
-        (station, message.map(Message::Node), next)
+        (message.map(Message::Node), next)
     }
 
     fn handle_link(

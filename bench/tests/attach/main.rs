@@ -8,6 +8,7 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod by_hand;
+mod cell;
 mod stations;
 
 use std::fs;
@@ -50,6 +51,8 @@ fn main() -> ExitCode {
         another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named,
         a_wrong_value_in_an_instruction_is_refused_and_the_run_goes_on,
         nodes_end_with_130_at_ctrl_c_and_sigterm_whatever_they_do,
+        cell::two_robots_on_two_buses_and_one_switch_work_with_one_plc,
+        cell::a_plc_that_sends_json_names_the_station_of_each_message,
         stations::a_robot_that_kept_the_address_of_another_one_is_not_connected_to,
         stations::a_stranger_that_takes_the_address_of_the_robot_is_named_by_both_nodes,
     ])

@@ -13,9 +13,9 @@ const OLD: &str = "old-robot";
 const ROBOT: &str = "192.168.64.2/24";
 
 /// A switch with four ends: the PLC, two robots and a stranger.
-struct Switch {
+pub(crate) struct Switch {
     network: NetworkNamespace,
-    ends: [NetworkNamespace; 4],
+    pub(crate) ends: [NetworkNamespace; 4],
 }
 
 fn ip(network: &NetworkNamespace, arguments: &str) {
@@ -26,7 +26,7 @@ fn ip(network: &NetworkNamespace, arguments: &str) {
 }
 
 impl Switch {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let network = NetworkNamespace::new().unwrap();
         ip(&network, "link add br0 type bridge forward_delay 0");
         ip(&network, "link set br0 up");
@@ -39,19 +39,26 @@ impl Switch {
     }
 
     /// Starts a node at an end of the switch, with a setup file.
-    fn node(&self, end: usize, name: &str, setup: &str, more: &[&str]) -> Node {
-        let mut command = bench();
-        command.args([name, "run", "--setup", setup, "--interface", "eth0"]).args(more);
-        command.env_remove("STATE_DIRECTORY").env("XDG_STATE_HOME", "/dev/null").stdout(Stdio::piped());
-        self.ends[end].confine(&mut command).unwrap();
+    pub(crate) fn node(&self, end: usize, name: &str, setup: &str, more: &[&str]) -> Node {
+        let mut command = self.command(end, name, setup, "eth0");
+        command.args(more);
         let mut child = command.spawn().unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
         Node { child, lines }
     }
+
+    /// Returns the command that starts a node at an end of the switch.
+    pub(crate) fn command(&self, end: usize, name: &str, setup: &str, interface: &str) -> Command {
+        let mut command = bench();
+        command.args([name, "run", "--setup", setup, "--interface", interface]);
+        command.env_remove("STATE_DIRECTORY").env("XDG_STATE_HOME", "/dev/null").stdout(Stdio::piped());
+        self.ends[end].confine(&mut command).unwrap();
+        command
+    }
 }
 
 /// A running node.
-struct Node {
+pub(crate) struct Node {
     child: Child,
     lines: Lines<BufReader<ChildStdout>>,
 }
@@ -59,7 +66,7 @@ struct Node {
 impl Node {
     /// Reads up to a line with this text and returns all lines so far.
     #[track_caller]
-    fn read_to(&mut self, text: &str) -> Vec<String> {
+    pub(crate) fn read_to(&mut self, text: &str) -> Vec<String> {
         let mut read = Vec::new();
         for line in self.lines.by_ref().map_while(Result::ok) {
             read.push(line);
@@ -71,7 +78,7 @@ impl Node {
     }
 
     /// Ends the node and returns the lines that were not read.
-    fn end(mut self) -> Vec<String> {
+    pub(crate) fn end(mut self) -> Vec<String> {
         let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
         let lines = self.lines.by_ref().map_while(Result::ok).collect();
         let _ = self.child.wait();
