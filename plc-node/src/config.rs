@@ -1,11 +1,11 @@
 //! The configuration of a PLC node.
 
 use machine::Duration;
-use planning::{Stop, ToStart};
+use planning::{Stop, ToStart, WaitAt};
 use protocol::image;
 use setup::Setup;
 
-use crate::{MotionList, MotionSource, WaitLimits};
+use crate::{MotionList, MotionSource, StationConfig, StationWork, WaitLimits};
 
 /// Time that a working robot may take to accept a command, in addition to the time in its setup. Assumed, since no source
 /// states it: long enough for any controller, short enough for a person who waits.
@@ -64,6 +64,18 @@ impl PlcConfig {
             to_start: ToStart::default(),
             stops: Vec::new(),
         }
+    }
+
+    /// Returns what a PLC of several stations knows of this one, named `name`, and what it runs there. `waits` is where its arm waits
+    /// for others.
+    #[must_use]
+    pub fn into_station(self, name: String, waits: Vec<WaitAt>) -> (StationConfig, StationWork) {
+        let wait_limits = self.wait_limits();
+        let Self { answer_timeout, robot_cycle, queue_depth, program, motions, to_start, stops, .. } = self;
+        let longest_stop = StationConfig::longest_of(&stops);
+        let station =
+            StationConfig { name, wait_limits, answer_timeout, robot_cycle, to_start, longest_stop };
+        (station, StationWork { program, queue_depth, motions, stops, waits })
     }
 
     /// Returns the timeouts in scans, the unit in which the program counts. The echo of a life counter of 16 bits tells its

@@ -16,7 +16,7 @@ use run::Run;
 
 use crate::event::Events;
 use crate::program::{AfterLoss, PlcProgram};
-use crate::sequences::{Sequences, StationWork};
+use crate::sequences::Sequences;
 use crate::station::{Station, StationConfig, StationState, WayToStart, Work};
 use crate::{
     ExecutionType, FailureCause, Override, OverrideSchedule, PlcConfig, PlcEvent, Sample, Scan, StartError,
@@ -71,18 +71,8 @@ impl<B: ControllerBus> PlcNode<B> {
     /// Creates a PLC with one station, on a bus with one, whose first scan is at `start`.
     #[must_use]
     pub fn new(config: PlcConfig, bus: B, start: Instant) -> Self {
-        let wait_limits = config.wait_limits();
-        let PlcConfig { scan_cycle, scan_cost, answer_timeout, robot_cycle, .. } = config;
-        let PlcConfig { queue_depth, program, motions, to_start, stops, .. } = config;
-        let station = StationConfig {
-            name: String::new(),
-            wait_limits,
-            answer_timeout,
-            robot_cycle,
-            to_start,
-            longest_stop: StationConfig::longest_of(&stops),
-        };
-        let work = StationWork { program, queue_depth, motions, stops, waits: Vec::new() };
+        let PlcConfig { scan_cycle, scan_cost, .. } = config;
+        let (station, work) = config.into_station(String::new(), Vec::new());
         let station = PlacedStation { bus: 0, id: StationId::FIRST, config: station };
         let scan = Scan::new(start, scan_cycle, scan_cost);
         Self::with_program(scan, vec![bus], vec![station], Sequences::new(vec![work]))
