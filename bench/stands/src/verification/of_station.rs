@@ -43,6 +43,9 @@ impl StationVerification {
     }
 
     fn compare(&mut self, StationMeasured { measured, .. }: &StationMeasured) -> anyhow::Result<()> {
+        if let Some(quality) = &measured.quality {
+            quality.check_ratings()?;
+        }
         let execution = &measured.execution;
         let found = Sum { motions: execution.commanded.motions, value: execution.commanded.digest };
         let is_rc = execution.execution_type == ExecutionType::Rc;

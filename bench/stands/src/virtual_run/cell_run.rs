@@ -15,9 +15,11 @@ use super::new_cell::{NewCell, switch_on};
 use super::nodes::{CONNECT, LONGEST_RUN, NeverEnded};
 use crate::Unreported;
 use crate::planned_station::PlannedStation;
+use records::cell_results::{CellResults, CellSample, StationSample};
 use records::conditions::{Interference, Measured, MotionTotals};
 use records::lateness::CycleLateness;
 use records::not_ready::NotReady;
+use records::results::Frames;
 use records::schedule::Step;
 
 /// A finished run of a cell.
@@ -43,6 +45,43 @@ impl StationMeasured {
     #[must_use]
     pub fn waited(&self) -> Duration {
         self.passages.iter().filter_map(|it| Some(it.passed?.since(it.came))).sum()
+    }
+}
+
+impl CellMeasured {
+    /// Returns what is saved of the run.
+    #[must_use]
+    pub fn sample(&self) -> CellSample {
+        let station = |of_station: &StationMeasured| StationSample {
+            robot_execution: Duration::from_nanos(of_station.measured.execution.robot_execution_ns),
+            blends_suppressed: of_station.measured.execution.blends_suppressed,
+            waited: of_station.waited(),
+            came: of_station.passages.iter().map(|it| (it.mark, it.came.since(Instant::ZERO))).collect(),
+        };
+        let execution_ns = self.stations.first().map_or(0, |first| first.measured.execution.execution_time_ns);
+        CellSample {
+            execution: Duration::from_nanos(execution_ns),
+            start_skew: self.start_skew,
+            stations: self.stations.iter().map(station).collect(),
+        }
+    }
+}
+
+impl CellHealth {
+    /// Writes the conditions of the run so far into its results.
+    pub fn write_to(&self, results: &mut CellResults) {
+        results.plc_cycle = self.plc.clone();
+        for (station, health) in results.stations.iter_mut().zip(&self.stations) {
+            let StationHealth { robot, plc_bus, robot_bus } = health;
+            station.cycle = robot.clone();
+            station.frames = Frames {
+                frames_sent: plc_bus.sent,
+                frames_received: plc_bus.received,
+                skipped: plc_bus.skipped + robot_bus.skipped,
+                lost: plc_bus.lost + robot_bus.lost,
+                foreign: plc_bus.foreign + robot_bus.foreign,
+            };
+        }
     }
 }
 
