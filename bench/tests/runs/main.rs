@@ -14,6 +14,7 @@ mod arguments;
 mod broken_files;
 mod calibrate;
 mod captures;
+mod cells;
 mod causes;
 mod command_line;
 mod corrupted;
