@@ -14,8 +14,7 @@ use crate::replacement::{Durability, replace};
 use crate::schedule::Step;
 
 /// First line of the samples: a line for each repetition and station.
-const SAMPLES_HEAD: &str =
-    "type,repetition,station,execution_ms,robot_execution_ms,blends_suppressed,waiting_ms,start_skew_us,error\n";
+const SAMPLES_HEAD: &str = "type,repetition,station,execution_ms,robot_execution_ms,blends_suppressed,waiting_ms,start_skew_us,error\n";
 
 /// The directory of a run of a cell.
 #[derive(Debug)]
@@ -73,7 +72,8 @@ impl CellDirectory {
         match outcome {
             Ok(sample) => {
                 let millis = |time: std::time::Duration| time.as_nanos() as f64 / 1e6;
-                let skew = sample.start_skew.map_or_else(String::new, |it| (millis(it) * 1e3).to_string());
+                let skew =
+                    sample.start_skew.map_or_else(String::new, |it| (it.as_nanos() as f64 / 1e3).to_string());
                 for (name, one) in self.names.iter().zip(&sample.stations) {
                     let _ = writeln!(
                         self.samples,

@@ -181,8 +181,7 @@ impl CellResults {
                 None => result.marks.push(MarkResult { mark, skew_us: vec![micros(skew)] }),
             }
         }
-        (result.aet_ms, result.mad_ms) =
-            aet_mad(&result.samples_ms).map(|it| (it.aet_ms, it.mad_ms)).unzip();
+        (result.aet_ms, result.mad_ms) = aet_mad(&result.samples_ms).map(|it| (it.aet_ms, it.mad_ms)).unzip();
     }
 
     /// Adds a failed repetition.

@@ -51,7 +51,9 @@ impl PlannedStation {
         let mut begin = 0;
         let mut programs = Vec::with_capacity(ends.len());
         for end in ends {
-            let Some(section) = motions.get(begin..end).filter(|section| !section.is_empty()) else { continue };
+            let Some(section) = motions.get(begin..end).filter(|section| !section.is_empty()) else {
+                continue;
+            };
             let within = |stop: &&Stop| (begin + 1..end).contains(&(stop.after as usize));
             let stops = stops.iter().filter(within);
             let shifted = stops.map(|stop| Stop { after: stop.after - begin as u32, ..*stop });

@@ -16,7 +16,8 @@ fn a_cell_of_two_arms_runs_in_every_type_and_gives_the_same_bytes_with_the_same_
         let read = |out: &str, more: &[&str]| {
             let finished = run(directory.path(), setup, out, more);
             assert_eq!(finished.code, Some(0), "{setup}: {}{}", finished.stdout, finished.stderr);
-            ["results.json", "samples.csv"].map(|file| fs::read(directory.path().join(out).join(file)).unwrap())
+            ["results.json", "samples.csv"]
+                .map(|file| fs::read(directory.path().join(out).join(file)).unwrap())
         };
         let first = read(&format!("{setup}-1"), &[]);
         assert_eq!(first, read(&format!("{setup}-2"), &[]), "{setup}");
@@ -28,7 +29,10 @@ fn a_cell_of_two_arms_runs_in_every_type_and_gives_the_same_bytes_with_the_same_
             let result = &results["results"][kind];
             assert_eq!(result["samples_ms"].as_array().unwrap().len(), 2, "{setup} {kind}");
             let marks = result["marks"].as_array().unwrap();
-            assert!(marks.iter().all(|mark| mark["skew_us"].as_array().unwrap().len() == 2), "{setup} {kind}");
+            assert!(
+                marks.iter().all(|mark| mark["skew_us"].as_array().unwrap().len() == 2),
+                "{setup} {kind}"
+            );
             let waited = |station: usize| result["stations"][station]["waiting_ms"][0].as_f64().unwrap();
             // One of the arms comes to each mark first.
             assert!(waited(0) + waited(1) > 0.0, "{setup} {kind}");

@@ -38,7 +38,8 @@ pub(super) fn run(options: &GateOptions) -> Result<Exit, Failure> {
         }
         old => {
             let setup = cell.name.clone();
-            let mut new = Baseline { schema_version: SCHEMA_VERSION, setup, application, reps, seed, figures };
+            let mut new =
+                Baseline { schema_version: SCHEMA_VERSION, setup, application, reps, seed, figures };
             new.keep_tolerances(old.as_ref());
             write(&new, old.as_ref(), &path)
         }

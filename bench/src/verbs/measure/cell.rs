@@ -143,7 +143,8 @@ fn check_options(options: &RunOptions) -> Result<(), Failure> {
     match given.or(export.map(|(name, _)| *name)) {
         None => Ok(()),
         Some(name) => {
-            let error = anyhow!("{name} is for setups of one station so far; leave it out with several stations");
+            let error =
+                anyhow!("{name} is for setups of one station so far; leave it out with several stations");
             Err(Failure::new(Exit::Usage, error))
         }
     }

@@ -79,7 +79,9 @@ impl StationVerification {
                 [account.motion_time, planned.motion_time].map(|time| time.as_secs_f64() * 1e3);
             return Err(Difference::RobotTime { found_ms, planned_ms }.into());
         }
-        let Some(quality) = measured.quality.filter(|_| execution.blends_suppressed == 0) else { return Ok(()) };
+        let Some(quality) = measured.quality.filter(|_| execution.blends_suppressed == 0) else {
+            return Ok(());
+        };
         let length_mm = alone.quality.path_length_mm;
         let tolerance = LENGTH_TOLERANCE_MM + LENGTH_TOLERANCE * length_mm;
         if (quality.path_length_mm - length_mm).abs() <= tolerance {

@@ -11,7 +11,8 @@ use records::conditions::MotionTotals;
 use robot_node::bus::RobotBus;
 use robot_node::{RobotEvent, RobotNode};
 use virtual_time::{
-    CableId, Clock, Either, Event, Impairment, LinkCounters, Network, NodeId, Plug, Side, SwitchConfig, Tapped,
+    CableId, Clock, Either, Event, Impairment, LinkCounters, Network, NodeId, Plug, Side, SwitchConfig,
+    Tapped,
 };
 
 type Plc = PlcNode<PlcBus>;

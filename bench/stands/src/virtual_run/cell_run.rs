@@ -58,7 +58,8 @@ impl CellMeasured {
             waited: of_station.waited(),
             came: of_station.passages.iter().map(|it| (it.mark, it.came.since(Instant::ZERO))).collect(),
         };
-        let execution_ns = self.stations.first().map_or(0, |first| first.measured.execution.execution_time_ns);
+        let execution_ns =
+            self.stations.first().map_or(0, |first| first.measured.execution.execution_time_ns);
         CellSample {
             execution: Duration::from_nanos(execution_ns),
             start_skew: self.start_skew,
@@ -255,7 +256,11 @@ impl CellRun {
     /// # Errors
     ///
     /// It failed; the error names the station.
-    pub fn execute_watched(&mut self, step: Step, mut look: impl FnMut(&Self)) -> anyhow::Result<CellMeasured> {
+    pub fn execute_watched(
+        &mut self,
+        step: Step,
+        mut look: impl FnMut(&Self),
+    ) -> anyhow::Result<CellMeasured> {
         let until = self.cell.now() + CONNECT;
         while !self.cell.plc().is_ready() {
             if self.next_event(until).is_none() {
@@ -384,7 +389,8 @@ mod tests {
         for cell in ["E", "F"] {
             let (stations, mut run) = start(cell);
             for execution_type in ExecutionType::ALL {
-                let (mut moving_beyond, mut moving, mut last) = (0, vec![0; stations.len()], vec![0; stations.len()]);
+                let (mut moving_beyond, mut moving, mut last) =
+                    (0, vec![0; stations.len()], vec![0; stations.len()]);
                 run.execute_watched(step(execution_type), |run| {
                     for (one, station) in stations.iter().enumerate() {
                         // The robot moves, and the PLC has seen it come to the end of the section.
@@ -403,7 +409,10 @@ mod tests {
                             for (other, others) in stations.iter().enumerate() {
                                 let there = others.waits.iter().find(|there| there.mark == wait.mark);
                                 let come = run.progress(other).1 as usize;
-                                assert!(there.is_none_or(|there| come >= there.after), "{cell} {execution_type} {wait:?}");
+                                assert!(
+                                    there.is_none_or(|there| come >= there.after),
+                                    "{cell} {execution_type} {wait:?}"
+                                );
                             }
                         }
                     }

@@ -143,7 +143,8 @@ fn new_robot(
     // Each robot draws numbers of its own.
     let seed = seed.wrapping_add(index as u64);
     let mac = robot_mac(index);
-    let mut of_robot = robot_node::bus::open(bus, mac, None, seed, || phases.first(clock, bus.cycle_us.value));
+    let mut of_robot =
+        robot_node::bus::open(bus, mac, None, seed, || phases.first(clock, bus.cycle_us.value));
     if let RobotBus::EthernetIp(adapter) = &mut of_robot {
         adapter.stop_conflict_detection();
     }

@@ -21,8 +21,8 @@ use protocol::image::Digest;
 use setup::Setup;
 use virtual_time::{Carrier, Impairment, Side, Tapped};
 
-pub use silence::NeverEnded;
 pub(super) use silence::LONGEST_RUN;
+pub use silence::NeverEnded;
 use silence::SILENCE;
 
 use super::Work;
