@@ -204,7 +204,7 @@ verb_gate() { #: fail where the virtual figures of a setup left their committed 
     out=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
     trap "rm -rf '$out'" EXIT
-    for setup in A B C D; do
+    for setup in A B C D E F; do
         built bench gate --setup "$setup" >"$out/$setup.txt" || status=$?
         summarise "$out/$setup.txt"
     done

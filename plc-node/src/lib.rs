@@ -55,7 +55,7 @@ pub use plc::{PlacedStation, PlcNode};
 pub use program::{AfterLoss, PlcProgram, Progress, Totals};
 pub use sample::Sample;
 pub use scan::Scan;
-pub use sequences::{Sequences, StationWork};
+pub use sequences::{MarkPassage, Sequences, StationWork};
 pub use speed_override::{Override, OverrideError, OverrideSchedule, OverrideStep, ScheduleError};
 pub use station::{Station, StationConfig};
 pub use waiting::WaitingFor;

@@ -30,6 +30,17 @@ pub struct StationWork {
     pub waits: Vec<WaitAt>,
 }
 
+/// When an arm came to a mark, and when it went on, by the scans of the PLC.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct MarkPassage {
+    /// Number of the mark.
+    pub mark: u32,
+    /// The first scan in which the PLC saw the arm stand there.
+    pub came: Instant,
+    /// The scan that let it pass; `None` while it waits.
+    pub passed: Option<Instant>,
+}
+
 /// The program that runs the sequences of all stations.
 #[derive(Debug)]
 pub struct Sequences {
@@ -47,6 +58,8 @@ struct Part {
     waits: Vec<WaitAt>,
     /// Marks that were passed in this run.
     passed: usize,
+    /// Marks that the arm came to in this run; its capacity is taken at the start.
+    passages: Vec<MarkPassage>,
     state: PartState,
     /// What went wrong in the scan in which another station's trouble came first.
     trouble: Option<Progress>,
@@ -67,6 +80,7 @@ impl Part {
             queue_depth,
             motions: Digested::new(motions),
             stops,
+            passages: Vec::with_capacity(waits.len()),
             waits,
             passed: 0,
             state: PartState::Done,
@@ -79,6 +93,7 @@ impl Part {
         self.sequence = if self.waits.is_empty() { sequence } else { sequence.in_sections() };
         self.motions.restart();
         self.passed = 0;
+        self.passages.clear();
         (self.state, self.trouble) = (PartState::Running, None);
     }
 
@@ -94,6 +109,23 @@ impl Part {
     fn stands_at(&self) -> Option<u32> {
         let wait = self.waits.get(self.passed)?;
         (self.state != PartState::Lost && self.sequence.has_come_to(self.reach())).then_some(wait.mark)
+    }
+
+    /// Notes that the arm has come to a mark.
+    fn note_arrival(&mut self, now: Instant) {
+        if let Some(mark) = self.stands_at()
+            && self.passages.len() == self.passed
+        {
+            self.passages.push(MarkPassage { mark, came: now, passed: None });
+        }
+    }
+
+    /// Lets the arm pass the mark at which it stands.
+    fn pass(&mut self, now: Instant) {
+        if let Some(passage) = self.passages.get_mut(self.passed) {
+            passage.passed = Some(now);
+        }
+        self.passed += 1;
     }
 
     /// Returns whether the arm comes to a mark in this run that it has not passed.
@@ -120,9 +152,16 @@ impl Sequences {
         self.parts.get(station).map(|part| part.motions.given())
     }
 
+    /// Returns the marks that a station came to in this run, or in the last one, in order.
+    #[must_use]
+    pub fn passages(&self, station: usize) -> &[MarkPassage] {
+        self.parts.get(station).map_or(&[], |part| &part.passages)
+    }
+
     /// Lets the arms pass each mark at which all stand that have it.
-    fn pass_marks(&mut self) {
+    fn pass_marks(&mut self, now: Instant) {
         loop {
+            self.parts.iter_mut().for_each(|part| part.note_arrival(now));
             let together = |mark: u32| {
                 let mut having = self.parts.iter().filter(|part| part.comes_to(mark));
                 having.all(|part| part.stands_at() == Some(mark))
@@ -132,7 +171,7 @@ impl Sequences {
                 return;
             };
             for part in self.parts.iter_mut().filter(|part| part.stands_at() == Some(mark)) {
-                part.passed += 1;
+                part.pass(now);
             }
         }
     }
@@ -153,7 +192,7 @@ impl PlcProgram for Sequences {
 
     /// Runs all parts also where one has trouble: the others may go on.
     fn scan(&mut self, now: Instant, stations: &mut [Station]) -> Progress {
-        self.pass_marks();
+        self.pass_marks(now);
         let mut is_running = false;
         for (index, (part, station)) in self.parts.iter_mut().zip(stations).enumerate() {
             if part.state != PartState::Running || part.trouble.is_some() {
@@ -169,6 +208,7 @@ impl PlcProgram for Sequences {
                 }
             }
         }
+        self.parts.iter_mut().for_each(|part| part.note_arrival(now));
         let running = self.parts.iter_mut().filter(|part| part.state == PartState::Running);
         if let Some(trouble) = running.filter_map(|part| part.trouble.take()).next() {
             return trouble;

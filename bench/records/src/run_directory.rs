@@ -20,6 +20,7 @@ use anyhow::{Context, anyhow};
 use setup::Setup;
 
 use crate::agreement::{self, Altered};
+use crate::cell_results::CELL_SCHEMA_VERSION;
 use crate::conditions::Measured;
 use crate::counted::counted;
 use crate::digest::Digests;
@@ -195,6 +196,10 @@ pub fn results(directory: &Path) -> anyhow::Result<Results> {
         serde_json::from_str(&text).with_context(|| format!("{} is no results file", path.display()))?;
     match value.get("schema_version").and_then(serde_json::Value::as_u64) {
         Some(version) if version == u64::from(SCHEMA_VERSION) => {}
+        Some(version) if version == u64::from(CELL_SCHEMA_VERSION) => anyhow::bail!(
+            "{} is of a cell with several stations, which this command does not read yet; read the file itself, or samples.csv",
+            path.display()
+        ),
         Some(version) => anyhow::bail!(
             "{} has schema version {version}, and this program reads {SCHEMA_VERSION}; use the version of skillbench that wrote it, or run again",
             path.display()

@@ -14,6 +14,7 @@
 //! This module has `print!` and `println!` for a reader that may be gone; [`errln!`] is the nodes'. Output that is lost
 //! although there is a reader, for example on a full disk, is a failure, because it was meant to be kept.
 
+pub mod cell_table;
 pub mod export;
 pub mod figures;
 pub mod html;

@@ -12,6 +12,7 @@ mod attach;
 pub mod capture;
 mod frame_name;
 pub mod planned_cell;
+pub mod planned_station;
 pub mod reaction_limits;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod rig;

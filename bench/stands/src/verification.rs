@@ -6,6 +6,7 @@ mod by_image;
 #[cfg(test)]
 mod by_image_tests;
 mod drives;
+mod of_station;
 mod times;
 
 use std::fmt;
@@ -20,6 +21,7 @@ use setup::Setup;
 
 use crate::planned_cell::PlannedCell;
 pub use drives::DriveDeviation;
+pub use of_station::StationVerification;
 use records::conditions::Measured;
 use records::faults::Fault;
 use records::mode::Mode;

@@ -15,6 +15,7 @@ mod broken_files;
 mod calibrate;
 mod captures;
 mod causes;
+mod cells;
 mod command_line;
 mod corrupted;
 mod drives;

@@ -8,12 +8,14 @@ use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
 use setup::Setup;
 
+use records::cell_results::CellResults;
 use records::exit::{Exit, Failure};
 use records::results::Results;
+use report::cell_table::mean;
 use report::progress::label;
 
 /// Version of the format.
-const SCHEMA_VERSION: u32 = 1;
+pub(super) const SCHEMA_VERSION: u32 = 1;
 
 /// Repetitions of each type, and the seed, of a new baseline.
 pub(super) const REPETITIONS: u32 = 25;
@@ -135,29 +137,43 @@ impl Baseline {
     ///
     /// The baseline is of another setup or application.
     pub fn is_for(&self, setup: &Setup, application: &Application) -> Result<(), Refusal> {
-        if self.setup == setup.name && self.application == application.name {
+        self.is_for_names(&setup.name, &application.name)
+    }
+
+    /// Refuses a run of something else, like [`is_for`](Self::is_for), by the names of setup and application.
+    ///
+    /// # Errors
+    ///
+    /// The baseline is of another setup or application.
+    pub fn is_for_names(&self, setup: &str, application: &str) -> Result<(), Refusal> {
+        if self.setup == setup && self.application == application {
             return Ok(());
         }
         let found = format!("{} with {}", self.setup, self.application);
-        Err(Refusal::OtherSetup { found, wanted: format!("{} with {}", setup.name, application.name) })
+        Err(Refusal::OtherSetup { found, wanted: format!("{setup} with {application}") })
     }
 
     /// Makes a baseline from a run. Figures that the old baseline has keep their tolerances.
     #[must_use]
     pub fn of(results: &Results, before: Option<&Self>) -> Self {
-        let mut figures = figures(results);
-        for new in &mut figures {
-            if let Some(old) = before.and_then(|before| before.get(&new.figure)) {
-                new.tolerance = old.tolerance;
-            }
-        }
-        Self {
+        let mut new = Self {
             schema_version: SCHEMA_VERSION,
             setup: results.setup.clone(),
             application: results.application.clone(),
             reps: results.reps,
             seed: results.seed,
-            figures,
+            figures: figures(results),
+        };
+        new.keep_tolerances(before);
+        new
+    }
+
+    /// Takes over the tolerances of the figures that the old baseline has.
+    pub(super) fn keep_tolerances(&mut self, before: Option<&Self>) {
+        for new in &mut self.figures {
+            if let Some(old) = before.and_then(|before| before.get(&new.figure)) {
+                new.tolerance = old.tolerance;
+            }
         }
     }
 
@@ -196,14 +212,32 @@ impl Baseline {
     }
 }
 
+fn expected(figure: String, unit: &str, value: f64, tolerance: f64) -> Expected {
+    Expected { figure, unit: unit.to_owned(), value: (value * 1e3).round() / 1e3, tolerance }
+}
+
+/// Returns the figures of a run of a cell with the tolerances of a new baseline.
+pub(super) fn figures_of_cell(results: &CellResults) -> Vec<Expected> {
+    let mut figures = Vec::new();
+    for execution_type in ExecutionType::ALL {
+        let Some(result) = results.results.get(execution_type) else { continue };
+        let mut add = |what: &str, value: Option<f64>| {
+            let name = format!("{} {what}", label(execution_type));
+            figures.extend(value.map(|value| expected(name, "ms", value, MILLIS_TOLERANCE)));
+        };
+        add("AET", result.aet_ms);
+        add("MAD", result.mad_ms);
+        for (station, of_station) in results.stations.iter().zip(&result.stations) {
+            add(&format!("{} waits", station.name), mean(&of_station.waiting_ms));
+        }
+        let skews: Vec<f64> = result.start_skew_us.iter().flatten().map(|skew| skew / 1e3).collect();
+        add("start skew", mean(&skews));
+    }
+    figures
+}
+
 /// Returns the figures of a run with the tolerances of a new baseline. Values are whole microseconds and thousandths.
 pub(super) fn figures(results: &Results) -> Vec<Expected> {
-    let expected = |figure: String, unit: &str, value: f64, tolerance| Expected {
-        figure,
-        unit: unit.to_owned(),
-        value: (value * 1e3).round() / 1e3,
-        tolerance,
-    };
     let mut figures = Vec::new();
     for execution_type in ExecutionType::ALL {
         if let Some(figure) = results.figure(execution_type) {

@@ -4,6 +4,7 @@
 //! an application. Tolerances only allow for the last digits of floating point.
 
 mod baseline;
+mod cell;
 mod real;
 mod verdict;
 
@@ -18,6 +19,7 @@ use setup::Setup;
 pub use baseline::{BASELINES, Baseline, Expected, Refusal};
 pub use verdict::{Change, Verdict};
 
+use crate::verbs::measure::cell::of_several;
 use records::exit::{Exit, Failure};
 use records::results::Results;
 use records::run_directory::{Durability, replace};
@@ -55,10 +57,13 @@ pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
     if let Some(directory) = &options.run {
         return real::run(options, directory);
     }
+    if of_several(options.setup.name()).is_some() {
+        return cell::run(options);
+    }
     let (setup, found) = options.setup.load()?;
     let application = found.application;
-    let path = options.baseline.clone().unwrap_or_else(|| default_path(&setup));
-    let found = find(&path, options.baseline.is_none(), &setup)?;
+    let path = options.baseline.clone().unwrap_or_else(|| default_path(&setup.name));
+    let found = find(&path, options.baseline.is_none(), &setup.name)?;
     if let Some((baseline, _)) = &found {
         baseline.is_for(&setup, &application).map_err(|refusal| refusal.at(&path))?;
     }
@@ -113,7 +118,12 @@ fn update(
     let (reps, seed) =
         old.as_ref().map_or((baseline::REPETITIONS, baseline::SEED), |old| (old.reps, old.seed));
     let new = Baseline::of(&virtual_results(setup, application, reps, seed)?, old.as_ref());
-    let diff = new.diff(old.as_ref());
+    write(&new, old.as_ref(), path)
+}
+
+/// Writes a new baseline, and prints what it changes.
+fn write(new: &Baseline, old: Option<&Baseline>, path: &Path) -> Result<Exit, Failure> {
+    let diff = new.diff(old);
     let json = new.to_json().context("cannot write the baseline as JSON")?;
     replace(path, &json, Durability::Synced).context(
         "no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline",
@@ -133,7 +143,7 @@ enum Origin {
     BuiltIn,
 }
 
-fn find(path: &Path, or_built_in: bool, setup: &Setup) -> Result<Option<(Baseline, Origin)>, Failure> {
+fn find(path: &Path, or_built_in: bool, setup: &str) -> Result<Option<(Baseline, Origin)>, Failure> {
     match std::fs::read_to_string(path) {
         Ok(text) => {
             let baseline = Baseline::parse(&text).map_err(|refusal| refusal.at(path))?;
@@ -145,13 +155,13 @@ fn find(path: &Path, or_built_in: bool, setup: &Setup) -> Result<Option<(Baselin
             return Err(Failure::new(Exit::Usage, error));
         }
     }
-    let built_in = BASELINES.iter().find(|(name, _)| or_built_in && *name == setup.name);
+    let built_in = BASELINES.iter().find(|(name, _)| or_built_in && *name == setup);
     let Some((_, text)) = built_in else { return Ok(None) };
     let baseline = Baseline::parse(text).map_err(|refusal| refusal.at(Path::new("the baseline built in")))?;
     Ok(Some((baseline, Origin::BuiltIn)))
 }
 
-fn default_path(setup: &Setup) -> PathBuf {
-    let name: String = setup.name.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+fn default_path(setup: &str) -> PathBuf {
+    let name: String = setup.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
     Path::new(DIRECTORY).join(name + ".json")
 }

@@ -46,8 +46,8 @@ pub(super) fn run(options: &GateOptions, directory: &Path) -> Result<Exit, Failu
         return Err(usage(error));
     }
     let (setup, found) = planning::setup_with_application(&directory.join("setup.toml").to_string_lossy())?;
-    let path = options.baseline.clone().unwrap_or_else(|| default_path(&setup));
-    let Some((baseline, _)) = find(&path, options.baseline.is_none(), &setup)? else {
+    let path = options.baseline.clone().unwrap_or_else(|| default_path(&setup.name));
+    let Some((baseline, _)) = find(&path, options.baseline.is_none(), &setup.name)? else {
         return Err(usage(anyhow!("there is no baseline {} for setup {}", path.display(), setup.name)));
     };
     baseline.is_for(&setup, &found.application).map_err(|refusal| refusal.at(&path))?;

@@ -77,7 +77,12 @@ impl Verdict {
     /// Compares a run with its baseline.
     #[must_use]
     pub fn new(baseline: &Baseline, results: &Results) -> Self {
-        let found = baseline::figures(results);
+        Self::of(baseline, &baseline::figures(results))
+    }
+
+    /// Compares the figures of a run with its baseline.
+    #[must_use]
+    pub fn of(baseline: &Baseline, found: &[Expected]) -> Self {
         let found_figure = |name: &str| found.iter().find(|found| found.figure == name).cloned();
         let known = baseline.figures.iter().map(|expected| Change {
             found: found_figure(&expected.figure),

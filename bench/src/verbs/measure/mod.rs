@@ -1,5 +1,6 @@
 //! A measured run: from its options to its table and exit code.
 
+pub mod cell;
 mod measurement;
 mod options;
 mod reference_runs;
@@ -40,6 +41,9 @@ use studies::outputs::{self, Own};
 /// The options, the setup, the computer or the disk does not allow it. A failed repetition is not an error: the table
 /// is printed as far as it is complete, and the exit code reports the failure.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
+    if cell::of_several(options.setup.name()).is_some() {
+        return cell::run(options);
+    }
     let (setup, found) = load(options)?;
     let plan = found.plan(&setup)?;
     let reached = check_robot(&setup, &found, &plan)?;

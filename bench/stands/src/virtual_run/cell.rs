@@ -2,6 +2,7 @@
 
 use std::net::Ipv4Addr;
 
+use machine::ethernet::Mac;
 use machine::{Instant, InterfaceId};
 use plc_node::bus::PlcBus;
 use plc_node::{PlcEvent, PlcNode, PlcReport};
@@ -10,7 +11,8 @@ use records::conditions::MotionTotals;
 use robot_node::bus::RobotBus;
 use robot_node::{RobotEvent, RobotNode};
 use virtual_time::{
-    CableId, Clock, Either, Event, Impairment, LinkCounters, Network, NodeId, Plug, Side, Tapped,
+    CableId, Clock, Either, Event, Impairment, LinkCounters, Network, NodeId, Plug, Side, SwitchConfig,
+    Tapped,
 };
 
 type Plc = PlcNode<PlcBus>;
@@ -59,6 +61,26 @@ pub(super) struct VirtualCell {
     stations: Vec<Station>,
 }
 
+/// A host's interface of the PLC: it serves these buses, by their numbers.
+pub(super) struct NewInterface {
+    pub(super) serves: Vec<InterfaceId>,
+    /// `None` on a cable of its own, where it takes every frame.
+    pub(super) mac: Option<Mac>,
+    pub(super) address: Option<Ipv4Addr>,
+}
+
+/// A robot before it is in the cell, and its cable.
+pub(super) struct NewStation {
+    pub(super) node: NewNode<Robot>,
+    pub(super) name: String,
+    /// Its MAC address on the switch; `None` on a cable of its own.
+    pub(super) mac: Option<Mac>,
+    /// Index of the PLC's interface.
+    pub(super) on: usize,
+    /// What lies between it and the PLC does this to the frames of both.
+    pub(super) link: Impairment,
+}
+
 const NODES_STAY: &str = "a node of the cell keeps its type and its number";
 
 impl VirtualCell {
@@ -78,6 +100,44 @@ impl VirtualCell {
         let stations = cable.map(|cable| Station { robot: robot_node, cable });
         network.switch_on();
         Self { network, plc: plc_node, stations: Vec::from_iter(stations) }
+    }
+
+    /// Connects the PLC and its robots: those with a MAC address by a switch, each other one by a cable of its own.
+    ///
+    /// `bus.cable_delay_us` of a setup is the time of a whole way, one switch included. So it is all at the robot's cable; the
+    /// switch and the PLC's cable take no time of their own.
+    pub(super) fn of_many(
+        plc: NewNode<Plc>,
+        interfaces: Vec<NewInterface>,
+        robots: Vec<NewStation>,
+        seed: u64,
+    ) -> Self {
+        let mut network = Network::new(seed);
+        let switch = network.add_switch(SwitchConfig::IDEAL);
+        let plc_node = network.add_node("the PLC", Either::A(plc.machine), plc.clock);
+        let nics: Vec<_> = interfaces
+            .into_iter()
+            .map(|NewInterface { serves, mac, address }| {
+                let nic = network.add_nic(plc_node, &serves, mac, address);
+                if mac.is_some() {
+                    network.connect([Plug::Nic(nic), Plug::Switch(switch)], [Impairment::default(); 2]);
+                }
+                nic
+            })
+            .collect();
+        let mut stations = Vec::with_capacity(robots.len());
+        for NewStation { node, name, mac, on, link } in robots {
+            let robot = network.add_node(name, Either::B(node.machine), node.clock);
+            let nic = network.add_nic(robot, &[InterfaceId::FIRST], mac, node.address);
+            let plc_end = match (mac, nics.get(on)) {
+                (None, Some(plc)) => Plug::Nic(*plc),
+                _ => Plug::Switch(switch),
+            };
+            let cable = network.connect([plc_end, Plug::Nic(nic)], [link; 2]);
+            stations.extend(cable.map(|cable| Station { robot, cable }));
+        }
+        network.switch_on();
+        Self { network, plc: plc_node, stations }
     }
 
     fn station(&self, RobotId(number): RobotId) -> &Station {

@@ -1,7 +1,9 @@
 //! Both nodes in virtual time: the machines of a real run on a virtual cable.
 //!
 //! ```text
-//! cell           both nodes on a virtual cable
+//! cell           the PLC and its robots in their network
+//! cell_run       runs of a cell with several stations
+//! new_cell       creates its nodes
 //! nodes          the nodes on the cable: from event to event, from the start edge of a run to its end
 //! changes        when the faults change cable, nodes and drives
 //! new_nodes      both nodes, and once more where they are started again
@@ -11,7 +13,9 @@
 //! ```
 
 mod cell;
+mod cell_run;
 mod changes;
+mod new_cell;
 mod new_nodes;
 mod nodes;
 #[cfg(test)]
@@ -35,6 +39,7 @@ use protocol::image::{Digest, Motion};
 use robot_node::RobotConfig;
 use setup::Setup;
 
+pub use cell_run::{CellHealth, CellMeasured, CellRun, StationHealth, StationMeasured};
 pub use nodes::{NeverEnded, Nodes};
 pub use reaction::reactions;
 

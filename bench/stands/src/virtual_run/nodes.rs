@@ -21,8 +21,9 @@ use protocol::image::Digest;
 use setup::Setup;
 use virtual_time::{Carrier, Impairment, Side, Tapped};
 
+pub(super) use silence::LONGEST_RUN;
 pub use silence::NeverEnded;
-use silence::{LONGEST_RUN, SILENCE};
+use silence::SILENCE;
 
 use super::Work;
 use super::changes::Changes;
@@ -39,7 +40,7 @@ use records::schedule::Step;
 use records::trace::{Frame, Recording};
 
 /// Longest wait for the connection; one that is not up by then never will be.
-const CONNECT: Duration = Duration::from_secs(60);
+pub(super) const CONNECT: Duration = Duration::from_secs(60);
 
 /// Longest time after a failed run until the robot is ready again.
 const RECOVERY: Duration = Duration::from_secs(60);

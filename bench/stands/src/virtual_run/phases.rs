@@ -23,21 +23,48 @@ pub(super) struct Phases {
 impl Phases {
     pub(super) fn new(setup: &Setup, seed: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(!seed);
-        let drift = Duration::from_nanos(u64::from(setup.bus.clock_drift_ppm.value) * 1_000);
-        let mut clock = || {
-            let offset_ns = below(&mut random, OFFSET).as_nanos() as u64;
-            let drift_ppb = below(&mut random, drift * 2).as_nanos() as i32 - drift.as_nanos() as i32;
-            Clock { offset_ns, drift_ppb }
-        };
-        let clocks = [clock(), clock()];
+        let clocks = [clock(&mut random, setup), clock(&mut random, setup)];
         Self { random, clocks }
     }
 
     /// Returns when a task of this cycle runs first, on its side's own clock.
     pub(super) fn first(&mut self, side: Side, cycle_us: u32) -> Instant {
         let [a, b] = self.clocks;
-        let clock = if side == Side::A { a } else { b };
-        let cycle = Duration::from_micros(cycle_us.into());
-        clock.local_time(Instant::ZERO) + below(&mut self.random, cycle)
+        first(&mut self.random, if side == Side::A { a } else { b }, cycle_us)
     }
+}
+
+/// Clocks and phases of a cell with several stations, drawn in sequence.
+pub(super) struct CellPhases {
+    random: Pcg64Mcg,
+    pub(super) plc: Clock,
+    /// In the order of the stations.
+    pub(super) robots: Vec<Clock>,
+}
+
+impl CellPhases {
+    /// Draws the clocks of a cell whose stations have these setups.
+    pub(super) fn new<'a>(setups: impl Iterator<Item = &'a Setup> + Clone, seed: u64) -> Self {
+        let mut random = Pcg64Mcg::seed_from_u64(!seed);
+        let of_plc = setups.clone().next().map(|setup| clock(&mut random, setup));
+        let robots = setups.map(|setup| clock(&mut random, setup)).collect();
+        Self { random, plc: of_plc.unwrap_or_default(), robots }
+    }
+
+    /// Returns when a task of this cycle runs first, on this clock.
+    pub(super) fn first(&mut self, clock: Clock, cycle_us: u32) -> Instant {
+        first(&mut self.random, clock, cycle_us)
+    }
+}
+
+fn clock(random: &mut Pcg64Mcg, setup: &Setup) -> Clock {
+    let drift = Duration::from_nanos(u64::from(setup.bus.clock_drift_ppm.value) * 1_000);
+    let offset_ns = below(random, OFFSET).as_nanos() as u64;
+    let drift_ppb = below(random, drift * 2).as_nanos() as i32 - drift.as_nanos() as i32;
+    Clock { offset_ns, drift_ppb }
+}
+
+fn first(random: &mut Pcg64Mcg, clock: Clock, cycle_us: u32) -> Instant {
+    let cycle = Duration::from_micros(cycle_us.into());
+    clock.local_time(Instant::ZERO) + below(random, cycle)
 }

@@ -14,7 +14,7 @@ use records::not_ready::NotReady;
 pub(super) const SILENCE: Duration = Duration::from_secs(10);
 
 /// Longest run: the PLC gives up a robot without progress, so that a run which lasts this long is a fault of this program.
-pub(super) const LONGEST_RUN: Duration = Duration::from_secs(24 * 3_600);
+pub(in super::super) const LONGEST_RUN: Duration = Duration::from_secs(24 * 3_600);
 
 /// A run did not end.
 #[derive(Debug, thiserror::Error)]

@@ -1,0 +1,253 @@
+//! The results of a cell with several stations as JSON: version 2 of `results.json`, which only such runs have.
+
+use std::time::Duration;
+
+use plc_node::ExecutionType;
+use serde::{Deserialize, Serialize};
+use setup::Cell;
+
+use crate::digest::Digests;
+use crate::lateness::CycleLateness;
+use crate::mode::Mode;
+use crate::results::{FailedRepetition, Frames, PerType, Status, aet_mad};
+use crate::schedule::Schedule;
+
+/// Version of the format.
+pub const CELL_SCHEMA_VERSION: u32 = 2;
+
+/// All results of a cell.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct CellResults {
+    /// Version of this format.
+    pub schema_version: u32,
+    /// The setup's name.
+    pub setup: String,
+    /// The setup's title.
+    pub title: String,
+    /// `real` or `virtual`.
+    pub mode: String,
+    /// Seed of pauses, and in virtual mode of clocks and phases.
+    pub seed: u64,
+    /// Requested repetitions of each type.
+    pub reps: u32,
+    /// Progress of the run, or how it ended.
+    pub status: Status,
+    /// The stations, in the order of the setup.
+    pub stations: Vec<CellStation>,
+    /// Results of each type; types that were not requested are absent.
+    pub results: PerType<CellTypeResult>,
+    /// Lateness of the PLC's scans. In virtual mode nothing is late.
+    pub plc_cycle: CycleLateness,
+    /// First 64 bits of the SHA-256 of each value above, of `setup.toml` and of `application.toml`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub digests: Option<Digests>,
+}
+
+/// A station of the cell.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct CellStation {
+    /// Its name.
+    pub name: String,
+    /// Its arm in the application, or its own application.
+    pub application: String,
+    /// Its bus.
+    pub bus: String,
+    /// The model of its robot.
+    pub robot: String,
+    /// Lateness of its robot's cycles.
+    pub cycle: CycleLateness,
+    /// Cyclic frames by the PLC's count.
+    pub frames: Frames,
+}
+
+/// Results of one type. The lists have one entry for each repetition that succeeded.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct CellTypeResult {
+    /// Mean of the samples in ms; null without samples.
+    pub aet_ms: Option<f64>,
+    /// Mean absolute deviation from the mean in ms; null without samples.
+    pub mad_ms: Option<f64>,
+    /// Execution times of the whole cell in ms, measured by the PLC.
+    pub samples_ms: Vec<f64>,
+    /// True time between the first motions of the arms, in µs; null where an arm did not move.
+    pub start_skew_us: Vec<Option<f64>>,
+    /// Each station, in the order of the setup.
+    pub stations: Vec<StationResult>,
+    /// The marks, in the order in which they were passed.
+    pub marks: Vec<MarkResult>,
+    /// Repetitions that failed.
+    pub failed: Vec<FailedRepetition>,
+}
+
+/// Results of a station in one type.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct StationResult {
+    /// Execution times in ms, measured by the robot.
+    pub robot_samples_ms: Vec<f64>,
+    /// Motions that ended in a stop because the next motion did not arrive in time.
+    pub blends_suppressed: Vec<u32>,
+    /// Time for which the arm stood at marks until the others came, in ms.
+    pub waiting_ms: Vec<f64>,
+}
+
+/// How far apart the arms came to a mark.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct MarkResult {
+    /// Number of the mark.
+    pub mark: u32,
+    /// Time between the first and the last arm's arrival, by the scans of the PLC, in µs.
+    pub skew_us: Vec<f64>,
+}
+
+/// One repetition of a cell.
+#[derive(Clone, PartialEq, Debug)]
+pub struct CellSample {
+    /// Execution time by the PLC.
+    pub execution: Duration,
+    /// True time between the first motions of the arms.
+    pub start_skew: Option<Duration>,
+    /// Each station, in the order of the setup.
+    pub stations: Vec<StationSample>,
+}
+
+/// What one repetition was at a station.
+#[derive(Clone, PartialEq, Debug)]
+pub struct StationSample {
+    /// Execution time by the robot.
+    pub robot_execution: Duration,
+    /// Motions that ended in a stop because the next motion did not arrive in time.
+    pub blends_suppressed: u32,
+    /// Time for which the arm stood at marks.
+    pub waited: Duration,
+    /// Each mark, and when the arm came to it, from any one instant of the PLC's clock.
+    pub came: Vec<(u32, Duration)>,
+}
+
+impl CellResults {
+    /// Creates the results of a run that is about to start.
+    #[must_use]
+    pub fn new(cell: &Cell, mode: Mode, schedule: &Schedule) -> Self {
+        let mut results = PerType::default();
+        let of_type = CellTypeResult {
+            stations: vec![StationResult::default(); cell.stations.len()],
+            ..CellTypeResult::default()
+        };
+        for execution_type in &schedule.types {
+            *results.entry(*execution_type) = Some(of_type.clone());
+        }
+        let station = |station: &setup::Station| CellStation {
+            name: station.name.clone(),
+            application: station.application.clone(),
+            bus: station.bus.kind.name().to_owned(),
+            robot: station.robot.model.clone(),
+            cycle: CycleLateness::default(),
+            frames: Frames::default(),
+        };
+        Self {
+            schema_version: CELL_SCHEMA_VERSION,
+            setup: cell.name.clone(),
+            title: cell.title.clone(),
+            mode: mode.name().to_owned(),
+            seed: schedule.seed,
+            reps: schedule.reps,
+            status: Status::Running,
+            stations: cell.stations.iter().map(station).collect(),
+            results,
+            plc_cycle: CycleLateness::default(),
+            digests: None,
+        }
+    }
+
+    /// Adds a finished repetition.
+    pub fn record(&mut self, execution_type: ExecutionType, sample: &CellSample) {
+        let millis = |time: Duration| time.as_nanos() as f64 / 1e6;
+        let micros = |time: Duration| time.as_nanos() as f64 / 1e3;
+        let result = self.results.entry(execution_type).get_or_insert_default();
+        result.samples_ms.push(millis(sample.execution));
+        result.start_skew_us.push(sample.start_skew.map(micros));
+        for (of_station, one) in result.stations.iter_mut().zip(&sample.stations) {
+            of_station.robot_samples_ms.push(millis(one.robot_execution));
+            of_station.blends_suppressed.push(one.blends_suppressed);
+            of_station.waiting_ms.push(millis(one.waited));
+        }
+        for (mark, skew) in mark_skews(&sample.stations) {
+            match result.marks.iter_mut().find(|known| known.mark == mark) {
+                Some(known) => known.skew_us.push(micros(skew)),
+                None => result.marks.push(MarkResult { mark, skew_us: vec![micros(skew)] }),
+            }
+        }
+        (result.aet_ms, result.mad_ms) = aet_mad(&result.samples_ms).map(|it| (it.aet_ms, it.mad_ms)).unzip();
+    }
+
+    /// Adds a failed repetition.
+    pub fn record_failure(&mut self, execution_type: ExecutionType, repetition: u32, error: String) {
+        let result = self.results.entry(execution_type).get_or_insert_default();
+        result.failed.push(FailedRepetition { repetition, error });
+    }
+
+    /// Returns the results as JSON, with a newline at the end, and with the digests of their values if they have those of the
+    /// files beside them.
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        let mut sealed = self.clone();
+        if let Some(digests) = &self.digests {
+            let written = serde_json::from_str(&serde_json::to_string(self)?)?;
+            sealed.digests = Some(digests.with_values(&written));
+        }
+        serde_json::to_string_pretty(&sealed).map(|json| json + "\n")
+    }
+}
+
+/// Returns each mark in the order of the first arm that has it, and how far apart the arms came; a mark that is passed several
+/// times counts each time.
+fn mark_skews(stations: &[StationSample]) -> Vec<(u32, Duration)> {
+    let mut skews = Vec::new();
+    let Some((first, others)) = stations.split_first() else { return skews };
+    for (index, (mark, came)) in first.came.iter().enumerate() {
+        let before = first.came.iter().take(index).filter(|(other, _)| other == mark).count();
+        let same = |other: &StationSample| {
+            other.came.iter().filter(|(other, _)| other == mark).nth(before).map(|(_, came)| *came)
+        };
+        let all = || std::iter::once(*came).chain(others.iter().filter_map(same));
+        if let (Some(earliest), Some(latest)) = (all().min(), all().max()) {
+            skews.push((*mark, latest - earliest));
+        }
+    }
+    skews
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `INSTA_UPDATE=always` writes it again, as for snapshots.
+    #[test]
+    fn the_committed_schema_matches_the_results_of_a_cell() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../schemas/cell-results.schema.json");
+        let schema = serde_json::to_string_pretty(&schemars::schema_for!(CellResults)).unwrap() + "\n";
+        if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
+            std::fs::write(path, &schema).unwrap();
+        }
+        assert!(
+            std::fs::read_to_string(path).unwrap() == schema,
+            "the results of cells changed: INSTA_UPDATE=always cargo test -p records --lib cell_results"
+        );
+    }
+
+    #[test]
+    fn the_skew_at_a_mark_is_between_the_first_and_the_last_arrival_each_time_it_is_passed() {
+        let ms = Duration::from_millis;
+        let station = |came: &[(u32, u64)]| StationSample {
+            robot_execution: ms(1),
+            blends_suppressed: 0,
+            waited: ms(0),
+            came: came.iter().map(|(mark, at)| (*mark, ms(*at))).collect(),
+        };
+        let stations = [station(&[(1, 10), (2, 20), (1, 40)]), station(&[(1, 13), (2, 15), (1, 41)])];
+        assert_eq!(mark_skews(&stations), [(1, ms(3)), (2, ms(5)), (1, ms(1))]);
+    }
+}

@@ -1,0 +1,47 @@
+//! The table of a cell with several stations.
+
+use node::screen;
+use plc_node::ExecutionType;
+
+use crate::progress::label;
+use records::cell_results::{CellResults, CellTypeResult};
+use records::schedule::repetitions;
+
+/// Formats the results of a cell for the screen.
+#[must_use]
+pub fn render(results: &CellResults) -> String {
+    let title = format!("Setup {}: {}", results.setup, results.title);
+    let about = format!("{}, {} mode, seed {}", repetitions(results.reps), results.mode, results.seed);
+    let mut text = format!("{}\n{}\n\n", screen::wrapped(&title, 0, 2), screen::wrapped(&about, 0, 2));
+    let mut table = screen::ruled();
+    let mut header = ["", "AET ms", "MAD ms"].map(str::to_owned).to_vec();
+    header.extend(results.stations.iter().map(|station| format!("{} waits ms", station.name)));
+    header.extend(["start skew ms", "mark skew ms", "failed"].map(str::to_owned));
+    table.set_header(header);
+    for execution_type in ExecutionType::ALL {
+        if let Some(result) = results.results.get(execution_type) {
+            table.add_row(row(execution_type, result));
+        }
+    }
+    text.push_str(&screen::drawn(&screen::numbers_right(table)));
+    let meaning = "waits: mean time at marks for the other arm; start skew: mean time between the first motions of the arms; \
+                   mark skew: longest time between the arrivals at a mark";
+    text.push_str(&format!("\n\n{}", screen::wrapped(meaning, 2, 2)));
+    text
+}
+
+fn row(execution_type: ExecutionType, result: &CellTypeResult) -> Vec<String> {
+    let shown = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}"));
+    let mut row = vec![label(execution_type), shown(result.aet_ms), shown(result.mad_ms)];
+    row.extend(result.stations.iter().map(|station| shown(mean(&station.waiting_ms))));
+    let skews: Vec<f64> = result.start_skew_us.iter().flatten().map(|skew| skew / 1e3).collect();
+    let at_marks = result.marks.iter().flat_map(|mark| &mark.skew_us).map(|skew| skew / 1e3);
+    row.extend([shown(mean(&skews)), shown(at_marks.reduce(f64::max)), result.failed.len().to_string()]);
+    row
+}
+
+/// Returns the mean of values; `None` without any.
+#[must_use]
+pub fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}

@@ -1,0 +1,155 @@
+//! A measured run of a cell with several stations, in virtual time.
+
+use std::path::PathBuf;
+use std::time::SystemTime;
+
+use anyhow::{Context as _, anyhow};
+use node::list::flat;
+use planning::FoundCell;
+use setup::Cell;
+
+use super::{Capture, RunOptions};
+use records::cell_directory::CellDirectory;
+use records::cell_results::{CellResults, CellSample};
+use records::exit::{Exit, Failure};
+use records::mode::Mode;
+use records::occupied;
+use records::results::Status;
+use records::run_directory::{self, Durability, replace};
+use records::schedule::{Schedule, Step};
+use report::{cell_table, errln, in_shell, outln};
+use stands::planned_station::PlannedStation;
+use stands::verification::StationVerification;
+use stands::virtual_run::CellRun;
+use studies::outputs::{self, Own};
+
+/// Returns the cell of a setup with several stations; `None` for a setup of one robot, and for one that cannot be read: its own
+/// verb says why.
+pub fn of_several(name: &str) -> Option<Cell> {
+    setup::cell(name).ok().map(|(cell, _)| cell).filter(|cell| !cell.is_one())
+}
+
+/// Runs a cell and prints its table.
+pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
+    check_options(options)?;
+    let (cell, found) = planning::cell_with_applications(options.setup.name())?;
+    let stations = stations_of(&cell, &found)?;
+    let mut read = vec![("the setup", options.setup.file())];
+    read.extend(found.stations.iter().map(|station| ("the application", station.path.as_deref())));
+    let own = Own { directory: options.out.as_deref(), files: occupied::RUN.results };
+    outputs::check(&options.exports.files(), &read, own)?;
+    let schedule = Schedule::new(&flat(&options.types), options.reps, options.seed);
+    let path = options.out.clone().unwrap_or_else(|| default_path(&cell));
+    let text = found.stations.first().filter(|_| cell.application.is_some()).map(|first| first.text.as_str());
+    let mut directory = CellDirectory::create(&path, &cell, text)?;
+    let mut results = CellResults::new(&cell, Mode::Virtual, &schedule);
+    results.digests = Some(directory.digests().clone());
+    let mut save = |step: &Step, outcome: &anyhow::Result<CellSample>, results: &CellResults| {
+        directory.save(step, outcome, results)
+    };
+    let failure = execute(stations, &schedule, &mut results, &mut save)?;
+    directory.save_results(&results)?;
+    for (_, file) in options.exports.files() {
+        let Some(file) = file else { continue };
+        replace(file, &results.to_json().context("cannot write the results as JSON")?, Durability::Synced)?;
+    }
+    outln!("{}", cell_table::render(&results));
+    outln!("  Saved in {}.", in_shell(&path.display()));
+    Ok(failure.map_or(Exit::Pass, |error| {
+        errln!("error: {error:#}");
+        Exit::of_run(&error)
+    }))
+}
+
+/// Plans the stations of a cell.
+pub fn stations_of(cell: &Cell, found: &FoundCell) -> Result<Vec<PlannedStation>, Failure> {
+    Ok(PlannedStation::all(&found.plan(cell)?).map_err(|error| Failure::new(Exit::Usage, error))?)
+}
+
+/// Executes a whole schedule without a directory.
+///
+/// # Errors
+///
+/// The stations do not connect, or a repetition fails.
+pub fn whole(cell: &Cell, found: &FoundCell, schedule: &Schedule) -> Result<CellResults, Failure> {
+    let mut results = CellResults::new(cell, Mode::Virtual, schedule);
+    match execute(stations_of(cell, found)?, schedule, &mut results, &mut |_, _, _| Ok(()))? {
+        None => Ok(results),
+        Some(error) => Err(Failure::new(Exit::of_run(&error), error.context("the virtual run failed"))),
+    }
+}
+
+/// Saves a repetition and the results so far.
+type Save<'a> = &'a mut dyn FnMut(&Step, &anyhow::Result<CellSample>, &CellResults) -> anyhow::Result<()>;
+
+/// Executes a schedule, and saves each repetition before the next one. Returns the error of a repetition that failed.
+fn execute(
+    stations: Vec<PlannedStation>,
+    schedule: &Schedule,
+    results: &mut CellResults,
+    save: Save<'_>,
+) -> Result<Option<anyhow::Error>, Failure> {
+    // In virtual time nothing but the setup keeps the stations from connecting.
+    let mut run =
+        CellRun::start(&stations, schedule.seed).map_err(|error| Failure::new(Exit::Usage, error))?;
+    let mut verifications: Vec<_> = stations.into_iter().map(StationVerification::new).collect();
+    for step in schedule.steps() {
+        let outcome = run.execute(step).and_then(|measured| {
+            for (verification, of_station) in verifications.iter_mut().zip(&measured.stations) {
+                verification.check(of_station)?;
+            }
+            Ok(measured.sample())
+        });
+        match &outcome {
+            Ok(sample) => results.record(step.execution_type, sample),
+            Err(error) => {
+                results.status = Status::Failed;
+                results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
+            }
+        }
+        run.health().write_to(results);
+        save(&step, &outcome, results)?;
+        if let Err(error) = outcome {
+            return Ok(Some(error));
+        }
+    }
+    results.status = Status::Complete;
+    Ok(None)
+}
+
+/// Refuses what cells do not have yet.
+fn check_options(options: &RunOptions) -> Result<(), Failure> {
+    if options.mode == Mode::Real {
+        let error = anyhow!(
+            "a setup of several stations runs in virtual time only so far: add `--mode virtual`, or take a setup of one station"
+        );
+        return Err(Failure::new(Exit::Usage, error));
+    }
+    let exports = options.exports.files();
+    let export = exports.iter().find(|(name, file)| file.is_some() && *name != "--export-json");
+    let refused = [
+        ("--application", options.application.is_some()),
+        ("--cyclic", options.cyclic.is_some()),
+        ("--drives", !options.drives.in_command().is_empty()),
+        ("--capture", options.capture != Capture::Never),
+        ("--attach", options.attach.is_some()),
+        ("--trace", options.trace),
+        ("--mcap", options.mcap),
+        ("--override", options.overrides.is_some()),
+        ("--fault", !options.fault.is_empty()),
+        ("--live", options.live.is_some()),
+    ];
+    let given = refused.iter().find(|(_, is_given)| *is_given).map(|(name, _)| *name);
+    match given.or(export.map(|(name, _)| *name)) {
+        None => Ok(()),
+        Some(name) => {
+            let error =
+                anyhow!("{name} is for setups of one station so far; leave it out with several stations");
+            Err(Failure::new(Exit::Usage, error))
+        }
+    }
+}
+
+fn default_path(cell: &Cell) -> PathBuf {
+    run_directory::default_path(&cell.name, Mode::Virtual.name(), SystemTime::now())
+}

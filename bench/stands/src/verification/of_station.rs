@@ -1,0 +1,135 @@
+//! Verifies what a run of a cell was at one station: like a robot that works alone, but for the times, which are also those of the
+//! other arms at marks.
+
+use anyhow::Context as _;
+use plc_node::ExecutionType;
+use protocol::image::{Digest, Sum};
+use robot_node::arm::Joints;
+use robot_node::rehearsal::{Calls, Rehearsed, rehearse};
+
+use super::{
+    Difference, Executed, JOINT_TOLERANCE, LENGTH_TOLERANCE, LENGTH_TOLERANCE_MM, compare_ends, drives,
+    largest_difference,
+};
+use crate::planned_station::PlannedStation;
+use crate::virtual_run::StationMeasured;
+
+/// What every repetition of a station is compared with.
+#[derive(Clone, Debug)]
+pub struct StationVerification {
+    station: PlannedStation,
+    sent: Sum,
+    /// What the arm alone does in a type, and how long it moves.
+    rehearsed: Vec<(ExecutionType, Rehearsed)>,
+}
+
+impl StationVerification {
+    /// Prepares the verification of a station.
+    #[must_use]
+    pub fn new(station: PlannedStation) -> Self {
+        let mut sent = Digest::default();
+        station.planned.motions.iter().for_each(|motion| sent.add(motion));
+        Self { station, sent: sent.sum(), rehearsed: Vec::new() }
+    }
+
+    /// Compares a repetition with the station's plan.
+    ///
+    /// # Errors
+    ///
+    /// The first difference, with the station's name.
+    pub fn check(&mut self, found: &StationMeasured) -> anyhow::Result<()> {
+        let name = self.station.name.clone();
+        self.compare(found).with_context(|| format!("station {name}"))
+    }
+
+    fn compare(&mut self, StationMeasured { measured, .. }: &StationMeasured) -> anyhow::Result<()> {
+        if let Some(quality) = &measured.quality {
+            quality.check_ratings()?;
+        }
+        let execution = &measured.execution;
+        let found = Sum { motions: execution.commanded.motions, value: execution.commanded.digest };
+        let is_rc = execution.execution_type == ExecutionType::Rc;
+        let planned = if is_rc { Digest::default().sum() } else { self.sent };
+        if found != planned {
+            return Err(Difference::Sent { found, planned }.into());
+        }
+        if u64::from(execution.motions) != self.sent.motions {
+            let found = execution.motions.into();
+            return Err(Difference::Count { found, planned: self.sent.motions }.into());
+        }
+        let Some(account) = &measured.account else { return Ok(()) };
+        let ([low, high], commanded) = (account.override_percent, execution.commanded.override_percent);
+        if low < commanded[0] || high > commanded[1] {
+            return Err(Difference::Override { found: [low, high], commanded }.into());
+        }
+        let alone = self.rehearsed(execution.execution_type, &account.start)?;
+        let planned = alone.account;
+        let (found, wanted) = (Executed::of(account), Executed::of(&planned));
+        if found != wanted {
+            return Err(Difference::Executed { found, planned: wanted }.into());
+        }
+        compare_ends("by the robot", &account.end, &planned.end)?;
+        compare_ends("by the PLC", &execution.commanded.end.map(f64::from), &planned.end)?;
+        // A continuous motion that waits at a mark takes longer by that.
+        let waits_in_skill = execution.execution_type == ExecutionType::Cm && !self.station.waits.is_empty();
+        if !waits_in_skill {
+            drives::check_time(&self.station.planned.robot, measured, account, &planned)?;
+        } else if account.motion_time + self.station.planned.robot.cycle < planned.motion_time {
+            let [found_ms, planned_ms] =
+                [account.motion_time, planned.motion_time].map(|time| time.as_secs_f64() * 1e3);
+            return Err(Difference::RobotTime { found_ms, planned_ms }.into());
+        }
+        let Some(quality) = measured.quality.filter(|_| execution.blends_suppressed == 0) else {
+            return Ok(());
+        };
+        let length_mm = alone.quality.path_length_mm;
+        let tolerance = LENGTH_TOLERANCE_MM + LENGTH_TOLERANCE * length_mm;
+        if (quality.path_length_mm - length_mm).abs() <= tolerance {
+            return Ok(());
+        }
+        let planned_mm = [length_mm - tolerance, length_mm + tolerance];
+        Err(Difference::Length { found_mm: quality.path_length_mm, planned_mm }.into())
+    }
+
+    /// Returns what the arm alone does from these joints, at full override.
+    fn rehearsed(&mut self, execution_type: ExecutionType, start: &Joints) -> anyhow::Result<Rehearsed> {
+        let known = self.rehearsed.iter().find(|(of, _)| *of == execution_type).map(|(_, known)| *known);
+        if let Some(known) =
+            known.filter(|known| largest_difference(&known.account.start, start).1 < JOINT_TOLERANCE)
+        {
+            return Ok(known);
+        }
+        let alone = self
+            .rehearse(execution_type, *start)
+            .context("the repetition cannot be verified: the arm alone cannot execute the plan")?;
+        self.rehearsed.retain(|(of, _)| *of != execution_type);
+        self.rehearsed.push((execution_type, alone));
+        Ok(alone)
+    }
+
+    fn rehearse(&self, execution_type: ExecutionType, start: Joints) -> anyhow::Result<Rehearsed> {
+        let planned = &self.station.planned;
+        let calls = match execution_type {
+            ExecutionType::Rc => Calls::Program,
+            ExecutionType::Sm => Calls::Singles,
+            ExecutionType::Cm => Calls::Continuous,
+        };
+        if execution_type != ExecutionType::Rc {
+            return Ok(rehearse(&planned.robot, start, &planned.motions, &planned.stops, calls, 100)?);
+        }
+        let mut whole: Option<Rehearsed> = None;
+        for (motions, stops) in self.station.programs() {
+            let from = whole.map_or(start, |before| before.account.end);
+            let section = rehearse(&planned.robot, from, &motions, &stops, calls, 100)?;
+            whole = Some(match whole {
+                None => section,
+                Some(before) => Rehearsed {
+                    account: before.account.then(section.account),
+                    quality: before.quality.then(section.quality),
+                    end_pose: section.end_pose,
+                },
+            });
+        }
+        whole.context("the plan has no motions")
+    }
+}

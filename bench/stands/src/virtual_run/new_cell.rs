@@ -1,0 +1,174 @@
+//! Creates the nodes of a cell with several stations: the PLC with a bus of each kind, and the robots.
+
+use std::net::Ipv4Addr;
+use std::time::Duration;
+
+use anyhow::{anyhow, bail};
+use machine::InterfaceId;
+use machine::ethernet::Mac;
+use planning::PROGRAM;
+use plc_node::bus::PlcBus;
+use plc_node::{MotionList, PlacedStation, PlcConfig, PlcNode, Scan, Sequences};
+use protocol::fieldbus::StationId;
+use robot_node::bus::RobotBus;
+use robot_node::{Program, RobotNode};
+use setup::{Bus, BusKind};
+use virtual_time::{Clock, Impairment};
+
+use super::cell::{NewInterface, NewNode, NewStation, VirtualCell};
+use super::phases::CellPhases;
+use crate::planned_cell::PlannedCell;
+use crate::planned_station::PlannedStation;
+
+/// A bus of the PLC.
+struct NewBus<'a> {
+    /// Each station's index and how it describes the bus.
+    stations: Vec<(usize, &'a Bus)>,
+    interface: usize,
+    mac: Mac,
+}
+
+/// A cell that was just switched on, and the clocks of its robots.
+pub(super) struct NewCell {
+    pub(super) cell: VirtualCell,
+    pub(super) clocks: Vec<Clock>,
+}
+
+/// Switches on all nodes of a cell. They do not know each other yet.
+///
+/// # Errors
+///
+/// A setup gives no bus endpoint, or the virtual network cannot carry the stations.
+pub(super) fn switch_on(stations: &[PlannedStation], seed: u64) -> anyhow::Result<NewCell> {
+    let Some(first) = stations.first() else { bail!("the cell has no station; add one to its setup") };
+    let mut phases = CellPhases::new(stations.iter().map(|station| &station.setup), seed);
+    let (new_buses, interfaces) = buses_of(stations)?;
+    let plc_clock = phases.plc;
+    let mut buses = Vec::with_capacity(new_buses.len());
+    for bus in &new_buses {
+        buses.push(open_plc(bus, seed, plc_clock, &mut phases)?);
+    }
+    let scan_us = &first.setup.plc;
+    let scan = Scan::new(
+        phases.first(plc_clock, scan_us.scan_cycle_us.value),
+        Duration::from_micros(scan_us.scan_cycle_us.value.into()),
+        Duration::from_micros(scan_us.scan_cost_us.value.into()),
+    );
+    let (mut placed, mut work, mut robots) = (Vec::new(), Vec::new(), Vec::new());
+    for (index, station) in stations.iter().enumerate() {
+        let Some((number, id)) = place_of(&new_buses, index) else { bail!("a station has no bus") };
+        let PlannedStation { name, setup, planned, waits } = station;
+        let PlannedCell { motions, stops, to_start, .. } = planned.clone();
+        let config = PlcConfig {
+            motions: Box::new(MotionList::from(motions)),
+            to_start,
+            stops,
+            ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM)
+        };
+        let (config, of_program) = config.into_station(name.clone(), waits.clone());
+        placed.push(PlacedStation { bus: number, id, config });
+        work.push(of_program);
+        robots.push(new_robot(station, index, new_buses[number].interface, seed, &mut phases));
+    }
+    let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work));
+    let plc = NewNode { machine: plc, clock: plc_clock, address: None };
+    let cell = VirtualCell::of_many(plc, interfaces, robots, seed);
+    Ok(NewCell { cell, clocks: phases.robots })
+}
+
+/// Finds the buses of the stations, and the interfaces that they need: buses with one address of the PLC share one, and
+/// EtherCAT has its own.
+fn buses_of(stations: &[PlannedStation]) -> anyhow::Result<(Vec<NewBus<'_>>, Vec<NewInterface>)> {
+    let mut buses: Vec<NewBus<'_>> = Vec::new();
+    let mut interfaces: Vec<NewInterface> = Vec::new();
+    for (index, station) in stations.iter().enumerate() {
+        let bus = &station.setup.bus;
+        let is_same = |other: &&mut NewBus<'_>| {
+            other.stations.first().is_some_and(|(_, first)| first.kind.name() == bus.kind.name())
+        };
+        if let Some(same) = buses.iter_mut().find(is_same) {
+            if let (BusKind::Ethercat(_), Some((other, _))) = (&bus.kind, same.stations.first()) {
+                let other = stations.get(*other).map_or("", |other| other.name.as_str());
+                return Err(anyhow!(
+                    "stations {other} and {} are both on EtherCAT; virtual time has one robot on a segment, so give one another bus",
+                    station.name
+                ));
+            }
+            same.stations.push((index, bus));
+            continue;
+        }
+        let on = InterfaceId(u8::try_from(buses.len()).unwrap_or(u8::MAX));
+        let address = bus.addresses().map(|addresses| addresses.plc);
+        let shared = interfaces.iter().position(|it| address.is_some() && it.address == address);
+        let interface = shared.unwrap_or(interfaces.len());
+        let mac = plc_mac(interface);
+        match interfaces.get_mut(interface) {
+            Some(shared) => shared.serves.push(on),
+            None => interfaces.push(NewInterface { serves: vec![on], mac: address.map(|_| mac), address }),
+        }
+        buses.push(NewBus { stations: vec![(index, bus)], interface, mac });
+    }
+    Ok((buses, interfaces))
+}
+
+fn place_of(buses: &[NewBus<'_>], station: usize) -> Option<(usize, StationId)> {
+    buses.iter().enumerate().find_map(|(number, bus)| {
+        let at = bus.stations.iter().position(|(index, _)| *index == station)?;
+        Some((number, StationId(u16::try_from(at).ok()?)))
+    })
+}
+
+fn open_plc(bus: &NewBus<'_>, seed: u64, clock: Clock, phases: &mut CellPhases) -> anyhow::Result<PlcBus> {
+    let mut described = bus.stations.iter().map(|(_, bus)| *bus);
+    let Some(first) = described.next() else { bail!("a bus has no station") };
+    let others: Vec<&Bus> = described.collect();
+    let start = phases.first(clock, first.cycle_us.value);
+    let mut plc = plc_node::bus::open_all(first, &others, bus.mac, seed, start)?;
+    // All addresses of a cell differ, which its setup was checked for.
+    if let PlcBus::EthernetIp(scanner) = &mut plc {
+        scanner.stop_conflict_detection();
+    }
+    Ok(plc)
+}
+
+fn new_robot(
+    station: &PlannedStation,
+    index: usize,
+    on: usize,
+    seed: u64,
+    phases: &mut CellPhases,
+) -> NewStation {
+    let bus = &station.setup.bus;
+    let clock = phases.robots.get(index).copied().unwrap_or_default();
+    // Each robot draws numbers of its own.
+    let seed = seed.wrapping_add(index as u64);
+    let mac = robot_mac(index);
+    let mut of_robot =
+        robot_node::bus::open(bus, mac, None, seed, || phases.first(clock, bus.cycle_us.value));
+    if let RobotBus::EthernetIp(adapter) = &mut of_robot {
+        adapter.stop_conflict_detection();
+    }
+    let start = phases.first(clock, station.setup.robot.cycle_us.value);
+    let numbered = (PROGRAM..).zip(station.programs());
+    let store = numbered.map(|(number, (motions, stops))| (number, Program::new(motions, &stops))).collect();
+    let machine = RobotNode::new(station.planned.robot.clone(), store, of_robot, seed, start);
+    let address: Option<Ipv4Addr> = robot_node::bus::address_from_project(&bus.kind);
+    let delay = Duration::from_micros(bus.cable_delay_us.value.into());
+    NewStation {
+        node: NewNode { machine, clock, address },
+        name: format!("robot {}", station.name),
+        mac: bus.addresses().map(|_| mac),
+        on,
+        link: Impairment { delay, ..Impairment::default() },
+    }
+}
+
+/// Locally administered addresses of the PLC's interfaces and of the robots.
+fn plc_mac(interface: usize) -> Mac {
+    Mac([0x02, 0, 0, 0, 1, u8::try_from(interface).unwrap_or(u8::MAX)])
+}
+
+fn robot_mac(index: usize) -> Mac {
+    let [.., high, low] = index.to_be_bytes();
+    Mac([0x02, 0, 0, 1, high, low])
+}
