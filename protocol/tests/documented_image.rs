@@ -163,7 +163,8 @@ fn the_pages_of_blocks_and_of_skills_name_the_one_of_each_kind() {
 #[test]
 fn the_page_gives_each_auxiliary_field_to_the_kinds_that_have_it() {
     let rows = table("### Auxiliary bytes");
-    let fields: [(&str, fn(MotionKind) -> bool); 4] = [
+    type Has = fn(MotionKind) -> bool;
+    let fields: [(&str, Has); 4] = [
         ("status", MotionKind::has_configuration),
         ("turn", MotionKind::has_configuration),
         ("deceleration", |kind| !kind.has_auxiliary()),

@@ -54,7 +54,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         replace(file, &results.to_json().context("cannot write the results as JSON")?, Durability::Synced)?;
     }
     outln!("{}", cell_table::render(&results));
-    outln!("  Saved in {}.", in_shell(&path.display()));
+    outln!("  Saved in {}.", in_shell(path.display()));
     Ok(failure.map_or(Exit::Pass, |error| {
         errln!("error: {error:#}");
         Exit::of_run(&error)
@@ -63,7 +63,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
 
 /// Plans the stations of a cell.
 pub fn stations_of(cell: &Cell, found: &FoundCell) -> Result<Vec<PlannedStation>, Failure> {
-    Ok(PlannedStation::all(&found.plan(cell)?).map_err(|error| Failure::new(Exit::Usage, error))?)
+    PlannedStation::all(&found.plan(cell)?).map_err(|error| Failure::new(Exit::Usage, error))
 }
 
 /// Executes a whole schedule without a directory.
@@ -96,7 +96,7 @@ fn execute(
     for step in schedule.steps() {
         let outcome = run.execute(step).and_then(|measured| {
             for (verification, of_station) in verifications.iter_mut().zip(&measured.stations) {
-                verification.check(of_station)?;
+                verification.check(&of_station.measured)?;
             }
             Ok(measured.sample())
         });

@@ -12,7 +12,7 @@ use super::{
     largest_difference,
 };
 use crate::planned_station::PlannedStation;
-use crate::virtual_run::StationMeasured;
+use records::conditions::Measured;
 
 /// What every repetition of a station is compared with.
 #[derive(Clone, Debug)]
@@ -37,12 +37,12 @@ impl StationVerification {
     /// # Errors
     ///
     /// The first difference, with the station's name.
-    pub fn check(&mut self, found: &StationMeasured) -> anyhow::Result<()> {
+    pub fn check(&mut self, found: &Measured) -> anyhow::Result<()> {
         let name = self.station.name.clone();
         self.compare(found).with_context(|| format!("station {name}"))
     }
 
-    fn compare(&mut self, StationMeasured { measured, .. }: &StationMeasured) -> anyhow::Result<()> {
+    fn compare(&mut self, measured: &Measured) -> anyhow::Result<()> {
         if let Some(quality) = &measured.quality {
             quality.check_ratings()?;
         }

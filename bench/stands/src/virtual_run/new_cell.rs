@@ -65,7 +65,7 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64) -> anyhow::Resul
             stops,
             ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM)
         };
-        let (config, of_program) = config.into_station(name.clone(), waits.clone());
+        let (config, of_program) = config.into_station(name, waits);
         placed.push(PlacedStation { bus: number, id, config });
         work.push(of_program);
         robots.push(new_robot(station, index, new_buses[number].interface, seed, &mut phases));
