@@ -12,7 +12,7 @@ fn the_error_for_a_broken_setup_file_gives_line_key_and_expectation() {
     let finished = bench(directory.path(), ["--setup", "my.toml", "--mode", "virtual"]);
     assert_eq!(finished.code, Some(2));
     insta::assert_snapshot!(finished.stderr, @r#"
-    error: my.toml:16: in `plc.scan_costs`: unknown key `scan_costs`, expected one of `scan_cycle_us`, `scan_cost_us`, `queue_depth`
+    error: my.toml:16: in `plc.scan_costs`: unknown key `scan_costs`: did you mean `scan_cost_us`?
        16 | scan_costs = { value = 150, from = "assumed", note = "a short program on a fast PLC" }
     "#);
 }
@@ -40,7 +40,7 @@ fn naming(application: &str) -> String {
 #[test]
 fn the_error_for_a_broken_application_file_gives_line_key_and_expectation() {
     insta::assert_snapshot!(refused_application("approach_mm", "aproach_mm"), @"
-    error: jobs/mine.toml:43: in `step[0].aproach_mm`: unknown key `aproach_mm`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
+    error: jobs/mine.toml:43: in `step[0].aproach_mm`: unknown key `aproach_mm`: did you mean `approach_mm`?
        43 | aproach_mm = 70.0
     ");
     insta::assert_snapshot!(refused_application("reach = \"home\"", "reach = \"hom\""), @"error: jobs/mine.toml:71: reach: there is no frame `hom`; did you mean `home`?");

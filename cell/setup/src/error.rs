@@ -62,8 +62,8 @@ pub enum Error {
     },
     /// A setup of several stations, where one station is served.
     #[error(
-        "{origin} has {} stations ({}): runs of several robots are not implemented yet, only their plan: \
-         plc-node plan --setup SETUP",
+        "{origin} has {} stations ({}), and one is served here; for several: bench --mode virtual, bench gate, plc-node, \
+         robot-node --station NAME",
         stations.len(), stations.join(", ")
     )]
     Several {

@@ -295,8 +295,9 @@ pub(crate) fn frames_of_many_stations_wake_the_thread_in_groups() {
         is_over.store(true, Ordering::Relaxed);
         ran
     });
-    // A burst, then one in 250 µs; the count says the same on a host that stalls.
-    let most = 32 + time.as_micros() / 250 + 2;
+    // A burst, then one in 250 µs; twice that, since a loaded host wakes the thread for more than its frames. Without groups it
+    // would be nearly one for each frame.
+    let most = 2 * (32 + time.as_micros() / 250 + 2);
     assert!(u128::from(wakeups) <= most, "{wakeups} wake-ups for {frames} frames, at most {most}");
 }
 
