@@ -8,7 +8,7 @@ use protocol::image::{Digest, Sum};
 use crate::function_blocks::BlockError;
 use crate::{ExecutionType, FailureCause, StartError, Station};
 
-/// The application program of a [`Plc`](crate::Plc): it is called once in each scan of a run, with all stations.
+/// The application program of a [`PlcNode`](crate::PlcNode): it is called once in each scan of a run, with all stations.
 ///
 /// Outside of a run the PLC itself keeps the robots enabled, leads them to `Ready` and moves the arms to where a run starts; in a
 /// run the stations are the program's. A program works with a station's [`AxesGroup`](crate::AxesGroup) and the function blocks,
