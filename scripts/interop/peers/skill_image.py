@@ -84,7 +84,9 @@ class Plc:
                 self.control, self.number = ENABLE | EXECUTE, 0x0B0B
             busy |= status & BUSY and number == self.number
             if busy and status & DONE and number == self.number:
-                assert not any(image[96:116] + image[120:]), "the end of the image is not zero"
+                # 126..128 says what the robot serves: bit 0, that it follows a master.
+                assert sum(image[126:128]) == 1, f"services {image[126:128].hex()}"
+                assert not any(image[96:116] + image[120:126] + image[128:]), "the end of the image is not zero"
                 # The robot's counter moves, and it has followed ours.
                 assert len(lives) > 20 and len(echoes) > 20, f"{len(lives)} lives, {len(echoes)} echoes"
                 assert len(places) > 20, f"the arm was seen in {len(places)} places only"
