@@ -51,6 +51,10 @@ verb_spelling() { #: fail where a word is misspelt (typos)
     "$TOOLS/typos"
 }
 
+verb_words() { #: fail where a crate has more of the phrases and names to avoid than scripts/words.json allows
+    python3 scripts/words.py "$@"
+}
+
 verb_unused() { #: fail where a crate depends on what it does not name
     python3 scripts/unused-dependencies.py
 }
@@ -280,7 +284,7 @@ verb_ci() { #: all of it but setup, timing and release; ends with the seconds of
     CI_SECONDS=$(realpath "${CARGO_TARGET_DIR:-target}")/ci-seconds.txt
     : >"$CI_SECONDS"
     trap ci_seconds EXIT
-    for verb in format spelling unused lint modules purity portable package test docs grammars browser vendor gate bits instructions; do
+    for verb in format spelling words unused lint modules purity portable package test docs grammars browser vendor gate bits instructions; do
         ci_begin "$verb"
         ("verb_$verb")
         ci_end
