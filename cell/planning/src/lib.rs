@@ -72,5 +72,5 @@ pub use refusal::{LEAST_MM, Refusal};
 pub use source::Source;
 pub use stopped::{Stopped, Unfit};
 pub use stream::{Stream, Streamed, count, stream, to_start};
-pub use wire::{PROGRAM, Stop, Switch};
+pub use wire::{PROGRAM, ProgramSection, Stop, Switch};
 pub use zone::Why;

@@ -1,5 +1,6 @@
 //! A plan in the units of the wire. They are the same for the PLC, which sends it, and for the robot's program store.
 
+use core::ops::Range;
 use core::time::Duration;
 
 use protocol::image;
@@ -18,6 +19,15 @@ pub struct Stop {
     pub after: u32,
     /// What happens there before the next motion.
     pub then: Option<Switch>,
+}
+
+/// A part of a plan that the arm executes without a wait for others.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct ProgramSection {
+    /// Indices of its motions.
+    pub motions: Range<usize>,
+    /// Its stops, counted from its first motion. What happens at the section's end is not part of it, if there are several.
+    pub stops: Vec<Stop>,
 }
 
 /// A digital output that is set or cleared, and the time until that has taken effect.
@@ -56,6 +66,28 @@ impl Plan {
             }),
         };
         self.continuous.iter().map(stop).collect()
+    }
+
+    /// Returns the sections between the waits, in order, none of them empty. Without waits the plan is one section with all its
+    /// stops.
+    #[must_use]
+    pub fn sections(&self) -> Vec<ProgramSection> {
+        let (stops, total) = (self.stops(), self.motions.len());
+        if self.waits.is_empty() {
+            return vec![ProgramSection { motions: 0..total, stops }];
+        }
+        let mut bounds: Vec<_> = self.waits.iter().map(|wait| wait.after).chain([0, total]).collect();
+        bounds.sort_unstable();
+        bounds.dedup();
+        let section = |(start, end): (usize, usize)| {
+            let within = stops.iter().filter_map(|stop| {
+                let after = usize::try_from(stop.after).ok()?;
+                let in_section = u32::try_from(after.checked_sub(start)?).ok()?;
+                (0 < in_section && after < end).then_some(Stop { after: in_section, ..*stop })
+            });
+            ProgramSection { motions: start..end, stops: within.collect() }
+        };
+        bounds.iter().copied().zip(bounds.iter().copied().skip(1)).map(section).collect()
     }
 
     /// Returns the motions in the units of the wire, as this setup programs them.

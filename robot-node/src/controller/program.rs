@@ -1,6 +1,6 @@
 //! The program store: the programs that the paper's RC runs.
 
-use planning::{PROGRAM, Plan, Stop, Switch};
+use planning::{PROGRAM, Plan, ProgramSection, Stop, Switch};
 use protocol::image::Motion;
 use setup::Setup;
 
@@ -29,27 +29,19 @@ impl Program {
     /// switch.
     #[must_use]
     pub fn stored(plan: &Plan, setup: &Setup) -> Vec<(u16, Self)> {
-        let (motions, stops) = (plan.wire_motions(setup), plan.stops());
-        if plan.waits.is_empty() {
-            return vec![(PROGRAM, Self::new(motions, &stops))];
-        }
-        let total = motions.len();
-        let mut ends: Vec<_> =
-            plan.waits.iter().map(|wait| wait.after).filter(|after| *after < total).collect();
-        ends.push(total);
-        ends.sort_unstable();
-        ends.dedup();
-        let starts = std::iter::once(0).chain(ends.iter().copied());
-        let sections = starts.zip(ends.iter().copied()).filter(|(start, end)| start < end);
-        let program = |(start, end): (usize, usize)| {
-            let within = stops.iter().filter_map(|stop| {
-                let after = usize::try_from(stop.after).ok()?;
-                let in_section = u32::try_from(after.checked_sub(start)?).ok()?;
-                (0 < in_section && after < end).then_some(Stop { after: in_section, ..*stop })
-            });
-            Self::new(motions[start..end].to_vec(), &within.collect::<Vec<_>>())
-        };
-        (PROGRAM..).zip(sections.map(program)).collect()
+        Self::of_sections(&plan.wire_motions(setup), &plan.sections())
+    }
+
+    /// Returns the programs of sections, numbered from [`PROGRAM`].
+    ///
+    /// # Panics
+    ///
+    /// A section has motions beyond the end of `motions`.
+    #[must_use]
+    pub fn of_sections(motions: &[Motion], sections: &[ProgramSection]) -> Vec<(u16, Self)> {
+        let program =
+            |section: &ProgramSection| Self::new(motions[section.motions.clone()].to_vec(), &section.stops);
+        (PROGRAM..).zip(sections.iter().map(program)).collect()
     }
 
     /// Returns the number of motions.

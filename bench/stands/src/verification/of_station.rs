@@ -118,9 +118,10 @@ impl StationVerification {
             return Ok(rehearse(&planned.robot, start, &planned.motions, &planned.stops, calls, 100)?);
         }
         let mut whole: Option<Rehearsed> = None;
-        for (motions, stops) in self.station.programs() {
+        for section in &self.station.sections {
             let from = whole.map_or(start, |before| before.account.end);
-            let section = rehearse(&planned.robot, from, &motions, &stops, calls, 100)?;
+            let motions = planned.motions.get(section.motions.clone()).unwrap_or_default();
+            let section = rehearse(&planned.robot, from, motions, &section.stops, calls, 100)?;
             whole = Some(match whole {
                 None => section,
                 Some(before) => Rehearsed {

@@ -19,7 +19,7 @@ pub(super) struct Times {
     scan: Duration,
     robot_cycle: Duration,
     bus_cycle: Duration,
-    /// What a call takes at most besides the robot's own time: there and back, and the scans of the PLC.
+    /// The longest time of a call besides the robot's own: there and back, and the scans of the PLC.
     call: Duration,
     /// What the PLC waits at the stops of the plan, and scans in which it does so.
     waits: Duration,

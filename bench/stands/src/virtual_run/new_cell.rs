@@ -57,7 +57,7 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64) -> anyhow::Resul
     let (mut placed, mut work, mut robots) = (Vec::new(), Vec::new(), Vec::new());
     for (index, station) in stations.iter().enumerate() {
         let Some((number, id)) = place_of(&new_buses, index) else { bail!("a station has no bus") };
-        let PlannedStation { name, setup, planned, waits } = station;
+        let PlannedStation { name, setup, planned, waits, .. } = station;
         let PlannedCell { motions, stops, to_start, .. } = planned.clone();
         let config = PlcConfig {
             motions: Box::new(MotionList::from(motions)),
@@ -149,8 +149,7 @@ fn new_robot(
         adapter.stop_conflict_detection();
     }
     let start = phases.first(clock, station.setup.robot.cycle_us.value);
-    let numbered = (PROGRAM..).zip(station.programs());
-    let store = numbered.map(|(number, (motions, stops))| (number, Program::new(motions, &stops))).collect();
+    let store = Program::of_sections(&station.planned.motions, &station.sections);
     let machine = RobotNode::new(station.planned.robot.clone(), store, of_robot, seed, start);
     let address: Option<Ipv4Addr> = robot_node::bus::address_from_project(&bus.kind);
     let delay = Duration::from_micros(bus.cable_delay_us.value.into());
