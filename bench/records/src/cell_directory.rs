@@ -1,16 +1,13 @@
 //! The directory of a run of a cell with several stations: its files have the names of those of one station.
 
-use std::fmt::Write as _;
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::time::Duration;
 
-use anyhow::Context as _;
 use setup::Cell;
 
-use crate::cell_results::{CellResults, CellSample};
+use crate::cell_results::{CellResults, CellSample, StationSample};
 use crate::digest::Digests;
-use crate::occupied::{self, Occupied, SAMPLES};
-use crate::replacement::{Durability, replace};
+use crate::run_directory::{Durability, RunDirectory, quoted};
 use crate::schedule::Step;
 
 /// First line of the samples: a line for each repetition and station.
@@ -19,10 +16,8 @@ const SAMPLES_HEAD: &str = "type,repetition,station,execution_ms,robot_execution
 /// The directory of a run of a cell.
 #[derive(Debug)]
 pub struct CellDirectory {
-    path: PathBuf,
+    directory: RunDirectory,
     names: Vec<String>,
-    samples: String,
-    digests: Digests,
 }
 
 impl CellDirectory {
@@ -32,10 +27,6 @@ impl CellDirectory {
     ///
     /// It has a file of a run, or cannot be written.
     pub fn create(path: &Path, cell: &Cell, application: Option<&str>) -> anyhow::Result<Self> {
-        Occupied::check(path, occupied::RUN)?;
-        fs::create_dir_all(path).with_context(|| {
-            format!("cannot make the run directory {}; choose another by --out", path.display())
-        })?;
         let mut cell = cell.clone();
         if application.is_some() {
             cell.application = Some("application.toml".to_owned());
@@ -43,18 +34,20 @@ impl CellDirectory {
         let setup = setup::cell_to_toml(&cell)?;
         let mut inputs = vec![("setup.toml", setup.as_str())];
         inputs.extend(application.map(|text| ("application.toml", text)));
-        let digests = Digests::of_files(&inputs);
-        for (name, text) in &inputs {
-            replace(&path.join(name), text, Durability::Written)?;
-        }
-        let names = cell.names().map(str::to_owned).collect();
-        Ok(Self { path: path.to_owned(), names, samples: SAMPLES_HEAD.to_owned(), digests })
+        // A run in virtual time is repeated by its seed.
+        let directory = RunDirectory::begin(path, &inputs, SAMPLES_HEAD, Durability::Written)?;
+        Ok(Self { directory, names: cell.names().map(str::to_owned).collect() })
+    }
+
+    /// Removes a run that ended before its first repetition began, as [`RunDirectory::discard`] does.
+    pub fn discard(self) {
+        self.directory.discard();
     }
 
     /// Returns the digests of the files that say what is run, for the results.
     #[must_use]
     pub const fn digests(&self) -> &Digests {
-        &self.digests
+        self.directory.digests()
     }
 
     /// Writes a finished or failed repetition, and then the results so far.
@@ -68,29 +61,7 @@ impl CellDirectory {
         outcome: &anyhow::Result<CellSample>,
         results: &CellResults,
     ) -> anyhow::Result<()> {
-        let Step { execution_type, repetition, .. } = step;
-        match outcome {
-            Ok(sample) => {
-                let millis = |time: std::time::Duration| time.as_nanos() as f64 / 1e6;
-                let skew =
-                    sample.start_skew.map_or_else(String::new, |it| (it.as_nanos() as f64 / 1e3).to_string());
-                for (name, one) in self.names.iter().zip(&sample.stations) {
-                    let _ = writeln!(
-                        self.samples,
-                        "{execution_type},{repetition},{name},{},{},{},{},{skew},",
-                        millis(sample.execution),
-                        millis(one.robot_execution),
-                        one.blends_suppressed,
-                        millis(one.waited),
-                    );
-                }
-            }
-            Err(error) => {
-                let error = format!("{error:#}").replace('"', "\"\"");
-                let _ = writeln!(self.samples, "{execution_type},{repetition},,,,,,,\"{error}\"");
-            }
-        }
-        replace(&self.path.join(SAMPLES), &self.samples, Durability::Written)?;
+        self.directory.append(&sample_lines(&self.names, step, outcome))?;
         self.save_results(results)
     }
 
@@ -100,6 +71,62 @@ impl CellDirectory {
     ///
     /// The file cannot be written.
     pub fn save_results(&self, results: &CellResults) -> anyhow::Result<()> {
-        replace(&self.path.join("results.json"), &results.to_json()?, Durability::Synced)
+        self.directory.replace_results(&results.to_json()?)
+    }
+}
+
+/// Returns a line for each station, or one for a failed repetition.
+fn sample_lines(names: &[String], step: &Step, outcome: &anyhow::Result<CellSample>) -> String {
+    let Step { execution_type, repetition, .. } = step;
+    let sample = match outcome {
+        Ok(sample) => sample,
+        Err(error) => return format!("{execution_type},{repetition},,,,,,,{}\n", quoted(error)),
+    };
+    let millis = |time: Duration| time.as_nanos() as f64 / 1e6;
+    let skew = sample.start_skew.map_or_else(String::new, |it| (it.as_nanos() as f64 / 1e3).to_string());
+    let line = |(name, one): (&String, &StationSample)| {
+        format!(
+            "{execution_type},{repetition},{name},{},{},{},{},{skew},\n",
+            millis(sample.execution),
+            millis(one.robot_execution),
+            one.blends_suppressed,
+            millis(one.waited),
+        )
+    };
+    names.iter().zip(&sample.stations).map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plc_node::ExecutionType;
+
+    #[test]
+    fn every_repetition_is_a_line_for_each_station_or_one_line_if_it_failed() {
+        let step = |repetition| Step {
+            execution_type: ExecutionType::Cm,
+            repetition,
+            pause: Duration::ZERO,
+            overrides: None,
+        };
+        let station = |robot_us| StationSample {
+            robot_execution: Duration::from_micros(robot_us),
+            blends_suppressed: 0,
+            waited: Duration::from_millis(12),
+            came: Vec::new(),
+        };
+        let sample = CellSample {
+            execution: Duration::from_micros(5_520_250),
+            start_skew: Some(Duration::from_millis(19)),
+            stations: vec![station(5_000_500), station(5_200_000)],
+        };
+        let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("station left"));
+        let names = ["left".to_owned(), "right".to_owned()];
+        let lines = [sample_lines(&names, &step(1), &Ok(sample)), sample_lines(&names, &step(2), &failed)];
+        insta::assert_snapshot!(lines.concat(), @r#"
+        cm,1,left,5520.25,5000.5,0,12,19000,
+        cm,1,right,5520.25,5200,0,12,19000,
+        cm,2,,,,,,,"station left: the robot said ""no"" and stopped"
+        "#);
     }
 }

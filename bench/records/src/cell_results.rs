@@ -205,19 +205,18 @@ impl CellResults {
 /// Returns each mark in the order of the first arm that has it, and how far apart the arms came; a mark that is passed several
 /// times counts each time.
 fn mark_skews(stations: &[StationSample]) -> Vec<(u32, Duration)> {
-    let mut skews = Vec::new();
-    let Some((first, others)) = stations.split_first() else { return skews };
-    for (index, (mark, came)) in first.came.iter().enumerate() {
-        let before = first.came.iter().take(index).filter(|(other, _)| other == mark).count();
-        let same = |other: &StationSample| {
-            other.came.iter().filter(|(other, _)| other == mark).nth(before).map(|(_, came)| *came)
-        };
-        let all = || std::iter::once(*came).chain(others.iter().filter_map(same));
-        if let (Some(earliest), Some(latest)) = (all().min(), all().max()) {
-            skews.push((*mark, latest - earliest));
+    // Each passage of a mark: the mark, how often that arm had passed it before, and the first and the last arrival.
+    let mut passages: Vec<(u32, usize, [Duration; 2])> = Vec::new();
+    for station in stations {
+        for (index, (mark, came)) in station.came.iter().enumerate() {
+            let before = station.came.iter().take(index).filter(|(other, _)| other == mark).count();
+            match passages.iter_mut().find(|(other, nth, _)| (other, *nth) == (mark, before)) {
+                Some((.., [first, last])) => (*first, *last) = (*came.min(first), *came.max(last)),
+                None => passages.push((*mark, before, [*came; 2])),
+            }
         }
     }
-    skews
+    passages.into_iter().map(|(mark, _, [first, last])| (mark, last - first)).collect()
 }
 
 #[cfg(test)]
@@ -249,5 +248,11 @@ mod tests {
         };
         let stations = [station(&[(1, 10), (2, 20), (1, 40)]), station(&[(1, 13), (2, 15), (1, 41)])];
         assert_eq!(mark_skews(&stations), [(1, ms(3)), (2, ms(5)), (1, ms(1))]);
+        let stations = [station(&[(1, 10)]), station(&[(1, 12), (3, 30)]), station(&[(3, 37)])];
+        assert_eq!(
+            mark_skews(&stations),
+            [(1, ms(2)), (3, ms(7))],
+            "a mark of the second and third arm alone"
+        );
     }
 }

@@ -42,6 +42,8 @@ pub struct RunDirectory {
     /// Whether the bench made the directory, and not its user.
     is_own: bool,
     samples: File,
+    /// First line of the samples.
+    head: &'static str,
     /// Length of the completely written samples, in bytes.
     samples_len: u64,
     durability: Durability,
@@ -58,22 +60,32 @@ impl RunDirectory {
         application: &str,
         durability: Durability,
     ) -> anyhow::Result<Self> {
+        let mut setup = setup.clone();
+        setup.application = "application.toml".to_owned();
+        let setup = setup::setup_to_toml(&setup)?;
+        let inputs = [("setup.toml", setup.as_str()), ("application.toml", application)];
+        Self::begin(path, &inputs, SAMPLES_HEAD, durability)
+    }
+
+    /// Creates the directory with files that say what is run and with the first line of the samples.
+    pub(crate) fn begin(
+        path: &Path,
+        inputs: &[(&str, &str)],
+        head: &'static str,
+        durability: Durability,
+    ) -> anyhow::Result<Self> {
         Occupied::check(path, occupied::RUN)?;
         let is_own = !path.exists();
         fs::create_dir_all(path).with_context(|| {
             format!("cannot make the run directory {}; choose another by --out", path.display())
         })?;
-        let mut setup = setup.clone();
-        setup.application = "application.toml".to_owned();
-        let setup = setup::setup_to_toml(&setup)?;
-        let inputs = [("setup.toml", setup.as_str()), ("application.toml", application)];
         let samples_path = path.join(SAMPLES);
         let samples = OpenOptions::new().write(true).create_new(true).open(&samples_path);
         let samples = samples.with_context(|| format!("cannot write {}", samples_path.display()))?;
-        let digests = Digests::of_files(&inputs);
+        let digests = Digests::of_files(inputs);
         let path = path.to_owned();
-        let mut directory = Self { path, is_own, samples, samples_len: 0, durability, digests };
-        directory.append(SAMPLES_HEAD)?;
+        let mut directory = Self { path, is_own, samples, head, samples_len: 0, durability, digests };
+        directory.append(head)?;
         inputs.iter().try_for_each(|(name, text)| directory.write(name, text))?;
         Ok(directory)
     }
@@ -91,7 +103,7 @@ impl RunDirectory {
             entries.iter().partition(|entry| is(entry, occupied::RUN.results));
         // A node that recorded nothing leaves an empty file.
         let is_recorded = |entry: &&fs::DirEntry| !is(entry, &described) && !is_empty(entry);
-        if self.samples_len > SAMPLES_HEAD.len() as u64 || of_run.iter().any(is_recorded) {
+        if self.samples_len > self.head.len() as u64 || of_run.iter().any(is_recorded) {
             return;
         }
         for entry in of_run {
@@ -107,17 +119,17 @@ impl RunDirectory {
         replace(&self.path.join(name), text, Durability::Written)
     }
 
-    /// Appends a line to the samples, completely or not at all.
-    fn append(&mut self, line: &str) -> anyhow::Result<()> {
-        let saved = self.samples.write_all(line.as_bytes()).and_then(|()| match self.durability {
+    /// Appends the lines of a repetition to the samples, completely or not at all.
+    pub(crate) fn append(&mut self, lines: &str) -> anyhow::Result<()> {
+        let saved = self.samples.write_all(lines.as_bytes()).and_then(|()| match self.durability {
             Durability::Synced => self.samples.sync_data(),
             Durability::Written => Ok(()),
         });
         if saved.is_err() {
-            // Remove a partly written line. If even that fails, readers see that the line is broken.
+            // Remove what was partly written. If even that fails, readers see that the line is broken.
             let _ = self.samples.set_len(self.samples_len);
         } else {
-            self.samples_len += line.len() as u64;
+            self.samples_len += lines.len() as u64;
         }
         saved.with_context(|| format!("cannot write {}", self.path.join(SAMPLES).display()))
     }
@@ -153,7 +165,12 @@ impl RunDirectory {
 
     /// Writes the results so far.
     pub fn save_results(&self, results: &Results) -> anyhow::Result<()> {
-        replace(&self.path.join("results.json"), &results.to_json()?, self.durability)
+        self.replace_results(&results.to_json()?)
+    }
+
+    /// Replaces the results.
+    pub(crate) fn replace_results(&self, json: &str) -> anyhow::Result<()> {
+        replace(&self.path.join("results.json"), json, self.durability)
     }
 }
 
@@ -263,10 +280,14 @@ fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {
             )
         }
         Err(error) => {
-            let text = format!("{error:#}").replace('"', "\"\"").replace('\n', " ");
-            format!("{execution_type},{repetition},,,,,,\"{text}\"\n")
+            format!("{execution_type},{repetition},,,,,,{}\n", quoted(error))
         }
     }
+}
+
+/// Returns an error as a field of the samples, on one line.
+pub(crate) fn quoted(error: &anyhow::Error) -> String {
+    format!("\"{}\"", format!("{error:#}").replace('"', "\"\"").replace('\n', " "))
 }
 
 #[cfg(test)]

@@ -47,7 +47,14 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let mut save = |step: &Step, outcome: &anyhow::Result<CellSample>, results: &CellResults| {
         directory.save(step, outcome, results)
     };
-    let failure = execute(stations, &schedule, &mut results, &mut save)?;
+    let executed = execute(stations, &schedule, &mut results, &mut save);
+    let failure = match executed {
+        Ok(failure) => failure,
+        Err(error) => {
+            directory.discard();
+            return Err(error);
+        }
+    };
     directory.save_results(&results)?;
     for (_, file) in options.exports.files() {
         let Some(file) = file else { continue };
