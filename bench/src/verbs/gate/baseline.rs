@@ -3,10 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use planning::Application;
 use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
-use setup::Setup;
 
 use records::cell_results::CellResults;
 use records::exit::{Exit, Failure};
@@ -15,7 +13,7 @@ use report::cell_table::mean;
 use report::progress::label;
 
 /// Version of the format.
-pub(super) const SCHEMA_VERSION: u32 = 1;
+const SCHEMA_VERSION: u32 = 1;
 
 /// Repetitions of each type, and the seed, of a new baseline.
 pub(super) const REPETITIONS: u32 = 25;
@@ -27,6 +25,8 @@ pub const BASELINES: &[(&str, &str)] = &[
     ("B", include_str!("../../../baselines/B.json")),
     ("C", include_str!("../../../baselines/C.json")),
     ("D", include_str!("../../../baselines/D.json")),
+    ("E", include_str!("../../../baselines/E.json")),
+    ("F", include_str!("../../../baselines/F.json")),
 ];
 
 /// Half of the millisecond that the gate must detect.
@@ -131,21 +131,12 @@ impl Baseline {
         }
     }
 
-    /// Refuses a run of something else.
+    /// Refuses a run of something else, by the names of setup and application.
     ///
     /// # Errors
     ///
     /// The baseline is of another setup or application.
-    pub fn is_for(&self, setup: &Setup, application: &Application) -> Result<(), Refusal> {
-        self.is_for_names(&setup.name, &application.name)
-    }
-
-    /// Refuses a run of something else, like [`is_for`](Self::is_for), by the names of setup and application.
-    ///
-    /// # Errors
-    ///
-    /// The baseline is of another setup or application.
-    pub fn is_for_names(&self, setup: &str, application: &str) -> Result<(), Refusal> {
+    pub fn is_for(&self, setup: &str, application: &str) -> Result<(), Refusal> {
         if self.setup == setup && self.application == application {
             return Ok(());
         }
@@ -156,25 +147,25 @@ impl Baseline {
     /// Makes a baseline from a run. Figures that the old baseline has keep their tolerances.
     #[must_use]
     pub fn of(results: &Results, before: Option<&Self>) -> Self {
-        let mut new = Self {
-            schema_version: SCHEMA_VERSION,
-            setup: results.setup.clone(),
-            application: results.application.clone(),
-            reps: results.reps,
-            seed: results.seed,
-            figures: figures(results),
-        };
-        new.keep_tolerances(before);
-        new
+        let Results { setup, application, reps, seed, .. } = results;
+        Self::new([setup, application], *reps, *seed, figures(results), before)
     }
 
-    /// Takes over the tolerances of the figures that the old baseline has.
-    pub(super) fn keep_tolerances(&mut self, before: Option<&Self>) {
-        for new in &mut self.figures {
+    /// Makes a baseline of a setup and its application from the figures of a run.
+    pub(super) fn new(
+        [setup, application]: [&str; 2],
+        reps: u32,
+        seed: u64,
+        mut figures: Vec<Expected>,
+        before: Option<&Self>,
+    ) -> Self {
+        for new in &mut figures {
             if let Some(old) = before.and_then(|before| before.get(&new.figure)) {
                 new.tolerance = old.tolerance;
             }
         }
+        let (setup, application) = (setup.to_owned(), application.to_owned());
+        Self { schema_version: SCHEMA_VERSION, setup, application, reps, seed, figures }
     }
 
     /// Returns the figure with this name.

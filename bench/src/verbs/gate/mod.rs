@@ -4,7 +4,6 @@
 //! an application. Tolerances only allow for the last digits of floating point.
 
 mod baseline;
-mod cell;
 mod real;
 mod verdict;
 
@@ -19,7 +18,7 @@ use setup::Setup;
 pub use baseline::{BASELINES, Baseline, Expected, Refusal};
 pub use verdict::{Change, Verdict};
 
-use crate::verbs::measure::cell::of_several;
+use crate::verbs::measure::cell::{of_several, whole};
 use records::exit::{Exit, Failure};
 use records::results::Results;
 use records::run_directory::{Durability, replace};
@@ -58,28 +57,49 @@ pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
         return real::run(options, directory);
     }
     if of_several(options.setup.name()).is_some() {
-        return cell::run(options);
+        let (cell, found) = planning::cell_with_applications(options.setup.name())?;
+        let application = cell.application.as_deref().unwrap_or_default();
+        return compare(options, &cell.name, application, |schedule| {
+            Ok(baseline::figures_of_cell(&whole(&cell, &found, schedule)?))
+        });
     }
     let (setup, found) = options.setup.load()?;
-    let application = found.application;
-    let path = options.baseline.clone().unwrap_or_else(|| default_path(&setup.name));
-    let found = find(&path, options.baseline.is_none(), &setup.name)?;
+    compare(options, &setup.name, &found.application.name, |schedule| {
+        Ok(baseline::figures(&virtual_results(&setup, &found.application, schedule)?))
+    })
+}
+
+/// Compares the figures of a run with their baseline and prints the verdict, or makes them the new baseline.
+fn compare(
+    options: &GateOptions,
+    setup: &str,
+    application: &str,
+    figures: impl FnOnce(&Schedule) -> Result<Vec<Expected>, Failure>,
+) -> Result<Exit, Failure> {
+    let path = options.baseline.clone().unwrap_or_else(|| default_path(setup));
+    let found = find(&path, options.baseline.is_none(), setup)?;
     if let Some((baseline, _)) = &found {
-        baseline.is_for(&setup, &application).map_err(|refusal| refusal.at(&path))?;
+        baseline.is_for(setup, application).map_err(|refusal| refusal.at(&path))?;
     }
     if options.update {
         let old = found.filter(|(_, origin)| *origin == Origin::File).map(|(baseline, _)| baseline);
-        return update(old, &path, &setup, &application);
+        let (reps, seed) =
+            old.as_ref().map_or((baseline::REPETITIONS, baseline::SEED), |old| (old.reps, old.seed));
+        let figures = figures(&schedule(reps, seed))?;
+        return write(
+            &Baseline::new([setup, application], reps, seed, figures, old.as_ref()),
+            old.as_ref(),
+            &path,
+        );
     }
     let Some((baseline, origin)) = found else {
         let error = anyhow!(
-            "there is no baseline {} for setup {}; make one by --update, or name another by --baseline",
-            path.display(),
-            setup.name
+            "there is no baseline {} for setup {setup}; make one by --update, or name another by --baseline",
+            path.display()
         );
         return Err(Failure::new(Exit::Usage, error));
     };
-    let verdict = judge(&setup, &application, &baseline)?;
+    let verdict = Verdict::of(&baseline, &figures(&schedule(baseline.reps, baseline.seed))?);
     let origin = match origin {
         Origin::File => path.display().to_string(),
         Origin::BuiltIn => "the one built in".to_owned(),
@@ -88,37 +108,28 @@ pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
     Ok(if verdict.is_pass() { Exit::Pass } else { Exit::TimingRegression })
 }
 
+fn schedule(reps: u32, seed: u64) -> Schedule {
+    Schedule::new(&ExecutionType::ALL, reps, seed)
+}
+
 /// Runs the setup as the baseline was run and compares.
 ///
 /// # Errors
 ///
 /// A repetition fails.
 pub fn judge(setup: &Setup, application: &Application, baseline: &Baseline) -> Result<Verdict, Failure> {
-    let results = virtual_results(setup, application, baseline.reps, baseline.seed)?;
+    let results = virtual_results(setup, application, &schedule(baseline.reps, baseline.seed))?;
     Ok(Verdict::new(baseline, &results))
 }
 
 fn virtual_results(
     setup: &Setup,
     application: &Application,
-    reps: u32,
-    seed: u64,
+    schedule: &Schedule,
 ) -> Result<Results, Failure> {
-    virtual_run::whole(setup, application, &Schedule::new(&ExecutionType::ALL, reps, seed))
+    virtual_run::whole(setup, application, schedule)
         .context("the virtual run for the gate failed")
         .map_err(|error| Failure::new(Exit::of_run(&error), error))
-}
-
-fn update(
-    old: Option<Baseline>,
-    path: &Path,
-    setup: &Setup,
-    application: &Application,
-) -> Result<Exit, Failure> {
-    let (reps, seed) =
-        old.as_ref().map_or((baseline::REPETITIONS, baseline::SEED), |old| (old.reps, old.seed));
-    let new = Baseline::of(&virtual_results(setup, application, reps, seed)?, old.as_ref());
-    write(&new, old.as_ref(), path)
 }
 
 /// Writes a new baseline, and prints what it changes.

@@ -50,7 +50,7 @@ pub(super) fn run(options: &GateOptions, directory: &Path) -> Result<Exit, Failu
     let Some((baseline, _)) = find(&path, options.baseline.is_none(), &setup.name)? else {
         return Err(usage(anyhow!("there is no baseline {} for setup {}", path.display(), setup.name)));
     };
-    baseline.is_for(&setup, &found.application).map_err(|refusal| refusal.at(&path))?;
+    baseline.is_for(&setup.name, &found.application.name).map_err(|refusal| refusal.at(&path))?;
     let compared = compare(&baseline, &results).map_err(usage)?;
     out!("{}", render(&results, &compared));
     let is_beyond = compared.iter().any(|compared| compared.verdict() == RatioVerdict::Beyond);
