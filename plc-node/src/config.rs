@@ -1,7 +1,7 @@
 //! The configuration of a PLC node.
 
 use machine::Duration;
-use planning::{PROGRAM, PlannedStation, Stop, ToStart, WaitAt};
+use planning::{PROGRAM, Plan, PlannedStation, Stop, ToStart, WaitAt};
 use protocol::image;
 use setup::Setup;
 
@@ -69,7 +69,12 @@ impl PlcConfig {
     /// Creates the configuration of a PLC that serves this station of a cell, with its motions and its program.
     #[must_use]
     pub fn of_station(planned: &PlannedStation) -> Self {
-        let PlannedStation { setup, plan, .. } = planned;
+        Self::of_plan(&planned.setup, &planned.plan)
+    }
+
+    /// Creates the configuration of a PLC that executes this plan, with the program [`PROGRAM`] for RC.
+    #[must_use]
+    pub fn of_plan(setup: &Setup, plan: &Plan) -> Self {
         Self {
             to_start: plan.wire_to_start(setup),
             stops: plan.stops(),

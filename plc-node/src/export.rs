@@ -4,8 +4,8 @@ use machine::Duration;
 use planning::Switch;
 use plc_export::{Application, StopData};
 
-use crate::PlcConfig;
-use crate::waiting::SILENCE;
+use crate::waiting::longest_silence;
+use crate::{PlcConfig, StationConfig};
 
 impl PlcConfig {
     /// Returns what the exported code needs of this configuration, with the check of the image or without.
@@ -13,8 +13,7 @@ impl PlcConfig {
     /// The motions are read from their source. An empty list is exported as well: then only RC runs.
     pub fn exported(&mut self, with_check: bool) -> Application {
         let limits = self.wait_limits();
-        let longest_stop = self.stops.iter().filter_map(|stop| stop.then).map(|switch| switch.wait).max();
-        let progress = SILENCE + self.answer_timeout + longest_stop.unwrap_or(Duration::ZERO);
+        let progress = longest_silence(self.answer_timeout, StationConfig::longest_of(&self.stops));
         let progress_scans = progress.as_nanos().div_ceil(self.scan_cycle.as_nanos().max(1));
         let micros = |duration: Duration| u32::try_from(duration.as_micros()).unwrap_or(u32::MAX);
         let switch = |Switch { output, set, wait }| (output, set, micros(wait));

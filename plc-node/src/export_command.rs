@@ -7,9 +7,6 @@ use node::errln;
 
 use crate::PlcConfig;
 
-/// Program of the robot controller that is the application.
-const PROGRAM: u16 = 1;
-
 /// A maker's language.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 enum Dialect {
@@ -53,12 +50,7 @@ impl ExportCommand {
         let (setup, application) = planning::setup_and_application(&self.setup, self.application.as_deref())?;
         let plan = application.plan(&setup)?;
         application.reach(&plan, &setup)?;
-        let mut config = PlcConfig {
-            to_start: plan.wire_to_start(&setup),
-            stops: plan.stops(),
-            ..PlcConfig::from_setup(&setup, plan.wire_motions(&setup), PROGRAM)
-        };
-        let exported = config.exported(self.check == Check::On);
+        let exported = PlcConfig::of_plan(&setup, &plan).exported(self.check == Check::On);
         plc_export::export(&exported, &self.out)?;
         errln!(
             "{} motions in {}; compare your PLC with {}",

@@ -11,7 +11,12 @@ const FIRST_REPORT: Duration = Duration::from_secs(2);
 
 /// Time from one report to the next, and time for which a robot that owes progress may show none. Assumed: longer than any
 /// controller pauses, and short enough for a person who waits.
-pub(crate) const SILENCE: Duration = Duration::from_secs(10);
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// Returns how long a robot that owes progress may show none, which may take this long to answer and to wait at a stop.
+pub(crate) fn longest_silence(answer: Duration, longest_stop: Duration) -> Duration {
+    SILENCE + answer + longest_stop
+}
 
 /// What the PLC waits for.
 #[derive(Clone, Copy, PartialEq, Debug)]

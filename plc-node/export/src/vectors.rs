@@ -17,8 +17,8 @@ pub const VECTORS: &str = "vectors.jsonl";
 /// Scans for each motion.
 const MOTION_SCANS: u32 = 3;
 
-/// Most scans of the vectors.
-const MOST_SCANS: u32 = 1_500;
+/// Most scans of a run.
+const MOST_SCANS: u32 = 1_000;
 
 /// Time from one scan to the next in us.
 const SCAN_US: u32 = 1_000;
@@ -37,25 +37,29 @@ pub enum VectorsError {
     Run(#[from] RunError),
 }
 
-/// Returns one line for each scan: RC, SM and CM once each, first in the one byte order and then in the other.
+/// Returns one line for each scan: RC, SM and CM once each, first in the one byte order and then in the other. Each run begins
+/// with scan 1 of a new instance, and is cut after [`MOST_SCANS`] scans.
 ///
 /// # Errors
 /// The text does not compile or goes wrong; never for a text of [`structured_text`](crate::structured_text()).
 pub fn vectors(text: &str, application: &Application) -> Result<String, VectorsError> {
+    let program = Program::compile(&[Source { file: FILE, text }])?;
     let mut lines = String::new();
     for order in [Order::BigEndian, Order::LittleEndian] {
-        one_order(text, application, order, &mut lines)?;
+        for execution_type in 1..=3 {
+            one_run(&program, application, order, execution_type, &mut lines)?;
+        }
     }
     Ok(lines)
 }
 
-fn one_order(
-    text: &str,
+fn one_run(
+    program: &Program,
     application: &Application,
     order: Order,
+    execution_type: i64,
     lines: &mut String,
 ) -> Result<(), VectorsError> {
-    let program = Program::compile(&[Source { file: FILE, text }])?;
     let variable = |name: &str| program.variable("SB_Core", name);
     let (feedback, command) = (variable("feedback_bytes")?, variable("command_bytes")?);
     let (ready, start, of_type) = (variable("ready")?, variable("start")?, variable("execution_type")?);
@@ -66,31 +70,30 @@ fn one_order(
     let is_big = order == Order::BigEndian;
     core.set(big, 0, i64::from(is_big));
     core.set(repetitions, 0, 1);
-    let mut execution_type = 0;
+    core.set(of_type, 0, execution_type);
+    let mut has_started = false;
     for scan in 1..=MOST_SCANS {
         let is_ready = core.get(ready, 0) == 1;
-        let starts = is_ready && core.get(start, 0) == 0 && execution_type < 3;
-        if is_ready && execution_type == 3 && !starts && core.get(start, 0) == 0 {
+        let is_start = core.get(start, 0) == 1;
+        if has_started && is_ready && !is_start {
             break;
         }
-        execution_type += i64::from(starts);
-        let keeps = core.get(start, 0) == 1 && !is_ready;
-        core.set(start, 0, i64::from(starts || keeps));
-        core.set(of_type, 0, execution_type.max(1));
+        // The edge comes once the code is ready, and stays until it has begun.
+        let starts = if is_start { !is_ready } else { is_ready };
+        has_started |= starts;
+        core.set(start, 0, i64::from(starts));
         core.set(now, 0, i64::from(scan * SCAN_US));
         (0..).zip(&robot.image).for_each(|(index, byte)| core.set(feedback, index, i64::from(*byte)));
-        core.scan(&program, BUDGET)?;
+        core.scan(program, BUDGET)?;
         let mut answer = [0; IMAGE_LEN];
         for (index, byte) in (0..).zip(&mut answer) {
             *byte = u8::try_from(core.get(command, index)).unwrap_or(0);
         }
         let _ = writeln!(
             lines,
-            "{{\"scan\":{scan},\"now_us\":{},\"start\":{},\"execution_type\":{},\"repetitions\":1,\"bus_big_endian\":{is_big},\
-             \"feedback\":\"{}\",\"command\":\"{}\"}}",
+            "{{\"scan\":{scan},\"now_us\":{},\"start\":{starts},\"execution_type\":{execution_type},\"repetitions\":1,\
+             \"bus_big_endian\":{is_big},\"feedback\":\"{}\",\"command\":\"{}\"}}",
             scan * SCAN_US,
-            core.get(start, 0) == 1,
-            execution_type.max(1),
             hex(&robot.image),
             hex(&answer),
         );

@@ -15,7 +15,6 @@ use node::list::{List, flat};
 use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::{Node, Waiting};
-use planning::PROGRAM;
 use protocol::fieldbus::{ControllerBus, Counters, LinkEvent};
 use protocol::image::Checks;
 use protocol::one_station::OneStation;
@@ -61,12 +60,7 @@ impl Run {
         let prepared = self.options.prepare()?;
         let (setup, plan, interface) = (&prepared.setup, &prepared.plan, prepared.interface());
         // On a real clock the scan takes what it takes.
-        let config = PlcConfig {
-            scan_cost: Duration::ZERO,
-            to_start: plan.wire_to_start(setup),
-            stops: plan.stops(),
-            ..PlcConfig::from_setup(setup, plan.wire_motions(setup), PROGRAM)
-        };
+        let config = PlcConfig { scan_cost: Duration::ZERO, ..PlcConfig::of_plan(setup, plan) };
         let start = node::run::first_cycle();
         // The clock makes every start of this PLC a new one to the robot.
         let nonce = start.as_nanos();

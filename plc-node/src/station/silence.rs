@@ -6,7 +6,7 @@ use protocol::image::{ErrorNumber, State, Status};
 
 use super::{Station, StationState};
 use crate::event::Events;
-use crate::waiting::{Patience, SILENCE};
+use crate::waiting::{Patience, longest_silence};
 use crate::{AxesGroup, FailureCause, PlcEvent, WaitingFor};
 
 /// Least change of a joint that counts as motion, in degrees (mm): more than the image rounds away.
@@ -59,7 +59,7 @@ impl Shown {
 
 impl Silence {
     pub(super) fn new(scan: Duration, answer: Duration, longest_stop: Duration) -> Self {
-        let longest = SILENCE + answer + longest_stop;
+        let longest = longest_silence(answer, longest_stop);
         Self { patience: Patience::new(scan), longest, progress: None, is_paused: false, last_down: None }
     }
 

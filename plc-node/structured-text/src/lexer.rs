@@ -4,7 +4,7 @@ use crate::{Mistake, Place};
 
 /// Kind of a token, with its value.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// An identifier or a keyword, as it is written.
     Word(String),
     /// An integer, with the type in front of its `#` if there is one: `UDINT#16#FF`.
@@ -13,17 +13,15 @@ pub enum Kind {
     Real(Option<String>, f32),
     /// An operator or a separator.
     Symbol(&'static str),
-    /// A comment, with its delimiters. The parser skips it.
-    Comment(String),
 }
 
 /// A token with its place.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Token {
+pub(crate) struct Token {
     /// Kind and value.
-    pub kind: Kind,
+    pub(crate) kind: Kind,
     /// Place of its first character.
-    pub place: Place,
+    pub(crate) place: Place,
 }
 
 /// Longest text that is read, in bytes: some 100,000 motions.
@@ -39,7 +37,7 @@ const SYMBOLS: [&str; 22] = [
 ///
 /// # Errors
 /// A character, number or comment is malformed.
-pub fn tokens(text: &str) -> Result<Vec<Token>, Mistake> {
+pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, Mistake> {
     if text.len() > LONGEST {
         return Err(Mistake::new(
             Place { line: 1, column: 1 },
@@ -79,17 +77,27 @@ impl<'a> Lexer<'a> {
         self.take(length)
     }
 
+    /// Skips white space and comments.
+    fn skip_comments(&mut self) -> Result<(), Mistake> {
+        loop {
+            self.take_while(|character| character.is_ascii_whitespace());
+            if let Some(comment) = self.rest.strip_prefix("(*") {
+                let unended = || Mistake::new(self.place, "comment without its end `*)`");
+                let length = comment.find("*)").ok_or_else(unended)?;
+                self.take(length + "(**)".len());
+            } else if self.rest.starts_with("//") {
+                self.take_while(|character| character != '\n');
+            } else {
+                return Ok(());
+            }
+        }
+    }
+
     fn next(&mut self) -> Result<Option<Token>, Mistake> {
-        self.take_while(|character| character.is_ascii_whitespace());
+        self.skip_comments()?;
         let place = self.place;
         let Some(first) = self.rest.chars().next() else { return Ok(None) };
-        let kind = if self.rest.starts_with("(*") {
-            let end =
-                self.rest.find("*)").ok_or_else(|| Mistake::new(place, "comment without its end `*)`"))?;
-            Kind::Comment(self.take(end + 2).into())
-        } else if self.rest.starts_with("//") {
-            Kind::Comment(self.take_while(|character| character != '\n').into())
-        } else if first.is_ascii_digit() {
+        let kind = if first.is_ascii_digit() {
             self.number(None)?
         } else if first.is_ascii_alphabetic() || first == '_' {
             let word = self.take_while(|character| character.is_ascii_alphanumeric() || character == '_');

@@ -38,12 +38,10 @@ mod lexer;
 mod mistake;
 mod parser;
 mod run;
-pub mod syntax;
+mod syntax;
 mod types;
 
 pub use compile::{Program, Source, Variable};
-pub use lexer::{Kind, Token, tokens};
 pub use mistake::{Mistake, Place, RunError, Trap};
-pub use parser::parse;
 pub use run::Instance;
 pub use types::Scalar;

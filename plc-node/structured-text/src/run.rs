@@ -1,5 +1,6 @@
 //! Execution of a program on a memory of its own.
 
+use crate::compile::MOST_ARGUMENTS;
 use crate::compile::code::{
     Address, Argument, Arithmetic, Bitwise, Code, Comparison, Function, Instruction, Located,
 };
@@ -59,12 +60,6 @@ impl Instance {
         {
             *slot = value;
         }
-    }
-
-    /// Returns the number of scans so far.
-    #[must_use]
-    pub const fn scans(&self) -> u64 {
-        self.scans
     }
 
     /// Runs the body of the function block once, in at most so many steps: statements and passes of loops. The program must
@@ -234,7 +229,7 @@ impl Instance {
 
     fn function(&mut self, program: &Program, call: &Function, this: usize) -> Run<i64> {
         // A parameter may call the same function: all are computed before the first is written.
-        let mut values = [0; 8];
+        let mut values = [0; MOST_ARGUMENTS];
         for (value, argument) in values.iter_mut().zip(&call.arguments) {
             *value = match argument {
                 Argument::Value(_, code) => self.value(program, code, this)?,

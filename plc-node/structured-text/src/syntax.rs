@@ -4,7 +4,7 @@ use crate::Place;
 
 /// A declaration at the top of a text.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Declaration {
+pub(crate) enum Declaration {
     /// `TYPE … END_TYPE`, one type.
     Type(TypeDeclaration),
     /// `FUNCTION` or `FUNCTION_BLOCK`.
@@ -13,7 +13,7 @@ pub enum Declaration {
 
 /// A type with a name.
 #[derive(Clone, PartialEq, Debug)]
-pub struct TypeDeclaration {
+pub(crate) struct TypeDeclaration {
     /// Its name.
     pub name: String,
     /// Place of the name.
@@ -24,7 +24,7 @@ pub struct TypeDeclaration {
 
 /// What a type with a name stands for.
 #[derive(Clone, PartialEq, Debug)]
-pub enum TypeBody {
+pub(crate) enum TypeBody {
     /// A structure with its members.
     Structure(Vec<Declared>),
     /// Another name, or an array.
@@ -33,7 +33,7 @@ pub enum TypeBody {
 
 /// A type as a declaration names it.
 #[derive(Clone, PartialEq, Debug)]
-pub enum TypeName {
+pub(crate) enum TypeName {
     /// An elementary type, a declared type or a function block.
     Named(String, Place),
     /// `ARRAY[low..high] OF element`; the element has a name.
@@ -42,7 +42,7 @@ pub enum TypeName {
 
 /// A variable or member.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Declared {
+pub(crate) struct Declared {
     /// Its name.
     pub name: String,
     /// Place of the name.
@@ -55,7 +55,7 @@ pub struct Declared {
 
 /// An initial value.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Initial {
+pub(crate) enum Initial {
     /// Of an elementary variable.
     One(Expression),
     /// Of an array: values, each with how often it is repeated.
@@ -64,7 +64,7 @@ pub enum Initial {
 
 /// Role of variables.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Role {
+pub(crate) enum Role {
     /// `VAR_INPUT`.
     Input,
     /// `VAR_OUTPUT`.
@@ -79,7 +79,7 @@ pub enum Role {
 
 /// A function or a function block.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Unit {
+pub(crate) struct Unit {
     /// Its name.
     pub name: String,
     /// Place of the name.
@@ -94,7 +94,7 @@ pub struct Unit {
 
 /// A statement with its place.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Statement {
+pub(crate) struct Statement {
     /// Place of its first word.
     pub place: Place,
     /// What it does.
@@ -103,7 +103,7 @@ pub struct Statement {
 
 /// Kinds of statements.
 #[derive(Clone, PartialEq, Debug)]
-pub enum StatementKind {
+pub(crate) enum StatementKind {
     /// `target := value;`
     Assign(Path, Expression),
     /// `instance(name := value, …);`
@@ -126,7 +126,7 @@ pub enum StatementKind {
 
 /// A variable with members and indices: `group.slots[index]`.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Path {
+pub(crate) struct Path {
     /// The variable.
     pub name: String,
     /// Its place.
@@ -137,7 +137,7 @@ pub struct Path {
 
 /// A step of a path.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Step {
+pub(crate) enum Step {
     /// `.member`
     Member(String, Place),
     /// `[index]`
@@ -146,7 +146,7 @@ pub enum Step {
 
 /// An expression with its place.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Expression {
+pub(crate) struct Expression {
     /// Place of its operator, or of its only word.
     pub place: Place,
     /// What it computes.
@@ -155,7 +155,7 @@ pub struct Expression {
 
 /// Kinds of expressions.
 #[derive(Clone, PartialEq, Debug)]
-pub enum ExpressionKind {
+pub(crate) enum ExpressionKind {
     /// An integer, with its type if it has one.
     Integer(Option<String>, u64),
     /// A real number, with its type if it has one.

@@ -15,7 +15,7 @@ fn block(body: &str) -> String {
          FUNCTION_BLOCK Inner VAR_INPUT a : UINT; END_VAR VAR_IN_OUT b : UINT; END_VAR VAR_OUTPUT c : UINT; END_VAR \
          b := a; c := b; END_FUNCTION_BLOCK\n\
          FUNCTION_BLOCK Outer VAR_INPUT i : UINT; END_VAR VAR_OUTPUT x : UINT; END_VAR VAR CONSTANT k : UINT := 7; END_VAR VAR \
-         n : DINT; s : USINT; r : REAL; d : DWORD; on : BOOL; kid : Inner; many : ARRAY[1..3] OF UINT := [10, 2(20)]; END_VAR\n\
+         n : DINT; s : USINT; r : REAL; d : DWORD; no : BOOL; kid : Inner; many : ARRAY[1..3] OF UINT := [10, 2(20)]; END_VAR\n\
          {body}\nEND_FUNCTION_BLOCK"
     )
 }
@@ -57,6 +57,7 @@ fn statements_and_operators_compute_what_the_standard_says() {
         ("x := (UINT#2 + UINT#3) * UINT#4 MOD UINT#7;", 6),
         ("IF NOT (TRUE AND FALSE OR TRUE XOR TRUE) THEN x := 1; ELSIF TRUE THEN x := 2; END_IF;", 1),
         ("FOR n := 1 TO 3 DO x := x + many[n]; END_FOR;", 50),
+        ("n := -2; CASE n OF 1: x := 1; -2: x := 2; END_CASE; (* * (* *)", 2),
         ("FOR n := 3 TO 1 BY -1 DO x := x * UINT#10 + many[n] / UINT#10; END_FOR;", 221),
         ("FOR n := 1 TO 3 DO IF n = 2 THEN EXIT; END_IF; x := x + UINT#1; END_FOR;", 1),
         ("CASE k OF 1, 2: x := 1; 7: x := 7; ELSE x := 9; END_CASE;", 7),
@@ -76,8 +77,8 @@ fn the_checker_refuses_what_makers_treat_differently_and_names_the_place() {
     for (body, expected) in [
         ("x := n;", "t.st:4:6: expected UINT, found DINT; convert it explicitly"),
         ("x := 70000;", "t.st:4:6: 70000 is outside UINT"),
-        ("x := on + x;", "t.st:4:11: expected BOOL, found UINT; convert it explicitly"),
-        ("on := 1 = 2;", "t.st:4:11: literal without a type; write it as `UDINT#5`"),
+        ("x := no + x;", "t.st:4:11: expected BOOL, found UINT; convert it explicitly"),
+        ("no := 1 = 2;", "t.st:4:11: literal without a type; write it as `UDINT#5`"),
         ("i := 1;", "t.st:4:1: input `i` cannot be assigned"),
         ("k := 1;", "t.st:4:1: constant `k` cannot be assigned"),
         ("kid.c := 1;", "t.st:4:1: outputs of instance `kid` cannot be assigned"),
@@ -87,7 +88,7 @@ fn the_checker_refuses_what_makers_treat_differently_and_names_the_place() {
         ("y := 1;", "t.st:4:1: `y` is not declared"),
         ("x := Two(1);", "t.st:4:6: function `Two` not declared before its use"),
         ("r := DWORD_TO_REAL(d);", "t.st:4:20: DWORD_TO_REAL: makers differ in it, or it is needless"),
-        ("on := d < d;", "t.st:4:9: `<` does not apply to DWORD"),
+        ("no := d < d;", "t.st:4:9: `<` does not apply to DWORD"),
         ("EXIT;", "t.st:4:1: EXIT outside a loop"),
         ("IF x THEN x := 1; END_IF;", "t.st:4:4: expected BOOL, found UINT; convert it explicitly"),
         ("x := 1", "t.st:5:1: `END_FUNCTION_BLOCK`: expected `;`"),
@@ -108,6 +109,9 @@ fn names_of_the_language_and_second_declarations_are_refused() {
         "TYPE A : ARRAY[0..2000000000] OF BOOL; END_TYPE",
         "TYPE A : ARRAY[3..2] OF BOOL; END_TYPE",
         "FUNCTION A : BOOL A := A(); END_FUNCTION",
+        "FUNCTION_BLOCK A VAR on : BOOL; END_VAR END_FUNCTION_BLOCK",
+        "FUNCTION_BLOCK ctud END_FUNCTION_BLOCK",
+        "(*) FUNCTION_BLOCK A END_FUNCTION_BLOCK",
     ] {
         assert!(compile(text).is_err(), "{text}");
     }
@@ -116,12 +120,12 @@ fn names_of_the_language_and_second_declarations_are_refused() {
 #[test]
 fn deep_nesting_is_refused_and_overflows_no_stack() {
     let deep = |open: &str, close: &str, times: usize| {
-        format!("on := {}TRUE{};", open.repeat(times), close.repeat(times))
+        format!("no := {}TRUE{};", open.repeat(times), close.repeat(times))
     };
     for body in [
         deep("(", ")", 100_000),
         deep("NOT ", "", 100_000),
-        format!("on := TRUE{};", " AND TRUE".repeat(100_000)),
+        format!("no := TRUE{};", " AND TRUE".repeat(100_000)),
     ] {
         assert!(compile(&block(&body)).is_err());
     }

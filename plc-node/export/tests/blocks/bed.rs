@@ -11,9 +11,6 @@ use protocol::one_station::OneStation;
 use robot_node::{Program as RobotProgram, RobotConfig, RobotNode};
 use structured_text::{Instance, Program, Source as Text, Variable};
 
-/// Program of the robot that RC runs.
-const PROGRAM: u16 = 1;
-
 /// Most steps of a scan: the first one builds the table of the check.
 const BUDGET: u64 = 100_000;
 
@@ -202,18 +199,12 @@ impl Bed {
     ) -> Self {
         let (setup, application) = setup_and_application(setup, Some(application)).unwrap();
         let plan = application.plan(&setup).unwrap();
-        let (motions, stops, to_start) =
-            (plan.wire_motions(&setup), plan.stops(), plan.wire_to_start(&setup));
-        let config = || PlcConfig {
-            to_start: to_start.clone(),
-            stops: stops.clone(),
-            scan_cost: Duration::ZERO,
-            ..PlcConfig::from_setup(&setup, motions.clone(), PROGRAM)
-        };
+        let config = || PlcConfig { scan_cost: Duration::ZERO, ..PlcConfig::of_plan(&setup, &plan) };
+        let to_start = plan.wire_to_start(&setup);
         let text = edit(plc_export::structured_text(&config().exported(true)).unwrap());
         let robot =
             RobotConfig::from_setup(&setup).unwrap().in_cell_of(&application.application, &to_start).unwrap();
-        let programs = vec![(PROGRAM, RobotProgram::new(motions.clone(), &stops))];
+        let programs = RobotProgram::stored(&plan, &setup);
         let start = Instant::from_millis(1);
         Self {
             plc: PlcNode::new(config(), OneStation::new(Wire::new(order)), start),
@@ -332,11 +323,12 @@ impl Bed {
 
 /// Returns the application of setup A.
 pub(crate) fn exported_a() -> plc_export::Application {
-    let (setup, application) = setup_and_application("A", None).unwrap();
+    exported("A", None)
+}
+
+/// Returns an application of a setup, or the one of the setup.
+pub(crate) fn exported(setup: &str, application: Option<&str>) -> plc_export::Application {
+    let (setup, application) = setup_and_application(setup, application).unwrap();
     let plan = application.plan(&setup).unwrap();
-    let mut config = PlcConfig {
-        to_start: plan.wire_to_start(&setup),
-        ..PlcConfig::from_setup(&setup, plan.wire_motions(&setup), PROGRAM)
-    };
-    config.exported(true)
+    PlcConfig::of_plan(&setup, &plan).exported(true)
 }

@@ -11,7 +11,7 @@ use crate::{Mistake, Place, Scalar};
 type Checked<T> = Result<T, Mistake>;
 
 /// Most parameters of a function.
-const MOST_ARGUMENTS: usize = 8;
+pub(crate) const MOST_ARGUMENTS: usize = 8;
 
 impl Body<'_> {
     /// Compiles an expression that must have this type.
@@ -241,10 +241,9 @@ impl Body<'_> {
         };
         let mut of_type = member.of_type.clone();
         for step in &path.steps {
+            let is_structure = matches!(of_type, Type::Structure(_));
             (address, of_type) = match (step, of_type) {
                 (Step::Member(name, place), Type::Structure(layout) | Type::Instance(layout)) => {
-                    let is_structure =
-                        !self.compiler.unit_by_name.contains_key(&layout.name.to_ascii_lowercase());
                     let member = layout
                         .member(name)
                         .filter(|member| is_structure || member.role == Role::Output)

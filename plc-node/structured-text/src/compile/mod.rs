@@ -9,10 +9,12 @@ mod statement;
 use std::collections::HashMap;
 use std::rc::Rc;
 
+use crate::parser::parse;
 use crate::syntax::{Declaration, Role, TypeDeclaration, Unit};
 use crate::types::{LARGEST, Layout, Type};
-use crate::{Instance, Mistake, Place, Scalar, parse};
+use crate::{Instance, Mistake, Place, Scalar};
 use code::Located;
+pub(crate) use expression::MOST_ARGUMENTS;
 
 /// Most declarations of a program: calls and types nest as deep.
 const MOST_DECLARATIONS: usize = 512;
@@ -29,10 +31,8 @@ pub struct Source<'a> {
 /// A function or function block that was compiled.
 #[derive(Debug)]
 pub(crate) struct CompiledUnit {
-    pub(crate) name: String,
     pub(crate) file: Rc<str>,
     pub(crate) layout: Rc<Layout>,
-    pub(crate) is_function: bool,
     /// First slot of a function's variables.
     pub(crate) frame: usize,
     /// Slot of a function's result there, and its type.
@@ -109,8 +109,10 @@ impl Program {
     }
 
     fn block(&self, name: &str) -> Result<(usize, &CompiledUnit), Mistake> {
-        let found =
-            self.units.iter().position(|unit| !unit.is_function && unit.name.eq_ignore_ascii_case(name));
+        let found = self
+            .units
+            .iter()
+            .position(|unit| unit.result.is_none() && unit.layout.name.eq_ignore_ascii_case(name));
         found
             .and_then(|index| Some((index, self.units.get(index)?)))
             .ok_or_else(|| missing("program", format!("function block `{name}` not found")))
@@ -152,10 +154,9 @@ impl Compiler {
         let index = self.units.len();
         let (layout, result) = self.layout_of(&unit, index)?;
         let layout = Rc::new(layout);
-        let is_function = unit.result.is_some();
         let body = statement::Body { compiler: self, layout: &layout, loops: 0 }.statements(&unit.body)?;
         let frame = self.frames.len();
-        if is_function {
+        if result.is_some() {
             self.frames.extend_from_slice(&layout.initial);
         } else {
             self.types.insert(unit.name.to_ascii_lowercase(), Type::Instance(Rc::clone(&layout)));
@@ -165,7 +166,7 @@ impl Compiler {
         }
         self.unit_by_name.insert(unit.name.to_ascii_lowercase(), index);
         let file = Rc::clone(&self.file);
-        self.units.push(CompiledUnit { name: unit.name, file, layout, is_function, frame, result, body });
+        self.units.push(CompiledUnit { file, layout, frame, result, body });
         Ok(())
     }
 }

@@ -4,33 +4,29 @@ use super::Compiler;
 use crate::{Mistake, Place, Scalar};
 
 /// Standard functions of IEC 61131-3, tables 22 to 36, beside the conversions; makers' compilers know them all.
-const STANDARD: [&str; 52] = [
+const STANDARD: [&str; 53] = [
     "ABS", "SQRT", "LN", "LOG", "EXP", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "ATAN2", "ADD", "MUL",
     "SUB", "DIV", "EXPT", "MOVE", "SHL", "SHR", "ROR", "ROL", "SEL", "MAX", "MIN", "LIMIT", "MUX", "GT",
     "GE", "EQ", "LE", "LT", "NE", "LEN", "LEFT", "RIGHT", "MID", "CONCAT", "INSERT", "DELETE", "REPLACE",
-    "FIND", "TRUNC", "SR", "RS", "R_TRIG", "F_TRIG", "CTU", "CTD", "TP", "TON", "TOF",
+    "FIND", "TRUNC", "SR", "RS", "R_TRIG", "F_TRIG", "CTU", "CTD", "CTUD", "TP", "TON", "TOF",
 ];
 
 impl Compiler {
     /// Checks a name that a type, function or function block is to have.
     pub(super) fn check_new(&self, name: &str, place: Place) -> Result<(), Mistake> {
-        check(name, place)?;
-        let key = name.to_ascii_lowercase();
-        if self.types.contains_key(&key) || self.unit_by_name.contains_key(&key) {
-            return Err(Mistake::new(place, format!("`{name}` is declared twice")));
-        }
-        Ok(())
+        self.check_free(name, place, "is declared twice")
     }
 
     /// Checks the name of a variable.
     pub(super) fn check_variable(&self, name: &str, place: Place) -> Result<(), Mistake> {
+        self.check_free(name, place, "is also a type or function; use another name")
+    }
+
+    fn check_free(&self, name: &str, place: Place, fault: &str) -> Result<(), Mistake> {
         check(name, place)?;
         let key = name.to_ascii_lowercase();
         if self.types.contains_key(&key) || self.unit_by_name.contains_key(&key) {
-            return Err(Mistake::new(
-                place,
-                format!("`{name}` is also a type or function; use another name"),
-            ));
+            return Err(Mistake::new(place, format!("`{name}` {fault}")));
         }
         Ok(())
     }

@@ -11,64 +11,93 @@ use crate::{Mistake, Place};
 /// Deepest nesting of statements and expressions: the checker and the execution recurse as deep.
 const DEEPEST: u32 = 64;
 
-/// Words that name nothing else.
-const KEYWORDS: [&str; 46] = [
+/// Words that name nothing else: those of the subset, and reserved words of the standard that compilers refuse as names.
+const KEYWORDS: [&str; 77] = [
+    "ACTION",
     "AND",
     "ARRAY",
+    "AT",
     "BY",
     "CASE",
+    "CONFIGURATION",
     "CONSTANT",
+    "CONTINUE",
+    "DATE",
     "DO",
+    "DT",
     "ELSE",
     "ELSIF",
+    "EN",
     "END_CASE",
     "END_FOR",
     "END_FUNCTION",
     "END_FUNCTION_BLOCK",
     "END_IF",
+    "END_PROGRAM",
     "END_REPEAT",
     "END_STRUCT",
     "END_TYPE",
     "END_VAR",
     "END_WHILE",
+    "ENO",
     "EXIT",
     "FALSE",
     "FOR",
+    "FROM",
     "FUNCTION",
     "FUNCTION_BLOCK",
+    "F_EDGE",
     "IF",
+    "LINT",
+    "LREAL",
+    "LWORD",
     "MOD",
+    "NON_RETAIN",
     "NOT",
+    "NULL",
     "OF",
+    "ON",
     "OR",
     "PROGRAM",
+    "READ_ONLY",
+    "READ_WRITE",
+    "REF",
+    "REF_TO",
     "REPEAT",
+    "RESOURCE",
+    "RETAIN",
     "RETURN",
+    "R_EDGE",
+    "STEP",
+    "STRING",
     "STRUCT",
+    "TASK",
     "THEN",
+    "TIME",
     "TO",
+    "TOD",
+    "TRANSITION",
     "TRUE",
     "TYPE",
+    "ULINT",
     "UNTIL",
     "VAR",
     "VAR_GLOBAL",
-    "VAR_IN_OUT",
     "VAR_INPUT",
+    "VAR_IN_OUT",
     "VAR_OUTPUT",
     "VAR_TEMP",
     "WHILE",
+    "WITH",
     "XOR",
-    "END_PROGRAM",
 ];
 
 /// Parses a text.
 ///
 /// # Errors
 /// The text is not a sequence of the subset's declarations.
-pub fn parse(text: &str) -> Result<Vec<Declaration>, Mistake> {
-    let tokens = tokens(text)?;
-    let tokens = tokens.into_iter().filter(|token| !matches!(token.kind, Kind::Comment(_))).collect();
-    Parser { tokens, next: 0, depth: 0, operators: 0 }.declarations()
+pub(crate) fn parse(text: &str) -> Result<Vec<Declaration>, Mistake> {
+    Parser { tokens: tokens(text)?, next: 0, depth: 0, operators: 0 }.declarations()
 }
 
 struct Parser {
@@ -99,7 +128,6 @@ impl Parser {
             Some(Kind::Symbol(symbol)) => format!("`{symbol}`"),
             Some(Kind::Integer(_, value)) => format!("`{value}`"),
             Some(Kind::Real(_, value)) => format!("`{value}`"),
-            Some(Kind::Comment(_)) => "a comment".into(),
         };
         Err(Mistake::new(self.place(), format!("{found}: expected {expected}")))
     }

@@ -1,16 +1,18 @@
 //! Statements.
 
 use super::{Parsed, Parser};
+use crate::lexer::Kind;
 use crate::syntax::{Expression, Statement, StatementKind};
 
 impl Parser {
     /// Parses statements up to one of these words, which stays.
     pub(super) fn statements(&mut self, ends: &[&str]) -> Parsed<Vec<Statement>> {
+        self.statements_until(|parser| ends.iter().any(|end| parser.is_word(end)))
+    }
+
+    fn statements_until(&mut self, is_end: impl Fn(&Self) -> bool) -> Parsed<Vec<Statement>> {
         let mut statements = Vec::new();
-        loop {
-            if ends.iter().any(|end| self.is_word(end)) {
-                return Ok(statements);
-            }
+        while !is_end(self) {
             if self.take_symbol(";") {
                 continue;
             }
@@ -19,6 +21,7 @@ impl Parser {
             self.symbol(";")?;
             statements.push(Statement { place, kind });
         }
+        Ok(statements)
     }
 
     fn statement(&mut self) -> Parsed<StatementKind> {
@@ -105,21 +108,12 @@ impl Parser {
 
     /// Parses the statements of a branch of CASE, which end where the next label begins.
     fn branch(&mut self) -> Parsed<Vec<Statement>> {
-        use crate::lexer::Kind;
-        let mut statements = Vec::new();
-        while !self.is_word("ELSE")
-            && !self.is_word("END_CASE")
-            && !matches!(self.peek(), None | Some(Kind::Integer(..)))
-        {
-            if self.take_symbol(";") {
-                continue;
-            }
-            let place = self.place();
-            let kind = self.deeper(Self::statement)?;
-            self.symbol(";")?;
-            statements.push(Statement { place, kind });
-        }
-        Ok(statements)
+        self.statements_until(|parser| {
+            parser.is_word("ELSE")
+                || parser.is_word("END_CASE")
+                || parser.is_symbol("-")
+                || matches!(parser.peek(), None | Some(Kind::Integer(..)))
+        })
     }
 
     fn for_loop(&mut self) -> Parsed<StatementKind> {
