@@ -47,7 +47,7 @@ verb_format() { #: fail where the formatting differs
 }
 
 verb_spelling() { #: fail where a word is misspelt (typos)
-    python_tool typos 1.52.0
+    python_tool typos typos==1.52.0
     "$TOOLS/typos"
 }
 
@@ -59,14 +59,15 @@ verb_unused() { #: fail where a crate depends on what it does not name
     python3 scripts/unused-dependencies.py
 }
 
-# python_tool PACKAGE VERSION: installs a tool from the Python package index, at this version, into $TOOLS.
+# python_tool NAME REQUIREMENT...: installs packages from the Python package index into $TOOLS, again if the requirements changed.
 python_tool() {
-    local environment="${CARGO_TARGET_DIR:-$PWD/target}/tools/$1-$2"
+    local environment="${CARGO_TARGET_DIR:-$PWD/target}/tools/$1"
     TOOLS="$environment/bin"
-    [ -x "$TOOLS/$1" ] && return
+    [ "$(cat "$environment/requirements" 2>/dev/null)" = "${*:2}" ] && return
     rm -rf "$environment"
     python3 -m venv "$environment"
-    "$TOOLS/pip" install --quiet "$1==$2"
+    "$TOOLS/pip" install --quiet "${@:2}"
+    echo "${*:2}" >"$environment/requirements"
 }
 
 verb_lint() { #: clippy with warnings denied, the purity rules among them; shellcheck; documentation

@@ -5,19 +5,15 @@ ST_GRAMMAR=tree-sitter-iec61131-3-st==0.1.2
 TREE_SITTER=tree-sitter==0.26.1
 
 verb_grammars() { #: parse exported Structured Text by a grammar that others wrote, and find mistakes by it
-    local environment=${CARGO_TARGET_DIR:-$PWD/target}/tools/st-grammar out python file mistake application
-    python=$environment/bin/python
-    if ! "$python" -c 'import tree_sitter, tree_sitter_iec61131_3_st' 2>/dev/null; then
-        rm -rf "$environment"
-        python3 -m venv "$environment"
-        "$environment/bin/pip" install --quiet "$TREE_SITTER" "$ST_GRAMMAR"
-    fi
-    cargo build --quiet -p plc-node --locked
+    local out python file mistake application
+    python_tool st-grammar "$TREE_SITTER" "$ST_GRAMMAR"
+    python=$TOOLS/python
+    build
     out=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
     trap "rm -rf '$out'" EXIT
     for application in pick-and-place pick-and-place-gripper; do
-        "${CARGO_TARGET_DIR:-target}/debug/plc-node" export --for st --setup A --application "$application" --out "$out/$application"
+        built plc-node export --for st --setup A --application "$application" --out "$out/$application"
     done
     "$python" scripts/st-grammar.py "$out"/*/skillbench.st
     file=$out/pick-and-place/skillbench.st
