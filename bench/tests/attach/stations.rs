@@ -4,6 +4,7 @@ use std::io::{BufRead as _, BufReader, Lines};
 use std::process::{Child, ChildStdout, Command, Stdio};
 
 use protocol_linux::namespace::NetworkNamespace;
+use protocol_linux::{Interface, bridge};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{HOST, PoisonError, bench, cable};
@@ -28,12 +29,14 @@ fn ip(network: &NetworkNamespace, arguments: &str) {
 impl Switch {
     pub(crate) fn new() -> Self {
         let network = NetworkNamespace::new().unwrap();
-        ip(&network, "link add br0 type bridge forward_delay 0");
-        ip(&network, "link set br0 up");
+        bridge::create(&network, "br0").unwrap();
+        let open = |name: &str| network.run(|| Interface::open(name)).unwrap().unwrap();
+        let switch = open("br0");
+        network.run(|| switch.set_up()).unwrap().unwrap();
         let ends = [(); 4].map(|()| NetworkNamespace::new().unwrap());
         for (end, name) in ends.iter().zip(["s0", "s1", "s2", "s3"]) {
             cable((&network, name, None), (end, "eth0", None));
-            ip(&network, &format!("link set {name} master br0"));
+            bridge::attach(&network, &open(name), &switch).unwrap();
         }
         Self { network, ends }
     }

@@ -17,6 +17,7 @@
 
 pub mod allocation;
 mod arrivals;
+pub mod bridge;
 pub mod capabilities;
 pub mod clock;
 mod cyclic_thread;
@@ -29,6 +30,7 @@ mod interface;
 mod interfaces;
 pub mod namespace;
 mod neighbours;
+mod netlink;
 mod notifier;
 mod open_port;
 mod owner;

@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod batches;
+mod bridge;
 mod destinations;
 mod ethernet_ip;
 mod gateway;
@@ -43,6 +44,8 @@ fn main() -> ExitCode {
         a_driver_ends_with_an_error_when_its_interface_is_removed,
         the_end_of_a_cyclic_thread_that_panics_wakes_its_reader,
         the_error_for_a_taken_udp_port_names_the_port,
+        bridge::each_end_of_a_switch_reaches_each_other_one,
+        bridge::a_bridge_is_no_port_of_itself_and_its_name_is_taken_once,
         destinations::a_port_for_any_address_receives_frames_to_groups_and_to_other_stations,
         destinations::a_port_for_any_address_receives_no_broadcast_of_another_vlan,
         destinations::a_port_for_its_own_address_receives_no_frames_to_others_beside_one_for_any_address,
