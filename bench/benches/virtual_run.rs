@@ -1,13 +1,32 @@
-//! Whole virtual runs, planned too: every PLC scan, robot cycle and frame of both nodes.
+//! Whole virtual runs, planned too: every PLC scan, robot cycle and frame of both nodes. And runs of many stations, from the start to
+//! the end of CM.
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
+use bench::verbs::scale::plant::{Plant, ScaledBus};
 use plc_node::ExecutionType;
 use records::schedule::Schedule;
-use stands::virtual_run::whole;
+use stands::virtual_run::{CellRun, whole};
+
+/// Numbers of stations: the second costs as much as each of the others.
+const STATIONS: [u32; 3] = [1, 2, 64];
 
 fn main() {
     hot_path::main(|paths| {
+        for (bus, count) in ScaledBus::ALL.into_iter().flat_map(|bus| STATIONS.map(|count| (bus, count))) {
+            let started =
+                move || CellRun::start(&Plant::on(bus).unwrap().stations(count).unwrap(), 1).unwrap();
+            paths.add(
+                "virtual cell",
+                format!("CM of {count}, {}", bus.key()),
+                started,
+                |mut run: CellRun| {
+                    let step = Schedule::new(&[ExecutionType::Cm], 1, 1).steps().next().unwrap();
+                    run.execute(step).unwrap();
+                    run
+                },
+            );
+        }
         for setup in ["A", "B"] {
             let input = move || planning::setup_with_application(setup).unwrap();
             for execution_type in ExecutionType::ALL {

@@ -13,6 +13,7 @@ use crate::verbs::new::NewOptions;
 use crate::verbs::overhead::OverheadOptions;
 use crate::verbs::report::{CompareOptions, ReportOptions};
 #[cfg(all(feature = "real", target_os = "linux"))]
+use crate::verbs::scale::ScaleOptions;
 use crate::verbs::timing::TimingOptions;
 use studies::buses::BusesOptions;
 use studies::calibrate::CalibrateOptions;
@@ -88,6 +89,9 @@ pub enum Command {
     /// Measure how evenly the cyclic frames of each bus arrive, and compare with a bare loop on this host.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Timing(TimingOptions),
+    /// Measure the cost of a cycle by the number of stations, in virtual time or on a real network.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    Scale(ScaleOptions),
     /// Show where one MoveContinuousSkill is slower than the robot's program: slots × bus cycle × length of motions.
     Sweep(SweepOptions),
     /// Show how the execution times change with the setup's assumptions: motions, path, acceleration, blending, overhead.

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use bench::command_line::{Cli, Command};
 #[cfg(all(feature = "real", target_os = "linux"))]
-use bench::verbs::{doctor, overhead, timing};
+use bench::verbs::{doctor, overhead, scale, timing};
 use bench::verbs::{gate, history, install, measure, new, report};
 use clap::CommandFactory;
 use node::{arguments, errln, screen};
@@ -18,6 +18,10 @@ use studies::{buses, calibrate, explore, judge, long, sensitivity, soak, sweep};
 fn main() -> ExitCode {
     #[cfg(all(feature = "real", target_os = "linux"))]
     if let Some(exit) = rig::run_as_node() {
+        return exit;
+    }
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    if let Some(exit) = scale::run_as_robots() {
         return exit;
     }
     #[cfg(all(feature = "real", target_os = "linux"))]
@@ -40,6 +44,8 @@ fn main() -> ExitCode {
         Some(Command::Doctor(options)) => doctor::run(options),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Timing(options)) => timing::run(options),
+        #[cfg(all(feature = "real", target_os = "linux"))]
+        Some(Command::Scale(options)) => scale::run(options),
         Some(Command::Sweep(options)) => sweep::run(options),
         Some(Command::Sensitivity(options)) => sensitivity::run(options),
         Some(Command::Judge(options)) => judge::run(options),

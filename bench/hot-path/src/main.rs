@@ -74,8 +74,10 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("reading {}; --update writes it", cli.baseline.display()))?;
     let committed: Counts =
         serde_json::from_str(&text).with_context(|| format!("reading {}", cli.baseline.display()))?;
-    let (table, worst) = compare(&committed.instructions, &found.instructions);
+    let (table, mut worst) = compare(&committed.instructions, &found.instructions);
     println!("{table}\n");
+    let (lines, steep) = growth(&found.instructions);
+    println!("{}\n", lines.join("\n"));
     if (&committed.compiler, &committed.libc) != (&found.compiler, &found.libc) {
         println!(
             "inconclusive: the committed counts are of {} and {}, these of {} and {}; count again with those, or \
@@ -84,8 +86,11 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
         );
         return Ok(ExitCode::SUCCESS);
     }
+    worst.extend(steep);
     if worst.is_empty() {
-        println!("pass: no path takes more than {LIMIT_PERCENT} % over its committed count");
+        println!(
+            "pass: no path takes more than {LIMIT_PERCENT} % over its committed count, no station more than {GROWTH} of the second"
+        );
         return Ok(ExitCode::SUCCESS);
     }
     for line in worst {
@@ -93,6 +98,39 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     }
     println!("If that is meant: scripts/dev.sh instructions --update, and say why in the commit.");
     Ok(ExitCode::from(3))
+}
+
+/// Largest cost of each further station, by that of the second one.
+const GROWTH: f64 = 1.1;
+
+/// Returns, for each path that is counted with 1, 2 and more stations, the cost of each further station by that of the second one, and
+/// the list of those that are above the limit. Such a path has the number in its name: `cycle of 64`.
+fn growth(found: &BTreeMap<String, u64>) -> (Vec<String>, Vec<String>) {
+    let mut by_path: BTreeMap<String, BTreeMap<u64, f64>> = BTreeMap::new();
+    for (name, count) in found {
+        let Some((before, after)) = name.split_once(" of ") else { continue };
+        let (number, rest) = after.split_once(',').unwrap_or((after, ""));
+        if let Ok(number) = number.parse() {
+            by_path.entry(format!("{before}{rest}")).or_default().insert(number, *count as f64);
+        }
+    }
+    let (mut lines, mut wrong) = (Vec::new(), Vec::new());
+    for (path, costs) in by_path {
+        let (Some(one), Some(two), Some((most, all))) =
+            (costs.get(&1), costs.get(&2), costs.last_key_value())
+        else {
+            continue;
+        };
+        let each = (all - one) / (*most as f64 - 1.0);
+        let ratio = each / (two - one);
+        lines.push(format!("{path}: each of {most} stations costs {ratio:.2} of the second one"));
+        if ratio > GROWTH {
+            wrong.push(format!(
+                "{path}: each of {most} stations costs {ratio:.2} of the second one, at most {GROWTH}"
+            ));
+        }
+    }
+    (lines, wrong)
 }
 
 /// Returns the table and the list of errors.
@@ -225,6 +263,26 @@ mod tests {
         let found = counts(&[("encode", 1_010), ("decode", 1_011), ("plan", 900)]);
         let (_, wrong) = compare(&committed, &found);
         assert_eq!(wrong, ["decode takes 1011 instructions, +1.10 % to 1000"]);
+    }
+
+    #[test]
+    fn a_path_whose_further_stations_cost_more_than_the_second_one_is_reported() {
+        let found = counts(&[
+            ("scanner/cycle of 1", 100),
+            ("scanner/cycle of 2", 200),
+            ("scanner/cycle of 64", 6_400),
+            ("controller/cycle of 1, rt1", 100),
+            ("controller/cycle of 2, rt1", 200),
+            ("controller/cycle of 64, rt1", 12_700),
+            ("controller/cycle of 1, udp", 100),
+            ("PLC/10 scans", 5),
+        ]);
+        let (lines, wrong) = growth(&found);
+        assert_eq!(lines.len(), 2, "{lines:?}");
+        assert_eq!(
+            wrong,
+            ["controller/cycle rt1: each of 64 stations costs 2.00 of the second one, at most 1.1"]
+        );
     }
 
     #[test]

@@ -11,4 +11,6 @@ pub mod new;
 pub mod overhead;
 pub mod report;
 #[cfg(all(feature = "real", target_os = "linux"))]
+pub mod scale;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub mod timing;

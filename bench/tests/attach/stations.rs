@@ -112,11 +112,8 @@ pub(crate) fn a_robot_that_kept_the_address_of_another_one_is_not_connected_to()
         let mut plc = switch.node(0, "__plc-node", &new, &["--cyclic", cyclic]);
         let line = plc.read_to("not connected").pop().unwrap();
         assert!(line.contains("another station has this IP address: 192.168.64.2"), "{line}");
-        let mac = |end: usize| {
-            switch.ends[end]
-                .run(|| protocol_linux::Interface::open("eth0").unwrap().mac().to_string())
-                .unwrap()
-        };
+        let mac =
+            |end: usize| switch.ends[end].run(|| Interface::open("eth0").unwrap().mac().to_string()).unwrap();
         assert!(line.contains(&mac(1)) && line.contains(&mac(2)), "{line}");
         // The old one is switched off: the PLC goes on with the right one.
         let untouched = old_robot.end();
@@ -142,8 +139,7 @@ pub(crate) fn a_stranger_that_takes_the_address_of_the_robot_is_named_by_both_no
     // Its first question to another station claims the address.
     let ask = || std::net::UdpSocket::bind("192.168.64.2:0")?.send_to(b"?", "192.168.64.77:9");
     switch.ends[3].run(ask).unwrap().unwrap();
-    let mac =
-        switch.ends[3].run(|| protocol_linux::Interface::open("eth0").unwrap().mac().to_string()).unwrap();
+    let mac = switch.ends[3].run(|| Interface::open("eth0").unwrap().mac().to_string()).unwrap();
     for node in [&mut plc, &mut robot] {
         let warning = node.read_to("warning: another station has the IP address 192.168.64.2").pop().unwrap();
         assert!(warning.contains(&mac), "{warning}");
