@@ -65,6 +65,8 @@ struct UnderWay {
 pub struct Segment {
     devices: Vec<SubDevice>,
     cabling: Cabling,
+    /// Whether a cable leads on from port 1 of the last device.
+    leads_on: bool,
     under_way: VecDeque<UnderWay>,
     spare: Vec<Box<[u8]>>,
     events: VecDeque<(DeviceId, Event)>,
@@ -88,6 +90,17 @@ impl Segment {
                 None => End::MainDevice,
             },
         )
+    }
+
+    /// Connects port 1 of the last device to devices that are not in this segment: the last device shows a link there, and a frame
+    /// leaves there when all devices have processed it. Whoever carries the frame gives it to those devices, and then back to the
+    /// MainDevice: a device does not process frames on their way back.
+    pub fn lead_on(&mut self) {
+        self.leads_on = true;
+        if let Some(last) = self.devices.last_mut() {
+            last.esc.add_port(1);
+        }
+        self.update_links();
     }
 
     /// Adds a device at a port, 1 to 3, of another one. Returns `None` if there is no such port or if it is taken.
@@ -216,9 +229,20 @@ impl Segment {
     }
 
     fn update_links(&mut self) {
+        let onward = self.onward();
         for (index, device) in self.devices.iter_mut().enumerate() {
-            device.esc.set_ports(self.cabling.links(index));
+            let mut links = self.cabling.links(index);
+            if onward.is_some_and(|place| place.device == index) {
+                links[1] = true;
+            }
+            device.esc.set_ports(links);
         }
+    }
+
+    /// Returns the port from which a cable leads to devices that are not in this segment.
+    fn onward(&self) -> Option<Place> {
+        let last = self.devices.len().checked_sub(1).filter(|_| self.leads_on)?;
+        Some(Place { device: last, port: 1 })
     }
 
     /// Sends a frame through the devices, each of which changes it. Returns when it is back, or `None` if it is lost.
@@ -229,7 +253,9 @@ impl Segment {
         self.devices.get_mut(first)?.esc.begin_frame();
         loop {
             let out = self.forward(at, place, frame, header_len)?;
-            let (end, delay) = self.cabling.peer(out)?;
+            let onward =
+                self.onward().filter(|onward| *onward == out).map(|_| (End::MainDevice, Duration::ZERO));
+            let (end, delay) = self.cabling.peer(out).or(onward)?;
             at = at + self.cabling.forwarding_delay(place.device) + delay;
             let End::Device(next) = end else { return Some(at) };
             let device = self.devices.get_mut(next.device)?;

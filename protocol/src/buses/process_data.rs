@@ -27,6 +27,11 @@ impl EthercatSubDevice {
         Self { segment, device, up: false, left: false, counters: Counters::default() }
     }
 
+    /// Connects its port 1 to the next SubDevice of the line, as [`Segment::lead_on`].
+    pub fn lead_on(&mut self) {
+        self.segment.lead_on();
+    }
+
     /// Returns the state of the SubDevice, and the error that it indicates.
     #[must_use]
     pub fn state(&self) -> (AlState, AlStatusCode) {

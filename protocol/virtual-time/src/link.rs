@@ -214,6 +214,10 @@ impl Link {
         self.cut = cut;
     }
 
+    pub(crate) const fn is_cut(&self) -> bool {
+        self.cut
+    }
+
     /// Returns the counters so far.
     #[must_use]
     pub const fn counters(&self) -> LinkCounters {

@@ -53,6 +53,18 @@ fn each_cut_leaves_the_devices_before_it_and_mending_brings_the_others_back() {
 }
 
 #[test]
+fn a_frame_leaves_a_segment_that_leads_on_after_its_last_device_which_shows_the_link() {
+    let mut segment = line(2);
+    segment.lead_on();
+    let mut main_device = RawMainDevice::new(segment);
+    assert_eq!(count(&mut main_device), 2);
+    assert_eq!(dl_status(&mut main_device, 1), 0x5A33, "links at ports 0 and 1 of the last device");
+    main_device.segment.set_cut(DeviceId(1), true);
+    main_device.segment.set_cut(DeviceId(1), false);
+    assert_eq!(dl_status(&mut main_device, 1), 0x5A33, "also after a cut");
+}
+
+#[test]
 fn a_cut_of_the_first_cable_loses_every_frame() {
     let mut main_device = RawMainDevice::new(line(2));
     main_device.segment.set_cut(DeviceId(0), true);

@@ -38,6 +38,11 @@ impl Cable {
         }
     }
 
+    pub(super) const fn is_cut(&self) -> bool {
+        let [a, _] = &self.links;
+        a.is_cut()
+    }
+
     const fn delay(&self, from: Side) -> Duration {
         let [a, b] = &self.links;
         match from {

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use super::Network;
 use super::hosts::is_arp;
-use super::ids::{CableId, SwitchId};
+use super::ids::{CableId, NicId, Plug, SwitchId};
 use super::in_flight::Frame;
 use super::tap::{Carrier, Label};
 use crate::link::LinkEffect;
@@ -52,6 +52,15 @@ impl SwitchConfig {
     }
 }
 
+/// What a network element does with a frame.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Forwarding {
+    /// It looks up where the receiver is.
+    ByAddress,
+    /// It passes the frame to the next port, and at the last one to the first.
+    ToNextPort,
+}
+
 /// What a port of a switch did.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct SwitchCounters {
@@ -94,6 +103,7 @@ impl SwitchPort {
 #[derive(Debug)]
 pub(super) struct Switch {
     config: SwitchConfig,
+    forwarding: Forwarding,
     ports: Vec<SwitchPort>,
     /// The port of each cable.
     port_of_cable: BTreeMap<CableId, usize>,
@@ -102,8 +112,14 @@ pub(super) struct Switch {
 }
 
 impl Switch {
-    pub(super) const fn new(config: SwitchConfig) -> Self {
-        Self { config, ports: Vec::new(), port_of_cable: BTreeMap::new(), learned: BTreeMap::new() }
+    pub(super) const fn new(config: SwitchConfig, forwarding: Forwarding) -> Self {
+        Self {
+            config,
+            forwarding,
+            ports: Vec::new(),
+            port_of_cable: BTreeMap::new(),
+            learned: BTreeMap::new(),
+        }
     }
 
     pub(super) fn add_port(&mut self, cable: CableId, side: Side) {
@@ -144,6 +160,29 @@ impl<M: Multihomed> Network<M> {
 
     /// Forwards a frame that has arrived at a switch by this cable.
     pub(super) fn forward(&mut self, id: SwitchId, by: CableId, frame: Frame) {
+        match self.switches.get(id.0).map(|switch| switch.forwarding) {
+            Some(Forwarding::ByAddress) => self.forward_by_address(id, by, frame),
+            Some(Forwarding::ToNextPort) => self.forward_to_next_port(id, by, frame),
+            None => {}
+        }
+    }
+
+    /// Passes a frame on to the next port, or from the last one that has a link to the first.
+    fn forward_to_next_port(&mut self, id: SwitchId, by: CableId, frame: Frame) {
+        let Some(switch) = self.switches.get(id.0) else { return };
+        let Some(by) = switch.port_of_cable.get(&by).copied() else { return };
+        let next = switch.ports.get(by + 1).filter(|port| self.has_link(port)).map_or(0, |_| by + 1);
+        self.send_from_switch(id, next, frame);
+    }
+
+    /// Returns whether a port's cable is whole and has a running node at its other end.
+    fn has_link(&self, port: &SwitchPort) -> bool {
+        let cable = self.cables.get(port.cable.0).filter(|cable| !cable.is_cut());
+        let far_end = cable.map(|cable| cable.end(port.side.other()));
+        matches!(far_end, Some(Plug::Nic(NicId(nic))) if self.nics.get(nic).is_some_and(|nic| self.is_alive(nic.node)))
+    }
+
+    fn forward_by_address(&mut self, id: SwitchId, by: CableId, frame: Frame) {
         let bytes = frame.buf.get(..frame.len).unwrap_or_default();
         let macs = match (frame.port, frame.hop) {
             (Port::Ethernet, _) => match EthernetHeader::parse(bytes) {
