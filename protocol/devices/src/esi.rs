@@ -84,12 +84,11 @@ fn write_device(xml: &mut Xml, device: &Description) -> fmt::Result {
     text(xml, attributes, "Type", device.order_code)?;
     name(xml, device.name)?;
     xml.leaf("GroupType", VENDOR_NAME)?;
-    xml.leaf("Fmmu", "Outputs")?;
-    xml.leaf("Fmmu", "Inputs")?;
-    if device.mailbox.is_some() {
-        xml.leaf("Fmmu", "MBoxState")?;
-    }
     let sync_managers = sync_managers(device);
+    let fmmus = [(Usage::Outputs, "Outputs"), (Usage::Inputs, "Inputs"), (Usage::MailboxSend, "MBoxState")];
+    for (_, name) in fmmus.iter().filter(|(usage, _)| sync_managers.iter().any(|unit| unit.usage == *usage)) {
+        xml.leaf("Fmmu", name)?;
+    }
     sync_managers.iter().try_for_each(|layout| write_sync_manager(xml, *layout))?;
     let number = |usage| sync_managers.iter().position(|layout| layout.usage == usage).unwrap_or_default();
     device.outputs.iter().try_for_each(|pdo| write_pdo(xml, "RxPdo", number(Usage::Outputs), pdo))?;

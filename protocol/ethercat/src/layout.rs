@@ -66,9 +66,13 @@ impl Layout {
                 place(Usage::Outputs, outputs, 3, 0x64),
                 place(Usage::Inputs, inputs, 3, 0x20),
             ],
-            None => {
-                [place(Usage::Outputs, outputs, 3, 0x64), place(Usage::Inputs, inputs, 3, 0x20), None, None]
-            }
+            // Without a mailbox there are sync managers only for the data that there are, as in terminals on the market.
+            None => [
+                if outputs > 0 { place(Usage::Outputs, outputs, 3, 0x64) } else { None },
+                if inputs > 0 { place(Usage::Inputs, inputs, 3, 0x20) } else { None },
+                None,
+                None,
+            ],
         };
         Self { sync_managers }
     }

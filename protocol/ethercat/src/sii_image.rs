@@ -178,10 +178,13 @@ fn general(
     general
 }
 
-fn fmmus(layout: &Layout) -> [u8; 4] {
-    // 1 outputs, 2 inputs, 3 status of the send mailbox, 0xFF unused
-    let mailbox = layout.find(Usage::MailboxSend).is_some();
-    [1, 2, if mailbox { 3 } else { 0xFF }, 0xFF]
+/// Returns what each FMMU is for: 1 outputs, 2 inputs, 3 status of the send mailbox, 0xFF unused.
+fn fmmus(layout: &Layout) -> Vec<u8> {
+    let uses = [(Usage::Outputs, 1), (Usage::Inputs, 2), (Usage::MailboxSend, 3)];
+    let mut fmmus: Vec<u8> =
+        uses.iter().filter(|(usage, _)| layout.find(*usage).is_some()).map(|(_, number)| *number).collect();
+    fmmus.resize(fmmus.len().next_multiple_of(2), 0xFF);
+    fmmus
 }
 
 fn sync_manager(layout: SyncManagerLayout) -> [u8; 8] {

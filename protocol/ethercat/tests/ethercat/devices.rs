@@ -137,3 +137,21 @@ pub static SENSOR: Description = Description { product_code: 7, order_code: "SEN
 /// Outputs alone.
 pub static ACTUATOR: Description =
     Description { product_code: 6, order_code: "ACTUATOR", inputs: &[], ..TINY };
+
+const fn bit(subindex: u8) -> PdoEntry {
+    PdoEntry { index: 0x6000, subindex, bits: 1, data_type: DataType::Boolean, name: "Input" }
+}
+
+/// Four bits of inputs without mailbox, as a terminal for digital inputs.
+pub static TERMINAL: Description = Description {
+    product_code: 8,
+    order_code: "TERMINAL",
+    name: "Four bits in",
+    outputs: &[],
+    inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[bit(1), bit(2), bit(3), bit(4)] }],
+    ..SIMPLE
+};
+
+/// No process data and no mailbox, as a coupler.
+pub static COUPLER: Description =
+    Description { product_code: 9, order_code: "COUPLER", name: "Nothing", inputs: &[], ..TERMINAL };
