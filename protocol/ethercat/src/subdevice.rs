@@ -29,6 +29,8 @@ pub(crate) struct SubDevice {
     inputs: Box<[u8]>,
     outputs: Box<[u8]>,
     has_outputs: bool,
+    /// Whether an error that the MainDevice has not acknowledged keeps the outputs closed.
+    is_stopped: bool,
     dictionary: Dictionary,
     mailbox: Option<Mailbox>,
     file: File,
@@ -59,6 +61,7 @@ impl SubDevice {
             inputs: vec![0; len(Usage::Inputs)].into_boxed_slice(),
             outputs: vec![0; len(Usage::Outputs)].into_boxed_slice(),
             has_outputs: false,
+            is_stopped: false,
             dictionary: Dictionary::new(description, config.pdo_configuration, config.serial_number),
             mailbox: description.mailbox.map(|mailbox| Mailbox::new(mailbox.len)),
             file: File::new(description.mailbox.map_or(0, |mailbox| mailbox.file_capacity)),
@@ -87,7 +90,7 @@ impl SubDevice {
     }
 
     fn start(&mut self) {
-        self.has_outputs = false;
+        (self.has_outputs, self.is_stopped) = (false, false);
         self.reset_mailbox();
         self.show_status();
         self.lock_mailbox(true);
@@ -146,13 +149,18 @@ impl SubDevice {
         self.has_outputs = false;
         self.sync_due = None;
         self.show_status();
-        // Until the MainDevice acknowledges the error, the outputs do not count in the working counter (ETG.1020). A device
-        // that has none shows its error by the inputs.
+        self.stop_outputs();
+        sink.push(Event::StateChanged { state: self.al.state(), code });
+    }
+
+    /// Closes the outputs until the MainDevice acknowledges the error, so that they do not count in the working counter
+    /// (ETG.1020). A device that has none shows its error by the inputs.
+    fn stop_outputs(&mut self) {
+        self.is_stopped = true;
         let outputs = self.layout.find(Usage::Outputs).filter(|(_, layout)| layout.len > 0);
         if let Some((index, _)) = outputs.or_else(|| self.layout.find(Usage::Inputs)) {
             self.esc.lock(index, true);
         }
-        sink.push(Event::StateChanged { state: self.al.state(), code });
     }
 
     /// Handles the changes that a frame made while it passed.
@@ -232,7 +240,7 @@ impl SubDevice {
         if !self.esc.is_loaded() {
             return;
         }
-        let before = self.state();
+        let (before, was_stopped) = (self.state(), self.is_stopped);
         let mut al = self.al;
         al.request(self.esc.al_control(), |state| self.check(state));
         self.al = al;
@@ -242,12 +250,17 @@ impl SubDevice {
             return;
         }
         self.enter(now, before.0);
+        let is_error = after.1 != AlStatusCode::NO_ERROR;
+        if is_error && (was_stopped || before.0 == AlState::Op || after.1 == AlStatusCode::NO_SYNC_ERROR) {
+            self.stop_outputs();
+        }
         sink.push(Event::StateChanged { state: after.0, code: after.1 });
     }
 
     /// Starts what the device has in the new state, and stops what it does not have there.
     fn enter(&mut self, now: Instant, before: AlState) {
         let state = self.al.state();
+        self.is_stopped = false;
         self.lock_process_data(state < AlState::SafeOp);
         if state == AlState::Init {
             self.lock_mailbox(true);

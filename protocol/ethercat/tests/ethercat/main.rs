@@ -23,4 +23,5 @@ mod registers;
 mod sdo;
 mod segment;
 mod states;
+mod without_outputs;
 mod working_counters;
