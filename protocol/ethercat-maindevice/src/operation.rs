@@ -17,7 +17,7 @@ use crate::frames::FRAMES;
 use crate::problem::Problem;
 use crate::process::PROCESS;
 use crate::recovery::{Recovery, Step, TO_OP};
-use crate::script::{Storage, exchange};
+use crate::script::{Storage, exchange, with_pauses};
 use crate::slot::Slot;
 use crate::survey::{Quiet, survey};
 use crate::{sii, time};
@@ -61,7 +61,7 @@ pub(crate) async fn operate(config: Config, slot: Option<Slot>, start: Instant) 
         dc_static_sync_iterations: 0,
         retry_behaviour: RetryBehaviour::Count(REPETITIONS),
     };
-    let main_device = ethercrab::MainDevice::new(pdu_loop, timeouts, settings);
+    let main_device = ethercrab::MainDevice::new(pdu_loop, with_pauses(timeouts), settings);
     let run = pin!(start_over_and_over(&main_device, &config, slot, start));
     exchange(tx, rx, run).await;
 }
