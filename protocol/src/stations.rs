@@ -106,6 +106,8 @@ pub static ETHERCAT_ROBOT: ethercat_subdevice::Description = ethercat_subdevice:
     inputs: &[Pdo { index: 0x1A00, name: "Feedback", entries: &FEEDBACK_ENTRIES }],
     mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

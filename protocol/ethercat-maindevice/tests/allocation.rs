@@ -32,6 +32,8 @@ static DEVICE: Description = Description {
     inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[numbers(0x6000)] }],
     mailbox: None,
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

@@ -35,6 +35,8 @@ static SENSOR: Description = Description {
     }],
     mailbox: None,
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

@@ -38,6 +38,8 @@ static VALVES: Description = Description {
     inputs: &[],
     mailbox: None,
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

@@ -35,6 +35,8 @@ static DEVICE: Description = Description {
     inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[numbers(0x6000)] }],
     mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

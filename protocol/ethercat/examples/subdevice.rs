@@ -34,6 +34,8 @@ static SIMPLE: Description = Description {
     inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[entry(0x6000)] }],
     mailbox: None,
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

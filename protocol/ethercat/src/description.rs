@@ -1,6 +1,8 @@
 //! Description of a SubDevice: identity, process data, mailbox and objects. Its EEPROM, its memory and its object dictionary
 //! follow from it.
 
+use crate::layout::Usage;
+
 /// A kind of SubDevice. Every emulated one of that kind reads the same description.
 #[derive(Clone, Copy, Debug)]
 pub struct Description {
@@ -24,6 +26,11 @@ pub struct Description {
     pub outputs: &'static [Pdo],
     /// Process data that the MainDevice reads (TxPDOs), in the order of their bytes.
     pub inputs: &'static [Pdo],
+    /// Entries besides those of `outputs` that the MainDevice may map into outputs, where it may map process data at all. Their
+    /// total length is the room that there is beyond that of `outputs`.
+    pub optional_outputs: &'static [PdoEntry],
+    /// The same of inputs.
+    pub optional_inputs: &'static [PdoEntry],
     /// The mailbox, or `None` for a device that has only process data.
     pub mailbox: Option<Mailbox>,
     /// Objects of the dictionary besides those that follow from the other fields.
@@ -33,6 +40,22 @@ pub struct Description {
 }
 
 impl Description {
+    /// Returns the length in bytes of the longest outputs or inputs that the MainDevice may map.
+    pub(crate) fn room(&self, usage: Usage) -> u16 {
+        let (pdos, optional) = self.mappable(usage);
+        let bits = |entries: &[PdoEntry]| entries.iter().map(|entry| u32::from(entry.bits)).sum::<u32>();
+        let all = pdos.iter().map(|pdo| bits(pdo.entries)).sum::<u32>() + bits(optional);
+        u16::try_from(all.div_ceil(8)).unwrap_or(u16::MAX)
+    }
+
+    /// Returns the process data of a direction, and the entries besides those that the MainDevice may map.
+    pub(crate) const fn mappable(&self, usage: Usage) -> (&'static [Pdo], &'static [PdoEntry]) {
+        match usage {
+            Usage::Outputs => (self.outputs, self.optional_outputs),
+            _ => (self.inputs, self.optional_inputs),
+        }
+    }
+
     /// Returns whether files can be written to the device.
     #[must_use]
     pub fn has_files(&self) -> bool {

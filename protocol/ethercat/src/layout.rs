@@ -53,8 +53,9 @@ impl Layout {
         let mut start = RAM_START;
         let mut place = |usage, len: u16, buffers: u16, control| {
             let placed = SyncManagerLayout { usage, start, len, control };
+            let room = if buffers > 1 { description.room(usage) } else { len };
             // Each on a boundary of 128 bytes, which makes captures readable.
-            start = start.saturating_add(len.saturating_mul(buffers)).next_multiple_of(0x80);
+            start = start.saturating_add(room.saturating_mul(buffers)).next_multiple_of(0x80);
             Some(placed)
         };
         let outputs = process_data_len(description.outputs);

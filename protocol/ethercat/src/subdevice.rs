@@ -122,6 +122,20 @@ impl SubDevice {
         &mut self.dictionary
     }
 
+    /// Returns an entry's value, as the application uses it: one that is mapped into the outputs while there are some.
+    pub(crate) fn number(&self, index: u16, subindex: u8) -> Option<u64> {
+        self.dictionary.number(index, subindex, &self.inputs, self.outputs().unwrap_or_default())
+    }
+
+    /// Sets an entry's value, in the inputs where it is mapped there.
+    pub(crate) fn set_number(&mut self, index: u16, subindex: u8, number: u64) -> Option<()> {
+        let inputs = &mut self.inputs;
+        if self.dictionary.set_number((index, subindex, number), inputs, &mut self.outputs)? {
+            self.publish_inputs();
+        }
+        Some(())
+    }
+
     pub(crate) const fn file(&self) -> &File {
         &self.file
     }

@@ -4,7 +4,7 @@ use alloc::vec;
 
 use super::SubDevice;
 use crate::al::AlState;
-use crate::dictionary::{PdoConfiguration, ProcessData};
+use crate::dictionary::ProcessData;
 use crate::event::Sink;
 use crate::layout::Usage;
 use crate::mailbox::{Context, Mailbox};
@@ -26,19 +26,23 @@ impl SubDevice {
         self.send_mail();
     }
 
-    /// Applies the process data that the MainDevice has chosen; it can choose them only while they are not exchanged.
+    /// Applies the process data that the MainDevice has chosen; it can choose them only while they are not exchanged. The
+    /// entries keep their values, wherever these are then.
     pub(super) fn resize_process_data(&mut self) {
-        if self.dictionary.configuration() == PdoConfiguration::Fixed || self.al.state() != AlState::PreOp {
+        if !self.dictionary.take_choice() || self.al.state() != AlState::PreOp {
             return;
         }
+        let numbers = self.dictionary.mappable_numbers(&self.inputs, &self.outputs);
         for (usage, data) in [(Usage::Outputs, &mut self.outputs), (Usage::Inputs, &mut self.inputs)] {
             let len = self.dictionary.process_data_len(usage);
             self.layout.set_len(usage, len);
-            if data.len() != usize::from(len) {
-                *data = vec![0; len.into()].into_boxed_slice();
-            }
+            *data = vec![0; len.into()].into_boxed_slice();
         }
         self.dictionary.map_process_data();
+        for number in numbers {
+            // The entry exists, and is as long as before.
+            let _ = self.dictionary.set_number(number, &mut self.inputs, &mut self.outputs);
+        }
     }
 
     /// Puts the next message into the mailbox, if that is empty.

@@ -71,6 +71,8 @@ static EL3004: Description = Description {
             default: &[0; 4],
         }],
     }],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

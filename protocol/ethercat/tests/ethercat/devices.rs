@@ -25,6 +25,8 @@ pub static SIMPLE: Description = Description {
     inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[byte(0x6000, 1), byte(0x6000, 2)] }],
     mailbox: None,
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 
@@ -85,6 +87,8 @@ pub static BRIDGE: Description = Description {
             entries: &[entry(0, "Text", DataType::VisibleString, Access::ReadWrite, 400, &LONG_TEXT)],
         },
     ],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: true,
 };
 

@@ -46,6 +46,8 @@ static MODULAR: Description = Description {
     ],
     mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

@@ -1,9 +1,7 @@
 //! From INIT to OP and back.
 
 use ethercat_maindevice::time;
-use ethercat_subdevice::{
-    AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment, Usage, sync_managers,
-};
+use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment, sync_managers};
 use ethercrab::error::Error;
 use machine::Duration;
 
