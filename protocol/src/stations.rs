@@ -99,6 +99,7 @@ pub static ETHERCAT_ROBOT: ethercat_subdevice::Description = ethercat_subdevice:
     revision: 0x0001_0000,
     order_code: "skillbench-robot",
     name: "skillbench robot",
+    group: "skillbench",
     device_type: 0,
     hardware_version: "1",
     software_version: "0.1.0",

@@ -80,6 +80,7 @@ pub static DRIVE: Description = Description {
     order_code: "skillbench-drive",
     name: "Emulated servo drive, CiA 402",
     // Profile 402, servo drive.
+    group: "skillbench",
     device_type: 0x0002_0192,
     hardware_version: "1",
     software_version: "0.1.0",

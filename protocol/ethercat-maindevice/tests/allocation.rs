@@ -25,6 +25,7 @@ static DEVICE: Description = Description {
     revision: 3,
     order_code: "NUMBERS",
     name: "Eight bytes each way",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",

@@ -23,6 +23,7 @@ static DEVICE: Description = Description {
     revision: 3,
     order_code: "ECHO",
     name: "Eight bytes each way",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",

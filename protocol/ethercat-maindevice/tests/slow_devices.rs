@@ -21,6 +21,7 @@ static VALVES: Description = Description {
     revision: 1,
     order_code: "VALVES",
     name: "Eight valves",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",

@@ -27,6 +27,7 @@ static SIMPLE: Description = Description {
     revision: 1,
     order_code: "SIMPLE",
     name: "Eight bytes each way",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",

@@ -1,6 +1,9 @@
 //! Description of a SubDevice: identity, process data, mailbox and objects. Its EEPROM, its memory and its object dictionary
 //! follow from it.
 
+use alloc::borrow::Cow;
+use alloc::format;
+
 use crate::layout::Usage;
 
 /// A kind of SubDevice. Every emulated one of that kind reads the same description.
@@ -16,6 +19,8 @@ pub struct Description {
     pub order_code: &'static str,
     /// Name in words, at most 255 ASCII characters.
     pub name: &'static str,
+    /// Group of devices under which tools list it, at most 255 ASCII characters.
+    pub group: &'static str,
     /// Object 0x1000: the device profile in the low word, 0 for none.
     pub device_type: u32,
     /// Object 0x1009.
@@ -97,6 +102,37 @@ pub struct PdoEntry {
     /// Name in words.
     pub name: &'static str,
 }
+
+impl PdoEntry {
+    /// Returns the name that ESI file, EEPROM and dictionary have: that of a part of an object has its subindex, so that the
+    /// parts can be distinguished.
+    #[must_use]
+    pub fn full_name(&self) -> Cow<'static, str> {
+        match self.subindex {
+            0 => Cow::Borrowed(self.name),
+            subindex => Cow::Owned(format!("{} {subindex}", self.name)),
+        }
+    }
+}
+
+/// Mode of a device with distributed clocks, as ESI file and EEPROM list them (ETG.2000, OpMode; ETG.2010, category 60).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct ClockMode {
+    /// Its name.
+    pub name: &'static str,
+    /// What it does.
+    pub description: &'static str,
+    /// Value for the registers 0x0980 and 0x0981.
+    pub assign_activate: u16,
+    /// Cycle of SYNC0, in cycles of the MainDevice's task; 0 without SYNC0.
+    pub sync0_factor: i16,
+}
+
+/// The modes of a device with distributed clocks: without them, and with SYNC0.
+pub const CLOCK_MODES: [ClockMode; 2] = [
+    ClockMode { name: "FreeRun", description: "without clock", assign_activate: 0, sync0_factor: 0 },
+    ClockMode { name: "DC", description: "SYNC0", assign_activate: 0x0300, sync0_factor: 1 },
+];
 
 /// An object of the dictionary.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

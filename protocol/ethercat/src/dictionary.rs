@@ -5,7 +5,9 @@
 
 mod mapped;
 mod pdo_configuration;
+mod synchronisation;
 
+use alloc::borrow::Cow;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -32,7 +34,7 @@ enum Value {
 #[derive(Clone, Debug)]
 pub(crate) struct DictionaryEntry {
     pub(crate) subindex: u8,
-    pub(crate) name: &'static str,
+    pub(crate) name: Cow<'static, str>,
     pub(crate) data_type: DataType,
     pub(crate) bits: usize,
     pub(crate) access: Access,
@@ -104,6 +106,7 @@ impl Dictionary {
         dictionary.add_pdos(Usage::Outputs, 0x1C12, "RxPDO assign");
         dictionary.add_pdos(Usage::Inputs, 0x1C13, "TxPDO assign");
         description.objects.iter().for_each(|object| dictionary.add_described(object));
+        dictionary.add_synchronisation();
         dictionary.add_mapped(Usage::Outputs);
         dictionary.add_mapped(Usage::Inputs);
         dictionary.objects.sort_by_key(|object| object.index);
@@ -188,7 +191,7 @@ impl Dictionary {
         let value = self.store(value, value.len());
         DictionaryEntry {
             subindex,
-            name,
+            name: name.into(),
             data_type,
             bits,
             access: Access::ReadOnly,
@@ -237,7 +240,7 @@ impl Dictionary {
         }
         let bits = capacity * 8;
         let (unmapped, mappable) = (value, (false, false));
-        DictionaryEntry { subindex, name, data_type, bits, access, value, unmapped, mappable }
+        DictionaryEntry { subindex, name: name.into(), data_type, bits, access, value, unmapped, mappable }
     }
 
     /// Returns all objects, indices ascending.

@@ -286,7 +286,10 @@ impl SubDevice {
         if state < AlState::SafeOp {
             self.uses_sync = false;
         } else if before < AlState::SafeOp {
-            self.uses_sync = self.esc.sync_period().is_some();
+            let period = self.esc.sync_period();
+            self.uses_sync = period.is_some();
+            let period_ns = period.map(|period| u64::try_from(period.as_nanos()).unwrap_or(u64::MAX));
+            self.dictionary.set_synchronisation(period_ns);
         }
         self.sync_due = None;
         if state != AlState::Op {

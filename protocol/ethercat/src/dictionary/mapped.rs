@@ -91,7 +91,7 @@ impl Dictionary {
         let Some(object) = self.objects.get_mut(position) else { return };
         let mapped = DictionaryEntry {
             subindex: entry.subindex,
-            name: entry.name,
+            name: entry.full_name(),
             data_type: entry.data_type,
             bits,
             access,
