@@ -99,6 +99,7 @@ pub static ETHERCAT_ROBOT: ethercat_subdevice::Description = ethercat_subdevice:
     revision: 0x0001_0000,
     order_code: "skillbench-robot",
     name: "skillbench robot",
+    group: "skillbench",
     device_type: 0,
     hardware_version: "1",
     software_version: "0.1.0",
@@ -106,6 +107,8 @@ pub static ETHERCAT_ROBOT: ethercat_subdevice::Description = ethercat_subdevice:
     inputs: &[Pdo { index: 0x1A00, name: "Feedback", entries: &FEEDBACK_ENTRIES }],
     mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

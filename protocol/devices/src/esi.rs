@@ -3,12 +3,12 @@
 use std::fmt::{self, Write};
 use std::ops::Range;
 
-use ethercat_subdevice::description::{DataType, Description, Pdo};
+use ethercat_subdevice::description::{CLOCK_MODES, DataType, Description, Pdo};
 use ethercat_subdevice::{SyncManagerLayout, Usage, sii_image, sync_managers};
 
 use crate::xml::Xml;
 
-/// The vendor's name, which is also that of the group of devices.
+/// The vendor's name.
 const VENDOR_NAME: &str = "skillbench";
 
 /// Locale of the names: English, United States.
@@ -63,8 +63,8 @@ fn write_all(xml: &mut Xml, device: &Description) -> fmt::Result {
         xml.within("Descriptions", "", |xml| {
             xml.within("Groups", "", |xml| {
                 xml.within("Group", "", |xml| {
-                    xml.leaf("Type", VENDOR_NAME)?;
-                    name(xml, VENDOR_NAME)
+                    xml.leaf("Type", device.group)?;
+                    name(xml, device.group)
                 })
             })?;
             xml.within("Devices", "", |xml| {
@@ -83,13 +83,12 @@ fn write_device(xml: &mut Xml, device: &Description) -> fmt::Result {
     );
     text(xml, attributes, "Type", device.order_code)?;
     name(xml, device.name)?;
-    xml.leaf("GroupType", VENDOR_NAME)?;
-    xml.leaf("Fmmu", "Outputs")?;
-    xml.leaf("Fmmu", "Inputs")?;
-    if device.mailbox.is_some() {
-        xml.leaf("Fmmu", "MBoxState")?;
-    }
+    xml.leaf("GroupType", device.group)?;
     let sync_managers = sync_managers(device);
+    let fmmus = [(Usage::Outputs, "Outputs"), (Usage::Inputs, "Inputs"), (Usage::MailboxSend, "MBoxState")];
+    for (_, name) in fmmus.iter().filter(|(usage, _)| sync_managers.iter().any(|unit| unit.usage == *usage)) {
+        xml.leaf("Fmmu", name)?;
+    }
     sync_managers.iter().try_for_each(|layout| write_sync_manager(xml, *layout))?;
     let number = |usage| sync_managers.iter().position(|layout| layout.usage == usage).unwrap_or_default();
     device.outputs.iter().try_for_each(|pdo| write_pdo(xml, "RxPdo", number(Usage::Outputs), pdo))?;
@@ -134,7 +133,7 @@ fn write_pdo(xml: &mut Xml, element: &str, sync_manager: usize, pdo: &Pdo) -> fm
                 if entry.index == 0 {
                     return Ok(());
                 }
-                xml.leaf("Name", &format!("{} {}", entry.name, entry.subindex))?;
+                xml.leaf("Name", &entry.full_name())?;
                 xml.leaf("DataType", type_name(entry.data_type))
             })
         })
@@ -151,23 +150,21 @@ fn write_mailbox(xml: &mut Xml, device: &Description) -> fmt::Result {
     })
 }
 
-/// Writes the modes of a device with distributed clocks: without them, and with SYNC0.
+/// Writes the modes of a device with distributed clocks.
 fn write_clocks(xml: &mut Xml) -> fmt::Result {
     xml.within("Dc", "", |xml| {
-        [("FreeRun", "without clock", 0x0000), ("DC", "SYNC0", 0x0300)].into_iter().try_for_each(
-            |(name, words, assign_activate)| {
-                xml.within("OpMode", "", |xml| {
-                    xml.leaf("Name", name)?;
-                    xml.leaf("Desc", words)?;
-                    xml.leaf("AssignActivate", &hexadecimal(assign_activate, 4))?;
-                    if assign_activate == 0 {
-                        return Ok(());
-                    }
-                    // The cycle of the MainDevice's task, once.
-                    text(xml, format_args!("CycleTimeSync0 Factor=\"1\""), "CycleTimeSync0", "0")
-                })
-            },
-        )
+        CLOCK_MODES.into_iter().try_for_each(|mode| {
+            xml.within("OpMode", "", |xml| {
+                xml.leaf("Name", mode.name)?;
+                xml.leaf("Desc", mode.description)?;
+                xml.leaf("AssignActivate", &hexadecimal(mode.assign_activate.into(), 4))?;
+                if mode.sync0_factor == 0 {
+                    return Ok(());
+                }
+                let start = format_args!("CycleTimeSync0 Factor=\"{}\"", mode.sync0_factor);
+                text(xml, start, "CycleTimeSync0", "0")
+            })
+        })
     })
 }
 

@@ -7,7 +7,7 @@ use ethercat_maindevice::ethercrab::error::Error;
 use ethercat_maindevice::ethercrab::{MainDevice, MainDeviceConfig, Timeouts};
 use ethercat_maindevice::{Scripted, time, with_main_device};
 use ethercat_subdevice::description::{DataType, Description, Mailbox, PdoEntry};
-use ethercat_subdevice::{DeviceConfig, Segment};
+use ethercat_subdevice::{DeviceConfig, Segment, sii_image};
 use machine::{Duration, Instant};
 use protocol::stations::ETHERCAT_ROBOT;
 use roxmltree::{Document, Node};
@@ -258,4 +258,61 @@ fn every_type_of_an_entry_has_the_length_that_its_name_says() {
         assert!(lengths.contains(&(name, *bits)), "{name} of {bits} bits");
     }
     assert_eq!(devices::esi::type_name(DataType::Integer32), "DINT");
+}
+
+/// Returns the data of a category of an EEPROM.
+fn category(image: &[u8], kind: u16) -> &[u8] {
+    let word = |at: usize| u16::from_le_bytes([image[at], image[at + 1]]);
+    let mut at = 0x80;
+    while word(at) != kind {
+        assert_ne!(word(at), 0xFFFF, "no category {kind}");
+        at += 4 + 2 * usize::from(word(at + 2));
+    }
+    &image[at + 4..at + 4 + 2 * usize::from(word(at + 2))]
+}
+
+#[test]
+fn group_device_and_process_data_have_the_names_of_the_eeprom() {
+    for description in [&ETHERCAT_ROBOT, &OTHER] {
+        let text = devices::esi::write(description);
+        let document = Document::parse(&text).unwrap();
+        let image = sii_image(description, 0, 0);
+        let mut rest = category(&image, 10);
+        let mut strings = vec![String::new()];
+        let count = rest[0];
+        rest = &rest[1..];
+        for _ in 0..count {
+            let (string, after) = rest[1..].split_at(rest[0].into());
+            strings.push(String::from_utf8(string.to_vec()).unwrap());
+            rest = after;
+        }
+        let device = only_element(&document, "Device");
+        let child = |node: Node<'_, '_>, name: &str| {
+            let found = node.children().find(|child| child.has_tag_name(name));
+            found.and_then(|child| child.text()).unwrap_or_default().to_owned()
+        };
+        let general = category(&image, 30);
+        let named = [0, 2, 3].map(|at: usize| strings[usize::from(general[at])].clone());
+        assert_eq!(named, ["GroupType", "Type", "Name"].map(|name| child(device, name)));
+        assert_eq!(named[0], child(only_element(&document, "Group"), "Type"));
+        for (kind, element) in [(51, "RxPdo"), (50, "TxPdo")] {
+            let data = category(&image, kind);
+            let pdo = only_element(&document, element);
+            assert_eq!(strings[usize::from(data[5])], child(pdo, "Name"));
+            let entries = pdo.children().filter(|child| child.has_tag_name("Entry"));
+            let names: Vec<String> = entries.map(|entry| child(entry, "Name")).collect();
+            let (entries, _) = data[8..].as_chunks::<8>();
+            let in_eeprom = entries.iter().map(|entry| strings[usize::from(entry[3])].clone());
+            assert_eq!(in_eeprom.collect::<Vec<_>>(), names);
+        }
+        let modes: Vec<_> = document.descendants().filter(|node| node.has_tag_name("OpMode")).collect();
+        if description.distributed_clocks {
+            let (in_eeprom, _) = category(&image, 60).as_chunks::<24>();
+            let in_eeprom: Vec<_> =
+                in_eeprom.iter().map(|mode| strings[usize::from(mode[18])].clone()).collect();
+            assert_eq!(in_eeprom, modes.iter().map(|mode| child(*mode, "Name")).collect::<Vec<_>>());
+        } else {
+            assert!(modes.is_empty());
+        }
+    }
 }

@@ -73,6 +73,8 @@ pub struct Drive {
     command: Command,
     /// Time from one target to the next.
     period: Duration,
+    /// Speed before the last cycle, in increments/s, and the time of that cycle.
+    cycle_before: (f64, Duration),
 }
 
 impl Drive {
@@ -92,6 +94,7 @@ impl Drive {
             reset_before: false,
             command: Command::DisableVoltage,
             period,
+            cycle_before: (0.0, Duration::ZERO),
         }
     }
 
@@ -105,6 +108,41 @@ impl Drive {
     #[must_use]
     pub fn position(&self) -> i32 {
         self.motor.position()
+    }
+
+    /// Returns where the shaft should be now, in increments, object 0x6062.
+    #[must_use]
+    pub fn position_demand(&self) -> i32 {
+        self.motor.demand()
+    }
+
+    /// Returns the actual velocity in increments/s, object 0x606C.
+    #[must_use]
+    pub const fn velocity(&self) -> i32 {
+        // `as` saturates.
+        self.motor.speed() as i32
+    }
+
+    /// Returns the actual torque in ‰ of the rated torque, object 0x6077: what accelerated the motor in the last cycle.
+    #[must_use]
+    pub fn torque(&self) -> i16 {
+        let (speed, time) = self.cycle_before;
+        if time.is_zero() {
+            return 0;
+        }
+        let acceleration = (self.motor.speed() - speed) / time.as_secs_f64();
+        (1e3 * acceleration / self.acceleration) as i16
+    }
+
+    /// Returns the time from one target to the next.
+    #[must_use]
+    pub const fn period(&self) -> Duration {
+        self.period
+    }
+
+    /// Sets the time from one target to the next, object 0x60C2.
+    pub const fn set_period(&mut self, period: Duration) {
+        self.period = period;
     }
 
     /// Blocks the shaft, or releases it.
@@ -131,6 +169,7 @@ impl Drive {
 
     /// Runs the drive for `time`. `outputs` are the controller's last ones, `None` while the device is not in OP.
     pub fn cycle(&mut self, time: Duration, outputs: Option<&Outputs>, parameters: &Parameters) {
+        self.cycle_before = (self.motor.speed(), time);
         self.look_for_faults(outputs.is_none());
         if let Some(outputs) = outputs {
             // 0 changes nothing (IEC 61800-7-201, 0x6060).

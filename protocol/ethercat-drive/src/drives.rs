@@ -3,16 +3,16 @@
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
-use ethercat_subdevice::{DeviceConfig, DeviceId, Event, Segment};
+use ethercat_subdevice::{DeviceConfig, DeviceId, Event, PdoConfiguration, Segment};
 use machine::{Cycle, Duration, Instant, Machine, PortRequest, Source, Transmit};
 
 use crate::description::{
-    DEFAULT_DECELERATION, DEFAULT_TORQUE, DEFAULT_WINDOW, DEFAULT_WINDOW_TIME, DRIVE, ERROR_REGISTER,
-    MAX_TORQUE, QUICK_STOP_DECELERATION, QUICK_STOP_OPTION, WINDOW, WINDOW_TIME,
+    DEFAULT_DECELERATION, DEFAULT_TORQUE, DEFAULT_WINDOW, DEFAULT_WINDOW_TIME, DRIVE, INTERPOLATION_PERIOD,
+    MAX_TORQUE, QUICK_STOP_DECELERATION, WINDOW, WINDOW_TIME,
 };
-use crate::drive::{Drive, Parameters, QuickStop};
+use crate::drive::{Drive, Parameters};
 use crate::error_code::ErrorCode;
-use crate::process_data::Outputs;
+use crate::objects::{outputs, parameters, period, set_inputs, show_period};
 use crate::state::State;
 
 /// Largest number of missed cycles that are run after a stall of the host.
@@ -92,14 +92,19 @@ pub struct Drives {
 }
 
 impl Drives {
-    /// Creates drives in their order on the cable. Their controller gives a new target each `period`, and they run in a
-    /// cycle of half of it, from `start` on.
+    /// Creates drives in their order on the cable. Their controller gives a new target each `period`, unless it sets another
+    /// one by object 0x60C2, and they run in a cycle of half of it, from `start` on.
     #[must_use]
     pub fn new(configs: &[DriveConfig], period: Duration, start: Instant) -> Self {
         let mut segment = Segment::new();
         for config in configs {
             let DriveConfig { serial_number, window, window_time, max_torque, deceleration, .. } = *config;
-            let id = segment.add(&DeviceConfig { serial_number, ..DeviceConfig::new(&DRIVE) });
+            let id = segment.add(&DeviceConfig {
+                serial_number,
+                pdo_configuration: PdoConfiguration::Mappable,
+                ..DeviceConfig::new(&DRIVE)
+            });
+            show_period(&mut segment, id, period);
             // Each drive has these objects, with four or two bytes.
             for (index, value) in [(WINDOW, window), (QUICK_STOP_DECELERATION, deceleration)] {
                 let _ = segment.set_object(id, index, 0, &value.to_le_bytes());
@@ -141,35 +146,25 @@ impl Drives {
         let period = self.cycle.period();
         for (index, drive) in self.drives.iter_mut().enumerate() {
             let id = DeviceId(index);
-            let outputs = self.segment.outputs(id).and_then(Outputs::parse);
+            let outputs = outputs(&self.segment, id, drive);
             let before = drive.state();
             drive.cycle(period, outputs.as_ref(), &parameters(&self.segment, id));
-            let inputs = drive.inputs();
             if drive.state() != before {
-                let (state, error) = (drive.state(), inputs.error);
+                let (state, error) = (drive.state(), drive.inputs().error);
                 self.events.push_back(DriveEvent::Power { drive: index, state, error });
             }
-            // The device exists, and its inputs and its error register have this length.
-            let _ = self.segment.set_inputs(id, &inputs.bytes());
-            let _ = self.segment.set_object(id, ERROR_REGISTER, 0, &[inputs.error.register()]);
+            set_inputs(&mut self.segment, id, drive);
         }
     }
-}
 
-/// Reads the settings that the controller wrote by SDO.
-fn parameters(segment: &Segment, id: DeviceId) -> Parameters {
-    let u32 = |index| {
-        segment.object(id, index, 0).and_then(|value| value.first_chunk()).copied().map(u32::from_le_bytes)
-    };
-    let u16 = |index| {
-        segment.object(id, index, 0).and_then(|value| value.first_chunk()).copied().map(u16::from_le_bytes)
-    };
-    Parameters {
-        window: u32(WINDOW).filter(|window| *window != u32::MAX),
-        window_time: Duration::from_millis(u16(WINDOW_TIME).unwrap_or(0).into()),
-        quick_stop: QuickStop::of(u16(QUICK_STOP_OPTION).unwrap_or(0).cast_signed()),
-        deceleration: f64::from(u32(QUICK_STOP_DECELERATION).unwrap_or(0).max(1)),
-        torque: f64::from(u16(MAX_TORQUE).unwrap_or(0).max(1)) / 1e3,
+    /// Takes over a setting that a drive does not read in each of its cycles.
+    fn note(&mut self, id: DeviceId, event: Event) {
+        if let Event::ObjectWritten { index: INTERPOLATION_PERIOD, .. } = event
+            && let Some(drive) = self.drives.get_mut(id.0)
+            && let Some(period) = period(&self.segment, id)
+        {
+            drive.set_period(period);
+        }
     }
 }
 
@@ -198,8 +193,12 @@ impl Machine for Drives {
     }
 
     fn poll_event(&mut self) -> Option<DriveEvent> {
-        let device = |(DeviceId(drive), event)| DriveEvent::Device { drive, event };
-        self.events.pop_front().or_else(|| self.segment.poll_event().map(device))
+        if let Some(event) = self.events.pop_front() {
+            return Some(event);
+        }
+        let (id, event) = self.segment.poll_event()?;
+        self.note(id, event);
+        Some(DriveEvent::Device { drive: id.0, event })
     }
 
     fn poll_timeout(&self) -> Option<Instant> {

@@ -11,6 +11,7 @@ mod drive;
 mod drives;
 mod error_code;
 mod motor;
+mod objects;
 mod process_data;
 mod state;
 

@@ -46,6 +46,16 @@ impl Motor {
         nearest(self.position)
     }
 
+    /// Returns the speed in increments/s.
+    pub(crate) const fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    /// Returns where the shaft should be now, rounded to the nearest increment.
+    pub(crate) fn demand(&self) -> i32 {
+        nearest(self.demand)
+    }
+
     /// Returns the following error: demand minus position, in increments.
     pub(crate) fn following_error(&self) -> i32 {
         nearest(self.demand).wrapping_sub(self.position())

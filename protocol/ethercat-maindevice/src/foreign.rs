@@ -6,19 +6,13 @@
 use machine::ethernet::Mac;
 use machine::{Duration, Instant};
 
-use crate::ETHER_TYPE;
+use crate::datagrams::{Datagram, Datagrams, ethercat};
 
 /// A chip sets this bit in the first byte of the source address of a frame that passes it (ETG.1000.4): locally administered.
 pub(crate) const PASSED: u8 = 0x02;
 
 /// Another bit of that byte, inverted in the source address where the interface's own address is a locally administered one.
 const OTHER_BIT: u8 = 0x04;
-
-/// EtherType of an 802.1Q tag.
-const TAG: [u8; 2] = [0x81, 0x00];
-
-/// Type in the EtherCAT header of frames with datagrams (ETG.1000.4).
-const DATAGRAMS: u16 = 1;
 
 /// Registers of the EEPROM interface: a search writes there, and changes nothing by it.
 const EEPROM_INTERFACE: core::ops::Range<u16> = 0x0500..0x0510;
@@ -41,7 +35,7 @@ pub(crate) const fn source_address(Mac([first, b, c, d, e, f]): Mac) -> Mac {
 
 /// Returns the source address of an EtherCAT frame; `None` for any other frame.
 pub(crate) fn source(frame: &[u8]) -> Option<Mac> {
-    datagrams(frame)?;
+    ethercat(frame)?;
     Some(Mac(*frame.get(6..)?.first_chunk()?))
 }
 
@@ -50,42 +44,15 @@ pub(crate) fn is_same(Mac([a, a_rest @ ..]): Mac, Mac([b, b_rest @ ..]): Mac) ->
     a & !PASSED == b & !PASSED && a_rest == b_rest
 }
 
-/// Returns the EtherCAT header and what follows it.
-fn datagrams(frame: &[u8]) -> Option<&[u8]> {
-    let (mut ether_type, mut rest) = frame.get(12..)?.split_first_chunk::<2>()?;
-    if *ether_type == TAG {
-        (ether_type, rest) = rest.get(2..)?.split_first_chunk()?;
-    }
-    (*ether_type == ETHER_TYPE.to_be_bytes()).then_some(rest)
-}
-
 /// Returns whether a frame changes something at devices or exchanges process data. A search does neither.
 fn drives(frame: &[u8]) -> bool {
-    let Some(([low, high], mut rest)) = datagrams(frame).and_then(<[u8]>::split_first_chunk) else {
-        return false;
-    };
-    if u16::from_le_bytes([*low, *high]) >> 12 != DATAGRAMS {
-        return false;
-    }
-    while let Some(([command, _, _, _, register_low, register_high, len, more, _, _], data)) =
-        rest.split_first_chunk::<10>()
-    {
-        let is_eeprom = EEPROM_INTERFACE.contains(&u16::from_le_bytes([*register_low, *register_high]));
-        match command {
-            // NOP, APRD, FPRD, BRD.
-            0 | 1 | 4 | 7 => {}
-            // APWR, APRW, FPWR, FPRW.
-            2 | 3 | 5 | 6 if is_eeprom => {}
-            2..=14 => return true,
-            _ => return false,
-        }
-        let len = u16::from_le_bytes([*len, *more]);
-        let Some(next) = data.get(usize::from(len & 0x07FF) + 2..).filter(|_| len & 0x8000 != 0) else {
-            return false;
-        };
-        rest = next;
-    }
-    false
+    Datagrams::of(frame).any(|Datagram { command, register, .. }| match command {
+        // APWR, APRW, FPWR, FPRW.
+        2 | 3 | 5 | 6 => !EEPROM_INTERFACE.contains(&register),
+        // NOP, APRD, FPRD, BRD; and commands that there are not.
+        0 | 1 | 4 | 7 | 15.. => false,
+        8..=14 => true,
+    })
 }
 
 /// What was heard of other MainDevices.

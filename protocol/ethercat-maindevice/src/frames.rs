@@ -6,6 +6,7 @@ use ethercrab::{PduRx, PduTx};
 use machine::Instant;
 use machine::ethernet::{MIN_FRAME_LEN, Mac};
 
+use crate::al::ErrorBits;
 use crate::foreign::{self, Foreign};
 use crate::lend::Place;
 
@@ -46,6 +47,8 @@ pub(crate) struct Frames {
     pub(crate) own: u64,
     /// What came with other addresses. ethercrab distinguishes frames only by an index of 8 bits, so it must not get these.
     pub(crate) foreign: Foreign,
+    /// The devices that indicate an error.
+    pub(crate) error_bits: ErrorBits,
 }
 
 #[derive(Clone, Debug)]
@@ -66,6 +69,7 @@ impl Frames {
             source: ETHERCRAB,
             own: 0,
             foreign: Foreign::none(),
+            error_bits: ErrorBits::none(),
         }
     }
 
@@ -85,6 +89,7 @@ impl Frames {
             }
             self.own += 1;
         }
+        self.error_bits.note(frame);
         if frame.len() > LONGEST {
             self.refused += 1;
             return;

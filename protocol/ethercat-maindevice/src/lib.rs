@@ -4,6 +4,7 @@ mod al;
 mod bring_up;
 mod cable;
 mod config;
+mod datagrams;
 mod foreign;
 mod frames;
 mod group;

@@ -10,14 +10,14 @@ use ethercrab::{
 };
 use machine::{Cycle, Duration, Instant};
 
-use crate::al::{self, ACKNOWLEDGE_IN_SAFE_OP, REQUEST_INIT, REQUEST_OP, Status};
+use crate::al::{self, ACKNOWLEDGE_IN_OP, ACKNOWLEDGE_IN_SAFE_OP, REQUEST_INIT, REQUEST_OP, Status};
 use crate::bring_up::{Group, bring_up};
 use crate::config::{Config, MAX_DEVICES};
 use crate::frames::FRAMES;
 use crate::problem::Problem;
 use crate::process::PROCESS;
 use crate::recovery::{Recovery, Step, TO_OP};
-use crate::script::{Storage, exchange};
+use crate::script::{Storage, exchange, with_pauses};
 use crate::slot::Slot;
 use crate::survey::{Quiet, survey};
 use crate::{sii, time};
@@ -61,7 +61,7 @@ pub(crate) async fn operate(config: Config, slot: Option<Slot>, start: Instant) 
         dc_static_sync_iterations: 0,
         retry_behaviour: RetryBehaviour::Count(REPETITIONS),
     };
-    let main_device = ethercrab::MainDevice::new(pdu_loop, timeouts, settings);
+    let main_device = ethercrab::MainDevice::new(pdu_loop, with_pauses(timeouts), settings);
     let run = pin!(start_over_and_over(&main_device, &config, slot, start));
     exchange(tx, rx, run).await;
 }
@@ -201,22 +201,24 @@ impl<'a> Exchange<'a> {
         }
     }
 
-    /// Returns whether all devices reported Operational. It does not use ethercrab's `all_op`, which is also true if a
-    /// device does not report its state.
+    /// Returns whether all devices reported Operational, without an error. It does not use ethercrab's `all_op`, which is
+    /// also true if a device does not report its state.
     fn is_good(&self, response: &Response) -> bool {
         response.working_counter == self.working_counter
             && response.subdevice_states.len() == self.config.devices.len()
             && response.subdevice_states.iter().all(|state| *state == SubDeviceState::Op)
+            && FRAMES.with_borrow(|frames| frames.error_bits.is_empty())
     }
 
-    /// Looks at a device that is not in OP, reports it, and requests OP again.
+    /// Looks at a device that is not in OP, or indicates an error there, reports it, and requests OP again.
     async fn recover(
         &mut self,
         main: &ethercrab::MainDevice<'_>,
         response: &Response,
     ) -> Result<(), Problem> {
         PROCESS.with_borrow_mut(|process| process.counters.lost += u64::from(process.is_up()));
-        let Some(index) = self.recovery.turn(&response.subdevice_states) else { return Ok(()) };
+        let errors = FRAMES.with_borrow(|frames| frames.error_bits);
+        let Some(index) = self.recovery.turn(&response.subdevice_states, errors) else { return Ok(()) };
         // Errors here show in the next cycle, too.
         let Ok(status) = Status::read(main, index).await else { return Ok(()) };
         let (number, code) = (index + 1, status.code);
@@ -230,6 +232,7 @@ impl<'a> Exchange<'a> {
         let step = self.recovery.step(time::now(), index, status);
         let control = match step {
             Step::Wait => return Ok(()),
+            Step::Acknowledge if status.state == SubDeviceState::Op => ACKNOWLEDGE_IN_OP,
             Step::Acknowledge => ACKNOWLEDGE_IN_SAFE_OP,
             Step::RequestOp => REQUEST_OP,
             Step::StartOver if self.was_up => return Err(left),

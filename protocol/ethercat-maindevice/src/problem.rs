@@ -46,9 +46,9 @@ pub(crate) enum Problem {
     TooManyDevices { expected: usize },
     /// A device has other process data.
     OtherProcessData { number: usize, found: FoundDevice, expected: [usize; 2], bytes: [usize; 2] },
-    /// The devices did not come to OP.
+    /// The devices did not come to OP, or one keeps an error there.
     NotOperational { number: usize, state: SubDeviceState, code: u16 },
-    /// A device left OP.
+    /// A device left OP, or indicates an error there.
     LeftOperational { number: usize, state: SubDeviceState, code: u16 },
     /// Frames with this source address come from another MainDevice.
     OtherMainDevice { mac: Mac },
@@ -114,8 +114,14 @@ impl Problem {
             Self::OtherProcessData { .. } => {
                 (DownCause::Refused, 0, "a device has process data of another size than is expected")
             }
+            Self::NotOperational { state: SubDeviceState::Op, code, .. } => {
+                (DownCause::Refused, u32::from(*code), "a device still indicates an error in OP")
+            }
             Self::NotOperational { code, .. } => {
                 (DownCause::Refused, u32::from(*code), "a device does not come to OP")
+            }
+            Self::LeftOperational { state: SubDeviceState::Op, code, .. } => {
+                (DownCause::ClosedByPeer, u32::from(*code), "a device indicates an error in OP")
             }
             Self::LeftOperational { code, .. } => {
                 (DownCause::ClosedByPeer, u32::from(*code), "a device left OP")
@@ -154,6 +160,15 @@ impl Problem {
                      expected {outputs} and {inputs}",
                     of_cable(*number)
                 )
+            }
+            Self::NotOperational { number, state: SubDeviceState::Op, code } => {
+                write!(words, "device {} still indicates an error in OP", of_cable(*number))?;
+                write_code(words, *code)?;
+                words.write_str(": restart the device")
+            }
+            Self::LeftOperational { number, state: SubDeviceState::Op, code } => {
+                write!(words, "device {} indicates an error in OP", of_cable(*number))?;
+                write_code(words, *code)
             }
             Self::NotOperational { number, state, code } => {
                 write!(words, "device {} does not come to OP: it is in {}", of_cable(*number), name(*state))?;

@@ -4,7 +4,7 @@
 use ethercrab::SubDeviceState;
 use machine::{Duration, Instant};
 
-use crate::al::Status;
+use crate::al::{ErrorBits, Status};
 
 /// Time in which a device comes to SAFE-OP, and from there to OP. Devices take up to 9 s for the latter
 /// (the transition timeout that Beckhoff's stack has as its default).
@@ -73,10 +73,10 @@ impl Recovery {
         }
     }
 
-    /// Returns the device to look at in this cycle: those that are not in OP get their turns one after another, so that
-    /// the process data do not wait for long.
-    pub(crate) fn turn(&mut self, states: &[SubDeviceState]) -> Option<usize> {
-        let is_in_op = |index: usize| states.get(index) == Some(&SubDeviceState::Op);
+    /// Returns the device to look at in this cycle: those that are not in OP without an error get their turns one after
+    /// another, so that the process data do not wait for long.
+    pub(crate) fn turn(&mut self, states: &[SubDeviceState], errors: ErrorBits) -> Option<usize> {
+        let is_in_op = |index: usize| states.get(index) == Some(&SubDeviceState::Op) && !errors.has(index);
         for (index, fallen) in self.fallen.iter_mut().enumerate() {
             if is_in_op(index) {
                 *fallen = None;
@@ -115,6 +115,8 @@ impl Recovery {
                 let pause = if fallen.acknowledged > fallen.requested { AGAIN } else { PATIENCE };
                 if is_over(fallen.requested, pause) { Step::RequestOp } else { Step::Wait }
             }
+            // It refused a request and did not leave OP for that, as the standard would have it.
+            (SubDeviceState::Op, true) if is_over(fallen.acknowledged, AGAIN) => Step::Acknowledge,
             (SubDeviceState::Op, _) => Step::Wait,
             _ => Step::StartOver,
         }
@@ -205,9 +207,20 @@ mod tests {
     fn devices_that_are_not_in_op_get_their_turns_one_after_another() {
         use SubDeviceState::{None, Op, SafeOp};
         let mut recovery = Recovery::of_start(4, Instant::ZERO);
-        let mut turns = |states: &[SubDeviceState]| [(); 4].map(|()| recovery.turn(states));
+        let mut turns =
+            |states: &[SubDeviceState]| [(); 4].map(|()| recovery.turn(states, ErrorBits::none()));
         assert_eq!(turns(&[SafeOp, Op, SafeOp, None]), [Some(0), Some(2), Some(3), Some(0)]);
         assert_eq!(turns(&[Op, Op, SafeOp]), [Some(2), Some(3), Some(2), Some(3)], "one does not report");
         assert_eq!(turns(&[Op; 4]), [Option::None; 4]);
+    }
+
+    #[test]
+    fn an_error_that_a_device_indicates_in_op_is_acknowledged_and_given_up_after_10_s() {
+        let mut recovery = Recovery::of_start(1, Instant::ZERO);
+        recovery.end();
+        let in_op = Status { state: SubDeviceState::Op, is_error: true, code: 0x0011 };
+        let steps = steps(&mut recovery, in_op, 10_001);
+        assert_eq!(steps[..2], [(0, Step::Acknowledge), (100, Step::Acknowledge)]);
+        assert_eq!(steps.last(), Some(&(10_001, Step::GiveUp)));
     }
 }

@@ -20,8 +20,21 @@ const DATA: usize = PduStorage::element_size(1486);
 /// ethercrab's memory of the frames under way.
 pub(crate) type Storage = PduStorage<IN_FLIGHT, DATA>;
 
+/// Time from one read of a device to the next while something is awaited there: a state, the EEPROM, a mailbox.
+const LOOK: core::time::Duration = core::time::Duration::from_millis(1);
+
+/// Gives ethercrab a time between the reads by which it waits for a device. Its default is none: it then reads as fast as
+/// frames come back, thousands of times a second, and for ever on a cable where frames take no time.
+pub(crate) fn with_pauses(timeouts: Timeouts) -> Timeouts {
+    let wait_loop_delay = match timeouts.wait_loop_delay {
+        core::time::Duration::ZERO => LOOK,
+        chosen => chosen,
+    };
+    Timeouts { wait_loop_delay, ..timeouts }
+}
+
 /// Runs `script` with a MainDevice of ethercrab whose frames are those of the machine that polls this future: a
-/// [`Scripted`].
+/// [`Scripted`]. Where `timeouts` has no `wait_loop_delay`, it becomes 1 ms.
 ///
 /// # Panics
 ///
@@ -34,7 +47,7 @@ pub async fn with_main_device<T>(
     let storage = Storage::new();
     #[expect(clippy::expect_used, reason = "new memory was not split before")]
     let (tx, rx, pdu_loop) = storage.try_split().expect("new memory");
-    let main_device = ethercrab::MainDevice::new(pdu_loop, timeouts, config);
+    let main_device = ethercrab::MainDevice::new(pdu_loop, with_pauses(timeouts), config);
     let script = pin!(script(&main_device));
     exchange(tx, rx, script).await
 }

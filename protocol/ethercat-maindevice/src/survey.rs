@@ -181,10 +181,10 @@ async fn is_in_op(main: &MainDevice<'_>, position: u16) -> Result<bool, Error> {
 async fn watchdog(main: &MainDevice<'_>, position: u16) -> Result<Option<Duration>, Error> {
     let managers = Command::aprd(position, SYNC_MANAGERS).receive::<[u8; 64]>(main).await?;
     let (managers, _) = managers.as_chunks::<8>();
-    // Control: not a mailbox, written by the MainDevice, triggers the watchdog. Activate: enabled.
-    let has_watchdog = managers
-        .iter()
-        .any(|[_, _, _, _, control, _, activate, _]| control & 0x4F == 0x44 && activate & 1 != 0);
+    // It has a length. Control: not a mailbox, written by the MainDevice, triggers the watchdog. Activate: enabled.
+    let has_watchdog = managers.iter().any(|[_, _, low, high, control, _, activate, _]| {
+        (*low, *high) != (0, 0) && control & 0x4F == 0x44 && activate & 1 != 0
+    });
     let divider = Command::aprd(position, WATCHDOG_DIVIDER).receive::<u16>(main).await?;
     let steps = Command::aprd(position, WATCHDOG_TIME).receive::<u16>(main).await?;
     // In periods of 25 MHz.

@@ -25,6 +25,7 @@ static DEVICE: Description = Description {
     revision: 3,
     order_code: "NUMBERS",
     name: "Eight bytes each way",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",
@@ -32,6 +33,8 @@ static DEVICE: Description = Description {
     inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[numbers(0x6000)] }],
     mailbox: None,
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

@@ -18,6 +18,7 @@ static SENSOR: Description = Description {
     revision: 0x0002_0001,
     order_code: "SENS-4",
     name: "A sensor of four bytes",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",
@@ -35,6 +36,8 @@ static SENSOR: Description = Description {
     }],
     mailbox: None,
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

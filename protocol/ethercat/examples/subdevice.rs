@@ -27,6 +27,7 @@ static SIMPLE: Description = Description {
     revision: 1,
     order_code: "SIMPLE",
     name: "Eight bytes each way",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",
@@ -34,6 +35,8 @@ static SIMPLE: Description = Description {
     inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[entry(0x6000)] }],
     mailbox: None,
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

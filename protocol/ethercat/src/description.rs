@@ -1,6 +1,11 @@
 //! Description of a SubDevice: identity, process data, mailbox and objects. Its EEPROM, its memory and its object dictionary
 //! follow from it.
 
+use alloc::borrow::Cow;
+use alloc::format;
+
+use crate::layout::Usage;
+
 /// A kind of SubDevice. Every emulated one of that kind reads the same description.
 #[derive(Clone, Copy, Debug)]
 pub struct Description {
@@ -14,6 +19,8 @@ pub struct Description {
     pub order_code: &'static str,
     /// Name in words, at most 255 ASCII characters.
     pub name: &'static str,
+    /// Group of devices under which tools list it, at most 255 ASCII characters.
+    pub group: &'static str,
     /// Object 0x1000: the device profile in the low word, 0 for none.
     pub device_type: u32,
     /// Object 0x1009.
@@ -24,6 +31,11 @@ pub struct Description {
     pub outputs: &'static [Pdo],
     /// Process data that the MainDevice reads (TxPDOs), in the order of their bytes.
     pub inputs: &'static [Pdo],
+    /// Entries besides those of `outputs` that the MainDevice may map into outputs, where it may map process data at all. Their
+    /// total length is the room that there is beyond that of `outputs`.
+    pub optional_outputs: &'static [PdoEntry],
+    /// The same of inputs.
+    pub optional_inputs: &'static [PdoEntry],
     /// The mailbox, or `None` for a device that has only process data.
     pub mailbox: Option<Mailbox>,
     /// Objects of the dictionary besides those that follow from the other fields.
@@ -33,6 +45,22 @@ pub struct Description {
 }
 
 impl Description {
+    /// Returns the length in bytes of the longest outputs or inputs that the MainDevice may map.
+    pub(crate) fn room(&self, usage: Usage) -> u16 {
+        let (pdos, optional) = self.mappable(usage);
+        let bits = |entries: &[PdoEntry]| entries.iter().map(|entry| u32::from(entry.bits)).sum::<u32>();
+        let all = pdos.iter().map(|pdo| bits(pdo.entries)).sum::<u32>() + bits(optional);
+        u16::try_from(all.div_ceil(8)).unwrap_or(u16::MAX)
+    }
+
+    /// Returns the process data of a direction, and the entries besides those that the MainDevice may map.
+    pub(crate) const fn mappable(&self, usage: Usage) -> (&'static [Pdo], &'static [PdoEntry]) {
+        match usage {
+            Usage::Outputs => (self.outputs, self.optional_outputs),
+            _ => (self.inputs, self.optional_inputs),
+        }
+    }
+
     /// Returns whether files can be written to the device.
     #[must_use]
     pub fn has_files(&self) -> bool {
@@ -74,6 +102,37 @@ pub struct PdoEntry {
     /// Name in words.
     pub name: &'static str,
 }
+
+impl PdoEntry {
+    /// Returns the name that ESI file, EEPROM and dictionary have: that of a part of an object has its subindex, so that the
+    /// parts can be distinguished.
+    #[must_use]
+    pub fn full_name(&self) -> Cow<'static, str> {
+        match self.subindex {
+            0 => Cow::Borrowed(self.name),
+            subindex => Cow::Owned(format!("{} {subindex}", self.name)),
+        }
+    }
+}
+
+/// Mode of a device with distributed clocks, as ESI file and EEPROM list them (ETG.2000, OpMode; ETG.2010, category 60).
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct ClockMode {
+    /// Its name.
+    pub name: &'static str,
+    /// What it does.
+    pub description: &'static str,
+    /// Value for the registers 0x0980 and 0x0981.
+    pub assign_activate: u16,
+    /// Cycle of SYNC0, in cycles of the MainDevice's task; 0 without SYNC0.
+    pub sync0_factor: i16,
+}
+
+/// The modes of a device with distributed clocks: without them, and with SYNC0.
+pub const CLOCK_MODES: [ClockMode; 2] = [
+    ClockMode { name: "FreeRun", description: "without clock", assign_activate: 0, sync0_factor: 0 },
+    ClockMode { name: "DC", description: "SYNC0", assign_activate: 0x0300, sync0_factor: 1 },
+];
 
 /// An object of the dictionary.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

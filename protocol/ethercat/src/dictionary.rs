@@ -3,14 +3,17 @@
 //! The value of an entry that is mapped into process data is in the process data; the other entries have values of their
 //! own.
 
+mod mapped;
 mod pdo_configuration;
+mod synchronisation;
 
+use alloc::borrow::Cow;
 use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::abort_code::AbortCode;
 use crate::al::AlState;
-use crate::description::{Access, DataType, Description, Entry, Object, ObjectCode, Pdo};
+use crate::description::{Access, DataType, Description, Entry, Object, ObjectCode};
 use crate::layout::Usage;
 
 pub use pdo_configuration::PdoConfiguration;
@@ -31,7 +34,7 @@ enum Value {
 #[derive(Clone, Debug)]
 pub(crate) struct DictionaryEntry {
     pub(crate) subindex: u8,
-    pub(crate) name: &'static str,
+    pub(crate) name: Cow<'static, str>,
     pub(crate) data_type: DataType,
     pub(crate) bits: usize,
     pub(crate) access: Access,
@@ -79,6 +82,10 @@ pub(crate) struct Dictionary {
     /// Indices ascending.
     objects: Vec<DictionaryObject>,
     values: Vec<u8>,
+    /// Whether process data have the described entries in their order.
+    is_as_described: bool,
+    /// Whether the MainDevice has chosen process data since they were applied.
+    is_rechosen: bool,
 }
 
 impl Dictionary {
@@ -87,16 +94,21 @@ impl Dictionary {
         configuration: PdoConfiguration,
         serial_number: u32,
     ) -> Self {
-        let mut dictionary = Self { description, configuration, objects: Vec::new(), values: Vec::new() };
+        let mut dictionary = Self {
+            description,
+            configuration,
+            objects: Vec::new(),
+            values: Vec::new(),
+            is_as_described: true,
+            is_rechosen: false,
+        };
         dictionary.add_device(description, serial_number);
-        for (pdos, assignment, name) in
-            [(description.outputs, 0x1C12, "RxPDO assign"), (description.inputs, 0x1C13, "TxPDO assign")]
-        {
-            dictionary.add_pdos(pdos, assignment, name);
-        }
+        dictionary.add_pdos(Usage::Outputs, 0x1C12, "RxPDO assign");
+        dictionary.add_pdos(Usage::Inputs, 0x1C13, "TxPDO assign");
         description.objects.iter().for_each(|object| dictionary.add_described(object));
-        dictionary.add_mapped(description.outputs, Usage::Outputs);
-        dictionary.add_mapped(description.inputs, Usage::Inputs);
+        dictionary.add_synchronisation();
+        dictionary.add_mapped(Usage::Outputs);
+        dictionary.add_mapped(Usage::Inputs);
         dictionary.objects.sort_by_key(|object| object.index);
         for object in &mut dictionary.objects {
             object.entries.sort_by_key(|entry| entry.subindex);
@@ -117,29 +129,15 @@ impl Dictionary {
         &self.values
     }
 
+    /// Returns whether the MainDevice has chosen process data since the last call.
+    pub(crate) const fn take_choice(&mut self) -> bool {
+        core::mem::replace(&mut self.is_rechosen, false)
+    }
+
     /// Sets all values to what [`values`](Self::values) returned before.
     pub(crate) fn restore(&mut self, values: &[u8]) {
         if values.len() == self.values.len() {
             self.values.copy_from_slice(values);
-        }
-    }
-
-    /// Connects the entries that are mapped into process data with their place there, and all others with their own values.
-    pub(crate) fn map_process_data(&mut self) {
-        for entry in self.objects.iter_mut().flat_map(|object| &mut object.entries) {
-            entry.value = entry.unmapped;
-        }
-        for usage in [Usage::Outputs, Usage::Inputs] {
-            let mut bit = 0;
-            let mappings: Vec<_> = self.mappings(usage).collect();
-            for mapping in mappings {
-                let value =
-                    if usage == Usage::Outputs { Value::Output { bit } } else { Value::Input { bit } };
-                bit += usize::from(mapping.bits);
-                if let Some(entry) = self.entry_mut(mapping.index, mapping.subindex) {
-                    (entry.value, entry.bits) = (value, mapping.bits.into());
-                }
-            }
         }
     }
 
@@ -175,26 +173,6 @@ impl Dictionary {
         self.add_list(0x1C00, "Sync manager types", ObjectCode::Array, Unsigned8, &usages);
     }
 
-    /// Adds the mapping objects of process data, and their assignment to a sync manager.
-    fn add_pdos(&mut self, pdos: &[Pdo], assignment: u16, name: &'static str) {
-        for pdo in pdos {
-            let mappings: Vec<[u8; 4]> = pdo
-                .entries
-                .iter()
-                .map(|entry| {
-                    let [low, high] = entry.index.to_le_bytes();
-                    [entry.bits, entry.subindex, low, high]
-                })
-                .collect();
-            let values: Vec<(&'static str, &[u8])> =
-                mappings.iter().map(|mapping| ("Mapping", &mapping[..])).collect();
-            self.add_list(pdo.index, pdo.name, ObjectCode::Record, DataType::Unsigned32, &values);
-        }
-        let indices: Vec<[u8; 2]> = pdos.iter().map(|pdo| pdo.index.to_le_bytes()).collect();
-        let values: Vec<(&'static str, &[u8])> = indices.iter().map(|index| ("PDO", &index[..])).collect();
-        self.add_list(assignment, name, ObjectCode::Array, DataType::Unsigned16, &values);
-    }
-
     fn store(&mut self, bytes: &[u8], capacity: usize) -> Value {
         let start = self.values.len();
         self.values.extend_from_slice(bytes);
@@ -213,7 +191,7 @@ impl Dictionary {
         let value = self.store(value, value.len());
         DictionaryEntry {
             subindex,
-            name,
+            name: name.into(),
             data_type,
             bits,
             access: Access::ReadOnly,
@@ -262,63 +240,7 @@ impl Dictionary {
         }
         let bits = capacity * 8;
         let (unmapped, mappable) = (value, (false, false));
-        DictionaryEntry { subindex, name, data_type, bits, access, value, unmapped, mappable }
-    }
-
-    /// Adds the objects that process data name and the description does not have.
-    fn add_mapped(&mut self, pdos: &[Pdo], usage: Usage) {
-        let outputs = usage == Usage::Outputs;
-        let access = if outputs { Access::ReadWrite } else { Access::ReadOnly };
-        for entry in pdos.iter().flat_map(|pdo| pdo.entries) {
-            let bits = usize::from(entry.bits);
-            // Index 0 is a gap.
-            if entry.index == 0 {
-                continue;
-            }
-            let position = self.objects.iter().position(|object| object.index == entry.index);
-            let position = position.unwrap_or_else(|| {
-                self.add_mapped_object(entry.index, entry.subindex);
-                self.objects.len() - 1
-            });
-            let entries = self.objects.get_mut(position).map(|object| &mut object.entries);
-            let mut entries = entries.into_iter().flatten();
-            if let Some(known) = entries.find(|known| known.subindex == entry.subindex) {
-                let (input, output) = known.mappable;
-                known.mappable = (input || !outputs, output || outputs);
-                continue;
-            }
-            let own = self.store(&vec![0; bits.div_ceil(8)], 0);
-            let Some(object) = self.objects.get_mut(position) else { continue };
-            let mapped = DictionaryEntry {
-                subindex: entry.subindex,
-                name: entry.name,
-                data_type: entry.data_type,
-                bits,
-                access,
-                value: own,
-                unmapped: own,
-                mappable: (!outputs, outputs),
-            };
-            object.entries.push(mapped);
-            self.raise_highest_subindex(position, entry.subindex);
-        }
-    }
-
-    fn add_mapped_object(&mut self, index: u16, subindex: u8) {
-        let (code, entries) = match subindex {
-            0 => (ObjectCode::Variable, Vec::new()),
-            _ => (ObjectCode::Record, vec![self.entry_of(0, "Highest subindex", DataType::Unsigned8, &[0])]),
-        };
-        self.objects.push(DictionaryObject { index, name: "Process data", code, entries });
-    }
-
-    fn raise_highest_subindex(&mut self, position: usize, subindex: u8) {
-        let first = self.objects.get(position).and_then(|object| object.entry(0));
-        if let Some(Value::Stored { start, len: 1 }) = first.map(|first| first.value)
-            && let Some(highest) = self.values.get_mut(start)
-        {
-            *highest = (*highest).max(subindex);
-        }
+        DictionaryEntry { subindex, name: name.into(), data_type, bits, access, value, unmapped, mappable }
     }
 
     /// Returns all objects, indices ascending.

@@ -53,8 +53,9 @@ impl Layout {
         let mut start = RAM_START;
         let mut place = |usage, len: u16, buffers: u16, control| {
             let placed = SyncManagerLayout { usage, start, len, control };
+            let room = if buffers > 1 { description.room(usage) } else { len };
             // Each on a boundary of 128 bytes, which makes captures readable.
-            start = start.saturating_add(len.saturating_mul(buffers)).next_multiple_of(0x80);
+            start = start.saturating_add(room.saturating_mul(buffers)).next_multiple_of(0x80);
             Some(placed)
         };
         let outputs = process_data_len(description.outputs);
@@ -66,9 +67,13 @@ impl Layout {
                 place(Usage::Outputs, outputs, 3, 0x64),
                 place(Usage::Inputs, inputs, 3, 0x20),
             ],
-            None => {
-                [place(Usage::Outputs, outputs, 3, 0x64), place(Usage::Inputs, inputs, 3, 0x20), None, None]
-            }
+            // Without a mailbox there are sync managers only for the data that there are, as in terminals on the market.
+            None => [
+                if outputs > 0 { place(Usage::Outputs, outputs, 3, 0x64) } else { None },
+                if inputs > 0 { place(Usage::Inputs, inputs, 3, 0x20) } else { None },
+                None,
+                None,
+            ],
         };
         Self { sync_managers }
     }

@@ -175,6 +175,26 @@ impl Segment {
         self.devices.get_mut(id.0)?.dictionary_mut().set(index, subindex, value)
     }
 
+    /// Returns whether a device's process data have the described entries in their order: the MainDevice has not mapped other
+    /// ones.
+    #[must_use]
+    pub fn is_mapped_as_described(&self, id: DeviceId) -> bool {
+        self.devices.get(id.0).is_none_or(|device| device.dictionary().is_as_described())
+    }
+
+    /// Returns the value of an object's entry, of up to 64 bits, wherever it is: in the outputs, once they have come in OP, in
+    /// the inputs, or in the dictionary.
+    #[must_use]
+    pub fn number(&self, id: DeviceId, index: u16, subindex: u8) -> Option<u64> {
+        self.devices.get(id.0)?.number(index, subindex)
+    }
+
+    /// Sets the value of an object's entry, of up to 64 bits, wherever it is. Bits that the entry does not have are left out.
+    /// Returns `None` if there is no such entry.
+    pub fn set_number(&mut self, id: DeviceId, index: u16, subindex: u8, number: u64) -> Option<()> {
+        self.devices.get_mut(id.0)?.set_number(index, subindex, number)
+    }
+
     /// Reports an error to the MainDevice by CoE. Returns whether the device's mailbox runs and had room for it.
     pub fn raise(&mut self, id: DeviceId, emergency: Emergency) -> bool {
         self.devices.get_mut(id.0).is_some_and(|device| device.raise(emergency))

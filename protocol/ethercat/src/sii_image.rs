@@ -11,11 +11,12 @@
 //! 0x40..      categories: type, length in words, data; the last one is 0xFFFF
 //! ```
 
+use alloc::borrow::Cow;
 use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::Writer;
-use crate::description::{Description, Pdo};
+use crate::description::{CLOCK_MODES, Description, Pdo};
 use crate::dictionary::PdoConfiguration;
 use crate::esc::checksum;
 use crate::layout::{Layout, SyncManagerLayout, Usage};
@@ -29,7 +30,14 @@ const FMMU: u16 = 40;
 const SYNC_MANAGER: u16 = 41;
 const TX_PDO: u16 = 50;
 const RX_PDO: u16 = 51;
+const CLOCK: u16 = 60;
 const END: u16 = 0xFFFF;
+
+/// A byte that was not written.
+const ERASED: u8 = 0xFF;
+
+/// Bytes of a mode in category 60.
+const CLOCK_MODE: usize = 24;
 
 /// Returns the content of the EEPROM of a device with this description, serial number and station alias, and with fixed
 /// process data.
@@ -53,18 +61,24 @@ pub(crate) fn image_of(
     let general = general(description, pdo_configuration, &mut strings);
     let tx = pdos(description.inputs, number(&layout, Usage::Inputs), &mut strings);
     let rx = pdos(description.outputs, number(&layout, Usage::Outputs), &mut strings);
+    let clock = if description.distributed_clocks { clock_modes(&mut strings) } else { Vec::new() };
     category(&mut writer, STRINGS, &strings.bytes());
     category(&mut writer, GENERAL, &general);
     category(&mut writer, FMMU, &fmmus(&layout));
     category(&mut writer, SYNC_MANAGER, &layout.iter().flat_map(sync_manager).collect::<Vec<u8>>());
     category(&mut writer, TX_PDO, &tx);
     category(&mut writer, RX_PDO, &rx);
+    category(&mut writer, CLOCK, &clock);
     writer.u16(END);
     let used = writer.len();
     // EEPROMs have sizes of powers of two, 1 KiBit = 128 bytes being the smallest.
     let size = used.next_power_of_two().max(0x800);
     writer.patch_u16(0x7C, u16::try_from(size / 128 - 1).unwrap_or(u16::MAX));
     image.truncate(size);
+    // The rest is as a manufacturer leaves it.
+    if let Some(rest) = image.get_mut(used..) {
+        rest.fill(ERASED);
+    }
     image
 }
 
@@ -123,10 +137,11 @@ fn category(writer: &mut Writer<'_>, kind: u16, data: &[u8]) {
 
 /// The strings, which the other categories name by their numbers from 1.
 #[derive(Default)]
-struct Strings(Vec<&'static str>);
+struct Strings(Vec<Cow<'static, str>>);
 
 impl Strings {
-    fn number(&mut self, string: &'static str) -> u8 {
+    fn number(&mut self, string: impl Into<Cow<'static, str>>) -> u8 {
+        let string = string.into();
         if string.is_empty() {
             return 0;
         }
@@ -157,10 +172,13 @@ fn general(
 ) -> [u8; 32] {
     let mut general = [0; 32];
     let mut writer = Writer::new(&mut general);
-    writer.u8(0); // group
+    // Some MainDevices take the first string for the device's name.
+    let order_code = strings.number(description.order_code);
+    let name = strings.number(description.name);
+    writer.u8(strings.number(description.group));
     writer.u8(0); // image
-    writer.u8(strings.number(description.order_code));
-    writer.u8(strings.number(description.name));
+    writer.u8(order_code);
+    writer.u8(name);
     writer.u8(0);
     // CoE: SDO, SDO information, complete access; assignment of PDOs 0x04 and their mapping 0x08.
     let chosen = match pdo_configuration {
@@ -178,10 +196,39 @@ fn general(
     general
 }
 
-fn fmmus(layout: &Layout) -> [u8; 4] {
-    // 1 outputs, 2 inputs, 3 status of the send mailbox, 0xFF unused
-    let mailbox = layout.find(Usage::MailboxSend).is_some();
-    [1, 2, if mailbox { 3 } else { 0xFF }, 0xFF]
+/// Returns what each FMMU is for: 1 outputs, 2 inputs, 3 status of the send mailbox. 0 fills up the last word: an FMMU that is
+/// not used.
+fn fmmus(layout: &Layout) -> Vec<u8> {
+    let uses = [(Usage::Outputs, 1), (Usage::Inputs, 2), (Usage::MailboxSend, 3)];
+    let mut fmmus: Vec<u8> =
+        uses.iter().filter(|(usage, _)| layout.find(*usage).is_some()).map(|(_, number)| *number).collect();
+    fmmus.resize(fmmus.len().next_multiple_of(2), 0);
+    fmmus
+}
+
+/// Returns the modes of the clock (ETG.2010, category 60).
+///
+/// ```text
+/// 0..4    cycle of SYNC0 in ns, 0: that of the MainDevice's task
+/// 4..12   shift of SYNC0, of SYNC1
+/// 12..14  cycle of SYNC1 in cycles of SYNC0
+/// 14..16  registers 0x0980 and 0x0981
+/// 16..18  cycle of SYNC0 in cycles of the task
+/// 18, 19  strings: name, description
+/// 20..24  reserved
+/// ```
+fn clock_modes(strings: &mut Strings) -> Vec<u8> {
+    let mut bytes = vec![0; CLOCK_MODES.len() * CLOCK_MODE];
+    let mut writer = Writer::new(&mut bytes);
+    for mode in CLOCK_MODES {
+        writer.zeros(14);
+        writer.u16(mode.assign_activate);
+        writer.u16(mode.sync0_factor.cast_unsigned());
+        writer.u8(strings.number(mode.name));
+        writer.u8(strings.number(mode.description));
+        writer.zeros(4);
+    }
+    bytes
 }
 
 fn sync_manager(layout: SyncManagerLayout) -> [u8; 8] {
@@ -204,7 +251,7 @@ fn pdos(pdos: &'static [Pdo], sync_manager: u8, strings: &mut Strings) -> Vec<u8
         for entry in pdo.entries.iter().take(255) {
             bytes.extend_from_slice(&entry.index.to_le_bytes());
             bytes.push(entry.subindex);
-            bytes.push(strings.number(entry.name));
+            bytes.push(strings.number(entry.full_name()));
             bytes.push(entry.data_type as u8);
             bytes.push(entry.bits);
             bytes.extend_from_slice(&[0, 0]);

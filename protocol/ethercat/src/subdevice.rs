@@ -2,6 +2,7 @@
 //! process data and mailbox.
 
 mod checks;
+mod mail;
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -11,12 +12,11 @@ use machine::{Duration, Instant};
 use crate::al::{AlState, AlStatusCode, StateMachine};
 use crate::config::DeviceConfig;
 use crate::description::Description;
-use crate::dictionary::PdoConfiguration;
-use crate::dictionary::{Dictionary, ProcessData};
+use crate::dictionary::Dictionary;
 use crate::esc::{Esc, Sync};
 use crate::event::{Event, Sink};
 use crate::layout::{Layout, Usage};
-use crate::mailbox::{Context, Emergency, File, Mailbox};
+use crate::mailbox::{Emergency, File, Mailbox};
 use crate::sii_image::image_of;
 
 /// A SubDevice.
@@ -29,6 +29,8 @@ pub(crate) struct SubDevice {
     inputs: Box<[u8]>,
     outputs: Box<[u8]>,
     has_outputs: bool,
+    /// Whether an error that the MainDevice has not acknowledged keeps the outputs closed.
+    is_stopped: bool,
     dictionary: Dictionary,
     mailbox: Option<Mailbox>,
     file: File,
@@ -59,6 +61,7 @@ impl SubDevice {
             inputs: vec![0; len(Usage::Inputs)].into_boxed_slice(),
             outputs: vec![0; len(Usage::Outputs)].into_boxed_slice(),
             has_outputs: false,
+            is_stopped: false,
             dictionary: Dictionary::new(description, config.pdo_configuration, config.serial_number),
             mailbox: description.mailbox.map(|mailbox| Mailbox::new(mailbox.len)),
             file: File::new(description.mailbox.map_or(0, |mailbox| mailbox.file_capacity)),
@@ -87,7 +90,7 @@ impl SubDevice {
     }
 
     fn start(&mut self) {
-        self.has_outputs = false;
+        (self.has_outputs, self.is_stopped) = (false, false);
         self.reset_mailbox();
         self.show_status();
         self.lock_mailbox(true);
@@ -119,6 +122,20 @@ impl SubDevice {
         &mut self.dictionary
     }
 
+    /// Returns an entry's value, as the application uses it: one that is mapped into the outputs while there are some.
+    pub(crate) fn number(&self, index: u16, subindex: u8) -> Option<u64> {
+        self.dictionary.number(index, subindex, &self.inputs, self.outputs().unwrap_or_default())
+    }
+
+    /// Sets an entry's value, in the inputs where it is mapped there.
+    pub(crate) fn set_number(&mut self, index: u16, subindex: u8, number: u64) -> Option<()> {
+        let inputs = &mut self.inputs;
+        if self.dictionary.set_number((index, subindex, number), inputs, &mut self.outputs)? {
+            self.publish_inputs();
+        }
+        Some(())
+    }
+
     pub(crate) const fn file(&self) -> &File {
         &self.file
     }
@@ -146,13 +163,18 @@ impl SubDevice {
         self.has_outputs = false;
         self.sync_due = None;
         self.show_status();
-        // Until the MainDevice acknowledges the error, the outputs do not count in the working counter (ETG.1020). A device
-        // that has none shows its error by the inputs.
+        self.stop_outputs();
+        sink.push(Event::StateChanged { state: self.al.state(), code });
+    }
+
+    /// Closes the outputs until the MainDevice acknowledges the error, so that they do not count in the working counter
+    /// (ETG.1020). A device that has none shows its error by the inputs.
+    fn stop_outputs(&mut self) {
+        self.is_stopped = true;
         let outputs = self.layout.find(Usage::Outputs).filter(|(_, layout)| layout.len > 0);
         if let Some((index, _)) = outputs.or_else(|| self.layout.find(Usage::Inputs)) {
             self.esc.lock(index, true);
         }
-        sink.push(Event::StateChanged { state: self.al.state(), code });
     }
 
     /// Handles the changes that a frame made while it passed.
@@ -227,101 +249,12 @@ impl SubDevice {
         self.layout.find(usage).map_or(0, |(index, _)| 1 << index)
     }
 
-    /// Serves the message in the mailbox, if the answer to the one before has left.
-    fn receive_mail(&mut self, sink: &mut Sink<'_>) {
-        let state = self.al.state();
-        let Some((index, _)) = self.layout.find(Usage::MailboxReceive) else { return };
-        let Some(mailbox) = self.mailbox.as_mut().filter(|_| state > AlState::Init) else { return };
-        if mailbox.outgoing(&self.dictionary).is_none()
-            && let Some(message) = self.esc.take(index)
-        {
-            let process = ProcessData { inputs: &self.inputs, outputs: &mut self.outputs };
-            let (dictionary, file, mailbox_len) = (&mut self.dictionary, &mut self.file, message.len());
-            mailbox.receive(message, &mut Context { state, mailbox_len, dictionary, process, file, sink });
-        }
-        self.resize_process_data();
-        self.send_mail();
-    }
-
-    /// Applies the process data that the MainDevice has chosen; it can choose them only while they are not exchanged.
-    fn resize_process_data(&mut self) {
-        if self.dictionary.configuration() == PdoConfiguration::Fixed || self.al.state() != AlState::PreOp {
-            return;
-        }
-        for (usage, data) in [(Usage::Outputs, &mut self.outputs), (Usage::Inputs, &mut self.inputs)] {
-            let len = self.dictionary.process_data_len(usage);
-            self.layout.set_len(usage, len);
-            if data.len() != usize::from(len) {
-                *data = vec![0; len.into()].into_boxed_slice();
-            }
-        }
-        self.dictionary.map_process_data();
-    }
-
-    /// Puts the next message into the mailbox, if that is empty.
-    fn send_mail(&mut self) {
-        let Some((index, _)) = self.layout.find(Usage::MailboxSend) else { return };
-        let Some(mailbox) = &mut self.mailbox else { return };
-        if let Some(message) = mailbox.outgoing(&self.dictionary)
-            && self.esc.put(index, message)
-        {
-            mailbox.handed_out();
-        }
-    }
-
-    /// Notes that the MainDevice read the mailbox; what a repetition has taken out of it goes back.
-    fn note_read_mail(&mut self) {
-        let Some((index, _)) = self.layout.find(Usage::MailboxSend) else { return };
-        if let Some(message) = self.mailbox.as_mut().and_then(Mailbox::was_read) {
-            self.esc.put(index, message);
-        }
-    }
-
-    /// Puts the message that the MainDevice read last into the mailbox once more, if it asks for it. The message that is
-    /// there comes after that one: the MainDevice recognises by the counter what it has already.
-    fn repeat_mail(&mut self) {
-        let Some((index, _)) = self.layout.find(Usage::MailboxSend) else { return };
-        let Some(mailbox) = self.mailbox.as_mut().filter(|_| self.al.state() > AlState::Init) else { return };
-        let request = self.esc.sync_manager(index).repeat_request();
-        if !mailbox.is_repetition_requested(request) {
-            return;
-        }
-        if let Some((message, replaces)) = mailbox.repeat() {
-            if replaces {
-                // This empties the mailbox.
-                self.esc.lock(index, true);
-                self.esc.lock(index, false);
-            }
-            self.esc.put(index, message);
-        }
-        self.esc.acknowledge_repeat(index, request);
-    }
-
-    fn reset_mailbox(&mut self) {
-        if let Some(mailbox) = &mut self.mailbox {
-            mailbox.reset();
-        }
-        if let Some((index, _)) = self.layout.find(Usage::MailboxSend) {
-            self.esc.acknowledge_repeat(index, false);
-        }
-    }
-
-    /// Opens the mailbox with the length that the MainDevice chose, which may be shorter than the EEPROM says.
-    fn start_mailbox(&mut self) {
-        self.lock_mailbox(false);
-        if let (Some(mailbox), Some((index, _))) = (&mut self.mailbox, self.layout.find(Usage::MailboxSend)) {
-            mailbox.start(self.esc.sync_manager(index).len);
-        }
-        // Its bit may be set from before.
-        self.repeat_mail();
-    }
-
     fn follow_request(&mut self, now: Instant, sink: &mut Sink<'_>) {
         // Without the configuration from its EEPROM, the chip gives the application no access.
         if !self.esc.is_loaded() {
             return;
         }
-        let before = self.state();
+        let (before, was_stopped) = (self.state(), self.is_stopped);
         let mut al = self.al;
         al.request(self.esc.al_control(), |state| self.check(state));
         self.al = al;
@@ -331,12 +264,17 @@ impl SubDevice {
             return;
         }
         self.enter(now, before.0);
+        let is_error = after.1 != AlStatusCode::NO_ERROR;
+        if is_error && (was_stopped || before.0 == AlState::Op || after.1 == AlStatusCode::NO_SYNC_ERROR) {
+            self.stop_outputs();
+        }
         sink.push(Event::StateChanged { state: after.0, code: after.1 });
     }
 
     /// Starts what the device has in the new state, and stops what it does not have there.
     fn enter(&mut self, now: Instant, before: AlState) {
         let state = self.al.state();
+        self.is_stopped = false;
         self.lock_process_data(state < AlState::SafeOp);
         if state == AlState::Init {
             self.lock_mailbox(true);
@@ -348,7 +286,10 @@ impl SubDevice {
         if state < AlState::SafeOp {
             self.uses_sync = false;
         } else if before < AlState::SafeOp {
-            self.uses_sync = self.esc.sync_period().is_some();
+            let period = self.esc.sync_period();
+            self.uses_sync = period.is_some();
+            let period_ns = period.map(|period| u64::try_from(period.as_nanos()).unwrap_or(u64::MAX));
+            self.dictionary.set_synchronisation(period_ns);
         }
         self.sync_due = None;
         if state != AlState::Op {
@@ -363,10 +304,12 @@ impl SubDevice {
         }
     }
 
-    /// Returns whether the MainDevice lets the outputs trigger the watchdog.
+    /// Returns whether the MainDevice lets the outputs trigger the watchdog. Outputs without a length, whose sync manager
+    /// is off, trigger nothing, whatever its control register says.
     fn heeds_watchdog(&self) -> bool {
-        let outputs = self.layout.find(Usage::Outputs);
-        outputs.is_some_and(|(index, _)| self.esc.sync_manager(index).triggers_watchdog)
+        let outputs = self.layout.find(Usage::Outputs).filter(|(_, layout)| layout.len > 0);
+        let unit = outputs.map(|(index, _)| self.esc.sync_manager(index));
+        unit.is_some_and(|unit| unit.guards() && unit.triggers_watchdog)
     }
 
     /// Returns when the SYNC signals will have stayed away for too long: two periods after the last one, or after the first
@@ -379,11 +322,6 @@ impl SubDevice {
 
     fn lock_process_data(&mut self, locked: bool) {
         self.lock([Usage::Outputs, Usage::Inputs], locked);
-    }
-
-    /// Closes both mailboxes, or opens them, empty.
-    fn lock_mailbox(&mut self, locked: bool) {
-        self.lock([Usage::MailboxReceive, Usage::MailboxSend], locked);
     }
 
     fn lock(&mut self, usages: [Usage; 2], locked: bool) {

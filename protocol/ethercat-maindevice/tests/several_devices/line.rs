@@ -23,6 +23,7 @@ pub(crate) static DEVICE: Description = Description {
     revision: 3,
     order_code: "ECHO",
     name: "Eight bytes each way",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",
@@ -30,6 +31,8 @@ pub(crate) static DEVICE: Description = Description {
     inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[numbers(0x6000)] }],
     mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

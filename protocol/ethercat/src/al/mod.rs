@@ -89,7 +89,8 @@ impl StateMachine {
     }
 
     /// Follows a request of the MainDevice for a state other than INIT, also for the present one, if `check` returns that
-    /// the device is configured for it. Otherwise the device falls to a state that it is configured for.
+    /// the device is configured for it. A device that refuses a request falls to a state that it is configured for, and
+    /// from OP in any case to SAFE-OP: a device that indicates an error does not follow outputs.
     pub(crate) fn request(&mut self, control: u16, check: impl FnOnce(AlState) -> Result<(), AlStatusCode>) {
         let acknowledged = control & ERROR != 0;
         let wanted = AlState::from_control(control);
@@ -102,20 +103,15 @@ impl StateMachine {
             None => Err(AlStatusCode::UNKNOWN_STATE),
             Some(wanted) if !self.state.leads_to(wanted) => Err(AlStatusCode::INVALID_STATE_CHANGE),
             Some(AlState::Init) => Ok(AlState::Init),
-            Some(wanted) => check(wanted).map(|()| wanted).inspect_err(|code| {
-                self.state = self.state.min(code.highest_state());
-            }),
+            Some(wanted) => check(wanted).map(|()| wanted),
         };
-        self.error = match result {
-            Ok(state) => {
-                self.state = state;
-                AlStatusCode::NO_ERROR
-            }
-            Err(error) => error,
-        };
+        match result {
+            Ok(state) => (self.state, self.error) = (state, AlStatusCode::NO_ERROR),
+            Err(error) => self.fail(error.highest_state(), error),
+        }
     }
 
-    /// Falls to a state with an error of the device itself.
+    /// Falls to a state with an error.
     pub(crate) fn fail(&mut self, state: AlState, error: AlStatusCode) {
         self.state = self.state.min(state);
         self.error = error;
@@ -164,9 +160,23 @@ mod tests {
             for to in [Init, PreOp, Boot, SafeOp, Op] {
                 let mut machine = machine_in(from);
                 machine.request(to as u16, |_| Ok(()));
-                let expected = if allowed.contains(&to) { to as u8 } else { from as u8 | 0x10 };
+                let expected = if allowed.contains(&to) { to as u8 } else { from.min(SafeOp) as u8 | 0x10 };
                 assert_eq!(machine.status(), expected, "{from} to {to}");
             }
+        }
+    }
+
+    #[test]
+    fn a_device_in_op_leaves_it_for_safe_op_at_each_request_that_it_refuses() {
+        for control in (0..=0x0F_u16).chain(0x10..=0x1F) {
+            let code = match control & 0x0F {
+                1 | 2 | 4 | 8 => continue,
+                3 => AlStatusCode::INVALID_STATE_CHANGE,
+                _ => AlStatusCode::UNKNOWN_STATE,
+            };
+            let mut machine = machine_in(AlState::Op);
+            machine.request(control, |_| Ok(()));
+            assert_eq!((machine.status(), machine.error()), (0x14, code), "0x{control:02X}");
         }
     }
 

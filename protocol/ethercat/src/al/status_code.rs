@@ -36,13 +36,13 @@ impl AlStatusCode {
     /// The device's EEPROM is damaged.
     pub const EEPROM_ERROR: Self = Self(0x0051);
 
-    /// Returns the highest state in which a device can be whose configuration has this error (ETG.1020, AL status codes).
+    /// Returns the highest state in which a device can be that indicates this error (ETG.1020, AL status codes). None is in
+    /// OP, not even after a request that it only refused: Beckhoff's SSC, SOES and KickCAT go to SAFE-OP, too.
     pub(crate) const fn highest_state(self) -> AlState {
         match self {
             Self::INVALID_MAILBOX | Self::INVALID_BOOT_MAILBOX => AlState::Init,
             Self::INVALID_OUTPUTS | Self::INVALID_INPUTS => AlState::PreOp,
-            Self::NO_SYNC_ERROR | Self::FATAL_SYNC_ERROR => AlState::SafeOp,
-            _ => AlState::Op,
+            _ => AlState::SafeOp,
         }
     }
 

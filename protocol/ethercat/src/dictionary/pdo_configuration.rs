@@ -7,14 +7,14 @@
 //! subindex 0                     how many of the following count; 0 while they are changed
 //! ```
 //!
-//! The chosen process data must not be longer than the described ones, because the buffers of the sync managers have fixed
-//! places.
+//! The chosen process data must not be longer than the described ones with all optional entries, because the buffers of the
+//! sync managers have fixed places.
 
 use alloc::vec::Vec;
 
 use crate::abort_code::AbortCode;
 use crate::al::AlState;
-use crate::description::{Description, Pdo, PdoEntry, process_data_len};
+use crate::description::PdoEntry;
 use crate::layout::Usage;
 
 use super::Dictionary;
@@ -27,7 +27,7 @@ pub enum PdoConfiguration {
     Fixed,
     /// Which of the described objects are assigned, and in which order.
     Assignable,
-    /// Besides, which of the described entries of its direction each object has, and in which order.
+    /// Besides, which of the described and optional entries of its direction each object has, and in which order.
     Mappable,
 }
 
@@ -57,13 +57,6 @@ pub(crate) const fn configures(index: u16) -> bool {
     role_of(index).is_some()
 }
 
-const fn described(description: &Description, usage: Usage) -> &'static [Pdo] {
-    match usage {
-        Usage::Outputs => description.outputs,
-        _ => description.inputs,
-    }
-}
-
 /// An entry as a mapping object names it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Mapping {
@@ -77,7 +70,7 @@ impl Mapping {
         Self { index: u16::from_le_bytes([low, high]), subindex, bits }
     }
 
-    fn is(self, entry: &PdoEntry) -> bool {
+    pub(crate) fn is(self, entry: &PdoEntry) -> bool {
         (self.index, self.subindex, self.bits) == (entry.index, entry.subindex, entry.bits)
     }
 }
@@ -153,9 +146,11 @@ impl Dictionary {
                 return Err(AbortCode::COUNT_NOT_ZERO);
             }
             self.check_choice(usage, role, data)?;
+            self.is_rechosen = true;
             return self.store_value(index, subindex, data).ok_or(AbortCode::GENERAL);
         }
         let before = self.count(index);
+        self.is_rechosen = true;
         self.store_value(index, 0, data).ok_or(AbortCode::GENERAL)?;
         let checked = self.check_count(usage, role, index);
         if checked.is_err() {
@@ -166,15 +161,18 @@ impl Dictionary {
 
     /// Checks that an object is one of this direction, or an entry one that can be mapped in it.
     fn check_choice(&self, usage: Usage, role: Role, data: &[u8]) -> Result<(), AbortCode> {
-        let pdos = described(self.description(), usage);
+        let (pdos, optional) = self.description().mappable(usage);
         let known = match (role, data) {
             (Role::Assignment, [low, high]) => {
                 pdos.iter().any(|pdo| pdo.index == u16::from_le_bytes([*low, *high]))
             }
             (Role::Mapping, [a, b, c, d]) => {
                 let mapping = Mapping::of([*a, *b, *c, *d]);
-                let is_gap = (mapping.index, mapping.subindex) == (0, 0) && mapping.bits > 0;
-                is_gap || pdos.iter().flat_map(|pdo| pdo.entries).any(|entry| mapping.is(entry))
+                // Index 0 is a gap; so are, in outputs, the dummy entries 1 to 7, which are numbers of data types (CiA 301).
+                let gaps = if usage == Usage::Outputs { 0..=7 } else { 0..=0 };
+                let is_gap = gaps.contains(&mapping.index) && mapping.subindex == 0 && mapping.bits > 0;
+                let mut entries = pdos.iter().flat_map(|pdo| pdo.entries).chain(optional);
+                is_gap || entries.any(|entry| mapping.is(entry))
             }
             _ => false,
         };
@@ -195,7 +193,7 @@ impl Dictionary {
         if chosen.iter().enumerate().any(|(at, value)| is_empty(value) || is_twice(at, value)) {
             return Err(AbortCode::NOT_MAPPABLE);
         }
-        let room = process_data_len(described(self.description(), usage));
+        let room = self.description().room(usage);
         if self.process_data_len(usage) > room { Err(AbortCode::TOO_MUCH_TO_MAP) } else { Ok(()) }
     }
 

@@ -193,8 +193,9 @@ pub(crate) const POWER_ON: &[(u16, &[u8])] = &[
     (0x0934, &[4, 12]),
 ];
 
-/// Returns the features at 0x0008: FMMUs map bits; with a clock, one of 64 bits. The ET1100 lacks the extended activation
-/// of SYNC signals.
+/// Returns the features at 0x0008, those of an ET1100: FMMUs map bits; low jitter of E-bus (bit 4), enhanced link detection of
+/// E-bus and MII (5, 6), counters of FCS errors by port (7). With a clock (2), one of 64 bits (3). The ET1100 lacks the enhanced
+/// activation of SYNC signals (8), and no command is missing (9, 10).
 pub(crate) const fn features(distributed_clocks: bool) -> u16 {
-    if distributed_clocks { 0x0004 | 0x0008 } else { 0 }
+    0x00F0 | if distributed_clocks { 0x0004 | 0x0008 } else { 0 }
 }

@@ -161,7 +161,7 @@ fn write_entry(index: u16, entry: &DictionaryEntry, chosen: bool, outbox: &mut O
         writer.u16(entry.data_type as u16);
         writer.u16(entry.bits as u16);
         writer.u16(access);
-        writer.bytes(cut(entry.name, room));
+        writer.bytes(cut(&entry.name, room));
     });
 }
 

@@ -47,6 +47,7 @@ static EL3004: Description = Description {
     revision: 0x0015_0000,
     order_code: "EL3004",
     name: "Four analogue inputs",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "08",
     software_version: "08",
@@ -71,6 +72,8 @@ static EL3004: Description = Description {
             default: &[0; 4],
         }],
     }],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

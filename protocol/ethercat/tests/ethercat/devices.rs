@@ -14,6 +14,7 @@ pub static SIMPLE: Description = Description {
     revision: 2,
     order_code: "SIMPLE",
     name: "Four bytes out, two bytes in",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",
@@ -25,6 +26,8 @@ pub static SIMPLE: Description = Description {
     inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[byte(0x6000, 1), byte(0x6000, 2)] }],
     mailbox: None,
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 
@@ -59,6 +62,7 @@ pub static BRIDGE: Description = Description {
     revision: 0x0001_0000,
     order_code: "BRIDGE",
     name: "256 bytes out, 256 bytes in",
+    group: "Test devices",
     device_type: 0x0000_1389,
     hardware_version: "1.0",
     software_version: "2.0",
@@ -85,6 +89,8 @@ pub static BRIDGE: Description = Description {
             entries: &[entry(0, "Text", DataType::VisibleString, Access::ReadWrite, 400, &LONG_TEXT)],
         },
     ],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: true,
 };
 
@@ -137,3 +143,21 @@ pub static SENSOR: Description = Description { product_code: 7, order_code: "SEN
 /// Outputs alone.
 pub static ACTUATOR: Description =
     Description { product_code: 6, order_code: "ACTUATOR", inputs: &[], ..TINY };
+
+const fn bit(subindex: u8) -> PdoEntry {
+    PdoEntry { index: 0x6000, subindex, bits: 1, data_type: DataType::Boolean, name: "Input" }
+}
+
+/// Four bits of inputs without mailbox, as a terminal for digital inputs.
+pub static TERMINAL: Description = Description {
+    product_code: 8,
+    order_code: "TERMINAL",
+    name: "Four bits in",
+    outputs: &[],
+    inputs: &[Pdo { index: 0x1A00, name: "Inputs", entries: &[bit(1), bit(2), bit(3), bit(4)] }],
+    ..SIMPLE
+};
+
+/// No process data and no mailbox, as a coupler.
+pub static COUPLER: Description =
+    Description { product_code: 9, order_code: "COUPLER", name: "Nothing", inputs: &[], ..TERMINAL };

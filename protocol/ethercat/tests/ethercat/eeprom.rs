@@ -5,7 +5,7 @@ use ethercat_subdevice::{DeviceConfig, DeviceId, Segment, sii_image};
 use ethercrab::error::Error;
 use machine::Duration;
 
-use crate::devices::{BRIDGE, PLAIN, SENSOR, SMART};
+use crate::devices::{BRIDGE, PLAIN, SENSOR, SIMPLE, SMART, TERMINAL};
 use crate::main_device::Stand;
 use crate::raw_main_device::{APRD, APWR, FIRST, RawMainDevice};
 
@@ -185,10 +185,11 @@ fn the_image_begins_with_what_the_standard_lays_down() {
         kinds.push(word(at));
         at += 2 + word(at + 1);
     }
-    assert_eq!(kinds, [10, 30, 40, 41, 50, 51]);
-    // General, behind the strings: numbers of order code and name, CoE and FoE, repetition of mailbox messages.
+    assert_eq!(kinds, [10, 30, 40, 41, 50, 51, 60]);
+    assert!(image[2 * at + 2..].iter().all(|byte| *byte == 0xFF), "erased");
+    // General, behind the strings: numbers of group, order code and name, CoE and FoE, repetition of mailbox messages.
     let general = 2 * (0x40 + 2 + word(0x41)) + 4;
-    assert_eq!(image[general..general + 18], [0, 0, 1, 2, 0, 0x23, 1, 0, 0, 0, 0, 4, 0, 0, 0, 0, 0x11, 0]);
+    assert_eq!(image[general..general + 18], [3, 0, 1, 2, 0, 0x23, 1, 0, 0, 0, 0, 4, 0, 0, 0, 0, 0x11, 0]);
 }
 
 /// Returns where the data of a category begin.
@@ -219,4 +220,57 @@ fn a_sync_manager_without_process_data_is_not_to_be_enabled() {
         (0..4).map(|unit| &image[units + 8 * unit..]).map(|unit| (unit[7], unit[6])).collect();
     // Mailboxes out and in, outputs, inputs.
     assert_eq!(enabled, [(1, 1), (2, 1), (3, 0), (4, 1)]);
+}
+
+/// Returns the string with this number, from 1.
+fn string(image: &[u8], number: u8) -> String {
+    let mut at = category(image, 10) + 1;
+    for _ in 1..number {
+        at += 1 + usize::from(image[at]);
+    }
+    String::from_utf8(image[at + 1..at + 1 + usize::from(image[at])].to_vec()).unwrap()
+}
+
+#[test]
+fn the_image_names_group_and_device_and_each_part_of_an_object() {
+    let image = sii_image(&BRIDGE, 0, 0);
+    let general = category(&image, 30);
+    let [group, _, order_code, name] = [0, 1, 2, 3].map(|at| image[general + at]);
+    let strings = [group, order_code, name].map(|number| string(&image, number));
+    assert_eq!(strings, ["Test devices", "BRIDGE", "256 bytes out, 256 bytes in"]);
+    assert_eq!(order_code, 1, "some MainDevices take the first string for the name");
+    // A mapping object, and its third entry.
+    let outputs = category(&image, 51);
+    assert_eq!(string(&image, image[outputs + 5]), "Outputs");
+    assert_eq!(string(&image, image[outputs + 8 + 2 * 8 + 3]), "Output 3");
+}
+
+#[test]
+fn the_image_of_a_device_with_a_clock_lists_its_modes() {
+    let image = sii_image(&BRIDGE, 0, 0);
+    let modes = category(&image, 60);
+    assert_eq!(image[modes - 2..modes], [24, 0], "two modes of 12 words");
+    for (at, assign_activate, factor, names) in
+        [(0, 0x0000, 0, ["FreeRun", "without clock"]), (24, 0x0300, 1, ["DC", "SYNC0"])]
+    {
+        let mode = &image[modes + at..modes + at + 24];
+        let word = |at: usize| u16::from_le_bytes([mode[at], mode[at + 1]]);
+        assert_eq!((&mode[..14], word(14), word(16)), (&[0; 14][..], assign_activate, factor));
+        assert_eq!([18, 19].map(|at| string(&image, mode[at])), names);
+        assert_eq!(mode[20..], [0; 4]);
+    }
+    let without = sii_image(&SIMPLE, 0, 0);
+    assert!(!without.windows(4).any(|bytes| bytes == [60, 0, 24, 0]));
+}
+
+#[test]
+fn fmmus_are_those_that_a_device_needs_and_a_word_is_filled_up_with_an_unused_one() {
+    for (description, fmmus) in
+        [(&BRIDGE, &[1, 2, 3, 0][..]), (&SIMPLE, &[1, 2]), (&TERMINAL, &[2, 0]), (&SENSOR, &[1, 2, 3, 0])]
+    {
+        let image = sii_image(description, 0, 0);
+        let at = category(&image, 40);
+        assert_eq!(image[at - 2..at], [fmmus.len() as u8 / 2, 0]);
+        assert_eq!(&image[at..at + fmmus.len()], fmmus, "{}", description.name);
+    }
 }

@@ -38,9 +38,9 @@ fn mailboxes_shorter_than_the_eeprom_says_carry_shorter_messages() {
         }
     }
     assert_eq!(text, LONG_TEXT);
-    // The whole list of 15 objects fits one message.
+    // The whole list of 17 objects fits one message.
     let list = main_device.coe(8, &[1, 0, 0, 0, 1, 0]);
-    assert_eq!((list[2], list.len()), (2, 8 + 15 * 2));
+    assert_eq!((list[2], list.len()), (2, 8 + 17 * 2));
 }
 
 /// Returns a bridge in PRE-OP whose mailboxes have these lengths: from the MainDevice, and to it.

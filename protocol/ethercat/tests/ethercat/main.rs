@@ -23,4 +23,6 @@ mod registers;
 mod sdo;
 mod segment;
 mod states;
+mod synchronisation;
+mod without_outputs;
 mod working_counters;

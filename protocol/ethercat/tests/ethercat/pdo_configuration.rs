@@ -33,6 +33,7 @@ static MODULAR: Description = Description {
     revision: 0x0001_0000,
     order_code: "MODULAR",
     name: "Process data to choose",
+    group: "Test devices",
     device_type: 0,
     hardware_version: "1",
     software_version: "1",
@@ -46,6 +47,8 @@ static MODULAR: Description = Description {
     ],
     mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
     objects: &[],
+    optional_outputs: &[],
+    optional_inputs: &[],
     distributed_clocks: false,
 };
 

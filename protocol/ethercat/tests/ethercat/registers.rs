@@ -19,13 +19,14 @@ fn bridge() -> RawMainDevice {
 #[test]
 fn the_chip_says_what_it_is_and_claims_no_feature_that_it_lacks() {
     let mut main_device = bridge();
-    // An ET1100 with 8 FMMUs, 8 sync managers, 8 KiB, ports 0 and 1; clocks of 64 bits, not their extended activation.
-    assert_eq!(main_device.read(0x0000, 10).0, [0x11, 0, 2, 0, 8, 8, 8, 0x0F, 0x0C, 0x00]);
+    // An ET1100 with 8 FMMUs, 8 sync managers, 8 KiB, ports 0 and 1; clocks of 64 bits, not their enhanced activation; low jitter,
+    // enhanced link detection and counters of FCS errors.
+    assert_eq!(main_device.read(0x0000, 10).0, [0x11, 0, 2, 0, 8, 8, 8, 0x0F, 0xFC, 0x00]);
     assert_eq!(main_device.read(0x0984, 1).1, 0, "the status of an extended activation");
     assert_eq!(main_device.read(0x0204, 4).0, [0x0F, 0xFF, 0xFF, 0x00], "AL event mask");
     let mut segment = Segment::new();
     segment.add(&DeviceConfig::new(&SIMPLE));
-    assert_eq!(RawMainDevice::new(segment).exchange(APRD, 0, 0x0008, &[0; 2]).0, [0, 0]);
+    assert_eq!(RawMainDevice::new(segment).exchange(APRD, 0, 0x0008, &[0; 2]).0, [0xF0, 0]);
 }
 
 #[test]

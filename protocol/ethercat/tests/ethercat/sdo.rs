@@ -302,18 +302,20 @@ fn the_information_service_lists_and_describes_the_objects() {
     let mut main_device = RawMainDevice::start(bridge());
     let lengths = main_device.coe(8, &[1, 0, 0, 0, 0, 0]);
     assert_eq!(lengths[2..8], [2, 0, 0, 0, 0, 0]);
-    assert_eq!(lengths[8..], [15, 0, 1, 0, 1, 0, 0, 0, 0, 0]);
+    assert_eq!(lengths[8..], [17, 0, 1, 0, 1, 0, 0, 0, 0, 0]);
     let all = main_device.coe(8, &[1, 0, 0, 0, 1, 0]);
     assert_eq!(all[2..8], [2, 0, 0, 0, 1, 0]);
     let indices: Vec<u16> = all[8..].chunks(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
     assert_eq!(indices[..6], [0x1000, 0x1001, 0x1008, 0x1009, 0x100A, 0x1018]);
-    assert_eq!((indices.len(), indices[14]), (15, 0x8001));
+    assert_eq!((indices.len(), indices[16]), (17, 0x8001));
     let object = main_device.coe(8, &[3, 0, 0, 0, 0x00, 0x80]);
     assert_eq!(object[2..12], [4, 0, 0, 0, 0x00, 0x80, 0, 0, 4, 9]);
     assert_eq!(object[12..], *b"Settings");
     let entry = main_device.coe(8, &[5, 0, 0, 0, 0x00, 0x80, 1, 0]);
     assert_eq!(entry[2..16], [6, 0, 0, 0, 0x00, 0x80, 1, 0, 6, 0, 16, 0, 0x3F, 0]);
     assert_eq!(entry[16..], *b"Gain");
+    let part = main_device.coe(8, &[5, 0, 0, 0, 0x00, 0x60, 7, 0]);
+    assert_eq!(part[16..], *b"Input 7", "as ESI file and EEPROM have it");
     let error = main_device.coe(8, &[3, 0, 0, 0, 0x00, 0x50]);
     assert_eq!(error[2..], [7, 0, 0, 0, 0x00, 0x00, 0x02, 0x06]);
 }

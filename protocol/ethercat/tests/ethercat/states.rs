@@ -270,6 +270,34 @@ fn the_watchdog_runs_on_in_safe_op_where_it_counts_without_an_error() {
 }
 
 #[test]
+fn a_request_that_is_refused_in_op_stops_the_outputs_until_it_is_acknowledged() {
+    for (request, code) in [(0, 0x0012), (3, 0x0011), (5, 0x0012), (0x13, 0x0011)] {
+        let mut main_device = bridge_in_pre_op();
+        main_device.operate();
+        main_device.write(0x1100, &[7; 256]);
+        assert_eq!(main_device.segment.outputs(BRIDGE_ID), Some(&[7; 256][..]));
+        main_device.request_state(request);
+        assert_eq!(main_device.al_status(), (0x14, code), "request {request}");
+        assert_eq!(main_device.segment.outputs(BRIDGE_ID), None);
+        assert_eq!(main_device.write(0x1100, &[8; 256]), 0, "the outputs are closed");
+        assert_eq!(main_device.read(0x1400, 256).1, 1, "the inputs are not");
+        // Another wrong request, acknowledged or not, does not open them.
+        for again in [8, 5, 0x13, 0x15] {
+            main_device.request_state(again);
+            assert_eq!(main_device.al_status().0, 0x14);
+            assert_eq!(main_device.write(0x1100, &[8; 256]), 0);
+        }
+        let fallen = Event::StateChanged { state: AlState::SafeOp, code: AlStatusCode(code) };
+        assert!(main_device.events.contains(&(BRIDGE_ID, fallen)));
+        main_device.request_state(0x14);
+        assert_eq!(main_device.al_status(), (0x04, 0));
+        main_device.request_state(8);
+        assert_eq!(main_device.write(0x1100, &[9; 256]), 1);
+        assert_eq!(main_device.segment.outputs(BRIDGE_ID), Some(&[9; 256][..]));
+    }
+}
+
+#[test]
 fn a_device_without_outputs_shows_its_error_by_the_working_counter_of_its_inputs() {
     let mut segment = Segment::new();
     let id = segment.add(&DeviceConfig::new(&SENSOR));
