@@ -23,5 +23,6 @@ mod scanner_hostile;
 mod search;
 mod several_assemblies;
 mod single_connection;
+mod sizes;
 mod strangers;
 mod two_adapters;

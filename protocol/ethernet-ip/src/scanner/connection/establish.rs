@@ -3,7 +3,10 @@
 use super::super::config::ConnectionConfig;
 use super::dialogue::{self, ScannerMessage, Sockets};
 use super::io::Io;
-use super::{Connection, DATA_WITHIN, KEEP_ALIVE, Numbers, Owner, Refusal, RequestedConnection, Step};
+use super::{
+    Connection, DATA_WITHIN, KEEP_ALIVE, Numbers, Owner, Refusal, RequestedAssembly, RequestedConnection,
+    Step,
+};
 use crate::cip::{Extended, General, KeyMismatch, Path, Reply, service};
 use crate::connection::{CloseRequest, OpenReply, OpenRequest, Transport};
 use crate::encapsulation::{Command, Header, Status};
@@ -25,8 +28,16 @@ impl Connection {
             target: config.target,
             described: config.described,
             key: config.key,
-            consumed: (config.consumed, config.o_t().size),
-            produced: (config.produced, config.t_o().size),
+            consumed: RequestedAssembly {
+                instance: config.consumed,
+                connection_size: config.o_t().size,
+                format: config.consumed_format,
+            },
+            produced: RequestedAssembly {
+                instance: config.produced,
+                connection_size: config.t_o().size,
+                format: config.produced_format,
+            },
             configuration: config.configuration,
             rpi_us: (config.o_t_rpi_us, config.t_o_rpi_us),
         }
