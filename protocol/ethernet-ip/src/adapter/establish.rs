@@ -2,18 +2,19 @@
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
+use super::Room;
 use super::io::{IoConnection, Kind, Producer};
 use super::state::{Context, State};
 use crate::IO_PORT;
 use crate::cip::{AcceptableIntervals, Application, IntervalLimit, Violation, class};
 use crate::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
 use crate::connection::{
-    ConnectionType, Inhibit, OpenReply, OpenRequest, Parameters, TimeoutMultiplier, Trigger, Watchdog,
+    ConnectionType, Inhibit, OpenReply, OpenRequest, Parameters, TimeoutMultiplier, Triad, Trigger, Watchdog,
     sequence,
 };
 use crate::description::{Assembly, Role};
 use crate::objects::MULTICASTS;
-use machine::{Cycle, Duration, Peer};
+use machine::{Cycle, Duration, Instant, Peer};
 
 pub(super) const fn micros(micros: u32) -> Duration {
     Duration::from_micros(micros as u64)
@@ -112,7 +113,7 @@ impl State {
         let points = self.find_assemblies(application)?;
         check_io_parameters(&points, o_t, t_o)?;
         let inhibit = self.check_intervals(request, application)?;
-        self.check_room(*context.peer.ip(), &points)?;
+        let least_wanted = self.check_room(context.now, *context.peer.ip(), &points)?;
         let [configuration, ..] = points.named;
         self.check_configuration(configuration, application.configuration)?;
 
@@ -136,7 +137,14 @@ impl State {
             changed: false,
             sends: true,
         };
-        if t_o.kind == ConnectionType::Multicast {
+        let is_multicast = t_o.kind == ConnectionType::Multicast;
+        if is_multicast {
+            self.find_multicast(*context.peer.ip(), points.kind, &producer)?;
+        }
+        if let Some(least_wanted) = least_wanted {
+            self.end_least_wanted(context.now, least_wanted);
+        }
+        if is_multicast {
             self.share_multicast(context, points.kind, &mut producer)?;
         }
         self.configure(configuration, application.configuration);
@@ -243,11 +251,16 @@ impl State {
         }
     }
 
-    /// Checks that a host may open one more connection of this kind to these assemblies.
-    fn check_room(&self, host: Ipv4Addr, points: &IoAssemblies) -> Result<(), Violation> {
+    /// Checks that a host may open one more connection of this kind to these assemblies. Returns the connection that gives way to
+    /// it, if all places are taken.
+    fn check_room(
+        &self,
+        now: Instant,
+        host: Ipv4Addr,
+        points: &IoAssemblies,
+    ) -> Result<Option<(Ipv4Addr, Triad)>, Violation> {
         let description = self.device.description;
-        let full_for = |places: u8| self.io.is_full_for(host, points.kind, places.into());
-        let is_full = match points.kind {
+        let places = match points.kind {
             Kind::ExclusiveOwner if self.io.is_owned(points.consumed.instance) => {
                 return Err(Violation::OutputsOwned);
             }
@@ -255,35 +268,62 @@ impl State {
                 return Err(Violation::NothingToListenTo);
             }
             // One scanner may own all outputs.
-            Kind::ExclusiveOwner => self.io.count(points.kind) >= description.exclusive_owners.into(),
-            Kind::InputOnly => full_for(description.input_only),
-            Kind::ListenOnly => full_for(description.listen_only),
+            Kind::ExclusiveOwner if self.io.count(points.kind) < description.exclusive_owners.into() => {
+                return Ok(None);
+            }
+            Kind::ExclusiveOwner => return Err(Violation::TargetOutOfConnections),
+            Kind::InputOnly => description.input_only,
+            Kind::ListenOnly => description.listen_only,
         };
-        if is_full { Err(Violation::TargetOutOfConnections) } else { Ok(()) }
+        match self.io.room(host, points.kind, places.into()) {
+            Room::Free => Ok(None),
+            Room::Taken if self.io.is_preferred(now, host) => {
+                let least = self.io.least_wanted(now, host, points.kind);
+                least.map(Some).ok_or(Violation::TargetOutOfConnections)
+            }
+            Room::Taken | Room::Used => Err(Violation::TargetOutOfConnections),
+        }
     }
 
-    /// Lets a connection take part in a multicast that runs, if it fits. The owner of the outputs gets a multicast of its
-    /// own if it does not fit: an earlier listener must not choose its parameters.
+    /// Ends the connection of another host, which gives way to that of a preferred one.
+    fn end_least_wanted(&mut self, now: Instant, (host, triad): (Ipv4Addr, Triad)) {
+        let stream = self.io.find_of(host, &triad).and_then(|connection| connection.stream);
+        self.io.remove(now, host, &triad);
+        self.end_unused(stream);
+    }
+
+    /// Returns the multicast that runs and in which a connection can take part; none if it gets one of its own. That is so for
+    /// the owner of the outputs where none fits it: an earlier listener must not choose its parameters.
+    fn find_multicast(
+        &self,
+        host: Ipv4Addr,
+        kind: Kind,
+        producer: &Producer,
+    ) -> Result<Option<Producer>, Violation> {
+        if !self.device.network.is_local(host) {
+            return Err(Violation::OffSubnetMulticast);
+        }
+        let of_assembly = || self.io.multicasts().filter(|running| running.assembly == producer.assembly);
+        let fitting = of_assembly().find(|running| check_multicast(producer, running).is_ok()).copied();
+        let refused = of_assembly().find_map(|running| check_multicast(producer, running).err());
+        match (fitting, refused) {
+            (None, Some(violation)) if kind != Kind::ExclusiveOwner => Err(violation),
+            _ => Ok(fitting),
+        }
+    }
+
+    /// Lets a connection take part in a multicast that runs, or gives it one of its own.
     fn share_multicast(
         &mut self,
         context: &mut Context,
         kind: Kind,
         producer: &mut Producer,
     ) -> Result<(), Violation> {
-        if !self.device.network.is_local(*context.peer.ip()) {
-            return Err(Violation::OffSubnetMulticast);
-        }
-        let assembly = producer.assembly;
-        let of_assembly = || self.io.multicasts().filter(|running| running.assembly == assembly);
-        let fitting = of_assembly().find(|running| check_multicast(producer, running).is_ok()).copied();
-        let refused = of_assembly().find_map(|running| check_multicast(producer, running).err());
-        match (fitting, refused) {
-            (Some(running), _) => *producer = Producer { sends: false, ..running },
-            (None, Some(violation)) if kind != Kind::ExclusiveOwner => return Err(violation),
-            (None, _) => {
-                producer.id = self.fresh_id();
-                producer.to = SocketAddrV4::new(self.free_group(), IO_PORT);
-            }
+        if let Some(running) = self.find_multicast(*context.peer.ip(), kind, producer)? {
+            *producer = Producer { sends: false, ..running };
+        } else {
+            producer.id = self.fresh_id();
+            producer.to = SocketAddrV4::new(self.free_group(), IO_PORT);
         }
         context.reply_socket_t_o = Some(producer.to);
         Ok(())

@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 use core::net::Ipv4Addr;
 
-use super::is_full_for;
+use super::Room;
 use crate::connection::{Triad, Watchdog};
 use machine::{Instant, StreamId};
 
@@ -62,10 +62,25 @@ impl ExplicitConnections {
         self.open
     }
 
-    /// Returns whether a host gets no further connection.
-    pub(super) fn is_full_for(&self, host: Ipv4Addr) -> bool {
+    /// Returns whether a host gets a further connection.
+    pub(super) fn room(&self, host: Ipv4Addr) -> Room {
         let own = self.open().filter(|connection| connection.host == host).count();
-        is_full_for(own, self.len(), self.slots.len())
+        Room::of(own, self.len(), self.slots.len())
+    }
+
+    /// Ends the connection of another host that has been silent longest, of those that may give way. Returns its TCP
+    /// connection.
+    pub(super) fn give_way(
+        &mut self,
+        host: Ipv4Addr,
+        is_preferred: impl Fn(Ipv4Addr) -> bool,
+    ) -> Option<StreamId> {
+        let gives_way =
+            |connection: &&ExplicitConnection| connection.host != host && !is_preferred(connection.host);
+        let least = self.open().filter(gives_way).min_by_key(|connection| connection.watchdog.fed_at())?;
+        let (id, stream) = (least.o_t_id, least.stream);
+        self.remove_unless(|connection| connection.o_t_id != id);
+        Some(stream)
     }
 
     /// Returns whether a connection is carried by this TCP connection.

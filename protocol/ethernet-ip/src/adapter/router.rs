@@ -153,7 +153,7 @@ impl State {
             if !path.0.is_empty() && !same_points(points, connection.points) {
                 return Err(Violation::ForwardClosePath);
             }
-            self.io.remove(host, &triad);
+            self.io.remove(context.now, host, &triad);
             let down = Down { cause: DownCause::ClosedByPeer, code: 0, text: "by a Forward_Close" };
             self.follow_owner(Some(down));
             return Ok(CloseReply { triad });

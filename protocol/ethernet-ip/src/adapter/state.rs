@@ -30,8 +30,8 @@ pub(super) struct State {
     pub(super) explicit: ExplicitConnections,
     pub(super) counters: Counters,
     pub(super) events: VecDeque<LinkEvent>,
-    /// TCP connections to close: all connections that were opened over them have timed out.
-    pub(super) silent: VecDeque<StreamId>,
+    /// TCP connections to close: all connections that were opened over them have timed out or given way.
+    pub(super) unused: VecDeque<StreamId>,
     /// Buffer in which CIP replies are built.
     pub(super) scratch: Box<[u8]>,
     /// Whether new connections are refused.
@@ -71,7 +71,7 @@ impl State {
             device,
             counters: Counters::default(),
             events: VecDeque::with_capacity(EVENTS),
-            silent: VecDeque::with_capacity(description.connections()),
+            unused: VecDeque::with_capacity(description.connections()),
             scratch: vec![0; MAX_MESSAGE_LEN - ENVELOPE_LEN].into_boxed_slice(),
             closed: false,
             address_is_taken: false,
@@ -145,9 +145,14 @@ impl State {
     /// too: its other end may be dead (volume 2, 2-5.5.2).
     fn timed_out(&mut self, stream: Option<StreamId>) {
         self.device.manager.timed_out();
-        let is_silent =
+        self.end_unused(stream);
+    }
+
+    /// Ends a TCP connection over which no connection is open any more.
+    pub(super) fn end_unused(&mut self, stream: Option<StreamId>) {
+        let is_unused =
             |stream: &StreamId| !self.io.was_opened_over(*stream) && !self.explicit.carries(*stream);
-        self.silent.extend(stream.filter(is_silent));
+        self.unused.extend(stream.filter(is_unused));
     }
 
     /// Reports a refused request as an event: its sender is not the owner of the outputs, or not a listed originator.

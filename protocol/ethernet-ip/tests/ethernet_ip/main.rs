@@ -16,6 +16,7 @@ mod limits;
 mod many_adapters;
 mod multicast;
 mod objects;
+mod places;
 mod refusals;
 mod samples;
 mod scanner_alone;

@@ -51,14 +51,15 @@ fn the_owner_keeps_its_session_and_gets_another_whoever_asks_for_one() {
 }
 
 #[test]
-fn sixteen_hosts_with_a_session_each_give_way_to_the_owner_alone() {
+fn of_sixteen_hosts_with_a_session_each_the_oldest_gives_way_and_never_the_owner() {
     let mut rig = Rig::new();
     rig.start_good_scanner();
-    for index in 0..15 {
-        rig.client_from(host(index));
+    let others: Vec<_> = (0..15).map(|index| rig.client_from(host(index)).stream).collect();
+    for round in 0..3 {
+        rig.advance(Duration::from_micros(10));
+        rig.connect_from(host(20 + round));
     }
-    let late = rig.connect_from(host(20));
-    assert_eq!(rig.closed.last(), Some(&late), "each host has its one place");
+    assert_eq!(rig.closed, others[..3]);
     rig.client();
     assert_eq!(rig.adapter.sessions(), 16);
     rig.assert_good_scanner_is_served();
