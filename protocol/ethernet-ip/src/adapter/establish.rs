@@ -149,7 +149,11 @@ impl State {
         }
         self.configure(configuration, application.configuration);
         let o_t_id = self.fresh_id();
+        let (t_o_id, t_o_api) = (producer.id, producer.cycle.period());
+        let t_o_api_us = u32::try_from(t_o_api.as_micros()).unwrap_or(u32::MAX);
+        let data = request.data(self.fresh_number(), multiplier, (o_t_id, t_o_id), t_o_api_us);
         let connection = IoConnection {
+            data,
             triad: request.triad,
             kind: points.kind,
             points: points.named,
@@ -163,11 +167,12 @@ impl State {
             run: false,
             producer,
         };
-        let (triad, t_o_id, t_o_api) = (request.triad, producer.id, producer.cycle.period());
+        if points.kind == Kind::ExclusiveOwner {
+            self.report_owner(context.now, connection.owner_report());
+        }
         self.io.add(connection);
         self.follow_owner(None);
-        let t_o_api_us = u32::try_from(t_o_api.as_micros()).unwrap_or(u32::MAX);
-        Ok(OpenReply { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us })
+        Ok(OpenReply { o_t_id, t_o_id, triad: request.triad, o_t_api_us: o_t_rpi_us, t_o_api_us })
     }
 
     /// Checks the packet intervals, and returns the inhibit time of the producer.
@@ -198,8 +203,7 @@ impl State {
             return Err(Violation::ApplicationPath);
         }
         let named = match application.points {
-            [Some(_), Some(_), Some(_)] => application.points,
-            [Some(consumed), Some(produced), None] => [None, Some(consumed), Some(produced)],
+            [Some(_), Some(_), _] => in_their_places(application.points),
             [None, ..] => return Err(Violation::ConsumingPath),
             _ => return Err(Violation::ProducingPath),
         };
@@ -334,6 +338,14 @@ impl State {
         let address = |index| self.device.network.multicast(index);
         let is_free = |group: &Ipv4Addr| self.io.multicasts().all(|running| running.to.ip() != group);
         (0..MULTICASTS.into()).map(address).find(is_free).unwrap_or_else(|| address(0))
+    }
+}
+
+/// Returns the assemblies of a path as configuration, consumed, produced; the first may be left out (volume 1, 3-5.5.1.10).
+pub(super) const fn in_their_places(points: [Option<u32>; 3]) -> [Option<u32>; 3] {
+    match points {
+        [consumed, produced, None] => [None, consumed, produced],
+        points => points,
     }
 }
 

@@ -64,7 +64,9 @@ impl State {
             Room::Taken | Room::Used => return Err(Violation::OutOfConnections),
         }
         let o_t_id = self.fresh_id();
+        let data = request.data(self.fresh_number(), multiplier, (o_t_id, t_o_id), t_o_rpi_us);
         self.explicit.add(ExplicitConnection {
+            data,
             triad,
             host,
             stream: context.stream,

@@ -5,7 +5,7 @@ use alloc::vec;
 use core::net::Ipv4Addr;
 
 use super::Room;
-use crate::connection::{Triad, Watchdog};
+use crate::connection::{ConnectionData, Triad, Watchdog};
 use machine::{Instant, StreamId};
 
 /// Length of the longest message of a connection in either direction, with its sequence count, in bytes: what controllers
@@ -15,6 +15,7 @@ pub(super) const MAX_SIZE: u16 = 4_002;
 /// A class 3 connection.
 #[derive(Debug)]
 pub(super) struct ExplicitConnection {
+    pub(super) data: ConnectionData,
     pub(super) triad: Triad,
     /// The host that opened it.
     pub(super) host: Ipv4Addr,
@@ -60,6 +61,11 @@ impl ExplicitConnections {
 
     pub(super) const fn len(&self) -> usize {
         self.open
+    }
+
+    /// Returns the data of each connection.
+    pub(super) fn data(&self) -> impl Iterator<Item = &ConnectionData> {
+        self.open().map(|connection| &connection.data)
     }
 
     /// Returns whether a host gets a further connection.

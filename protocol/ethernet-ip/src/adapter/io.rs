@@ -5,10 +5,10 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::Room;
 use crate::class1::{Frame, RUN_IDLE_LEN};
-use crate::connection::{Inhibit, Parameters, Triad, Trigger, Watchdog};
+use crate::connection::{ConnectionData, Inhibit, Parameters, Triad, Trigger, Watchdog};
 use crate::description::{Description, Role};
 use crate::objects::AssemblyData;
-use machine::{Cycle, Duration, Instant, Sequence, StreamId};
+use machine::{Cycle, Duration, Instant, OwnerReport, Sender, Sequence, StreamId};
 
 /// What a connection may do with the outputs (volume 1, 3-6.4).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -24,6 +24,7 @@ pub(super) enum Kind {
 /// A class 1 connection.
 #[derive(Debug)]
 pub(super) struct IoConnection {
+    pub(super) data: ConnectionData,
     pub(super) triad: Triad,
     pub(super) kind: Kind,
     /// Assemblies that it was opened to: configuration, consumed, produced.
@@ -86,6 +87,16 @@ pub(super) enum ReceivedFrame {
 }
 
 impl IoConnection {
+    /// Returns who opened it, and when it ends.
+    pub(super) fn owner_report(&self) -> OwnerReport {
+        OwnerReport {
+            from: Sender::Ip(self.originator),
+            serial_number: Some(self.triad.originator_serial),
+            interval: Duration::from_micros(self.data.o_t.api_us.into()),
+            timeout: self.watchdog.timeout(),
+        }
+    }
+
     /// Returns whether it owns the outputs of this assembly.
     fn owns(&self, consumed: u32) -> bool {
         let [_, point, _] = self.points;
@@ -144,6 +155,7 @@ struct LastOwner {
     consumed: u32,
     host: Ipv4Addr,
     until: Instant,
+    report: OwnerReport,
 }
 
 /// All class 1 connections. Their memory is allocated at the start.
@@ -187,6 +199,21 @@ impl IoConnections {
         self.open.iter().find(|connection| connection.originator == host && connection.triad == *triad)
     }
 
+    /// Returns the data of each connection.
+    pub(super) fn data(&self) -> impl Iterator<Item = &ConnectionData> {
+        self.open.iter().map(|connection| &connection.data)
+    }
+
+    /// Returns the owner of outputs that ended last.
+    pub(super) fn last_owner(&self) -> Option<OwnerReport> {
+        self.last_owners.last().map(|last| last.report)
+    }
+
+    /// Returns an owner of outputs that is not this host.
+    pub(super) fn owner_besides(&self, host: Ipv4Addr) -> Option<Ipv4Addr> {
+        self.owners().map(|owner| owner.originator).find(|owner| *owner != host)
+    }
+
     fn owners(&self) -> impl Iterator<Item = &IoConnection> {
         self.open.iter().filter(|connection| connection.kind == Kind::ExclusiveOwner)
     }
@@ -228,13 +255,12 @@ impl IoConnections {
 
     /// Remembers the owner of outputs that is about to end.
     fn remember_owner(&mut self, now: Instant, index: usize) {
-        let Some(IoConnection {
-            kind: Kind::ExclusiveOwner, points: [_, Some(consumed), _], originator, ..
-        }) = self.open.get(index)
-        else {
+        let Some(owner) = self.open.get(index).filter(|open| open.kind == Kind::ExclusiveOwner) else {
             return;
         };
-        let last = LastOwner { consumed: *consumed, host: *originator, until: now + PREFERRED_FOR };
+        let [_, Some(consumed), _] = owner.points else { return };
+        let until = now + PREFERRED_FOR;
+        let last = LastOwner { consumed, host: owner.originator, until, report: owner.owner_report() };
         self.last_owners.retain(|former| former.consumed != last.consumed);
         self.last_owners.push(last);
     }

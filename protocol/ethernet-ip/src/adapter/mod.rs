@@ -4,6 +4,7 @@
 //! flood of requests needs no queue, and cyclic frames always go before replies.
 
 mod delayed;
+mod diagnosis;
 mod encapsulated;
 mod establish;
 mod establish_explicit;
@@ -140,11 +141,16 @@ impl Adapter {
         let Some(owner) = self.state.io.silent_owner().filter(|_| !self.state.is_up()) else { return Ok(()) };
         let does = if owner.count.is_some() { "sends that it is idle" } else { "has sent no frame yet" };
         let seconds = owner.watchdog.timeout().as_secs_f64();
-        write!(
-            words,
-            "the scanner {} owns the outputs and {does}; its connection ends {seconds:.1} s after its last frame",
-            owner.originator
-        )
+        words.write_str("the scanner ")?;
+        owner.owner_report().write_name(words)?;
+        write!(words, " owns the outputs and {does}; its connection ends {seconds:.1} s after its last frame")
+    }
+
+    /// Writes why the link went down last, and whose connection it was; nothing while it is up, or where nobody had it.
+    pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        let Some((down, owner)) = self.state.last_down.filter(|_| !self.state.is_up()) else { return Ok(()) };
+        write!(words, "{down}; the owner was ")?;
+        owner.write_name(words)
     }
 
     /// Returns the number of open TCP connections.
@@ -282,7 +288,7 @@ impl Adapter {
     fn accept(&mut self, now: Instant, stream: StreamId, peer: SocketAddrV4) {
         let address = *peer.ip();
         if !self.state.originators.allows(Peer { address: Some(address), ..Peer::default() }) {
-            self.state.refuse_foreign(now, address, Requested::Connection);
+            self.state.refuse_foreign(now, address, Requested::Connection, None);
             return self.sessions.refuse(stream);
         }
         let Self { state, sessions, .. } = self;

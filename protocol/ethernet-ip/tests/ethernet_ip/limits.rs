@@ -316,7 +316,10 @@ fn an_adapter_reports_the_hosts_that_it_refuses_and_no_other_requests() {
     assert_eq!(rig.request(client, set_vendor).status(), (0x0E, 0));
     assert_eq!(rig.try_open(client, &owner(2)), Err((1, 0x0106)));
     assert_eq!(rig.events, [], "a read, and mistakes of the owner itself");
-    let report = |what| LinkEvent::Foreign(ForeignRequest { from: Sender::Ip(OTHER), what, more: 0 });
+    let report = |what| {
+        let owner = Some(Sender::Ip(PLC));
+        LinkEvent::Foreign(ForeignRequest { from: Sender::Ip(OTHER), what, owner, more: 0 })
+    };
     rig.request(other, set_vendor);
     assert_eq!(rig.events, [report(Requested::Write)]);
     // There is one report in 10 s.
@@ -332,7 +335,7 @@ fn an_adapter_reports_an_originator_that_is_not_on_its_list() {
     let mut rig = Rig::of(AdapterConfig { originators: Allowed(vec![listed]), ..adapter_config() });
     let client = rig.client();
     assert_eq!(rig.try_open(client, &owner(1)).map(drop), Err((0x0F, 0)));
-    let report = ForeignRequest { from: Sender::Ip(PLC), what: Requested::Connection, more: 0 };
+    let report = ForeignRequest { from: Sender::Ip(PLC), what: Requested::Connection, owner: None, more: 0 };
     assert_eq!(rig.events, [LinkEvent::Foreign(report)]);
 }
 
@@ -427,8 +430,8 @@ fn an_owner_that_sends_nothing_is_named_with_the_time_that_its_connection_lasts(
     // The longest interval of the device, and the largest multiplier: 512 intervals.
     let request = OpenRequest { multiplier: 7, o_t_rpi_us: 1_000_000, t_o_rpi_us: 1_000_000, ..owner(1) };
     let opened = rig.open(stranger, &request);
-    let named = "the scanner 192.168.64.9 owns the outputs and has sent no frame yet; its connection ends 512.0 s after its last \
-                 frame";
+    let named = "the scanner 192.168.64.9 (serial number 0x0BADCAFE) owns the outputs and has sent no frame yet; its connection \
+                 ends 512.0 s after its last frame";
     assert_eq!(remark(&rig), named);
     let client = rig.client();
     assert_eq!(rig.try_open(client, &owner(2)), Err((1, 0x0106)), "another owner is refused");

@@ -16,6 +16,7 @@ mod limits;
 mod many_adapters;
 mod multicast;
 mod objects;
+mod owners;
 mod places;
 mod refusals;
 mod samples;

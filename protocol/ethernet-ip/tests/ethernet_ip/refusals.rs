@@ -484,6 +484,6 @@ fn a_second_scanner_is_told_that_the_outputs_are_owned() {
     bus.command_a(|scanner, now| *scanner = SingleConnection::of(second, wanted(), now));
     run(&mut bus, 20);
     let words = bus.a().connection().refusal().unwrap().to_string();
-    insta::assert_snapshot!(words, @"the adapter 192.168.64.2 refused the connection: another scanner owns the outputs (general status 0x01, extended status 0x0106); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 151; the owner is vendor 65535, serial number 0x00000001, in run; by its EDS file the device has outputs for 1 owner; stop the other scanner, or wait for its timeout");
+    insta::assert_snapshot!(words, @"the adapter 192.168.64.2 refused the connection: another scanner owns the outputs (general status 0x01, extended status 0x0106); asked for O→T assembly 150 and T→O assembly 100 with configuration assembly 151; the owner is vendor 65535, serial number 0x00000001, in run, with a packet every 1000 µs and a time-out of 0.128 s; by its EDS file the device has outputs for 1 owner; stop the other scanner, or wait for its timeout");
     assert_eq!(bus.a().connection().refusal().unwrap().down().code, 0x0001_0106);
 }

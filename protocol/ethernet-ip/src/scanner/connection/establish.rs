@@ -8,7 +8,7 @@ use super::{
     Step,
 };
 use crate::cip::{Extended, General, KeyMismatch, Path, Reply, service};
-use crate::connection::{CloseRequest, OpenReply, OpenRequest, Transport};
+use crate::connection::{CloseRequest, ConnectionData, OpenReply, OpenRequest, Transport};
 use crate::encapsulation::{Command, Header, Status};
 use core::net::SocketAddrV4;
 use machine::Instant;
@@ -140,6 +140,18 @@ impl Connection {
             (Step::AskingOwner, service::GET_CONNECTION_OWNER) => {
                 let owner = Owner::parse(reply.data).filter(|_| reply.general == General::Success);
                 self.refusal = self.refusal.map(|refusal| Refusal { owner, ..refusal });
+                match owner {
+                    Some(_) => self.enter(now, Step::AskingOwner, ScannerMessage::AskOwnerData),
+                    None => self.report_refusal(now),
+                }
+            }
+            // How long it may be silent: an adapter without this service refuses it.
+            (Step::AskingOwner, service::SEARCH_CONNECTION_DATA) => {
+                let data = Some(reply.data).filter(|_| reply.general == General::Success);
+                let data = data.and_then(|data| ConnectionData::parse(data).ok());
+                if let Some(Refusal { owner: Some(owner), .. }) = &mut self.refusal {
+                    owner.o_t = data.filter(|data| data.triad == owner.triad).map(|data| data.o_t);
+                }
                 self.report_refusal(now);
             }
             // If it was not open, there is nothing to close.
@@ -253,6 +265,10 @@ impl Connection {
                 dialogue::emit_open(buf, numbers, &request, config.is_large())
             }
             ScannerMessage::AskOwner => dialogue::emit_ask_owner(buf, numbers, &path),
+            ScannerMessage::AskOwnerData => {
+                let triad = self.refusal.and_then(|refusal| refusal.owner)?.triad;
+                dialogue::emit_ask_data(buf, numbers, triad)
+            }
             ScannerMessage::Close => {
                 dialogue::emit_close(buf, numbers, &CloseRequest { triad: self.numbers.triad, path })
             }

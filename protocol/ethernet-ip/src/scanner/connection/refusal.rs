@@ -7,9 +7,9 @@ use super::advice::advice;
 use crate::Reader;
 use crate::cip::{AcceptableIntervals, ElectronicKey, Extended, General, Reply, Revision};
 use crate::class1::SEQUENCE_LEN;
-use crate::connection::{RealTimeFormat, Triad};
+use crate::connection::{DirectionData, RealTimeFormat, Triad};
 use crate::description::{Assembly, Description, Identity, Role};
-use machine::{Down, DownCause};
+use machine::{Down, DownCause, Duration};
 
 /// A refused request: what was requested, and what the device has.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -38,6 +38,8 @@ pub struct Owner {
     pub triad: Triad,
     /// Whether its last frame was run; false for one that is idle, or has sent none.
     pub is_run: bool,
+    /// Its direction O→T, with interval and timeout, if the device says it.
+    pub o_t: Option<DirectionData>,
 }
 
 impl Owner {
@@ -49,7 +51,7 @@ impl Owner {
         let action = reader.u8().ok()?;
         let (connection_serial, vendor) = (reader.u16().ok()?, reader.u16().ok()?);
         let triad = Triad { connection_serial, vendor, originator_serial: reader.u32().ok()? };
-        (connections > 0).then_some(Self { triad, is_run: action == 2 })
+        (connections > 0).then_some(Self { triad, is_run: action == 2, o_t: None })
     }
 }
 
@@ -160,10 +162,14 @@ impl fmt::Display for Refusal {
         if let Some(AcceptableIntervals { o_t, t_o }) = self.intervals {
             write!(f, "; the device would take {o_t} O→T and {t_o} T→O")?;
         }
-        if let Some(Owner { triad, is_run }) = self.owner {
+        if let Some(Owner { triad, is_run, o_t }) = self.owner {
             let (vendor, serial) = (triad.vendor, triad.originator_serial);
             let does = if is_run { "in run" } else { "idle or silent" };
             write!(f, "; the owner is vendor {vendor}, serial number 0x{serial:08X}, {does}")?;
+            if let Some((o_t, timeout_us)) = o_t.and_then(|o_t| Some((o_t, o_t.timeout_us()?))) {
+                let timeout = Duration::from_micros(timeout_us).as_secs_f64();
+                write!(f, ", with a packet every {} µs and a time-out of {timeout} s", o_t.rpi_us)?;
+            }
         }
         if let (true, Some(found)) = (self.is_about_key(), self.found) {
             write!(f, "; the device is {found}")?;
