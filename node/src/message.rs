@@ -48,6 +48,11 @@ pub enum Message<M> {
         /// Who requested what, as text.
         request: String,
     },
+    /// Somebody opened the connection to this node; whether it sends data is not known yet.
+    Owner {
+        /// Its address, serial number, interval and timeout, as text.
+        owner: String,
+    },
     /// Another station has a name or an IP address that only one may have.
     Conflict {
         /// Which one, as text.
@@ -181,6 +186,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
                 problem.as_ref().map_or(Ok(()), |problem| write!(f, "\nerror: {problem}"))
             }
             Self::Foreign { request } => write!(f, "warning: {request}"),
+            Self::Owner { owner } => f.write_str(owner),
             Self::Conflict { conflict } => write!(f, "warning: {conflict}"),
             Self::Busy { controller } => write!(f, "controlled by {controller}"),
             Self::Denied { reason } => write!(f, "denied: {reason}"),

@@ -71,9 +71,17 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
     /// Reports to the bus whether that was stored: `stored` of the bus.
     fn stored(&mut self, _now: Instant, _done: bool) {}
 
-    /// Writes why the peer of an event refused the connection: `explain` of its bus.
+    /// Writes why the connection of an event is down: `explain` of its bus.
     fn explain(&self, _event: &Self::Event, _words: &mut dyn fmt::Write) -> fmt::Result {
         Ok(())
+    }
+
+    /// Returns whether the bus may explain an event.
+    fn may_explain(event: &Self::Event) -> bool {
+        matches!(
+            Self::link_event(event),
+            Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. }))
+        )
     }
 
     /// Writes what is remarkable about the connection of an event: `remark` of its bus.
@@ -268,7 +276,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
     ) -> ControlFlow<()> {
         let (link, on) = (N::link_event(&event), N::link_interface(&event));
         let station = N::station(&event).unwrap_or_default();
-        if let Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })) = link {
+        if N::may_explain(&event) {
             let mut words = ShortText::default();
             // Text that does not fit is cut off.
             let _ = node.explain(&event, &mut words);
@@ -305,7 +313,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
             Some(LinkEvent::Store) => {
                 notices.send(Notice::Store(node.to_store().into()));
             }
-            Some(LinkEvent::Foreign(_) | LinkEvent::Conflict(_)) | None => {}
+            Some(LinkEvent::Foreign(_) | LinkEvent::Owner(_) | LinkEvent::Conflict(_)) | None => {}
         }
         ControlFlow::Continue(())
     }

@@ -338,6 +338,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                 LinkEvent::SetAddress { .. }
                 | LinkEvent::Store
                 | LinkEvent::Foreign(_)
+                | LinkEvent::Owner(_)
                 | LinkEvent::Conflict(_) => {}
             }
         }
@@ -414,6 +415,7 @@ fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Option<M
         },
         LinkEvent::SetAddress { address, .. } => Message::Address { address, problem: None },
         LinkEvent::Foreign(request) => Message::Foreign { request: request.to_string() },
+        LinkEvent::Owner(owner) => Message::Owner { owner: owner.to_string() },
         LinkEvent::Conflict(conflict) => Message::Conflict { conflict: conflict.to_string() },
         LinkEvent::Store => return None,
     })

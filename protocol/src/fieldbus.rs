@@ -26,8 +26,8 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
     /// Closes the connection as its standard demands, or gives up the attempt to connect.
     fn disconnect(&mut self, now: Instant);
 
-    /// Writes why the peer refused the last connection and what it offers instead, if that is more than [`Down`]
-    /// contains; otherwise writes nothing.
+    /// Writes why the peer refused the last connection and what it offers instead, or whose connection ended, if that is more
+    /// than [`Down`] contains; otherwise writes nothing.
     fn explain(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
         Ok(())
     }

@@ -149,6 +149,7 @@ impl DriveSegment {
                 | LinkEvent::SetAddress { .. }
                 | LinkEvent::Store
                 | LinkEvent::Foreign(_)
+                | LinkEvent::Owner(_)
                 | LinkEvent::Conflict(_) => {}
             }
         }

@@ -305,6 +305,7 @@ impl<B: Fieldbus> RobotNode<B> {
                 LinkEvent::SetAddress { .. }
                 | LinkEvent::Store
                 | LinkEvent::Foreign(_)
+                | LinkEvent::Owner(_)
                 | LinkEvent::Conflict(_) => {}
             }
             self.push(RobotEvent::Link(event));

@@ -272,12 +272,24 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
         self.bus_mut().stored(now, done);
     }
 
+    fn explain(&self, _event: &RobotEvent, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.bus().explain(words)
+    }
+
+    /// An end of any cause: the bus knows whose connection it was.
+    fn may_explain(event: &RobotEvent) -> bool {
+        matches!(event, RobotEvent::Link(LinkEvent::Down(_)))
+    }
+
     fn remark(&self, _event: &RobotEvent, words: &mut dyn fmt::Write) -> fmt::Result {
         self.bus().remark(words)
     }
 
     fn may_remark(event: &RobotEvent) -> bool {
-        matches!(event, RobotEvent::Waiting { for_what: WaitingFor::Plc, .. })
+        matches!(
+            event,
+            RobotEvent::Waiting { for_what: WaitingFor::Plc, .. } | RobotEvent::Link(LinkEvent::Foreign(_))
+        )
     }
 
     fn disconnect(&mut self, now: Instant) {

@@ -45,6 +45,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 LinkEvent::SetAddress { .. }
                 | LinkEvent::Store
                 | LinkEvent::Foreign(_)
+                | LinkEvent::Owner(_)
                 | LinkEvent::Conflict(_) => {}
             }
         }

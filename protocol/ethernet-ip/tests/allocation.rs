@@ -92,6 +92,7 @@ fn ten_thousand_cycles_and_a_request_in_each_allocate_nothing() {
         cycle(&mut scanner, &mut adapter, now);
         now += Duration::from_millis(1);
     }
+    assert!(matches!(adapter.poll_event(), Some(LinkEvent::Owner(_))));
     assert_eq!(
         (scanner.poll_event(), adapter.poll_event()),
         (Some((id, LinkEvent::Up)), Some(LinkEvent::Up))

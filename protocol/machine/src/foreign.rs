@@ -16,6 +16,8 @@ pub struct ForeignRequest {
     pub from: Sender,
     /// Requested change.
     pub what: Requested,
+    /// Owner of the connection; `None` if the sender is not one of those that may connect.
+    pub owner: Option<Sender>,
     /// Number of foreign requests since the last report, besides this one.
     pub more: u32,
 }
@@ -71,7 +73,11 @@ impl fmt::Display for ForeignRequest {
             Requested::Address => "another IP address",
             Requested::Reset => "a reset",
         };
-        write!(f, "{} requested {what} and was refused: it is not the owner of the connection", self.from)?;
+        write!(f, "{} requested {what} and was refused: ", self.from)?;
+        match self.owner {
+            Some(owner) => write!(f, "{owner} owns the connection")?,
+            None => f.write_str("it is not in the list of those that may connect")?,
+        }
         if self.more > 0 { write!(f, " (and {} requests before)", self.more) } else { Ok(()) }
     }
 }
@@ -85,13 +91,19 @@ pub struct ForeignRequests {
 
 impl ForeignRequests {
     /// Counts a request, and returns the report if one is due.
-    pub fn refuse(&mut self, now: Instant, from: Sender, what: Requested) -> Option<ForeignRequest> {
+    pub fn refuse(
+        &mut self,
+        now: Instant,
+        from: Sender,
+        what: Requested,
+        owner: Option<Sender>,
+    ) -> Option<ForeignRequest> {
         if self.silent_until.is_some_and(|until| now < until) {
             self.more = self.more.saturating_add(1);
             return None;
         }
         self.silent_until = Some(now + REPORT_EVERY);
-        Some(ForeignRequest { from, what, more: core::mem::take(&mut self.more) })
+        Some(ForeignRequest { from, what, owner, more: core::mem::take(&mut self.more) })
     }
 }
 
@@ -101,18 +113,23 @@ mod tests {
 
     #[test]
     fn the_first_request_is_reported_at_once_and_a_flood_once_in_ten_seconds_with_its_number() {
-        let from = Sender::Ip(Ipv4Addr::new(10, 0, 0, 9));
+        let [from, owner] = [9, 8].map(|host| Sender::Ip(Ipv4Addr::new(10, 0, 0, host)));
         let mut requests = ForeignRequests::default();
         let mut reports = Vec::new();
         for millis in 0..25_000 {
-            reports.extend(requests.refuse(Instant::from_millis(millis), from, Requested::End));
+            reports.extend(requests.refuse(Instant::from_millis(millis), from, Requested::End, Some(owner)));
         }
         let more: Vec<_> = reports.iter().map(|report| report.more).collect();
         assert_eq!(more, [0, 9_999, 9_999]);
         assert_eq!(
             reports[1].to_string(),
-            "10.0.0.9 requested the end of the connection and was refused: it is not the owner of the connection (and 9999 \
-             requests before)"
+            "10.0.0.9 requested the end of the connection and was refused: 10.0.0.8 owns the connection (and 9999 requests \
+             before)"
+        );
+        let unlisted = ForeignRequest { owner: None, more: 0, ..reports[1] };
+        assert_eq!(
+            unlisted.to_string(),
+            "10.0.0.9 requested the end of the connection and was refused: it is not in the list of those that may connect"
         );
     }
 }

@@ -3,9 +3,9 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
-use crate::ForeignRequest;
 use crate::arp::AddressConflict;
 use crate::ethernet::Mac;
+use crate::{ForeignRequest, OwnerReport};
 
 /// An event of the connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -30,6 +30,8 @@ pub enum LinkEvent {
     Store,
     /// Somebody else requested what only the owner of the connection may, and was refused. The connection stays as it is.
     Foreign(ForeignRequest),
+    /// Somebody opened the connection to this station. [`LinkEvent::Up`] follows when data are exchanged, which may be never.
+    Owner(OwnerReport),
     /// Another station has what only one may have. If the connection cannot go on, [`LinkEvent::Down`] follows.
     Conflict(StationConflict),
 }

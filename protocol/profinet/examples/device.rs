@@ -44,6 +44,7 @@ impl Owner<Device> for Echo {
             // It was created without permanent storage, and refuses what would need some.
             LinkEvent::Store => device.stored(now, false),
             LinkEvent::Foreign(request) => println!("{request}"),
+            LinkEvent::Owner(owner) => println!("{owner}"),
             LinkEvent::Conflict(conflict) => println!("{conflict}"),
         }
         ControlFlow::Continue(())

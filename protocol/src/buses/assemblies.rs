@@ -151,6 +151,10 @@ impl Fieldbus for Adapter {
         self.disconnect(now);
     }
 
+    fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.explain(words)
+    }
+
     fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
         self.remark(words)
     }

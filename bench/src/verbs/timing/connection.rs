@@ -211,6 +211,7 @@ impl Task<Stopwatch<FirstStation<PlcBus>>> for Call {
             LinkEvent::SetAddress { .. }
             | LinkEvent::Store
             | LinkEvent::Foreign(_)
+            | LinkEvent::Owner(_)
             | LinkEvent::Conflict(_) => {}
         }
         ControlFlow::Continue(())

@@ -41,7 +41,7 @@ fn forward<M: std::fmt::Display>(
     is_alarm: impl Fn(&M) -> Option<bool>,
 ) {
     let is_alarm = match message {
-        Message::LinkUp | Message::Address { problem: None, .. } => Some(false),
+        Message::LinkUp | Message::Owner { .. } | Message::Address { problem: None, .. } => Some(false),
         Message::LinkDown { .. }
         | Message::Address { .. }
         | Message::Foreign { .. }

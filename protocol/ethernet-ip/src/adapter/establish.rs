@@ -2,18 +2,19 @@
 
 use core::net::{Ipv4Addr, SocketAddrV4};
 
+use super::Room;
 use super::io::{IoConnection, Kind, Producer};
 use super::state::{Context, State};
 use crate::IO_PORT;
 use crate::cip::{AcceptableIntervals, Application, IntervalLimit, Violation, class};
 use crate::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
 use crate::connection::{
-    ConnectionType, Inhibit, OpenReply, OpenRequest, Parameters, TimeoutMultiplier, Trigger, Watchdog,
+    ConnectionType, Inhibit, OpenReply, OpenRequest, Parameters, TimeoutMultiplier, Triad, Trigger, Watchdog,
     sequence,
 };
 use crate::description::{Assembly, Role};
 use crate::objects::MULTICASTS;
-use machine::{Cycle, Duration, Peer};
+use machine::{Cycle, Duration, Instant, Peer};
 
 pub(super) const fn micros(micros: u32) -> Duration {
     Duration::from_micros(micros as u64)
@@ -112,7 +113,7 @@ impl State {
         let points = self.find_assemblies(application)?;
         check_io_parameters(&points, o_t, t_o)?;
         let inhibit = self.check_intervals(request, application)?;
-        self.check_room(*context.peer.ip(), &points)?;
+        let least_wanted = self.check_room(context.now, *context.peer.ip(), &points)?;
         let [configuration, ..] = points.named;
         self.check_configuration(configuration, application.configuration)?;
 
@@ -136,12 +137,23 @@ impl State {
             changed: false,
             sends: true,
         };
-        if t_o.kind == ConnectionType::Multicast {
+        let is_multicast = t_o.kind == ConnectionType::Multicast;
+        if is_multicast {
+            self.find_multicast(*context.peer.ip(), points.kind, &producer)?;
+        }
+        if let Some(least_wanted) = least_wanted {
+            self.end_least_wanted(context.now, least_wanted);
+        }
+        if is_multicast {
             self.share_multicast(context, points.kind, &mut producer)?;
         }
         self.configure(configuration, application.configuration);
         let o_t_id = self.fresh_id();
+        let (t_o_id, t_o_api) = (producer.id, producer.cycle.period());
+        let t_o_api_us = u32::try_from(t_o_api.as_micros()).unwrap_or(u32::MAX);
+        let data = request.data(self.fresh_number(), multiplier, (o_t_id, t_o_id), t_o_api_us);
         let connection = IoConnection {
+            data,
             triad: request.triad,
             kind: points.kind,
             points: points.named,
@@ -155,11 +167,12 @@ impl State {
             run: false,
             producer,
         };
-        let (triad, t_o_id, t_o_api) = (request.triad, producer.id, producer.cycle.period());
+        if points.kind == Kind::ExclusiveOwner {
+            self.report_owner(context.now, connection.owner_report());
+        }
         self.io.add(connection);
         self.follow_owner(None);
-        let t_o_api_us = u32::try_from(t_o_api.as_micros()).unwrap_or(u32::MAX);
-        Ok(OpenReply { o_t_id, t_o_id, triad, o_t_api_us: o_t_rpi_us, t_o_api_us })
+        Ok(OpenReply { o_t_id, t_o_id, triad: request.triad, o_t_api_us: o_t_rpi_us, t_o_api_us })
     }
 
     /// Checks the packet intervals, and returns the inhibit time of the producer.
@@ -190,8 +203,7 @@ impl State {
             return Err(Violation::ApplicationPath);
         }
         let named = match application.points {
-            [Some(_), Some(_), Some(_)] => application.points,
-            [Some(consumed), Some(produced), None] => [None, Some(consumed), Some(produced)],
+            [Some(_), Some(_), _] => in_their_places(application.points),
             [None, ..] => return Err(Violation::ConsumingPath),
             _ => return Err(Violation::ProducingPath),
         };
@@ -243,11 +255,16 @@ impl State {
         }
     }
 
-    /// Checks that a host may open one more connection of this kind to these assemblies.
-    fn check_room(&self, host: Ipv4Addr, points: &IoAssemblies) -> Result<(), Violation> {
+    /// Checks that a host may open one more connection of this kind to these assemblies. Returns the connection that gives way to
+    /// it, if all places are taken.
+    fn check_room(
+        &self,
+        now: Instant,
+        host: Ipv4Addr,
+        points: &IoAssemblies,
+    ) -> Result<Option<(Ipv4Addr, Triad)>, Violation> {
         let description = self.device.description;
-        let full_for = |places: u8| self.io.is_full_for(host, points.kind, places.into());
-        let is_full = match points.kind {
+        let places = match points.kind {
             Kind::ExclusiveOwner if self.io.is_owned(points.consumed.instance) => {
                 return Err(Violation::OutputsOwned);
             }
@@ -255,35 +272,62 @@ impl State {
                 return Err(Violation::NothingToListenTo);
             }
             // One scanner may own all outputs.
-            Kind::ExclusiveOwner => self.io.count(points.kind) >= description.exclusive_owners.into(),
-            Kind::InputOnly => full_for(description.input_only),
-            Kind::ListenOnly => full_for(description.listen_only),
+            Kind::ExclusiveOwner if self.io.count(points.kind) < description.exclusive_owners.into() => {
+                return Ok(None);
+            }
+            Kind::ExclusiveOwner => return Err(Violation::TargetOutOfConnections),
+            Kind::InputOnly => description.input_only,
+            Kind::ListenOnly => description.listen_only,
         };
-        if is_full { Err(Violation::TargetOutOfConnections) } else { Ok(()) }
+        match self.io.room(host, points.kind, places.into()) {
+            Room::Free => Ok(None),
+            Room::Taken if self.io.is_preferred(now, host) => {
+                let least = self.io.least_wanted(now, host, points.kind);
+                least.map(Some).ok_or(Violation::TargetOutOfConnections)
+            }
+            Room::Taken | Room::Used => Err(Violation::TargetOutOfConnections),
+        }
     }
 
-    /// Lets a connection take part in a multicast that runs, if it fits. The owner of the outputs gets a multicast of its
-    /// own if it does not fit: an earlier listener must not choose its parameters.
+    /// Ends the connection of another host, which gives way to that of a preferred one.
+    fn end_least_wanted(&mut self, now: Instant, (host, triad): (Ipv4Addr, Triad)) {
+        let stream = self.io.find_of(host, &triad).and_then(|connection| connection.stream);
+        self.io.remove(now, host, &triad);
+        self.end_unused(stream);
+    }
+
+    /// Returns the multicast that runs and in which a connection can take part; none if it gets one of its own. That is so for
+    /// the owner of the outputs where none fits it: an earlier listener must not choose its parameters.
+    fn find_multicast(
+        &self,
+        host: Ipv4Addr,
+        kind: Kind,
+        producer: &Producer,
+    ) -> Result<Option<Producer>, Violation> {
+        if !self.device.network.is_local(host) {
+            return Err(Violation::OffSubnetMulticast);
+        }
+        let of_assembly = || self.io.multicasts().filter(|running| running.assembly == producer.assembly);
+        let fitting = of_assembly().find(|running| check_multicast(producer, running).is_ok()).copied();
+        let refused = of_assembly().find_map(|running| check_multicast(producer, running).err());
+        match (fitting, refused) {
+            (None, Some(violation)) if kind != Kind::ExclusiveOwner => Err(violation),
+            _ => Ok(fitting),
+        }
+    }
+
+    /// Lets a connection take part in a multicast that runs, or gives it one of its own.
     fn share_multicast(
         &mut self,
         context: &mut Context,
         kind: Kind,
         producer: &mut Producer,
     ) -> Result<(), Violation> {
-        if !self.device.network.is_local(*context.peer.ip()) {
-            return Err(Violation::OffSubnetMulticast);
-        }
-        let assembly = producer.assembly;
-        let of_assembly = || self.io.multicasts().filter(|running| running.assembly == assembly);
-        let fitting = of_assembly().find(|running| check_multicast(producer, running).is_ok()).copied();
-        let refused = of_assembly().find_map(|running| check_multicast(producer, running).err());
-        match (fitting, refused) {
-            (Some(running), _) => *producer = Producer { sends: false, ..running },
-            (None, Some(violation)) if kind != Kind::ExclusiveOwner => return Err(violation),
-            (None, _) => {
-                producer.id = self.fresh_id();
-                producer.to = SocketAddrV4::new(self.free_group(), IO_PORT);
-            }
+        if let Some(running) = self.find_multicast(*context.peer.ip(), kind, producer)? {
+            *producer = Producer { sends: false, ..running };
+        } else {
+            producer.id = self.fresh_id();
+            producer.to = SocketAddrV4::new(self.free_group(), IO_PORT);
         }
         context.reply_socket_t_o = Some(producer.to);
         Ok(())
@@ -294,6 +338,14 @@ impl State {
         let address = |index| self.device.network.multicast(index);
         let is_free = |group: &Ipv4Addr| self.io.multicasts().all(|running| running.to.ip() != group);
         (0..MULTICASTS.into()).map(address).find(is_free).unwrap_or_else(|| address(0))
+    }
+}
+
+/// Returns the assemblies of a path as configuration, consumed, produced; the first may be left out (volume 1, 3-5.5.1.10).
+pub(super) const fn in_their_places(points: [Option<u32>; 3]) -> [Option<u32>; 3] {
+    match points {
+        [consumed, produced, None] => [None, consumed, produced],
+        points => points,
     }
 }
 

@@ -1,5 +1,6 @@
 //! Checks requests to open a class 3 connection, and opens it (volume 1, 3-5.5.2 and 3-6.2).
 
+use super::Room;
 use super::establish::micros;
 use super::explicit::{ExplicitConnection, MAX_SIZE};
 use super::state::{Context, State};
@@ -49,13 +50,25 @@ impl State {
         if !served.contains(&o_t_rpi_us) || !served.contains(&t_o_rpi_us) {
             return Err(Violation::RpiNotSupported);
         }
-        if self.explicit.is_full_for(*context.peer.ip()) {
-            return Err(Violation::OutOfConnections);
+        let host = *context.peer.ip();
+        match self.explicit.room(host) {
+            Room::Free => {}
+            Room::Taken if self.io.is_preferred(context.now, host) => {
+                let Self { explicit, io, .. } = self;
+                let stream = explicit.give_way(host, |host| io.is_preferred(context.now, host));
+                if stream.is_none() {
+                    return Err(Violation::OutOfConnections);
+                }
+                self.end_unused(stream);
+            }
+            Room::Taken | Room::Used => return Err(Violation::OutOfConnections),
         }
         let o_t_id = self.fresh_id();
+        let data = request.data(self.fresh_number(), multiplier, (o_t_id, t_o_id), t_o_rpi_us);
         self.explicit.add(ExplicitConnection {
+            data,
             triad,
-            host: *context.peer.ip(),
+            host,
             stream: context.stream,
             o_t_id,
             t_o_id,

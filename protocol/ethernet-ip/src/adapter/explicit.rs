@@ -4,8 +4,8 @@ use alloc::boxed::Box;
 use alloc::vec;
 use core::net::Ipv4Addr;
 
-use super::is_full_for;
-use crate::connection::{Triad, Watchdog};
+use super::Room;
+use crate::connection::{ConnectionData, Triad, Watchdog};
 use machine::{Instant, StreamId};
 
 /// Length of the longest message of a connection in either direction, with its sequence count, in bytes: what controllers
@@ -15,6 +15,7 @@ pub(super) const MAX_SIZE: u16 = 4_002;
 /// A class 3 connection.
 #[derive(Debug)]
 pub(super) struct ExplicitConnection {
+    pub(super) data: ConnectionData,
     pub(super) triad: Triad,
     /// The host that opened it.
     pub(super) host: Ipv4Addr,
@@ -62,10 +63,30 @@ impl ExplicitConnections {
         self.open
     }
 
-    /// Returns whether a host gets no further connection.
-    pub(super) fn is_full_for(&self, host: Ipv4Addr) -> bool {
+    /// Returns the data of each connection.
+    pub(super) fn data(&self) -> impl Iterator<Item = &ConnectionData> {
+        self.open().map(|connection| &connection.data)
+    }
+
+    /// Returns whether a host gets a further connection.
+    pub(super) fn room(&self, host: Ipv4Addr) -> Room {
         let own = self.open().filter(|connection| connection.host == host).count();
-        is_full_for(own, self.len(), self.slots.len())
+        Room::of(own, self.len(), self.slots.len())
+    }
+
+    /// Ends the connection of another host that has been silent longest, of those that may give way. Returns its TCP
+    /// connection.
+    pub(super) fn give_way(
+        &mut self,
+        host: Ipv4Addr,
+        is_preferred: impl Fn(Ipv4Addr) -> bool,
+    ) -> Option<StreamId> {
+        let gives_way =
+            |connection: &&ExplicitConnection| connection.host != host && !is_preferred(connection.host);
+        let least = self.open().filter(gives_way).min_by_key(|connection| connection.watchdog.fed_at())?;
+        let (id, stream) = (least.o_t_id, least.stream);
+        self.remove_unless(|connection| connection.o_t_id != id);
+        Some(stream)
     }
 
     /// Returns whether a connection is carried by this TCP connection.

@@ -3,12 +3,12 @@
 use alloc::vec::Vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
-use super::is_full_for;
+use super::Room;
 use crate::class1::{Frame, RUN_IDLE_LEN};
-use crate::connection::{Inhibit, Parameters, Triad, Trigger, Watchdog};
-use crate::description::Description;
+use crate::connection::{ConnectionData, Inhibit, Parameters, Triad, Trigger, Watchdog};
+use crate::description::{Description, Role};
 use crate::objects::AssemblyData;
-use machine::{Cycle, Instant, Sequence, StreamId};
+use machine::{Cycle, Duration, Instant, OwnerReport, Sender, Sequence, StreamId};
 
 /// What a connection may do with the outputs (volume 1, 3-6.4).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -24,6 +24,7 @@ pub(super) enum Kind {
 /// A class 1 connection.
 #[derive(Debug)]
 pub(super) struct IoConnection {
+    pub(super) data: ConnectionData,
     pub(super) triad: Triad,
     pub(super) kind: Kind,
     /// Assemblies that it was opened to: configuration, consumed, produced.
@@ -86,6 +87,16 @@ pub(super) enum ReceivedFrame {
 }
 
 impl IoConnection {
+    /// Returns who opened it, and when it ends.
+    pub(super) fn owner_report(&self) -> OwnerReport {
+        OwnerReport {
+            from: Sender::Ip(self.originator),
+            serial_number: Some(self.triad.originator_serial),
+            interval: Duration::from_micros(self.data.o_t.api_us.into()),
+            timeout: self.watchdog.timeout(),
+        }
+    }
+
     /// Returns whether it owns the outputs of this assembly.
     fn owns(&self, consumed: u32) -> bool {
         let [_, point, _] = self.points;
@@ -134,17 +145,33 @@ impl Producer {
     }
 }
 
+/// Time for which the last owner of outputs that nobody owns is preferred to other hosts: as long as a silent TCP connection
+/// lasts by default (volume 2, 5-4.3.13). Assumed.
+const PREFERRED_FOR: Duration = Duration::from_secs(120);
+
+/// The last owner of outputs.
+#[derive(Clone, Copy, Debug)]
+struct LastOwner {
+    consumed: u32,
+    host: Ipv4Addr,
+    until: Instant,
+    report: OwnerReport,
+}
+
 /// All class 1 connections. Their memory is allocated at the start.
 #[derive(Debug)]
 pub(super) struct IoConnections {
     open: Vec<IoConnection>,
+    /// The last owner of each consumed assembly that had one.
+    last_owners: Vec<LastOwner>,
 }
 
 impl IoConnections {
     pub(super) fn new(description: &Description) -> Self {
         let Description { exclusive_owners, input_only, listen_only, .. } = *description;
         let room = [exclusive_owners, input_only, listen_only].into_iter().map(usize::from).sum();
-        Self { open: Vec::with_capacity(room) }
+        let consumed = description.assemblies.iter().filter(|assembly| assembly.role == Role::Consumed);
+        Self { open: Vec::with_capacity(room), last_owners: Vec::with_capacity(consumed.count()) }
     }
 
     pub(super) const fn len(&self) -> usize {
@@ -155,11 +182,11 @@ impl IoConnections {
         self.open.iter().filter(|connection| connection.kind == kind).count()
     }
 
-    /// Returns whether a host gets no further connection of this kind.
-    pub(super) fn is_full_for(&self, host: Ipv4Addr, kind: Kind, places: usize) -> bool {
+    /// Returns whether a host gets a further connection of this kind.
+    pub(super) fn room(&self, host: Ipv4Addr, kind: Kind, places: usize) -> Room {
         let own =
             self.open.iter().filter(|connection| connection.kind == kind && connection.originator == host);
-        is_full_for(own.count(), self.count(kind), places)
+        Room::of(own.count(), self.count(kind), places)
     }
 
     pub(super) fn find(&self, triad: &Triad) -> Option<&IoConnection> {
@@ -170,6 +197,21 @@ impl IoConnections {
     /// cannot take the connection.
     pub(super) fn find_of(&self, host: Ipv4Addr, triad: &Triad) -> Option<&IoConnection> {
         self.open.iter().find(|connection| connection.originator == host && connection.triad == *triad)
+    }
+
+    /// Returns the data of each connection.
+    pub(super) fn data(&self) -> impl Iterator<Item = &ConnectionData> {
+        self.open.iter().map(|connection| &connection.data)
+    }
+
+    /// Returns the owner of outputs that ended last.
+    pub(super) fn last_owner(&self) -> Option<OwnerReport> {
+        self.last_owners.last().map(|last| last.report)
+    }
+
+    /// Returns an owner of outputs that is not this host.
+    pub(super) fn owner_besides(&self, host: Ipv4Addr) -> Option<Ipv4Addr> {
+        self.owners().map(|owner| owner.originator).find(|owner| *owner != host)
     }
 
     fn owners(&self) -> impl Iterator<Item = &IoConnection> {
@@ -189,6 +231,38 @@ impl IoConnections {
     /// Returns whether a host owns outputs.
     pub(super) fn is_owner(&self, host: Ipv4Addr) -> bool {
         self.owners().any(|owner| owner.originator == host)
+    }
+
+    /// Returns whether a host is preferred where places are scarce: it owns outputs, or was the last to own outputs that nobody
+    /// owns now, not long ago. So an owner that was cut off for a moment gets in again.
+    pub(super) fn is_preferred(&self, now: Instant, host: Ipv4Addr) -> bool {
+        let was_owner =
+            |last: &LastOwner| last.host == host && now < last.until && !self.is_owned(last.consumed);
+        self.is_owner(host) || self.last_owners.iter().any(was_owner)
+    }
+
+    /// Returns the connection of this kind that gives way to a preferred host: of those of other hosts that are not preferred the
+    /// one that has been silent longest.
+    pub(super) fn least_wanted(&self, now: Instant, host: Ipv4Addr, kind: Kind) -> Option<(Ipv4Addr, Triad)> {
+        let gives_way = |connection: &&IoConnection| {
+            let other = connection.originator;
+            connection.kind == kind && other != host && !self.is_preferred(now, other)
+        };
+        let least =
+            self.open.iter().filter(gives_way).min_by_key(|connection| connection.watchdog.fed_at())?;
+        Some((least.originator, least.triad))
+    }
+
+    /// Remembers the owner of outputs that is about to end.
+    fn remember_owner(&mut self, now: Instant, index: usize) {
+        let Some(owner) = self.open.get(index).filter(|open| open.kind == Kind::ExclusiveOwner) else {
+            return;
+        };
+        let [_, Some(consumed), _] = owner.points else { return };
+        let until = now + PREFERRED_FOR;
+        let last = LastOwner { consumed, host: owner.originator, until, report: owner.owner_report() };
+        self.last_owners.retain(|former| former.consumed != last.consumed);
+        self.last_owners.push(last);
     }
 
     /// Returns whether only other hosts own outputs.
@@ -230,6 +304,7 @@ impl IoConnections {
 
     pub(super) fn clear(&mut self) {
         self.open.clear();
+        self.last_owners.clear();
     }
 
     pub(super) fn data_changed(&mut self, assembly: u32) {
@@ -299,8 +374,13 @@ impl IoConnections {
     pub(super) fn remove_expired(&mut self, now: Instant) -> Option<(Kind, Option<StreamId>)> {
         let index = self.open.iter().position(|connection| connection.watchdog.expired(now))?;
         let IoConnection { stream, producer, .. } = *self.open.get(index)?;
-        let kind = self.remove_at(index);
+        let kind = self.remove_at(now, index);
         if kind == Kind::ExclusiveOwner && producer.to.ip().is_multicast() {
+            for index in 0..self.open.len() {
+                if self.open.get(index).is_some_and(|connection| connection.producer.id == producer.id) {
+                    self.remember_owner(now, index);
+                }
+            }
             self.open.retain(|connection| connection.producer.id != producer.id);
             self.end_listeners();
         }
@@ -308,13 +388,14 @@ impl IoConnections {
     }
 
     /// Ends a connection of a host, and the connections that depend on it. Returns its kind.
-    pub(super) fn remove(&mut self, host: Ipv4Addr, triad: &Triad) -> Option<Kind> {
+    pub(super) fn remove(&mut self, now: Instant, host: Ipv4Addr, triad: &Triad) -> Option<Kind> {
         let is_it = |connection: &IoConnection| connection.originator == host && connection.triad == *triad;
         let index = self.open.iter().position(is_it)?;
-        Some(self.remove_at(index))
+        Some(self.remove_at(now, index))
     }
 
-    fn remove_at(&mut self, index: usize) -> Kind {
+    fn remove_at(&mut self, now: Instant, index: usize) -> Kind {
+        self.remember_owner(now, index);
         let IoConnection { kind, producer, .. } = self.open.swap_remove(index);
         self.end_listeners();
         if producer.sends && producer.to.ip().is_multicast() {

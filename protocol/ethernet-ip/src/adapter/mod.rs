@@ -4,6 +4,7 @@
 //! flood of requests needs no queue, and cyclic frames always go before replies.
 
 mod delayed;
+mod diagnosis;
 mod encapsulated;
 mod establish;
 mod establish_explicit;
@@ -21,6 +22,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use self::delayed::Delayed;
 use self::encapsulated::{Answer, answer_datagram, is_request_datagram, list_identity};
+use self::session::Carried;
 use self::sessions::Sessions;
 use self::state::State;
 use super::data::DataError;
@@ -139,11 +141,16 @@ impl Adapter {
         let Some(owner) = self.state.io.silent_owner().filter(|_| !self.state.is_up()) else { return Ok(()) };
         let does = if owner.count.is_some() { "sends that it is idle" } else { "has sent no frame yet" };
         let seconds = owner.watchdog.timeout().as_secs_f64();
-        write!(
-            words,
-            "the scanner {} owns the outputs and {does}; its connection ends {seconds:.1} s after its last frame",
-            owner.originator
-        )
+        words.write_str("the scanner ")?;
+        owner.owner_report().write_name(words)?;
+        write!(words, " owns the outputs and {does}; its connection ends {seconds:.1} s after its last frame")
+    }
+
+    /// Writes why the link went down last, and whose connection it was; nothing while it is up, or where nobody had it.
+    pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        let Some((down, owner)) = self.state.last_down.filter(|_| !self.state.is_up()) else { return Ok(()) };
+        write!(words, "{down}; the owner was ")?;
+        owner.write_name(words)
     }
 
     /// Returns the number of open TCP connections.
@@ -223,9 +230,7 @@ impl Machine for Adapter {
         let change = self.own.as_mut().and_then(|own| own.handle_timeout(now));
         self.follow(change);
         self.state.check_watchdogs(now);
-        while let Some(stream) = self.state.silent.pop_front() {
-            self.sessions.end(stream);
-        }
+        self.end_unused();
         self.sessions.check_inactivity(now, self.state.device.network.inactivity());
         self.drop_orphans();
     }
@@ -249,6 +254,7 @@ impl Machine for Adapter {
             }
         }
         while let Some((stream, answer)) = self.sessions.answer_next(now, &mut self.state, buf) {
+            self.end_unused();
             if core::mem::take(&mut self.state.device.restarts) {
                 self.sessions.end_all();
                 self.drop_orphans();
@@ -282,12 +288,24 @@ impl Adapter {
     fn accept(&mut self, now: Instant, stream: StreamId, peer: SocketAddrV4) {
         let address = *peer.ip();
         if !self.state.originators.allows(Peer { address: Some(address), ..Peer::default() }) {
-            self.state.refuse_foreign(now, address, Requested::Connection);
+            self.state.refuse_foreign(now, address, Requested::Connection, None);
             return self.sessions.refuse(stream);
         }
         let Self { state, sessions, .. } = self;
-        let is_owner = |host| state.io.is_owner(host);
-        sessions.open(now, stream, peer, is_owner, |stream| state.explicit.carries(stream));
+        let is_preferred = |host| state.io.is_preferred(now, host);
+        let carried = |stream| match (state.explicit.carries(stream), state.io.was_opened_over(stream)) {
+            (true, _) => Carried::Explicit,
+            (false, true) => Carried::Cyclic,
+            (false, false) => Carried::Nothing,
+        };
+        sessions.open(now, stream, peer, is_preferred, carried);
+    }
+
+    /// Ends the TCP connections whose connections have timed out or given way.
+    fn end_unused(&mut self) {
+        while let Some(stream) = self.state.unused.pop_front() {
+            self.sessions.end(stream);
+        }
     }
 
     /// Closes the class 3 connections whose TCP connection has ended. Class 1 connections go on without theirs.
@@ -335,8 +353,26 @@ impl Adapter {
     }
 }
 
-/// Returns whether a host that has `own` of the `taken` connections gets no further one: all places are taken, or this host has
-/// all but the last one, which is for other hosts.
-const fn is_full_for(own: usize, taken: usize, places: usize) -> bool {
-    taken >= places || places > 1 && own + 1 >= places
+/// Whether a host gets a further connection of a kind.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Room {
+    /// A place is free.
+    Free,
+    /// All places are taken; a preferred host gets that of another host.
+    Taken,
+    /// The host has all places but the last one, which is for other hosts.
+    Used,
+}
+
+impl Room {
+    /// Returns whether a host that has `own` of the `taken` connections gets a further one.
+    const fn of(own: usize, taken: usize, places: usize) -> Self {
+        if places > 1 && own + 1 >= places || places == 1 && own == 1 {
+            Self::Used
+        } else if taken >= places {
+            Self::Taken
+        } else {
+            Self::Free
+        }
+    }
 }

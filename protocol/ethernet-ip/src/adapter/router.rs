@@ -4,7 +4,7 @@ use super::state::{Context, State};
 use crate::cip::{
     General, Path, PathError, Request, Segment, Violation, class, emit_refusal, emit_reply, service,
 };
-use crate::connection::{CloseReply, CloseRequest, OpenRequest, RefusedReply, Triad};
+use crate::connection::{CloseReply, CloseRequest, OpenRequest, RefusedReply};
 use crate::objects::{multiple_service, serve};
 use crate::{Reader, Writer, objects};
 use machine::{Down, DownCause, Requested};
@@ -37,8 +37,10 @@ impl State {
                 service::FORWARD_OPEN => self.forward_open(context, data, service, reply),
                 service::LARGE_FORWARD_OPEN => self.forward_open(context, data, service, reply),
                 service::FORWARD_CLOSE => self.forward_close(context, data, reply),
-                service::GET_CONNECTION_OWNER => emit_reply(reply, service, |writer| {
-                    self.connection_owner(data, writer)?;
+                service::GET_CONNECTION_DATA
+                | service::SEARCH_CONNECTION_DATA
+                | service::GET_CONNECTION_OWNER => emit_reply(reply, service, |writer| {
+                    self.diagnose(service, data, writer)?;
                     Ok(General::Success)
                 }),
                 service::UNCONNECTED_SEND => self.unconnected_send(context, data, reply),
@@ -65,12 +67,8 @@ impl State {
             served
         });
         if is_refused && is_foreign {
-            let is_reset = request.service == service::RESET;
-            self.refuse_foreign(
-                context.now,
-                host,
-                if is_reset { Requested::Reset } else { Requested::Write },
-            );
+            let what = if request.service == service::RESET { Requested::Reset } else { Requested::Write };
+            self.refuse_foreign(context.now, host, what, self.io.owner_besides(host));
         }
         len
     }
@@ -79,13 +77,14 @@ impl State {
         let large = service == service::LARGE_FORWARD_OPEN;
         let result = OpenRequest::parse(data, large).and_then(|request| self.open(context, &request));
         let host = *context.peer.ip();
-        let is_foreign = match result {
-            Err(Violation::OutputsOwned) => self.io.is_foreign(host),
-            Err(Violation::OriginatorNotListed) => true,
-            _ => false,
+        let owner = self.io.owner_besides(host);
+        let (is_foreign, owner) = match result {
+            Err(Violation::OutputsOwned) => (self.io.is_foreign(host), owner),
+            Err(Violation::OriginatorNotListed) => (true, None),
+            _ => (false, None),
         };
         if is_foreign {
-            self.refuse_foreign(context.now, host, Requested::Connection);
+            self.refuse_foreign(context.now, host, Requested::Connection, owner);
         }
         self.device.manager.opened(result.err());
         match result {
@@ -115,36 +114,6 @@ impl State {
         }
     }
 
-    /// Says who owns the outputs of a path: Get_Connection_Owner (volume 1, 3-5.5).
-    ///
-    /// ```text
-    /// request  0      reserved                   u8
-    ///          1      connection path size       u8, words
-    ///          2..    connection path
-    /// reply    0      connections                u8
-    ///          1      of several originators     u8, 0: this device has none
-    ///          2      of redundant owners        u8, 0: this device has none
-    ///          3      last action                u8, 0 no owner, 1 owner is idle, 2 owner is in run
-    ///          4..12  connection serial number, vendor and serial number of the owner; zeros without one
-    /// ```
-    fn connection_owner(&self, data: &[u8], writer: &mut Writer<'_>) -> Result<(), Violation> {
-        let mut reader = Reader::new(data);
-        let read = |_| Violation::TooShort;
-        reader.skip(1).map_err(read)?;
-        let words = reader.u8().map_err(read)?;
-        let path = reader.bytes(usize::from(words) * 2).map_err(read)?;
-        let [_, consumed, _] = Path(path).application().map_err(|_| Violation::UnknownObject)?.points;
-        let owner = consumed.and_then(|consumed| self.io.owner_of(consumed));
-        let action = owner.map_or(0, |owner| if owner.run { 2 } else { 1 });
-        writer.bytes(&[owner.is_some().into(), 0, 0, action]);
-        let Triad { connection_serial, vendor, originator_serial } = owner
-            .map_or(Triad { connection_serial: 0, vendor: 0, originator_serial: 0 }, |owner| owner.triad);
-        writer.u16(connection_serial);
-        writer.u16(vendor);
-        writer.u32(originator_serial);
-        Ok(())
-    }
-
     fn close(&mut self, context: &Context, request: &CloseRequest<'_>) -> Result<CloseReply, Violation> {
         let CloseRequest { triad, path } = *request;
         let host = *context.peer.ip();
@@ -153,7 +122,7 @@ impl State {
             if !path.0.is_empty() && !same_points(points, connection.points) {
                 return Err(Violation::ForwardClosePath);
             }
-            self.io.remove(host, &triad);
+            self.io.remove(context.now, host, &triad);
             let down = Down { cause: DownCause::ClosedByPeer, code: 0, text: "by a Forward_Close" };
             self.follow_owner(Some(down));
             return Ok(CloseReply { triad });
@@ -167,11 +136,10 @@ impl State {
         }
         // By any TCP connection of the host: the one that opened it may be dead, and only this end does not know it yet.
         if !self.explicit.remove_of(host, &triad) {
-            let known = self.io.find(&triad).is_some() || self.explicit.find(&triad).is_some();
-            if !known {
-                return Err(Violation::ConnectionNotFound);
-            }
-            self.refuse_foreign(context.now, host, Requested::End);
+            let cyclic = self.io.find(&triad).map(|connection| connection.originator);
+            let explicit = self.explicit.find(&triad).map(|connection| connection.host);
+            let Some(owner) = cyclic.or(explicit) else { return Err(Violation::ConnectionNotFound) };
+            self.refuse_foreign(context.now, host, Requested::End, Some(owner));
             return Err(Violation::ForeignOriginator);
         }
         Ok(CloseReply { triad })

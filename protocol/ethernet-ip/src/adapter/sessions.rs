@@ -5,10 +5,13 @@ use alloc::collections::VecDeque;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::encapsulated::{Answer, answer};
-use super::session::Session;
+use super::session::{Carried, Session};
 use super::state::State;
-use crate::encapsulation::Reassembly;
+use crate::encapsulation::{Command, Message, Reassembly};
 use machine::{Duration, Instant, StreamId};
+
+/// Time in which a client registers a session, or is the first to give way. Assumed: many round trips.
+const REGISTERED_WITHIN: Duration = Duration::from_secs(1);
 
 #[derive(Debug, Default)]
 struct Slot {
@@ -62,14 +65,15 @@ impl Sessions {
         now: Instant,
         stream: StreamId,
         peer: SocketAddrV4,
-        is_owner: impl Fn(Ipv4Addr) -> bool,
-        is_in_use: impl Fn(StreamId) -> bool,
+        is_preferred: impl Fn(Ipv4Addr) -> bool,
+        carried: impl Fn(StreamId) -> Carried,
     ) {
-        let place = self.place_for(*peer.ip(), is_owner, is_in_use);
+        let place = self.place_for(now, *peer.ip(), is_preferred, carried);
         let Some(slot) = place.and_then(|index| self.slots.get_mut(index)) else {
             return self.refuse(stream);
         };
-        if let Some(evicted) = slot.session.replace(Session { stream, peer, handle: 0, last_heard: now }) {
+        let session = Session { stream, peer, handle: 0, since: now, last_heard: now, last_request: now };
+        if let Some(evicted) = slot.session.replace(session) {
             self.closing.push_back(evicted.stream);
         }
         slot.reassembly.clear();
@@ -84,37 +88,41 @@ impl Sessions {
 
     /// Returns the place for a client of a host.
     ///
-    /// If all places are taken, a client gets the place of another one: of a host that has at least two more connections
-    /// than its own host, or of a client that never registered. An owner of outputs may replace any other client; no
-    /// client of another host ever replaces a client of an owner. A client that carries a class 3 connection is never
-    /// replaced. Of the others, clients without a session are replaced first, then clients of the host with the most
-    /// connections, then those that have been silent longest.
+    /// If all places are taken, a client gets the place of another one, so that nobody can lock others out by holding sessions.
+    /// Clients without an open connection give way first, then those with connections of class 1 alone, which go on
+    /// without it. A client that carries a class 3 connection gives way only to a preferred host: an owner of outputs, or one that
+    /// was the last owner of outputs ([`IoConnections::is_preferred`](super::io::IoConnections::is_preferred)). A client of a
+    /// preferred host gives way to no other host.
+    ///
+    /// Of clients that are equal in this, those that did not register in time give way first, then those of the host with the
+    /// most connections, then the one whose last request is oldest.
     fn place_for(
         &self,
+        now: Instant,
         host: Ipv4Addr,
-        is_owner: impl Fn(Ipv4Addr) -> bool,
-        is_in_use: impl Fn(StreamId) -> bool,
+        is_preferred: impl Fn(Ipv4Addr) -> bool,
+        carried: impl Fn(StreamId) -> Carried,
     ) -> Option<usize> {
-        let sessions_of =
-            |host: Ipv4Addr| self.open_sessions().filter(move |session| *session.peer.ip() == host).count();
-        let least_wanted = |may_go: &dyn Fn(&Session) -> bool| {
-            let numbered = self.slots.iter().enumerate();
-            let open = numbered.filter_map(|(index, slot)| Some((index, slot.session.as_ref()?)));
-            let key = |session: &Session| {
-                (session.handle != 0, usize::MAX - sessions_of(*session.peer.ip()), session.last_heard)
-            };
-            let may_go = |session: &Session| may_go(session) && !is_in_use(session.stream);
-            open.filter(|(_, session)| may_go(session)).min_by_key(|(_, s)| key(s)).map(|(index, _)| index)
-        };
-        let own = sessions_of(host);
         if let Some(free) = self.slots.iter().position(|slot| slot.session.is_none()) {
             return Some(free);
         }
-        least_wanted(&|session| {
+        let sessions_of = |other: Ipv4Addr| {
+            let open = self.open_sessions().filter(|session| *session.peer.ip() == other).count();
+            // The new one counts, too.
+            open + usize::from(other == host)
+        };
+        let most = if is_preferred(host) { Carried::Explicit } else { Carried::Cyclic };
+        let key = |session: &Session| {
             let other = *session.peer.ip();
-            let gives_way = is_owner(host) || session.handle == 0 || sessions_of(other) >= own + 2;
-            !is_owner(other) && gives_way
-        })
+            let carried = carried(session.stream);
+            let most = if other == host { Carried::Nothing } else { most };
+            let gives_way = carried <= most && (other == host || !is_preferred(other));
+            let is_registered = session.handle != 0 || now.since(session.since) < REGISTERED_WITHIN;
+            gives_way.then(|| (carried, is_registered, usize::MAX - sessions_of(other), session.last_request))
+        };
+        let numbered = self.slots.iter().enumerate();
+        let keys = numbered.filter_map(|(index, slot)| Some((key(slot.session.as_ref()?)?, index)));
+        keys.min().map(|(_, index)| index)
     }
 
     /// Handles the end of a connection.
@@ -176,6 +184,10 @@ impl Sessions {
             match reassembly.next_message() {
                 Some(message) => {
                     self.turn = index + 1;
+                    let (Message::Whole(header, _) | Message::TooLong(header)) = &message;
+                    if header.command != Command::Nop {
+                        session.last_request = now;
+                    }
                     let answer = answer(state, now, session, &mut self.next_handle, message, buf);
                     return Some((session.stream, answer));
                 }

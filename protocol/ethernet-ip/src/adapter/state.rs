@@ -6,14 +6,15 @@ use alloc::vec;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::explicit::ExplicitConnections;
-use super::io::{IoConnections, Kind, ReceivedFrame};
+use super::io::{IoConnection, IoConnections, Kind, ReceivedFrame};
 use crate::IO_PORT;
 use crate::class1::{self, Frame};
 use crate::encapsulation::MAX_MESSAGE_LEN;
 use crate::objects::{Device, IoState};
 use machine::arp::AddressConflict;
 use machine::{
-    Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Requested, Sender, StationConflict,
+    Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, OwnerReport, OwnerReports, Requested,
+    Sender, StationConflict,
 };
 use machine::{Instant, Port, StreamId, Transmit};
 
@@ -30,8 +31,8 @@ pub(super) struct State {
     pub(super) explicit: ExplicitConnections,
     pub(super) counters: Counters,
     pub(super) events: VecDeque<LinkEvent>,
-    /// TCP connections to close: all connections that were opened over them have timed out.
-    pub(super) silent: VecDeque<StreamId>,
+    /// TCP connections to close: all connections that were opened over them have timed out or given way.
+    pub(super) unused: VecDeque<StreamId>,
     /// Buffer in which CIP replies are built.
     pub(super) scratch: Box<[u8]>,
     /// Whether new connections are refused.
@@ -44,6 +45,9 @@ pub(super) struct State {
     /// Who may connect.
     pub(super) originators: Allowed,
     foreign: ForeignRequests,
+    owner_reports: OwnerReports,
+    /// The last end of the link, and the owner that it had.
+    pub(super) last_down: Option<(Down, OwnerReport)>,
     up: bool,
     next_id: u32,
 }
@@ -71,7 +75,7 @@ impl State {
             device,
             counters: Counters::default(),
             events: VecDeque::with_capacity(EVENTS),
-            silent: VecDeque::with_capacity(description.connections()),
+            unused: VecDeque::with_capacity(description.connections()),
             scratch: vec![0; MAX_MESSAGE_LEN - ENVELOPE_LEN].into_boxed_slice(),
             closed: false,
             address_is_taken: false,
@@ -79,6 +83,8 @@ impl State {
             cyclic_dscp: 0,
             originators,
             foreign: ForeignRequests::default(),
+            owner_reports: OwnerReports::default(),
+            last_down: None,
             up: false,
             next_id: first_id,
         }
@@ -145,17 +151,37 @@ impl State {
     /// too: its other end may be dead (volume 2, 2-5.5.2).
     fn timed_out(&mut self, stream: Option<StreamId>) {
         self.device.manager.timed_out();
-        let is_silent =
-            |stream: &StreamId| !self.io.was_opened_over(*stream) && !self.explicit.carries(*stream);
-        self.silent.extend(stream.filter(is_silent));
+        self.end_unused(stream);
     }
 
-    /// Reports a refused request as an event: its sender is not the owner of the outputs, or not a listed originator.
-    pub(super) fn refuse_foreign(&mut self, now: Instant, from: Ipv4Addr, what: Requested) {
-        if let Some(report) = self.foreign.refuse(now, Sender::Ip(from), what)
+    /// Ends a TCP connection over which no connection is open any more.
+    pub(super) fn end_unused(&mut self, stream: Option<StreamId>) {
+        let is_unused =
+            |stream: &StreamId| !self.io.was_opened_over(*stream) && !self.explicit.carries(*stream);
+        self.unused.extend(stream.filter(is_unused));
+    }
+
+    /// Reports a refused request as an event: its sender is not the owner of the outputs or of the connection, or there is no
+    /// such owner and the sender is not a listed originator.
+    pub(super) fn refuse_foreign(
+        &mut self,
+        now: Instant,
+        from: Ipv4Addr,
+        what: Requested,
+        owner: Option<Ipv4Addr>,
+    ) {
+        let owner = owner.map(Sender::Ip);
+        if let Some(report) = self.foreign.refuse(now, Sender::Ip(from), what, owner)
             && self.events.len() < EVENTS
         {
             self.events.push_back(LinkEvent::Foreign(report));
+        }
+    }
+
+    /// Reports who has opened a connection that owns outputs.
+    pub(super) fn report_owner(&mut self, now: Instant, owner: OwnerReport) {
+        if self.owner_reports.open(now, owner) && self.events.len() < EVENTS {
+            self.events.push_back(LinkEvent::Owner(owner));
         }
     }
 
@@ -210,7 +236,13 @@ impl State {
             LinkEvent::Up
         } else {
             let idle = "the scanner sends idle: its program does not run";
-            LinkEvent::Down(down.unwrap_or(Down { cause: DownCause::ClosedByPeer, code: 0, text: idle }))
+            let owner = match down {
+                Some(_) => self.io.last_owner(),
+                None => self.io.silent_owner().map(IoConnection::owner_report),
+            };
+            let down = down.unwrap_or(Down { cause: DownCause::ClosedByPeer, code: 0, text: idle });
+            self.last_down = owner.map(|owner| (down, owner));
+            LinkEvent::Down(down)
         });
     }
 

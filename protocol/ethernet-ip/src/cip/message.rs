@@ -38,6 +38,10 @@ pub mod service {
     pub const UNCONNECTED_SEND: u8 = 0x52;
     /// Forward_Open, of the Connection Manager.
     pub const FORWARD_OPEN: u8 = 0x54;
+    /// Get_Connection_Data, of the Connection Manager.
+    pub const GET_CONNECTION_DATA: u8 = 0x56;
+    /// Search_Connection_Data, of the Connection Manager.
+    pub const SEARCH_CONNECTION_DATA: u8 = 0x57;
     /// Get_Connection_Owner, of the Connection Manager.
     pub const GET_CONNECTION_OWNER: u8 = 0x5A;
     /// Large_Forward_Open, of the Connection Manager.

@@ -33,7 +33,10 @@
 //! ```
 
 use super::super::{Reader, Writer, cip};
+use super::data::{ConnectionData, DirectionData};
 use super::parameters::{Parameters, Transport};
+use super::timing::TimeoutMultiplier;
+use crate::PORT_NUMBER;
 use cip::{Path, Violation};
 use machine::wire::Truncated;
 
@@ -52,11 +55,11 @@ pub struct Triad {
 }
 
 impl Triad {
-    fn parse(reader: &mut Reader<'_>) -> Result<Self, Truncated> {
+    pub(crate) fn parse(reader: &mut Reader<'_>) -> Result<Self, Truncated> {
         Ok(Self { connection_serial: reader.u16()?, vendor: reader.u16()?, originator_serial: reader.u32()? })
     }
 
-    fn emit(self, writer: &mut Writer<'_>) {
+    pub(crate) fn emit(self, writer: &mut Writer<'_>) {
         writer.u16(self.connection_serial);
         writer.u16(self.vendor);
         writer.u32(self.originator_serial);
@@ -95,6 +98,40 @@ impl<'a> OpenRequest<'a> {
         let request = Self::parse_fields(&mut reader, large).map_err(|_| Violation::TooShort)?;
         let path = parse_path(&mut reader, false)?;
         Ok(Self { path, ..request })
+    }
+
+    /// Returns the data of the connection that a target opens on request: its number, the numbers O→T and T→O in use, and the
+    /// actual packet interval T→O in µs.
+    #[must_use]
+    pub const fn data(
+        &self,
+        number: u16,
+        multiplier: TimeoutMultiplier,
+        (o_t_id, t_o_id): (u32, u32),
+        t_o_api_us: u32,
+    ) -> ConnectionData {
+        let multiplier = multiplier.code();
+        let Self { o_t_rpi_us, t_o_rpi_us, triad, .. } = *self;
+        ConnectionData {
+            number,
+            originator_port: PORT_NUMBER,
+            target_port: 0,
+            triad,
+            o_t: DirectionData {
+                originator_id: self.o_t_id,
+                target_id: o_t_id,
+                multiplier,
+                rpi_us: o_t_rpi_us,
+                api_us: o_t_rpi_us,
+            },
+            t_o: DirectionData {
+                originator_id: self.t_o_id,
+                target_id: t_o_id,
+                multiplier,
+                rpi_us: t_o_rpi_us,
+                api_us: t_o_api_us,
+            },
+        }
     }
 
     fn parse_fields(reader: &mut Reader<'_>, large: bool) -> Result<Self, Truncated> {

@@ -56,18 +56,26 @@ const FIRST_FRAME: Duration = Duration::from_secs(10);
 pub struct Watchdog {
     timeout: Duration,
     deadline: Instant,
+    fed_at: Instant,
 }
 
 impl Watchdog {
     /// Starts with the connection: the first frame may take 10 s, or longer if the timeout is longer.
     #[must_use]
     pub fn start(now: Instant, timeout: Duration) -> Self {
-        Self { timeout, deadline: now + timeout.max(FIRST_FRAME) }
+        Self { timeout, deadline: now + timeout.max(FIRST_FRAME), fed_at: now }
     }
 
     /// Restarts the time: a frame was received.
     pub fn feed(&mut self, now: Instant) {
         self.deadline = now + self.timeout;
+        self.fed_at = now;
+    }
+
+    /// Returns when the last frame was received, or when the connection was opened.
+    #[must_use]
+    pub const fn fed_at(&self) -> Instant {
+        self.fed_at
     }
 
     /// Returns how long the connection lasts after a frame.

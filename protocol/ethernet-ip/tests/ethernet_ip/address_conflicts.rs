@@ -170,7 +170,8 @@ impl Cell {
     }
 
     fn of(&self, id: NodeId) -> Vec<LinkEvent> {
-        self.events.iter().filter(|(of, ..)| *of == id).map(|(.., event)| *event).collect()
+        let its = self.events.iter().filter(|(of, ..)| *of == id).map(|(.., event)| *event);
+        its.filter(|event| !matches!(event, LinkEvent::Owner(_))).collect()
     }
 
     fn words(&self) -> String {

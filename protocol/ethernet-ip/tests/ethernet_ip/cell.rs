@@ -49,12 +49,14 @@ pub(crate) fn bus_of(config: ConnectionConfig, link: Impairment, seed: u64) -> B
     Pair::new(SingleConnection::new(config, Instant::from_millis(1)), adapter(), pair)
 }
 
-/// Runs for a time and returns what happened, each with the true time in ms.
+/// Runs for a time and returns what happened, each with the true time in ms, besides who opened the connection.
 pub(crate) fn run(bus: &mut Bus, millis: u64) -> Vec<(u64, News)> {
     let until = bus.now() + Duration::from_millis(millis);
     let mut events = Vec::new();
     while let Some(event) = bus.next_event(until) {
-        events.push((bus.now().as_nanos() / 1_000_000, event));
+        if !matches!(event, Event::B(LinkEvent::Owner(_))) {
+            events.push((bus.now().as_nanos() / 1_000_000, event));
+        }
     }
     events
 }

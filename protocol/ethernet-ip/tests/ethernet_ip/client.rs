@@ -13,9 +13,9 @@ use ethernet_ip::connection::{
 use ethernet_ip::cpf::{self, Item, Packet, kind, write_item};
 use ethernet_ip::encapsulation::{Command, HEADER_LEN, Header, Status};
 use ethernet_ip::{Adapter, AdapterConfig, ENCAPSULATION_PORT, IO_PORT, class1};
-use machine::LinkEvent;
 use machine::wire::{FRAME_CAPACITY, LittleEndian, Reader, Writer};
 use machine::{Duration, Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest};
+use machine::{LinkEvent, OwnerReport};
 
 use crate::cell::{PLC, adapter_config};
 
@@ -184,6 +184,8 @@ pub(crate) struct Rig {
     /// Connections that the adapter ended.
     pub(crate) closed: Vec<StreamId>,
     pub(crate) events: Vec<LinkEvent>,
+    /// Who opened a connection that owns outputs.
+    pub(crate) owners: Vec<OwnerReport>,
     good: Option<Good>,
     buf: Vec<u8>,
 }
@@ -202,6 +204,7 @@ impl Rig {
             datagrams: Vec::new(),
             closed: Vec::new(),
             events: Vec::new(),
+            owners: Vec::new(),
             good: None,
             buf: vec![0; FRAME_CAPACITY],
         }
@@ -226,7 +229,10 @@ impl Rig {
             }
         }
         while let Some(event) = self.adapter.poll_event() {
-            self.events.push(event);
+            match event {
+                LinkEvent::Owner(owner) => self.owners.push(owner),
+                event => self.events.push(event),
+            }
         }
     }
 

@@ -530,12 +530,19 @@ fn a_scanner_says_by_how_much_its_adapter_is_slower_than_asked_while_the_connect
 #[test]
 fn an_adapter_whose_outputs_are_owned_is_asked_once_by_whom_and_its_silence_changes_nothing() {
     const OWNER: Sent = (Command::SendRRData, 0x5A);
+    const DATA: Sent = (Command::SendRRData, 0x57);
+    // The owner's connection: 10 s O→T, multiplier 7.
+    let data = [
+        &[0xD7, 0, 0, 0, 1, 0, 3, 0, 2, 0, 0, 0, 5, 0, 0x34, 0x12, 0xEF, 0xBE, 0xAD, 0xDE][..],
+        &[0, 0, 0, 0, 1, 0, 0, 0, 7, 0, 0, 0, 0x80, 0x96, 0x98, 0, 0x80, 0x96, 0x98, 0].repeat(2),
+    ]
+    .concat();
     let owned = [0xD4, 0, 1, 1, 6, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
     let answers: [(&str, Option<&[u8]>, &str); 3] = [
         (
             "named",
             Some(&[0xDA, 0, 0, 0, 1, 0, 0, 1, 5, 0, 0x34, 0x12, 0xEF, 0xBE, 0xAD, 0xDE]),
-            "vendor 4660, serial number 0xDEADBEEF",
+            "vendor 4660, serial number 0xDEADBEEF, idle or silent, with a packet every 10000000 µs and a time-out of 5120 s",
         ),
         ("not supported", Some(&[0xDA, 0, 8, 0]), ""),
         ("no answer", None, ""),
@@ -547,6 +554,10 @@ fn an_adapter_whose_outputs_are_owned_is_asked_once_by_whom_and_its_silence_chan
         match answer {
             Some(answer) => dialogue.reply(answer),
             None => dialogue.advance(SECOND),
+        }
+        if what == "named" {
+            assert_eq!((dialogue.sent(), dialogue.down()), (vec![DATA], None));
+            dialogue.reply(&data);
         }
         assert_eq!(dialogue.down().map(|(cause, _)| cause), Some(DownCause::Refused), "{what}");
         let said = dialogue.scanner.connection(dialogue.id).unwrap().refusal().unwrap().to_string();

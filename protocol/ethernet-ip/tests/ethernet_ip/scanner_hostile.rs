@@ -88,7 +88,7 @@ fn a_connection_that_nobody_asked_for_is_closed() {
 
 /// A scanner that talks to an adapter of the test's own making.
 pub(crate) struct Dialogue {
-    scanner: SingleConnection,
+    pub(crate) scanner: SingleConnection,
     now: Instant,
     stream: StreamId,
     streams: u32,
@@ -161,7 +161,7 @@ impl Dialogue {
         self.receive(&buf)
     }
 
-    fn reply_cip(&mut self, request: &[u8], cip: &[u8]) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
+    pub(crate) fn reply_cip(&mut self, request: &[u8], cip: &[u8]) -> (Vec<Vec<u8>>, Vec<LinkEvent>) {
         let mut buf = [0; 2_048];
         let mut writer = Writer::<LittleEndian>::new(&mut buf);
         writer.zeros(6);
@@ -304,7 +304,10 @@ fn an_adapter_that_wants_configuration_data_is_quoted_with_their_size_in_bytes()
     // Extended status 0x0126, 5 words.
     dialogue.reply_cip(&said[0], &[0xD4, 0, 1, 2, 0x26, 1, 5, 0]);
     let words = dialogue.scanner.connection().refusal().unwrap().to_string();
-    assert!(words.contains("; the device has 10 bytes there; configure the device"), "{words}");
+    assert!(
+        words.contains("; the device has 10 bytes of configuration data; configure the device"),
+        "{words}"
+    );
 }
 
 #[test]

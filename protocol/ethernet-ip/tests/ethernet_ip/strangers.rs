@@ -51,14 +51,15 @@ fn the_owner_keeps_its_session_and_gets_another_whoever_asks_for_one() {
 }
 
 #[test]
-fn sixteen_hosts_with_a_session_each_give_way_to_the_owner_alone() {
+fn of_sixteen_hosts_with_a_session_each_the_oldest_gives_way_and_never_the_owner() {
     let mut rig = Rig::new();
     rig.start_good_scanner();
-    for index in 0..15 {
-        rig.client_from(host(index));
+    let others: Vec<_> = (0..15).map(|index| rig.client_from(host(index)).stream).collect();
+    for round in 0..3 {
+        rig.advance(Duration::from_micros(10));
+        rig.connect_from(host(20 + round));
     }
-    let late = rig.connect_from(host(20));
-    assert_eq!(rig.closed.last(), Some(&late), "each host has its one place");
+    assert_eq!(rig.closed, others[..3]);
     rig.client();
     assert_eq!(rig.adapter.sessions(), 16);
     rig.assert_good_scanner_is_served();
@@ -72,7 +73,12 @@ fn a_forward_close_and_a_triad_of_another_host_do_not_touch_the_owners_connectio
     let triad = owner(0xFFFF).triad;
     let answer = rig.request(stranger, &close_message(triad, &[]));
     assert_eq!(answer.general, General::PrivilegeViolation);
-    let report = ForeignRequest { from: Sender::Ip(STRANGER), what: Requested::End, more: 0 };
+    let report = ForeignRequest {
+        from: Sender::Ip(STRANGER),
+        what: Requested::End,
+        owner: Some(Sender::Ip(PLC)),
+        more: 0,
+    };
     assert_eq!(rig.events.last(), Some(&LinkEvent::Foreign(report)));
     assert_eq!(rig.try_open(stranger, &owner(0xFFFF)), Err((1, 0x0106)), "the outputs have an owner");
     rig.assert_good_scanner_is_served();
@@ -118,7 +124,12 @@ fn settings_that_would_hurt_the_owner_are_refused_to_others_while_it_is_there() 
         let answer = rig.request(stranger, request);
         assert_eq!(answer.general, General::DeviceStateConflict, "{request:02X?}");
     }
-    let report = ForeignRequest { from: Sender::Ip(STRANGER), what: Requested::Write, more: 0 };
+    let report = ForeignRequest {
+        from: Sender::Ip(STRANGER),
+        what: Requested::Write,
+        owner: Some(Sender::Ip(PLC)),
+        more: 0,
+    };
     assert!(rig.events.contains(&LinkEvent::Foreign(report)));
     let same = rig.request(stranger, &[0x10, 3, 0x20, 0xF5, 0x24, 1, 0x30, 13, 120, 0]);
     assert_eq!(same.general, General::Success, "what it is already");
@@ -173,7 +184,8 @@ fn an_adapter_with_a_list_of_originators_serves_these_alone() {
         Rig::of(ethernet_ip::AdapterConfig { originators: Allowed(vec![listed]), ..adapter_config() });
     let refused = rig.connect_from(STRANGER);
     assert_eq!((rig.closed.last(), rig.adapter.sessions()), (Some(&refused), 0));
-    let report = ForeignRequest { from: Sender::Ip(STRANGER), what: Requested::Connection, more: 0 };
+    let report =
+        ForeignRequest { from: Sender::Ip(STRANGER), what: Requested::Connection, owner: None, more: 0 };
     assert_eq!(rig.events, [LinkEvent::Foreign(report)]);
     let client = rig.client();
     let mut other = owner(1);

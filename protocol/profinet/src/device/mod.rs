@@ -279,7 +279,8 @@ impl Core {
     fn report_effect(&mut self, now: Instant, from: Mac, effect: Effect) {
         if let Some(what) = effect.refused {
             self.counters.foreign += 1;
-            self.report_foreign(now, Sender::Mac(from), what);
+            let owner = self.relation.as_ref().map(|relation| Sender::Mac(relation.initiator_mac));
+            self.report_foreign(now, Sender::Mac(from), what, owner);
         }
         self.ask_owner(now, effect.step);
     }
@@ -330,9 +331,10 @@ impl Core {
         counters
     }
 
-    /// Reports as an event a request that was refused because its sender is not the controller.
-    fn report_foreign(&mut self, now: Instant, from: Sender, what: Requested) {
-        if let Some(report) = self.foreign.refuse(now, from, what) {
+    /// Reports as an event a request that was refused because its sender is not the controller, or is not in the list of
+    /// controllers.
+    fn report_foreign(&mut self, now: Instant, from: Sender, what: Requested, owner: Option<Sender>) {
+        if let Some(report) = self.foreign.refuse(now, from, what, owner) {
             self.report(LinkEvent::Foreign(report));
         }
     }

@@ -148,7 +148,7 @@ impl Core {
         let admission = admit(&request, &self.description).map_err(log)?;
         let peer = Peer { address: Some(*from.ip()), mac: Some(ar.initiator_mac), serial_number: None };
         if !self.controllers.allows(peer) {
-            self.refuse_foreign(now, *from.ip(), Requested::Connection);
+            self.report_foreign(now, Sender::Ip(*from.ip()), Requested::Connection, None);
             return Err(Violation::InitiatorMac);
         }
         if let Some(relation) = &self.relation {
@@ -225,7 +225,12 @@ impl Core {
     }
 
     fn refuse_foreign(&mut self, now: Instant, from: Ipv4Addr, what: Requested) {
-        self.report_foreign(now, Sender::Ip(from), what);
+        // Another station with the controller's address is told from it by its MAC address alone.
+        let owner = self.relation.as_ref().map(|relation| match relation.controller {
+            controller if controller == from => Sender::Mac(relation.initiator_mac),
+            controller => Sender::Ip(controller),
+        });
+        self.report_foreign(now, Sender::Ip(from), what, owner);
     }
 
     fn control(

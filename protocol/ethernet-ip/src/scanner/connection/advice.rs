@@ -5,7 +5,7 @@ use crate::cip::{Extended as E, General as G};
 const OTHER_KEY: &str = "give the key of the device that is there, or connect the device of the key";
 const OTHER_PATH: &str = "name assemblies of the device's EDS file, each in its place";
 const OTHER_SIZE: &str =
-    "give the size of the device's assembly; a difference of 4 bytes is another real-time format";
+    "give the device's bytes of data for that direction; a difference of 4 is another real-time format";
 const OTHER_ROUTE: &str = "correct the route, or leave it out where no bridge is between";
 const OTHER_INTERVAL: &str = "ask for another packet interval";
 const OTHER_TYPE: &str = "ask for what the device's EDS file has: T→O as multicast or to this scanner alone";
@@ -98,7 +98,7 @@ const fn about_request(general: G) -> &'static str {
         G::PrivilegeViolation => "let the device list this scanner among those that may connect",
         G::ResourceUnavailable | G::ReplyDataTooLarge => NO_ROOM,
         G::ServiceNotSupported => {
-            "a device without Large_Forward_Open carries at most 505 bytes O→T and 509 bytes T→O"
+            "a device without Large_Forward_Open carries at most 505 bytes of data O→T (509 without a header) and 509 T→O"
         }
         G::PathSegmentError | G::PathDestinationUnknown | G::PathSizeInvalid => NOT_FOR_SCANNERS,
         G::DeviceStateConflict | G::ObjectStateConflict => {

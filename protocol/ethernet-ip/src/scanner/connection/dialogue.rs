@@ -2,7 +2,7 @@
 
 use crate::Writer;
 use crate::cip::{ElectronicKey, Path, Reply, Request, Revision, class, service};
-use crate::connection::{CloseRequest, OpenRequest};
+use crate::connection::{CloseRequest, OpenRequest, Triad};
 use crate::cpf::{Item, Packet, kind, write_item};
 use crate::description::Identity;
 use crate::encapsulation::{Command, Header, PROTOCOL_VERSION};
@@ -22,6 +22,8 @@ pub(super) enum ScannerMessage {
     Open,
     /// Get_Connection_Owner of the outputs that another scanner owns.
     AskOwner,
+    /// Search_Connection_Data of that owner's connection.
+    AskOwnerData,
     /// Forward_Close of the connection that was opened last.
     Close,
     /// UnRegisterSession.
@@ -130,6 +132,13 @@ pub(super) fn emit_ask_owner(
     emit_request(buf, numbers, service::GET_CONNECTION_OWNER, class::CONNECTION_MANAGER, |writer| {
         writer.bytes(&[0, u8::try_from(path.0.len() / 2).unwrap_or(u8::MAX)]);
         writer.bytes(path.0);
+    })
+}
+
+/// Writes the question for the data of another scanner's connection.
+pub(super) fn emit_ask_data(buf: &mut [u8], numbers: (u32, u32), triad: Triad) -> Result<usize, Overflow> {
+    emit_request(buf, numbers, service::SEARCH_CONNECTION_DATA, class::CONNECTION_MANAGER, |writer| {
+        triad.emit(writer);
     })
 }
 

@@ -3,9 +3,12 @@
 use super::super::config::ConnectionConfig;
 use super::dialogue::{self, ScannerMessage, Sockets};
 use super::io::Io;
-use super::{Connection, DATA_WITHIN, KEEP_ALIVE, Numbers, Owner, Refusal, RequestedConnection, Step};
+use super::{
+    Connection, DATA_WITHIN, KEEP_ALIVE, Numbers, Owner, Refusal, RequestedAssembly, RequestedConnection,
+    Step,
+};
 use crate::cip::{Extended, General, KeyMismatch, Path, Reply, service};
-use crate::connection::{CloseRequest, OpenReply, OpenRequest, Transport};
+use crate::connection::{CloseRequest, ConnectionData, OpenReply, OpenRequest, Transport};
 use crate::encapsulation::{Command, Header, Status};
 use core::net::SocketAddrV4;
 use machine::Instant;
@@ -25,8 +28,16 @@ impl Connection {
             target: config.target,
             described: config.described,
             key: config.key,
-            consumed: (config.consumed, config.o_t().size),
-            produced: (config.produced, config.t_o().size),
+            consumed: RequestedAssembly {
+                instance: config.consumed,
+                connection_size: config.o_t().size,
+                format: config.consumed_format,
+            },
+            produced: RequestedAssembly {
+                instance: config.produced,
+                connection_size: config.t_o().size,
+                format: config.produced_format,
+            },
             configuration: config.configuration,
             rpi_us: (config.o_t_rpi_us, config.t_o_rpi_us),
         }
@@ -129,6 +140,18 @@ impl Connection {
             (Step::AskingOwner, service::GET_CONNECTION_OWNER) => {
                 let owner = Owner::parse(reply.data).filter(|_| reply.general == General::Success);
                 self.refusal = self.refusal.map(|refusal| Refusal { owner, ..refusal });
+                match owner {
+                    Some(_) => self.enter(now, Step::AskingOwner, ScannerMessage::AskOwnerData),
+                    None => self.report_refusal(now),
+                }
+            }
+            // How long it may be silent: an adapter without this service refuses it.
+            (Step::AskingOwner, service::SEARCH_CONNECTION_DATA) => {
+                let data = Some(reply.data).filter(|_| reply.general == General::Success);
+                let data = data.and_then(|data| ConnectionData::parse(data).ok());
+                if let Some(Refusal { owner: Some(owner), .. }) = &mut self.refusal {
+                    owner.o_t = data.filter(|data| data.triad == owner.triad).map(|data| data.o_t);
+                }
                 self.report_refusal(now);
             }
             // If it was not open, there is nothing to close.
@@ -242,6 +265,10 @@ impl Connection {
                 dialogue::emit_open(buf, numbers, &request, config.is_large())
             }
             ScannerMessage::AskOwner => dialogue::emit_ask_owner(buf, numbers, &path),
+            ScannerMessage::AskOwnerData => {
+                let triad = self.refusal.and_then(|refusal| refusal.owner)?.triad;
+                dialogue::emit_ask_data(buf, numbers, triad)
+            }
             ScannerMessage::Close => {
                 dialogue::emit_close(buf, numbers, &CloseRequest { triad: self.numbers.triad, path })
             }

@@ -8,7 +8,7 @@ mod io;
 mod owner;
 mod refusal;
 
-pub use refusal::{Owner, Refusal, RequestedConnection};
+pub use refusal::{Owner, Refusal, RequestedAssembly, RequestedConnection};
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;

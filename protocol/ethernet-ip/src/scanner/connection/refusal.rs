@@ -6,9 +6,10 @@ use core::net::Ipv4Addr;
 use super::advice::advice;
 use crate::Reader;
 use crate::cip::{AcceptableIntervals, ElectronicKey, Extended, General, Reply, Revision};
-use crate::connection::Triad;
+use crate::class1::SEQUENCE_LEN;
+use crate::connection::{DirectionData, RealTimeFormat, Triad};
 use crate::description::{Assembly, Description, Identity, Role};
-use machine::{Down, DownCause};
+use machine::{Down, DownCause, Duration};
 
 /// A refused request: what was requested, and what the device has.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -17,7 +18,8 @@ pub struct Refusal {
     pub general: General,
     /// Extended status of its reply.
     pub extended: Option<Extended>,
-    /// The size that the device has instead, in bytes, if it reports it.
+    /// The size that the device has instead, in bytes, if it reports it: a connection size, which counts sequence count, header
+    /// and data, or the size of the configuration data alone, for [`Extended::InvalidConfigurationSize`].
     pub size: Option<u16>,
     /// The packet intervals that the device would serve, if it reports them.
     pub intervals: Option<AcceptableIntervals>,
@@ -36,6 +38,8 @@ pub struct Owner {
     pub triad: Triad,
     /// Whether its last frame was run; false for one that is idle, or has sent none.
     pub is_run: bool,
+    /// Its direction O→T, with interval and timeout, if the device says it.
+    pub o_t: Option<DirectionData>,
 }
 
 impl Owner {
@@ -47,7 +51,7 @@ impl Owner {
         let action = reader.u8().ok()?;
         let (connection_serial, vendor) = (reader.u16().ok()?, reader.u16().ok()?);
         let triad = Triad { connection_serial, vendor, originator_serial: reader.u32().ok()? };
-        (connections > 0).then_some(Self { triad, is_run: action == 2 })
+        (connections > 0).then_some(Self { triad, is_run: action == 2, o_t: None })
     }
 }
 
@@ -60,14 +64,36 @@ pub struct RequestedConnection {
     pub described: Option<&'static Description>,
     /// The required device.
     pub key: Option<ElectronicKey>,
-    /// O→T assembly, and connection size in bytes.
-    pub consumed: (u32, u16),
-    /// T→O assembly, and connection size in bytes.
-    pub produced: (u32, u16),
+    /// O→T assembly.
+    pub consumed: RequestedAssembly,
+    /// T→O assembly.
+    pub produced: RequestedAssembly,
     /// Configuration assembly.
     pub configuration: Option<u32>,
     /// Packet intervals O→T and T→O in µs.
     pub rpi_us: (u32, u32),
+}
+
+/// What a Forward_Open requested of the assembly of one direction.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct RequestedAssembly {
+    /// Instance of the assembly.
+    pub instance: u32,
+    /// Connection size in bytes: sequence count, header and data.
+    pub connection_size: u16,
+    /// Real-time format, which decides how much of the size is data.
+    pub format: RealTimeFormat,
+}
+
+impl RequestedAssembly {
+    /// Writes how many bytes of data a connection of this size has in the requested format: setups and EDS files count data.
+    fn write_data(self, f: &mut fmt::Formatter<'_>, connection_size: u16) -> fmt::Result {
+        let overhead = SEQUENCE_LEN + self.format.header_len();
+        match connection_size.checked_sub(overhead) {
+            Some(data) => write!(f, "{data} bytes of data"),
+            None => f.write_str("no data"),
+        }
+    }
 }
 
 impl Refusal {
@@ -79,9 +105,12 @@ impl Refusal {
         let extended = reply.additional_status(0).map(Extended::from);
         let (mut size, mut intervals) = (None, None);
         match extended {
-            Some(Extended::InvalidConnectionSize | Extended::InvalidOtSize | Extended::InvalidToSize) => {
-                size = reply.additional_status(1);
-            }
+            Some(
+                Extended::InvalidConnectionSize
+                | Extended::InvalidOtSize
+                | Extended::InvalidToSize
+                | Extended::MismatchedToSize,
+            ) => size = reply.additional_status(1),
             // The size of configuration data is in words (volume 1, table 3-5.29).
             Some(Extended::InvalidConfigurationSize) => {
                 size = reply.additional_status(1).map(|words| words.saturating_mul(2));
@@ -129,16 +158,18 @@ impl fmt::Display for Refusal {
         }
         f.write_str("); asked for ")?;
         self.write_asked(f)?;
-        if let Some(size) = self.size {
-            write!(f, "; the device has {size} bytes there")?;
-        }
+        self.write_size(f)?;
         if let Some(AcceptableIntervals { o_t, t_o }) = self.intervals {
             write!(f, "; the device would take {o_t} O→T and {t_o} T→O")?;
         }
-        if let Some(Owner { triad, is_run }) = self.owner {
+        if let Some(Owner { triad, is_run, o_t }) = self.owner {
             let (vendor, serial) = (triad.vendor, triad.originator_serial);
             let does = if is_run { "in run" } else { "idle or silent" };
             write!(f, "; the owner is vendor {vendor}, serial number 0x{serial:08X}, {does}")?;
+            if let Some((o_t, timeout_us)) = o_t.and_then(|o_t| Some((o_t, o_t.timeout_us()?))) {
+                let timeout = Duration::from_micros(timeout_us).as_secs_f64();
+                write!(f, ", with a packet every {} µs and a time-out of {timeout} s", o_t.rpi_us)?;
+            }
         }
         if let (true, Some(found)) = (self.is_about_key(), self.found) {
             write!(f, "; the device is {found}")?;
@@ -162,6 +193,34 @@ impl Refusal {
                     )
                 )
         )
+    }
+
+    /// Writes the size that the device has instead, as data and as it stands in its reply.
+    fn write_size(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let RequestedConnection { consumed, produced, .. } = self.requested;
+        let Some(size) = self.size else { return Ok(()) };
+        match self.extended {
+            Some(Extended::InvalidConfigurationSize) => {
+                return write!(f, "; the device has {size} bytes of configuration data");
+            }
+            Some(Extended::InvalidOtSize) => {
+                f.write_str("; the device has ")?;
+                consumed.write_data(f, size)?;
+            }
+            Some(Extended::InvalidToSize | Extended::MismatchedToSize) => {
+                f.write_str("; the device has ")?;
+                produced.write_data(f, size)?;
+            }
+            // The status does not say which direction is meant (volume 1, table 3-5.29).
+            _ => {
+                f.write_str("; the device takes ")?;
+                consumed.write_data(f, size)?;
+                f.write_str(" O→T, or ")?;
+                produced.write_data(f, size)?;
+                f.write_str(" T→O")?;
+            }
+        }
+        write!(f, " (connection size {size} with sequence count and header)")
     }
 
     /// Writes what the device has instead, if its reply has no field for it but its EDS file does.
@@ -218,17 +277,18 @@ impl Refusal {
         let RequestedConnection { key, consumed, produced, configuration, rpi_us, .. } = self.requested;
         match self.extended {
             _ if self.is_about_key() => write_key(f, key),
-            Some(Extended::InvalidOtSize) => {
-                write!(f, "{} bytes O→T to assembly {}", consumed.1, consumed.0)
-            }
-            Some(Extended::InvalidToSize) => {
-                write!(f, "{} bytes T→O from assembly {}", produced.1, produced.0)
+            Some(Extended::InvalidOtSize) => write_o_t(f, consumed),
+            Some(Extended::InvalidToSize | Extended::MismatchedToSize) => write_t_o(f, produced),
+            Some(Extended::InvalidConnectionSize) => {
+                write_o_t(f, consumed)?;
+                f.write_str(" and ")?;
+                write_t_o(f, produced)
             }
             Some(Extended::RpiNotSupported | Extended::RpiNotAcceptable) => {
                 write!(f, "a packet every {} µs O→T and every {} µs T→O", rpi_us.0, rpi_us.1)
             }
             _ => {
-                write!(f, "O→T assembly {} and T→O assembly {}", consumed.0, produced.0)?;
+                write!(f, "O→T assembly {} and T→O assembly {}", consumed.instance, produced.instance)?;
                 match configuration {
                     Some(configuration) => write!(f, " with configuration assembly {configuration}"),
                     None => Ok(()),
@@ -236,6 +296,16 @@ impl Refusal {
             }
         }
     }
+}
+
+fn write_o_t(f: &mut fmt::Formatter<'_>, consumed: RequestedAssembly) -> fmt::Result {
+    consumed.write_data(f, consumed.connection_size)?;
+    write!(f, " O→T to assembly {} (connection size {})", consumed.instance, consumed.connection_size)
+}
+
+fn write_t_o(f: &mut fmt::Formatter<'_>, produced: RequestedAssembly) -> fmt::Result {
+    produced.write_data(f, produced.connection_size)?;
+    write!(f, " T→O from assembly {} (connection size {})", produced.instance, produced.connection_size)
 }
 
 fn write_key(f: &mut fmt::Formatter<'_>, key: Option<ElectronicKey>) -> fmt::Result {

@@ -63,6 +63,7 @@ fn release_control_write_and_read_with_the_right_uuids_from_another_address_find
         [LinkEvent::Foreign(machine::ForeignRequest {
             from: Sender::Ip(*STRANGER.ip()),
             what: Requested::End,
+            owner: Some(Sender::Ip(*CONTROLLER.ip())),
             more: 0
         })]
     );
