@@ -90,7 +90,7 @@ impl RunOptions {
         let interfaces = self.find_interfaces(&names)?;
         check_interfaces(&cell, &buses, &interfaces.iter().map(Interface::name).collect::<Vec<_>>())?;
         set_up(&interfaces)?;
-        let applications = applications(&cell, &found);
+        let applications = found.text(&cell);
         Ok(PreparedCell { cell, planned, buses, interfaces, applications, signals })
     }
 
@@ -181,15 +181,6 @@ fn check_interfaces(cell: &Cell, buses: &[CellBus], interfaces: &[&str]) -> Resu
         }
     }
     Ok(())
-}
-
-/// Returns the text of the application of all stations, or those of each with its station's name in a comment before it.
-fn applications(cell: &Cell, found: &FoundCell) -> String {
-    let texts = found.stations.iter().map(|station| station.text.as_str());
-    if cell.application.is_some() {
-        return texts.take(1).collect();
-    }
-    cell.names().zip(texts).map(|(name, text)| format!("# station {name}\n{text}\n")).collect()
 }
 
 impl PreparedCell {

@@ -6,7 +6,7 @@ use machine::Instant;
 use protocol::image::{Digest, Sum};
 
 use crate::function_blocks::BlockError;
-use crate::{ExecutionType, FailureCause, StartError, Station};
+use crate::{ExecutionType, FailureCause, MarkPassage, StartError, Station};
 
 /// The application program of a [`PlcNode`](crate::PlcNode): it is called once in each scan of a run, with all stations.
 ///
@@ -72,6 +72,11 @@ pub trait PlcProgram: Debug + Send {
     /// Returns what a station has executed in this run, or in the last one.
     fn totals(&self, _station: usize) -> Totals {
         Totals::default()
+    }
+
+    /// Returns the marks that a station came to in this run, or in the last one, in order.
+    fn passages(&self, _station: usize) -> &[MarkPassage] {
+        &[]
     }
 
     /// Returns the number and the digest of the motions that the program sent to a station in this run, or in the last one.

@@ -13,6 +13,9 @@ use crate::schedule::Step;
 /// First line of the samples: a line for each repetition and station.
 const SAMPLES_HEAD: &str = "type,repetition,station,execution_ms,robot_execution_ms,blends_suppressed,waiting_ms,start_skew_us,error\n";
 
+/// Name of the application of all stations.
+const APPLICATION: &str = "application.toml";
+
 /// The directory of a run of a cell.
 #[derive(Debug)]
 pub struct CellDirectory {
@@ -21,21 +24,33 @@ pub struct CellDirectory {
 }
 
 impl CellDirectory {
-    /// Creates the directory, and writes the setup and the text of its application, if it is one for all stations.
+    /// Creates the directory, and writes the setup and the texts of its applications: the one for all stations, or that of each
+    /// under its name.
     ///
     /// # Errors
     ///
     /// It has a file of a run, or cannot be written.
-    pub fn create(path: &Path, cell: &Cell, application: Option<&str>) -> anyhow::Result<Self> {
+    pub fn create(
+        path: &Path,
+        cell: &Cell,
+        applications: &[String],
+        durability: Durability,
+    ) -> anyhow::Result<Self> {
         let mut cell = cell.clone();
-        if application.is_some() {
-            cell.application = Some("application.toml".to_owned());
+        let mut files = Vec::with_capacity(applications.len());
+        if cell.application.is_some() {
+            cell.application = Some(APPLICATION.to_owned());
+            files.extend(applications.first().map(|text| (APPLICATION.to_owned(), text.as_str())));
+        } else {
+            for (station, text) in cell.stations.iter_mut().zip(applications) {
+                station.application = format!("application-{}.toml", station.name);
+                files.push((station.application.clone(), text));
+            }
         }
         let setup = setup::cell_to_toml(&cell)?;
         let mut inputs = vec![("setup.toml", setup.as_str())];
-        inputs.extend(application.map(|text| ("application.toml", text)));
-        // A run in virtual time is repeated by its seed.
-        let directory = RunDirectory::begin(path, &inputs, SAMPLES_HEAD, Durability::Written)?;
+        inputs.extend(files.iter().map(|(name, text)| (name.as_str(), *text)));
+        let directory = RunDirectory::begin(path, &inputs, SAMPLES_HEAD, durability)?;
         Ok(Self { directory, names: cell.names().map(str::to_owned).collect() })
     }
 
@@ -48,6 +63,21 @@ impl CellDirectory {
     #[must_use]
     pub const fn digests(&self) -> &Digests {
         self.directory.digests()
+    }
+
+    /// Returns its path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.directory.path()
+    }
+
+    /// Writes the description of the computer.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    pub fn write_host(&self, json: &str) -> anyhow::Result<()> {
+        self.directory.write_host(json)
     }
 
     /// Writes a finished or failed repetition, and then the results so far.

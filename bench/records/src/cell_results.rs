@@ -6,7 +6,9 @@ use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
 use setup::Cell;
 
+use crate::attached::AttachedAt;
 use crate::digest::Digests;
+use crate::faults::FaultReport;
 use crate::lateness::CycleLateness;
 use crate::mode::Mode;
 use crate::results::{FailedRepetition, Frames, PerType, Status, aet_mad};
@@ -39,9 +41,37 @@ pub struct CellResults {
     pub results: PerType<CellTypeResult>,
     /// Lateness of the PLC's scans. In virtual mode nothing is late.
     pub plc_cycle: CycleLateness,
+    /// The nodes that ran already; absent where the bench started them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attached: Option<CellAttached>,
+    /// Time from the start of the nodes until all robots were ready, in ms; absent in virtual mode and for nodes that ran already.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub connected_after_ms: Option<f64>,
+    /// Allocations of all cyclic threads since the connections were up; absent if they are not counted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cyclic_allocations: Option<u64>,
+    /// What the injected faults did; absent without faults.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<FaultReport>,
+    /// Repetitions that were run again because the host stalled a node until a connection was lost: which, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub repeated: Vec<String>,
+    /// What was remarkable about the connections.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
     /// First 64 bits of the SHA-256 of each value above, of `setup.toml` and of `application.toml`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub digests: Option<Digests>,
+}
+
+/// The nodes of a cell that the bench was attached to.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct CellAttached {
+    /// The PLC.
+    pub plc: AttachedAt,
+    /// The robots, in the order of the stations.
+    pub robots: Vec<AttachedAt>,
 }
 
 /// A station of the cell.
@@ -159,6 +189,12 @@ impl CellResults {
             stations: cell.stations.iter().map(station).collect(),
             results,
             plc_cycle: CycleLateness::default(),
+            attached: None,
+            connected_after_ms: None,
+            cyclic_allocations: None,
+            faults: None,
+            repeated: Vec::new(),
+            remarks: Vec::new(),
             digests: None,
         }
     }

@@ -3,6 +3,7 @@
 //! ```text
 //! rig          two processes on a real network, or nodes that already run (attach); on Linux, with the feature `real`
 //! virtual_run  both nodes in virtual time
+//! cell_stand   the same for a cell with several stations; cell_measured is what a run of it was
 //! planned_cell the robot in its cell and the motions of an application
 //! verification compares each repetition with the plan; reaction_limits computes what the cycles alone take
 //! capture      the frames of a virtual cable as packets of a network; frame_name names them by their protocol
@@ -10,6 +11,8 @@
 
 mod attach;
 pub mod capture;
+pub mod cell_measured;
+pub mod cell_stand;
 mod frame_name;
 pub mod planned_cell;
 pub mod planned_station;

@@ -138,6 +138,16 @@ impl FoundCell {
         Ok(PlannedCell { marks: self.marks.clone(), stations: stations.collect::<Result<_, Error>>()? })
     }
 
+    /// Returns the text of the application of all stations, or those of each with its station's name in a comment before it.
+    #[must_use]
+    pub fn text(&self, cell: &Cell) -> String {
+        let texts = self.stations.iter().map(|station| station.text.as_str());
+        if cell.application.is_some() {
+            return texts.take(1).collect();
+        }
+        cell.names().zip(texts).map(|(name, text)| format!("# station {name}\n{text}\n")).collect()
+    }
+
     /// Checks that the frames of one application are at one place in the cell for all its arms.
     fn check_bases(&self, cell: &Cell) -> Result<(), Error> {
         let mut first = None;

@@ -52,8 +52,9 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     check_faults(options, &setup)?;
     let live = options.live.map(|address| reserve(address, options.mode)).transpose()?;
     let mut token = None;
-    if options.attach.is_some() {
+    if let Some(attach) = &options.attach {
         check_attach(options)?;
+        attach.check_one(&setup.name).map_err(|error| Failure::new(Exit::Usage, error))?;
         token = ControlToken::find(options.control_token.as_deref())
             .map_err(|error| Failure::new(Exit::Usage, error))?;
     }
@@ -131,6 +132,7 @@ fn check_outputs(options: &RunOptions, found: &Found) -> Result<(), Failure> {
 /// Rejects faults that the drives, the cable or the mode do not have.
 fn check_faults(options: &RunOptions, setup: &Setup) -> Result<(), Failure> {
     let faults = flat(&options.fault);
+    faults::check_one_robot(&faults, &setup.name).map_err(|error| Failure::new(Exit::Usage, error))?;
     faults::check(&faults, setup).map_err(|error| Failure::new(Exit::Usage, error))?;
     if options.mode == Mode::Real {
         faults::check_real(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;

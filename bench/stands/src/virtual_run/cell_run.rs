@@ -5,106 +5,25 @@ use std::time::Duration;
 use ::node::report::LatenessReport;
 use anyhow::Context as _;
 use machine::Instant;
-use plc_node::{Execution, MarkPassage, PlcEvent, PlcReport};
-use protocol::fieldbus::{Counters, Fieldbus as _, LinkEvent};
+use plc_node::{Execution, PlcEvent, PlcReport};
+use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use robot_node::RobotEvent;
 use virtual_time::Clock;
 
 use super::cell::{CellEvent, CellNode, RobotId, VirtualCell};
+use super::cell_faults::CellFaults;
 use super::new_cell::{NewCell, switch_on};
 use super::nodes::{CONNECT, LONGEST_RUN, NeverEnded};
 use crate::Unreported;
+use crate::cell_measured::{CellHealth, CellMeasured, StationHealth, StationMeasured};
+use crate::cell_stand::{CellConfig, CellStand};
 use crate::planned_station::PlannedStation;
-use records::cell_results::{CellResults, CellSample, StationSample};
+use crate::under_faults;
 use records::conditions::{Interference, Measured, MotionTotals};
-use records::lateness::CycleLateness;
+use records::exit::{Exit, Failure};
+use records::faults::Fault;
 use records::not_ready::NotReady;
-use records::results::Frames;
 use records::schedule::Step;
-
-/// A finished run of a cell.
-#[derive(Clone, Debug)]
-pub struct CellMeasured {
-    /// The stations, in the order of the setup.
-    pub stations: Vec<StationMeasured>,
-    /// True time between the first and the last arm's first motion; `None` if an arm did not move.
-    pub start_skew: Option<Duration>,
-}
-
-/// What a run of a cell was at one station.
-#[derive(Clone, Debug)]
-pub struct StationMeasured {
-    /// The PLC's report, and the robot's.
-    pub measured: Measured,
-    /// The marks that the arm came to, in order, by the PLC's clock.
-    pub passages: Vec<MarkPassage>,
-}
-
-impl StationMeasured {
-    /// Returns how long the arm stood at marks.
-    #[must_use]
-    pub fn waited(&self) -> Duration {
-        self.passages.iter().filter_map(|it| Some(it.passed?.since(it.came))).sum()
-    }
-}
-
-impl CellMeasured {
-    /// Returns what is saved of the run.
-    #[must_use]
-    pub fn sample(&self) -> CellSample {
-        let station = |of_station: &StationMeasured| StationSample {
-            robot_execution: Duration::from_nanos(of_station.measured.execution.robot_execution_ns),
-            blends_suppressed: of_station.measured.execution.blends_suppressed,
-            waited: of_station.waited(),
-            came: of_station.passages.iter().map(|it| (it.mark, it.came.since(Instant::ZERO))).collect(),
-        };
-        let execution_ns =
-            self.stations.first().map_or(0, |first| first.measured.execution.execution_time_ns);
-        CellSample {
-            execution: Duration::from_nanos(execution_ns),
-            start_skew: self.start_skew,
-            stations: self.stations.iter().map(station).collect(),
-        }
-    }
-}
-
-impl CellHealth {
-    /// Writes the conditions of the run so far into its results.
-    pub fn write_to(&self, results: &mut CellResults) {
-        results.plc_cycle = self.plc.clone();
-        for (station, health) in results.stations.iter_mut().zip(&self.stations) {
-            let StationHealth { robot, plc_bus, robot_bus } = health;
-            station.cycle = robot.clone();
-            station.frames = Frames {
-                frames_sent: plc_bus.sent,
-                frames_received: plc_bus.received,
-                skipped: plc_bus.skipped + robot_bus.skipped,
-                lost: plc_bus.lost + robot_bus.lost,
-                foreign: plc_bus.foreign + robot_bus.foreign,
-            };
-        }
-    }
-}
-
-/// Lateness of the cycles of a cell, and its frames.
-#[derive(Clone, Debug)]
-pub struct CellHealth {
-    /// Lateness of the PLC's scans.
-    pub plc: CycleLateness,
-    /// The stations.
-    pub stations: Vec<StationHealth>,
-}
-
-/// Lateness of a robot's cycles, and its frames.
-#[derive(Clone, Debug)]
-pub struct StationHealth {
-    /// Lateness of the robot's cycles.
-    pub robot: CycleLateness,
-    /// Frames by the PLC's count.
-    pub plc_bus: Counters,
-    /// Frames by the robot's count.
-    pub robot_bus: Counters,
-}
 
 /// The nodes of a cell in virtual time.
 pub struct CellRun {
@@ -118,7 +37,29 @@ pub struct CellRun {
     /// When each arm moved first in this run, in true time.
     began: Vec<Option<Instant>>,
     is_started: bool,
-    kill: Option<(usize, Instant)>,
+    faults: CellFaults,
+}
+
+impl CellStand for CellRun {
+    async fn start(config: &CellConfig<'_>) -> Result<Self, Failure> {
+        Self::start_with(config.stations, config.seed, config.faults).map_err(|error| match config.faults {
+            // In virtual time nothing but the setup keeps the stations from connecting.
+            [] => Failure::new(Exit::Usage, error),
+            faults => under_faults(error, faults),
+        })
+    }
+
+    async fn execute(&mut self, step: Step) -> anyhow::Result<CellMeasured> {
+        Self::execute(self, step)
+    }
+
+    fn health(&self) -> CellHealth {
+        Self::health(self)
+    }
+
+    async fn finish(self, _keeps_capture: bool) -> Result<Option<CellHealth>, Failure> {
+        Ok(None)
+    }
 }
 
 impl CellRun {
@@ -128,7 +69,16 @@ impl CellRun {
     ///
     /// The setup gives no bus endpoint, or a robot does not get ready.
     pub fn start(stations: &[PlannedStation], seed: u64) -> anyhow::Result<Self> {
-        let NewCell { cell, clocks } = switch_on(stations, seed)?;
+        Self::start_with(stations, seed, &[])
+    }
+
+    /// Does the same with faults, which name their stations.
+    ///
+    /// # Errors
+    ///
+    /// The same.
+    pub fn start_with(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<Self> {
+        let NewCell { cell, clocks } = switch_on(stations, seed, faults)?;
         let cycles = stations.iter().map(|station| station.setup.robot.cycle_us.value);
         let look = Duration::from_micros(u64::from(cycles.min().unwrap_or(1_000))) / 2;
         let count = stations.len();
@@ -140,15 +90,11 @@ impl CellRun {
             look: look.max(Duration::from_micros(1)),
             began: vec![None; count],
             is_started: false,
-            kill: None,
+            faults: CellFaults::of(stations, faults),
         };
         run.connect()?;
+        run.faults.begin(run.cell.now());
         Ok(run)
-    }
-
-    /// Kills a robot once this much of true time has passed: it neither receives nor sends any more.
-    pub fn kill_robot_after(&mut self, station: usize, time: Duration) {
-        self.kill = Some((station, self.cell.now() + time));
     }
 
     fn named(&self, station: Option<usize>) -> String {
@@ -186,8 +132,7 @@ impl CellRun {
     fn next_event(&mut self, until: Instant) -> Option<PlcReport> {
         loop {
             let look = self.looks().then(|| self.cell.now() + self.look);
-            let kill = self.kill.map(|(_, at)| at);
-            let stop = [look, kill].into_iter().flatten().fold(until, Instant::min);
+            let stop = [look, self.faults.next()].into_iter().flatten().fold(until, Instant::min);
             let event = self.cell.next_event(stop);
             self.note_beginnings();
             match event {
@@ -214,9 +159,8 @@ impl CellRun {
                 }
                 Some(CellEvent::Robot(..)) => {}
                 None => {
-                    if let Some((station, _)) = self.kill.take_if(|(_, at)| *at <= self.cell.now()) {
-                        self.cell.kill(CellNode::Robot(RobotId(station)));
-                    } else if self.cell.now() >= until {
+                    let is_change = self.faults.apply(&mut self.cell);
+                    if !is_change && self.cell.now() >= until {
                         return None;
                     }
                 }
@@ -311,6 +255,7 @@ impl CellRun {
                 account: Some(of_run.account),
                 interference: Interference::default(),
             };
+            use plc_node::PlcProgram as _;
             let passages = self.cell.plc().program().passages(index).to_vec();
             stations.push(StationMeasured { measured, passages });
         }
@@ -349,6 +294,8 @@ impl CellRun {
         CellHealth {
             plc: (&LatenessReport::from(plc.lateness())).into(),
             stations: (0..self.names.len()).map(station).collect(),
+            faults: self.faults.report(&self.cell),
+            ..CellHealth::default()
         }
     }
 }
@@ -361,10 +308,10 @@ mod tests {
     /// Half cycles within which a robot has reported the end of a motion, and the PLC has seen it.
     const SETTLED: u32 = 10;
 
-    fn start(name: &str) -> (Vec<PlannedStation>, CellRun) {
+    fn start_with(name: &str, faults: &[Fault]) -> (Vec<PlannedStation>, CellRun) {
         let (cell, found) = planning::cell_with_applications(name).unwrap();
         let stations = PlannedStation::all(&found.plan(&cell).unwrap()).unwrap();
-        let run = CellRun::start(&stations, 1).unwrap();
+        let run = CellRun::start_with(&stations, 1, faults).unwrap();
         (stations, run)
     }
 
@@ -376,8 +323,8 @@ mod tests {
     fn an_arm_that_is_killed_in_a_run_fails_it_and_the_error_names_its_station() {
         for (killed, name) in ["station left", "station right"].into_iter().enumerate() {
             for execution_type in ExecutionType::ALL {
-                let (_, mut run) = start("E");
-                run.kill_robot_after(killed, Duration::from_millis(700));
+                let fault = format!("{}/kill-robot-at=700ms", ["left", "right"][killed]).parse().unwrap();
+                let (_, mut run) = start_with("E", &[fault]);
                 let error = format!("{:#}", run.execute(step(execution_type)).unwrap_err());
                 assert!(error.starts_with(name), "{execution_type}: {error}");
             }
@@ -387,7 +334,7 @@ mod tests {
     #[test]
     fn no_arm_moves_beyond_a_mark_before_the_other_has_come_to_it() {
         for cell in ["E", "F"] {
-            let (stations, mut run) = start(cell);
+            let (stations, mut run) = start_with(cell, &[]);
             for execution_type in ExecutionType::ALL {
                 let (mut moving_beyond, mut moving, mut last) =
                     (0, vec![0; stations.len()], vec![0; stations.len()]);

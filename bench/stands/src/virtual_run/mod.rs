@@ -13,6 +13,7 @@
 //! ```
 
 mod cell;
+mod cell_faults;
 mod cell_run;
 mod changes;
 mod new_cell;
@@ -39,7 +40,7 @@ use protocol::image::{Digest, Motion};
 use robot_node::RobotConfig;
 use setup::Setup;
 
-pub use cell_run::{CellHealth, CellMeasured, CellRun, StationHealth, StationMeasured};
+pub use cell_run::CellRun;
 pub use nodes::{NeverEnded, Nodes};
 pub use reaction::reactions;
 

@@ -10,12 +10,14 @@ use planning::PROGRAM;
 use plc_node::bus::PlcBus;
 use plc_node::{MotionList, PlacedStation, PlcConfig, PlcNode, Scan, Sequences};
 use protocol::fieldbus::StationId;
+use records::faults::{self, Fault};
 use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotNode};
 use setup::{Bus, BusKind};
 use virtual_time::{Clock, Impairment};
 
 use super::cell::{NewInterface, NewNode, NewStation, VirtualCell};
+use super::cell_faults;
 use super::phases::CellPhases;
 use crate::planned_cell::PlannedCell;
 use crate::planned_station::PlannedStation;
@@ -39,7 +41,7 @@ pub(super) struct NewCell {
 /// # Errors
 ///
 /// A setup gives no bus endpoint, or the virtual network cannot carry the stations.
-pub(super) fn switch_on(stations: &[PlannedStation], seed: u64) -> anyhow::Result<NewCell> {
+pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<NewCell> {
     let Some(first) = stations.first() else { bail!("the cell has no station; add one to its setup") };
     let mut phases = CellPhases::new(stations.iter().map(|station| &station.setup), seed);
     let (new_buses, interfaces) = buses_of(stations)?;
@@ -68,7 +70,8 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64) -> anyhow::Resul
         let (config, of_program) = config.into_station(name, waits);
         placed.push(PlacedStation { bus: number, id, config });
         work.push(of_program);
-        robots.push(new_robot(station, index, new_buses[number].interface, seed, &mut phases));
+        let faults = cell_faults::of_station(name, faults);
+        robots.push(new_robot(station, index, new_buses[number].interface, seed, &mut phases, &faults));
     }
     let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work));
     let plc = NewNode { machine: plc, clock: plc_clock, address: None };
@@ -137,6 +140,7 @@ fn new_robot(
     on: usize,
     seed: u64,
     phases: &mut CellPhases,
+    faults: &[Fault],
 ) -> NewStation {
     let bus = &station.setup.bus;
     let clock = phases.robots.get(index).copied().unwrap_or_default();
@@ -158,7 +162,7 @@ fn new_robot(
         name: format!("robot {}", station.name),
         mac: bus.addresses().map(|_| mac),
         on,
-        link: Impairment { delay, ..Impairment::default() },
+        links: faults::links(faults, Impairment { delay, ..Impairment::default() }),
     }
 }
 

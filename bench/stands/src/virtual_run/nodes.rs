@@ -319,6 +319,7 @@ impl Nodes {
                 | PlcEvent::LifeStill
                 | PlcEvent::MovingToStart
                 | PlcEvent::Waiting { .. }
+                | PlcEvent::Passed(_)
                 | PlcEvent::Started { .. } => {}
             }
         }
