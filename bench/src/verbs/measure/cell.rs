@@ -5,7 +5,7 @@ use std::time::SystemTime;
 
 use anyhow::{Context as _, anyhow};
 use node::list::flat;
-use planning::FoundCell;
+use planning::{FoundCell, PlannedCell};
 use setup::Cell;
 
 use super::{Capture, RunOptions};
@@ -17,10 +17,12 @@ use records::occupied;
 use records::results::Status;
 use records::run_directory::{self, Durability, replace};
 use records::schedule::{Schedule, Step};
+use records::trace::CellTrace;
 use report::{cell_table, errln, in_shell, outln};
 use stands::planned_station::PlannedStation;
+use stands::relative_pose::RelativePose;
 use stands::verification::StationVerification;
-use stands::virtual_run::CellRun;
+use stands::virtual_run::{CellMeasured, CellRun};
 use studies::outputs::{self, Own};
 
 /// Returns the cell of a setup with several stations; `None` for a setup of one robot, and for one that cannot be read: its own
@@ -33,7 +35,8 @@ pub fn of_several(name: &str) -> Option<Cell> {
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     check_options(options)?;
     let (cell, found) = planning::cell_with_applications(options.setup.name())?;
-    let stations = stations_of(&cell, &found)?;
+    let planned = found.plan(&cell)?;
+    let plant = Plant::of(&cell, &planned)?;
     let mut read = vec![("the setup", options.setup.file())];
     read.extend(found.stations.iter().map(|station| ("the application", station.path.as_deref())));
     let own = Own { directory: options.out.as_deref(), files: occupied::RUN.results };
@@ -42,12 +45,13 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let path = options.out.clone().unwrap_or_else(|| default_path(&cell));
     let text = found.stations.first().filter(|_| cell.application.is_some()).map(|first| first.text.as_str());
     let mut directory = CellDirectory::create(&path, &cell, text)?;
-    let mut results = CellResults::new(&cell, Mode::Virtual, &schedule);
+    let mut results = CellResults::new(&cell, &planned, Mode::Virtual, &schedule);
     results.digests = Some(directory.digests().clone());
     let mut save = |step: &Step, outcome: &anyhow::Result<CellSample>, results: &CellResults| {
         directory.save(step, outcome, results)
     };
-    let executed = execute(stations, &schedule, &mut results, &mut save);
+    let mut traces = CellTrace::default();
+    let executed = execute(plant, &schedule, &mut results, (&mut save, &mut traces));
     let failure = match executed {
         Ok(failure) => failure,
         Err(error) => {
@@ -56,6 +60,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         }
     };
     directory.save_results(&results)?;
+    directory.save_trace(&traces)?;
     for (_, file) in options.exports.files() {
         let Some(file) = file else { continue };
         replace(file, &results.to_json().context("cannot write the results as JSON")?, Durability::Synced)?;
@@ -68,9 +73,18 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     }))
 }
 
-/// Plans the stations of a cell.
-pub fn stations_of(cell: &Cell, found: &FoundCell) -> Result<Vec<PlannedStation>, Failure> {
-    PlannedStation::all(&found.plan(cell)?).map_err(|error| Failure::new(Exit::Usage, error))
+/// What a planned cell runs, and what its repetitions are compared with.
+struct Plant {
+    stations: Vec<PlannedStation>,
+    relative_pose: RelativePose,
+}
+
+impl Plant {
+    fn of(cell: &Cell, planned: &PlannedCell) -> Result<Self, Failure> {
+        let stations = PlannedStation::all(planned).map_err(|error| Failure::new(Exit::Usage, error))?;
+        let relative_pose = RelativePose::new(cell, &planned.marks, &stations);
+        Ok(Self { stations, relative_pose })
+    }
 }
 
 /// Executes a whole schedule without a directory.
@@ -79,8 +93,11 @@ pub fn stations_of(cell: &Cell, found: &FoundCell) -> Result<Vec<PlannedStation>
 ///
 /// The stations do not connect, or a repetition fails.
 pub fn whole(cell: &Cell, found: &FoundCell, schedule: &Schedule) -> Result<CellResults, Failure> {
-    let mut results = CellResults::new(cell, Mode::Virtual, schedule);
-    match execute(stations_of(cell, found)?, schedule, &mut results, &mut |_, _, _| Ok(()))? {
+    let planned = found.plan(cell)?;
+    let mut results = CellResults::new(cell, &planned, Mode::Virtual, schedule);
+    let mut traces = CellTrace::default();
+    let outputs: (Save<'_>, _) = (&mut |_, _, _| Ok(()), &mut traces);
+    match execute(Plant::of(cell, &planned)?, schedule, &mut results, outputs)? {
         None => Ok(results),
         Some(error) => Err(Failure::new(Exit::of_run(&error), error.context("the virtual run failed"))),
     }
@@ -91,22 +108,28 @@ type Save<'a> = &'a mut dyn FnMut(&Step, &anyhow::Result<CellSample>, &CellResul
 
 /// Executes a schedule, and saves each repetition before the next one. Returns the error of a repetition that failed.
 fn execute(
-    stations: Vec<PlannedStation>,
+    plant: Plant,
     schedule: &Schedule,
     results: &mut CellResults,
-    save: Save<'_>,
+    (save, traces): (Save<'_>, &mut CellTrace),
 ) -> Result<Option<anyhow::Error>, Failure> {
     // In virtual time nothing but the setup keeps the stations from connecting.
+    let Plant { stations, mut relative_pose } = plant;
     let mut run =
         CellRun::start(&stations, schedule.seed).map_err(|error| Failure::new(Exit::Usage, error))?;
     let mut verifications: Vec<_> = stations.into_iter().map(StationVerification::new).collect();
     for step in schedule.steps() {
-        let outcome = run.execute(step).and_then(|measured| {
-            for (verification, of_station) in verifications.iter_mut().zip(&measured.stations) {
-                verification.check(&of_station.measured)?;
+        let execution_type = step.execution_type;
+        let outcome = run.execute(step).and_then(|CellMeasured { mut sample, stations }| {
+            for (verification, of_station) in verifications.iter_mut().zip(&stations) {
+                verification.check(of_station)?;
             }
-            Ok(measured.sample())
+            sample.relative_pose_mm = relative_pose.of(execution_type, run.recordings())?;
+            Ok(sample)
         });
+        if step.repetition == 1 {
+            traces.set(execution_type, run.recordings());
+        }
         match &outcome {
             Ok(sample) => results.record(step.execution_type, sample),
             Err(error) => {
@@ -114,7 +137,7 @@ fn execute(
                 results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
             }
         }
-        run.health().write_to(results);
+        results.set_health(&run.health());
         save(&step, &outcome, results)?;
         if let Err(error) = outcome {
             return Ok(Some(error));

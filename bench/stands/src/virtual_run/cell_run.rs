@@ -6,118 +6,42 @@ use ::node::report::LatenessReport;
 use anyhow::Context as _;
 use machine::Instant;
 use plc_node::{Execution, MarkPassage, PlcEvent, PlcReport};
-use protocol::fieldbus::{Counters, Fieldbus as _, LinkEvent};
+use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use robot_node::RobotEvent;
-use virtual_time::Clock;
 
 use super::cell::{CellEvent, CellNode, RobotId, VirtualCell};
+use super::cell_watch::CellWatch;
 use super::new_cell::{NewCell, switch_on};
 use super::nodes::{CONNECT, LONGEST_RUN, NeverEnded};
 use crate::Unreported;
 use crate::planned_station::PlannedStation;
-use records::cell_results::{CellResults, CellSample, StationSample};
-use records::conditions::{Interference, Measured, MotionTotals};
-use records::lateness::CycleLateness;
+use records::cell_results::{CellSample, StationSample, start_skew};
+use records::conditions::{Health, Interference, Measured, MotionTotals};
 use records::not_ready::NotReady;
-use records::results::Frames;
 use records::schedule::Step;
+use records::trace::Recording;
 
 /// A finished run of a cell.
 #[derive(Clone, Debug)]
 pub struct CellMeasured {
-    /// The stations, in the order of the setup.
-    pub stations: Vec<StationMeasured>,
-    /// True time between the first and the last arm's first motion; `None` if an arm did not move.
-    pub start_skew: Option<Duration>,
+    /// What is saved of it.
+    pub sample: CellSample,
+    /// The PLC's report and the robot's of each station, in the order of the setup.
+    pub stations: Vec<Measured>,
 }
 
-/// What a run of a cell was at one station.
-#[derive(Clone, Debug)]
-pub struct StationMeasured {
-    /// The PLC's report, and the robot's.
-    pub measured: Measured,
-    /// The marks that the arm came to, in order, by the PLC's clock.
-    pub passages: Vec<MarkPassage>,
-}
-
-impl StationMeasured {
-    /// Returns how long the arm stood at marks.
-    #[must_use]
-    pub fn waited(&self) -> Duration {
-        self.passages.iter().filter_map(|it| Some(it.passed?.since(it.came))).sum()
-    }
-}
-
-impl CellMeasured {
-    /// Returns what is saved of the run.
-    #[must_use]
-    pub fn sample(&self) -> CellSample {
-        let station = |of_station: &StationMeasured| StationSample {
-            robot_execution: Duration::from_nanos(of_station.measured.execution.robot_execution_ns),
-            blends_suppressed: of_station.measured.execution.blends_suppressed,
-            waited: of_station.waited(),
-            came: of_station.passages.iter().map(|it| (it.mark, it.came.since(Instant::ZERO))).collect(),
-        };
-        let execution_ns =
-            self.stations.first().map_or(0, |first| first.measured.execution.execution_time_ns);
-        CellSample {
-            execution: Duration::from_nanos(execution_ns),
-            start_skew: self.start_skew,
-            stations: self.stations.iter().map(station).collect(),
-        }
-    }
-}
-
-impl CellHealth {
-    /// Writes the conditions of the run so far into its results.
-    pub fn write_to(&self, results: &mut CellResults) {
-        results.plc_cycle = self.plc.clone();
-        for (station, health) in results.stations.iter_mut().zip(&self.stations) {
-            let StationHealth { robot, plc_bus, robot_bus } = health;
-            station.cycle = robot.clone();
-            station.frames = Frames {
-                frames_sent: plc_bus.sent,
-                frames_received: plc_bus.received,
-                skipped: plc_bus.skipped + robot_bus.skipped,
-                lost: plc_bus.lost + robot_bus.lost,
-                foreign: plc_bus.foreign + robot_bus.foreign,
-            };
-        }
-    }
-}
-
-/// Lateness of the cycles of a cell, and its frames.
-#[derive(Clone, Debug)]
-pub struct CellHealth {
-    /// Lateness of the PLC's scans.
-    pub plc: CycleLateness,
-    /// The stations.
-    pub stations: Vec<StationHealth>,
-}
-
-/// Lateness of a robot's cycles, and its frames.
-#[derive(Clone, Debug)]
-pub struct StationHealth {
-    /// Lateness of the robot's cycles.
-    pub robot: CycleLateness,
-    /// Frames by the PLC's count.
-    pub plc_bus: Counters,
-    /// Frames by the robot's count.
-    pub robot_bus: Counters,
+/// Returns how long an arm stood at marks.
+fn waited(passages: &[MarkPassage]) -> Duration {
+    passages.iter().filter_map(|it| Some(it.passed?.since(it.came))).sum()
 }
 
 /// The nodes of a cell in virtual time.
 pub struct CellRun {
     cell: VirtualCell,
     names: Vec<String>,
-    clocks: Vec<Clock>,
+    watch: CellWatch,
     /// What each robot reported of the current run, or of the last one.
     moved: Vec<MotionTotals>,
-    /// Half of the shortest robot cycle: looked at so often, no cycle is missed.
-    look: Duration,
-    /// When each arm moved first in this run, in true time.
-    began: Vec<Option<Instant>>,
-    is_started: bool,
     kill: Option<(usize, Instant)>,
 }
 
@@ -129,17 +53,16 @@ impl CellRun {
     /// The setup gives no bus endpoint, or a robot does not get ready.
     pub fn start(stations: &[PlannedStation], seed: u64) -> anyhow::Result<Self> {
         let NewCell { cell, clocks } = switch_on(stations, seed)?;
-        let cycles = stations.iter().map(|station| station.setup.robot.cycle_us.value);
-        let look = Duration::from_micros(u64::from(cycles.min().unwrap_or(1_000))) / 2;
-        let count = stations.len();
+        let cycles_us = stations
+            .iter()
+            .flat_map(|station| [&station.setup.robot.cycle_us, &station.setup.plc.scan_cycle_us])
+            .map(|cycle| u64::from(cycle.value));
+        let shortest = Duration::from_micros(cycles_us.min().unwrap_or(1_000));
         let mut run = Self {
             cell,
             names: stations.iter().map(|station| station.name.clone()).collect(),
-            clocks,
-            moved: vec![MotionTotals::default(); count],
-            look: look.max(Duration::from_micros(1)),
-            began: vec![None; count],
-            is_started: false,
+            watch: CellWatch::new(clocks, shortest),
+            moved: vec![MotionTotals::default(); stations.len()],
             kill: None,
         };
         run.connect()?;
@@ -185,18 +108,17 @@ impl CellRun {
     /// Returns the PLC's next event up to `until` in true time.
     fn next_event(&mut self, until: Instant) -> Option<PlcReport> {
         loop {
-            let look = self.looks().then(|| self.cell.now() + self.look);
+            let look = self.watch.next_look(self.cell.now());
             let kill = self.kill.map(|(_, at)| at);
             let stop = [look, kill].into_iter().flatten().fold(until, Instant::min);
             let event = self.cell.next_event(stop);
-            self.note_beginnings();
+            self.watch.look(&self.cell);
             match event {
                 Some(CellEvent::Plc(report)) => {
-                    if let PlcEvent::Started { .. } = report.event {
+                    if let PlcEvent::Started { at, .. } = report.event {
                         // The motion to the start is not part of the run.
                         self.moved.fill(MotionTotals::default());
-                        self.began.fill(None);
-                        self.is_started = true;
+                        self.watch.begin(at);
                     }
                     return Some(report);
                 }
@@ -224,22 +146,10 @@ impl CellRun {
         }
     }
 
-    /// Returns whether an arm has yet to move in this run.
-    fn looks(&self) -> bool {
-        self.is_started && self.began.iter().any(Option::is_none)
-    }
-
-    /// Notes which arms have moved for the first time.
-    fn note_beginnings(&mut self) {
-        if !self.looks() {
-            return;
-        }
-        for (number, (began, clock)) in self.began.iter_mut().zip(&self.clocks).enumerate() {
-            let robot = self.cell.robot(RobotId(number));
-            if began.is_none() && robot.sample().path_speed_mm_s > 0.0 {
-                *began = Some(clock.true_time(robot.ticked_at()));
-            }
-        }
+    /// Returns the recording of each station in the last run, in the order of the setup.
+    #[must_use]
+    pub fn recordings(&self) -> &[Recording] {
+        self.watch.recordings()
     }
 
     /// Executes one step of a schedule.
@@ -275,7 +185,7 @@ impl CellRun {
         let longest = self.cell.now() + LONGEST_RUN;
         let mut finished: Vec<Option<Execution>> = vec![None; self.names.len()];
         while self.cell.now() < longest {
-            let report = self.next_event(longest.min(self.cell.now() + self.look));
+            let report = self.next_event(longest.min(self.cell.now() + self.watch.interval()));
             look(self);
             let Some(PlcReport { station, event }) = report else { continue };
             match event {
@@ -284,12 +194,12 @@ impl CellRun {
                         *place = Some(execution);
                     }
                     if finished.iter().all(Option::is_some) {
-                        self.is_started = false;
+                        self.watch.end();
                         return self.measured(finished.into_iter().flatten());
                     }
                 }
                 PlcEvent::Failed(failure) => {
-                    self.is_started = false;
+                    self.watch.end();
                     return Err(anyhow::Error::from(failure).context(self.named(station)));
                 }
                 _ => {}
@@ -299,7 +209,8 @@ impl CellRun {
     }
 
     fn measured(&self, executions: impl Iterator<Item = Execution>) -> anyhow::Result<CellMeasured> {
-        let mut stations = Vec::with_capacity(self.names.len());
+        let (mut stations, mut samples) = (Vec::new(), Vec::new());
+        let true_ns = |at: Instant| Duration::from_nanos(self.watch.true_time_of_plc(at).as_nanos());
         for (index, (execution, moved)) in executions.zip(&self.moved).enumerate() {
             let Some(of_run) = moved.of(execution.motions) else {
                 let unreported = Unreported { executed: execution.motions, reported: moved.motions };
@@ -311,12 +222,23 @@ impl CellRun {
                 account: Some(of_run.account),
                 interference: Interference::default(),
             };
-            let passages = self.cell.plc().program().passages(index).to_vec();
-            stations.push(StationMeasured { measured, passages });
+            let passages = self.cell.plc().program().passages(index);
+            samples.push(StationSample {
+                robot_execution: Duration::from_nanos(measured.execution.robot_execution_ns),
+                blends_suppressed: measured.execution.blends_suppressed,
+                waited: waited(passages),
+                came: passages.iter().map(|it| (it.mark, true_ns(it.came))).collect(),
+            });
+            stations.push(measured);
         }
-        let began = self.began.iter().copied().collect::<Option<Vec<_>>>();
-        let start_skew = began.and_then(|began| Some(began.iter().max()?.since(*began.iter().min()?)));
-        Ok(CellMeasured { stations, start_skew })
+        let execution_ns = stations.first().map_or(0, |first| first.execution.execution_time_ns);
+        let sample = CellSample {
+            execution: Duration::from_nanos(execution_ns),
+            start_skew: start_skew(self.watch.recordings()),
+            relative_pose_mm: None,
+            stations: samples,
+        };
+        Ok(CellMeasured { sample, stations })
     }
 
     /// Returns how many motions a station's robot has put on its path in its current skill, and how many are executed in the
@@ -334,22 +256,21 @@ impl CellRun {
         self.cell.robot(RobotId(station)).sample().path_speed_mm_s
     }
 
-    /// Returns the conditions of the run so far.
+    /// Returns the conditions of the run so far, at each station.
     #[must_use]
-    pub fn health(&self) -> CellHealth {
+    pub fn health(&self) -> Vec<Health> {
         let plc = self.cell.plc();
         let station = |number: usize| {
             let robot = self.cell.robot(RobotId(number));
-            StationHealth {
+            Health {
+                plc: (&LatenessReport::from(plc.lateness())).into(),
                 robot: (&LatenessReport::from(robot.lateness())).into(),
-                plc_bus: plc.counters_of(number),
+                bus: plc.counters_of(number),
                 robot_bus: robot.bus().counters(),
+                ..Health::default()
             }
         };
-        CellHealth {
-            plc: (&LatenessReport::from(plc.lateness())).into(),
-            stations: (0..self.names.len()).map(station).collect(),
-        }
+        (0..self.names.len()).map(station).collect()
     }
 }
 
