@@ -69,6 +69,12 @@ pub trait PlcProgram: Debug + Send {
         false
     }
 
+    /// Returns how many marks, at which arms wait for each other, a station has come to in this run, or in the last one, and how many it
+    /// has passed.
+    fn marks(&self, _station: usize) -> [u32; 2] {
+        [0; 2]
+    }
+
     /// Returns what a station has executed in this run, or in the last one.
     fn totals(&self, _station: usize) -> Totals {
         Totals::default()

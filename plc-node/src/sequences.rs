@@ -227,6 +227,11 @@ impl PlcProgram for Sequences {
         })
     }
 
+    fn marks(&self, station: usize) -> [u32; 2] {
+        let count = |marks: usize| u32::try_from(marks).unwrap_or(u32::MAX);
+        self.parts.get(station).map_or([0; 2], |part| [part.passages.len(), part.passed].map(count))
+    }
+
     fn totals(&self, station: usize) -> Totals {
         self.parts.get(station).map(|part| part.sequence.totals()).unwrap_or_default()
     }

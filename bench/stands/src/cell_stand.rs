@@ -13,6 +13,7 @@ use records::cell_results::CellAttached;
 use records::exit::Failure;
 use records::faults::Fault;
 use records::schedule::Step;
+use records::trace::Recording;
 use records::voice::Voice;
 
 /// A connected PLC and its robots, in real or virtual time.
@@ -39,6 +40,11 @@ pub trait CellStand: Sized {
 
     /// Returns the conditions since the start.
     fn health(&self) -> CellHealth;
+
+    /// Returns the recording of each station in the last run, in the order of the setup; empty if nothing was recorded.
+    fn recordings(&self) -> &[Recording] {
+        &[]
+    }
 
     /// Ends all nodes and the captures, and returns the conditions up to the end; `None` if the last ones that the stand returned
     /// are final. Captures held in memory are written only if `keeps_capture`.

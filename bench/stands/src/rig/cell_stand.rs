@@ -4,10 +4,12 @@ use ::node::report::NodeReport;
 
 use super::error::at_start;
 use super::rig_node::RigNode;
+use super::robot::RigRobot;
 use super::{Rig, RigConfig};
-use crate::cell_measured::{CellHealth, CellMeasured, StationHealth};
+use crate::cell_measured::{CellHealth, CellMeasured};
 use crate::cell_stand::{CellConfig, CellStand};
 use records::cell_results::CellAttached;
+use records::conditions::Health;
 use records::exit::Failure;
 use records::schedule::Step;
 
@@ -54,16 +56,17 @@ impl CellStand for Rig {
     fn health(&self) -> CellHealth {
         let reports = self.reports();
         let cyclic = |report: &NodeReport| report.allocations.map(|allocations| allocations.while_cyclic);
-        let station = |(robot, report): (&super::RigRobot, &NodeReport)| StationHealth {
-            robot: (&report.cycle).into(),
-            plc_bus: robot.frames,
-            robot_bus: report.bus,
-        };
-        let all = std::iter::once(&reports.plc).chain(&reports.robots);
-        CellHealth {
+        let station = |(robot, report): (&RigRobot, &NodeReport)| Health {
             plc: (&reports.plc.cycle).into(),
+            robot: (&report.cycle).into(),
+            bus: robot.frames,
+            robot_bus: report.bus,
+            images: [reports.plc.images, report.images],
+            allocations: cyclic(&reports.plc).zip(cyclic(report)).map(|(plc, robot)| [plc, robot]),
+            ..Health::default()
+        };
+        CellHealth {
             stations: self.robots.iter().zip(&reports.robots).map(station).collect(),
-            allocations: all.map(cyclic).sum(),
             faults: self.fault_report(),
             repeated: self.repeated.clone(),
             remarks: self.remarks.clone(),

@@ -13,7 +13,7 @@ use super::rig_node::RigNode;
 use super::robot::RigRobot;
 use super::{Rig, RigError};
 use crate::Unreported;
-use crate::cell_measured::{CellMeasured, StationMeasured};
+use crate::cell_measured::CellMeasured;
 use records::conditions::Measured;
 use records::schedule::PAUSE;
 use records::trace::Window;
@@ -46,15 +46,14 @@ impl Rig {
         overrides: Option<OverrideSchedule>,
     ) -> Result<CellMeasured, RigError> {
         self.run_once(execution_type, overrides).await?;
-        let station = |index| {
-            let robot = self.robots.get(index);
-            let passages = robot.map_or_else(Vec::new, |robot: &RigRobot| robot.passages.clone());
-            Ok(StationMeasured { measured: self.measured(index)?, passages })
-        };
-        let stations = (0..self.robots.len()).map(station).collect::<Result<_, RigError>>()?;
+        let mut stations = Vec::with_capacity(self.robots.len());
+        for (index, robot) in self.robots.iter().enumerate() {
+            stations.push((self.measured(index)?, robot.passages.as_slice()));
+        }
         let began = self.robots.iter().map(|robot| robot.told.began_ns()).collect::<Option<Vec<_>>>();
-        let start_skew = began.and_then(|began| Some(began.iter().max()? - began.iter().min()?));
-        Ok(CellMeasured { stations, start_skew: start_skew.map(Duration::from_nanos) })
+        let skew_ns = began.and_then(|began| Some(began.iter().max()? - began.iter().min()?));
+        // The nodes of one host have one clock, by which the PLC's is the true time.
+        Ok(CellMeasured::of(stations, skew_ns.map(Duration::from_nanos), |at| at))
     }
 
     /// Runs the sequence once, and takes the reports of all nodes.

@@ -5,38 +5,35 @@ use std::time::Duration;
 use ::node::report::LatenessReport;
 use anyhow::Context as _;
 use machine::Instant;
-use plc_node::{Execution, PlcEvent, PlcReport};
+use plc_node::{Execution, PlcEvent, PlcProgram as _, PlcReport};
 use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use robot_node::RobotEvent;
-use virtual_time::Clock;
 
 use super::cell::{CellEvent, CellNode, RobotId, VirtualCell};
 use super::cell_faults::CellFaults;
+use super::cell_watch::CellWatch;
 use super::new_cell::{NewCell, switch_on};
 use super::nodes::{CONNECT, LONGEST_RUN, NeverEnded};
 use crate::Unreported;
-use crate::cell_measured::{CellHealth, CellMeasured, StationHealth, StationMeasured};
+use crate::cell_measured::{CellHealth, CellMeasured};
 use crate::cell_stand::{CellConfig, CellStand};
 use crate::planned_station::PlannedStation;
 use crate::under_faults;
-use records::conditions::{Interference, Measured, MotionTotals};
+use records::cell_results::start_skew;
+use records::conditions::{Health, Interference, Measured, MotionTotals};
 use records::exit::{Exit, Failure};
 use records::faults::Fault;
 use records::not_ready::NotReady;
 use records::schedule::Step;
+use records::trace::Recording;
 
 /// The nodes of a cell in virtual time.
 pub struct CellRun {
     cell: VirtualCell,
     names: Vec<String>,
-    clocks: Vec<Clock>,
+    watch: CellWatch,
     /// What each robot reported of the current run, or of the last one.
     moved: Vec<MotionTotals>,
-    /// Half of the shortest robot cycle: looked at so often, no cycle is missed.
-    look: Duration,
-    /// When each arm moved first in this run, in true time.
-    began: Vec<Option<Instant>>,
-    is_started: bool,
     faults: CellFaults,
 }
 
@@ -55,6 +52,10 @@ impl CellStand for CellRun {
 
     fn health(&self) -> CellHealth {
         Self::health(self)
+    }
+
+    fn recordings(&self) -> &[Recording] {
+        self.watch.recordings()
     }
 
     async fn finish(self, _keeps_capture: bool) -> Result<Option<CellHealth>, Failure> {
@@ -79,17 +80,16 @@ impl CellRun {
     /// The same.
     pub fn start_with(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<Self> {
         let NewCell { cell, clocks } = switch_on(stations, seed, faults)?;
-        let cycles = stations.iter().map(|station| station.setup.robot.cycle_us.value);
-        let look = Duration::from_micros(u64::from(cycles.min().unwrap_or(1_000))) / 2;
-        let count = stations.len();
+        let cycles_us = stations
+            .iter()
+            .flat_map(|station| [&station.setup.robot.cycle_us, &station.setup.plc.scan_cycle_us])
+            .map(|cycle| u64::from(cycle.value));
+        let shortest = Duration::from_micros(cycles_us.min().unwrap_or(1_000));
         let mut run = Self {
             cell,
             names: stations.iter().map(|station| station.name.clone()).collect(),
-            clocks,
-            moved: vec![MotionTotals::default(); count],
-            look: look.max(Duration::from_micros(1)),
-            began: vec![None; count],
-            is_started: false,
+            watch: CellWatch::new(clocks, shortest),
+            moved: vec![MotionTotals::default(); stations.len()],
             faults: CellFaults::of(stations, faults),
         };
         run.connect()?;
@@ -131,17 +131,16 @@ impl CellRun {
     /// Returns the PLC's next event up to `until` in true time.
     fn next_event(&mut self, until: Instant) -> Option<PlcReport> {
         loop {
-            let look = self.looks().then(|| self.cell.now() + self.look);
+            let look = self.watch.next_look(self.cell.now());
             let stop = [look, self.faults.next()].into_iter().flatten().fold(until, Instant::min);
             let event = self.cell.next_event(stop);
-            self.note_beginnings();
+            self.watch.look(&self.cell);
             match event {
                 Some(CellEvent::Plc(report)) => {
-                    if let PlcEvent::Started { .. } = report.event {
+                    if let PlcEvent::Started { at, .. } = report.event {
                         // The motion to the start is not part of the run.
                         self.moved.fill(MotionTotals::default());
-                        self.began.fill(None);
-                        self.is_started = true;
+                        self.watch.begin(at);
                     }
                     return Some(report);
                 }
@@ -164,24 +163,6 @@ impl CellRun {
                         return None;
                     }
                 }
-            }
-        }
-    }
-
-    /// Returns whether an arm has yet to move in this run.
-    fn looks(&self) -> bool {
-        self.is_started && self.began.iter().any(Option::is_none)
-    }
-
-    /// Notes which arms have moved for the first time.
-    fn note_beginnings(&mut self) {
-        if !self.looks() {
-            return;
-        }
-        for (number, (began, clock)) in self.began.iter_mut().zip(&self.clocks).enumerate() {
-            let robot = self.cell.robot(RobotId(number));
-            if began.is_none() && robot.sample().path_speed_mm_s > 0.0 {
-                *began = Some(clock.true_time(robot.ticked_at()));
             }
         }
     }
@@ -219,7 +200,7 @@ impl CellRun {
         let longest = self.cell.now() + LONGEST_RUN;
         let mut finished: Vec<Option<Execution>> = vec![None; self.names.len()];
         while self.cell.now() < longest {
-            let report = self.next_event(longest.min(self.cell.now() + self.look));
+            let report = self.next_event(longest.min(self.cell.now() + self.watch.interval()));
             look(self);
             let Some(PlcReport { station, event }) = report else { continue };
             match event {
@@ -228,12 +209,12 @@ impl CellRun {
                         *place = Some(execution);
                     }
                     if finished.iter().all(Option::is_some) {
-                        self.is_started = false;
+                        self.watch.end();
                         return self.measured(finished.into_iter().flatten());
                     }
                 }
                 PlcEvent::Failed(failure) => {
-                    self.is_started = false;
+                    self.watch.end();
                     return Err(anyhow::Error::from(failure).context(self.named(station)));
                 }
                 _ => {}
@@ -255,13 +236,10 @@ impl CellRun {
                 account: Some(of_run.account),
                 interference: Interference::default(),
             };
-            use plc_node::PlcProgram as _;
-            let passages = self.cell.plc().program().passages(index).to_vec();
-            stations.push(StationMeasured { measured, passages });
+            stations.push((measured, self.cell.plc().program().passages(index)));
         }
-        let began = self.began.iter().copied().collect::<Option<Vec<_>>>();
-        let start_skew = began.and_then(|began| Some(began.iter().max()?.since(*began.iter().min()?)));
-        Ok(CellMeasured { stations, start_skew })
+        let start_skew = start_skew(self.watch.recordings());
+        Ok(CellMeasured::of(stations, start_skew, |at| self.watch.true_time_of_plc(at)))
     }
 
     /// Returns how many motions a station's robot has put on its path in its current skill, and how many are executed in the
@@ -279,20 +257,21 @@ impl CellRun {
         self.cell.robot(RobotId(station)).sample().path_speed_mm_s
     }
 
-    /// Returns the conditions of the run so far.
+    /// Returns the conditions of the run so far, at each station.
     #[must_use]
     pub fn health(&self) -> CellHealth {
         let plc = self.cell.plc();
         let station = |number: usize| {
             let robot = self.cell.robot(RobotId(number));
-            StationHealth {
+            Health {
+                plc: (&LatenessReport::from(plc.lateness())).into(),
                 robot: (&LatenessReport::from(robot.lateness())).into(),
-                plc_bus: plc.counters_of(number),
+                bus: plc.counters_of(number),
                 robot_bus: robot.bus().counters(),
+                ..Health::default()
             }
         };
         CellHealth {
-            plc: (&LatenessReport::from(plc.lateness())).into(),
             stations: (0..self.names.len()).map(station).collect(),
             faults: self.faults.report(&self.cell),
             ..CellHealth::default()

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cell           the PLC and its robots in their network
-//! cell_run       runs of a cell with several stations
+//! cell_run       runs of a cell with several stations; cell_watch records them
 //! new_cell       creates its nodes
 //! nodes          the nodes on the cable: from event to event, from the start edge of a run to its end
 //! changes        when the faults change cable, nodes and drives
@@ -15,6 +15,7 @@
 mod cell;
 mod cell_faults;
 mod cell_run;
+mod cell_watch;
 mod changes;
 mod new_cell;
 mod new_nodes;

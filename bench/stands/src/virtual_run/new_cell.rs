@@ -18,6 +18,7 @@ use virtual_time::{Clock, Impairment};
 
 use super::cell::{NewInterface, NewNode, NewStation, VirtualCell};
 use super::cell_faults;
+use super::cell_watch::CellClocks;
 use super::phases::CellPhases;
 use crate::planned_cell::PlannedCell;
 use crate::planned_station::PlannedStation;
@@ -30,10 +31,10 @@ struct NewBus<'a> {
     mac: Mac,
 }
 
-/// A cell that was just switched on, and the clocks of its robots.
+/// A cell that was just switched on, and the clocks of its nodes.
 pub(super) struct NewCell {
     pub(super) cell: VirtualCell,
-    pub(super) clocks: Vec<Clock>,
+    pub(super) clocks: CellClocks,
 }
 
 /// Switches on all nodes of a cell. They do not know each other yet.
@@ -76,7 +77,7 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
     let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work));
     let plc = NewNode { machine: plc, clock: plc_clock, address: None };
     let cell = VirtualCell::of_many(plc, interfaces, robots, seed);
-    Ok(NewCell { cell, clocks: phases.robots })
+    Ok(NewCell { cell, clocks: CellClocks { plc: plc_clock, robots: phases.robots } })
 }
 
 /// Finds the buses of the stations, and the interfaces that they need: buses with one address of the PLC share one, and

@@ -4,11 +4,12 @@ use std::path::PathBuf;
 use std::time::SystemTime;
 
 use ::node::token::ControlToken;
+use planning::PlannedCell;
 use setup::Cell;
 
 use super::super::measurement::GRANTED;
 use super::super::{Capture, RunOptions};
-use super::session::{CellEnded, CellSession};
+use super::session::{CellEnded, CellSession, Judge};
 use crate::COMMIT;
 use records::cell_directory::CellDirectory;
 use records::cell_results::CellResults;
@@ -24,7 +25,6 @@ use stands::cell_stand::{CellConfig, CellStand};
 use stands::planned_station::PlannedStation;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use stands::rig::Rig;
-use stands::verification::StationVerification;
 use stands::virtual_run::CellRun;
 use studies::event_loop::interrupt;
 
@@ -33,6 +33,7 @@ pub(super) struct CellMeasurement<'a> {
     pub(super) options: &'a RunOptions,
     pub(super) faults: Vec<Fault>,
     pub(super) cell: Cell,
+    pub(super) planned: PlannedCell,
     pub(super) stations: Vec<PlannedStation>,
     /// The text of each station's application.
     pub(super) texts: Vec<String>,
@@ -62,7 +63,7 @@ impl CellMeasurement<'_> {
         };
         let host = Host::read(started, COMMIT);
         session.write_host(&host)?;
-        let mut results = CellResults::new(cell, options.mode, schedule);
+        let mut results = CellResults::new(cell, &self.planned, options.mode, schedule);
         results.digests = Some(session.directory.digests().clone());
         let ran = match options.mode {
             Mode::Virtual => self.run_on::<CellRun>(&mut session, host, results).await,
@@ -134,9 +135,12 @@ impl CellMeasurement<'_> {
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
         results.attached = stand.attached();
-        let mut verifications: Vec<_> = self.stations.iter().cloned().map(StationVerification::new).collect();
-        let ended = session.run(&mut stand, &self.schedule, results, &mut verifications, interrupt).await;
+        let mut judge = Judge::new(&self.cell, &self.planned, self.stations.clone());
+        let ended = session.run(&mut stand, &self.schedule, results, &mut judge, interrupt).await;
         let mut ended = ended?;
+        if let Err(error) = session.directory.save_trace(&judge.traces) {
+            ended.and_failure(error, Exit::Internal);
+        }
         match stand.finish(self.wants_capture(ended.exit)).await {
             // The final counts of all nodes belong together; their earlier reports are not simultaneous.
             Ok(Some(health)) if ended.failures.is_empty() => health.write_to(&mut ended.results),

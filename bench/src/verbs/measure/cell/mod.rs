@@ -18,13 +18,14 @@ use records::exit::{Exit, Failure};
 use records::faults::{self, Fault};
 use records::mode::Mode;
 use records::occupied;
+use records::results::Status;
 use records::schedule::Schedule;
 use report::{cell_table, errln, in_shell, outln};
-use session::{CellEnded, record};
+use session::{CellEnded, Judge};
+use stands::cell_stand::CellStand as _;
 use stands::planned_station::PlannedStation;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use stands::rig;
-use stands::verification::StationVerification;
 use stands::virtual_run::CellRun;
 use studies::event_loop::event_loop;
 use studies::outputs::{self, Own};
@@ -44,7 +45,8 @@ pub fn of_several(name: &str) -> Option<Cell> {
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     check_options(options)?;
     let (cell, found) = planning::cell_with_applications(options.setup.name())?;
-    let stations = stations_of(&cell, &found)?;
+    let planned = found.plan(&cell)?;
+    let stations = PlannedStation::all(&planned).map_err(usage)?;
     check_outputs(options, &found)?;
     let faults = flat(&options.fault);
     check_faults(&faults, &cell, options.mode)?;
@@ -68,7 +70,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let texts: Vec<_> = found.stations.iter().map(|station| station.text.clone()).collect();
     let applications = found.text(&cell);
     let measurement =
-        CellMeasurement { options, faults, cell, stations, texts, applications, schedule, token };
+        CellMeasurement { options, faults, cell, planned, stations, texts, applications, schedule, token };
     let (ended, directory) = event_loop()?.block_on(measurement.run())?;
     outln!("{}", cell_table::render(&ended.results));
     print_where(&ended, &directory);
@@ -93,30 +95,26 @@ fn usage(error: impl Into<anyhow::Error>) -> Failure {
     Failure::new(Exit::Usage, error)
 }
 
-/// Plans the stations of a cell.
-pub fn stations_of(cell: &Cell, found: &FoundCell) -> Result<Vec<PlannedStation>, Failure> {
-    PlannedStation::all(&found.plan(cell)?).map_err(usage)
-}
-
 /// Executes a whole schedule in virtual time, without a directory.
 ///
 /// # Errors
 ///
 /// The stations do not connect, or a repetition fails.
 pub fn whole(cell: &Cell, found: &FoundCell, schedule: &Schedule) -> Result<CellResults, Failure> {
-    let mut results = CellResults::new(cell, Mode::Virtual, schedule);
-    let stations = stations_of(cell, found)?;
+    let planned = found.plan(cell)?;
+    let mut results = CellResults::new(cell, &planned, Mode::Virtual, schedule);
+    let stations = PlannedStation::all(&planned).map_err(usage)?;
     // In virtual time nothing but the setup keeps the stations from connecting.
     let mut run = CellRun::start(&stations, schedule.seed).map_err(usage)?;
-    let mut verifications: Vec<_> = stations.into_iter().map(StationVerification::new).collect();
+    let mut judge = Judge::new(cell, &planned, stations);
     for step in schedule.steps() {
         let outcome = CellRun::execute(&mut run, step);
-        if let Err(error) = record(&mut results, &step, outcome, &mut verifications) {
+        if let Err(error) = judge.record(&mut results, &step, outcome, run.recordings()) {
             return Err(Failure::new(Exit::of_run(&error), error.context("the virtual run failed")));
         }
     }
     CellRun::health(&run).write_to(&mut results);
-    results.status = records::results::Status::Complete;
+    results.status = Status::Complete;
     Ok(results)
 }
 

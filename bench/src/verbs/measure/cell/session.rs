@@ -1,5 +1,6 @@
 //! Executes the schedule of a cell. It saves each repetition before the next one starts, so that an early end loses nothing.
 
+use planning::PlannedCell;
 use plc_node::ExecutionType;
 use records::cell_directory::CellDirectory;
 use records::cell_results::{CellResults, CellSample};
@@ -7,10 +8,14 @@ use records::exit::Exit;
 use records::host::Host;
 use records::results::Status;
 use records::schedule::{Schedule, Step};
+use records::trace::{CellTrace, Recording};
 use report::export::Exports;
 use report::progress::Progress;
+use setup::Cell;
 use stands::cell_measured::CellMeasured;
 use stands::cell_stand::CellStand;
+use stands::planned_station::PlannedStation;
+use stands::relative_pose::RelativePose;
 use stands::verification::StationVerification;
 
 /// The files of a run of a cell, and its progress on screen.
@@ -71,7 +76,7 @@ impl CellSession {
         stand: &mut impl CellStand,
         schedule: &Schedule,
         mut results: CellResults,
-        verifications: &mut [StationVerification],
+        judge: &mut Judge,
         interrupt: impl Future<Output = ()>,
     ) -> anyhow::Result<CellEnded> {
         let mut interrupt = std::pin::pin!(interrupt);
@@ -90,7 +95,7 @@ impl CellSession {
                 }
                 outcome = stand.execute(step) => outcome,
             };
-            let outcome = record(&mut results, &step, outcome, verifications);
+            let outcome = judge.record(&mut results, &step, outcome, stand.recordings());
             stand.health().write_to(&mut results);
             results
                 .repeated
@@ -149,22 +154,49 @@ fn failure(error: anyhow::Error, step: &Step, reps: u32) -> anyhow::Error {
     error.context(format!("repetition {execution_type} {repetition} of {reps} failed"))
 }
 
-/// Adds a repetition to the results, as failed if it is not as planned at a station.
-pub(super) fn record(
-    results: &mut CellResults,
-    step: &Step,
-    outcome: anyhow::Result<CellMeasured>,
-    verifications: &mut [StationVerification],
-) -> anyhow::Result<CellSample> {
-    let outcome = outcome.and_then(|measured| {
-        for (verification, of_station) in verifications.iter_mut().zip(&measured.stations) {
-            verification.check(&of_station.measured)?;
+/// What every repetition is compared with, and the traces of the first ones.
+pub(super) struct Judge {
+    verifications: Vec<StationVerification>,
+    relative_pose: RelativePose,
+    /// The first repetition of each type.
+    pub(super) traces: CellTrace,
+}
+
+impl Judge {
+    pub(super) fn new(cell: &Cell, planned: &PlannedCell, stations: Vec<PlannedStation>) -> Self {
+        Self {
+            relative_pose: RelativePose::new(cell, &planned.marks, &stations),
+            verifications: stations.into_iter().map(StationVerification::new).collect(),
+            traces: CellTrace::default(),
         }
-        Ok(measured.sample())
-    });
-    match &outcome {
-        Ok(sample) => results.record(step.execution_type, sample),
-        Err(error) => results.record_failure(step.execution_type, step.repetition, format!("{error:#}")),
     }
-    outcome
+
+    /// Adds a repetition to the results, as failed if it is not as planned at a station.
+    pub(super) fn record(
+        &mut self,
+        results: &mut CellResults,
+        step: &Step,
+        outcome: anyhow::Result<CellMeasured>,
+        recordings: &[Recording],
+    ) -> anyhow::Result<CellSample> {
+        if step.repetition == 1 && !recordings.is_empty() {
+            self.traces.set(step.execution_type, recordings);
+        }
+        let outcome = outcome.and_then(|CellMeasured { mut sample, stations }| {
+            for (verification, of_station) in self.verifications.iter_mut().zip(&stations) {
+                verification.check(of_station)?;
+            }
+            if !recordings.is_empty() {
+                sample.relative_pose_mm = self.relative_pose.of(step.execution_type, recordings)?;
+            }
+            Ok(sample)
+        });
+        match &outcome {
+            Ok(sample) => results.record(step.execution_type, sample),
+            Err(error) => {
+                results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
+            }
+        }
+        outcome
+    }
 }
