@@ -10,7 +10,7 @@ use protocol_linux::{Interface, StopSignals};
 use setup::{Addresses, Bus, BusKind, Cell, Station};
 
 use crate::cell_run_error::CellRunError;
-use crate::interface_option::{BusName, bus_name};
+use crate::interface_option::BusName;
 use crate::message::CellText;
 use crate::role::NodeRole;
 use crate::run::{NodeStart, Prepared, RunOptions, set_up, take_address};
@@ -32,7 +32,7 @@ impl CellBus {
     pub fn of_cell(cell: &Cell) -> Vec<Self> {
         let mut buses: Vec<Self> = Vec::new();
         for (index, station) in cell.stations.iter().enumerate() {
-            let name = bus_name(&station.bus.kind);
+            let name = station.bus.kind.name();
             match buses.iter_mut().find(|bus| bus.name == name) {
                 Some(bus) => bus.stations.push(index),
                 None => buses.push(Self { name, stations: vec![index] }),
@@ -120,7 +120,7 @@ impl RunOptions {
         };
         let mut planned = found.plan(&cell)?;
         let (planned, application) = (planned.stations.swap_remove(index), found.stations[index].clone());
-        let interfaces = self.find_interfaces(&[bus_name(&planned.setup.bus.kind)])?;
+        let interfaces = self.find_interfaces(&[planned.setup.bus.kind.name()])?;
         set_up(&interfaces)?;
         let (setup, plan) = (planned.setup, planned.plan);
         Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })

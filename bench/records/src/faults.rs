@@ -157,6 +157,13 @@ impl Fault {
         self.station.as_deref()
     }
 
+    /// Returns the same fault at a station.
+    #[must_use]
+    pub fn at_station(&self, station: &str) -> Self {
+        let text = self.text.rsplit_once('/').map_or(self.text.as_str(), |(_, fault)| fault);
+        Self { text: format!("{station}/{text}"), station: Some(station.to_owned()), ..self.clone() }
+    }
+
     /// Returns whether it is a fault of the PLC itself, and of no station.
     #[must_use]
     pub const fn is_of_plc(&self) -> bool {

@@ -129,6 +129,13 @@ mod tests {
             "plc=a:1,left=b",
         ];
         let said: Vec<_> = wrong.into_iter().map(|text| check(text).unwrap_err()).collect();
-        insta::assert_snapshot!(said.join("\n"), @"");
+        insta::assert_snapshot!(said.join("\n"), @r"
+        station right has no address: add right=HOST:PORT
+        setup E has no node `rihgt`: did you mean `right`?
+        setup E has no node `robot`: there is plc, left, right
+        left=… is there twice: give each node once
+        plc=HOST:PORT is missing: the PLC starts and times every run
+        `left=b` is not plc=HOST:PORT or robot=HOST:PORT, with several robots STATION=HOST:PORT
+        ");
     }
 }

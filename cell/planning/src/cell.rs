@@ -60,8 +60,8 @@ pub struct PlannedStation {
 /// not have, and an arm without a station.
 pub fn cell_with_applications(name: &str) -> Result<(Cell, FoundCell), Error> {
     let (cell, directory) = setup::cell(name)?;
-    let built_in = [setup::SETUPS, setup::CELLS].iter().find_map(|all| setup::built_in(all, name));
-    let origin = built_in.map_or_else(|| name.to_owned(), |(known, _)| format!("built-in setup {known}"));
+    let origin = setup::built_in_setup(name)
+        .map_or_else(|| name.to_owned(), |(known, _)| format!("built-in setup {known}"));
     let (marks, stations) = match &cell.application {
         Some(application) => of_one_application(&origin, &cell, application, directory.as_deref())?,
         None => {

@@ -41,7 +41,7 @@ use studies::outputs::{self, Own};
 /// The options, the setup, the computer or the disk does not allow it. A failed repetition is not an error: the table
 /// is printed as far as it is complete, and the exit code reports the failure.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
-    if cell::of_several(options.setup.name()).is_some() {
+    if options.setup.of_several().is_some() {
         return cell::run(options);
     }
     let (setup, found) = load(options)?;

@@ -69,6 +69,10 @@ impl StationVerification {
         if found != wanted {
             return Err(Difference::Executed { found, planned: wanted }.into());
         }
+        let robot = &self.station.planned.robot;
+        if let Some(quality) = measured.quality.as_ref().filter(|_| robot.drives.is_some()) {
+            drives::check(robot, quality, account, &alone)?;
+        }
         compare_ends("by the robot", &account.end, &planned.end)?;
         compare_ends("by the PLC", &execution.commanded.end.map(f64::from), &planned.end)?;
         // A continuous motion that waits at a mark takes longer by that.

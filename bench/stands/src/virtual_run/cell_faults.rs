@@ -21,6 +21,7 @@ pub(super) struct CellFaults {
     ready: Option<Instant>,
     /// How many cuts of each cable last.
     cuts: Vec<u32>,
+    has_killed_plc: bool,
 }
 
 /// Returns the faults of a station.
@@ -39,12 +40,12 @@ impl CellFaults {
             })
             .collect();
         changes.sort_by_key(|(at, ..)| std::cmp::Reverse(*at));
-        Self { cuts: vec![0; of_stations.len()], of_stations, changes, ready: None }
+        Self { cuts: vec![0; of_stations.len()], of_stations, changes, ready: None, has_killed_plc: false }
     }
 
-    /// Starts the time that changes count from: the robots are ready.
-    pub(super) const fn begin(&mut self, now: Instant) {
-        self.ready = Some(now);
+    /// Starts the time that changes count from, once: the robots are ready.
+    pub(super) fn begin(&mut self, now: Instant) {
+        self.ready.get_or_insert(now);
     }
 
     /// Returns the instant of the next change.
@@ -66,7 +67,10 @@ impl CellFaults {
                 *cuts = if change == Change::Cut { *cuts + 1 } else { cuts.saturating_sub(1) };
                 cell.set_cut(robot, *cuts > 0);
             }
-            Change::Kill(NodeRole::Plc) => cell.kill(CellNode::Plc),
+            Change::Kill(NodeRole::Plc) => {
+                self.has_killed_plc = true;
+                cell.kill(CellNode::Plc);
+            }
             Change::Kill(NodeRole::Robot) => cell.kill(CellNode::Robot(robot)),
             Change::Drive(axis, disturbance) => {
                 cell.command_robot(robot, |robot, _| robot.disturb_drive(axis, disturbance));
@@ -75,6 +79,11 @@ impl CellFaults {
             Change::Restart(_) => {}
         }
         true
+    }
+
+    /// Returns whether a fault has killed the PLC.
+    pub(super) const fn has_killed_plc(&self) -> bool {
+        self.has_killed_plc
     }
 
     /// Returns what the faults did so far; `None` without faults at a station.

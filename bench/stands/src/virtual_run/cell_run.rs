@@ -1,5 +1,9 @@
 //! Runs of a cell with several stations in virtual time.
 
+#[cfg(test)]
+mod tests;
+mod waits;
+
 use std::time::Duration;
 
 use ::node::report::LatenessReport;
@@ -13,7 +17,7 @@ use super::cell::{CellEvent, CellNode, RobotId, VirtualCell};
 use super::cell_faults::CellFaults;
 use super::cell_watch::CellWatch;
 use super::new_cell::{NewCell, switch_on};
-use super::nodes::{CONNECT, LONGEST_RUN, NeverEnded};
+use super::nodes::{LONGEST_RUN, NeverEnded, SILENCE};
 use crate::Unreported;
 use crate::cell_measured::{CellHealth, CellMeasured};
 use crate::cell_stand::{CellConfig, CellStand};
@@ -23,7 +27,6 @@ use records::cell_results::start_skew;
 use records::conditions::{Health, Interference, Measured, MotionTotals};
 use records::exit::{Exit, Failure};
 use records::faults::Fault;
-use records::not_ready::NotReady;
 use records::schedule::Step;
 use records::trace::Recording;
 
@@ -34,6 +37,8 @@ pub struct CellRun {
     watch: CellWatch,
     /// What each robot reported of the current run, or of the last one.
     moved: Vec<MotionTotals>,
+    /// The PLC's report of each station in it.
+    finished: Vec<Option<Execution>>,
     faults: CellFaults,
 }
 
@@ -79,53 +84,42 @@ impl CellRun {
     ///
     /// The same.
     pub fn start_with(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<Self> {
+        let mut run = Self::switch_on(stations, seed, faults)?;
+        run.connect()?;
+        Ok(run)
+    }
+
+    /// Switches on the nodes of a cell with these faults; [`connect`](Self::connect) follows.
+    ///
+    /// # Errors
+    ///
+    /// The setup gives no bus endpoint.
+    pub fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<Self> {
         let NewCell { cell, clocks } = switch_on(stations, seed, faults)?;
         let cycles_us = stations
             .iter()
             .flat_map(|station| [&station.setup.robot.cycle_us, &station.setup.plc.scan_cycle_us])
             .map(|cycle| u64::from(cycle.value));
         let shortest = Duration::from_micros(cycles_us.min().unwrap_or(1_000));
-        let mut run = Self {
+        Ok(Self {
             cell,
             names: stations.iter().map(|station| station.name.clone()).collect(),
             watch: CellWatch::new(clocks, shortest),
             moved: vec![MotionTotals::default(); stations.len()],
+            finished: vec![None; stations.len()],
             faults: CellFaults::of(stations, faults),
-        };
-        run.connect()?;
-        run.faults.begin(run.cell.now());
-        Ok(run)
+        })
+    }
+
+    /// Returns the time for which the cell has been on.
+    #[must_use]
+    pub const fn plant_time(&self) -> Duration {
+        self.cell.now().since(Instant::ZERO)
     }
 
     fn named(&self, station: Option<usize>) -> String {
         let name = station.and_then(|station| self.names.get(station));
         name.map_or_else(|| "the cell".to_owned(), |name| format!("station {name}"))
-    }
-
-    fn connect(&mut self) -> anyhow::Result<()> {
-        let until = self.cell.now() + CONNECT;
-        let mut waiting = None;
-        while let Some(PlcReport { station, event }) = self.next_event(until) {
-            match event {
-                PlcEvent::Waiting { for_what, seconds } => {
-                    let why = NotReady::Waiting { seconds, for_what: for_what.to_string() };
-                    waiting = Some((station, why));
-                }
-                PlcEvent::Ready => return Ok(()),
-                PlcEvent::Link(LinkEvent::Down(down)) => {
-                    let mut words = String::new();
-                    let explained = self.cell.plc().explain(station.unwrap_or_default(), &mut words);
-                    if explained.is_err() || words.is_empty() {
-                        words = down.to_string();
-                    }
-                    return Err(NotReady::NotConnected(words)).context(self.named(station));
-                }
-                _ => {}
-            }
-        }
-        let silent = self.cell.plc().stations().iter().position(|station| !station.is_ready());
-        let (station, why) = waiting.unwrap_or((silent, NotReady::Late(CONNECT)));
-        Err(why).context(self.named(station))
     }
 
     /// Returns the PLC's next event up to `until` in true time.
@@ -173,54 +167,49 @@ impl CellRun {
     ///
     /// It failed; the error names the station.
     pub fn execute(&mut self, step: Step) -> anyhow::Result<CellMeasured> {
-        self.execute_watched(step, |_| {})
-    }
-
-    /// Executes one step of a schedule like [`execute`](Self::execute), and has `look` look at the cell in each half robot cycle.
-    ///
-    /// # Errors
-    ///
-    /// It failed; the error names the station.
-    pub fn execute_watched(
-        &mut self,
-        step: Step,
-        mut look: impl FnMut(&Self),
-    ) -> anyhow::Result<CellMeasured> {
-        let until = self.cell.now() + CONNECT;
-        while !self.cell.plc().is_ready() {
-            if self.next_event(until).is_none() {
-                return Err(NotReady::Late(CONNECT).into());
-            }
-        }
-        let start = self.cell.now() + step.pause;
-        while self.next_event(start).is_some() {}
-        self.cell
-            .command_plc(|plc, now| plc.start(now, step.execution_type))
-            .context("cannot start the run")?;
+        self.begin(&step)?;
         let longest = self.cell.now() + LONGEST_RUN;
-        let mut finished: Vec<Option<Execution>> = vec![None; self.names.len()];
         while self.cell.now() < longest {
-            let report = self.next_event(longest.min(self.cell.now() + self.watch.interval()));
-            look(self);
-            let Some(PlcReport { station, event }) = report else { continue };
-            match event {
-                PlcEvent::Finished(execution) => {
-                    if let Some(place) = station.and_then(|station| finished.get_mut(station)) {
-                        *place = Some(execution);
-                    }
-                    if finished.iter().all(Option::is_some) {
-                        self.watch.end();
-                        return self.measured(finished.into_iter().flatten());
+            let scans = self.cell.plc().scans();
+            match self.next_event(self.cell.now() + SILENCE) {
+                Some(report) => {
+                    if let Some(measured) = self.take(report)? {
+                        return Ok(measured);
                     }
                 }
-                PlcEvent::Failed(failure) => {
-                    self.watch.end();
-                    return Err(anyhow::Error::from(failure).context(self.named(station)));
-                }
-                _ => {}
+                None => self.check_scans(scans)?,
             }
         }
         Err(NeverEnded::TooLong.into())
+    }
+
+    /// Waits until the arms are where the run starts, and for the pause, and starts the run.
+    fn begin(&mut self, step: &Step) -> anyhow::Result<()> {
+        self.until_at_start()?;
+        let start = self.cell.now() + step.pause;
+        while self.next_event(start).is_some() {}
+        self.finished.fill(None);
+        self.cell.command_plc(|plc, now| plc.start(now, step.execution_type)).context("cannot start the run")
+    }
+
+    /// Takes an event of the PLC in a run; returns what the run was if it ends it.
+    fn take(&mut self, PlcReport { station, event }: PlcReport) -> anyhow::Result<Option<CellMeasured>> {
+        match event {
+            PlcEvent::Finished(execution) => {
+                if let Some(place) = station.and_then(|station| self.finished.get_mut(station)) {
+                    *place = Some(execution);
+                }
+                let all: Option<Vec<_>> = self.finished.iter().copied().collect();
+                let Some(all) = all else { return Ok(None) };
+                self.watch.end();
+                self.measured(all.into_iter()).map(Some)
+            }
+            PlcEvent::Failed(failure) => {
+                self.watch.end();
+                Err(anyhow::Error::from(failure).context(self.named(station)))
+            }
+            _ => Ok(None),
+        }
     }
 
     fn measured(&self, executions: impl Iterator<Item = Execution>) -> anyhow::Result<CellMeasured> {
@@ -242,21 +231,6 @@ impl CellRun {
         Ok(CellMeasured::of(stations, start_skew, |at| self.watch.true_time_of_plc(at)))
     }
 
-    /// Returns how many motions a station's robot has put on its path in its current skill, and how many are executed in the
-    /// run by the PLC's count.
-    #[must_use]
-    pub fn progress(&self, station: usize) -> (u32, u32) {
-        use plc_node::PlcProgram as _;
-        let accepted = self.cell.robot(RobotId(station)).sample().accepted;
-        (accepted, self.cell.plc().program().totals(station).executed)
-    }
-
-    /// Returns the tool's speed along the path of a station, in mm/s.
-    #[must_use]
-    pub fn path_speed_mm_s(&self, station: usize) -> f32 {
-        self.cell.robot(RobotId(station)).sample().path_speed_mm_s
-    }
-
     /// Returns the conditions of the run so far, at each station.
     #[must_use]
     pub fn health(&self) -> CellHealth {
@@ -275,77 +249,6 @@ impl CellRun {
             stations: (0..self.names.len()).map(station).collect(),
             faults: self.faults.report(&self.cell),
             ..CellHealth::default()
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use plc_node::ExecutionType;
-
-    /// Half cycles within which a robot has reported the end of a motion, and the PLC has seen it.
-    const SETTLED: u32 = 10;
-
-    fn start_with(name: &str, faults: &[Fault]) -> (Vec<PlannedStation>, CellRun) {
-        let (cell, found) = planning::cell_with_applications(name).unwrap();
-        let stations = PlannedStation::all(&found.plan(&cell).unwrap()).unwrap();
-        let run = CellRun::start_with(&stations, 1, faults).unwrap();
-        (stations, run)
-    }
-
-    fn step(execution_type: ExecutionType) -> Step {
-        Step { execution_type, repetition: 1, pause: records::schedule::PAUSE, overrides: None }
-    }
-
-    #[test]
-    fn an_arm_that_is_killed_in_a_run_fails_it_and_the_error_names_its_station() {
-        for (killed, name) in ["station left", "station right"].into_iter().enumerate() {
-            for execution_type in ExecutionType::ALL {
-                let fault = format!("{}/kill-robot-at=700ms", ["left", "right"][killed]).parse().unwrap();
-                let (_, mut run) = start_with("E", &[fault]);
-                let error = format!("{:#}", run.execute(step(execution_type)).unwrap_err());
-                assert!(error.starts_with(name), "{execution_type}: {error}");
-            }
-        }
-    }
-
-    #[test]
-    fn no_arm_moves_beyond_a_mark_before_the_other_has_come_to_it() {
-        for cell in ["E", "F"] {
-            let (stations, mut run) = start_with(cell, &[]);
-            for execution_type in ExecutionType::ALL {
-                let (mut moving_beyond, mut moving, mut last) =
-                    (0, vec![0; stations.len()], vec![0; stations.len()]);
-                run.execute_watched(step(execution_type), |run| {
-                    for (one, station) in stations.iter().enumerate() {
-                        // The robot moves, and the PLC has seen it come to the end of the section.
-                        let (_, executed) = run.progress(one);
-                        // The last cycle of a motion still has a speed.
-                        let is_moving = run.path_speed_mm_s(one) > 0.0 && executed == last[one];
-                        moving[one] = if is_moving { moving[one] + 1 } else { 0 };
-                        last[one] = executed;
-                        for wait in &station.waits {
-                            let is_beyond = executed as usize > wait.after
-                                || executed as usize == wait.after && moving[one] > SETTLED;
-                            if !is_beyond {
-                                continue;
-                            }
-                            moving_beyond += 1;
-                            for (other, others) in stations.iter().enumerate() {
-                                let there = others.waits.iter().find(|there| there.mark == wait.mark);
-                                let come = run.progress(other).1 as usize;
-                                assert!(
-                                    there.is_none_or(|there| come >= there.after),
-                                    "{cell} {execution_type} {wait:?}"
-                                );
-                            }
-                        }
-                    }
-                })
-                .unwrap();
-                assert!(moving_beyond > 0);
-            }
         }
     }
 }

@@ -42,11 +42,6 @@ impl CellWatch {
         self.start.map(|_| now + self.interval)
     }
 
-    /// Returns the interval between two looks.
-    pub(super) const fn interval(&self) -> Duration {
-        self.interval
-    }
-
     /// Begins the recording of a run; `at` is its start edge by the PLC's clock.
     pub(super) fn begin(&mut self, at: Instant) {
         self.start = Some(self.true_time_of_plc(at));

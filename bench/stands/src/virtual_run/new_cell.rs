@@ -11,7 +11,6 @@ use plc_node::bus::PlcBus;
 use plc_node::{MotionList, PlacedStation, PlcConfig, PlcNode, Scan, Sequences};
 use protocol::fieldbus::StationId;
 use records::faults::{self, Fault};
-use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotNode};
 use setup::{Bus, BusKind};
 use virtual_time::{Clock, Impairment};
@@ -19,6 +18,7 @@ use virtual_time::{Clock, Impairment};
 use super::cell::{NewInterface, NewNode, NewStation, VirtualCell};
 use super::cell_faults;
 use super::cell_watch::CellClocks;
+use super::new_nodes::{open_plc, open_robot};
 use super::phases::CellPhases;
 use crate::planned_cell::PlannedCell;
 use crate::planned_station::PlannedStation;
@@ -49,7 +49,7 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
     let plc_clock = phases.plc;
     let mut buses = Vec::with_capacity(new_buses.len());
     for bus in &new_buses {
-        buses.push(open_plc(bus, seed, plc_clock, &mut phases)?);
+        buses.push(open_bus(bus, seed, plc_clock, &mut phases)?);
     }
     let scan_us = &first.setup.plc;
     let scan = Scan::new(
@@ -122,17 +122,12 @@ fn place_of(buses: &[NewBus<'_>], station: usize) -> Option<(usize, StationId)> 
     })
 }
 
-fn open_plc(bus: &NewBus<'_>, seed: u64, clock: Clock, phases: &mut CellPhases) -> anyhow::Result<PlcBus> {
+fn open_bus(bus: &NewBus<'_>, seed: u64, clock: Clock, phases: &mut CellPhases) -> anyhow::Result<PlcBus> {
     let mut described = bus.stations.iter().map(|(_, bus)| *bus);
     let Some(first) = described.next() else { bail!("a bus has no station") };
     let others: Vec<&Bus> = described.collect();
     let start = phases.first(clock, first.cycle_us.value);
-    let mut plc = plc_node::bus::open_all(first, &others, bus.mac, seed, start)?;
-    // All addresses of a cell differ, which its setup was checked for.
-    if let PlcBus::EthernetIp(scanner) = &mut plc {
-        scanner.stop_conflict_detection();
-    }
-    Ok(plc)
+    Ok(open_plc(first, &others, bus.mac, seed, start)?)
 }
 
 fn new_robot(
@@ -148,11 +143,7 @@ fn new_robot(
     // Each robot draws numbers of its own.
     let seed = seed.wrapping_add(index as u64);
     let mac = robot_mac(index);
-    let mut of_robot =
-        robot_node::bus::open(bus, mac, None, seed, || phases.first(clock, bus.cycle_us.value));
-    if let RobotBus::EthernetIp(adapter) = &mut of_robot {
-        adapter.stop_conflict_detection();
-    }
+    let of_robot = open_robot(bus, mac, seed, || phases.first(clock, bus.cycle_us.value));
     let start = phases.first(clock, station.setup.robot.cycle_us.value);
     let store = Program::of_sections(&station.planned.motions, &station.sections);
     let machine = RobotNode::new(station.planned.robot.clone(), store, of_robot, seed, start);

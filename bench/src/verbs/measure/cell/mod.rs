@@ -30,12 +30,6 @@ use stands::virtual_run::CellRun;
 use studies::event_loop::event_loop;
 use studies::outputs::{self, Own};
 
-/// Returns the cell of a setup with several stations; `None` for a setup of one robot, and for one that cannot be read: its own
-/// verb says why.
-pub fn of_several(name: &str) -> Option<Cell> {
-    setup::cell(name).ok().map(|(cell, _)| cell).filter(|cell| !cell.is_one())
-}
-
 /// Runs a cell and prints its table.
 ///
 /// # Errors
