@@ -57,13 +57,13 @@ pub struct CellResults {
     /// Allocations of the cyclic threads since the connections were up; absent if they are not counted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cyclic_allocations: Option<CellAllocations>,
-    /// What the injected faults did; absent without faults.
+    /// Effect of the injected faults; absent without faults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub faults: Option<FaultReport>,
     /// Repetitions that were run again because the host stalled a node until a connection was lost: which, and why.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub repeated: Vec<String>,
-    /// What was remarkable about the connections.
+    /// Remarks on the connections.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
     /// AETi of the cell, (SM − CM) / SM, 0…1; null if either is missing.
@@ -78,9 +78,9 @@ pub struct CellResults {
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CellAllocations {
-    /// Of the PLC.
+    /// Allocations of the PLC.
     pub plc: u64,
-    /// Of the robots, in the order of the stations.
+    /// Allocations of the robots, in the order of the stations.
     pub robots: Vec<u64>,
 }
 

@@ -49,20 +49,20 @@ impl MotionTotals {
     }
 }
 
-/// What a robot node told of a skill.
+/// A robot node's report on a skill.
 #[derive(Debug)]
-struct Told {
+struct SkillReport {
     number: u16,
     totals: MotionTotals,
     /// When the first motion began, by the host's clock.
     began_ns: Option<u64>,
 }
 
-/// What a robot node told of its skills since a run was asked for. A run may begin with a move to the start, which is not
+/// A robot node's reports on its skills since a run was asked for. A run may begin with a move to the start, which is not
 /// part of it.
 #[derive(Debug, Default)]
 pub struct ToldSkills {
-    told: Vec<Told>,
+    reports: Vec<SkillReport>,
     /// Number of the last command before those of the run, if the run has begun.
     after: Option<u16>,
 }
@@ -73,7 +73,7 @@ impl ToldSkills {
         self.after = Some(number);
     }
 
-    /// Adds what the robot node told of the skill of this number.
+    /// Adds the robot node's report on the skill of this number.
     pub fn add(
         &mut self,
         number: u16,
@@ -84,17 +84,17 @@ impl ToldSkills {
     ) {
         let mut totals = MotionTotals::default();
         totals.add(motions, quality, account);
-        self.told.push(Told { number, totals, began_ns });
+        self.reports.push(SkillReport { number, totals, began_ns });
     }
 
     /// Returns the skills of the run, in order.
-    fn skills(&self) -> impl Iterator<Item = &Told> {
+    fn skills(&self) -> impl Iterator<Item = &SkillReport> {
         // Numbers go round.
         let is_of_run = |number: u16| self.after.is_none_or(|after| number.wrapping_sub(after) as i16 > 0);
-        self.told.iter().filter(move |skill| is_of_run(skill.number))
+        self.reports.iter().filter(move |skill| is_of_run(skill.number))
     }
 
-    /// Returns when the first motion of the run began, by the host's clock; `None` if the node did not tell.
+    /// Returns when the first motion of the run began, by the host's clock; `None` if the node did not report it.
     #[must_use]
     pub fn began_ns(&self) -> Option<u64> {
         self.skills().find_map(|skill| skill.began_ns)
@@ -104,7 +104,7 @@ impl ToldSkills {
     #[must_use]
     pub fn of_run(&self) -> MotionTotals {
         let mut totals = MotionTotals::default();
-        for Told { totals: of_skill, .. } in self.skills() {
+        for SkillReport { totals: of_skill, .. } in self.skills() {
             totals.add(of_skill.motions, of_skill.quality, of_skill.account);
         }
         totals

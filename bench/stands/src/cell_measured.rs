@@ -1,4 +1,4 @@
-//! What a run of a cell with several stations was, and its conditions.
+//! Result of one run of a cell with several stations, and the conditions of the measurement.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use records::faults::FaultReport;
 /// A finished run of a cell.
 #[derive(Clone, Debug)]
 pub struct CellMeasured {
-    /// What is saved of it.
+    /// Its saved part.
     pub sample: CellSample,
     /// The PLC's report and the robot's of each station, in the order of the setup.
     pub stations: Vec<Measured>,
@@ -51,7 +51,7 @@ pub struct CellHealth {
     pub faults: Option<FaultReport>,
     /// Repetitions that were run again because the host stalled a node until a connection was lost: which, and why.
     pub repeated: Vec<String>,
-    /// What was remarkable about the connections.
+    /// Remarks on the connections.
     pub remarks: Vec<String>,
     /// Time from the start of the nodes until the robots were ready; `None` in virtual mode and if the nodes already ran.
     pub connected_after: Option<Duration>,

@@ -1,4 +1,4 @@
-//! What a measurement of a cell with several stations runs on: like a [`Stand`](crate::Stand), with all stations of a run.
+//! The stand of a measurement of a cell with several stations: like a [`Stand`](crate::Stand), with all stations of a run.
 
 use std::path::Path;
 
@@ -70,7 +70,7 @@ pub struct CellConfig<'a> {
     pub seed: u64,
     /// The run directory: node processes read the setup from it; captures are written to it.
     pub directory: &'a Path,
-    /// How much of a capture is kept; `None` for no captures.
+    /// Retained part of a capture; `None` for no captures.
     pub capture: Option<Retention>,
     /// Faults of the cables and of the nodes.
     pub faults: &'a [Fault],

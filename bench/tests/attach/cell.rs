@@ -175,7 +175,7 @@ pub(crate) fn attached_nodes_of_a_cell_that_are_others_or_missing_are_named_befo
     assert_eq!((code, error.trim()), (Some(2), "error: station right has no address: add right=HOST:PORT"));
     let (code, error) = cell.refused(&changed(cell.place.path()), ALL);
     assert_eq!(code, Some(2), "{error}");
-    let key = "in its setup, `station.right.robot.skill_overhead_us.value` is";
+    let key = "in its setup, `station.right.robot.skill_overhead_us` is 38800";
     assert!(
         error.contains("the plc-node at 10.77.0.1:7700 runs another cell") && error.contains(key),
         "{error}"

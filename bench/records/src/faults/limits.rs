@@ -106,7 +106,7 @@ pub enum WrongStation {
         /// The fault.
         fault: String,
     },
-    /// There is no such station.
+    /// The setup has another set of stations.
     #[error("`{fault}`: setup {setup} has no station `{station}`: {}", meant_or_all(station, &stations.iter().map(String::as_str).collect::<Vec<_>>()))]
     Unknown {
         /// The fault.

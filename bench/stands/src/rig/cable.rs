@@ -28,7 +28,7 @@ pub(super) struct FarEnd<'a> {
     pub(super) interface: &'a str,
 }
 
-/// What a cable with faults writes: only its middle knows which fault met which frame.
+/// Outputs of a cable with faults: only its middle knows which fault met which frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Observed<'a> {
     /// Files of the captures at the far end and at the robot's, and how much is kept.

@@ -5,7 +5,7 @@ use std::future::pending;
 
 use tokio::time::{Instant, sleep_until};
 
-use super::layout::Layout;
+use super::layout::RigLayout;
 use records::faults::{Change, Fault};
 
 /// Changes still to be made, by time, each with the index of its station.
@@ -14,7 +14,7 @@ pub(super) struct Changes(VecDeque<(Instant, usize, Change)>);
 
 impl Changes {
     /// Takes the changes of nodes among these faults; their times count from now.
-    pub(super) fn from_now(layout: &Layout, faults: &[Fault]) -> Self {
+    pub(super) fn from_now(layout: &RigLayout, faults: &[Fault]) -> Self {
         let now = Instant::now();
         let changes = layout.changes(faults).into_iter();
         Self(changes.map(|(after, station, change)| (now + after, station, change)).collect())

@@ -8,7 +8,7 @@ use capture_file::Retention;
 use setup::{Cell, Cyclic, Setup};
 
 use super::frames::FrameLog;
-use super::layout::Layout;
+use super::layout::RigLayout;
 use records::faults::Fault;
 use records::feed::Feed;
 use records::trace::tables;
@@ -20,7 +20,7 @@ pub struct RigConfig {
     /// A built-in setup's name, or the path of a file.
     pub setup: OsString,
     /// The connections.
-    pub layout: Layout,
+    pub layout: RigLayout,
     /// The shortest watchdog time of the setup's connections.
     pub watchdog: Duration,
     /// How PROFINET's cyclic frames are sent, instead of the setup's choice.
@@ -53,16 +53,16 @@ impl RigConfig {
     /// Creates the configuration of a rig of this setup without captures, traces and faults. The nodes read the setup
     /// from `read_from`.
     pub fn new(setup: &Setup, read_from: impl Into<OsString>) -> Self {
-        Self::of(Layout::of_one(), setup.bus.watchdog(), read_from.into())
+        Self::of(RigLayout::of_one(), setup.bus.watchdog(), read_from.into())
     }
 
     /// Creates the same for a cell with several stations.
     pub fn of_cell(cell: &Cell, read_from: impl Into<OsString>) -> Self {
         let watchdogs = cell.stations.iter().map(|station| station.bus.watchdog());
-        Self::of(Layout::of_cell(cell), watchdogs.min().unwrap_or_default(), read_from.into())
+        Self::of(RigLayout::of_cell(cell), watchdogs.min().unwrap_or_default(), read_from.into())
     }
 
-    fn of(layout: Layout, watchdog: Duration, setup: OsString) -> Self {
+    fn of(layout: RigLayout, watchdog: Duration, setup: OsString) -> Self {
         Self {
             setup,
             layout,

@@ -190,7 +190,7 @@ pub enum RigError {
         station: Option<String>,
         /// Time without progress, in s.
         seconds: u32,
-        /// What it waits for.
+        /// Its reason.
         reason: String,
     },
     /// A node sent a line that is no message.

@@ -50,7 +50,7 @@ impl Rig {
         for (index, robot) in self.robots.iter().enumerate() {
             stations.push((self.measured(index)?, robot.passages.as_slice()));
         }
-        let began = self.robots.iter().map(|robot| robot.told.began_ns()).collect::<Option<Vec<_>>>();
+        let began = self.robots.iter().map(|robot| robot.skills.began_ns()).collect::<Option<Vec<_>>>();
         let skew_ns = began.and_then(|began| Some(began.iter().max()? - began.iter().min()?));
         // The nodes of one host have one clock, by which the PLC's is the true time.
         Ok(CellMeasured::of(stations, skew_ns.map(Duration::from_nanos), |at| at))
@@ -80,11 +80,11 @@ impl Rig {
         let unfinished = || RigError::NoAnswer { node: self.name(RigNode::Plc), waited: ANSWER };
         let robot = self.robots.get(station).ok_or_else(unfinished)?;
         let run = robot.finished.ok_or_else(unfinished)?;
-        let told = robot.told.of_run();
-        let moved = told.of(run.motions);
+        let reported = robot.skills.of_run();
+        let moved = reported.of(run.motions);
         if moved.is_none() && robot.node.is_some() {
             // Without the robot's report the run could not be verified.
-            let unreported = Unreported { executed: run.motions, reported: told.motions };
+            let unreported = Unreported { executed: run.motions, reported: reported.motions };
             return Err(RigError::Unreported { station: robot.station.clone(), unreported });
         }
         let interference = self.reports.counts(station).since(&self.first_reports.with.counts(station));

@@ -1,4 +1,4 @@
-//! How the nodes of a rig are connected: the PLC's interfaces, and the station at the other end of each cable.
+//! The connections of a rig: the PLC's interfaces, and the station at the other end of each cable.
 
 use records::faults::{self, Change, Fault};
 use setup::{Bus, Cell};
@@ -8,7 +8,7 @@ use crate::capture::{PLC_FILE, ROBOT_FILE};
 
 /// The connections of a rig.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Layout {
+pub struct RigLayout {
     /// Names of the buses on each interface of the PLC; a setup of one robot does not name its bus.
     interfaces: Vec<Vec<&'static str>>,
     stations: Vec<StationPlace>,
@@ -23,7 +23,7 @@ struct StationPlace {
     on: usize,
 }
 
-impl Layout {
+impl RigLayout {
     /// Returns the connection of a PLC with one robot.
     #[must_use]
     pub fn of_one() -> Self {
@@ -130,8 +130,8 @@ impl Layout {
 mod tests {
     use super::*;
 
-    fn layout(setup: &str) -> Layout {
-        Layout::of_cell(&setup::cell(setup).unwrap().0)
+    fn layout(setup: &str) -> RigLayout {
+        RigLayout::of_cell(&setup::cell(setup).unwrap().0)
     }
 
     #[test]
@@ -140,11 +140,11 @@ mod tests {
         let (e, f) = (layout("E"), layout("F"));
         assert_eq!(e.interface_option(named), "profinet=plc0,ethernet-ip=plc0");
         assert_eq!(f.interface_option(named), "profinet=plc0,ethercat=plc1");
-        assert_eq!(Layout::of_one().interface_option(named), "plc0");
+        assert_eq!(RigLayout::of_one().interface_option(named), "plc0");
         assert_eq!(e.stations_on(0).collect::<Vec<_>>(), [0, 1]);
         assert_eq!(f.stations_on(1).collect::<Vec<_>>(), [1]);
         let captures =
-            [e.plc_capture(0), e.robot_capture(1), f.plc_capture(1), Layout::of_one().robot_capture(0)];
+            [e.plc_capture(0), e.robot_capture(1), f.plc_capture(1), RigLayout::of_one().robot_capture(0)];
         assert_eq!(captures, ["plc.pcapng", "robot-right.pcapng", "plc-ethercat.pcapng", "robot.pcapng"]);
     }
 

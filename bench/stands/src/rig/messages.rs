@@ -237,7 +237,7 @@ impl Rig {
                 Message::Node(RobotMessage::Executed { number, motions, began_ns, quality, account, .. }),
             ) => {
                 if let Some(robot) = self.robots.get_mut(*station) {
-                    robot.told.add(*number, *motions, *began_ns, *quality, *account);
+                    robot.skills.add(*number, *motions, *began_ns, *quality, *account);
                 }
             }
             NodeEvent::Robot(station, message @ (Message::LinkUp | Message::LinkDown { .. })) => {
@@ -269,7 +269,7 @@ impl Rig {
             }
             // Of several stations, each has numbers of its own.
             Message::Node(PlcMessage::Started { after, .. }) if is_one => {
-                concerned.for_each(|robot| robot.told.begin_after(*after));
+                concerned.for_each(|robot| robot.skills.begin_after(*after));
             }
             Message::Node(PlcMessage::MovingToStart) => {
                 self.links = Links { ready: false, moving_to_start: true };

@@ -46,7 +46,7 @@ mod wanted_cell;
 pub use config::RigConfig;
 pub use error::RigError;
 pub use frames::FrameLog;
-pub use layout::Layout;
+pub use layout::RigLayout;
 pub use reports::Reports;
 pub use rig_node::NodeName;
 pub use silence::SilentNode;
@@ -114,7 +114,7 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
 ///
 /// The outer error: the cable cannot be created. The inner error: its sockets cannot be opened.
 pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
-    let layout = Layout::of_one();
+    let layout = RigLayout::of_one();
     let network = NetworkOptions { layout: &layout, capture: None, faults: &[], seed: 0, frames: None };
     let network = RigNetwork::set_up(network)?;
     let open = || {
@@ -141,9 +141,9 @@ pub struct Rig {
     before_run: Reports,
     /// The nodes' reports at the start of the current run.
     first_reports: FirstReports,
-    /// How long each node has sent nothing.
+    /// Time for which each node has sent nothing.
     silence: Silence,
-    /// What the PLC found remarkable about the connections.
+    /// The PLC's remarks on the connections.
     remarks: Vec<String>,
     /// Prints lines beside the progress; `None` where nobody reads them.
     voice: Option<Voice>,
@@ -390,7 +390,7 @@ impl Rig {
     /// A node did not end by itself and was killed, or a capture could not be written. Nothing is left behind in
     /// either case.
     pub async fn stop(&mut self) -> Result<Option<FaultReport>, RigError> {
-        // What is given up here is not reported any more.
+        // The aborted run is not reported any more.
         self.is_running = false;
         let Some(mut network) = self.network.take() else {
             let mut robots = self.robots.iter().filter_map(|robot| robot.node.as_ref());

@@ -13,7 +13,7 @@ use virtual_time::{LinkCounters, Side};
 use super::RigError;
 use super::cable::{Cable, FarEnd, Observed, ROBOT, switch_on};
 use super::frames::FrameLog;
-use super::layout::Layout;
+use super::layout::RigLayout;
 use super::rig_node::RigNode;
 use records::faults::{Fault, FaultReport};
 
@@ -28,11 +28,11 @@ pub(super) fn plc_interface(index: usize) -> String {
     format!("plc{index}")
 }
 
-/// What a network records and which faults it has.
+/// Connections, captures and faults of a network.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NetworkOptions<'a> {
     /// The connections.
-    pub(super) layout: &'a Layout,
+    pub(super) layout: &'a RigLayout,
     /// Directory for captures at all nodes, from the first frame on, and how much is kept.
     pub(super) capture: Option<&'a (PathBuf, Retention)>,
     /// Faults to inject.

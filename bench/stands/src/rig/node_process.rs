@@ -29,9 +29,9 @@ const EXIT_WAIT: Duration = Duration::from_millis(500);
 /// A message of a node, or what the rig observed of it.
 #[derive(Debug)]
 pub(super) enum NodeEvent {
-    /// Of the PLC, and the station that it is about.
+    /// A message of the PLC, and the station that it is about.
     Plc(Option<String>, FromPlc),
-    /// Of the robot of a station.
+    /// A message of the robot of a station.
     Robot(usize, FromRobot),
     UnreadableLine {
         node: RigNode,

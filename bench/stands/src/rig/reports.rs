@@ -18,7 +18,7 @@ pub struct Reports {
 #[derive(Clone, Default, Debug)]
 pub(super) struct FirstReports {
     pub(super) with: Reports,
-    /// Whether that of each node is still to come.
+    /// For each node, true until its report has come.
     pub(super) is_awaited: Vec<bool>,
     /// Reports of each node that were asked for earlier, and come before those.
     pub(super) earlier: Vec<u32>,

@@ -16,12 +16,12 @@ pub(super) struct RigRobot {
     pub(super) station: Option<String>,
     /// `None` if the robot is not one of our nodes, or is not there yet.
     pub(super) node: Option<Node>,
-    /// Whether the connection is up by the PLC.
+    /// The connection is up by the PLC.
     pub(super) is_up_by_plc: bool,
-    /// Whether the connection is up by the robot.
+    /// The connection is up by the robot.
     pub(super) is_up: bool,
-    /// What the robot node told of its skills in the current run, or in the last one.
-    pub(super) told: ToldSkills,
+    /// The robot node's reports on its skills in the current run, or in the last one.
+    pub(super) skills: ToldSkills,
     /// Marks that the arm passed in it.
     pub(super) passages: Vec<MarkPassage>,
     /// The PLC's report of it.
@@ -48,14 +48,14 @@ impl RigRobot {
 
     /// Forgets the last run.
     pub(super) fn begin_run(&mut self) {
-        (self.told, self.finished) = (ToldSkills::default(), None);
+        (self.skills, self.finished) = (ToldSkills::default(), None);
         self.passages.clear();
     }
 
     /// Takes the PLC's report of the run.
     pub(super) fn finish(&mut self, run: Execution) {
         if let Some(after) = run.after {
-            self.told.begin_after(after);
+            self.skills.begin_after(after);
         }
         self.frames = self.frames + run.frames;
         self.finished = Some(run);

@@ -4,7 +4,7 @@ use ::node::message::CellText;
 use ::node::role::NodeRole;
 use setup::{Cell, Difference, Setup};
 
-/// What a node must run.
+/// The setup and application of a node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WantedCell<'a> {
     pub(super) setup: WantedSetup<'a>,
@@ -19,7 +19,7 @@ pub(super) enum WantedSetup<'a> {
     Several(&'a Cell),
 }
 
-/// What each node of a rig must run.
+/// Those of each node of a rig.
 #[derive(Clone, Debug)]
 pub(super) struct WantedCells<'a> {
     pub(super) plc: WantedCell<'a>,
@@ -87,7 +87,7 @@ impl WantedCell<'_> {
                     differences.into_iter().next().map(|difference| in_words("application", difference))
                 }
                 None if cell.application == self.application => None,
-                None => Some("its application is no TOML".to_owned()),
+                None => Some("its application is not TOML".to_owned()),
             }
         })
     }

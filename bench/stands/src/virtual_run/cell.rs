@@ -77,7 +77,7 @@ pub(super) struct NewStation {
     pub(super) mac: Option<Mac>,
     /// Index of the PLC's interface.
     pub(super) on: usize,
-    /// What lies between it and the PLC does this to the PLC's frames, and to the robot's.
+    /// Impairments of the PLC's frames to it, and of its frames.
     pub(super) links: [Impairment; 2],
 }
 

@@ -19,7 +19,7 @@ pub(super) struct CellFaults {
     changes: Vec<(Duration, usize, Change)>,
     /// When the robots were ready.
     ready: Option<Instant>,
-    /// How many cuts of each cable last.
+    /// Number of cuts of each cable that last.
     cuts: Vec<u32>,
     has_killed_plc: bool,
 }

@@ -35,7 +35,7 @@ pub struct CellRun {
     cell: VirtualCell,
     names: Vec<String>,
     watch: CellWatch,
-    /// What each robot reported of the current run, or of the last one.
+    /// Each robot's reports on the current run, or on the last one.
     moved: Vec<MotionTotals>,
     /// The PLC's report of each station in it.
     finished: Vec<Option<Execution>>,

@@ -154,7 +154,7 @@ fn failure(error: anyhow::Error, step: &Step, reps: u32) -> anyhow::Error {
     error.context(format!("repetition {execution_type} {repetition} of {reps} failed"))
 }
 
-/// What every repetition is compared with, and the traces of the first ones.
+/// Comparison of every repetition with the plan, and the traces of the first ones.
 pub(super) struct Judge {
     verifications: Vec<StationVerification>,
     relative_pose: RelativePose,

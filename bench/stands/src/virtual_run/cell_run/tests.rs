@@ -125,7 +125,7 @@ fn a_cut_cable_and_a_killed_plc_fail_the_run_and_are_named() {
     assert!(killed.contains("the plc-node was killed by this run's fault"), "{killed}");
 }
 
-/// A cell whose left robot has drives behind an EtherCAT segment.
+/// A cell whose left robot has drives on an EtherCAT segment.
 fn with_drives() -> (Vec<PlannedStation>, setup::Cell) {
     let (cell, found) = planning::cell_with_applications("E").unwrap();
     let cell = cell.with_station("left", |setup| setup.with_drives(setup::Drives::Ethercat)).unwrap();

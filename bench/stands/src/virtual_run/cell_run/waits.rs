@@ -1,4 +1,4 @@
-//! What a run of a cell waits for: the connections, the arms at the start, and a PLC that runs its scans.
+//! Waits of a run of a cell: for the connections, the arms at the start, and a PLC that runs its scans.
 
 use anyhow::{Context as _, bail};
 use plc_node::{PlcEvent, PlcReport};
