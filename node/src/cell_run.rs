@@ -10,7 +10,7 @@ use protocol_linux::{Interface, StopSignals};
 use setup::{Addresses, Bus, BusKind, Cell, Station};
 
 use crate::cell_run_error::CellRunError;
-use crate::interface_option::{BusName, bus_name};
+use crate::interface_option::BusName;
 use crate::message::CellText;
 use crate::role::NodeRole;
 use crate::run::{NodeStart, Prepared, RunOptions, set_up, take_address};
@@ -32,7 +32,7 @@ impl CellBus {
     pub fn of_cell(cell: &Cell) -> Vec<Self> {
         let mut buses: Vec<Self> = Vec::new();
         for (index, station) in cell.stations.iter().enumerate() {
-            let name = bus_name(&station.bus.kind);
+            let name = station.bus.kind.name();
             match buses.iter_mut().find(|bus| bus.name == name) {
                 Some(bus) => bus.stations.push(index),
                 None => buses.push(Self { name, stations: vec![index] }),
@@ -90,7 +90,7 @@ impl RunOptions {
         let interfaces = self.find_interfaces(&names)?;
         check_interfaces(&cell, &buses, &interfaces.iter().map(Interface::name).collect::<Vec<_>>())?;
         set_up(&interfaces)?;
-        let applications = applications(&cell, &found);
+        let applications = found.text(&cell);
         Ok(PreparedCell { cell, planned, buses, interfaces, applications, signals })
     }
 
@@ -120,7 +120,7 @@ impl RunOptions {
         };
         let mut planned = found.plan(&cell)?;
         let (planned, application) = (planned.stations.swap_remove(index), found.stations[index].clone());
-        let interfaces = self.find_interfaces(&[bus_name(&planned.setup.bus.kind)])?;
+        let interfaces = self.find_interfaces(&[planned.setup.bus.kind.name()])?;
         set_up(&interfaces)?;
         let (setup, plan) = (planned.setup, planned.plan);
         Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })
@@ -181,15 +181,6 @@ fn check_interfaces(cell: &Cell, buses: &[CellBus], interfaces: &[&str]) -> Resu
         }
     }
     Ok(())
-}
-
-/// Returns the text of the application of all stations, or those of each with its station's name in a comment before it.
-fn applications(cell: &Cell, found: &FoundCell) -> String {
-    let texts = found.stations.iter().map(|station| station.text.as_str());
-    if cell.application.is_some() {
-        return texts.take(1).collect();
-    }
-    cell.names().zip(texts).map(|(name, text)| format!("# station {name}\n{text}\n")).collect()
 }
 
 impl PreparedCell {

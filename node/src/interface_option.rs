@@ -2,23 +2,11 @@
 
 use std::str::FromStr;
 
-use setup::BusKind;
-
 /// Name of a kind of bus, as it stands in a setup.
 pub type BusName = &'static str;
 
 /// Every kind of bus.
 const BUSES: [BusName; 3] = ["profinet", "ethernet-ip", "ethercat"];
-
-/// Returns the name of a setup's bus.
-#[must_use]
-pub const fn bus_name(kind: &BusKind) -> BusName {
-    match kind {
-        BusKind::Profinet(..) => "profinet",
-        BusKind::EthernetIp(..) => "ethernet-ip",
-        BusKind::Ethercat(..) => "ethercat",
-    }
-}
 
 /// Network interfaces for the buses of a node, each by its name or its IPv4 address: `eth0` for all buses, or
 /// `profinet=eth0,ethernet-ip=eth1`.
@@ -134,7 +122,7 @@ mod tests {
     #[test]
     fn the_bus_of_every_built_in_setup_may_be_named() {
         for name in ["A", "B", "C", "D"] {
-            let bus = bus_name(&setup::setup(name).unwrap().bus.kind);
+            let bus = setup::setup(name).unwrap().bus.kind.name();
             let option: InterfaceOption = format!("{bus}=eth0").parse().unwrap();
             assert_eq!(option.for_buses(&[bus]), Ok(vec!["eth0"]), "setup {name}");
         }

@@ -22,7 +22,7 @@ use setup::{Cyclic, Setup};
 use crate::Outcome;
 use crate::address_check::{AddressCheckError, check_address};
 use crate::cell_run_error::CellRunError;
-use crate::interface_option::{BusName, InterfaceOption, InterfaceOptionError, bus_name};
+use crate::interface_option::{BusName, InterfaceOption, InterfaceOptionError};
 use crate::message::{CellText, Hello, NodeHost};
 use crate::role::NodeRole;
 use crate::station_file::StationFile;
@@ -123,7 +123,7 @@ impl RunOptions {
         }
         setup::check(&setup)?;
         let plan = application.plan(&setup)?;
-        let interfaces = self.find_interfaces(&[bus_name(&setup.bus.kind)])?;
+        let interfaces = self.find_interfaces(&[setup.bus.kind.name()])?;
         set_up(&interfaces)?;
         Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })
     }

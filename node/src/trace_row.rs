@@ -13,6 +13,9 @@ pub trait TraceSample: Copy + Debug + Send + 'static {
     /// Names of the columns, with units, separated by commas.
     const COLUMNS: &'static str;
 
+    /// The last of these columns, with a comma in front, that older versions did not write.
+    const ADDED: &'static str = "";
+
     /// Appends the columns to a line, separated by commas.
     fn write(&self, line: &mut String);
 

@@ -9,9 +9,9 @@ use protocol::fieldbus::{Counters, Down, LinkEvent};
 use protocol::image::{ErrorNumber, Finding, State};
 use serde::{Deserialize, Serialize};
 
-use crate::WaitingFor;
 use crate::advice::advice;
 use crate::function_blocks::BlockError;
+use crate::{MarkPassage, WaitingFor};
 
 /// How a sequence is run: the paper's execution types (section 6.2).
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug, serde::Serialize, serde::Deserialize)]
@@ -128,6 +128,8 @@ pub enum PlcEvent {
         /// Number of the last command before those of the run.
         after: u16,
     },
+    /// The arms of a mark have all come to it, and this one goes on.
+    Passed(MarkPassage),
     /// The run ended as wanted.
     Finished(Execution),
     /// The run ended otherwise.
@@ -169,6 +171,9 @@ pub struct Execution {
     /// What the PLC saw of the robot; `None` from a PLC of an older version.
     #[serde(default)]
     pub seen: Option<Seen>,
+    /// Number of the last command to this robot before those of the run; `None` from a PLC of an older version.
+    #[serde(default)]
+    pub after: Option<u16>,
 }
 
 /// What the PLC saw of the robot in a run, by its images alone.

@@ -6,7 +6,7 @@ use machine::Instant;
 use protocol::image::{Digest, Sum};
 
 use crate::function_blocks::BlockError;
-use crate::{ExecutionType, FailureCause, StartError, Station};
+use crate::{ExecutionType, FailureCause, MarkPassage, StartError, Station};
 
 /// The application program of a [`PlcNode`](crate::PlcNode): it is called once in each scan of a run, with all stations.
 ///
@@ -69,9 +69,20 @@ pub trait PlcProgram: Debug + Send {
         false
     }
 
+    /// Returns how many marks, at which arms wait for each other, a station has come to in this run, or in the last one, and how many it
+    /// has passed.
+    fn marks(&self, _station: usize) -> [u32; 2] {
+        [0; 2]
+    }
+
     /// Returns what a station has executed in this run, or in the last one.
     fn totals(&self, _station: usize) -> Totals {
         Totals::default()
+    }
+
+    /// Returns the marks that a station came to in this run, or in the last one, in order.
+    fn passages(&self, _station: usize) -> &[MarkPassage] {
+        &[]
     }
 
     /// Returns the number and the digest of the motions that the program sent to a station in this run, or in the last one.

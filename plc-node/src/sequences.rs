@@ -152,12 +152,6 @@ impl Sequences {
         self.parts.get(station).map(|part| part.motions.given())
     }
 
-    /// Returns the marks that a station came to in this run, or in the last one, in order.
-    #[must_use]
-    pub fn passages(&self, station: usize) -> &[MarkPassage] {
-        self.parts.get(station).map_or(&[], |part| &part.passages)
-    }
-
     /// Lets the arms pass each mark at which all stand that have it.
     fn pass_marks(&mut self, now: Instant) {
         loop {
@@ -233,8 +227,17 @@ impl PlcProgram for Sequences {
         })
     }
 
+    fn marks(&self, station: usize) -> [u32; 2] {
+        let count = |marks: usize| u32::try_from(marks).unwrap_or(u32::MAX);
+        self.parts.get(station).map_or([0; 2], |part| [part.passages.len(), part.passed].map(count))
+    }
+
     fn totals(&self, station: usize) -> Totals {
         self.parts.get(station).map(|part| part.sequence.totals()).unwrap_or_default()
+    }
+
+    fn passages(&self, station: usize) -> &[MarkPassage] {
+        self.parts.get(station).map_or(&[], |part| &part.passages)
     }
 
     fn sent(&self, station: usize) -> Sum {

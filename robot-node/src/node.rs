@@ -172,6 +172,7 @@ impl<B: Fieldbus> RobotNode<B> {
             joints: *self.controller.reported_joints(),
             altered: self.checker.checks().altered,
             positions: if self.drives.is_some() { Positions::Drives } else { Positions::SetPoints },
+            progress_us: (self.controller.progress_s() * 1e6 + 0.5) as u64,
         }
     }
 

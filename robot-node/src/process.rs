@@ -73,6 +73,10 @@ pub enum RobotMessage {
         motions: u32,
         /// From the cycle that saw the command to the one that reports the end, in ns.
         execution_ns: u64,
+        /// When its first motion began, in ns of `CLOCK_MONOTONIC`; `None` if the arm did not move, and from a node of an older
+        /// version.
+        #[serde(default)]
+        began_ns: Option<u64>,
         /// How well the arm moved meanwhile.
         quality: Quality,
         /// What it did.
@@ -331,12 +335,14 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
                 ending: Ending::Done,
                 executed,
                 execution,
+                began,
                 quality,
                 account,
                 ..
             } => {
                 let execution_ns = u64::try_from(execution.as_nanos()).unwrap_or(u64::MAX);
-                Some(RobotMessage::Executed { number, motions: executed, execution_ns, quality, account })
+                let (motions, began_ns) = (executed, began.map(Instant::as_nanos));
+                Some(RobotMessage::Executed { number, motions, execution_ns, began_ns, quality, account })
             }
             RobotEvent::SkillFinished {
                 number,
@@ -395,7 +401,8 @@ mod tests {
     fn a_single_motion_is_told_without_stops_and_several_with_theirs() {
         let told = |motions| {
             let (quality, account) = (Quality::default(), Account::default());
-            RobotMessage::Executed { number: 3, motions, execution_ns: 516_000_000, quality, account }
+            let execution_ns = 516_000_000;
+            RobotMessage::Executed { number: 3, motions, execution_ns, began_ns: None, quality, account }
                 .to_string()
         };
         assert_eq!(told(1), "command 3: 1 motion in 516.000 ms");

@@ -62,6 +62,22 @@ pub fn rehearse(
     calls: Calls,
     override_percent: u8,
 ) -> Result<Rehearsed, RehearsalError> {
+    rehearse_watched(config, start, motions, stops, (calls, override_percent), &mut |_| {})
+}
+
+/// Executes motions like [`rehearse`], and shows the controller to `watch` after each of its cycles.
+///
+/// # Errors
+///
+/// The same as for [`rehearse`].
+pub fn rehearse_watched(
+    config: &RobotConfig,
+    start: Joints,
+    motions: &[Motion],
+    stops: &[Stop],
+    (calls, override_percent): (Calls, u8),
+    watch: &mut dyn FnMut(&Controller),
+) -> Result<Rehearsed, RehearsalError> {
     let config = RobotConfig {
         home: start,
         interpreter_quantum: Duration::ZERO,
@@ -71,12 +87,12 @@ pub fn rehearse(
     };
     let mut stage = Stage::new(config, Program::new(motions.to_vec(), stops), override_percent);
     match calls {
-        Calls::Program => stage.call(0, motions, Skill::RunProgram)?,
+        Calls::Program => stage.call(0, motions, Skill::RunProgram, watch)?,
         Calls::Singles => {
             for (index, motion) in motions.iter().enumerate() {
                 // A single motion ends in an exact stop.
                 let motion = Motion { approximation: 0, ..*motion };
-                stage.call(index, &[motion], u8::from(motion.kind).into())?;
+                stage.call(index, &[motion], u8::from(motion.kind).into(), watch)?;
             }
         }
         Calls::Continuous => {
@@ -84,7 +100,7 @@ pub fn rehearse(
             let ends = stops.iter().map(|stop| stop.after as usize).chain([motions.len()]);
             for end in ends {
                 if let Some(section) = motions.get(from..end).filter(|section| !section.is_empty()) {
-                    stage.call(from, section, Skill::MoveContinuous)?;
+                    stage.call(from, section, Skill::MoveContinuous, watch)?;
                     from = end;
                 }
             }
@@ -133,7 +149,13 @@ impl Stage {
     }
 
     /// Executes one skill; `first` is the number of its first motion.
-    fn call(&mut self, first: usize, motions: &[Motion], skill: Skill) -> Result<(), RehearsalError> {
+    fn call(
+        &mut self,
+        first: usize,
+        motions: &[Motion],
+        skill: Skill,
+        watch: &mut dyn FnMut(&Controller),
+    ) -> Result<(), RehearsalError> {
         let command = &mut self.command;
         command.control = Control::ENABLE | Control::EXECUTE;
         command.number = command.number.wrapping_add(1).max(1);
@@ -151,6 +173,7 @@ impl Stage {
             command.written = written;
             *at += *cycle;
             self.tick();
+            watch(&self.controller);
             while let Some(event) = self.controller.poll_event() {
                 let done = &mut self.done;
                 if let RobotEvent::SkillFinished { ending, quality, account, .. } = event {

@@ -68,6 +68,9 @@ pub struct Sample {
     pub altered: u64,
     /// Source of joints, pose and path speed.
     pub positions: Positions,
+    /// Law time of the skill that the arm has driven, in µs, see `process-image.md`, Moving together; after the skill's end that of its
+    /// end, until the next command.
+    pub progress_us: u64,
 }
 
 impl Sample {
@@ -91,13 +94,15 @@ impl Default for Sample {
             joints: [0.0; 6],
             altered: 0,
             positions: Positions::SetPoints,
+            progress_us: 0,
         }
     }
 }
 
 impl TraceSample for Sample {
     const COLUMNS: &'static str = "state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,\
-        x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered,positions";
+        x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered,positions,progress";
+    const ADDED: &'static str = ",progress";
 
     fn write(&self, line: &mut String) {
         let Self { state, command, executed, accepted, blends_suppressed, path_speed_mm_s, .. } = self;
@@ -112,7 +117,7 @@ impl TraceSample for Sample {
         for value in &self.joints {
             let _ = write!(line, ",{value:.7}");
         }
-        let _ = write!(line, ",{},{}", self.altered, self.positions);
+        let _ = write!(line, ",{},{},{}", self.altered, self.positions, self.progress_us);
     }
 
     fn read(fields: &mut Fields<'_>) -> Option<Self> {
@@ -143,6 +148,7 @@ impl TraceSample for Sample {
         sample.altered = fields.value()?;
         // Older versions do not name it: their path speed is that of the set-points.
         sample.positions = fields.text().map_or(Some(Positions::SetPoints), |name| name.parse().ok())?;
+        sample.progress_us = fields.text().map_or(Some(0), |value| value.parse().ok())?;
         (sample.queued() == queued).then_some(sample)
     }
 }
@@ -165,6 +171,7 @@ mod tests {
                 joints: [10.0, 20.0, 30.0, 40.0, 0.0, 0.0],
                 altered: 1,
                 positions: Positions::Drives,
+                progress_us: 1_250_000,
             };
             let mut line = String::new();
             sample.write(&mut line);

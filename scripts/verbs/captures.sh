@@ -61,11 +61,16 @@ gate_sees_faults() {
     rm "$broken"
 }
 
+# gate_capture GATE CAPTURE: checks a capture, and that the gate finds faults in it.
+gate_capture() {
+    "$1" "$2"
+    gate_sees_faults "$1" "$2"
+}
+
 # gate_run GATE DIRECTORY: checks the captures of both ends of a run.
 gate_run() {
     local capture
     for capture in "$2/plc.pcapng" "$2/robot.pcapng"; do
-        "$1" "$capture"
-        gate_sees_faults "$1" "$capture"
+        gate_capture "$1" "$capture"
     done
 }

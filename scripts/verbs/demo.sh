@@ -48,6 +48,20 @@ demo_up() {
     demo_compose up --no-color --build --abort-on-container-exit --exit-code-from bench | tee "$1"
 }
 
+# demo_pair: runs a PLC with two robots, and expects a line of both in each repetition.
+demo_pair() {
+    local output="$RUNS/E.txt" run
+    (
+        unset SETUP
+        demo_compose --env-file scripts/demo/pair.env up --no-color \
+            --abort-on-container-exit --exit-code-from bench
+    ) | tee "$output"
+    run=$(ls -d "$RUNS"/*-E-real)
+    [ "$(grep -c ',left,' "$run/samples.csv")" -eq 3 ]
+    [ "$(grep -c ',right,' "$run/samples.csv")" -eq 3 ]
+    demo_compose --env-file scripts/demo/pair.env down
+}
+
 # demo_wrong_robot: starts a robot of another name at the robot's address, and expects that the PLC refuses it.
 demo_wrong_robot() {
     local output
@@ -59,7 +73,7 @@ demo_wrong_robot() {
     grep -m 1 'another station has this IP address' <<<"$output" || { echo "$output"; return 1; }
 }
 
-verb_demo() { #: the containers of docs/permissions.md for real, Setups A, B and C, REPS=1 of each type (as root)
+verb_demo() { #: the containers of docs/permissions.md for real, Setups A, B, C and E, REPS=1 of each type (as root)
     export REPS="${REPS:-1}" PROFILE="${PROFILE:-dev}" COMPOSE_PROJECT_NAME=skillbench-ci IMAGES=skillbench-ci
     export SETUP RUNS BENCH_USER=65534:65534
     trap demo_end EXIT
@@ -77,6 +91,7 @@ verb_demo() { #: the containers of docs/permissions.md for real, Setups A, B and
         grep -q -- '--features mcap' <<<"$output"
         demo_compose down
     done
+    demo_pair
     SETUP=A
     demo_wrong_robot
     docker images --format '{{.Repository}} {{.Size}}' | grep "^$IMAGES/"

@@ -9,9 +9,13 @@ use crate::cell_results::{CellResults, CellSample, StationSample};
 use crate::digest::Digests;
 use crate::run_directory::{Durability, RunDirectory, quoted};
 use crate::schedule::Step;
+use crate::trace::CellTrace;
 
 /// First line of the samples: a line for each repetition and station.
-const SAMPLES_HEAD: &str = "type,repetition,station,execution_ms,robot_execution_ms,blends_suppressed,waiting_ms,start_skew_us,error\n";
+const SAMPLES_HEAD: &str = "type,repetition,station,execution_ms,robot_execution_ms,blends_suppressed,waiting_ms,start_skew_us,relative_pose_mm,error\n";
+
+/// Name of the application of all stations.
+const APPLICATION: &str = "application.toml";
 
 /// The directory of a run of a cell.
 #[derive(Debug)]
@@ -21,21 +25,33 @@ pub struct CellDirectory {
 }
 
 impl CellDirectory {
-    /// Creates the directory, and writes the setup and the text of its application, if it is one for all stations.
+    /// Creates the directory, and writes the setup and the texts of its applications: the one for all stations, or that of each
+    /// under its name.
     ///
     /// # Errors
     ///
     /// It has a file of a run, or cannot be written.
-    pub fn create(path: &Path, cell: &Cell, application: Option<&str>) -> anyhow::Result<Self> {
+    pub fn create(
+        path: &Path,
+        cell: &Cell,
+        applications: &[String],
+        durability: Durability,
+    ) -> anyhow::Result<Self> {
         let mut cell = cell.clone();
-        if application.is_some() {
-            cell.application = Some("application.toml".to_owned());
+        let mut files = Vec::with_capacity(applications.len());
+        if cell.application.is_some() {
+            cell.application = Some(APPLICATION.to_owned());
+            files.extend(applications.first().map(|text| (APPLICATION.to_owned(), text.as_str())));
+        } else {
+            for (station, text) in cell.stations.iter_mut().zip(applications) {
+                station.application = format!("application-{}.toml", station.name);
+                files.push((station.application.clone(), text));
+            }
         }
         let setup = setup::cell_to_toml(&cell)?;
         let mut inputs = vec![("setup.toml", setup.as_str())];
-        inputs.extend(application.map(|text| ("application.toml", text)));
-        // A run in virtual time is repeated by its seed.
-        let directory = RunDirectory::begin(path, &inputs, SAMPLES_HEAD, Durability::Written)?;
+        inputs.extend(files.iter().map(|(name, text)| (name.as_str(), *text)));
+        let directory = RunDirectory::begin(path, &inputs, SAMPLES_HEAD, durability)?;
         Ok(Self { directory, names: cell.names().map(str::to_owned).collect() })
     }
 
@@ -48,6 +64,21 @@ impl CellDirectory {
     #[must_use]
     pub const fn digests(&self) -> &Digests {
         self.directory.digests()
+    }
+
+    /// Returns its path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.directory.path()
+    }
+
+    /// Writes the description of the computer.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    pub fn write_host(&self, json: &str) -> anyhow::Result<()> {
+        self.directory.write_host(json)
     }
 
     /// Writes a finished or failed repetition, and then the results so far.
@@ -65,6 +96,16 @@ impl CellDirectory {
         self.save_results(results)
     }
 
+    /// Writes the tables of each station's robot, and of the PLC's scans for it.
+    ///
+    /// # Errors
+    ///
+    /// A file cannot be written.
+    pub fn save_trace(&self, trace: &CellTrace) -> anyhow::Result<()> {
+        let mut stations = self.names.iter().zip(&trace.stations);
+        stations.try_for_each(|(name, trace)| trace.save_of(self.directory.path(), Some(name)))
+    }
+
     /// Writes the results so far.
     ///
     /// # Errors
@@ -80,13 +121,14 @@ fn sample_lines(names: &[String], step: &Step, outcome: &anyhow::Result<CellSamp
     let Step { execution_type, repetition, .. } = step;
     let sample = match outcome {
         Ok(sample) => sample,
-        Err(error) => return format!("{execution_type},{repetition},,,,,,,{}\n", quoted(error)),
+        Err(error) => return format!("{execution_type},{repetition},,,,,,,,{}\n", quoted(error)),
     };
     let millis = |time: Duration| time.as_nanos() as f64 / 1e6;
     let skew = sample.start_skew.map_or_else(String::new, |it| (it.as_nanos() as f64 / 1e3).to_string());
+    let pose = sample.relative_pose_mm.map_or_else(String::new, |it| it.to_string());
     let line = |(name, one): (&String, &StationSample)| {
         format!(
-            "{execution_type},{repetition},{name},{},{},{},{},{skew},\n",
+            "{execution_type},{repetition},{name},{},{},{},{},{skew},{pose},\n",
             millis(sample.execution),
             millis(one.robot_execution),
             one.blends_suppressed,
@@ -118,15 +160,16 @@ mod tests {
         let sample = CellSample {
             execution: Duration::from_micros(5_520_250),
             start_skew: Some(Duration::from_millis(19)),
+            relative_pose_mm: Some(0.25),
             stations: vec![station(5_000_500), station(5_200_000)],
         };
         let failed = Err(anyhow::anyhow!("the robot said \"no\"\nand stopped").context("station left"));
         let names = ["left".to_owned(), "right".to_owned()];
         let lines = [sample_lines(&names, &step(1), &Ok(sample)), sample_lines(&names, &step(2), &failed)];
         insta::assert_snapshot!(lines.concat(), @r#"
-        cm,1,left,5520.25,5000.5,0,12,19000,
-        cm,1,right,5520.25,5200,0,12,19000,
-        cm,2,,,,,,,"station left: the robot said ""no"" and stopped"
+        cm,1,left,5520.25,5000.5,0,12,19000,0.25,
+        cm,1,right,5520.25,5200,0,12,19000,0.25,
+        cm,2,,,,,,,,"station left: the robot said ""no"" and stopped"
         "#);
     }
 }

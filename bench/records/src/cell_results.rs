@@ -2,15 +2,21 @@
 
 use std::time::Duration;
 
+use planning::{PlannedCell, PlannedStation};
 use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
 use setup::Cell;
 
+use crate::attached::AttachedAt;
+use crate::conditions::Health;
 use crate::digest::Digests;
+use crate::faults::FaultReport;
 use crate::lateness::CycleLateness;
 use crate::mode::Mode;
 use crate::results::{FailedRepetition, Frames, PerType, Status, aet_mad};
 use crate::schedule::Schedule;
+use crate::statistics::{AetMad, aet_improvement};
+use crate::trace::Recording;
 
 /// Version of the format.
 pub const CELL_SCHEMA_VERSION: u32 = 2;
@@ -35,13 +41,57 @@ pub struct CellResults {
     pub status: Status,
     /// The stations, in the order of the setup.
     pub stations: Vec<CellStation>,
+    /// The marks at which arms wait for each other; none in a run of an older version.
+    #[serde(default)]
+    pub marks: Vec<CellMark>,
     /// Results of each type; types that were not requested are absent.
     pub results: PerType<CellTypeResult>,
     /// Lateness of the PLC's scans. In virtual mode nothing is late.
     pub plc_cycle: CycleLateness,
+    /// The nodes that ran already; absent where the bench started them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attached: Option<CellAttached>,
+    /// Time from the start of the nodes until all robots were ready, in ms; absent in virtual mode and for nodes that ran already.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub connected_after_ms: Option<f64>,
+    /// Allocations of the cyclic threads since the connections were up; absent if they are not counted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cyclic_allocations: Option<CellAllocations>,
+    /// Effect of the injected faults; absent without faults.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<FaultReport>,
+    /// Repetitions that were run again because the host stalled a node until a connection was lost: which, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub repeated: Vec<String>,
+    /// Remarks on the connections.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
+    /// AETi of the cell, (SM − CM) / SM, 0…1; null if either is missing.
+    #[serde(default)]
+    pub aet_improvement: Option<f64>,
     /// First 64 bits of the SHA-256 of each value above, of `setup.toml` and of `application.toml`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub digests: Option<Digests>,
+}
+
+/// Allocations of the cyclic threads of a cell.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct CellAllocations {
+    /// Allocations of the PLC.
+    pub plc: u64,
+    /// Allocations of the robots, in the order of the stations.
+    pub robots: Vec<u64>,
+}
+
+/// The nodes of a cell that the bench was attached to.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct CellAttached {
+    /// The PLC.
+    pub plc: AttachedAt,
+    /// The robots, in the order of the stations.
+    pub robots: Vec<AttachedAt>,
 }
 
 /// A station of the cell.
@@ -60,6 +110,44 @@ pub struct CellStation {
     pub cycle: CycleLateness,
     /// Cyclic frames by the PLC's count.
     pub frames: Frames,
+    /// Where the arm waits for others, in order; empty in a run of an older version.
+    #[serde(default)]
+    pub waits: Vec<CellWait>,
+    /// The arm alone, without waits, in virtual time with the same seed; null if it was not run.
+    #[serde(default)]
+    pub alone: Option<Alone>,
+}
+
+/// A mark at which arms wait for each other.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct CellMark {
+    /// Its number.
+    pub number: u32,
+    /// What has happened there.
+    pub name: String,
+    /// Whether its arms move together from here to their next mark.
+    pub together: bool,
+}
+
+/// Where an arm waits for others.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct CellWait {
+    /// Number of the mark.
+    pub mark: u32,
+    /// Motions that the arm has executed there.
+    pub after: usize,
+}
+
+/// What an arm takes alone.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Alone {
+    /// AET and MAD of each type.
+    pub results: PerType<AetMad>,
+    /// AETi, 0…1; null if SM or CM is missing.
+    pub aet_improvement: Option<f64>,
 }
 
 /// Results of one type. The lists have one entry for each repetition that succeeded.
@@ -74,6 +162,10 @@ pub struct CellTypeResult {
     pub samples_ms: Vec<f64>,
     /// True time between the first motions of the arms, in µs; null where an arm did not move.
     pub start_skew_us: Vec<Option<f64>>,
+    /// Largest distance of an arm's tool, seen from another arm's, from where the plan has it at the same progress, in mm: at the marks,
+    /// and where arms move together. Null where it could not be measured; empty in a run of an older version.
+    #[serde(default)]
+    pub relative_pose_mm: Vec<Option<f64>>,
     /// Each station, in the order of the setup.
     pub stations: Vec<StationResult>,
     /// The marks, in the order in which they were passed.
@@ -100,8 +192,52 @@ pub struct StationResult {
 pub struct MarkResult {
     /// Number of the mark.
     pub mark: u32,
-    /// Time between the first and the last arm's arrival, by the scans of the PLC, in µs.
+    /// True time between the scans in which the PLC saw the first and the last arm there, in µs.
     pub skew_us: Vec<f64>,
+}
+
+impl CellTypeResult {
+    /// Returns the mean of the true times between the first motions of the arms, in µs.
+    #[must_use]
+    pub fn mean_start_skew_us(&self) -> Option<f64> {
+        mean(&self.start_skew_us.iter().flatten().copied().collect::<Vec<_>>())
+    }
+
+    /// Returns the longest time between the arrivals at a mark, in µs.
+    #[must_use]
+    pub fn worst_mark_skew_us(&self) -> Option<f64> {
+        self.marks.iter().flat_map(|mark| &mark.skew_us).copied().reduce(f64::max)
+    }
+
+    /// Returns the largest difference of the arms' relative pose from the plan, in mm.
+    #[must_use]
+    pub fn worst_relative_pose_mm(&self) -> Option<f64> {
+        self.relative_pose_mm.iter().flatten().copied().reduce(f64::max)
+    }
+}
+
+impl StationResult {
+    /// Returns the mean time for which the arm stood at marks, in ms.
+    #[must_use]
+    pub fn mean_waiting_ms(&self) -> Option<f64> {
+        mean(&self.waiting_ms)
+    }
+}
+
+/// Returns the mean of values; `None` without any.
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+/// Returns the true time between the first motions of the arms in a repetition; `None` where an arm did not move.
+#[must_use]
+pub fn start_skew(stations: &[Recording]) -> Option<Duration> {
+    let began = |recording: &Recording| {
+        let mut ticks = recording.robot_ticks().iter();
+        ticks.find(|tick| tick.sample.path_speed_mm_s > 0.0).map(|tick| tick.true_ns)
+    };
+    let began: Vec<u64> = stations.iter().map(began).collect::<Option<_>>()?;
+    Some(Duration::from_nanos(began.iter().max()? - began.iter().min()?))
 }
 
 /// One repetition of a cell.
@@ -111,6 +247,8 @@ pub struct CellSample {
     pub execution: Duration,
     /// True time between the first motions of the arms.
     pub start_skew: Option<Duration>,
+    /// Largest difference of the arms' relative pose from the plan, in mm.
+    pub relative_pose_mm: Option<f64>,
     /// Each station, in the order of the setup.
     pub stations: Vec<StationSample>,
 }
@@ -124,14 +262,14 @@ pub struct StationSample {
     pub blends_suppressed: u32,
     /// Time for which the arm stood at marks.
     pub waited: Duration,
-    /// Each mark, and when the arm came to it, from any one instant of the PLC's clock.
+    /// Each mark, and when the arm came to it, in true time.
     pub came: Vec<(u32, Duration)>,
 }
 
 impl CellResults {
     /// Creates the results of a run that is about to start.
     #[must_use]
-    pub fn new(cell: &Cell, mode: Mode, schedule: &Schedule) -> Self {
+    pub fn new(cell: &Cell, planned: &PlannedCell, mode: Mode, schedule: &Schedule) -> Self {
         let mut results = PerType::default();
         let of_type = CellTypeResult {
             stations: vec![StationResult::default(); cell.stations.len()],
@@ -140,6 +278,10 @@ impl CellResults {
         for execution_type in &schedule.types {
             *results.entry(*execution_type) = Some(of_type.clone());
         }
+        let waits = |planned: &PlannedStation| {
+            let waits = planned.plan.waits.iter();
+            waits.map(|wait| CellWait { mark: wait.mark, after: wait.after }).collect()
+        };
         let station = |station: &setup::Station| CellStation {
             name: station.name.clone(),
             application: station.application.clone(),
@@ -147,6 +289,13 @@ impl CellResults {
             robot: station.robot.model.clone(),
             cycle: CycleLateness::default(),
             frames: Frames::default(),
+            waits: planned.station(&station.name).map_or_else(Vec::new, waits),
+            alone: None,
+        };
+        let mark = |mark: &planning::Mark| CellMark {
+            number: mark.number,
+            name: mark.name.clone(),
+            together: mark.together,
         };
         Self {
             schema_version: CELL_SCHEMA_VERSION,
@@ -157,8 +306,16 @@ impl CellResults {
             reps: schedule.reps,
             status: Status::Running,
             stations: cell.stations.iter().map(station).collect(),
+            marks: planned.marks.iter().map(mark).collect(),
             results,
             plc_cycle: CycleLateness::default(),
+            attached: None,
+            connected_after_ms: None,
+            cyclic_allocations: None,
+            faults: None,
+            repeated: Vec::new(),
+            remarks: Vec::new(),
+            aet_improvement: None,
             digests: None,
         }
     }
@@ -170,6 +327,7 @@ impl CellResults {
         let result = self.results.entry(execution_type).get_or_insert_default();
         result.samples_ms.push(millis(sample.execution));
         result.start_skew_us.push(sample.start_skew.map(micros));
+        result.relative_pose_mm.push(sample.relative_pose_mm);
         for (of_station, one) in result.stations.iter_mut().zip(&sample.stations) {
             of_station.robot_samples_ms.push(millis(one.robot_execution));
             of_station.blends_suppressed.push(one.blends_suppressed);
@@ -182,6 +340,24 @@ impl CellResults {
             }
         }
         (result.aet_ms, result.mad_ms) = aet_mad(&result.samples_ms).map(|it| (it.aet_ms, it.mad_ms)).unzip();
+        let aet_ms = |of: &Option<CellTypeResult>| of.as_ref().and_then(|result| result.aet_ms);
+        let (sm, cm) = (aet_ms(&self.results.sm), aet_ms(&self.results.cm));
+        self.aet_improvement = sm.zip(cm).map(|(sm, cm)| aet_improvement(sm, cm));
+    }
+
+    /// Sets the conditions of the run so far, at each station.
+    pub fn set_health(&mut self, health: &[Health]) {
+        for (station, of_station) in self.stations.iter_mut().zip(health) {
+            station.cycle = of_station.robot.clone();
+            station.frames = Frames::of(of_station);
+            // All stations have one PLC.
+            self.plc_cycle = of_station.plc.clone();
+        }
+        let all = health.iter().map(|of_station| of_station.allocations).collect::<Option<Vec<_>>>();
+        self.cyclic_allocations = all.filter(|all| !all.is_empty()).map(|all| CellAllocations {
+            plc: all.first().map_or(0, |[plc, _]| *plc),
+            robots: all.iter().map(|[_, robot]| *robot).collect(),
+        });
     }
 
     /// Adds a failed repetition.

@@ -49,11 +49,20 @@ impl MotionTotals {
     }
 }
 
-/// What a robot node told of its skills since a run was asked for. A run may begin with a move to the start, which is not
+/// A robot node's report on a skill.
+#[derive(Debug)]
+struct SkillReport {
+    number: u16,
+    totals: MotionTotals,
+    /// When the first motion began, by the host's clock.
+    began_ns: Option<u64>,
+}
+
+/// A robot node's reports on its skills since a run was asked for. A run may begin with a move to the start, which is not
 /// part of it.
 #[derive(Debug, Default)]
 pub struct ToldSkills {
-    told: Vec<(u16, MotionTotals)>,
+    reports: Vec<SkillReport>,
     /// Number of the last command before those of the run, if the run has begun.
     after: Option<u16>,
 }
@@ -64,20 +73,38 @@ impl ToldSkills {
         self.after = Some(number);
     }
 
-    /// Adds what the robot node told of the skill of this number.
-    pub fn add(&mut self, number: u16, motions: u32, quality: Quality, account: Account) {
+    /// Adds the robot node's report on the skill of this number.
+    pub fn add(
+        &mut self,
+        number: u16,
+        motions: u32,
+        began_ns: Option<u64>,
+        quality: Quality,
+        account: Account,
+    ) {
         let mut totals = MotionTotals::default();
         totals.add(motions, quality, account);
-        self.told.push((number, totals));
+        self.reports.push(SkillReport { number, totals, began_ns });
+    }
+
+    /// Returns the skills of the run, in order.
+    fn skills(&self) -> impl Iterator<Item = &SkillReport> {
+        // Numbers go round.
+        let is_of_run = |number: u16| self.after.is_none_or(|after| number.wrapping_sub(after) as i16 > 0);
+        self.reports.iter().filter(move |skill| is_of_run(skill.number))
+    }
+
+    /// Returns when the first motion of the run began, by the host's clock; `None` if the node did not report it.
+    #[must_use]
+    pub fn began_ns(&self) -> Option<u64> {
+        self.skills().find_map(|skill| skill.began_ns)
     }
 
     /// Returns the totals of the skills of the run.
     #[must_use]
     pub fn of_run(&self) -> MotionTotals {
-        // Numbers go round.
-        let is_of_run = |number: u16| self.after.is_none_or(|after| number.wrapping_sub(after) as i16 > 0);
         let mut totals = MotionTotals::default();
-        for (_, of_skill) in self.told.iter().filter(|(number, _)| is_of_run(*number)) {
+        for SkillReport { totals: of_skill, .. } in self.skills() {
             totals.add(of_skill.motions, of_skill.quality, of_skill.account);
         }
         totals
@@ -147,6 +174,7 @@ impl Measured {
                 end: [0.0; 6],
             },
             seen: None,
+            after: None,
         };
         Self { execution, quality: None, account: None, interference: Interference::default() }
     }
@@ -200,14 +228,14 @@ mod tests {
             for is_late in [false, true] {
                 let mut skills = ToldSkills::default();
                 if !is_late {
-                    skills.add(moved, 1, quality, account);
+                    skills.add(moved, 1, None, quality, account);
                 }
                 skills.begin_after(moved);
                 if is_late {
-                    skills.add(moved, 1, quality, account);
+                    skills.add(moved, 1, None, quality, account);
                 }
-                skills.add(run, 12, quality, account);
-                skills.add(run + 1, 1, quality, account);
+                skills.add(run, 12, None, quality, account);
+                skills.add(run + 1, 1, None, quality, account);
                 assert_eq!(skills.of_run().motions, 13, "moved by {moved}, late: {is_late}");
             }
         }

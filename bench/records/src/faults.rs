@@ -17,7 +17,10 @@ use virtual_time::{FrameFault, Impairment, Side};
 pub use at_frame::AtFrame;
 use drives::DriveFault;
 pub use drives::NoSuchDrive;
-pub use limits::{NotReal, Repeated, TooManyFrameFaults, Unfit, check, check_real};
+pub use limits::{
+    BeginsWithFrame, NotReal, Repeated, TooManyFrameFaults, Unfit, UnfitForCell, WrongStation, check,
+    check_cell, check_one_robot, check_real, check_without_frames,
+};
 pub use report::FaultReport;
 
 /// One fault, in the form of the option: `loss=0.001`, `to-robot:delay=100us`, `cut-at=2s..2.1s`.
@@ -25,6 +28,8 @@ pub use report::FaultReport;
 pub struct Fault {
     /// The user's text.
     text: String,
+    /// The station that it is at; `None` for the only robot, and for the PLC.
+    station: Option<String>,
     /// The sender whose frames it affects; `None` for both.
     from: Option<Side>,
     kind: Kind,
@@ -87,8 +92,12 @@ impl FromStr for Fault {
 
     fn from_str(text: &str) -> Result<Self, FaultError> {
         let form = || FaultError::Form(text.to_owned());
-        let (from, rest) = match text.split_once(':') {
-            None => (None, text),
+        let (station, of_station) = match text.split_once('/') {
+            Some((station, rest)) if !station.contains(['=', ':']) => (Some(station.to_owned()), rest),
+            _ => (None, text),
+        };
+        let (from, rest) = match of_station.split_once(':') {
+            None => (None, of_station),
             Some(("to-robot", rest)) => (Some(Side::A), rest),
             Some(("to-plc", rest)) => (Some(Side::B), rest),
             Some(_) => return Err(form()),
@@ -131,7 +140,7 @@ impl FromStr for Fault {
                 None => Kind::Drive(DriveFault::parse(key, value).ok_or_else(form)??),
             },
         };
-        Ok(Self { text: text.to_owned(), from, kind })
+        Ok(Self { text: text.to_owned(), station, from, kind })
     }
 }
 
@@ -140,6 +149,25 @@ impl Fault {
     #[must_use]
     pub const fn is_of_drive(&self) -> bool {
         matches!(self.kind, Kind::Drive(_))
+    }
+
+    /// Returns the station that it is at; `None` if it names none.
+    #[must_use]
+    pub fn station(&self) -> Option<&str> {
+        self.station.as_deref()
+    }
+
+    /// Returns the same fault at a station.
+    #[must_use]
+    pub fn at_station(&self, station: &str) -> Self {
+        let text = self.text.rsplit_once('/').map_or(self.text.as_str(), |(_, fault)| fault);
+        Self { text: format!("{station}/{text}"), station: Some(station.to_owned()), ..self.clone() }
+    }
+
+    /// Returns whether it is a fault of the PLC itself, and of no station.
+    #[must_use]
+    pub const fn is_of_plc(&self) -> bool {
+        matches!(self.kind, Kind::Kill(NodeRole::Plc, _))
     }
 
     /// Returns whether it ends a node for good.

@@ -244,6 +244,20 @@ pub struct Allocations {
     pub robot: u64,
 }
 
+impl Frames {
+    /// Returns the frames between the PLC and a robot.
+    #[must_use]
+    pub const fn of(health: &Health) -> Self {
+        Self {
+            frames_sent: health.bus.sent,
+            frames_received: health.bus.received,
+            skipped: health.bus.skipped + health.robot_bus.skipped,
+            lost: health.frames_lost(),
+            foreign: health.bus.foreign + health.robot_bus.foreign,
+        }
+    }
+}
+
 impl Results {
     /// Creates the results of a run that is about to start, without the paper's figures.
     #[must_use]
@@ -342,13 +356,7 @@ impl Results {
     /// Sets the conditions of the run so far.
     pub fn set_health(&mut self, health: &Health) {
         self.cycle = Cycles { plc: health.plc.clone(), robot: health.robot.clone() };
-        self.bus = Frames {
-            frames_sent: health.bus.sent,
-            frames_received: health.bus.received,
-            skipped: health.bus.skipped + health.robot_bus.skipped,
-            lost: health.frames_lost(),
-            foreign: health.bus.foreign + health.robot_bus.foreign,
-        };
+        self.bus = Frames::of(health);
         self.images = Images::of(health);
         self.connected_after_ms = health.connected_after.map(|after| after.as_secs_f64() * 1e3);
         self.cyclic_allocations = health.allocations.map(|[plc, robot]| Allocations { plc, robot });

@@ -51,6 +51,9 @@ const PLC_ROOM: usize = 60_000;
 pub struct RobotTick {
     /// Time since the start edge, in ms.
     pub at_ms: f64,
+    /// True time of the network in virtual time, the host's monotonic clock in real time: comparable between nodes. In ns; 0 in a
+    /// trace of an older version.
+    pub true_ns: u64,
     /// What the robot did.
     pub sample: robot_node::Sample,
 }
@@ -60,6 +63,8 @@ pub struct RobotTick {
 pub struct PlcScan {
     /// Time since the scan with the start edge, in µs.
     pub at_us: i64,
+    /// When it began, as for the robot.
+    pub true_ns: u64,
     /// What the PLC did.
     pub sample: plc_node::Sample,
 }
@@ -97,6 +102,13 @@ impl Default for Recording {
 }
 
 impl Recording {
+    /// Removes everything, to record another repetition.
+    pub fn clear(&mut self) {
+        self.robot.clear();
+        self.plc.clear();
+        self.frames.clear();
+    }
+
     /// Adds a tick of the recorded time.
     pub fn robot(&mut self, tick: RobotTick) {
         if tick.at_ms <= RECORDED.as_secs_f64() * 1e3 {
@@ -175,6 +187,23 @@ pub struct Trace {
     pub types: PerType<Recording>,
 }
 
+/// A trace of each station of a cell, in the order of the setup.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct CellTrace {
+    /// The traces.
+    pub stations: Vec<Trace>,
+}
+
+impl CellTrace {
+    /// Takes the recordings of a repetition of a type, one for each station.
+    pub fn set(&mut self, execution_type: ExecutionType, recordings: &[Recording]) {
+        self.stations.resize_with(recordings.len(), Trace::default);
+        for (trace, recording) in self.stations.iter_mut().zip(recordings) {
+            *trace.types.entry(execution_type) = Some(recording.clone());
+        }
+    }
+}
+
 impl Trace {
     /// Returns what the recordings lack, as sentences; none if they are complete.
     #[must_use]
@@ -233,11 +262,11 @@ mod tests {
     use super::*;
 
     fn tick(at_ms: f64) -> RobotTick {
-        RobotTick { at_ms, sample: robot_node::Sample::default() }
+        RobotTick { at_ms, true_ns: 0, sample: robot_node::Sample::default() }
     }
 
     fn scan(at_us: i64, scan: u64) -> PlcScan {
-        PlcScan { at_us, sample: plc_node::Sample { scan, ..plc_node::Sample::default() } }
+        PlcScan { at_us, true_ns: 0, sample: plc_node::Sample { scan, ..plc_node::Sample::default() } }
     }
 
     #[test]

@@ -16,7 +16,7 @@ pub fn render(results: &CellResults) -> String {
     let mut table = screen::ruled();
     let mut header = ["", "AET ms", "MAD ms"].map(str::to_owned).to_vec();
     header.extend(results.stations.iter().map(|station| format!("{} waits ms", station.name)));
-    header.extend(["start skew ms", "mark skew ms", "failed"].map(str::to_owned));
+    header.extend(["start skew ms", "mark skew ms", "pose mm", "failed"].map(str::to_owned));
     table.set_header(header);
     for execution_type in ExecutionType::ALL {
         if let Some(result) = results.results.get(execution_type) {
@@ -25,7 +25,8 @@ pub fn render(results: &CellResults) -> String {
     }
     text.push_str(&screen::drawn(&screen::numbers_right(table)));
     let meaning = "waits: mean time at marks for the other arm; start skew: mean time between the first motions of the arms; \
-                   mark skew: longest time between the arrivals at a mark";
+                   mark skew: longest time between the arrivals at a mark; pose: largest difference of one tool, seen from the other, from the plan at \
+                   the same progress, at marks and where the arms move together";
     text.push_str(&format!("\n\n{}", screen::wrapped(meaning, 2, 2)));
     text
 }
@@ -33,15 +34,14 @@ pub fn render(results: &CellResults) -> String {
 fn row(execution_type: ExecutionType, result: &CellTypeResult) -> Vec<String> {
     let shown = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.1}"));
     let mut row = vec![label(execution_type), shown(result.aet_ms), shown(result.mad_ms)];
-    row.extend(result.stations.iter().map(|station| shown(mean(&station.waiting_ms))));
-    let skews: Vec<f64> = result.start_skew_us.iter().flatten().map(|skew| skew / 1e3).collect();
-    let at_marks = result.marks.iter().flat_map(|mark| &mark.skew_us).map(|skew| skew / 1e3);
-    row.extend([shown(mean(&skews)), shown(at_marks.reduce(f64::max)), result.failed.len().to_string()]);
+    row.extend(result.stations.iter().map(|station| shown(station.mean_waiting_ms())));
+    let millis = |micros: Option<f64>| shown(micros.map(|micros| micros / 1e3));
+    let pose = result.worst_relative_pose_mm().map_or_else(|| "–".to_owned(), |mm| format!("{mm:.3}"));
+    row.extend([
+        millis(result.mean_start_skew_us()),
+        millis(result.worst_mark_skew_us()),
+        pose,
+        result.failed.len().to_string(),
+    ]);
     row
-}
-
-/// Returns the mean of values; `None` without any.
-#[must_use]
-pub fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }

@@ -9,6 +9,7 @@ use crate::progress::label;
 use crate::table;
 use clap::Args;
 use records::calibrated;
+use records::cell_results::CellResults;
 use records::figures::TypeFigures;
 use records::results::{Results, Status};
 use records::run_directory::{Durability, replace};
@@ -62,6 +63,18 @@ impl Exports {
         write(&self.csv, &|| Ok(csv(results)))?;
         write(&self.markdown, &|| Ok(markdown(results)))?;
         write(&self.junit, &|| Ok(junit(results, self.started.as_deref())))
+    }
+
+    /// Writes the results of a cell as JSON, if that was requested; other formats are for one robot.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written; its old content is kept.
+    pub fn write_cell(&self, results: &CellResults) -> anyhow::Result<()> {
+        match &self.json {
+            Some(path) => replace(path, &results.to_json()?, Durability::Written),
+            None => Ok(()),
+        }
     }
 
     /// Returns the options that ask for files, each with its file if it is given.

@@ -59,11 +59,22 @@ impl Progress {
 
     /// Shows a finished repetition.
     pub fn finished(&mut self, execution_type: ExecutionType, repetition: u32, results: &Results) {
-        self.done += 1;
         let figures = results.type_figures(execution_type);
-        let aet_ms = figures.and_then(|figures| figures.aet_ms);
+        let (aet_ms, mad_ms) = figures.map_or((None, None), |figures| (figures.aet_ms, figures.mad_ms));
+        self.finished_with(execution_type, repetition, aet_ms, mad_ms);
+    }
+
+    /// Shows a finished repetition with the mean and the deviation of its type so far.
+    pub fn finished_with(
+        &mut self,
+        execution_type: ExecutionType,
+        repetition: u32,
+        aet_ms: Option<f64>,
+        mad_ms: Option<f64>,
+    ) {
+        self.done += 1;
         let mut figure = aet_ms.map_or_else(String::new, |aet_ms| format!("AET {aet_ms:8.1} ms"));
-        if let Some(mad_ms) = figures.and_then(|figures| figures.mad_ms) {
+        if let Some(mad_ms) = mad_ms {
             figure += &format!(" ± {mad_ms:5.1} ms");
         }
         let left = self.time_left();

@@ -304,7 +304,7 @@ mod tests {
                     altered: u64::from(number >= 20),
                     ..robot_node::Sample::default()
                 };
-                recording.robot(RobotTick { at_ms: f64::from(number) * 4.0 - 1.5, sample });
+                recording.robot(RobotTick { at_ms: f64::from(number) * 4.0 - 1.5, true_ns: 0, sample });
                 let sample = plc_node::Sample {
                     scan: number.into(),
                     command: number / 20,
@@ -313,7 +313,7 @@ mod tests {
                     in_slots: 5,
                     altered: 0,
                 };
-                recording.plc(PlcScan { at_us: i64::from(number) * 1_000, sample });
+                recording.plc(PlcScan { at_us: i64::from(number) * 1_000, true_ns: 0, sample });
             }
             *trace.types.entry(execution_type) = Some(recording);
         }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
-use node::interface_option::{InterfaceOption, bus_name};
+use node::interface_option::InterfaceOption;
 use node::screen;
 use protocol_linux::wakeups::{self, Wakeups};
 use serde::Serialize;
@@ -92,7 +92,7 @@ pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     // Likewise: another namespace has other interfaces.
     let held = match &options.interface {
         Some(option) => {
-            let names = option.for_buses(&[bus_name(&setup.bus.kind)]);
+            let names = option.for_buses(&[setup.bus.kind.name()]);
             let names = names.map_err(|error| Failure::new(Exit::Usage, error))?;
             names.into_iter().flat_map(|interface| addresses::check(interface, &setup)).collect()
         }

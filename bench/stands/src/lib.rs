@@ -3,17 +3,23 @@
 //! ```text
 //! rig          two processes on a real network, or nodes that already run (attach); on Linux, with the feature `real`
 //! virtual_run  both nodes in virtual time
-//! planned_cell the robot in its cell and the motions of an application
+//! cell_stand   the same for a cell with several stations; cell_measured is what a run of it was
+//! planned_cell the robot in its cell and the motions of an application; planned_path: what it drives alone
+//! relative_pose how far two arms' tools are from where the plan has them to each other
 //! verification compares each repetition with the plan; reaction_limits computes what the cycles alone take
 //! capture      the frames of a virtual cable as packets of a network; frame_name names them by their protocol
 //! ```
 
 mod attach;
 pub mod capture;
+pub mod cell_measured;
+pub mod cell_stand;
 mod frame_name;
 pub mod planned_cell;
+pub mod planned_path;
 pub mod planned_station;
 pub mod reaction_limits;
+pub mod relative_pose;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod rig;
 mod unreported;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use planning::Found;
-use setup::Setup;
+use setup::{Cell, Setup};
 
 use records::exit::{Exit, Failure};
 
@@ -26,7 +26,14 @@ impl SetupOption {
     /// Returns the file of the setup; `None` for a built-in one.
     #[must_use]
     pub fn file(&self) -> Option<&Path> {
-        setup::built_in(setup::SETUPS, &self.setup).is_none().then(|| Path::new(&self.setup))
+        setup::built_in_setup(&self.setup).is_none().then(|| Path::new(&self.setup))
+    }
+
+    /// Returns the cell of a setup with several stations; `None` for a setup of one robot, and for one that cannot be read: what
+    /// reads it says why.
+    #[must_use]
+    pub fn of_several(&self) -> Option<Cell> {
+        setup::cell(&self.setup).ok().map(|(cell, _)| cell).filter(|cell| !cell.is_one())
     }
 
     /// Reads the setup and its application.

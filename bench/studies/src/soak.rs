@@ -1,6 +1,8 @@
 //! `bench soak`: many hours of the plant in virtual time, with faults all the time and many seeds. It verifies every
 //! repetition, and checks that memory and descriptors of this process do not grow.
 
+mod cell;
+
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -12,6 +14,8 @@ use plc_node::ExecutionType;
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use setup::Setup;
+
+use cell::SoakedCell;
 
 use super::event_loop::{interrupted, watch_for_interrupt};
 use super::jobs::Pool;
@@ -130,12 +134,35 @@ struct Held {
 ///
 /// The setup cannot be read, a cell is not ready again after a failed run, or the kernel does not say what this process has.
 pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
+    let faults = flat(&options.fault);
+    check_kills(&faults)?;
+    if let Some(cell) = options.setup.of_several() {
+        if !options.drives.in_command().is_empty() {
+            let error = anyhow!(
+                "--drives is for setups of one station; write `drives = \"ethercat\"` at a station's robot"
+            );
+            return Err(Failure::new(Exit::Usage, error));
+        }
+        let (_, found) = planning::cell_with_applications(options.setup.name())?;
+        let cell = SoakedCell::new(&cell, &found, &faults)?;
+        return soak(options, &cell.name, |seed, life, interrupted| cell.live(seed, life, interrupted));
+    }
     let (setup, found) = options.setup.load()?;
     let setup = options.drives.applied_to(setup)?;
-    let faults = flat(&options.fault);
+    faults::check_one_robot(&faults, &setup.name).map_err(|error| Failure::new(Exit::Usage, error))?;
     faults::check(&faults, &setup).map_err(|error| Failure::new(Exit::Usage, error))?;
-    check_kills(&faults)?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
+    soak(options, &setup.name, |seed, life, interrupted| {
+        live(&setup, &planned, &faults, seed, life, interrupted)
+    })
+}
+
+/// Runs all lives of a setup of this name, and prints their results.
+fn soak(
+    options: &SoakOptions,
+    name: &str,
+    live: impl Fn(u64, Duration, &AtomicBool) -> anyhow::Result<Counts> + Sync,
+) -> Result<Exit, Failure> {
     let started = Instant::now();
     let (lives, life) = options.lives();
     let seeds: Vec<u64> = (0..lives).map(|life| options.seed.wrapping_add(life)).collect();
@@ -145,7 +172,7 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
         Pool { name: "soak", quiet: options.quiet, threads: options.threads, interrupted: &is_interrupted };
     pool.each(
         &seeds,
-        |seed| live(&setup, &planned, &faults, *seed, life, &is_interrupted),
+        |seed| live(*seed, life, &is_interrupted),
         |_, counts| {
             all.add(counts);
             held.push(Held::now()?);
@@ -154,7 +181,7 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
     )
     .map_err(failure)?;
     let growth = Growth::of(&held);
-    outln!("Setup {}, {} {growth}", setup.name, all.summary(held.len(), started.elapsed()));
+    outln!("Setup {name}, {} {growth}", all.summary(held.len(), started.elapsed()));
     if is_interrupted.load(Ordering::Relaxed) {
         let exit = interrupted(held.len(), seeds.len(), "lives");
         return Ok(if all.altered == 0 { exit } else { Exit::RunFailed });
@@ -227,18 +254,13 @@ fn live(
         connected = Ok(());
         match ended {
             Ok(()) => counts.passed += 1,
-            Err(error) if error.is::<Difference>() => {
-                counts.altered += 1;
-                counts.difference.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
-            }
+            Err(error) if error.is::<Difference>() => counts.differ(seed, &error),
             // What holds an axis also moves the arm off its path: the repetition fails, and the next one passes.
             Err(error) if error.is::<DriveDeviation>() && extras.faults.iter().any(Fault::is_of_drive) => {
-                counts.refused += 1;
-                counts.reason.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
+                counts.refuse(seed, &error);
             }
             Err(error) => {
-                counts.refused += 1;
-                counts.reason.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
+                counts.refuse(seed, &error);
                 run.recover().map_err(|then| NeverReady {
                     seed,
                     reason: format!("{error:#}"),
@@ -265,6 +287,18 @@ impl SoakOptions {
 }
 
 impl Counts {
+    /// Counts a repetition that differs from the plan.
+    fn differ(&mut self, seed: u64, error: &anyhow::Error) {
+        self.altered += 1;
+        self.difference.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
+    }
+
+    /// Counts a repetition that failed with a reason.
+    fn refuse(&mut self, seed: u64, error: &anyhow::Error) {
+        self.refused += 1;
+        self.reason.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
+    }
+
     fn add(&mut self, other: Self) {
         self.plant += other.plant;
         self.passed += other.passed;

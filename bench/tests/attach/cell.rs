@@ -1,10 +1,15 @@
 //! Setup E on a real network: a PLC with two robots, one over PROFINET and one over EtherNet/IP, on one switch.
 
+use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
-use std::process::Stdio;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Output, Stdio};
+
+use protocol_linux::namespace::NetworkNamespace;
+use rustix::process::{Pid, Signal, kill_process};
 
 use crate::stations::{Node, Switch};
-use crate::{HOST, PoisonError, text};
+use crate::{HOST, MutexGuard, PoisonError, TOKEN, bench, cable, results, text};
 
 const STATIONS: [&str; 2] = ["left", "right"];
 /// Both buses of the PLC are on its one interface.
@@ -83,4 +88,112 @@ pub(crate) fn a_plc_that_sends_json_names_the_station_of_each_message() {
     writeln!(instructions, "\"stop\"").unwrap();
     assert_eq!(plc.wait().unwrap().code(), Some(0));
     left.end();
+}
+
+/// The nodes of Setup E on a switch, and the network of their controllers.
+struct Attachable {
+    control: NetworkNamespace,
+    /// The PLC, the left robot and the right one.
+    nodes: [Child; 3],
+    place: tempfile::TempDir,
+    _switch: Switch,
+    _host: MutexGuard<'static, ()>,
+}
+
+const ALL: &str = "plc=10.77.0.1:7700,left=10.77.1.1:7700,right=10.77.2.1:7700";
+
+impl Attachable {
+    fn start() -> Self {
+        let host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+        let (switch, control) = (Switch::new(), NetworkNamespace::new().unwrap());
+        let start = |end: u8, name: &str, interface: &str, station: &[&str]| {
+            let of_control = format!("c{end}");
+            let far = (&switch.ends[usize::from(end)], "control", Some([10, 77, end, 1]));
+            cable(far, (&control, &of_control, Some([10, 77, end, 2])));
+            let mut command = switch.command(end.into(), name, "E", interface);
+            command.args(["--control", &format!("10.77.{end}.1:7700")]).args(station);
+            command.env("SKILLBENCH_CONTROL_TOKEN", TOKEN).stdin(Stdio::null()).stdout(Stdio::null());
+            command.spawn().unwrap()
+        };
+        let nodes = [
+            start(0, "__plc-node", BOTH_BUSES, &[]),
+            start(1, "__robot-node", "eth0", &["--station", "left"]),
+            start(2, "__robot-node", "eth0", &["--station", "right"]),
+        ];
+        Self { control, nodes, place: tempfile::tempdir().unwrap(), _switch: switch, _host: host }
+    }
+
+    fn measure(&self, run: &str, setup: &Path, attach: &str) -> Output {
+        let mut command = bench();
+        command.env("SKILLBENCH_CONTROL_TOKEN", TOKEN).arg("--setup").arg(setup);
+        command.args(["--types", "cm", "--reps", "1", "--attach", attach, "--out"]);
+        command.arg(self.place.path().join(run)).stdin(Stdio::null());
+        self.control.confine(&mut command).unwrap();
+        command.output().unwrap()
+    }
+
+    /// Measures and returns the exit code and the error.
+    fn refused(&self, setup: &Path, attach: &str) -> (Option<i32>, String) {
+        let output = self.measure("refused", setup, attach);
+        (output.status.code(), text(&output.stderr))
+    }
+}
+
+impl Drop for Attachable {
+    fn drop(&mut self) {
+        for node in &mut self.nodes {
+            let _ = kill_process(Pid::from_child(node), Signal::TERM);
+            let _ = node.wait();
+        }
+    }
+}
+
+pub(crate) fn a_bench_measures_on_the_nodes_of_a_cell_that_run_already() {
+    let cell = Attachable::start();
+    for run in ["first", "second"] {
+        let output = cell.measure(run, Path::new("E"), ALL);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let results = results(cell.place.path(), run);
+        assert_eq!((&results["schema_version"], &results["mode"]), (&2.into(), &"real".into()));
+        assert_eq!(results["attached"]["robots"][1]["address"], "10.77.2.1:7700");
+        assert_eq!(results["results"]["cm"]["samples_ms"].as_array().unwrap().len(), 1);
+    }
+}
+
+pub(crate) fn attached_nodes_of_a_cell_that_are_others_or_missing_are_named_before_anything_moves() {
+    let mut cell = Attachable::start();
+    let e = Path::new("E");
+    let (code, error) = cell.refused(Path::new("F"), ALL);
+    assert_eq!(code, Some(2), "{error}");
+    assert!(error.contains("a plc-node of setup E, but a plc-node of setup F is needed"), "{error}");
+    let exchanged = "plc=10.77.0.1:7700,right=10.77.1.1:7700,left=10.77.2.1:7700";
+    let (code, error) = cell.refused(e, exchanged);
+    assert_eq!(code, Some(2), "{error}");
+    let other = "a robot-node of setup E-right, but a robot-node of setup E-left is needed";
+    assert!(error.contains(other), "{error}");
+    let (code, error) = cell.refused(e, "plc=10.77.0.1:7700,left=10.77.1.1:7700");
+    assert_eq!((code, error.trim()), (Some(2), "error: station right has no address: add right=HOST:PORT"));
+    let (code, error) = cell.refused(&changed(cell.place.path()), ALL);
+    assert_eq!(code, Some(2), "{error}");
+    let key = "in its setup, `station.right.robot.skill_overhead_us` is 38800";
+    assert!(
+        error.contains("the plc-node at 10.77.0.1:7700 runs another cell") && error.contains(key),
+        "{error}"
+    );
+    // One of two robots is missing at the start.
+    kill_process(Pid::from_child(&cell.nodes[2]), Signal::KILL).unwrap();
+    cell.nodes[2].wait().unwrap();
+    let (code, error) = cell.refused(e, ALL);
+    assert_eq!(code, Some(5), "{error}");
+    assert!(error.contains("no robot-node of station right answers at 10.77.2.1:7700"), "{error}");
+}
+
+/// Writes Setup E with another value at its right station.
+fn changed(place: &Path) -> PathBuf {
+    let e = setup::CELLS.iter().find(|(name, _)| *name == "E").unwrap().1;
+    let (before, right) = e.rsplit_once("skill_overhead_us = { value = ").unwrap();
+    let (_, after) = right.split_once(',').unwrap();
+    let path = place.join("changed.toml");
+    fs::write(&path, format!("{before}skill_overhead_us = {{ value = 1234,{after}")).unwrap();
+    path
 }

@@ -53,6 +53,8 @@ fn main() -> ExitCode {
         nodes_end_with_130_at_ctrl_c_and_sigterm_whatever_they_do,
         cell::two_robots_on_two_buses_and_one_switch_work_with_one_plc,
         cell::a_plc_that_sends_json_names_the_station_of_each_message,
+        cell::a_bench_measures_on_the_nodes_of_a_cell_that_run_already,
+        cell::attached_nodes_of_a_cell_that_are_others_or_missing_are_named_before_anything_moves,
         stations::a_robot_that_kept_the_address_of_another_one_is_not_connected_to,
         stations::a_stranger_that_takes_the_address_of_the_robot_is_named_by_both_nodes,
     ])

@@ -29,14 +29,13 @@ fn ip(network: &NetworkNamespace, arguments: &str) {
 impl Switch {
     pub(crate) fn new() -> Self {
         let network = NetworkNamespace::new().unwrap();
-        bridge::create(&network, "br0").unwrap();
-        let open = |name: &str| network.run(|| Interface::open(name)).unwrap().unwrap();
-        let switch = open("br0");
-        network.run(|| switch.set_up()).unwrap().unwrap();
+        let open = |name: &str| Interface::open(name).unwrap();
+        network.run(|| bridge::new("br0")).unwrap().unwrap();
+        network.run(|| open("br0").set_up()).unwrap().unwrap();
         let ends = [(); 4].map(|()| NetworkNamespace::new().unwrap());
         for (end, name) in ends.iter().zip(["s0", "s1", "s2", "s3"]) {
             cable((&network, name, None), (end, "eth0", None));
-            bridge::attach(&network, &open(name), &switch).unwrap();
+            network.run(|| bridge::add_port(&open("br0"), &open(name))).unwrap().unwrap();
         }
         Self { network, ends }
     }

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
+mod cells;
 mod process;
 
 use std::fs;
@@ -35,6 +36,10 @@ fn main() -> ExitCode {
         a_real_cable_makes_the_requested_faults_and_each_is_commented_and_counted,
         a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture,
         a_plc_that_a_fault_killed_is_named_with_that_fault,
+        cells::a_cell_runs_on_a_switch_or_on_cables_and_every_node_has_a_capture,
+        cells::a_cell_with_a_lossy_cable_to_one_station_passes_and_counts_what_was_lost,
+        cells::a_killed_robot_of_a_cell_fails_the_run_and_its_station_is_named,
+        cells::ctrl_c_ends_a_cell_in_order_and_keeps_the_repetitions,
         a_run_of_setup_b_survives_a_lossy_real_cable,
         the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept,
         an_interrupted_measurement_of_the_cost_of_recording_prints_the_pairs_so_far,

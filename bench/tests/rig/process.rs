@@ -83,6 +83,11 @@ impl Bench {
         Self::start_in(tempfile::tempdir().unwrap(), "A", args, &[])
     }
 
+    /// Starts it on another built-in setup.
+    pub(crate) fn start_setup(setup: &str, args: &[&str]) -> Self {
+        Self::start_in(tempfile::tempdir().unwrap(), setup, args, &[])
+    }
+
     /// Starts it on a setup that tolerates all stalls of the host.
     pub(crate) fn start_patient(setup: &str, args: &[&str]) -> Self {
         let place = tempfile::tempdir().unwrap();
@@ -133,6 +138,13 @@ impl Bench {
         let first = Duration::from_secs_f64(first_ms.unwrap_or(0.0) / 1e3);
         self.prepared = self.started.elapsed().saturating_sub(first);
         ["__plc-node", "__robot-node"].map(|name| self.node(name).expect("a node that runs"))
+    }
+
+    /// Returns the node of a station, likewise.
+    pub(crate) fn node_of_station(&mut self, station: &str) -> Pid {
+        self.nodes();
+        let argument = format!("--station\0{station}\0");
+        node_of(self.child.id(), &argument).expect("a node that runs")
     }
 
     /// Returns a node as soon as its process runs.

@@ -60,8 +60,8 @@ pub struct PlannedStation {
 /// not have, and an arm without a station.
 pub fn cell_with_applications(name: &str) -> Result<(Cell, FoundCell), Error> {
     let (cell, directory) = setup::cell(name)?;
-    let built_in = [setup::SETUPS, setup::CELLS].iter().find_map(|all| setup::built_in(all, name));
-    let origin = built_in.map_or_else(|| name.to_owned(), |(known, _)| format!("built-in setup {known}"));
+    let origin = setup::built_in_setup(name)
+        .map_or_else(|| name.to_owned(), |(known, _)| format!("built-in setup {known}"));
     let (marks, stations) = match &cell.application {
         Some(application) => of_one_application(&origin, &cell, application, directory.as_deref())?,
         None => {
@@ -136,6 +136,16 @@ impl FoundCell {
             Ok(PlannedStation { name, setup, application, plan, reached })
         });
         Ok(PlannedCell { marks: self.marks.clone(), stations: stations.collect::<Result<_, Error>>()? })
+    }
+
+    /// Returns the text of the application of all stations, or those of each with its station's name in a comment before it.
+    #[must_use]
+    pub fn text(&self, cell: &Cell) -> String {
+        let texts = self.stations.iter().map(|station| station.text.as_str());
+        if cell.application.is_some() {
+            return texts.take(1).collect();
+        }
+        cell.names().zip(texts).map(|(name, text)| format!("# station {name}\n{text}\n")).collect()
     }
 
     /// Checks that the frames of one application are at one place in the cell for all its arms.

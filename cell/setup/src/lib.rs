@@ -29,8 +29,8 @@ pub use cell::{Cell, Station};
 pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character};
 pub use load::{
-    CELLS, SETUPS, Text, built_in, cell, cell_from_text, check, check_cell, find, read, setup,
-    setup_from_text, setup_with_directory,
+    CELLS, SETUPS, Text, built_in, built_in_setup, cell, cell_from_text, check, check_cell, find, read,
+    setup, setup_from_text, setup_with_directory,
 };
 pub use model::{
     Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Servo, Setup,

@@ -94,6 +94,12 @@ fn find_setup(name: &str) -> Result<Text, Error> {
     find("setup", all, name, None)
 }
 
+/// Finds a built-in setup, of one robot or of several, as [`built_in`] does.
+#[must_use]
+pub fn built_in_setup(name: &str) -> Option<(&'static str, &'static str)> {
+    [SETUPS, CELLS].iter().find_map(|all| built_in(all, name))
+}
+
 /// Checks a cell that was changed after it was read.
 pub fn check_cell(cell: &Cell) -> Result<(), Error> {
     check::check_cell(cell).map_err(|problem| refuse(format!("setup {}", cell.name), problem))

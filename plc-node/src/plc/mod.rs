@@ -40,6 +40,8 @@ pub struct PlcNode<B, P = Sequences> {
     program: P,
     scan: Scan,
     scans: u64,
+    /// When the last scan began.
+    scanned_at: Instant,
     mode: Mode,
     run: Run,
     /// Changes of the override in the runs that start from now on; `None` leaves it unchanged.
@@ -116,6 +118,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             program,
             scan,
             scans: 0,
+            scanned_at: Instant::ZERO,
             mode: Mode::Idle,
             run: Run::none(count),
             overrides: None,
@@ -271,6 +274,12 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         self.scans
     }
 
+    /// Returns when the last scan began, by the PLC's clock.
+    #[must_use]
+    pub const fn scanned_at(&self) -> Instant {
+        self.scanned_at
+    }
+
     /// Returns what the PLC commanded the first station in its last scan.
     #[must_use]
     pub fn sample(&self) -> Sample {
@@ -279,9 +288,12 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
 
     /// Returns what the PLC commanded a station in its last scan.
     #[must_use]
-    pub fn sample_of(&self, station: usize) -> Sample {
-        let station = self.stations.get(station);
-        station.map_or(Sample { scan: self.scans, ..Sample::default() }, |station| station.sample(self.scans))
+    pub fn sample_of(&self, index: usize) -> Sample {
+        let station = self.stations.get(index);
+        let scan = self.scans;
+        let [marks_come, marks_passed] = self.program.marks(index);
+        let sample = station.map_or(Sample { scan, ..Sample::default() }, |station| station.sample(scan));
+        Sample { marks_come, marks_passed, ..sample }
     }
 
     fn bus_of(&self, station: usize) -> Option<(&B, StationId)> {
@@ -292,6 +304,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Runs one scan: inputs, program, outputs.
     fn scan(&mut self, now: Instant) {
         self.scans += 1;
+        self.scanned_at = now;
         self.read_inputs(now);
         match self.mode {
             Mode::Starting(execution_type) => self.start_when_ready(now, execution_type),

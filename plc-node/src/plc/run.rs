@@ -32,13 +32,23 @@ struct Before {
     /// The robot's joints and clock.
     robot: ([f32; 6], u64),
     frames: Counters,
+    /// Number of the last command before the run.
+    number: u16,
+    /// Marks whose passage was reported in the run.
+    reported: usize,
     is_lost: bool,
 }
 
 impl Run {
     /// Returns what stands for a run before the first one.
     pub(super) fn none(stations: usize) -> Self {
-        let before = Before { robot: ([0.0; 6], 0), frames: Counters::default(), is_lost: false };
+        let before = Before {
+            robot: ([0.0; 6], 0),
+            frames: Counters::default(),
+            number: 0,
+            reported: 0,
+            is_lost: false,
+        };
         Self {
             execution_type: ExecutionType::Rc,
             overrides: None,
@@ -83,7 +93,8 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             let frames = self.counters_of(index);
             if let (Some(before), Some(station)) = (self.run.before.get_mut(index), self.stations.get(index))
             {
-                *before = Before { robot: station.robot(), frames, is_lost: false };
+                let number = station.group().command().number;
+                *before = Before { robot: station.robot(), frames, number, reported: 0, is_lost: false };
             }
         }
         self.run.execution_type = execution_type;
@@ -106,7 +117,9 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             let [lowest, highest] = self.run.override_percent;
             self.run.override_percent = [lowest.min(percent), highest.max(percent)];
         }
-        match self.program.scan(now, &mut self.stations) {
+        let progress = self.program.scan(now, &mut self.stations);
+        self.report_passages();
+        match progress {
             Progress::Running => {}
             Progress::Done => match self.run.lost {
                 None => self.finish(now),
@@ -121,6 +134,17 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                     error => FailureCause::Block { error, motion },
                 };
                 self.fail(Some(station), cause);
+            }
+        }
+    }
+
+    /// Reports the marks that arms have passed in this scan.
+    fn report_passages(&mut self) {
+        for (index, before) in self.run.before.iter_mut().enumerate() {
+            let new = self.program.passages(index).get(before.reported..).unwrap_or_default();
+            for passage in new.iter().take_while(|passage| passage.passed.is_some()) {
+                before.reported += 1;
+                self.events.push(index, PlcEvent::Passed(*passage));
             }
         }
     }
@@ -152,6 +176,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 frames: frames_between(frames_before, self.counters_of(index)),
                 commanded: self.commanded(index),
                 seen: self.seen(index),
+                after: self.run.before.get(index).map(|before| before.number),
             };
             self.events.push(index, PlcEvent::Finished(execution));
         }

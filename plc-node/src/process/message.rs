@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Execution, ExecutionType, OverrideError, OverrideSchedule, PlcEvent, StartError};
+use crate::{Execution, ExecutionType, MarkPassage, OverrideError, OverrideSchedule, PlcEvent, StartError};
 
 /// A message that only a PLC sends.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -28,6 +28,15 @@ pub enum PlcMessage {
         at_ns: u64,
         /// Number of the last command before those of the run.
         after: u16,
+    },
+    /// The arms of a mark have all come to it, and this one goes on.
+    Passed {
+        /// Number of the mark.
+        mark: u32,
+        /// Start of the first scan that saw the arm stand there, in ns of `CLOCK_MONOTONIC`.
+        came_ns: u64,
+        /// Start of the scan that let it go on.
+        passed_ns: u64,
     },
     /// The run ended as wanted.
     Finished(Execution),
@@ -60,6 +69,10 @@ impl fmt::Display for PlcMessage {
             Self::MovingToStart => f.write_str("moving the arm to the application's start"),
             Self::Ready => f.write_str("robot ready"),
             Self::Started { execution_type, .. } => write!(f, "{execution_type} started"),
+            Self::Passed { mark, came_ns, passed_ns } => {
+                let waited_ms = passed_ns.saturating_sub(*came_ns) as f64 / 1e6;
+                write!(f, "mark {mark} passed after a wait of {waited_ms:.3} ms")
+            }
             Self::Finished(run) => {
                 let ms = |ns: u64| ns as f64 / 1e6;
                 let Execution { execution_type, motions, blends_suppressed, frames, .. } = run;
@@ -148,6 +161,11 @@ pub(super) fn message(event: &PlcEvent) -> Option<PlcMessage> {
         PlcEvent::Started { execution_type, at, after } => {
             PlcMessage::Started { execution_type: *execution_type, at_ns: at.as_nanos(), after: *after }
         }
+        PlcEvent::Passed(MarkPassage { mark, came, passed }) => PlcMessage::Passed {
+            mark: *mark,
+            came_ns: came.as_nanos(),
+            passed_ns: passed.unwrap_or(*came).as_nanos(),
+        },
         PlcEvent::Finished(run) => PlcMessage::Finished(*run),
         PlcEvent::Failed(failure) => {
             PlcMessage::Failed { execution_type: failure.execution_type, reason: failure.cause.to_string() }

@@ -106,6 +106,7 @@ where
             | PlcEvent::MovingToStart
             | PlcEvent::Started { .. }
             | PlcEvent::Waiting { .. }
+            | PlcEvent::Passed(_)
             | PlcEvent::Finished(_) => Next::Wait,
         };
         (message(&report.event), next)

@@ -198,6 +198,7 @@ impl Station {
             written: command.written,
             in_slots: command.written.saturating_sub(executed),
             altered: self.checker.checks().altered,
+            ..Sample::default()
         }
     }
 

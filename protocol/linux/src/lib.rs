@@ -3,7 +3,7 @@
 //! From the bottom up: an [`Interface`] is a network interface by name; an [`OpenPort`] is a socket on it that a machine
 //! knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine, on one interface or several, time and
 //! frames; a [`CyclicThread`] runs that loop on a thread of its own, with real-time scheduling where the host allows it, and talks to other threads over
-//! wait-free rings. [`namespace`] and [`veth`] make a cable between two processes of one host, also for an ordinary user;
+//! wait-free rings. [`namespace`], [`veth`] and [`bridge`] make cables and switches between processes of one host, also for an ordinary user;
 //! [`impaired`] makes a cable that loses, delays, duplicates or corrupts frames. [`Recorder`] writes the frames that pass
 //! an interface into a capture.
 //!
@@ -30,7 +30,6 @@ mod interface;
 mod interfaces;
 pub mod namespace;
 mod neighbours;
-mod netlink;
 mod notifier;
 mod open_port;
 mod owner;
@@ -42,6 +41,7 @@ mod plain;
 mod port_holders;
 mod received_message;
 mod recorder;
+mod rtnetlink;
 pub mod scheduling;
 mod signals;
 mod socket_option;

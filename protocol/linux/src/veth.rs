@@ -8,11 +8,11 @@ use std::os::fd::{AsFd, AsRawFd};
 use rustix::io::Errno;
 
 use crate::namespace::{NamespaceError, NetworkNamespace};
-use crate::netlink::{
-    self, IFINFOMSG, IFLA_IFNAME, IFLA_INFO_DATA, IFLA_INFO_KIND, IFLA_LINKINFO, IFLA_NET_NS_FD, attribute,
-    name,
+use crate::rtnetlink::{
+    IFINFOMSG, IFLA_IFNAME, IFLA_INFO_DATA, IFLA_INFO_KIND, IFLA_LINKINFO, attribute, create, name,
 };
 
+const IFLA_NET_NS_FD: u16 = 28;
 const VETH_INFO_PEER: u16 = 1;
 
 /// Creates a cable: interface `a_name` in namespace `a` and `b_name` in `b`, both down. It is removed with either
@@ -24,7 +24,7 @@ pub fn connect(
     b_name: &str,
 ) -> Result<(), NamespaceError> {
     let attributes = attributes(a_name, b_name, b.as_fd().as_raw_fd());
-    a.run(|| netlink::create(&attributes))?.map_err(|error| {
+    a.run(|| create(&attributes))?.map_err(|error| {
         NamespaceError::new(
             if error == Errno::OPNOTSUPP {
                 "making a veth pair (the kernel has no veth driver: `modprobe veth`)"

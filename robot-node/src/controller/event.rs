@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 
+use machine::Instant;
 use protocol::fieldbus::LinkEvent;
 use protocol::image::{ErrorNumber, Finding, Skill, State};
 
@@ -54,6 +55,8 @@ pub enum RobotEvent {
         executed: u32,
         /// From the tick that saw the command to the tick that reports the end.
         execution: Duration,
+        /// When its first motion began; `None` if the arm did not move.
+        began: Option<Instant>,
         /// How well the arm moved meanwhile.
         quality: Quality,
         /// What it did.

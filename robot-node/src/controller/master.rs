@@ -126,10 +126,11 @@ impl Controller {
         if waits { 0.0 } else { self.factor }
     }
 
-    /// Reports the law's time of the skill that runs.
+    /// Reports the law's time of the skill that runs, to the PLC only if the arm follows a master.
     pub(super) fn report_law_time(&mut self, execution: &Execution) {
+        self.progress_s = self.law_time(execution);
         if self.master.is_some() {
-            self.feedback.law_time_us = (self.law_time(execution) * 1e6 + 0.5) as u32;
+            self.feedback.law_time_us = (self.progress_s * 1e6 + 0.5) as u32;
         }
     }
 }

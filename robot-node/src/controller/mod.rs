@@ -106,6 +106,8 @@ pub struct Controller {
     factor: f64,
     /// The master that the arm follows, if there is one.
     master: Option<Master>,
+    /// The law's time of the skill that the arm has driven, in s; after its end that of its end.
+    progress_s: f64,
     /// The override in the command image, if it is above 100 %.
     wrong_override: Option<u8>,
     /// Why all images of the PLC are refused on this connection, if they are.
@@ -162,6 +164,7 @@ impl Controller {
             hold: false,
             factor: 1.0,
             master: None,
+            progress_s: 0.0,
             wrong_override: None,
             refused_images: None,
             reported_images: None,
@@ -184,6 +187,12 @@ impl Controller {
     #[must_use]
     pub const fn reported_joints(&self) -> &Joints {
         &self.reported
+    }
+
+    /// Returns how much of the law's time of the current skill, or of the last one, the arm has driven, in s.
+    #[must_use]
+    pub const fn progress_s(&self) -> f64 {
+        self.progress_s
     }
 
     /// Returns the feedback image as of the last tick.
@@ -382,6 +391,7 @@ impl Controller {
                 }
                 self.interpolator.clear();
                 execution.law_before_s = self.interpolator.path().driven_s();
+                self.progress_s = 0.0;
                 self.accepted = Digest::default();
                 self.account = Account::begin(*self.actual_joints());
                 self.hold = command.control.contains(Control::SUSPEND);

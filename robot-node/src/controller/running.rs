@@ -228,7 +228,7 @@ impl Controller {
         }
         let end = *if self.is_in_place() { self.interpolator.joints() } else { self.actual_joints() };
         let quality = self.observer.end(&self.config.arm, &end);
-        let execution = execution_time;
+        let (execution, began) = (execution_time, self.account.began);
         let account = self.account.close(skill, self.accepted.sum(), *self.actual_joints(), at);
         self.event(RobotEvent::SkillFinished {
             number,
@@ -236,6 +236,7 @@ impl Controller {
             ending,
             executed,
             execution,
+            began,
             quality,
             account,
         });

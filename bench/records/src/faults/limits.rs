@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use setup::Setup;
+use setup::{Cell, Setup, meant_or_all};
 use virtual_time::{FrameFaults, Impairment, Side};
 
 use super::{Fault, Kind, NoSuchDrive, links};
@@ -28,6 +28,96 @@ pub enum Unfit {
     Repeated(#[from] Repeated),
     /// There are too many of single frames.
     TooMany(#[from] TooManyFrameFaults),
+}
+
+/// Checks whether faults of a setup with one robot name no station.
+///
+/// # Errors
+///
+/// The first that does.
+pub fn check_one_robot(faults: &[Fault], setup: &str) -> Result<(), WrongStation> {
+    let named = faults.iter().find(|fault| fault.station().is_some());
+    named.map_or(Ok(()), |fault| {
+        Err(WrongStation::OneRobot { fault: fault.to_string(), setup: setup.to_owned() })
+    })
+}
+
+/// Checks whether the faults of a cell name its stations, and whether these, their cables and their drives can have them, and
+/// beside each other.
+///
+/// # Errors
+///
+/// The first of them that cannot be.
+pub fn check_cell(faults: &[Fault], cell: &Cell) -> Result<(), UnfitForCell> {
+    let names: Vec<_> = cell.names().map(str::to_owned).collect();
+    for fault in faults {
+        let (text, stations) = (fault.to_string(), names.clone());
+        match fault.station() {
+            None if fault.is_of_plc() => {}
+            None => return Err(WrongStation::Missing { fault: text, stations }.into()),
+            Some(_) if fault.is_of_plc() => return Err(WrongStation::OfPlc { fault: text }.into()),
+            Some(station) if cell.station(station).is_none() => {
+                let (setup, station) = (cell.name.clone(), station.to_owned());
+                return Err(WrongStation::Unknown { fault: text, setup, station, stations }.into());
+            }
+            Some(_) => {}
+        }
+    }
+    for station in &cell.stations {
+        let of_station: Vec<_> =
+            faults.iter().filter(|fault| fault.station() == Some(&station.name)).cloned().collect();
+        check(&of_station, &cell.setup_of(station))?;
+    }
+    Ok(())
+}
+
+/// Faults that a cell cannot have.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(transparent)]
+pub enum UnfitForCell {
+    /// They are at no station of it.
+    Station(#[from] WrongStation),
+    /// A station cannot have them.
+    Unfit(#[from] Unfit),
+}
+
+/// A fault that is not at a station where it can be.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum WrongStation {
+    /// A setup with one robot has no names of stations.
+    #[error("setup {setup} has one robot: write `{fault}` without the station and its `/`")]
+    OneRobot {
+        /// The fault.
+        fault: String,
+        /// The setup's name.
+        setup: String,
+    },
+    /// It names no station, and there are several.
+    #[error("`{fault}` names no station: write {}", stations.iter().map(|name| format!("{name}/{fault}")).collect::<Vec<_>>().join(" or "))]
+    Missing {
+        /// The fault.
+        fault: String,
+        /// Names of the stations.
+        stations: Vec<String>,
+    },
+    /// The PLC is of no station.
+    #[error("`{fault}` ends the PLC of all stations: write it without the station and its `/`")]
+    OfPlc {
+        /// The fault.
+        fault: String,
+    },
+    /// The setup has another set of stations.
+    #[error("`{fault}`: setup {setup} has no station `{station}`: {}", meant_or_all(station, &stations.iter().map(String::as_str).collect::<Vec<_>>()))]
+    Unknown {
+        /// The fault.
+        fault: String,
+        /// The setup's name.
+        setup: String,
+        /// The name.
+        station: String,
+        /// Names of the stations.
+        stations: Vec<String>,
+    },
 }
 
 /// Checks whether the robot of a setup has the drives that the faults are for.
@@ -108,6 +198,25 @@ impl Fault {
             | Kind::Drive(_) => None,
         }
     }
+}
+
+/// Checks whether no fault restarts a node or cuts a cable with a frame, which a cell in virtual time does not have yet.
+///
+/// # Errors
+///
+/// The first that does.
+pub fn check_without_frames(faults: &[Fault]) -> Result<(), BeginsWithFrame> {
+    let found = faults.iter().find(|fault| matches!(fault.kind, Kind::AtFrame(_)));
+    found.map_or(Ok(()), |fault| Err(BeginsWithFrame { fault: fault.to_string() }))
+}
+
+/// A fault that begins with a frame, in a cell.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(
+    "`{fault}` begins with a frame, which is for setups of one station so far: take cut-at=2s..2.1s or kill-robot-at=2s"
+)]
+pub struct BeginsWithFrame {
+    fault: String,
 }
 
 /// Longest time for which a cable between two processes holds a frame: it keeps frames in memory of fixed size.

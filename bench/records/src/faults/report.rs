@@ -49,6 +49,21 @@ impl FaultReport {
         }
         report
     }
+
+    /// Returns this report and that of another cable together.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        self.asked.extend(other.asked);
+        self.never.extend(other.never);
+        Self {
+            lost: self.lost + other.lost,
+            duplicated: self.duplicated + other.duplicated,
+            reordered: self.reordered + other.reordered,
+            corrupted: self.corrupted + other.corrupted,
+            corrupted_on_wire: self.corrupted_on_wire + other.corrupted_on_wire,
+            ..self
+        }
+    }
 }
 
 impl Fault {

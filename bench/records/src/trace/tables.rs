@@ -2,9 +2,11 @@
 //! spreadsheet opens them:
 //!
 //! ```text
-//! trace-robot.csv  every interpolation cycle: pose, joints, path speed, state, queue, images refused
+//! trace-robot.csv  every interpolation cycle: pose, joints, path speed, state, queue, images refused, law time driven
 //! trace-plc.csv    every scan: command, motions of the skill, motions in the slots, images refused
 //! ```
+//!
+//! Both end with `true_ns`. A cell with several stations has both for each station: `trace-robot-left.csv`.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -27,16 +29,35 @@ pub const ROBOT_ROWS: &str = "trace-robot.rows";
 /// File that the PLC's node writes its rows to.
 pub const PLC_ROWS: &str = "trace-plc.rows";
 
-/// Returns the header of a table: execution type, time since its start edge, and the columns of a sample.
+/// Returns the header of a table: execution type, time since its start edge, the columns of a sample, and its instant.
 fn header<S: TraceSample>() -> String {
-    format!("type,t_ms,{}\n", S::COLUMNS)
+    format!("type,t_ms,{},true_ns\n", S::COLUMNS)
+}
+
+/// Returns the header that older versions wrote.
+fn older_header<S: TraceSample>() -> String {
+    format!("type,t_ms,{}\n", S::COLUMNS.strip_suffix(S::ADDED).unwrap_or(S::COLUMNS))
+}
+
+/// Returns the name of a station's table: `trace-robot-left.csv`; without a station that of a setup of one.
+#[must_use]
+pub fn of_station(file: &str, station: Option<&str>) -> String {
+    match (station, file.strip_suffix(".csv")) {
+        (Some(station), Some(stem)) => format!("{stem}-{station}.csv"),
+        _ => file.to_owned(),
+    }
 }
 
 /// Appends a row of a table.
-fn write_row<S: TraceSample>(table: &mut String, execution_type: ExecutionType, at_ms: f64, sample: &S) {
+fn write_row<S: TraceSample>(
+    table: &mut String,
+    execution_type: ExecutionType,
+    (at_ms, true_ns): (f64, u64),
+    sample: &S,
+) {
     let _ = write!(table, "{execution_type},{at_ms:.3},");
     sample.write(table);
-    table.push('\n');
+    let _ = writeln!(table, ",{true_ns}");
 }
 
 impl Trace {
@@ -46,9 +67,18 @@ impl Trace {
     ///
     /// They cannot be written.
     pub fn save(&self, directory: &Path) -> anyhow::Result<()> {
+        self.save_of(directory, None)
+    }
+
+    /// Writes both tables of a station of a cell.
+    ///
+    /// # Errors
+    ///
+    /// They cannot be written.
+    pub fn save_of(&self, directory: &Path, station: Option<&str>) -> anyhow::Result<()> {
         let (robot, plc) = self.to_csv();
-        replace(&directory.join(ROBOT_FILE), &robot, Durability::Written)?;
-        replace(&directory.join(PLC_FILE), &plc, Durability::Written)
+        replace(&directory.join(of_station(ROBOT_FILE, station)), &robot, Durability::Written)?;
+        replace(&directory.join(of_station(PLC_FILE, station)), &plc, Durability::Written)
     }
 
     /// Returns the robot's table and the PLC's.
@@ -57,11 +87,11 @@ impl Trace {
         let (mut robot, mut plc) = (header::<robot_node::Sample>(), header::<plc_node::Sample>());
         for execution_type in ExecutionType::ALL {
             let Some(recording) = self.types.get(execution_type) else { continue };
-            for RobotTick { at_ms, sample } in &recording.robot {
-                write_row(&mut robot, execution_type, *at_ms, sample);
+            for RobotTick { at_ms, true_ns, sample } in &recording.robot {
+                write_row(&mut robot, execution_type, (*at_ms, *true_ns), sample);
             }
-            for PlcScan { at_us, sample } in &recording.plc {
-                write_row(&mut plc, execution_type, *at_us as f64 / 1e3, sample);
+            for PlcScan { at_us, true_ns, sample } in &recording.plc {
+                write_row(&mut plc, execution_type, (*at_us as f64 / 1e3, *true_ns), sample);
             }
         }
         (robot, plc)
@@ -89,16 +119,15 @@ impl Trace {
         let mut trace = Self::default();
         for (at, sample) in read_rows(robot).map_err(|line| TraceError::Row { file: ROBOT_ROWS, line })? {
             if let Some((execution_type, since_ns)) = run_of(at, windows) {
-                trace
-                    .recording(execution_type)
-                    .robot
-                    .push(RobotTick { at_ms: since_ns as f64 / 1e6, sample });
+                let (at_ms, true_ns) = (since_ns as f64 / 1e6, at.as_nanos());
+                trace.recording(execution_type).robot.push(RobotTick { at_ms, true_ns, sample });
             }
         }
         for (at, sample) in read_rows(plc).map_err(|line| TraceError::Row { file: PLC_ROWS, line })? {
             if let Some((execution_type, since_ns)) = run_of(at, windows) {
                 let at_us = (since_ns as f64 / 1e3).round() as i64;
-                trace.recording(execution_type).plc.push(PlcScan { at_us, sample });
+                let true_ns = at.as_nanos();
+                trace.recording(execution_type).plc.push(PlcScan { at_us, true_ns, sample });
             }
         }
         Ok(trace)
@@ -112,13 +141,13 @@ impl Trace {
     pub fn from_csv(robot: &str, plc: &str) -> Result<Self, TraceError> {
         let mut trace = Self::default();
         for row in rows(ROBOT_FILE, robot)? {
-            let (execution_type, at_ms, sample) = row?;
-            trace.recording(execution_type).robot.push(RobotTick { at_ms, sample });
+            let (execution_type, at_ms, sample, true_ns) = row?;
+            trace.recording(execution_type).robot.push(RobotTick { at_ms, true_ns, sample });
         }
         for row in rows(PLC_FILE, plc)? {
-            let (execution_type, at_ms, sample) = row?;
+            let (execution_type, at_ms, sample, true_ns) = row?;
             let at_us = (at_ms * 1e3).round() as i64;
-            trace.recording(execution_type).plc.push(PlcScan { at_us, sample });
+            trace.recording(execution_type).plc.push(PlcScan { at_us, true_ns, sample });
         }
         Ok(trace)
     }
@@ -156,15 +185,22 @@ pub enum TraceError {
     },
 }
 
-/// Reads the rows of a table: execution type, time since its start edge in ms, and the sample.
+/// A row of a table: execution type, time since its start edge in ms, the sample, and its instant in ns.
+type Row<S> = (ExecutionType, f64, S, u64);
+
+/// Reads the rows of a table, also of one of an older version.
 fn rows<S: TraceSample>(
     file: &'static str,
     text: &str,
-) -> Result<impl Iterator<Item = Result<(ExecutionType, f64, S), TraceError>>, TraceError> {
-    let rows = text.strip_prefix(&header::<S>()).ok_or(TraceError::Columns { file })?;
-    let row = |line| {
+) -> Result<impl Iterator<Item = Result<Row<S>, TraceError>>, TraceError> {
+    let current = text.strip_prefix(&header::<S>());
+    let is_older = current.is_none();
+    let rows =
+        current.or_else(|| text.strip_prefix(&older_header::<S>())).ok_or(TraceError::Columns { file })?;
+    let row = move |line: &str| {
+        let (line, true_ns) = if is_older { (line, "0") } else { line.rsplit_once(',')? };
         let mut fields = Fields::of(line);
-        Some((fields.value()?, fields.value()?, fields.sample()?))
+        Some((fields.value()?, fields.value()?, fields.sample()?, true_ns.parse().ok()?))
     };
     // The header is line 1.
     Ok(rows.lines().zip(2..).map(move |(text, line)| row(text).ok_or(TraceError::Row { file, line })))
@@ -189,11 +225,20 @@ mod tests {
             joints: [10.0, 20.0, 30.0, 40.0, 0.0, 0.0],
             altered: 1,
             positions: robot_node::Positions::Drives,
+            progress_us: 2_310_500,
         };
-        recording.robot(RobotTick { at_ms: 12.5, sample });
-        let sample =
-            plc_node::Sample { scan: 812, command: 3, total: 13, written: 6, in_slots: 5, altered: 2 };
-        recording.plc(PlcScan { at_us: 13_000, sample });
+        recording.robot(RobotTick { at_ms: 12.5, true_ns: 7_012_500_000, sample });
+        let sample = plc_node::Sample {
+            scan: 812,
+            command: 3,
+            total: 13,
+            written: 6,
+            in_slots: 5,
+            altered: 2,
+            marks_come: 2,
+            marks_passed: 1,
+        };
+        recording.plc(PlcScan { at_us: 13_000, true_ns: 7_013_000_017, sample });
         Trace { types: PerType { cm: Some(recording), ..PerType::default() } }
     }
 
@@ -201,10 +246,10 @@ mod tests {
     fn the_tables_have_a_row_per_tick_and_a_unit_in_each_column_name() {
         let (robot, plc) = trace().to_csv();
         insta::assert_snapshot!(robot + &plc, @"
-        type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered,positions
-        cm,12.500,Running,3,1,5,4,0,441.750,1.0000,-2.5000,3.0000,0.0000,0.0000,180.0000,10.0000000,20.0000000,30.0000000,40.0000000,0.0000000,0.0000000,1,drives
-        type,t_ms,scan,command,total,written,in_slots,altered
-        cm,13.000,812,3,13,6,5,2
+        type,t_ms,state,command,executed,accepted,queued,blends_suppressed,path_speed_mm_s,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6,altered,positions,progress,true_ns
+        cm,12.500,Running,3,1,5,4,0,441.750,1.0000,-2.5000,3.0000,0.0000,0.0000,180.0000,10.0000000,20.0000000,30.0000000,40.0000000,0.0000000,0.0000000,1,drives,2310500,7012500000
+        type,t_ms,scan,command,total,written,in_slots,altered,marks_come,marks_passed,true_ns
+        cm,13.000,812,3,13,6,5,2,2,1,7013000017
         ");
     }
 
@@ -219,9 +264,9 @@ mod tests {
             "900000,1,2,3,4,5,0\n1500000,2,2,3,4,5,0\n5000000,3,2,3,4,5,0\n9250000,4,2,3,4,5,0\n9300000,5,2";
         let trace = Trace::from_rows("", rows, &windows).unwrap();
         insta::assert_snapshot!(trace.to_csv().1, @"
-        type,t_ms,scan,command,total,written,in_slots,altered
-        rc,0.500,2,2,3,4,5,0
-        sm,0.250,4,2,3,4,5,0
+        type,t_ms,scan,command,total,written,in_slots,altered,marks_come,marks_passed,true_ns
+        rc,0.500,2,2,3,4,5,0,0,0,1500000
+        sm,0.250,4,2,3,4,5,0,0,0,9250000
         ");
         let broken = Trace::from_rows("", "900000,1,2,3,4,5,0\n9300000,5,2\n", &windows).unwrap_err();
         assert_eq!(broken.to_string(), "trace-plc.rows:2 is not a row of the table");
@@ -234,5 +279,23 @@ mod tests {
         let broken = Trace::from_csv(&robot, &plc.replace("812", "-812")).unwrap_err().to_string();
         assert_eq!(broken, "trace-plc.csv:2 is not a row of the table");
         assert_eq!(Trace::from_csv("", &plc), Err(TraceError::Columns { file: ROBOT_FILE }));
+    }
+
+    #[test]
+    fn tables_of_an_older_version_are_read_without_progress_and_instants() {
+        let (robot, plc) = trace().to_csv();
+        let shorter = |table: &str, columns: usize| -> String {
+            let cut =
+                |line: &str| line.rsplitn(columns + 1, ',').last().unwrap_or_default().to_owned() + "\n";
+            table.lines().map(cut).collect()
+        };
+        let read = Trace::from_csv(&shorter(&robot, 2), &shorter(&plc, 3)).unwrap();
+        let (found, whole) = (read.types.cm.unwrap(), trace().types.cm.unwrap());
+        let sample = robot_node::Sample { progress_us: 0, ..whole.robot[0].sample };
+        assert_eq!(found.robot, [RobotTick { true_ns: 0, sample, ..whole.robot[0] }]);
+        let sample = plc_node::Sample { marks_come: 0, marks_passed: 0, ..whole.plc[0].sample };
+        assert_eq!(found.plc, [PlcScan { true_ns: 0, sample, ..whole.plc[0] }]);
+        let half = Trace::from_csv(&shorter(&robot, 1), &plc).unwrap_err();
+        assert_eq!(half, TraceError::Columns { file: ROBOT_FILE });
     }
 }

@@ -94,7 +94,7 @@ mod tests {
 
     fn recording(end_us: i64) -> Recording {
         let mut recording = Recording::default();
-        recording.plc(PlcScan { at_us: end_us, sample: plc_node::Sample::default() });
+        recording.plc(PlcScan { at_us: end_us, true_ns: 0, sample: plc_node::Sample::default() });
         recording
     }
 

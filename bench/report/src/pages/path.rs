@@ -302,9 +302,12 @@ mod tests {
         for second in 0..=seconds {
             let (command, executed) = ((second / 10) as u16, second % 10);
             let sample = robot_node::Sample { command, executed, ..robot_node::Sample::default() };
-            recording.robot(RobotTick { at_ms: f64::from(second) * 1e3, sample });
-            recording
-                .plc(PlcScan { at_us: i64::from(second) * 1_000_000, sample: plc_node::Sample::default() });
+            recording.robot(RobotTick { at_ms: f64::from(second) * 1e3, true_ns: 0, sample });
+            recording.plc(PlcScan {
+                at_us: i64::from(second) * 1_000_000,
+                true_ns: 0,
+                sample: plc_node::Sample::default(),
+            });
         }
         Trace { types: PerType { cm: Some(recording), ..PerType::default() } }
     }

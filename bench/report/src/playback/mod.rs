@@ -228,7 +228,7 @@ mod tests {
         scans.for_each(|scan| {
             let at_us = scan as i64 * 1_000;
             let sample = plc_node::Sample { scan, ..plc_node::Sample::default() };
-            recording.plc(PlcScan { at_us, sample });
+            recording.plc(PlcScan { at_us, true_ns: 0, sample });
         });
         let trace = Trace { types: PerType { cm: Some(recording), ..PerType::default() } };
         let bytes = bytes(&trace, &setup, &found.plan(&setup).unwrap()).unwrap();

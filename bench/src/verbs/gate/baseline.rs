@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 use records::cell_results::CellResults;
 use records::exit::{Exit, Failure};
 use records::results::Results;
-use report::cell_table::mean;
 use report::progress::label;
 
 /// Version of the format.
@@ -31,6 +30,9 @@ pub const BASELINES: &[(&str, &str)] = &[
 
 /// Half of the millisecond that the gate must detect.
 const MILLIS_TOLERANCE: f64 = 0.5;
+
+/// A fifth of what two arms that move together may be off.
+const POSE_TOLERANCE_MM: f64 = 0.02;
 
 /// Half a millisecond's frames at a cycle of 1 ms, both ways, over the three types.
 const FRAMES_TOLERANCE: f64 = 1.0;
@@ -219,10 +221,13 @@ pub(super) fn figures_of_cell(results: &CellResults) -> Vec<Expected> {
         add("AET", result.aet_ms);
         add("MAD", result.mad_ms);
         for (station, of_station) in results.stations.iter().zip(&result.stations) {
-            add(&format!("{} waits", station.name), mean(&of_station.waiting_ms));
+            add(&format!("{} waits", station.name), of_station.mean_waiting_ms());
         }
-        let skews: Vec<f64> = result.start_skew_us.iter().flatten().map(|skew| skew / 1e3).collect();
-        add("start skew", mean(&skews));
+        add("start skew", result.mean_start_skew_us().map(|micros| micros / 1e3));
+        add("mark skew", result.worst_mark_skew_us().map(|micros| micros / 1e3));
+        let name = format!("{} relative pose", label(execution_type));
+        let pose = result.worst_relative_pose_mm();
+        figures.extend(pose.map(|mm| expected(name, "mm", mm, POSE_TOLERANCE_MM)));
     }
     figures
 }

@@ -18,7 +18,7 @@ use setup::Setup;
 pub use baseline::{BASELINES, Baseline, Expected, Refusal};
 pub use verdict::{Change, Verdict};
 
-use crate::verbs::measure::cell::{of_several, whole};
+use crate::verbs::measure::cell::whole;
 use records::exit::{Exit, Failure};
 use records::results::Results;
 use records::run_directory::{Durability, replace};
@@ -56,7 +56,7 @@ pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
     if let Some(directory) = &options.run {
         return real::run(options, directory);
     }
-    if of_several(options.setup.name()).is_some() {
+    if options.setup.of_several().is_some() {
         let (cell, found) = planning::cell_with_applications(options.setup.name())?;
         let application = cell.application.as_deref().unwrap_or_default();
         return compare(options, &cell.name, application, |schedule| {

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use ::node::token::ControlToken;
-use capture_file::Retention;
 use planning::Found;
 use setup::Setup;
 
@@ -44,7 +43,7 @@ const NO_ROWS: &str = "No arm is drawn: nodes that the bench did not start write
      to see it. Table, lateness, frames and alarms follow the run.";
 
 /// What the nodes' cyclic threads have if the host refused nothing.
-const GRANTED: &str = "SCHED_FIFO, memory locked";
+pub(super) const GRANTED: &str = "SCHED_FIFO, memory locked";
 
 /// Returns whether the rig says by this error that a capture lacks something.
 #[cfg(all(feature = "real", target_os = "linux"))]
@@ -162,7 +161,7 @@ impl Measurement<'_> {
 
     /// Returns whether the robot is our model of one, and not another device beside an attached PLC.
     fn has_modelled_robot(&self) -> bool {
-        self.options.attach.as_ref().is_none_or(|attach| attach.robot.is_some())
+        self.options.attach.as_ref().is_none_or(|attach| attach.robot().is_some())
     }
 
     /// Prints the plan's first warnings: for a grid each would be repeated in every cycle.
@@ -196,7 +195,7 @@ impl Measurement<'_> {
             application_text: &self.found.text,
             seed: self.options.seed,
             directory: &directory,
-            capture: self.retention(),
+            capture: self.options.capture.retention(),
             frames: self.options.trace,
             faults: &self.faults,
             feed: feed.as_ref(),
@@ -300,15 +299,6 @@ impl Measurement<'_> {
             replace(&path, playback::bytes(trace, &self.setup, &plan)?, Durability::Written)?;
         }
         Ok(())
-    }
-
-    /// Returns how much of a capture is kept.
-    fn retention(&self) -> Option<Retention> {
-        match self.options.capture {
-            Capture::Always => Some(Retention::All),
-            Capture::OnFailure => Some(Retention::FirstAndLast),
-            Capture::Never => None,
-        }
     }
 
     /// Returns whether the captures of a run with this exit code are written.

@@ -41,7 +41,7 @@ use studies::outputs::{self, Own};
 /// The options, the setup, the computer or the disk does not allow it. A failed repetition is not an error: the table
 /// is printed as far as it is complete, and the exit code reports the failure.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
-    if cell::of_several(options.setup.name()).is_some() {
+    if options.setup.of_several().is_some() {
         return cell::run(options);
     }
     let (setup, found) = load(options)?;
@@ -52,8 +52,9 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     check_faults(options, &setup)?;
     let live = options.live.map(|address| reserve(address, options.mode)).transpose()?;
     let mut token = None;
-    if options.attach.is_some() {
+    if let Some(attach) = &options.attach {
         check_attach(options)?;
+        attach.check_one(&setup.name).map_err(|error| Failure::new(Exit::Usage, error))?;
         token = ControlToken::find(options.control_token.as_deref())
             .map_err(|error| Failure::new(Exit::Usage, error))?;
     }
@@ -131,6 +132,7 @@ fn check_outputs(options: &RunOptions, found: &Found) -> Result<(), Failure> {
 /// Rejects faults that the drives, the cable or the mode do not have.
 fn check_faults(options: &RunOptions, setup: &Setup) -> Result<(), Failure> {
     let faults = flat(&options.fault);
+    faults::check_one_robot(&faults, &setup.name).map_err(|error| Failure::new(Exit::Usage, error))?;
     faults::check(&faults, setup).map_err(|error| Failure::new(Exit::Usage, error))?;
     if options.mode == Mode::Real {
         faults::check_real(&faults).map_err(|error| Failure::new(Exit::Usage, error))?;

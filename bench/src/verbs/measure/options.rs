@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use capture_file::Retention;
 use clap::{Args, ValueEnum};
 use node::list::List;
 use plc_node::{ExecutionType, OverrideSchedule};
@@ -47,12 +48,13 @@ pub struct RunOptions {
     /// What moves the robot's joints.
     #[command(flatten)]
     pub drives: DrivesOption,
-    /// Record the frames at both ends to DIR/plc.pcapng and DIR/robot.pcapng.
+    /// Record the frames at both ends to DIR/plc.pcapng and DIR/robot.pcapng; with several stations DIR/robot-STATION.pcapng, and
+    /// DIR/plc-BUS.pcapng where the PLC has several interfaces.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
     /// Measure on nodes that run already, `run --control ADDRESS:PORT`: in containers, on other machines, or the PLC's
     /// alone where the robot is real. Real mode only; they are started with the same --setup.
-    #[arg(long, value_name = "plc=HOST:PORT[,robot=HOST:PORT]")]
+    #[arg(long, value_name = "plc=HOST:PORT[,robot=HOST:PORT|,STATION=HOST:PORT,...]")]
     pub attach: Option<Attach>,
     /// The file whose first line is the token of the nodes' control ports; without it SKILLBENCH_CONTROL_TOKEN, if that is
     /// set.
@@ -74,7 +76,8 @@ pub struct RunOptions {
     /// cut-at=2s..2.1s, kill-robot-at=2s, kill-plc-at=2s; of one frame to-robot:lose-frame=17, to-plc:double-frame=17,
     /// to-plc:hold-frame=17@2ms, to-robot:flip-frame=17.93@memory, to-robot:flip-frame=17@wire; in virtual mode
     /// to-robot:cut-frame=17@10ms, to-robot:restart-robot=17@100ms, to-plc:restart-plc=17@100ms; with drives, of that of an axis drive-fault=3@2s, drive-stop=3@2s, drive-block=3@2s..2.5s. Times count from the moment that the robot is ready; the same
-    /// seed gives the same faults.
+    /// seed gives the same faults. With several stations, before a fault stands its station, as in left/to-robot:loss=0.001;
+    /// kill-plc-at has none.
     #[arg(long, value_name = "FAULT", num_args = 1..)]
     pub fault: Vec<List<Fault>>,
     /// Serve a page that shows the run while it is going on: the arm, slots and speed of the repetition that runs, the table as it
@@ -96,6 +99,18 @@ pub enum Capture {
     OnFailure,
     /// Nothing is recorded.
     Never,
+}
+
+impl Capture {
+    /// Returns how much of a capture is kept; `None` if nothing is recorded.
+    #[must_use]
+    pub const fn retention(self) -> Option<Retention> {
+        match self {
+            Self::Always => Some(Retention::All),
+            Self::OnFailure => Some(Retention::FirstAndLast),
+            Self::Never => None,
+        }
+    }
 }
 
 /// Transport of PROFINET's cyclic frames.

@@ -264,7 +264,8 @@ async fn measure(
             let before = rig.reports();
             rig.keep_running(options.execution_type, COUNTED).await.map_err(failed)?;
             let after = rig.reports();
-            let cycles = [(&before.plc.cycle, &after.plc.cycle), (&before.robot.cycle, &after.robot.cycle)];
+            let robots = [before.robot(), after.robot()];
+            let cycles = [(&before.plc.cycle, &after.plc.cycle), (&robots[0].cycle, &robots[1].cycle)];
             for (pair, (before, after)) in pair.iter_mut().zip(cycles) {
                 let of = if recorded { &mut pair.recorded_us } else { &mut pair.unrecorded_us };
                 match p99_us(before, after) {

@@ -1,5 +1,7 @@
 //! How the rig takes control of nodes that already run.
 
+use std::time::Duration;
+
 use ::node::message::Instruction;
 use ::node::role::NodeRole;
 use ::node::token::ControlToken;
@@ -11,9 +13,12 @@ use tokio::sync::mpsc;
 use super::attached_node::AttachedNode;
 use super::messages::Startup;
 use super::node::Node;
-use super::wanted_cell::WantedCell;
+use super::rig_node::RigNode;
+use super::robot::RigRobot;
+use super::wanted_cell::{WantedCell, WantedCells, WantedSetup};
 use super::{Rig, RigError};
 use crate::Attach;
+use crate::cell_stand::CellConfig;
 use records::attached::{Attached, AttachedAt};
 use records::voice::Voice;
 
@@ -32,20 +37,69 @@ impl Rig {
         application: &str,
         voice: Option<&Voice>,
     ) -> Result<Self, RigError> {
+        let wanted = WantedCells::of_one(setup, application);
+        let robot = (RigRobot::of(None), to.robot());
+        Self::attach_all(&to.plc, vec![robot], token, wanted, setup.bus.watchdog(), voice).await
+    }
+
+    /// Takes control likewise of the nodes of a cell with several stations.
+    ///
+    /// # Errors
+    ///
+    /// The same.
+    pub(super) async fn attach_cell(config: &CellConfig<'_>, to: &Attach) -> Result<Self, RigError> {
+        let wanted = WantedCells {
+            plc: WantedCell { setup: WantedSetup::Several(config.cell), application: config.applications },
+            robots: config
+                .stations
+                .iter()
+                .zip(config.texts)
+                .map(|(station, text)| WantedCell {
+                    setup: WantedSetup::One(&station.setup),
+                    application: text,
+                })
+                .collect(),
+        };
+        let robots = config.stations.iter().map(|station| {
+            let name = &station.name;
+            (
+                RigRobot::of(Some(name.clone())),
+                to.robots.iter().find(|(of, _)| of == name).map(|(_, at)| at.as_str()),
+            )
+        });
+        let watchdogs = config.stations.iter().map(|station| station.setup.bus.watchdog());
+        let watchdog = watchdogs.min().unwrap_or_default();
+        Self::attach_all(&to.plc, robots.collect(), config.token, wanted, watchdog, config.voice).await
+    }
+
+    async fn attach_all(
+        plc: &str,
+        robots: Vec<(RigRobot, Option<&str>)>,
+        token: Option<&ControlToken>,
+        wanted: WantedCells<'_>,
+        watchdog: Duration,
+        voice: Option<&Voice>,
+    ) -> Result<Self, RigError> {
         let (sender, events) = mpsc::channel(1_024);
-        let mut plc = AttachedNode::reach(NodeRole::Plc, &to.plc, token, sender.clone()).await?;
+        let named = (RigNode::Plc, NodeRole::Plc.into());
+        let mut plc = AttachedNode::reach(named, plc, token, sender.clone()).await?;
         // A controller that has sent no line loses the control port to the next one.
         plc.send(&Instruction::<PlcInstruction>::Report).await;
-        let mut rig = Self::of(Node::Attached(plc), None, events, None, setup.bus.watchdog());
+        let (robots, addresses): (Vec<_>, Vec<_>) = robots.into_iter().unzip();
+        let mut rig = Self::of(Node::Attached(plc), robots, events, None, watchdog);
         rig.voice = voice.cloned();
-        let mut startup = Startup::new(Some(WantedCell { setup, application }));
+        let mut startup = Startup::new(Some(wanted));
         // One after the other: an error of the PLC's is often an error of both, and is then reported of the PLC.
         rig.wait_for_hellos(&mut startup).await?;
-        if let Some(address) = &to.robot {
-            let mut robot = AttachedNode::reach(NodeRole::Robot, address, token, sender).await?;
-            robot.send(&Instruction::<RobotInstruction>::Report).await;
-            rig.robot = Some(Node::Attached(robot));
+        for (index, address) in addresses.into_iter().enumerate() {
+            let (Some(robot), Some(address)) = (rig.robots.get_mut(index), address) else { continue };
+            let named = (RigNode::Robot(index), robot.name());
+            let mut node = AttachedNode::reach(named, address, token, sender.clone()).await?;
+            node.send(&Instruction::<RobotInstruction>::Report).await;
+            robot.node = Some(Node::Attached(node));
+            rig.wait_for_hellos(&mut startup).await?;
         }
+        drop(sender);
         rig.wait_until_connected(startup).await?;
         rig.wait_until_at_start().await?;
         rig.ask_for_reports().await?;
@@ -53,31 +107,41 @@ impl Rig {
         Ok(rig)
     }
 
-    /// Returns where the nodes are and what they say of their hosts; `None` if this rig started them.
-    pub(super) fn attached_nodes(&self) -> Option<Attached> {
-        let at = |role: NodeRole, node: &Node| {
-            let Node::Attached(node) = node else { return None };
-            let hello = self.hellos.iter().find(|(from, _)| *from == role);
-            let host = hello.and_then(|(_, hello)| hello.host.as_ref());
-            Some(AttachedAt {
-                address: node.address().to_owned(),
-                version: host.map(|host| host.version.clone()),
-                host: host.map(|host| format!("{}, {}", host.name, host.kernel)),
-            })
+    /// Returns where a node is and what it says of its host; `None` if this rig started it, or if it is not ours.
+    pub(super) fn attached_at(&self, id: RigNode) -> Option<AttachedAt> {
+        let node = match id {
+            RigNode::Plc => Some(&self.plc),
+            RigNode::Robot(station) => self.robots.get(station).and_then(|robot| robot.node.as_ref()),
         };
-        let robot = self.robot.as_ref().and_then(|robot| at(NodeRole::Robot, robot));
-        Some(Attached { plc: at(NodeRole::Plc, &self.plc)?, robot })
+        let Some(Node::Attached(node)) = node else { return None };
+        let hello = self.hellos.iter().find(|(from, _)| *from == id);
+        let host = hello.and_then(|(_, hello)| hello.host.as_ref());
+        Some(AttachedAt {
+            address: node.address().to_owned(),
+            version: host.map(|host| host.version.clone()),
+            host: host.map(|host| format!("{}, {}", host.name, host.kernel)),
+        })
     }
 
-    /// Checks what answers: at an address may be the other node, or a node with another setup or application.
-    pub(super) fn check_hellos(&self, wanted: Option<WantedCell<'_>>) -> Result<(), RigError> {
-        for (role, node) in [(NodeRole::Plc, Some(&self.plc)), (NodeRole::Robot, self.robot.as_ref())] {
-            let hello = self.hellos.iter().find(|(from, _)| *from == role);
-            let (Some(Node::Attached(node)), Some((_, hello)), Some(wanted)) = (node, hello, wanted) else {
+    /// Returns where the nodes of a pair are; `None` if this rig started them.
+    pub(super) fn attached_nodes(&self) -> Option<Attached> {
+        let robot = self.attached_at(RigNode::Robot(0));
+        Some(Attached { plc: self.attached_at(RigNode::Plc)?, robot })
+    }
+
+    /// Checks what answers: at an address may be another node, or a node with another setup or application.
+    pub(super) fn check_hellos(&self, wanted: Option<&WantedCells<'_>>) -> Result<(), RigError> {
+        let Some(wanted) = wanted else { return Ok(()) };
+        for id in self.nodes() {
+            let of_node = match id {
+                RigNode::Plc => Some(&wanted.plc),
+                RigNode::Robot(station) => wanted.robots.get(station),
+            };
+            let hello = self.hellos.iter().find(|(from, _)| *from == id);
+            let (Some(at), Some((_, hello)), Some(wanted)) = (self.attached_at(id), hello, of_node) else {
                 continue;
             };
-            let name = &wanted.setup.name;
-            let address = node.address().to_owned();
+            let (role, name, address) = (id.role(), wanted.setup.name(), at.address);
             if hello.node != role || hello.setup != *name {
                 return Err(RigError::Other {
                     address,
@@ -90,7 +154,7 @@ impl Rig {
                 |cell| wanted.difference(role, cell),
             );
             if let Some(difference) = difference {
-                return Err(RigError::OtherCell { role, address, difference });
+                return Err(RigError::OtherCell { node: self.name(id), address, difference });
             }
         }
         Ok(())
@@ -104,9 +168,10 @@ mod tests {
     #[test]
     fn the_robot_may_be_missing_and_the_plc_may_not() {
         let attach = |text: &str| text.parse::<Attach>().map_err(|error| error.to_string());
-        let both = Attach { plc: "10.0.0.1:7700".to_owned(), robot: Some("[fe80::1]:7700".to_owned()) };
+        let robots = vec![("robot".to_owned(), "[fe80::1]:7700".to_owned())];
+        let both = Attach { plc: "10.0.0.1:7700".to_owned(), robots };
         assert_eq!(attach("robot=[fe80::1]:7700,plc=10.0.0.1:7700"), Ok(both));
-        assert_eq!(attach("plc=cell:1"), Ok(Attach { plc: "cell:1".to_owned(), robot: None }));
+        assert_eq!(attach("plc=cell:1"), Ok(Attach { plc: "cell:1".to_owned(), robots: Vec::new() }));
         for wrong in [
             "",
             "plc",
@@ -117,6 +182,7 @@ mod tests {
             "cell=a:1",
             "robot=a:1",
             "plc=a:1,plc=a:1",
+            "plc=a:1,robot=b:1,robot=c:1",
         ] {
             assert!(attach(wrong).is_err(), "{wrong}");
         }

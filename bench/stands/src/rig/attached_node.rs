@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ::node::message::Instruction;
-use ::node::role::NodeRole;
 use ::node::token::ControlToken;
 use serde::Serialize;
 use tokio::io::AsyncWriteExt as _;
@@ -17,6 +16,7 @@ use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::RigError;
 use super::node_process::{NodeEvent, listen};
+use super::rig_node::{NodeName, RigNode};
 
 /// Longest wait for a node that is started together with the bench.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -33,7 +33,7 @@ const RETRY: Duration = Duration::from_millis(200);
 /// The connection to such a node.
 #[derive(Debug)]
 pub(super) struct AttachedNode {
-    role: NodeRole,
+    name: NodeName,
     address: String,
     stream: Arc<Mutex<OwnedWriteHalf>>,
     alive: JoinHandle<()>,
@@ -59,7 +59,7 @@ impl Drop for AttachedNode {
 impl AttachedNode {
     /// Connects, with repeated attempts until the node answers, and shows it the token.
     pub(super) async fn reach(
-        role: NodeRole,
+        (node, name): (RigNode, NodeName),
         address: &str,
         token: Option<&ControlToken>,
         events: mpsc::Sender<NodeEvent>,
@@ -77,15 +77,19 @@ impl AttachedNode {
             }
         };
         let reached = timeout_at(until, reached).await;
-        let unreachable =
-            |reason| RigError::Unreachable { role, address: address.to_owned(), waited: PATIENCE, reason };
+        let unreachable = |reason| RigError::Unreachable {
+            node: name.clone(),
+            address: address.to_owned(),
+            waited: PATIENCE,
+            reason,
+        };
         let stream = reached.map_err(|_| unreachable(reason))?;
         stream.set_nodelay(true).map_err(|error| unreachable(error.to_string()))?;
         let (from, stream) = stream.into_split();
-        listen(role, from, events);
+        listen(node, from, events);
         let stream = Arc::new(Mutex::new(stream));
         let alive = tokio::spawn(stay_alive(Arc::clone(&stream)));
-        let mut node = Self { role, address: address.to_owned(), stream, alive, ended: false };
+        let mut node = Self { name, address: address.to_owned(), stream, alive, ended: false };
         if let Some(token) = token {
             node.send(&Instruction::<()>::Token(token.text().to_owned())).await;
         }
@@ -105,7 +109,7 @@ impl AttachedNode {
 
     pub(super) fn end_error(&mut self) -> RigError {
         self.ended = true;
-        RigError::Detached { role: self.role, address: self.address.clone() }
+        RigError::Detached { node: self.name.clone(), address: self.address.clone() }
     }
 
     pub(super) fn address(&self) -> &str {

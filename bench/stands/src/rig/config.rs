@@ -5,11 +5,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use capture_file::Retention;
-use setup::{Cyclic, Setup};
+use setup::{Cell, Cyclic, Setup};
 
 use super::frames::FrameLog;
+use super::layout::RigLayout;
 use records::faults::Fault;
 use records::feed::Feed;
+use records::trace::tables;
 use records::voice::Voice;
 
 /// Configuration of a rig.
@@ -17,7 +19,9 @@ use records::voice::Voice;
 pub struct RigConfig {
     /// A built-in setup's name, or the path of a file.
     pub setup: OsString,
-    /// The watchdog time of the setup's connection.
+    /// The connections.
+    pub layout: RigLayout,
+    /// The shortest watchdog time of the setup's connections.
     pub watchdog: Duration,
     /// How PROFINET's cyclic frames are sent, instead of the setup's choice.
     pub cyclic: Option<Cyclic>,
@@ -49,9 +53,20 @@ impl RigConfig {
     /// Creates the configuration of a rig of this setup without captures, traces and faults. The nodes read the setup
     /// from `read_from`.
     pub fn new(setup: &Setup, read_from: impl Into<OsString>) -> Self {
+        Self::of(RigLayout::of_one(), setup.bus.watchdog(), read_from.into())
+    }
+
+    /// Creates the same for a cell with several stations.
+    pub fn of_cell(cell: &Cell, read_from: impl Into<OsString>) -> Self {
+        let watchdogs = cell.stations.iter().map(|station| station.bus.watchdog());
+        Self::of(RigLayout::of_cell(cell), watchdogs.min().unwrap_or_default(), read_from.into())
+    }
+
+    fn of(layout: RigLayout, watchdog: Duration, setup: OsString) -> Self {
         Self {
-            setup: read_from.into(),
-            watchdog: setup.bus.watchdog(),
+            setup,
+            layout,
+            watchdog,
             cyclic: None,
             seed: 1,
             capture: None,
@@ -66,7 +81,26 @@ impl RigConfig {
         }
     }
 
-    pub(super) fn args(&self, interface: &str, rows: &str) -> Vec<OsString> {
+    /// Returns the arguments of the PLC's node; `interface` is its option of this name.
+    pub(super) fn plc_args(&self, interface: &str) -> Vec<OsString> {
+        self.args(interface, tables::PLC_ROWS)
+    }
+
+    /// Returns the arguments of a robot's node.
+    pub(super) fn robot_args(&self, interface: &str, index: usize, station: Option<&str>) -> Vec<OsString> {
+        let rows = station
+            .map_or_else(|| tables::ROBOT_ROWS.to_owned(), |station| format!("trace-robot-{station}.rows"));
+        let mut args = self.args(interface, &rows);
+        // Each robot draws numbers of its own, and a single one those of the seed itself.
+        let seed = self.seed.wrapping_add(index as u64);
+        args.extend(["--seed".into(), seed.to_string().into()]);
+        if let Some(station) = station {
+            args.extend(["--station".into(), station.into()]);
+        }
+        args
+    }
+
+    fn args(&self, interface: &str, rows: &str) -> Vec<OsString> {
         let mut args: Vec<OsString> = ["run", "--json", "--interface", interface].map(OsString::from).into();
         args.extend(["--setup".into(), self.setup.clone()]);
         if let Some(cyclic) = self.cyclic {

@@ -10,6 +10,7 @@ use plc_node::ExecutionType;
 use protocol_linux::namespace::NamespaceError;
 use protocol_linux::{InterfaceError, PortError, RecorderError};
 
+use super::rig_node::NodeName;
 use super::silence::{SilentNode, in_words};
 use crate::Unreported;
 use crate::under_faults;
@@ -35,38 +36,38 @@ pub enum RigError {
     #[error(transparent)]
     Port(#[from] PortError),
     /// A node cannot be started.
-    #[error("cannot start the {role}: {reason}")]
+    #[error("cannot start the {node}: {reason}")]
     Spawn {
         /// The node.
-        role: NodeRole,
+        node: NodeName,
         /// The system's error.
         reason: io::Error,
     },
     /// A node ended unexpectedly.
-    #[error("the {role} ended{}{}", status.map_or_else(String::new, |status| format!(" ({status})")), quoted(last_stderr))]
+    #[error("the {node} ended{}{}", status.map_or_else(String::new, |status| format!(" ({status})")), quoted(last_stderr))]
     NodeEnded {
         /// The node.
-        role: NodeRole,
+        node: NodeName,
         /// Its exit status, if known.
         status: Option<ExitStatus>,
         /// Its last lines on standard error.
         last_stderr: Vec<String>,
     },
     /// A fault of this run killed a node.
-    #[error("the {role} was killed by this run's fault `{}`", kill_name(*role))]
+    #[error("the {node} was killed by this run's fault `{}`", kill_name(node.role))]
     KilledByFault {
         /// The node.
-        role: NodeRole,
+        node: NodeName,
     },
     /// A node that should already run does not answer.
     #[error(
-        "no {role} answers at {address} within {} s: {reason}; is it running with `--control`, on that address and \
+        "no {node} answers at {address} within {} s: {reason}; is it running with `--control`, on that address and \
          port?",
         waited.as_secs()
     )]
     Unreachable {
         /// The node.
-        role: NodeRole,
+        node: NodeName,
         /// Host and port.
         address: String,
         /// Time of the attempts.
@@ -75,26 +76,26 @@ pub enum RigError {
         reason: String,
     },
     /// A running node has another controller.
-    #[error("the {role} is controlled by {controller} already: end that one first")]
+    #[error("the {node} is controlled by {controller} already: end that one first")]
     Busy {
         /// The node.
-        role: NodeRole,
+        node: NodeName,
         /// That controller.
         controller: SocketAddr,
     },
     /// A running node does not follow this bench.
-    #[error("the {role} does not follow this bench: {reason}")]
+    #[error("the {node} does not follow this bench: {reason}")]
     Denied {
         /// The node.
-        role: NodeRole,
+        node: NodeName,
         /// Why not, in its words.
         reason: String,
     },
     /// The connection to a running node was closed.
-    #[error("the {role} at {address} ended or closed the connection; its output says why")]
+    #[error("the {node} at {address} ended or closed the connection; its output says why")]
     Detached {
         /// The node.
-        role: NodeRole,
+        node: NodeName,
         /// Host and port.
         address: String,
     },
@@ -109,10 +110,10 @@ pub enum RigError {
         wanted: String,
     },
     /// The node runs a setup or an application that differs from the one to be measured.
-    #[error("the {role} at {address} runs another cell: {difference}; start it with the same --setup")]
+    #[error("the {node} at {address} runs another cell: {difference}; start it with the same --setup")]
     OtherCell {
         /// Which node.
-        role: NodeRole,
+        node: NodeName,
         /// Host and port.
         address: String,
         /// The first difference.
@@ -132,40 +133,47 @@ pub enum RigError {
     #[error("the connection between the nodes was lost; the {seen_by} says: {reason}")]
     ConnectionLost {
         /// The node that reported it first.
-        seen_by: NodeRole,
+        seen_by: NodeName,
         /// Its reason.
         reason: String,
     },
     /// The host stalled a node for about as long as its peer's watchdog time.
     #[error(
-        "{error}; the host stopped the {role} for {} ms: `bench doctor` measures how it runs programs, and a higher \
+        "{error}; the host stopped the {node} for {} ms: `bench doctor` measures how it runs programs, and a higher \
          bus.watchdog_cycles in a setup of your own bears more",
         held.as_millis()
     )]
     HeldUp {
         /// The node that was stalled longest.
-        role: NodeRole,
+        node: NodeName,
         /// For how long.
         held: Duration,
         /// The error that followed.
         error: Box<RigError>,
     },
     /// The PLC reports that a run failed.
-    #[error("{execution_type} failed: {reason}")]
+    #[error("{}{execution_type} failed: {reason}", of_station(station.as_deref()))]
     RunFailed {
+        /// The station that is the reason, where there are several.
+        station: Option<String>,
         /// The execution type of the run.
         execution_type: ExecutionType,
         /// The PLC's reason.
         reason: String,
     },
     /// The robot node's messages are about another number of motions than the PLC counted.
-    #[error(transparent)]
-    Unreported(Unreported),
+    #[error("{}{unreported}", of_station(station.as_deref()))]
+    Unreported {
+        /// The station, where there are several.
+        station: Option<String>,
+        /// The numbers.
+        unreported: Unreported,
+    },
     /// A node does not answer.
-    #[error("the {role} runs but has not answered for {} s: is the host overloaded, or the node stopped?", waited.as_secs())]
+    #[error("the {node} runs but has not answered for {} s: is the host overloaded, or the node stopped?", waited.as_secs())]
     NoAnswer {
         /// The node.
-        role: NodeRole,
+        node: NodeName,
         /// Time waited.
         waited: Duration,
     },
@@ -176,18 +184,20 @@ pub enum RigError {
         nodes: Vec<SilentNode>,
     },
     /// The PLC is alive and only waits, before a run.
-    #[error("the PLC has waited {seconds} s for {reason}")]
+    #[error("{}the PLC has waited {seconds} s for {reason}", of_station(station.as_deref()))]
     NotReady {
+        /// The station that it waits for, where there are several.
+        station: Option<String>,
         /// Time without progress, in s.
         seconds: u32,
-        /// What it waits for.
+        /// Its reason.
         reason: String,
     },
     /// A node sent a line that is no message.
-    #[error("the {role} sent `{line}`, which is not a message: are bench and node from the same build?")]
+    #[error("the {node} sent `{line}`, which is not a message: are bench and node from the same build?")]
     UnreadableLine {
         /// The node.
-        role: NodeRole,
+        node: NodeName,
         /// The line.
         line: String,
     },
@@ -225,7 +235,7 @@ impl RigError {
             | Self::ConnectionLost { .. }
             | Self::HeldUp { .. }
             | Self::RunFailed { .. }
-            | Self::Unreported(_)
+            | Self::Unreported { .. }
             | Self::NoAnswer { .. }
             | Self::Silent { .. }
             | Self::NotReady { .. }
@@ -254,6 +264,11 @@ pub(super) fn at_start(error: RigError, faults: &[Fault]) -> Failure {
     Failure::new(error.exit_at_start(), error)
 }
 
+/// Returns the beginning of a message about a station, where there are several.
+fn of_station(station: Option<&str>) -> String {
+    station.map_or_else(String::new, |station| format!("station {station}: "))
+}
+
 /// Returns the name of the fault that kills a node.
 const fn kill_name(role: NodeRole) -> &'static str {
     match role {
@@ -278,15 +293,15 @@ mod tests {
 
     #[test]
     fn what_is_no_node_makes_the_environment_unusable_until_a_repetition_runs() {
-        let role = NodeRole::Plc;
-        let unreadable = || RigError::UnreadableLine { role, line: "HTTP/1.0 400".to_owned() };
-        let closed = || RigError::Detached { role, address: "127.0.0.1:80".to_owned() };
+        let node = || NodeName::from(NodeRole::Plc);
+        let unreadable = || RigError::UnreadableLine { node: node(), line: "HTTP/1.0 400".to_owned() };
+        let closed = || RigError::Detached { node: node(), address: "127.0.0.1:80".to_owned() };
         for error in [unreadable(), closed()] {
             assert_eq!(error.exit(), Exit::RunFailed);
             assert_eq!(at_start(error, &[]).exit, Exit::EnvironmentUnusable);
         }
-        assert_eq!(at_start(RigError::KilledByFault { role }, &[]).exit, Exit::RunFailed);
-        let other = RigError::Denied { role, reason: "a wrong token".to_owned() };
+        assert_eq!(at_start(RigError::KilledByFault { node: node() }, &[]).exit, Exit::RunFailed);
+        let other = RigError::Denied { node: node(), reason: "a wrong token".to_owned() };
         assert_eq!(at_start(other, &[]).exit, Exit::Usage);
     }
 

@@ -15,20 +15,20 @@ impl Rig {
         let Some(feed) = &self.feed else { return };
         let reports = || self.reports();
         match event {
-            NodeEvent::Plc(Message::Node(PlcMessage::Started { at_ns, .. })) => feed.started(*at_ns),
-            NodeEvent::Plc(Message::Node(PlcMessage::Finished(run))) => {
+            NodeEvent::Plc(_, Message::Node(PlcMessage::Started { at_ns, .. })) => feed.started(*at_ns),
+            NodeEvent::Plc(_, Message::Node(PlcMessage::Finished(run))) => {
                 feed.motions_done(run.execution_time_ns)
             }
-            NodeEvent::Plc(Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
+            NodeEvent::Plc(_, Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
                 feed.report(NodeRole::Plc, reports().plc);
             }
-            NodeEvent::Robot(Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
-                feed.report(NodeRole::Robot, reports().robot);
+            NodeEvent::Robot(_, Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
+                feed.report(NodeRole::Robot, reports().robot());
             }
-            NodeEvent::Plc(message) => forward(feed, NodeRole::Plc, message, is_alarm_of_plc),
-            NodeEvent::Robot(message) => forward(feed, NodeRole::Robot, message, is_alarm_of_robot),
-            NodeEvent::Ended(role) => feed.note(format!("the node of the {role} has ended")),
-            NodeEvent::UnreadableLine { role, line } => feed.alarm(format!("{role}: {line}")),
+            NodeEvent::Plc(_, message) => forward(feed, NodeRole::Plc, message, is_alarm_of_plc),
+            NodeEvent::Robot(_, message) => forward(feed, NodeRole::Robot, message, is_alarm_of_robot),
+            NodeEvent::Ended(node) => feed.note(format!("the node of the {} has ended", node.role())),
+            NodeEvent::UnreadableLine { node, line } => feed.alarm(format!("{}: {line}", node.role())),
         }
     }
 }
@@ -73,6 +73,7 @@ const fn is_alarm_of_plc(message: &PlcMessage) -> Option<bool> {
         PlcMessage::MovingToStart
         | PlcMessage::Ready
         | PlcMessage::Started { .. }
+        | PlcMessage::Passed { .. }
         | PlcMessage::Finished(_) => None,
     }
 }

@@ -1,4 +1,4 @@
-//! The rig: both nodes as processes of their own, on a cable between two networks that the rig makes.
+//! The rig: all nodes as processes of their own, on cables between networks that the rig makes.
 //!
 //! ```text
 //!            bench (tokio, one thread)
@@ -7,29 +7,38 @@
 //!   └ network namespace ┘   └ network namespace ┘
 //! ```
 //!
+//! A pair is a cell with one robot. Of a cell with several, those on buses with one address of the PLC share a switch at one
+//! interface of the PLC; an EtherCAT segment has an interface of its own.
+//!
 //! The nodes are this same program, started again: nothing else has to be built or installed. The namespaces are
-//! unnamed and the nodes die with the bench, so nothing is left behind however any of them ends. Both nodes have a
+//! unnamed and the nodes die with the bench, so nothing is left behind however any of them ends. The nodes have a
 //! process group of their own, so that Ctrl-C reaches only the bench, which ends them in order. An ordinary user gets
 //! all this through a user namespace, see [`enter_user_namespace`].
 //!
-//! Alternatively both nodes already run somewhere, and the rig only controls them over TCP: [`Rig::attach`].
+//! Alternatively the nodes already run somewhere, and the rig only controls them over TCP: [`Rig::attach`].
 //!
 //! Here tokio serves pipes, connections, processes and timeouts. The cyclic threads run in the other processes, without
 //! tokio.
 
+mod asked_reports;
 mod attach;
 mod attached_node;
 mod cable;
+mod cell_stand;
 mod changes;
 mod config;
 mod error;
 mod executions;
 mod frames;
+mod layout;
 mod live_feed;
 mod messages;
+mod network;
 mod node;
 mod node_process;
 mod reports;
+mod rig_node;
+mod robot;
 mod silence;
 mod stand;
 mod wanted_cell;
@@ -37,7 +46,9 @@ mod wanted_cell;
 pub use config::RigConfig;
 pub use error::RigError;
 pub use frames::FrameLog;
+pub use layout::RigLayout;
 pub use reports::Reports;
+pub use rig_node::NodeName;
 pub use silence::SilentNode;
 
 use std::io;
@@ -54,18 +65,18 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use self::node::Node;
-use cable::{Cable, CableOptions};
 use changes::Changes;
 use messages::Startup;
+use network::{NetworkOptions, RigNetwork, plc_interface};
 use node_process::{NodeEvent, NodeProcess};
 use reports::FirstReports;
+use rig_node::RigNode;
+use robot::RigRobot;
 use silence::Silence;
 
-use crate::Stand as _;
-use records::conditions::{Health, ToldSkills};
-use records::faults::{self, Change, FaultReport};
+use records::faults::{Change, FaultReport};
 use records::feed::Feed;
-use records::trace::{Window, tables};
+use records::trace::Window;
 use records::voice::Voice;
 
 /// This program is also both nodes; with a counting allocator it can show that their cyclic threads allocate nothing.
@@ -103,24 +114,26 @@ pub fn enter_user_namespace() -> Result<(), RigError> {
 ///
 /// The outer error: the cable cannot be created. The inner error: its sockets cannot be opened.
 pub fn try_cable() -> Result<Result<(), PortError>, RigError> {
-    let cable = Cable::set_up(CableOptions::default())?;
+    let layout = RigLayout::of_one();
+    let network = NetworkOptions { layout: &layout, capture: None, faults: &[], seed: 0, frames: None };
+    let network = RigNetwork::set_up(network)?;
     let open = || {
-        let interface = Interface::open(cable::PLC)?;
+        let interface = Interface::open(&plc_interface(0))?;
         let profinet = OpenPort::open_all(&interface, profinet::PORTS);
         let ports = profinet.and_then(|_| OpenPort::open_all(&interface, ethernet_ip::PORTS));
         Ok::<_, RigError>(ports.map(drop))
     };
-    cable.plc().run(open)?
+    network.plc().run(open)?
 }
 
-/// Both connected nodes.
+/// All connected nodes.
 #[derive(Debug)]
 pub struct Rig {
     plc: Node,
-    /// `None` if the robot is not one of our nodes.
-    robot: Option<Node>,
+    /// The robots, in the order of their stations.
+    robots: Vec<RigRobot>,
     events: mpsc::Receiver<NodeEvent>,
-    hellos: Vec<(NodeRole, Hello)>,
+    hellos: Vec<(RigNode, Hello)>,
     reports: Reports,
     /// The nodes' reports from before this rig.
     before: Reports,
@@ -128,29 +141,31 @@ pub struct Rig {
     before_run: Reports,
     /// The nodes' reports at the start of the current run.
     first_reports: FirstReports,
-    /// How long each node has sent nothing.
+    /// Time for which each node has sent nothing.
     silence: Silence,
-    /// What the PLC found remarkable about the connection.
+    /// The PLC's remarks on the connections.
     remarks: Vec<String>,
     /// Prints lines beside the progress; `None` where nobody reads them.
     voice: Option<Voice>,
-    /// Reports asked for and not received: PLC, robot.
-    awaited: [u32; 2],
-    /// What the robot node told of its skills in the current run, or in the last one.
-    told: ToldSkills,
+    /// Reports asked for and not received, of each node.
+    awaited: Vec<u32>,
     traced: Vec<Window>,
     recording: bool,
     /// Whether a run was started whose end or failure was not reported yet.
     is_running: bool,
+    /// The end of a robot in a run of several, of which the PLC has not yet said what becomes of it.
+    lost: Option<RigError>,
     links: Links,
     /// Watchdog time of the connection.
     watchdog: Duration,
+    /// Attempts of the current repetition.
+    tries: u32,
     /// Why repetitions were run again.
     repeated: Vec<String>,
     /// Changes of the nodes that faults will make.
     changes: Changes,
     /// Nodes that a fault has killed.
-    killed: Vec<NodeRole>,
+    killed: Vec<RigNode>,
     /// `None` if the nodes already ran.
     connected_after: Option<Duration>,
     /// Where the nodes write their recorded cycles; `None` if they do not.
@@ -162,54 +177,45 @@ pub struct Rig {
     /// Whether the nodes write all their cycles, and not only those of recorded runs.
     writes_all: bool,
     /// The last field, so that it is dropped after the nodes; `None` if the rig did not create it.
-    cable: Option<Cable>,
+    network: Option<RigNetwork>,
 }
 
 impl Rig {
-    /// Creates the cable, starts both nodes and waits until the PLC finds the robot ready.
+    /// Creates the network, starts all nodes and waits until the PLC finds every robot ready.
     ///
     /// # Errors
     ///
     /// The host does not allow something, a node does not start, or the nodes do not connect.
     pub async fn start(config: &RigConfig) -> Result<Self, RigError> {
         let started = Instant::now();
-        let RigConfig { capture, faults, seed, frames: frames_log, .. } = config;
+        let RigConfig { layout, capture, faults, seed, frames: frames_log, .. } = config;
         let (capture, frames) = (capture.as_ref(), frames_log.as_ref());
-        let cable = Cable::set_up(CableOptions { capture, faults, seed: *seed, frames })?;
-        // Room for all messages of two nodes while the bench writes a file.
+        let network = NetworkOptions { layout, capture, faults, seed: *seed, frames };
+        let network = RigNetwork::set_up(network)?;
+        // Room for all messages of the nodes while the bench writes a file.
         let (sender, events) = mpsc::channel(1_024);
         let program = config.program.clone().unwrap_or_else(|| PathBuf::from("/proc/self/exe"));
-        let robot_args = [
-            config.args(cable::ROBOT, tables::ROBOT_ROWS),
-            vec!["--seed".into(), config.seed.to_string().into()],
-        ]
-        .concat();
-        let robot = NodeProcess::spawn(
-            NodeRole::Robot,
-            &program,
-            ROBOT_NODE,
-            robot_args,
-            cable.robot(),
-            sender.clone(),
-        )?;
-        let plc = NodeProcess::spawn(
-            NodeRole::Plc,
-            &program,
-            PLC_NODE,
-            config.args(cable::PLC, tables::PLC_ROWS),
-            cable.plc(),
-            sender,
-        )?;
-        let mut rig =
-            Self::of(Node::Process(plc), Some(Node::Process(robot)), events, Some(cable), config.watchdog);
+        let mut robots = Vec::with_capacity(layout.robots());
+        for (index, (station, space)) in layout.names().zip(network.robots()).enumerate() {
+            let mut robot = RigRobot::of(station.map(str::to_owned));
+            let args = config.robot_args(cable::ROBOT, index, station);
+            let named = (RigNode::Robot(index), robot.name());
+            let node = NodeProcess::spawn(named, &program, ROBOT_NODE, args, space, sender.clone())?;
+            robot.node = Some(Node::Process(node));
+            robots.push(robot);
+        }
+        let args = config.plc_args(&layout.interface_option(plc_interface));
+        let named = (RigNode::Plc, NodeRole::Plc.into());
+        let plc = NodeProcess::spawn(named, &program, PLC_NODE, args, network.plc(), sender)?;
+        let mut rig = Self::of(Node::Process(plc), robots, events, Some(network), config.watchdog);
         rig.feed.clone_from(&config.feed);
         rig.voice.clone_from(&config.voice);
         rig.wait_until_connected(Startup::new(None)).await?;
         rig.connected_after = Some(started.elapsed());
         rig.wait_until_at_start().await?;
-        rig.changes = Changes::from_now(faults);
-        if let Some(cable) = &mut rig.cable {
-            cable.set_ready();
+        rig.changes = Changes::from_now(layout, faults);
+        if let Some(network) = &mut rig.network {
+            network.set_ready();
         }
         rig.trace_directory.clone_from(&config.trace);
         rig.frames.clone_from(frames_log);
@@ -222,25 +228,27 @@ impl Rig {
 
     fn of(
         plc: Node,
-        robot: Option<Node>,
+        robots: Vec<RigRobot>,
         events: mpsc::Receiver<NodeEvent>,
-        cable: Option<Cable>,
+        network: Option<RigNetwork>,
         watchdog: Duration,
     ) -> Self {
+        let names = robots.iter().map(RigRobot::name);
+        let silence = Silence::from_now(std::iter::once(NodeRole::Plc.into()).chain(names));
+        let reports = Reports::of_robots(robots.len());
         Self {
             plc,
-            robot,
+            awaited: vec![0; robots.len() + 1],
+            robots,
             events,
             hellos: Vec::new(),
-            reports: Reports::default(),
-            before: Reports::default(),
-            before_run: Reports::default(),
+            before: reports.clone(),
+            before_run: reports.clone(),
+            reports,
             first_reports: FirstReports::default(),
-            silence: Silence::from_now(),
+            silence,
             remarks: Vec::new(),
             voice: None,
-            awaited: [0; 2],
-            told: ToldSkills::default(),
             traced: Vec::new(),
             recording: false,
             trace_directory: None,
@@ -248,13 +256,37 @@ impl Rig {
             feed: None,
             writes_all: false,
             is_running: false,
+            lost: None,
             links: Links::default(),
             watchdog,
+            tries: 0,
             repeated: Vec::new(),
             changes: Changes::default(),
             killed: Vec::new(),
             connected_after: None,
-            cable,
+            network,
+        }
+    }
+
+    /// Returns all nodes, the PLC first, also those that are not ours.
+    fn nodes(&self) -> impl Iterator<Item = RigNode> + Clone + use<> {
+        RigNode::all(self.robots.len())
+    }
+
+    /// Returns the name of a node in messages.
+    fn name(&self, id: RigNode) -> NodeName {
+        match id {
+            RigNode::Plc => NodeRole::Plc.into(),
+            RigNode::Robot(station) => {
+                self.robots.get(station).map_or_else(|| NodeRole::Robot.into(), RigRobot::name)
+            }
+        }
+    }
+
+    fn node(&mut self, id: RigNode) -> Option<&mut Node> {
+        match id {
+            RigNode::Plc => Some(&mut self.plc),
+            RigNode::Robot(station) => self.robots.get_mut(station).and_then(|robot| robot.node.as_mut()),
         }
     }
 
@@ -278,7 +310,7 @@ impl Rig {
     ///
     /// The kernel's error; the captures then go on as before.
     pub fn pause_capture(&self, paused: bool) -> io::Result<()> {
-        self.cable.as_ref().map_or(Ok(()), |cable| cable.pause_capture(paused))
+        self.network.as_ref().map_or(Ok(()), |network| network.pause_capture(paused))
     }
 
     /// Starts or stops recording the cycles of the next runs, and the frames if configured.
@@ -289,8 +321,8 @@ impl Rig {
     pub async fn record(&mut self, on: bool) -> Result<(), RigError> {
         if self.trace_directory.is_some() && self.recording != on {
             self.recording = on;
-            if let Some(cable) = &mut self.cable {
-                cable.watch(on)?;
+            if let Some(network) = &mut self.network {
+                network.watch(on)?;
             }
             if !self.writes_all {
                 self.set_tracing(on).await;
@@ -301,23 +333,25 @@ impl Rig {
 
     /// Tells the nodes to write their cycles, or to stop that.
     async fn set_tracing(&mut self, on: bool) {
-        self.plc.send(&Instruction::<PlcInstruction>::Record(on)).await;
-        if let Some(robot) = &mut self.robot {
-            robot.send(&Instruction::<RobotInstruction>::Record(on)).await;
+        for id in self.nodes() {
+            if let Some(node) = self.node(id) {
+                node.send(&Instruction::<PlcInstruction>::Record(on)).await;
+            }
         }
     }
 
     /// Returns the result of the faults so far; `None` without faults.
     fn fault_report(&self) -> Option<FaultReport> {
-        self.cable.as_ref().and_then(Cable::fault_report)
+        self.network.as_ref().and_then(RigNetwork::fault_report)
     }
 
-    /// Makes a change that a fault asks for. The cable makes its own.
-    async fn change(&mut self, change: Change) {
+    /// Makes a change that a fault asks for at a station. The cables make their own.
+    async fn change(&mut self, station: usize, change: Change) {
         match change {
-            Change::Kill(role) => self.kill(role),
+            Change::Kill(NodeRole::Plc) => self.kill(RigNode::Plc),
+            Change::Kill(NodeRole::Robot) => self.kill(RigNode::Robot(station)),
             Change::Drive(axis, disturbance) => {
-                if let Some(robot) = &mut self.robot {
+                if let Some(robot) = self.node(RigNode::Robot(station)) {
                     robot.send(&Instruction::Node(RobotInstruction::Disturb { axis, disturbance })).await;
                 }
             }
@@ -326,16 +360,12 @@ impl Rig {
         }
     }
 
-    fn kill(&mut self, role: NodeRole) {
-        self.killed.push(role);
-        let node = match role {
-            NodeRole::Plc => Some(&mut self.plc),
-            NodeRole::Robot => self.robot.as_mut(),
-        };
-        if let Some(cable) = &self.cable {
-            cable.note_killed(faults::end_of(role));
+    fn kill(&mut self, id: RigNode) {
+        self.killed.push(id);
+        if let Some(network) = &self.network {
+            network.note_killed(id);
         }
-        if let Some(node) = node {
+        if let Some(node) = self.node(id) {
             node.kill();
         }
     }
@@ -348,49 +378,45 @@ impl Rig {
 
     /// Discards captures that are held in memory.
     pub fn discard_capture(&mut self) {
-        if let Some(cable) = &mut self.cable {
-            cable.discard_capture();
+        if let Some(network) = &mut self.network {
+            network.discard_capture();
         }
     }
 
-    /// Returns the process numbers of the PLC's and of the robot's node, while they run.
-    #[must_use]
-    pub fn processes(&self) -> [Option<u32>; 2] {
-        [self.plc.id(), self.robot.as_ref().and_then(Node::id)]
-    }
-
-    /// Closes the connection in order, ends both nodes, then the captures, and returns the conditions up to then.
-    /// Nodes that already ran keep running.
+    /// Closes the connections in order, ends all nodes, then the captures. Nodes that already ran keep running.
     ///
     /// # Errors
     ///
-    /// A node did not end by itself and was killed, or the capture could not be written. Nothing is left behind in
+    /// A node did not end by itself and was killed, or a capture could not be written. Nothing is left behind in
     /// either case.
-    pub async fn stop(mut self) -> Result<Health, RigError> {
-        let Some(mut cable) = self.cable.take() else {
-            if !self.plc.has_ended() && !self.robot.as_ref().is_some_and(Node::has_ended) {
+    pub async fn stop(&mut self) -> Result<Option<FaultReport>, RigError> {
+        // The aborted run is not reported any more.
+        self.is_running = false;
+        let Some(mut network) = self.network.take() else {
+            let mut robots = self.robots.iter().filter_map(|robot| robot.node.as_ref());
+            if !self.plc.has_ended() && !robots.any(Node::has_ended) {
                 self.ask_for_reports().await?;
             }
-            return Ok(self.health());
+            return Ok(None);
         };
-        // The controller first: it releases the connection, so the device sees an orderly end.
-        let plc = self.end(NodeRole::Plc).await;
-        let robot = self.end(NodeRole::Robot).await;
-        let faults = cable.end_capture();
+        // The controller first: it releases the connections, so the devices see an orderly end.
+        let mut ended = Ok(());
+        for id in self.nodes() {
+            ended = ended.and(self.end(id).await);
+        }
+        let faults = network.end_capture();
         // A node's error comes first: it explains the effect on a capture.
-        plc.and(robot)?;
-        Ok(Health { faults: faults?, ..self.health() })
+        ended?;
+        faults
     }
 }
 
-/// The nodes' last messages about their connection.
+/// The PLC's last messages about the readiness of the robots.
 #[derive(Clone, Copy, Debug, Default)]
 struct Links {
-    plc: bool,
-    robot: bool,
-    /// The PLC found the robot ready, and the arm is at the start.
+    /// The PLC found every robot ready, and the arms are at the start.
     ready: bool,
-    /// The PLC found the robot ready, and moves the arm to the start.
+    /// The PLC found the robots ready, and moves an arm to the start.
     moving_to_start: bool,
 }
 

@@ -53,12 +53,4 @@ impl Node {
             node.kill();
         }
     }
-
-    /// Returns the process number of a node that the rig started, while it runs.
-    pub(super) fn id(&self) -> Option<u32> {
-        match self {
-            Self::Process(node) => node.id(),
-            Self::Attached(_) => None,
-        }
-    }
 }

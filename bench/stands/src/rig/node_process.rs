@@ -8,16 +8,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use ::node::message::Instruction;
-use ::node::role::NodeRole;
+use ::node::station_message::StationMessage;
 use protocol_linux::namespace::NetworkNamespace;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 use tokio::io::{AsyncBufReadExt as _, AsyncRead, AsyncWriteExt as _, BufReader};
 use tokio::process::{Child, ChildStdin, Command};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
+use super::rig_node::{NodeName, RigNode};
 use super::{FromPlc, FromRobot, RigError};
 
 /// Lines of standard error that are kept for the error message if the node ends.
@@ -29,15 +29,20 @@ const EXIT_WAIT: Duration = Duration::from_millis(500);
 /// A message of a node, or what the rig observed of it.
 #[derive(Debug)]
 pub(super) enum NodeEvent {
-    Plc(FromPlc),
-    Robot(FromRobot),
-    UnreadableLine { role: NodeRole, line: String },
-    Ended(NodeRole),
+    /// A message of the PLC, and the station that it is about.
+    Plc(Option<String>, FromPlc),
+    /// A message of the robot of a station.
+    Robot(usize, FromRobot),
+    UnreadableLine {
+        node: RigNode,
+        line: String,
+    },
+    Ended(RigNode),
 }
 
 #[derive(Debug)]
 pub(super) struct NodeProcess {
-    role: NodeRole,
+    name: NodeName,
     child: Child,
     stdin: Option<ChildStdin>,
     last_stderr: Arc<Mutex<VecDeque<String>>>,
@@ -46,37 +51,33 @@ pub(super) struct NodeProcess {
 }
 
 impl NodeProcess {
-    /// Starts `program` as the node that `name` gives, inside `network`.
+    /// Starts `program` as the node that its `first` argument gives, inside `network`.
     ///
     /// The node dies with the thread that calls this, so that must be a thread that stays: the bench's runtime runs
     /// on its main thread.
     pub(super) fn spawn(
-        role: NodeRole,
+        (node, name): (RigNode, NodeName),
         program: &Path,
-        name: &str,
+        first: &str,
         args: Vec<OsString>,
         network: &NetworkNamespace,
         events: mpsc::Sender<NodeEvent>,
     ) -> Result<Self, RigError> {
         let mut command = Command::new(program);
-        command.arg(name).args(args);
+        command.arg(first).args(args);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.process_group(0).kill_on_drop(true);
         network.confine(command.as_std_mut())?;
-        let failed = |reason| RigError::Spawn { role, reason };
+        let failed = |reason| RigError::Spawn { node: name.clone(), reason };
         let mut child = command.spawn().map_err(failed)?;
         let missing = || failed(std::io::Error::other("a pipe is missing"));
         let stdin = child.stdin.take();
         let stdout = child.stdout.take().ok_or_else(missing)?;
         let stderr = child.stderr.take().ok_or_else(missing)?;
-        listen(role, stdout, events);
+        listen(node, stdout, events);
         let last_stderr = Arc::default();
         let listener = tokio::spawn(remember(stderr, Arc::clone(&last_stderr)));
-        Ok(Self { role, child, stdin, last_stderr, listener: Some(listener) })
-    }
-
-    pub(super) fn id(&self) -> Option<u32> {
-        self.child.id()
+        Ok(Self { name, child, stdin, last_stderr, listener: Some(listener) })
     }
 
     /// Kills it by SIGKILL. A node that has already ended stays as it is.
@@ -112,7 +113,7 @@ impl NodeProcess {
             let _ = timeout(EXIT_WAIT, listener).await;
         }
         RigError::NodeEnded {
-            role: self.role,
+            node: self.name.clone(),
             status: status.ok().and_then(Result::ok),
             last_stderr: self.last_stderr(),
         }
@@ -121,31 +122,28 @@ impl NodeProcess {
 
 /// Passes on a node's messages, and that it ended.
 pub(super) fn listen(
-    role: NodeRole,
+    node: RigNode,
     to: impl AsyncRead + Send + Unpin + 'static,
     events: mpsc::Sender<NodeEvent>,
 ) {
-    match role {
-        NodeRole::Plc => drop(tokio::spawn(forward(role, to, events, NodeEvent::Plc))),
-        NodeRole::Robot => drop(tokio::spawn(forward(role, to, events, NodeEvent::Robot))),
-    }
+    drop(tokio::spawn(forward(node, to, events)));
 }
 
-async fn forward<M: DeserializeOwned>(
-    role: NodeRole,
-    to: impl AsyncRead + Unpin,
-    events: mpsc::Sender<NodeEvent>,
-    to_event: fn(M) -> NodeEvent,
-) {
+async fn forward(node: RigNode, to: impl AsyncRead + Unpin, events: mpsc::Sender<NodeEvent>) {
     let mut lines = BufReader::new(to).lines();
     while let Ok(Some(line)) = lines.next_line().await {
-        let event =
-            serde_json::from_str(&line).map_or_else(|_| NodeEvent::UnreadableLine { role, line }, to_event);
-        if events.send(event).await.is_err() {
+        let event = match node {
+            RigNode::Plc => StationMessage::from_json(&line)
+                .map(|StationMessage { station, message }| NodeEvent::Plc(station, message)),
+            RigNode::Robot(station) => {
+                serde_json::from_str(&line).map(|message| NodeEvent::Robot(station, message))
+            }
+        };
+        if events.send(event.unwrap_or(NodeEvent::UnreadableLine { node, line })).await.is_err() {
             return;
         }
     }
-    let _ = events.send(NodeEvent::Ended(role)).await;
+    let _ = events.send(NodeEvent::Ended(node)).await;
 }
 
 async fn remember(stderr: impl AsyncRead + Unpin, last_stderr: Arc<Mutex<VecDeque<String>>>) {

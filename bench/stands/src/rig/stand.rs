@@ -51,21 +51,12 @@ impl Stand for Rig {
     }
 
     async fn execute(&mut self, step: Step) -> anyhow::Result<Measured> {
-        self.wait_until_at_start().await?;
-        // Before the pause, so that it is not part of the measured run.
-        self.record(step.repetition == 1).await?;
-        let mut tries = 1;
+        self.prepare(&step).await?;
         loop {
             tokio::time::sleep(step.pause).await;
             match Self::execute(self, step.execution_type, step.overrides).await {
-                Err(error @ RigError::HeldUp { .. }) if tries < TRIES => {
-                    tries += 1;
-                    self.repeated.push(format!("{} {}: {error}", step.execution_type, step.repetition));
-                    // The trace must not contain the lost run.
-                    self.traced.pop_if(|window| window.length_ns.is_none());
-                    self.reconnect_after(error).await?;
-                }
-                run => return Ok(run?),
+                Err(error) => self.try_again(&step, error).await?,
+                Ok(run) => return Ok(run),
             }
         }
     }
@@ -86,7 +77,8 @@ impl Stand for Rig {
         }
         let traced = self.traced().to_vec();
         let (directory, frames) = (self.trace_directory.take(), self.frames.take());
-        let health = self.stop().await;
+        let stopped = self.stop().await;
+        let health = stopped.map(|faults| Health { faults, ..Stand::health(&self) });
         let collect = |directory: PathBuf| {
             // A killed node may have left no trace; the run's results do not depend on it.
             let mut trace = Trace::collect(&directory, &traced)?;
@@ -102,18 +94,44 @@ impl Stand for Rig {
     }
 }
 
+impl Rig {
+    /// Waits for the start of a repetition. Before the pause, so that it is not part of the measured run.
+    pub(super) async fn prepare(&mut self, step: &Step) -> Result<(), RigError> {
+        self.wait_until_at_start().await?;
+        self.tries = 1;
+        self.record(step.repetition == 1).await
+    }
+
+    /// Connects again after a repetition that was lost because the host stalled a node.
+    ///
+    /// # Errors
+    ///
+    /// Any other error, also that of the last attempt: none of these is mended by another one.
+    pub(super) async fn try_again(&mut self, step: &Step, error: RigError) -> Result<(), RigError> {
+        if !matches!(error, RigError::HeldUp { .. }) || self.tries >= TRIES {
+            return Err(error);
+        }
+        self.tries += 1;
+        self.repeated.push(format!("{} {}: {error}", step.execution_type, step.repetition));
+        // The trace must not contain the lost run.
+        self.traced.pop_if(|window| window.length_ns.is_none());
+        self.reconnect_after(error).await
+    }
+}
+
 impl Reports {
     /// Converts the nodes' reports to the conditions of a run, without what only the rig knows.
     fn health(&self) -> Health {
+        let robot = self.robot();
         let cyclic = |report: &NodeReport| report.allocations.map(|allocations| allocations.while_cyclic);
         Health {
             plc: (&self.plc.cycle).into(),
-            robot: (&self.robot.cycle).into(),
+            robot: (&robot.cycle).into(),
             bus: self.plc.bus,
-            robot_bus: self.robot.bus,
-            images: [self.plc.images, self.robot.images],
+            robot_bus: robot.bus,
+            images: [self.plc.images, robot.images],
             connected_after: None,
-            allocations: cyclic(&self.plc).zip(cyclic(&self.robot)).map(|(plc, robot)| [plc, robot]),
+            allocations: cyclic(&self.plc).zip(cyclic(&robot)).map(|(plc, robot)| [plc, robot]),
             faults: None,
             repeated: Vec::new(),
             remarks: Vec::new(),

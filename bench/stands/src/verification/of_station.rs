@@ -11,6 +11,7 @@ use super::{
     Difference, Executed, JOINT_TOLERANCE, LENGTH_TOLERANCE, LENGTH_TOLERANCE_MM, compare_ends, drives,
     largest_difference,
 };
+use crate::planned_path::PlannedPath;
 use crate::planned_station::PlannedStation;
 use records::conditions::Measured;
 
@@ -68,6 +69,10 @@ impl StationVerification {
         if found != wanted {
             return Err(Difference::Executed { found, planned: wanted }.into());
         }
+        let robot = &self.station.planned.robot;
+        if let Some(quality) = measured.quality.as_ref().filter(|_| robot.drives.is_some()) {
+            drives::check(robot, quality, account, &alone)?;
+        }
         compare_ends("by the robot", &account.end, &planned.end)?;
         compare_ends("by the PLC", &execution.commanded.end.map(f64::from), &planned.end)?;
         // A continuous motion that waits at a mark takes longer by that.
@@ -108,29 +113,11 @@ impl StationVerification {
     }
 
     fn rehearse(&self, execution_type: ExecutionType, start: Joints) -> anyhow::Result<Rehearsed> {
+        if execution_type == ExecutionType::Rc {
+            return Ok(PlannedPath::rehearse(&self.station, execution_type, start)?.total);
+        }
         let planned = &self.station.planned;
-        let calls = match execution_type {
-            ExecutionType::Rc => Calls::Program,
-            ExecutionType::Sm => Calls::Singles,
-            ExecutionType::Cm => Calls::Continuous,
-        };
-        if execution_type != ExecutionType::Rc {
-            return Ok(rehearse(&planned.robot, start, &planned.motions, &planned.stops, calls, 100)?);
-        }
-        let mut whole: Option<Rehearsed> = None;
-        for section in &self.station.sections {
-            let from = whole.map_or(start, |before| before.account.end);
-            let motions = planned.motions.get(section.motions.clone()).unwrap_or_default();
-            let section = rehearse(&planned.robot, from, motions, &section.stops, calls, 100)?;
-            whole = Some(match whole {
-                None => section,
-                Some(before) => Rehearsed {
-                    account: before.account.then(section.account),
-                    quality: before.quality.then(section.quality),
-                    end_pose: section.end_pose,
-                },
-            });
-        }
-        whole.context("the plan has no motions")
+        let calls = if execution_type == ExecutionType::Sm { Calls::Singles } else { Calls::Continuous };
+        Ok(rehearse(&planned.robot, start, &planned.motions, &planned.stops, calls, 100)?)
     }
 }

@@ -77,8 +77,8 @@ pub(super) struct NewStation {
     pub(super) mac: Option<Mac>,
     /// Index of the PLC's interface.
     pub(super) on: usize,
-    /// What lies between it and the PLC does this to the frames of both.
-    pub(super) link: Impairment,
+    /// Impairments of the PLC's frames to it, and of its frames.
+    pub(super) links: [Impairment; 2],
 }
 
 const NODES_STAY: &str = "a node of the cell keeps its type and its number";
@@ -126,14 +126,14 @@ impl VirtualCell {
             })
             .collect();
         let mut stations = Vec::with_capacity(robots.len());
-        for NewStation { node, name, mac, on, link } in robots {
+        for NewStation { node, name, mac, on, links } in robots {
             let robot = network.add_node(name, Either::B(node.machine), node.clock);
             let nic = network.add_nic(robot, &[InterfaceId::FIRST], mac, node.address);
             let plc_end = match (mac, nics.get(on)) {
                 (None, Some(plc)) => Plug::Nic(*plc),
                 _ => Plug::Switch(switch),
             };
-            let cable = network.connect([plc_end, Plug::Nic(nic)], [link; 2]);
+            let cable = network.connect([plc_end, Plug::Nic(nic)], links);
             stations.extend(cable.map(|cable| Station { robot, cable }));
         }
         network.switch_on();

@@ -1,124 +1,71 @@
 //! Runs of a cell with several stations in virtual time.
 
+#[cfg(test)]
+mod tests;
+mod waits;
+
 use std::time::Duration;
 
 use ::node::report::LatenessReport;
 use anyhow::Context as _;
 use machine::Instant;
-use plc_node::{Execution, MarkPassage, PlcEvent, PlcReport};
-use protocol::fieldbus::{Counters, Fieldbus as _, LinkEvent};
+use plc_node::{Execution, PlcEvent, PlcProgram as _, PlcReport};
+use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use robot_node::RobotEvent;
-use virtual_time::Clock;
 
 use super::cell::{CellEvent, CellNode, RobotId, VirtualCell};
+use super::cell_faults::CellFaults;
+use super::cell_watch::CellWatch;
 use super::new_cell::{NewCell, switch_on};
-use super::nodes::{CONNECT, LONGEST_RUN, NeverEnded};
+use super::nodes::{LONGEST_RUN, NeverEnded, SILENCE};
 use crate::Unreported;
+use crate::cell_measured::{CellHealth, CellMeasured};
+use crate::cell_stand::{CellConfig, CellStand};
 use crate::planned_station::PlannedStation;
-use records::cell_results::{CellResults, CellSample, StationSample};
-use records::conditions::{Interference, Measured, MotionTotals};
-use records::lateness::CycleLateness;
-use records::not_ready::NotReady;
-use records::results::Frames;
+use crate::under_faults;
+use records::cell_results::start_skew;
+use records::conditions::{Health, Interference, Measured, MotionTotals};
+use records::exit::{Exit, Failure};
+use records::faults::Fault;
 use records::schedule::Step;
-
-/// A finished run of a cell.
-#[derive(Clone, Debug)]
-pub struct CellMeasured {
-    /// The stations, in the order of the setup.
-    pub stations: Vec<StationMeasured>,
-    /// True time between the first and the last arm's first motion; `None` if an arm did not move.
-    pub start_skew: Option<Duration>,
-}
-
-/// What a run of a cell was at one station.
-#[derive(Clone, Debug)]
-pub struct StationMeasured {
-    /// The PLC's report, and the robot's.
-    pub measured: Measured,
-    /// The marks that the arm came to, in order, by the PLC's clock.
-    pub passages: Vec<MarkPassage>,
-}
-
-impl StationMeasured {
-    /// Returns how long the arm stood at marks.
-    #[must_use]
-    pub fn waited(&self) -> Duration {
-        self.passages.iter().filter_map(|it| Some(it.passed?.since(it.came))).sum()
-    }
-}
-
-impl CellMeasured {
-    /// Returns what is saved of the run.
-    #[must_use]
-    pub fn sample(&self) -> CellSample {
-        let station = |of_station: &StationMeasured| StationSample {
-            robot_execution: Duration::from_nanos(of_station.measured.execution.robot_execution_ns),
-            blends_suppressed: of_station.measured.execution.blends_suppressed,
-            waited: of_station.waited(),
-            came: of_station.passages.iter().map(|it| (it.mark, it.came.since(Instant::ZERO))).collect(),
-        };
-        let execution_ns =
-            self.stations.first().map_or(0, |first| first.measured.execution.execution_time_ns);
-        CellSample {
-            execution: Duration::from_nanos(execution_ns),
-            start_skew: self.start_skew,
-            stations: self.stations.iter().map(station).collect(),
-        }
-    }
-}
-
-impl CellHealth {
-    /// Writes the conditions of the run so far into its results.
-    pub fn write_to(&self, results: &mut CellResults) {
-        results.plc_cycle = self.plc.clone();
-        for (station, health) in results.stations.iter_mut().zip(&self.stations) {
-            let StationHealth { robot, plc_bus, robot_bus } = health;
-            station.cycle = robot.clone();
-            station.frames = Frames {
-                frames_sent: plc_bus.sent,
-                frames_received: plc_bus.received,
-                skipped: plc_bus.skipped + robot_bus.skipped,
-                lost: plc_bus.lost + robot_bus.lost,
-                foreign: plc_bus.foreign + robot_bus.foreign,
-            };
-        }
-    }
-}
-
-/// Lateness of the cycles of a cell, and its frames.
-#[derive(Clone, Debug)]
-pub struct CellHealth {
-    /// Lateness of the PLC's scans.
-    pub plc: CycleLateness,
-    /// The stations.
-    pub stations: Vec<StationHealth>,
-}
-
-/// Lateness of a robot's cycles, and its frames.
-#[derive(Clone, Debug)]
-pub struct StationHealth {
-    /// Lateness of the robot's cycles.
-    pub robot: CycleLateness,
-    /// Frames by the PLC's count.
-    pub plc_bus: Counters,
-    /// Frames by the robot's count.
-    pub robot_bus: Counters,
-}
+use records::trace::Recording;
 
 /// The nodes of a cell in virtual time.
 pub struct CellRun {
     cell: VirtualCell,
     names: Vec<String>,
-    clocks: Vec<Clock>,
-    /// What each robot reported of the current run, or of the last one.
+    watch: CellWatch,
+    /// Each robot's reports on the current run, or on the last one.
     moved: Vec<MotionTotals>,
-    /// Half of the shortest robot cycle: looked at so often, no cycle is missed.
-    look: Duration,
-    /// When each arm moved first in this run, in true time.
-    began: Vec<Option<Instant>>,
-    is_started: bool,
-    kill: Option<(usize, Instant)>,
+    /// The PLC's report of each station in it.
+    finished: Vec<Option<Execution>>,
+    faults: CellFaults,
+}
+
+impl CellStand for CellRun {
+    async fn start(config: &CellConfig<'_>) -> Result<Self, Failure> {
+        Self::start_with(config.stations, config.seed, config.faults).map_err(|error| match config.faults {
+            // In virtual time nothing but the setup keeps the stations from connecting.
+            [] => Failure::new(Exit::Usage, error),
+            faults => under_faults(error, faults),
+        })
+    }
+
+    async fn execute(&mut self, step: Step) -> anyhow::Result<CellMeasured> {
+        Self::execute(self, step)
+    }
+
+    fn health(&self) -> CellHealth {
+        Self::health(self)
+    }
+
+    fn recordings(&self) -> &[Recording] {
+        self.watch.recordings()
+    }
+
+    async fn finish(self, _keeps_capture: bool) -> Result<Option<CellHealth>, Failure> {
+        Ok(None)
+    }
 }
 
 impl CellRun {
@@ -128,27 +75,46 @@ impl CellRun {
     ///
     /// The setup gives no bus endpoint, or a robot does not get ready.
     pub fn start(stations: &[PlannedStation], seed: u64) -> anyhow::Result<Self> {
-        let NewCell { cell, clocks } = switch_on(stations, seed)?;
-        let cycles = stations.iter().map(|station| station.setup.robot.cycle_us.value);
-        let look = Duration::from_micros(u64::from(cycles.min().unwrap_or(1_000))) / 2;
-        let count = stations.len();
-        let mut run = Self {
-            cell,
-            names: stations.iter().map(|station| station.name.clone()).collect(),
-            clocks,
-            moved: vec![MotionTotals::default(); count],
-            look: look.max(Duration::from_micros(1)),
-            began: vec![None; count],
-            is_started: false,
-            kill: None,
-        };
+        Self::start_with(stations, seed, &[])
+    }
+
+    /// Does the same with faults, which name their stations.
+    ///
+    /// # Errors
+    ///
+    /// The same.
+    pub fn start_with(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<Self> {
+        let mut run = Self::switch_on(stations, seed, faults)?;
         run.connect()?;
         Ok(run)
     }
 
-    /// Kills a robot once this much of true time has passed: it neither receives nor sends any more.
-    pub fn kill_robot_after(&mut self, station: usize, time: Duration) {
-        self.kill = Some((station, self.cell.now() + time));
+    /// Switches on the nodes of a cell with these faults; [`connect`](Self::connect) follows.
+    ///
+    /// # Errors
+    ///
+    /// The setup gives no bus endpoint.
+    pub fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<Self> {
+        let NewCell { cell, clocks } = switch_on(stations, seed, faults)?;
+        let cycles_us = stations
+            .iter()
+            .flat_map(|station| [&station.setup.robot.cycle_us, &station.setup.plc.scan_cycle_us])
+            .map(|cycle| u64::from(cycle.value));
+        let shortest = Duration::from_micros(cycles_us.min().unwrap_or(1_000));
+        Ok(Self {
+            cell,
+            names: stations.iter().map(|station| station.name.clone()).collect(),
+            watch: CellWatch::new(clocks, shortest),
+            moved: vec![MotionTotals::default(); stations.len()],
+            finished: vec![None; stations.len()],
+            faults: CellFaults::of(stations, faults),
+        })
+    }
+
+    /// Returns the time for which the cell has been on.
+    #[must_use]
+    pub const fn plant_time(&self) -> Duration {
+        self.cell.now().since(Instant::ZERO)
     }
 
     fn named(&self, station: Option<usize>) -> String {
@@ -156,47 +122,19 @@ impl CellRun {
         name.map_or_else(|| "the cell".to_owned(), |name| format!("station {name}"))
     }
 
-    fn connect(&mut self) -> anyhow::Result<()> {
-        let until = self.cell.now() + CONNECT;
-        let mut waiting = None;
-        while let Some(PlcReport { station, event }) = self.next_event(until) {
-            match event {
-                PlcEvent::Waiting { for_what, seconds } => {
-                    let why = NotReady::Waiting { seconds, for_what: for_what.to_string() };
-                    waiting = Some((station, why));
-                }
-                PlcEvent::Ready => return Ok(()),
-                PlcEvent::Link(LinkEvent::Down(down)) => {
-                    let mut words = String::new();
-                    let explained = self.cell.plc().explain(station.unwrap_or_default(), &mut words);
-                    if explained.is_err() || words.is_empty() {
-                        words = down.to_string();
-                    }
-                    return Err(NotReady::NotConnected(words)).context(self.named(station));
-                }
-                _ => {}
-            }
-        }
-        let silent = self.cell.plc().stations().iter().position(|station| !station.is_ready());
-        let (station, why) = waiting.unwrap_or((silent, NotReady::Late(CONNECT)));
-        Err(why).context(self.named(station))
-    }
-
     /// Returns the PLC's next event up to `until` in true time.
     fn next_event(&mut self, until: Instant) -> Option<PlcReport> {
         loop {
-            let look = self.looks().then(|| self.cell.now() + self.look);
-            let kill = self.kill.map(|(_, at)| at);
-            let stop = [look, kill].into_iter().flatten().fold(until, Instant::min);
+            let look = self.watch.next_look(self.cell.now());
+            let stop = [look, self.faults.next()].into_iter().flatten().fold(until, Instant::min);
             let event = self.cell.next_event(stop);
-            self.note_beginnings();
+            self.watch.look(&self.cell);
             match event {
                 Some(CellEvent::Plc(report)) => {
-                    if let PlcEvent::Started { .. } = report.event {
+                    if let PlcEvent::Started { at, .. } = report.event {
                         // The motion to the start is not part of the run.
                         self.moved.fill(MotionTotals::default());
-                        self.began.fill(None);
-                        self.is_started = true;
+                        self.watch.begin(at);
                     }
                     return Some(report);
                 }
@@ -214,30 +152,11 @@ impl CellRun {
                 }
                 Some(CellEvent::Robot(..)) => {}
                 None => {
-                    if let Some((station, _)) = self.kill.take_if(|(_, at)| *at <= self.cell.now()) {
-                        self.cell.kill(CellNode::Robot(RobotId(station)));
-                    } else if self.cell.now() >= until {
+                    let is_change = self.faults.apply(&mut self.cell);
+                    if !is_change && self.cell.now() >= until {
                         return None;
                     }
                 }
-            }
-        }
-    }
-
-    /// Returns whether an arm has yet to move in this run.
-    fn looks(&self) -> bool {
-        self.is_started && self.began.iter().any(Option::is_none)
-    }
-
-    /// Notes which arms have moved for the first time.
-    fn note_beginnings(&mut self) {
-        if !self.looks() {
-            return;
-        }
-        for (number, (began, clock)) in self.began.iter_mut().zip(&self.clocks).enumerate() {
-            let robot = self.cell.robot(RobotId(number));
-            if began.is_none() && robot.sample().path_speed_mm_s > 0.0 {
-                *began = Some(clock.true_time(robot.ticked_at()));
             }
         }
     }
@@ -248,54 +167,49 @@ impl CellRun {
     ///
     /// It failed; the error names the station.
     pub fn execute(&mut self, step: Step) -> anyhow::Result<CellMeasured> {
-        self.execute_watched(step, |_| {})
-    }
-
-    /// Executes one step of a schedule like [`execute`](Self::execute), and has `look` look at the cell in each half robot cycle.
-    ///
-    /// # Errors
-    ///
-    /// It failed; the error names the station.
-    pub fn execute_watched(
-        &mut self,
-        step: Step,
-        mut look: impl FnMut(&Self),
-    ) -> anyhow::Result<CellMeasured> {
-        let until = self.cell.now() + CONNECT;
-        while !self.cell.plc().is_ready() {
-            if self.next_event(until).is_none() {
-                return Err(NotReady::Late(CONNECT).into());
-            }
-        }
-        let start = self.cell.now() + step.pause;
-        while self.next_event(start).is_some() {}
-        self.cell
-            .command_plc(|plc, now| plc.start(now, step.execution_type))
-            .context("cannot start the run")?;
+        self.begin(&step)?;
         let longest = self.cell.now() + LONGEST_RUN;
-        let mut finished: Vec<Option<Execution>> = vec![None; self.names.len()];
         while self.cell.now() < longest {
-            let report = self.next_event(longest.min(self.cell.now() + self.look));
-            look(self);
-            let Some(PlcReport { station, event }) = report else { continue };
-            match event {
-                PlcEvent::Finished(execution) => {
-                    if let Some(place) = station.and_then(|station| finished.get_mut(station)) {
-                        *place = Some(execution);
-                    }
-                    if finished.iter().all(Option::is_some) {
-                        self.is_started = false;
-                        return self.measured(finished.into_iter().flatten());
+            let scans = self.cell.plc().scans();
+            match self.next_event(self.cell.now() + SILENCE) {
+                Some(report) => {
+                    if let Some(measured) = self.take(report)? {
+                        return Ok(measured);
                     }
                 }
-                PlcEvent::Failed(failure) => {
-                    self.is_started = false;
-                    return Err(anyhow::Error::from(failure).context(self.named(station)));
-                }
-                _ => {}
+                None => self.check_scans(scans)?,
             }
         }
         Err(NeverEnded::TooLong.into())
+    }
+
+    /// Waits until the arms are where the run starts, and for the pause, and starts the run.
+    fn begin(&mut self, step: &Step) -> anyhow::Result<()> {
+        self.until_at_start()?;
+        let start = self.cell.now() + step.pause;
+        while self.next_event(start).is_some() {}
+        self.finished.fill(None);
+        self.cell.command_plc(|plc, now| plc.start(now, step.execution_type)).context("cannot start the run")
+    }
+
+    /// Takes an event of the PLC in a run; returns what the run was if it ends it.
+    fn take(&mut self, PlcReport { station, event }: PlcReport) -> anyhow::Result<Option<CellMeasured>> {
+        match event {
+            PlcEvent::Finished(execution) => {
+                if let Some(place) = station.and_then(|station| self.finished.get_mut(station)) {
+                    *place = Some(execution);
+                }
+                let all: Option<Vec<_>> = self.finished.iter().copied().collect();
+                let Some(all) = all else { return Ok(None) };
+                self.watch.end();
+                self.measured(all.into_iter()).map(Some)
+            }
+            PlcEvent::Failed(failure) => {
+                self.watch.end();
+                Err(anyhow::Error::from(failure).context(self.named(station)))
+            }
+            _ => Ok(None),
+        }
     }
 
     fn measured(&self, executions: impl Iterator<Item = Execution>) -> anyhow::Result<CellMeasured> {
@@ -311,115 +225,30 @@ impl CellRun {
                 account: Some(of_run.account),
                 interference: Interference::default(),
             };
-            let passages = self.cell.plc().program().passages(index).to_vec();
-            stations.push(StationMeasured { measured, passages });
+            stations.push((measured, self.cell.plc().program().passages(index)));
         }
-        let began = self.began.iter().copied().collect::<Option<Vec<_>>>();
-        let start_skew = began.and_then(|began| Some(began.iter().max()?.since(*began.iter().min()?)));
-        Ok(CellMeasured { stations, start_skew })
+        let start_skew = start_skew(self.watch.recordings());
+        Ok(CellMeasured::of(stations, start_skew, |at| self.watch.true_time_of_plc(at)))
     }
 
-    /// Returns how many motions a station's robot has put on its path in its current skill, and how many are executed in the
-    /// run by the PLC's count.
-    #[must_use]
-    pub fn progress(&self, station: usize) -> (u32, u32) {
-        use plc_node::PlcProgram as _;
-        let accepted = self.cell.robot(RobotId(station)).sample().accepted;
-        (accepted, self.cell.plc().program().totals(station).executed)
-    }
-
-    /// Returns the tool's speed along the path of a station, in mm/s.
-    #[must_use]
-    pub fn path_speed_mm_s(&self, station: usize) -> f32 {
-        self.cell.robot(RobotId(station)).sample().path_speed_mm_s
-    }
-
-    /// Returns the conditions of the run so far.
+    /// Returns the conditions of the run so far, at each station.
     #[must_use]
     pub fn health(&self) -> CellHealth {
         let plc = self.cell.plc();
         let station = |number: usize| {
             let robot = self.cell.robot(RobotId(number));
-            StationHealth {
+            Health {
+                plc: (&LatenessReport::from(plc.lateness())).into(),
                 robot: (&LatenessReport::from(robot.lateness())).into(),
-                plc_bus: plc.counters_of(number),
+                bus: plc.counters_of(number),
                 robot_bus: robot.bus().counters(),
+                ..Health::default()
             }
         };
         CellHealth {
-            plc: (&LatenessReport::from(plc.lateness())).into(),
             stations: (0..self.names.len()).map(station).collect(),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use plc_node::ExecutionType;
-
-    /// Half cycles within which a robot has reported the end of a motion, and the PLC has seen it.
-    const SETTLED: u32 = 10;
-
-    fn start(name: &str) -> (Vec<PlannedStation>, CellRun) {
-        let (cell, found) = planning::cell_with_applications(name).unwrap();
-        let stations = PlannedStation::all(&found.plan(&cell).unwrap()).unwrap();
-        let run = CellRun::start(&stations, 1).unwrap();
-        (stations, run)
-    }
-
-    fn step(execution_type: ExecutionType) -> Step {
-        Step { execution_type, repetition: 1, pause: records::schedule::PAUSE, overrides: None }
-    }
-
-    #[test]
-    fn an_arm_that_is_killed_in_a_run_fails_it_and_the_error_names_its_station() {
-        for (killed, name) in ["station left", "station right"].into_iter().enumerate() {
-            for execution_type in ExecutionType::ALL {
-                let (_, mut run) = start("E");
-                run.kill_robot_after(killed, Duration::from_millis(700));
-                let error = format!("{:#}", run.execute(step(execution_type)).unwrap_err());
-                assert!(error.starts_with(name), "{execution_type}: {error}");
-            }
-        }
-    }
-
-    #[test]
-    fn no_arm_moves_beyond_a_mark_before_the_other_has_come_to_it() {
-        for cell in ["E", "F"] {
-            let (stations, mut run) = start(cell);
-            for execution_type in ExecutionType::ALL {
-                let (mut moving_beyond, mut moving, mut last) =
-                    (0, vec![0; stations.len()], vec![0; stations.len()]);
-                run.execute_watched(step(execution_type), |run| {
-                    for (one, station) in stations.iter().enumerate() {
-                        // The robot moves, and the PLC has seen it come to the end of the section.
-                        let (_, executed) = run.progress(one);
-                        // The last cycle of a motion still has a speed.
-                        let is_moving = run.path_speed_mm_s(one) > 0.0 && executed == last[one];
-                        moving[one] = if is_moving { moving[one] + 1 } else { 0 };
-                        last[one] = executed;
-                        for wait in &station.waits {
-                            let is_beyond = executed as usize > wait.after
-                                || executed as usize == wait.after && moving[one] > SETTLED;
-                            if !is_beyond {
-                                continue;
-                            }
-                            moving_beyond += 1;
-                            for (other, others) in stations.iter().enumerate() {
-                                let there = others.waits.iter().find(|there| there.mark == wait.mark);
-                                let come = run.progress(other).1 as usize;
-                                assert!(
-                                    there.is_none_or(|there| come >= there.after),
-                                    "{cell} {execution_type} {wait:?}"
-                                );
-                            }
-                        }
-                    }
-                })
-                .unwrap();
-                assert!(moving_beyond > 0);
-            }
+            faults: self.faults.report(&self.cell),
+            ..CellHealth::default()
         }
     }
 }

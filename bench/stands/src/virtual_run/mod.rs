@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cell           the PLC and its robots in their network
-//! cell_run       runs of a cell with several stations
+//! cell_run       runs of a cell with several stations; cell_watch records them
 //! new_cell       creates its nodes
 //! nodes          the nodes on the cable: from event to event, from the start edge of a run to its end
 //! changes        when the faults change cable, nodes and drives
@@ -13,7 +13,9 @@
 //! ```
 
 mod cell;
+mod cell_faults;
 mod cell_run;
+mod cell_watch;
 mod changes;
 mod new_cell;
 mod new_nodes;
@@ -39,7 +41,7 @@ use protocol::image::{Digest, Motion};
 use robot_node::RobotConfig;
 use setup::Setup;
 
-pub use cell_run::{CellHealth, CellMeasured, CellRun, StationHealth, StationMeasured};
+pub use cell_run::CellRun;
 pub use nodes::{NeverEnded, Nodes};
 pub use reaction::reactions;
 

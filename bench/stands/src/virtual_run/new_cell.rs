@@ -10,12 +10,15 @@ use planning::PROGRAM;
 use plc_node::bus::PlcBus;
 use plc_node::{MotionList, PlacedStation, PlcConfig, PlcNode, Scan, Sequences};
 use protocol::fieldbus::StationId;
-use robot_node::bus::RobotBus;
+use records::faults::{self, Fault};
 use robot_node::{Program, RobotNode};
 use setup::{Bus, BusKind};
 use virtual_time::{Clock, Impairment};
 
 use super::cell::{NewInterface, NewNode, NewStation, VirtualCell};
+use super::cell_faults;
+use super::cell_watch::CellClocks;
+use super::new_nodes::{open_plc, open_robot};
 use super::phases::CellPhases;
 use crate::planned_cell::PlannedCell;
 use crate::planned_station::PlannedStation;
@@ -28,10 +31,10 @@ struct NewBus<'a> {
     mac: Mac,
 }
 
-/// A cell that was just switched on, and the clocks of its robots.
+/// A cell that was just switched on, and the clocks of its nodes.
 pub(super) struct NewCell {
     pub(super) cell: VirtualCell,
-    pub(super) clocks: Vec<Clock>,
+    pub(super) clocks: CellClocks,
 }
 
 /// Switches on all nodes of a cell. They do not know each other yet.
@@ -39,14 +42,14 @@ pub(super) struct NewCell {
 /// # Errors
 ///
 /// A setup gives no bus endpoint, or the virtual network cannot carry the stations.
-pub(super) fn switch_on(stations: &[PlannedStation], seed: u64) -> anyhow::Result<NewCell> {
+pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<NewCell> {
     let Some(first) = stations.first() else { bail!("the cell has no station; add one to its setup") };
     let mut phases = CellPhases::new(stations.iter().map(|station| &station.setup), seed);
     let (new_buses, interfaces) = buses_of(stations)?;
     let plc_clock = phases.plc;
     let mut buses = Vec::with_capacity(new_buses.len());
     for bus in &new_buses {
-        buses.push(open_plc(bus, seed, plc_clock, &mut phases)?);
+        buses.push(open_bus(bus, seed, plc_clock, &mut phases)?);
     }
     let scan_us = &first.setup.plc;
     let scan = Scan::new(
@@ -68,12 +71,13 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64) -> anyhow::Resul
         let (config, of_program) = config.into_station(name, waits);
         placed.push(PlacedStation { bus: number, id, config });
         work.push(of_program);
-        robots.push(new_robot(station, index, new_buses[number].interface, seed, &mut phases));
+        let faults = cell_faults::of_station(name, faults);
+        robots.push(new_robot(station, index, new_buses[number].interface, seed, &mut phases, &faults));
     }
     let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work));
     let plc = NewNode { machine: plc, clock: plc_clock, address: None };
     let cell = VirtualCell::of_many(plc, interfaces, robots, seed);
-    Ok(NewCell { cell, clocks: phases.robots })
+    Ok(NewCell { cell, clocks: CellClocks { plc: plc_clock, robots: phases.robots } })
 }
 
 /// Finds the buses of the stations, and the interfaces that they need: buses with one address of the PLC share one, and
@@ -118,17 +122,12 @@ fn place_of(buses: &[NewBus<'_>], station: usize) -> Option<(usize, StationId)> 
     })
 }
 
-fn open_plc(bus: &NewBus<'_>, seed: u64, clock: Clock, phases: &mut CellPhases) -> anyhow::Result<PlcBus> {
+fn open_bus(bus: &NewBus<'_>, seed: u64, clock: Clock, phases: &mut CellPhases) -> anyhow::Result<PlcBus> {
     let mut described = bus.stations.iter().map(|(_, bus)| *bus);
     let Some(first) = described.next() else { bail!("a bus has no station") };
     let others: Vec<&Bus> = described.collect();
     let start = phases.first(clock, first.cycle_us.value);
-    let mut plc = plc_node::bus::open_all(first, &others, bus.mac, seed, start)?;
-    // All addresses of a cell differ, which its setup was checked for.
-    if let PlcBus::EthernetIp(scanner) = &mut plc {
-        scanner.stop_conflict_detection();
-    }
-    Ok(plc)
+    Ok(open_plc(first, &others, bus.mac, seed, start)?)
 }
 
 fn new_robot(
@@ -137,17 +136,14 @@ fn new_robot(
     on: usize,
     seed: u64,
     phases: &mut CellPhases,
+    faults: &[Fault],
 ) -> NewStation {
     let bus = &station.setup.bus;
     let clock = phases.robots.get(index).copied().unwrap_or_default();
     // Each robot draws numbers of its own.
     let seed = seed.wrapping_add(index as u64);
     let mac = robot_mac(index);
-    let mut of_robot =
-        robot_node::bus::open(bus, mac, None, seed, || phases.first(clock, bus.cycle_us.value));
-    if let RobotBus::EthernetIp(adapter) = &mut of_robot {
-        adapter.stop_conflict_detection();
-    }
+    let of_robot = open_robot(bus, mac, seed, || phases.first(clock, bus.cycle_us.value));
     let start = phases.first(clock, station.setup.robot.cycle_us.value);
     let store = Program::of_sections(&station.planned.motions, &station.sections);
     let machine = RobotNode::new(station.planned.robot.clone(), store, of_robot, seed, start);
@@ -158,7 +154,7 @@ fn new_robot(
         name: format!("robot {}", station.name),
         mac: bus.addresses().map(|_| mac),
         on,
-        link: Impairment { delay, ..Impairment::default() },
+        links: faults::links(faults, Impairment { delay, ..Impairment::default() }),
     }
 }
 

@@ -4,6 +4,7 @@ use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use machine::Instant;
+use machine::ethernet::Mac;
 use planning::{PROGRAM, Stop, ToStart};
 use plc_node::bus::{BusError, PlcBus};
 use plc_node::{MotionSource, PlcConfig, PlcNode};
@@ -27,23 +28,35 @@ const UNTIL_FIRST_CYCLE: Duration = Duration::from_micros(100);
 /// The setup gives no bus endpoint for the PLC.
 pub(super) fn new_buses(bus: &Bus, seed: u64, phases: &mut Phases) -> Result<(PlcBus, RobotBus), BusError> {
     let start = phases.first(Side::A, bus.cycle_us.value);
-    let plc = open_plc(bus, seed, start)?;
+    let plc = open_plc(bus, &[], PLC_MAC, seed, start)?;
     let start = || phases.first(Side::B, bus.cycle_us.value);
-    Ok((plc, open_robot(bus, seed, start)))
+    Ok((plc, open_robot(bus, ROBOT_MAC, seed, start)))
 }
 
-/// Opens the PLC's end. The virtual cable has no third station, so EtherNet/IP does not ask for one: 60 ms of questions would
-/// only shift the phases of all cycles.
-fn open_plc(bus: &Bus, seed: u64, start: Instant) -> Result<PlcBus, BusError> {
-    let mut plc = plc_node::bus::open(bus, PLC_MAC, seed, start)?;
+/// Opens the PLC's end of a bus with one station, or with several, as each describes it. The addresses of a virtual network were
+/// checked, so EtherNet/IP does not ask for another station with its own: 60 ms of questions would only shift the phases of
+/// all cycles.
+///
+/// # Errors
+///
+/// The setup gives no bus endpoint for the PLC.
+pub(super) fn open_plc(
+    first: &Bus,
+    others: &[&Bus],
+    mac: Mac,
+    seed: u64,
+    start: Instant,
+) -> Result<PlcBus, BusError> {
+    let mut plc = plc_node::bus::open_all(first, others, mac, seed, start)?;
     if let PlcBus::EthernetIp(scanner) = &mut plc {
         scanner.stop_conflict_detection();
     }
     Ok(plc)
 }
 
-fn open_robot(bus: &Bus, seed: u64, start: impl FnOnce() -> Instant) -> RobotBus {
-    let mut robot = robot_node::bus::open(bus, ROBOT_MAC, None, seed, start);
+/// Opens a robot's end of a bus, likewise.
+pub(super) fn open_robot(bus: &Bus, mac: Mac, seed: u64, start: impl FnOnce() -> Instant) -> RobotBus {
+    let mut robot = robot_node::bus::open(bus, mac, None, seed, start);
     if let RobotBus::EthernetIp(adapter) = &mut robot {
         adapter.stop_conflict_detection();
     }
@@ -96,14 +109,14 @@ impl Restart {
         let (setup_of_plc, planned_of_plc) = (setup.clone(), planned.clone());
         let plc: Make<_> = Box::new(move |now| {
             let start = now + UNTIL_FIRST_CYCLE;
-            let bus = open_plc(&setup_of_plc.bus, seed ^ now.as_nanos(), start)?;
+            let bus = open_plc(&setup_of_plc.bus, &[], PLC_MAC, seed ^ now.as_nanos(), start)?;
             let Work { source, stops, to_start, .. } = Work::of(planned_of_plc.clone());
             Ok(new_plc(&setup_of_plc, (source, stops, to_start), bus, start))
         });
         let setup = setup.clone();
         let robot: Make<_> = Box::new(move |now| {
             let (start, seed) = (now + UNTIL_FIRST_CYCLE, seed ^ now.as_nanos());
-            let bus = open_robot(&setup.bus, seed, || start);
+            let bus = open_robot(&setup.bus, ROBOT_MAC, seed, || start);
             let Work { robot, program, stops, .. } = Work::of(planned.clone());
             Ok(new_robot(robot, (program, &stops), bus, seed, start))
         });

@@ -23,7 +23,7 @@ use virtual_time::{Carrier, Impairment, Side, Tapped};
 
 pub(super) use silence::LONGEST_RUN;
 pub use silence::NeverEnded;
-use silence::SILENCE;
+pub(super) use silence::SILENCE;
 
 use super::Work;
 use super::changes::Changes;
@@ -319,6 +319,7 @@ impl Nodes {
                 | PlcEvent::LifeStill
                 | PlcEvent::MovingToStart
                 | PlcEvent::Waiting { .. }
+                | PlcEvent::Passed(_)
                 | PlcEvent::Started { .. } => {}
             }
         }

@@ -74,12 +74,14 @@ impl<'a> Watch<'a> {
         if plc.scans() != self.last_scan {
             self.last_scan = plc.scans();
             let at_us = (since(cell.now()) / 1e3).round() as i64;
-            self.recording.plc(PlcScan { at_us, sample: plc.sample() });
+            let true_ns = true_time(cell, CellNode::Plc, plc.scanned_at()).as_nanos();
+            self.recording.plc(PlcScan { at_us, true_ns, sample: plc.sample() });
         }
         if self.last_tick != Some(robot.ticked_at()) {
             self.last_tick = Some(robot.ticked_at());
-            let at_ms = since(true_time(cell, CellNode::Robot(RobotId::FIRST), robot.ticked_at())) / 1e6;
-            self.recording.robot(RobotTick { at_ms, sample: robot.sample() });
+            let at = true_time(cell, CellNode::Robot(RobotId::FIRST), robot.ticked_at());
+            let (at_ms, true_ns) = (since(at) / 1e6, at.as_nanos());
+            self.recording.robot(RobotTick { at_ms, true_ns, sample: robot.sample() });
         }
     }
 }

@@ -144,6 +144,7 @@ impl LongRun {
                 | PlcEvent::MovingToStart
                 | PlcEvent::Ready
                 | PlcEvent::Waiting { .. }
+                | PlcEvent::Passed(_)
                 | PlcEvent::Started { .. } => {}
             }
         }

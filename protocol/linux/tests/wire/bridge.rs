@@ -13,13 +13,13 @@ const PORT: u16 = 5_000;
 /// Connects networks by a switch, each with this address at its end.
 fn switch(addresses: &[Ipv4Addr]) -> (NetworkNamespace, Vec<NetworkNamespace>) {
     let middle = NetworkNamespace::new().unwrap();
-    bridge::create(&middle, "switch").unwrap();
+    middle.run(|| bridge::new("switch")).unwrap().unwrap();
     let ends = addresses.iter().enumerate().map(|(number, address)| {
         let (end, port) = (NetworkNamespace::new().unwrap(), format!("port{number}"));
         let name = |network, name, address| End { network, name, address };
         cable([name(&middle, &port, None), name(&end, "eth0", Some(*address))]);
-        let open = |name: &str| middle.run(|| Interface::open(name)).unwrap().unwrap();
-        bridge::attach(&middle, &open(&port), &open("switch")).unwrap();
+        let open = |name: &str| Interface::open(name).unwrap();
+        middle.run(|| bridge::add_port(&open("switch"), &open(&port))).unwrap().unwrap();
         end
     });
     let ends = ends.collect();
@@ -47,8 +47,12 @@ pub(crate) fn each_end_of_a_switch_reaches_each_other_one() {
 
 pub(crate) fn a_bridge_is_no_port_of_itself_and_its_name_is_taken_once() {
     let network = NetworkNamespace::new().unwrap();
-    bridge::create(&network, "switch").unwrap();
-    assert!(bridge::create(&network, "switch").unwrap_err().to_string().contains("making a bridge"));
-    let itself = network.run(|| Interface::open("switch")).unwrap().unwrap();
-    assert!(bridge::attach(&network, &itself, &itself).is_err());
+    let refused = network.run(|| {
+        bridge::new("switch").unwrap();
+        let taken = bridge::new("switch").unwrap_err().to_string();
+        let itself = Interface::open("switch").unwrap();
+        (taken, bridge::add_port(&itself, &itself).is_err())
+    });
+    let (taken, is_no_port) = refused.unwrap();
+    assert!(taken.contains("making a bridge") && is_no_port, "{taken}");
 }

@@ -178,13 +178,13 @@ mod tests {
             joints,
             ..robot_node::Sample::default()
         };
-        RobotTick { at_ms, sample }
+        RobotTick { at_ms, true_ns: 0, sample }
     }
 
     fn scan(at_us: i64, command: u16, written: u32, in_slots: u32) -> PlcScan {
         let sample =
             plc_node::Sample { command, total: written, written, in_slots, ..plc_node::Sample::default() };
-        PlcScan { at_us, sample }
+        PlcScan { at_us, true_ns: 0, sample }
     }
 
     #[test]

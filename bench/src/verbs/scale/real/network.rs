@@ -36,7 +36,7 @@ impl Network {
     pub(super) fn set_up(robots: u8) -> anyhow::Result<Self> {
         let [switch, plc, ends] =
             [NetworkNamespace::new()?, NetworkNamespace::new()?, NetworkNamespace::new()?];
-        bridge::create(&switch, SWITCH)?;
+        switch.run(|| bridge::new(SWITCH))??;
         switch.run(|| Interface::open(SWITCH)?.set_up())??;
         ends.run(separate_addresses)??;
         veth::connect(&plc, PLC_INTERFACE, &switch, "to-plc")?;
@@ -54,10 +54,11 @@ impl Network {
 
 /// Plugs a cable's end into the switch.
 fn plug(switch: &NetworkNamespace, port: &str) -> anyhow::Result<()> {
-    let open = |name: &str| switch.run(|| Interface::open(name));
-    let (port, bridge) = (open(port)??, open(SWITCH)??);
-    bridge::attach(switch, &port, &bridge)?;
-    Ok(switch.run(|| port.set_up())??)
+    switch.run(|| {
+        let port = Interface::open(port)?;
+        bridge::add_port(&Interface::open(SWITCH)?, &port)?;
+        Ok(port.set_up()?)
+    })?
 }
 
 fn bring_up(name: &str, address: std::net::Ipv4Addr) -> anyhow::Result<()> {

@@ -11,7 +11,7 @@ use records::not_ready::NotReady;
 
 /// Time without a scan after which a PLC counts as gone, and for which it may wait before a run for a robot that owes
 /// progress.
-pub(super) const SILENCE: Duration = Duration::from_secs(10);
+pub(in super::super) const SILENCE: Duration = Duration::from_secs(10);
 
 /// Longest run: the PLC gives up a robot without progress, so that a run which lasts this long is a fault of this program.
 pub(in super::super) const LONGEST_RUN: Duration = Duration::from_secs(24 * 3_600);

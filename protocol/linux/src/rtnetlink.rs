@@ -1,6 +1,5 @@
-//! One request to the kernel over rtnetlink, and its acknowledgement.
-//!
-//! A message that makes or changes an interface (rtnetlink(7); numbers in native byte order, every attribute padded to 4 bytes):
+//! Questions to the kernel about network interfaces, over rtnetlink: the message `RTM_NEWLINK` and its answer (rtnetlink(7);
+//! numbers in native byte order, every attribute padded to 4 bytes).
 //!
 //! | bytes | content |
 //! |---|---|
@@ -17,38 +16,37 @@ const NLMSG_ERROR: u16 = 2;
 /// NLM_F_REQUEST | NLM_F_ACK
 const CHANGE: u16 = 0x0001 | 0x0004;
 /// NLM_F_EXCL | NLM_F_CREATE
-const CREATE: u16 = 0x0200 | 0x0400;
+const NEW: u16 = 0x0200 | 0x0400;
 
 pub(crate) const IFLA_IFNAME: u16 = 3;
 pub(crate) const IFLA_MASTER: u16 = 10;
 pub(crate) const IFLA_LINKINFO: u16 = 18;
-pub(crate) const IFLA_NET_NS_FD: u16 = 28;
 pub(crate) const IFLA_INFO_KIND: u16 = 1;
 pub(crate) const IFLA_INFO_DATA: u16 = 2;
 
-/// An ifinfomsg of an interface that the attributes name.
+/// An ifinfomsg of an interface that does not exist yet.
 pub(crate) const IFINFOMSG: [u8; 16] = [0; 16];
 
-/// Asks the kernel to create an interface with these attributes.
+/// Asks for a new interface with these attributes.
 pub(crate) fn create(attributes: &[u8]) -> Result<(), Errno> {
-    ask(&message(CHANGE | CREATE, &IFINFOMSG, attributes))
+    ask(&request(CHANGE | NEW, &IFINFOMSG, attributes))
 }
 
-/// Asks the kernel to change the attributes of the interface with this index.
+/// Asks to change the attributes of the interface with this index.
 pub(crate) fn change(index: u32, attributes: &[u8]) -> Result<(), Errno> {
-    let mut which = IFINFOMSG;
-    which[4..8].copy_from_slice(&index.to_ne_bytes());
-    ask(&message(CHANGE, &which, attributes))
+    let mut of_interface = IFINFOMSG;
+    of_interface[4..8].copy_from_slice(&index.to_ne_bytes());
+    ask(&request(CHANGE, &of_interface, attributes))
 }
 
-fn message(flags: u16, which: &[u8], attributes: &[u8]) -> Vec<u8> {
-    let len = 16 + which.len() + attributes.len();
-    let mut message = Vec::with_capacity(len);
-    message.extend_from_slice(&(len as u32).to_ne_bytes());
+fn request(flags: u16, of_interface: &[u8; 16], attributes: &[u8]) -> Vec<u8> {
+    let length = 16 + of_interface.len() + attributes.len();
+    let mut message = Vec::with_capacity(length);
+    message.extend_from_slice(&(length as u32).to_ne_bytes());
     message.extend_from_slice(&RTM_NEWLINK.to_ne_bytes());
     message.extend_from_slice(&flags.to_ne_bytes());
     message.extend_from_slice(&[0; 8]);
-    message.extend_from_slice(which);
+    message.extend_from_slice(of_interface);
     message.extend_from_slice(attributes);
     message
 }

@@ -1,0 +1,84 @@
+//! The rig as the stand of a cell with several stations.
+
+use ::node::report::NodeReport;
+
+use super::error::at_start;
+use super::rig_node::RigNode;
+use super::robot::RigRobot;
+use super::{Rig, RigConfig};
+use crate::cell_measured::{CellHealth, CellMeasured};
+use crate::cell_stand::{CellConfig, CellStand};
+use records::cell_results::CellAttached;
+use records::conditions::Health;
+use records::exit::Failure;
+use records::schedule::Step;
+
+impl CellStand for Rig {
+    async fn start(config: &CellConfig<'_>) -> Result<Self, Failure> {
+        let started = match config.attach {
+            Some(nodes) => Self::attach_cell(config, nodes).await,
+            None => {
+                let directory = config.directory.to_owned();
+                let rig = RigConfig {
+                    seed: config.seed,
+                    capture: config.capture.map(|keep| (directory.clone(), keep)),
+                    voice: config.voice.cloned(),
+                    faults: config.faults.to_vec(),
+                    ..RigConfig::of_cell(config.cell, directory.join("setup.toml"))
+                };
+                Self::start(&rig).await
+            }
+        };
+        started.map_err(|error| at_start(error, config.faults))
+    }
+
+    fn refused(&self) -> Option<Vec<String>> {
+        Some(self.warnings().into_iter().map(str::to_owned).collect())
+    }
+
+    fn attached(&self) -> Option<CellAttached> {
+        let plc = self.attached_at(RigNode::Plc)?;
+        let robots = (0..self.robots.len()).filter_map(|station| self.attached_at(RigNode::Robot(station)));
+        Some(CellAttached { plc, robots: robots.collect() })
+    }
+
+    async fn execute(&mut self, step: Step) -> anyhow::Result<CellMeasured> {
+        self.prepare(&step).await?;
+        loop {
+            tokio::time::sleep(step.pause).await;
+            match self.execute_cell(step.execution_type, step.overrides).await {
+                Err(error) => self.try_again(&step, error).await?,
+                Ok(run) => return Ok(run),
+            }
+        }
+    }
+
+    fn health(&self) -> CellHealth {
+        let reports = self.reports();
+        let cyclic = |report: &NodeReport| report.allocations.map(|allocations| allocations.while_cyclic);
+        let station = |(robot, report): (&RigRobot, &NodeReport)| Health {
+            plc: (&reports.plc.cycle).into(),
+            robot: (&report.cycle).into(),
+            bus: robot.frames,
+            robot_bus: report.bus,
+            images: [reports.plc.images, report.images],
+            allocations: cyclic(&reports.plc).zip(cyclic(report)).map(|(plc, robot)| [plc, robot]),
+            ..Health::default()
+        };
+        CellHealth {
+            stations: self.robots.iter().zip(&reports.robots).map(station).collect(),
+            faults: self.fault_report(),
+            repeated: self.repeated.clone(),
+            remarks: self.remarks.clone(),
+            connected_after: self.connected_after,
+        }
+    }
+
+    async fn finish(mut self, keeps_capture: bool) -> Result<Option<CellHealth>, Failure> {
+        if !keeps_capture {
+            self.discard_capture();
+        }
+        let faults = self.stop().await?;
+        Ok(Some(CellHealth { faults, ..CellStand::health(&self) }))
+    }
+}

@@ -1,0 +1,148 @@
+//! Runs of the built-in cells, with faults and without.
+
+use std::time::Duration;
+
+use super::*;
+use plc_node::ExecutionType;
+
+impl CellRun {
+    /// Executes one step of a schedule like [`execute`](Self::execute), and has `look` look at the cell in each half cycle.
+    fn execute_watched(&mut self, step: Step, mut look: impl FnMut(&Self)) -> anyhow::Result<CellMeasured> {
+        self.begin(&step)?;
+        loop {
+            let report = self.next_event(self.cell.now() + LOOK);
+            look(self);
+            if let Some(report) = report
+                && let Some(measured) = self.take(report)?
+            {
+                return Ok(measured);
+            }
+        }
+    }
+
+    /// Returns how many motions a station's robot has executed in the run by the PLC's count.
+    fn executed(&self, station: usize) -> u32 {
+        self.cell.plc().program().totals(station).executed
+    }
+
+    /// Returns the tool's speed along the path of a station, in mm/s.
+    fn path_speed_mm_s(&self, station: usize) -> f32 {
+        self.cell.robot(RobotId(station)).sample().path_speed_mm_s
+    }
+}
+
+/// Half of the shortest cycle of the built-in cells.
+const LOOK: Duration = Duration::from_micros(500);
+
+/// Half cycles within which a robot has reported the end of a motion, and the PLC has seen it.
+const SETTLED: u32 = 10;
+
+fn start_with(name: &str, faults: &[Fault]) -> (Vec<PlannedStation>, CellRun) {
+    let (cell, found) = planning::cell_with_applications(name).unwrap();
+    let stations = PlannedStation::all(&found.plan(&cell).unwrap()).unwrap();
+    let run = CellRun::start_with(&stations, 1, faults).unwrap();
+    (stations, run)
+}
+
+fn step(execution_type: ExecutionType) -> Step {
+    Step { execution_type, repetition: 1, pause: records::schedule::PAUSE, overrides: None }
+}
+
+#[test]
+fn an_arm_that_is_killed_in_a_run_fails_it_and_the_error_names_its_station() {
+    for (killed, name) in ["station left", "station right"].into_iter().enumerate() {
+        for execution_type in ExecutionType::ALL {
+            let fault = format!("{}/kill-robot-at=700ms", ["left", "right"][killed]).parse().unwrap();
+            let (_, mut run) = start_with("E", &[fault]);
+            let error = format!("{:#}", run.execute(step(execution_type)).unwrap_err());
+            assert!(error.starts_with(name), "{execution_type}: {error}");
+        }
+    }
+}
+
+#[test]
+fn no_arm_moves_beyond_a_mark_before_the_other_has_come_to_it() {
+    for cell in ["E", "F"] {
+        let (stations, mut run) = start_with(cell, &[]);
+        for execution_type in ExecutionType::ALL {
+            let (mut moving_beyond, mut moving, mut last) =
+                (0, vec![0; stations.len()], vec![0; stations.len()]);
+            run.execute_watched(step(execution_type), |run| {
+                for (one, station) in stations.iter().enumerate() {
+                    // The robot moves, and the PLC has seen it come to the end of the section.
+                    let executed = run.executed(one);
+                    // The last cycle of a motion still has a speed.
+                    let is_moving = run.path_speed_mm_s(one) > 0.0 && executed == last[one];
+                    moving[one] = if is_moving { moving[one] + 1 } else { 0 };
+                    last[one] = executed;
+                    for wait in &station.waits {
+                        let is_beyond = executed as usize > wait.after
+                            || executed as usize == wait.after && moving[one] > SETTLED;
+                        if !is_beyond {
+                            continue;
+                        }
+                        moving_beyond += 1;
+                        for (other, others) in stations.iter().enumerate() {
+                            let there = others.waits.iter().find(|there| there.mark == wait.mark);
+                            let come = run.executed(other) as usize;
+                            assert!(
+                                there.is_none_or(|there| come >= there.after),
+                                "{cell} {execution_type} {wait:?}"
+                            );
+                        }
+                    }
+                }
+            })
+            .unwrap();
+            assert!(moving_beyond > 0);
+        }
+    }
+}
+
+fn error_of(faults: &[&str], execution_type: ExecutionType) -> String {
+    let faults: Vec<Fault> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
+    let (_, mut run) = start_with("E", &faults);
+    format!("{:#}", run.execute(step(execution_type)).unwrap_err())
+}
+
+#[test]
+fn a_fault_hits_the_cable_of_its_station_and_no_other() {
+    for (hit, fault) in [(0, "left/to-robot:loss=0.01"), (1, "right/to-plc:loss=0.01")] {
+        let (_, mut run) = start_with("E", &[fault.parse().unwrap()]);
+        run.execute(step(ExecutionType::Cm)).unwrap();
+        let health = CellRun::health(&run);
+        let lost: Vec<_> = health.stations.iter().map(Health::frames_lost).collect();
+        assert!(lost[hit] > 10 && lost[1 - hit] == 0, "{fault}: {lost:?}");
+        assert_eq!(health.faults.unwrap().asked, [fault]);
+    }
+}
+
+#[test]
+fn a_cut_cable_and_a_killed_plc_fail_the_run_and_are_named() {
+    let cut = error_of(&["right/cut-at=1s..9s"], ExecutionType::Sm);
+    assert!(cut.starts_with("station right: "), "{cut}");
+    let killed = error_of(&["kill-plc-at=1s"], ExecutionType::Sm);
+    assert!(killed.contains("the plc-node was killed by this run's fault"), "{killed}");
+}
+
+/// A cell whose left robot has drives on an EtherCAT segment.
+fn with_drives() -> (Vec<PlannedStation>, setup::Cell) {
+    let (cell, found) = planning::cell_with_applications("E").unwrap();
+    let cell = cell.with_station("left", |setup| setup.with_drives(setup::Drives::Ethercat)).unwrap();
+    (PlannedStation::all(&found.plan(&cell).unwrap()).unwrap(), cell)
+}
+
+#[test]
+fn drives_of_a_station_are_compared_with_the_rehearsal() {
+    let (stations, _) = with_drives();
+    let verify = |faults: &[&str]| {
+        let faults: Vec<Fault> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
+        let mut run = CellRun::start_with(&stations, 1, &faults).unwrap();
+        let measured = run.execute(step(ExecutionType::Cm)).map_err(|error| format!("{error:#}"))?;
+        let mut verification = crate::verification::StationVerification::new(stations[0].clone());
+        verification.check(&measured.stations[0]).map_err(|error| format!("{error:#}"))
+    };
+    assert_eq!(verify(&[]), Ok(()));
+    let blocked = verify(&["left/drive-block=1@100ms..2.5s"]).unwrap_err();
+    assert!(blocked.starts_with("station left: "), "{blocked}");
+}

@@ -1,0 +1,59 @@
+//! Cells with several stations on the real rig.
+
+use rustix::process::{Signal, kill_process};
+
+use crate::process::{Bench, networks};
+
+pub(crate) fn a_cell_runs_on_a_switch_or_on_cables_and_every_node_has_a_capture() {
+    let captures = [
+        ("E", vec!["plc.pcapng", "robot-left.pcapng", "robot-right.pcapng"]),
+        ("F", vec!["plc-ethercat.pcapng", "plc-profinet.pcapng", "robot-left.pcapng", "robot-right.pcapng"]),
+    ];
+    for (setup, captures) in captures {
+        let args = ["--reps", "1", "--types", "rc,cm", "--capture", "always"];
+        let ended = Bench::start_setup(setup, &args).wait();
+        assert!(ended.status.success(), "{setup}: {}: {}", ended.status, ended.stderr);
+        // A line of each station.
+        assert_eq!(ended.samples.lines().count(), 1 + 4, "{}", ended.samples);
+        let (results, mut found) = (&ended.results, ended.captures.clone());
+        assert_eq!((&results["mode"], &results["status"]), (&"real".into(), &"complete".into()));
+        assert_eq!(results["cyclic_allocations"], serde_json::json!({ "plc": 0, "robots": [0, 0] }));
+        for station in results["stations"].as_array().unwrap() {
+            assert!(station["frames"]["frames_received"].as_u64().unwrap() > 1_000, "{station}");
+        }
+        found.sort();
+        assert!(found.iter().all(|(_, bytes)| bytes.len() > 100_000));
+        assert_eq!(found.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), captures);
+    }
+}
+
+pub(crate) fn a_cell_with_a_lossy_cable_to_one_station_passes_and_counts_what_was_lost() {
+    let fault = "right/to-robot:loss=0.02";
+    let ended = Bench::start_setup("E", &["--reps", "1", "--fault", fault]).wait();
+    assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
+    let faults = &ended.results["faults"];
+    assert_eq!(faults["asked"], serde_json::json!([fault]));
+    assert!(faults["lost"].as_u64().unwrap() > 20, "{faults}");
+}
+
+pub(crate) fn a_killed_robot_of_a_cell_fails_the_run_and_its_station_is_named() {
+    let mut bench = Bench::start_setup("E", &["--reps", "1000"]);
+    let right = bench.node_of_station("right");
+    kill_process(right, Signal::KILL).unwrap();
+    let ended = bench.wait();
+    assert_eq!(ended.status.code(), Some(4), "{}", ended.stderr);
+    let named = "the robot-node of station right ended (signal: 9 (SIGKILL))";
+    assert!(ended.stderr.contains(named), "{}", ended.stderr);
+    assert!(ended.samples.lines().count() > 2, "the samples so far are gone");
+}
+
+pub(crate) fn ctrl_c_ends_a_cell_in_order_and_keeps_the_repetitions() {
+    let mut bench = Bench::start_setup("E", &["--reps", "1000"]);
+    let networks = networks(bench.nodes());
+    kill_process(bench.pid(), Signal::INT).unwrap();
+    let ended = bench.wait();
+    assert_eq!(ended.status.code(), Some(130), "{}", ended.stderr);
+    assert_eq!(ended.results["status"], "interrupted");
+    assert!(ended.stdout.contains("Interrupted, ") && ended.samples.lines().count() > 2, "{}", ended.stdout);
+    ended.nothing_is_left(&networks);
+}
