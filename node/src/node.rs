@@ -78,10 +78,7 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
 
     /// Returns whether the bus may explain an event.
     fn may_explain(event: &Self::Event) -> bool {
-        matches!(
-            Self::link_event(event),
-            Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. }))
-        )
+        matches!(Self::link_event(event), Some(LinkEvent::Down(Down { cause: DownCause::Refused, .. })))
     }
 
     /// Writes what is remarkable about the connection of an event: `remark` of its bus.

@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use plc_node::ExecutionType;
 use records::schedule::Schedule;
-use stands::virtual_run::{CellHealth, CellRun};
+use stands::cell_measured::CellHealth;
+use stands::virtual_run::CellRun;
 
 use super::measured::{Row, median};
 use super::plant::{Plant, ScaledBus};
@@ -70,7 +71,7 @@ impl Frames {
             sent: sum.sent + one.sent,
             received: sum.received + one.received,
         };
-        stations.map(|station| station.plc_bus).fold(Self { sent: 0, received: 0 }, add)
+        stations.map(|station| station.bus).fold(Self { sent: 0, received: 0 }, add)
     }
 
     const fn since(&self, before: &Self) -> Self {
