@@ -10,7 +10,8 @@ use setup::Cell;
 
 use super::{Capture, RunOptions};
 use records::cell_directory::CellDirectory;
-use records::cell_results::{CellResults, CellSample};
+use records::cell_results::CellResults;
+use records::cell_sample::CellSample;
 use records::exit::{Exit, Failure};
 use records::mode::Mode;
 use records::occupied;

@@ -15,7 +15,7 @@ use super::new_cell::{NewCell, switch_on};
 use super::nodes::{CONNECT, LONGEST_RUN, NeverEnded};
 use crate::Unreported;
 use crate::planned_station::PlannedStation;
-use records::cell_results::{CellSample, StationSample, start_skew};
+use records::cell_sample::{CellSample, StationSample, start_skew};
 use records::conditions::{Health, Interference, Measured, MotionTotals};
 use records::not_ready::NotReady;
 use records::schedule::Step;
