@@ -70,7 +70,8 @@ fn lists_of_cell(cell: &CellResults) -> Result<(), String> {
         // An older version did not measure it.
         let poses = if result.relative_pose_mm.is_empty() { count } else { result.relative_pose_mm.len() };
         let of_type = [("start_skew_us", result.start_skew_us.len()), ("relative_pose_mm", poses)];
-        if let Some((list, found)) = of_type.into_iter().chain(of_stations).find(|(_, found)| *found != count) {
+        if let Some((list, found)) = of_type.into_iter().chain(of_stations).find(|(_, found)| *found != count)
+        {
             return Err(format!("{list} of {name} has {found} entries, its samples_ms {count}"));
         }
     }

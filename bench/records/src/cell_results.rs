@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use planning::{PlannedCell, PlannedStation, WaitAt};
-use robot_node::arm::Frame;
 use plc_node::ExecutionType;
+use robot_node::arm::Frame;
 use serde::{Deserialize, Serialize};
 use setup::Cell;
 
@@ -206,11 +206,8 @@ fn waits(station: &PlannedStation) -> Vec<CellWait> {
         let base = base.map_or(Frame::IDENTITY, |base| Frame::from_mm_deg(base.mm_deg.value));
         Some((base * Frame::from_mm_deg(motion.target.mm_deg())).to_mm_deg())
     };
-    let wait = |wait: &WaitAt| CellWait {
-        mark: wait.mark,
-        after: wait.after,
-        tool_mm_deg: tool_at(wait.after),
-    };
+    let wait =
+        |wait: &WaitAt| CellWait { mark: wait.mark, after: wait.after, tool_mm_deg: tool_at(wait.after) };
     station.plan.waits.iter().map(wait).collect()
 }
 
@@ -224,7 +221,14 @@ impl CellResults {
     #[must_use]
     pub fn new(cell: &Cell, planned: &PlannedCell, mode: Mode, schedule: &Schedule) -> Self {
         let own = || cell.stations.iter().map(|station| station.application.as_str()).collect::<Vec<_>>();
-        let application = cell.application.clone().unwrap_or_else(|| own().join(", "));
+        // The plan of an arm is named by the application and the arm.
+        let of_all = || {
+            let (station, planned) = (cell.stations.first()?, planned.stations.first()?);
+            let name = planned.application.name.strip_suffix(station.application.as_str())?;
+            Some(name.trim_end_matches('-').to_owned())
+        };
+        let application = cell.application.as_ref().and_then(|_| of_all());
+        let application = application.unwrap_or_else(|| own().join(", "));
         let mut results = PerType::default();
         let of_type = CellTypeResult {
             stations: vec![StationResult::default(); cell.stations.len()],
@@ -240,7 +244,10 @@ impl CellResults {
             robot: station.robot.model.clone(),
             cycle: CycleLateness::default(),
             frames: Frames::default(),
-            tool: planned.station(&station.name).and_then(|it| it.plan.motions.first()).map_or(0, |first| first.tool),
+            tool: planned
+                .station(&station.name)
+                .and_then(|it| it.plan.motions.first())
+                .map_or(0, |first| first.tool),
             waits: planned.station(&station.name).map_or_else(Vec::new, waits),
             alone: None,
         };
@@ -290,6 +297,25 @@ impl CellResults {
         let aet_ms = |of: &Option<CellTypeResult>| of.as_ref().and_then(|result| result.aet_ms);
         let (sm, cm) = (aet_ms(&self.results.sm), aet_ms(&self.results.cm));
         self.aet_improvement = sm.zip(cm).map(|(sm, cm)| aet_improvement(sm, cm));
+    }
+
+    /// Returns the share that the cell keeps of the mean AETi of its arms alone; `None` if these were not run, or gain nothing.
+    #[must_use]
+    pub fn remaining_gain(&self) -> Option<f64> {
+        let alone = self.stations.iter().map(|station| station.alone.as_ref()?.aet_improvement);
+        let alone = mean(&alone.collect::<Option<Vec<_>>>()?)?;
+        self.aet_improvement.filter(|_| alone > 0.0).map(|gain| gain / alone)
+    }
+
+    /// Sets what a station's arm takes alone.
+    pub fn set_alone(&mut self, station: usize, results: &Results) {
+        let mut alone = Alone { aet_improvement: results.aet_improvement, ..Alone::default() };
+        for execution_type in ExecutionType::ALL {
+            *alone.results.entry(execution_type) = results.figure(execution_type);
+        }
+        if let Some(station) = self.stations.get_mut(station) {
+            station.alone = Some(alone);
+        }
     }
 
     /// Returns what such a run has in common with one of a single station, with the robot's times of a station.

@@ -97,11 +97,14 @@ impl Conditions {
             (Ok(Content::One(setup, found)), Ok(Content::One(other_setup, other))) => {
                 cell_differences((setup, found), (other_setup, other), named)
             }
-            (Ok(Content::Cell { setup, application }), Ok(Content::Cell { setup: others, application: other })) => {
+            (
+                Ok(Content::Cell { setup, application }),
+                Ok(Content::Cell { setup: others, application: other }),
+            ) => {
                 let of_setup = text_differences("", setup, others, named);
                 let of_application = application.as_ref().zip(other.as_ref());
-                let of_application =
-                    of_application.map(|(own, other)| text_differences("in the application, ", own, other, named));
+                let of_application = of_application
+                    .map(|(own, other)| text_differences("in the application, ", own, other, named));
                 of_setup.into_iter().chain(of_application.into_iter().flatten()).collect()
             }
             (Ok(own), Ok(_)) => {
@@ -124,7 +127,8 @@ fn sentence(Difference { key, first, second }: &Difference, named: &str) -> Stri
 /// Returns in what two texts in TOML differ besides names and titles.
 fn text_differences(begin: &str, own: &str, other: &str, named: &str) -> Vec<String> {
     let all = setup::text_differences(own, other).into_iter().flatten();
-    let is_of_content = |key: &str| !["name", "title"].contains(&key) && !key.ends_with(".note") && !key.ends_with(".from");
+    let is_of_content =
+        |key: &str| !["name", "title"].contains(&key) && !key.ends_with(".note") && !key.ends_with(".from");
     let of_content = all.filter(|difference| is_of_content(&difference.key));
     of_content.map(|found| format!("{begin}{}", sentence(&found, named))).collect()
 }

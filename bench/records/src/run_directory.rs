@@ -100,7 +100,7 @@ impl RunDirectory {
         let is_empty = |entry: &fs::DirEntry| entry.metadata().is_ok_and(|found| found.len() == 0);
         let described = [SAMPLES, "setup.toml", "application.toml", "host.json", "results.json"];
         let (of_run, others): (Vec<_>, Vec<_>) =
-            entries.iter().partition(|entry| is(entry, occupied::RUN.results));
+            entries.iter().partition(|entry| occupied::is_of_run(&entry.file_name().to_string_lossy()));
         // A node that recorded nothing leaves an empty file.
         let is_recorded = |entry: &&fs::DirEntry| !is(entry, &described) && !is_empty(entry);
         if self.samples_len > self.head.len() as u64 || of_run.iter().any(is_recorded) {

@@ -4,10 +4,12 @@ use std::path::PathBuf;
 use std::time::SystemTime;
 
 use anyhow::{Context as _, anyhow};
+use capture_file::Retention;
 use node::list::flat;
 use planning::{FoundCell, PlannedCell};
 use setup::Cell;
 
+use super::alone::add_alone;
 use super::{Capture, RunOptions};
 use records::cell_directory::CellDirectory;
 use records::cell_results::CellResults;
@@ -19,7 +21,8 @@ use records::results::Status;
 use records::run_directory::{self, Durability, replace};
 use records::schedule::{Schedule, Step};
 use records::trace::CellTrace;
-use report::{cell_table, errln, in_shell, outln};
+use report::pages;
+use report::{cell_files, cell_table, errln, in_shell, outln};
 use stands::planned_station::PlannedStation;
 use stands::relative_pose::RelativePose;
 use stands::verification::StationVerification;
@@ -46,13 +49,20 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let path = options.out.clone().unwrap_or_else(|| default_path(&cell));
     let text = found.stations.first().filter(|_| cell.application.is_some()).map(|first| first.text.as_str());
     let mut directory = CellDirectory::create(&path, &cell, text)?;
+    let keep = match options.capture {
+        Capture::Always => Some(Retention::All),
+        Capture::OnFailure => Some(Retention::FirstAndLast),
+        Capture::Never => None,
+    };
+    let capture = keep.map(|keep| (path.clone(), keep));
     let mut results = CellResults::new(&cell, &planned, Mode::Virtual, &schedule);
     results.digests = Some(directory.digests().clone());
     let mut save = |step: &Step, outcome: &anyhow::Result<CellSample>, results: &CellResults| {
         directory.save(step, outcome, results)
     };
     let mut traces = CellTrace::default();
-    let executed = execute(plant, &schedule, &mut results, (&mut save, &mut traces));
+    let always = options.capture == Capture::Always;
+    let executed = execute(plant, &schedule, &mut results, (&mut save, &mut traces), (capture, always));
     let failure = match executed {
         Ok(failure) => failure,
         Err(error) => {
@@ -60,14 +70,29 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
             return Err(error);
         }
     };
+    if failure.is_none() {
+        add_alone(&mut results, &planned, &schedule)?;
+    }
     directory.save_results(&results)?;
     directory.save_trace(&traces)?;
+    if options.trace {
+        cell_files::save_timeline(&path, &planned, &traces)?;
+    }
+    #[cfg(feature = "mcap")]
+    if options.mcap {
+        cell_files::save_playback(&path, &cell, &planned, &traces)?;
+    }
+    let pages = pages::write(&path)?;
     for (_, file) in options.exports.files() {
         let Some(file) = file else { continue };
         replace(file, &results.to_json().context("cannot write the results as JSON")?, Durability::Synced)?;
     }
     outln!("{}", cell_table::render(&results));
     outln!("  Saved in {}.", in_shell(path.display()));
+    outln!("  Report: {}", in_shell(pages.report.display()));
+    if let Some(race) = pages.race {
+        outln!("  Race: {}, all arms in one scene.", in_shell(race.display()));
+    }
     Ok(failure.map_or(Exit::Pass, |error| {
         errln!("error: {error:#}");
         Exit::of_run(&error)
@@ -98,7 +123,7 @@ pub fn whole(cell: &Cell, found: &FoundCell, schedule: &Schedule) -> Result<Cell
     let mut results = CellResults::new(cell, &planned, Mode::Virtual, schedule);
     let mut traces = CellTrace::default();
     let outputs: (Save<'_>, _) = (&mut |_, _, _| Ok(()), &mut traces);
-    match execute(Plant::of(cell, &planned)?, schedule, &mut results, outputs)? {
+    match execute(Plant::of(cell, &planned)?, schedule, &mut results, outputs, (None, false))? {
         None => Ok(results),
         Some(error) => Err(Failure::new(Exit::of_run(&error), error.context("the virtual run failed"))),
     }
@@ -113,11 +138,12 @@ fn execute(
     schedule: &Schedule,
     results: &mut CellResults,
     (save, traces): (Save<'_>, &mut CellTrace),
+    (capture, always): (Option<(PathBuf, Retention)>, bool),
 ) -> Result<Option<anyhow::Error>, Failure> {
     // In virtual time nothing but the setup keeps the stations from connecting.
     let Plant { stations, mut relative_pose } = plant;
-    let mut run =
-        CellRun::start(&stations, schedule.seed).map_err(|error| Failure::new(Exit::Usage, error))?;
+    let mut run = CellRun::start_captured(&stations, schedule.seed, capture)
+        .map_err(|error| Failure::new(Exit::Usage, error))?;
     let mut verifications: Vec<_> = stations.into_iter().map(StationVerification::new).collect();
     for step in schedule.steps() {
         let execution_type = step.execution_type;
@@ -141,9 +167,11 @@ fn execute(
         results.set_health(&run.health());
         save(&step, &outcome, results)?;
         if let Err(error) = outcome {
+            run.end_capture(true)?;
             return Ok(Some(error));
         }
     }
+    run.end_capture(always)?;
     results.status = Status::Complete;
     Ok(None)
 }
@@ -162,10 +190,7 @@ fn check_options(options: &RunOptions) -> Result<(), Failure> {
         ("--application", options.application.is_some()),
         ("--cyclic", options.cyclic.is_some()),
         ("--drives", !options.drives.in_command().is_empty()),
-        ("--capture", options.capture != Capture::Never),
         ("--attach", options.attach.is_some()),
-        ("--trace", options.trace),
-        ("--mcap", options.mcap),
         ("--override", options.overrides.is_some()),
         ("--fault", !options.fault.is_empty()),
         ("--live", options.live.is_some()),

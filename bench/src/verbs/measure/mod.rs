@@ -1,5 +1,6 @@
 //! A measured run: from its options to its table and exit code.
 
+pub mod alone;
 pub mod cell;
 mod measurement;
 mod options;

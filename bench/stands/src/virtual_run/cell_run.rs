@@ -1,15 +1,18 @@
 //! Runs of a cell with several stations in virtual time.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use ::node::report::LatenessReport;
 use anyhow::Context as _;
+use capture_file::Retention;
 use machine::Instant;
 use plc_node::{Execution, MarkPassage, PlcEvent, PlcReport};
 use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use robot_node::RobotEvent;
 
 use super::cell::{CellEvent, CellNode, RobotId, VirtualCell};
+use super::cell_capture::CellCaptures;
 use super::cell_watch::CellWatch;
 use super::new_cell::{NewCell, switch_on};
 use super::nodes::{CONNECT, LONGEST_RUN, NeverEnded};
@@ -43,6 +46,7 @@ pub struct CellRun {
     /// What each robot reported of the current run, or of the last one.
     moved: Vec<MotionTotals>,
     kill: Option<(usize, Instant)>,
+    captures: CellCaptures,
 }
 
 impl CellRun {
@@ -52,7 +56,22 @@ impl CellRun {
     ///
     /// The setup gives no bus endpoint, or a robot does not get ready.
     pub fn start(stations: &[PlannedStation], seed: u64) -> anyhow::Result<Self> {
-        let NewCell { cell, clocks } = switch_on(stations, seed)?;
+        Self::start_captured(stations, seed, None)
+    }
+
+    /// Starts a cell like [`start`](Self::start), with captures of each station's cable in a directory.
+    ///
+    /// # Errors
+    ///
+    /// The same as for [`start`](Self::start), or a capture cannot be created.
+    pub fn start_captured(
+        stations: &[PlannedStation],
+        seed: u64,
+        capture: Option<(PathBuf, Retention)>,
+    ) -> anyhow::Result<Self> {
+        let NewCell { mut cell, clocks } = switch_on(stations, seed)?;
+        let captures =
+            capture.map(|capture| CellCaptures::start(&capture, stations, &mut cell)).transpose()?;
         let cycles_us = stations
             .iter()
             .flat_map(|station| [&station.setup.robot.cycle_us, &station.setup.plc.scan_cycle_us])
@@ -64,9 +83,23 @@ impl CellRun {
             watch: CellWatch::new(clocks, shortest),
             moved: vec![MotionTotals::default(); stations.len()],
             kill: None,
+            captures: captures.unwrap_or_default(),
         };
-        run.connect()?;
+        if let Err(error) = run.connect() {
+            // Captures matter most when a run failed.
+            run.end_capture(true)?;
+            return Err(error);
+        }
         Ok(run)
+    }
+
+    /// Ends the captures, if any. Captures held in memory are written only if `wanted`.
+    ///
+    /// # Errors
+    ///
+    /// They could not be written.
+    pub fn end_capture(&self, wanted: bool) -> anyhow::Result<()> {
+        self.captures.finish(wanted)
     }
 
     /// Kills a robot once this much of true time has passed: it neither receives nor sends any more.
