@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use plc_node::ExecutionType;
 use serde_json::Value;
 
+use crate::cell_results::CellResults;
 use crate::counted::counted;
-use crate::digest::Mismatch;
+use crate::digest::{Digests, Mismatch};
 use crate::occupied::SAMPLES;
 use crate::results::{Results, Status, TypeResult, aet_mad};
 use crate::sample_rows::{Row, Rows};
@@ -37,6 +38,63 @@ impl Altered {
     }
 }
 
+/// Checks the results of a cell with several stations: as those of one station, at each.
+///
+/// # Errors
+///
+/// The first figure that does not agree, with what was found and what was computed.
+pub fn check_cell(directory: &Path, value: &Value, cell: &CellResults) -> Result<(), Altered> {
+    let in_file = |name: &'static str| move |problem: String| Altered::new(directory.join(name), problem);
+    lists_of_cell(cell).map_err(in_file("results.json"))?;
+    let samples = samples_of(directory)?;
+    for (index, station) in cell.stations.iter().enumerate() {
+        let results = cell.of_station(index);
+        let at = |problem: String| format!("station {}: {problem}", station.name);
+        figures(&results).map_err(at).map_err(in_file("results.json"))?;
+        let rows = Rows::parse(&samples).of_station(&station.name);
+        samples_agree(rows, &results).map_err(at).map_err(in_file(SAMPLES))?;
+    }
+    digests_agree(directory, value, cell.digests.as_ref())
+}
+
+/// Compares the lengths of the lists that only cells have.
+fn lists_of_cell(cell: &CellResults) -> Result<(), String> {
+    for one in ExecutionType::ALL {
+        let Some(result) = cell.results.get(one) else { continue };
+        let (name, count) = (one.to_string().to_uppercase(), result.samples_ms.len());
+        let stations = result.stations.len();
+        if stations != cell.stations.len() {
+            return Err(format!("{name} has {stations} stations, the run {}", cell.stations.len()));
+        }
+        let of_stations = result.stations.iter().map(|station| ("waiting_ms", station.waiting_ms.len()));
+        // An older version did not measure it.
+        let poses = if result.relative_pose_mm.is_empty() { count } else { result.relative_pose_mm.len() };
+        let of_type = [("start_skew_us", result.start_skew_us.len()), ("relative_pose_mm", poses)];
+        if let Some((list, found)) = of_type.into_iter().chain(of_stations).find(|(_, found)| *found != count)
+        {
+            return Err(format!("{list} of {name} has {found} entries, its samples_ms {count}"));
+        }
+    }
+    Ok(())
+}
+
+fn samples_of(directory: &Path) -> Result<String, Altered> {
+    let path = directory.join(SAMPLES);
+    fs::read_to_string(&path).map_err(|error| {
+        let problem = match error.kind() {
+            ErrorKind::NotFound => "is missing beside results.json".to_owned(),
+            _ => format!("cannot be read: {error}"),
+        };
+        Altered::new(path, problem)
+    })
+}
+
+fn digests_agree(directory: &Path, value: &Value, digests: Option<&Digests>) -> Result<(), Altered> {
+    let Some(digests) = digests else { return Ok(()) };
+    let checked = digests.check(value, |name| fs::read(directory.join(name)).ok());
+    checked.map_err(|mismatch| of_mismatch(directory, mismatch))
+}
+
 /// Checks the results of a run directory, which were read from `value`.
 ///
 /// # Errors
@@ -45,18 +103,10 @@ impl Altered {
 pub fn check(directory: &Path, value: &Value, results: &Results) -> Result<(), Altered> {
     let in_file = |name: &'static str| move |problem: String| Altered::new(directory.join(name), problem);
     figures(results).map_err(in_file("results.json"))?;
-    let samples = fs::read_to_string(directory.join(SAMPLES))
-        .map_err(|error| match error.kind() {
-            ErrorKind::NotFound => "is missing beside results.json".to_owned(),
-            _ => format!("cannot be read: {error}"),
-        })
-        .map_err(in_file(SAMPLES))?;
-    samples_agree(&samples, results).map_err(in_file(SAMPLES))?;
+    samples_agree(Rows::parse(&samples_of(directory)?), results).map_err(in_file(SAMPLES))?;
     match &results.digests {
         None => names(directory, results).map_err(in_file("results.json")),
-        Some(digests) => digests
-            .check(value, |name| fs::read(directory.join(name)).ok())
-            .map_err(|mismatch| of_mismatch(directory, mismatch)),
+        digests => digests_agree(directory, value, digests.as_ref()),
     }
 }
 
@@ -132,8 +182,8 @@ fn equal(name: &str, found: Option<f64>, computed: Option<f64>, tolerance: f64) 
 }
 
 /// Compares the repetitions in `samples.csv` with those in the results.
-fn samples_agree(text: &str, results: &Results) -> Result<(), String> {
-    let Rows { mut rows, broken } = Rows::parse(text);
+fn samples_agree(rows: Rows, results: &Results) -> Result<(), String> {
+    let Rows { mut rows, broken } = rows;
     // The line of a repetition is written before the results: a run that was killed or whose disk was full between the two
     // has one repetition more in one of them, or half a line.
     let may_lack_one = matches!(results.status, Status::Running | Status::Failed);

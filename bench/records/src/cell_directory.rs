@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use setup::Cell;
 
-use crate::cell_results::{CellResults, CellSample, StationSample};
+use crate::cell_results::CellResults;
+use crate::cell_sample::{CellSample, StationSample};
 use crate::digest::Digests;
 use crate::run_directory::{Durability, RunDirectory, quoted};
 use crate::schedule::Step;

@@ -2,21 +2,22 @@
 
 use std::time::Duration;
 
-use planning::{PlannedCell, PlannedStation};
+use planning::{PlannedCell, PlannedStation, WaitAt};
 use plc_node::ExecutionType;
+use robot_node::arm::Frame;
 use serde::{Deserialize, Serialize};
 use setup::Cell;
 
 use crate::attached::AttachedAt;
+use crate::cell_sample::{CellSample, mark_skews};
 use crate::conditions::Health;
 use crate::digest::Digests;
 use crate::faults::FaultReport;
 use crate::lateness::CycleLateness;
 use crate::mode::Mode;
-use crate::results::{FailedRepetition, Frames, PerType, Status, aet_mad};
+use crate::results::{FailedRepetition, Frames, PerType, Results, Status, TypeResult, aet_mad};
 use crate::schedule::Schedule;
 use crate::statistics::{AetMad, aet_improvement};
-use crate::trace::Recording;
 
 /// Version of the format.
 pub const CELL_SCHEMA_VERSION: u32 = 2;
@@ -31,6 +32,9 @@ pub struct CellResults {
     pub setup: String,
     /// The setup's title.
     pub title: String,
+    /// The application of all stations, or those of each; empty in a run of an older version.
+    #[serde(default)]
+    pub application: String,
     /// `real` or `virtual`.
     pub mode: String,
     /// Seed of pauses, and in virtual mode of clocks and phases.
@@ -110,6 +114,9 @@ pub struct CellStation {
     pub cycle: CycleLateness,
     /// Cyclic frames by the PLC's count.
     pub frames: Frames,
+    /// Number of the tool that the poses are of; 0 is the flange.
+    #[serde(default)]
+    pub tool: u8,
     /// Where the arm waits for others, in order; empty in a run of an older version.
     #[serde(default)]
     pub waits: Vec<CellWait>,
@@ -131,13 +138,17 @@ pub struct CellMark {
 }
 
 /// Where an arm waits for others.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CellWait {
     /// Number of the mark.
     pub mark: u32,
     /// Motions that the arm has executed there.
     pub after: usize,
+    /// Where the tool is there by the plan, in the root of the arm: x, y, z in mm; a, b, c in degrees about z, y', x''. Null after a motion
+    /// to joints, and where the arm starts.
+    #[serde(default)]
+    pub tool_mm_deg: Option<[f64; 6]>,
 }
 
 /// What an arm takes alone.
@@ -224,52 +235,40 @@ impl StationResult {
     }
 }
 
+/// Returns where a station waits.
+fn waits(station: &PlannedStation) -> Vec<CellWait> {
+    let tool_at = |after: usize| {
+        let motion = station.plan.motions.get(after.checked_sub(1)?)?;
+        if motion.joints_deg.is_some() {
+            return None;
+        }
+        let base = station.setup.robot.bases.iter().find(|base| base.number == motion.base);
+        let base = base.map_or(Frame::IDENTITY, |base| Frame::from_mm_deg(base.mm_deg.value));
+        Some((base * Frame::from_mm_deg(motion.target.mm_deg())).to_mm_deg())
+    };
+    let wait =
+        |wait: &WaitAt| CellWait { mark: wait.mark, after: wait.after, tool_mm_deg: tool_at(wait.after) };
+    station.plan.waits.iter().map(wait).collect()
+}
+
 /// Returns the mean of values; `None` without any.
 fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
-
-/// Returns the true time between the first motions of the arms in a repetition; `None` where an arm did not move.
-#[must_use]
-pub fn start_skew(stations: &[Recording]) -> Option<Duration> {
-    let began = |recording: &Recording| {
-        let mut ticks = recording.robot_ticks().iter();
-        ticks.find(|tick| tick.sample.path_speed_mm_s > 0.0).map(|tick| tick.true_ns)
-    };
-    let began: Vec<u64> = stations.iter().map(began).collect::<Option<_>>()?;
-    Some(Duration::from_nanos(began.iter().max()? - began.iter().min()?))
-}
-
-/// One repetition of a cell.
-#[derive(Clone, PartialEq, Debug)]
-pub struct CellSample {
-    /// Execution time by the PLC.
-    pub execution: Duration,
-    /// True time between the first motions of the arms.
-    pub start_skew: Option<Duration>,
-    /// Largest difference of the arms' relative pose from the plan, in mm.
-    pub relative_pose_mm: Option<f64>,
-    /// Each station, in the order of the setup.
-    pub stations: Vec<StationSample>,
-}
-
-/// What one repetition was at a station.
-#[derive(Clone, PartialEq, Debug)]
-pub struct StationSample {
-    /// Execution time by the robot.
-    pub robot_execution: Duration,
-    /// Motions that ended in a stop because the next motion did not arrive in time.
-    pub blends_suppressed: u32,
-    /// Time for which the arm stood at marks.
-    pub waited: Duration,
-    /// Each mark, and when the arm came to it, in true time.
-    pub came: Vec<(u32, Duration)>,
 }
 
 impl CellResults {
     /// Creates the results of a run that is about to start.
     #[must_use]
     pub fn new(cell: &Cell, planned: &PlannedCell, mode: Mode, schedule: &Schedule) -> Self {
+        let own = || cell.stations.iter().map(|station| station.application.as_str()).collect::<Vec<_>>();
+        // The plan of an arm is named by the application and the arm.
+        let of_all = || {
+            let (station, planned) = (cell.stations.first()?, planned.stations.first()?);
+            let name = planned.application.name.strip_suffix(station.application.as_str())?;
+            Some(name.trim_end_matches('-').to_owned())
+        };
+        let application = cell.application.as_ref().and_then(|_| of_all());
+        let application = application.unwrap_or_else(|| own().join(", "));
         let mut results = PerType::default();
         let of_type = CellTypeResult {
             stations: vec![StationResult::default(); cell.stations.len()],
@@ -278,10 +277,6 @@ impl CellResults {
         for execution_type in &schedule.types {
             *results.entry(*execution_type) = Some(of_type.clone());
         }
-        let waits = |planned: &PlannedStation| {
-            let waits = planned.plan.waits.iter();
-            waits.map(|wait| CellWait { mark: wait.mark, after: wait.after }).collect()
-        };
         let station = |station: &setup::Station| CellStation {
             name: station.name.clone(),
             application: station.application.clone(),
@@ -289,6 +284,10 @@ impl CellResults {
             robot: station.robot.model.clone(),
             cycle: CycleLateness::default(),
             frames: Frames::default(),
+            tool: planned
+                .station(&station.name)
+                .and_then(|it| it.plan.motions.first())
+                .map_or(0, |first| first.tool),
             waits: planned.station(&station.name).map_or_else(Vec::new, waits),
             alone: None,
         };
@@ -301,6 +300,7 @@ impl CellResults {
             schema_version: CELL_SCHEMA_VERSION,
             setup: cell.name.clone(),
             title: cell.title.clone(),
+            application,
             mode: mode.name().to_owned(),
             seed: schedule.seed,
             reps: schedule.reps,
@@ -345,6 +345,55 @@ impl CellResults {
         self.aet_improvement = sm.zip(cm).map(|(sm, cm)| aet_improvement(sm, cm));
     }
 
+    /// Returns the share that the cell keeps of the mean AETi of its arms alone; `None` if these were not run, or gain nothing.
+    #[must_use]
+    pub fn remaining_gain(&self) -> Option<f64> {
+        let alone = self.stations.iter().map(|station| station.alone.as_ref()?.aet_improvement);
+        let alone = mean(&alone.collect::<Option<Vec<_>>>()?)?;
+        self.aet_improvement.filter(|_| alone > 0.0).map(|gain| gain / alone)
+    }
+
+    /// Sets what a station's arm takes alone.
+    pub fn set_alone(&mut self, station: usize, results: &Results) {
+        let mut alone = Alone { aet_improvement: results.aet_improvement, ..Alone::default() };
+        for execution_type in ExecutionType::ALL {
+            *alone.results.entry(execution_type) = results.figure(execution_type);
+        }
+        if let Some(station) = self.stations.get_mut(station) {
+            station.alone = Some(alone);
+        }
+    }
+
+    /// Returns what such a run has in common with one of a single station, with the robot's times of a station.
+    #[must_use]
+    pub fn of_station(&self, station: usize) -> Results {
+        let of_type = |result: &CellTypeResult| {
+            let own = result.stations.get(station).cloned().unwrap_or_default();
+            TypeResult {
+                aet_ms: result.aet_ms,
+                mad_ms: result.mad_ms,
+                samples_ms: result.samples_ms.clone(),
+                robot_samples_ms: own.robot_samples_ms,
+                blends_suppressed: own.blends_suppressed,
+                failed: result.failed.clone(),
+                ..TypeResult::default()
+            }
+        };
+        let mut results = Results {
+            title: self.title.clone(),
+            seed: self.seed,
+            reps: self.reps,
+            status: self.status,
+            aet_improvement: self.aet_improvement,
+            digests: self.digests.clone(),
+            ..Results::empty([&self.setup, &self.application, &self.mode])
+        };
+        for execution_type in ExecutionType::ALL {
+            *results.results.entry(execution_type) = self.results.get(execution_type).map(of_type);
+        }
+        results
+    }
+
     /// Sets the conditions of the run so far, at each station.
     pub fn set_health(&mut self, health: &[Health]) {
         for (station, of_station) in self.stations.iter_mut().zip(health) {
@@ -378,23 +427,6 @@ impl CellResults {
     }
 }
 
-/// Returns each mark in the order of the first arm that has it, and how far apart the arms came; a mark that is passed several
-/// times counts each time.
-fn mark_skews(stations: &[StationSample]) -> Vec<(u32, Duration)> {
-    // Each passage of a mark: the mark, how often that arm had passed it before, and the first and the last arrival.
-    let mut passages: Vec<(u32, usize, [Duration; 2])> = Vec::new();
-    for station in stations {
-        for (index, (mark, came)) in station.came.iter().enumerate() {
-            let before = station.came.iter().take(index).filter(|(other, _)| other == mark).count();
-            match passages.iter_mut().find(|(other, nth, _)| (other, *nth) == (mark, before)) {
-                Some((.., [first, last])) => (*first, *last) = (*came.min(first), *came.max(last)),
-                None => passages.push((*mark, before, [*came; 2])),
-            }
-        }
-    }
-    passages.into_iter().map(|(mark, _, [first, last])| (mark, last - first)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -410,25 +442,6 @@ mod tests {
         assert!(
             std::fs::read_to_string(path).unwrap() == schema,
             "the results of cells changed: INSTA_UPDATE=always cargo test -p records --lib cell_results"
-        );
-    }
-
-    #[test]
-    fn the_skew_at_a_mark_is_between_the_first_and_the_last_arrival_each_time_it_is_passed() {
-        let ms = Duration::from_millis;
-        let station = |came: &[(u32, u64)]| StationSample {
-            robot_execution: ms(1),
-            blends_suppressed: 0,
-            waited: ms(0),
-            came: came.iter().map(|(mark, at)| (*mark, ms(*at))).collect(),
-        };
-        let stations = [station(&[(1, 10), (2, 20), (1, 40)]), station(&[(1, 13), (2, 15), (1, 41)])];
-        assert_eq!(mark_skews(&stations), [(1, ms(3)), (2, ms(5)), (1, ms(1))]);
-        let stations = [station(&[(1, 10)]), station(&[(1, 12), (3, 30)]), station(&[(3, 37)])];
-        assert_eq!(
-            mark_skews(&stations),
-            [(1, ms(2)), (3, ms(7))],
-            "a mark of the second and third arm alone"
         );
     }
 }

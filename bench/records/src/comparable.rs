@@ -16,7 +16,34 @@ pub struct Conditions {
     /// What the run has of each of [`TEXTS`].
     texts: [String; TEXTS.len()],
     /// Setup and application, or why they cannot be read.
-    cell: Result<(Setup, Found), String>,
+    cell: Result<Content, String>,
+}
+
+/// Setup and application of a run.
+#[derive(Debug)]
+enum Content {
+    /// One station.
+    One(Box<Setup>, Found),
+    /// Several stations: the text of the setup, and of the application if there is one for all.
+    Cell { setup: String, application: Option<String> },
+}
+
+impl Content {
+    fn read(directory: &Path) -> Result<Self, String> {
+        let name = directory.join("setup.toml");
+        let name = name.to_string_lossy();
+        let is_cell = setup::cell(&name).is_ok_and(|(cell, _)| !cell.is_one());
+        if !is_cell {
+            let read = planning::setup_with_application(&name);
+            return read
+                .map(|(setup, found)| Self::One(Box::new(setup), found))
+                .map_err(|error| error.to_string());
+        }
+        let (cell, found) = planning::cell_with_applications(&name).map_err(|error| error.to_string())?;
+        let setup = setup::cell_to_toml(&cell).map_err(|error| error.to_string())?;
+        let application = found.stations.first().filter(|_| cell.application.is_some());
+        Ok(Self::Cell { setup, application: application.map(|first| first.text.clone()) })
+    }
 }
 
 /// What runs are compared in besides the nodes and the content of setup and application.
@@ -26,7 +53,6 @@ impl Conditions {
     /// Reads the conditions of a run from its directory.
     #[must_use]
     pub fn of(directory: &Path, results: &Results) -> Self {
-        let cell = planning::setup_with_application(&directory.join("setup.toml").to_string_lossy());
         let nodes = match &results.attached {
             None => "nodes that the bench started",
             Some(attached) if attached.robot.is_some() => "nodes that ran already",
@@ -38,7 +64,7 @@ impl Conditions {
         let [setup, application, mode] =
             [&results.setup, &results.application, &results.mode].map(Clone::clone);
         let texts = [setup, application, mode, overrides, faults];
-        Self { nodes, texts, cell: cell.map_err(|error| error.to_string()) }
+        Self { nodes, texts, cell: Content::read(directory) }
     }
 
     /// Returns why a run cannot be compared with one under other conditions; `None` if it can be. `other` names that run in
@@ -68,21 +94,50 @@ impl Conditions {
     /// Returns the differences in the content of setup and application. To find them takes time.
     fn of_the_cell(&self, (other, named): (&Self, &str)) -> Vec<String> {
         match (&self.cell, &other.cell) {
-            (Ok(own), Ok(others)) => cell_differences(own, others, named),
+            (Ok(Content::One(setup, found)), Ok(Content::One(other_setup, other))) => {
+                cell_differences((setup, found), (other_setup, other), named)
+            }
+            (
+                Ok(Content::Cell { setup, application }),
+                Ok(Content::Cell { setup: others, application: other }),
+            ) => {
+                let of_setup = text_differences("", setup, others, named);
+                let of_application = application.as_ref().zip(other.as_ref());
+                let of_application = of_application
+                    .map(|(own, other)| text_differences("in the application, ", own, other, named));
+                of_setup.into_iter().chain(of_application.into_iter().flatten()).collect()
+            }
+            (Ok(own), Ok(_)) => {
+                let counts = match own {
+                    Content::One(..) => ["one station", "several"],
+                    Content::Cell { .. } => ["several stations", "one"],
+                };
+                vec![format!("{}, {named} {}", counts[0], counts[1])]
+            }
             (Err(error), _) | (_, Err(error)) => vec![format!("no comparison: {error}")],
         }
     }
 }
 
+fn sentence(Difference { key, first, second }: &Difference, named: &str) -> String {
+    let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "missing".to_owned());
+    format!("{key} is {}, {named} {}", text(first), text(second))
+}
+
+/// Returns in what two texts in TOML differ besides names and titles.
+fn text_differences(begin: &str, own: &str, other: &str, named: &str) -> Vec<String> {
+    let all = setup::text_differences(own, other).into_iter().flatten();
+    let is_of_content =
+        |key: &str| !["name", "title"].contains(&key) && !key.ends_with(".note") && !key.ends_with(".from");
+    let of_content = all.filter(|difference| is_of_content(&difference.key));
+    of_content.map(|found| format!("{begin}{}", sentence(&found, named))).collect()
+}
+
 fn cell_differences(
-    (setup, found): &(Setup, Found),
-    (other_setup, other): &(Setup, Found),
+    (setup, found): (&Setup, &Found),
+    (other_setup, other): (&Setup, &Found),
     named: &str,
 ) -> Vec<String> {
-    let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "missing".to_owned());
-    let sentence = |Difference { key, first, second }: &Difference| {
-        format!("{key} is {}, {named} {}", text(first), text(second))
-    };
     let mut differences = Vec::new();
     if setup != other_setup {
         match setup.differences(other_setup) {
@@ -91,7 +146,7 @@ fn cell_differences(
                     let key = difference.key.as_str();
                     key != "name" && !key.starts_with("paper.") && !paper::is_only_a_name(key)
                 };
-                differences.extend(all.iter().filter(of_content).map(sentence));
+                differences.extend(all.iter().filter(of_content).map(|found| sentence(found, named)));
             }
             Err(error) => differences.push(error.to_string()),
         }
@@ -99,9 +154,7 @@ fn cell_differences(
     // Another application differs in everything, and its name says so.
     let is_of_one_name = found.application.name == other.application.name;
     if is_of_one_name && found.application != other.application {
-        let all = setup::text_differences(&found.text, &other.text).into_iter().flatten();
-        let of_content = all.filter(|difference| difference.key != "title");
-        differences.extend(of_content.map(|found| format!("in the application, {}", sentence(&found))));
+        differences.extend(text_differences("in the application, ", &found.text, &other.text, named));
     }
     differences
 }

@@ -28,6 +28,22 @@ pub const RUN: Files<'static> = Files {
 /// The samples of a run. This file tells its directory from others.
 pub const SAMPLES: &str = "samples.csv";
 
+/// Files that a cell has for each station: `trace-robot-left.csv`.
+const OF_STATIONS: [(&str, &str); 6] = [
+    ("application-", ".toml"),
+    ("trace-robot-", ".csv"),
+    ("trace-plc-", ".csv"),
+    ("trace-robot-", ".rows"),
+    ("robot-", ".pcapng"),
+    ("plc-", ".pcapng"),
+];
+
+/// Returns whether a file has the name of one of a run's.
+pub(crate) fn is_of_run(name: &str) -> bool {
+    let is_of_station = |(begin, end): &(&str, &str)| name.starts_with(begin) && name.ends_with(end);
+    RUN.results.contains(&name) || OF_STATIONS.iter().any(is_of_station)
+}
+
 /// The files that a verb writes into its directory.
 #[derive(Clone, Copy, Debug)]
 pub struct Files<'a> {

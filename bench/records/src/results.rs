@@ -267,18 +267,31 @@ impl Results {
             *results.entry(*execution_type) = Some(TypeResult::default());
         }
         Self {
-            schema_version: SCHEMA_VERSION,
-            setup: setup.name.clone(),
             title: setup.title.clone(),
-            application: application.to_owned(),
-            mode: mode.name().to_owned(),
             seed: schedule.seed,
             reps: schedule.reps,
             overrides: schedule.overrides.filter(|given| !given.is_full()).map(|given| given.to_string()),
             positions: Some(Positions::of(setup.robot.drives)),
+            results,
+            ..Self::empty([&setup.name, application, mode.name()])
+        }
+    }
+
+    /// Returns the results of no run, with these names of setup, application and mode.
+    pub(crate) fn empty([setup, application, mode]: [&str; 3]) -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            setup: setup.to_owned(),
+            title: String::new(),
+            application: application.to_owned(),
+            mode: mode.to_owned(),
+            seed: 0,
+            reps: 0,
+            overrides: None,
+            positions: None,
             attached: None,
             status: Status::Running,
-            results,
+            results: PerType::default(),
             aet_improvement: None,
             without_skill_overhead: None,
             paper: None,

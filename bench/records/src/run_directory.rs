@@ -20,7 +20,7 @@ use anyhow::{Context, anyhow};
 use setup::Setup;
 
 use crate::agreement::{self, Altered};
-use crate::cell_results::CELL_SCHEMA_VERSION;
+use crate::cell_results::{CELL_SCHEMA_VERSION, CellResults};
 use crate::conditions::Measured;
 use crate::counted::counted;
 use crate::digest::Digests;
@@ -100,7 +100,7 @@ impl RunDirectory {
         let is_empty = |entry: &fs::DirEntry| entry.metadata().is_ok_and(|found| found.len() == 0);
         let described = [SAMPLES, "setup.toml", "application.toml", "host.json", "results.json"];
         let (of_run, others): (Vec<_>, Vec<_>) =
-            entries.iter().partition(|entry| is(entry, occupied::RUN.results));
+            entries.iter().partition(|entry| occupied::is_of_run(&entry.file_name().to_string_lossy()));
         // A node that recorded nothing leaves an empty file.
         let is_recorded = |entry: &&fs::DirEntry| !is(entry, &described) && !is_empty(entry);
         if self.samples_len > self.head.len() as u64 || of_run.iter().any(is_recorded) {
@@ -174,12 +174,33 @@ impl RunDirectory {
     }
 }
 
+/// The results of a run.
+#[derive(Clone, PartialEq, Debug)]
+pub enum SavedResults {
+    /// Of one station.
+    One(Box<Results>),
+    /// Of a cell with several stations.
+    Cell(Box<CellResults>),
+}
+
+/// Reads the results of a run directory as [`saved`] does; those of a cell are reduced to what all runs have.
+///
+/// # Errors
+///
+/// The same as for [`saved`].
+pub fn results(directory: &Path) -> anyhow::Result<Results> {
+    Ok(match saved(directory)? {
+        SavedResults::One(results) => *results,
+        SavedResults::Cell(results) => results.of_station(0),
+    })
+}
+
 /// Reads the results of a run directory, and checks that they agree with everything that is saved of the run.
 ///
 /// # Errors
 ///
 /// There are none, they have another version, or a saved figure was changed: [`Altered`].
-pub fn results(directory: &Path) -> anyhow::Result<Results> {
+pub fn saved(directory: &Path) -> anyhow::Result<SavedResults> {
     let path = directory.join("results.json");
     let text = match fs::read_to_string(&path) {
         Ok(text) => text,
@@ -213,20 +234,24 @@ pub fn results(directory: &Path) -> anyhow::Result<Results> {
         serde_json::from_str(&text).with_context(|| format!("{} is no results file", path.display()))?;
     match value.get("schema_version").and_then(serde_json::Value::as_u64) {
         Some(version) if version == u64::from(SCHEMA_VERSION) => {}
-        Some(version) if version == u64::from(CELL_SCHEMA_VERSION) => anyhow::bail!(
-            "{} is of a cell with several stations, which this command does not read yet; read the file itself, or samples.csv",
-            path.display()
-        ),
+        Some(version) if version == u64::from(CELL_SCHEMA_VERSION) => {
+            let results = parse(&path, &text)?;
+            agreement::check_cell(directory, &value, &results)?;
+            return Ok(SavedResults::Cell(Box::new(results)));
+        }
         Some(version) => anyhow::bail!(
             "{} has schema version {version}, and this program reads {SCHEMA_VERSION}; use the version of skillbench that wrote it, or run again",
             path.display()
         ),
         None => anyhow::bail!("{} has no schema version, so it is no results file", path.display()),
     }
-    let results =
-        serde_json::from_str(&text).with_context(|| format!("{} is broken; run again", path.display()))?;
+    let results = parse(&path, &text)?;
     agreement::check(directory, &value, &results)?;
-    Ok(results)
+    Ok(SavedResults::One(Box::new(results)))
+}
+
+fn parse<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> anyhow::Result<T> {
+    serde_json::from_str(text).with_context(|| format!("{} is broken; run again", path.display()))
 }
 
 /// Returns how many repetitions the samples of a run directory have.

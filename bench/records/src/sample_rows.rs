@@ -8,6 +8,8 @@ pub(super) struct Row {
     pub(super) execution_type: ExecutionType,
     /// Its number among the repetitions of its type, counted from 1.
     pub(super) repetition: u32,
+    /// Its station, in a run of several.
+    pub(super) station: Option<String>,
     pub(super) execution_ms: Option<f64>,
     pub(super) robot_execution_ms: Option<f64>,
     pub(super) blends_suppressed: Option<f64>,
@@ -49,6 +51,12 @@ impl Rows {
         }
         Self { rows, broken: None }
     }
+
+    /// Leaves the lines of a station, and those of failed repetitions, which are of all stations.
+    pub(super) fn of_station(mut self, name: &str) -> Self {
+        self.rows.retain(|row| row.error.is_some() || row.station.as_deref() == Some(name));
+        self
+    }
 }
 
 fn row(head: &[String], line: &str) -> Option<Row> {
@@ -66,6 +74,7 @@ fn row(head: &[String], line: &str) -> Option<Row> {
     let row = Row {
         execution_type: ExecutionType::ALL.into_iter().find(|one| one.to_string() == *kind)?,
         repetition: text("repetition")?.parse().ok()?,
+        station: text("station").cloned(),
         execution_ms: number("execution_ms")?,
         robot_execution_ms: number("robot_execution_ms")?,
         blends_suppressed: number("blends_suppressed")?,

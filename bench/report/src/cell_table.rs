@@ -28,7 +28,25 @@ pub fn render(results: &CellResults) -> String {
                    mark skew: longest time between the arrivals at a mark; pose: largest difference of one tool, seen from the other, from the plan at \
                    the same progress, at marks and where the arms move together";
     text.push_str(&format!("\n\n{}", screen::wrapped(meaning, 2, 2)));
+    if let Some(gains) = gains(results) {
+        text.push_str(&format!("\n\n{}", screen::wrapped(&gains, 2, 2)));
+    }
     text
+}
+
+/// Returns what CM gains over SM, for the cell and for each arm alone.
+fn gains(results: &CellResults) -> Option<String> {
+    let percent = |share: f64| format!("{:.1} %", share * 100.0);
+    let mut text = format!("(SM − CM) / SM: {}", percent(results.aet_improvement?));
+    for station in &results.stations {
+        if let Some(gain) = station.alone.as_ref().and_then(|alone| alone.aet_improvement) {
+            text.push_str(&format!(", {} alone {}", station.name, percent(gain)));
+        }
+    }
+    if let Some(share) = results.remaining_gain() {
+        text.push_str(&format!("; {} of the mean gain alone remains", percent(share)));
+    }
+    Some(text)
 }
 
 fn row(execution_type: ExecutionType, result: &CellTypeResult) -> Vec<String> {

@@ -9,11 +9,13 @@
 //! export     the results in formats of other programs
 //! timeline   a trace for Perfetto
 //! playback   a trace for Foxglove and Rerun, if it is built in
+//! cell_files both, of a cell with several stations; cell_table: its table
 //! ```
 //!
 //! This module has `print!` and `println!` for a reader that may be gone; [`errln!`] is the nodes'. Output that is lost
 //! although there is a reader, for example on a full disk, is a failure, because it was meant to be kept.
 
+pub mod cell_files;
 pub mod cell_table;
 pub mod export;
 pub mod figures;

@@ -9,6 +9,9 @@
 //! cable   what each end sends and receives
 //! robot   ticks · state · the command being executed · the motion being executed · path speed · queue
 //! ```
+//!
+//! Of a cell with several stations all share the first track, and each has the others: `PLC left`, `cable left`, `robot left`; the PLC's
+//! have also the marks at which the arm waits.
 
 use plc_node::ExecutionType;
 use serde::Serialize;
@@ -24,9 +27,36 @@ pub const FILE: &str = "trace.json";
 const GAP_US: f64 = 100_000.0;
 
 const RUN: u32 = 1;
-const PLC: u32 = 2;
-const ROBOT: u32 = 3;
-const CABLE: u32 = 4;
+
+/// Processes of a station.
+#[derive(Clone, Copy, Debug)]
+struct Processes {
+    plc: u32,
+    robot: u32,
+    cable: u32,
+}
+
+impl Processes {
+    const ONE: Self = Self { plc: 2, robot: 3, cable: 4 };
+
+    const fn of_station(index: u32) -> Self {
+        let Self { plc, robot, cable } = Self::ONE;
+        Self { plc: plc + 3 * index, robot: robot + 3 * index, cable: cable + 3 * index }
+    }
+}
+
+/// A station and its trace.
+#[derive(Clone, Copy, Debug)]
+pub struct TimelineStation<'a> {
+    /// Its name; empty for the only one.
+    pub name: &'a str,
+    /// Its trace.
+    pub trace: &'a Trace,
+    /// The names of its motions.
+    pub motions: &'a [&'a str],
+    /// The numbers of the marks at which it waits, in order.
+    pub marks: &'a [u32],
+}
 
 /// Tracks of a process.
 const REPETITIONS: u32 = 1;
@@ -36,6 +66,7 @@ const COMMAND: u32 = 2;
 const STATE: u32 = 3;
 const MOTION: u32 = 4;
 const REFUSED: u32 = 5;
+const MARKS: u32 = 6;
 
 /// One event, with the format's names of its fields.
 #[derive(Serialize, Debug)]
@@ -82,27 +113,77 @@ struct Timeline {
 ///
 /// None is known; the serialiser's interface allows for one.
 pub fn json(trace: &Trace, motions: &[&str]) -> serde_json::Result<String> {
+    json_of(&[TimelineStation { name: "", trace, motions, marks: &[] }])
+}
+
+/// Returns one timeline of all stations of a cell.
+///
+/// # Errors
+///
+/// None is known; the serialiser's interface allows for one.
+pub fn json_of(stations: &[TimelineStation<'_>]) -> serde_json::Result<String> {
     let mut events = names();
+    for (index, station) in (0..).zip(stations) {
+        events.extend(names_of(Processes::of_station(index), station));
+    }
     let mut start = 0.0;
     for execution_type in ExecutionType::ALL {
-        let Some(recording) = trace.types.get(execution_type) else { continue };
-        let length = length_us(recording);
+        let recorded: Vec<_> = (0..)
+            .zip(stations)
+            .filter_map(|(index, station)| {
+                Some((Processes::of_station(index), station, station.trace.types.get(execution_type)?))
+            })
+            .collect();
+        if recorded.is_empty() {
+            continue;
+        }
+        let length = recorded.iter().map(|(.., recording)| length_us(recording)).fold(0.0, f64::max);
         let mut span = TraceEvent::new("X", execution_type.to_string(), (RUN, REPETITIONS), start);
         span.dur = Some(length);
         events.push(span);
-        if recording.is_cut_off() {
+        if recorded.iter().any(|(.., recording)| recording.is_cut_off()) {
             let mut mark = TraceEvent::new("i", "end of the recording", (RUN, REPETITIONS), start + length);
             mark.s = Some("t");
             events.push(mark);
         }
-        gaps(&mut events, recording, start);
-        plc(&mut events, recording, start, start + length);
-        robot(&mut events, recording, start, start + length);
-        executed(&mut events, recording, motions, start, start + length);
-        frames(&mut events, recording, start);
+        for (of, station, recording) in recorded {
+            gaps(&mut events, recording, start);
+            plc(&mut events, of.plc, recording, start, start + length);
+            robot(&mut events, of.robot, recording, start, start + length);
+            executed(&mut events, of.robot, (recording, station.motions), start, start + length);
+            waits(&mut events, of.plc, (recording, station.marks), start, start + length);
+            frames(&mut events, of.cable, recording, start);
+        }
         start += length + GAP_US;
     }
     serde_json::to_string(&Timeline { display_time_unit: "ms", trace_events: events }).map(|json| json + "\n")
+}
+
+/// Adds a span for each wait at a mark.
+fn waits(
+    events: &mut Vec<TraceEvent>,
+    plc: u32,
+    (recording, marks): (&Recording, &[u32]),
+    start: f64,
+    end: f64,
+) {
+    let mut open: Option<TraceEvent> = None;
+    for scan in recording.plc_scans() {
+        let at = start + scan.at_us as f64;
+        let waits = scan.sample.marks_come > scan.sample.marks_passed;
+        if waits && open.is_none() {
+            let number = marks.get(scan.sample.marks_passed as usize);
+            let name = number.map_or_else(|| "waits".to_owned(), |number| format!("waits at mark {number}"));
+            open = Some(TraceEvent::new("X", name, (plc, MARKS), at));
+        } else if !waits && let Some(mut ended) = open.take() {
+            ended.dur = Some((at - ended.ts).max(0.0));
+            events.push(ended);
+        }
+    }
+    if let Some(mut last) = open {
+        last.dur = Some((end - last.ts).max(0.0));
+        events.push(last);
+    }
 }
 
 /// Marks the start of a recording that lacks cycles.
@@ -117,32 +198,49 @@ fn gaps(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64) {
     }
 }
 
+fn process(pid: u32, name: &str) -> TraceEvent {
+    TraceEvent::new("M", "process_name", (pid, 0), 0.0).with("name", name)
+}
+
+fn track(pid: u32, tid: u32, name: &str) -> TraceEvent {
+    TraceEvent::new("M", "thread_name", (pid, tid), 0.0).with("name", name)
+}
+
 fn names() -> Vec<TraceEvent> {
-    let process = |pid, name| TraceEvent::new("M", "process_name", (pid, 0), 0.0).with("name", name);
-    let track = |pid, tid, name| TraceEvent::new("M", "thread_name", (pid, tid), 0.0).with("name", name);
     vec![
         process(RUN, "run"),
         track(RUN, REPETITIONS, "first repetition of each type"),
         track(RUN, GAPS, "what the recordings lack"),
-        process(PLC, "PLC"),
-        track(PLC, CYCLES, "scans"),
-        track(PLC, COMMAND, "command given"),
-        track(PLC, REFUSED, "images refused"),
-        process(ROBOT, "robot"),
-        track(ROBOT, CYCLES, "interpolation cycles"),
-        track(ROBOT, COMMAND, "command executed"),
-        track(ROBOT, STATE, "state"),
-        track(ROBOT, MOTION, "motion"),
-        track(ROBOT, REFUSED, "images refused"),
-        process(CABLE, "cable"),
-        track(CABLE, 1, "PLC sends"),
-        track(CABLE, 2, "robot receives"),
-        track(CABLE, 3, "robot sends"),
-        track(CABLE, 4, "PLC receives"),
     ]
 }
 
-fn frames(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64) {
+fn names_of(of: Processes, station: &TimelineStation<'_>) -> Vec<TraceEvent> {
+    let Processes { plc, robot, cable } = of;
+    let named = |what: &str| format!("{what} {}", station.name).trim_end().to_owned();
+    let mut names = vec![
+        process(plc, &named("PLC")),
+        track(plc, CYCLES, "scans"),
+        track(plc, COMMAND, "command given"),
+        track(plc, REFUSED, "images refused"),
+        process(robot, &named("robot")),
+        track(robot, CYCLES, "interpolation cycles"),
+        track(robot, COMMAND, "command executed"),
+        track(robot, STATE, "state"),
+        track(robot, MOTION, "motion"),
+        track(robot, REFUSED, "images refused"),
+        process(cable, &named("cable")),
+        track(cable, 1, "PLC sends"),
+        track(cable, 2, "robot receives"),
+        track(cable, 3, "robot sends"),
+        track(cable, 4, "PLC receives"),
+    ];
+    if !station.marks.is_empty() {
+        names.push(track(plc, MARKS, "waits at marks"));
+    }
+    names
+}
+
+fn frames(events: &mut Vec<TraceEvent>, cable: u32, recording: &Recording, start: f64) {
     for frame in recording.frames() {
         let track = match (frame.end, frame.sent) {
             (Side::A, true) => 1,
@@ -151,7 +249,7 @@ fn frames(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64) {
             (Side::A, false) => 4,
         };
         let mut event =
-            TraceEvent::new("i", frame.name, (CABLE, track), start + frame.at_us).with("bytes", frame.bytes);
+            TraceEvent::new("i", frame.name, (cable, track), start + frame.at_us).with("bytes", frame.bytes);
         event.s = Some("t");
         events.push(if frame.faulty { event.with("fault", true) } else { event });
     }
@@ -163,48 +261,48 @@ fn length_us(recording: &Recording) -> f64 {
     recording.robot_ticks().last().map_or(0.0, |tick| tick.at_ms * 1e3).max(plc)
 }
 
-fn plc(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64) {
+fn plc(events: &mut Vec<TraceEvent>, plc: u32, recording: &Recording, start: f64, end: f64) {
     let scans = recording.plc_scans();
     for scan in scans {
         let at = start + scan.at_us as f64;
-        let mut cycle = TraceEvent::new("i", "scan", (PLC, CYCLES), at).with("scan", scan.sample.scan);
+        let mut cycle = TraceEvent::new("i", "scan", (plc, CYCLES), at).with("scan", scan.sample.scan);
         cycle.s = Some("t");
         events.push(cycle);
     }
     let commands =
         scans.iter().map(|scan| (start + scan.at_us as f64, format!("command {}", scan.sample.command)));
-    spans(events, (PLC, COMMAND), commands, end);
-    refused(events, PLC, scans.iter().map(|scan| (start + scan.at_us as f64, scan.sample.altered)));
+    spans(events, (plc, COMMAND), commands, end);
+    refused(events, plc, scans.iter().map(|scan| (start + scan.at_us as f64, scan.sample.altered)));
     let fill = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.sample.in_slots)));
-    counter(events, (PLC, "motions in the slots"), fill);
+    counter(events, (plc, "motions in the slots"), fill);
     let written = scans.iter().map(|scan| (start + scan.at_us as f64, f64::from(scan.sample.written)));
-    counter(events, (PLC, "motions written"), written);
+    counter(events, (plc, "motions written"), written);
 }
 
-fn robot(events: &mut Vec<TraceEvent>, recording: &Recording, start: f64, end: f64) {
+fn robot(events: &mut Vec<TraceEvent>, robot: u32, recording: &Recording, start: f64, end: f64) {
     // The robot has its own clock: a tick that began before the start edge is not part of the run.
     let ticks = || recording.robot_ticks().iter().filter(|tick| tick.at_ms >= 0.0);
     let at = move |at_ms: f64| start + at_ms * 1e3;
     for tick in ticks() {
-        let mut cycle = TraceEvent::new("i", "tick", (ROBOT, CYCLES), at(tick.at_ms))
+        let mut cycle = TraceEvent::new("i", "tick", (robot, CYCLES), at(tick.at_ms))
             .with("executed", tick.sample.executed)
             .with("accepted", tick.sample.accepted);
         cycle.s = Some("t");
         events.push(cycle);
     }
     let commands = ticks().map(|tick| (at(tick.at_ms), format!("command {}", tick.sample.command)));
-    spans(events, (ROBOT, COMMAND), commands, end);
-    refused(events, ROBOT, ticks().map(|tick| (at(tick.at_ms), tick.sample.altered)));
+    spans(events, (robot, COMMAND), commands, end);
+    refused(events, robot, ticks().map(|tick| (at(tick.at_ms), tick.sample.altered)));
     spans(
         events,
-        (ROBOT, STATE),
+        (robot, STATE),
         ticks().map(|tick| (at(tick.at_ms), format!("{:?}", tick.sample.state))),
         end,
     );
     let speed = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.sample.path_speed_mm_s)));
-    counter(events, (ROBOT, "path speed in mm/s"), speed);
+    counter(events, (robot, "path speed in mm/s"), speed);
     let queue = ticks().map(|tick| (at(tick.at_ms), f64::from(tick.sample.queued())));
-    counter(events, (ROBOT, "motions in the queue"), queue);
+    counter(events, (robot, "motions in the queue"), queue);
 }
 
 /// Adds a mark where a node refused an image because a byte was altered.
@@ -220,7 +318,13 @@ fn refused(events: &mut Vec<TraceEvent>, node: u32, samples: impl Iterator<Item 
 }
 
 /// Adds a span for each motion that the robot executes.
-fn executed(events: &mut Vec<TraceEvent>, recording: &Recording, motions: &[&str], start: f64, end: f64) {
+fn executed(
+    events: &mut Vec<TraceEvent>,
+    robot: u32,
+    (recording, motions): (&Recording, &[&str]),
+    start: f64,
+    end: f64,
+) {
     let mut place = Place::default();
     let mut open: Option<(usize, TraceEvent)> = None;
     let mut close = |open: &mut Option<(usize, TraceEvent)>, at: f64| {
@@ -238,7 +342,7 @@ fn executed(events: &mut Vec<TraceEvent>, recording: &Recording, motions: &[&str
         close(&mut open, at);
         open = index.and_then(|index| {
             let name = *motions.get(index)?;
-            Some((index, TraceEvent::new("X", name, (ROBOT, MOTION), at).with("number", index + 1)))
+            Some((index, TraceEvent::new("X", name, (robot, MOTION), at).with("number", index + 1)))
         });
     }
     close(&mut open, end);
@@ -312,6 +416,8 @@ mod tests {
                     written: 5,
                     in_slots: 5,
                     altered: 0,
+                    marks_come: u32::from(number >= 10),
+                    marks_passed: u32::from(number >= 25),
                 };
                 recording.plc(PlcScan { at_us: i64::from(number) * 1_000, true_ns: 0, sample });
             }
@@ -364,5 +470,27 @@ mod tests {
         for event in events.iter().filter(|event| event["ph"] == "X" || event["ph"] == "i") {
             assert!(named(&event["pid"], &event["tid"]), "{event}");
         }
+    }
+
+    #[test]
+    fn two_stations_share_the_runs_and_show_their_waits_at_marks() {
+        let (trace, motions) = (trace(), ["LIN to A", "PTP to B", "LIN before C"]);
+        let station = |name| TimelineStation { name, trace: &trace, motions: &motions, marks: &[7] };
+        let json: serde_json::Value =
+            serde_json::from_str(&json_of(&[station("left"), station("right")]).unwrap()).unwrap();
+        let events = json["traceEvents"].as_array().unwrap();
+        let named = |name: &str| events.iter().filter(|event| event["name"] == name).collect::<Vec<_>>();
+        assert_eq!(named("rc").len(), 1);
+        let waits = named("waits at mark 7");
+        let of =
+            |event: &&&serde_json::Value| (event["pid"].as_u64().unwrap(), event["dur"].as_f64().unwrap());
+        let found: Vec<_> = waits.iter().map(|event| of(&event)).collect();
+        assert_eq!(found, [(2, 15_000.0), (5, 15_000.0), (2, 15_000.0), (5, 15_000.0)]);
+        let processes = named("process_name");
+        let names: Vec<_> = processes.iter().map(|event| event["args"]["name"].as_str().unwrap()).collect();
+        assert_eq!(
+            names,
+            ["run", "PLC left", "robot left", "cable left", "PLC right", "robot right", "cable right"]
+        );
     }
 }

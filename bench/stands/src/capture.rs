@@ -118,11 +118,26 @@ impl VirtualCapture {
     ///
     /// A file cannot be created.
     pub fn create(directory: &Path, config: CableConfig, keep: Retention) -> io::Result<Self> {
-        let end = |file, interface| {
-            let file = CaptureFile::create(&directory.join(file), interface, &config.about, keep)?;
+        let files = [(PLC_FILE, "plc0"), (ROBOT_FILE, "robot0")];
+        Self::create_at(directory, files.map(|(file, end)| (file.to_owned(), end.to_owned())), config, keep)
+    }
+
+    /// Creates both captures in `directory` in files with these names, of interfaces with these names.
+    ///
+    /// # Errors
+    ///
+    /// A file cannot be created.
+    pub fn create_at(
+        directory: &Path,
+        [plc, robot]: [(String, String); 2],
+        config: CableConfig,
+        keep: Retention,
+    ) -> io::Result<Self> {
+        let end = |(file, interface): (String, String)| {
+            let file = CaptureFile::create(&directory.join(file), &interface, &config.about, keep)?;
             io::Result::Ok(End { file, waiting: BinaryHeap::new(), note: None })
         };
-        let ends = [end(PLC_FILE, "plc0")?, end(ROBOT_FILE, "robot0")?];
+        let ends = [end(plc)?, end(robot)?];
         Ok(Self { config, ends, connections: BTreeMap::new(), cut: false, next_number: 0, broken: None })
     }
 

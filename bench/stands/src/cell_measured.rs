@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use machine::Instant;
 use plc_node::MarkPassage;
-use records::cell_results::{CellResults, CellSample, StationSample};
+use records::cell_results::CellResults;
+use records::cell_sample::{CellSample, StationSample};
 use records::conditions::{Health, Measured};
 use records::faults::FaultReport;
 

@@ -44,30 +44,78 @@ fn a_cell_of_two_arms_runs_in_every_type_and_gives_the_same_bytes_with_the_same_
 fn what_cells_do_not_have_yet_is_refused_by_its_name() {
     let directory = tempfile::tempdir().unwrap();
     for (more, named) in [
-        (&["--trace"] as &[&str], "--trace is for setups of one station"),
-        (&["--override", "50"], "--override is for"),
-        (&["--fault", "loss=0.1"], "--fault is for"),
-        (&["--capture", "always"], "--capture is for"),
+        (&["--override", "50"] as &[&str], "--override is for setups of one station"),
         (&["--cyclic", "udp"], "--cyclic is for"),
         (&["--export-csv", "x.csv"], "--export-csv is for"),
+        (&["--fault", "left/to-robot:cut-frame=17@10ms"], "begins with a frame"),
     ] {
         let finished = run(directory.path(), "E", "refused", more);
         assert_eq!(finished.code, Some(2), "{more:?}: {}", finished.stderr);
         assert!(finished.stderr.contains(named), "{}", finished.stderr);
         assert!(!directory.path().join("refused").exists());
     }
-    let real = bench(directory.path(), ["--setup", "E", "--reps", "1"]);
+    let real = bench(directory.path(), ["--setup", "E", "--trace"]);
     assert_eq!(real.code, Some(2));
     assert!(real.stderr.contains("add `--mode virtual`"), "{}", real.stderr);
 }
 
 #[test]
-fn verbs_that_read_runs_of_one_robot_refuse_the_run_of_a_cell() {
+fn a_fault_of_a_cell_names_its_station_and_a_wrong_one_is_answered_by_the_right_ones() {
     let directory = tempfile::tempdir().unwrap();
-    assert_eq!(run(directory.path(), "E", "cell", &["--types", "rc"]).code, Some(0));
-    for verb in [&["report", "cell"] as &[&str], &["compare", "cell", "cell"], &["gate", "--run", "cell"]] {
-        let finished = bench(directory.path(), verb);
-        assert_eq!(finished.code, Some(2), "{verb:?}: {}{}", finished.stdout, finished.stderr);
-        assert!(finished.stderr.contains("several stations"), "{verb:?}: {}", finished.stderr);
+    let refused = |fault: &str| {
+        let finished = run(directory.path(), "E", "refused", &["--fault", fault]);
+        assert_eq!(finished.code, Some(2), "{fault}: {}", finished.stderr);
+        finished.stderr.trim().to_owned()
+    };
+    let said: Vec<_> = ["loss=0.01", "lefft/loss=0.01", "middle/loss=0.01", "left/kill-plc-at=1s"]
+        .into_iter()
+        .map(refused)
+        .collect();
+    insta::assert_snapshot!(said.join("\n"), @"
+    error: `loss=0.01` names no station: write left/loss=0.01 or right/loss=0.01
+    error: `lefft/loss=0.01`: setup E has no station `lefft`: did you mean `left`?
+    error: `middle/loss=0.01`: setup E has no station `middle`: there is left, right
+    error: `left/kill-plc-at=1s` ends the PLC of all stations: write it without the station and its `/`
+    ");
+    let one = bench(directory.path(), ["--setup", "A", "--mode", "virtual", "--fault", "left/loss=0.1"]);
+    assert_eq!(one.code, Some(2));
+    assert!(one.stderr.contains("setup A has one robot: write `left/loss=0.1` without"), "{}", one.stderr);
+    let more = ["--types", "cm", "--fault", "left/to-robot:loss=0.01"];
+    let finished = run(directory.path(), "E", "lossy", &more);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    let results = fs::read_to_string(directory.path().join("lossy/results.json")).unwrap();
+    let results: serde_json::Value = serde_json::from_str(&results).unwrap();
+    assert_eq!(results["faults"]["asked"], serde_json::json!(["left/to-robot:loss=0.01"]));
+    assert!(results["faults"]["lost"].as_u64().unwrap() > 10, "{}", results["faults"]);
+}
+
+#[test]
+fn a_cell_whose_stations_have_applications_of_their_own_runs_again_from_its_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut cell, _) = setup::cell("E").unwrap();
+    let [a, b] = ["A", "B"].map(|name| setup::setup(name).unwrap());
+    cell.application = None;
+    for (station, alone) in cell.stations.iter_mut().zip([a, b]) {
+        (station.application, station.robot, station.motions) =
+            (alone.application, alone.robot, alone.motions);
     }
+    fs::write(directory.path().join("own.toml"), setup::cell_to_toml(&cell).unwrap()).unwrap();
+    let first = run(directory.path(), "own.toml", "first", &["--types", "cm"]);
+    assert_eq!(first.code, Some(0), "{}", first.stderr);
+    let again = run(directory.path(), "first/setup.toml", "again", &["--types", "cm"]);
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    let samples = |run: &str| fs::read(directory.path().join(run).join("samples.csv")).unwrap();
+    assert_eq!(samples("first"), samples("again"));
+}
+
+#[test]
+fn a_soak_of_a_cell_puts_its_faults_at_every_station() {
+    let directory = tempfile::tempdir().unwrap();
+    let finished = bench(directory.path(), ["soak", "--setup", "E", "--hours", "0.05", "--quiet"]);
+    assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
+    assert!(
+        finished.stdout.contains("Setup E, ") && finished.stdout.contains(" 0 altered"),
+        "{}",
+        finished.stdout
+    );
 }

@@ -9,9 +9,11 @@
 //! ├─ speed, samples, path, queue, lateness    a figure each
 //! └─ numbers                                  what the setup says, and from where
 //! race       race.html, and the picture of it in the report
+//! cell       the pages of a run of several stations
 //! compare    several runs beside each other
 //! ```
 
+mod cell;
 mod compare;
 mod end;
 mod first_look;
@@ -31,7 +33,7 @@ use std::path::{Path, PathBuf};
 pub use compare::Comparison;
 
 use records::exit::Failure;
-use records::run_directory::{Durability, replace};
+use records::run_directory::{self, Durability, SavedResults, replace};
 use run::Run;
 
 /// The report's name in the run directory.
@@ -54,6 +56,9 @@ pub struct Pages {
 ///
 /// There is no run, it has another version, or a page cannot be written; what was there is then kept.
 pub fn write(directory: &Path) -> Result<Pages, Failure> {
+    if let SavedResults::Cell(results) = run_directory::saved(directory).map_err(Failure::of_saved_run)? {
+        return cell::write(directory, *results);
+    }
     let run = Run::load(directory)?;
     let (report, race) = (directory.join(FILE), directory.join(race::FILE));
     replace(&report, &page::render(&run, RaceIs::Beside)?, Durability::Synced)?;
@@ -67,6 +72,9 @@ pub fn write(directory: &Path) -> Result<Pages, Failure> {
 ///
 /// There is no run, or it has another version.
 pub fn render(directory: &Path) -> Result<(String, Vec<String>), Failure> {
+    if let SavedResults::Cell(results) = run_directory::saved(directory).map_err(Failure::of_saved_run)? {
+        return cell::render(directory, *results);
+    }
     let run = Run::load(directory)?;
     Ok((page::render(&run, RaceIs::Elsewhere)?, run.lacks()))
 }

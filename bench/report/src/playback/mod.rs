@@ -14,6 +14,8 @@
 //! /log                  rcl_interfaces/Log         once, a warning, only where the recordings lack something
 //! ```
 //!
+//! Of a cell with several stations each has its own topics, `/rc/left/joint_states`, and all poses are in the frame `cell`.
+//!
 //! The metadata record `skillbench` has `setup`, `positions` (`drives` or `set-points`), and `complete` (`yes` or `no`) with
 //! what is `lacking`.
 
@@ -29,7 +31,7 @@ use mcap::{McapResult, WriteOptions, Writer};
 use planning::Plan;
 use plc_node::ExecutionType;
 use robot_node::Positions;
-use robot_node::arm::Rotation;
+use robot_node::arm::{Frame, Rotation};
 use setup::{Kinematics, Setup};
 
 use records::trace::{RobotTick, Trace};
@@ -40,6 +42,21 @@ pub const FILE: &str = "motion.mcap";
 
 /// Frame of the poses: the base in which the motions are programmed.
 const FRAME: &str = "base";
+/// Frame of the poses of several stations: the cell.
+const CELL_FRAME: &str = "cell";
+
+/// A station and its trace.
+#[derive(Clone, Copy, Debug)]
+pub struct PlaybackStation<'a> {
+    /// Its name, and the frame in the cell of the base in which its motions are programmed; `None` for the only one.
+    pub placed: Option<(&'a str, Frame)>,
+    /// Its trace.
+    pub trace: &'a Trace,
+    /// Its setup.
+    pub setup: &'a Setup,
+    /// Its plan.
+    pub plan: &'a Plan,
+}
 
 /// Name of the file's metadata record.
 const METADATA: &str = "skillbench";
@@ -50,37 +67,53 @@ const METADATA: &str = "skillbench";
 ///
 /// None is known; the writer's interface allows for one.
 pub fn bytes(trace: &Trace, setup: &Setup, plan: &Plan) -> McapResult<Vec<u8>> {
+    bytes_of(&setup.name, &[PlaybackStation { placed: None, trace, setup, plan }])
+}
+
+/// Encodes the traces of the stations of a setup as one MCAP file.
+///
+/// # Errors
+///
+/// None is known; the writer's interface allows for one.
+pub fn bytes_of(setup: &str, stations: &[PlaybackStation<'_>]) -> McapResult<Vec<u8>> {
     let options = WriteOptions::new()
         .compression(None)
         .profile("ros2")
         .library(concat!("skillbench ", env!("CARGO_PKG_VERSION")));
     let mut file = File { writer: options.create(Cursor::new(Vec::new()))?, sequences: BTreeMap::new() };
-    file.say_what_is_lacking(trace, setup)?;
-    let arm = Arm::of(setup);
-    let motions = plan.wire_motions(setup);
+    file.say_what_is_lacking(setup, stations)?;
+    let arms: Vec<_> = stations.iter().map(|station| Arm::of(station.setup)).collect();
     let mut moments = Vec::new();
-    for execution_type in ExecutionType::ALL {
-        let ticks = ticks(trace, execution_type);
-        if ticks.is_empty() {
-            continue;
+    for (station, arm) in stations.iter().zip(&arms) {
+        let motions = station.plan.wire_motions(station.setup);
+        for execution_type in ExecutionType::ALL {
+            let ticks = ticks(station.trace, execution_type);
+            if ticks.is_empty() {
+                continue;
+            }
+            let channels = Channels::open(&mut file, execution_type, station)?;
+            // Before its first motion, the robot reports its pose in an undefined base.
+            let moved: Vec<_> =
+                ticks.iter().skip_while(|(_, tick)| tick.sample.path_speed_mm_s == 0.0).collect();
+            let way: Vec<_> = moved.iter().map(|(at, tick)| (*at, station.pose(tick))).collect();
+            file.write(channels.path, Duration::ZERO, &Message::path(station.frame(), &way))?;
+            let points: Vec<_> = moved.iter().map(|(_, tick)| station.point(tick)).collect();
+            file.write(channels.points, Duration::ZERO, &Message::points(station.frame(), &points))?;
+            let speeds = programmed::speeds_mm_s(ticks.iter().map(|(_, tick)| &tick.sample), &motions);
+            let joints = arm.joint_states(&ticks);
+            let of_ticks = ticks.into_iter().zip(joints).zip(speeds);
+            moments
+                .extend(of_ticks.map(|(((at, tick), joints), speed)| {
+                    (at, (channels, station, arm), tick, joints, speed)
+                }));
         }
-        let channels = Channels::open(&mut file, execution_type)?;
-        // Before its first motion, the robot reports its pose in an undefined base.
-        let moved: Vec<_> = ticks.iter().skip_while(|(_, tick)| tick.sample.path_speed_mm_s == 0.0).collect();
-        let way: Vec<_> = moved.iter().map(|(at, tick)| (*at, pose(tick))).collect();
-        file.write(channels.path, Duration::ZERO, &Message::path(FRAME, &way))?;
-        let points: Vec<_> = moved.iter().map(|(_, tick)| point(tick)).collect();
-        file.write(channels.points, Duration::ZERO, &Message::points(FRAME, &points))?;
-        let speeds = programmed::speeds_mm_s(ticks.iter().map(|(_, tick)| &tick.sample), &motions);
-        let joints = arm.joint_states(&ticks);
-        let of_ticks = ticks.into_iter().zip(joints).zip(speeds);
-        moments.extend(of_ticks.map(|(((at, tick), joints), speed)| (at, channels, tick, joints, speed)));
     }
     // So far the types follow each other; players need messages in order of time.
     moments.sort_by_key(|(at, ..)| *at);
-    for (at, channels, tick, joints, programmed_mm_s) in moments {
-        file.write(channels.joints, at, &Message::joint_state(at, FRAME, &arm.names, &joints))?;
-        file.write(channels.tool, at, &Message::pose(at, FRAME, &pose(tick)))?;
+    for (at, (channels, station, arm), tick, joints, programmed_mm_s) in moments {
+        let frame = station.frame();
+        file.write(channels.joints, at, &Message::joint_state(at, frame, &arm.names, &joints))?;
+        file.write(channels.tool, at, &Message::pose(at, frame, &station.pose(tick)))?;
         file.write(channels.speed, at, &Message::float(f64::from(tick.sample.path_speed_mm_s) / 1e3))?;
         file.write(channels.programmed, at, &Message::float(programmed_mm_s / 1e3))?;
     }
@@ -96,18 +129,31 @@ fn ticks(trace: &Trace, execution_type: ExecutionType) -> Vec<(Duration, &RobotT
     all.iter().filter(|tick| tick.at_ms >= 0.0).map(|tick| (since_start(tick), tick)).collect()
 }
 
-fn pose(tick: &RobotTick) -> Pose {
-    let [x, y, z, a, b, c] = tick.sample.pose.map(f64::from);
-    Pose {
-        position_m: [x, y, z].map(|mm| mm / 1e3),
-        orientation: Rotation::from_angles([a, b, c]).quaternion(),
+impl PlaybackStation<'_> {
+    const fn frame(&self) -> &'static str {
+        if self.placed.is_some() { CELL_FRAME } else { FRAME }
     }
-}
 
-/// Returns the tool's position x, y, z in m and its speed in m/s.
-fn point(tick: &RobotTick) -> [f32; 4] {
-    let [x, y, z, ..] = tick.sample.pose;
-    [x, y, z, tick.sample.path_speed_mm_s].map(|value| value / 1e3)
+    fn pose(&self, tick: &RobotTick) -> Pose {
+        let [x, y, z, a, b, c] = tick.sample.pose.map(f64::from);
+        let tool = Frame { position: [x, y, z], rotation: Rotation::from_angles([a, b, c]) };
+        let tool = self.placed.map_or(tool, |(_, base)| base * tool);
+        Pose { position_m: tool.position.map(|mm| mm / 1e3), orientation: tool.rotation.quaternion() }
+    }
+
+    /// Returns the tool's position x, y, z in m and its speed in m/s.
+    fn point(&self, tick: &RobotTick) -> [f32; 4] {
+        let speed = tick.sample.path_speed_mm_s / 1e3;
+        let [x, y, z] = match self.placed {
+            // As exact as the image has it.
+            None => {
+                let [x, y, z, ..] = tick.sample.pose;
+                [x, y, z].map(|mm| mm / 1e3)
+            }
+            Some(_) => self.pose(tick).position_m.map(|metres| metres as f32),
+        };
+        [x, y, z, speed]
+    }
 }
 
 /// The joints of the arm.
@@ -163,8 +209,13 @@ struct Channels {
 }
 
 impl Channels {
-    fn open(file: &mut File, execution_type: ExecutionType) -> McapResult<Self> {
-        let mut open = |topic: &str, schema| file.open(&format!("/{execution_type}/{topic}"), schema);
+    fn open(
+        file: &mut File,
+        execution_type: ExecutionType,
+        station: &PlaybackStation<'_>,
+    ) -> McapResult<Self> {
+        let of = station.placed.map_or_else(String::new, |(name, _)| format!("{name}/"));
+        let mut open = |topic: &str, schema| file.open(&format!("/{execution_type}/{of}{topic}"), schema);
         Ok(Self {
             joints: open("joint_states", ros2::JOINT_STATE)?,
             tool: open("tool", ros2::POSE_STAMPED)?,
@@ -184,15 +235,18 @@ struct File {
 
 impl File {
     /// Writes the metadata, and the warning if the recordings are not complete.
-    fn say_what_is_lacking(&mut self, trace: &Trace, setup: &Setup) -> McapResult<()> {
-        let lacking = trace.incomplete();
+    fn say_what_is_lacking(&mut self, setup: &str, stations: &[PlaybackStation<'_>]) -> McapResult<()> {
+        let said = stations.iter().filter_map(|station| {
+            let lacking = station.trace.incomplete()?;
+            Some(station.placed.map_or_else(|| lacking.clone(), |(name, _)| format!("{name}: {lacking}")))
+        });
+        let said: Vec<_> = said.collect();
+        let lacking = (!said.is_empty()).then(|| said.join(" "));
         let complete = if lacking.is_none() { "yes" } else { "no" };
-        let positions = Positions::of(setup.robot.drives).to_string();
-        let mut metadata = BTreeMap::from([
-            ("setup", setup.name.as_str()),
-            ("complete", complete),
-            ("positions", &positions),
-        ]);
+        let drives = stations.iter().find_map(|station| station.setup.robot.drives);
+        let positions = Positions::of(drives).to_string();
+        let mut metadata =
+            BTreeMap::from([("setup", setup), ("complete", complete), ("positions", &positions)]);
         metadata.extend(lacking.as_deref().map(|lacking| ("lacking", lacking)));
         let metadata = metadata.into_iter().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
         self.writer.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;

@@ -45,12 +45,12 @@ pub(super) fn run(options: &GateOptions, directory: &Path) -> Result<Exit, Failu
         );
         return Err(usage(error));
     }
-    let (setup, found) = planning::setup_with_application(&directory.join("setup.toml").to_string_lossy())?;
-    let path = options.baseline.clone().unwrap_or_else(|| default_path(&setup.name));
-    let Some((baseline, _)) = find(&path, options.baseline.is_none(), &setup.name)? else {
-        return Err(usage(anyhow!("there is no baseline {} for setup {}", path.display(), setup.name)));
+    let (setup, application) = (&results.setup, &results.application);
+    let path = options.baseline.clone().unwrap_or_else(|| default_path(setup));
+    let Some((baseline, _)) = find(&path, options.baseline.is_none(), setup)? else {
+        return Err(usage(anyhow!("there is no baseline {} for setup {setup}", path.display())));
     };
-    baseline.is_for(&setup.name, &found.application.name).map_err(|refusal| refusal.at(&path))?;
+    baseline.is_for(setup, application).map_err(|refusal| refusal.at(&path))?;
     let compared = compare(&baseline, &results).map_err(usage)?;
     out!("{}", render(&results, &compared));
     let is_beyond = compared.iter().any(|compared| compared.verdict() == RatioVerdict::Beyond);

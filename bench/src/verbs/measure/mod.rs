@@ -1,5 +1,6 @@
 //! A measured run: from its options to its table and exit code.
 
+pub mod alone;
 pub mod cell;
 mod measurement;
 mod options;
@@ -120,13 +121,18 @@ fn check_outputs(options: &RunOptions, found: &Found) -> Result<(), Failure> {
     let own = Own { directory: options.out.as_deref(), files: occupied::RUN.results };
     outputs::check(&options.exports.files(), &read, own)?;
     if options.mcap && !cfg!(feature = "mcap") {
-        let error = anyhow!(
-            "--mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and \
-             `cargo run -p bench --features mcap -- …` runs it"
-        );
-        return Err(Failure::new(Exit::Usage, error));
+        return Err(no_mcap());
     }
     Ok(())
+}
+
+/// Returns the failure of `--mcap` in a bench that was built without it.
+fn no_mcap() -> Failure {
+    let error = anyhow!(
+        "--mcap is not built into this bench: `cargo build -p bench --features mcap` makes one that has it, and \
+         `cargo run -p bench --features mcap -- …` runs it"
+    );
+    Failure::new(Exit::Usage, error)
 }
 
 /// Rejects faults that the drives, the cable or the mode do not have.

@@ -152,6 +152,11 @@ impl VirtualCell {
         }
     }
 
+    /// Returns the cables of the stations, in order.
+    pub(super) fn cables(&self) -> Vec<CableId> {
+        self.stations.iter().map(|station| station.cable).collect()
+    }
+
     /// Returns the true time.
     pub(super) const fn now(&self) -> Instant {
         self.network.now()

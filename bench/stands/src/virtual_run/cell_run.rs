@@ -14,7 +14,8 @@ use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use robot_node::RobotEvent;
 
 use super::cell::{CellEvent, CellNode, RobotId, VirtualCell};
-use super::cell_faults::CellFaults;
+use super::cell_capture::CellCaptures;
+use super::cell_faults::{self, CellFaults};
 use super::cell_watch::CellWatch;
 use super::new_cell::{NewCell, switch_on};
 use super::nodes::{LONGEST_RUN, NeverEnded, SILENCE};
@@ -23,7 +24,7 @@ use crate::cell_measured::{CellHealth, CellMeasured};
 use crate::cell_stand::{CellConfig, CellStand};
 use crate::planned_station::PlannedStation;
 use crate::under_faults;
-use records::cell_results::start_skew;
+use records::cell_sample::start_skew;
 use records::conditions::{Health, Interference, Measured, MotionTotals};
 use records::exit::{Exit, Failure};
 use records::faults::Fault;
@@ -40,11 +41,12 @@ pub struct CellRun {
     /// The PLC's report of each station in it.
     finished: Vec<Option<Execution>>,
     faults: CellFaults,
+    captures: CellCaptures,
 }
 
 impl CellStand for CellRun {
     async fn start(config: &CellConfig<'_>) -> Result<Self, Failure> {
-        Self::start_with(config.stations, config.seed, config.faults).map_err(|error| match config.faults {
+        Self::start_captured(config).map_err(|error| match config.faults {
             // In virtual time nothing but the setup keeps the stations from connecting.
             [] => Failure::new(Exit::Usage, error),
             faults => under_faults(error, faults),
@@ -63,7 +65,8 @@ impl CellStand for CellRun {
         self.watch.recordings()
     }
 
-    async fn finish(self, _keeps_capture: bool) -> Result<Option<CellHealth>, Failure> {
+    async fn finish(self, keeps_capture: bool) -> Result<Option<CellHealth>, Failure> {
+        self.captures.finish(keeps_capture)?;
         Ok(None)
     }
 }
@@ -89,6 +92,23 @@ impl CellRun {
         Ok(run)
     }
 
+    /// Switches on the nodes of a cell, with captures of each station's cable if requested, and connects them.
+    fn start_captured(config: &CellConfig<'_>) -> anyhow::Result<Self> {
+        let CellConfig { stations, seed, directory, capture, faults, .. } = *config;
+        let mut run = Self::switch_on(stations, seed, faults)?;
+        if let Some(keep) = capture {
+            let of_station = |station: &PlannedStation| cell_faults::of_station(&station.name, faults);
+            let faults: Vec<_> = stations.iter().map(of_station).collect();
+            run.captures = CellCaptures::start((directory, keep), stations, &faults, &mut run.cell)?;
+        }
+        if let Err(error) = run.connect() {
+            // Captures matter most when a run failed.
+            run.captures.finish(true)?;
+            return Err(error);
+        }
+        Ok(run)
+    }
+
     /// Switches on the nodes of a cell with these faults; [`connect`](Self::connect) follows.
     ///
     /// # Errors
@@ -108,6 +128,7 @@ impl CellRun {
             moved: vec![MotionTotals::default(); stations.len()],
             finished: vec![None; stations.len()],
             faults: CellFaults::of(stations, faults),
+            captures: CellCaptures::default(),
         })
     }
 

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! cell           the PLC and its robots in their network
+//! cell_capture   the frames on their cables
 //! cell_run       runs of a cell with several stations; cell_watch records them
 //! new_cell       creates its nodes
 //! nodes          the nodes on the cable: from event to event, from the start edge of a run to its end
@@ -13,6 +14,7 @@
 //! ```
 
 mod cell;
+mod cell_capture;
 mod cell_faults;
 mod cell_run;
 mod cell_watch;

@@ -159,11 +159,11 @@ fn new_robot(
 }
 
 /// Locally administered addresses of the PLC's interfaces and of the robots.
-fn plc_mac(interface: usize) -> Mac {
+pub(super) fn plc_mac(interface: usize) -> Mac {
     Mac([0x02, 0, 0, 0, 1, u8::try_from(interface).unwrap_or(u8::MAX)])
 }
 
-fn robot_mac(index: usize) -> Mac {
+pub(super) fn robot_mac(index: usize) -> Mac {
     let [.., high, low] = index.to_be_bytes();
     Mac([0x02, 0, 0, 1, high, low])
 }

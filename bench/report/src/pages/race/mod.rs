@@ -4,6 +4,7 @@
 //! ```text
 //! chain    the arm as it is drawn
 //! scene    the arm, and the cell that it stands in
+//! of_cell  the same for several arms in one scene
 //! lane     what is shown of a recording; numbering counts its motions
 //! still    the picture in the report that opens the page
 //! *.js     the page's own scripts: recording, scene (three.js), curves (uPlot), panel, race
@@ -17,6 +18,7 @@ mod cell;
 mod chain;
 mod lane;
 pub(crate) mod numbering;
+pub(super) mod of_cell;
 mod scene;
 pub(super) mod still;
 
@@ -62,6 +64,16 @@ pub(super) struct Race {
     joints: Vec<Vec<(f64, [f64; 6])>>,
 }
 
+/// The head of a type's lane.
+#[derive(Serialize)]
+struct LaneHead {
+    key: String,
+    name: String,
+    how: &'static str,
+    /// The names of the stations; the only one of other setups has none.
+    arms: Vec<String>,
+}
+
 #[derive(Serialize)]
 struct Page<'a> {
     name: String,
@@ -70,7 +82,8 @@ struct Page<'a> {
     result: Option<String>,
     incomplete: Option<String>,
     absent: Option<String>,
-    lanes: Vec<Summary>,
+    lanes: Vec<LaneHead>,
+    curves: Vec<Summary>,
     cycle_ms: Option<String>,
     style: Value,
     scripts: Vec<Value>,
@@ -82,7 +95,6 @@ struct Page<'a> {
 struct Summary {
     key: String,
     name: String,
-    how: &'static str,
     /// In s.
     end: String,
     /// The same as a predicate.
@@ -142,19 +154,33 @@ impl Race {
         format!("The first repetitions: {ends}. Standing still between two motions: {still}.")
     }
 
-    fn summaries(&self) -> Vec<Summary> {
-        let summary = |lane: &Lane| Summary {
+    fn heads(&self) -> Vec<LaneHead> {
+        let head = |lane: &Lane| LaneHead {
             key: lane.key.clone(),
             name: lane.name.clone(),
             how: lane.how,
+            arms: vec![String::new()],
+        };
+        self.lanes.iter().map(head).collect()
+    }
+
+    fn summaries(&self) -> Vec<Summary> {
+        self.lanes.iter().map(|lane| Summary::of(lane, lane.name.clone())).collect()
+    }
+}
+
+impl Summary {
+    fn of(lane: &Lane, name: String) -> Self {
+        Self {
+            key: lane.key.clone(),
+            name,
             end: lane.end.cell(lane.end_s()),
             said: lane.end.predicate(lane.end_s()),
             still: lane.still_ms.len(),
             still_s: format!("{:.2}", lane.total_still_ms() / 1e3),
             fastest: format!("{:.0}", lane.fastest_mm_s),
             motions: lane.done.last().map_or(0, |(_, done)| *done),
-        };
-        self.lanes.iter().map(summary).collect()
+        }
     }
 }
 
@@ -170,7 +196,8 @@ pub(super) fn render(run: &Run) -> anyhow::Result<String> {
         result: race.as_ref().map(Race::result),
         incomplete: race.as_ref().and_then(|_| run.incomplete()),
         absent,
-        lanes: race.as_ref().map(Race::summaries).unwrap_or_default(),
+        lanes: race.as_ref().map(Race::heads).unwrap_or_default(),
+        curves: race.as_ref().map(Race::summaries).unwrap_or_default(),
         cycle_ms: race.as_ref().map(|race| short(&race.cycle_ms)),
         style: style(""),
         scripts: race.as_ref().map(|_| scripts(PLAYING)).unwrap_or_default(),

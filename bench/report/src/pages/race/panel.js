@@ -45,3 +45,17 @@ class Panel {
     });
   }
 }
+
+// What a lane says of the arms of a cell: a panel for each.
+class CellPanel {
+  constructor(element, recording) {
+    this.element = element;
+    this.recording = recording;
+    this.view = element.querySelector(".view");
+    this.panels = [...element.querySelectorAll(".arm")].map((part, index) => new Panel(part, recording.arms[index]));
+  }
+
+  show(moment) { this.panels.forEach(panel => panel.show(moment)); }
+
+  turns(stage, show) { Panel.prototype.turns.call(this, stage, show); }
+}

@@ -10,7 +10,7 @@
   let playing = null;
 
   const lanes = recordings.map(recording =>
-    new Panel(stageElement.querySelector(`.lane[data-type=${recording.key}]`), recording));
+    new (recording.arms ? CellPanel : Panel)(stageElement.querySelector(`.lane[data-type=${recording.key}]`), recording));
 
   const stage = Stage.isPossible() ? new Stage(stageElement.querySelector("canvas"), lanes.map(lane => lane.view), recordings.map(recording => new World(recording))) : null;
   if (!stage) {
@@ -18,13 +18,14 @@
     stageElement.classList.add("flat");
     find("view").parentElement.hidden = true;
   }
-  const curves = new Curves(recordings, [...document.querySelectorAll(".curve")], () => longest, at => seek(at));
+  const curves = new Curves(recordings.flatMap(recording => recording.arms ?? [recording]), [...document.querySelectorAll(".curve")], () => longest, at => seek(at));
 
   const show = () => {
     lanes.forEach(lane => lane.show(moment));
     curves.show(moment);
     const tools = stage?.show(moment) ?? [];
-    tools.forEach((tool, index) => { lanes[index].element.dataset.tool = tool.toArray().map(mm => mm.toFixed(2)).join(" "); });
+    const written = tool => tool.toArray().map(mm => mm.toFixed(2)).join(" ");
+    tools.forEach((of, index) => { lanes[index].element.dataset.tool = of.map(written).join(" "); });
     scrub.value = moment;
     scrub.setAttribute("aria-valuetext", `${moment.toFixed(2)} s`);
     write(find("time"), `${moment.toFixed(3)} s`);

@@ -25,6 +25,7 @@ class Recording {
   constructor(lane, units) {
     this.key = lane.key;
     this.name = lane.name;
+    this.station = lane.station;
     this.isProgram = lane.is_program;
     this.ends = lane.end;
     this.end = lane.end_ms / 1e3;
@@ -78,6 +79,20 @@ class Recording {
   }
 }
 
-const recordings = run.lanes.map(lane => new Recording(lane, run.units));
+// The recordings of the arms of a cell in one repetition.
+class CellRecording {
+  constructor(lane, units) {
+    this.key = lane.key;
+    this.name = lane.name;
+    this.arms = lane.arms.map(arm => new Recording(arm, units));
+    this.end = Math.max(...this.arms.map(arm => arm.end));
+  }
+
+  state(moment) { return this.arms.map(arm => `${arm.station} ${arm.state(moment)}`).join(", "); }
+
+  progress(moment) { return this.arms.map(arm => `${arm.station} ${arm.progress(moment)}`).join(", "); }
+}
+
+const recordings = run.lanes.map(lane => lane.arms ? new CellRecording(lane, run.units) : new Recording(lane, run.units));
 const longest = Math.max(...recordings.map(recording => recording.end));
 const colourOf = name => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();

@@ -65,60 +65,68 @@ class Arm {
   }
 }
 
-// One lane's world: floor, obstacles, targets, the arm and its way.
-class World {
+// The arms of the cell, each with where it stands; the only arm of other setups stands at the origin.
+const places = run.arms ?? [{ arm: run.arm, cell: run.cell }];
+
+// Puts a group where a frame is.
+const put = (group, { at_mm: at, quaternion: [w, x, y, z] }) => {
+  group.position.set(...at);
+  group.quaternion.set(x, y, z, w);
+};
+
+// One arm in a world: obstacles, targets, the arm and its way.
+class Actor {
   static SEGMENTS = 900;
 
-  constructor(recording) {
+  constructor(recording, place, world) {
     this.recording = recording;
-    this.scene = new THREE.Scene();
-    const lambert = () => new THREE.MeshLambertMaterial();
-    this.materials = { light: lambert(), dark: lambert(), own: lambert(), still: lambert() };
-    this.line = new THREE.LineBasicMaterial({ transparent: true, opacity: 0.75 });
-    this.sky = new THREE.HemisphereLight(0xffffff, 0x999999, 2.2);
-    this.sun = new THREE.DirectionalLight(0xffffff, 1.6);
-    this.sun.position.set(0.6, -0.5, 1);
-    this.scene.add(this.sky, this.sun);
-    this.arm = new Arm(run.arm, this.materials);
-    this.scene.add(this.arm.root);
-    this.points = run.arm.base.flatMap(({ from, to }) => [from, to].map(end => new THREE.Vector3(...end)));
+    this.place = place;
+    this.world = world;
+    this.root = new THREE.Group();
+    if (place.root) put(this.root, place.root);
+    world.scene.add(this.root);
+    this.root.updateMatrixWorld(true);
+    this.arm = new Arm(place.arm, world.materials);
+    this.root.add(this.arm.root);
+    const placed = point => new THREE.Vector3(...point).applyMatrix4(this.root.matrixWorld);
+    this.targets = place.cell.targets.map(placed);
+    this.points = place.arm.base.flatMap(({ from, to }) => [from, to].map(placed));
     this.surroundings();
     this.fixed = this.points;
-    this.ball = new THREE.SphereGeometry(run.arm.radius_mm * 0.34, 14, 10);
+    this.ball = new THREE.SphereGeometry(place.arm.radius_mm * 0.34, 14, 10);
     this.way();
   }
 
   surroundings() {
-    const [w, x, y, z] = run.cell.base.quaternion;
+    const { cell, arm } = this.place;
     const base = new THREE.Group();
-    base.position.set(...run.cell.base.at_mm);
-    base.quaternion.set(x, y, z, w);
-    this.scene.add(base);
-    this.solid = new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.22, depthWrite: false });
-    for (const { lower_mm: lower, upper_mm: upper } of run.cell.obstacles) {
+    put(base, cell.base);
+    this.root.add(base);
+    for (const { lower_mm: lower, upper_mm: upper } of cell.obstacles) {
       const size = upper.map((high, axis) => high - lower[axis]);
-      const box = new THREE.Mesh(new THREE.BoxGeometry(...size), this.solid);
+      const box = new THREE.Mesh(new THREE.BoxGeometry(...size), this.world.solid);
       box.position.set(...upper.map((high, axis) => (high + lower[axis]) / 2));
-      const edges = new THREE.LineSegments(new THREE.EdgesGeometry(box.geometry), this.line);
+      const edges = new THREE.LineSegments(new THREE.EdgesGeometry(box.geometry), this.world.line);
       box.add(edges);
       base.add(box);
-      base.updateMatrixWorld(true);
+      this.root.updateMatrixWorld(true);
       for (let corner = 0; corner < 8; corner += 1) {
         const at = new THREE.Vector3(...upper.map((high, axis) => (corner >> axis & 1 ? high : lower[axis])));
         this.points.push(at.applyMatrix4(base.matrixWorld));
       }
     }
-    const dot = new THREE.SphereGeometry(run.arm.radius_mm * 0.16, 10, 8);
-    for (const target of run.cell.targets) {
-      const mesh = new THREE.Mesh(dot, this.materials.dark);
-      mesh.position.set(...target);
-      this.scene.add(mesh);
+    const dot = new THREE.SphereGeometry(arm.radius_mm * 0.16, 10, 8);
+    for (const target of this.targets) {
+      const mesh = new THREE.Mesh(dot, this.world.materials.dark);
+      mesh.position.copy(target);
+      this.world.scene.add(mesh);
     }
   }
 
   // The way of the tool as a tube that grows, and a ball where the arm stood still.
   way() {
-    const { recording, arm } = this;
+    const { recording, arm, place, world } = this;
+    const radius = place.arm.radius_mm;
     const points = [];
     this.forget();
     this.points = [...this.fixed];
@@ -131,33 +139,71 @@ class World {
       if (index % every === 0) this.points.push(...arm.extent());
       if (points.length) length += at.distanceTo(points.at(-1));
       this.lengths[index] = length;
-      if (!points.length || at.distanceTo(points.at(-1)) > run.arm.radius_mm * 0.02) points.push(at);
+      if (!points.length || at.distanceTo(points.at(-1)) > radius * 0.02) points.push(at);
       else if (points.length) this.lengths[index] = length -= at.distanceTo(points.at(-1));
     });
     this.length = length;
     if (points.length > 1) {
       const curve = new THREE.CatmullRomCurve3(points, false, "catmullrom", 0);
       curve.arcLengthDivisions = Math.max(200, points.length);
-      const tube = new THREE.TubeGeometry(curve, World.SEGMENTS, run.arm.radius_mm * 0.13, 6);
-      this.tube = new THREE.Mesh(tube, this.materials.own);
+      const tube = new THREE.TubeGeometry(curve, Actor.SEGMENTS, radius * 0.13, 6);
+      this.tube = new THREE.Mesh(tube, world.materials.own);
       this.ghost = new THREE.Mesh(
-        new THREE.TubeGeometry(curve, World.SEGMENTS, run.arm.radius_mm * 0.04, 5), this.materials.dark);
-      this.scene.add(this.tube, this.ghost);
+        new THREE.TubeGeometry(curve, Actor.SEGMENTS, radius * 0.04, 5), world.materials.dark);
+      world.scene.add(this.tube, this.ghost);
     }
     this.balls = recording.stills.map(([from]) => {
       arm.move(recording.joints(from));
-      const mesh = new THREE.Mesh(this.ball, this.materials.still);
+      const mesh = new THREE.Mesh(this.ball, world.materials.still);
       mesh.position.copy(arm.tool());
-      this.scene.add(mesh);
+      world.scene.add(mesh);
       return mesh;
     });
   }
 
   // Removes the way that was drawn before.
   forget() {
-    this.scene.remove(...[this.tube, this.ghost, ...this.balls ?? []].filter(Boolean));
+    this.world.scene.remove(...[this.tube, this.ghost, ...this.balls ?? []].filter(Boolean));
     [this.tube, this.ghost].forEach(mesh => mesh?.geometry.dispose());
     [this.tube, this.ghost, this.balls] = [null, null, []];
+  }
+
+  show(moment) {
+    const { recording, arm } = this;
+    arm.move(recording.joints(moment));
+    if (this.tube) {
+      const index = Math.max(0, lastBefore(recording.times.length, i => recording.times[i], moment));
+      const segments = Math.round(this.lengths[index] / this.length * Actor.SEGMENTS);
+      this.tube.geometry.setDrawRange(0, segments * 6 * 6);
+    }
+    const { count } = recording.still(moment);
+    this.balls.forEach((ball, index) => { ball.visible = index < count; });
+    return arm.tool();
+  }
+}
+
+// One lane's world: its arms, and what stands around them.
+class World {
+  constructor(recording) {
+    this.recording = recording;
+    this.scene = new THREE.Scene();
+    const lambert = () => new THREE.MeshLambertMaterial();
+    this.materials = { light: lambert(), dark: lambert(), own: lambert(), still: lambert() };
+    this.line = new THREE.LineBasicMaterial({ transparent: true, opacity: 0.75 });
+    this.solid = new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.22, depthWrite: false });
+    this.sky = new THREE.HemisphereLight(0xffffff, 0x999999, 2.2);
+    this.sun = new THREE.DirectionalLight(0xffffff, 1.6);
+    this.sun.position.set(0.6, -0.5, 1);
+    this.scene.add(this.sky, this.sun);
+    this.actors = (recording.arms ?? [recording]).map((own, index) => new Actor(own, places[index], this));
+    this.gather();
+  }
+
+  gather() { this.points = this.actors.flatMap(actor => actor.points); }
+
+  way() {
+    this.actors.forEach(actor => actor.way());
+    this.gather();
   }
 
   colours() {
@@ -169,18 +215,8 @@ class World {
     this.line.color.set(colourOf("axis"));
   }
 
-  show(moment) {
-    const { recording, arm } = this;
-    arm.move(recording.joints(moment));
-    if (this.tube) {
-      const index = Math.max(0, lastBefore(recording.times.length, i => recording.times[i], moment));
-      const segments = Math.round(this.lengths[index] / this.length * World.SEGMENTS);
-      this.tube.geometry.setDrawRange(0, segments * 6 * 6);
-    }
-    const { count } = recording.still(moment);
-    this.balls.forEach((ball, index) => { ball.visible = index < count; });
-    return arm.tool();
-  }
+  // Moves the arms and returns where their tools are.
+  show(moment) { return this.actors.map(actor => actor.show(moment)); }
 }
 
 // The renderer, one camera for all lanes, and its directions.
@@ -194,8 +230,10 @@ class Stage {
     this.camera.up.set(0, 0, 1);
     this.contain();
     const work = new THREE.Vector3();
-    const points = run.cell.targets.length ? run.cell.targets : [this.middle.toArray()];
-    points.forEach(point => work.add(new THREE.Vector3(...point)));
+    // One arm is seen from its targets; several, which face each other, across.
+    const targets = worlds.length && places.length === 1 ? worlds[0].actors[0].targets : [];
+    const points = targets.length ? targets : [this.middle];
+    points.forEach(point => work.add(point));
     this.front = Math.atan2(work.y, work.x);
     this.turn = 0;
     this.tilt = 0;
@@ -249,7 +287,7 @@ class Stage {
     const flat = new THREE.Box3().setFromPoints(this.points.map(point => new THREE.Vector3(point.dot(right), point.dot(up), point.dot(out))));
     const middle = flat.getCenter(new THREE.Vector3());
     const tangent = Math.tan(camera.fov * Math.PI / 360);
-    const thick = run.arm.radius_mm * 1.3;
+    const thick = Math.max(...places.map(({ arm }) => arm.radius_mm)) * 1.3;
     const far = this.points.reduce((most, point) => {
       const [x, y] = [Math.abs(point.dot(right) - middle.x) + thick, Math.abs(point.dot(up) - middle.y) + thick];
       return Math.max(most, Math.max(x / aspect, y) / tangent + point.dot(out));
@@ -259,7 +297,7 @@ class Stage {
     camera.updateProjectionMatrix();
   }
 
-  // Draws all lanes and returns where the tools are.
+  // Draws all lanes and returns where the tools are, of each lane.
   show(moment) {
     const canvas = this.renderer.domElement;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -276,9 +314,9 @@ class Stage {
       this.renderer.setViewport(...rectangle);
       this.renderer.setScissor(...rectangle);
       this.place(part.width / Math.max(1, part.height));
-      const tool = world.show(moment);
+      const tools = world.show(moment);
       this.renderer.render(world.scene, this.camera);
-      return tool;
+      return tools;
     });
   }
 }

@@ -7,6 +7,7 @@ use ::node::token::ControlToken;
 use planning::PlannedCell;
 use setup::Cell;
 
+use super::super::alone::add_alone;
 use super::super::measurement::GRANTED;
 use super::super::{Capture, RunOptions};
 use super::session::{CellEnded, CellSession, Judge};
@@ -20,6 +21,8 @@ use records::mode::Mode;
 use records::results::Status;
 use records::run_directory::{self, Durability};
 use records::schedule::Schedule;
+use records::trace::CellTrace;
+use report::cell_files;
 use report::progress::Progress;
 use stands::cell_stand::{CellConfig, CellStand};
 use stands::planned_station::PlannedStation;
@@ -138,8 +141,11 @@ impl CellMeasurement<'_> {
         let mut judge = Judge::new(&self.cell, &self.planned, self.stations.clone());
         let ended = session.run(&mut stand, &self.schedule, results, &mut judge, interrupt).await;
         let mut ended = ended?;
-        if let Err(error) = session.directory.save_trace(&judge.traces) {
+        if let Err(error) = self.save_traces(session, &judge.traces) {
             ended.and_failure(error, Exit::Internal);
+        }
+        if ended.exit == Exit::Pass {
+            add_alone(&mut ended.results, &self.planned, &self.schedule)?;
         }
         match stand.finish(self.wants_capture(ended.exit)).await {
             // The final counts of all nodes belong together; their earlier reports are not simultaneous.
@@ -154,6 +160,19 @@ impl CellMeasurement<'_> {
             Err(_) => {}
         }
         Ok(ended)
+    }
+
+    /// Saves the tables for the report, and the timeline and the arms' motion if requested.
+    fn save_traces(&self, session: &CellSession, traces: &CellTrace) -> anyhow::Result<()> {
+        session.directory.save_trace(traces)?;
+        if self.options.trace {
+            cell_files::save_timeline(session.directory.path(), &self.planned, traces)?;
+        }
+        #[cfg(feature = "mcap")]
+        if self.options.mcap {
+            cell_files::save_playback(session.directory.path(), &self.cell, &self.planned, traces)?;
+        }
+        Ok(())
     }
 
     /// Returns whether the captures of a run with this exit code are written.

@@ -11,7 +11,7 @@ use node::list::flat;
 use planning::FoundCell;
 use setup::Cell;
 
-use super::{Capture, RunOptions};
+use super::RunOptions;
 use measurement::CellMeasurement;
 use records::cell_results::CellResults;
 use records::exit::{Exit, Failure};
@@ -20,6 +20,7 @@ use records::mode::Mode;
 use records::occupied;
 use records::results::Status;
 use records::schedule::Schedule;
+use report::pages::{self, Pages};
 use report::{cell_table, errln, in_shell, outln};
 use session::{CellEnded, Judge};
 use stands::cell_stand::CellStand as _;
@@ -72,7 +73,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     Ok(ended.exit)
 }
 
-/// Prints where the run is saved, and how much of it.
+/// Prints where the run is saved, how much of it, and where its report is.
 fn print_where(ended: &CellEnded, directory: &Path) {
     let shown = in_shell(directory.display());
     match ended.exit {
@@ -82,6 +83,22 @@ fn print_where(ended: &CellEnded, directory: &Path) {
             outln!("  Interrupted, {saved} of {all} repetitions saved in {shown}.");
         }
         _ => outln!("  Saved in {shown}."),
+    }
+    if ended.exit == Exit::Internal {
+        return;
+    }
+    match pages::write(directory) {
+        Ok(Pages { report, race, .. }) => {
+            outln!("  Report: {}.", in_shell(report.display()));
+            if let Some(race) = race {
+                outln!("  Race: {}, all arms in one scene.", in_shell(race.display()));
+            }
+        }
+        Err(Failure { error, .. }) => {
+            errln!(
+                "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
+            );
+        }
     }
 }
 
@@ -136,21 +153,20 @@ fn check_faults(faults: &[Fault], cell: &Cell, mode: Mode) -> Result<(), Failure
 fn check_options(options: &RunOptions) -> Result<(), Failure> {
     let exports = options.exports.files();
     let export = exports.iter().find(|(name, file)| file.is_some() && *name != "--export-json");
-    let is_virtual = options.mode == Mode::Virtual;
+    let is_real = options.mode == Mode::Real;
     let refused = [
         ("--application", options.application.is_some()),
         ("--cyclic", options.cyclic.is_some()),
         ("--drives", !options.drives.in_command().is_empty()),
-        ("--trace", options.trace),
-        ("--mcap", options.mcap),
         ("--override", options.overrides.is_some()),
         ("--live", options.live.is_some()),
     ];
     let given = refused.iter().find(|(_, is_given)| *is_given).map(|(name, _)| *name);
     match given.or(export.map(|(name, _)| *name)) {
-        None if is_virtual && options.capture != Capture::Never => Err(usage(anyhow!(
-            "--capture of several stations is for real mode so far: leave it out, or leave out `--mode virtual`"
+        None if is_real && (options.trace || options.mcap) => Err(usage(anyhow!(
+            "--trace and --mcap of several stations are for virtual mode so far: add `--mode virtual`, or leave them out"
         ))),
+        None if options.mcap && !cfg!(feature = "mcap") => Err(super::no_mcap()),
         None => Ok(()),
         Some(name) => Err(usage(anyhow!(
             "{name} is for setups of one station so far; leave it out with several stations"

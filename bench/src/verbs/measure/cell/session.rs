@@ -3,7 +3,8 @@
 use planning::PlannedCell;
 use plc_node::ExecutionType;
 use records::cell_directory::CellDirectory;
-use records::cell_results::{CellResults, CellSample};
+use records::cell_results::CellResults;
+use records::cell_sample::CellSample;
 use records::exit::Exit;
 use records::host::Host;
 use records::results::Status;
