@@ -2,13 +2,14 @@
 
 use std::collections::VecDeque;
 use std::os::fd::AsFd;
+use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
 use crate::ControlPort;
 use crate::input::{Input, Lines};
-use protocol_linux::{Notifier, StopSignals};
+use protocol_linux::{Interface, Notifier, StopSignals};
 
 /// Source of a node's instructions.
 #[derive(Debug)]
@@ -31,7 +32,12 @@ pub struct Inbox {
     waiting: VecDeque<Input>,
     /// Whether the cyclic thread has notified since the last input.
     has_notices: bool,
+    /// The interface whose state is an input once a second, and when it is the next one.
+    link: Option<(Interface, Instant)>,
 }
+
+/// Time between two reports of the interface's state.
+const LINK_EVERY: Duration = Duration::from_secs(1);
 
 impl Inbox {
     /// Creates an inbox for signals, `notices` and the instructions' source.
@@ -44,7 +50,13 @@ impl Inbox {
             lines: Lines::default(),
             waiting: VecDeque::new(),
             has_notices: false,
+            link: None,
         }
+    }
+
+    /// Makes the state of an interface an input, now and once a second.
+    pub(crate) fn report_link_of(&mut self, interface: Option<Interface>) {
+        self.link = interface.map(|interface| (interface, Instant::now()));
     }
 
     /// Waits for the next input; `None` if the cyclic thread has sent a notice, or ended.
@@ -61,6 +73,12 @@ impl Inbox {
             {
                 return Ok(Some(input));
             }
+            if let Some((interface, at)) = &mut self.link
+                && Instant::now() >= *at
+            {
+                *at = Instant::now() + LINK_EVERY;
+                return Ok(Some(Input::Link(interface.link_status())));
+            }
             self.poll()?;
         }
     }
@@ -75,7 +93,7 @@ impl Inbox {
 
     fn poll(&mut self) -> std::io::Result<()> {
         let stdin = std::io::stdin();
-        let mut time_left = None;
+        let mut time_left = self.link.as_ref().map(|(_, at)| at.saturating_duration_since(Instant::now()));
         let [notices, stop, commands] = {
             let notices = PollFd::new(&self.notices, PollFlags::IN);
             let stop = PollFd::new(&self.signals, PollFlags::IN);
@@ -83,11 +101,12 @@ impl Inbox {
                 Commands::None => Vec::new(),
                 Commands::Stdin => vec![PollFd::from_borrowed_fd(stdin.as_fd(), PollFlags::IN)],
                 Commands::Control(port) => {
-                    time_left = port.time_left().and_then(|time| Timespec::try_from(time).ok());
+                    time_left = [time_left, port.time_left()].into_iter().flatten().min();
                     port.poll_fds()
                 }
             };
             let mut waits: Vec<_> = [notices, stop].into_iter().chain(commands).collect();
+            let time_left = time_left.and_then(|time| Timespec::try_from(time).ok());
             let ready = match poll(&mut waits, time_left.as_ref()) {
                 Ok(ready) => ready,
                 Err(Errno::INTR) => return Ok(()),

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 
+use machine::LinkStatus;
 use protocol_linux::StopSignal;
 
 /// Longest accepted line in bytes. No instruction is longer.
@@ -32,6 +33,8 @@ pub enum Input {
         /// Clients since the last report, besides this one.
         more: u32,
     },
+    /// State and counters of the node's interface.
+    Link(LinkStatus),
     /// A signal asks to stop.
     Stop(StopSignal),
 }

@@ -38,6 +38,8 @@ pub mod list;
 pub mod message;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod node;
+#[cfg(all(feature = "real", target_os = "linux"))]
+mod node_error;
 mod outcome;
 pub mod output;
 pub mod report;
@@ -64,7 +66,9 @@ pub use inbox::{Commands, Inbox};
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use input::Input;
 #[cfg(all(feature = "real", target_os = "linux"))]
-pub use node::{Command, CyclicTask, Node, NodeError, NodeProcess, Notice, ProcessEvent, Snapshot, Waiting};
+pub use node::{Command, CyclicTask, Node, NodeProcess, Notice, ProcessEvent, Snapshot, Waiting};
+#[cfg(all(feature = "real", target_os = "linux"))]
+pub use node_error::NodeError;
 pub use outcome::{Outcome, exit_code};
 pub use short_text::ShortText;
 #[cfg(all(feature = "real", target_os = "linux"))]

@@ -6,20 +6,20 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use machine::{Counters, Down, DownCause, LinkEvent};
+use machine::{Counters, Down, DownCause, LinkEvent, LinkStatus};
 use machine::{Instant, InterfaceId, Lateness, Multihomed};
 use protocol::fieldbus::ToStore;
 use protocol::image::Checks;
 use rustix::io::Errno;
 
 use crate::station_file::StationRecord;
-use crate::trace_file::{self, TraceError, TraceRing, TraceWriter};
+use crate::trace_file::{self, TraceRing, TraceWriter};
 use crate::trace_row::TraceSample;
-use crate::{Commands, ControlPort, Inbox, Input, ShortText};
+use crate::{Commands, ControlPort, Inbox, Input, NodeError, ShortText};
 use protocol_linux::handover::Received;
 use protocol_linux::{
-    CyclicThread, Driver, DriverError, Interface, InterfaceError, NoticeSender, Notifier, PortError,
-    RingFull, StartError, Statistics, StopSignals, Task, allocation,
+    CyclicThread, Driver, Interface, InterfaceError, NoticeSender, Notifier, RingFull, StartError,
+    Statistics, StopSignals, Task, allocation,
 };
 
 /// Longest wait for the peer to confirm the end of the connection, before the process ends.
@@ -70,6 +70,14 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
 
     /// Reports to the bus whether that was stored: `stored` of the bus.
     fn stored(&mut self, _now: Instant, _done: bool) {}
+
+    /// Returns whether its bus reports state and counters of the interface: `wants_link` of the bus. It never changes.
+    fn wants_link(&self) -> bool {
+        false
+    }
+
+    /// Sets state and counters of its first interface: `set_link` of the bus.
+    fn set_link(&mut self, _status: &LinkStatus) {}
 
     /// Writes why the connection of an event is down: `explain` of its bus.
     fn explain(&self, _event: &Self::Event, _words: &mut dyn fmt::Write) -> fmt::Result {
@@ -134,6 +142,8 @@ pub enum Command<O> {
     Record(bool),
     /// Report to the bus whether the station was stored.
     Stored(bool),
+    /// Set state and counters of the interface.
+    Link(LinkStatus),
     /// A command of only this kind of node.
     Order(O),
 }
@@ -255,6 +265,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                 }
             }
             Command::Stored(done) => node.stored(now, done),
+            Command::Link(status) => node.set_link(&status),
             Command::Order(order) => {
                 if let Some(answer) = node.order(now, order) {
                     notices.send(Notice::Answer(answer));
@@ -351,32 +362,6 @@ pub enum ProcessEvent<E, A> {
     Ended,
 }
 
-/// Why a node's process ends with an error.
-#[derive(Debug, thiserror::Error)]
-pub enum NodeError {
-    /// It could not start.
-    #[error(transparent)]
-    Start(#[from] StartError),
-    /// A port of its bus cannot be opened.
-    #[error(transparent)]
-    Port(#[from] PortError),
-    /// Its cycles cannot be recorded.
-    #[error(transparent)]
-    Trace(#[from] TraceError),
-    /// Waiting for inputs failed.
-    #[error("waiting for commands and news: {reason}")]
-    Inbox {
-        /// The kernel's error.
-        reason: std::io::Error,
-    },
-    /// The cyclic thread's driver failed.
-    #[error(transparent)]
-    Driver(#[from] DriverError),
-    /// The cyclic thread panicked; its message is on standard error.
-    #[error("the cyclic thread panicked; this is a fault of the program, please report the output above")]
-    Panic,
-}
-
 impl<N: Node> NodeProcess<N> {
     /// Starts the node on a cyclic thread, with its interfaces in the order of their [`InterfaceId`]s. It takes instructions
     /// from `commands` and records cycles into `trace` when instructed to.
@@ -400,7 +385,10 @@ impl<N: Node> NodeProcess<N> {
         let task = CyclicTask { interfaces, trace: ring, links, at_up: None, stopping: None };
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
-        let inbox = Inbox::new(signals, reader.clone(), commands);
+        let mut inbox = Inbox::new(signals, reader.clone(), commands);
+        if node.wants_link() {
+            inbox.report_link_of(task.interfaces.first().cloned());
+        }
         let driver = Driver::new(node, task.interfaces.clone(), waker.clone())?;
         let thread = CyclicThread::start(driver, task, waker, reader)?;
         Ok(Self { thread, trace, inbox, ended: false })
@@ -432,8 +420,11 @@ impl<N: Node> NodeProcess<N> {
                 }
                 Received::Nothing | Received::Ended => {}
             }
-            if let Some(input) = self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
-                return Ok(ProcessEvent::Input(input));
+            match self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
+                // A full ring takes the next one.
+                Some(Input::Link(status)) => drop(self.thread.send(Command::Link(status))),
+                Some(input) => return Ok(ProcessEvent::Input(input)),
+                None => {}
             }
         }
     }

@@ -6,7 +6,7 @@ use core::fmt;
 use core::net::Ipv4Addr;
 
 pub use machine::{Counters, Down, DownCause, LinkEvent};
-use machine::{Instant, Machine};
+use machine::{Instant, LinkStatus, Machine};
 pub use profinet::record::Maintenance;
 
 use crate::image::{Image, Order};
@@ -43,6 +43,15 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
 
     /// Reports the result of [`LinkEvent::SetAddress`]: whether the owner could set the address.
     fn address_set(&mut self, _now: Instant, _done: bool) {}
+
+    /// Returns whether the bus reports state and counters of its interface to others, which the owner sets by
+    /// [`set_link`](Self::set_link). It never changes.
+    fn wants_link(&self) -> bool {
+        false
+    }
+
+    /// Sets state and counters of the interface.
+    fn set_link(&mut self, _status: &LinkStatus) {}
 
     /// Returns what the owner has to store at [`LinkEvent::Store`].
     fn to_store(&self) -> ToStore<'_> {

@@ -29,15 +29,25 @@ pub fn open(
     seed: u64,
     start: impl FnOnce() -> Instant,
 ) -> RobotBus {
-    open_station(bus, mac, address, None, seed, start)
+    open_station(bus, Host { mac, address, gateway: None }, None, seed, start)
+}
+
+/// The interface of the host that a robot is on.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Host {
+    /// Its MAC address.
+    pub mac: Mac,
+    /// Its IP address, if it has one already.
+    pub address: Option<Ipv4Addr>,
+    /// The gateway to other networks through it, if there is one.
+    pub gateway: Option<Ipv4Addr>,
 }
 
 /// Returns the same endpoint of a robot whose owner keeps what the bus sets permanently: `stored` is what it has kept; `None`
 /// if it cannot.
 pub fn open_station(
     bus: &Bus,
-    mac: Mac,
-    address: Option<Ipv4Addr>,
+    Host { mac, address, gateway }: Host,
     stored: Option<Station>,
     seed: u64,
     start: impl FnOnce() -> Instant,
@@ -56,7 +66,7 @@ pub fn open_station(
             Endpoint::Profinet(Device::new(config, start()))
         }
         BusKind::EthernetIp(addresses, _) => {
-            let adapter = ethernet_ip_adapter(addresses, bus.allowed(), mac, seed);
+            let adapter = ethernet_ip_adapter(addresses, bus.allowed(), (mac, gateway), seed);
             Endpoint::EthernetIp(adapter.with_conflict_detection(Instant::ZERO))
         }
         BusKind::Ethercat(_) => {
@@ -97,14 +107,19 @@ fn permanent(Station { name, address, maintenance }: Station) -> Permanent {
     }
 }
 
-fn ethernet_ip_adapter(addresses: &Addresses, originators: Allowed, mac: Mac, seed: u64) -> Adapter {
+fn ethernet_ip_adapter(
+    addresses: &Addresses,
+    originators: Allowed,
+    (mac, gateway): (Mac, Option<Ipv4Addr>),
+    seed: u64,
+) -> Adapter {
     let Mac([_, _, serial @ ..]) = mac;
     Adapter::new(AdapterConfig {
         description: &ETHERNET_IP_ROBOT,
         serial_number: u32::from_be_bytes(serial),
         address: addresses.robot,
         mask: addresses.mask,
-        gateway: Ipv4Addr::UNSPECIFIED,
+        gateway: gateway.unwrap_or(Ipv4Addr::UNSPECIFIED),
         mac: mac.0,
         first_id: seed as u32,
         originators,

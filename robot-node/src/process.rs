@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
-use machine::{Instant, InterfaceId, Lateness};
+use machine::{Instant, InterfaceId, Lateness, LinkStatus};
 use node::Outcome;
 use node::address_check::{AddressCheckError, check_address};
 use node::errln;
@@ -189,7 +189,8 @@ impl Run {
             endpoint.push_str(&format!(", {station}: stored in {}", file.path().display()));
         }
         let (mac, address) = (interface.mac(), interface.address());
-        let mut bus = bus::open_station(&setup.bus, mac, address, stored, start.as_nanos(), || start);
+        let host = bus::Host { mac, address, gateway: interface.gateway() };
+        let mut bus = bus::open_station(&setup.bus, host, stored, start.as_nanos(), || start);
         if let bus::RobotBus::EthernetIp(adapter) = &mut bus
             && OpenPort::open(interface, machine::arp::ETHERNET).is_err()
         {
@@ -274,6 +275,14 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
 
     fn stored(&mut self, now: Instant, done: bool) {
         self.bus_mut().stored(now, done);
+    }
+
+    fn wants_link(&self) -> bool {
+        self.bus().wants_link()
+    }
+
+    fn set_link(&mut self, status: &LinkStatus) {
+        self.bus_mut().set_link(status);
     }
 
     fn explain(&self, _event: &RobotEvent, words: &mut dyn fmt::Write) -> fmt::Result {

@@ -2,6 +2,7 @@
 
 mod gateway;
 mod neighbour;
+mod status;
 
 use std::net::Ipv4Addr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};

@@ -8,7 +8,7 @@ use ethernet_ip::{
     Adapter, Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig, TooManyConnections,
 };
 use machine::ethernet::Mac;
-use machine::{Counters, Instant};
+use machine::{Counters, Instant, LinkStatus};
 
 use super::{Stations, machine_with_stations};
 use crate::fieldbus::{ControllerBus, Fieldbus, StationId};
@@ -161,5 +161,13 @@ impl Fieldbus for Adapter {
 
     fn counters(&self) -> Counters {
         self.counters()
+    }
+
+    fn wants_link(&self) -> bool {
+        true
+    }
+
+    fn set_link(&mut self, status: &LinkStatus) {
+        self.set_link(*status);
     }
 }

@@ -5,7 +5,8 @@ use core::net::Ipv4Addr;
 
 use machine::ethernet::Mac;
 use machine::{
-    Counters, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
+    Counters, Instant, LinkStatus, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
+    Transmit,
 };
 
 use crate::fieldbus::{ControllerBus, Fieldbus, StationId, ToStore};
@@ -129,6 +130,14 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Fieldbus for Endpoint<P, E, C> {
 
     fn address_set(&mut self, now: Instant, done: bool) {
         on!(self, bus => Fieldbus::address_set(bus, now, done));
+    }
+
+    fn wants_link(&self) -> bool {
+        on!(self, bus => Fieldbus::wants_link(bus))
+    }
+
+    fn set_link(&mut self, status: &LinkStatus) {
+        on!(self, bus => Fieldbus::set_link(bus, status));
     }
 
     fn to_store(&self) -> ToStore<'_> {

@@ -20,6 +20,10 @@ const OF_ONE_HOST: usize = 2;
 /// Longest delay in ms if the request leaves it to the device.
 const DEFAULT_MS: u16 = 2_000;
 
+/// Part of the longest delay in which an answer comes: tools stop to listen after a second, although they leave the delay to the
+/// device.
+const PART: u64 = 4;
+
 /// Smallest value of the longest delay, in ms: a request with a smaller one means this.
 const LEAST_MS: u16 = 500;
 
@@ -55,7 +59,7 @@ impl Delayed {
         if own >= OF_ONE_HOST || self.waiting.len() > ROOM {
             return;
         }
-        let longest_ns = u64::from(longest) * 1_000_000;
+        let longest_ns = u64::from(longest) * 1_000_000 / PART;
         let delay = Duration::from_nanos(self.random.next_u64() % (longest_ns + 1));
         self.waiting.push(Waiting { due: now + delay, peer, header });
         if self.waiting.len() > ROOM

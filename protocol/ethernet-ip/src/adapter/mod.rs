@@ -3,6 +3,7 @@
 //! Requests are taken out of their TCP streams one at a time, when the driver asks for the next frame to send: a
 //! flood of requests needs no queue, and cyclic frames always go before replies.
 
+mod datagrams;
 mod delayed;
 mod diagnosis;
 mod encapsulated;
@@ -20,6 +21,7 @@ use alloc::vec;
 use core::fmt;
 use core::net::{Ipv4Addr, SocketAddrV4};
 
+use self::datagrams::AnswerLimit;
 use self::delayed::Delayed;
 use self::encapsulated::{Answer, answer_datagram, is_request_datagram, list_identity};
 use self::session::Carried;
@@ -33,7 +35,7 @@ use super::own_address::{Change, OwnAddress};
 use super::{ENCAPSULATION_PORT, IO_PORT};
 use machine::arp::ArpPacket;
 use machine::ethernet::Mac;
-use machine::{Allowed, Counters, DownCause, LinkEvent, Peer, Requested};
+use machine::{Allowed, Counters, DownCause, LinkEvent, LinkStatus, Peer, Requested};
 use machine::{Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 /// Configuration of an adapter.
@@ -69,6 +71,8 @@ pub struct Adapter {
     waiting: Option<(SocketAddrV4, usize)>,
     /// ListIdentity requests that went to every device.
     delayed: Delayed,
+    /// Limit of answers over UDP.
+    answers: AnswerLimit,
     /// Its claim to its address, where conflicts are detected.
     own: Option<OwnAddress>,
 }
@@ -85,6 +89,7 @@ impl Adapter {
             sessions: Sessions::new(description.sessions.into(), first_id),
             datagram: vec![0; MAX_MESSAGE_LEN].into_boxed_slice(),
             waiting: None,
+            answers: AnswerLimit::default(),
             delayed: Delayed::new(u64::from(serial_number) << 32 | u64::from(first_id)),
             own: None,
         }
@@ -242,14 +247,16 @@ impl Machine for Adapter {
         if let Some(len) = self.own.as_mut().and_then(|own| own.poll_frame(now, buf)) {
             return Some(Transmit { port: Port::Ethernet, to: None, len });
         }
-        if let Some((peer, len)) = self.waiting.take() {
+        if let Some((peer, len)) = self.waiting.take().filter(|(peer, _)| self.may_answer(now, *peer.ip())) {
             let request = self.datagram.get(..len).unwrap_or_default();
             if let Some(len) = answer_datagram(&mut self.state, request, buf) {
                 return Some(Transmit { port: Port::Udp(ENCAPSULATION_PORT), to: Some(peer), len });
             }
         }
         while let Some((peer, header)) = self.delayed.next_due(now) {
-            if let Some(len) = list_identity(&self.state, &header, buf) {
+            if self.may_answer(now, *peer.ip())
+                && let Some(len) = list_identity(&self.state, &header, buf)
+            {
                 return Some(Transmit { port: Port::Udp(ENCAPSULATION_PORT), to: Some(peer), len });
             }
         }
@@ -301,6 +308,13 @@ impl Adapter {
         sessions.open(now, stream, peer, is_preferred, carried);
     }
 
+    /// Returns whether a datagram of a host is answered. Those above the limit are counted.
+    fn may_answer(&mut self, now: Instant, host: Ipv4Addr) -> bool {
+        let is_allowed = self.answers.allow(now, host);
+        self.state.counters.foreign += u64::from(!is_allowed);
+        is_allowed
+    }
+
     /// Ends the TCP connections whose connections have timed out or given way.
     fn end_unused(&mut self) {
         while let Some(stream) = self.state.unused.pop_front() {
@@ -339,6 +353,12 @@ impl Adapter {
     #[must_use]
     pub fn configuration(&self, instance: u32) -> Option<&[u8]> {
         self.state.device.assemblies.configuration(instance)
+    }
+
+    /// Sets what the Ethernet Link object reports: state and counters of the interface. Call it about once a second; until the
+    /// first call, the object has neither speed nor counters.
+    pub const fn set_link(&mut self, status: LinkStatus) {
+        self.state.device.link.status = Some(status);
     }
 
     /// Drops every connection and accepts no new ones. A target has no message that ends a connection.

@@ -32,6 +32,8 @@ pub mod service {
     pub const GET_ATTRIBUTE_SINGLE: u8 = 0x0E;
     /// Set_Attribute_Single.
     pub const SET_ATTRIBUTE_SINGLE: u8 = 0x10;
+    /// Get_and_Clear, of the Ethernet Link.
+    pub const GET_AND_CLEAR: u8 = 0x4C;
     /// Forward_Close, of the Connection Manager.
     pub const FORWARD_CLOSE: u8 = 0x4E;
     /// Unconnected_Send, of the Connection Manager.

@@ -1,6 +1,6 @@
 //! Identity, class 01: the identity of the device (volume 1, 5-2).
 
-use super::super::cip::{ElectronicKey, General, Violation, service};
+use super::super::cip::{ElectronicKey, General, Target, Violation, service};
 use super::super::cpf::{kind, write_address, write_item};
 use super::super::encapsulation::PROTOCOL_VERSION;
 use super::super::{ENCAPSULATION_PORT, Writer};
@@ -70,12 +70,12 @@ impl Object for Identity {
     /// is not reset. Sessions and class 3 connections end behind the reply.
     fn own_service(
         device: &mut Device,
-        instance: u32,
+        target: Target,
         service: u8,
         data: &[u8],
         _writer: &mut Writer<'_>,
     ) -> Result<General, Violation> {
-        if service != service::RESET || instance != 1 {
+        if service != service::RESET || target.instance != Some(1) {
             return Err(Violation::UnknownService);
         }
         let to_defaults = match data {

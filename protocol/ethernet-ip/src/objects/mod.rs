@@ -11,6 +11,7 @@ mod tcp_ip;
 
 pub(super) use assembly::AssemblyData;
 pub(super) use connection_manager::ManagerCounters;
+pub(super) use ethernet_link::Link;
 pub(super) use identity::{IoState, write_identity_item};
 pub(super) use message_router::multiple_service;
 pub use port::PORT_NUMBER;
@@ -27,6 +28,7 @@ pub(super) struct Device {
     pub(super) description: &'static Description,
     pub(super) serial_number: u32,
     pub(super) network: Network,
+    pub(super) link: Link,
     pub(super) qos: Qos,
     pub(super) manager: ManagerCounters,
     pub(super) io: IoState,
@@ -44,6 +46,7 @@ impl Device {
             description,
             serial_number,
             network,
+            link: Link::default(),
             qos: Qos::default(),
             manager: ManagerCounters::default(),
             io: IoState::default(),
@@ -85,6 +88,11 @@ trait Object {
         instance == 1
     }
 
+    /// Returns whether the instances have an attribute now.
+    fn has_attribute(_device: &Device, attribute: u16) -> bool {
+        Self::ATTRIBUTES.contains(&attribute)
+    }
+
     /// Writes an attribute of an instance that is there. Writes nothing where it fails.
     fn get(device: &Device, instance: u32, attribute: u16, writer: &mut Writer<'_>) -> Result<(), Violation>;
 
@@ -107,7 +115,10 @@ trait Object {
             2 => writer.u16(number(Self::max_instance(device) as usize)),
             3 => writer.u16(number(Self::instances(device))),
             6 => writer.u16(Self::CLASS_ATTRIBUTES.iter().copied().max().unwrap_or(0).max(7)),
-            7 => writer.u16(Self::ATTRIBUTES.iter().copied().max().unwrap_or(0)),
+            7 => {
+                let present = Self::ATTRIBUTES.iter().copied().filter(|id| Self::has_attribute(device, *id));
+                writer.u16(present.max().unwrap_or(0));
+            }
             _ => return Err(Violation::UnknownAttribute),
         }
         Ok(())
@@ -116,7 +127,7 @@ trait Object {
     /// Executes a service that only this class has.
     fn own_service(
         _device: &mut Device,
-        _instance: u32,
+        _target: Target,
         _service: u8,
         _data: &[u8],
         _writer: &mut Writer<'_>,
@@ -209,7 +220,7 @@ fn serve_class<O: Object>(
         service::GET_ATTRIBUTE_LIST => get_list::<O>(device, instance, data, writer),
         service::SET_ATTRIBUTE_SINGLE => {
             let attribute = attribute()?;
-            if instance == 0 || !O::ATTRIBUTES.contains(&attribute) {
+            if instance == 0 || !O::has_attribute(device, attribute) {
                 let is_common = matches!(attribute, 1..=3 | 6 | 7);
                 let known = instance == 0 && (is_common || O::CLASS_ATTRIBUTES.contains(&attribute));
                 return Err(if known { Violation::NotSettable } else { Violation::UnknownAttribute });
@@ -220,7 +231,7 @@ fn serve_class<O: Object>(
         service::SET_ATTRIBUTE_LIST if instance != 0 && O::SETS_LISTS => {
             set_list::<O>(device, instance, data, writer)
         }
-        service => O::own_service(device, instance, service, data, writer),
+        service => O::own_service(device, target, service, data, writer),
     }
 }
 
@@ -232,7 +243,7 @@ fn get<O: Object>(
 ) -> Result<(), Violation> {
     if instance == 0 {
         O::get_of_class(device, attribute, writer)
-    } else if O::ATTRIBUTES.contains(&attribute) {
+    } else if O::has_attribute(device, attribute) {
         O::get(device, instance, attribute, writer)
     } else {
         Err(Violation::UnknownAttribute)

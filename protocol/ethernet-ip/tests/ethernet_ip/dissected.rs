@@ -11,6 +11,8 @@ use ethernet_ip::connection::OpenRequest;
 use ethernet_ip::encapsulation::Command;
 use ethernet_ip::{ConnectionConfig, ENCAPSULATION_PORT};
 
+use machine::{LinkCounters, LinkStatus};
+
 use crate::cell::{PLC, ROBOT, wanted};
 use crate::client::{
     Client, OWNER_PATH, Rig, close_message, message, open_message, owner, peer, unconnected,
@@ -132,6 +134,9 @@ fn a_question_along_a_route_is_an_unconnected_send_to_the_identity_behind_it() {
 fn every_object_answers_as_the_dissector_expects_it() {
     let mut rig = Rig::new();
     let client = rig.client();
+    let counters = LinkCounters { in_octets: 1_000_001, fcs_errors: 7, ..LinkCounters::default() };
+    let is_full_duplex = Some(true);
+    rig.adapter.set_link(LinkStatus { is_full_duplex, counters, ..LinkStatus::default() });
     let mut exchanges = Vec::new();
     for class in ObjectClass::ALL.iter().map(|class| class.code()) {
         for instance in [0, 1] {
@@ -160,6 +165,10 @@ fn every_object_answers_as_the_dissector_expects_it() {
         "cip.port.number",
         "cip.tcpip.mcast.addr_start",
         "cip.elink.iflags.duplex",
+        "cip.elink.icount.in_octets",
+        "cip.elink.mcount.fcs_errors",
+        "cip.elink.hc_icount.in_octets",
+        "cip.elink.hc_mcount.stats_fcs_errors",
         "cip.cm.otapi",
         "cip.cm.toapi",
         "enip.lir.devtype",
@@ -174,6 +183,8 @@ fn every_object_answers_as_the_dissector_expects_it() {
     let faults: Vec<_> =
         read.iter().enumerate().filter(|(_, values)| values[fields.len()..].concat() != "").collect();
     assert!(faults.is_empty(), "{faults:?}");
-    let expected = ["0x12345678", "8", "0", "0,2 2", "239.192.1.32", "1", "1000", "2000", "43"];
+    let counted = ["1000001", "7", "1000001", "7"];
+    let expected = ["0x12345678", "8", "0", "0,2 2", "239.192.1.32", "1"].into_iter().chain(counted);
+    let expected = expected.chain(["1000", "2000", "43"]);
     assert_eq!(seen, fields.into_iter().zip(expected.map(str::to_owned)).collect::<Vec<_>>());
 }

@@ -13,6 +13,7 @@ mod formats;
 mod fuzz;
 mod hostile;
 mod limits;
+mod link;
 mod many_adapters;
 mod multicast;
 mod objects;

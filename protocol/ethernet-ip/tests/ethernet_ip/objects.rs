@@ -136,7 +136,7 @@ fn every_object_answers_each_of_its_attributes_and_its_class_attributes() {
         (0x48, 1, &[4, 5, 6, 7, 8], 5),
         (0xF4, 1, &[1, 2, 3, 4, 7], 36),
         (0xF5, 1, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13], 96),
-        (0xF6, 1, &[1, 2, 3, 6, 7, 8, 9, 10, 11], 133),
+        (0xF6, 1, &[1, 2, 3, 6, 7, 8, 9, 10, 11], 130),
     ];
     for class in ObjectClass::ALL {
         assert!(objects.iter().any(|(code, ..)| *code == class.code()), "no attributes of {}", class.name());
@@ -310,8 +310,8 @@ fn a_question_to_all_is_answered_after_a_delay_of_the_devices_own_and_one_to_it_
             |(index, (at, ..)): (u64, &(Instant, _, _, _))| at.since(asked + Duration::from_secs(70 * index));
         (0..).zip(&rig.datagrams).map(delay).collect::<Vec<_>>()
     };
-    // No limit means 2 s; a limit below 500 ms means 500 ms.
-    for (named_ms, meant_ms) in [(0, 2_000), (1, 500), (500, 500), (3_000, 3_000), (u16::MAX, 65_535)] {
+    // A quarter of the limit. No limit means 2 s; a limit below 500 ms means 500 ms.
+    for (named_ms, meant_ms) in [(0, 500), (1, 125), (500, 125), (3_000, 750), (u16::MAX, 16_384)] {
         let delays = ask(named_ms, 7);
         let longest = Duration::from_millis(meant_ms);
         assert!(delays.iter().all(|delay| *delay <= longest), "{named_ms} ms: {delays:?}");
@@ -591,10 +591,11 @@ fn the_connection_manager_counts_refusals_by_their_reason() {
 }
 
 #[test]
-fn the_ethernet_link_can_negotiate_and_has_one_speed_in_full_duplex() {
+fn the_ethernet_link_has_no_speed_until_its_owner_reports_one() {
     let (mut rig, client) = rig();
-    // Capability: bit 1 is auto-negotiation. Then one option: 100 Mbit/s, full duplex.
-    assert_eq!(get(&mut rig, client, 0xF6, 1, 11).1, [2, 0, 0, 0, 1, 100, 0, 1]);
+    // Capability: bit 1 is auto-negotiation, and no option.
+    assert_eq!(get(&mut rig, client, 0xF6, 1, 11).1, [2, 0, 0, 0, 0]);
+    assert_eq!(get(&mut rig, client, 0xF6, 1, 1).1, [0; 4]);
 }
 
 #[test]

@@ -504,10 +504,15 @@ fn an_open_connection_without_data_is_reported_within_seconds_and_comes_up_when_
 }
 
 #[test]
-fn a_scanner_says_by_how_much_its_adapter_is_slower_than_asked_while_the_connection_is_up() {
-    for (granted_us, expected) in
-        [(1_000, ""), (900, ""), (4_000, "it grants a packet every 4000 µs O→T and 1000 µs T→O")]
-    {
+fn a_scanner_says_that_its_adapter_granted_other_intervals_than_asked_while_the_connection_is_up() {
+    for (granted_us, expected) in [
+        (1_000, ""),
+        (
+            900,
+            "faster than asked: it grants a packet every 900 µs O→T and 1000 µs T→O, asked were 1000 and 1000 µs",
+        ),
+        (4_000, "it grants a packet every 4000 µs O→T and 1000 µs T→O"),
+    ] {
         let mut dialogue = Dialogue::opening();
         dialogue.open(granted_us);
         let remark = |dialogue: &Dialogue| {

@@ -32,16 +32,18 @@ impl Connection {
         }
     }
 
-    /// Writes by how much the intervals that the adapter granted exceed those that were asked for; nothing where they do not, or
-    /// while the connection is not up.
+    /// Writes the intervals that the adapter granted, if they are not those that were asked for; nothing while the connection is
+    /// not up.
     pub fn remark(&self, words: &mut dyn fmt::Write) -> fmt::Result {
         let (asked, granted) = ((self.config.o_t_rpi_us, self.config.t_o_rpi_us), self.granted_us);
-        if !self.up || granted.0 <= asked.0 && granted.1 <= asked.1 {
+        if !self.up || granted == asked {
             return Ok(());
         }
+        let is_slower = granted.0 > asked.0 || granted.1 > asked.1;
+        let than = if is_slower { "slower" } else { "faster" };
         write!(
             words,
-            "the adapter {} is slower than asked: it grants a packet every {} µs O→T and {} µs T→O, asked were {} and {} µs",
+            "the adapter {} is {than} than asked: it grants a packet every {} µs O→T and {} µs T→O, asked were {} and {} µs",
             self.config.target, granted.0, granted.1, asked.0, asked.1
         )
     }
