@@ -41,6 +41,22 @@ fn a_cell_of_two_arms_runs_in_every_type_and_gives_the_same_bytes_with_the_same_
 }
 
 #[test]
+fn two_robots_in_line_on_ethercat_run_in_virtual_time_and_are_refused_on_a_real_segment() {
+    let directory = tempfile::tempdir().unwrap();
+    let of_f = include_str!("../../../cell/setups/F.toml");
+    let both = of_f.replacen("kind = \"profinet\"", "kind = \"ethercat\"", 1);
+    fs::write(directory.path().join("line.toml"), both).unwrap();
+    let finished = run(directory.path(), "line.toml", "line", &[]);
+    assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
+    let results = fs::read(directory.path().join("line/results.json")).unwrap();
+    let results: serde_json::Value = serde_json::from_slice(&results).unwrap();
+    assert_eq!((&results["status"], &results["stations"][0]["bus"]), (&"complete".into(), &"ethercat".into()));
+    let real = bench(directory.path(), ["--setup", "line.toml", "--mode", "real", "--out", "real"]);
+    assert_eq!(real.code, Some(2), "{}", real.stderr);
+    assert!(real.stderr.contains("stations left and right are both on EtherCAT"), "{}", real.stderr);
+}
+
+#[test]
 fn what_cells_do_not_have_yet_is_refused_by_its_name() {
     let directory = tempfile::tempdir().unwrap();
     for (more, named) in [

@@ -46,7 +46,7 @@ pub struct ScaleOptions {
     /// Numbers of stations, 1 to 128, with commas or blanks between them.
     #[arg(long, value_name = "N", num_args = 1.., value_parser = list(stations), default_value = "1,2,8,64")]
     pub stations: Vec<List<u32>>,
-    /// Buses to measure: profinet-udp, profinet-rt1, ethernet-ip, with commas or blanks between them; all without it.
+    /// Buses to measure: profinet-udp, profinet-rt1, ethernet-ip, ethercat, with commas or blanks between them; all without it.
     #[arg(long, value_name = "BUS", num_args = 1.., value_parser = list(bus))]
     pub buses: Vec<List<ScaledBus>>,
     /// Where the nodes run: in virtual time, or as processes on a real network.
@@ -64,8 +64,11 @@ pub struct ScaleOptions {
 }
 
 fn bus(name: &str) -> Result<ScaledBus, String> {
-    let unknown =
-        || format!("there is no bus `{name}`; the buses are profinet-udp, profinet-rt1 and ethernet-ip");
+    let unknown = || {
+        format!(
+            "there is no bus `{name}`; the buses are profinet-udp, profinet-rt1, ethernet-ip and ethercat"
+        )
+    };
     ScaledBus::from_str(name, false).map_err(|_| unknown())
 }
 

@@ -26,11 +26,13 @@ pub enum ScaledBus {
     ProfinetRt1,
     /// EtherNet/IP.
     EthernetIp,
+    /// EtherCAT, the robots in line.
+    Ethercat,
 }
 
 impl ScaledBus {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 3] = [Self::ProfinetUdp, Self::ProfinetRt1, Self::EthernetIp];
+    pub const ALL: [Self; 4] = [Self::ProfinetUdp, Self::ProfinetRt1, Self::EthernetIp, Self::Ethercat];
 
     /// Returns the name of the option's value, which is also that in results.
     pub const fn key(self) -> &'static str {
@@ -38,6 +40,7 @@ impl ScaledBus {
             Self::ProfinetUdp => "profinet-udp",
             Self::ProfinetRt1 => "profinet-rt1",
             Self::EthernetIp => "ethernet-ip",
+            Self::Ethercat => "ethercat",
         }
     }
 
@@ -48,7 +51,7 @@ impl ScaledBus {
                 Cyclic::Rt1 => self == Self::ProfinetRt1,
             },
             BusKind::EthernetIp(..) => self == Self::EthernetIp,
-            BusKind::Ethercat(_) => false,
+            BusKind::Ethercat(_) => self == Self::Ethercat,
         }
     }
 }

@@ -11,8 +11,8 @@ use records::conditions::MotionTotals;
 use robot_node::bus::RobotBus;
 use robot_node::{RobotEvent, RobotNode};
 use virtual_time::{
-    CableId, Clock, Either, Event, Impairment, LinkCounters, Network, NodeId, Plug, Side, SwitchConfig,
-    Tapped,
+    CableId, Clock, Either, Event, Impairment, LinkCounters, Network, NicId, NodeId, Plug, Side,
+    SwitchConfig, SwitchId, Tapped,
 };
 
 type Plc = PlcNode<PlcBus>;
@@ -81,6 +81,21 @@ pub(super) struct NewStation {
     pub(super) links: [Impairment; 2],
 }
 
+/// Adds the line of the robots without a MAC address at an interface of the PLC; `None` where there are not several.
+fn line(
+    network: &mut Network<Either<Plc, Robot>>,
+    nics: &[NicId],
+    robots: &[NewStation],
+    on: usize,
+) -> Option<SwitchId> {
+    if robots.iter().filter(|robot| robot.mac.is_none() && robot.on == on).count() < 2 {
+        return None;
+    }
+    let line = network.add_line();
+    network.connect([Plug::Nic(*nics.get(on)?), Plug::Switch(line)], [Impairment::default(); 2]);
+    Some(line)
+}
+
 const NODES_STAY: &str = "a node of the cell keeps its type and its number";
 
 impl VirtualCell {
@@ -102,7 +117,8 @@ impl VirtualCell {
         Self { network, plc: plc_node, stations: Vec::from_iter(stations) }
     }
 
-    /// Connects the PLC and its robots: those with a MAC address by a switch, each other one by a cable of its own.
+    /// Connects the PLC and its robots: those with a MAC address by a switch, others by a cable of their own, and where an interface of
+    /// the PLC has several of these, in line.
     ///
     /// `bus.cable_delay_us` of a setup is the time of a whole way, one switch included. So it is all at the robot's cable; the
     /// switch and the PLC's cable take no time of their own.
@@ -125,12 +141,14 @@ impl VirtualCell {
                 nic
             })
             .collect();
+        let lines: Vec<_> = (0..nics.len()).map(|on| line(&mut network, &nics, &robots, on)).collect();
         let mut stations = Vec::with_capacity(robots.len());
         for NewStation { node, name, mac, on, links } in robots {
             let robot = network.add_node(name, Either::B(node.machine), node.clock);
             let nic = network.add_nic(robot, &[InterfaceId::FIRST], mac, node.address);
-            let plc_end = match (mac, nics.get(on)) {
-                (None, Some(plc)) => Plug::Nic(*plc),
+            let plc_end = match (mac, lines.get(on).copied().flatten(), nics.get(on)) {
+                (None, Some(line), _) => Plug::Switch(line),
+                (None, None, Some(plc)) => Plug::Nic(*plc),
                 _ => Plug::Switch(switch),
             };
             let cable = network.connect([plc_end, Plug::Nic(nic)], links);

@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 use std::time::Duration;
 
-use anyhow::{anyhow, bail};
+use anyhow::bail;
 use machine::InterfaceId;
 use machine::ethernet::Mac;
 use planning::PROGRAM;
@@ -11,6 +11,7 @@ use plc_node::bus::PlcBus;
 use plc_node::{MotionList, PlacedStation, PlcConfig, PlcNode, Scan, Sequences};
 use protocol::fieldbus::StationId;
 use records::faults::{self, Fault};
+use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotNode};
 use setup::{Bus, BusKind};
 use virtual_time::{Clock, Impairment};
@@ -45,7 +46,7 @@ pub(super) struct NewCell {
 pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<NewCell> {
     let Some(first) = stations.first() else { bail!("the cell has no station; add one to its setup") };
     let mut phases = CellPhases::new(stations.iter().map(|station| &station.setup), seed);
-    let (new_buses, interfaces) = buses_of(stations)?;
+    let (new_buses, interfaces) = buses_of(stations);
     let plc_clock = phases.plc;
     let mut buses = Vec::with_capacity(new_buses.len());
     for bus in &new_buses {
@@ -72,7 +73,12 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
         placed.push(PlacedStation { bus: number, id, config });
         work.push(of_program);
         let faults = cell_faults::of_station(name, faults);
-        robots.push(new_robot(station, index, new_buses[number].interface, seed, &mut phases, &faults));
+        let mut robot = new_robot(station, index, new_buses[number].interface, seed, &mut phases, &faults);
+        let is_last = new_buses[number].stations.last().is_some_and(|(last, _)| *last == index);
+        if let (RobotBus::Ethercat(sub_device), false) = (robot.node.machine.bus_mut(), is_last) {
+            sub_device.lead_on();
+        }
+        robots.push(robot);
     }
     let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work));
     let plc = NewNode { machine: plc, clock: plc_clock, address: None };
@@ -82,7 +88,7 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
 
 /// Finds the buses of the stations, and the interfaces that they need: buses with one address of the PLC share one, and
 /// EtherCAT has its own.
-fn buses_of(stations: &[PlannedStation]) -> anyhow::Result<(Vec<NewBus<'_>>, Vec<NewInterface>)> {
+fn buses_of(stations: &[PlannedStation]) -> (Vec<NewBus<'_>>, Vec<NewInterface>) {
     let mut buses: Vec<NewBus<'_>> = Vec::new();
     let mut interfaces: Vec<NewInterface> = Vec::new();
     for (index, station) in stations.iter().enumerate() {
@@ -91,13 +97,6 @@ fn buses_of(stations: &[PlannedStation]) -> anyhow::Result<(Vec<NewBus<'_>>, Vec
             other.stations.first().is_some_and(|(_, first)| first.kind.name() == bus.kind.name())
         };
         if let Some(same) = buses.iter_mut().find(is_same) {
-            if let (BusKind::Ethercat(_), Some((other, _))) = (&bus.kind, same.stations.first()) {
-                let other = stations.get(*other).map_or("", |other| other.name.as_str());
-                return Err(anyhow!(
-                    "stations {other} and {} are both on EtherCAT; virtual time has one robot on a segment, so give one another bus",
-                    station.name
-                ));
-            }
             same.stations.push((index, bus));
             continue;
         }
@@ -112,7 +111,7 @@ fn buses_of(stations: &[PlannedStation]) -> anyhow::Result<(Vec<NewBus<'_>>, Vec
         }
         buses.push(NewBus { stations: vec![(index, bus)], interface, mac });
     }
-    Ok((buses, interfaces))
+    (buses, interfaces)
 }
 
 fn place_of(buses: &[NewBus<'_>], station: usize) -> Option<(usize, StationId)> {

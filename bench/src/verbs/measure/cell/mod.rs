@@ -10,6 +10,8 @@ use anyhow::anyhow;
 use node::list::flat;
 use planning::FoundCell;
 use setup::Cell;
+#[cfg(all(feature = "real", target_os = "linux"))]
+use setup::{BusKind, Station};
 
 use super::RunOptions;
 use measurement::CellMeasurement;
@@ -57,6 +59,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         return Err(super::no_real_mode());
         #[cfg(all(feature = "real", target_os = "linux"))]
         if options.attach.is_none() {
+            check_segments(&cell)?;
             // The kernel allows it only while this process has one thread.
             rig::enter_user_namespace()?;
         }
@@ -141,6 +144,20 @@ fn check_outputs(options: &RunOptions, found: &FoundCell) -> Result<(), Failure>
 }
 
 /// Rejects faults that no station, or the mode, can have.
+/// Refuses several robots on EtherCAT: a real robot node has one port, and so is the last one of a line.
+#[cfg(all(feature = "real", target_os = "linux"))]
+fn check_segments(cell: &Cell) -> Result<(), Failure> {
+    let is_on_ethercat = |station: &&Station| matches!(station.bus.kind, BusKind::Ethercat(_));
+    let mut stations = cell.stations.iter().filter(is_on_ethercat).map(|station| &station.name);
+    match (stations.next(), stations.next()) {
+        (Some(one), Some(other)) => Err(usage(anyhow!(
+            "stations {one} and {other} are both on EtherCAT, where a robot node has one port: add `--mode virtual`, which has them \
+             in line, or give one another bus"
+        ))),
+        _ => Ok(()),
+    }
+}
+
 fn check_faults(faults: &[Fault], cell: &Cell, mode: Mode) -> Result<(), Failure> {
     faults::check_cell(faults, cell).map_err(usage)?;
     match mode {

@@ -1,6 +1,7 @@
 //! The cost of a cycle on a real network: the PLC on one core of this process, the robots in processes on another one.
 //!
-//! A switch has a cable to the PLC and one to each robot, whose ends are in one network namespace. In turns of a second the PLC
+//! A switch has a cable to the PLC and one to each robot, whose ends are in one network namespace; robots on EtherCAT are in line, in one
+//! process. In turns of a second the PLC
 //! connects to all of them and executes CM, or a bare loop sleeps on the same core while the robots wait.
 
 mod network;
@@ -23,7 +24,7 @@ use robots::RobotProcess;
 
 pub use robots::run_as_robots;
 
-/// Robots in one process.
+/// Robots in one process, where they are not in line.
 const ROBOTS_A_PROCESS: u8 = 32;
 
 /// Length of a turn.
@@ -39,12 +40,14 @@ pub(super) fn measure(
     let plant = Plant::on(bus)?;
     let stations = plant.stations(count)?;
     let numbers = u8::try_from(stations.len())?;
-    let network = Network::set_up(numbers)?;
+    let in_line = bus == ScaledBus::Ethercat;
+    let network = if in_line { Network::set_up_line() } else { Network::set_up(numbers) }?;
     let (own_core, robots_core) = cores()?;
     run_on(own_core)?;
     let mut robots = Vec::new();
-    for first in (0..numbers).step_by(ROBOTS_A_PROCESS.into()) {
-        let some = ROBOTS_A_PROCESS.min(numbers - first);
+    let a_process = if in_line { numbers } else { ROBOTS_A_PROCESS };
+    for first in (0..numbers).step_by(a_process.into()) {
+        let some = a_process.min(numbers - first);
         robots.push(RobotProcess::spawn(&network, bus, first, some, robots_core)?);
     }
     let cycle = Duration::from_micros(plant.cycle_us().into());

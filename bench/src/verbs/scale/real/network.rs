@@ -1,4 +1,4 @@
-//! The network: a switch, a cable to the PLC, and one to each robot.
+//! The network: a switch, a cable to the PLC, and one to each robot; on EtherCAT one cable.
 
 use std::fs;
 
@@ -23,7 +23,7 @@ pub(super) struct Network {
     pub(super) plc: NetworkNamespace,
     pub(super) robots: NetworkNamespace,
     /// Holds the switch, which is removed with it.
-    _switch: NetworkNamespace,
+    _switch: Option<NetworkNamespace>,
 }
 
 /// Returns the name of a robot's interface.
@@ -48,7 +48,17 @@ impl Network {
             plug(&switch, &port)?;
             ends.run(|| bring_up(&end, address(number)))??;
         }
-        Ok(Self { plc, robots: ends, _switch: switch })
+        Ok(Self { plc, robots: ends, _switch: Some(switch) })
+    }
+
+    /// Sets up one cable, to the first of the robots in line.
+    pub(super) fn set_up_line() -> anyhow::Result<Self> {
+        let [plc, robots] = [NetworkNamespace::new()?, NetworkNamespace::new()?];
+        let first = robot_interface(0);
+        veth::connect(&plc, PLC_INTERFACE, &robots, &first)?;
+        plc.run(|| Interface::open(PLC_INTERFACE)?.set_up())??;
+        robots.run(|| Interface::open(&first)?.set_up())??;
+        Ok(Self { plc, robots, _switch: None })
     }
 }
 

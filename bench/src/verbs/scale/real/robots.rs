@@ -104,10 +104,13 @@ fn serve(arguments: impl Iterator<Item = OsString>) -> anyhow::Result<()> {
     run_on(core.parse()?)?;
     let plant = Plant::on(bus)?;
     let numbers = first..first.saturating_add(count);
-    let interfaces = numbers.clone().map(|number| Interface::open(&robot_interface(number)));
+    let in_line = bus == ScaledBus::Ethercat;
+    let open = |number: u8| Interface::open(&robot_interface(number));
+    let interfaces = numbers.clone().take(if in_line { 1 } else { count.into() }).map(open);
     let interfaces = interfaces.collect::<Result<Vec<_>, _>>()?;
-    let robots = numbers.clone().zip(&interfaces).map(|(number, interface)| robot(&plant, number, interface));
-    let machine = Robots::new(robots.collect());
+    let macs = interfaces.iter().map(Interface::mac).cycle();
+    let robots = numbers.clone().zip(macs).map(|(number, mac)| robot(&plant, number, mac));
+    let machine = Robots::new(robots.collect(), in_line);
     let (waker, reader) = (Notifier::new()?, Notifier::new()?);
     let driver = Driver::new(machine, interfaces, waker.clone())?;
     let task = Serve { addresses: numbers.map(address).collect() };
@@ -120,19 +123,19 @@ fn serve(arguments: impl Iterator<Item = OsString>) -> anyhow::Result<()> {
     Ok(finished.result?)
 }
 
-fn robot(plant: &Plant, number: u8, interface: &Interface) -> Robot {
+fn robot(plant: &Plant, number: u8, mac: Mac) -> Robot {
     let station = plant.station(number);
     let seed = SEED + u64::from(number);
-    let bus =
-        robot_node::bus::open(&station.setup.bus, interface.mac(), Some(address(number)), seed, clock::now);
+    let bus = robot_node::bus::open(&station.setup.bus, mac, Some(address(number)), seed, clock::now);
     let store = Program::of_sections(&station.planned.motions, &station.sections);
     RobotNode::new(station.planned.robot, store, bus, seed, clock::now())
 }
 
-/// Robot nodes as one machine with an interface for each.
+/// Robot nodes as one machine with an interface for each, or in line behind one interface.
 #[derive(Debug)]
 struct Robots {
     robots: Vec<Robot>,
+    in_line: bool,
     /// When each has something to do.
     deadlines: Vec<Option<Instant>>,
     /// Robots that may have something to send or to report, the next one last.
@@ -140,10 +143,16 @@ struct Robots {
 }
 
 impl Robots {
-    fn new(robots: Vec<Robot>) -> Self {
+    fn new(mut robots: Vec<Robot>, in_line: bool) -> Self {
+        let before_the_last = robots.len().saturating_sub(1);
+        for robot in robots.iter_mut().take(before_the_last) {
+            if let RobotBus::Ethercat(sub_device) = robot.bus_mut() {
+                sub_device.lead_on();
+            }
+        }
         let deadlines = robots.iter().map(Machine::poll_timeout).collect();
         let pending = Vec::with_capacity(robots.len());
-        Self { robots, deadlines, pending }
+        Self { robots, in_line, deadlines, pending }
     }
 
     fn get(&self, InterfaceId(number): InterfaceId) -> Option<&Robot> {
@@ -162,6 +171,21 @@ impl Robots {
         }
     }
 
+    /// Gives each robot in line what the one before it sends, and returns what the last one sends.
+    fn pass_along(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let mut sent = None;
+        for number in 0..u8::try_from(self.robots.len()).unwrap_or(u8::MAX) {
+            if let Some(Transmit { port, len, .. }) = sent.take() {
+                let frame = buf.get(..len).unwrap_or_default();
+                self.change(number, |robot| {
+                    Machine::handle_frame(robot, now, Source { port, peer: None }, frame);
+                });
+            }
+            self.change(number, |robot| sent = Machine::poll_transmit(robot, now, buf));
+        }
+        sent
+    }
+
     /// Returns what the next robot has of something. A robot that has nothing is not asked again until it changes.
     fn next<T>(&mut self, mut poll: impl FnMut(&mut Robot) -> Option<T>) -> Option<(u8, T)> {
         self.pending
@@ -175,7 +199,7 @@ impl Multihomed for Robots {
     type Event = (u8, RobotEvent);
 
     fn interfaces(&self) -> u8 {
-        u8::try_from(self.robots.len()).unwrap_or(u8::MAX)
+        if self.in_line { 1 } else { u8::try_from(self.robots.len()).unwrap_or(u8::MAX) }
     }
 
     fn handle_frame(&mut self, now: Instant, on: InterfaceId, from: Source, frame: &[u8]) {
@@ -227,6 +251,9 @@ impl Multihomed for Robots {
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<(InterfaceId, Transmit)> {
+        if self.in_line {
+            return Some((InterfaceId::FIRST, self.pass_along(now, buf)?));
+        }
         self.next(|robot| Machine::poll_transmit(robot, now, buf))
             .map(|(number, transmit)| (InterfaceId(number), transmit))
     }
