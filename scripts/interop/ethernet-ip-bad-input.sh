@@ -38,7 +38,7 @@ asks assembly 's/150/99/'
 says assembly 'no such O to T assembly .*0x01, .*0x012A.*; asked for O.T assembly 99 .*; by its EDS file the device has .*150 for O.T \(256 bytes\)'
 stops assembly
 asks size 's/consumed_bytes = 256/consumed_bytes = 100/'
-says size 'O to T size is not .*0x0127.*; asked for 106 bytes O.T to assembly 150; the device has 262 bytes there'
+says size 'O to T size is not .*0x0127.*; asked for 100 bytes of data O.T to assembly 150 .connection size 106.; the device has 256 bytes of data .connection size 262 '
 stops size
 asks key 's/major_revision = 1/major_revision = 3/'
 says key 'electronic key does not fit .*0x25.*; asked for .* revision 3\.1; the device is .* revision 1\.1, serial number 0x'

@@ -1,6 +1,6 @@
 //! State and counters of a station's Ethernet interface. A machine gets them from its owner, who can ask the operating system.
 
-/// What an interface's cable is.
+/// Cable of an interface.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub enum Medium {
     /// Not known.
@@ -15,13 +15,13 @@ pub enum Medium {
 /// State of an interface.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct LinkStatus {
-    /// Whether something is at the other end of the cable.
+    /// Carrier: something is at the other end of the cable.
     pub is_up: bool,
     /// Speed in Mbit/s; `None` if the interface does not know it.
     pub speed_mbit_s: Option<u32>,
-    /// Whether it sends and receives at the same time; `None` if the interface does not know it.
+    /// Full duplex: it sends and receives at the same time; `None` if the interface does not know it.
     pub is_full_duplex: Option<bool>,
-    /// Whether both ends negotiated the speed; `None` if the interface does not know it.
+    /// Successful negotiation of the speed between both ends; `None` if the interface does not know it.
     pub is_negotiated: Option<bool>,
     /// The cable.
     pub medium: Medium,
@@ -62,7 +62,7 @@ pub struct LinkCounters {
     pub alignment_errors: u64,
     /// Frames with a wrong check sequence.
     pub fcs_errors: u64,
-    /// Frames sent after one collision, or collisions where frames are not told apart.
+    /// Frames sent after one collision; all collisions where they are not counted by frame.
     pub single_collisions: u64,
     /// Frames sent after more than one collision.
     pub multiple_collisions: u64,

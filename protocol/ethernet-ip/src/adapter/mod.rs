@@ -373,7 +373,7 @@ impl Adapter {
     }
 }
 
-/// Whether a host gets a further connection of a kind.
+/// Room for a further connection of a kind for a host.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Room {
     /// A place is free.

@@ -24,8 +24,8 @@ pub(super) struct Session {
 pub(super) enum Carried {
     /// None.
     Nothing,
-    /// Of class 1: their frames go by UDP, so they outlive the TCP connection.
+    /// Connections of class 1 alone: their frames go by UDP, so they outlive the TCP connection.
     Cyclic,
-    /// Of class 3: they end with the TCP connection.
+    /// Also connections of class 3: they end with the TCP connection.
     Explicit,
 }

@@ -161,8 +161,8 @@ impl State {
         self.unused.extend(stream.filter(is_unused));
     }
 
-    /// Reports a refused request as an event: its sender is not the owner of the outputs or of the connection, or there is no
-    /// such owner and the sender is not a listed originator.
+    /// Reports a refused request as an event: its sender is not the owner of the outputs or of the connection, or, without
+    /// such an owner, not a listed originator.
     pub(super) fn refuse_foreign(
         &mut self,
         now: Instant,

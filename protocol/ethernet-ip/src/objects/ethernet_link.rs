@@ -7,7 +7,7 @@ use machine::{LinkCounters, LinkStatus, Medium};
 
 /// State of the interface, and what its counters were when each attribute was cleared.
 #[derive(Clone, Copy, Default, Debug)]
-pub(in super::super) struct Link {
+pub(in super::super) struct ReportedLink {
     /// `None` until the owner reports it.
     pub(in super::super) status: Option<LinkStatus>,
     cleared: [LinkCounters; 4],
@@ -107,7 +107,7 @@ impl Counted {
     }
 }
 
-impl Link {
+impl ReportedLink {
     fn write_counters(&self, counted: Counted, writer: &mut Writer<'_>) {
         let cleared = self.cleared.get(counted as usize);
         match self.status.zip(cleared) {

@@ -11,7 +11,7 @@ mod tcp_ip;
 
 pub(super) use assembly::AssemblyData;
 pub(super) use connection_manager::ManagerCounters;
-pub(super) use ethernet_link::Link;
+pub(super) use ethernet_link::ReportedLink;
 pub(super) use identity::{IoState, write_identity_item};
 pub(super) use message_router::multiple_service;
 pub use port::PORT_NUMBER;
@@ -28,7 +28,7 @@ pub(super) struct Device {
     pub(super) description: &'static Description,
     pub(super) serial_number: u32,
     pub(super) network: Network,
-    pub(super) link: Link,
+    pub(super) link: ReportedLink,
     pub(super) qos: Qos,
     pub(super) manager: ManagerCounters,
     pub(super) io: IoState,
@@ -46,7 +46,7 @@ impl Device {
             description,
             serial_number,
             network,
-            link: Link::default(),
+            link: ReportedLink::default(),
             qos: Qos::default(),
             manager: ManagerCounters::default(),
             io: IoState::default(),

@@ -1,4 +1,4 @@
-//! What an adapter says of its Ethernet interface: what its owner reports, and answers over UDP within limits.
+//! The Ethernet interface of an adapter: its state as its owner reports it, and the limits of answers over UDP.
 
 use std::net::Ipv4Addr;
 

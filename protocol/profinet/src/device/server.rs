@@ -225,7 +225,7 @@ impl Core {
     }
 
     fn refuse_foreign(&mut self, now: Instant, from: Ipv4Addr, what: Requested) {
-        // Another station with the controller's address is told from it by its MAC address alone.
+        // Only the MAC address distinguishes the controller from another station with its IP address.
         let owner = self.relation.as_ref().map(|relation| match relation.controller {
             controller if controller == from => Sender::Mac(relation.initiator_mac),
             controller => Sender::Ip(controller),

@@ -74,7 +74,7 @@ pub struct RequestedConnection {
     pub rpi_us: (u32, u32),
 }
 
-/// What a Forward_Open requested of the assembly of one direction.
+/// Assembly and connection size that a Forward_Open requested for one direction.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct RequestedAssembly {
     /// Instance of the assembly.
