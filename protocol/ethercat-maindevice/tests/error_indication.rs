@@ -45,7 +45,7 @@ struct Devices {
     segment: Segment,
     /// Station address, and AL status code.
     error: Option<(u16, u16)>,
-    /// Whether the error ends by an acknowledgement.
+    /// Set if an acknowledgement ends the error.
     ends: bool,
     acknowledgements: u32,
 }

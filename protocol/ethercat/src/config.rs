@@ -26,7 +26,7 @@ pub struct DeviceConfig {
     /// Time that a frame takes on the cable towards the MainDevice, each way.
     pub cable_delay: Duration,
     /// The port with the cable towards the MainDevice, 0 to 3. Port 0 is the right one. By another one, frames still pass the
-    /// device and come back, but after those behind it, and marked as circulating if nothing is plugged into port 0.
+    /// device and come back, but later than those at its other ports, and marked as circulating if nothing is plugged into port 0.
     pub upstream_port: usize,
     /// Its local clock.
     pub clock: LocalClock,

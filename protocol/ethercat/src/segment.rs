@@ -195,7 +195,7 @@ impl Segment {
     }
 
     /// Sets the value of an object's entry, of up to 64 bits, wherever it is. Bits that the entry does not have are left out.
-    /// Returns `None` if there is no such entry.
+    /// Returns `None` for an unknown entry.
     pub fn set_number(&mut self, id: DeviceId, index: u16, subindex: u8, number: u64) -> Option<()> {
         self.devices.get_mut(id.0)?.set_number(index, subindex, number)
     }
@@ -312,7 +312,7 @@ impl Segment {
                 return Some(Place { device: place.device, port });
             }
             // A closed port 0 marks a frame that passes it, and destroys one that is marked: it would circulate endlessly in the
-            // devices behind a cut cable (ESC datasheet section I, circulating frames).
+            // devices beyond a cut cable (ESC datasheet section I, circulating frames).
             if port == 0 && mark_circulating(payload) {
                 return None;
             }
