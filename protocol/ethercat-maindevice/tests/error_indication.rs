@@ -1,6 +1,6 @@
 //! Devices that indicate an error in OP: one that refuses a stranger's request as the standard has it, and others that stay in OP.
 
-#![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by a panic")]
+#![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice, SubDeviceId};
 use ethercat_subdevice::description::{DataType, Description, Mailbox, Pdo, PdoEntry};
@@ -146,7 +146,7 @@ fn event(cell: &mut Cell, within: Duration) -> Option<(SubDeviceId, LinkEvent)> 
 /// Expects that a device is reported, and returns the reason in words.
 fn reason(cell: &mut Cell, within: Duration, id: SubDeviceId, expected: DownCause, code: u32) -> String {
     let Some((device, LinkEvent::Down(Down { cause, code: found, .. }))) = event(cell, within) else {
-        panic!("no device is reported")
+        unreachable!("no device is reported")
     };
     assert_eq!((device, cause, found), (id, expected, code));
     let mut words = String::new();
