@@ -8,7 +8,7 @@ start subdevice at_robot "$EXAMPLES/subdevice" robot
 says subdevice 'wait for a MainDevice'
 start peer at_plc "$VENV/bin/python" scripts/interop/peers/pysoem_main.py plc
 ends peer 40
-says peer '15 objects with 29 values listed without a complaint'
+says peer '17 objects with 57 values listed without a complaint'
 says peer '500 numbers came back'
 says peer 'watchdogs expired and acknowledged'
 says peer 'overlapped process data'

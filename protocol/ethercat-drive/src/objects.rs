@@ -1,4 +1,4 @@
-//! What a drive and its SubDevice exchange: process data as the controller has mapped them, and settings by SDO.
+//! Exchange between a drive and its SubDevice: process data as the controller has mapped them, and settings by SDO.
 
 use ethercat_subdevice::{DeviceId, Segment};
 use machine::Duration;
@@ -22,7 +22,7 @@ const POWERS_NS: [(i8, u64); 7] = [
     (0, 1_000_000_000),
 ];
 
-/// Reads the outputs; `None` while there are none. Where a controller has mapped them otherwise than described, each comes from
+/// Reads the outputs; `None` while there are none. Where a controller has mapped other ones than the described, each comes from
 /// wherever its object is; a target that is not mapped holds the motor where it is.
 pub(crate) fn outputs(segment: &Segment, id: DeviceId, drive: &Drive) -> Option<Outputs> {
     let data = segment.outputs(id)?;

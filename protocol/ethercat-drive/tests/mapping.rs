@@ -12,7 +12,7 @@ use virtual_time::{Clock, Event, Impairment, Pair, PairConfig};
 const MS: Duration = Duration::from_millis(1);
 const START: i32 = 5_000;
 
-/// What a controller maps, with what it expects of the drive.
+/// Entries that a controller maps, each as index, subindex and bits.
 #[derive(Clone, Copy)]
 struct Mapping {
     outputs: &'static [u32],

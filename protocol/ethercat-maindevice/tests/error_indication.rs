@@ -1,6 +1,6 @@
 //! Devices that indicate an error in OP: one that refuses a stranger's request as the standard has it, and others that stay in OP.
 
-#![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by a panic")]
+#![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
 
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice, SubDeviceId};
 use ethercat_subdevice::description::{DataType, Description, Mailbox, Pdo, PdoEntry};
@@ -45,7 +45,7 @@ struct Devices {
     segment: Segment,
     /// Station address, and AL status code.
     error: Option<(u16, u16)>,
-    /// Whether the error ends by an acknowledgement.
+    /// Set if an acknowledgement ends the error.
     ends: bool,
     acknowledgements: u32,
 }
@@ -146,7 +146,7 @@ fn event(cell: &mut Cell, within: Duration) -> Option<(SubDeviceId, LinkEvent)> 
 /// Expects that a device is reported, and returns the reason in words.
 fn reason(cell: &mut Cell, within: Duration, id: SubDeviceId, expected: DownCause, code: u32) -> String {
     let Some((device, LinkEvent::Down(Down { cause, code: found, .. }))) = event(cell, within) else {
-        panic!("no device is reported")
+        unreachable!("no device is reported")
     };
     assert_eq!((device, cause, found), (id, expected, code));
     let mut words = String::new();

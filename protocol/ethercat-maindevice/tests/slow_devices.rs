@@ -1,8 +1,6 @@
 //! Devices that take their time for each answer, on a cable where frames take none: the MainDevice waits without a flood of
 //! frames.
 
-#![expect(clippy::unwrap_used, reason = "a test fails by a panic")]
-
 use ethercat_maindevice::ethercrab::error::Error;
 use ethercat_maindevice::ethercrab::{MainDeviceConfig, Timeouts};
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice, Scripted, ethercrab, time, with_main_device};

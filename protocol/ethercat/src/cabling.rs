@@ -5,6 +5,8 @@ use alloc::vec::Vec;
 
 use machine::Duration;
 
+use crate::config::DeviceConfig;
+
 /// Ports of a chip.
 pub(crate) const PORTS: usize = 4;
 
@@ -25,10 +27,12 @@ pub(crate) enum End {
 /// What is connected at a port, and how long the cable takes.
 pub(crate) type Peer = Option<(End, Duration)>;
 
-/// A device, and its cable towards the MainDevice at port 0.
+/// A device, and its cable towards the MainDevice.
 #[derive(Clone, Copy, Debug)]
 struct Station {
     upstream: End,
+    /// Its own port with that cable.
+    upstream_port: usize,
     cable_delay: Duration,
     forwarding_delay: Duration,
     cut: bool,
@@ -44,19 +48,20 @@ pub(crate) struct Cabling {
 }
 
 impl Cabling {
-    /// Returns whether there is such a port, 1 to 3, and nothing is plugged into it.
+    /// Returns whether there is such a port, and nothing is plugged into it.
     pub(crate) fn is_free(&self, place: Place) -> bool {
-        place.device < self.stations.len()
-            && (1..PORTS).contains(&place.port)
+        self.stations.get(place.device).is_some_and(|station| station.upstream_port != place.port)
+            && place.port < PORTS
             && self.stations.iter().all(|station| station.upstream != End::Device(place))
     }
 
     /// Adds a device at a free place.
-    pub(crate) fn add(&mut self, upstream: End, cable_delay: Duration, forwarding_delay: Duration) {
+    pub(crate) fn add(&mut self, upstream: End, config: &DeviceConfig) {
         self.stations.push(Station {
             upstream,
-            cable_delay,
-            forwarding_delay,
+            upstream_port: config.upstream_port.min(PORTS - 1),
+            cable_delay: config.cable_delay,
+            forwarding_delay: config.forwarding_delay,
             cut: false,
             powered: true,
             peers: [None; PORTS],
@@ -99,11 +104,16 @@ impl Cabling {
         self.stations.get(device).map_or([false; PORTS], |station| station.peers.map(|peer| peer.is_some()))
     }
 
-    /// Returns the device at the MainDevice's port, and the delay of the cable, if it is reached.
-    pub(crate) fn first(&self) -> Option<(usize, Duration)> {
+    /// Returns the port that leads towards the MainDevice.
+    pub(crate) fn upstream_port(&self, device: usize) -> usize {
+        self.stations.get(device).map_or(0, |station| station.upstream_port)
+    }
+
+    /// Returns the port at which the device next to the MainDevice is reached, and the delay of the cable, if it is.
+    pub(crate) fn first(&self) -> Option<(Place, Duration)> {
         let number = self.stations.iter().position(|station| station.upstream == End::MainDevice)?;
         let station = self.stations.get(number).filter(|station| !station.cut && station.powered)?;
-        Some((number, station.cable_delay))
+        Some((Place { device: number, port: station.upstream_port }, station.cable_delay))
     }
 
     fn update(&mut self) {
@@ -116,8 +126,8 @@ impl Cabling {
     }
 
     fn find_peer(&self, place: Place) -> Peer {
-        if place.port == 0 {
-            let station = self.stations.get(place.device)?;
+        let station = self.stations.get(place.device)?;
+        if place.port == station.upstream_port {
             let live = match station.upstream {
                 End::MainDevice => true,
                 End::Device(upstream) => self.is_powered(upstream.device),
@@ -127,8 +137,10 @@ impl Cabling {
         }
         let number = self.stations.iter().position(|station| station.upstream == End::Device(place))?;
         let station = self.stations.get(number).filter(|station| !station.cut && station.powered)?;
-        self.is_powered(place.device)
-            .then_some((End::Device(Place { device: number, port: 0 }), station.cable_delay))
+        self.is_powered(place.device).then_some((
+            End::Device(Place { device: number, port: station.upstream_port }),
+            station.cable_delay,
+        ))
     }
 }
 

@@ -25,6 +25,9 @@ pub struct DeviceConfig {
     pub forwarding_delay: Duration,
     /// Time that a frame takes on the cable towards the MainDevice, each way.
     pub cable_delay: Duration,
+    /// The port with the cable towards the MainDevice, 0 to 3. Port 0 is the right one. By another one, frames still pass the
+    /// device and come back, but later than those at its other ports, and marked as circulating if nothing is plugged into port 0.
+    pub upstream_port: usize,
     /// Its local clock.
     pub clock: LocalClock,
 }
@@ -42,6 +45,7 @@ impl DeviceConfig {
             eeprom_delay: Duration::ZERO,
             forwarding_delay: Duration::ZERO,
             cable_delay: Duration::ZERO,
+            upstream_port: 0,
             clock: LocalClock { start_ns: 0, error_ppb: 0 },
         }
     }

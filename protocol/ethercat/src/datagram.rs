@@ -24,6 +24,9 @@ pub const WORKING_COUNTER_LEN: usize = 2;
 /// Longest data of a datagram in a frame of 1518 bytes.
 pub const MAX_DATA_LEN: usize = 1486;
 
+/// In the high byte of a datagram's length: it has passed a closed port 0.
+const CIRCULATING: u8 = 0x40;
+
 /// Type in the EtherCAT header of frames with datagrams.
 const TYPE_DATAGRAMS: u16 = 1;
 
@@ -118,6 +121,14 @@ impl Datagram<'_> {
     pub const fn add_events(&mut self, events: u16) {
         let [.., low, high] = self.header;
         [*low, *high] = (u16::from_le_bytes([*low, *high]) | events).to_le_bytes();
+    }
+
+    /// Marks it as circulating. Returns whether it was so before.
+    pub const fn set_circulating(&mut self) -> bool {
+        let [.., high, _, _] = self.header;
+        let was = *high & CIRCULATING != 0;
+        *high |= CIRCULATING;
+        was
     }
 
     /// Returns the working counter.

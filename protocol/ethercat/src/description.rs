@@ -4,8 +4,6 @@
 use alloc::borrow::Cow;
 use alloc::format;
 
-use crate::layout::Usage;
-
 /// A kind of SubDevice. Every emulated one of that kind reads the same description.
 #[derive(Clone, Copy, Debug)]
 pub struct Description {
@@ -45,22 +43,6 @@ pub struct Description {
 }
 
 impl Description {
-    /// Returns the length in bytes of the longest outputs or inputs that the MainDevice may map.
-    pub(crate) fn room(&self, usage: Usage) -> u16 {
-        let (pdos, optional) = self.mappable(usage);
-        let bits = |entries: &[PdoEntry]| entries.iter().map(|entry| u32::from(entry.bits)).sum::<u32>();
-        let all = pdos.iter().map(|pdo| bits(pdo.entries)).sum::<u32>() + bits(optional);
-        u16::try_from(all.div_ceil(8)).unwrap_or(u16::MAX)
-    }
-
-    /// Returns the process data of a direction, and the entries besides those that the MainDevice may map.
-    pub(crate) const fn mappable(&self, usage: Usage) -> (&'static [Pdo], &'static [PdoEntry]) {
-        match usage {
-            Usage::Outputs => (self.outputs, self.optional_outputs),
-            _ => (self.inputs, self.optional_inputs),
-        }
-    }
-
     /// Returns whether files can be written to the device.
     #[must_use]
     pub fn has_files(&self) -> bool {
@@ -120,7 +102,7 @@ impl PdoEntry {
 pub struct ClockMode {
     /// Its name.
     pub name: &'static str,
-    /// What it does.
+    /// Explanation in words.
     pub description: &'static str,
     /// Value for the registers 0x0980 and 0x0981.
     pub assign_activate: u16,

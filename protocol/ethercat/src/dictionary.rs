@@ -82,9 +82,9 @@ pub(crate) struct Dictionary {
     /// Indices ascending.
     objects: Vec<DictionaryObject>,
     values: Vec<u8>,
-    /// Whether process data have the described entries in their order.
+    /// Set while process data have the described entries in their order.
     is_as_described: bool,
-    /// Whether the MainDevice has chosen process data since they were applied.
+    /// Set once the MainDevice has chosen process data, until they are applied.
     is_rechosen: bool,
 }
 

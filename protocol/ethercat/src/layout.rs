@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use crate::description::{Description, process_data_len};
+use crate::description::{Description, Pdo, PdoEntry, process_data_len};
 
 /// First address of the process data RAM.
 pub(crate) const RAM_START: u16 = 0x1000;
@@ -21,6 +21,24 @@ pub enum Usage {
     Outputs = 3,
     /// Process data to the MainDevice.
     Inputs = 4,
+}
+
+impl Description {
+    /// Returns the length in bytes of the longest outputs or inputs that the MainDevice may map.
+    pub(crate) fn room(&self, usage: Usage) -> u16 {
+        let (pdos, optional) = self.mappable(usage);
+        let bits = |entries: &[PdoEntry]| entries.iter().map(|entry| u32::from(entry.bits)).sum::<u32>();
+        let all = pdos.iter().map(|pdo| bits(pdo.entries)).sum::<u32>() + bits(optional);
+        u16::try_from(all.div_ceil(8)).unwrap_or(u16::MAX)
+    }
+
+    /// Returns the process data of a direction, and the entries besides those that the MainDevice may map.
+    pub(crate) const fn mappable(&self, usage: Usage) -> (&'static [Pdo], &'static [PdoEntry]) {
+        match usage {
+            Usage::Outputs => (self.outputs, self.optional_outputs),
+            _ => (self.inputs, self.optional_inputs),
+        }
+    }
 }
 
 /// How a sync manager has to be configured.

@@ -80,13 +80,16 @@ impl Segment {
         Self::default()
     }
 
-    /// Adds a device behind the last one, at its port 1.
+    /// Adds a device behind the last one, at its port 1, or at port 0 if port 1 leads towards the MainDevice.
     pub fn add(&mut self, config: &DeviceConfig) -> DeviceId {
         // The place behind the last device is always free: each added device becomes the last one.
         self.connect(
             config,
             match self.devices.len().checked_sub(1) {
-                Some(device) => End::Device(Place { device, port: 1 }),
+                Some(device) => {
+                    let port = usize::from(self.cabling.upstream_port(device) != 1);
+                    End::Device(Place { device, port })
+                }
                 None => End::MainDevice,
             },
         )
@@ -103,20 +106,22 @@ impl Segment {
         self.update_links();
     }
 
-    /// Adds a device at a port, 1 to 3, of another one. Returns `None` if there is no such port or if it is taken.
+    /// Adds a device at a port of another one. Returns `None` if there is no such port or if it is taken.
     pub fn add_at(&mut self, config: &DeviceConfig, device: DeviceId, port: usize) -> Option<DeviceId> {
         let place = Place { device: device.0, port };
         self.cabling.is_free(place).then(|| self.connect(config, End::Device(place)))
     }
 
     fn connect(&mut self, config: &DeviceConfig, upstream: End) -> DeviceId {
-        self.cabling.add(upstream, config.cable_delay, config.forwarding_delay);
+        self.cabling.add(upstream, config);
         if let End::Device(place) = upstream
             && let Some(device) = self.devices.get_mut(place.device)
         {
             device.esc.add_port(place.port);
         }
-        self.devices.push(SubDevice::new(config));
+        let mut device = SubDevice::new(config);
+        device.esc.add_port(self.cabling.upstream_port(self.devices.len()));
+        self.devices.push(device);
         self.update_links();
         DeviceId(self.devices.len() - 1)
     }
@@ -190,7 +195,7 @@ impl Segment {
     }
 
     /// Sets the value of an object's entry, of up to 64 bits, wherever it is. Bits that the entry does not have are left out.
-    /// Returns `None` if there is no such entry.
+    /// Returns `None` for an unknown entry.
     pub fn set_number(&mut self, id: DeviceId, index: u16, subindex: u8, number: u64) -> Option<()> {
         self.devices.get_mut(id.0)?.set_number(index, subindex, number)
     }
@@ -267,48 +272,61 @@ impl Segment {
 
     /// Sends a frame through the devices, each of which changes it. Returns when it is back, or `None` if it is lost.
     fn pass(&mut self, now: Instant, frame: &mut [u8], header_len: usize) -> Option<Instant> {
-        let (first, delay) = self.cabling.first()?;
+        let (mut place, delay) = self.cabling.first()?;
         let mut at = now + delay;
-        let mut place = Place { device: first, port: 0 };
-        self.devices.get_mut(first)?.esc.begin_frame();
         loop {
+            let esc = &mut self.devices.get_mut(place.device)?.esc;
+            if place.port == self.cabling.upstream_port(place.device) {
+                esc.begin_frame();
+            }
+            esc.frame_arrives(at, place.port);
             let out = self.forward(at, place, frame, header_len)?;
             let onward =
                 self.onward().filter(|onward| *onward == out).map(|_| (End::MainDevice, Duration::ZERO));
             let (end, delay) = self.cabling.peer(out).or(onward)?;
             at = at + self.cabling.forwarding_delay(place.device) + delay;
             let End::Device(next) = end else { return Some(at) };
-            let device = self.devices.get_mut(next.device)?;
-            if next.port == 0 {
-                device.esc.begin_frame();
-            } else {
-                device.esc.frame_returns(at, next.port as u16);
-            }
             place = next;
         }
     }
 
     /// Lets a frame that arrives at a port pass one device. Returns the port that it leaves by; `None` if it is dropped at a
-    /// closed port, or would circulate endlessly in the devices behind one.
+    /// closed port, or because it circulates.
     fn forward(&mut self, at: Instant, place: Place, frame: &mut [u8], header_len: usize) -> Option<Place> {
         let device = self.devices.get_mut(place.device)?;
         if !device.esc.is_open(place.port) {
             return None;
         }
-        if place.port == 0 {
-            let datagrams = frame.get_mut(header_len..).and_then(Datagrams::of);
-            for mut datagram in datagrams.into_iter().flatten() {
-                device.esc.process(at, &mut datagram);
+        let mut port = place.port;
+        loop {
+            let payload = frame.get_mut(header_len..)?;
+            if port == 0 {
+                for mut datagram in Datagrams::of(payload).into_iter().flatten() {
+                    device.esc.process(at, &mut datagram);
+                }
+                device.esc.end_frame(at);
+                device.serve(at, &mut Sink { id: DeviceId(place.device), events: &mut self.events });
             }
-            device.esc.end_frame(at);
-            device.serve(at, &mut Sink { id: DeviceId(place.device), events: &mut self.events });
-        }
-        let mut port = next_port(place.port);
-        while port != 0 && !device.esc.is_open(port) {
             port = next_port(port);
+            if device.esc.is_open(port) {
+                return Some(Place { device: place.device, port });
+            }
+            // A closed port 0 marks a frame that passes it, and destroys one that is marked: it would circulate endlessly in the
+            // devices beyond a cut cable (ESC datasheet section I, circulating frames).
+            if port == 0 && mark_circulating(payload) {
+                return None;
+            }
         }
-        device.esc.is_open(port).then_some(Place { device: place.device, port })
     }
+}
+
+/// Marks the datagrams of a frame as circulating. Returns whether they were marked before.
+fn mark_circulating(payload: &mut [u8]) -> bool {
+    let mut circulates = false;
+    for mut datagram in Datagrams::of(payload).into_iter().flatten() {
+        circulates |= datagram.set_circulating();
+    }
+    circulates
 }
 
 impl Machine for Segment {

@@ -29,7 +29,7 @@ pub(crate) struct SubDevice {
     inputs: Box<[u8]>,
     outputs: Box<[u8]>,
     has_outputs: bool,
-    /// Whether an error that the MainDevice has not acknowledged keeps the outputs closed.
+    /// An error that the MainDevice has not acknowledged keeps the outputs closed.
     is_stopped: bool,
     dictionary: Dictionary,
     mailbox: Option<Mailbox>,

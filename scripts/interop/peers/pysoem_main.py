@@ -97,7 +97,7 @@ def eeprom(device):
     """A word that nothing uses is written, and read with the one behind it."""
     assert device.eeprom_read(0x08) == struct.pack("<I", device.man)
     device.eeprom_write(0x3F0, b"\x34\x12")
-    assert device.eeprom_read(0x3F0) == b"\x34\x12" + bytes(2)
+    assert device.eeprom_read(0x3F0) == b"\x34\x12\xff\xff"
     print("EEPROM read and written", flush=True)
 
 

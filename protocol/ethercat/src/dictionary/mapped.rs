@@ -173,7 +173,7 @@ impl Dictionary {
     }
 
     /// Sets an entry's value, wherever it is now, to a number, of which the entry takes as many bits as it has. Returns whether
-    /// it is in the inputs; `None` if there is no such entry, or if it is longer than 64 bits.
+    /// it is in the inputs; `None` for an unknown entry, or one longer than 64 bits.
     pub(crate) fn set_number(
         &mut self,
         (index, subindex, number): Number,

@@ -76,6 +76,8 @@ pub(crate) struct Clock {
     /// Filtered difference to the received system times, in nanoseconds; positive if the local copy is ahead.
     difference: i64,
     latching: bool,
+    /// When the frame arrived at each port.
+    arrivals: [Option<Instant>; 4],
     /// Cyclic operation is activated.
     cyclic: bool,
     /// The next pulses since then, and whether they come out as signals.
@@ -101,6 +103,7 @@ impl Clock {
             compared_at: None,
             difference: 0,
             latching: false,
+            arrivals: [None; 4],
             cyclic: false,
             pulses: [None; 2],
             generated: [false; 2],
@@ -126,25 +129,37 @@ impl Clock {
     }
 
     /// Latches the time at which the frame arrives at the processing unit and, if it latches those too, at the ports, as a
-    /// write to the receive times asks for. It enters by port 0.
+    /// write to the receive times asks for.
     pub(crate) fn latch(&mut self, now: Instant, ports: bool, memory: &mut Memory) {
         self.latching = ports;
-        self.latch_port(0, now, memory);
+        for (port, arrival) in self.arrivals.into_iter().enumerate() {
+            if let Some(arrival) = arrival {
+                self.latch_port(port, arrival, memory);
+            }
+        }
         let local = self.local(now);
         memory.set(RECEIVE_TIME_UNIT, &local.to_le_bytes());
     }
 
-    /// Latches the time of a port that the same frame comes back to.
-    pub(crate) fn latch_port(&mut self, port: u16, now: Instant, memory: &mut Memory) {
+    /// Takes note of the time at which the frame arrives at a port, before or after the processing unit.
+    pub(crate) fn arrive(&mut self, port: usize, now: Instant, memory: &mut Memory) {
+        if let Some(arrival) = self.arrivals.get_mut(port) {
+            *arrival = Some(now);
+        }
+        self.latch_port(port, now, memory);
+    }
+
+    fn latch_port(&self, port: usize, at: Instant, memory: &mut Memory) {
         if self.latching {
-            let local = self.local(now) as u32;
-            memory.set(RECEIVE_TIMES + port * 4, &local.to_le_bytes());
+            let local = self.local(at) as u32;
+            memory.set(RECEIVE_TIMES + port as u16 * 4, &local.to_le_bytes());
         }
     }
 
     /// Begins a new frame.
     pub(crate) const fn end_latch(&mut self) {
         self.latching = false;
+        self.arrivals = [None; 4];
     }
 
     /// Shows the time and the next pulses in the registers.
@@ -290,159 +305,4 @@ impl Clock {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const MS: u64 = 1_000_000;
-
-    fn at(ns: u64) -> Instant {
-        Instant::from_nanos(ns)
-    }
-
-    /// A clock that is as exact as its local clock, with the registers after power-on.
-    fn clock(start_ns: u64, error_ppb: i64) -> (Clock, Memory) {
-        let mut memory = Memory::new();
-        memory.reset();
-        (Clock::new(Instant::ZERO, LocalClock { start_ns, error_ppb }), memory)
-    }
-
-    /// Compares the clock with a system time from which its own differs by so much.
-    fn compare(clock: &mut Clock, memory: &mut Memory, now: Instant, ahead: i32) {
-        let local = clock.system(now, memory) as u32;
-        clock.compare(now, local.wrapping_sub(ahead as u32), memory);
-    }
-
-    #[test]
-    fn a_clock_with_a_positive_error_runs_too_fast() {
-        for (error_ppb, after_a_second) in [(0, 1_000_000_000), (500, 1_000_000_500), (-500, 999_999_500)] {
-            assert_eq!(clock(7, error_ppb).0.local(at(1_000 * MS)), 7 + after_a_second, "{error_ppb}");
-        }
-    }
-
-    #[test]
-    fn the_difference_that_is_shown_is_filtered_by_the_depth_in_its_register() {
-        let (mut clock, mut memory) = clock(0, 0);
-        let mut shown = |depth: u8, ahead| {
-            memory.set(0x0934, &[depth]);
-            compare(&mut clock, &mut memory, at(5 * MS), ahead);
-            memory.u32(SYSTEM_TIME_DIFFERENCE)
-        };
-        // 1600 / 16; then a sixteenth of what is left; then half of it; then all of it.
-        assert_eq!(shown(4, 1600), 0x8000_0000 + 100);
-        assert_eq!(shown(4, 1600), 0x8000_0000 + 193);
-        assert_eq!(shown(1, 1593), 0x8000_0000 + 893);
-        assert_eq!(shown(0, -20), 20, "behind");
-    }
-
-    #[test]
-    fn a_difference_is_taken_back_by_a_sixteenth_at_each_comparison() {
-        for (ahead, gained) in [(1_000, -63_476), (-1_000, 63_476)] {
-            let (mut clock, mut memory) = clock(0, 0);
-            compare(&mut clock, &mut memory, at(MS), 0);
-            compare(&mut clock, &mut memory, at(2 * MS), ahead);
-            // Of 1000 ns in 1 ms: 62.5 ns in each further 1 ms, and 976 ppb for good.
-            assert_eq!(clock.local(at(1_002 * MS)) as i64, 1_002 * MS as i64 + gained);
-        }
-    }
-
-    #[test]
-    fn two_comparisons_at_one_time_correct_nothing() {
-        let (mut clock, mut memory) = clock(0, 0);
-        compare(&mut clock, &mut memory, at(MS), 1_000);
-        compare(&mut clock, &mut memory, at(MS), 1_000);
-        assert_eq!(clock.local(at(1_001 * MS)), 1_001 * MS);
-    }
-
-    #[test]
-    fn a_clock_far_off_is_corrected_by_the_most_that_a_chip_can_and_learns_nothing_from_that() {
-        // The second difference asks for just that limit.
-        for (bandwidth, ahead) in [(0x1000_u16, 1_000_000), (0x0100, 781)] {
-            for ahead in [ahead, -ahead] {
-                let (mut clock, mut memory) = clock(0, 0);
-                memory.set(SPEED_COUNTER_START, &bandwidth.to_le_bytes());
-                compare(&mut clock, &mut memory, at(MS), 0);
-                let elapsed = if bandwidth == 0x0100 { 999_680 } else { MS };
-                compare(&mut clock, &mut memory, at(MS + elapsed), ahead);
-                let start = clock.local(at(2 * MS)) as i64;
-                let gained = clock.local(at(1_002 * MS)) as i64 - start - 1_000 * MS as i64;
-                assert_eq!(gained, -i64::from(ahead.signum()) * MAX_CORRECTION_PPB, "{ahead}");
-                compare(&mut clock, &mut memory, at(1_002 * MS), 0);
-                let start = clock.local(at(1_002 * MS));
-                assert_eq!(clock.local(at(2_002 * MS)) - start, 1_000 * MS, "{ahead}");
-            }
-        }
-    }
-
-    #[test]
-    fn what_a_clock_has_learned_shows_in_ticks_of_its_speed_counter() {
-        for (ahead, shown) in [(10_000, -3_i16), (-10_000, 3)] {
-            let (mut clock, mut memory) = clock(0, 0);
-            for number in 1..200 {
-                compare(&mut clock, &mut memory, at(number * MS), ahead);
-            }
-            // 0.781 per mille of 4096 ticks.
-            assert_eq!(memory.u16(SPEED_COUNTER_DIFFERENCE) as i16, shown);
-        }
-    }
-
-    #[test]
-    fn half_of_all_times_are_ahead_of_another_and_half_behind() {
-        for (time, system, ahead) in [
-            (1, 0, true),
-            (0, 0, false),
-            (0, 1, false),
-            (u64::MAX / 2, 0, true),
-            (u64::MAX / 2 + 1, 0, false),
-            (3, u64::MAX, true),
-        ] {
-            assert_eq!(is_ahead(time, system), ahead, "{time} from {system}");
-        }
-    }
-
-    /// Starts SYNC signals at a system time.
-    fn start(clock: &mut Clock, memory: &mut Memory, activation: u8, start: u64, cycle: u32) {
-        memory.set(SYNC_START, &start.to_le_bytes());
-        memory.set(SYNC0_CYCLE, &cycle.to_le_bytes());
-        memory.set(SYNC_ACTIVATION, &[activation]);
-        clock.activate(Instant::ZERO, memory);
-    }
-
-    #[test]
-    fn a_signal_is_due_when_the_system_time_reaches_its_start() {
-        for (start_ns, due) in [(0, 50_000), (1_000, 49_000)] {
-            let (mut clock, mut memory) = clock(start_ns, 0);
-            start(&mut clock, &mut memory, 0x03, 50_000, 10_000);
-            assert_eq!(clock.deadline(&memory), Some(at(due)));
-            assert_eq!(clock.pulse(at(due - 1), &memory), None);
-            assert_eq!(clock.pulse(at(due), &memory), Some((Sync::Sync0, 50_000)));
-            assert_eq!(clock.deadline(&memory), Some(at(due + 10_000)));
-        }
-    }
-
-    #[test]
-    fn a_cycle_no_longer_than_a_pulse_makes_no_signal() {
-        for (cycle, makes) in [(50_000, false), (50_001, true), (0, true)] {
-            let (mut clock, mut memory) = clock(0, 0);
-            memory.set(PULSE_LENGTH, &5_000_u16.to_le_bytes()); // of 10 ns
-            start(&mut clock, &mut memory, 0x03, 100_000, cycle);
-            assert_eq!(clock.makes_pulses(), makes, "{cycle}");
-        }
-    }
-
-    #[test]
-    fn a_clock_makes_signals_while_one_that_is_switched_on_has_pulses_left() {
-        for (activation, start_at, makes) in [
-            (0x03, 100_000, true),
-            (0x05, 100_000, true),
-            (0x07, 100_000, true),
-            (0x01, 100_000, false),
-            (0x06, 100_000, false),
-            (0x05, 0, false),
-            (0x07, 0, false),
-        ] {
-            let (mut clock, mut memory) = clock(1, 0);
-            start(&mut clock, &mut memory, activation, start_at, 10_000);
-            assert_eq!(clock.makes_pulses(), makes, "{activation:#04x} from {start_at}");
-        }
-    }
-}
+mod tests;

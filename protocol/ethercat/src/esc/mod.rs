@@ -148,17 +148,17 @@ impl Esc {
         self.sii.image_mut()
     }
 
-    /// Begins a frame, which arrives at a port.
-    pub(crate) fn begin_frame(&mut self) {
+    /// Begins a frame.
+    pub(crate) const fn begin_frame(&mut self) {
         if let Some(clock) = &mut self.clock {
             clock.end_latch();
         }
     }
 
-    /// Notes that the frame came back to a port.
-    pub(crate) fn frame_returns(&mut self, now: Instant, port: u16) {
+    /// Notes that the frame arrives at a port, on its way from the MainDevice or back.
+    pub(crate) fn frame_arrives(&mut self, now: Instant, port: usize) {
         if let Some(clock) = &mut self.clock {
-            clock.latch_port(port, now, &mut self.memory);
+            clock.arrive(port, now, &mut self.memory);
         }
     }
 

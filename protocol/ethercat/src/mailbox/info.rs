@@ -67,9 +67,20 @@ impl Listing {
             OBJECT_REQUEST => dictionary.object(first).map(|object| write_object(object, outbox)),
             ENTRY_REQUEST => {
                 let [subindex, _] = reader.array().map_err(|_| MailboxError::TooShort)?;
-                let entry = dictionary.entry(first, subindex);
                 let chosen = dictionary.is_chosen_by_main_device(first);
-                entry.map(|entry| write_entry(first, entry, chosen, outbox))
+                dictionary.object(first).and_then(|object| match object.entry(subindex) {
+                    Some(entry) => {
+                        write_entry(first, entry, chosen, outbox);
+                        Ok(())
+                    }
+                    // Subindices that a record leaves out have no type, as in Beckhoff's stack: MainDevices ask for each up to the
+                    // highest one.
+                    None if object.entries.last().is_some_and(|last| subindex < last.subindex) => {
+                        write_gap(first, subindex, outbox);
+                        Ok(())
+                    }
+                    None => Err(AbortCode::NO_SUBINDEX),
+                })
             }
             _ => Err(AbortCode::COMMAND),
         };
@@ -162,6 +173,14 @@ fn write_entry(index: u16, entry: &DictionaryEntry, chosen: bool, outbox: &mut O
         writer.u16(entry.bits as u16);
         writer.u16(access);
         writer.bytes(cut(&entry.name, room));
+    });
+}
+
+fn write_gap(index: u16, subindex: u8, outbox: &mut Outbox) {
+    write(outbox, ENTRY_RESPONSE, 0, |writer| {
+        writer.u16(index);
+        writer.u8(subindex);
+        writer.zeros(7);
     });
 }
 

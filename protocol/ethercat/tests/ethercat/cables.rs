@@ -105,6 +105,8 @@ fn a_frame_passes_a_tree_in_the_order_of_ports_3_1_2() {
     segment.add_at(&config, at_1, 1).unwrap();
     assert_eq!(segment.add_at(&config, fork, 3), None, "taken");
     assert_eq!(segment.add_at(&config, fork, 0), None, "towards the MainDevice");
+    let swapped = DeviceConfig { upstream_port: 2, ..config };
+    assert_eq!(segment.add_at(&swapped, fork, 0), None, "towards the MainDevice");
     assert_eq!(segment.add_at(&config, fork, 4), None, "no such port");
     // Each device keeps the address of its position: the fork, then what is at ports 3, 1 and 2.
     let mut main_device = RawMainDevice::new(segment);
@@ -217,6 +219,67 @@ fn chips_know_their_own_user_ram_only() {
     main_device.exchange(APWR, 0xFFFF, USER_RAM, &[9]);
     assert_eq!(main_device.exchange(APRD, 0, USER_RAM, &[0]), (vec![0], 1));
     assert_eq!(main_device.exchange(APRD, 0xFFFF, USER_RAM, &[0]), (vec![9], 1));
+}
+
+/// A device whose cable towards the MainDevice is in this port.
+fn entered_by(upstream_port: usize) -> DeviceConfig {
+    DeviceConfig { upstream_port, ..DeviceConfig::new(&SIMPLE) }
+}
+
+#[test]
+fn a_device_answers_by_whichever_port_the_cable_is_in_and_marks_frames_if_port_0_is_not_it() {
+    for port in 0..4 {
+        let mut segment = Segment::new();
+        let id = segment.add(&entered_by(port));
+        let mut main_device = RawMainDevice::new(segment);
+        let reply = main_device.send(&frame(BRD, 0, &[0])).unwrap();
+        assert_eq!(reply[23] & 0x40 != 0, port != 0, "port {port}: circulating");
+        assert_eq!(reply[27..29], [1, 0], "port {port}: working counter");
+        // Its link, and the closed loops of the other ports.
+        let status = dl_status(&mut main_device, 0);
+        assert_eq!(status >> 4 & 0x0F, 1 << port);
+        assert_eq!((0..4).filter(|other| status >> (8 + 2 * other) & 1 == 0).collect::<Vec<_>>(), [port]);
+        assert_ne!(main_device.exchange(APRD, 0, 0x0007, &[0]).0[0] & 0x03 << (2 * port), 0, "it is there");
+        main_device.segment.set_cut(id, true);
+        assert_eq!(main_device.send(&frame(BRD, 0, &[0])), None);
+    }
+}
+
+#[test]
+fn a_device_whose_in_and_out_are_swapped_comes_after_those_behind_it() {
+    let mut segment = Segment::new();
+    segment.add(&entered_by(0));
+    segment.add(&entered_by(1));
+    segment.add(&entered_by(0));
+    segment.add(&entered_by(0));
+    let mut main_device = RawMainDevice::new(segment);
+    assert_eq!(count(&mut main_device), 4);
+    for position in 0..4_u16 {
+        main_device.exchange(APWR, 0_u16.wrapping_sub(position), 0x0010, &[position as u8, 0x10]);
+    }
+    main_device.exchange(APWR, 0xFFFD, 0x0120, &[2, 0]);
+    let states = [0, 1, 2, 3].map(|id| main_device.segment.state(DeviceId(id)).unwrap().0);
+    assert_eq!(
+        states,
+        [AlState::Init, AlState::PreOp, AlState::Init, AlState::Init],
+        "the last one is the swapped"
+    );
+    main_device.segment.set_cut(DeviceId(2), true);
+    assert_eq!(station_addresses(&mut main_device, 2), [0x1000, 0x1003]);
+}
+
+#[test]
+fn a_frame_that_passes_a_second_closed_port_0_is_destroyed() {
+    let mut segment = Segment::new();
+    let fork = segment.add(&entered_by(0));
+    segment.add_at(&entered_by(1), fork, 1).unwrap();
+    let mut main_device = RawMainDevice::new(segment);
+    assert_eq!(count(&mut main_device), 2);
+    let second = main_device.segment.add_at(&entered_by(3), fork, 2).unwrap();
+    assert_eq!(main_device.send(&frame(BRD, 0, &[0])), None);
+    assert_eq!(main_device.segment.counters().lost, 1);
+    main_device.segment.set_cut(second, true);
+    assert_eq!(count(&mut main_device), 2);
 }
 
 /// Three bridges in OP under ethercrab; the cable before the second one is cut for 300 ms and mended.

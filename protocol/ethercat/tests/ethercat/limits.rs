@@ -8,7 +8,7 @@ use ethercrab::error::Error;
 use ethercrab::{MainDevice, ObjectDescriptionListQuery, SubDeviceState};
 use machine::{Duration, Instant};
 
-use crate::devices::{ACTUATOR, BRIDGE, PLAIN, SMART, TINY};
+use crate::devices::{ACTUATOR, BRIDGE, PLAIN, SIMPLE, SMART, TINY};
 use crate::faulty::FrameFault;
 use crate::main_device::Stand;
 
@@ -140,4 +140,15 @@ fn a_reply_256_datagrams_late_is_taken_for_that_of_a_new_frame() {
     let ages: Vec<(u32, u8)> =
         [1, 5, 126, 127, 128, 129, 130].map(|frames| (frames, age_with_a_reply_behind(frames))).into();
     assert_eq!(ages, [(1, 1), (5, 1), (126, 1), (127, 1), (128, 129), (129, 1), (130, 1)]);
+}
+
+#[test]
+fn a_line_with_a_device_whose_in_and_out_are_swapped_is_an_error_of_the_topology() {
+    let mut segment = Segment::new();
+    for upstream_port in [0, 1, 0] {
+        segment.add(&DeviceConfig { upstream_port, ..DeviceConfig::new(&SIMPLE) });
+    }
+    let ended = Stand::new(&mut segment)
+        .run(async |main| main.init_single_group::<4, 64>(time::now_ns).await.map(|group| group.len()));
+    assert_eq!(ended.result, Some(Err(Error::Topology)));
 }

@@ -78,3 +78,15 @@ fn a_device_without_a_clock_has_no_such_objects_and_one_without_outputs_those_of
     assert_eq!(read(&mut main_device, 0x1C32, 0), Err(NO_OBJECT));
     assert_eq!(read(&mut main_device, 0x1C33, 0), Ok(32));
 }
+
+#[test]
+fn a_subindex_that_the_object_leaves_out_is_described_as_one_without_a_type() {
+    let mut main_device = in_pre_op(&BRIDGE);
+    for (subindex, expected) in
+        [(7, Some([0; 6])), (20, Some([0; 6])), (32, Some([1, 0, 8, 0, 7, 0])), (33, None)]
+    {
+        let answer = main_device.coe(8, &[5, 0, 0, 0, 0x32, 0x1C, subindex, 0]);
+        let described = (answer[2] == 6).then(|| answer[10..16].try_into().unwrap());
+        assert_eq!(described, expected, "{subindex}");
+    }
+}
