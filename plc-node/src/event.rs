@@ -10,6 +10,7 @@ use protocol::image::{ErrorNumber, Finding, State};
 use serde::{Deserialize, Serialize};
 
 use crate::advice::advice;
+use crate::exported_program::ProgramTrap;
 use crate::function_blocks::BlockError;
 use crate::{MarkPassage, WaitingFor};
 
@@ -288,6 +289,15 @@ pub enum FailureCause {
     /// The arm could not be moved to where the run starts.
     #[error("the arm did not get to the application's `start`: {}", at_start_in_words(.0))]
     StartNotReached(BlockError),
+    /// The exported code ended the run with its `error`.
+    #[error("the exported code ended the run with error_id 16#{error_id:04X}{}", exported_in_words(*error_id))]
+    Exported {
+        /// Its output `error_id`; 0 if it ended without `done` and `error`.
+        error_id: u16,
+    },
+    /// The exported code went wrong.
+    #[error("{0}")]
+    Trapped(ProgramTrap),
     /// A function block found something that must not be.
     #[error("at motion {} of the plan: {error}", motion.saturating_add(1))]
     Block {
@@ -306,6 +316,22 @@ impl FailureCause {
             Self::Robot { motion, .. } | Self::Block { motion, .. } => Some(*motion),
             _ => None,
         }
+    }
+}
+
+/// Describes an `error_id` that `SB_Core` adds to those of blocks and robots, and what to do.
+fn exported_in_words(error_id: u16) -> &'static str {
+    match error_id {
+        0 => ": it neither started nor said why; look at `start`, `busy`, `done` and `error` of SB_Core",
+        0x8001 => ": no image of the robot; look at its connection",
+        0x8101 => ": the robot's life counter stands still; look at its node",
+        0x8102 => ": the robot's images are old; look at `robot.cycle_us` and at the network",
+        0x8103 => ": the robot was halted",
+        0x8104 => ": `execution_type` must be 1 to 3",
+        0x8105 => ": `repetitions` must be 1 to 100",
+        0x8106 => ": the robot executes a skill and shows no progress; look at its drives",
+        0x8107 => ": SB_SelfTest failed; look at its output `failed`",
+        _ => ": docs/plcopen.md and docs/hardware-kit.md list them",
     }
 }
 

@@ -17,11 +17,12 @@ use protocol::image::{Checks, Command, Digest};
 use run::Run;
 
 use crate::event::Events;
-use crate::program::{AfterLoss, PlcProgram};
+use crate::program::{AfterLoss, Led, PlcProgram};
 use crate::sequences::Sequences;
 use crate::station::{Station, StationConfig, StationState, WayToStart, Work};
 use crate::{
-    ExecutionType, FailureCause, Override, OverrideSchedule, PlcConfig, PlcEvent, Sample, Scan, StartError,
+    AnyProgram, CodeError, ExecutionType, ExportedCode, ExportedProgram, FailureCause, Override,
+    OverrideSchedule, PlcConfig, PlcEvent, Sample, Scan, StartError,
 };
 
 /// A PLC: its buses, its stations and its program.
@@ -77,8 +78,7 @@ impl<B: ControllerBus> PlcNode<B> {
     pub fn new(config: PlcConfig, bus: B, start: Instant) -> Self {
         let scan = Scan::new(start, config.scan_cycle, config.scan_cost);
         let (config, work) = config.into_station("", &[]);
-        let station = PlacedStation { bus: 0, id: StationId::FIRST, config };
-        Self::with_program(scan, vec![bus], vec![station], Sequences::new(vec![work]))
+        Self::with_program(scan, vec![bus], vec![the_station(config)], Sequences::new(vec![work]))
     }
 
     /// Returns the digest of the motions that the first station took from its source in this run, or in the last one: with SM and
@@ -87,6 +87,39 @@ impl<B: ControllerBus> PlcNode<B> {
     pub fn sent(&self) -> Digest {
         self.program.digest(0).copied().unwrap_or_default()
     }
+}
+
+impl<B: ControllerBus> PlcNode<B, AnyProgram> {
+    /// Creates a PLC like [`PlcNode::new`] that executes exported code in the place of its blocks, if there is some.
+    ///
+    /// # Errors
+    ///
+    /// The code has no instance.
+    pub fn of_code(
+        config: PlcConfig,
+        code: Option<ExportedCode>,
+        bus: B,
+        start: Instant,
+    ) -> Result<Self, CodeError> {
+        let scan = Scan::new(start, config.scan_cycle, config.scan_cost);
+        let (config, work) = config.into_station("", &[]);
+        let program: AnyProgram = match code {
+            Some(code) => ExportedProgram::new(code, work.motions)?.into(),
+            None => Sequences::new(vec![work]).into(),
+        };
+        Ok(Self::with_program(scan, vec![bus], vec![the_station(config)], program))
+    }
+
+    /// Returns the digest of the motions that were sent to the first station in this run, or in the last one.
+    #[must_use]
+    pub fn sent(&self) -> Digest {
+        self.program.digest(0)
+    }
+}
+
+/// Returns the only station of a PLC, the first on its bus.
+const fn the_station(config: StationConfig) -> PlacedStation {
+    PlacedStation { bus: 0, id: StationId::FIRST, config }
 }
 
 impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
@@ -311,10 +344,17 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             Mode::Running => self.run(now),
             Mode::Idle => {}
         }
-        self.go_on_to_start(now);
+        let leads = self.program.leads();
+        if !leads {
+            self.go_on_to_start(now);
+        }
         self.watch_silence();
         // A run that has just failed is followed by the halt in the same scan.
-        self.prepare();
+        if leads {
+            self.lead(now)
+        } else {
+            self.prepare()
+        }
         self.stations.iter_mut().for_each(Station::emit);
     }
 
@@ -386,6 +426,33 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             {
                 self.fail(Some(index), FailureCause::RobotHalted);
             }
+        }
+    }
+
+    /// Has a program that leads the stations do so.
+    fn lead(&mut self, now: Instant) {
+        if self.mode == Mode::Running {
+            return;
+        }
+        let led = self.program.lead(now, &mut self.stations);
+        let was_ready = self.stations.iter().all(Station::is_ready);
+        for station in &mut self.stations {
+            station.follow(led, &mut self.events);
+        }
+        match led {
+            Led::Ready if !was_ready => self.report_ready(),
+            Led::Preparing if was_ready && self.mode != Mode::Idle => {
+                self.fail(Some(0), FailureCause::RobotHalted);
+            }
+            Led::Ended(cause) => {
+                let execution_type = match self.mode {
+                    Mode::Starting(execution_type) => execution_type,
+                    Mode::Idle | Mode::Running => self.run.execution_type,
+                };
+                self.mode = Mode::Idle;
+                self.report_failure(Some(0), execution_type, 0, cause);
+            }
+            Led::Ready | Led::Preparing | Led::MovingToStart => {}
         }
     }
 

@@ -6,6 +6,7 @@
 //! types     elementary types, layouts of structures, arrays and instances
 //! compile   the strict checker: tree → instructions over one flat memory
 //! run       executes them with a budget of steps; traps where a real PLC would go wrong silently
+//! search    executes loops that compare arrays at once
 //! ```
 //!
 //! # The subset
@@ -38,6 +39,7 @@ mod lexer;
 mod mistake;
 mod parser;
 mod run;
+mod search;
 mod syntax;
 mod types;
 

@@ -7,7 +7,7 @@ mod names;
 mod statement;
 
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use crate::parser::parse;
 use crate::syntax::{Declaration, Role, TypeDeclaration, Unit};
@@ -31,8 +31,8 @@ pub struct Source<'a> {
 /// A function or function block that was compiled.
 #[derive(Debug)]
 pub(crate) struct CompiledUnit {
-    pub(crate) file: Rc<str>,
-    pub(crate) layout: Rc<Layout>,
+    pub(crate) file: Arc<str>,
+    pub(crate) layout: Arc<Layout>,
     /// First slot of a function's variables.
     pub(crate) frame: usize,
     /// Slot of a function's result there, and its type.
@@ -126,7 +126,7 @@ fn missing(file: &str, text: String) -> Mistake {
 /// State of the checker.
 #[derive(Default)]
 struct Compiler {
-    file: Rc<str>,
+    file: Arc<str>,
     types: HashMap<String, Type>,
     units: Vec<CompiledUnit>,
     unit_by_name: HashMap<String, usize>,
@@ -153,19 +153,19 @@ impl Compiler {
         self.check_new(&unit.name, unit.place)?;
         let index = self.units.len();
         let (layout, result) = self.layout_of(&unit, index)?;
-        let layout = Rc::new(layout);
+        let layout = Arc::new(layout);
         let body = statement::Body { compiler: self, layout: &layout, loops: 0 }.statements(&unit.body)?;
         let frame = self.frames.len();
         if result.is_some() {
             self.frames.extend_from_slice(&layout.initial);
         } else {
-            self.types.insert(unit.name.to_ascii_lowercase(), Type::Instance(Rc::clone(&layout)));
+            self.types.insert(unit.name.to_ascii_lowercase(), Type::Instance(Arc::clone(&layout)));
         }
         if self.frames.len() > LARGEST {
             return Err(Mistake::new(unit.place, format!("the functions exceed {LARGEST} values")));
         }
         self.unit_by_name.insert(unit.name.to_ascii_lowercase(), index);
-        let file = Rc::clone(&self.file);
+        let file = Arc::clone(&self.file);
         self.units.push(CompiledUnit { file, layout, frame, result, body });
         Ok(())
     }
