@@ -4,7 +4,9 @@ Prints each block that it cannot parse; exit code 1 if there is one. It checks t
 Blocks are parsed by a process for each processor, since the grammar takes some seconds for a hundred lines.
 """
 
+import argparse
 import multiprocessing
+import re
 import sys
 import xml.etree.ElementTree as ElementTree
 
@@ -26,10 +28,8 @@ def blocks(file):
 
 
 def shortened(text):
-    """Returns a text with at most twenty values in a line of data: the grammar's time grows faster than their number."""
-    lines = text.splitlines()
-    of_data = [number for number, line in enumerate(lines) if line.startswith("        ") and line.strip(" ,0123456789") == ""]
-    return "\n".join(line for number, line in enumerate(lines) if number not in of_data)
+    """Returns a text without the lines that are nothing but values of data: the grammar's time grows with their number."""
+    return "\n".join(line for line in text.splitlines() if line.strip(" ,0123456789") or not line.strip())
 
 
 def fault(block):
@@ -37,15 +37,29 @@ def fault(block):
     from blark.parse import parse_source_code
 
     file, name, text = block
-    for result in [parse_source_code(shortened(text))]:
-        if result.exception is not None:
-            return f"{file}: {name}: {str(result.exception).splitlines()[0]}"
-    return None
+    result = parse_source_code(shortened(text))
+    if result.exception is None:
+        return None
+    return f"{file}: {name}: {str(result.exception).splitlines()[0]}"
 
 
 def main():
-    """Parses the files that are named."""
-    found = [(file, name, text) for file in sys.argv[1:] for name, text in blocks(file)]
+    """Parses the files that are named, or one block of them with a mistake in it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="+")
+    parser.add_argument("--only", metavar="NAME", help="the only block to parse")
+    parser.add_argument("--replace", metavar="PATTERN|BY", help="the mistake: the first match of a pattern, and what replaces it")
+    options = parser.parse_args()
+    found = [(file, name, text) for file in options.files for name, text in blocks(file)]
+    if options.only:
+        found = [block for block in found if block[1] == options.only]
+    if options.replace:
+        pattern, by = options.replace.split("|")
+        wrong = [(file, name, re.sub(pattern, by, text, count=1, flags=re.MULTILINE)) for file, name, text in found]
+        if wrong == found:
+            print(f"{options.replace} changed nothing")
+            return 0
+        found = wrong
     # The longest first, so that no processor waits for one at the end.
     found.sort(key=lambda block: -len(block[2]))
     with multiprocessing.Pool() as pool:

@@ -7,7 +7,7 @@ use crate::exported_program::ExportedProgram;
 use crate::program::{AfterLoss, Led, PlcProgram, Progress, Totals};
 use crate::{ExecutionType, FailureCause, MarkPassage, Sequences, StartError, Station};
 
-/// What a PLC runs.
+/// The program of a PLC.
 #[derive(Debug)]
 pub enum AnyProgram {
     /// The function blocks of this crate.

@@ -1,7 +1,6 @@
 //! The events of a PLC node.
 
-use core::fmt;
-use core::str::FromStr;
+use core::{fmt, str::FromStr};
 use std::collections::VecDeque;
 
 use machine::Instant;
@@ -10,7 +9,7 @@ use protocol::image::{ErrorNumber, Finding, State};
 use serde::{Deserialize, Serialize};
 
 use crate::advice::advice;
-use crate::exported_program::ProgramTrap;
+use crate::exported_program::{ProgramTrap, exported_in_words};
 use crate::function_blocks::BlockError;
 use crate::{MarkPassage, WaitingFor};
 
@@ -289,12 +288,9 @@ pub enum FailureCause {
     /// The arm could not be moved to where the run starts.
     #[error("the arm did not get to the application's `start`: {}", at_start_in_words(.0))]
     StartNotReached(BlockError),
-    /// The exported code ended the run with its `error`.
-    #[error("the exported code ended the run with error_id 16#{error_id:04X}{}", exported_in_words(*error_id))]
-    Exported {
-        /// Its output `error_id`; 0 if it ended without `done` and `error`.
-        error_id: u16,
-    },
+    /// The exported code ended the run with this `error_id`; 0 if it ended without `done` and `error`.
+    #[error("{}", exported_in_words(*.0))]
+    Exported(u16),
     /// The exported code went wrong.
     #[error("{0}")]
     Trapped(ProgramTrap),
@@ -316,22 +312,6 @@ impl FailureCause {
             Self::Robot { motion, .. } | Self::Block { motion, .. } => Some(*motion),
             _ => None,
         }
-    }
-}
-
-/// Describes an `error_id` that `SB_Core` adds to those of blocks and robots, and what to do.
-fn exported_in_words(error_id: u16) -> &'static str {
-    match error_id {
-        0 => ": it neither started nor said why; look at `start`, `busy`, `done` and `error` of SB_Core",
-        0x8001 => ": no image of the robot; look at its connection",
-        0x8101 => ": the robot's life counter stands still; look at its node",
-        0x8102 => ": the robot's images are old; look at `robot.cycle_us` and at the network",
-        0x8103 => ": the robot was halted",
-        0x8104 => ": `execution_type` must be 1 to 3",
-        0x8105 => ": `repetitions` must be 1 to 100",
-        0x8106 => ": the robot executes a skill and shows no progress; look at its drives",
-        0x8107 => ": SB_SelfTest failed; look at its output `failed`",
-        _ => ": docs/plcopen.md and docs/hardware-kit.md list them",
     }
 }
 

@@ -25,14 +25,14 @@ const MOVES_TO_START: i64 = 1;
 pub struct ExportedProgram {
     code: ExportedCode,
     core: Instance,
-    /// What the last scan computed.
+    /// The image that the last scan computed.
     command: Image,
     /// Number of the station's scan in which the code ran last.
     scanned: u64,
     /// Why the code executes no more.
     trap: Option<ProgramTrap>,
     is_trap_reported: bool,
-    /// Whether the code still ran a repetition when the last scan outside of a run began.
+    /// TRUE if the code still ran a repetition when the last scan outside of a run began.
     was_busy: bool,
     account: RunAccount,
 }
@@ -137,7 +137,7 @@ impl ExportedProgram {
                 motion: self.account.motions_before().saturating_add(feedback.error_motion),
                 finding: feedback.finding,
             },
-            None => FailureCause::Exported { error_id: id },
+            None => FailureCause::Exported(id),
         }
     }
 }
@@ -179,7 +179,7 @@ impl PlcProgram for ExportedProgram {
         } else if self.is_busy() {
             Progress::Running
         } else {
-            Progress::Ended { station: 0, cause: FailureCause::Exported { error_id: 0 } }
+            Progress::Ended { station: 0, cause: FailureCause::Exported(0) }
         }
     }
 
@@ -219,4 +219,21 @@ impl PlcProgram for ExportedProgram {
     fn execution_time_us(&self) -> Option<u64> {
         u64::try_from(self.core.get(self.code.variables().samples, 0)).ok()
     }
+}
+
+/// Describes an `error_id` that `SB_Core` adds to those of blocks and robots, and what to do.
+pub(crate) fn exported_in_words(error_id: u16) -> String {
+    let words = match error_id {
+        0 => ": it neither started nor said why; look at `start`, `busy`, `done` and `error` of SB_Core",
+        0x8001 => ": no image of the robot; look at its connection",
+        0x8101 => ": the robot's life counter stands still; look at its node",
+        0x8102 => ": the robot's images are old; look at `robot.cycle_us` and at the network",
+        0x8103 => ": the robot was halted",
+        0x8104 => ": `execution_type` must be 1 to 3",
+        0x8105 => ": `repetitions` must be 1 to 100",
+        0x8106 => ": the robot executes a skill and shows no progress; look at its drives",
+        0x8107 => ": SB_SelfTest failed; look at its output `failed`",
+        _ => ": docs/plcopen.md and docs/hardware-kit.md list them",
+    };
+    format!("the exported code ended the run with error_id 16#{error_id:04X}{words}")
 }

@@ -14,7 +14,7 @@ pub enum ProgramFileError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Message of the system.
         error: std::io::Error,
     },
     /// The code has a mistake.

@@ -32,7 +32,7 @@ pub struct Application {
     pub most_motions: usize,
     /// Time from one scan to the next in us.
     pub scan_us: u32,
-    /// Whether the bus carries the most significant byte of a number first.
+    /// TRUE where the bus carries the most significant byte of a number first.
     pub big_endian: bool,
     /// Robot's cycle in us.
     pub robot_cycle_us: u32,
@@ -94,7 +94,7 @@ pub enum Refused {
     Rewrite {
         /// The maker.
         maker: &'static str,
-        /// What was found.
+        /// Description of the fault.
         text: String,
     },
     /// An output without a bit in the image.
@@ -105,7 +105,7 @@ pub enum Refused {
 /// Longest cycle of a robot, in us: 65,535 cycles are less than half the range of a DINT.
 const LONGEST_CYCLE_US: u32 = 15_000;
 
-/// Longest scan, in us: 400 of them fit a UDINT, and a tenth of a second is no cycle of a robot's PLC.
+/// Longest scan, in us: 400 of them fit a UDINT, and a PLC of a robot scans faster than ten times a second.
 const LONGEST_SCAN_US: u32 = 100_000;
 
 impl Application {

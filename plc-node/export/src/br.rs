@@ -1,6 +1,6 @@
 //! The code for B&R: a library with the blocks and a program in Automation Studio's files, in one package.
 
-use crate::parts::{Part, Parts, Unit, joined};
+use crate::parts::{CodePart, Parts, Unit, joined};
 use crate::{Application, ExportFile, Refused, structured_text};
 
 /// The maker in messages.
@@ -71,7 +71,7 @@ pub const CPU_SW: &str = "  <TaskClass Name=\"Cyclic#1\">\n    <Task Name=\"SBPr
 /// Returns the files; the directory is a package, which a project calls SkillKit.
 ///
 /// # Errors
-/// What does not fit.
+/// The first thing that does not fit.
 pub fn br(application: &Application) -> Result<Vec<ExportFile>, Refused> {
     let text = structured_text(application)?;
     let mut files = library(&text)?;
@@ -128,13 +128,13 @@ pub fn library(text: &str) -> Result<Vec<ExportFile>, Refused> {
     for part in &parts.parts {
         match part {
             // An array has no type of its own: its name is replaced where it stands.
-            Part::Type { name, .. } if parts.is_array(name) => {}
-            Part::Type { comment, name, body } => {
+            CodePart::Type { name, .. } if parts.is_array(name) => {}
+            CodePart::Type { comment, name, body } => {
                 types.push_str(&format!("\n{comment}\nTYPE\n    {name} : "));
                 parts.write_declarations(body, "", &mut types);
                 types.push_str("\nEND_TYPE\n");
             }
-            Part::Unit(unit) => {
+            CodePart::Unit(unit) => {
                 write_declaration(unit, &parts, &mut declarations);
                 let (word, end) = (word_of(unit), unit.end);
                 bodies.extend(["\n", word, " ", unit.name, &joined(&unit.body), end.before, end.text, "\n"]);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use ::structured_text::{Piece, pieces};
 
-use crate::parts::{Part, Parts, Unit, joined};
+use crate::parts::{CodePart, Parts, Unit, joined};
 use crate::{Application, ExportFile, Refused, structured_text};
 
 /// The maker in messages.
@@ -62,7 +62,7 @@ const ADAPTER: &str = include_str!("../templates/codesys-adapter.st");
 /// Returns the files.
 ///
 /// # Errors
-/// What does not fit.
+/// The first thing that does not fit.
 pub fn codesys(application: &Application) -> Result<Vec<ExportFile>, Refused> {
     let text = structured_text(application)?;
     let mut blocks = String::new();
@@ -99,13 +99,13 @@ fn document(text: &str, adapter: &str, has_io: bool) -> Result<String, Refused> 
     for part in &parts.parts {
         match part {
             // An array has no type of its own: its name is replaced where it stands.
-            Part::Type { name, .. } if parts.is_array(name) => {}
-            Part::Type { comment, name, body } => {
+            CodePart::Type { name, .. } if parts.is_array(name) => {}
+            CodePart::Type { comment, name, body } => {
                 let mut declaration = String::new();
                 parts.write_declarations(body, "", &mut declaration);
                 write_type(name, comment, &declaration, &mut types)?;
             }
-            Part::Unit(unit) => {
+            CodePart::Unit(unit) => {
                 let kind = if unit.result.is_some() { "function" } else { "functionBlock" };
                 write_block(unit.name, kind, &interface_of(unit, &parts), &joined(&unit.body), &mut blocks);
             }

@@ -20,7 +20,7 @@ pub struct ExportFile {
 /// Why nothing was exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// What does not fit.
+    /// The first thing that does not fit.
     #[error(transparent)]
     Refused(#[from] Refused),
     /// The vectors could not be made.
@@ -42,7 +42,7 @@ pub enum ExportError {
 /// Returns the files for a maker's PLC, with the vectors that its code has to answer.
 ///
 /// # Errors
-/// What does not fit.
+/// The first thing that does not fit.
 pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>, ExportError> {
     let text = structured_text(application)?;
     let vectors = ExportFile { path: VECTORS.into(), text: vectors(&text, application)? };
@@ -59,7 +59,7 @@ pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>,
 /// Writes the export into a directory that is new or empty. The files are written beside it first, and then renamed.
 ///
 /// # Errors
-/// What does not fit, or the directory cannot be written; then nothing is left.
+/// The first thing that does not fit. or the directory cannot be written; then nothing is left.
 pub fn export(application: &Application, maker: Maker, directory: &Path) -> Result<(), ExportError> {
     let files = files(application, maker)?;
     let failed = |error| ExportError::Write { path: directory.into(), error };

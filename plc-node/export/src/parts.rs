@@ -7,7 +7,7 @@ use ::structured_text::{Piece, PieceKind, pieces};
 use crate::Refused;
 
 /// A section of variables.
-pub(crate) struct Section<'a> {
+pub(crate) struct VariableSection<'a> {
     /// `VAR`, `VAR_INPUT`, …
     pub(crate) role: Piece<'a>,
     pub(crate) is_constant: bool,
@@ -17,7 +17,7 @@ pub(crate) struct Section<'a> {
 }
 
 /// A type, function or function block, with the comment before it.
-pub(crate) enum Part<'a> {
+pub(crate) enum CodePart<'a> {
     Type {
         comment: &'a str,
         name: &'a str,
@@ -33,14 +33,14 @@ pub(crate) struct Unit<'a> {
     pub(crate) name: &'a str,
     /// Type of the result; `None` for a function block.
     pub(crate) result: Option<&'a str>,
-    pub(crate) sections: Vec<Section<'a>>,
+    pub(crate) sections: Vec<VariableSection<'a>>,
     pub(crate) body: Vec<Piece<'a>>,
     pub(crate) end: Piece<'a>,
 }
 
 /// The code in its parts.
 pub(crate) struct Parts<'a> {
-    pub(crate) parts: Vec<Part<'a>>,
+    pub(crate) parts: Vec<CodePart<'a>>,
     /// Arrays by the names of their types.
     arrays: HashMap<&'a str, String>,
     /// Names of structures and function blocks.
@@ -75,7 +75,7 @@ impl<'a> Parts<'a> {
         Ok(found)
     }
 
-    fn next_part(&mut self, rest: &mut &[Piece<'a>]) -> Result<Option<Part<'a>>, String> {
+    fn next_part(&mut self, rest: &mut &[Piece<'a>]) -> Result<Option<CodePart<'a>>, String> {
         let Some(first) = rest.first().copied() else { return Ok(None) };
         let comment = first.before.trim();
         if first.is_word("TYPE") {
@@ -90,7 +90,7 @@ impl<'a> Parts<'a> {
                 }
                 _ => self.composed.push(name),
             }
-            return Ok(Some(Part::Type { comment, name, body }));
+            return Ok(Some(CodePart::Type { comment, name, body }));
         }
         let is_function = first.is_word("FUNCTION");
         if !is_function && !first.is_word("FUNCTION_BLOCK") {
@@ -115,18 +115,18 @@ impl<'a> Parts<'a> {
         } else {
             self.composed.push(name);
         }
-        Ok(Some(Part::Unit(unit)))
+        Ok(Some(CodePart::Unit(unit)))
     }
 
     /// Returns all names that the code declares.
     fn names(&self) -> impl Iterator<Item = &'a str> {
         self.parts.iter().flat_map(|part| match part {
-            Part::Type { name, body, .. } => {
+            CodePart::Type { name, body, .. } => {
                 let mut names = declared(body);
                 names.push(name);
                 names
             }
-            Part::Unit(unit) => {
+            CodePart::Unit(unit) => {
                 let mut names = unit.variables();
                 names.push(unit.name);
                 names
@@ -181,14 +181,14 @@ impl<'a> Unit<'a> {
     }
 }
 
-fn section<'a>(rest: &mut &[Piece<'a>]) -> Result<Section<'a>, String> {
+fn section<'a>(rest: &mut &[Piece<'a>]) -> Result<VariableSection<'a>, String> {
     let [role] = take(rest, 1)? else { return Err("a section without its beginning".into()) };
     let role = *role;
     let is_constant = rest.first().is_some_and(|piece| piece.is_word("CONSTANT"));
     take(rest, usize::from(is_constant))?;
     let declarations = until(rest, "END_VAR")?.to_vec();
     let [end] = take(rest, 1)? else { return Err("a section without its end".into()) };
-    Ok(Section { role, is_constant, declarations, end: *end })
+    Ok(VariableSection { role, is_constant, declarations, end: *end })
 }
 
 /// Returns the names before the `:` of each declaration.

@@ -2,7 +2,7 @@
 
 use ::structured_text::{Piece, PieceKind};
 
-use crate::parts::{Part, Parts, Unit};
+use crate::parts::{CodePart, Parts, Unit};
 use crate::{Application, ExportFile, Refused, structured_text};
 
 /// The maker in messages.
@@ -54,7 +54,7 @@ const ADAPTER_FILE: &str = "skillbench_adapter.scl";
 /// Returns the files.
 ///
 /// # Errors
-/// What does not fit.
+/// The first thing that does not fit.
 pub fn siemens(application: &Application) -> Result<Vec<ExportFile>, Refused> {
     let text = structured_text(application)?;
     let mut files = rewritten(&text)?;
@@ -75,14 +75,14 @@ pub fn rewritten(text: &str) -> Result<Vec<ExportFile>, Refused> {
     for part in &parts.parts {
         match part {
             // An array has no type of its own: its name is replaced where it stands.
-            Part::Type { name, .. } if parts.is_array(name) => {}
-            Part::Type { comment, name, body } => {
+            CodePart::Type { name, .. } if parts.is_array(name) => {}
+            CodePart::Type { comment, name, body } => {
                 let mut udt = format!("{comment}\nTYPE \"{name}\"\nVERSION : 0.1\n   ");
                 parts.write_declarations(body, "\"", &mut udt);
                 udt.push_str("\n\nEND_TYPE\n");
                 files.push(ExportFile { path: format!("{name}.udt"), text: udt });
             }
-            Part::Unit(unit) => write_unit(unit, &parts, &mut scl)?,
+            CodePart::Unit(unit) => write_unit(unit, &parts, &mut scl)?,
         }
     }
     files.push(ExportFile { path: SCL_FILE.into(), text: scl });
@@ -113,7 +113,7 @@ fn write_unit(unit: &Unit<'_>, parts: &Parts<'_>, scl: &mut String) -> Result<()
 }
 
 /// Parameters of a call under way, and how many of them were written.
-struct Call<'a> {
+struct OpenCall<'a> {
     parameters: &'a [&'a str],
     written: usize,
 }
@@ -122,7 +122,7 @@ struct Call<'a> {
 fn write_body(unit: &Unit<'_>, parts: &Parts<'_>, scl: &mut String) -> Result<(), Refused> {
     let variables = unit.variables();
     // Calls and other parentheses, from the outer to the inner one.
-    let mut open: Vec<Option<Call<'_>>> = Vec::new();
+    let mut open: Vec<Option<OpenCall<'_>>> = Vec::new();
     let mut starts_argument = false;
     let mut before: Option<&Piece<'_>> = None;
     for (index, piece) in unit.body.iter().enumerate() {
@@ -158,7 +158,7 @@ fn write_body(unit: &Unit<'_>, parts: &Parts<'_>, scl: &mut String) -> Result<()
                 "SHL" | "SHR" => Some(&["IN", "N"][..]),
                 name => parts.parameters(name),
             });
-            open.push(parameters.map(|parameters| Call { parameters, written: 0 }));
+            open.push(parameters.map(|parameters| OpenCall { parameters, written: 0 }));
             starts_argument = true;
         } else if piece.is_symbol(",") {
             starts_argument = true;

@@ -1,4 +1,4 @@
-//! What exported code did in a run, as its images show.
+//! Account of what exported code did in a run, as its images show.
 
 use protocol::image::{Command, Control, Digest, Feedback, Motion, Skill};
 

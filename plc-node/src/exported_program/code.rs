@@ -34,7 +34,7 @@ pub(super) struct Variables {
     pub(super) done: Variable,
     pub(super) error: Variable,
     pub(super) error_id: Variable,
-    /// What the block does at present, for messages.
+    /// Number of what the block does at present, for messages.
     pub(super) mode: Option<Variable>,
 }
 
@@ -51,7 +51,7 @@ pub enum CodeError {
         name: &'static str,
         /// Its type, and the number of its values.
         found: String,
-        /// What it must be.
+        /// The type that it must have.
         expected: String,
     },
 }
@@ -63,7 +63,7 @@ pub struct ProgramTrap {
     pub place: Place,
     /// Scan since the PLC's start, from 1.
     pub scan: u64,
-    /// What went wrong.
+    /// The trap.
     pub trap: Trap,
 }
 

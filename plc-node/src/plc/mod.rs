@@ -2,11 +2,13 @@
 //!
 //! ```text
 //! as_multihomed  the PLC as a machine on an interface for each bus: time and frames
+//! led            a program that leads the stations itself, as exported code does
 //! links          what the buses report, and the images that they are given
 //! run            the way to the start of a run, its scans and its end
 //! ```
 
 mod as_multihomed;
+mod led;
 mod links;
 mod run;
 
@@ -17,12 +19,11 @@ use protocol::image::{Checks, Command, Digest};
 use run::Run;
 
 use crate::event::Events;
-use crate::program::{AfterLoss, Led, PlcProgram};
+use crate::program::{AfterLoss, PlcProgram};
 use crate::sequences::Sequences;
 use crate::station::{Station, StationConfig, StationState, WayToStart, Work};
 use crate::{
-    AnyProgram, CodeError, ExecutionType, ExportedCode, ExportedProgram, FailureCause, Override,
-    OverrideSchedule, PlcConfig, PlcEvent, Sample, Scan, StartError,
+    ExecutionType, FailureCause, Override, OverrideSchedule, PlcConfig, PlcEvent, Sample, Scan, StartError,
 };
 
 /// A PLC: its buses, its stations and its program.
@@ -86,34 +87,6 @@ impl<B: ControllerBus> PlcNode<B> {
     #[must_use]
     pub fn sent(&self) -> Digest {
         self.program.digest(0).copied().unwrap_or_default()
-    }
-}
-
-impl<B: ControllerBus> PlcNode<B, AnyProgram> {
-    /// Creates a PLC like [`PlcNode::new`] that executes exported code in the place of its blocks, if there is some.
-    ///
-    /// # Errors
-    ///
-    /// The code has no instance.
-    pub fn of_code(
-        config: PlcConfig,
-        code: Option<ExportedCode>,
-        bus: B,
-        start: Instant,
-    ) -> Result<Self, CodeError> {
-        let scan = Scan::new(start, config.scan_cycle, config.scan_cost);
-        let (config, work) = config.into_station("", &[]);
-        let program: AnyProgram = match code {
-            Some(code) => ExportedProgram::new(code, work.motions)?.into(),
-            None => Sequences::new(vec![work]).into(),
-        };
-        Ok(Self::with_program(scan, vec![bus], vec![the_station(config)], program))
-    }
-
-    /// Returns the digest of the motions that were sent to the first station in this run, or in the last one.
-    #[must_use]
-    pub fn sent(&self) -> Digest {
-        self.program.digest(0)
     }
 }
 
@@ -426,33 +399,6 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             {
                 self.fail(Some(index), FailureCause::RobotHalted);
             }
-        }
-    }
-
-    /// Has a program that leads the stations do so.
-    fn lead(&mut self, now: Instant) {
-        if self.mode == Mode::Running {
-            return;
-        }
-        let led = self.program.lead(now, &mut self.stations);
-        let was_ready = self.stations.iter().all(Station::is_ready);
-        for station in &mut self.stations {
-            station.follow(led, &mut self.events);
-        }
-        match led {
-            Led::Ready if !was_ready => self.report_ready(),
-            Led::Preparing if was_ready && self.mode != Mode::Idle => {
-                self.fail(Some(0), FailureCause::RobotHalted);
-            }
-            Led::Ended(cause) => {
-                let execution_type = match self.mode {
-                    Mode::Starting(execution_type) => execution_type,
-                    Mode::Idle | Mode::Running => self.run.execution_type,
-                };
-                self.mode = Mode::Idle;
-                self.report_failure(Some(0), execution_type, 0, cause);
-            }
-            Led::Ready | Led::Preparing | Led::MovingToStart => {}
         }
     }
 

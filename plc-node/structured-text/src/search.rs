@@ -4,7 +4,7 @@ use crate::Program;
 use crate::compile::code::{Address, Code, Comparison, Element, For, Instruction};
 use crate::run::{Instance, Run};
 
-/// What the elements are compared with.
+/// The other side of the comparison.
 enum Sought<'a> {
     Elements(&'a Element),
     Value(i64),

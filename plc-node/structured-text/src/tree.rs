@@ -6,7 +6,7 @@ use crate::parser::{Parser, parse};
 use crate::syntax::{Declaration, TypeName};
 use crate::{Mistake, Source};
 
-/// How a text is written.
+/// A way to write the language.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub enum Dialect {
     /// IEC 61131-3.
@@ -23,7 +23,7 @@ pub enum Dialect {
 #[derive(Clone, PartialEq, Debug)]
 pub struct Tree(Vec<Declaration>);
 
-/// What the parser replaces.
+/// Replacements of the parser.
 #[derive(Default)]
 pub(crate) struct Normal {
     pub(crate) arrays: HashMap<String, TypeName>,

@@ -104,7 +104,7 @@ pub(crate) fn parse(text: &str, dialect: Dialect) -> Result<Vec<Declaration>, Mi
 /// A text under way.
 pub(crate) struct Parser {
     dialect: Dialect,
-    /// What is replaced in a tree that is compared; `None` in one that is compiled.
+    /// Replacements in a tree that is compared; `None` in one that is compiled.
     normal: Option<Normal>,
     tokens: Vec<Token>,
     next: usize,
