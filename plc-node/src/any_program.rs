@@ -35,15 +35,6 @@ impl AnyProgram {
             Self::Exported(program) => *program.digest(),
         }
     }
-
-    /// Returns the marks that a station came to in this run, or in the last one, in order.
-    #[must_use]
-    pub fn passages(&self, station: usize) -> &[MarkPassage] {
-        match self {
-            Self::Sequences(program) => program.passages(station),
-            Self::Exported(_) => &[],
-        }
-    }
 }
 
 impl From<Sequences> for AnyProgram {
@@ -85,6 +76,14 @@ impl PlcProgram for AnyProgram {
 
     fn waits(&self, station: usize) -> bool {
         of_program!(self, program => program.waits(station))
+    }
+
+    fn marks(&self, station: usize) -> [u32; 2] {
+        of_program!(self, program => program.marks(station))
+    }
+
+    fn passages(&self, station: usize) -> &[MarkPassage] {
+        of_program!(self, program => program.passages(station))
     }
 
     fn totals(&self, station: usize) -> Totals {

@@ -61,7 +61,12 @@ fn exported_code_runs_on_every_bus_in_the_place_of_the_function_blocks() {
         let (parts, found) = planning::setup_with_application(setup).unwrap();
         let plan = found.plan(&parts).unwrap();
         let kit = directory.path().join("kit");
-        plc_export::export(&plc_node::PlcConfig::of_plan(&parts, &plan).exported(true), plc_export::Maker::St, &kit).unwrap();
+        plc_export::export(
+            &plc_node::PlcConfig::of_plan(&parts, &plan).exported(true),
+            plc_export::Maker::St,
+            &kit,
+        )
+        .unwrap();
         let kit = kit.to_str().unwrap();
         let ended = Bench::start_patient(setup, &["--reps", "1", "--plc-program", kit]).wait();
         assert!(ended.status.success(), "{setup}: {}: {}", ended.status, ended.stderr);

@@ -17,7 +17,7 @@ use crate::read_back::{code_of, program_of};
 /// Most steps of a scan: the first one builds the table of the check.
 const BUDGET: u64 = 100_000;
 
-const ETHERNET: Source = Source { port: Port::Ethernet, peer: None };
+pub(crate) const ETHERNET: Source = Source { port: Port::Ethernet, peer: None };
 
 /// A bus whose images a test moves by hand.
 #[derive(Debug)]
@@ -30,7 +30,7 @@ pub(crate) struct Wire {
 }
 
 impl Wire {
-    fn new(order: Order) -> Self {
+    pub(crate) fn new(order: Order) -> Self {
         Self { order, input: None, output: [0; IMAGE_LEN], event: None, received: 0 }
     }
 }

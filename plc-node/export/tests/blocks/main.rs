@@ -6,6 +6,7 @@ mod bed;
 mod dialects;
 mod directory;
 mod faults;
+mod leading;
 mod long;
 mod random;
 mod read_back;
