@@ -1,6 +1,6 @@
 //! The exported code as the program of a PLC node: runs that the PLC ends, and lost connections.
 
-use machine::{Duration, Instant, InterfaceId, Machine as _, Multihomed as _};
+use machine::{Duration, Instant, InterfaceId, Machine, Multihomed as _};
 use planning::setup_and_application;
 use plc_node::{AnyProgram, ExecutionType, ExportedCode, PlcConfig, PlcEvent, PlcNode};
 use protocol::image::{IMAGE_LEN, Order};
@@ -49,11 +49,11 @@ impl Plant {
         }
         let command = self.plc.buses()[0].bus.output;
         let frame: &[u8] = if self.is_cut { &[] } else { &command };
-        self.robot.handle_frame(self.now, ETHERNET, frame);
+        Machine::handle_frame(&mut self.robot, self.now, ETHERNET, frame);
         let end = self.now + Duration::from_millis(1);
-        while let Some(due) = self.robot.poll_timeout().filter(|due| *due < end) {
-            self.robot.handle_timeout(due);
-            while self.robot.poll_event().is_some() {}
+        while let Some(due) = Machine::poll_timeout(&self.robot).filter(|due| *due < end) {
+            Machine::handle_timeout(&mut self.robot, due);
+            while Machine::poll_event(&mut self.robot).is_some() {}
         }
         self.now = end;
         events
@@ -70,7 +70,10 @@ impl Plant {
     }
 
     fn until_ready(&mut self) {
-        self.until(|event| matches!(event, PlcEvent::Ready));
+        // It may have become ready in the scan of the last event.
+        if !self.plc.is_ready() {
+            self.until(|event| matches!(event, PlcEvent::Ready));
+        }
     }
 
     fn start(&mut self, execution_type: ExecutionType) {

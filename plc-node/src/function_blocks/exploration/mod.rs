@@ -80,6 +80,7 @@ struct Explorer<F> {
     counts: (u32, u32),
     slots: [Motion; 5],
     skill: protocol::image::Skill,
+    program: u16,
 }
 
 impl<F: Explored> Explorer<F> {
@@ -95,6 +96,7 @@ impl<F: Explored> Explorer<F> {
             counts: (0, 0),
             slots: command.slots,
             skill: command.skill,
+            program: command.program,
         }
     }
 
@@ -114,6 +116,7 @@ impl<F: Explored> Explorer<F> {
         group.command.control = self.control;
         group.command.number = 1;
         group.command.skill = self.skill;
+        group.command.program = self.program;
         group.command.slots = self.slots;
         (group.command.total, group.command.written) = self.counts;
         group.commanded = self.commanded;
@@ -141,6 +144,7 @@ impl<F: Explored> Explorer<F> {
             counts: (group.command.total, group.command.written),
             slots: group.command.slots,
             skill: group.command.skill,
+            program: group.command.program,
         };
         (next, image)
     }
