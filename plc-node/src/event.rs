@@ -1,7 +1,6 @@
 //! The events of a PLC node.
 
-use core::fmt;
-use core::str::FromStr;
+use core::{fmt, str::FromStr};
 use std::collections::VecDeque;
 
 use machine::Instant;
@@ -10,6 +9,7 @@ use protocol::image::{ErrorNumber, Finding, State};
 use serde::{Deserialize, Serialize};
 
 use crate::advice::advice;
+use crate::exported_program::{ProgramTrap, exported_in_words};
 use crate::function_blocks::BlockError;
 use crate::{MarkPassage, WaitingFor};
 
@@ -288,6 +288,12 @@ pub enum FailureCause {
     /// The arm could not be moved to where the run starts.
     #[error("the arm did not get to the application's `start`: {}", at_start_in_words(.0))]
     StartNotReached(BlockError),
+    /// The exported code ended the run with this `error_id`; 0 if it ended without `done` and `error`.
+    #[error("{}", exported_in_words(*.0))]
+    Exported(u16),
+    /// The exported code went wrong.
+    #[error("{0}")]
+    Trapped(ProgramTrap),
     /// A function block found something that must not be.
     #[error("at motion {} of the plan: {error}", motion.saturating_add(1))]
     Block {

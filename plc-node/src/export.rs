@@ -2,7 +2,7 @@
 
 use machine::Duration;
 use planning::Switch;
-use plc_export::{Application, StopData};
+use plc_export::{Application, Maker, StopData};
 
 use crate::waiting::longest_silence;
 use crate::{PlcConfig, StationConfig};
@@ -29,6 +29,9 @@ impl PlcConfig {
             answer_scans: limits.answer_scans,
             silent_scans: limits.silent_scans,
             progress_scans: u32::try_from(progress_scans).unwrap_or(u32::MAX),
+            scan_us: micros(self.scan_cycle),
+            most_motions: Maker::most_motions(Maker::St.memory_kib()),
+            big_endian: false,
             robot_cycle_us: micros(self.robot_cycle),
             queue_depth: self.queue_depth,
             program: self.program,

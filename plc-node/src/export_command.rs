@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use node::Outcome;
 use node::errln;
+use plc_export::{Application, Maker, br};
+use setup::BusKind;
 
 use crate::PlcConfig;
 
@@ -12,6 +14,23 @@ use crate::PlcConfig;
 enum Dialect {
     /// One neutral file of Structured Text (IEC 61131-3).
     St,
+    /// SCL: external sources for TIA Portal, S7-1500.
+    Siemens,
+    /// PLCopen XML for CODESYS.
+    Codesys,
+    /// A package with a library and a program for B&R Automation Studio.
+    Br,
+}
+
+impl From<Dialect> for Maker {
+    fn from(dialect: Dialect) -> Self {
+        match dialect {
+            Dialect::St => Self::St,
+            Dialect::Siemens => Self::Siemens,
+            Dialect::Codesys => Self::Codesys,
+            Dialect::Br => Self::Br,
+        }
+    }
 }
 
 /// Whether images carry the check.
@@ -41,23 +60,31 @@ pub(crate) struct ExportCommand {
     /// Whether images carry the check of the process image.
     #[arg(long, value_name = "ON|OFF", default_value = "on")]
     check: Check,
+    /// Memory for data of the PLC in KiB; an application that does not fit is refused. Without it that of a CPU 1517-3 for
+    /// siemens, and 16384 for others.
+    #[arg(long, value_name = "KIB", value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
+    memory: Option<u32>,
 }
 
 impl ExportCommand {
     /// Plans the application and writes the files.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
-        let Dialect::St = self.dialect;
+        let maker = Maker::from(self.dialect);
         let (setup, application) = planning::setup_and_application(&self.setup, self.application.as_deref())?;
         let plan = application.plan(&setup)?;
         application.reach(&plan, &setup)?;
-        let exported = PlcConfig::of_plan(&setup, &plan).exported(self.check == Check::On);
-        plc_export::export(&exported, &self.out)?;
-        errln!(
-            "{} motions in {}; compare your PLC with {}",
-            exported.motions.len(),
-            self.out.join(plc_export::FILE).display(),
-            plc_export::VECTORS
-        );
+        let memory = self.memory.map_or(maker.memory_kib(), |memory| memory as usize);
+        let exported = Application {
+            big_endian: matches!(setup.bus.kind, BusKind::Profinet(..)),
+            most_motions: Maker::most_motions(memory),
+            ..PlcConfig::of_plan(&setup, &plan).exported(self.check == Check::On)
+        };
+        plc_export::export(&exported, maker, &self.out)?;
+        let (count, out) = (exported.motions.len(), self.out.display());
+        errln!("{count} motions in {out}; compare your PLC with {}", plc_export::VECTORS);
+        if maker == Maker::Br {
+            errln!("Add these lines to the configuration's Cpu.sw:\n{}", br::CPU_SW);
+        }
         Ok(Outcome::Done)
     }
 }

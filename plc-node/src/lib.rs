@@ -7,6 +7,7 @@
 //! ├─ station           a robot: its images, its readiness, the way to where a run starts, its silence
 //! ├─ program           PlcProgram: what runs over the stations
 //! ├─ sequences         the program of the paper: RC, SM and CM at each station; marks between them
+//! ├─ exported_program  exported code in the place of all that; any_program is the choice
 //! ├─ sequence          one of them, as a PLC program steps through it
 //! ├─ function_blocks   PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
 //! ├─ axes_group        the robot as the program sees it: one command, one feedback, the command number
@@ -18,6 +19,7 @@
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
 mod advice;
+mod any_program;
 mod axes_group;
 pub mod bus;
 pub mod command_line;
@@ -27,6 +29,7 @@ mod discover;
 mod event;
 mod export;
 mod export_command;
+mod exported_program;
 pub mod function_blocks;
 mod motion_source;
 mod plan_command;
@@ -34,6 +37,7 @@ mod plc;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod process;
 mod program;
+mod program_file;
 pub mod robot_clock;
 mod sample;
 mod scan;
@@ -43,6 +47,7 @@ mod speed_override;
 mod station;
 mod waiting;
 
+pub use any_program::AnyProgram;
 pub use axes_group::{AxesGroup, WaitLimits};
 pub(crate) use axes_group::{Ticket, Turn};
 pub use config::PlcConfig;
@@ -50,9 +55,11 @@ pub use event::{
     Commanded, Execution, ExecutionType, Failure, FailureCause, PlcEvent, PlcReport, Seen, StartError,
     UnknownExecutionType,
 };
+pub use exported_program::{CodeError, ExportedCode, ExportedProgram, ProgramTrap};
 pub use motion_source::{MotionList, MotionSource};
 pub use plc::{PlacedStation, PlcNode};
-pub use program::{AfterLoss, PlcProgram, Progress, Totals};
+pub use program::{AfterLoss, Led, PlcProgram, Progress, Totals};
+pub use program_file::{ProgramFileError, read_program};
 pub use sample::Sample;
 pub use scan::Scan;
 pub use sequences::{MarkPassage, Sequences, StationWork};

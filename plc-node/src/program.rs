@@ -58,6 +58,18 @@ pub trait PlcProgram: Debug + Send {
     /// Executes one scan of a run, which began at `now`. The stations have their inputs; their outputs go out after the scan.
     fn scan(&mut self, now: Instant, stations: &mut [Station]) -> Progress;
 
+    /// Returns whether the program also leads the robots to `Ready` and the arms to where a run starts. Then the PLC leaves that
+    /// to [`lead`](Self::lead).
+    fn leads(&self) -> bool {
+        false
+    }
+
+    /// Executes one scan outside of a run, for a program that [leads](Self::leads). The PLC calls it after the last scan of a
+    /// run once more, within the same scan.
+    fn lead(&mut self, _now: Instant, _stations: &mut [Station]) -> Led {
+        Led::Preparing
+    }
+
     /// Handles that a station of the run is lost: its connection, its image, or its progress. The others go on unless the
     /// program ends the run, which then fails with this cause.
     fn lose(&mut self, _station: usize, _cause: FailureCause) -> AfterLoss {
@@ -85,6 +97,11 @@ pub trait PlcProgram: Debug + Send {
         &[]
     }
 
+    /// Returns the time in us of the last run as the program itself measured it; `None` if it leaves that to the PLC.
+    fn execution_time_us(&self) -> Option<u64> {
+        None
+    }
+
     /// Returns the number and the digest of the motions that the program sent to a station in this run, or in the last one.
     fn sent(&self, _station: usize) -> Sum {
         Digest::default().sum()
@@ -103,6 +120,13 @@ pub enum Progress {
         /// Index of its station.
         station: usize,
     },
+    /// The program ended the run.
+    Ended {
+        /// Index of the station concerned.
+        station: usize,
+        /// Why.
+        cause: FailureCause,
+    },
     /// A block reported an error.
     Failed {
         /// Index of its station.
@@ -112,6 +136,19 @@ pub enum Progress {
         /// The block's error.
         error: BlockError,
     },
+}
+
+/// Stations of a program that leads them, outside of a run.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Led {
+    /// Not ready.
+    Preparing,
+    /// Arms move to where a run starts.
+    MovingToStart,
+    /// A run may start.
+    Ready,
+    /// The program has just ended for good.
+    Ended(FailureCause),
 }
 
 /// What becomes of a run that has lost a station.

@@ -3,6 +3,7 @@
 
 ST_GRAMMAR=tree-sitter-iec61131-3-st==0.1.2
 TREE_SITTER=tree-sitter==0.26.1
+BLARK=blark==0.8.3
 
 verb_grammars() { #: parse exported Structured Text by a grammar that others wrote, and find mistakes by it
     local out python file mistake application
@@ -27,4 +28,21 @@ verb_grammars() { #: parse exported Structured Text by a grammar that others wro
         fi
     done
     echo "exported Structured Text: no fault by the grammar of others, which finds 4 mistakes of 4"
+    python_tool codesys-grammar "$BLARK"
+    codesys_grammar "$TOOLS/python" "$out"
+}
+
+# codesys_grammar PYTHON DIRECTORY: the same for CODESYS, by blark. Its whole file takes a minute, so mistakes are looked for in one block.
+codesys_grammar() {
+    local python=$1 out=$2 file mistake
+    built plc-node export --for codesys --setup A --out "$out/codesys"
+    file=$out/codesys/skillbench.xml
+    "$python" scripts/codesys-grammar.py "$file"
+    for mistake in 'END_IF;|' ' := | = = ' ' THEN$|' 'END_VAR|'; do
+        "$python" scripts/codesys-grammar.py --only SB_NextUint --replace "$mistake" "$file" 2>/dev/null && {
+            echo "the grammar of CODESYS accepts $mistake" >&2
+            return 1
+        }
+    done
+    echo "exported PLCopen XML: no fault by the grammar of others, which finds 4 mistakes of 4"
 }

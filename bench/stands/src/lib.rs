@@ -34,6 +34,7 @@ use std::path::Path;
 use ::node::token::ControlToken;
 use capture_file::Retention;
 use planning::Application;
+use plc_node::ExportedCode;
 use setup::Setup;
 
 use records::attached::Attached;
@@ -94,6 +95,8 @@ pub struct StandConfig<'a> {
     pub capture: Option<Retention>,
     /// Whether the frames of recorded repetitions are kept, for a timeline.
     pub frames: bool,
+    /// Exported code in the place of the PLC's function blocks, and the directory that it was read from.
+    pub code: Option<(&'a Path, &'a ExportedCode)>,
     /// Faults of the cable and of the nodes.
     pub faults: &'a [Fault],
     /// The live view.

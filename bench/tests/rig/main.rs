@@ -23,6 +23,7 @@ fn main() -> ExitCode {
         a_run_over_either_cyclic_transport_passes,
         a_run_of_setup_b_passes_and_loses_no_frame,
         a_run_of_setup_c_passes_and_loses_no_frame,
+        exported_code_runs_on_every_bus_in_the_place_of_the_function_blocks,
         a_killed_node_fails_the_run_at_once_and_is_named,
         a_node_that_hangs_fails_the_run,
         nodes_that_both_hang_fail_the_run_and_are_named_with_what_they_sent_last,
@@ -50,6 +51,25 @@ fn a_run_over_either_cyclic_transport_passes() {
     for cyclic in ["udp", "rt1"] {
         let ended = Bench::start_patient("A", &["--reps", "1", "--cyclic", cyclic]).wait();
         assert!(ended.status.success(), "{cyclic}: {}: {}", ended.status, ended.stderr);
+        assert_eq!(ended.samples.lines().count(), 2);
+    }
+}
+
+fn exported_code_runs_on_every_bus_in_the_place_of_the_function_blocks() {
+    for setup in ["A", "B", "C"] {
+        let directory = tempfile::tempdir().unwrap();
+        let (parts, found) = planning::setup_with_application(setup).unwrap();
+        let plan = found.plan(&parts).unwrap();
+        let kit = directory.path().join("kit");
+        plc_export::export(
+            &plc_node::PlcConfig::of_plan(&parts, &plan).exported(true),
+            plc_export::Maker::St,
+            &kit,
+        )
+        .unwrap();
+        let kit = kit.to_str().unwrap();
+        let ended = Bench::start_patient(setup, &["--reps", "1", "--plc-program", kit]).wait();
+        assert!(ended.status.success(), "{setup}: {}: {}", ended.status, ended.stderr);
         assert_eq!(ended.samples.lines().count(), 2);
     }
 }

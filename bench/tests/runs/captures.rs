@@ -51,6 +51,7 @@ fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<records::fau
         faults: faults.iter().map(|fault| fault.parse().unwrap()).collect(),
         capture: Some((place.path().to_owned(), Retention::All)),
         frames: false,
+        ..Extras::default()
     };
     let mut run = VirtualRun::start_with(&setup, &found.application, 1, &extras).unwrap();
     let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();

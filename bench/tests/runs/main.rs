@@ -20,6 +20,7 @@ mod command_line;
 mod corrupted;
 mod drives;
 mod explore;
+mod exported_code;
 mod exported_fields;
 mod gate;
 mod kept_files;

@@ -3,12 +3,24 @@
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use crate::{Application, FILE, Refused, VECTORS, VectorsError, structured_text, vectors};
+use crate::br::br;
+use crate::codesys::codesys;
+use crate::siemens::siemens;
+use crate::{Application, FILE, Maker, Refused, VECTORS, VectorsError, structured_text, vectors};
+
+/// A file of an export.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct ExportFile {
+    /// Its path in the directory, with `/`.
+    pub path: String,
+    /// Its text.
+    pub text: String,
+}
 
 /// Why nothing was exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// What does not fit.
+    /// The first thing that does not fit.
     #[error(transparent)]
     Refused(#[from] Refused),
     /// The vectors could not be made.
@@ -27,13 +39,29 @@ pub enum ExportError {
     },
 }
 
+/// Returns the files for a maker's PLC, with the vectors that its code has to answer.
+///
+/// # Errors
+/// The first thing that does not fit.
+pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>, ExportError> {
+    let text = structured_text(application)?;
+    let vectors = ExportFile { path: VECTORS.into(), text: vectors(&text, application)? };
+    let mut files = match maker {
+        Maker::St => vec![ExportFile { path: FILE.into(), text }],
+        Maker::Siemens => siemens(application)?,
+        Maker::Codesys => codesys(application)?,
+        Maker::Br => br(application)?,
+    };
+    files.push(vectors);
+    Ok(files)
+}
+
 /// Writes the export into a directory that is new or empty. The files are written beside it first, and then renamed.
 ///
 /// # Errors
-/// What does not fit, or the directory cannot be written; then nothing is left.
-pub fn export(application: &Application, directory: &Path) -> Result<(), ExportError> {
-    let text = structured_text(application)?;
-    let vectors = vectors(&text, application)?;
+/// The first thing that does not fit. or the directory cannot be written; then nothing is left.
+pub fn export(application: &Application, maker: Maker, directory: &Path) -> Result<(), ExportError> {
+    let files = files(application, maker)?;
     let failed = |error| ExportError::Write { path: directory.into(), error };
     if fs::read_dir(directory).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(ExportError::NotEmpty(directory.into()));
@@ -42,12 +70,19 @@ pub fn export(application: &Application, directory: &Path) -> Result<(), ExportE
     let partial =
         directory.with_file_name(format!(".{}.partial-{}", name.to_string_lossy(), std::process::id()));
     let written = fs::create_dir(&partial)
-        .and_then(|()| fs::write(partial.join(FILE), text))
-        .and_then(|()| fs::write(partial.join(VECTORS), vectors))
+        .and_then(|()| files.iter().try_for_each(|file| write(&partial, file)))
         // An empty directory gives way; the system refuses one that is filled meanwhile.
         .and_then(|()| fs::rename(&partial, directory));
     written.map_err(|error| {
         let _ = fs::remove_dir_all(&partial);
         failed(error)
     })
+}
+
+fn write(directory: &Path, ExportFile { path, text }: &ExportFile) -> io::Result<()> {
+    let path = directory.join(path);
+    if let Some(parent) = path.parent() {
+        fs::create_dir_all(parent)?;
+    }
+    fs::write(path, text)
 }

@@ -7,17 +7,26 @@
 //! directory       the files, written whole or not at all
 //! vectors         what the code gets and answers in each scan, for other compilers
 //! structured_text the code with an application's numbers, as one file
+//! parts           the same in its parts, for those that rewrite it
+//! siemens, codesys, br  the dialects of makers, each with an adapter
+//! maker           who they are, and how much their PLCs hold
 //! ```
 //!
 //! The crate `structured-text` executes the text; `tests/` compare it with the PLC's own function blocks, scan by scan.
 
 mod application;
+pub mod br;
+pub mod codesys;
 mod directory;
+mod maker;
+mod parts;
+pub mod siemens;
 mod structured_text;
 mod vectors;
 mod words;
 
 pub use application::{Application, Refused, StopData};
-pub use directory::{ExportError, export};
+pub use directory::{ExportError, ExportFile, export, files};
+pub use maker::Maker;
 pub use structured_text::{FILE, structured_text};
 pub use vectors::{VECTORS, VectorsError, vectors};

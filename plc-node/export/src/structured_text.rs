@@ -9,21 +9,19 @@ use crate::{Application, Refused, StopData};
 pub const FILE: &str = "skillbench.st";
 
 /// The code in the order in which it is declared.
-const TEMPLATES: [&str; 10] = [
+const TEMPLATES: [&str; 11] = [
     include_str!("../templates/1-types.st"),
     include_str!("../templates/2-functions.st"),
     include_str!("../templates/3-image.st"),
     include_str!("../templates/3-life.st"),
     include_str!("../templates/4-self-test.st"),
+    include_str!("../templates/4-adapter-test.st"),
     include_str!("../templates/5-group.st"),
     include_str!("../templates/6-skill.st"),
     include_str!("../templates/7-blocks.st"),
     include_str!("../templates/8-program.st"),
     include_str!("../templates/9-core.st"),
 ];
-
-/// Most motions of a file for a compiler that we do not know: 4.4 MB of data.
-const MOST_MOTIONS: usize = 100_000;
 
 /// Words of a stop.
 const STOP_WORDS: usize = 4;
@@ -36,7 +34,7 @@ const PER_LINE: usize = WORDS;
 /// # Errors
 /// What does not fit.
 pub fn structured_text(application: &Application) -> Result<String, Refused> {
-    application.check(MOST_MOTIONS)?;
+    application.check()?;
     let mut text = TEMPLATES.join("\n");
     for (place, value) in places(application) {
         text = text.replace(place, &value);
@@ -64,6 +62,7 @@ fn places(application: &Application) -> Vec<(&'static str, String)> {
         ("@ANSWER_SCANS@", application.answer_scans.to_string()),
         ("@SILENT_SCANS@", application.silent_scans.to_string()),
         ("@PROGRESS_SCANS@", application.progress_scans.to_string()),
+        ("@SCAN_US@", application.scan_us.to_string()),
         ("@ROBOT_CYCLE_US@", application.robot_cycle_us.to_string()),
         ("@QUEUE_DEPTH@", application.queue_depth.to_string()),
         ("@PROGRAM@", application.program.to_string()),

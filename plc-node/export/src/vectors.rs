@@ -4,10 +4,10 @@
 
 use std::fmt::Write as _;
 
+use ::structured_text::{Program, RunError, Source};
 use protocol::image::{
     Command, Control, Feedback, FeedbackSealer, IMAGE_LEN, Image, Order, Skill, State, Status,
 };
-use structured_text::{Program, RunError, Source};
 
 use crate::{Application, FILE};
 

@@ -2,11 +2,13 @@
 //!
 //! ```text
 //! as_multihomed  the PLC as a machine on an interface for each bus: time and frames
+//! led            a program that leads the stations itself, as exported code does
 //! links          what the buses report, and the images that they are given
 //! run            the way to the start of a run, its scans and its end
 //! ```
 
 mod as_multihomed;
+mod led;
 mod links;
 mod run;
 
@@ -77,8 +79,7 @@ impl<B: ControllerBus> PlcNode<B> {
     pub fn new(config: PlcConfig, bus: B, start: Instant) -> Self {
         let scan = Scan::new(start, config.scan_cycle, config.scan_cost);
         let (config, work) = config.into_station("", &[]);
-        let station = PlacedStation { bus: 0, id: StationId::FIRST, config };
-        Self::with_program(scan, vec![bus], vec![station], Sequences::new(vec![work]))
+        Self::with_program(scan, vec![bus], vec![the_station(config)], Sequences::new(vec![work]))
     }
 
     /// Returns the digest of the motions that the first station took from its source in this run, or in the last one: with SM and
@@ -87,6 +88,11 @@ impl<B: ControllerBus> PlcNode<B> {
     pub fn sent(&self) -> Digest {
         self.program.digest(0).copied().unwrap_or_default()
     }
+}
+
+/// Returns the only station of a PLC, the first on its bus.
+const fn the_station(config: StationConfig) -> PlacedStation {
+    PlacedStation { bus: 0, id: StationId::FIRST, config }
 }
 
 impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
@@ -311,10 +317,17 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             Mode::Running => self.run(now),
             Mode::Idle => {}
         }
-        self.go_on_to_start(now);
+        let leads = self.program.leads();
+        if !leads {
+            self.go_on_to_start(now);
+        }
         self.watch_silence();
         // A run that has just failed is followed by the halt in the same scan.
-        self.prepare();
+        if leads {
+            self.lead(now)
+        } else {
+            self.prepare()
+        }
         self.stations.iter_mut().for_each(Station::emit);
     }
 

@@ -78,8 +78,9 @@ impl Run {
 impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Begins the run once every arm is where it starts, and moves there those that are not.
     pub(super) fn start_when_ready(&mut self, now: Instant, execution_type: ExecutionType) {
+        let leads = self.program.leads();
         for station in self.stations.iter_mut().filter(|station| station.is_ready()) {
-            if !station.is_at_start() {
+            if !leads && !station.is_at_start() {
                 station.move_to_start(false, &mut self.events);
             }
         }
@@ -125,6 +126,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 None => self.finish(now),
                 Some((station, cause)) => self.end_run(Some(station), cause),
             },
+            Progress::Ended { station, cause } => self.fail(Some(station), cause),
             Progress::Aborted { station } => self.fail(Some(station), FailureCause::RobotHalted),
             Progress::Failed { station, motion, error } => {
                 let cause = match error {
@@ -162,7 +164,9 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
 
     fn finish(&mut self, now: Instant) {
         self.mode = Mode::Idle;
-        let execution_time_ns = now.as_nanos().saturating_sub(self.run.started_at.as_nanos());
+        let measured = || now.as_nanos().saturating_sub(self.run.started_at.as_nanos());
+        let by_program = self.program.execution_time_us().map(|micros| micros.saturating_mul(1_000));
+        let execution_time_ns = by_program.unwrap_or_else(measured);
         for index in 0..self.stations.len() {
             let totals = self.program.totals(index);
             let frames_before = self.run.before.get(index).map(|before| before.frames).unwrap_or_default();
@@ -179,6 +183,9 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 after: self.run.before.get(index).map(|before| before.number),
             };
             self.events.push(index, PlcEvent::Finished(execution));
+        }
+        if self.program.leads() {
+            return self.stations.iter_mut().for_each(Station::leave_run);
         }
         for station in &mut self.stations {
             if station.is_at_start() {

@@ -8,6 +8,7 @@ mod message;
 mod modes;
 
 use std::fmt;
+use std::path::PathBuf;
 
 use machine::{Duration, Instant, InterfaceId, Lateness};
 use node::Outcome;
@@ -24,8 +25,8 @@ pub use message::{PlcInstruction, PlcMessage, PlcOrder, PlcRefusal};
 use modes::{OnInstruction, Standalone};
 
 use crate::{
-    ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, PlcProgram, PlcReport, Sample,
-    StartError, Station, WaitingFor, bus,
+    AnyProgram, ExecutionType, Override, OverrideSchedule, PlcConfig, PlcEvent, PlcNode, PlcProgram,
+    PlcReport, Sample, StartError, Station, WaitingFor, bus,
 };
 
 /// Options of `plc-node run`.
@@ -49,12 +50,20 @@ pub(crate) struct Run {
     /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path.
     #[arg(long = "override", value_name = "PERCENT[@TIME],...", conflicts_with = "control")]
     overrides: Option<OverrideSchedule>,
+    /// Execute exported code in the place of the PLC's function blocks: the directory that `export --for st` wrote.
+    #[arg(long = "program", value_name = "DIR")]
+    program: Option<PathBuf>,
 }
 
 impl Run {
     /// Runs the node until it is done.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
+        let code = self.program.as_deref().map(crate::read_program).transpose()?;
         if self.options.has_several_stations() {
+            anyhow::ensure!(
+                code.is_none(),
+                "--program executes the code of one robot: name a setup with one station"
+            );
             return self.execute_cell();
         }
         let prepared = self.options.prepare()?;
@@ -66,7 +75,7 @@ impl Run {
         let nonce = start.as_nanos();
         if self.options.direct {
             let bus = prepared.direct(NodeRole::Plc, start)?;
-            let node = PlcNode::new(config, OneStation::new(bus), start);
+            let node = PlcNode::of_code(config, code, OneStation::new(bus), start)?;
             return self.supervise(prepared, "images without a protocol", node);
         }
         // A PLC has its address from its project.
@@ -74,14 +83,14 @@ impl Run {
         let endpoint = bus::role(&setup.bus.kind);
         let mut bus = bus::open(&setup.bus, interface.mac(), nonce, start)?;
         do_without_arp(&mut bus, interface);
-        self.supervise(prepared, endpoint, PlcNode::new(config, bus, start))
+        self.supervise(prepared, endpoint, PlcNode::of_code(config, code, bus, start)?)
     }
 
     fn supervise<B: ControllerBus + Send + fmt::Debug + 'static>(
         &self,
         prepared: Prepared,
         endpoint: &str,
-        node: PlcNode<B>,
+        node: PlcNode<B, AnyProgram>,
     ) -> anyhow::Result<Outcome> {
         if self.options.takes_instructions() {
             prepared.supervise(&self.options, NodeRole::Plc, endpoint, node, &mut OnInstruction::default())

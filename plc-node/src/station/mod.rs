@@ -15,7 +15,9 @@ mod start_position;
 use machine::{Duration, Instant};
 use planning::{Stop, ToStart};
 use protocol::fieldbus::Down;
-use protocol::image::{Checks, CommandSealer, FeedbackChecker, IMAGE_LEN, Image, LifeMonitor, Motion, Order};
+use protocol::image::{
+    Checks, Command, CommandSealer, FeedbackChecker, IMAGE_LEN, Image, LifeMonitor, Motion, Order,
+};
 
 use readiness::Readiness;
 pub(crate) use readiness::WayToStart;
@@ -83,6 +85,8 @@ pub struct Station {
     altered_still: u64,
     /// The image that the group's feedback was read from: a robot that is slower than the scan repeats it.
     inputs: Image,
+    /// The image of this scan as the bus has it.
+    received: Option<Image>,
     checker: FeedbackChecker,
     pub(crate) life: LifeMonitor,
     /// Since when all images were refused as outdated; `None` while they are not.
@@ -114,6 +118,7 @@ impl Station {
             received_still: 0,
             altered_still: 0,
             inputs: [0; IMAGE_LEN],
+            received: None,
             checker: FeedbackChecker::default(),
             life: LifeMonitor::new(robot_cycle),
             outdated_since: None,
@@ -177,6 +182,24 @@ impl Station {
     /// does not go out.
     pub fn set_image(&mut self, image: &Image) {
         (self.outputs, self.is_image_set, self.emitted) = (*image, true, None);
+    }
+
+    /// Sets the image like [`set_image`](Self::set_image), and takes its command over into the axes group, for all that reads the
+    /// command there. Returns the command.
+    pub(crate) fn take_command(&mut self, image: &Image) -> &Command {
+        self.set_image(image);
+        let before = &self.group.command;
+        if let Ok(head) = self.order.parse_command_head(image) {
+            let is_same = (head.number, head.written) == (before.number, before.written);
+            let whole = if is_same { None } else { self.order.parse_command(image).ok() };
+            self.group.command = whole.unwrap_or(Command { slots: before.slots, ..head });
+        }
+        &self.group.command
+    }
+
+    /// Returns the robot's image of this scan as its bus has it, before any check; `None` without a connection.
+    pub(crate) const fn received(&self) -> Option<Image> {
+        self.received
     }
 
     /// Returns the numbers of images by the results of their checks, and of outdated ones.

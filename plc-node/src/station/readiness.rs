@@ -6,6 +6,7 @@ use protocol::image::{Control, ErrorNumber, State, Status};
 use super::{Station, StationState};
 use crate::event::Events;
 use crate::function_blocks::{GroupReset, GroupStop, is_executing, is_ready};
+use crate::program::Led;
 use crate::sequence::SkillProgress;
 use crate::{AxesGroup, FailureCause, PlcEvent, StartError};
 
@@ -116,6 +117,24 @@ impl Station {
         }
         self.move_to_start(false, events);
         false
+    }
+
+    /// Takes over how far a program that leads the station has come with it.
+    pub(crate) fn follow(&mut self, led: Led, events: &mut Events) {
+        let state = match led {
+            Led::Preparing | Led::Ended(_) => StationState::Preparing,
+            Led::MovingToStart => StationState::MovingToStart,
+            Led::Ready => StationState::Ready,
+        };
+        let before = core::mem::replace(&mut self.state, state);
+        if state == StationState::MovingToStart && before != state {
+            events.push(self.index, PlcEvent::MovingToStart);
+        }
+    }
+
+    /// Ends a run at a station that the program leads: what comes now is its own affair.
+    pub(crate) const fn leave_run(&mut self) {
+        self.state = StationState::Preparing;
     }
 
     pub(crate) fn not_ready(&self) -> StartError {

@@ -1,6 +1,6 @@
 //! Text → tokens.
 
-use crate::{Mistake, Place};
+use crate::{Dialect, Mistake, Place};
 
 /// Kind of a token, with its value.
 #[derive(Clone, PartialEq, Debug)]
@@ -37,14 +37,14 @@ const SYMBOLS: [&str; 22] = [
 ///
 /// # Errors
 /// A character, number or comment is malformed.
-pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, Mistake> {
+pub(crate) fn tokens(text: &str, dialect: Dialect) -> Result<Vec<Token>, Mistake> {
     if text.len() > LONGEST {
         return Err(Mistake::new(
             Place { line: 1, column: 1 },
             format!("{} bytes: at most {LONGEST} are read", text.len()),
         ));
     }
-    let mut lexer = Lexer { rest: text, place: Place { line: 1, column: 1 } };
+    let mut lexer = Lexer::new(text, dialect);
     let mut tokens = Vec::new();
     while let Some(token) = lexer.next()? {
         tokens.push(token);
@@ -52,12 +52,23 @@ pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, Mistake> {
     Ok(tokens)
 }
 
-struct Lexer<'a> {
+/// A text under way.
+pub(crate) struct Lexer<'a> {
     rest: &'a str,
     place: Place,
+    dialect: Dialect,
 }
 
 impl<'a> Lexer<'a> {
+    pub(crate) const fn new(text: &'a str, dialect: Dialect) -> Self {
+        Self { rest: text, place: Place { line: 1, column: 1 }, dialect }
+    }
+
+    /// Returns what was not taken yet.
+    pub(crate) const fn rest(&self) -> &'a str {
+        self.rest
+    }
+
     /// Takes `length` bytes, which end at a character's end.
     fn take(&mut self, length: usize) -> &'a str {
         let (taken, rest) = self.rest.split_at_checked(length).unwrap_or((self.rest, ""));
@@ -78,13 +89,17 @@ impl<'a> Lexer<'a> {
     }
 
     /// Skips white space and comments.
-    fn skip_comments(&mut self) -> Result<(), Mistake> {
+    pub(crate) fn skip_comments(&mut self) -> Result<(), Mistake> {
         loop {
             self.take_while(|character| character.is_ascii_whitespace());
             if let Some(comment) = self.rest.strip_prefix("(*") {
                 let unended = || Mistake::new(self.place, "comment without its end `*)`");
                 let length = comment.find("*)").ok_or_else(unended)?;
                 self.take(length + "(**)".len());
+            } else if self.dialect == Dialect::Scl && self.rest.starts_with('{') {
+                let unended = || Mistake::new(self.place, "pragma without its end `}`");
+                let length = self.rest.find('}').ok_or_else(unended)?;
+                self.take(length + 1);
             } else if self.rest.starts_with("//") {
                 self.take_while(|character| character != '\n');
             } else {
@@ -93,11 +108,13 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    fn next(&mut self) -> Result<Option<Token>, Mistake> {
+    pub(crate) fn next(&mut self) -> Result<Option<Token>, Mistake> {
         self.skip_comments()?;
         let place = self.place;
         let Some(first) = self.rest.chars().next() else { return Ok(None) };
-        let kind = if first.is_ascii_digit() {
+        let kind = if let Some(name) = self.scl_name() {
+            Kind::Word(name?)
+        } else if first.is_ascii_digit() {
             self.number(None)?
         } else if first.is_ascii_alphabetic() || first == '_' {
             let word = self.take_while(|character| character.is_ascii_alphanumeric() || character == '_');
@@ -114,6 +131,25 @@ impl<'a> Lexer<'a> {
             return Err(Mistake::new(place, format!("unexpected character {first:?}")));
         };
         Ok(Some(Token { kind, place }))
+    }
+
+    /// Takes `"name"` or `#name` of SCL.
+    fn scl_name(&mut self) -> Option<Result<String, Mistake>> {
+        let mark = self
+            .rest
+            .chars()
+            .next()
+            .filter(|mark| self.dialect == Dialect::Scl && matches!(mark, '"' | '#'))?;
+        let place = self.place;
+        self.take(1);
+        let name = self.take_while(|character| character.is_ascii_alphanumeric() || character == '_');
+        let is_ended = mark == '#' || self.rest.starts_with('"');
+        self.take(usize::from(mark == '"' && is_ended));
+        Some(match name {
+            "" => Err(Mistake::new(place, "name expected")),
+            _ if !is_ended => Err(Mistake::new(place, "name without its end `\"`")),
+            name => Ok(name.into()),
+        })
     }
 
     fn number(&mut self, of_type: Option<String>) -> Result<Kind, Mistake> {

@@ -3,9 +3,11 @@
 //! ```text
 //! lexer     text → tokens, each with its place
 //! syntax    the tree; parser makes it of tokens
+//! tree      trees of several dialects, to compare them; pieces is a text for those who rewrite it
 //! types     elementary types, layouts of structures, arrays and instances
 //! compile   the strict checker: tree → instructions over one flat memory
 //! run       executes them with a budget of steps; traps where a real PLC would go wrong silently
+//! search    executes loops that compare arrays at once
 //! ```
 //!
 //! # The subset
@@ -37,11 +39,16 @@ mod compile;
 mod lexer;
 mod mistake;
 mod parser;
+mod pieces;
 mod run;
+mod search;
 mod syntax;
+mod tree;
 mod types;
 
 pub use compile::{Program, Source, Variable};
 pub use mistake::{Mistake, Place, RunError, Trap};
+pub use pieces::{Piece, PieceKind, pieces};
 pub use run::Instance;
+pub use tree::{Dialect, Tree};
 pub use types::Scalar;

@@ -10,11 +10,11 @@ use crate::{Place, Program, RunError, Scalar, Trap, Variable};
 #[derive(Clone, Debug)]
 pub struct Instance {
     /// The variables of all functions, then those of the instance.
-    memory: Vec<i64>,
+    pub(crate) memory: Vec<i64>,
     base: usize,
     unit: usize,
     scans: u64,
-    steps: u64,
+    pub(crate) steps: u64,
     /// The trap under way: where, in which unit.
     trap: Option<(Trap, Place, usize)>,
     /// The unit that runs.
@@ -23,7 +23,7 @@ pub struct Instance {
 
 /// A trap was found; the instance knows which.
 #[derive(Debug)]
-struct Trapped;
+pub(crate) struct Trapped;
 
 /// What follows a statement.
 #[derive(PartialEq, Eq)]
@@ -33,7 +33,7 @@ enum Flow {
     Return,
 }
 
-type Run<T> = Result<T, Trapped>;
+pub(crate) type Run<T> = Result<T, Trapped>;
 
 impl Instance {
     pub(crate) fn new(program: &Program, unit: usize) -> Self {
@@ -60,6 +60,26 @@ impl Instance {
         {
             *slot = value;
         }
+    }
+
+    /// Sets the values of a variable of `USINT` or `BYTE` from its beginning on. Bytes past its end are ignored.
+    pub fn set_bytes(&mut self, variable: Variable, bytes: &[u8]) {
+        let slots = self.slots_mut(variable).into_iter().flatten();
+        slots.zip(bytes).for_each(|(slot, byte)| *slot = i64::from(*byte));
+    }
+
+    /// Reads the values of a variable of `USINT` or `BYTE` from its beginning on. Bytes past its end stay as they are.
+    pub fn get_bytes(&self, variable: Variable, bytes: &mut [u8]) {
+        let slots = self.memory.get(self.base + variable.offset as usize..).unwrap_or_default();
+        let slots = slots.get(..variable.len as usize).unwrap_or(slots);
+        // A byte's slot holds 0 to 255.
+        bytes.iter_mut().zip(slots).for_each(|(byte, slot)| *byte = *slot as u8);
+    }
+
+    fn slots_mut(&mut self, variable: Variable) -> Option<&mut [i64]> {
+        let is_byte = matches!(variable.scalar, Scalar::Usint | Scalar::Byte);
+        let first = self.base + variable.offset as usize;
+        self.memory.get_mut(first..first + variable.len as usize).filter(|_| is_byte)
     }
 
     /// Runs the body of the function block once, in at most so many steps: statements and passes of loops. The program must
@@ -184,6 +204,12 @@ impl Instance {
         if by == 0 {
             return self.trap(Trap::StepOfZero, place);
         }
+        let idle = self.idle_passes(program, of, value, to, this)?;
+        self.steps -= 2 * idle as u64;
+        value += idle as i64;
+        if !of.scalar.holds(value) {
+            return self.trap(Trap::Overflow, place);
+        }
         self.memory[variable] = value;
         while if by > 0 { value <= to } else { value >= to } {
             self.step(place)?;
@@ -249,7 +275,7 @@ impl Instance {
         Ok(self.memory[unit.frame])
     }
 
-    fn slot(&mut self, program: &Program, address: &Address, this: usize) -> Run<usize> {
+    pub(crate) fn slot(&mut self, program: &Program, address: &Address, this: usize) -> Run<usize> {
         match address {
             Address::Local(offset) => Ok(this + *offset as usize),
             Address::Through(slot, offset) => {

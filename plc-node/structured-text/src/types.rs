@@ -1,7 +1,7 @@
 //! Types and layouts. Each elementary value takes one slot of the memory.
 
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use crate::Place;
 use crate::syntax::Role;
@@ -89,10 +89,10 @@ impl Scalar {
 #[derive(Clone, Debug)]
 pub(crate) enum Type {
     Scalar(Scalar),
-    Structure(Rc<Layout>),
-    Array(Rc<Array>),
+    Structure(Arc<Layout>),
+    Array(Arc<Array>),
     /// An instance of a function block.
-    Instance(Rc<Layout>),
+    Instance(Arc<Layout>),
 }
 
 /// An array of one dimension.

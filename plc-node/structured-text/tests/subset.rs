@@ -37,6 +37,8 @@ fn what_a_plc_would_do_silently_is_a_trap() {
         ("n := 300; s := DINT_TO_USINT(n);", Trap::Narrowing),
         ("n := 4; x := many[n];", Trap::Index),
         ("x := many[0];", Trap::Index),
+        ("FOR n := 2 TO 4 DO IF many[n] <> UINT#20 THEN x := 1; END_IF; END_FOR;", Trap::Index),
+        ("FOR n := 0 TO 3 DO IF many[n] <> UINT#20 THEN x := 1; END_IF; END_FOR;", Trap::Index),
         ("x := UINT#1 / x;", Trap::DivisionByZero),
         ("x := UINT#1 MOD x;", Trap::DivisionByZero),
         ("r := REAL#1.0 / r;", Trap::NotFinite),
@@ -67,6 +69,21 @@ fn statements_and_operators_compute_what_the_standard_says() {
         ("n := -7; x := DINT_TO_UINT(ABS(n / DINT#2) * DINT#10 - n MOD DINT#2);", 31),
         ("r := REAL#2.5; x := REAL_TO_UINT(r) * UINT#10 + REAL_TO_UINT(r + REAL#1.0);", 24),
         ("x := 5; RETURN; x := 6;", 5),
+        // Loops that search: what they find, and where the variable stands afterwards.
+        ("FOR n := 1 TO 3 DO IF many[n] <> UINT#10 THEN x := DINT_TO_UINT(n); EXIT; END_IF; END_FOR;", 2),
+        (
+            "FOR n := 2 TO 3 DO IF many[n] <> UINT#20 THEN x := 9; END_IF; END_FOR; x := x + DINT_TO_UINT(n);",
+            4,
+        ),
+        (
+            "FOR n := 1 TO 3 DO IF many[n] <> many[n] THEN x := 9; END_IF; END_FOR; x := x + DINT_TO_UINT(n);",
+            4,
+        ),
+        (
+            "FOR n := 3 TO 1 DO IF many[n] <> UINT#20 THEN x := 9; END_IF; END_FOR; x := x + DINT_TO_UINT(n);",
+            3,
+        ),
+        ("FOR n := 1 TO 3 DO IF many[n] <> UINT#20 THEN x := x + UINT#1; END_IF; END_FOR;", 1),
     ] {
         assert_eq!(run(body), Ok(x), "{body}");
     }

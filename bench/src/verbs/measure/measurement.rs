@@ -6,6 +6,7 @@ use std::time::SystemTime;
 
 use ::node::token::ControlToken;
 use planning::Found;
+use plc_node::ExportedCode;
 use setup::Setup;
 
 use super::reference_runs::ReferenceRuns;
@@ -68,6 +69,8 @@ pub(super) struct Measurement<'a> {
     pub(super) token: Option<ControlToken>,
     /// Address of the live view.
     pub(super) live: Option<Reserved>,
+    /// Exported code in the place of the PLC's function blocks.
+    pub(super) code: Option<ExportedCode>,
 }
 
 impl Measurement<'_> {
@@ -197,6 +200,7 @@ impl Measurement<'_> {
             directory: &directory,
             capture: self.options.capture.retention(),
             frames: self.options.trace,
+            code: self.options.plc_program.as_deref().zip(self.code.as_ref()),
             faults: &self.faults,
             feed: feed.as_ref(),
             voice: Some(&voice),

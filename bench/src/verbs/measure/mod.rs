@@ -51,6 +51,8 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let warnings = plan.warnings().chain(reached.stopped.iter().map(ToString::to_string)).collect();
     check_outputs(options, &found)?;
     check_faults(options, &setup)?;
+    let code = options.plc_program.as_deref().map(plc_node::read_program).transpose();
+    let code = code.map_err(|error| Failure::new(Exit::Usage, error))?;
     let live = options.live.map(|address| reserve(address, options.mode)).transpose()?;
     let mut token = None;
     if let Some(attach) = &options.attach {
@@ -80,6 +82,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         warnings,
         token,
         live,
+        code,
     };
     let runtime = event_loop()?;
     let (ended, directory) = runtime.block_on(measurement.run())?;

@@ -80,6 +80,10 @@ pub struct RunOptions {
     /// kill-plc-at has none.
     #[arg(long, value_name = "FAULT", num_args = 1..)]
     pub fault: Vec<List<Fault>>,
+    /// Execute exported code in the place of the PLC's function blocks, in both modes: the directory that `plc-node export --for
+    /// st` wrote, where the code may be edited.
+    #[arg(long, value_name = "DIR", conflicts_with = "attach")]
+    pub plc_program: Option<PathBuf>,
     /// Serve a page that shows the run while it is going on: the arm, slots and speed of the repetition that runs, the table as it
     /// grows, lateness of the cycles, counters, alarms and faults. Real mode only, and only for this machine's loopback.
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = live::DEFAULT)]

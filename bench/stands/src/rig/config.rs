@@ -45,6 +45,8 @@ pub struct RigConfig {
     pub faults: Vec<Fault>,
     /// The program of both nodes; `None` for this program.
     pub program: Option<PathBuf>,
+    /// Directory of exported code that takes the place of the PLC's function blocks.
+    pub code: Option<PathBuf>,
     /// Exchange images without a bus protocol, for tests that are not about a bus.
     pub direct: bool,
 }
@@ -77,13 +79,18 @@ impl RigConfig {
             writes_all: false,
             faults: Vec::new(),
             program: None,
+            code: None,
             direct: false,
         }
     }
 
     /// Returns the arguments of the PLC's node; `interface` is its option of this name.
     pub(super) fn plc_args(&self, interface: &str) -> Vec<OsString> {
-        self.args(interface, tables::PLC_ROWS)
+        let mut args = self.args(interface, tables::PLC_ROWS);
+        if let Some(directory) = &self.code {
+            args.extend(["--program".into(), directory.into()]);
+        }
+        args
     }
 
     /// Returns the arguments of a robot's node.

@@ -37,6 +37,7 @@ impl Stand for Rig {
             voice: config.voice.cloned(),
             writes_all: config.feed.is_some(),
             faults: config.faults.to_vec(),
+            code: config.code.map(|(directory, _)| directory.into()),
             ..RigConfig::new(config.setup, directory.join("setup.toml"))
         };
         Self::start(&rig).await.map_err(|error| at_start(error, config.faults))

@@ -5,7 +5,7 @@ use std::net::Ipv4Addr;
 use machine::ethernet::Mac;
 use machine::{Instant, InterfaceId};
 use plc_node::bus::PlcBus;
-use plc_node::{PlcEvent, PlcNode, PlcReport};
+use plc_node::{AnyProgram, PlcEvent, PlcNode, PlcReport};
 use protocol::fieldbus::{Fieldbus as _, LinkEvent};
 use records::conditions::MotionTotals;
 use robot_node::bus::RobotBus;
@@ -15,7 +15,7 @@ use virtual_time::{
     SwitchConfig, SwitchId, Tapped,
 };
 
-type Plc = PlcNode<PlcBus>;
+pub(super) type Plc = PlcNode<PlcBus, AnyProgram>;
 type Robot = RobotNode<RobotBus>;
 
 /// A robot of the cell, by its number from 0.

@@ -38,7 +38,7 @@ use capture_file::Retention;
 use machine::Instant;
 use machine::ethernet::Mac;
 use planning::{Application, Stop, ToStart};
-use plc_node::{ExecutionType, MotionList, MotionSource, PlcEvent};
+use plc_node::{ExecutionType, ExportedCode, MotionList, MotionSource, PlcEvent};
 use protocol::image::{Digest, Motion};
 use robot_node::RobotConfig;
 use setup::Setup;
@@ -86,6 +86,8 @@ pub struct Work {
     stops: Vec<Stop>,
     to_start: ToStart<Motion>,
     robot: RobotConfig,
+    /// Exported code in the place of the PLC's function blocks.
+    code: Option<ExportedCode>,
     /// The same once more, for nodes that are started again; only work that was planned has it.
     again: Option<Box<PlannedCell>>,
 }
@@ -93,7 +95,7 @@ pub struct Work {
 impl Work {
     fn of(PlannedCell { robot, motions, stops, to_start, .. }: PlannedCell) -> Self {
         let source = Box::new(MotionList::from(motions.clone()));
-        Self { source, program: motions, stops, to_start, robot, again: None }
+        Self { source, program: motions, stops, to_start, robot, code: None, again: None }
     }
 
     /// Creates work for a run with these faults.
@@ -110,7 +112,8 @@ impl Work {
         to_start: ToStart<Motion>,
     ) -> anyhow::Result<Self> {
         let robot = RobotConfig::from_setup(setup)?;
-        Ok(Self { source, program: Vec::new(), stops: Vec::new(), to_start, robot, again: None })
+        let (program, stops) = (Vec::new(), Vec::new());
+        Ok(Self { source, program, stops, to_start, robot, code: None, again: None })
     }
 }
 
@@ -123,6 +126,8 @@ pub struct Extras {
     pub capture: Option<(PathBuf, Retention)>,
     /// Whether the frames of recorded repetitions are kept, for a timeline.
     pub frames: bool,
+    /// Exported code in the place of the PLC's function blocks.
+    pub code: Option<ExportedCode>,
 }
 
 impl VirtualRun {
@@ -147,6 +152,7 @@ impl VirtualRun {
         extras: &Extras,
     ) -> anyhow::Result<Self> {
         let work = Work::with(PlannedCell::of(setup, application)?, &extras.faults);
+        let work = Work { code: extras.code.clone(), ..work };
         Self::start_on(setup, work, seed, extras)
     }
 
@@ -304,6 +310,7 @@ impl Stand for VirtualRun {
             faults: config.faults.to_vec(),
             capture: config.capture.map(|keep| (config.directory.to_owned(), keep)),
             frames: config.frames,
+            code: config.code.map(|(_, code)| code.clone()),
         };
         let StandConfig { setup, application, seed, .. } = *config;
         let started = Self::start_with(setup, application, seed, &extras);
@@ -367,6 +374,7 @@ mod tests {
             directory: directory.path(),
             capture: None,
             frames: false,
+            code: None,
             faults: &faults,
             feed: None,
             voice: None,

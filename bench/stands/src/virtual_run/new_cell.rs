@@ -80,7 +80,7 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
         }
         robots.push(robot);
     }
-    let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work));
+    let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work).into());
     let plc = NewNode { machine: plc, clock: plc_clock, address: None };
     let cell = VirtualCell::of_many(plc, interfaces, robots, seed);
     Ok(NewCell { cell, clocks: CellClocks { plc: plc_clock, robots: phases.robots } })

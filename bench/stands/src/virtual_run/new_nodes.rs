@@ -7,13 +7,14 @@ use machine::Instant;
 use machine::ethernet::Mac;
 use planning::{PROGRAM, Stop, ToStart};
 use plc_node::bus::{BusError, PlcBus};
-use plc_node::{MotionSource, PlcConfig, PlcNode};
+use plc_node::{ExportedCode, MotionSource, PlcConfig, PlcNode};
 use protocol::image::Motion;
 use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotConfig, RobotNode};
 use setup::{Bus, Setup};
 use virtual_time::Side;
 
+use super::cell::Plc;
 use super::phases::Phases;
 use super::{PLC_MAC, ROBOT_MAC, Work};
 use crate::planned_cell::PlannedCell;
@@ -70,16 +71,17 @@ pub(super) fn addresses(bus: &Bus) -> [Option<Ipv4Addr>; 2] {
 }
 
 /// Creates the PLC of a cell; `plan` is what it sends, where its continuous motions end, and how the arm gets to their
-/// start.
+/// start. Exported code takes the place of its function blocks, if there is some.
 pub(super) fn new_plc(
     setup: &Setup,
     plan: (Box<dyn MotionSource>, Vec<Stop>, ToStart<Motion>),
+    code: Option<ExportedCode>,
     bus: PlcBus,
     start: Instant,
-) -> PlcNode<PlcBus> {
+) -> anyhow::Result<Plc> {
     let (motions, stops, to_start) = plan;
     let config = PlcConfig { motions, to_start, stops, ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM) };
-    PlcNode::new(config, bus, start)
+    Ok(PlcNode::of_code(config, code, bus, start)?)
 }
 
 /// Creates the robot of a cell, with a program of these motions and stops in its store.
@@ -98,20 +100,20 @@ type Make<N> = Box<dyn Fn(Instant) -> anyhow::Result<N>>;
 
 /// Makes each node of a cell once more.
 pub(super) struct Restart {
-    pub(super) plc: Make<PlcNode<PlcBus>>,
+    pub(super) plc: Make<Plc>,
     pub(super) robot: Make<RobotNode<RobotBus>>,
 }
 
 impl Restart {
     /// Prepares the nodes of a cell on the bus that its setup names. Their numbers of connections are others than those
     /// of the first nodes.
-    pub(super) fn of(setup: &Setup, planned: PlannedCell, seed: u64) -> Self {
+    pub(super) fn of(setup: &Setup, planned: PlannedCell, code: Option<ExportedCode>, seed: u64) -> Self {
         let (setup_of_plc, planned_of_plc) = (setup.clone(), planned.clone());
         let plc: Make<_> = Box::new(move |now| {
             let start = now + UNTIL_FIRST_CYCLE;
             let bus = open_plc(&setup_of_plc.bus, &[], PLC_MAC, seed ^ now.as_nanos(), start)?;
             let Work { source, stops, to_start, .. } = Work::of(planned_of_plc.clone());
-            Ok(new_plc(&setup_of_plc, (source, stops, to_start), bus, start))
+            new_plc(&setup_of_plc, (source, stops, to_start), code.clone(), bus, start)
         });
         let setup = setup.clone();
         let robot: Make<_> = Box::new(move |now| {

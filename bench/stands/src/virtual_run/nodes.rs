@@ -116,14 +116,14 @@ impl Nodes {
         seed: u64,
         Surroundings { faults, capture, frames }: Surroundings<'_>,
     ) -> anyhow::Result<Self> {
-        let Work { source, program, stops, to_start, robot, again } = work;
+        let Work { source, program, stops, to_start, robot, code, again } = work;
         let mut phases = Phases::new(setup, seed);
         let bus = &setup.bus;
         let (plc_bus, robot_bus) = new_buses(bus, seed, &mut phases)?;
         let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
         let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
         let robot = new_robot(robot, (program, &stops), robot_bus, seed, robot_start);
-        let plc = new_plc(setup, (source, stops, to_start), plc_bus, plc_start);
+        let plc = new_plc(setup, (source, stops, to_start), code.clone(), plc_bus, plc_start)?;
         let delay = Duration::from_micros(bus.cable_delay_us.value.into());
         let addresses = addresses(bus);
         let links = faults::links(faults, Impairment { delay, ..Impairment::default() });
@@ -140,7 +140,7 @@ impl Nodes {
             addresses,
             faults: faults.to_vec(),
             changes: Changes::of(faults),
-            restart: again.map(|planned| Restart::of(setup, *planned, seed)),
+            restart: again.map(|planned| Restart::of(setup, *planned, code, seed)),
             killed: None,
             capture,
             frames,
@@ -264,6 +264,7 @@ impl Nodes {
                     return Ok(());
                 }
                 PlcEvent::Link(LinkEvent::Down(down)) => return Err(self.not_connected(down).into()),
+                PlcEvent::Failed(failure) => return Err(failure.into()),
                 _ => {}
             }
         }

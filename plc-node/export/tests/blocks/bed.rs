@@ -4,17 +4,20 @@ use machine::{
     Duration, Instant, InterfaceId, Machine, Multihomed as _, Port, PortRequest, Source, Transmit,
 };
 use planning::setup_and_application;
+use plc_export::Maker;
 use plc_node::{ExecutionType, PlcConfig, PlcEvent, PlcNode};
 use protocol::fieldbus::{Counters, Down, DownCause, Fieldbus, LinkEvent};
 use protocol::image::{IMAGE_LEN, Image, Order};
 use protocol::one_station::OneStation;
 use robot_node::{Program as RobotProgram, RobotConfig, RobotNode};
-use structured_text::{Instance, Program, Source as Text, Variable};
+use structured_text::{Instance, Program, Variable};
+
+use crate::read_back::{code_of, program_of};
 
 /// Most steps of a scan: the first one builds the table of the check.
 const BUDGET: u64 = 100_000;
 
-const ETHERNET: Source = Source { port: Port::Ethernet, peer: None };
+pub(crate) const ETHERNET: Source = Source { port: Port::Ethernet, peer: None };
 
 /// A bus whose images a test moves by hand.
 #[derive(Debug)]
@@ -27,7 +30,7 @@ pub(crate) struct Wire {
 }
 
 impl Wire {
-    fn new(order: Order) -> Self {
+    pub(crate) fn new(order: Order) -> Self {
         Self { order, input: None, output: [0; IMAGE_LEN], event: None, received: 0 }
     }
 }
@@ -99,8 +102,10 @@ pub(crate) struct Exported {
 
 impl Exported {
     pub(crate) fn new(text: &str, order: Order) -> Self {
-        let program = Program::compile(&[Text { file: plc_export::FILE, text }])
-            .unwrap_or_else(|mistake| panic!("{mistake}"));
+        Self::of(program_of(&code_of(text, Maker::St), Maker::St), order)
+    }
+
+    fn of(program: Program, order: Order) -> Self {
         let variable = |name: &str| program.variable("SB_Core", name).unwrap();
         let inputs = ["feedback_bytes", "now_us", "start", "execution_type", "repetitions", "bus_big_endian"]
             .map(variable);
@@ -197,18 +202,29 @@ impl Bed {
         order: Order,
         edit: impl Fn(String) -> String,
     ) -> Self {
+        Self::with(setup, application, order, |text| Exported::new(&edit(text), order))
+    }
+
+    /// Creates a bed with the code of a maker, read back from its files.
+    pub(crate) fn of_maker(setup: &str, application: &str, order: Order, maker: Maker) -> Self {
+        Self::with(setup, application, order, |text| {
+            Exported::of(program_of(&code_of(&text, maker), maker), order)
+        })
+    }
+
+    fn with(setup: &str, application: &str, order: Order, of_text: impl Fn(String) -> Exported) -> Self {
         let (setup, application) = setup_and_application(setup, Some(application)).unwrap();
         let plan = application.plan(&setup).unwrap();
         let config = || PlcConfig { scan_cost: Duration::ZERO, ..PlcConfig::of_plan(&setup, &plan) };
         let to_start = plan.wire_to_start(&setup);
-        let text = edit(plc_export::structured_text(&config().exported(true)).unwrap());
+        let text = plc_export::structured_text(&config().exported(true)).unwrap();
         let robot =
             RobotConfig::from_setup(&setup).unwrap().in_cell_of(&application.application, &to_start).unwrap();
         let programs = RobotProgram::stored(&plan, &setup);
         let start = Instant::from_millis(1);
         Self {
             plc: PlcNode::new(config(), OneStation::new(Wire::new(order)), start),
-            exported: Exported::new(&text, order),
+            exported: of_text(text),
             robot: RobotNode::new(robot, programs, Wire::new(order), 7, start + Duration::from_micros(700)),
             now: start,
             history: Vec::new(),

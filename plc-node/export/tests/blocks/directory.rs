@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use plc_export::{Application, ExportError, FILE, Refused, VECTORS, export, structured_text};
+use plc_export::{Application, ExportError, FILE, Maker, Refused, VECTORS, export, structured_text};
 
 use crate::bed::{exported, exported_a};
 
@@ -12,13 +12,15 @@ fn two_exports_are_equal_and_a_directory_with_something_in_it_is_left_alone() {
     let [one, other] = ["one", "other"].map(|name| directory.path().join(name));
     fs::create_dir(&other).unwrap(); // an empty one will do
     for path in [&one, &other] {
-        export(&exported_a(), path).unwrap();
+        export(&exported_a(), Maker::St, path).unwrap();
     }
     for file in [FILE, VECTORS] {
         assert_eq!(fs::read(one.join(file)).unwrap(), fs::read(other.join(file)).unwrap());
     }
     fs::write(one.join(FILE), "edited").unwrap();
-    assert!(matches!(export(&exported_a(), &one), Err(ExportError::NotEmpty(path)) if path == one));
+    assert!(
+        matches!(export(&exported_a(), Maker::St, &one), Err(ExportError::NotEmpty(path)) if path == one)
+    );
     assert_eq!(fs::read_to_string(one.join(FILE)).unwrap(), "edited");
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 2, "nothing half written is left");
 }

@@ -3,6 +3,11 @@
 #![expect(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on stops")]
 
 mod bed;
+mod dialects;
 mod directory;
 mod faults;
+mod leading;
+mod long;
+mod random;
+mod read_back;
 mod runs;

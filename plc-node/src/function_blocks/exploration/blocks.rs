@@ -62,8 +62,9 @@ fn normalise_number<P>(call: &mut skill::SkillCall<P>, group: &mut AxesGroup) {
 }
 
 macro_rules! explored_skill {
-    ($block:ty, $total:expr, |$self:ident| $call:expr, |$run:ident, $execute:ident, $group:ident| $step:expr) => {
+    ($block:ty, $exported:expr, $total:expr, |$self:ident| $call:expr, |$run:ident, $execute:ident, $group:ident| $step:expr) => {
         impl Explored for $block {
+            const EXPORTED: u8 = $exported;
             fn asks(control: Control) -> Option<bool> {
                 while_busy(control, Control::EXECUTE)
             }
@@ -116,25 +117,26 @@ macro_rules! explored_skill {
 /// One more than the slots hold.
 const SEQUENCE: u32 = 6;
 
-fn list() -> MotionList {
+pub(super) fn list() -> MotionList {
     let motion = |velocity| Motion { kind: MotionKind::LinCartesian, velocity, ..Motion::EMPTY };
     MotionList::from((1..=SEQUENCE as u16).map(motion).collect::<Vec<_>>())
 }
 
-explored_skill!(MoveLinCartesian, 1, |block| &mut block.inner.call, |block, execute, group| {
+explored_skill!(MoveLinCartesian, 10, 1, |block| &mut block.inner.call, |block, execute, group| {
     block.call(execute, &MotionInputs::from(&Motion::EMPTY), BufferMode::default(), group)
 });
-explored_skill!(MoveContinuous, SEQUENCE, |block| &mut block.call, |block, execute, group| {
+explored_skill!(MoveContinuous, 11, SEQUENCE, |block| &mut block.call, |block, execute, group| {
     block.call(execute, &mut list(), BufferMode::default(), group)
 });
-explored_skill!(RunProgram, 1, |block| &mut block.call, |block, execute, group| {
+explored_skill!(RunProgram, 12, 1, |block| &mut block.call, |block, execute, group| {
     block.call(execute, 1, BufferMode::default(), group)
 });
 
 macro_rules! explored_group_command {
-    ($block:ident, |$control:ident| $asks:expr, done: |$done:ident| $is_done:expr,
+    ($block:ident, $exported:expr, |$control:ident| $asks:expr, done: |$done:ident| $is_done:expr,
      aborted: |$aborted:ident| $is_aborted:expr, leaves: $leaves:expr, way: [$($way:expr),*]) => {
         impl Explored for $block {
+            const EXPORTED: u8 = $exported;
             fn asks($control: Control) -> Option<bool> {
                 $asks
             }
@@ -183,24 +185,24 @@ const fn while_busy(control: Control, bit: Control) -> Option<bool> {
     Some(control.contains(bit))
 }
 
-explored_group_command!(GroupEnable, |control| (!control.contains(Control::ENABLE)).then_some(false),
+explored_group_command!(GroupEnable, 1, |control| (!control.contains(Control::ENABLE)).then_some(false),
     done: |f| f.status.contains(Status::ENABLED) && f.state != State::Halted,
     aborted: |_f| false, leaves: true, way: [(State::Halted, Status::AT_REST), (State::Halted, ON), (State::Ready, ON)]);
-explored_group_command!(GroupDisable, |control| control.contains(Control::ENABLE).then_some(false),
+explored_group_command!(GroupDisable, 2, |control| control.contains(Control::ENABLE).then_some(false),
     done: |f| is_at_rest(f) && !f.status.contains(Status::ENABLED),
     aborted: |_f| false, leaves: false, way: [(State::Running, Status::ENABLED), (State::Halted, Status::AT_REST)]);
-explored_group_command!(GroupReset, |control| while_busy(control, Control::RESET),
+explored_group_command!(GroupReset, 3, |control| while_busy(control, Control::RESET),
     done: |f| f.state == State::Ready && f.status.contains(Status::ENABLED) && !f.status.contains(Status::ERROR),
     aborted: |_f| false, leaves: true, way: [(State::Halted, ON), (State::Ready, ON)]);
-explored_group_command!(GroupHalt, |control| while_busy(control, Control::CANCEL),
+explored_group_command!(GroupHalt, 4, |control| while_busy(control, Control::CANCEL),
     done: |f| is_at_rest(f) && f.state != State::Halted,
     aborted: |f| f.state == State::Halted, leaves: false, way: [(State::Running, ON), (State::Ready, ON)]);
-explored_group_command!(GroupStop, |control| while_busy(control, Control::HALT),
+explored_group_command!(GroupStop, 5, |control| while_busy(control, Control::HALT),
     done: |f| is_at_rest(f),
     aborted: |_f| false, leaves: false, way: [(State::Running, ON), (State::Halted, ON)]);
-explored_group_command!(GroupInterrupt, |control| while_busy(control, Control::SUSPEND),
+explored_group_command!(GroupInterrupt, 6, |control| while_busy(control, Control::SUSPEND),
     done: |f| f.state == State::Suspended,
     aborted: |f| f.state != State::Running, leaves: false, way: [(State::Running, ON), (State::Suspended, ON)]);
-explored_group_command!(GroupContinue, |control| while_busy(control, Control::RESUME),
+explored_group_command!(GroupContinue, 7, |control| while_busy(control, Control::RESUME),
     done: |f| !matches!(f.state, State::Suspended | State::Halted),
     aborted: |f| f.state == State::Halted, leaves: false, way: [(State::Suspended, ON), (State::Running, ON)]);

@@ -4,12 +4,17 @@
 //! of PLCopen are checked at every single step, so they hold along every sequence of any length.
 
 mod blocks;
+mod exported;
 
 use std::collections::HashSet;
 use std::fmt::Debug;
 use std::hash::Hash;
 
-use protocol::image::{Control, ErrorNumber, Feedback, Motion, MotionKind, State, Status};
+use protocol::image::{
+    Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Motion, MotionKind, Order, State, Status,
+};
+
+use exported::ExportedBlocks;
 
 use super::*;
 use crate::{AxesGroup, MotionList, MotionSource, WaitLimits};
@@ -36,6 +41,8 @@ struct Step {
 }
 
 trait Explored: Copy + Eq + Hash + Debug + Default {
+    /// Number of the exported block on its bench.
+    const EXPORTED: u8;
     /// Returns whether the control bits are those of a busy block; `None` if a busy block does not change them.
     fn asks(control: Control) -> Option<bool>;
     /// Returns every image that a robot could send, whether it makes sense or not. The command's number is 1 in each
@@ -73,6 +80,7 @@ struct Explorer<F> {
     counts: (u32, u32),
     slots: [Motion; 5],
     skill: protocol::image::Skill,
+    program: u16,
 }
 
 impl<F: Explored> Explorer<F> {
@@ -88,6 +96,7 @@ impl<F: Explored> Explorer<F> {
             counts: (0, 0),
             slots: command.slots,
             skill: command.skill,
+            program: command.program,
         }
     }
 
@@ -97,11 +106,17 @@ impl<F: Explored> Explorer<F> {
     }
 
     /// Runs one scan from this state and checks it against the rules.
-    fn step(mut self, input: Input) -> Self {
+    fn step(self, input: Input) -> Self {
+        self.step_with_image(input).0
+    }
+
+    /// Runs one scan like [`step`](Self::step); returns also the image that goes to the robot.
+    fn step_with_image(mut self, input: Input) -> (Self, Image) {
         let mut group = AxesGroup::new(PATIENCE);
         group.command.control = self.control;
         group.command.number = 1;
         group.command.skill = self.skill;
+        group.command.program = self.program;
         group.command.slots = self.slots;
         (group.command.total, group.command.written) = self.counts;
         group.commanded = self.commanded;
@@ -116,8 +131,10 @@ impl<F: Explored> Explorer<F> {
         check_rules::<F>(&Step { execute_before, before, input, after, control, stops_for_error });
         assert_eq!(self.block.error().map_or(0, BlockError::error_id), after.error_id);
 
+        let mut image = [0; IMAGE_LEN];
+        Order::BigEndian.emit_command(&group.command, &mut image);
         self.block.normalise(&mut group);
-        Self {
+        let next = Self {
             block: self.block,
             execute: input.execute,
             outputs: after,
@@ -127,7 +144,9 @@ impl<F: Explored> Explorer<F> {
             counts: (group.command.total, group.command.written),
             slots: group.command.slots,
             skill: group.command.skill,
-        }
+            program: group.command.program,
+        };
+        (next, image)
     }
 }
 
@@ -178,19 +197,29 @@ fn check_rules<F: Explored>(step: &Step) {
     }
 }
 
-/// Tries every input from every state; returns how many states there are and every way the block ended.
+/// Tries every input from every state, with the exported block beside it; returns how many states there are and every way the block ended.
 fn explore<F: Explored>() -> (usize, HashSet<Outputs>) {
-    let images: Vec<Option<Feedback>> = F::images().into_iter().map(Some).chain([None]).collect();
+    let with_bytes = |feedback: Feedback| {
+        let mut image = [0; IMAGE_LEN];
+        Order::BigEndian.emit_feedback(&feedback, &mut image);
+        (feedback, image)
+    };
+    let images: Vec<Option<(Feedback, Image)>> =
+        F::images().into_iter().map(|image| Some(with_bytes(image))).chain([None]).collect();
+    let exported = ExportedBlocks::new(F::EXPORTED);
     let mut found = HashSet::from([Explorer::<F>::new().remembered()]);
-    let mut open = vec![Explorer::<F>::new()];
+    let mut open = vec![(Explorer::<F>::new(), exported.instance())];
     let mut ends = HashSet::new();
-    while let Some(state) = open.pop() {
+    while let Some((state, instance)) = open.pop() {
         leads_to_done_again(state);
-        for (feedback, execute) in images.iter().flat_map(|image| [(*image, false), (*image, true)]) {
-            let next = state.step(Input { execute, feedback });
+        for (seen, execute) in images.iter().flat_map(|image| [(image, false), (image, true)]) {
+            let feedback = seen.as_ref().map(|(feedback, _)| *feedback);
+            let (next, image) = state.step_with_image(Input { execute, feedback });
+            let bytes = seen.as_ref().map(|(_, image)| image);
+            let twin = exported.step(&instance, (execute, bytes), (&image, &next.outputs));
             ends.insert(next.outputs);
             if found.insert(next.remembered()) {
-                open.push(next);
+                open.push((next, twin));
             }
         }
         assert!(found.len() < 20_000, "the exploration must end");

@@ -1,6 +1,6 @@
 //! Types, layouts and initial values.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::Compiler;
 use crate::syntax::{
@@ -29,7 +29,7 @@ impl Compiler {
                     let initial = self.initial(&of_type, member)?;
                     layout.add((&member.name, Role::Local, of_type), &initial, member.place)?;
                 }
-                Type::Structure(Rc::new(layout))
+                Type::Structure(Arc::new(layout))
             }
         };
         self.types.insert(name.to_ascii_lowercase(), of_type);
@@ -59,7 +59,7 @@ impl Compiler {
         if len as usize * element.size().max(1) > LARGEST {
             return Err(Mistake::new(place, format!("the array exceeds {LARGEST} values")));
         }
-        Ok(Type::Array(Rc::new(Array { low, len, element })))
+        Ok(Type::Array(Arc::new(Array { low, len, element })))
     }
 
     /// Returns the layout of a unit's variables, and the type of a function's result. A constant has its value as initial one.

@@ -7,12 +7,12 @@ mod names;
 mod statement;
 
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
-use crate::parser::parse;
 use crate::syntax::{Declaration, Role, TypeDeclaration, Unit};
+use crate::tree::{joined, parse_all};
 use crate::types::{LARGEST, Layout, Type};
-use crate::{Instance, Mistake, Place, Scalar};
+use crate::{Dialect, Instance, Mistake, Place, Scalar};
 use code::Located;
 pub(crate) use expression::MOST_ARGUMENTS;
 
@@ -31,8 +31,8 @@ pub struct Source<'a> {
 /// A function or function block that was compiled.
 #[derive(Debug)]
 pub(crate) struct CompiledUnit {
-    pub(crate) file: Rc<str>,
-    pub(crate) layout: Rc<Layout>,
+    pub(crate) file: Arc<str>,
+    pub(crate) layout: Arc<Layout>,
     /// First slot of a function's variables.
     pub(crate) frame: usize,
     /// Slot of a function's result there, and its type.
@@ -64,13 +64,24 @@ impl Program {
     /// # Errors
     /// The first mistake found, with its file and place.
     pub fn compile(sources: &[Source<'_>]) -> Result<Self, Mistake> {
+        Self::compile_dialect(sources, Dialect::Standard)
+    }
+
+    /// Compiles texts of a dialect like [`compile`](Self::compile). A body that is not in the file of its declaration is named by
+    /// the file of the declaration.
+    ///
+    /// # Errors
+    /// The first mistake found, with its file and place.
+    pub fn compile_dialect(sources: &[Source<'_>], dialect: Dialect) -> Result<Self, Mistake> {
         let mut compiler = Compiler::default();
-        for Source { file, text } in sources {
-            compiler.file = (*file).into();
-            let declarations = parse(text).map_err(|mistake| mistake.in_file(file))?;
-            for declaration in declarations {
-                compiler.declaration(declaration).map_err(|mistake| mistake.in_file(file))?;
+        let (files, declarations): (Vec<_>, Vec<_>) = parse_all(sources, dialect)?.into_iter().unzip();
+        // Bodies of a split text come after all declarations, so the files keep their order.
+        let declarations = if dialect == Dialect::Split { joined(declarations) } else { declarations };
+        for (file, declaration) in files.into_iter().zip(declarations) {
+            if *compiler.file != *file {
+                compiler.file = file.as_str().into();
             }
+            compiler.declaration(declaration).map_err(|mistake| mistake.in_file(&file))?;
         }
         Ok(Self { units: compiler.units, frames: compiler.frames })
     }
@@ -88,14 +99,25 @@ impl Program {
         Ok(Instance::new(self, index))
     }
 
-    /// Finds a variable of a function block, also a local one.
+    /// Finds a variable of a function block, also a local one, and one of a structure or an instance in it: `group.c_life`.
     ///
     /// # Errors
     /// There is no such function block or variable, or it is neither elementary nor an array of elementary values.
     pub fn variable(&self, block: &str, name: &str) -> Result<Variable, Mistake> {
         let (_, unit) = self.block(block)?;
         let bad = |text: &str| missing(&unit.file, format!("variable `{name}` of `{block}`: {text}"));
-        let member = unit.layout.member(name).ok_or_else(|| bad("not found"))?;
+        let (mut layout, mut offset) = (&unit.layout, 0);
+        let (path, last) = name.rsplit_once('.').map_or((None, name), |(path, last)| (Some(path), last));
+        for step in path.into_iter().flat_map(|path| path.split('.')) {
+            let member = layout.member(step).ok_or_else(|| bad("not found"))?;
+            offset += member.offset;
+            layout = match &member.of_type {
+                _ if member.role == Role::InOut => return Err(bad("passes an IN_OUT")),
+                Type::Structure(inner) | Type::Instance(inner) => inner,
+                _ => return Err(bad("passes what has no members")),
+            };
+        }
+        let member = layout.member(last).ok_or_else(|| bad("not found"))?;
         let (len, scalar) = match &member.of_type {
             _ if member.role == Role::InOut => return Err(bad("is an IN_OUT")),
             Type::Scalar(scalar) => (1, *scalar),
@@ -105,7 +127,7 @@ impl Program {
             },
             _ => return Err(bad("is not elementary")),
         };
-        Ok(Variable { offset: member.offset, len, scalar })
+        Ok(Variable { offset: offset + member.offset, len, scalar })
     }
 
     fn block(&self, name: &str) -> Result<(usize, &CompiledUnit), Mistake> {
@@ -126,7 +148,7 @@ fn missing(file: &str, text: String) -> Mistake {
 /// State of the checker.
 #[derive(Default)]
 struct Compiler {
-    file: Rc<str>,
+    file: Arc<str>,
     types: HashMap<String, Type>,
     units: Vec<CompiledUnit>,
     unit_by_name: HashMap<String, usize>,
@@ -153,19 +175,19 @@ impl Compiler {
         self.check_new(&unit.name, unit.place)?;
         let index = self.units.len();
         let (layout, result) = self.layout_of(&unit, index)?;
-        let layout = Rc::new(layout);
+        let layout = Arc::new(layout);
         let body = statement::Body { compiler: self, layout: &layout, loops: 0 }.statements(&unit.body)?;
         let frame = self.frames.len();
         if result.is_some() {
             self.frames.extend_from_slice(&layout.initial);
         } else {
-            self.types.insert(unit.name.to_ascii_lowercase(), Type::Instance(Rc::clone(&layout)));
+            self.types.insert(unit.name.to_ascii_lowercase(), Type::Instance(Arc::clone(&layout)));
         }
         if self.frames.len() > LARGEST {
             return Err(Mistake::new(unit.place, format!("the functions exceed {LARGEST} values")));
         }
         self.unit_by_name.insert(unit.name.to_ascii_lowercase(), index);
-        let file = Rc::clone(&self.file);
+        let file = Arc::clone(&self.file);
         self.units.push(CompiledUnit { file, layout, frame, result, body });
         Ok(())
     }

@@ -1,20 +1,35 @@
 //! Types, functions, function blocks and their variables.
 
 use super::{Parsed, Parser};
-use crate::Mistake;
 use crate::lexer::Kind;
 use crate::syntax::{Declaration, Declared, Initial, Role, TypeBody, TypeDeclaration, TypeName, Unit};
+use crate::{Dialect, Mistake};
 
 impl Parser {
-    pub(super) fn declarations(&mut self) -> Parsed<Vec<Declaration>> {
+    pub(crate) fn declarations(&mut self) -> Parsed<Vec<Declaration>> {
         let mut found = Vec::new();
         while self.peek().is_some() {
             if self.take_word("TYPE") {
                 while !self.take_word("END_TYPE") {
-                    found.push(Declaration::Type(self.type_declaration()?));
+                    let declared = self.type_declaration()?;
+                    match (&mut self.normal, &declared.body) {
+                        (Some(normal), TypeBody::Alias(array @ TypeName::Array(..))) => {
+                            normal.arrays.insert(declared.name.to_ascii_lowercase(), array.clone());
+                        }
+                        _ => found.push(Declaration::Type(declared)),
+                    }
                 }
             } else if self.take_word("FUNCTION") {
-                found.push(Declaration::Unit(self.unit(true)?));
+                let unit = self.unit(true)?;
+                if let Some(normal) = &mut self.normal
+                    && !unit.variables.is_empty()
+                {
+                    let is_parameter = |role: Role| matches!(role, Role::Input | Role::InOut);
+                    let parameters = unit.variables.iter().filter(|(role, _)| is_parameter(*role));
+                    let names = parameters.map(|(_, variable)| variable.name.clone()).collect();
+                    normal.parameters.insert(unit.name.to_ascii_lowercase(), names);
+                }
+                found.push(Declaration::Unit(unit));
             } else if self.take_word("FUNCTION_BLOCK") {
                 found.push(Declaration::Unit(self.unit(false)?));
             } else {
@@ -26,7 +41,10 @@ impl Parser {
 
     fn type_declaration(&mut self) -> Parsed<TypeDeclaration> {
         let (name, place) = self.name()?;
-        self.symbol(":")?;
+        self.skip_version();
+        if self.dialect != Dialect::Scl {
+            self.symbol(":")?;
+        }
         let body = if self.take_word("STRUCT") {
             let mut members = Vec::new();
             while !self.take_word("END_STRUCT") {
@@ -63,7 +81,8 @@ impl Parser {
         let place = self.place();
         if !self.take_word("ARRAY") {
             let (name, place) = self.name()?;
-            return Ok(TypeName::Named(name, place));
+            let array = self.normal.as_ref().and_then(|normal| normal.arrays.get(&name.to_ascii_lowercase()));
+            return Ok(array.cloned().unwrap_or(TypeName::Named(name, place)));
         }
         self.symbol("[")?;
         let low = self.bound()?;
@@ -115,18 +134,24 @@ impl Parser {
 
     fn unit(&mut self, is_function: bool) -> Parsed<Unit> {
         let (name, place) = self.name()?;
-        let result = if is_function {
+        // Of a function that was declared elsewhere only the body is here.
+        let is_body = self.dialect == Dialect::Split && !self.is_symbol(":");
+        let result = if is_function && !is_body {
             self.symbol(":")?;
             Some(self.type_name()?)
         } else {
             None
         };
+        self.skip_version();
         let mut variables = Vec::new();
         while let Some(role) = self.section() {
             let role = if role == Role::Local && self.take_word("CONSTANT") { Role::Constant } else { role };
             while !self.take_word("END_VAR") {
                 self.declared(&mut |variable| variables.push((role, variable)))?;
             }
+        }
+        if self.dialect == Dialect::Scl {
+            self.take_word("BEGIN");
         }
         let end = if is_function { "END_FUNCTION" } else { "END_FUNCTION_BLOCK" };
         let body = self.statements(&[end])?;
@@ -140,7 +165,10 @@ impl Parser {
             ("VAR_OUTPUT", Role::Output),
             ("VAR_IN_OUT", Role::InOut),
             ("VAR", Role::Local),
+            ("VAR_TEMP", Role::Local),
         ];
+        let is_known = |word: &str| word != "VAR_TEMP" || self.dialect == Dialect::Scl;
+        let sections = sections.into_iter().filter(|(word, _)| is_known(word)).collect::<Vec<_>>();
         sections.into_iter().find_map(|(word, role)| self.take_word(word).then_some(role))
     }
 }

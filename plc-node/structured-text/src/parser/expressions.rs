@@ -1,6 +1,7 @@
 //! Expressions, by precedence: `OR`, `XOR`, `AND`, equality, order, sums, products, `NOT` and `-`.
 
 use super::{Parsed, Parser};
+use crate::Dialect;
 use crate::lexer::Kind;
 use crate::syntax::{Expression, ExpressionKind, Path, Step};
 
@@ -80,7 +81,9 @@ impl Parser {
             _ => {
                 let path = self.path()?;
                 if path.steps.is_empty() && self.take_symbol("(") {
-                    ExpressionKind::Call(path.name, self.arguments()?)
+                    let arguments = self.arguments()?;
+                    let arguments = self.named(&path.name, arguments);
+                    ExpressionKind::Call(path.name, arguments)
                 } else {
                     ExpressionKind::Path(path)
                 }
@@ -108,6 +111,27 @@ impl Parser {
                 return Ok(arguments);
             }
         }
+    }
+
+    /// Names the parameters of a function in a tree that is compared. Those of SHL and SHR, which SCL names, lose their names.
+    fn named(
+        &self,
+        function: &str,
+        mut arguments: Vec<(Option<String>, Expression)>,
+    ) -> Vec<(Option<String>, Expression)> {
+        if self.dialect == Dialect::Scl
+            && ["SHL", "SHR"].iter().any(|shift| shift.eq_ignore_ascii_case(function))
+        {
+            arguments.iter_mut().for_each(|(name, _)| *name = None);
+        }
+        let parameters = self.normal.as_ref().map(|normal| &normal.parameters);
+        if let Some(names) = parameters.and_then(|parameters| parameters.get(&function.to_ascii_lowercase()))
+        {
+            for ((name, _), parameter) in arguments.iter_mut().zip(names) {
+                name.get_or_insert_with(|| parameter.clone());
+            }
+        }
+        arguments
     }
 
     pub(super) fn path(&mut self) -> Parsed<Path> {

@@ -6,7 +6,8 @@ mod statements;
 
 use crate::lexer::{Kind, Token, tokens};
 use crate::syntax::Declaration;
-use crate::{Mistake, Place};
+use crate::tree::Normal;
+use crate::{Dialect, Mistake, Place};
 
 /// Deepest nesting of statements and expressions: the checker and the execution recurse as deep.
 const DEEPEST: u32 = 64;
@@ -96,11 +97,15 @@ const KEYWORDS: [&str; 77] = [
 ///
 /// # Errors
 /// The text is not a sequence of the subset's declarations.
-pub(crate) fn parse(text: &str) -> Result<Vec<Declaration>, Mistake> {
-    Parser { tokens: tokens(text)?, next: 0, depth: 0, operators: 0 }.declarations()
+pub(crate) fn parse(text: &str, dialect: Dialect) -> Result<Vec<Declaration>, Mistake> {
+    Parser::new(text, dialect, None)?.declarations()
 }
 
-struct Parser {
+/// A text under way.
+pub(crate) struct Parser {
+    dialect: Dialect,
+    /// Replacements in a tree that is compared; `None` in one that is compiled.
+    normal: Option<Normal>,
     tokens: Vec<Token>,
     next: usize,
     depth: u32,
@@ -111,6 +116,27 @@ struct Parser {
 type Parsed<T> = Result<T, Mistake>;
 
 impl Parser {
+    /// Begins to parse a text. One that is compared gets no places.
+    pub(crate) fn new(text: &str, dialect: Dialect, normal: Option<Normal>) -> Parsed<Self> {
+        let mut tokens = tokens(text, dialect)?;
+        if normal.is_some() {
+            tokens.iter_mut().for_each(|token| token.place = Place::default());
+        }
+        Ok(Self { dialect, normal, tokens, next: 0, depth: 0, operators: 0 })
+    }
+
+    /// Returns what was found to be replaced.
+    pub(crate) fn into_normal(self) -> Normal {
+        self.normal.unwrap_or_default()
+    }
+
+    /// Skips `VERSION : 0.1` of SCL.
+    fn skip_version(&mut self) {
+        if self.dialect == Dialect::Scl && self.take_word("VERSION") {
+            self.next += usize::from(self.take_symbol(":"));
+        }
+    }
+
     fn peek(&self) -> Option<&Kind> {
         self.tokens.get(self.next).map(|token| &token.kind)
     }

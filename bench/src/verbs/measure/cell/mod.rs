@@ -177,6 +177,7 @@ fn check_options(options: &RunOptions) -> Result<(), Failure> {
         ("--drives", !options.drives.in_command().is_empty()),
         ("--override", options.overrides.is_some()),
         ("--live", options.live.is_some()),
+        ("--plc-program", options.plc_program.is_some()),
     ];
     let given = refused.iter().find(|(_, is_given)| *is_given).map(|(name, _)| *name);
     match given.or(export.map(|(name, _)| *name)) {

@@ -1,0 +1,100 @@
+//! A program that is chosen when the PLC starts: the paper's sequences, or exported code.
+
+use machine::Instant;
+use protocol::image::{Digest, Sum};
+
+use crate::exported_program::ExportedProgram;
+use crate::program::{AfterLoss, Led, PlcProgram, Progress, Totals};
+use crate::{ExecutionType, FailureCause, MarkPassage, Sequences, StartError, Station};
+
+/// The program of a PLC.
+#[derive(Debug)]
+pub enum AnyProgram {
+    /// The function blocks of this crate.
+    Sequences(Sequences),
+    /// The exported code, executed.
+    Exported(Box<ExportedProgram>),
+}
+
+/// Calls a method of the program that is there.
+macro_rules! of_program {
+    ($self:ident, $program:ident => $call:expr) => {
+        match $self {
+            AnyProgram::Sequences($program) => $call,
+            AnyProgram::Exported($program) => $call,
+        }
+    };
+}
+
+impl AnyProgram {
+    /// Returns the digest of the motions that were sent to a station in this run, or in the last one.
+    #[must_use]
+    pub fn digest(&self, station: usize) -> Digest {
+        match self {
+            Self::Sequences(program) => program.digest(station).copied().unwrap_or_default(),
+            Self::Exported(program) => *program.digest(),
+        }
+    }
+}
+
+impl From<Sequences> for AnyProgram {
+    fn from(program: Sequences) -> Self {
+        Self::Sequences(program)
+    }
+}
+
+impl From<ExportedProgram> for AnyProgram {
+    fn from(program: ExportedProgram) -> Self {
+        Self::Exported(Box::new(program))
+    }
+}
+
+impl PlcProgram for AnyProgram {
+    fn check(&self, execution_type: ExecutionType) -> Result<(), StartError> {
+        of_program!(self, program => program.check(execution_type))
+    }
+
+    fn begin(&mut self, now: Instant, execution_type: ExecutionType) {
+        of_program!(self, program => program.begin(now, execution_type));
+    }
+
+    fn scan(&mut self, now: Instant, stations: &mut [Station]) -> Progress {
+        of_program!(self, program => program.scan(now, stations))
+    }
+
+    fn leads(&self) -> bool {
+        of_program!(self, program => program.leads())
+    }
+
+    fn lead(&mut self, now: Instant, stations: &mut [Station]) -> Led {
+        of_program!(self, program => program.lead(now, stations))
+    }
+
+    fn lose(&mut self, station: usize, cause: FailureCause) -> AfterLoss {
+        of_program!(self, program => program.lose(station, cause))
+    }
+
+    fn waits(&self, station: usize) -> bool {
+        of_program!(self, program => program.waits(station))
+    }
+
+    fn marks(&self, station: usize) -> [u32; 2] {
+        of_program!(self, program => program.marks(station))
+    }
+
+    fn passages(&self, station: usize) -> &[MarkPassage] {
+        of_program!(self, program => program.passages(station))
+    }
+
+    fn totals(&self, station: usize) -> Totals {
+        of_program!(self, program => program.totals(station))
+    }
+
+    fn sent(&self, station: usize) -> Sum {
+        of_program!(self, program => program.sent(station))
+    }
+
+    fn execution_time_us(&self) -> Option<u64> {
+        of_program!(self, program => program.execution_time_us())
+    }
+}
