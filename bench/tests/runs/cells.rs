@@ -54,9 +54,6 @@ fn what_cells_do_not_have_yet_is_refused_by_its_name() {
         assert!(finished.stderr.contains(named), "{}", finished.stderr);
         assert!(!directory.path().join("refused").exists());
     }
-    let real = bench(directory.path(), ["--setup", "E", "--trace"]);
-    assert_eq!(real.code, Some(2));
-    assert!(real.stderr.contains("add `--mode virtual`"), "{}", real.stderr);
 }
 
 #[test]

@@ -21,7 +21,7 @@ use super::new_cell::{NewCell, switch_on};
 use super::nodes::{LONGEST_RUN, NeverEnded, SILENCE};
 use crate::Unreported;
 use crate::cell_measured::{CellHealth, CellMeasured};
-use crate::cell_stand::{CellConfig, CellStand};
+use crate::cell_stand::{CellConfig, CellFinished, CellStand};
 use crate::planned_station::PlannedStation;
 use crate::under_faults;
 use records::cell_sample::start_skew;
@@ -65,9 +65,9 @@ impl CellStand for CellRun {
         self.watch.recordings()
     }
 
-    async fn finish(self, keeps_capture: bool) -> Result<Option<CellHealth>, Failure> {
-        self.captures.finish(keeps_capture)?;
-        Ok(None)
+    async fn finish(self, keeps_capture: bool) -> CellFinished {
+        let captured = self.captures.finish(keeps_capture);
+        CellFinished { trace: Ok(None), health: captured.map(|()| None).map_err(Failure::from) }
     }
 }
 
