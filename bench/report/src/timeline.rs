@@ -170,7 +170,7 @@ fn waits(
     let mut open: Option<TraceEvent> = None;
     for scan in recording.plc_scans() {
         let at = start + scan.at_us as f64;
-        let waits = scan.sample.marks_come > scan.sample.marks_passed;
+        let waits = !marks.is_empty() && scan.sample.marks_come > scan.sample.marks_passed;
         if waits && open.is_none() {
             let number = marks.get(scan.sample.marks_passed as usize);
             let name = number.map_or_else(|| "waits".to_owned(), |number| format!("waits at mark {number}"));

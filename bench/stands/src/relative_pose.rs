@@ -276,3 +276,72 @@ impl Sum {
         self.before + count
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::virtual_run::CellRun;
+    use records::schedule::Step;
+
+    /// Runs a type of a cell once; returns what measures it, and its recordings.
+    fn recorded(name: &str, execution_type: ExecutionType) -> (RelativePose, Vec<Recording>) {
+        let (cell, found) = planning::cell_with_applications(name).unwrap();
+        let planned = found.plan(&cell).unwrap();
+        let stations = PlannedStation::all(&planned).unwrap();
+        let mut run = CellRun::start(&stations, 1).unwrap();
+        let pause = records::schedule::PAUSE;
+        run.execute(Step { execution_type, repetition: 1, pause, overrides: None }).unwrap();
+        (RelativePose::new(&cell, &planned.marks, &stations), run.recordings().to_vec())
+    }
+
+    /// Returns a recording whose robot is later by some ns.
+    fn later(recording: &Recording, by_ns: u64) -> Recording {
+        let mut all = Recording::default();
+        for tick in recording.robot_ticks() {
+            all.robot(RobotTick { true_ns: tick.true_ns + by_ns, ..*tick });
+        }
+        all
+    }
+
+    #[test]
+    fn an_arm_that_is_late_is_off_by_its_way_in_that_time() {
+        for execution_type in ExecutionType::ALL {
+            let (mut pose, recordings) = recorded("F", execution_type);
+            let [left, right] = &recordings[..] else { panic!("two stations") };
+            let mut off = |ms: u64| {
+                let late = [left.clone(), later(right, ms * 1_000_000)];
+                pose.of(execution_type, &late).unwrap().unwrap()
+            };
+            // The plate moves at 150 mm/s: 1.5 mm in 10 ms.
+            let (own, ten, twenty) = (off(0), off(10), off(20));
+            assert!(own < 1.0, "{execution_type}: {own} mm");
+            assert!((twenty - ten - 1.5).abs() < 0.1, "{execution_type}: {own}, {ten}, {twenty} mm");
+        }
+    }
+
+    #[test]
+    fn arms_that_only_meet_are_measured_where_they_stand() {
+        let (mut pose, recordings) = recorded("E", ExecutionType::Cm);
+        assert!(pose.of(ExecutionType::Cm, &recordings).unwrap().unwrap() < 1e-3);
+        let [left, right] = &recordings[..] else { panic!("two stations") };
+        let late = [left.clone(), later(right, 10_000_000)];
+        assert!(pose.of(ExecutionType::Cm, &late).unwrap().unwrap() < 1e-3, "each waits for the other");
+        let mut moved = Recording::default();
+        for tick in right.robot_ticks() {
+            let mut tick = *tick;
+            tick.sample.joints[0] += 0.1;
+            moved.robot(tick);
+        }
+        let found = pose.of(ExecutionType::Cm, &[left.clone(), moved]).unwrap().unwrap();
+        // 0.1 degrees at a reach of 0.4 to 0.5 m.
+        assert!((0.5..1.0).contains(&found), "{found} mm");
+    }
+
+    #[test]
+    fn a_recording_that_ends_before_the_last_mark_gives_no_figure() {
+        let (mut pose, recordings) = recorded("F", ExecutionType::Rc);
+        let mut cut = Recording::default();
+        recordings[1].robot_ticks().iter().take(500).for_each(|tick| cut.robot(*tick));
+        assert_eq!(pose.of(ExecutionType::Rc, &[recordings[0].clone(), cut]).unwrap(), None);
+    }
+}
