@@ -10,6 +10,7 @@ use setup::Cell;
 
 use crate::attached::AttachedAt;
 use crate::cell_sample::{CellSample, mark_skews};
+use crate::cell_stop::CellStop;
 use crate::conditions::Health;
 use crate::digest::Digests;
 use crate::faults::FaultReport;
@@ -131,9 +132,9 @@ pub struct CellStation {
 pub struct CellMark {
     /// Its number.
     pub number: u32,
-    /// What has happened there.
+    /// Event at the mark.
     pub name: String,
-    /// Whether its arms move together from here to their next mark.
+    /// Set if its arms move together from here to their next mark.
     pub together: bool,
 }
 
@@ -151,7 +152,7 @@ pub struct CellWait {
     pub tool_mm_deg: Option<[f64; 6]>,
 }
 
-/// What an arm takes alone.
+/// Times of an arm alone.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Alone {
@@ -183,6 +184,9 @@ pub struct CellTypeResult {
     pub marks: Vec<MarkResult>,
     /// Repetitions that failed.
     pub failed: Vec<FailedRepetition>,
+    /// The arms in these repetitions; absent where none was recorded.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stops: Vec<CellStop>,
 }
 
 /// Results of a station in one type.
@@ -413,6 +417,11 @@ impl CellResults {
     pub fn record_failure(&mut self, execution_type: ExecutionType, repetition: u32, error: String) {
         let result = self.results.entry(execution_type).get_or_insert_default();
         result.failed.push(FailedRepetition { repetition, error });
+    }
+
+    /// Adds the arms in a repetition that failed.
+    pub fn record_stop(&mut self, execution_type: ExecutionType, stop: CellStop) {
+        self.results.entry(execution_type).get_or_insert_default().stops.push(stop);
     }
 
     /// Returns the results as JSON, with a newline at the end, and with the digests of their values if they have those of the

@@ -10,7 +10,7 @@
 //! robot   ticks · state · the command being executed · the motion being executed · path speed · queue
 //! ```
 //!
-//! Of a cell with several stations all share the first track, and each has the others: `PLC left`, `cable left`, `robot left`; the PLC's
+//! In a cell with several stations all share the first track, and each has the others: `PLC left`, `cable left`, `robot left`; the PLC's
 //! have also the marks at which the arm waits.
 
 use plc_node::ExecutionType;

@@ -1,4 +1,4 @@
-//! How far one arm's tool is, seen from another arm's, from where the plan has it at the same progress: at the marks, and where
+//! Distance of one arm's tool, seen from another arm's, from its place in the plan at the same progress: at the marks, and where
 //! arms move together.
 //!
 //! Progress is the law's time that an arm has driven, as a share of that between two marks. The plan is each arm's rehearsal.
@@ -35,7 +35,7 @@ struct MeasuredArm {
     paths: Vec<(ExecutionType, Joints, PlannedPath)>,
 }
 
-/// What two arms do from one mark to the next.
+/// Motions of two arms from one mark to the next.
 struct Passage {
     /// Motions of each arm, from the mark to its next one.
     motions: [Range<usize>; 2],
@@ -188,7 +188,7 @@ fn difference(
     }
     let ends = arrivals([a.end, b.end])?;
     let to_ns = ends[0].true_ns.max(ends[1].true_ns);
-    // Of an arm that stands meanwhile there is no share.
+    // An arm that stands meanwhile has no share.
     let reference = usize::from(a.is_empty());
     let (begin, end) = (begins[reference].progress_us as f64, ends[reference].progress_us as f64);
     let instants = tracks.iter().flat_map(|track| track.points.iter().map(|point| point.true_ns));
@@ -263,7 +263,7 @@ impl Track {
 struct Sum {
     command: Option<u16>,
     before: u64,
-    /// What the command has when it has ended.
+    /// Count of the command once it has ended.
     whole: u64,
 }
 

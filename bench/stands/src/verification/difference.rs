@@ -1,4 +1,4 @@
-//! What differs in a repetition from the plan.
+//! Differences of a repetition from the plan.
 
 use std::fmt;
 

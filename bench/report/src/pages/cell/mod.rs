@@ -16,14 +16,14 @@ use records::run_directory::{Durability, replace};
 use records::schedule::repetitions;
 use records::trace::{CellTrace, Trace, tables};
 
-/// What the directory of such a run holds.
+/// Content of the directory of such a run.
 #[derive(Debug)]
 pub(in crate::pages) struct CellFiles {
     directory: PathBuf,
     pub(in crate::pages) results: CellResults,
     planned: Option<(Cell, PlannedCell)>,
     pub(in crate::pages) trace: CellTrace,
-    /// What is missing besides the results, with the reason.
+    /// Missing parts besides the results, each with the reason.
     missing: Vec<String>,
 }
 

@@ -15,7 +15,7 @@ use crate::pages::end::End;
 use crate::progress::label;
 use minijinja::Value;
 
-/// What the page moves: the arms, what stands around them, and the recordings.
+/// Content that the page moves: the arms, what stands around them, and the recordings.
 #[derive(Serialize)]
 struct CellRace {
     arms: Vec<PlacedScene>,
