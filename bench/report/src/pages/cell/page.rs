@@ -3,9 +3,10 @@
 use plc_node::ExecutionType;
 use serde::Serialize;
 
-use super::{CellFiles, arms};
+use super::arms;
 use crate::html::document::fill;
 use crate::html::figure::Figure;
+use crate::pages::cell_run::CellFiles;
 use crate::pages::race;
 use crate::progress::label;
 use records::cell_results::{CellResults, CellTypeResult};

@@ -10,7 +10,7 @@ use super::{LaneHead, PLAYING, Page, Scene, Summary, TEMPLATE, data, scripts, st
 use crate::figures::how;
 use crate::html::chart::short;
 use crate::html::document::fill;
-use crate::pages::cell::CellFiles;
+use crate::pages::cell_run::CellFiles;
 use crate::pages::end::End;
 use crate::progress::label;
 use minijinja::Value;
