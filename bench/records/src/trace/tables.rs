@@ -17,7 +17,7 @@ use node::trace_row::{Fields, TraceSample, read_rows};
 use plc_node::ExecutionType;
 
 use super::{CellTrace, PlcScan, Recording, RobotTick, Trace, Window};
-use crate::run_directory::{Durability, replace};
+use crate::replacement::{Durability, replace};
 
 /// File of the robot's ticks.
 pub const ROBOT_FILE: &str = "trace-robot.csv";

@@ -31,6 +31,9 @@ use records::faults::Fault;
 use records::schedule::Step;
 use records::trace::Recording;
 
+/// Time that is recorded after a failure: far longer than an arm needs to brake.
+const COMES_TO_REST: Duration = Duration::from_secs(2);
+
 /// The nodes of a cell in virtual time.
 pub struct CellRun {
     cell: VirtualCell,
@@ -226,6 +229,9 @@ impl CellRun {
                 self.measured(all.into_iter()).map(Some)
             }
             PlcEvent::Failed(failure) => {
+                // The recording shows how the other arms come to rest.
+                let until = self.cell.now() + COMES_TO_REST;
+                while self.next_event(until).is_some() {}
                 self.watch.end();
                 Err(anyhow::Error::from(failure).context(self.named(station)))
             }

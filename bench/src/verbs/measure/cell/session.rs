@@ -5,6 +5,7 @@ use plc_node::ExecutionType;
 use records::cell_directory::CellDirectory;
 use records::cell_results::CellResults;
 use records::cell_sample::CellSample;
+use records::cell_stop::CellStop;
 use records::exit::Exit;
 use records::host::Host;
 use records::results::Status;
@@ -210,6 +211,10 @@ impl Judge {
             Ok(sample) => results.record(step.execution_type, sample),
             Err(error) => {
                 results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
+                if !recordings.is_empty() {
+                    let stop = CellStop::of(step.repetition, recordings);
+                    results.record_stop(step.execution_type, stop);
+                }
             }
         }
         outcome
