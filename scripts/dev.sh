@@ -213,6 +213,7 @@ verb_gate() { #: fail where the virtual figures of a setup left their committed 
         built bench gate --setup "$setup" >"$out/$setup.txt" || status=$?
         summarise "$out/$setup.txt"
     done
+    for setup in E F; do built bench --setup "$setup" --mode virtual --reps 1 --out "$out/$setup" --quiet && python3 scripts/relative_pose.py "$out/$setup" --check || status=$?; done
     built bench --setup A --types rc,cm --reps 8 --out "$out/real" --quiet
     built bench gate --run "$out/real" >"$out/real.txt" || status=$?
     summarise "$out/real.txt"

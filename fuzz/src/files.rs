@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use node::message::Instruction;
 use planning::{Application, ArmsApplication, MotionLines};
 use plc_node::process::PlcInstruction;
+use records::cell_results::CellResults;
 use records::results::Results;
 use records::trace::Trace;
 use setup::Setup;
@@ -88,6 +89,9 @@ pub(crate) fn motions(data: &[u8]) {
 pub(crate) fn records(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let _ = serde_json::from_str::<Results>(text);
+    if let Ok(cell) = serde_json::from_str::<CellResults>(text) {
+        let _ = (cell.of_station(usize::MAX), cell.remaining_gain(), cell.to_json());
+    }
     let (robot, plc) = text.split_once('\0').unwrap_or((text, ""));
     if let Ok(trace) = Trace::from_csv(robot, plc) {
         let _ = trace.incomplete();

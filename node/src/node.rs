@@ -133,7 +133,7 @@ pub struct Waiting {
 
 /// Commands of the process to the cyclic thread.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "a box would be freed on the cyclic thread")]
+#[expect(clippy::large_enum_variant, reason = "a command is in a ring of fixed size, without allocation")]
 pub enum Command<O> {
     /// Send a [`Notice::Snapshot`].
     Report,

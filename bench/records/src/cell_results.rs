@@ -2,14 +2,16 @@
 
 use std::time::Duration;
 
-use planning::{PlannedCell, PlannedStation, WaitAt};
+use planning::PlannedCell;
 use plc_node::ExecutionType;
-use robot_node::arm::Frame;
 use serde::{Deserialize, Serialize};
 use setup::Cell;
 
 use crate::attached::AttachedAt;
+use crate::cell_marks::waits;
+pub use crate::cell_marks::{CellMark, CellWait};
 use crate::cell_sample::{CellSample, mark_skews};
+use crate::cell_stop::CellStop;
 use crate::conditions::Health;
 use crate::digest::Digests;
 use crate::faults::FaultReport;
@@ -125,33 +127,7 @@ pub struct CellStation {
     pub alone: Option<Alone>,
 }
 
-/// A mark at which arms wait for each other.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct CellMark {
-    /// Its number.
-    pub number: u32,
-    /// What has happened there.
-    pub name: String,
-    /// Whether its arms move together from here to their next mark.
-    pub together: bool,
-}
-
-/// Where an arm waits for others.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct CellWait {
-    /// Number of the mark.
-    pub mark: u32,
-    /// Motions that the arm has executed there.
-    pub after: usize,
-    /// Where the tool is there by the plan, in the root of the arm: x, y, z in mm; a, b, c in degrees about z, y', x''. Null after a motion
-    /// to joints, and where the arm starts.
-    #[serde(default)]
-    pub tool_mm_deg: Option<[f64; 6]>,
-}
-
-/// What an arm takes alone.
+/// Times of an arm alone.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Alone {
@@ -183,6 +159,9 @@ pub struct CellTypeResult {
     pub marks: Vec<MarkResult>,
     /// Repetitions that failed.
     pub failed: Vec<FailedRepetition>,
+    /// The arms in these repetitions; absent where none was recorded.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stops: Vec<CellStop>,
 }
 
 /// Results of a station in one type.
@@ -233,22 +212,6 @@ impl StationResult {
     pub fn mean_waiting_ms(&self) -> Option<f64> {
         mean(&self.waiting_ms)
     }
-}
-
-/// Returns where a station waits.
-fn waits(station: &PlannedStation) -> Vec<CellWait> {
-    let tool_at = |after: usize| {
-        let motion = station.plan.motions.get(after.checked_sub(1)?)?;
-        if motion.joints_deg.is_some() {
-            return None;
-        }
-        let base = station.setup.robot.bases.iter().find(|base| base.number == motion.base);
-        let base = base.map_or(Frame::IDENTITY, |base| Frame::from_mm_deg(base.mm_deg.value));
-        Some((base * Frame::from_mm_deg(motion.target.mm_deg())).to_mm_deg())
-    };
-    let wait =
-        |wait: &WaitAt| CellWait { mark: wait.mark, after: wait.after, tool_mm_deg: tool_at(wait.after) };
-    station.plan.waits.iter().map(wait).collect()
 }
 
 /// Returns the mean of values; `None` without any.
@@ -413,6 +376,11 @@ impl CellResults {
     pub fn record_failure(&mut self, execution_type: ExecutionType, repetition: u32, error: String) {
         let result = self.results.entry(execution_type).get_or_insert_default();
         result.failed.push(FailedRepetition { repetition, error });
+    }
+
+    /// Adds the arms in a repetition that failed.
+    pub fn record_stop(&mut self, execution_type: ExecutionType, stop: CellStop) {
+        self.results.entry(execution_type).get_or_insert_default().stops.push(stop);
     }
 
     /// Returns the results as JSON, with a newline at the end, and with the digests of their values if they have those of the

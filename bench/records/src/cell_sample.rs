@@ -17,7 +17,7 @@ pub struct CellSample {
     pub stations: Vec<StationSample>,
 }
 
-/// What one repetition was at a station.
+/// One repetition at a station.
 #[derive(Clone, PartialEq, Debug)]
 pub struct StationSample {
     /// Execution time by the robot.

@@ -16,19 +16,19 @@ pub struct Conditions {
     /// What the run has of each of [`TEXTS`].
     texts: [String; TEXTS.len()],
     /// Setup and application, or why they cannot be read.
-    cell: Result<Content, String>,
+    cell: Result<RunContent, String>,
 }
 
 /// Setup and application of a run.
 #[derive(Debug)]
-enum Content {
+enum RunContent {
     /// One station.
     One(Box<Setup>, Found),
     /// Several stations: the text of the setup, and of the application if there is one for all.
     Cell { setup: String, application: Option<String> },
 }
 
-impl Content {
+impl RunContent {
     fn read(directory: &Path) -> Result<Self, String> {
         let name = directory.join("setup.toml");
         let name = name.to_string_lossy();
@@ -64,7 +64,7 @@ impl Conditions {
         let [setup, application, mode] =
             [&results.setup, &results.application, &results.mode].map(Clone::clone);
         let texts = [setup, application, mode, overrides, faults];
-        Self { nodes, texts, cell: Content::read(directory) }
+        Self { nodes, texts, cell: RunContent::read(directory) }
     }
 
     /// Returns why a run cannot be compared with one under other conditions; `None` if it can be. `other` names that run in
@@ -94,12 +94,12 @@ impl Conditions {
     /// Returns the differences in the content of setup and application. To find them takes time.
     fn of_the_cell(&self, (other, named): (&Self, &str)) -> Vec<String> {
         match (&self.cell, &other.cell) {
-            (Ok(Content::One(setup, found)), Ok(Content::One(other_setup, other))) => {
+            (Ok(RunContent::One(setup, found)), Ok(RunContent::One(other_setup, other))) => {
                 cell_differences((setup, found), (other_setup, other), named)
             }
             (
-                Ok(Content::Cell { setup, application }),
-                Ok(Content::Cell { setup: others, application: other }),
+                Ok(RunContent::Cell { setup, application }),
+                Ok(RunContent::Cell { setup: others, application: other }),
             ) => {
                 let of_setup = text_differences("", setup, others, named);
                 let of_application = application.as_ref().zip(other.as_ref());
@@ -109,8 +109,8 @@ impl Conditions {
             }
             (Ok(own), Ok(_)) => {
                 let counts = match own {
-                    Content::One(..) => ["one station", "several"],
-                    Content::Cell { .. } => ["several stations", "one"],
+                    RunContent::One(..) => ["one station", "several"],
+                    RunContent::Cell { .. } => ["several stations", "one"],
                 };
                 vec![format!("{}, {named} {}", counts[0], counts[1])]
             }

@@ -17,7 +17,8 @@
 //! disturbances   what disturbed a run without ending it
 //! attached       the nodes of a run that ran already
 //! faults         the faults that the user injects, and their result
-//! cell_results   the same for a cell of several stations; cell_sample: one repetition; cell_directory: its files
+//! cell_results   the same for a cell of several stations; cell_sample: one repetition,
+//!                cell_stop: one that failed; cell_directory: its files
 //! host           the computer of a run
 //! listening      the sockets that nodes and benches hold open for others
 //! counted        a number with the noun that it counts
@@ -33,8 +34,10 @@ pub mod arms;
 pub mod attached;
 pub mod calibrated;
 pub mod cell_directory;
+mod cell_marks;
 pub mod cell_results;
 pub mod cell_sample;
+pub mod cell_stop;
 pub mod comparable;
 pub mod conditions;
 pub mod counted;
@@ -45,6 +48,7 @@ pub mod exit;
 pub mod faults;
 pub mod feed;
 pub mod figures;
+mod frames;
 pub mod host;
 pub mod interval;
 pub mod lateness;

@@ -177,9 +177,9 @@ impl RunDirectory {
 /// The results of a run.
 #[derive(Clone, PartialEq, Debug)]
 pub enum SavedResults {
-    /// Of one station.
+    /// One station.
     One(Box<Results>),
-    /// Of a cell with several stations.
+    /// A cell with several stations.
     Cell(Box<CellResults>),
 }
 

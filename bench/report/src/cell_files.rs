@@ -5,6 +5,7 @@ use std::path::Path;
 use planning::PlannedCell;
 #[cfg(feature = "mcap")]
 use robot_node::arm::Frame;
+#[cfg(feature = "mcap")]
 use setup::Cell;
 
 #[cfg(feature = "mcap")]

@@ -13,7 +13,7 @@ use records::cell_results::CellAttached;
 use records::exit::Failure;
 use records::faults::Fault;
 use records::schedule::Step;
-use records::trace::Recording;
+use records::trace::{CellTrace, Recording};
 use records::voice::Voice;
 
 /// A connected PLC and its robots, in real or virtual time.
@@ -46,13 +46,19 @@ pub trait CellStand: Sized {
         &[]
     }
 
-    /// Ends all nodes and the captures, and returns the conditions up to the end; `None` if the last ones that the stand returned
-    /// are final. Captures held in memory are written only if `keeps_capture`.
-    ///
-    /// # Errors
-    ///
-    /// A node did not end in order, or a capture could not be written.
-    fn finish(self, keeps_capture: bool) -> impl Future<Output = Result<Option<CellHealth>, Failure>>;
+    /// Ends all nodes and the captures. Captures held in memory are written only if `keeps_capture`.
+    fn finish(self, keeps_capture: bool) -> impl Future<Output = CellFinished>;
+}
+
+/// Returned by a stand when it ends.
+#[derive(Debug)]
+pub struct CellFinished {
+    /// Traces that the nodes wrote of the first repetition of each type; `None` if the stand has returned its recordings, an error
+    /// if they cannot be read.
+    pub trace: anyhow::Result<Option<CellTrace>>,
+    /// The conditions up to the end; `None` if the last ones that the stand returned are final. An error if a node did not end
+    /// in order, or a capture could not be written.
+    pub health: Result<Option<CellHealth>, Failure>,
 }
 
 /// Configuration of the stand of a cell.

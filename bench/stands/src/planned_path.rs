@@ -10,13 +10,13 @@ use robot_node::rehearsal::{Calls, Rehearsed, rehearse_watched};
 
 use crate::planned_station::PlannedStation;
 
-/// What an arm drives in a repetition of a type, section by section.
+/// Path of an arm in a repetition of a type, section by section.
 #[derive(Clone, Debug, Default)]
 pub struct PlannedPath {
     sections: Vec<PlannedSection>,
 }
 
-/// What an arm drives between two waits.
+/// Path of an arm between two waits.
 #[derive(Clone, Debug)]
 pub struct PlannedSection {
     /// Indices of its motions.
@@ -25,7 +25,7 @@ pub struct PlannedSection {
     pub points: Vec<(u64, Joints)>,
 }
 
-/// What the arm alone does in a repetition: on its path, and in total.
+/// A repetition of the arm alone: its path, and all that it does.
 #[derive(Clone, Debug)]
 pub struct RehearsedStation {
     /// Its path.

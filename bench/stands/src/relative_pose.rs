@@ -1,4 +1,4 @@
-//! How far one arm's tool is, seen from another arm's, from where the plan has it at the same progress: at the marks, and where
+//! Distance of one arm's tool, seen from another arm's, from its place in the plan at the same progress: at the marks, and where
 //! arms move together.
 //!
 //! Progress is the law's time that an arm has driven, as a share of that between two marks. The plan is each arm's rehearsal.
@@ -35,7 +35,7 @@ struct MeasuredArm {
     paths: Vec<(ExecutionType, Joints, PlannedPath)>,
 }
 
-/// What two arms do from one mark to the next.
+/// Motions of two arms from one mark to the next.
 struct Passage {
     /// Motions of each arm, from the mark to its next one.
     motions: [Range<usize>; 2],
@@ -188,7 +188,7 @@ fn difference(
     }
     let ends = arrivals([a.end, b.end])?;
     let to_ns = ends[0].true_ns.max(ends[1].true_ns);
-    // Of an arm that stands meanwhile there is no share.
+    // An arm that stands meanwhile has no share.
     let reference = usize::from(a.is_empty());
     let (begin, end) = (begins[reference].progress_us as f64, ends[reference].progress_us as f64);
     let instants = tracks.iter().flat_map(|track| track.points.iter().map(|point| point.true_ns));
@@ -263,7 +263,7 @@ impl Track {
 struct Sum {
     command: Option<u16>,
     before: u64,
-    /// What the command has when it has ended.
+    /// Count of the command once it has ended.
     whole: u64,
 }
 
@@ -274,5 +274,74 @@ impl Sum {
         }
         self.whole = whole;
         self.before + count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::virtual_run::CellRun;
+    use records::schedule::Step;
+
+    /// Runs a type of a cell once; returns what measures it, and its recordings.
+    fn recorded(name: &str, execution_type: ExecutionType) -> (RelativePose, Vec<Recording>) {
+        let (cell, found) = planning::cell_with_applications(name).unwrap();
+        let planned = found.plan(&cell).unwrap();
+        let stations = PlannedStation::all(&planned).unwrap();
+        let mut run = CellRun::start(&stations, 1).unwrap();
+        let pause = records::schedule::PAUSE;
+        run.execute(Step { execution_type, repetition: 1, pause, overrides: None }).unwrap();
+        (RelativePose::new(&cell, &planned.marks, &stations), run.recordings().to_vec())
+    }
+
+    /// Returns a recording whose robot is later by some ns.
+    fn later(recording: &Recording, by_ns: u64) -> Recording {
+        let mut all = Recording::default();
+        for tick in recording.robot_ticks() {
+            all.robot(RobotTick { true_ns: tick.true_ns + by_ns, ..*tick });
+        }
+        all
+    }
+
+    #[test]
+    fn an_arm_that_is_late_is_off_by_its_way_in_that_time() {
+        for execution_type in ExecutionType::ALL {
+            let (mut pose, recordings) = recorded("F", execution_type);
+            let [left, right] = &recordings[..] else { panic!("two stations") };
+            let mut off = |ms: u64| {
+                let late = [left.clone(), later(right, ms * 1_000_000)];
+                pose.of(execution_type, &late).unwrap().unwrap()
+            };
+            // The plate moves at 150 mm/s: 1.5 mm in 10 ms.
+            let (own, ten, twenty) = (off(0), off(10), off(20));
+            assert!(own < 1.0, "{execution_type}: {own} mm");
+            assert!((twenty - ten - 1.5).abs() < 0.1, "{execution_type}: {own}, {ten}, {twenty} mm");
+        }
+    }
+
+    #[test]
+    fn arms_that_only_meet_are_measured_where_they_stand() {
+        let (mut pose, recordings) = recorded("E", ExecutionType::Cm);
+        assert!(pose.of(ExecutionType::Cm, &recordings).unwrap().unwrap() < 1e-3);
+        let [left, right] = &recordings[..] else { panic!("two stations") };
+        let late = [left.clone(), later(right, 10_000_000)];
+        assert!(pose.of(ExecutionType::Cm, &late).unwrap().unwrap() < 1e-3, "each waits for the other");
+        let mut moved = Recording::default();
+        for tick in right.robot_ticks() {
+            let mut tick = *tick;
+            tick.sample.joints[0] += 0.1;
+            moved.robot(tick);
+        }
+        let found = pose.of(ExecutionType::Cm, &[left.clone(), moved]).unwrap().unwrap();
+        // 0.1 degrees at a reach of 0.4 to 0.5 m.
+        assert!((0.5..1.0).contains(&found), "{found} mm");
+    }
+
+    #[test]
+    fn a_recording_that_ends_before_the_last_mark_gives_no_figure() {
+        let (mut pose, recordings) = recorded("F", ExecutionType::Rc);
+        let mut cut = Recording::default();
+        recordings[1].robot_ticks().iter().take(500).for_each(|tick| cut.robot(*tick));
+        assert_eq!(pose.of(ExecutionType::Rc, &[recordings[0].clone(), cut]).unwrap(), None);
     }
 }

@@ -5,11 +5,10 @@
 mod by_image;
 #[cfg(test)]
 mod by_image_tests;
+mod difference;
 mod drives;
 mod of_station;
 mod times;
-
-use std::fmt;
 
 use anyhow::Context as _;
 use plc_node::ExecutionType;
@@ -20,6 +19,7 @@ use robot_node::rehearsal::{Calls, Rehearsed, rehearse};
 use setup::Setup;
 
 use crate::planned_cell::PlannedCell;
+pub use difference::{Difference, Executed};
 pub use drives::DriveDeviation;
 pub use of_station::StationVerification;
 use records::conditions::Measured;
@@ -55,142 +55,46 @@ pub struct Verification {
     times: Times,
 }
 
-/// What differs in a repetition.
-#[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
-pub enum Difference {
-    /// The PLC sent other motions.
-    #[error("the PLC sent other motions than the plan has: {found}, and the plan has {planned}")]
-    Sent {
-        /// What it sent.
-        found: Sum,
-        /// What it should send.
-        planned: Sum,
-    },
-    /// The robot counted another number of motions.
-    #[error("the robot executed {found} motions, and the plan has {planned}")]
-    Count {
-        /// What it counted.
-        found: u64,
-        /// What it should count.
-        planned: u64,
-    },
-    /// The robot executed other motions, or in other skills.
-    #[error(
-        "the robot executed other motions than the plan has, or called them otherwise: {found}, and the plan has {planned}"
-    )]
-    Executed {
-        /// What it executed.
-        found: Executed,
-        /// What it should execute.
-        planned: Executed,
-    },
-    /// The robot followed another override.
-    #[error(
-        "the robot moved at an override of {} to {} %, and the PLC commanded {} to {} %",
-        found[0], found[1], commanded[0], commanded[1]
-    )]
-    Override {
-        /// Lowest and highest, in %.
-        found: [u8; 2],
-        /// Lowest and highest, in %.
-        commanded: [u8; 2],
-    },
-    /// The arm began elsewhere.
-    #[error("the tool began {away_mm:.3} mm from the application's start")]
-    Start {
-        /// Distance of the tool, in mm.
-        away_mm: f64,
-    },
-    /// The arm ended elsewhere.
-    #[error("{seen_by}, joint {joint} ended at {found:.4}° (mm), and the plan ends at {planned:.4}")]
-    End {
-        /// By whose account.
-        seen_by: &'static str,
-        /// Its number, counted from 1.
-        joint: usize,
-        /// In degrees (mm).
-        found: f64,
-        /// In degrees (mm).
-        planned: f64,
-    },
-    /// The tool ended elsewhere, as the robot reports its pose.
-    #[error(
-        "by the robot's image the tool ended at x {:.3}, y {:.3}, z {:.3} mm in its base, {away_mm:.3} mm from the plan's \
-         {:.3}, {:.3}, {:.3}",
-        found[0], found[1], found[2], planned[0], planned[1], planned[2]
-    )]
-    EndPose {
-        /// Distance of both, in mm.
-        away_mm: f64,
-        /// Position of the tool in the base, in mm.
-        found: [f64; 3],
-        /// Where it should be, in mm.
-        planned: [f64; 3],
-    },
-    /// The robot's clock runs at another speed.
-    #[error(
-        "by the robot's own clock the run took {:.3} ms, by the PLC's {:.3} ms, and the cycles between them explain {:.3} ms: \
-         does the clock in its image count ns?",
-        *found_ns as f64 / 1e6, *plc_ns as f64 / 1e6, *allowed_ns as f64 / 1e6
-    )]
-    Clock {
-        /// By the robot's clock.
-        found_ns: i64,
-        /// By the PLC's.
-        plc_ns: i64,
-        /// Largest difference.
-        allowed_ns: i64,
-    },
-    /// The path had another length.
-    #[error("the tool's path was {found_mm:.3} mm long, and the plan's is {:.3} to {:.3} mm", planned_mm[0], planned_mm[1])]
-    Length {
-        /// Length of the path.
-        found_mm: f64,
-        /// Shortest and longest.
-        planned_mm: [f64; 2],
-    },
-    /// The robot took another time.
-    #[error(
-        "the robot took {found_ms:.1} ms for its motions by its own clock, and {planned_ms:.1} ms in the rehearsal"
-    )]
-    RobotTime {
-        /// Time by the robot's clock, in ms.
-        found_ms: f64,
-        /// Rehearsed time, in ms.
-        planned_ms: f64,
-    },
-    /// The two clocks disagree.
-    #[error(
-        "the PLC measured {:.3} ms more than the robot, and the cycles between them take {:.3} to {:.3} ms",
-        *found_ns as f64 / 1e6, allowed_ns[0] as f64 / 1e6, allowed_ns[1] as f64 / 1e6
-    )]
-    Times {
-        /// The PLC's execution time less the robot's.
-        found_ns: i64,
-        /// Least and most.
-        allowed_ns: [i64; 2],
-    },
-}
-
-/// Motions of an account, and how they were called.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct Executed {
-    motions: u64,
-    skills: u32,
-    digest: u64,
-}
-
-impl Executed {
-    const fn of(account: &Account) -> Self {
-        Self { motions: account.motions, skills: account.skills, digest: account.digest }
+/// Compares the motions that the PLC sent, and the number that the robot executed, with those of the plan.
+fn check_sent(measured: &Measured, planned: Sum) -> Result<(), Difference> {
+    let execution = &measured.execution;
+    let found = Sum { motions: execution.commanded.motions, value: execution.commanded.digest };
+    let is_rc = execution.execution_type == ExecutionType::Rc;
+    let sent = if is_rc { Digest::default().sum() } else { planned };
+    if found != sent {
+        return Err(Difference::Sent { found, planned: sent });
     }
+    if u64::from(execution.motions) != planned.motions {
+        return Err(Difference::Count { found: execution.motions.into(), planned: planned.motions });
+    }
+    Ok(())
 }
 
-impl fmt::Display for Executed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { motions, skills, digest } = self;
-        write!(f, "{digest:016x} over {motions} motions in {skills} skills")
+/// Compares the override that the robot followed with the commanded one; returns the lowest and the highest in %.
+fn check_override(measured: &Measured, account: &Account) -> Result<[u8; 2], Difference> {
+    let commanded = measured.execution.commanded.override_percent;
+    let found = account.override_percent;
+    if found[0] < commanded[0] || found[1] > commanded[1] {
+        return Err(Difference::Override { found, commanded });
     }
+    Ok(found)
+}
+
+/// Compares the executed motions and how they were called.
+fn check_executed(account: &Account, planned: &Account) -> Result<(), Difference> {
+    let (found, planned) = (Executed::of(account), Executed::of(planned));
+    if found == planned { Ok(()) } else { Err(Difference::Executed { found, planned }) }
+}
+
+/// Compares where the arm ended, by the robot and by the PLC.
+fn check_ends(measured: &Measured, account: &Account, planned: &Account) -> Result<(), Difference> {
+    compare_ends("by the robot", &account.end, &planned.end)?;
+    compare_ends("by the PLC", &measured.execution.commanded.end.map(f64::from), &planned.end)
+}
+
+/// Returns what may differ in a path of this length, in mm.
+fn length_tolerance_mm(length_mm: f64) -> f64 {
+    LENGTH_TOLERANCE_MM + LENGTH_TOLERANCE * length_mm
 }
 
 impl Verification {
@@ -234,21 +138,10 @@ impl Verification {
     pub fn check(&mut self, measured: &Measured) -> anyhow::Result<()> {
         let Measured { execution, account, .. } = measured;
         let execution_type = execution.execution_type;
-        let found = Sum { motions: execution.commanded.motions, value: execution.commanded.digest };
-        let planned = if execution_type == ExecutionType::Rc { Digest::default().sum() } else { self.sent };
-        if found != planned {
-            return Err(Difference::Sent { found, planned }.into());
-        }
-        if u64::from(execution.motions) != self.sent.motions {
-            let found = execution.motions.into();
-            return Err(Difference::Count { found, planned: self.sent.motions }.into());
-        }
+        check_sent(measured, self.sent)?;
         // A robot that is not our node gives no account.
         let Some(account) = account else { return self.check_by_image(measured) };
-        let ([low, high], commanded) = (account.override_percent, execution.commanded.override_percent);
-        if low < commanded[0] || high > commanded[1] {
-            return Err(Difference::Override { found: [low, high], commanded }.into());
-        }
+        let [_, high] = check_override(measured, account)?;
         if let Some(away_mm) = self.away_from_start(&account.start)
             && away_mm > START_TOLERANCE_MM
         {
@@ -256,17 +149,13 @@ impl Verification {
         }
         let alone = self.rehearsed(execution_type, &account.start, high)?;
         let planned = alone.account;
-        let (found, wanted) = (Executed::of(account), Executed::of(&planned));
-        if found != wanted {
-            return Err(Difference::Executed { found, planned: wanted }.into());
-        }
+        check_executed(account, &planned)?;
         let robot = &self.planned.robot;
         if let Some(quality) = measured.quality.as_ref().filter(|_| robot.drives.is_some()) {
             drives::check(robot, quality, account, &alone)?;
         }
         drives::check_time(robot, measured, account, &planned)?;
-        compare_ends("by the robot", &account.end, &planned.end)?;
-        compare_ends("by the PLC", &execution.commanded.end.map(f64::from), &planned.end)?;
+        check_ends(measured, account, &planned)?;
         self.check_length(measured, alone.quality.path_length_mm)?;
         Ok(self.times.check(measured, planned.skills)?)
     }
@@ -285,15 +174,14 @@ impl Verification {
             0 => measured.execution.execution_type,
             _ => ExecutionType::Sm,
         };
-        let tolerance = |length_mm: f64| LENGTH_TOLERANCE_MM + LENGTH_TOLERANCE * length_mm;
-        let shortest_mm = shortest_mm - tolerance(shortest_mm);
+        let shortest_mm = shortest_mm - length_tolerance_mm(shortest_mm);
         let found_mm = quality.path_length_mm;
         let mut planned_mm = [shortest_mm; 2];
         // Rehearsing slowly takes longer, so only a path that is longer than at the highest override is compared with it.
         let highest = account.override_percent[1];
         for percent in [highest, highest.min(SLOW_PERCENT)] {
             let longest_mm = self.rehearsed(longest, &account.start, percent)?.quality.path_length_mm;
-            planned_mm = [shortest_mm, longest_mm + tolerance(longest_mm)];
+            planned_mm = [shortest_mm, longest_mm + length_tolerance_mm(longest_mm)];
             if (planned_mm[0]..=planned_mm[1]).contains(&found_mm) {
                 return Ok(());
             }

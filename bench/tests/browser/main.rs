@@ -110,6 +110,32 @@ fn the_first_screen_of_a_report_shows_the_three_bars_in_their_ratios() {
 
 #[test]
 #[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn the_report_of_a_cell_is_laid_out_on_every_screen_with_all_of_its_sections() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut browser = Browser::new(Graphics::None);
+    for setup in ["E", "F"] {
+        let page = run(directory.path(), setup);
+        for screen in Screen::all() {
+            browser.open(&page, "", screen);
+            assert_eq!(browser.eval(LAYOUT), json!([]), "{setup} {screen:?}");
+            browser.eval(FOLD_OUT);
+            assert_eq!(browser.eval(LAYOUT), json!([]), "{setup} {screen:?}, folded out");
+            let seen = browser.eval(
+                "[...document.querySelectorAll('section')].filter(e => e.offsetHeight > 0).map(e => e.id)",
+            );
+            for id in ["table", "gain", "marks", "arms", "race"] {
+                assert!(
+                    seen.as_array().unwrap().contains(&json!(id)),
+                    "{setup} {screen:?}: no {id} in {seen}"
+                );
+            }
+            assert!(browser.console().is_empty(), "{:?}", browser.console());
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
 fn a_comparison_of_runs_is_laid_out_on_every_screen() {
     let directory = tempfile::tempdir().unwrap();
     for setup in ["A", "B"] {

@@ -53,6 +53,29 @@ fn opened(directory: &Path, setup: &str, screen: Screen) -> (Browser, PathBuf) {
 
 #[test]
 #[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn the_race_of_a_cell_has_all_arms_of_a_type_in_one_scene_where_their_tools_meet() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut browser = Browser::new(Graphics::Software);
+    let page = run(directory.path(), "F").with_file_name("race.html");
+    for screen in Screen::all() {
+        browser.open(&page, "#t=2.5", screen);
+        assert_eq!(browser.eval(LAYOUT), json!([]), "{screen:?}");
+        assert!(browser.console().is_empty(), "{:?}", browser.console());
+        for key in ["rc", "sm", "cm"] {
+            let panels = format!("document.querySelectorAll('.lane.{key} .arm').length");
+            assert_eq!(browser.eval(&panels), 2, "{screen:?} {key}");
+            let tools = format!("document.querySelector('.lane.{key}').dataset.tool");
+            let tools = browser.eval(&tools);
+            let at: Vec<f64> =
+                tools.as_str().unwrap().split(' ').map(|value| value.parse().unwrap()).collect();
+            let apart = (at[0] - at[3]).hypot(at[1] - at[4]).hypot(at[2] - at[5]);
+            assert!((apart - 400.0).abs() < 1.5, "{screen:?} {key}: the plate is 400 mm wide, {apart}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
 fn the_race_is_laid_out_on_every_screen_and_draws_each_arm() {
     let directory = tempfile::tempdir().unwrap();
     let mut browser = Browser::new(Graphics::Software);

@@ -18,6 +18,10 @@ pub(crate) fn a_cell_runs_on_a_switch_or_on_cables_and_every_node_has_a_capture(
         let (results, mut found) = (&ended.results, ended.captures.clone());
         assert_eq!((&results["mode"], &results["status"]), (&"real".into(), &"complete".into()));
         assert_eq!(results["cyclic_allocations"], serde_json::json!({ "plc": 0, "robots": [0, 0] }));
+        assert!(results["results"]["cm"]["relative_pose_mm"][0].is_f64(), "{}", results["results"]["cm"]);
+        let has = |name: &str| ended.files.iter().any(|file| file == name);
+        assert!(has("race.html") && has("trace-robot-left.csv") && has("trace-robot-right.csv"));
+        assert!(!ended.files.iter().any(|file| file.ends_with(".rows")), "{:?}", ended.files);
         for station in results["stations"].as_array().unwrap() {
             assert!(station["frames"]["frames_received"].as_u64().unwrap() > 1_000, "{station}");
         }

@@ -70,9 +70,6 @@ fn what_cells_do_not_have_yet_is_refused_by_its_name() {
         assert!(finished.stderr.contains(named), "{}", finished.stderr);
         assert!(!directory.path().join("refused").exists());
     }
-    let real = bench(directory.path(), ["--setup", "E", "--trace"]);
-    assert_eq!(real.code, Some(2));
-    assert!(real.stderr.contains("add `--mode virtual`"), "{}", real.stderr);
 }
 
 #[test]
@@ -134,4 +131,97 @@ fn a_soak_of_a_cell_puts_its_faults_at_every_station() {
         "{}",
         finished.stdout
     );
+}
+
+#[test]
+fn a_run_of_a_cell_has_pages_traces_and_captures_of_each_station() {
+    let directory = tempfile::tempdir().unwrap();
+    let more = ["--types", "cm", "--trace", "--mcap", "--capture", "always"];
+    let finished = run(directory.path(), "F", "cell", &more);
+    assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
+    let path = directory.path().join("cell");
+    for station in ["left", "right"] {
+        let robot = fs::read_to_string(path.join(format!("trace-robot-{station}.csv"))).unwrap();
+        assert!(robot.lines().next().unwrap().ends_with("positions,progress,true_ns"), "{station}");
+        let plc = fs::read_to_string(path.join(format!("trace-plc-{station}.csv"))).unwrap();
+        assert!(plc.lines().next().unwrap().ends_with("marks_come,marks_passed,true_ns"), "{station}");
+        assert!(plc.lines().last().unwrap().contains(",4,4,"), "{station} passes four marks");
+        for end in ["plc", "robot"] {
+            let capture = fs::metadata(path.join(format!("{end}-{station}.pcapng"))).unwrap();
+            assert!(capture.len() > 100_000, "{end} {station}");
+        }
+    }
+    let text = |name: &str| fs::read_to_string(path.join(name)).unwrap();
+    let (report, race, timeline) = (text("report.html"), text("race.html"), text("trace.json"));
+    for part in ["left waits, ms", "gripped, together from here", "relative pose off, mm", "race.html"] {
+        assert!(report.contains(part), "{part}");
+    }
+    assert!(race.contains("CM left") && race.contains("CM right"));
+    assert!(timeline.contains("robot right") && timeline.contains("waits at mark 1"));
+    assert!(
+        fs::read(path.join("motion.mcap")).unwrap().windows(22).any(|part| part == b"/cm/right/joint_states")
+    );
+    fs::remove_file(path.join("report.html")).unwrap();
+    let again = bench(directory.path(), ["report", "cell"]);
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    assert_eq!(text("report.html"), report, "drawn again it is the same");
+}
+
+#[test]
+fn runs_of_cells_are_compared_listed_and_checked_as_those_of_one_robot() {
+    let directory = tempfile::tempdir().unwrap();
+    for (setup, out, seed) in [("E", "runs/one", "1"), ("E", "runs/other", "2"), ("F", "runs/third", "1")] {
+        let finished = run(directory.path(), setup, out, &["--types", "rc", "--seed", seed]);
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    }
+    assert_eq!(
+        bench(directory.path(), ["--mode", "virtual", "--reps", "1", "--types", "rc", "--out", "A"]).code,
+        Some(0)
+    );
+    let compared = bench(directory.path(), ["compare", "runs/one", "runs/other", "runs/third", "A"]);
+    assert_eq!(compared.code, Some(0), "{}", compared.stderr);
+    let differing = compared.stdout.lines().filter(|line| line.contains("not under the conditions of run 1"));
+    assert_eq!(differing.count(), 2, "{}", compared.stdout);
+    assert!(compared.stdout.contains("setup F, in run 1 E"), "{}", compared.stdout);
+    let history = bench(directory.path(), ["history", "--json"]);
+    let entries: serde_json::Value = serde_json::from_str(&history.stdout).unwrap();
+    assert_eq!(entries.as_array().unwrap().len(), 3, "{}{}", history.stdout, history.stderr);
+    let other = entries.as_array().unwrap().iter().find(|entry| entry["run"] == "other").unwrap();
+    assert_eq!(other["compared_with"]["rc"], "one", "{other}");
+    let gate = bench(directory.path(), ["gate", "--run", "runs/one"]);
+    assert_eq!(gate.code, Some(2));
+    assert!(gate.stderr.contains("is a virtual run"), "{}", gate.stderr);
+
+    let path = directory.path().join("runs/other/results.json");
+    let text = fs::read_to_string(&path).unwrap();
+    let results: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let altered = |change: &dyn Fn(&mut serde_json::Value)| {
+        let mut changed = results.clone();
+        change(&mut changed);
+        fs::write(&path, serde_json::to_string_pretty(&changed).unwrap()).unwrap();
+        let finished = bench(directory.path(), ["report", "runs/other"]);
+        (finished.code, finished.stderr)
+    };
+    let of_rc =
+        |value: &mut serde_json::Value, key: &str, to: serde_json::Value| value["results"]["rc"][key] = to;
+    for (key, to, said) in [
+        ("aet_ms", serde_json::json!(1.0), "aet_ms of RC is 1"),
+        ("samples_ms", serde_json::json!([1.0]), "has 1 entries"),
+        ("start_skew_us", serde_json::json!([]), "start_skew_us of RC has 0 entries"),
+        ("relative_pose_mm", serde_json::json!([0.5, 0.5]), "its digest is"),
+    ] {
+        let (code, stderr) = altered(&|value| of_rc(value, key, to.clone()));
+        assert_eq!(code, Some(4), "{key}: {stderr}");
+        assert!(stderr.contains(said) || stderr.contains("its samples_ms"), "{key}: {stderr}");
+    }
+    let (code, stderr) = altered(&|value| value["stations"][0]["waits"][0]["after"] = serde_json::json!(9));
+    assert_eq!(code, Some(4), "{stderr}");
+    fs::write(&path, text).unwrap();
+    let samples = directory.path().join("runs/other/samples.csv");
+    let text = fs::read_to_string(&samples).unwrap();
+    let line = text.lines().find(|line| line.contains(",right,")).unwrap();
+    fs::write(&samples, text.replace(line, &line.replacen(",right,", ",right,9", 1))).unwrap();
+    let finished = bench(directory.path(), ["report", "runs/other"]);
+    assert_eq!(finished.code, Some(4), "{}", finished.stderr);
+    assert!(finished.stderr.contains("station right"), "{}", finished.stderr);
 }

@@ -22,7 +22,7 @@ pub(crate) const MAX_TORQUE: u16 = 0x6072;
 /// Interpolation time period, object 0x60C2: a number, and its power of ten of a second.
 pub(crate) const INTERPOLATION_PERIOD: u16 = 0x60C2;
 /// Numbers of an interpolation time period: all but 0.
-#[expect(clippy::indexing_slicing, reason = "a constant is made without iterators")]
+#[expect(clippy::indexing_slicing, reason = "an index out of range would not compile")]
 const PERIOD_NUMBERS: [i64; 255] = {
     let mut numbers = [0; 255];
     let mut at = 0;

@@ -16,8 +16,8 @@ use machine::Instant;
 use node::trace_row::{Fields, TraceSample, read_rows};
 use plc_node::ExecutionType;
 
-use super::{PlcScan, Recording, RobotTick, Trace, Window};
-use crate::run_directory::{Durability, replace};
+use super::{CellTrace, PlcScan, Recording, RobotTick, Trace, Window};
+use crate::replacement::{Durability, replace};
 
 /// File of the robot's ticks.
 pub const ROBOT_FILE: &str = "trace-robot.csv";
@@ -28,6 +28,12 @@ pub const PLC_FILE: &str = "trace-plc.csv";
 pub const ROBOT_ROWS: &str = "trace-robot.rows";
 /// File that the PLC's node writes its rows to.
 pub const PLC_ROWS: &str = "trace-plc.rows";
+
+/// Returns the name of the rows of a station's robot, where there are several.
+#[must_use]
+pub fn robot_rows(station: &str) -> String {
+    format!("trace-robot-{station}.rows")
+}
 
 /// Returns the header of a table: execution type, time since its start edge, the columns of a sample, and its instant.
 fn header<S: TraceSample>() -> String {
@@ -111,6 +117,32 @@ impl Trace {
         let trace = Self::from_rows(&robot?, &plc?, windows)?;
         for path in &paths {
             std::fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+        Ok(trace)
+    }
+
+    /// Does the same for the stations of a cell. The PLC writes the scans for the first station only.
+    ///
+    /// # Errors
+    ///
+    /// The same.
+    pub fn collect_stations(
+        directory: &Path,
+        stations: &[&str],
+        windows: &[Window],
+    ) -> anyhow::Result<CellTrace> {
+        let read = |name: &str| {
+            let path = directory.join(name);
+            let text = std::fs::read_to_string(&path);
+            let text = text.with_context(|| format!("cannot read {}", path.display()))?;
+            std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+            Ok::<_, anyhow::Error>(text)
+        };
+        let mut plc = read(PLC_ROWS)?;
+        let mut trace = CellTrace::default();
+        for station in stations {
+            let robot = read(&robot_rows(station))?;
+            trace.stations.push(Self::from_rows(&robot, &std::mem::take(&mut plc), windows)?);
         }
         Ok(trace)
     }

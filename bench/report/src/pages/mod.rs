@@ -9,11 +9,12 @@
 //! ├─ speed, samples, path, queue, lateness    a figure each
 //! └─ numbers                                  what the setup says, and from where
 //! race       race.html, and the picture of it in the report
-//! cell       the pages of a run of several stations
+//! cell_run   what the directory of a run of several stations holds; cell: its pages
 //! compare    several runs beside each other
 //! ```
 
 mod cell;
+mod cell_run;
 mod compare;
 mod end;
 mod first_look;

@@ -14,7 +14,7 @@
 //! /log                  rcl_interfaces/Log         once, a warning, only where the recordings lack something
 //! ```
 //!
-//! Of a cell with several stations each has its own topics, `/rc/left/joint_states`, and all poses are in the frame `cell`.
+//! In a cell with several stations each has its own topics, `/rc/left/joint_states`, and all poses are in the frame `cell`.
 //!
 //! The metadata record `skillbench` has `setup`, `positions` (`drives` or `set-points`), and `complete` (`yes` or `no`) with
 //! what is `lacking`.

@@ -31,6 +31,9 @@ pub const BASELINES: &[(&str, &str)] = &[
 /// Half of the millisecond that the gate must detect.
 const MILLIS_TOLERANCE: f64 = 0.5;
 
+/// Half a millisecond of the AET of SM, and a little more.
+const PERCENT_TOLERANCE: f64 = 0.02;
+
 /// A fifth of what two arms that move together may be off.
 const POSE_TOLERANCE_MM: f64 = 0.02;
 
@@ -229,6 +232,8 @@ pub(super) fn figures_of_cell(results: &CellResults) -> Vec<Expected> {
         let pose = result.worst_relative_pose_mm();
         figures.extend(pose.map(|mm| expected(name, "mm", mm, POSE_TOLERANCE_MM)));
     }
+    let gain = results.aet_improvement.map(|share| share * 100.0);
+    figures.extend(gain.map(|percent| expected("AETi".to_owned(), "%", percent, PERCENT_TOLERANCE)));
     figures
 }
 

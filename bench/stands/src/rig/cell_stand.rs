@@ -1,5 +1,7 @@
 //! The rig as the stand of a cell with several stations.
 
+use std::path::PathBuf;
+
 use ::node::report::NodeReport;
 
 use super::error::at_start;
@@ -7,11 +9,12 @@ use super::rig_node::RigNode;
 use super::robot::RigRobot;
 use super::{Rig, RigConfig};
 use crate::cell_measured::{CellHealth, CellMeasured};
-use crate::cell_stand::{CellConfig, CellStand};
+use crate::cell_stand::{CellConfig, CellFinished, CellStand};
 use records::cell_results::CellAttached;
 use records::conditions::Health;
 use records::exit::Failure;
 use records::schedule::Step;
+use records::trace::Trace;
 
 impl CellStand for Rig {
     async fn start(config: &CellConfig<'_>) -> Result<Self, Failure> {
@@ -22,6 +25,7 @@ impl CellStand for Rig {
                 let rig = RigConfig {
                     seed: config.seed,
                     capture: config.capture.map(|keep| (directory.clone(), keep)),
+                    trace: Some(directory.clone()),
                     voice: config.voice.cloned(),
                     faults: config.faults.to_vec(),
                     ..RigConfig::of_cell(config.cell, directory.join("setup.toml"))
@@ -74,11 +78,17 @@ impl CellStand for Rig {
         }
     }
 
-    async fn finish(mut self, keeps_capture: bool) -> Result<Option<CellHealth>, Failure> {
+    async fn finish(mut self, keeps_capture: bool) -> CellFinished {
         if !keeps_capture {
             self.discard_capture();
         }
-        let faults = self.stop().await?;
-        Ok(Some(CellHealth { faults, ..CellStand::health(&self) }))
+        let (traced, directory) = (self.traced().to_vec(), self.trace_directory.take());
+        let stopped = self.stop().await;
+        let names: Vec<_> = self.robots.iter().filter_map(|robot| robot.station.as_deref()).collect();
+        // A killed node may have left no trace; the run's results do not depend on it.
+        let collect = |directory: PathBuf| Trace::collect_stations(&directory, &names, &traced);
+        let trace = directory.map(collect).transpose();
+        let health = stopped.map(|faults| Some(CellHealth { faults, ..CellStand::health(&self) }));
+        CellFinished { trace, health: health.map_err(Failure::from) }
     }
 }

@@ -95,8 +95,7 @@ impl RigConfig {
 
     /// Returns the arguments of a robot's node.
     pub(super) fn robot_args(&self, interface: &str, index: usize, station: Option<&str>) -> Vec<OsString> {
-        let rows = station
-            .map_or_else(|| tables::ROBOT_ROWS.to_owned(), |station| format!("trace-robot-{station}.rows"));
+        let rows = station.map_or_else(|| tables::ROBOT_ROWS.to_owned(), tables::robot_rows);
         let mut args = self.args(interface, &rows);
         // Each robot draws numbers of its own, and a single one those of the seed itself.
         let seed = self.seed.wrapping_add(index as u64);

@@ -8,8 +8,8 @@ use robot_node::arm::Joints;
 use robot_node::rehearsal::{Calls, Rehearsed, rehearse};
 
 use super::{
-    Difference, Executed, JOINT_TOLERANCE, LENGTH_TOLERANCE, LENGTH_TOLERANCE_MM, compare_ends, drives,
-    largest_difference,
+    Difference, JOINT_TOLERANCE, check_ends, check_executed, check_override, check_sent, drives,
+    largest_difference, length_tolerance_mm,
 };
 use crate::planned_path::PlannedPath;
 use crate::planned_station::PlannedStation;
@@ -48,33 +48,17 @@ impl StationVerification {
             quality.check_ratings()?;
         }
         let execution = &measured.execution;
-        let found = Sum { motions: execution.commanded.motions, value: execution.commanded.digest };
-        let is_rc = execution.execution_type == ExecutionType::Rc;
-        let planned = if is_rc { Digest::default().sum() } else { self.sent };
-        if found != planned {
-            return Err(Difference::Sent { found, planned }.into());
-        }
-        if u64::from(execution.motions) != self.sent.motions {
-            let found = execution.motions.into();
-            return Err(Difference::Count { found, planned: self.sent.motions }.into());
-        }
+        check_sent(measured, self.sent)?;
         let Some(account) = &measured.account else { return Ok(()) };
-        let ([low, high], commanded) = (account.override_percent, execution.commanded.override_percent);
-        if low < commanded[0] || high > commanded[1] {
-            return Err(Difference::Override { found: [low, high], commanded }.into());
-        }
+        check_override(measured, account)?;
         let alone = self.rehearsed(execution.execution_type, &account.start)?;
         let planned = alone.account;
-        let (found, wanted) = (Executed::of(account), Executed::of(&planned));
-        if found != wanted {
-            return Err(Difference::Executed { found, planned: wanted }.into());
-        }
+        check_executed(account, &planned)?;
         let robot = &self.station.planned.robot;
         if let Some(quality) = measured.quality.as_ref().filter(|_| robot.drives.is_some()) {
             drives::check(robot, quality, account, &alone)?;
         }
-        compare_ends("by the robot", &account.end, &planned.end)?;
-        compare_ends("by the PLC", &execution.commanded.end.map(f64::from), &planned.end)?;
+        check_ends(measured, account, &planned)?;
         // A continuous motion that waits at a mark takes longer by that.
         let waits_in_skill = execution.execution_type == ExecutionType::Cm && !self.station.waits.is_empty();
         if !waits_in_skill {
@@ -88,7 +72,7 @@ impl StationVerification {
             return Ok(());
         };
         let length_mm = alone.quality.path_length_mm;
-        let tolerance = LENGTH_TOLERANCE_MM + LENGTH_TOLERANCE * length_mm;
+        let tolerance = length_tolerance_mm(length_mm);
         if (quality.path_length_mm - length_mm).abs() <= tolerance {
             return Ok(());
         }

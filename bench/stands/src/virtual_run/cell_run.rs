@@ -21,7 +21,7 @@ use super::new_cell::{NewCell, switch_on};
 use super::nodes::{LONGEST_RUN, NeverEnded, SILENCE};
 use crate::Unreported;
 use crate::cell_measured::{CellHealth, CellMeasured};
-use crate::cell_stand::{CellConfig, CellStand};
+use crate::cell_stand::{CellConfig, CellFinished, CellStand};
 use crate::planned_station::PlannedStation;
 use crate::under_faults;
 use records::cell_sample::start_skew;
@@ -30,6 +30,9 @@ use records::exit::{Exit, Failure};
 use records::faults::Fault;
 use records::schedule::Step;
 use records::trace::Recording;
+
+/// Time that is recorded after a failure: far longer than an arm needs to brake.
+const COMES_TO_REST: Duration = Duration::from_secs(2);
 
 /// The nodes of a cell in virtual time.
 pub struct CellRun {
@@ -65,9 +68,9 @@ impl CellStand for CellRun {
         self.watch.recordings()
     }
 
-    async fn finish(self, keeps_capture: bool) -> Result<Option<CellHealth>, Failure> {
-        self.captures.finish(keeps_capture)?;
-        Ok(None)
+    async fn finish(self, keeps_capture: bool) -> CellFinished {
+        let captured = self.captures.finish(keeps_capture);
+        CellFinished { trace: Ok(None), health: captured.map(|()| None).map_err(Failure::from) }
     }
 }
 
@@ -226,6 +229,9 @@ impl CellRun {
                 self.measured(all.into_iter()).map(Some)
             }
             PlcEvent::Failed(failure) => {
+                // The recording shows how the other arms come to rest.
+                let until = self.cell.now() + COMES_TO_REST;
+                while self.next_event(until).is_some() {}
                 self.watch.end();
                 Err(anyhow::Error::from(failure).context(self.named(station)))
             }

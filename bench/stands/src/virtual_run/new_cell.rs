@@ -20,7 +20,7 @@ use super::cell::{NewInterface, NewNode, NewStation, VirtualCell};
 use super::cell_faults;
 use super::cell_watch::CellClocks;
 use super::new_nodes::{open_plc, open_robot};
-use super::phases::CellPhases;
+use super::phases::Phases;
 use crate::planned_cell::PlannedCell;
 use crate::planned_station::PlannedStation;
 
@@ -45,7 +45,7 @@ pub(super) struct NewCell {
 /// A setup gives no bus endpoint, or the virtual network cannot carry the stations.
 pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]) -> anyhow::Result<NewCell> {
     let Some(first) = stations.first() else { bail!("the cell has no station; add one to its setup") };
-    let mut phases = CellPhases::new(stations.iter().map(|station| &station.setup), seed);
+    let mut phases = Phases::new(stations.iter().map(|station| &station.setup), seed);
     let (new_buses, interfaces) = buses_of(stations);
     let plc_clock = phases.plc;
     let mut buses = Vec::with_capacity(new_buses.len());
@@ -121,7 +121,7 @@ fn place_of(buses: &[NewBus<'_>], station: usize) -> Option<(usize, StationId)> 
     })
 }
 
-fn open_bus(bus: &NewBus<'_>, seed: u64, clock: Clock, phases: &mut CellPhases) -> anyhow::Result<PlcBus> {
+fn open_bus(bus: &NewBus<'_>, seed: u64, clock: Clock, phases: &mut Phases) -> anyhow::Result<PlcBus> {
     let mut described = bus.stations.iter().map(|(_, bus)| *bus);
     let Some(first) = described.next() else { bail!("a bus has no station") };
     let others: Vec<&Bus> = described.collect();
@@ -134,7 +134,7 @@ fn new_robot(
     index: usize,
     on: usize,
     seed: u64,
-    phases: &mut CellPhases,
+    phases: &mut Phases,
     faults: &[Fault],
 ) -> NewStation {
     let bus = &station.setup.bus;

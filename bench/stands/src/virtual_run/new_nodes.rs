@@ -28,9 +28,9 @@ const UNTIL_FIRST_CYCLE: Duration = Duration::from_micros(100);
 ///
 /// The setup gives no bus endpoint for the PLC.
 pub(super) fn new_buses(bus: &Bus, seed: u64, phases: &mut Phases) -> Result<(PlcBus, RobotBus), BusError> {
-    let start = phases.first(Side::A, bus.cycle_us.value);
+    let start = phases.first_at(Side::A, bus.cycle_us.value);
     let plc = open_plc(bus, &[], PLC_MAC, seed, start)?;
-    let start = || phases.first(Side::B, bus.cycle_us.value);
+    let start = || phases.first_at(Side::B, bus.cycle_us.value);
     Ok((plc, open_robot(bus, ROBOT_MAC, seed, start)))
 }
 

@@ -117,17 +117,17 @@ impl Nodes {
         Surroundings { faults, capture, frames }: Surroundings<'_>,
     ) -> anyhow::Result<Self> {
         let Work { source, program, stops, to_start, robot, code, again } = work;
-        let mut phases = Phases::new(setup, seed);
+        let mut phases = Phases::of_one(setup, seed);
         let bus = &setup.bus;
         let (plc_bus, robot_bus) = new_buses(bus, seed, &mut phases)?;
-        let plc_start = phases.first(Side::A, setup.plc.scan_cycle_us.value);
-        let robot_start = phases.first(Side::B, setup.robot.cycle_us.value);
+        let plc_start = phases.first_at(Side::A, setup.plc.scan_cycle_us.value);
+        let robot_start = phases.first_at(Side::B, setup.robot.cycle_us.value);
         let robot = new_robot(robot, (program, &stops), robot_bus, seed, robot_start);
         let plc = new_plc(setup, (source, stops, to_start), code.clone(), plc_bus, plc_start)?;
         let delay = Duration::from_micros(bus.cable_delay_us.value.into());
         let addresses = addresses(bus);
         let links = faults::links(faults, Impairment { delay, ..Impairment::default() });
-        let [plc_clock, robot_clock] = phases.clocks;
+        let [plc_clock, robot_clock] = phases.clocks();
         let [plc_address, robot_address] = addresses;
         let plc = NewNode { machine: plc, clock: plc_clock, address: plc_address };
         let robot = NewNode { machine: robot, clock: robot_clock, address: robot_address };

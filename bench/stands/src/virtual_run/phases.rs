@@ -14,35 +14,31 @@ use records::schedule::below;
 /// Largest value of a clock at the start: two nodes are never switched on together.
 const OFFSET: Duration = Duration::from_secs(1);
 
-/// Clocks and phases, drawn in sequence.
+/// Clocks and phases of the nodes of a cell, drawn in sequence.
 pub(super) struct Phases {
-    random: Pcg64Mcg,
-    pub(super) clocks: [Clock; 2],
-}
-
-impl Phases {
-    pub(super) fn new(setup: &Setup, seed: u64) -> Self {
-        let mut random = Pcg64Mcg::seed_from_u64(!seed);
-        let clocks = [clock(&mut random, setup), clock(&mut random, setup)];
-        Self { random, clocks }
-    }
-
-    /// Returns when a task of this cycle runs first, on its side's own clock.
-    pub(super) fn first(&mut self, side: Side, cycle_us: u32) -> Instant {
-        let [a, b] = self.clocks;
-        first(&mut self.random, if side == Side::A { a } else { b }, cycle_us)
-    }
-}
-
-/// Clocks and phases of a cell with several stations, drawn in sequence.
-pub(super) struct CellPhases {
     random: Pcg64Mcg,
     pub(super) plc: Clock,
     /// In the order of the stations.
     pub(super) robots: Vec<Clock>,
 }
 
-impl CellPhases {
+impl Phases {
+    /// Draws the clocks of a setup with one station.
+    pub(super) fn of_one(setup: &Setup, seed: u64) -> Self {
+        Self::new(std::iter::once(setup), seed)
+    }
+
+    /// Returns the clocks of the PLC and of the first robot.
+    pub(super) fn clocks(&self) -> [Clock; 2] {
+        [self.plc, self.robots.first().copied().unwrap_or_default()]
+    }
+
+    /// Returns when a task of the PLC (A), or of the first robot (B), runs first, on its own clock.
+    pub(super) fn first_at(&mut self, side: Side, cycle_us: u32) -> Instant {
+        let clock = if side == Side::A { Some(&self.plc) } else { self.robots.first() };
+        self.first(clock.copied().unwrap_or_default(), cycle_us)
+    }
+
     /// Draws the clocks of a cell whose stations have these setups.
     pub(super) fn new<'a>(setups: impl Iterator<Item = &'a Setup> + Clone, seed: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(!seed);

@@ -22,18 +22,18 @@ const PATIENCE: Duration = Duration::from_secs(10);
 ///
 /// The setup gives no bus, the nodes do not connect, or a number does not come back.
 pub fn reactions(setup: &Setup, seed: u64, count: usize) -> anyhow::Result<Vec<Duration>> {
-    let mut phases = Phases::new(setup, seed);
+    let mut phases = Phases::of_one(setup, seed);
     let bus = &setup.bus;
     let (plc, robot) = new_buses(bus, seed, &mut phases)?;
     let cycle = |phases: &mut Phases, side, cycle_us: u32| {
-        Cycle::new(phases.first(side, cycle_us), Duration::from_micros(cycle_us.into()))
+        Cycle::new(phases.first_at(side, cycle_us), Duration::from_micros(cycle_us.into()))
     };
     let scan = cycle(&mut phases, Side::A, setup.plc.scan_cycle_us.value);
     let robot_cycle = cycle(&mut phases, Side::B, setup.robot.cycle_us.value);
     let delay = Duration::from_micros(bus.cable_delay_us.value.into());
     let config = PairConfig {
         seed,
-        clocks: phases.clocks,
+        clocks: phases.clocks(),
         links: [Impairment { delay, ..Impairment::default() }; 2],
         addresses: addresses(bus),
     };

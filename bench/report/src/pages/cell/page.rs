@@ -3,9 +3,10 @@
 use plc_node::ExecutionType;
 use serde::Serialize;
 
-use super::{CellFiles, arms};
+use super::arms;
 use crate::html::document::fill;
 use crate::html::figure::Figure;
+use crate::pages::cell_run::CellFiles;
 use crate::pages::race;
 use crate::progress::label;
 use records::cell_results::{CellResults, CellTypeResult};
@@ -14,7 +15,7 @@ use records::results::Status;
 const TEMPLATE: &str = include_str!("cell.html");
 
 #[derive(Serialize)]
-struct Page<'a> {
+struct CellReport<'a> {
     name: String,
     title: &'a str,
     about: String,
@@ -39,7 +40,7 @@ pub(super) fn render(files: &CellFiles, has_race: bool) -> anyhow::Result<String
     })?;
     let is_recorded = !files.trace.stations.is_empty();
     let (gains, remaining) = gains(results);
-    let page = Page {
+    let page = CellReport {
         name: files.name(),
         title: &results.title,
         about: files.about(),
@@ -138,7 +139,12 @@ fn failed(results: &CellResults) -> Vec<String> {
         let line = move |failed: &records::results::FailedRepetition| {
             format!("{} {}: {}", label(one), failed.repetition, failed.error)
         };
-        result.failed.iter().map(line).collect::<Vec<_>>()
+        let names: Vec<_> = results.stations.iter().map(|station| station.name.as_str()).collect();
+        let stops = result
+            .stops
+            .iter()
+            .map(|stop| format!("{} {}: {}", label(one), stop.repetition, stop.sentence(&names)));
+        result.failed.iter().map(line).chain(stops).collect::<Vec<_>>()
     };
     types(results).flat_map(of_type).collect()
 }

@@ -10,12 +10,12 @@ use super::{LaneHead, PLAYING, Page, Scene, Summary, TEMPLATE, data, scripts, st
 use crate::figures::how;
 use crate::html::chart::short;
 use crate::html::document::fill;
-use crate::pages::cell::CellFiles;
+use crate::pages::cell_run::CellFiles;
 use crate::pages::end::End;
 use crate::progress::label;
 use minijinja::Value;
 
-/// What the page moves: the arms, what stands around them, and the recordings.
+/// Content that the page moves: the arms, what stands around them, and the recordings.
 #[derive(Serialize)]
 struct CellRace {
     arms: Vec<PlacedScene>,

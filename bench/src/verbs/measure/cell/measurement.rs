@@ -24,7 +24,7 @@ use records::schedule::Schedule;
 use records::trace::CellTrace;
 use report::cell_files;
 use report::progress::Progress;
-use stands::cell_stand::{CellConfig, CellStand};
+use stands::cell_stand::{CellConfig, CellFinished, CellStand};
 use stands::planned_station::PlannedStation;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use stands::rig::Rig;
@@ -141,13 +141,22 @@ impl CellMeasurement<'_> {
         let mut judge = Judge::new(&self.cell, &self.planned, self.stations.clone());
         let ended = session.run(&mut stand, &self.schedule, results, &mut judge, interrupt).await;
         let mut ended = ended?;
+        let CellFinished { trace, health } = stand.finish(self.wants_capture(ended.exit)).await;
+        let taken = match trace {
+            Ok(Some(traces)) => judge.take_traces(traces, &mut ended.results),
+            Ok(None) => Ok(()),
+            Err(error) => Err(error),
+        };
+        if let Err(error) = taken {
+            session.progress.warn(&format!("the report lacks the curves over time: {error:#}."));
+        }
         if let Err(error) = self.save_traces(session, &judge.traces) {
             ended.and_failure(error, Exit::Internal);
         }
         if ended.exit == Exit::Pass {
             add_alone(&mut ended.results, &self.planned, &self.schedule)?;
         }
-        match stand.finish(self.wants_capture(ended.exit)).await {
+        match health {
             // The final counts of all nodes belong together; their earlier reports are not simultaneous.
             Ok(Some(health)) if ended.failures.is_empty() => health.write_to(&mut ended.results),
             Ok(_) => {}

@@ -170,7 +170,6 @@ fn check_faults(faults: &[Fault], cell: &Cell, mode: Mode) -> Result<(), Failure
 fn check_options(options: &RunOptions) -> Result<(), Failure> {
     let exports = options.exports.files();
     let export = exports.iter().find(|(name, file)| file.is_some() && *name != "--export-json");
-    let is_real = options.mode == Mode::Real;
     let refused = [
         ("--application", options.application.is_some()),
         ("--cyclic", options.cyclic.is_some()),
@@ -181,9 +180,6 @@ fn check_options(options: &RunOptions) -> Result<(), Failure> {
     ];
     let given = refused.iter().find(|(_, is_given)| *is_given).map(|(name, _)| *name);
     match given.or(export.map(|(name, _)| *name)) {
-        None if is_real && (options.trace || options.mcap) => Err(usage(anyhow!(
-            "--trace and --mcap of several stations are for virtual mode so far: add `--mode virtual`, or leave them out"
-        ))),
         None if options.mcap && !cfg!(feature = "mcap") => Err(super::no_mcap()),
         None => Ok(()),
         Some(name) => Err(usage(anyhow!(

@@ -5,6 +5,7 @@ use plc_node::ExecutionType;
 use records::cell_directory::CellDirectory;
 use records::cell_results::CellResults;
 use records::cell_sample::CellSample;
+use records::cell_stop::CellStop;
 use records::exit::Exit;
 use records::host::Host;
 use records::results::Status;
@@ -164,6 +165,20 @@ pub(super) struct Judge {
 }
 
 impl Judge {
+    /// Takes the traces that the nodes wrote, and measures the first repetition of each type by them.
+    pub(super) fn take_traces(&mut self, traces: CellTrace, results: &mut CellResults) -> anyhow::Result<()> {
+        for execution_type in ExecutionType::ALL {
+            let recordings = traces.stations.iter().map(|trace| trace.types.get(execution_type).cloned());
+            let recordings: Option<Vec<Recording>> = recordings.collect();
+            let Some(result) = results.results.entry(execution_type) else { continue };
+            if let (Some(recordings), Some(first)) = (recordings, result.relative_pose_mm.first_mut()) {
+                *first = self.relative_pose.of(execution_type, &recordings)?;
+            }
+        }
+        self.traces = traces;
+        Ok(())
+    }
+
     pub(super) fn new(cell: &Cell, planned: &PlannedCell, stations: Vec<PlannedStation>) -> Self {
         Self {
             relative_pose: RelativePose::new(cell, &planned.marks, &stations),
@@ -196,6 +211,10 @@ impl Judge {
             Ok(sample) => results.record(step.execution_type, sample),
             Err(error) => {
                 results.record_failure(step.execution_type, step.repetition, format!("{error:#}"));
+                if !recordings.is_empty() {
+                    let stop = CellStop::of(step.repetition, recordings);
+                    results.record_stop(step.execution_type, stop);
+                }
             }
         }
         outcome

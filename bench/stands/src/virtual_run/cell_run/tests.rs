@@ -56,6 +56,11 @@ fn an_arm_that_is_killed_in_a_run_fails_it_and_the_error_names_its_station() {
             let (_, mut run) = start_with("E", &[fault]);
             let error = format!("{:#}", run.execute(step(execution_type)).unwrap_err());
             assert!(error.starts_with(name), "{execution_type}: {error}");
+            let stop = records::cell_stop::CellStop::of(1, run.recordings());
+            let last = stop.stations.iter().filter_map(|arm| arm.stopped_at_ms).fold(0.0, f64::max);
+            // The other goes to its mark, or brakes where the PLC halts it: at a mark all wait for the lost arm.
+            assert!(last < 3_000.0, "{execution_type}: {stop:?}");
+            assert!(stop.stations.iter().all(|arm| arm.marks_passed <= 1), "{execution_type}: {stop:?}");
         }
     }
 }
