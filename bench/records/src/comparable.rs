@@ -23,7 +23,7 @@ pub struct Conditions {
 #[derive(Debug)]
 enum RunContent {
     /// One station.
-    One(Box<Setup>, Found),
+    One(Box<(Setup, Found)>),
     /// Several stations: the text of the setup, and of the application if there is one for all.
     Cell { setup: String, application: Option<String> },
 }
@@ -36,7 +36,7 @@ impl RunContent {
         if !is_cell {
             let read = planning::setup_with_application(&name);
             return read
-                .map(|(setup, found)| Self::One(Box::new(setup), found))
+                .map(|(setup, found)| Self::One(Box::new((setup, found))))
                 .map_err(|error| error.to_string());
         }
         let (cell, found) = planning::cell_with_applications(&name).map_err(|error| error.to_string())?;
@@ -94,9 +94,7 @@ impl Conditions {
     /// Returns the differences in the content of setup and application. To find them takes time.
     fn of_the_cell(&self, (other, named): (&Self, &str)) -> Vec<String> {
         match (&self.cell, &other.cell) {
-            (Ok(RunContent::One(setup, found)), Ok(RunContent::One(other_setup, other))) => {
-                cell_differences((setup, found), (other_setup, other), named)
-            }
+            (Ok(RunContent::One(own)), Ok(RunContent::One(others))) => cell_differences(own, others, named),
             (
                 Ok(RunContent::Cell { setup, application }),
                 Ok(RunContent::Cell { setup: others, application: other }),
@@ -134,8 +132,8 @@ fn text_differences(begin: &str, own: &str, other: &str, named: &str) -> Vec<Str
 }
 
 fn cell_differences(
-    (setup, found): (&Setup, &Found),
-    (other_setup, other): (&Setup, &Found),
+    (setup, found): &(Setup, Found),
+    (other_setup, other): &(Setup, Found),
     named: &str,
 ) -> Vec<String> {
     let mut differences = Vec::new();
