@@ -7,6 +7,7 @@
 //! ├─ station           a robot: its images, its readiness, the way to where a run starts, its silence
 //! ├─ program           PlcProgram: what runs over the stations
 //! ├─ sequences         the program of the paper: RC, SM and CM at each station; marks between them
+//! ├─ zones             shared zones: which arm may be in which one
 //! ├─ sequence          one of them, as a PLC program steps through it
 //! ├─ function_blocks   PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
 //! ├─ axes_group        the robot as the program sees it: one command, one feedback, the command number
@@ -42,6 +43,7 @@ mod sequences;
 mod speed_override;
 mod station;
 mod waiting;
+mod zones;
 
 pub use axes_group::{AxesGroup, WaitLimits};
 pub(crate) use axes_group::{Ticket, Turn};
@@ -52,10 +54,11 @@ pub use event::{
 };
 pub use motion_source::{MotionList, MotionSource};
 pub use plc::{PlacedStation, PlcNode};
-pub use program::{AfterLoss, PlcProgram, Progress, Totals};
+pub use program::{AfterLoss, PlcProgram, Progress, SetOut, Totals};
 pub use sample::Sample;
 pub use scan::Scan;
-pub use sequences::{MarkPassage, Sequences, StationWork};
+pub use sequences::{MarkPassage, Sequences, StationWork, ZoneWait};
 pub use speed_override::{Override, OverrideError, OverrideSchedule, OverrideStep, ScheduleError};
 pub use station::{Station, StationConfig};
 pub use waiting::WaitingFor;
+pub use zones::Zones;
