@@ -283,17 +283,13 @@ impl PlannedCell {
         writeln!(f, "shared zones")?;
         let width = self.zones.iter().map(|zone| zone.chars().count()).max().unwrap_or(0);
         for (number, zone) in self.zones.iter().enumerate() {
-            let visits = self.stations.iter().flat_map(|station| {
-                let here = station.plan.visits.iter().filter(move |visit| visit.zone == number);
-                here.map(move |visit| {
-                    let (name, first) = (&station.name, visit.after + 1);
-                    match visit.until {
-                        last if last == first => format!("{name} in motion {last}"),
-                        last => format!("{name} in motions {first} to {last}"),
-                    }
-                })
+            let in_zone = self.stations.iter().filter_map(|station| {
+                let here = station.plan.visits.iter().filter(|visit| visit.zone == number);
+                let ranges = here.map(|visit| format!("{} to {}", visit.after + 1, visit.until));
+                let ranges: Vec<_> = ranges.collect();
+                (!ranges.is_empty()).then(|| format!("{} in motions {}", station.name, ranges.join(" and ")))
             });
-            let visits: Vec<_> = visits.collect();
+            let visits: Vec<_> = in_zone.collect();
             let visits = if visits.is_empty() { "nobody".to_owned() } else { visits.join(", ") };
             writeln!(f, "  {zone:width$}  {visits}")?;
         }
@@ -304,7 +300,9 @@ impl PlannedCell {
 /// Lists the marks, with the motion of each station after which it waits there, and the shared zones.
 impl fmt::Display for PlannedCell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "marks")?;
+        if !self.marks.is_empty() || self.zones.is_empty() {
+            writeln!(f, "marks")?;
+        }
         let width = self.marks.iter().map(|mark| mark.name.chars().count()).max().unwrap_or(0);
         for mark in &self.marks {
             let first_cycle = |waiting: Vec<(&PlannedStation, usize)>| {
