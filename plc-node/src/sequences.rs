@@ -9,10 +9,12 @@
 #[cfg(test)]
 mod exploration;
 mod turns;
+#[cfg(test)]
+mod zone_exploration;
 
 pub use turns::ZoneWait;
 
-use machine::Instant;
+use machine::{Duration, Instant};
 use planning::{StationZones, Stop, WaitAt, ZoneSet, ZoneVisit};
 use protocol::image::{Digest, Sum};
 
@@ -183,6 +185,13 @@ impl Sequences {
     #[must_use]
     pub fn zone_waits(&self, station: usize) -> &[ZoneWait] {
         self.parts.get(station).map_or(&[], |part| part.turns.waits())
+    }
+
+    /// Returns how long a station stood before shared zones in this run, or in the last one; `None` in a cell without such zones.
+    #[must_use]
+    pub fn waited_for_zones(&self, station: usize) -> Option<Duration> {
+        let turns = self.parts.get(station).map(|part| &part.turns).filter(|turns| turns.has_zones())?;
+        Some(turns.waits().iter().filter_map(|wait| Some(wait.granted?.since(wait.came))).sum())
     }
 
     /// Returns the grants of the shared zones.

@@ -7,10 +7,13 @@
 //! Fairness: an arm that leaves a zone and wants it again comes after all that asked meanwhile, so that no arm that asks
 //! waits for more visits than there are other arms.
 
+#[cfg(test)]
+mod exploration;
+
 use planning::{MOST_ZONES, ZoneSet};
 
 /// The grants of the shared zones of a cell.
-#[derive(Clone, PartialEq, Eq, Debug)]
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct Zones {
     /// The zones that each arm may be in.
     held: Vec<ZoneSet>,

@@ -222,7 +222,7 @@ fn share_zones(cell: &Cell, stations: &mut [PlannedStation]) -> Result<(), NoTur
     check_places(cell, stations)?;
     let arms: Vec<_> = stations.iter().map(|station| (station.name.as_str(), &station.plan)).collect();
     let zones: Vec<_> = cell.shared_zones.iter().map(|zone| zone.name.clone()).collect();
-    shared_zone::check(&arms, &zones)
+    shared_zone::check_turns(&arms, &zones)
 }
 
 /// Checks that all arms start and end outside of the zones, and start beside each other.

@@ -13,9 +13,8 @@ mod turns;
 mod visits;
 mod volume;
 
-pub use turns::{NoTurns, Waited};
+pub use turns::{NoTurns, Waited, check_turns};
 pub use visits::{StationZones, ZoneVisit};
 pub use volume::{ArmVolume, MOST_ZONES, ZoneSet};
 
-pub(crate) use turns::check;
 pub(crate) use visits::find;

@@ -127,8 +127,12 @@ fn events(plan: &Plan) -> Vec<Event> {
     events.into_iter().map(|(.., event)| event).collect()
 }
 
-/// Checks that the arms, each with the name of its station, can take turns in every order.
-pub(crate) fn check(arms: &[(&str, &Plan)], zones: &[String]) -> Result<(), NoTurns> {
+/// Checks that the arms, each with the name of its station, can take turns in the zones of these names in every order of events.
+///
+/// # Errors
+///
+/// [`NoTurns::Ring`], [`NoTurns::TooMany`]
+pub fn check_turns(arms: &[(&str, &Plan)], zones: &[String]) -> Result<(), NoTurns> {
     let name = |zone: usize| zones.get(zone).cloned().unwrap_or_default();
     let all: Vec<Vec<Event>> = arms.iter().map(|(_, plan)| events(plan)).collect();
     if all.iter().all(|events| waits_nowhere_in_a_zone(events)) {
@@ -308,7 +312,7 @@ mod tests {
         let names = ["left", "right", "third"];
         let arms: Vec<_> = names.iter().copied().zip(arms).collect();
         let zones = ["table", "rack"].map(str::to_owned);
-        check(&arms, &zones).map_or_else(|ring| ring.to_string(), |()| "they take turns".to_owned())
+        check_turns(&arms, &zones).map_or_else(|ring| ring.to_string(), |()| "they take turns".to_owned())
     }
 
     #[test]
