@@ -121,7 +121,9 @@ fn starts_ends_and_rings_that_no_grant_can_solve_are_refused_in_words() {
 fn a_cell_without_zones_is_planned_as_before() {
     for name in ["E", "F"] {
         let cell = planned(name);
-        assert!(cell.stations.iter().all(|station| station.zones.is_none() && station.plan.visits.is_empty()));
+        assert!(
+            cell.stations.iter().all(|station| station.zones.is_none() && station.plan.visits.is_empty())
+        );
         assert!(!cell.to_string().contains("zone"));
     }
 }

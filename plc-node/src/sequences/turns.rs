@@ -153,3 +153,95 @@ impl Turns {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use machine::Duration;
+    use planning::{PlannedStation, ToStart};
+    use protocol::image::{Feedback, Order, State, Status};
+
+    use crate::event::Events;
+    use crate::program::{PlcProgram as _, SetOut};
+    use crate::sequences::{Sequences, StationWork};
+    use crate::station::StationState;
+    use crate::{MotionList, Station, StationConfig, WaitLimits};
+
+    fn planned() -> Vec<PlannedStation> {
+        let (cell, found) = planning::cell_with_applications("G").unwrap();
+        found.plan(&cell).unwrap().stations
+    }
+
+    fn program(planned: &[PlannedStation]) -> Sequences {
+        let work = |station: &PlannedStation| StationWork {
+            program: 1,
+            queue_depth: 5,
+            motions: Box::new(MotionList::default()),
+            stops: Vec::new(),
+            waits: Vec::new(),
+            visits: station.plan.visits.clone(),
+            zones: station.zones.clone(),
+        };
+        Sequences::new(planned.iter().map(work).collect())
+    }
+
+    /// Returns a station whose arm rests in these joints, in the state.
+    fn resting(index: usize, joints: [f64; 6], state: StationState) -> Station {
+        let config = StationConfig {
+            name: String::new(),
+            wait_limits: WaitLimits { answer_scans: 100, silent_scans: 100 },
+            answer_timeout: Duration::from_secs(1),
+            robot_cycle: Duration::from_millis(4),
+            to_start: ToStart::default(),
+            longest_stop: Duration::ZERO,
+        };
+        let mut station = Station::new(index, config, Order::BigEndian, Duration::from_millis(1));
+        station.connect();
+        station.state = state;
+        let feedback = Feedback {
+            state: State::Ready,
+            status: Status::ENABLED | Status::AT_REST,
+            joints: joints.map(|joint| joint as f32),
+            ..Feedback::default()
+        };
+        station.group_mut().read(Some(feedback));
+        station
+    }
+
+    fn to_move(index: usize, joints: [f64; 6]) -> Station {
+        let mut station = resting(index, joints, StationState::Ready);
+        station.move_to_start(false, &mut Events::for_stations(2));
+        station
+    }
+
+    #[test]
+    fn an_arm_sets_out_only_when_no_other_arm_is_or_may_be_in_a_zone_on_its_way() {
+        let planned = planned();
+        let put = |arm: usize| planned[arm].reached.targets[planned[arm].plan.visits[0].until - 3];
+        let start = |arm: usize| planned[arm].reached.start;
+        let mut program = program(&planned);
+        let is =
+            |program: &mut Sequences, arm: usize, stations: [Station; 2]| program.set_out(arm, &stations);
+        // Nobody knows where the other arm is: its robot is being led to Ready, or has no connection.
+        let preparing = || resting(1, start(1), StationState::Preparing);
+        assert_eq!(is(&mut program, 0, [to_move(0, put(0)), preparing()]), SetOut::Blocked);
+        // The other one rests in the zone.
+        assert_eq!(is(&mut program, 0, [to_move(0, put(0)), to_move(1, put(1))]), SetOut::Blocked);
+        // Its own way does not lead through the zone.
+        let beside = planned[0].reached.targets[0];
+        assert_eq!(is(&mut program, 0, [to_move(0, beside), to_move(1, put(1))]), SetOut::Now);
+        // The other one rests outside.
+        let ready = || resting(1, start(1), StationState::Ready);
+        assert_eq!(is(&mut program, 0, [to_move(0, put(0)), ready()]), SetOut::Now);
+        // Now this one is on its way through the zone, and keeps it until it rests.
+        let mut on_way = to_move(0, put(0));
+        on_way.go_on_to_start(machine::Instant::ZERO);
+        assert!(on_way.is_on_its_way());
+        assert_eq!(is(&mut program, 1, [on_way, to_move(1, put(1))]), SetOut::Wait);
+        let arrived = resting(0, start(0), StationState::Ready);
+        assert_eq!(is(&mut program, 1, [arrived, to_move(1, put(1))]), SetOut::Now);
+        // A lost connection: somebody else may move it.
+        let mut lost = resting(0, start(0), StationState::Ready);
+        lost.disarm();
+        assert_eq!(is(&mut program, 1, [lost, to_move(1, put(1))]), SetOut::Blocked);
+    }
+}

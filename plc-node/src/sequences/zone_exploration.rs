@@ -175,7 +175,8 @@ impl Cell {
             let command = *station.group().command();
             if !robot.is_cut && !robot.is_lost {
                 robot.command = command;
-                let is_new = command.control.contains(Control::EXECUTE) && command.number != robot.feedback.number;
+                let is_new =
+                    command.control.contains(Control::EXECUTE) && command.number != robot.feedback.number;
                 if is_new && with_program {
                     robot.before += robot.feedback.executed;
                     (robot.feedback.number, robot.feedback.executed) = (command.number, 0);

@@ -237,7 +237,11 @@ impl World {
     fn settle(&self, cell: &mut Cell) {
         loop {
             let before = cell.clone();
-            if cell.is_running { self.scan_run(cell) } else { self.scan_idle(cell) }
+            if cell.is_running {
+                self.scan_run(cell)
+            } else {
+                self.scan_idle(cell)
+            }
             if *cell == before {
                 return;
             }
@@ -250,8 +254,9 @@ impl World {
             let mark = self.work[index].mark.filter(|_| !arm.has_passed);
             mark.is_some_and(|after| arm.seen >= after && !arm.is_lost)
         };
-        let having: Vec<usize> =
-            (0..cell.arms.len()).filter(|arm| self.work[*arm].mark.is_some() && !cell.arms[*arm].has_passed).collect();
+        let having: Vec<usize> = (0..cell.arms.len())
+            .filter(|arm| self.work[*arm].mark.is_some() && !cell.arms[*arm].has_passed)
+            .collect();
         if having.iter().all(|arm| stands_at_mark(cell, *arm)) {
             having.into_iter().for_each(|arm| cell.arms[arm].has_passed = true);
         }
@@ -328,7 +333,10 @@ impl World {
             }
         }
         assert!(!cell.is_running, "the run never ends: {unended:?}");
-        assert!(cell.arms.iter().all(|arm| arm.place == Place::Start), "an arm never gets to its start: {unended:?}");
+        assert!(
+            cell.arms.iter().all(|arm| arm.place == Place::Start),
+            "an arm never gets to its start: {unended:?}"
+        );
     }
 
     /// Explores all states; returns how many there are.
@@ -369,8 +377,18 @@ fn no_order_of_events_losses_halts_and_restarts_lets_two_arms_into_a_zone_or_lea
         World::new(vec![Work::new(3, &[(0, 1, 2)]), Work::new(3, &[(0, 0, 2)])], 1),
         World::new(vec![Work::new(4, &[(0, 1, 3), (1, 2, 4)]), Work::new(3, &[(0, 0, 1), (1, 1, 3)])], 2),
         World::new(vec![Work::new(4, &[(0, 0, 1), (0, 2, 3)]), Work::new(3, &[(0, 1, 2), (1, 1, 2)])], 3),
-        World::new(vec![Work::new(2, &[(0, 1, 2)]), Work::new(2, &[(0, 0, 1)]), Work::new(2, &[(0, 1, 2)])], 1),
-        World::new(vec![Work::new(2, &[(0, 0, 1), (1, 1, 2)]), Work::new(1, &[(0, 0, 1)]), Work::new(1, &[(1, 0, 1)])], 2),
+        World::new(
+            vec![Work::new(2, &[(0, 1, 2)]), Work::new(2, &[(0, 0, 1)]), Work::new(2, &[(0, 1, 2)])],
+            1,
+        ),
+        World::new(
+            vec![
+                Work::new(2, &[(0, 0, 1), (1, 1, 2)]),
+                Work::new(1, &[(0, 0, 1)]),
+                Work::new(1, &[(1, 0, 1)]),
+            ],
+            2,
+        ),
     ];
     for world in worlds {
         let states = world.explore();
@@ -424,7 +442,8 @@ fn planning_accepts_no_work_in_which_arms_can_wait_for_each_other_for_ever_and_r
     let mut works = Vec::new();
     for first in &spans {
         for second in &spans {
-            let visit = |zone: usize, span: &Option<(u8, u8)>| span.map(|(after, until)| (zone, after, until));
+            let visit =
+                |zone: usize, span: &Option<(u8, u8)>| span.map(|(after, until)| (zone, after, until));
             let visits: Vec<_> = [visit(0, first), visit(1, second)].into_iter().flatten().collect();
             works.push(Work::new(MOTIONS, &visits));
         }

@@ -158,10 +158,10 @@ fn whenever_a_cable_is_cut_in_a_run_and_for_however_long_both_arms_are_never_in_
     let mut failed = 0;
     for (seed, execution_type) in ExecutionType::ALL.into_iter().enumerate() {
         let mut watched = Watched::new(&stations, volumes(&stations), seed as u64);
-        for step in 0..24 {
+        for step in 0..48 {
             let cut = Cut {
                 station: step % 2,
-                after: Duration::from_millis(130 + 311 * step as u64),
+                after: Duration::from_millis(130 + 157 * step as u64),
                 lasts: Duration::from_millis([60, 700, 4_000][step % 3]),
             };
             let outcome = watched.run(execution_type, Some(cut));
@@ -171,5 +171,42 @@ fn whenever_a_cable_is_cut_in_a_run_and_for_however_long_both_arms_are_never_in_
         watched.run(execution_type, None).unwrap();
         assert!(watched.inside.iter().all(|looks| *looks > 50), "{execution_type}: {:?}", watched.inside);
     }
-    assert!(failed > 20, "{failed} runs failed");
+    assert!(failed > 40, "{failed} runs failed");
+}
+
+#[test]
+fn a_robot_that_is_lost_in_the_zone_keeps_it_and_the_run_fails_by_its_name() {
+    let stations = stations();
+    for execution_type in ExecutionType::ALL {
+        let mut watched = Watched::new(&stations, volumes(&stations), 7);
+        watched.run(execution_type, None).unwrap();
+        // The other one waits when the first one is in the zone for the first time.
+        let program = watched.cell.plc().program();
+        let waited = (0..2).find_map(|arm| Some((arm, *program.zone_waits(arm).first()?))).unwrap();
+        let holder = 1 - waited.0;
+        watched.until_ready();
+        watched.cell.command_plc(|plc, now| plc.start(now, execution_type)).unwrap();
+        let longest = watched.cell.now() + LONGEST;
+        while watched.cell.plc().program().zone_waits(waited.0).is_empty() {
+            watched.go_on();
+            assert!(watched.cell.now() < longest, "{execution_type}: it never waits");
+        }
+        watched.events.clear();
+        watched.cell.set_cut(RobotId(holder), true);
+        while !watched.events.iter().any(|event| matches!(event, PlcEvent::Failed(_))) {
+            watched.go_on();
+            assert!(watched.cell.now() < longest, "{execution_type}: it never fails");
+        }
+        let held = watched.cell.plc().program().zones().held(holder);
+        assert!(held.contains(0), "{execution_type}: the lost arm keeps the zone");
+        // It stays so for as long as nobody knows where the arm is.
+        let until = watched.cell.now() + Duration::from_secs(20);
+        while watched.cell.now() < until {
+            watched.go_on();
+        }
+        assert!(watched.cell.plc().program().zones().held(holder).contains(0), "{execution_type}");
+        watched.cell.set_cut(RobotId(holder), false);
+        watched.run(execution_type, None).unwrap();
+        assert_eq!(watched.together, 0, "{execution_type}");
+    }
 }
