@@ -119,7 +119,7 @@ pub enum Progress {
     },
 }
 
-/// Whether an arm sets out for where a run starts.
+/// Permission for an arm to set out for where a run starts.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum SetOut {
     /// It sets out in this scan.

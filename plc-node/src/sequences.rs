@@ -23,7 +23,7 @@ use crate::program::{AfterLoss, PlcProgram, Progress, SetOut, Totals};
 use crate::sequence::{Reach, Sequence, SkillProgress};
 use crate::zones::Zones;
 use crate::{ExecutionType, FailureCause, MotionSource, StartError, Station};
-use turns::Turns;
+use turns::ZoneTurns;
 
 /// What a station runs.
 #[derive(Debug)]
@@ -38,9 +38,9 @@ pub struct StationWork {
     pub stops: Vec<Stop>,
     /// Where the arm waits for others, in order; none where it works alone.
     pub waits: Vec<WaitAt>,
-    /// Where the arm is in shared zones, in order.
+    /// Visits of the arm in shared zones, in order.
     pub visits: Vec<ZoneVisit>,
-    /// What its arm takes up in the cell; `None` in a cell without shared zones.
+    /// Volume of its arm in the cell; `None` in a cell without shared zones.
     pub zones: Option<StationZones>,
 }
 
@@ -83,7 +83,7 @@ struct Part {
     passed: usize,
     /// Marks that the arm came to in this run; its capacity is taken at the start.
     passages: Vec<MarkPassage>,
-    turns: Turns,
+    turns: ZoneTurns,
     state: PartState,
     /// What went wrong in the scan in which another station's trouble came first.
     trouble: Option<Progress>,
@@ -100,7 +100,7 @@ impl Part {
     fn new(work: StationWork) -> Self {
         let StationWork { program, queue_depth, motions, stops, waits, visits, zones } = work;
         Self {
-            turns: Turns::new(visits, &stops, zones),
+            turns: ZoneTurns::new(visits, &stops, zones),
             sequence: Sequence::new(ExecutionType::Rc, program, queue_depth),
             program,
             queue_depth,

@@ -16,9 +16,9 @@ pub struct PlannedStation {
     pub planned: PlannedCell,
     /// Where its arm waits for others, in order.
     pub waits: Vec<WaitAt>,
-    /// Where its arm is in shared zones, in order.
+    /// Visits of its arm in shared zones, in order.
     pub visits: Vec<ZoneVisit>,
-    /// What its arm takes up; `None` in a cell without shared zones.
+    /// Volume of its arm; `None` in a cell without shared zones.
     pub zones: Option<StationZones>,
     /// What it executes between these.
     pub sections: Vec<ProgramSection>,

@@ -55,7 +55,7 @@ pub struct PlannedStation {
     pub plan: Plan,
     /// Where its arm stands at the ends of its motions.
     pub reached: Reached,
-    /// What the PLC needs to know of it for shared zones; `None` if the cell has none.
+    /// Data of it that the PLC needs for shared zones; `None` if the cell has none.
     pub zones: Option<StationZones>,
 }
 

@@ -49,7 +49,7 @@ pub enum Error {
         origin: String,
         /// The key in the setup.
         key: String,
-        /// What they do there.
+        /// The conflict.
         found: Box<NoTurns>,
     },
     /// The arm of a setup does not reach what was planned.

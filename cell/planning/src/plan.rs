@@ -33,7 +33,7 @@ pub struct Plan {
     pub cycles: Vec<usize>,
     /// Where the arm waits for others, in order; empty where one arm works alone.
     pub waits: Vec<WaitAt>,
-    /// Where the arm is in shared zones of its cell, in order; empty without such zones.
+    /// Visits of the arm in shared zones of its cell, in order; empty without such zones.
     pub visits: Vec<ZoneVisit>,
 }
 

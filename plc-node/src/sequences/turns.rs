@@ -7,7 +7,7 @@ use crate::Station;
 use crate::sequence::{Reach, Sequence};
 use crate::zones::Zones;
 
-/// How long an arm stood before a shared zone, by the scans of the PLC.
+/// A wait of an arm before a shared zone, by the scans of the PLC.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ZoneWait {
     /// Number of the zone in the setup, from 0.
@@ -23,11 +23,11 @@ type Way = ([f32; 6], ZoneSet);
 
 /// The visits of an arm, and how far it is with them.
 #[derive(Debug, Default)]
-pub(super) struct Turns {
+pub(super) struct ZoneTurns {
     visits: Vec<ZoneVisit>,
-    /// Whether something is switched at the stop before each of them.
+    /// Flags of the visits before which the stop switches something.
     switches: Vec<bool>,
-    /// What its arm takes up in the cell; `None` in a cell without zones.
+    /// Volume of its arm in the cell; `None` in a cell without zones.
     zones: Option<StationZones>,
     /// Visits that were granted in this run.
     granted: usize,
@@ -37,7 +37,7 @@ pub(super) struct Turns {
     way: Option<Way>,
 }
 
-impl Turns {
+impl ZoneTurns {
     pub(super) fn new(visits: Vec<ZoneVisit>, stops: &[Stop], zones: Option<StationZones>) -> Self {
         let switches = visits.iter().map(|visit| {
             stops.iter().any(|stop| u32::try_from(visit.after) == Ok(stop.after) && stop.then.is_some())

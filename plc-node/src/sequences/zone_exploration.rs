@@ -17,18 +17,18 @@ use crate::{
 const SETTLED: usize = 6;
 
 /// Motions of an arm, and its visits: zone, after, until.
-type Arm = (u32, &'static [(usize, usize, usize)]);
+type VisitingArm = (u32, &'static [(usize, usize, usize)]);
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Step {
+enum MotionStep {
     Execute(usize),
     Cut(usize),
     Lose(usize),
 }
 
-/// A robot, what it got last, and what the PLC saw last of it.
+/// A robot with the command that it got last, and the feedback that the PLC saw last.
 #[derive(Default)]
-struct Robot {
+struct CuttableRobot {
     feedback: Feedback,
     seen: Feedback,
     command: Command,
@@ -39,11 +39,11 @@ struct Robot {
     is_lost: bool,
 }
 
-struct Cell {
-    arms: &'static [Arm],
+struct VisitedCell {
+    arms: &'static [VisitingArm],
     program: Sequences,
     stations: Vec<Station>,
-    robots: Vec<Robot>,
+    robots: Vec<CuttableRobot>,
     now: Instant,
     is_ended: bool,
 }
@@ -60,10 +60,10 @@ fn station(index: usize) -> Station {
     Station::new(index, config, Order::BigEndian, Duration::from_millis(1))
 }
 
-impl Cell {
-    fn new(arms: &'static [Arm], execution_type: ExecutionType, has_grants: bool) -> Self {
+impl VisitedCell {
+    fn new(arms: &'static [VisitingArm], execution_type: ExecutionType, has_grants: bool) -> Self {
         let motion = Motion { kind: MotionKind::LinCartesian, ..Motion::EMPTY };
-        let work = |(motions, visits): &Arm| StationWork {
+        let work = |(motions, visits): &VisitingArm| StationWork {
             program: 1,
             queue_depth: 2,
             motions: Box::new(MotionList::from(vec![motion; *motions as usize])),
@@ -80,7 +80,7 @@ impl Cell {
             arms,
             program: Sequences::new(arms.iter().map(work).collect()),
             stations: (0..arms.len()).map(station).collect(),
-            robots: arms.iter().map(|_| Robot::default()).collect(),
+            robots: arms.iter().map(|_| CuttableRobot::default()).collect(),
             now: Instant::ZERO,
             is_ended: false,
         };
@@ -98,12 +98,12 @@ impl Cell {
         self.check();
     }
 
-    fn step(&mut self, step: Step) {
+    fn step(&mut self, step: MotionStep) {
         match step {
-            Step::Execute(arm) => self.execute(arm),
-            Step::Cut(arm) => self.robots[arm].is_cut ^= true,
-            Step::Lose(arm) if self.is_ended || self.robots[arm].is_lost => {}
-            Step::Lose(arm) => {
+            MotionStep::Execute(arm) => self.execute(arm),
+            MotionStep::Cut(arm) => self.robots[arm].is_cut ^= true,
+            MotionStep::Lose(arm) if self.is_ended || self.robots[arm].is_lost => {}
+            MotionStep::Lose(arm) => {
                 self.robots[arm].is_lost = true;
                 self.is_ended = self.program.lose(arm, FailureCause::RobotHalted) == AfterLoss::EndRun;
             }
@@ -201,7 +201,7 @@ impl Cell {
 
     /// Returns what makes this state another one.
     fn key(&self) -> impl Ord + use<> {
-        let one = |(robot, station): (&Robot, &Station)| {
+        let one = |(robot, station): (&CuttableRobot, &Station)| {
             let command = station.group().command();
             let executed = (robot.before, robot.feedback.executed, robot.seen.executed, robot.skills);
             (executed, robot.command.written, command.written, command.number, robot.is_cut, robot.is_lost)
@@ -217,23 +217,24 @@ impl Cell {
         self.settle();
         let steps = self.arms.iter().map(|(motions, _)| motions).sum::<u32>() as usize + 1;
         for step in 0..steps * self.arms.len() {
-            self.step(Step::Execute(step % self.arms.len()));
+            self.step(MotionStep::Execute(step % self.arms.len()));
         }
         self.is_ended
     }
 }
 
 /// Explores all states of some arms; returns how many there are.
-fn explore(arms: &'static [Arm], execution_type: ExecutionType, has_grants: bool) -> usize {
-    let replayed = |path: &[Step]| {
-        let mut cell = Cell::new(arms, execution_type, has_grants);
+fn explore(arms: &'static [VisitingArm], execution_type: ExecutionType, has_grants: bool) -> usize {
+    let replayed = |path: &[MotionStep]| {
+        let mut cell = VisitedCell::new(arms, execution_type, has_grants);
         path.iter().for_each(|step| cell.step(*step));
         cell
     };
-    let steps: Vec<Step> =
-        (0..arms.len()).flat_map(|arm| [Step::Execute(arm), Step::Cut(arm), Step::Lose(arm)]).collect();
+    let steps: Vec<MotionStep> = (0..arms.len())
+        .flat_map(|arm| [MotionStep::Execute(arm), MotionStep::Cut(arm), MotionStep::Lose(arm)])
+        .collect();
     let mut known = BTreeSet::new();
-    let mut open: Vec<Vec<Step>> = vec![Vec::new()];
+    let mut open: Vec<Vec<MotionStep>> = vec![Vec::new()];
     while let Some(path) = open.pop() {
         let mut cell = replayed(&path);
         if !known.insert(cell.key()) {
@@ -247,7 +248,7 @@ fn explore(arms: &'static [Arm], execution_type: ExecutionType, has_grants: bool
 
 #[test]
 fn no_order_of_motions_cuts_and_losses_gives_two_robots_motions_in_one_zone_or_leaves_a_run_without_end() {
-    let cells: [&[Arm]; 3] = [
+    let cells: [&[VisitingArm]; 3] = [
         &[(3, &[(0, 1, 2)]), (3, &[(0, 0, 2)])],
         &[(3, &[(0, 0, 1), (1, 1, 3)]), (3, &[(0, 1, 2)])],
         &[(2, &[(0, 1, 2)]), (1, &[(0, 0, 1)]), (1, &[(0, 0, 1)])],

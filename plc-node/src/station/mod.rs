@@ -75,7 +75,7 @@ pub struct Station {
     readiness: Readiness,
     /// Whether the last attempt to move the arm to the start failed.
     start_not_reached: bool,
-    /// Why the arm has not set out for the start in this scan, although it is to; `None` if nothing keeps it.
+    /// Reason for which the arm does not set out for the start in this scan; `None` if nothing keeps it.
     kept: Option<SetOut>,
     is_connected: bool,
     /// Whether the owner knows that the robot marks its data as bad.
@@ -158,7 +158,7 @@ impl Station {
         self.state == StationState::Ready
     }
 
-    /// Returns the joints of an arm that rests and was not told to move, in degrees (mm); `None` if that is not known.
+    /// Returns the joints of an arm that rests without a command to move, in degrees (mm); `None` if that is not known.
     pub(crate) fn resting_joints(&self) -> Option<[f32; 6]> {
         let may_move = match self.state {
             StationState::Preparing => true,

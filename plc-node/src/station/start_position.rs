@@ -25,7 +25,7 @@ pub(super) struct StartPosition {
     /// The motions under way, as single skills.
     under_way: Sequence,
     is_from_end: bool,
-    /// Whether the arm has set out on the way that was begun last.
+    /// Set once the arm has set out on the way that was begun last.
     has_set_out: bool,
     /// Whether the arm was moved there. Until then the robot does not know the application's tool and base, in which it
     /// is to report its pose.

@@ -12,13 +12,13 @@ use super::Zones;
 
 /// Motions of an arm, its visits (zone, after, until), and where it waits at mark 1.
 #[derive(Clone, Debug)]
-struct Work {
+struct VisitingWork {
     motions: u8,
     visits: Vec<(usize, u8, u8)>,
     mark: Option<u8>,
 }
 
-impl Work {
+impl VisitingWork {
     fn new(motions: u8, visits: &[(usize, u8, u8)]) -> Self {
         let mut visits = visits.to_vec();
         visits.sort_by_key(|(zone, after, _)| (*after, *zone));
@@ -58,7 +58,7 @@ fn way_from(place: ZoneSet) -> ZoneSet {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-enum Place {
+enum Whereabouts {
     /// Where its run starts.
     Start,
     /// In the run, or still executing what it has got of one.
@@ -70,8 +70,8 @@ enum Place {
 }
 
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
-struct Arm {
-    place: Place,
+struct GrantedArm {
+    place: Whereabouts,
     /// Motions that it has executed, those that the PLC has seen, and those that it has got.
     executed: u8,
     seen: u8,
@@ -83,9 +83,9 @@ struct Arm {
     is_lost: bool,
 }
 
-impl Arm {
+impl GrantedArm {
     const NEW: Self = Self {
-        place: Place::Start,
+        place: Whereabouts::Start,
         executed: 0,
         seen: 0,
         got: 0,
@@ -97,7 +97,7 @@ impl Arm {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Step {
+enum ZoneStep {
     Execute(usize),
     /// Its cable is cut or mended.
     Cut(usize),
@@ -113,45 +113,45 @@ enum Step {
 }
 
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
-struct Cell {
-    arms: Vec<Arm>,
+struct GrantedCell {
+    arms: Vec<GrantedArm>,
     zones: Zones,
     is_running: bool,
 }
 
-/// What the cell is made of.
+/// The work of all arms of a cell.
 struct World {
-    work: Vec<Work>,
+    work: Vec<VisitingWork>,
     /// Motions that the PLC writes ahead.
     depth: u8,
 }
 
 impl World {
-    fn new(work: Vec<Work>, depth: u8) -> Self {
+    fn new(work: Vec<VisitingWork>, depth: u8) -> Self {
         Self { work, depth }
     }
 
-    fn at_power_on(&self) -> Cell {
-        let arms = vec![Arm::NEW; self.work.len()];
-        let mut cell = Cell { zones: Zones::unknown(arms.len()), arms, is_running: false };
+    fn at_power_on(&self) -> GrantedCell {
+        let arms = vec![GrantedArm::NEW; self.work.len()];
+        let mut cell = GrantedCell { zones: Zones::unknown(arms.len()), arms, is_running: false };
         self.settle(&mut cell);
         cell
     }
 
-    fn moves(&self, arm: &Arm) -> bool {
-        arm.place == Place::Executing && arm.executed < arm.got
+    fn moves(&self, arm: &GrantedArm) -> bool {
+        arm.place == Whereabouts::Executing && arm.executed < arm.got
     }
 
     /// Returns the zones that an arm may truly be in.
-    fn inside(&self, index: usize, arm: &Arm) -> ZoneSet {
+    fn inside(&self, index: usize, arm: &GrantedArm) -> ZoneSet {
         match arm.place {
-            Place::Start => ZoneSet::NONE,
-            Place::Halted(place) | Place::OnWay(place) => place,
-            Place::Executing => self.work[index].inside(arm.executed, self.moves(arm)),
+            Whereabouts::Start => ZoneSet::NONE,
+            Whereabouts::Halted(place) | Whereabouts::OnWay(place) => place,
+            Whereabouts::Executing => self.work[index].inside(arm.executed, self.moves(arm)),
         }
     }
 
-    fn check(&self, cell: &Cell) {
+    fn check(&self, cell: &GrantedCell) {
         let mut taken = ZoneSet::NONE;
         for (index, arm) in cell.arms.iter().enumerate() {
             let inside = self.inside(index, arm);
@@ -161,66 +161,68 @@ impl World {
     }
 
     /// Returns the steps that are possible.
-    fn steps(&self, cell: &Cell) -> Vec<Step> {
-        let mut steps = vec![Step::Restart];
+    fn steps(&self, cell: &GrantedCell) -> Vec<ZoneStep> {
+        let mut steps = vec![ZoneStep::Restart];
         for (index, arm) in cell.arms.iter().enumerate() {
-            steps.push(Step::Cut(index));
+            steps.push(ZoneStep::Cut(index));
             if self.moves(arm) {
-                steps.push(Step::Execute(index));
+                steps.push(ZoneStep::Execute(index));
             }
             if cell.is_running && !arm.is_lost {
-                steps.push(Step::Lose(index));
+                steps.push(ZoneStep::Lose(index));
             }
             // A robot in a run halts only because it is lost.
             match arm.place {
-                Place::Executing if !cell.is_running || arm.is_lost => steps.push(Step::Halt(index)),
-                Place::OnWay(_) => steps.extend([Step::Halt(index), Step::Arrive(index)]),
+                Whereabouts::Executing if !cell.is_running || arm.is_lost => {
+                    steps.push(ZoneStep::Halt(index))
+                }
+                Whereabouts::OnWay(_) => steps.extend([ZoneStep::Halt(index), ZoneStep::Arrive(index)]),
                 _ => {}
             }
         }
         if !cell.is_running {
-            steps.push(Step::Begin);
+            steps.push(ZoneStep::Begin);
         }
         steps
     }
 
-    fn step(&self, cell: &mut Cell, step: Step) {
+    fn step(&self, cell: &mut GrantedCell, step: ZoneStep) {
         match step {
-            Step::Execute(arm) => cell.arms[arm].executed += 1,
-            Step::Cut(arm) => cell.arms[arm].is_cut ^= true,
-            Step::Lose(arm) => self.lose(cell, arm),
-            Step::Halt(arm) => {
+            ZoneStep::Execute(arm) => cell.arms[arm].executed += 1,
+            ZoneStep::Cut(arm) => cell.arms[arm].is_cut ^= true,
+            ZoneStep::Lose(arm) => self.lose(cell, arm),
+            ZoneStep::Halt(arm) => {
                 let place = self.inside(arm, &cell.arms[arm]);
-                cell.arms[arm].place = Place::Halted(place);
+                cell.arms[arm].place = Whereabouts::Halted(place);
             }
-            Step::Arrive(arm) => cell.arms[arm].place = Place::Start,
-            Step::Restart => {
+            ZoneStep::Arrive(arm) => cell.arms[arm].place = Whereabouts::Start,
+            ZoneStep::Restart => {
                 cell.zones = Zones::unknown(cell.arms.len());
                 cell.is_running = false;
             }
-            Step::Begin => self.begin(cell),
+            ZoneStep::Begin => self.begin(cell),
         }
         self.settle(cell);
     }
 
     /// Begins a run if all arms are at their starts, as the PLC sees it.
-    fn begin(&self, cell: &mut Cell) {
-        if !cell.arms.iter().all(|arm| arm.place == Place::Start && !arm.is_cut) {
+    fn begin(&self, cell: &mut GrantedCell) {
+        if !cell.arms.iter().all(|arm| arm.place == Whereabouts::Start && !arm.is_cut) {
             return;
         }
         cell.is_running = true;
         for (index, arm) in cell.arms.iter_mut().enumerate() {
-            *arm = Arm { place: Place::Executing, ..Arm::NEW };
+            *arm = GrantedArm { place: Whereabouts::Executing, ..GrantedArm::NEW };
             cell.zones.withdraw(index);
             cell.zones.locate(index, ZoneSet::NONE);
         }
     }
 
-    fn lose(&self, cell: &mut Cell, lost: usize) {
+    fn lose(&self, cell: &mut GrantedCell, lost: usize) {
         cell.arms[lost].is_lost = true;
         cell.zones.withdraw(lost);
         let held = cell.zones.held(lost);
-        let waits_for_it = |(index, arm): (usize, &Arm)| {
+        let waits_for_it = |(index, arm): (usize, &GrantedArm)| {
             let to_come = self.work[index].visits.iter().skip(arm.granted).map(|(zone, ..)| *zone);
             !arm.is_lost && (set(to_come).meets(held) || self.shares_mark(cell, lost, index))
         };
@@ -229,12 +231,12 @@ impl World {
         }
     }
 
-    fn shares_mark(&self, cell: &Cell, lost: usize, other: usize) -> bool {
+    fn shares_mark(&self, cell: &GrantedCell, lost: usize, other: usize) -> bool {
         [lost, other].into_iter().all(|arm| self.work[arm].mark.is_some() && !cell.arms[arm].has_passed)
     }
 
     /// Runs scans of the PLC until nothing changes.
-    fn settle(&self, cell: &mut Cell) {
+    fn settle(&self, cell: &mut GrantedCell) {
         loop {
             let before = cell.clone();
             if cell.is_running {
@@ -248,8 +250,8 @@ impl World {
         }
     }
 
-    fn scan_run(&self, cell: &mut Cell) {
-        let stands_at_mark = |cell: &Cell, index: usize| {
+    fn scan_run(&self, cell: &mut GrantedCell) {
+        let stands_at_mark = |cell: &GrantedCell, index: usize| {
             let arm = &cell.arms[index];
             let mark = self.work[index].mark.filter(|_| !arm.has_passed);
             mark.is_some_and(|after| arm.seen >= after && !arm.is_lost)
@@ -284,48 +286,48 @@ impl World {
                 arm.got = arm.got.max(written);
             }
         }
-        let is_done = |(arm, work): (&Arm, &Work)| arm.is_lost || arm.seen == work.motions;
+        let is_done = |(arm, work): (&GrantedArm, &VisitingWork)| arm.is_lost || arm.seen == work.motions;
         if cell.arms.iter().zip(&self.work).all(is_done) {
             cell.is_running = false;
             for (arm, work) in cell.arms.iter_mut().zip(&self.work) {
                 if arm.executed == work.motions {
-                    arm.place = Place::Start;
+                    arm.place = Whereabouts::Start;
                 }
             }
         }
     }
 
     /// Locates arms that rest, and lets them set out for their starts.
-    fn scan_idle(&self, cell: &mut Cell) {
+    fn scan_idle(&self, cell: &mut GrantedCell) {
         for (index, arm) in cell.arms.iter().enumerate() {
             match arm.place {
                 _ if arm.is_cut => cell.zones.locate(index, ZoneSet::ALL),
-                Place::Start => cell.zones.locate(index, ZoneSet::NONE),
-                Place::Halted(place) => cell.zones.locate(index, place),
-                Place::Executing | Place::OnWay(_) => {}
+                Whereabouts::Start => cell.zones.locate(index, ZoneSet::NONE),
+                Whereabouts::Halted(place) => cell.zones.locate(index, place),
+                Whereabouts::Executing | Whereabouts::OnWay(_) => {}
             }
         }
         for (index, arm) in cell.arms.iter_mut().enumerate().filter(|(_, arm)| !arm.is_cut) {
-            if let Place::Halted(place) = arm.place {
+            if let Whereabouts::Halted(place) = arm.place {
                 let way = way_from(place);
                 if cell.zones.request_all(index, way) {
-                    arm.place = Place::OnWay(way);
+                    arm.place = Whereabouts::OnWay(way);
                 }
             }
         }
     }
 
     /// Checks that all gets to its end once the cables are mended: the run, and the ways to the starts.
-    fn check_end(&self, mut cell: Cell) {
+    fn check_end(&self, mut cell: GrantedCell) {
         cell.arms.iter_mut().for_each(|arm| arm.is_cut = false);
         self.settle(&mut cell);
         let unended = cell.clone();
         for _ in 0..100 {
             for index in 0..cell.arms.len() {
                 let step = match cell.arms[index].place {
-                    Place::Executing if self.moves(&cell.arms[index]) => Step::Execute(index),
-                    Place::Executing if !cell.is_running => Step::Halt(index),
-                    Place::OnWay(_) => Step::Arrive(index),
+                    Whereabouts::Executing if self.moves(&cell.arms[index]) => ZoneStep::Execute(index),
+                    Whereabouts::Executing if !cell.is_running => ZoneStep::Halt(index),
+                    Whereabouts::OnWay(_) => ZoneStep::Arrive(index),
                     _ => continue,
                 };
                 self.step(&mut cell, step);
@@ -334,7 +336,7 @@ impl World {
         }
         assert!(!cell.is_running, "the run never ends: {unended:?}");
         assert!(
-            cell.arms.iter().all(|arm| arm.place == Place::Start),
+            cell.arms.iter().all(|arm| arm.place == Whereabouts::Start),
             "an arm never gets to its start: {unended:?}"
         );
     }
@@ -360,7 +362,7 @@ impl World {
 }
 
 /// Returns the state without the count of requests: only their order is one.
-fn normal(cell: &Cell) -> Cell {
+fn normal(cell: &GrantedCell) -> GrantedCell {
     let mut cell = cell.clone();
     let mut asked: Vec<u64> = cell.zones.asked.iter().flatten().map(|(_, since)| *since).collect();
     asked.sort_unstable();
@@ -374,18 +376,34 @@ fn normal(cell: &Cell) -> Cell {
 #[test]
 fn no_order_of_events_losses_halts_and_restarts_lets_two_arms_into_a_zone_or_leaves_one_waiting_for_ever() {
     let worlds = [
-        World::new(vec![Work::new(3, &[(0, 1, 2)]), Work::new(3, &[(0, 0, 2)])], 1),
-        World::new(vec![Work::new(4, &[(0, 1, 3), (1, 2, 4)]), Work::new(3, &[(0, 0, 1), (1, 1, 3)])], 2),
-        World::new(vec![Work::new(4, &[(0, 0, 1), (0, 2, 3)]), Work::new(3, &[(0, 1, 2), (1, 1, 2)])], 3),
+        World::new(vec![VisitingWork::new(3, &[(0, 1, 2)]), VisitingWork::new(3, &[(0, 0, 2)])], 1),
         World::new(
-            vec![Work::new(2, &[(0, 1, 2)]), Work::new(2, &[(0, 0, 1)]), Work::new(2, &[(0, 1, 2)])],
+            vec![
+                VisitingWork::new(4, &[(0, 1, 3), (1, 2, 4)]),
+                VisitingWork::new(3, &[(0, 0, 1), (1, 1, 3)]),
+            ],
+            2,
+        ),
+        World::new(
+            vec![
+                VisitingWork::new(4, &[(0, 0, 1), (0, 2, 3)]),
+                VisitingWork::new(3, &[(0, 1, 2), (1, 1, 2)]),
+            ],
+            3,
+        ),
+        World::new(
+            vec![
+                VisitingWork::new(2, &[(0, 1, 2)]),
+                VisitingWork::new(2, &[(0, 0, 1)]),
+                VisitingWork::new(2, &[(0, 1, 2)]),
+            ],
             1,
         ),
         World::new(
             vec![
-                Work::new(2, &[(0, 0, 1), (1, 1, 2)]),
-                Work::new(1, &[(0, 0, 1)]),
-                Work::new(1, &[(1, 0, 1)]),
+                VisitingWork::new(2, &[(0, 0, 1), (1, 1, 2)]),
+                VisitingWork::new(1, &[(0, 0, 1)]),
+                VisitingWork::new(1, &[(1, 0, 1)]),
             ],
             2,
         ),
@@ -399,10 +417,10 @@ fn no_order_of_events_losses_halts_and_restarts_lets_two_arms_into_a_zone_or_lea
 #[test]
 #[should_panic(expected = "two arms are in a zone")]
 fn a_zone_that_is_given_back_when_an_arm_is_lost_lets_two_arms_in() {
-    let world = World::new(vec![Work::new(2, &[(0, 0, 2)]), Work::new(2, &[(0, 0, 2)])], 1);
+    let world = World::new(vec![VisitingWork::new(2, &[(0, 0, 2)]), VisitingWork::new(2, &[(0, 0, 2)])], 1);
     let mut cell = world.at_power_on();
-    world.step(&mut cell, Step::Begin);
-    world.step(&mut cell, Step::Cut(0));
+    world.step(&mut cell, ZoneStep::Begin);
+    world.step(&mut cell, ZoneStep::Cut(0));
     cell.zones.locate(0, ZoneSet::NONE);
     cell.arms[0].is_lost = true;
     world.settle(&mut cell);
@@ -412,7 +430,7 @@ fn a_zone_that_is_given_back_when_an_arm_is_lost_lets_two_arms_in() {
 /// Returns whether the arms of a world can wait for each other for ever, without losses.
 fn can_stand_still(world: &World) -> bool {
     let mut begun = world.at_power_on();
-    world.step(&mut begun, Step::Begin);
+    world.step(&mut begun, ZoneStep::Begin);
     let mut known = BTreeSet::new();
     let mut open = vec![begun];
     while let Some(cell) = open.pop() {
@@ -425,7 +443,7 @@ fn can_stand_still(world: &World) -> bool {
         }
         for arm in moving {
             let mut next = cell.clone();
-            world.step(&mut next, Step::Execute(arm));
+            world.step(&mut next, ZoneStep::Execute(arm));
             open.push(next);
         }
     }
@@ -445,7 +463,7 @@ fn planning_accepts_no_work_in_which_arms_can_wait_for_each_other_for_ever_and_r
             let visit =
                 |zone: usize, span: &Option<(u8, u8)>| span.map(|(after, until)| (zone, after, until));
             let visits: Vec<_> = [visit(0, first), visit(1, second)].into_iter().flatten().collect();
-            works.push(Work::new(MOTIONS, &visits));
+            works.push(VisitingWork::new(MOTIONS, &visits));
         }
     }
     let marks = [None, Some([1, 1]), Some([2, 2]), Some([1, 2]), Some([0, 3])];
@@ -457,14 +475,14 @@ fn planning_accepts_no_work_in_which_arms_can_wait_for_each_other_for_ever_and_r
                 for (arm, work) in work.iter_mut().enumerate() {
                     work.mark = marks.map(|marks| marks[arm]);
                 }
-                let plans: Vec<Plan> = work.iter().map(Work::plan).collect();
+                let plans: Vec<Plan> = work.iter().map(VisitingWork::plan).collect();
                 let arms: Vec<_> = ["left", "right"].into_iter().zip(&plans).collect();
                 let refused = check_turns(&arms, &["0".to_owned(), "1".to_owned()]);
                 let [stands, stands_with_more] =
                     [1, 5].map(|depth| can_stand_still(&World::new(work.clone(), depth)));
                 assert!(refused.is_err() || !stands && !stands_with_more, "{work:?}");
                 // What is asked for in one scan, as the first one and that after a mark, has one order, by chance.
-                let asks_alone = |work: &Work| {
+                let asks_alone = |work: &VisitingWork| {
                     let afters: BTreeSet<u8> = work.visits.iter().map(|(_, after, _)| *after).collect();
                     work.mark.is_none() && afters.len() == work.visits.len() && !afters.contains(&0)
                 };

@@ -14,7 +14,8 @@ fn a_robot_that_works_alone_stores_the_plan_as_one_program() {
 }
 
 #[test]
-fn an_arm_that_waits_for_others_stores_a_program_for_each_section_between_marks_and_before_each_visit_of_a_zone() {
+fn an_arm_that_waits_for_others_stores_a_program_for_each_section_between_marks_and_before_each_visit_of_a_zone()
+ {
     for name in ["E", "F", "G"] {
         let (cell, found) = planning::cell_with_applications(name).unwrap();
         for station in found.plan(&cell).unwrap().stations {

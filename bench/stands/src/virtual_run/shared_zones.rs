@@ -19,14 +19,14 @@ const LONGEST: Duration = Duration::from_secs(90);
 
 /// A cut of the cable of a station: so long after the start of the run, and for so long.
 #[derive(Clone, Copy, Debug)]
-struct Cut {
+struct TimedCut {
     station: usize,
     after: Duration,
     lasts: Duration,
 }
 
-/// The cell, and what was seen of its arms.
-struct Watched {
+/// The cell, and counts of looks at its arms.
+struct ZoneWatch {
     cell: VirtualCell,
     volumes: Vec<ArmVolume>,
     /// Looks at which each arm was in the zone.
@@ -34,7 +34,7 @@ struct Watched {
     /// Looks at which both were.
     together: u32,
     events: Vec<PlcEvent>,
-    cut: Option<Cut>,
+    cut: Option<TimedCut>,
 }
 
 fn stations() -> Vec<PlannedStation> {
@@ -49,7 +49,7 @@ fn without_grants(stations: &[PlannedStation]) -> Vec<PlannedStation> {
     stations.iter().map(without).collect()
 }
 
-impl Watched {
+impl ZoneWatch {
     /// Switches the cell on; `volumes` are those of the arms.
     fn new(stations: &[PlannedStation], volumes: Vec<ArmVolume>, seed: u64) -> Self {
         let cell = switch_on(stations, seed).unwrap().cell;
@@ -86,7 +86,7 @@ impl Watched {
     }
 
     /// Runs once, with a cut. Returns why the run failed, if it did.
-    fn run(&mut self, execution_type: ExecutionType, cut: Option<Cut>) -> Result<(), String> {
+    fn run(&mut self, execution_type: ExecutionType, cut: Option<TimedCut>) -> Result<(), String> {
         self.until_ready();
         (self.cut, self.events) = (cut, Vec::new());
         self.cell.command_plc(|plc, now| plc.start(now, execution_type)).unwrap();
@@ -95,7 +95,7 @@ impl Watched {
         let outcome = loop {
             self.go_on();
             let since = self.cell.now().since(start);
-            if let Some(Cut { station, after, lasts }) = cut {
+            if let Some(TimedCut { station, after, lasts }) = cut {
                 let is_now = since >= after && since < after + lasts;
                 if is_now != is_cut {
                     self.cell.set_cut(RobotId(station), is_now);
@@ -115,7 +115,7 @@ impl Watched {
                 break Err(failure);
             }
         };
-        if let Some(Cut { station, after, lasts }) = cut.filter(|_| is_cut) {
+        if let Some(TimedCut { station, after, lasts }) = cut.filter(|_| is_cut) {
             // Meanwhile the other arm must not come in on its way to the start.
             while self.cell.now().since(start) < after + lasts {
                 self.go_on();
@@ -133,7 +133,7 @@ fn volumes(stations: &[PlannedStation]) -> Vec<ArmVolume> {
 #[test]
 fn both_arms_take_their_turns_in_the_zone_and_are_never_there_together() {
     let stations = stations();
-    let mut watched = Watched::new(&stations, volumes(&stations), 1);
+    let mut watched = ZoneWatch::new(&stations, volumes(&stations), 1);
     for execution_type in ExecutionType::ALL {
         watched.inside.fill(0);
         watched.run(execution_type, None).unwrap();
@@ -147,7 +147,7 @@ fn both_arms_take_their_turns_in_the_zone_and_are_never_there_together() {
 #[test]
 fn without_grants_both_arms_are_in_the_zone_together() {
     let stations = stations();
-    let mut watched = Watched::new(&without_grants(&stations), volumes(&stations), 1);
+    let mut watched = ZoneWatch::new(&without_grants(&stations), volumes(&stations), 1);
     watched.run(ExecutionType::Cm, None).unwrap();
     assert!(watched.together > 10, "{}", watched.together);
 }
@@ -157,9 +157,9 @@ fn whenever_a_cable_is_cut_in_a_run_and_for_however_long_both_arms_are_never_in_
     let stations = stations();
     let mut failed = 0;
     for (seed, execution_type) in ExecutionType::ALL.into_iter().enumerate() {
-        let mut watched = Watched::new(&stations, volumes(&stations), seed as u64);
+        let mut watched = ZoneWatch::new(&stations, volumes(&stations), seed as u64);
         for step in 0..48 {
-            let cut = Cut {
+            let cut = TimedCut {
                 station: step % 2,
                 after: Duration::from_millis(130 + 157 * step as u64),
                 lasts: Duration::from_millis([60, 700, 4_000][step % 3]),
@@ -178,7 +178,7 @@ fn whenever_a_cable_is_cut_in_a_run_and_for_however_long_both_arms_are_never_in_
 fn a_robot_that_is_lost_in_the_zone_keeps_it_and_the_run_fails_by_its_name() {
     let stations = stations();
     for execution_type in ExecutionType::ALL {
-        let mut watched = Watched::new(&stations, volumes(&stations), 7);
+        let mut watched = ZoneWatch::new(&stations, volumes(&stations), 7);
         watched.run(execution_type, None).unwrap();
         // The other one waits when the first one is in the zone for the first time.
         let program = watched.cell.plc().program();

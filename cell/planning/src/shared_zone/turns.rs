@@ -1,4 +1,4 @@
-//! Whether the arms of a cell can take turns in its shared zones, whatever the order of events, or wait for each other in a ring.
+//! The check that the arms of a cell can take turns in its shared zones, whatever the order of events, and never wait in a ring.
 //!
 //! An arm does in its order: it waits for a zone that another arm is in, it waits at a mark for the other arms of that mark, and it
 //! leaves zones. Leaving and passing a mark never keep another arm from going on, so only the order in which arms take zones
@@ -12,7 +12,7 @@ use crate::plan::Plan;
 /// Most states of all arms together that are tried.
 const MOST_STATES: usize = 500_000;
 
-/// Why arms cannot take turns in the shared zones.
+/// Reason for which arms cannot take turns in the shared zones.
 #[derive(Clone, PartialEq, Debug)]
 pub enum NoTurns {
     /// An arm starts in a zone, so that nobody can grant it.
@@ -33,7 +33,7 @@ pub enum NoTurns {
     InTheWay {
         /// The stations.
         stations: [String; 2],
-        /// How deep their volumes are in each other, in mm.
+        /// Depth of their volumes in each other, in mm.
         depth_mm: f64,
     },
     /// Arms wait for each other in a ring: each station, what it waits for, and the last one for the first.
@@ -45,7 +45,7 @@ pub enum NoTurns {
     TooMany,
 }
 
-/// What a station waits for.
+/// An event for which a station waits.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Waited {
     /// The arms of a mark.
@@ -107,7 +107,7 @@ impl NoTurns {
     }
 }
 
-/// What an arm does next, as far as it concerns others.
+/// An action of an arm that concerns others.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 enum Event {
     // The order is that at one place: the PLC sees the arm leave, then it passes marks, then it asks for zones.
@@ -175,7 +175,7 @@ struct Orders<'a> {
     arms: &'a [Vec<Event>],
 }
 
-/// How many of its events each arm has done.
+/// Number of events that each arm has done.
 type Done = Vec<u32>;
 
 impl Orders<'_> {

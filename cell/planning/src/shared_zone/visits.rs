@@ -23,16 +23,16 @@ const CORNER_SHARES: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
 pub struct ZoneVisit {
     /// Number of the zone in the setup, from 0.
     pub zone: usize,
-    /// How many motions the arm may execute before the zone is granted to it: at the end of the last one it stands outside.
+    /// Number of motions that the arm may execute before the zone is granted to it: at the end of the last one it stands outside.
     pub after: usize,
-    /// How many motions are executed when it has left the zone.
+    /// Number of motions that are executed when it has left the zone.
     pub until: usize,
 }
 
-/// What a PLC needs to know of a station for the shared zones of its cell, besides the visits of its plan.
+/// The data of a station that a PLC needs for the shared zones of its cell, besides the visits of its plan.
 #[derive(Clone, Debug)]
 pub struct StationZones {
-    /// What of the cell its arm takes up.
+    /// Volume of its arm in the cell.
     pub volume: ArmVolume,
     /// Joints at the start of its application.
     pub start: Joints,

@@ -1,4 +1,4 @@
-//! What of the cell an arm takes up, and which shared zones that is in.
+//! The volume of an arm in the cell, and the shared zones that it is in.
 
 use std::fmt;
 
@@ -20,10 +20,10 @@ const STEP: f64 = 0.5;
 /// Most places of a way.
 const MOST_STEPS: f64 = 2_000.0;
 
-/// What rounding on the wire and in the image leaves of a place, in mm.
+/// Error of a place by rounding on the wire and in the image, in mm.
 const ROUNDING_MM: f64 = 0.1;
 
-/// How much longer a way between two neighbouring places may be than the straight line.
+/// Largest ratio of the way between two neighbouring places to the straight line.
 const BENT: f64 = 1.02;
 
 /// Most cuts of a link until its distance from a box is known.
@@ -113,7 +113,7 @@ impl Bodies {
 #[derive(Clone)]
 pub struct ArmVolume {
     arm: Arm,
-    /// Where its root stands in the cell.
+    /// Place of its root in the cell.
     root: Frame,
     /// Tools from the flange.
     tools: Vec<Frame>,
