@@ -52,7 +52,7 @@ fn without_grants(stations: &[PlannedStation]) -> Vec<PlannedStation> {
 impl ZoneWatch {
     /// Switches the cell on; `volumes` are those of the arms.
     fn new(stations: &[PlannedStation], volumes: Vec<ArmVolume>, seed: u64) -> Self {
-        let cell = switch_on(stations, seed).unwrap().cell;
+        let cell = switch_on(stations, seed, &[]).unwrap().cell;
         let inside = vec![0; volumes.len()];
         let mut watched = Self { cell, volumes, inside, together: 0, events: Vec::new(), cut: None };
         watched.until_ready();
@@ -187,7 +187,11 @@ fn a_robot_that_is_lost_in_the_zone_keeps_it_and_the_run_fails_by_its_name() {
         watched.until_ready();
         watched.cell.command_plc(|plc, now| plc.start(now, execution_type)).unwrap();
         let longest = watched.cell.now() + LONGEST;
-        while watched.cell.plc().program().zone_waits(waited.0).is_empty() {
+        watched.events.clear();
+        let has_started = |watched: &ZoneWatch| {
+            watched.events.iter().any(|event| matches!(event, PlcEvent::Started { .. }))
+        };
+        while !has_started(&watched) || watched.cell.plc().program().zone_waits(waited.0).is_empty() {
             watched.go_on();
             assert!(watched.cell.now() < longest, "{execution_type}: it never waits");
         }
