@@ -4,15 +4,18 @@ use std::io::BufReader;
 use std::sync::LazyLock;
 
 use node::message::Instruction;
-use planning::{Application, ArmsApplication, MotionLines};
+use planning::{Application, ArmsApplication, Found, FoundCell, MotionLines};
 use plc_node::process::PlcInstruction;
 use records::cell_results::CellResults;
 use records::results::Results;
 use records::trace::Trace;
-use setup::Setup;
+use setup::{Cell, Setup};
 
 /// Cells of a grid that are planned; more of them only take longer.
 const MOST_CELLS: usize = 64;
+
+/// A cell of two arms with a shared zone.
+static CELL: LazyLock<Option<Cell>> = LazyLock::new(|| setup::cell("G").ok().map(|(cell, _)| cell));
 
 static SETUP: LazyLock<Option<Setup>> = LazyLock::new(|| setup::setup("A").ok());
 
@@ -40,7 +43,8 @@ pub(crate) fn application(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     if let Ok(arms) = ArmsApplication::parse("fuzz.toml", text) {
         assert!(Application::parse("fuzz.toml", text).is_err(), "several arms are read as one");
-        return arms.arms.iter().for_each(|arm| plan(&arm.application));
+        arms.arms.iter().for_each(|arm| plan(&arm.application));
+        return plan_together(arms);
     }
     match Application::parse("fuzz.toml", text) {
         Ok(application) => plan(&application),
@@ -59,6 +63,45 @@ fn plan(application: &Application) {
             let last = wait.after.checked_sub(1).and_then(|last| motions.get(last));
             assert!(last.is_none_or(|last| last.approximation == 0), "a mark without a stop");
         }
+    }
+}
+
+/// Plans an application for two arms in a cell with a shared zone: whoever visits it stands outside before and after.
+fn plan_together(arms: ArmsApplication) {
+    let Some(cell) = CELL.as_ref().filter(|cell| cell.stations.len() == arms.arms.len()) else { return };
+    if arms.arms.iter().any(|arm| arm.application.cells() > MOST_CELLS) {
+        return;
+    }
+    let (origin, text) = ("fuzz.toml".to_owned(), String::new());
+    let found = |application: &Application| Found {
+        origin: origin.clone(),
+        path: None,
+        text: text.clone(),
+        application: application.clone(),
+    };
+    let stations = arms.arms.iter().map(|arm| found(&arm.application)).collect();
+    let found = FoundCell { origin: origin.clone(), marks: arms.marks, stations };
+    match found.plan(cell) {
+        Ok(planned) => {
+            assert!(!planned.to_string().is_empty());
+            for station in &planned.stations {
+                let Some(zones) = &station.zones else { panic!("a cell with zones") };
+                let (reached, plan) = (&station.reached, &station.plan);
+                let at = |executed: usize| match executed.checked_sub(1) {
+                    None => Some(&reached.start),
+                    Some(last) => reached.targets.get(last),
+                };
+                for visit in &plan.visits {
+                    assert!(visit.after < visit.until && visit.until <= plan.motions.len(), "{visit:?}");
+                    for executed in [visit.after, visit.until] {
+                        let is_outside =
+                            at(executed).is_some_and(|joints| !zones.volume.at(joints).contains(visit.zone));
+                        assert!(is_outside, "{visit:?} begins or ends inside");
+                    }
+                }
+            }
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
     }
 }
 

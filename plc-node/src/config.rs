@@ -92,7 +92,8 @@ impl PlcConfig {
         let longest_stop = StationConfig::longest_of(&stops);
         let name = name.to_owned();
         let config = StationConfig { name, wait_limits, answer_timeout, robot_cycle, to_start, longest_stop };
-        (config, StationWork { program, queue_depth, motions, stops, waits: waits.to_vec() })
+        let (waits, visits) = (waits.to_vec(), Vec::new());
+        (config, StationWork { program, queue_depth, motions, stops, waits, visits, zones: None })
     }
 
     /// Returns the timeouts in scans, the unit in which the program counts. The echo of a life counter of 16 bits tells its

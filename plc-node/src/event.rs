@@ -279,6 +279,15 @@ pub enum FailureCause {
         /// The robot's state.
         state: State,
     },
+    /// The way to the start leads through a shared zone that another arm is in, or may be in.
+    #[error(
+        "for {seconds} s the way to the start was not free: another arm is in a shared zone on it, or its place is not known; lead \
+         that arm out, or connect it"
+    )]
+    ZoneTaken {
+        /// Time without progress, in s.
+        seconds: u32,
+    },
     /// The owner of the PLC gave the run up.
     #[error("the run was aborted on the PLC")]
     Aborted,

@@ -8,6 +8,7 @@
 //! ├─ program           PlcProgram: what runs over the stations
 //! ├─ sequences         the program of the paper: RC, SM and CM at each station; marks between them
 //! ├─ exported_program  exported code in the place of all that; any_program is the choice
+//! ├─ zones             shared zones: which arm may be in which one
 //! ├─ sequence          one of them, as a PLC program steps through it
 //! ├─ function_blocks   PLCopen faces: Execute → Busy, Active, Done, CommandAborted, Error, ErrorID
 //! ├─ axes_group        the robot as the program sees it: one command, one feedback, the command number
@@ -46,6 +47,7 @@ mod sequences;
 mod speed_override;
 mod station;
 mod waiting;
+mod zones;
 
 pub use any_program::AnyProgram;
 pub use axes_group::{AxesGroup, WaitLimits};
@@ -58,11 +60,12 @@ pub use event::{
 pub use exported_program::{CodeError, ExportedCode, ExportedProgram, ProgramTrap};
 pub use motion_source::{MotionList, MotionSource};
 pub use plc::{PlacedStation, PlcNode};
-pub use program::{AfterLoss, Led, PlcProgram, Progress, Totals};
+pub use program::{AfterLoss, Led, PlcProgram, Progress, SetOut, Totals};
 pub use program_file::{ProgramFileError, read_program};
 pub use sample::Sample;
 pub use scan::Scan;
-pub use sequences::{MarkPassage, Sequences, StationWork};
+pub use sequences::{MarkPassage, Sequences, StationWork, ZoneWait};
 pub use speed_override::{Override, OverrideError, OverrideSchedule, OverrideStep, ScheduleError};
 pub use station::{Station, StationConfig};
 pub use waiting::WaitingFor;
+pub use zones::Zones;

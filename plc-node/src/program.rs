@@ -87,6 +87,11 @@ pub trait PlcProgram: Debug + Send {
         [0; 2]
     }
 
+    /// Decides whether an arm sets out for where a run starts. Asked outside of a run, in each scan until it sets out.
+    fn set_out(&mut self, _station: usize, _stations: &[Station]) -> SetOut {
+        SetOut::Now
+    }
+
     /// Returns what a station has executed in this run, or in the last one.
     fn totals(&self, _station: usize) -> Totals {
         Totals::default()
@@ -149,6 +154,17 @@ pub enum Led {
     Ready,
     /// The program has just ended for good.
     Ended(FailureCause),
+}
+
+/// Permission for an arm to set out for where a run starts.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum SetOut {
+    /// It sets out in this scan.
+    Now,
+    /// It waits for another arm that is on its way.
+    Wait,
+    /// It waits, and no arm is on its way that could make room: its wait has a limit.
+    Blocked,
 }
 
 /// What becomes of a run that has lost a station.

@@ -146,6 +146,26 @@ impl Sequence {
         self.ended.plus(self.current)
     }
 
+    /// Returns how many motions the robot has executed in this run, by the PLC's count.
+    pub(crate) fn executed(&self) -> u32 {
+        let executed = self.step.saturating_add(self.current.executed);
+        // Whatever a robot counts, a section ends where it ends.
+        let is_in_section = self.is_in_sections && self.is_called && self.execution_type == ExecutionType::Rc;
+        if is_in_section { executed.min(self.section_end) } else { executed }
+    }
+
+    /// Returns whether a motion could go to the robot now, if nothing kept it back: with CM it is written ahead.
+    pub(crate) fn could_write(&self, motion: u32, stops: &[Stop]) -> bool {
+        let executed = self.executed();
+        if motion <= executed {
+            return true;
+        }
+        let next = stops.partition_point(|stop| stop.after <= self.step);
+        let end = stops.get(next).map_or(u32::MAX, |stop| stop.after);
+        let is_continuous = self.execution_type == ExecutionType::Cm && self.stage == Stage::Skill;
+        is_continuous && motion < end && motion - executed < self.blocks.move_continuous.depth()
+    }
+
     /// Returns whether the arm stands as far as it may go, and waits there.
     pub(crate) fn has_come_to(&self, reach: Reach) -> bool {
         let executed = match self.stage {

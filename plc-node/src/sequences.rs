@@ -3,17 +3,27 @@
 //! Arms wait for each other at marks. No motion beyond a mark is given to a robot before all arms of the mark have come to it: with
 //! CM the PLC writes no slot beyond, and the arm stops there as at any last motion that it knows, without losing its skill.
 
+//!
+//! In shared zones they take turns: no motion that leads into a zone is given to a robot before the zone is granted to its arm.
+
 #[cfg(test)]
 mod exploration;
+mod turns;
+#[cfg(test)]
+mod zone_exploration;
 
-use machine::Instant;
-use planning::{Stop, WaitAt};
+pub use turns::ZoneWait;
+
+use machine::{Duration, Instant};
+use planning::{StationZones, Stop, WaitAt, ZoneSet, ZoneVisit};
 use protocol::image::{Digest, Sum};
 
 use crate::motion_source::Digested;
-use crate::program::{AfterLoss, PlcProgram, Progress, Totals};
+use crate::program::{AfterLoss, PlcProgram, Progress, SetOut, Totals};
 use crate::sequence::{Reach, Sequence, SkillProgress};
+use crate::zones::Zones;
 use crate::{ExecutionType, FailureCause, MotionSource, StartError, Station};
+use turns::ZoneTurns;
 
 /// What a station runs.
 #[derive(Debug)]
@@ -28,6 +38,18 @@ pub struct StationWork {
     pub stops: Vec<Stop>,
     /// Where the arm waits for others, in order; none where it works alone.
     pub waits: Vec<WaitAt>,
+    /// Visits of the arm in shared zones, in order.
+    pub visits: Vec<ZoneVisit>,
+    /// Volume of its arm in the cell; `None` in a cell without shared zones.
+    pub zones: Option<StationZones>,
+}
+
+impl StationWork {
+    /// Returns this work in a cell with shared zones.
+    #[must_use]
+    pub fn in_zones(self, visits: &[ZoneVisit], zones: Option<&StationZones>) -> Self {
+        Self { visits: visits.to_vec(), zones: zones.cloned(), ..self }
+    }
 }
 
 /// When an arm came to a mark, and when it went on, by the scans of the PLC.
@@ -45,6 +67,7 @@ pub struct MarkPassage {
 #[derive(Debug)]
 pub struct Sequences {
     parts: Vec<Part>,
+    zones: Zones,
 }
 
 /// The sequence of a station.
@@ -60,6 +83,7 @@ struct Part {
     passed: usize,
     /// Marks that the arm came to in this run; its capacity is taken at the start.
     passages: Vec<MarkPassage>,
+    turns: ZoneTurns,
     state: PartState,
     /// What went wrong in the scan in which another station's trouble came first.
     trouble: Option<Progress>,
@@ -73,8 +97,10 @@ enum PartState {
 }
 
 impl Part {
-    fn new(StationWork { program, queue_depth, motions, stops, waits }: StationWork) -> Self {
+    fn new(work: StationWork) -> Self {
+        let StationWork { program, queue_depth, motions, stops, waits, visits, zones } = work;
         Self {
+            turns: ZoneTurns::new(visits, &stops, zones),
             sequence: Sequence::new(ExecutionType::Rc, program, queue_depth),
             program,
             queue_depth,
@@ -90,15 +116,22 @@ impl Part {
 
     fn begin(&mut self, execution_type: ExecutionType) {
         let sequence = Sequence::new(execution_type, self.program, self.queue_depth);
-        self.sequence = if self.waits.is_empty() { sequence } else { sequence.in_sections() };
+        let is_whole = self.waits.is_empty() && !self.turns.has_visits();
+        self.sequence = if is_whole { sequence } else { sequence.in_sections() };
+        self.turns.begin();
         self.motions.restart();
         self.passed = 0;
         self.passages.clear();
         (self.state, self.trouble) = (PartState::Running, None);
     }
 
-    /// Returns how far the arm may go: to the next mark that it has not passed.
+    /// Returns how far the arm may go: to the next mark that it has not passed, and not into a zone that it was not granted.
     fn reach(&self) -> Reach {
+        self.turns.limit(self.reach_of_marks())
+    }
+
+    /// Returns how far the arm may go for its marks.
+    fn reach_of_marks(&self) -> Reach {
         self.waits.get(self.passed).map_or(Reach::END, |wait| Reach {
             motions: u32::try_from(wait.after).unwrap_or(u32::MAX),
             with_action: wait.after_action,
@@ -108,7 +141,8 @@ impl Part {
     /// Returns the mark at which the arm stands and waits.
     fn stands_at(&self) -> Option<u32> {
         let wait = self.waits.get(self.passed)?;
-        (self.state != PartState::Lost && self.sequence.has_come_to(self.reach())).then_some(wait.mark)
+        (self.state != PartState::Lost && self.sequence.has_come_to(self.reach_of_marks()))
+            .then_some(wait.mark)
     }
 
     /// Notes that the arm has come to a mark.
@@ -143,7 +177,27 @@ impl Sequences {
     /// Creates the program with the work of each station, in the order of the stations.
     #[must_use]
     pub fn new(work: Vec<StationWork>) -> Self {
-        Self { parts: work.into_iter().map(Part::new).collect() }
+        let parts: Vec<Part> = work.into_iter().map(Part::new).collect();
+        Self { zones: Zones::unknown(parts.len()), parts }
+    }
+
+    /// Returns the waits of a station before shared zones in this run, or in the last one, in order.
+    #[must_use]
+    pub fn zone_waits(&self, station: usize) -> &[ZoneWait] {
+        self.parts.get(station).map_or(&[], |part| part.turns.waits())
+    }
+
+    /// Returns how long a station stood before shared zones in this run, or in the last one; `None` in a cell without such zones.
+    #[must_use]
+    pub fn waited_for_zones(&self, station: usize) -> Option<Duration> {
+        let turns = self.parts.get(station).map(|part| &part.turns).filter(|turns| turns.has_zones())?;
+        Some(turns.waits().iter().filter_map(|wait| Some(wait.granted?.since(wait.came))).sum())
+    }
+
+    /// Returns the grants of the shared zones.
+    #[must_use]
+    pub const fn zones(&self) -> &Zones {
+        &self.zones
     }
 
     /// Returns the digest of the motions that a station took from their source in this run, or in the last one.
@@ -171,6 +225,37 @@ impl Sequences {
     }
 }
 
+impl Sequences {
+    /// Takes back the zones that arms have left, and grants those that they could enter now.
+    fn take_turns(&mut self, now: Instant) {
+        let is_running = |part: &Part| part.state == PartState::Running;
+        for (arm, part) in self.parts.iter().enumerate().filter(|(_, part)| part.state != PartState::Lost) {
+            part.turns.leave(arm, &part.sequence, &mut self.zones);
+        }
+        for (arm, part) in self.parts.iter_mut().enumerate().filter(|(_, part)| is_running(part)) {
+            let reach = part.reach_of_marks();
+            let (sequence, stops) = (&part.sequence, &part.stops);
+            let could_write = |motion| sequence.could_write(motion, stops);
+            part.turns.ask((arm, now), reach.motions, could_write, &mut self.zones);
+            if let Some(zone) = part.turns.stands_before(&part.sequence, reach) {
+                part.turns.note_wait(now, zone);
+            }
+        }
+    }
+
+    /// Notes where all arms are that rest, as far as the PLC knows.
+    fn locate_arms(&mut self, stations: &[Station]) {
+        for (arm, (part, station)) in self.parts.iter().zip(stations).enumerate() {
+            if !station.is_connected() {
+                // Somebody else may move it.
+                self.zones.locate(arm, ZoneSet::ALL);
+            } else if let Some(zones) = part.turns.place_of(station) {
+                self.zones.locate(arm, zones);
+            }
+        }
+    }
+}
+
 impl PlcProgram for Sequences {
     fn check(&self, execution_type: ExecutionType) -> Result<(), StartError> {
         let is_empty = |part: &Part| part.motions.total() == 0;
@@ -182,11 +267,33 @@ impl PlcProgram for Sequences {
 
     fn begin(&mut self, _now: Instant, execution_type: ExecutionType) {
         self.parts.iter_mut().for_each(|part| part.begin(execution_type));
+        for arm in 0..self.parts.len() {
+            // A run begins with all arms at their starts, which are outside of all zones.
+            self.zones.withdraw(arm);
+            self.zones.locate(arm, ZoneSet::NONE);
+        }
+    }
+
+    fn set_out(&mut self, station: usize, stations: &[Station]) -> SetOut {
+        if !self.parts.iter().any(|part| part.turns.has_zones()) {
+            return SetOut::Now;
+        }
+        self.locate_arms(stations);
+        let way = match (self.parts.get_mut(station), stations.get(station)) {
+            (Some(part), Some(own)) => part.turns.way_of(own),
+            _ => return SetOut::Blocked,
+        };
+        if self.zones.request_all(station, way) {
+            return SetOut::Now;
+        }
+        let is_way_under_way = stations.iter().any(Station::is_on_its_way);
+        if is_way_under_way { SetOut::Wait } else { SetOut::Blocked }
     }
 
     /// Runs all parts also where one has trouble: the others may go on.
     fn scan(&mut self, now: Instant, stations: &mut [Station]) -> Progress {
         self.pass_marks(now);
+        self.take_turns(now);
         let mut is_running = false;
         for (index, (part, station)) in self.parts.iter_mut().zip(stations).enumerate() {
             if part.state != PartState::Running || part.trouble.is_some() {
@@ -210,20 +317,28 @@ impl PlcProgram for Sequences {
         if is_running { Progress::Running } else { Progress::Done }
     }
 
-    /// Others that would wait for the lost arm at a mark end with it.
+    /// Others that would wait for the lost arm at a mark end with it, and those that would wait for a zone that it may be in.
     fn lose(&mut self, station: usize, _cause: FailureCause) -> AfterLoss {
         let Some(part) = self.parts.get_mut(station) else { return AfterLoss::EndRun };
         part.state = PartState::Lost;
+        // What it holds it keeps: it may be inside, or get there.
+        self.zones.withdraw(station);
+        let held = self.zones.held(station);
         let mut running = self.parts.iter().filter(|part| part.state == PartState::Running).peekable();
         let is_last = running.peek().is_none();
         let lost = self.parts.get(station);
-        let is_awaited = |part: &Part| lost.is_some_and(|lost| lost.shares_mark_with(part));
+        let is_awaited = |part: &Part| {
+            lost.is_some_and(|lost| lost.shares_mark_with(part)) || part.turns.to_come().meets(held)
+        };
         if is_last || running.any(is_awaited) { AfterLoss::EndRun } else { AfterLoss::GoOn }
     }
 
     fn waits(&self, station: usize) -> bool {
         self.parts.get(station).is_none_or(|part| {
-            part.state != PartState::Running || part.sequence.waits() || part.stands_at().is_some()
+            part.state != PartState::Running
+                || part.sequence.waits()
+                || part.stands_at().is_some()
+                || part.turns.stands_before(&part.sequence, part.reach_of_marks()).is_some()
         })
     }
 

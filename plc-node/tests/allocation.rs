@@ -4,7 +4,7 @@
 
 use machine::wire::{BigEndian, FRAME_CAPACITY};
 use machine::{Duration, Instant, Multihomed, Port, Source};
-use planning::{Stop, Switch, ToStart, WaitAt};
+use planning::{Stop, Switch, ToStart, WaitAt, ZoneVisit};
 use plc_node::{
     ExecutionType, MotionList, PlacedStation, PlcConfig, PlcEvent, PlcNode, Scan, Sequences, StationConfig,
     StationWork, WaitLimits,
@@ -90,6 +90,8 @@ fn with_two_stations() -> PlcNode<OneStation<Direct>> {
         motions: Box::new(MotionList::from(vec![MOTION; 13])),
         stops: stops(),
         waits: vec![WaitAt { mark: 1, after, after_action: false }],
+        visits: vec![ZoneVisit { zone: 0, after: after + 2, until: after + 4 }],
+        zones: None,
     };
     let scan = Scan::new(Instant::ZERO, MS, Duration::ZERO);
     let program = Sequences::new(vec![work(3), work(7)]);

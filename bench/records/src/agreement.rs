@@ -66,7 +66,11 @@ fn lists_of_cell(cell: &CellResults) -> Result<(), String> {
         if stations != cell.stations.len() {
             return Err(format!("{name} has {stations} stations, the run {}", cell.stations.len()));
         }
-        let of_stations = result.stations.iter().map(|station| ("waiting_ms", station.waiting_ms.len()));
+        let of_stations = result.stations.iter().flat_map(|station| {
+            let zones = station.zone_waiting_ms.len();
+            let zones = if zones == 0 { count } else { zones };
+            [("waiting_ms", station.waiting_ms.len()), ("zone_waiting_ms", zones)]
+        });
         // An older version did not measure it.
         let poses = if result.relative_pose_mm.is_empty() { count } else { result.relative_pose_mm.len() };
         let of_type = [("start_skew_us", result.start_skew_us.len()), ("relative_pose_mm", poses)];

@@ -156,6 +156,7 @@ mod tests {
             robot_execution: Duration::from_micros(robot_us),
             blends_suppressed: 0,
             waited: Duration::from_millis(12),
+            waited_for_zones: None,
             came: Vec::new(),
         };
         let sample = CellSample {

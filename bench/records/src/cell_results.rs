@@ -174,6 +174,10 @@ pub struct StationResult {
     pub blends_suppressed: Vec<u32>,
     /// Time for which the arm stood at marks until the others came, in ms.
     pub waiting_ms: Vec<f64>,
+    /// Time for which the arm stood before shared zones until they were granted, in ms; absent in a cell without such zones, and in
+    /// real mode.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub zone_waiting_ms: Vec<f64>,
 }
 
 /// How far apart the arms came to a mark.
@@ -211,6 +215,12 @@ impl StationResult {
     #[must_use]
     pub fn mean_waiting_ms(&self) -> Option<f64> {
         mean(&self.waiting_ms)
+    }
+
+    /// Returns the mean time for which the arm stood before shared zones, in ms; `None` in a cell without such zones.
+    #[must_use]
+    pub fn mean_zone_waiting_ms(&self) -> Option<f64> {
+        mean(&self.zone_waiting_ms)
     }
 }
 
@@ -295,6 +305,7 @@ impl CellResults {
             of_station.robot_samples_ms.push(millis(one.robot_execution));
             of_station.blends_suppressed.push(one.blends_suppressed);
             of_station.waiting_ms.push(millis(one.waited));
+            of_station.zone_waiting_ms.extend(one.waited_for_zones.map(millis));
         }
         for (mark, skew) in mark_skews(&sample.stations) {
             match result.marks.iter_mut().find(|known| known.mark == mark) {

@@ -26,6 +26,8 @@ pub struct StationSample {
     pub blends_suppressed: u32,
     /// Time for which the arm stood at marks.
     pub waited: Duration,
+    /// Time for which the arm stood before shared zones; `None` in a cell without such zones.
+    pub waited_for_zones: Option<Duration>,
     /// Each mark, and when the arm came to it, in true time.
     pub came: Vec<(u32, Duration)>,
 }
@@ -69,6 +71,7 @@ mod tests {
             robot_execution: ms(1),
             blends_suppressed: 0,
             waited: ms(0),
+            waited_for_zones: None,
             came: came.iter().map(|(mark, at)| (*mark, ms(*at))).collect(),
         };
         let stations = [station(&[(1, 10), (2, 20), (1, 40)]), station(&[(1, 13), (2, 15), (1, 41)])];

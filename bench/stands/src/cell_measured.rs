@@ -19,27 +19,29 @@ pub struct CellMeasured {
 }
 
 impl CellMeasured {
-    /// Takes the reports of each station with the marks that its arm passed, by the PLC's clock; `true_time` converts that.
+    /// Takes the reports of each station with the marks that its arm passed, by the PLC's clock, and with its time before shared zones;
+    /// `true_time` converts the clock.
     pub(crate) fn of(
-        stations: Vec<(Measured, &[MarkPassage])>,
+        stations: Vec<(Measured, &[MarkPassage], Option<Duration>)>,
         start_skew: Option<Duration>,
         true_time: impl Fn(Instant) -> Instant,
     ) -> Self {
         let since_origin = |at: Instant| true_time(at).since(Instant::ZERO);
-        let sample = |(measured, passages): &(Measured, &[MarkPassage])| StationSample {
+        let sample = |(measured, passages, waited_for_zones): &(Measured, &[MarkPassage], _)| StationSample {
             robot_execution: Duration::from_nanos(measured.execution.robot_execution_ns),
             blends_suppressed: measured.execution.blends_suppressed,
             waited: passages.iter().filter_map(|it| Some(it.passed?.since(it.came))).sum(),
+            waited_for_zones: *waited_for_zones,
             came: passages.iter().map(|it| (it.mark, since_origin(it.came))).collect(),
         };
-        let execution_ns = stations.first().map_or(0, |(first, _)| first.execution.execution_time_ns);
+        let execution_ns = stations.first().map_or(0, |(first, ..)| first.execution.execution_time_ns);
         let sample = CellSample {
             execution: Duration::from_nanos(execution_ns),
             start_skew,
             relative_pose_mm: None,
             stations: stations.iter().map(sample).collect(),
         };
-        Self { sample, stations: stations.into_iter().map(|(measured, _)| measured).collect() }
+        Self { sample, stations: stations.into_iter().map(|(measured, ..)| measured).collect() }
     }
 }
 

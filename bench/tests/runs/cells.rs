@@ -57,6 +57,29 @@ fn two_robots_in_line_on_ethercat_run_in_virtual_time_and_are_refused_on_a_real_
 }
 
 #[test]
+fn the_time_for_which_arms_stood_before_a_shared_zone_is_in_table_and_results() {
+    let directory = tempfile::tempdir().unwrap();
+    let finished = run(directory.path(), "G", "turns", &[]);
+    assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
+    assert!(finished.stdout.contains("left zones ms"), "{}", finished.stdout);
+    let text = fs::read_to_string(directory.path().join("turns/results.json")).unwrap();
+    let results: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for kind in ["rc", "sm", "cm"] {
+        let waited = |station: usize| {
+            let waits = results["results"][kind]["stations"][station]["zone_waiting_ms"].as_array().unwrap();
+            assert_eq!(waits.len(), 2, "{kind}");
+            waits.iter().map(|wait| wait.as_f64().unwrap()).sum::<f64>()
+        };
+        assert!(waited(0) + waited(1) > 100.0, "{kind}");
+    }
+    // A cell without zones has no such figures.
+    let without = run(directory.path(), "E", "without", &["--types", "rc"]);
+    assert!(!without.stdout.contains("zones ms"));
+    let text = fs::read_to_string(directory.path().join("without/results.json")).unwrap();
+    assert!(!text.contains("zone_waiting_ms"));
+}
+
+#[test]
 fn what_cells_do_not_have_yet_is_refused_by_its_name() {
     let directory = tempfile::tempdir().unwrap();
     for (more, named) in [

@@ -3,7 +3,7 @@
 
 use core::fmt::Debug;
 
-use crate::{Frame, Joints, Kinematics, Violation};
+use crate::{AxisLimits, Frame, Joints, Kinematics, Skeleton, Violation};
 
 /// Which of the eight ways to reach a pose.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -49,6 +49,9 @@ pub(super) trait SixAxes: Debug + Send + Sync {
     /// Returns the pose of the flange at these angles of the model.
     fn pose(&self, model: &Joints) -> Frame;
 
+    /// Returns the points along which the arm's bodies lie at these angles of the model, from the root to the flange.
+    fn bodies(&self, model: &Joints) -> Skeleton;
+
     /// Returns the way in which the arm reaches its pose at these angles of the model.
     fn branch(&self, model: &Joints) -> Branch;
 
@@ -67,6 +70,10 @@ impl<A: SixAxes> Kinematics for A {
 
     fn forward(&self, joints: &Joints) -> Frame {
         self.pose(&self.model(joints))
+    }
+
+    fn skeleton(&self, joints: &Joints, _limits: &AxisLimits) -> Skeleton {
+        self.bodies(&self.model(joints))
     }
 
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {

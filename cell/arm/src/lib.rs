@@ -13,6 +13,7 @@ mod installation;
 pub mod motion;
 mod opw;
 mod scara;
+mod skeleton;
 mod standing;
 mod surface;
 mod three_parallel;
@@ -25,6 +26,7 @@ pub use frame::{Frame, Rotation, cross, distance, dot, length};
 pub use installation::{ConfigError, Frames, Installation};
 pub use opw::{Opw, OpwParameters};
 pub use scara::Scara;
+pub use skeleton::{MOST_POINTS, Skeleton};
 pub use surface::{Surface, contact_force};
 pub use three_parallel::{ThreeParallel, ThreeParallelParameters};
 pub use violation::{Count, LEAST_WAY_MM, Rated, SINGULAR_SHARE, TURN_SHARE, TURNED_OVER_DEG, Violation};
@@ -52,6 +54,9 @@ pub trait Kinematics: Debug + Send + Sync {
 
     /// Returns the pose of the flange in the root frame.
     fn forward(&self, joints: &Joints) -> Frame;
+
+    /// Returns the points along which the arm's bodies lie, from the root to the flange.
+    fn skeleton(&self, joints: &Joints, limits: &AxisLimits) -> Skeleton;
 
     /// Returns the joints for this pose of the flange, in the configuration (elbow, wrist) of `near`; rotary joints
     /// may be off by full turns.
@@ -169,6 +174,12 @@ impl Arm {
     #[must_use]
     pub fn forward(&self, joints: &Joints) -> Frame {
         self.kinematics.forward(joints)
+    }
+
+    /// Returns the points along which the arm's bodies lie, from the root to the flange, in the root frame.
+    #[must_use]
+    pub fn skeleton(&self, joints: &Joints) -> Skeleton {
+        self.kinematics.skeleton(joints, &self.limits)
     }
 
     /// Returns the joints for this pose of the flange without a turn or a change of configuration from `near`: for

@@ -16,7 +16,7 @@
 
 use super::angles::{degrees, sin_cos};
 use super::branch::{Branch, SixAxes, to_joints, to_model};
-use super::{Frame, Joints, Rotation, Violation};
+use super::{Frame, Joints, Rotation, Skeleton, Violation};
 
 /// Tangent of half of axis 5's angle below which axes 4 and 6 turn about one line; then axis 4 keeps its angle.
 const WRIST_STRETCHED: f64 = 1e-9;
@@ -190,6 +190,20 @@ impl SixAxes for Opw {
         let centre = [n * k1 - b * s1, n * s1 + b * k1, h];
         let hand = rotation.z_axis();
         Frame { position: core::array::from_fn(|i| centre[i] + c4 * hand[i]), rotation }
+    }
+
+    fn bodies(&self, model: &Joints) -> Skeleton {
+        let OpwParameters { a1, a2, b, c1, c2, c3, .. } = self.parameters;
+        let &[q1, q2, q3, ..] = model;
+        let ([s1, s2, s_lift], [k1, k2, k_lift]) = sin_cos([q1, q2, q2 + q3]);
+        // Forward in the plane of the arm and up, as a point in the root frame.
+        let point = |n: f64, up: f64| [n * k1 - b * s1, n * s1 + b * k1, up];
+        let elbow = (a1 + c2 * s2, c1 + c2 * k2);
+        let beside = (elbow.0 + a2 * k_lift, elbow.1 - a2 * s_lift);
+        let wrist = point(beside.0 + c3 * s_lift, beside.1 + c3 * k_lift);
+        let [elbow, beside] = [elbow, beside].map(|(n, up)| point(n, up));
+        let flange = self.pose(model).position;
+        Skeleton::new(&[[0.0; 3], [0.0, 0.0, c1], point(a1, c1), elbow, beside, wrist, flange])
     }
 
     fn branch(&self, &[_, q2, q3, _, q5, _]: &Joints) -> Branch {

@@ -6,7 +6,7 @@
 //! ```
 
 use super::angles::{degrees, sin_cos};
-use super::{Frame, Joints, Kinematics, Rotation, Violation, shortest_turn};
+use super::{AxisLimits, Frame, Joints, Kinematics, Rotation, Skeleton, Violation, shortest_turn};
 
 /// Largest deviation of the commanded orientation from straight down, in degrees: due to single precision.
 const TILT_TOLERANCE_DEG: f64 = 0.01;
@@ -47,6 +47,18 @@ impl Kinematics for Scara {
             ],
             rotation: Rotation::pointing_down(q1 + q2 + q4),
         }
+    }
+
+    /// The links lie above the highest stroke of the quill, which hangs from the second one.
+    fn skeleton(&self, joints: &Joints, limits: &AxisLimits) -> Skeleton {
+        let &[q1, _, q3, ..] = joints;
+        let flange = self.forward(joints).position;
+        let [x, y, _] = flange;
+        let stroke = limits.upper.get(2).copied().filter(|upper| upper.is_finite()).unwrap_or(q3).max(q3);
+        let plane = self.height_mm + stroke;
+        let ([sin_1], [cos_1]) = sin_cos([q1]);
+        let elbow = [self.link_1_mm * cos_1, self.link_1_mm * sin_1, plane];
+        Skeleton::new(&[[0.0; 3], [0.0, 0.0, plane], elbow, [x, y, plane], flange])
     }
 
     fn inverse(&self, flange: &Frame, near: &Joints) -> Result<Joints, Violation> {

@@ -16,7 +16,7 @@
 
 use super::angles::{degrees, sin_cos};
 use super::branch::{Branch, SixAxes, to_joints, to_model};
-use super::{Frame, Joints, Rotation, Violation, dot};
+use super::{Frame, Joints, Rotation, Skeleton, Violation, dot};
 
 /// Sine of axis 5's angle below which axis 6 is parallel to axes 2, 3 and 4; then axis 6 keeps its angle.
 const WRIST_STRETCHED: f64 = 1e-9;
@@ -137,6 +137,33 @@ impl SixAxes for ThreeParallel {
             * turn(half_cos_5, [0.0, -1.0, 0.0], half_sin_5)
             * turn(half_cos_6, [0.0, 0.0, 1.0], half_sin_6);
         Frame { position: [along * cos_1 + across * sin_1, along * sin_1 - across * cos_1, up], rotation }
+    }
+
+    /// The upper arm lies beside axis 1, and the forearm back above it.
+    fn bodies(&self, model: &Joints) -> Skeleton {
+        let ThreeParallelParameters { d1, a2, a3, d4, d5, .. } = self.0;
+        let &[q1, q2, q3, q4, ..] = model;
+        let ([sin_1, sin_2, sin_23, sin_lift], [cos_1, cos_2, cos_23, cos_lift]) =
+            sin_cos([q1, q2, q2 + q3, q2 + q3 + q4]);
+        // Along the arm's plane, up and across it, as a point in the root frame.
+        let point = |[along, up, across]: [f64; 3]| {
+            [along * cos_1 + across * sin_1, along * sin_1 - across * cos_1, up]
+        };
+        let elbow = [a2 * cos_2, d1 + a2 * sin_2];
+        let wrist = [elbow[0] + a3 * cos_23, elbow[1] + a3 * sin_23];
+        let points = [
+            [0.0, d1, 0.0],
+            [0.0, d1, d4],
+            [elbow[0], elbow[1], d4],
+            [elbow[0], elbow[1], 0.0],
+            [wrist[0], wrist[1], 0.0],
+            [wrist[0], wrist[1], d4],
+            [wrist[0] + d5 * sin_lift, wrist[1] - d5 * cos_lift, d4],
+        ]
+        .map(point);
+        let [axis_2, shoulder, beside, elbow, wrist, axis_5, axis_6] = points;
+        let flange = self.pose(model).position;
+        Skeleton::new(&[[0.0; 3], axis_2, shoulder, beside, elbow, wrist, axis_5, axis_6, flange])
     }
 
     fn branch(&self, &[_, q2, q3, q4, q5, _]: &Joints) -> Branch {

@@ -3,16 +3,19 @@
 use std::fmt;
 use std::path::Path;
 
-use ::arm::{Frame, distance};
+use ::arm::{Frame, Joints, distance};
+use protocol::image::MotionKind;
 use setup::{Cell, Setup};
 
 use crate::application::Application;
 use crate::arms::{ArmsApplication, Mark};
 use crate::error::Error;
 use crate::load::{ARMS_APPLICATIONS, Found, application};
+use crate::motion::Motion;
 use crate::plan::Plan;
 use crate::reach::Reached;
 use crate::resolve::arms_in;
+use crate::shared_zone::{self, ArmVolume, NoTurns, StationZones};
 
 /// How far apart the bases of two arms may be in the cell, in mm and in degrees: files round both.
 const SAME_BASE: [f64; 2] = [0.05, 0.01];
@@ -33,6 +36,8 @@ pub struct FoundCell {
 pub struct PlannedCell {
     /// The marks at which the arms wait for each other.
     pub marks: Vec<Mark>,
+    /// Names of the shared zones, in the order of the setup.
+    pub zones: Vec<String>,
     /// The stations, in the order of the setup.
     pub stations: Vec<PlannedStation>,
 }
@@ -50,6 +55,8 @@ pub struct PlannedStation {
     pub plan: Plan,
     /// Where its arm stands at the ends of its motions.
     pub reached: Reached,
+    /// Data of it that the PLC needs for shared zones; `None` if the cell has none.
+    pub zones: Option<StationZones>,
 }
 
 /// Finds a setup with any number of stations, and the applications that its stations run. A setup of one robot is a cell of
@@ -123,7 +130,8 @@ impl FoundCell {
     /// Plans the motions of each station on its own arm, and follows them with it: like [`Found::plan`] and [`Found::reach`].
     ///
     /// # Errors
-    /// Those of both, which name the station's setup; bases of two arms that are not one place in the cell.
+    /// Those of both, which name the station's setup; bases of two arms that are not one place in the cell; arms that cannot take
+    /// turns in shared zones.
     pub fn plan(&self, cell: &Cell) -> Result<PlannedCell, Error> {
         if cell.application.is_some() {
             self.check_bases(cell)?;
@@ -133,9 +141,16 @@ impl FoundCell {
             let plan = found.plan(&setup)?;
             let reached = found.reach(&plan, &setup)?;
             let (name, application) = (station.name.clone(), found.application.clone());
-            Ok(PlannedStation { name, setup, application, plan, reached })
+            Ok(PlannedStation { name, setup, application, plan, reached, zones: None })
         });
-        Ok(PlannedCell { marks: self.marks.clone(), stations: stations.collect::<Result<_, Error>>()? })
+        let mut stations = stations.collect::<Result<Vec<_>, Error>>()?;
+        share_zones(cell, &mut stations).map_err(|found| Error::NoTurns {
+            origin: self.origin.clone(),
+            key: found.key(),
+            found: Box::new(found),
+        })?;
+        let zones = cell.shared_zones.iter().map(|zone| zone.name.clone()).collect();
+        Ok(PlannedCell { marks: self.marks.clone(), zones, stations })
     }
 
     /// Returns the text of the application of all stations, or those of each with its station's name in a comment before it.
@@ -183,6 +198,66 @@ impl FoundCell {
     }
 }
 
+/// Finds the visits of all arms in shared zones, and checks that they can take turns there. Without zones it does nothing.
+fn share_zones(cell: &Cell, stations: &mut [PlannedStation]) -> Result<(), NoTurns> {
+    if cell.shared_zones.is_empty() {
+        return Ok(());
+    }
+    for (planned, station) in stations.iter_mut().zip(&cell.stations) {
+        let mut tools: Vec<u8> = planned.plan.motions.iter().map(|motion| motion.tool).collect();
+        tools.sort_unstable();
+        tools.dedup();
+        // The check of the setup has found the radius, and planning the arm.
+        let Some(volume) = ArmVolume::new(cell, station, &tools) else { continue };
+        let start = planned.reached.start;
+        // With its joints the way there is known, wherever the arm comes from.
+        if let Some(motion) = &mut planned.plan.to_start.from_anywhere {
+            let kind = MotionKind::PtpJoint;
+            *motion = Motion { kind, joints_deg: Some(start), configuration: None, ..motion.clone() };
+        }
+        let (visits, from_end) = shared_zone::find(&volume, &planned.plan, &planned.reached, &planned.setup);
+        planned.plan.visits = visits;
+        planned.zones = Some(StationZones { volume, start, from_end });
+    }
+    check_places(cell, stations)?;
+    let arms: Vec<_> = stations.iter().map(|station| (station.name.as_str(), &station.plan)).collect();
+    let zones: Vec<_> = cell.shared_zones.iter().map(|zone| zone.name.clone()).collect();
+    shared_zone::check_turns(&arms, &zones)
+}
+
+/// Checks that all arms start and end outside of the zones, and start beside each other.
+fn check_places(cell: &Cell, stations: &[PlannedStation]) -> Result<(), NoTurns> {
+    let placed: Vec<_> = stations.iter().filter_map(|it| Some((it, it.zones.as_ref()?))).collect();
+    let standing = |of: &dyn Fn(&PlannedStation) -> Joints, zone: usize| -> Vec<String> {
+        let those = placed.iter().filter(|(station, zones)| zones.volume.at(&of(station)).contains(zone));
+        those.map(|(station, _)| station.name.clone()).collect()
+    };
+    let end = |station: &PlannedStation| {
+        let Reached { start, targets, .. } = &station.reached;
+        *targets.last().unwrap_or(start)
+    };
+    for (number, zone) in cell.shared_zones.iter().enumerate() {
+        let zone = zone.name.clone();
+        let stations = standing(&|station| station.reached.start, number);
+        if !stations.is_empty() {
+            return Err(NoTurns::StartsIn { stations, zone });
+        }
+        if let Some(station) = standing(&end, number).into_iter().next() {
+            return Err(NoTurns::EndsIn { station, zone });
+        }
+    }
+    for (index, (station, zones)) in placed.iter().enumerate() {
+        for (other, others) in placed.iter().take(index) {
+            let distance_mm = zones.volume.distance_mm(&zones.start, &others.volume, &others.start);
+            if distance_mm < 0.0 {
+                let stations = [other.name.clone(), station.name.clone()];
+                return Err(NoTurns::InTheWay { stations, depth_mm: -distance_mm });
+            }
+        }
+    }
+    Ok(())
+}
+
 impl PlannedCell {
     /// Returns the station of this name.
     #[must_use]
@@ -199,10 +274,35 @@ impl PlannedCell {
     }
 }
 
-/// Lists the marks, with the motion of each station after which it waits there.
+impl PlannedCell {
+    /// Lists the shared zones, with the motions of each station in them.
+    fn show_zones(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.zones.is_empty() {
+            return Ok(());
+        }
+        writeln!(f, "shared zones")?;
+        let width = self.zones.iter().map(|zone| zone.chars().count()).max().unwrap_or(0);
+        for (number, zone) in self.zones.iter().enumerate() {
+            let in_zone = self.stations.iter().filter_map(|station| {
+                let here = station.plan.visits.iter().filter(|visit| visit.zone == number);
+                let ranges = here.map(|visit| format!("{} to {}", visit.after + 1, visit.until));
+                let ranges: Vec<_> = ranges.collect();
+                (!ranges.is_empty()).then(|| format!("{} in motions {}", station.name, ranges.join(" and ")))
+            });
+            let visits: Vec<_> = in_zone.collect();
+            let visits = if visits.is_empty() { "nobody".to_owned() } else { visits.join(", ") };
+            writeln!(f, "  {zone:width$}  {visits}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Lists the marks, with the motion of each station after which it waits there, and the shared zones.
 impl fmt::Display for PlannedCell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "marks")?;
+        if !self.marks.is_empty() || self.zones.is_empty() {
+            writeln!(f, "marks")?;
+        }
         let width = self.marks.iter().map(|mark| mark.name.chars().count()).max().unwrap_or(0);
         for mark in &self.marks {
             let first_cycle = |waiting: Vec<(&PlannedStation, usize)>| {
@@ -219,6 +319,6 @@ impl fmt::Display for PlannedCell {
             let together = if mark.together { "; together from here to the next" } else { "" };
             writeln!(f, "  {:>4}  {:width$}  {waiting}{together}", mark.number, mark.name)?;
         }
-        Ok(())
+        self.show_zones(f)
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::out_of_reach::{OutOfReach, SwingsTooNear};
 use crate::refusal::Refusal;
+use crate::shared_zone::NoTurns;
 
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
@@ -40,6 +41,16 @@ pub enum Error {
         setup: String,
         /// [`Error::Refused`].
         refused: Box<Error>,
+    },
+    /// The arms of a cell cannot take turns in its shared zones.
+    #[error("{origin}: `{key}`: {found}")]
+    NoTurns {
+        /// The setup's file, or the built-in's name.
+        origin: String,
+        /// The key in the setup.
+        key: String,
+        /// The conflict.
+        found: Box<NoTurns>,
     },
     /// The arm of a setup does not reach what was planned.
     #[error("{origin} on setup {setup}: {found}")]

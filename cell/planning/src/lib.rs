@@ -41,6 +41,7 @@ mod planner;
 mod reach;
 mod refusal;
 mod resolve;
+mod shared_zone;
 mod source;
 mod stopped;
 mod stream;
@@ -69,6 +70,9 @@ pub use plan::{Continuous, Plan, Reason, StepLabels, ToStart, WaitAt};
 pub use planner::plan;
 pub use reach::Reached;
 pub use refusal::{LEAST_MM, Refusal};
+pub use shared_zone::{
+    ArmVolume, MOST_ZONES, NoTurns, StationZones, Waited, ZoneSet, ZoneVisit, check_turns,
+};
 pub use source::Source;
 pub use stopped::{Stopped, Unfit};
 pub use stream::{Stream, Streamed, count, stream, to_start};

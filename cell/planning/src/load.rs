@@ -27,6 +27,7 @@ pub const APPLICATIONS: &[(&str, &str)] = &[
 pub const ARMS_APPLICATIONS: &[(&str, &str)] = &[
     ("hand-over", include_str!("../../applications/hand-over.toml")),
     ("carry-plate", include_str!("../../applications/carry-plate.toml")),
+    ("take-turns", include_str!("../../applications/take-turns.toml")),
 ];
 
 /// An application and the text that it was read from.

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::application::{Action, Application, Labels};
 use crate::motion::Motion;
+use crate::shared_zone::ZoneVisit;
 use crate::zone::Why;
 use setup::Setup;
 
@@ -32,6 +33,8 @@ pub struct Plan {
     pub cycles: Vec<usize>,
     /// Where the arm waits for others, in order; empty where one arm works alone.
     pub waits: Vec<WaitAt>,
+    /// Visits of the arm in shared zones of its cell, in order; empty without such zones.
+    pub visits: Vec<ZoneVisit>,
 }
 
 /// A place in the list of motions at which the arm rests until the other arms of a mark have come: the PLC writes no motion
@@ -115,6 +118,7 @@ impl Plan {
         self.reasons.clear();
         self.cycles.clear();
         self.waits.clear();
+        self.visits.clear();
     }
 
     /// Returns the marks at which the arm waits once this many motions are executed, in order.

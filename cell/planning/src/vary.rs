@@ -126,8 +126,14 @@ impl Plan {
 
     /// Replaces each motion by those that `replace` appends; each continuous motion still covers the same path.
     fn with_motions(&self, mut replace: impl FnMut(&Motion, &mut Vec<Motion>)) -> Self {
-        let mut plan =
-            Self { motions: Vec::new(), continuous: Vec::new(), reasons: Vec::new(), ..self.clone() };
+        // Visits of shared zones are those of the original motions too.
+        let mut plan = Self {
+            motions: Vec::new(),
+            continuous: Vec::new(),
+            reasons: Vec::new(),
+            visits: Vec::new(),
+            ..self.clone()
+        };
         let mut waits = plan.waits.iter_mut().peekable();
         while waits.next_if(|wait| wait.after == 0).is_some() {}
         for continuous in &self.continuous {

@@ -68,15 +68,17 @@ impl Plan {
         self.continuous.iter().map(stop).collect()
     }
 
-    /// Returns the sections between the waits, in order, none of them empty. Without waits the plan is one section with all its
-    /// stops.
+    /// Returns the sections between the waits and before the visits of shared zones, in order, none of them empty. Without any the
+    /// plan is one section with all its stops.
     #[must_use]
     pub fn sections(&self) -> Vec<ProgramSection> {
         let (stops, total) = (self.stops(), self.motions.len());
-        if self.waits.is_empty() {
+        if self.waits.is_empty() && self.visits.is_empty() {
             return vec![ProgramSection { motions: 0..total, stops }];
         }
-        let mut bounds: Vec<_> = self.waits.iter().map(|wait| wait.after).chain([0, total]).collect();
+        let waits = self.waits.iter().map(|wait| wait.after);
+        let visits = self.visits.iter().map(|visit| visit.after);
+        let mut bounds: Vec<_> = waits.chain(visits).chain([0, total]).collect();
         bounds.sort_unstable();
         bounds.dedup();
         let section = |(start, end): (usize, usize)| {

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Bus, Motions, Paper, Plc, Provenance, Robot, Setup, Sourced};
+use crate::{Bus, Motions, Paper, Plc, Provenance, Robot, Setup, SharedZone, Sourced};
 
 /// Version of the file format of a cell with several stations.
 pub(crate) const CELL_SCHEMA: u32 = 2;
@@ -33,6 +33,9 @@ pub struct Cell {
     pub paper: Option<Paper>,
     /// The PLC.
     pub plc: Plc,
+    /// Volumes that only one arm may be in at a time.
+    #[serde(default, rename = "shared_zone", skip_serializing_if = "Vec::is_empty")]
+    pub shared_zones: Vec<SharedZone>,
     /// The stations, in the order in which the PLC numbers them.
     #[serde(rename = "station")]
     pub stations: Vec<Station>,
@@ -75,7 +78,16 @@ impl From<Setup> for Cell {
             robot,
             motions,
         };
-        Self { schema, name, title, application: None, paper, plc, stations: vec![station] }
+        Self {
+            schema,
+            name,
+            title,
+            application: None,
+            paper,
+            plc,
+            shared_zones: Vec::new(),
+            stations: vec![station],
+        }
     }
 }
 

@@ -45,11 +45,16 @@ fn a_station_is_a_whole_setup_that_is_accepted_written_and_read_back() {
             assert_eq!(again, setup);
         }
     }
-    // The arms of Setup E are those of Setups A and B, and those of Setup F that of Setup D.
+    // The arms of Setups E and G are those of Setups A and B, and those of Setup F that of Setup D.
     let of = |name: &str| cell(name).unwrap().0;
-    for (name, station, origin) in
-        [("E", "left", "A"), ("E", "right", "B"), ("F", "left", "D"), ("F", "right", "D")]
-    {
+    for (name, station, origin) in [
+        ("E", "left", "A"),
+        ("E", "right", "B"),
+        ("F", "left", "D"),
+        ("F", "right", "D"),
+        ("G", "left", "A"),
+        ("G", "right", "B"),
+    ] {
         let (cell, origin) = (of(name), setup(origin).unwrap());
         let station = cell.station(station).unwrap();
         assert_eq!(station.robot.kinematics, origin.robot.kinematics);

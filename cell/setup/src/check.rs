@@ -3,6 +3,7 @@
 mod bus;
 mod cell;
 mod servo;
+mod shared_zone;
 
 use protocol::image::SLOTS;
 
@@ -162,6 +163,9 @@ fn robot(setup: &Setup) -> Check {
             above_zero(key, value.value)?;
         }
         at_most("robot.force.settling_ms", f64::from(force.settling_ms.value), 60_000.0, "ms")?;
+    }
+    if let Some(radius) = &robot.link_radius_mm {
+        link("robot.link_radius_mm", radius.value)?;
     }
     frames("robot.tools", &robot.tools)?;
     frames("robot.bases", &robot.bases)?;

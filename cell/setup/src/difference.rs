@@ -53,7 +53,7 @@ impl Cell {
         Ok(differences)
     }
 
-    /// Returns the cell as TOML, with a table of stations by their names.
+    /// Returns the cell as TOML, with tables of stations and of shared zones by their names.
     fn by_name(&self) -> Result<Table, Error> {
         let mut table = Table::try_from(self)?;
         let mut by_name = Table::new();
@@ -63,6 +63,15 @@ impl Cell {
             by_name.insert(station.name.clone(), Value::Table(section));
         }
         table.insert("station".to_owned(), Value::Table(by_name));
+        if !self.shared_zones.is_empty() {
+            let mut by_name = Table::new();
+            for zone in &self.shared_zones {
+                let mut section = Table::try_from(zone)?;
+                section.remove("name");
+                by_name.insert(zone.name.clone(), Value::Table(section));
+            }
+            table.insert("shared_zone".to_owned(), Value::Table(by_name));
+        }
         Ok(table)
     }
 }

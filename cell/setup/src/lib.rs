@@ -16,6 +16,7 @@ mod load;
 mod model;
 mod nearest;
 mod peer;
+mod shared_zone;
 mod sourced;
 mod vary;
 mod write;
@@ -38,6 +39,7 @@ pub use model::{
 };
 pub use nearest::{meant_or_all, nearest};
 pub use peer::Peer;
+pub use shared_zone::SharedZone;
 pub use sourced::{Provenance, Sourced};
 pub use write::{cell_to_toml, setup_to_toml};
 

@@ -18,8 +18,11 @@ pub const SETUPS: &[(&str, &str)] = &[
 ];
 
 /// Setups of several stations compiled in: name and text. Only [`cell()`] reads them.
-pub const CELLS: &[(&str, &str)] =
-    &[("E", include_str!("../../setups/E.toml")), ("F", include_str!("../../setups/F.toml"))];
+pub const CELLS: &[(&str, &str)] = &[
+    ("E", include_str!("../../setups/E.toml")),
+    ("F", include_str!("../../setups/F.toml")),
+    ("G", include_str!("../../setups/G.toml")),
+];
 
 /// Finds the setup `name`: a built-in one, or the path of a file. Checks its values.
 pub fn setup(name: &str) -> Result<Setup, Error> {

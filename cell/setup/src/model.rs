@@ -99,6 +99,9 @@ pub struct Robot {
     pub skill_overhead_us: Sourced<u32>,
     /// The arm's geometry.
     pub kinematics: Kinematics,
+    /// Radius in mm of the arm about the lines from joint to joint and on to the tool, what it carries and its hoses included. Required
+    /// where a `[[shared_zone]]` is listed.
+    pub link_radius_mm: Option<Sourced<f64>>,
     /// The joints' limits.
     pub axes: Axes,
     /// Highest path velocity in mm/s.

@@ -56,6 +56,11 @@ impl MoveContinuous {
         Self { call: SkillCall::default(), depth: depth.clamp(1, SLOTS as u32) }
     }
 
+    /// Returns how many motions it writes ahead of the executed ones.
+    pub(crate) const fn depth(&self) -> u32 {
+        self.depth
+    }
+
     /// Runs one scan. `mode` and the number of motions are read at the rising edge of `execute`; the motions are read
     /// from the source when slots become free, the first ones when the skill starts.
     pub fn call(

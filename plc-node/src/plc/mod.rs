@@ -19,7 +19,7 @@ use protocol::image::{Checks, Command, Digest};
 use run::Run;
 
 use crate::event::Events;
-use crate::program::{AfterLoss, PlcProgram};
+use crate::program::{AfterLoss, PlcProgram, SetOut};
 use crate::sequences::Sequences;
 use crate::station::{Station, StationConfig, StationState, WayToStart, Work};
 use crate::{
@@ -350,8 +350,16 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Moves on each arm that moves to where a run starts.
     fn go_on_to_start(&mut self, now: Instant) {
         for index in 0..self.stations.len() {
+            let is_to_set_out = self.stations.get(index).is_some_and(Station::is_to_set_out);
+            let set_out = match self.mode {
+                Mode::Idle | Mode::Starting(_) if is_to_set_out => {
+                    self.program.set_out(index, &self.stations)
+                }
+                _ => SetOut::Now,
+            };
             let Some(station) = self.stations.get_mut(index) else { return };
-            if station.state != StationState::MovingToStart || self.mode == Mode::Running {
+            let is_under_way = station.state == StationState::MovingToStart && self.mode != Mode::Running;
+            if !is_under_way || station.keep(set_out) {
                 continue;
             }
             match station.go_on_to_start(now) {

@@ -55,7 +55,7 @@ fn plc(prepared: &PreparedCell, buses: Vec<PlcBus>, start: Instant) -> PlcNode<P
         let (config, work) = PlcConfig::of_station(planned).into_station(name, &plan.waits);
         let (bus, id) = place(&prepared.buses, index);
         placed.push(PlacedStation { bus, id, config });
-        works.push(work);
+        works.push(work.in_zones(&plan.visits, planned.zones.as_ref()));
     }
     let scan_cycle = Duration::from_micros(prepared.cell.plc.scan_cycle_us.value.into());
     // On a real clock the scan takes what it takes.

@@ -79,6 +79,8 @@ impl Cell {
                 .iter()
                 .map(|(mark, after)| WaitAt { mark: *mark, after: *after, after_action: false })
                 .collect(),
+            visits: Vec::new(),
+            zones: None,
         };
         let mut cell = Self {
             arms,

@@ -25,7 +25,8 @@ use silence::Silence;
 pub(crate) use silence::Work;
 use start_position::StartPosition;
 
-use crate::{AxesGroup, Sample, WaitLimits};
+use crate::function_blocks::is_at_rest;
+use crate::{AxesGroup, Sample, SetOut, WaitLimits};
 
 /// What a PLC knows of a station before it runs.
 #[derive(Debug)]
@@ -76,6 +77,8 @@ pub struct Station {
     readiness: Readiness,
     /// Whether the last attempt to move the arm to the start failed.
     start_not_reached: bool,
+    /// Reason for which the arm does not set out for the start in this scan; `None` if nothing keeps it.
+    kept: Option<SetOut>,
     is_connected: bool,
     /// Whether the owner knows that the robot marks its data as bad.
     image_bad: bool,
@@ -113,6 +116,7 @@ impl Station {
             state: StationState::Preparing,
             readiness: Readiness::default(),
             start_not_reached: false,
+            kept: None,
             is_connected: false,
             image_bad: false,
             received_still: 0,
@@ -157,6 +161,27 @@ impl Station {
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.state == StationState::Ready
+    }
+
+    /// Returns the joints of an arm that rests without a command to move, in degrees (mm); `None` if that is not known.
+    pub(crate) fn resting_joints(&self) -> Option<[f32; 6]> {
+        let may_move = match self.state {
+            StationState::Preparing => true,
+            StationState::MovingToStart => self.start_position.has_set_out(),
+            StationState::Ready => false,
+        };
+        let feedback = self.group.feedback().filter(|feedback| is_at_rest(feedback))?;
+        (self.is_connected && !may_move && !self.group.is_silent()).then_some(feedback.joints)
+    }
+
+    /// Returns whether the arm moves to where a run starts.
+    pub(crate) fn is_on_its_way(&self) -> bool {
+        self.state == StationState::MovingToStart && self.start_position.has_set_out()
+    }
+
+    /// Returns whether the arm is to move to the start from the end of its application.
+    pub(crate) const fn comes_from_end(&self) -> bool {
+        self.start_position.comes_from_end()
     }
 
     /// Returns whether the PLC leads the robot to `Ready`, if there is a robot.

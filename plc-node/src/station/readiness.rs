@@ -8,7 +8,7 @@ use crate::event::Events;
 use crate::function_blocks::{GroupReset, GroupStop, is_executing, is_ready};
 use crate::program::Led;
 use crate::sequence::SkillProgress;
-use crate::{AxesGroup, FailureCause, PlcEvent, StartError};
+use crate::{AxesGroup, FailureCause, PlcEvent, SetOut, StartError};
 
 /// The part of the program that runs while no sequence does.
 #[derive(Clone, Copy, Default, Debug)]
@@ -78,6 +78,18 @@ impl Station {
         self.start_position.begin(is_at_end);
         self.state = StationState::MovingToStart;
         events.push(self.index, PlcEvent::MovingToStart);
+    }
+
+    /// Returns whether the arm is to set out for the start and has not yet.
+    pub(crate) fn is_to_set_out(&self) -> bool {
+        self.state == StationState::MovingToStart && !self.start_position.has_set_out()
+    }
+
+    /// Notes whether an arm that is to set out for the start does, or what keeps it in this scan. A robot that is not ready any more
+    /// does not.
+    pub(crate) fn keep(&mut self, set_out: SetOut) -> bool {
+        self.kept = (set_out != SetOut::Now).then_some(set_out);
+        self.kept.is_some()
     }
 
     /// Runs one scan of the way to the start.

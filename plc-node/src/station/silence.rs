@@ -7,7 +7,7 @@ use protocol::image::{ErrorNumber, State, Status};
 use super::{Station, StationState};
 use crate::event::Events;
 use crate::waiting::{Patience, longest_silence};
-use crate::{AxesGroup, FailureCause, PlcEvent, WaitingFor};
+use crate::{AxesGroup, FailureCause, PlcEvent, SetOut, WaitingFor};
 
 /// Least change of a joint that counts as motion, in degrees (mm): more than the image rounds away.
 const MOTION: f32 = 2e-4;
@@ -109,6 +109,8 @@ impl Station {
         let is_commanded = is_running || self.state == StationState::MovingToStart;
         let is_progress = match (work, self.state) {
             (Work::Run { waits: true }, _) => true,
+            // Another arm is on its way, which is watched itself.
+            (Work::None, StationState::MovingToStart) if self.kept == Some(SetOut::Wait) => true,
             (Work::Run { waits: false }, _) | (Work::None, StationState::MovingToStart) => {
                 self.silence.see(&self.group)
             }
@@ -179,6 +181,9 @@ impl Station {
 
     fn no_progress(&self, waited: Duration) -> FailureCause {
         let seconds = u32::try_from(waited.as_secs()).unwrap_or(u32::MAX);
+        if self.state == StationState::MovingToStart && self.kept.is_some() {
+            return FailureCause::ZoneTaken { seconds };
+        }
         let state = self.group.feedback().map_or(State::Halted, |feedback| feedback.state);
         FailureCause::NoProgress { seconds, state }
     }

@@ -25,6 +25,8 @@ pub(super) struct StartPosition {
     /// The motions under way, as single skills.
     under_way: Sequence,
     is_from_end: bool,
+    /// Set once the arm has set out on the way that was begun last.
+    has_set_out: bool,
     /// Whether the arm was moved there. Until then the robot does not know the application's tool and base, in which it
     /// is to report its pose.
     was_moved: bool,
@@ -40,6 +42,7 @@ impl StartPosition {
             from_end: to_start.from_end.into(),
             under_way: Sequence::new(ExecutionType::Sm, 0, 1),
             is_from_end: false,
+            has_set_out: false,
             was_moved: false,
         }
     }
@@ -60,10 +63,22 @@ impl StartPosition {
     pub(super) fn begin(&mut self, is_at_end: bool) {
         self.under_way = Sequence::new(ExecutionType::Sm, 0, 1);
         self.is_from_end = is_at_end && !self.from_end.is_empty();
+        self.has_set_out = false;
+    }
+
+    /// Returns whether the arm has set out on the way that was begun last.
+    pub(super) const fn has_set_out(&self) -> bool {
+        self.has_set_out
+    }
+
+    /// Returns whether the way that was begun last leads from the end of the sequence.
+    pub(super) const fn comes_from_end(&self) -> bool {
+        self.is_from_end
     }
 
     /// Runs one scan while the arm moves to the start.
     pub(super) fn scan(&mut self, now: Instant, group: &mut AxesGroup) -> SkillProgress {
+        self.has_set_out = true;
         let motions = if self.is_from_end { &mut self.from_end } else { &mut self.from_anywhere };
         let progress = self.under_way.scan(now, motions, &[], Reach::END, group);
         if progress == SkillProgress::Done {

@@ -32,7 +32,8 @@ pub(crate) fn motions(station: usize, count: u16) -> Vec<Motion> {
 }
 
 pub(crate) fn work(motions: Vec<Motion>, waits: Vec<WaitAt>, stops: Vec<Stop>) -> StationWork {
-    StationWork { program: 1, queue_depth: 5, motions: Box::new(MotionList::from(motions)), stops, waits }
+    let motions = Box::new(MotionList::from(motions));
+    StationWork { program: 1, queue_depth: 5, motions, stops, waits, visits: Vec::new(), zones: None }
 }
 
 pub(crate) const fn wait(mark: u32, after: usize, after_action: bool) -> WaitAt {

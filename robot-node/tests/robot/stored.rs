@@ -14,14 +14,16 @@ fn a_robot_that_works_alone_stores_the_plan_as_one_program() {
 }
 
 #[test]
-fn an_arm_that_waits_for_others_stores_a_program_for_each_section_between_marks() {
-    for name in ["E", "F"] {
+fn an_arm_that_waits_for_others_stores_a_program_for_each_section_between_marks_and_before_each_visit_of_a_zone()
+ {
+    for name in ["E", "F", "G"] {
         let (cell, found) = planning::cell_with_applications(name).unwrap();
         for station in found.plan(&cell).unwrap().stations {
             let (plan, setup) = (&station.plan, &station.setup);
             let (motions, stops) = (plan.wire_motions(setup), plan.stops());
-            let mut bounds: Vec<_> =
-                [0, motions.len()].into_iter().chain(plan.waits.iter().map(|wait| wait.after)).collect();
+            let waits = plan.waits.iter().map(|wait| wait.after);
+            let visits = plan.visits.iter().map(|visit| visit.after);
+            let mut bounds: Vec<_> = [0, motions.len()].into_iter().chain(waits).chain(visits).collect();
             bounds.sort_unstable();
             bounds.dedup();
             assert!(bounds.len() > 2, "setup {name}: {} waits within its motions", station.name);

@@ -26,6 +26,7 @@ pub const BASELINES: &[(&str, &str)] = &[
     ("D", include_str!("../../../baselines/D.json")),
     ("E", include_str!("../../../baselines/E.json")),
     ("F", include_str!("../../../baselines/F.json")),
+    ("G", include_str!("../../../baselines/G.json")),
 ];
 
 /// Half of the millisecond that the gate must detect.
@@ -225,6 +226,7 @@ pub(super) fn figures_of_cell(results: &CellResults) -> Vec<Expected> {
         add("MAD", result.mad_ms);
         for (station, of_station) in results.stations.iter().zip(&result.stations) {
             add(&format!("{} waits", station.name), of_station.mean_waiting_ms());
+            add(&format!("{} zone waits", station.name), of_station.mean_zone_waiting_ms());
         }
         add("start skew", result.mean_start_skew_us().map(|micros| micros / 1e3));
         add("mark skew", result.worst_mark_skew_us().map(|micros| micros / 1e3));

@@ -104,6 +104,8 @@ impl Plant {
             setup,
             planned: self.planned.clone(),
             waits: Vec::new(),
+            visits: Vec::new(),
+            zones: None,
             sections: self.plan.sections(),
         }
     }

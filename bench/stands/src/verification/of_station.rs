@@ -59,8 +59,9 @@ impl StationVerification {
             drives::check(robot, quality, account, &alone)?;
         }
         check_ends(measured, account, &planned)?;
-        // A continuous motion that waits at a mark takes longer by that.
-        let waits_in_skill = execution.execution_type == ExecutionType::Cm && !self.station.waits.is_empty();
+        // A continuous motion that waits at a mark or before a zone takes longer by that.
+        let waits_for_others = !self.station.waits.is_empty() || !self.station.visits.is_empty();
+        let waits_in_skill = execution.execution_type == ExecutionType::Cm && waits_for_others;
         if !waits_in_skill {
             drives::check_time(&self.station.planned.robot, measured, account, &planned)?;
         } else if account.motion_time + self.station.planned.robot.cycle < planned.motion_time {

@@ -26,6 +26,8 @@ mod nodes;
 mod old_frames;
 mod phases;
 mod reaction;
+#[cfg(test)]
+mod shared_zones;
 mod watch;
 
 use std::cell::RefCell;

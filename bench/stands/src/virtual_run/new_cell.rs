@@ -61,7 +61,7 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
     let (mut placed, mut work, mut robots) = (Vec::new(), Vec::new(), Vec::new());
     for (index, station) in stations.iter().enumerate() {
         let Some((number, id)) = place_of(&new_buses, index) else { bail!("a station has no bus") };
-        let PlannedStation { name, setup, planned, waits, .. } = station;
+        let PlannedStation { name, setup, planned, waits, visits, zones, .. } = station;
         let PlannedCell { motions, stops, to_start, .. } = planned.clone();
         let config = PlcConfig {
             motions: Box::new(MotionList::from(motions)),
@@ -71,7 +71,7 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
         };
         let (config, of_program) = config.into_station(name, waits);
         placed.push(PlacedStation { bus: number, id, config });
-        work.push(of_program);
+        work.push(of_program.in_zones(visits, zones.as_ref()));
         let faults = cell_faults::of_station(name, faults);
         let mut robot = new_robot(station, index, new_buses[number].interface, seed, &mut phases, &faults);
         let is_last = new_buses[number].stations.last().is_some_and(|(last, _)| *last == index);

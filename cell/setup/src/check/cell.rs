@@ -31,6 +31,7 @@ pub(crate) fn check_cell(cell: &Cell) -> Check {
         return Err(problem("name", text));
     }
     number_of_stations(cell.stations.len())?;
+    super::shared_zone::check(cell)?;
     cell.stations.iter().enumerate().try_for_each(|(index, station)| station_name(index, &station.name))?;
     for (index, station) in cell.stations.iter().enumerate() {
         let earlier = cell.stations.iter().take(index);
