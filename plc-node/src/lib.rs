@@ -18,6 +18,7 @@
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
 mod advice;
+mod arm_in_step;
 mod axes_group;
 pub mod bus;
 pub mod command_line;
@@ -28,6 +29,7 @@ mod event;
 mod export;
 mod export_command;
 pub mod function_blocks;
+pub mod master_axis;
 mod motion_source;
 mod plan_command;
 mod plc;
@@ -43,6 +45,7 @@ mod speed_override;
 mod station;
 mod waiting;
 
+pub use arm_in_step::{ArmInStep, RobotTimes, TogetherLeg, TogetherSection};
 pub use axes_group::{AxesGroup, WaitLimits};
 pub(crate) use axes_group::{Ticket, Turn};
 pub use config::PlcConfig;

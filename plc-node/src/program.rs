@@ -44,11 +44,11 @@ use crate::{ExecutionType, FailureCause, MarkPassage, StartError, Station};
 /// }
 /// ```
 pub trait PlcProgram: Debug + Send {
-    /// Returns why no run of this kind can start, if none can.
+    /// Returns why no run of this kind can start with these stations, which are connected and ready, if none can.
     ///
     /// # Errors
-    /// The program has nothing to run.
-    fn check(&self, _execution_type: ExecutionType) -> Result<(), StartError> {
+    /// The program has nothing to run, or a robot does not serve what it needs.
+    fn check(&self, _execution_type: ExecutionType, _stations: &[Station]) -> Result<(), StartError> {
         Ok(())
     }
 

@@ -5,11 +5,15 @@
 
 #[cfg(test)]
 mod exploration;
+mod in_step;
 
 use machine::Instant;
 use planning::{Stop, WaitAt};
-use protocol::image::{Digest, Sum};
+use protocol::image::{Digest, Services, Sum};
 
+use in_step::{ArmPlace, InStep};
+
+use crate::arm_in_step::ArmInStep;
 use crate::motion_source::Digested;
 use crate::program::{AfterLoss, PlcProgram, Progress, Totals};
 use crate::sequence::{Reach, Sequence, SkillProgress};
@@ -45,6 +49,8 @@ pub struct MarkPassage {
 #[derive(Debug)]
 pub struct Sequences {
     parts: Vec<Part>,
+    in_step: InStep,
+    execution_type: ExecutionType,
 }
 
 /// The sequence of a station.
@@ -128,6 +134,18 @@ impl Part {
         self.passed += 1;
     }
 
+    /// Returns where the arm is, as far as others that are in step with it need to know.
+    fn place(&self) -> ArmPlace {
+        let passed = self.passed.checked_sub(1).and_then(|last| self.waits.get(last));
+        ArmPlace {
+            passed: passed.filter(|_| self.state == PartState::Running).map(|wait| wait.mark),
+            step: self.sequence.step(),
+            is_called: self.state == PartState::Running && !self.sequence.is_between_skills(),
+            stands: self.stands_at().is_some(),
+            total: self.motions.total(),
+        }
+    }
+
     /// Returns whether the arm comes to a mark in this run that it has not passed.
     fn comes_to(&self, mark: u32) -> bool {
         self.waits.iter().skip(self.passed).any(|wait| wait.mark == mark)
@@ -143,7 +161,16 @@ impl Sequences {
     /// Creates the program with the work of each station, in the order of the stations.
     #[must_use]
     pub fn new(work: Vec<StationWork>) -> Self {
-        Self { parts: work.into_iter().map(Part::new).collect() }
+        Self {
+            parts: work.into_iter().map(Part::new).collect(),
+            in_step: InStep::default(),
+            execution_type: ExecutionType::Rc,
+        }
+    }
+
+    /// Has the arms start together, and move together where they are to; one for each station.
+    pub(crate) fn keep_in_step(&mut self, arms: Vec<ArmInStep>) {
+        self.in_step = InStep::of(arms);
     }
 
     /// Returns the digest of the motions that a station took from their source in this run, or in the last one.
@@ -172,15 +199,23 @@ impl Sequences {
 }
 
 impl PlcProgram for Sequences {
-    fn check(&self, execution_type: ExecutionType) -> Result<(), StartError> {
+    fn check(&self, execution_type: ExecutionType, stations: &[Station]) -> Result<(), StartError> {
         let is_empty = |part: &Part| part.motions.total() == 0;
         if execution_type != ExecutionType::Rc && self.parts.iter().any(is_empty) {
             return Err(StartError::NoMotions(execution_type));
         }
-        Ok(())
+        let is_led = |(index, _): &(usize, &Station)| self.in_step.moves_together(execution_type, *index);
+        let serves = |station: &Station| {
+            station.group().feedback().is_some_and(|feedback| feedback.services.contains(Services::SYNC))
+        };
+        let mut led = stations.iter().enumerate().filter(is_led);
+        led.find(|(_, station)| !serves(station))
+            .map_or(Ok(()), |(station, _)| Err(StartError::NoSync(station)))
     }
 
     fn begin(&mut self, _now: Instant, execution_type: ExecutionType) {
+        self.execution_type = execution_type;
+        self.in_step.begin();
         self.parts.iter_mut().for_each(|part| part.begin(execution_type));
     }
 
@@ -188,7 +223,7 @@ impl PlcProgram for Sequences {
     fn scan(&mut self, now: Instant, stations: &mut [Station]) -> Progress {
         self.pass_marks(now);
         let mut is_running = false;
-        for (index, (part, station)) in self.parts.iter_mut().zip(stations).enumerate() {
+        for (index, (part, station)) in self.parts.iter_mut().zip(&mut *stations).enumerate() {
             if part.state != PartState::Running || part.trouble.is_some() {
                 continue;
             }
@@ -203,6 +238,8 @@ impl PlcProgram for Sequences {
             }
         }
         self.parts.iter_mut().for_each(|part| part.note_arrival(now));
+        let place = |index: usize| self.parts.get(index).map(Part::place);
+        self.in_step.lead(now, self.execution_type, place, stations);
         let running = self.parts.iter_mut().filter(|part| part.state == PartState::Running);
         if let Some(trouble) = running.filter_map(|part| part.trouble.take()).next() {
             return trouble;
@@ -224,7 +261,7 @@ impl PlcProgram for Sequences {
     fn waits(&self, station: usize) -> bool {
         self.parts.get(station).is_none_or(|part| {
             part.state != PartState::Running || part.sequence.waits() || part.stands_at().is_some()
-        })
+        }) || self.in_step.waits(station)
     }
 
     fn marks(&self, station: usize) -> [u32; 2] {

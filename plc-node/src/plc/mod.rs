@@ -1,11 +1,13 @@
 //! The PLC: buses, stations, a program, and one scan over all of them.
 //!
 //! ```text
+//! arms           arms in step, suspended and resumed
 //! as_multihomed  the PLC as a machine on an interface for each bus: time and frames
 //! links          what the buses report, and the images that they are given
 //! run            the way to the start of a run, its scans and its end
 //! ```
 
+mod arms;
 mod as_multihomed;
 mod links;
 mod run;
@@ -144,7 +146,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         if let Some(station) = self.stations.iter().find(|station| station.state == StationState::Preparing) {
             return Err(station.not_ready());
         }
-        self.program.check(execution_type)?;
+        self.program.check(execution_type, &self.stations)?;
         self.mode = Mode::Starting(execution_type);
         Ok(())
     }
