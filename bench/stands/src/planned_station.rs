@@ -1,6 +1,7 @@
 //! A station of a planned cell: what its robot executes, section by section, and where it waits for others.
 
 use planning::{ProgramSection, WaitAt};
+use plc_node::ArmInStep;
 use setup::Setup;
 
 use crate::planned_cell::PlannedCell;
@@ -18,6 +19,8 @@ pub struct PlannedStation {
     pub waits: Vec<WaitAt>,
     /// What it executes between these.
     pub sections: Vec<ProgramSection>,
+    /// Properties by which the PLC has its arm start and move together with others.
+    pub in_step: ArmInStep,
 }
 
 impl PlannedStation {
@@ -25,14 +28,15 @@ impl PlannedStation {
     ///
     /// # Errors
     ///
-    /// A setup describes no robot, or an arm does not reach its start.
+    /// A setup describes no robot, or an arm does not reach its start or does not execute its motions.
     pub fn all(cell: &planning::PlannedCell) -> anyhow::Result<Vec<Self>> {
-        let one = |station: &planning::PlannedStation| {
+        let arms = ArmInStep::all(cell)?;
+        let one = |(station, in_step): (&planning::PlannedStation, ArmInStep)| {
             let planning::PlannedStation { name, setup, application, plan, .. } = station;
             let planned = PlannedCell::of_plan(setup, application, plan)?;
             let (name, setup) = (name.clone(), setup.clone());
-            Ok(Self { name, setup, planned, waits: plan.waits.clone(), sections: plan.sections() })
+            Ok(Self { name, setup, planned, waits: plan.waits.clone(), sections: plan.sections(), in_step })
         };
-        cell.stations.iter().map(one).collect()
+        cell.stations.iter().zip(arms).map(one).collect()
     }
 }
