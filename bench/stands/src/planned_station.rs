@@ -19,8 +19,9 @@ pub struct PlannedStation {
     pub waits: Vec<WaitAt>,
     /// What it executes between these.
     pub sections: Vec<ProgramSection>,
-    /// Properties by which the PLC has its arm start and move together with others.
-    pub in_step: ArmInStep,
+    /// Properties by which the PLC has its arm start and move together with others; `None` where
+    /// each arm is on its own.
+    pub in_step: Option<ArmInStep>,
 }
 
 impl PlannedStation {
@@ -35,7 +36,14 @@ impl PlannedStation {
             let planning::PlannedStation { name, setup, application, plan, .. } = station;
             let planned = PlannedCell::of_plan(setup, application, plan)?;
             let (name, setup) = (name.clone(), setup.clone());
-            Ok(Self { name, setup, planned, waits: plan.waits.clone(), sections: plan.sections(), in_step })
+            Ok(Self {
+                name,
+                setup,
+                planned,
+                waits: plan.waits.clone(),
+                sections: plan.sections(),
+                in_step: Some(in_step),
+            })
         };
         cell.stations.iter().zip(arms).map(one).collect()
     }

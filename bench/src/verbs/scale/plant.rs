@@ -102,6 +102,7 @@ impl Plant {
             planned: self.planned.clone(),
             waits: Vec::new(),
             sections: self.plan.sections(),
+            in_step: None,
         }
     }
 

@@ -74,8 +74,9 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
         let faults = cell_faults::of_station(name, faults);
         robots.push(new_robot(station, index, new_buses[number].interface, seed, &mut phases, &faults));
     }
-    let arms = stations.iter().map(|station| station.in_step.clone()).collect();
-    let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work)).in_step(arms);
+    let arms: Option<Vec<_>> = stations.iter().map(|station| station.in_step.clone()).collect();
+    let plc =
+        PlcNode::with_program(scan, buses, placed, Sequences::new(work)).in_step(arms.unwrap_or_default());
     let plc = NewNode { machine: plc, clock: plc_clock, address: None };
     let cell = VirtualCell::of_many(plc, interfaces, robots, seed);
     Ok(NewCell { cell, clocks: CellClocks { plc: plc_clock, robots: phases.robots } })

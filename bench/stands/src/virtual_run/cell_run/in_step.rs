@@ -1,6 +1,6 @@
 //! Arms in step, by true time: where the left tool is in the right tool's frame, and how far apart arms start.
 
-use plc_node::{ExecutionType, Override};
+use plc_node::{ExecutionType, Override, TogetherLeg};
 use robot_node::arm::{Frame, Joints, distance};
 use virtual_time::Impairment;
 
@@ -187,7 +187,7 @@ fn two_arms_that_carry_a_plate_hold_it_to_a_tenth_of_a_millimetre_whatever_happe
 fn without_a_master_the_plate_would_be_torn() {
     let worst = |suspends: Option<(usize, Duration)>, seed: u64| {
         let mut stations = pair("F", seed).stations;
-        stations.iter_mut().for_each(|station| station.in_step.sections.clear());
+        stations.iter_mut().filter_map(|it| it.in_step.as_mut()).for_each(|arm| arm.sections.clear());
         let mut pair = pair_of(stations, seed);
         let together = pair.moves_together(Disturbed { suspends, ..Disturbed::default() }, [2, 3]);
         pair.worst(&together).0
@@ -218,9 +218,13 @@ fn unlike(path: &str, acceleration_percent: f64) -> Vec<PlannedStation> {
     PlannedStation::all(&found.plan(&cell).unwrap()).unwrap()
 }
 
+fn legs_of(station: &PlannedStation) -> &[TogetherLeg] {
+    &station.in_step.as_ref().unwrap().sections[0].legs
+}
+
 /// Returns the share of the section that an arm has driven at each instant. Each skill begins at 0.
 fn shares(station: &PlannedStation, seen: &[Seen]) -> Vec<(Instant, f64)> {
-    let legs: Vec<f64> = station.in_step.sections[0].legs.iter().map(|leg| leg.law.as_secs_f64()).collect();
+    let legs: Vec<f64> = legs_of(station).iter().map(|leg| leg.law.as_secs_f64()).collect();
     let (mut leg, mut before_s) = (0, 0.0);
     let share = |(at, _, law_s): &Seen| {
         if *law_s < before_s - 0.1 {
@@ -242,13 +246,13 @@ fn arms_with_unlike_laws_numbers_of_motions_and_stops_drive_the_same_share_of_th
     for (path, legs) in [(more, 1), (stop, 2)] {
         for (acceleration_percent, overrides) in [(50.0, [None; 2]), (8.0, [Some(100), Some(41)])] {
             let stations = unlike(path, acceleration_percent);
-            assert_eq!(stations[1].in_step.sections[0].legs.len(), legs);
+            assert_eq!(legs_of(&stations[1]).len(), legs);
             let mut pair = pair_of(stations, 3);
             let disturbed = Disturbed { overrides, ..Disturbed::default() };
             let Together { seen, .. } = pair.moves_together(disturbed, [2, 3]);
             let [left, right] = [0, 1].map(|index| shares(&pair.stations[index], &seen[index]));
             let law_s = [0, 1].map(|index| {
-                let legs = &pair.stations[index].in_step.sections[0].legs;
+                let legs = legs_of(&pair.stations[index]);
                 legs.iter().map(|leg| leg.law.as_secs_f64()).sum::<f64>()
             });
             let longest_s = law_s[0].max(law_s[1]);
@@ -272,7 +276,7 @@ fn arms_start_within_their_cycles_of_each_other_in_every_type() {
         for seed in 1..6 {
             let mut pair = pair(cell, seed);
             for execution_type in ExecutionType::ALL {
-                let skew = pair.run.execute(step(execution_type)).unwrap().start_skew.unwrap();
+                let skew = pair.run.execute(step(execution_type)).unwrap().sample.start_skew.unwrap();
                 // An arm starts in a cycle of its own, and no image shows at which part of a bus cycle its robot sends.
                 let explained: Duration = cycles(&pair.stations).iter().sum();
                 assert!(skew <= explained + MS / 10, "{cell} {execution_type}, seed {seed}: {skew:?}");
