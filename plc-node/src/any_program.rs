@@ -1,11 +1,11 @@
 //! A program that is chosen when the PLC starts: the paper's sequences, or exported code.
 
-use machine::Instant;
+use machine::{Duration, Instant};
 use protocol::image::{Digest, Sum};
 
 use crate::exported_program::ExportedProgram;
-use crate::program::{AfterLoss, Led, PlcProgram, Progress, Totals};
-use crate::{ExecutionType, FailureCause, MarkPassage, Sequences, StartError, Station};
+use crate::program::{AfterLoss, Led, PlcProgram, Progress, SetOut, Totals};
+use crate::{ArmInStep, ExecutionType, FailureCause, MarkPassage, Sequences, StartError, Station};
 
 /// The program of a PLC.
 #[derive(Debug)]
@@ -35,6 +35,15 @@ impl AnyProgram {
             Self::Exported(program) => *program.digest(),
         }
     }
+
+    /// Returns the waiting time of a station before shared zones, as [`Sequences::waited_for_zones`] does; exported code has no zones.
+    #[must_use]
+    pub fn waited_for_zones(&self, station: usize) -> Option<Duration> {
+        match self {
+            Self::Sequences(program) => program.waited_for_zones(station),
+            Self::Exported(_) => None,
+        }
+    }
 }
 
 impl From<Sequences> for AnyProgram {
@@ -50,8 +59,16 @@ impl From<ExportedProgram> for AnyProgram {
 }
 
 impl PlcProgram for AnyProgram {
-    fn check(&self, execution_type: ExecutionType) -> Result<(), StartError> {
-        of_program!(self, program => program.check(execution_type))
+    fn check(&self, execution_type: ExecutionType, stations: &[Station]) -> Result<(), StartError> {
+        of_program!(self, program => program.check(execution_type, stations))
+    }
+
+    fn keep_in_step(&mut self, arms: Vec<ArmInStep>) {
+        of_program!(self, program => program.keep_in_step(arms));
+    }
+
+    fn set_out(&mut self, station: usize, stations: &[Station]) -> SetOut {
+        of_program!(self, program => program.set_out(station, stations))
     }
 
     fn begin(&mut self, now: Instant, execution_type: ExecutionType) {

@@ -1,9 +1,11 @@
 //! The robot as the PLC program sees it: what PLCopen calls an axes group and hands to every block by reference.
 
+mod lead;
 mod turn;
 
 use protocol::image::{Command, Control, Feedback, Status};
 
+pub(crate) use lead::Lead;
 use turn::Waiting;
 pub(crate) use turn::{Ticket, Turn};
 
@@ -30,6 +32,8 @@ pub struct AxesGroup {
     pub(crate) commanded: bool,
     /// The skill that waits for the one under way.
     waiting: Option<Waiting>,
+    /// The set-point of a master that leads the arm in place of the override.
+    lead: Option<Lead>,
     /// Number of the last ticket.
     tickets: u16,
     /// Whether a `GroupHalt` is busy.
@@ -54,6 +58,7 @@ impl AxesGroup {
             feedback: None,
             commanded: false,
             waiting: None,
+            lead: None,
             tickets: 0,
             halting: false,
             scans: 0,
@@ -187,8 +192,9 @@ impl AxesGroup {
     /// command, so that a robot that starts meanwhile finds nothing to execute.
     pub fn disarm(&mut self) {
         self.command.control = Control::default();
+        self.command.start_time_ns = 0;
         self.commanded = false;
-        self.waiting = None;
+        (self.waiting, self.lead) = (None, None);
         self.halting = false;
         self.error_stop = None;
         self.feedback = None;
@@ -209,7 +215,7 @@ impl AxesGroup {
         while number == 0 || number == feedback.number {
             number = number.wrapping_add(1);
         }
-        self.command.number = number;
+        (self.command.number, self.command.start_time_ns) = (number, 0);
         self.command.control.set(Control::EXECUTE, true);
         self.commanded = true;
         Ok(number)

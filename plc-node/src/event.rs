@@ -372,6 +372,12 @@ pub enum StartError {
     /// SM and CM have nothing to run.
     #[error("the application has no motions, so there is nothing for {0} to run")]
     NoMotions(ExecutionType),
+    /// An arm is to move together with others, and its robot does not serve that; with the index of the station.
+    #[error(
+        "the robot does not serve SYNC (services, bit 0), so it cannot move together with others; \
+         run rc or sm, or remove `together` from the mark"
+    )]
+    NoSync(usize),
 }
 
 #[cfg(test)]

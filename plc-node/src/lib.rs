@@ -21,6 +21,7 @@
 
 mod advice;
 mod any_program;
+mod arm_in_step;
 mod axes_group;
 pub mod bus;
 pub mod command_line;
@@ -32,6 +33,7 @@ mod export;
 mod export_command;
 mod exported_program;
 pub mod function_blocks;
+pub mod master_axis;
 mod motion_source;
 mod plan_command;
 mod plc;
@@ -50,6 +52,7 @@ mod waiting;
 mod zones;
 
 pub use any_program::AnyProgram;
+pub use arm_in_step::{ArmInStep, RobotTimes, TogetherLeg, TogetherSection};
 pub use axes_group::{AxesGroup, WaitLimits};
 pub(crate) use axes_group::{Ticket, Turn};
 pub use config::PlcConfig;

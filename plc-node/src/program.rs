@@ -6,7 +6,7 @@ use machine::Instant;
 use protocol::image::{Digest, Sum};
 
 use crate::function_blocks::BlockError;
-use crate::{ExecutionType, FailureCause, MarkPassage, StartError, Station};
+use crate::{ArmInStep, ExecutionType, FailureCause, MarkPassage, StartError, Station};
 
 /// The application program of a [`PlcNode`](crate::PlcNode): it is called once in each scan of a run, with all stations.
 ///
@@ -44,13 +44,16 @@ use crate::{ExecutionType, FailureCause, MarkPassage, StartError, Station};
 /// }
 /// ```
 pub trait PlcProgram: Debug + Send {
-    /// Returns why no run of this kind can start, if none can.
+    /// Returns why no run of this kind can start with these stations, which are connected and ready, if none can.
     ///
     /// # Errors
-    /// The program has nothing to run.
-    fn check(&self, _execution_type: ExecutionType) -> Result<(), StartError> {
+    /// The program has nothing to run, or a robot does not serve what it needs.
+    fn check(&self, _execution_type: ExecutionType, _stations: &[Station]) -> Result<(), StartError> {
         Ok(())
     }
+
+    /// Takes the arms that are to start and move together, one for each station. A program that does not lead them leaves it.
+    fn keep_in_step(&mut self, _arms: Vec<ArmInStep>) {}
 
     /// Begins a run; the first [`scan`](Self::scan), which sets the start edge, follows at once.
     fn begin(&mut self, now: Instant, execution_type: ExecutionType);

@@ -45,6 +45,9 @@ const JUMPED_IMAGES: u32 = 25;
 /// This many windows in a row whose images are all late are a clock that was set back a little, or a slower network.
 const LATE_WINDOWS: u32 = 4;
 
+/// Time for which something may wait for an estimate: twice what one takes at most.
+pub(crate) const CLOCK_WAIT: Duration = Duration::from_secs(2);
+
 /// What delays an image from the robot's stamp until the PLC sees it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct StampDelay {

@@ -142,6 +142,11 @@ impl Sequence {
         matches!(self.stage, Stage::Wait { .. })
     }
 
+    /// Returns the number of motions before the current skill.
+    pub(crate) const fn step(&self) -> u32 {
+        self.step
+    }
+
     pub(crate) fn totals(&self) -> Totals {
         self.ended.plus(self.current)
     }
@@ -275,7 +280,7 @@ impl Sequence {
     }
 
     /// Returns whether no block was called for the current step yet.
-    const fn is_between_skills(&self) -> bool {
+    pub(crate) const fn is_between_skills(&self) -> bool {
         match self.execution_type {
             ExecutionType::Rc => self.is_in_sections && !self.is_called,
             ExecutionType::Sm => self.motion.is_none(),

@@ -8,6 +8,7 @@
 
 #[cfg(test)]
 mod exploration;
+mod in_step;
 mod turns;
 #[cfg(test)]
 mod zone_exploration;
@@ -16,8 +17,11 @@ pub use turns::ZoneWait;
 
 use machine::{Duration, Instant};
 use planning::{StationZones, Stop, WaitAt, ZoneSet, ZoneVisit};
-use protocol::image::{Digest, Sum};
+use protocol::image::{Digest, Services, Sum};
 
+use in_step::{ArmPlace, InStep};
+
+use crate::arm_in_step::ArmInStep;
 use crate::motion_source::Digested;
 use crate::program::{AfterLoss, PlcProgram, Progress, SetOut, Totals};
 use crate::sequence::{Reach, Sequence, SkillProgress};
@@ -68,6 +72,8 @@ pub struct MarkPassage {
 pub struct Sequences {
     parts: Vec<Part>,
     zones: Zones,
+    in_step: InStep,
+    execution_type: ExecutionType,
 }
 
 /// The sequence of a station.
@@ -162,6 +168,18 @@ impl Part {
         self.passed += 1;
     }
 
+    /// Returns where the arm is, as far as others that are in step with it need to know.
+    fn place(&self) -> ArmPlace {
+        let passed = self.passed.checked_sub(1).and_then(|last| self.waits.get(last));
+        ArmPlace {
+            passed: passed.filter(|_| self.state == PartState::Running).map(|wait| wait.mark),
+            step: self.sequence.step(),
+            is_called: self.state == PartState::Running && !self.sequence.is_between_skills(),
+            stands: self.stands_at().is_some(),
+            total: self.motions.total(),
+        }
+    }
+
     /// Returns whether the arm comes to a mark in this run that it has not passed.
     fn comes_to(&self, mark: u32) -> bool {
         self.waits.iter().skip(self.passed).any(|wait| wait.mark == mark)
@@ -178,7 +196,12 @@ impl Sequences {
     #[must_use]
     pub fn new(work: Vec<StationWork>) -> Self {
         let parts: Vec<Part> = work.into_iter().map(Part::new).collect();
-        Self { zones: Zones::unknown(parts.len()), parts }
+        Self {
+            zones: Zones::unknown(parts.len()),
+            parts,
+            in_step: InStep::default(),
+            execution_type: ExecutionType::Rc,
+        }
     }
 
     /// Returns the waits of a station before shared zones in this run, or in the last one, in order.
@@ -257,15 +280,27 @@ impl Sequences {
 }
 
 impl PlcProgram for Sequences {
-    fn check(&self, execution_type: ExecutionType) -> Result<(), StartError> {
+    fn check(&self, execution_type: ExecutionType, stations: &[Station]) -> Result<(), StartError> {
         let is_empty = |part: &Part| part.motions.total() == 0;
         if execution_type != ExecutionType::Rc && self.parts.iter().any(is_empty) {
             return Err(StartError::NoMotions(execution_type));
         }
-        Ok(())
+        let is_led = |(index, _): &(usize, &Station)| self.in_step.moves_together(execution_type, *index);
+        let serves = |station: &Station| {
+            station.group().feedback().is_some_and(|feedback| feedback.services.contains(Services::SYNC))
+        };
+        let mut led = stations.iter().enumerate().filter(is_led);
+        led.find(|(_, station)| !serves(station))
+            .map_or(Ok(()), |(station, _)| Err(StartError::NoSync(station)))
+    }
+
+    fn keep_in_step(&mut self, arms: Vec<ArmInStep>) {
+        self.in_step = InStep::of(arms);
     }
 
     fn begin(&mut self, _now: Instant, execution_type: ExecutionType) {
+        self.execution_type = execution_type;
+        self.in_step.begin();
         self.parts.iter_mut().for_each(|part| part.begin(execution_type));
         for arm in 0..self.parts.len() {
             // A run begins with all arms at their starts, which are outside of all zones.
@@ -295,7 +330,7 @@ impl PlcProgram for Sequences {
         self.pass_marks(now);
         self.take_turns(now);
         let mut is_running = false;
-        for (index, (part, station)) in self.parts.iter_mut().zip(stations).enumerate() {
+        for (index, (part, station)) in self.parts.iter_mut().zip(&mut *stations).enumerate() {
             if part.state != PartState::Running || part.trouble.is_some() {
                 continue;
             }
@@ -310,6 +345,8 @@ impl PlcProgram for Sequences {
             }
         }
         self.parts.iter_mut().for_each(|part| part.note_arrival(now));
+        let place = |index: usize| self.parts.get(index).map(Part::place);
+        self.in_step.lead(now, self.execution_type, place, stations);
         let running = self.parts.iter_mut().filter(|part| part.state == PartState::Running);
         if let Some(trouble) = running.filter_map(|part| part.trouble.take()).next() {
             return trouble;
@@ -339,7 +376,7 @@ impl PlcProgram for Sequences {
                 || part.sequence.waits()
                 || part.stands_at().is_some()
                 || part.turns.stands_before(&part.sequence, part.reach_of_marks()).is_some()
-        })
+        }) || self.in_step.waits(station)
     }
 
     fn marks(&self, station: usize) -> [u32; 2] {

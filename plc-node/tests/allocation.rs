@@ -5,13 +5,16 @@
 use machine::wire::{BigEndian, FRAME_CAPACITY};
 use machine::{Duration, Instant, Multihomed, Port, Source};
 use planning::{Stop, Switch, ToStart, WaitAt, ZoneVisit};
+use plc_node::robot_clock::StampDelay;
 use plc_node::{
-    ExecutionType, MotionList, PlacedStation, PlcConfig, PlcEvent, PlcNode, Scan, Sequences, StationConfig,
-    StationWork, WaitLimits,
+    ArmInStep, ExecutionType, MotionList, PlacedStation, PlcConfig, PlcEvent, PlcNode, RobotTimes, Scan,
+    Sequences, StationConfig, StationWork, TogetherLeg, TogetherSection, WaitLimits,
 };
 use protocol::direct::Direct;
 use protocol::fieldbus::StationId;
-use protocol::image::{Command, Control, Feedback, IMAGE_LEN, Motion, MotionKind, Skill, State, Status};
+use protocol::image::{
+    Command, Control, Feedback, IMAGE_LEN, Motion, MotionKind, Services, Skill, State, Status,
+};
 use protocol::one_station::OneStation;
 use protocol_linux::allocation::{self, AllocationCounter};
 
@@ -95,13 +98,24 @@ fn with_two_stations() -> PlcNode<OneStation<Direct>> {
     };
     let scan = Scan::new(Instant::ZERO, MS, Duration::ZERO);
     let program = Sequences::new(vec![work(3), work(7)]);
+    let arm = || ArmInStep {
+        stamp: StampDelay { least: Duration::ZERO, spread: MS },
+        times: RobotTimes::default(),
+        sections: vec![TogetherSection {
+            mark: 1,
+            legs: vec![TogetherLeg { end: 13, law: MS * 50 }],
+            has_force: false,
+        }],
+    };
     PlcNode::with_program(scan, vec![bus(), bus()], vec![placed(0), placed(1)], program)
+        .in_step(vec![arm(), arm()])
 }
 
 /// Runs so many steps. In every fourth run a robot of several is lost. Returns the runs, and those that failed.
 fn run(plc: &mut PlcNode<OneStation<Direct>>, steps: usize) -> [usize; 2] {
     let stations = plc.stations().len();
-    let robot = Feedback { state: State::Ready, status: Status::ENABLED, ..Feedback::default() };
+    let (state, status, services) = (State::Ready, Status::ENABLED, Services::SYNC);
+    let robot = Feedback { state, status, services, ..Feedback::default() };
     let (mut robots, mut frame, mut image) = ([robot; 2], [0; FRAME_CAPACITY], [0; IMAGE_LEN]);
     let source = Source { port: Port::Ethernet, peer: None };
     let (mut now, mut runs, mut failed, mut silent) = (Instant::ZERO, 0, 0, 0);
@@ -112,6 +126,7 @@ fn run(plc: &mut PlcNode<OneStation<Direct>>, steps: usize) -> [usize; 2] {
         while let Some((on, transmit)) = plc.poll_transmit(now, &mut frame) {
             let robot = &mut robots[usize::from(on.0)];
             answer(&Command::parse::<BigEndian>(&frame[..transmit.len]).unwrap(), robot);
+            robot.clock_ns = now.as_nanos();
             robot.emit::<BigEndian>(&mut image);
             if silent == 0 || usize::from(on.0) != runs / 4 % stations {
                 plc.handle_frame(now, on, source, &image);

@@ -78,14 +78,8 @@ pub fn rehearse_watched(
     (calls, override_percent): (Calls, u8),
     watch: &mut dyn FnMut(&Controller),
 ) -> Result<Rehearsed, RehearsalError> {
-    let config = RobotConfig {
-        home: start,
-        interpreter_quantum: Duration::ZERO,
-        start_quantum: Duration::ZERO,
-        continuous_start_cycles: 0,
-        ..config.clone()
-    };
-    let mut stage = Stage::new(config, Program::new(motions.to_vec(), stops), override_percent);
+    let program = Program::new(motions.to_vec(), stops);
+    let mut stage = Stage::new(at_once(config, start), program, override_percent);
     match calls {
         Calls::Program => stage.call(0, motions, Skill::RunProgram, watch)?,
         Calls::Singles => {
@@ -109,6 +103,47 @@ pub fn rehearse_watched(
     Ok(stage.done)
 }
 
+/// Returns the time on its law of each part of the motions, which an arm that first stands at `start` executes as one
+/// MoveContinuousSkill: what the master of arms that move together counts. `ends` are the numbers of motions before the end of
+/// each part, in order.
+///
+/// # Errors
+///
+/// A part did not end as commanded.
+pub fn law_times(
+    config: &RobotConfig,
+    start: Joints,
+    motions: &[Motion],
+    ends: &[usize],
+) -> Result<Vec<Duration>, RehearsalError> {
+    let mut stage = Stage::new(at_once(config, start), Program::new(motions.to_vec(), &[]), 100);
+    stage.leads = true;
+    let mut from = 0;
+    let mut times = Vec::with_capacity(ends.len());
+    for end in ends {
+        let part = motions.get(from..*end).unwrap_or_default();
+        if part.is_empty() {
+            times.push(Duration::ZERO);
+            continue;
+        }
+        stage.call(from, part, Skill::MoveContinuous, &mut |_| {})?;
+        times.push(Duration::from_micros(stage.controller.feedback().law_time_us.into()));
+        from = *end;
+    }
+    Ok(times)
+}
+
+/// Returns the robot at `start`, with an interpreter that notices each call at once.
+fn at_once(config: &RobotConfig, start: Joints) -> RobotConfig {
+    RobotConfig {
+        home: start,
+        interpreter_quantum: Duration::ZERO,
+        start_quantum: Duration::ZERO,
+        continuous_start_cycles: 0,
+        ..config.clone()
+    }
+}
+
 /// The controller, and what it did so far.
 struct Stage {
     controller: Controller,
@@ -116,6 +151,8 @@ struct Stage {
     command: Command,
     cycle: Duration,
     at: Instant,
+    /// Set where a master leads the arm, which is always ahead of it: the feedback has the law's time then.
+    leads: bool,
     done: Rehearsed,
 }
 
@@ -128,7 +165,7 @@ impl Stage {
         let mut command = Command { program: PROGRAM, override_percent, ..Command::default() };
         command.control = Control::ENABLE | Control::RESET;
         let done = Rehearsed { account: Account::default(), quality: Quality::default(), end_pose: [0.0; 6] };
-        let mut stage = Self { controller, drives, command, cycle, at, done };
+        let mut stage = Self { controller, drives, command, cycle, at, leads: false, done };
         stage.tick();
         while stage.controller.feedback().state != State::Ready && stage.at < Instant::ZERO + patience {
             stage.at += cycle;
@@ -158,6 +195,10 @@ impl Stage {
     ) -> Result<(), RehearsalError> {
         let command = &mut self.command;
         command.control = Control::ENABLE | Control::EXECUTE;
+        if self.leads {
+            command.control.set(Control::SYNC, true);
+            command.law_time_us = u32::MAX;
+        }
         command.number = command.number.wrapping_add(1).max(1);
         (command.skill, command.written) = (skill, 0);
         command.total = u32::try_from(motions.len()).unwrap_or(u32::MAX);

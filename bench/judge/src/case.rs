@@ -140,6 +140,15 @@ pub enum Intervention {
     Disable,
     /// The connection is lost.
     Disconnect,
+    /// A master leads the arm from where it is, with this share of its law's speed in %: 0 stands, more than 100 it cannot
+    /// follow.
+    Lead(u8),
+    /// The master is at once so many ms of the law farther, or farther back.
+    Jump(i32),
+    /// Images with set-points come no more for so many cycles, or hold at times far away.
+    Starve(u16),
+    /// No master leads the arm any more.
+    Free,
 }
 
 /// A motion as the PLC programs it. Units are those of the image: see `protocol::image::Motion`.

@@ -52,6 +52,7 @@ pub fn run(case: &Case, setup: &Setup, classes: &[Class]) -> Result<Outcome, Con
         run_cycle: 0,
         is_connected: true,
         is_suspended: false,
+        master: None,
         outcome: Outcome::default(),
     };
     for (index, run) in case.runs.iter().enumerate() {
@@ -78,8 +79,23 @@ struct Driver {
     run_cycle: u32,
     is_connected: bool,
     is_suspended: bool,
+    master: Option<LeadingMaster>,
     outcome: Outcome,
 }
+
+/// A master that leads the arm.
+#[derive(Clone, Copy)]
+struct LeadingMaster {
+    /// Share of the law's speed.
+    share: f64,
+    /// Where it is, in s.
+    law_s: f64,
+    /// Cycles without new set-points.
+    starves: u16,
+}
+
+/// Robot cycles before it holds that a set-point is sent.
+const LEAD_CYCLES: u32 = 5;
 
 impl Driver {
     /// One robot cycle.
@@ -87,6 +103,7 @@ impl Driver {
         self.at += self.cycle;
         self.run_cycle += 1;
         self.command.life = self.command.life.wrapping_add(1);
+        self.lead();
         let command = self.is_connected.then_some(&self.command);
         self.controller.tick(self.at, command);
         while self.controller.poll_event().is_some() {}
@@ -99,13 +116,36 @@ impl Driver {
         });
     }
 
+    /// Writes the master's set-point into the command.
+    fn lead(&mut self) {
+        let seconds = self.cycle.as_secs_f64();
+        self.command.control.set(Control::SYNC, self.master.is_some());
+        let Some(master) = &mut self.master else {
+            (self.command.start_time_ns, self.command.law_time_us) = (0, 0);
+            return;
+        };
+        master.law_s = (master.law_s + master.share * seconds).max(0.0);
+        if let Some(left) = master.starves.checked_sub(1) {
+            master.starves = left;
+            return;
+        }
+        self.command.start_time_ns = (self.at + self.cycle * LEAD_CYCLES).as_nanos();
+        self.command.law_time_us = (master.law_s * 1e6) as u32;
+    }
+
+    /// Has a master lead the arm from where it is.
+    fn lead_with(&mut self, percent: u8) {
+        let law_s = self.master.map_or_else(|| f64::from(self.feedback().law_time_us) / 1e6, |it| it.law_s);
+        self.master = Some(LeadingMaster { share: f64::from(percent) / 100.0, law_s, starves: 0 });
+    }
+
     const fn feedback(&self) -> &Feedback {
         self.controller.feedback()
     }
 
     /// Brings the robot to `Ready`, whatever was before.
     fn reset(&mut self) {
-        (self.is_connected, self.is_suspended) = (true, false);
+        (self.is_connected, self.is_suspended, self.master) = (true, false, None);
         for control in [Control::ENABLE | Control::RESUME, Control::ENABLE | Control::RESET, Control::ENABLE]
         {
             self.command.control = control;
@@ -148,6 +188,10 @@ impl Driver {
     /// Calls a skill with a new command number.
     fn call(&mut self, skill: Skill, program: u16, execution: Execution, motions: &[Programmed]) {
         self.command.number += 1;
+        // Each skill begins at 0.
+        if let Some(master) = &mut self.master {
+            master.law_s = 0.0;
+        }
         self.command.skill = skill;
         self.command.program = program;
         (self.command.total, self.command.written) = (motions.len() as u32, 0);
@@ -220,6 +264,18 @@ impl Driver {
                 Intervention::Halt => self.command.control.set(Control::HALT, true),
                 Intervention::Disable => self.command.control.set(Control::ENABLE, false),
                 Intervention::Disconnect => self.is_connected = false,
+                Intervention::Lead(percent) => self.lead_with(percent),
+                Intervention::Jump(millis) => {
+                    if let Some(master) = &mut self.master {
+                        master.law_s = (master.law_s + f64::from(millis) / 1e3).max(0.0);
+                    }
+                }
+                Intervention::Starve(cycles) => {
+                    if let Some(master) = &mut self.master {
+                        master.starves = cycles;
+                    }
+                }
+                Intervention::Free => self.master = None,
             }
         }
     }

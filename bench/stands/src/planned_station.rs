@@ -1,6 +1,7 @@
 //! A station of a planned cell: what its robot executes, section by section, and where it waits for others.
 
 use planning::{ProgramSection, StationZones, WaitAt, ZoneVisit};
+use plc_node::ArmInStep;
 use setup::Setup;
 
 use crate::planned_cell::PlannedCell;
@@ -22,6 +23,9 @@ pub struct PlannedStation {
     pub zones: Option<StationZones>,
     /// What it executes between these.
     pub sections: Vec<ProgramSection>,
+    /// Properties by which the PLC has its arm start and move together with others; `None` where
+    /// each arm is on its own.
+    pub in_step: Option<ArmInStep>,
 }
 
 impl PlannedStation {
@@ -29,15 +33,22 @@ impl PlannedStation {
     ///
     /// # Errors
     ///
-    /// A setup describes no robot, or an arm does not reach its start.
+    /// A setup describes no robot, or an arm does not reach its start or does not execute its motions.
     pub fn all(cell: &planning::PlannedCell) -> anyhow::Result<Vec<Self>> {
-        let one = |station: &planning::PlannedStation| {
+        let arms = ArmInStep::all(cell)?;
+        let one = |(station, in_step): (&planning::PlannedStation, ArmInStep)| {
             let planning::PlannedStation { name, setup, application, plan, zones, .. } = station;
-            let planned = PlannedCell::of_plan(setup, application, plan)?;
-            let (name, setup) = (name.clone(), setup.clone());
-            let (waits, visits, sections) = (plan.waits.clone(), plan.visits.clone(), plan.sections());
-            Ok(Self { name, setup, planned, waits, visits, zones: zones.clone(), sections })
+            Ok(Self {
+                name: name.clone(),
+                setup: setup.clone(),
+                planned: PlannedCell::of_plan(setup, application, plan)?,
+                waits: plan.waits.clone(),
+                visits: plan.visits.clone(),
+                zones: zones.clone(),
+                sections: plan.sections(),
+                in_step: Some(in_step),
+            })
         };
-        cell.stations.iter().map(one).collect()
+        cell.stations.iter().zip(arms).map(one).collect()
     }
 }

@@ -50,7 +50,10 @@ fn two_robots_in_line_on_ethercat_run_in_virtual_time_and_are_refused_on_a_real_
     assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
     let results = fs::read(directory.path().join("line/results.json")).unwrap();
     let results: serde_json::Value = serde_json::from_slice(&results).unwrap();
-    assert_eq!((&results["status"], &results["stations"][0]["bus"]), (&"complete".into(), &"ethercat".into()));
+    assert_eq!(
+        (&results["status"], &results["stations"][0]["bus"]),
+        (&"complete".into(), &"ethercat".into())
+    );
     let real = bench(directory.path(), ["--setup", "line.toml", "--mode", "real", "--out", "real"]);
     assert_eq!(real.code, Some(2), "{}", real.stderr);
     assert!(real.stderr.contains("stations left and right are both on EtherCAT"), "{}", real.stderr);

@@ -15,6 +15,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             let received = self.counters_of(index).received;
             if let Some(station) = self.stations.get_mut(index) {
                 station.life.note_arrival(now, received);
+                station.note_stamp(now, || self.buses.get(bus)?.input(id));
             }
         }
         self.drain_bus(bus);

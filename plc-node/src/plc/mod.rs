@@ -1,12 +1,14 @@
 //! The PLC: buses, stations, a program, and one scan over all of them.
 //!
 //! ```text
+//! arms           arms in step, suspended and resumed
 //! as_multihomed  the PLC as a machine on an interface for each bus: time and frames
 //! led            a program that leads the stations itself, as exported code does
 //! links          what the buses report, and the images that they are given
 //! run            the way to the start of a run, its scans and its end
 //! ```
 
+mod arms;
 mod as_multihomed;
 mod led;
 mod links;
@@ -150,7 +152,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         if let Some(station) = self.stations.iter().find(|station| station.state == StationState::Preparing) {
             return Err(station.not_ready());
         }
-        self.program.check(execution_type)?;
+        self.program.check(execution_type, &self.stations)?;
         self.mode = Mode::Starting(execution_type);
         Ok(())
     }

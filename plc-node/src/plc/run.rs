@@ -2,10 +2,12 @@
 
 use machine::Instant;
 use protocol::fieldbus::{ControllerBus, Counters};
+use protocol::image::Control;
 
 use super::{Mode, PlcNode};
 use crate::function_blocks::BlockError;
 use crate::program::{PlcProgram, Progress};
+use crate::robot_clock::CLOCK_WAIT;
 use crate::station::{Station, StationState};
 use crate::{Commanded, Execution, ExecutionType, Failure, FailureCause, OverrideSchedule, PlcEvent, Seen};
 
@@ -24,6 +26,8 @@ pub(super) struct Run {
     before: Vec<Before>,
     /// The first station that was lost while others went on, and why.
     lost: Option<(usize, FailureCause)>,
+    /// Since when the next run waits for the estimates of clocks.
+    waits_for_clocks: Option<Instant>,
 }
 
 /// A station at the start of a run.
@@ -58,6 +62,7 @@ impl Run {
             started_in_scan: 0,
             before: vec![before; stations],
             lost: None,
+            waits_for_clocks: None,
         }
     }
 
@@ -84,9 +89,19 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 station.move_to_start(false, &mut self.events);
             }
         }
-        if self.stations.iter().all(Station::is_ready) {
+        if self.stations.iter().all(Station::is_ready) && self.knows_clocks(now) {
             self.begin_run(now, execution_type);
         }
+    }
+
+    /// Returns whether the clocks of all robots are known, of those that the PLC estimates; after some time in which a clock
+    /// shows nothing that it can use, also without them.
+    fn knows_clocks(&mut self, now: Instant) -> bool {
+        let mut clocks = self.stations.iter().filter_map(Station::robot_clock);
+        if clocks.all(|clock| clock.robot_time(now).is_some()) {
+            return true;
+        }
+        now.since(*self.run.waits_for_clocks.get_or_insert(now)) >= CLOCK_WAIT
     }
 
     fn begin_run(&mut self, now: Instant, execution_type: ExecutionType) {
@@ -102,7 +117,9 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         (self.run.overrides, self.run.overridden) = (self.overrides, 0);
         self.run.override_percent = [u8::MAX, 0];
         (self.run.started_at, self.run.started_in_scan) = (now, self.scans);
-        self.run.lost = None;
+        (self.run.lost, self.run.waits_for_clocks) = (None, None);
+        // What resumed a skill of the run before has done so.
+        self.stations.iter_mut().for_each(|station| station.group_mut().set_control(Control::RESUME, false));
         self.program.begin(now, execution_type);
         self.mode = Mode::Running;
         let after = self.command().number;

@@ -10,7 +10,7 @@ use setup::Bus;
 
 use super::{OnInstruction, Run, Standalone, do_without_arp};
 use crate::bus::{self, PlcBus};
-use crate::{PlacedStation, PlcConfig, PlcNode, Scan, Sequences};
+use crate::{ArmInStep, PlacedStation, PlcConfig, PlcNode, Scan, Sequences};
 use node::list::flat;
 
 impl Run {
@@ -19,9 +19,11 @@ impl Run {
         let prepared = self.options.prepare_cell()?;
         // A PLC has its addresses from its project.
         prepared.take_addresses()?;
+        // The rehearsal of arms that move together takes its time: it comes before the first cycle.
+        let arms = ArmInStep::all(&prepared.planned)?;
         let start = node::run::first_cycle();
         let buses = open_buses(&prepared, start)?;
-        let node = plc(&prepared, buses, start);
+        let node = plc(&prepared, buses, start, arms);
         let endpoint = endpoint(&prepared);
         if self.options.takes_instructions() {
             prepared.supervise(&self.options, &endpoint, node, &mut OnInstruction::default())
@@ -47,7 +49,7 @@ fn open_buses(prepared: &PreparedCell, start: Instant) -> anyhow::Result<Vec<Plc
 }
 
 /// Creates the PLC with all stations, each with its motions and its marks.
-fn plc(prepared: &PreparedCell, buses: Vec<PlcBus>, start: Instant) -> PlcNode<PlcBus> {
+fn plc(prepared: &PreparedCell, buses: Vec<PlcBus>, start: Instant, arms: Vec<ArmInStep>) -> PlcNode<PlcBus> {
     let mut works = Vec::new();
     let mut placed = Vec::new();
     for (index, planned) in prepared.planned.stations.iter().enumerate() {
@@ -60,7 +62,7 @@ fn plc(prepared: &PreparedCell, buses: Vec<PlcBus>, start: Instant) -> PlcNode<P
     let scan_cycle = Duration::from_micros(prepared.cell.plc.scan_cycle_us.value.into());
     // On a real clock the scan takes what it takes.
     let scan = Scan::new(start, scan_cycle, Duration::ZERO);
-    PlcNode::with_program(scan, buses, placed, Sequences::new(works))
+    PlcNode::with_program(scan, buses, placed, Sequences::new(works)).in_step(arms)
 }
 
 /// Returns the index of a station's bus, and its number there.

@@ -115,6 +115,7 @@ fn station_of(stations: &[Station], error: StartError) -> Option<usize> {
     match error {
         StartError::NotConnected => stations.iter().position(|station| !station.is_connected()),
         StartError::NotReady { .. } => stations.iter().position(Station::is_preparing),
+        StartError::NoSync(station) => Some(station),
         StartError::Running(_) | StartError::NoMotions(_) => None,
     }
 }

@@ -69,6 +69,7 @@ impl Station {
         }
         (self.inputs, self.outdated_since) = (image, None);
         self.group.read(feedback);
+        self.observe_clock();
         None
     }
 

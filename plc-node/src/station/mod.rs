@@ -1,12 +1,14 @@
 //! A station of the PLC: a robot as the PLC sees it, with its images and its readiness.
 //!
 //! ```text
+//! clock       the robot's clock, by the instants at which its frames arrive
 //! inputs      the robot's image: taken over, or refused
 //! readiness   leads the robot to Ready, and the arm to where a run starts
 //! start_position  where that is, and how the PLC knows
 //! silence     what the PLC waits for, and when it gives up a robot that shows no progress
 //! ```
 
+mod clock;
 mod inputs;
 mod readiness;
 mod silence;
@@ -19,6 +21,7 @@ use protocol::image::{
     Checks, Command, CommandSealer, FeedbackChecker, IMAGE_LEN, Image, LifeMonitor, Motion, Order,
 };
 
+use clock::StationClock;
 use readiness::Readiness;
 pub(crate) use readiness::WayToStart;
 use silence::Silence;
@@ -92,6 +95,8 @@ pub struct Station {
     received: Option<Image>,
     checker: FeedbackChecker,
     pub(crate) life: LifeMonitor,
+    /// Estimates the robot's clock, where arms start or move together.
+    clock: Option<Box<StationClock>>,
     /// Since when all images were refused as outdated; `None` while they are not.
     outdated_since: Option<Instant>,
     /// The image that the last scan computed; on the bus once the scan's cost has passed.
@@ -125,6 +130,7 @@ impl Station {
             received: None,
             checker: FeedbackChecker::default(),
             life: LifeMonitor::new(robot_cycle),
+            clock: None,
             outdated_since: None,
             outputs: [0; IMAGE_LEN],
             sealer: CommandSealer::default(),
@@ -261,7 +267,8 @@ impl Station {
         if std::mem::take(&mut self.is_image_set) {
             return;
         }
-        let command = self.group.command();
+        let led = self.group.led_command();
+        let command = led.as_ref().unwrap_or_else(|| self.group.command());
         let slots = Some((command.number, command.written));
         if std::mem::replace(&mut self.emitted, slots) == slots {
             self.order.emit_command_head(command, &mut self.outputs);
@@ -285,6 +292,7 @@ impl Station {
     pub(crate) fn disarm(&mut self) {
         self.is_connected = false;
         self.forget_images();
+        self.forget_clock();
         self.state = StationState::Preparing;
         self.readiness = Readiness::default();
         self.start_not_reached = false;

@@ -105,6 +105,7 @@ impl Station {
     /// Has the next scans lead the robot to `Ready` again.
     pub(crate) fn prepare_again(&mut self, start_not_reached: bool) {
         self.group.release(self.group.command().number, false);
+        self.group.set_lead(None);
         self.state = StationState::Preparing;
         // What the program has set in this scan must not go out: it may execute.
         self.is_image_set = false;

@@ -3,8 +3,8 @@
 use machine::{Duration, Instant, InterfaceId};
 use planning::{Stop, ToStart, WaitAt};
 use plc_node::{
-    ExecutionType, MotionList, PlacedStation, PlcEvent, PlcNode, PlcProgram, PlcReport, Scan, Sequences,
-    StationConfig, StationWork, WaitLimits,
+    ArmInStep, ExecutionType, MotionList, PlacedStation, PlcEvent, PlcNode, PlcProgram, PlcReport, Scan,
+    Sequences, StationConfig, StationWork, WaitLimits,
 };
 use protocol::direct::Direct;
 use protocol::fieldbus::StationId;
@@ -16,6 +16,7 @@ use crate::robot::{CYCLE, Robot, Script};
 
 pub(crate) const MS: Duration = Duration::from_millis(1);
 const WATCHDOG: Duration = Duration::from_millis(20);
+pub(crate) const CABLE: Duration = Duration::from_micros(25);
 pub(crate) const LEFT: usize = 0;
 pub(crate) const RIGHT: usize = 1;
 
@@ -88,19 +89,43 @@ fn sections(work: &StationWork) -> Vec<u32> {
     sections.filter(|motions| *motions > 0).collect()
 }
 
+/// Returns a cell whose stations have this work, with arms in step, on cables that do this to frames; the robots' clocks drift.
+pub(crate) fn cell_in_step(work: [StationWork; 2], arms: Vec<ArmInStep>, link: Impairment) -> Cell {
+    let programs = [LEFT, RIGHT].map(|station| sections(&work[station]));
+    let plc = plc(Sequences::new(work.into()), [placed(0, 0, "left"), placed(1, 0, "right")]);
+    let clocks = CLOCKS.map(|(offset_ns, drift_ppb)| Clock { offset_ns, drift_ppb });
+    let mut cell = cell_of(plc.in_step(arms), clocks, link);
+    for (station, programs) in programs.into_iter().enumerate() {
+        cell.robot(station, |robot| robot.programs = programs);
+    }
+    cell
+}
+
+/// Offsets and drifts of the robots' clocks in such a cell.
+pub(crate) const CLOCKS: [(u64, i32); 2] = [(7_000_000_000, 30_000), (123_456_789, -30_000)];
+
 pub(crate) fn cell_with<P: PlcProgram>(program: P, stations: [PlacedStation; 2]) -> Cell<P> {
-    let mut network = Network::new(1);
+    let link = Impairment { delay: CABLE, ..Impairment::default() };
+    cell_of(plc(program, stations), [Clock::default(); 2], link)
+}
+
+fn plc<P: PlcProgram>(program: P, stations: [PlacedStation; 2]) -> Plc<P> {
     let buses = vec![OneStation::new(end(300)), OneStation::new(end(400))];
-    let plc = PlcNode::with_program(scan(), buses, stations.into(), program);
+    PlcNode::with_program(scan(), buses, stations.into(), program)
+}
+
+fn cell_of<P: PlcProgram>(plc: Plc<P>, clocks: [Clock; 2], link: Impairment) -> Cell<P> {
+    let mut network = Network::new(1);
     let plc = network.add_node("plc", Either::A(plc), Clock::default());
     let mut cables = Vec::new();
     let robots = [LEFT, RIGHT].map(|station| {
-        let script = Script::new(Instant::from_micros(1_900 + 700 * station as u64));
-        let robot = Robot { script, bus: end(700 + 50 * station as u64) };
-        let robot = network.add_node("robot", Either::B(robot), Clock::default());
+        let clock = clocks[station];
+        let first_us = clock.offset_ns / 1_000;
+        let script = Script::new(Instant::from_micros(first_us + 1_900 + 700 * station as u64));
+        let robot = Robot { script, bus: end(first_us + 700 + 50 * station as u64) };
+        let robot = network.add_node("robot", Either::B(robot), clock);
         let ours = network.add_nic(plc, &[InterfaceId(station as u8)], None, None);
         let its = network.add_nic(robot, &[InterfaceId::FIRST], None, None);
-        let link = Impairment { delay: Duration::from_micros(25), ..Impairment::default() };
         cables.extend(network.connect([Plug::Nic(ours), Plug::Nic(its)], [link; 2]));
         robot
     });

@@ -3,6 +3,7 @@
 
 mod buses;
 mod cell;
+mod in_step;
 mod line;
 mod losses;
 mod marks;

@@ -82,7 +82,9 @@ impl Script {
         }
         let mut image = [0; IMAGE_LEN];
         order.emit_feedback(&self.feedback, &mut image);
-        FeedbackSealer::default().seal(order, &mut image);
+        let mut sealer = FeedbackSealer::default();
+        sealer.take_tail(&image);
+        sealer.seal(order, &mut image);
         Some(image)
     }
 

@@ -1,8 +1,13 @@
 //! The byte order of a bus, as a value: nodes read and write their images in the order of their bus.
 
+use core::ops::Range;
+
 use machine::wire::{BigEndian, LittleEndian, Truncated};
 
 use super::{Command, Feedback, Image};
+
+/// Bytes of a feedback with the robot's clock.
+const CLOCK: Range<usize> = 28..36;
 
 /// Order of the bytes of a number on a bus.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -47,6 +52,16 @@ impl Order {
     /// Parses feedback like [`Feedback::parse`].
     pub fn parse_feedback(self, image: &Image) -> Result<Feedback, Truncated> {
         in_order!(self, Feedback::parse(image))
+    }
+
+    /// Returns the robot's clock of a feedback, in ns, without reading the rest.
+    #[must_use]
+    pub fn feedback_clock(self, image: &Image) -> u64 {
+        let bytes = image.get(CLOCK).and_then(|bytes| <[u8; 8]>::try_from(bytes).ok()).unwrap_or_default();
+        match self {
+            Self::BigEndian => u64::from_be_bytes(bytes),
+            Self::LittleEndian => u64::from_le_bytes(bytes),
+        }
     }
 
     /// Writes feedback like [`Feedback::emit`].

@@ -233,6 +233,7 @@ fn an_image_is_read_in_the_byte_order_in_which_it_was_written_and_not_in_the_oth
         assert_eq!(order.parse_command(&image), Ok(head));
         order.emit_feedback(&feedback, &mut image);
         assert_eq!(order.parse_feedback(&image), Ok(feedback));
+        assert_eq!((order.feedback_clock(&image), other.feedback_clock(&image)), (5, 5 << 56));
         assert_eq!(other.parse_feedback(&image).map(|feedback| feedback.number), Ok(0x0403));
     }
 }

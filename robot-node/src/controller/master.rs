@@ -18,6 +18,9 @@ const GAIN: f64 = 20.0;
 /// The rate stays as long as it changes by less.
 const STEADY: f64 = 2e-4;
 
+/// Set-points that are kept, one a cycle: of as much time as the horizon in cycles of 2 ms.
+const KEPT: usize = 50;
+
 /// Where on its law the arm should be at a time.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct SetPoint {
@@ -25,35 +28,74 @@ struct SetPoint {
     law_us: u32,
 }
 
-/// The master, as the last two set-points have it.
+impl SetPoint {
+    fn law_s(&self) -> f64 {
+        f64::from(self.law_us) / 1e6
+    }
+
+    /// Returns the rate of a master from this set-point to a later one, from 0 to 1.
+    fn rate_to(&self, later: &Self) -> f64 {
+        let seconds = later.at.since(self.at).as_secs_f64();
+        if seconds > 0.0 { ((later.law_s() - self.law_s()) / seconds).clamp(0.0, 1.0) } else { 0.0 }
+    }
+}
+
+/// The master, as the last set-points have it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Master {
     /// Start time and life counter of the last set-point's image.
     image: (u64, u16),
-    last: SetPoint,
-    /// Rate of the master, from 0 to 1.
+    /// The last set-points, in a ring, with times that grow.
+    ring: [SetPoint; KEPT],
+    count: usize,
+    /// Rate of the master at the end of them, from 0 to 1.
     rate: f64,
     /// Rate of the arm that was asked for last.
     asked: f64,
 }
 
 impl Master {
-    /// Returns the master after one more command; `before` is the one until now.
-    fn after(before: Option<Self>, at: Instant, command: &Command) -> Self {
+    /// Creates a master that has sent one set-point.
+    fn first(at: Instant, command: &Command) -> Self {
+        let (image, first) = Self::read(at, command);
+        Self { image, ring: [first; KEPT], count: 1, rate: 0.0, asked: 0.0 }
+    }
+
+    fn read(at: Instant, command: &Command) -> ((u64, u16), SetPoint) {
         let Command { start_time_ns, law_time_us: law_us, life, .. } = *command;
-        let image = (start_time_ns, life);
         let holds_at = if start_time_ns == 0 { at } else { Instant::from_nanos(start_time_ns) };
-        let last = SetPoint { at: holds_at, law_us };
-        let Some(before) = before else { return Self { image, last, rate: 0.0, asked: 0.0 } };
+        ((start_time_ns, life), SetPoint { at: holds_at, law_us })
+    }
+
+    /// Takes one more command.
+    fn take(&mut self, at: Instant, command: &Command) {
+        let (image, next) = Self::read(at, command);
+        let last = self.last();
         // The same image as in the cycle before; of a PLC without a life counter, or a clock, the law time alone tells.
-        let is_same = if start_time_ns == 0 { before.image == image } else { before.last.at == holds_at };
-        if is_same && before.last.law_us == law_us {
-            return before;
+        let is_same = if command.start_time_ns == 0 { self.image == image } else { last.at == next.at };
+        if is_same && last.law_us == next.law_us {
+            return;
         }
-        let seconds = last.at.since(before.last.at).as_secs_f64();
-        let law_s = (f64::from(law_us) - f64::from(before.last.law_us)) / 1e6;
-        let rate = if seconds > 0.0 { (law_s / seconds).clamp(0.0, 1.0) } else { 0.0 };
-        Self { image, last, rate, ..before }
+        if next.at <= last.at {
+            // One in place of those before.
+            self.count = 0;
+        }
+        self.rate = last.rate_to(&next);
+        self.image = image;
+        if let Some(place) = self.ring.get_mut(self.count % KEPT) {
+            *place = next;
+        }
+        self.count += 1;
+    }
+
+    /// Returns one of the set-points, counted back from the last one.
+    fn back(&self, index: usize) -> Option<SetPoint> {
+        let number = self.count.checked_sub(index + 1).filter(|_| index < KEPT)?;
+        self.ring.get(number % KEPT).copied()
+    }
+
+    fn last(&self) -> SetPoint {
+        self.back(0).unwrap_or(SetPoint { at: Instant::ZERO, law_us: 0 })
     }
 
     /// Returns whether the arm is to stand.
@@ -62,12 +104,34 @@ impl Master {
         self.asked == 0.0
     }
 
+    /// Returns the same between two set-points: the master goes evenly from one to the other. One that stood before has started
+    /// meanwhile with the rate that it has after: images with more set-points were lost.
+    fn between(&self, now: Instant) -> Option<(f64, f64)> {
+        let index = (1..KEPT).find(|index| self.back(*index).is_none_or(|earlier| earlier.at <= now))?;
+        let (earlier, later) = (self.back(index)?, self.back(index - 1)?);
+        let stood = self.back(index + 1).is_none_or(|before| before.law_us >= earlier.law_us);
+        let after = index.checked_sub(2).and_then(|after| self.back(after));
+        let (rate, rate_after) = (earlier.rate_to(&later), after.map_or(0.0, |after| later.rate_to(&after)));
+        if stood && rate_after > rate {
+            let law_s = later.law_s() - rate_after * later.at.since(now).as_secs_f64();
+            let is_on = law_s > earlier.law_s();
+            return Some(if is_on { (law_s, rate_after) } else { (earlier.law_s(), 0.0) });
+        }
+        let share = now.since(earlier.at).as_secs_f64() / later.at.since(earlier.at).as_secs_f64();
+        Some((earlier.law_s() + share * (later.law_s() - earlier.law_s()), rate))
+    }
+
     /// Returns the law's time in s that the arm should have at an instant, and the rate at which it passes then.
     fn at(&self, now: Instant) -> (f64, f64) {
-        let (ahead, since) = (self.last.at.since(now), now.since(self.last.at));
+        let later = self.last();
+        let (ahead, since) = (later.at.since(now), now.since(later.at));
+        let is_near = !ahead.is_zero() && ahead <= HORIZON;
+        if let Some(found) = is_near.then(|| self.between(now)).flatten() {
+            return found;
+        }
         let rate = if ahead.max(since) <= HORIZON { self.rate } else { 0.0 };
         let seconds = since.min(HORIZON).as_secs_f64() - ahead.min(HORIZON).as_secs_f64();
-        (f64::from(self.last.law_us) / 1e6 + self.rate * seconds, rate)
+        (later.law_s() + self.rate * seconds, rate)
     }
 }
 
@@ -75,7 +139,10 @@ impl Controller {
     /// Takes over the set-point of a command, if the arm is to follow a master.
     pub(super) fn take_master(&mut self, at: Instant, command: &Command) {
         if command.control.contains(Control::SYNC) {
-            self.master = Some(Master::after(self.master, at, command));
+            match &mut self.master {
+                Some(master) => master.take(at, command),
+                None => self.master = Some(Master::first(at, command)),
+            }
         } else {
             self.leave_master();
         }
@@ -104,8 +171,10 @@ impl Controller {
             return 0.0;
         }
         if rests {
-            // From a rest the arm starts when the master passes, also between two cycles.
-            let share = rate.min(most);
+            // From a rest the arm starts when the master passes, also between two cycles, and with the rate that the master then
+            // has: it may itself have started between two set-points.
+            let later = [1, 2].map(|cycles| master.at(at + self.config.cycle * cycles).1);
+            let share = later.into_iter().fold(rate, f64::max).min(most);
             master.asked = share;
             if share > 0.0 {
                 self.interpolator.start_later((share * cycle_s - missing_s).max(0.0));

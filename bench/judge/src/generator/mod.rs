@@ -133,6 +133,25 @@ fn events(dice: &mut Dice, least_override: u8) -> Vec<Event> {
             at(dice, Intervention::Resume);
         }
     }
+    if dice.chance(0.15) {
+        for _ in 0..=dice.below(4) {
+            let percent = dice.below(121) as u8;
+            at(dice, Intervention::Lead(percent));
+            if dice.chance(0.4) {
+                let millis = dice.scale(1.0, 5_000.0) as i32;
+                let is_back = dice.chance(0.5);
+                at(dice, Intervention::Jump(if is_back { -millis } else { millis }));
+            }
+            if dice.chance(0.2) {
+                let cycles = dice.scale(1.0, 200.0) as u16;
+                at(dice, Intervention::Starve(cycles));
+            }
+            if dice.chance(0.3) {
+                at(dice, Intervention::Free);
+            }
+        }
+        at(dice, Intervention::Free);
+    }
     if dice.chance(0.12) {
         let end =
             dice.pick(&[(Intervention::Halt, 4), (Intervention::Disable, 1), (Intervention::Disconnect, 1)]);

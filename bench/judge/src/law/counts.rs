@@ -97,7 +97,8 @@ impl Law {
 
     /// An arm that runs and stands, stands at the end of a motion.
     fn look_at_standing(&mut self, feedback: &Feedback) {
-        let may_move = !self.pace.holds && self.pace.wanted() > 0.0 && self.cycle > self.pace.changed_in + 2;
+        let is_free = !self.pace.holds && !self.pace.is_led;
+        let may_move = is_free && self.pace.wanted() > 0.0 && self.cycle > self.pace.changed_in + 2;
         let presses = self.ways.get(self.skill.executed as usize).is_some_and(|way| way.kind.has_force());
         self.skill.has_moved |= self.has_moved();
         if self.has_moved() || !may_move || feedback.state != State::Running || presses {

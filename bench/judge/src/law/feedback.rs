@@ -12,6 +12,9 @@ const SINGLE: f64 = 6e-8;
 /// Single precision of the three angles of an orientation, in degrees.
 const ANGLES_DEG: f64 = 5e-5;
 
+/// Law's time that passes in a cycle at most, as a share of it: corrections take up to a tenth.
+const LAW_PER_CYCLE: f64 = 1.11;
+
 impl Law {
     pub(super) fn look_at_feedback(&mut self, seen: &Seen<'_>) {
         let feedback = seen.feedback;
@@ -30,6 +33,19 @@ impl Law {
         if !self.shows(feedback, self.shown) && !self.takes_up_what_is_shown(feedback) {
             return self
                 .report(Class::Feedback, Broken::Words("the pose is not that of the tool in its base"));
+        }
+        if self.pace.is_led
+            && let Some(before) = self.before.filter(|before| before.number == feedback.number)
+        {
+            let passed_us = feedback.law_time_us.checked_sub(before.law_time_us);
+            // It passes as fast as the arm alone goes, but for a correction; without a master it is 0.
+            let most_us = (LAW_PER_CYCLE * self.cycle_s * 1e6) as u32;
+            if before.law_time_us > 0 && passed_us.is_none_or(|passed| passed > most_us) {
+                return self.report(
+                    Class::Feedback,
+                    Broken::Words("the law time goes back, or on faster than the arm goes alone"),
+                );
+            }
         }
         let told = f64::from(feedback.path_speed);
         let is_tools = |tool: &Pose| {

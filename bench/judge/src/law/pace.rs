@@ -42,6 +42,8 @@ pub(super) struct Pace {
     factor: f64,
     /// The PLC suspends.
     pub(super) holds: bool,
+    /// Set while a master leads the arm, which may stand or go slower then.
+    pub(super) is_led: bool,
     /// While the arm slows down: the share that it comes from.
     slows_from: Option<f64>,
     /// The cycle in which the share changed last.
@@ -53,7 +55,15 @@ pub(super) struct Pace {
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { factor: 1.0, holds: false, slows_from: None, changed_in: 0, compliant: 0, highest: None }
+        Self {
+            factor: 1.0,
+            holds: false,
+            is_led: false,
+            slows_from: None,
+            changed_in: 0,
+            compliant: 0,
+            highest: None,
+        }
     }
 }
 
@@ -61,6 +71,10 @@ impl Pace {
     /// What the PLC commands in this cycle.
     pub(super) fn command(&mut self, cycle: u32, command: Option<&Command>) {
         let before = self.wanted();
+        let is_led = command.is_some_and(|command| command.control.contains(Control::SYNC));
+        if core::mem::replace(&mut self.is_led, is_led) != is_led {
+            self.changed_in = cycle;
+        }
         match command {
             Some(command) => {
                 if command.control.contains(Control::SUSPEND) {

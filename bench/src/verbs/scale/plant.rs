@@ -107,6 +107,7 @@ impl Plant {
             visits: Vec::new(),
             zones: None,
             sections: self.plan.sections(),
+            in_step: None,
         }
     }
 

@@ -233,6 +233,13 @@ impl VirtualCell {
         self.network.set_cut(self.station(robot).cable, cut);
     }
 
+    /// Has a robot's cable do this to the frames of both sides from now on.
+    #[cfg(test)]
+    pub(super) fn set_links(&mut self, robot: RobotId, link: Impairment) {
+        let cable = self.station(robot).cable;
+        [Side::A, Side::B].into_iter().for_each(|side| self.network.set_impairment(cable, side, link));
+    }
+
     /// Kills a node: it neither receives nor sends any more.
     pub(super) fn kill(&mut self, node: CellNode) {
         self.network.kill(self.id(node));

@@ -1,6 +1,8 @@
 //! Runs of a cell with several stations in virtual time.
 
 #[cfg(test)]
+mod in_step;
+#[cfg(test)]
 mod tests;
 mod waits;
 

@@ -58,6 +58,12 @@ impl CellWatch {
         self.clocks.plc.true_time(at)
     }
 
+    /// Converts an instant of a robot's clock to true time.
+    #[cfg(test)]
+    pub(super) fn true_time_of_robot(&self, number: usize, at: Instant) -> Option<Instant> {
+        self.clocks.robots.get(number).map(|clock| clock.true_time(at))
+    }
+
     /// Returns the recording of each station.
     pub(super) fn recordings(&self) -> &[Recording] {
         &self.stations

@@ -13,7 +13,7 @@ use protocol::fieldbus::StationId;
 use records::faults::{self, Fault};
 use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotNode};
-use setup::{Bus, BusKind};
+use setup::Bus;
 use virtual_time::{Clock, Impairment};
 
 use super::cell::{NewInterface, NewNode, NewStation, VirtualCell};
@@ -80,7 +80,9 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
         }
         robots.push(robot);
     }
-    let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work).into());
+    let arms: Option<Vec<_>> = stations.iter().map(|station| station.in_step.clone()).collect();
+    let plc = PlcNode::with_program(scan, buses, placed, Sequences::new(work).into())
+        .in_step(arms.unwrap_or_default());
     let plc = NewNode { machine: plc, clock: plc_clock, address: None };
     let cell = VirtualCell::of_many(plc, interfaces, robots, seed);
     Ok(NewCell { cell, clocks: CellClocks { plc: plc_clock, robots: phases.robots } })
