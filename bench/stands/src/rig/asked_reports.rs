@@ -46,14 +46,10 @@ impl Rig {
         let index = id.index();
         self.awaited.get_mut(index).into_iter().for_each(|awaited| *awaited = awaited.saturating_sub(1));
         let first = &mut self.first_reports;
-        match (first.earlier.get_mut(index), first.is_awaited.get_mut(index)) {
-            (Some(earlier), _) if *earlier > 0 => *earlier -= 1,
-            (_, Some(is_awaited)) => {
-                if std::mem::take(is_awaited) {
-                    first.with.take(id, report);
-                }
-            }
-            _ => {}
+        if let Some(earlier) = first.earlier.get_mut(index).filter(|earlier| **earlier > 0) {
+            *earlier -= 1;
+        } else if first.is_awaited.get_mut(index).is_some_and(std::mem::take) {
+            first.with.take(id, report);
         }
         self.reports.take(id, report);
     }
