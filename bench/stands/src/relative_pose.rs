@@ -280,6 +280,7 @@ impl Sum {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cell_stand::CellStand as _;
     use crate::virtual_run::CellRun;
     use records::schedule::Step;
 
@@ -290,7 +291,7 @@ mod tests {
         let stations = PlannedStation::all(&planned).unwrap();
         let mut run = CellRun::start(&stations, 1).unwrap();
         let pause = records::schedule::PAUSE;
-        run.execute(Step { execution_type, repetition: 1, pause, overrides: None }).unwrap();
+        CellRun::execute(&mut run, Step { execution_type, repetition: 1, pause, overrides: None }).unwrap();
         (RelativePose::new(&cell, &planned.marks, &stations), run.recordings().to_vec())
     }
 

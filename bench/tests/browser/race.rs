@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::json;
+
 use crate::devtools::{Browser, Graphics, Screen};
 use crate::{LAYOUT, bench, run};
 
