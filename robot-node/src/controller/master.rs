@@ -148,6 +148,11 @@ impl Controller {
         }
     }
 
+    /// Begins anew with the set-point of the command that starts a skill: those before were on the law of another one.
+    pub(super) fn begin_master(&mut self, at: Instant, command: &Command) {
+        self.master = self.master.map(|_| Master::first(at, command));
+    }
+
     pub(super) const fn leave_master(&mut self) {
         (self.master, self.feedback.law_time_us) = (None, 0);
     }

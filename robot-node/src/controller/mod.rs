@@ -390,6 +390,7 @@ impl Controller {
                     execution.cycles_to_start = self.config.continuous_start_cycles;
                 }
                 self.interpolator.clear();
+                self.begin_master(at, command);
                 execution.law_before_s = self.interpolator.path().driven_s();
                 self.progress_s = 0.0;
                 self.accepted = Digest::default();
