@@ -147,7 +147,7 @@ pub fn check_turns(arms: &[(&str, &Plan)], zones: &[String]) -> Result<(), NoTur
                     Event::Mark(mark) => Waited::Mark(mark),
                     Event::Enter(zone) | Event::Leave(zone) => Waited::Zone(name(zone)),
                 };
-                Some(((*arms.get(arm)?).0.to_owned(), waited))
+                Some((arms.get(arm)?.0.to_owned(), waited))
             });
             Err(NoTurns::Ring { waiting: waiting.collect() })
         }
