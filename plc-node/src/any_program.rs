@@ -1,6 +1,6 @@
 //! A program that is chosen when the PLC starts: the paper's sequences, or exported code.
 
-use machine::{Duration, Instant};
+use machine::Instant;
 use protocol::image::{Digest, Sum};
 
 use crate::exported_program::ExportedProgram;
@@ -36,11 +36,11 @@ impl AnyProgram {
         }
     }
 
-    /// Returns the waiting time of a station before shared zones, as [`Sequences::waited_for_zones`] does; exported code has no zones.
+    /// Returns the sequences; `None` where exported code is the program.
     #[must_use]
-    pub fn waited_for_zones(&self, station: usize) -> Option<Duration> {
+    pub const fn sequences(&self) -> Option<&Sequences> {
         match self {
-            Self::Sequences(program) => program.waited_for_zones(station),
+            Self::Sequences(program) => Some(program),
             Self::Exported(_) => None,
         }
     }

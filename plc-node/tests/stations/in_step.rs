@@ -81,10 +81,10 @@ fn largest_errors(cell: &mut Cell, from: Duration, to: Duration) -> [i64; 2] {
         for (station, largest) in largest.iter_mut().enumerate() {
             let (offset_ns, drift_ppb) = CLOCKS[station];
             let estimate = cell.plc(|plc, now| {
-                let clock = plc.stations()[station].robot_clock().expect("it is estimated");
+                let clock = plc.stations()[station].robot_clock().unwrap();
                 (now, clock.robot_time(now))
             });
-            let (now, estimate) = (estimate.0.as_nanos(), estimate.1.expect("it is known").at_ns);
+            let (now, estimate) = (estimate.0.as_nanos(), estimate.1.unwrap().at_ns);
             let gained = now as i64 / 1_000 * i64::from(drift_ppb) / 1_000_000;
             let error = estimate as i64 - (offset_ns + now) as i64 - gained;
             *largest = if error.abs() > largest.abs() { error } else { *largest };

@@ -255,7 +255,11 @@ impl CellRun {
                 interference: Interference::default(),
             };
             let program = self.cell.plc().program();
-            stations.push((measured, program.passages(index), program.waited_for_zones(index)));
+            stations.push((
+                measured,
+                program.passages(index),
+                program.sequences().and_then(|it| it.waited_for_zones(index)),
+            ));
         }
         let start_skew = start_skew(self.watch.recordings());
         Ok(CellMeasured::of(stations, start_skew, |at| self.watch.true_time_of_plc(at)))

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use plc_node::{ExecutionType, PlcEvent};
+use plc_node::{ExecutionType, PlcEvent, Sequences};
 use records::conditions::MotionTotals;
 
 use super::cell::{RobotId, VirtualCell};
@@ -126,6 +126,10 @@ impl ZoneWatch {
     }
 }
 
+fn sequences<'a>(watched: &'a ZoneWatch) -> &'a Sequences {
+    watched.cell.plc().program().sequences().unwrap()
+}
+
 fn volumes(stations: &[PlannedStation]) -> Vec<ArmVolume> {
     stations.iter().map(|station| station.zones.as_ref().unwrap().volume.clone()).collect()
 }
@@ -139,7 +143,7 @@ fn both_arms_take_their_turns_in_the_zone_and_are_never_there_together() {
         watched.run(execution_type, None).unwrap();
         assert_eq!(watched.together, 0, "{execution_type}");
         assert!(watched.inside.iter().all(|looks| *looks > 50), "{execution_type}: {:?}", watched.inside);
-        let waits = |station: usize| watched.cell.plc().program().zone_waits(station).len();
+        let waits = |station: usize| sequences(&watched).zone_waits(station).len();
         assert!(waits(0) + waits(1) > 0, "{execution_type}: one of them has to wait");
     }
 }
@@ -181,7 +185,7 @@ fn a_robot_that_is_lost_in_the_zone_keeps_it_and_the_run_fails_by_its_name() {
         let mut watched = ZoneWatch::new(&stations, volumes(&stations), 7);
         watched.run(execution_type, None).unwrap();
         // The other one waits when the first one is in the zone for the first time.
-        let program = watched.cell.plc().program();
+        let program = sequences(&watched);
         let waited = (0..2).find_map(|arm| Some((arm, *program.zone_waits(arm).first()?))).unwrap();
         let holder = 1 - waited.0;
         watched.until_ready();
@@ -191,7 +195,7 @@ fn a_robot_that_is_lost_in_the_zone_keeps_it_and_the_run_fails_by_its_name() {
         let has_started = |watched: &ZoneWatch| {
             watched.events.iter().any(|event| matches!(event, PlcEvent::Started { .. }))
         };
-        while !has_started(&watched) || watched.cell.plc().program().zone_waits(waited.0).is_empty() {
+        while !has_started(&watched) || sequences(&watched).zone_waits(waited.0).is_empty() {
             watched.go_on();
             assert!(watched.cell.now() < longest, "{execution_type}: it never waits");
         }
@@ -201,14 +205,14 @@ fn a_robot_that_is_lost_in_the_zone_keeps_it_and_the_run_fails_by_its_name() {
             watched.go_on();
             assert!(watched.cell.now() < longest, "{execution_type}: it never fails");
         }
-        let held = watched.cell.plc().program().zones().held(holder);
+        let held = sequences(&watched).zones().held(holder);
         assert!(held.contains(0), "{execution_type}: the lost arm keeps the zone");
         // It stays so for as long as nobody knows where the arm is.
         let until = watched.cell.now() + Duration::from_secs(20);
         while watched.cell.now() < until {
             watched.go_on();
         }
-        assert!(watched.cell.plc().program().zones().held(holder).contains(0), "{execution_type}");
+        assert!(sequences(&watched).zones().held(holder).contains(0), "{execution_type}");
         watched.cell.set_cut(RobotId(holder), false);
         watched.run(execution_type, None).unwrap();
         assert_eq!(watched.together, 0, "{execution_type}");

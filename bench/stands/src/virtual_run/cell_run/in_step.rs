@@ -30,7 +30,6 @@ struct TwoArms {
 /// Course of both arms while they moved together.
 struct Together {
     seen: [Vec<Seen>; 2],
-    took: Duration,
 }
 
 fn pair(cell: &str, seed: u64) -> TwoArms {
@@ -105,7 +104,7 @@ impl TwoArms {
             if self.run.cell.plc().program().passages(0).iter().any(|it| it.mark == to)
                 && self.run.cell.plc().program().passages(1).iter().any(|it| it.mark == to)
             {
-                return Together { seen, took: since };
+                return Together { seen };
             }
         }
     }
@@ -121,7 +120,7 @@ impl TwoArms {
 
     /// Returns the largest distance of the left tool from where it was first, in the right tool's frame, in mm; and the highest
     /// speed of a tool in mm/s.
-    fn worst(&self, Together { seen: [left, right], .. }: &Together) -> (f64, f64) {
+    fn worst(&self, Together { seen: [left, right] }: &Together) -> (f64, f64) {
         let relative = |left: &Joints, right: &Joints| self.tool(1, right).inverse() * self.tool(0, left);
         let mut first = None;
         let mut worst = 0.0_f64;
@@ -249,7 +248,7 @@ fn arms_with_unlike_laws_numbers_of_motions_and_stops_drive_the_same_share_of_th
             assert_eq!(legs_of(&stations[1]).len(), legs);
             let mut pair = pair_of(stations, 3);
             let disturbed = Disturbed { overrides, ..Disturbed::default() };
-            let Together { seen, .. } = pair.moves_together(disturbed, [2, 3]);
+            let Together { seen } = pair.moves_together(disturbed, [2, 3]);
             let [left, right] = [0, 1].map(|index| shares(&pair.stations[index], &seen[index]));
             let law_s = [0, 1].map(|index| {
                 let legs = legs_of(&pair.stations[index]);
