@@ -21,7 +21,6 @@ pub struct Conditions {
 
 /// Setup and application of a run.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "there are two at a time")]
 enum RunContent {
     /// One station.
     One(Box<(Setup, Found)>),

@@ -126,7 +126,7 @@ impl ZoneWatch {
     }
 }
 
-fn sequences<'a>(watched: &'a ZoneWatch) -> &'a Sequences {
+fn sequences(watched: &ZoneWatch) -> &Sequences {
     watched.cell.plc().program().sequences().unwrap()
 }
 

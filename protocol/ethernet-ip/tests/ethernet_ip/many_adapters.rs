@@ -21,6 +21,7 @@ const ADAPTERS: usize = 64;
 const SCANNER_ADDRESS: Ipv4Addr = Ipv4Addr::new(192, 168, 64, 1);
 
 /// A station of the network.
+#[expect(clippy::large_enum_variant, reason = "there are few at a time")]
 enum Station {
     Scanner(Scanner),
     Adapter(Adapter),

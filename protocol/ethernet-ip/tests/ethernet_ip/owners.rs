@@ -64,7 +64,8 @@ fn the_end_of_a_connection_names_its_owner_whatever_ended_it() {
         (client, opened)
     };
     let named = "; the owner was 192.168.64.1 (serial number 0x0BADCAFE)";
-    let ends: [(&str, &dyn Fn(&mut Rig)); 3] = [
+    type End<'a> = &'a dyn Fn(&mut Rig);
+    let ends: [(&str, End<'_>); 3] = [
         ("the watchdog expired", &|rig| {
             open(rig);
             rig.advance(Duration::from_secs(11));
