@@ -3,7 +3,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a benchmark ends by panicking")]
 
-use bench::verbs::scale::plant::{Plant, ScaledBus};
+use bench::verbs::scale::plant::{ScalePlant, ScaledBus};
 use plc_node::ExecutionType;
 use records::schedule::Schedule;
 use stands::virtual_run::{CellRun, whole};
@@ -15,7 +15,7 @@ fn main() {
     hot_path::main(|paths| {
         for (bus, count) in ScaledBus::ALL.into_iter().flat_map(|bus| STATIONS.map(|count| (bus, count))) {
             let started =
-                move || CellRun::start(&Plant::on(bus).unwrap().stations(count).unwrap(), 1).unwrap();
+                move || CellRun::start(&ScalePlant::on(bus).unwrap().stations(count).unwrap(), 1).unwrap();
             paths.add(
                 "virtual cell",
                 format!("CM of {count}, {}", bus.key()),

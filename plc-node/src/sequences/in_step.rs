@@ -16,7 +16,7 @@ mod tests;
 
 use machine::{Duration, Instant};
 
-use led::Led;
+use led::LedArm;
 
 use crate::arm_in_step::ArmInStep;
 use crate::master_axis::{MasterAxis, MasterDemand};
@@ -65,7 +65,7 @@ pub(super) struct InStep {
 #[derive(Debug)]
 struct LedGroup {
     mark: u32,
-    arms: Vec<Led>,
+    arms: Vec<LedArm>,
     /// Time on the law of the slowest arm for the whole section.
     longest_s: f64,
     master: Option<MasterAxis>,
@@ -169,10 +169,10 @@ impl LedGroup {
     fn new(mark: u32, arms: &[ArmInStep]) -> Self {
         let led = |(station, arm): (usize, &ArmInStep)| {
             let section = arm.sections.iter().find(|section| section.mark == mark)?;
-            Some(Led::new(station, section.clone()))
+            Some(LedArm::new(station, section.clone()))
         };
-        let arms: Vec<Led> = arms.iter().enumerate().filter_map(led).collect();
-        let longest_s = arms.iter().map(Led::law_s).fold(0.0, f64::max);
+        let arms: Vec<LedArm> = arms.iter().enumerate().filter_map(led).collect();
+        let longest_s = arms.iter().map(LedArm::law_s).fold(0.0, f64::max);
         let arms = arms.into_iter().map(|arm| arm.scaled_to(longest_s)).collect();
         Self { mark, arms, longest_s, master: None, since: None, scanned: Instant::ZERO, stands_since: None }
     }
@@ -183,7 +183,7 @@ impl LedGroup {
 
     /// Returns whether this arm waits for another one of the group.
     fn waits(&self, station: usize) -> bool {
-        let owes = |arm: &Led| arm.is_preparing() || arm.is_lagging() || arm.is_held();
+        let owes = |arm: &LedArm| arm.is_preparing() || arm.is_lagging() || arm.is_held();
         let mut others = self.arms.iter().filter(|arm| arm.station != station);
         let this = self.arms.iter().find(|arm| arm.station == station);
         this.is_some_and(|arm| !owes(arm)) && others.any(owes)
@@ -197,7 +197,8 @@ impl LedGroup {
         place: &impl Fn(usize) -> Option<ArmPlace>,
         stations: &mut [Station],
     ) {
-        let is_between = |arm: &Led| place(arm.station).is_some_and(|place| place.passed == Some(self.mark));
+        let is_between =
+            |arm: &LedArm| place(arm.station).is_some_and(|place| place.passed == Some(self.mark));
         if !self.arms.iter().all(is_between) {
             self.since = None;
             return;
@@ -231,21 +232,21 @@ impl LedGroup {
     /// Moves the master on, once all arms are ready and their clocks known. Where a clock is not known for long, a set-point holds
     /// when its robot sees it.
     fn move_on(&mut self, now: Instant, lead: Duration, is_late: bool, stations: &[Station]) {
-        let knows_clock = |arm: &Led| {
+        let knows_clock = |arm: &LedArm| {
             let clock = stations.get(arm.station).and_then(Station::robot_clock);
             clock.is_some_and(|clock| clock.robot_time(now).is_some())
         };
-        let is_ready = |arm: &Led| !arm.is_preparing() && (is_late || knows_clock(arm));
+        let is_ready = |arm: &LedArm| !arm.is_preparing() && (is_late || knows_clock(arm));
         if self.master.is_none() && self.arms.iter().all(is_ready) {
             self.master = Some(MasterAxis::at_rest(now + lead + STANDS_FIRST));
         }
         let Some(master) = self.master.as_mut().filter(|master| master.at() <= now + lead) else { return };
-        let stop_at_s = self.arms.iter().map(Led::stop_at_s).fold(self.longest_s, f64::min);
-        let rests = |arm: &Led| arm.rests_at(stop_at_s);
-        let rate = |arm: &Led| stations.get(arm.station).map_or(0.0, |station| arm.highest_rate(station));
+        let stop_at_s = self.arms.iter().map(LedArm::stop_at_s).fold(self.longest_s, f64::min);
+        let rests = |arm: &LedArm| arm.rests_at(stop_at_s);
+        let rate = |arm: &LedArm| stations.get(arm.station).map_or(0.0, |station| arm.highest_rate(station));
         let demand = MasterDemand {
             rate: self.arms.iter().map(rate).fold(1.0, f64::min),
-            is_lagging: self.arms.iter().any(Led::is_lagging),
+            is_lagging: self.arms.iter().any(LedArm::is_lagging),
             stop_at_s,
             all_rest_there: self.arms.iter().all(rests),
         };

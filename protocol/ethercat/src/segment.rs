@@ -65,7 +65,7 @@ struct UnderWay {
 pub struct Segment {
     devices: Vec<SubDevice>,
     cabling: Cabling,
-    /// Whether a cable leads on from port 1 of the last device.
+    /// Set if a cable leads on from port 1 of the last device.
     leads_on: bool,
     under_way: VecDeque<UnderWay>,
     spare: Vec<Box<[u8]>>,

@@ -146,7 +146,7 @@ impl<M: Multihomed> Network<M> {
     }
 
     /// Adds a line of EtherCAT devices without cables. The first cable leads to the MainDevice, each further one to the next device: what
-    /// comes back from a device goes to the next one, and from the last one to the MainDevice. Behind a cable that is cut, or a node that
+    /// comes back from a device goes to the next one, and from the last one to the MainDevice. After a cable that is cut, or a node that
     /// was killed, no device is reached. It takes no time.
     pub fn add_line(&mut self) -> SwitchId {
         self.switches.push(Switch::new(SwitchConfig::IDEAL, Forwarding::ToNextPort));

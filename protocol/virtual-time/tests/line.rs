@@ -8,13 +8,13 @@ use virtual_time::{CableId, Clock, Impairment, Network, NodeId, Plug};
 const ETHER_TYPE: u16 = 0x88A4;
 
 /// Sends a frame if it has one. A device adds its number to each frame and sends it back.
-struct Station {
+struct LineStation {
     number: Option<u8>,
     frame: Option<Vec<u8>>,
     received: Vec<Vec<u8>>,
 }
 
-impl Machine for Station {
+impl Machine for LineStation {
     type Event = ();
 
     fn ports(&self) -> &[PortRequest] {
@@ -46,13 +46,13 @@ impl Machine for Station {
 }
 
 /// A MainDevice and devices 1, 2 and 3 in line, each with its cable.
-fn line() -> (Network<Station>, Vec<NodeId>, Vec<CableId>) {
+fn line() -> (Network<LineStation>, Vec<NodeId>, Vec<CableId>) {
     let mut network = Network::new(1);
     let line = network.add_line();
     let mut nodes = Vec::new();
     let mut cables = Vec::new();
     for number in [None, Some(1), Some(2), Some(3)] {
-        let station = Station { number, frame: None, received: Vec::new() };
+        let station = LineStation { number, frame: None, received: Vec::new() };
         let node = network.add_node("station", station, Clock::default());
         let nic = network.add_nic(node, &[InterfaceId::FIRST], None, None);
         let plugs = [Plug::Switch(line), Plug::Nic(nic)];
@@ -63,7 +63,7 @@ fn line() -> (Network<Station>, Vec<NodeId>, Vec<CableId>) {
 }
 
 /// Sends a frame of the MainDevice and returns which devices it passed, if it came back.
-fn passed(network: &mut Network<Station>, nodes: &[NodeId]) -> Option<Vec<u8>> {
+fn passed(network: &mut Network<LineStation>, nodes: &[NodeId]) -> Option<Vec<u8>> {
     let frame = [&[0xFF; 6][..], &[2, 0, 0, 0, 0, 1], &ETHER_TYPE.to_be_bytes(), &[0; 46]].concat();
     let (len, main) = (frame.len(), nodes[0]);
     network.command(main, |station, _| station.frame = Some(frame));

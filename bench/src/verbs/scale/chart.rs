@@ -11,8 +11,8 @@ use serde::Serialize;
 
 use plc_node::ExecutionType;
 
-use super::measured::{Measured, Row};
-use super::table::{self, Table};
+use super::measured::{ScaleFigures, ScaleRow};
+use super::table::{self, ScaleTable};
 
 const TEMPLATE: &str = include_str!("page.html");
 
@@ -21,11 +21,11 @@ const PANEL: f64 = 140.0;
 const TITLE: f64 = 30.0;
 
 #[derive(Serialize)]
-struct Page<'a> {
+struct ScalePage<'a> {
     conditions: String,
     note: &'static str,
     figure: Option<Figure>,
-    tables: Vec<Table<'a>>,
+    tables: Vec<ScaleTable<'a>>,
 }
 
 /// Returns the page as HTML.
@@ -33,14 +33,14 @@ struct Page<'a> {
 /// # Errors
 ///
 /// The template or the figure is broken.
-pub(super) fn page(measured: &Measured) -> anyhow::Result<String> {
-    let row = |row: &Row| vec![format!("{}, {}", row.bus, row.stations), format!("{:.1}", row.cost_us)];
+pub(super) fn page(measured: &ScaleFigures) -> anyhow::Result<String> {
+    let row = |row: &ScaleRow| vec![format!("{}, {}", row.bus, row.stations), format!("{:.1}", row.cost_us)];
     let head = ["bus, stations", "cost of a cycle, µs"].map(str::to_owned).to_vec();
     let data = Data::new(head, measured.rows.iter().map(row).collect());
     let figure = Figure::draw("Cost of a cycle by the number of stations, a panel for each bus", |format| {
         draw(&measured.rows, format)
     })?;
-    let page = Page {
+    let page = ScalePage {
         conditions: format!("{} mode · {} s for each number of stations", measured.mode, measured.seconds),
         note: table::note(measured),
         figure: figure.map(|figure| figure.with(data)),
@@ -49,7 +49,7 @@ pub(super) fn page(measured: &Measured) -> anyhow::Result<String> {
     fill(TEMPLATE, &page)
 }
 
-fn draw(rows: &[Row], format: Format) -> anyhow::Result<Option<String>> {
+fn draw(rows: &[ScaleRow], format: Format) -> anyhow::Result<Option<String>> {
     let mut buses: Vec<&str> = rows.iter().map(|row| row.bus).collect();
     buses.dedup();
     if buses.is_empty() {
@@ -71,7 +71,7 @@ fn draw(rows: &[Row], format: Format) -> anyhow::Result<Option<String>> {
 fn draw_bus(
     area: &Area<'_>,
     panel: &Panel<'_>,
-    (bus, rows): (&str, &[&Row]),
+    (bus, rows): (&str, &[&ScaleRow]),
     most: u32,
     format: Format,
 ) -> anyhow::Result<()> {

@@ -1,23 +1,23 @@
-//! What a measurement came to: for each bus and number of stations a row, and how the cost grows.
+//! The figures of a measurement: for each bus and number of stations a row, and how the cost grows.
 
 use serde::Serialize;
 
 /// A measurement as it is saved.
 #[derive(Clone, PartialEq, Debug, Serialize)]
-pub(super) struct Measured {
+pub(super) struct ScaleFigures {
     /// Version of this format.
     pub(super) schema_version: u32,
     /// `virtual` or `real`.
     pub(super) mode: &'static str,
     /// Seconds that each row was measured.
     pub(super) seconds: u32,
-    pub(super) rows: Vec<Row>,
+    pub(super) rows: Vec<ScaleRow>,
     pub(super) growth: Vec<Growth>,
 }
 
 /// One bus with a number of stations.
 #[derive(Clone, PartialEq, Debug, Serialize)]
-pub(super) struct Row {
+pub(super) struct ScaleRow {
     pub(super) bus: &'static str,
     pub(super) stations: u32,
     /// Cycles measured.
@@ -35,7 +35,7 @@ pub(super) struct Row {
     pub(super) real: Option<RealRow>,
 }
 
-/// What only a real run shows.
+/// Figures of a real run only.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub(super) struct RealRow {
     /// Time until all stations were connected and ready in ms, the longest of all turns.
@@ -56,7 +56,7 @@ pub(super) struct RealRow {
     pub(super) allocations: u64,
 }
 
-/// How the cost of a bus grows with its stations.
+/// Growth of the cost of a bus with its stations.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub(super) struct Growth {
     pub(super) bus: &'static str,
@@ -72,7 +72,7 @@ pub(super) struct Growth {
 
 impl Growth {
     /// Returns the growth on each bus that was measured with 1, 2 and more stations.
-    pub(super) fn of(rows: &[Row]) -> Vec<Self> {
+    pub(super) fn of(rows: &[ScaleRow]) -> Vec<Self> {
         let mut buses: Vec<&'static str> = rows.iter().map(|row| row.bus).collect();
         buses.dedup();
         let on_bus = |bus| {
@@ -106,9 +106,9 @@ pub(super) fn median(values: &mut [f64]) -> f64 {
 mod tests {
     use super::*;
 
-    fn row(bus: &'static str, stations: u32, cost_us: f64) -> Row {
+    fn row(bus: &'static str, stations: u32, cost_us: f64) -> ScaleRow {
         let (frames_sent, frames_received) = (f64::from(stations), f64::from(stations));
-        Row {
+        ScaleRow {
             bus,
             stations,
             cycles: 1_000,

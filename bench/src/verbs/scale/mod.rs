@@ -32,7 +32,7 @@ use stands::rig;
 use studies::event_loop::{interrupted, watch_for_interrupt};
 use studies::outputs::{self, Own};
 
-use measured::{Growth, Measured};
+use measured::{Growth, ScaleFigures};
 use plant::{MOST_STATIONS, ScaledBus};
 
 pub use real::run_as_robots;
@@ -65,9 +65,7 @@ pub struct ScaleOptions {
 
 fn bus(name: &str) -> Result<ScaledBus, String> {
     let unknown = || {
-        format!(
-            "there is no bus `{name}`; the buses are profinet-udp, profinet-rt1, ethernet-ip and ethercat"
-        )
+        format!("unknown bus `{name}`; the buses are profinet-udp, profinet-rt1, ethernet-ip and ethercat")
     };
     ScaledBus::from_str(name, false).map_err(|_| unknown())
 }
@@ -100,7 +98,7 @@ pub fn run(options: &ScaleOptions) -> Result<Exit, Failure> {
 }
 
 /// Returns what was measured, and how many rows were wanted.
-fn measure(options: &ScaleOptions, is_interrupted: &AtomicBool) -> anyhow::Result<(Measured, usize)> {
+fn measure(options: &ScaleOptions, is_interrupted: &AtomicBool) -> anyhow::Result<(ScaleFigures, usize)> {
     let chosen = flat(&options.buses);
     let buses = ScaledBus::ALL.into_iter().filter(|bus| chosen.is_empty() || chosen.contains(bus));
     let mut counts = flat(&options.stations);
@@ -121,10 +119,10 @@ fn measure(options: &ScaleOptions, is_interrupted: &AtomicBool) -> anyhow::Resul
     }
     let growth = Growth::of(&rows);
     let (mode, seconds) = (options.mode.name(), options.seconds);
-    Ok((Measured { schema_version: SCHEMA_VERSION, mode, seconds, rows, growth }, wanted.len()))
+    Ok((ScaleFigures { schema_version: SCHEMA_VERSION, mode, seconds, rows, growth }, wanted.len()))
 }
 
-fn write(options: &ScaleOptions, measured: &Measured) -> anyhow::Result<()> {
+fn write(options: &ScaleOptions, measured: &ScaleFigures) -> anyhow::Result<()> {
     if let Some(file) = &options.json {
         let mut json = serde_json::to_string_pretty(measured).context("cannot write the figures as JSON")?;
         json.push('\n');

@@ -64,13 +64,13 @@ pub fn address(station: u8) -> Ipv4Addr {
 
 /// The stations on one bus, planned once.
 #[derive(Debug)]
-pub struct Plant {
+pub struct ScalePlant {
     setup: Setup,
     planned: PlannedCell,
     plan: Plan,
 }
 
-impl Plant {
+impl ScalePlant {
     /// Plans Setup A on a bus.
     ///
     /// # Errors

@@ -3,11 +3,11 @@
 use node::screen;
 use serde::Serialize;
 
-use super::measured::{Growth, Measured, Row};
+use super::measured::{Growth, ScaleFigures, ScaleRow};
 
 /// A table: its head, and rows whose first cell names them.
 #[derive(Serialize)]
-pub(super) struct Table<'a> {
+pub(super) struct ScaleTable<'a> {
     head: &'a [&'static str],
     rows: Vec<Vec<String>>,
 }
@@ -30,18 +30,18 @@ const LATENESS: [&str; 12] = [
 const GROWTH: [&str; 4] = ["growth", "each further station, µs", "second station, µs", "ratio"];
 
 /// Returns all tables that have a row.
-pub(super) fn all(measured: &Measured) -> Vec<Table<'static>> {
+pub(super) fn all(measured: &ScaleFigures) -> Vec<ScaleTable<'static>> {
     let tables = [
-        Table { head: &COSTS, rows: measured.rows.iter().map(costs).collect() },
-        Table { head: &LATENESS, rows: measured.rows.iter().filter_map(lateness).collect() },
-        Table { head: &GROWTH, rows: measured.growth.iter().map(growth).collect() },
+        ScaleTable { head: &COSTS, rows: measured.rows.iter().map(costs).collect() },
+        ScaleTable { head: &LATENESS, rows: measured.rows.iter().filter_map(lateness).collect() },
+        ScaleTable { head: &GROWTH, rows: measured.growth.iter().map(growth).collect() },
     ];
     tables.into_iter().filter(|table| !table.rows.is_empty()).collect()
 }
 
 /// Returns all tables as text.
-pub(super) fn render(measured: &Measured) -> String {
-    let draw = |Table { head, rows }: Table<'_>| {
+pub(super) fn render(measured: &ScaleFigures) -> String {
+    let draw = |ScaleTable { head, rows }: ScaleTable<'_>| {
         let mut table = screen::ruled();
         table.set_header(head).add_rows(rows);
         screen::drawn(&screen::numbers_right(table))
@@ -51,7 +51,7 @@ pub(super) fn render(measured: &Measured) -> String {
 }
 
 /// Returns what the figures of a mode are.
-pub(super) fn note(measured: &Measured) -> &'static str {
+pub(super) fn note(measured: &ScaleFigures) -> &'static str {
     if measured.mode == "real" {
         "Cost: processor time of the PLC's cyclic thread, with that of the kernel for it. Lateness: of that thread at its deadlines, \
          before any work; bare: of a loop that only sleeps, in the seconds between. The robots run on another core, if there is one."
@@ -60,7 +60,7 @@ pub(super) fn note(measured: &Measured) -> &'static str {
     }
 }
 
-fn costs(row: &Row) -> Vec<String> {
+fn costs(row: &ScaleRow) -> Vec<String> {
     vec![
         row.bus.to_owned(),
         row.stations.to_string(),
@@ -71,7 +71,7 @@ fn costs(row: &Row) -> Vec<String> {
     ]
 }
 
-fn lateness(row: &Row) -> Option<Vec<String>> {
+fn lateness(row: &ScaleRow) -> Option<Vec<String>> {
     let real = row.real.as_ref()?;
     let times = [
         real.late_p50_us,

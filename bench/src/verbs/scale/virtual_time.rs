@@ -7,8 +7,8 @@ use records::schedule::Schedule;
 use stands::cell_measured::CellHealth;
 use stands::virtual_run::CellRun;
 
-use super::measured::{Row, median};
-use super::plant::{Plant, ScaledBus};
+use super::measured::{ScaleRow, median};
+use super::plant::{ScalePlant, ScaledBus};
 use super::{memory_mib, thread_time_ns};
 
 /// Repetitions of one schedule: more than fit into the longest measurement.
@@ -23,11 +23,11 @@ pub(super) fn measure(
     count: u32,
     seconds: u32,
     is_interrupted: &AtomicBool,
-) -> anyhow::Result<Option<Row>> {
-    let plant = Plant::on(bus)?;
+) -> anyhow::Result<Option<ScaleRow>> {
+    let plant = ScalePlant::on(bus)?;
     let mut run = CellRun::start(&plant.stations(count)?, SEED)?;
     let wanted = u64::from(seconds) * 1_000_000 / u64::from(plant.cycle_us().max(1));
-    let (mut costs, before) = (Vec::new(), Frames::of(&run.health()));
+    let (mut costs, before) = (Vec::new(), FrameTotals::of(&run.health()));
     let mut last = before;
     for step in Schedule::new(&[ExecutionType::Cm], REPETITIONS, SEED).steps() {
         if is_interrupted.load(Ordering::Relaxed) {
@@ -36,7 +36,7 @@ pub(super) fn measure(
         let start_ns = thread_time_ns();
         run.execute(step)?;
         let cost_us = (thread_time_ns() - start_ns) as f64 / 1e3;
-        let now = Frames::of(&run.health());
+        let now = FrameTotals::of(&run.health());
         costs.push(cost_us / now.since(&last).cycles(count) as f64);
         last = now;
         if last.since(&before).cycles(count) >= wanted {
@@ -45,7 +45,7 @@ pub(super) fn measure(
     }
     let all = last.since(&before);
     let cycles = all.cycles(count).max(1);
-    Ok(Some(Row {
+    Ok(Some(ScaleRow {
         bus: bus.key(),
         stations: count,
         cycles,
@@ -59,12 +59,12 @@ pub(super) fn measure(
 
 /// Cyclic frames of all stations, by the PLC's count.
 #[derive(Clone, Copy)]
-struct Frames {
+struct FrameTotals {
     sent: u64,
     received: u64,
 }
 
-impl Frames {
+impl FrameTotals {
     fn of(health: &CellHealth) -> Self {
         let stations = health.stations.iter();
         let add = |sum: Self, one: protocol::fieldbus::Counters| Self {

@@ -34,7 +34,7 @@ enum LedPhase {
 
 /// An arm of a group.
 #[derive(Debug)]
-pub(super) struct Led {
+pub(super) struct LedArm {
     pub(super) station: usize,
     section: TogetherSection,
     /// Time on the law from the start of the section to the end of each leg, in s.
@@ -56,7 +56,7 @@ pub(super) struct Led {
     is_held: bool,
 }
 
-impl Led {
+impl LedArm {
     pub(super) fn new(station: usize, section: TogetherSection) -> Self {
         let mut end_s = 0.0;
         let ends = section.legs.iter().map(|leg| {

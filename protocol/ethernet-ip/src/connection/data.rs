@@ -17,8 +17,8 @@
 //! ```
 
 use super::super::{Reader, Writer};
-use super::open::Triad;
 use super::timing::TimeoutMultiplier;
+use super::triad::Triad;
 use machine::wire::Truncated;
 
 /// State of a connection that is open.

@@ -5,9 +5,11 @@ mod format;
 mod open;
 mod parameters;
 mod timing;
+mod triad;
 
 pub use data::{ConnectionData, DirectionData};
 pub use format::RealTimeFormat;
-pub use open::{CloseReply, CloseRequest, OpenReply, OpenRequest, RefusedReply, Triad};
+pub use open::{CloseReply, CloseRequest, OpenReply, OpenRequest, RefusedReply};
 pub use parameters::{ConnectionType, Parameters, Priority, Transport, Trigger};
 pub use timing::{Inhibit, TimeoutMultiplier, Watchdog, sequence};
+pub use triad::Triad;

@@ -36,35 +36,13 @@ use super::super::{Reader, Writer, cip};
 use super::data::{ConnectionData, DirectionData};
 use super::parameters::{Parameters, Transport};
 use super::timing::TimeoutMultiplier;
+use super::triad::Triad;
 use crate::PORT_NUMBER;
 use cip::{Path, Violation};
 use machine::wire::Truncated;
 
 /// Priority/tick 10 and 240 ticks: a request may take 2^10 ms × 240 to pass routers.
 const TIME_TICK: [u8; 2] = [0x0A, 0xF0];
-
-/// Worldwide unique identity of a connection.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
-pub struct Triad {
-    /// Number that the originator gave the connection.
-    pub connection_serial: u16,
-    /// ODVA vendor number of the originator.
-    pub vendor: u16,
-    /// Serial number of the originator.
-    pub originator_serial: u32,
-}
-
-impl Triad {
-    pub(crate) fn parse(reader: &mut Reader<'_>) -> Result<Self, Truncated> {
-        Ok(Self { connection_serial: reader.u16()?, vendor: reader.u16()?, originator_serial: reader.u32()? })
-    }
-
-    pub(crate) fn emit(self, writer: &mut Writer<'_>) {
-        writer.u16(self.connection_serial);
-        writer.u16(self.vendor);
-        writer.u32(self.originator_serial);
-    }
-}
 
 /// The request of a Forward_Open or Large_Forward_Open.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -52,7 +52,7 @@ impl SwitchConfig {
     }
 }
 
-/// What a network element does with a frame.
+/// Treatment of a frame by a network element.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Forwarding {
     /// It looks up where the receiver is.

@@ -15,10 +15,10 @@ use machine::Lateness;
 use protocol_linux::wakeups;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-use super::measured::{RealRow, Row, median};
+use super::measured::{RealRow, ScaleRow, median};
 use super::memory_mib;
-use super::plant::{Plant, ScaledBus};
-use network::Network;
+use super::plant::{ScalePlant, ScaledBus};
+use network::ScaleNetwork;
 use plc::{Turn, run_turn};
 use robots::RobotProcess;
 
@@ -36,12 +36,12 @@ pub(super) fn measure(
     count: u32,
     seconds: u32,
     is_interrupted: &AtomicBool,
-) -> anyhow::Result<Option<Row>> {
-    let plant = Plant::on(bus)?;
+) -> anyhow::Result<Option<ScaleRow>> {
+    let plant = ScalePlant::on(bus)?;
     let stations = plant.stations(count)?;
     let numbers = u8::try_from(stations.len())?;
     let in_line = bus == ScaledBus::Ethercat;
-    let network = if in_line { Network::set_up_line() } else { Network::set_up(numbers) }?;
+    let network = if in_line { ScaleNetwork::set_up_line() } else { ScaleNetwork::set_up(numbers) }?;
     let (own_core, robots_core) = cores()?;
     run_on(own_core)?;
     let mut robots = Vec::new();
@@ -66,7 +66,7 @@ pub(super) fn measure(
     Ok(Some(row(bus, count, &turns, &bare)))
 }
 
-fn row(bus: ScaledBus, stations: u32, turns: &[Turn], bare: &Histogram) -> Row {
+fn row(bus: ScaledBus, stations: u32, turns: &[Turn], bare: &Histogram) -> ScaleRow {
     let mut late = Histogram::default();
     for turn in turns {
         late.add(&turn.end.lateness, Some(&turn.begin.lateness));
@@ -76,7 +76,7 @@ fn row(bus: ScaledBus, stations: u32, turns: &[Turn], bare: &Histogram) -> Row {
     let mut costs: Vec<f64> = turns.iter().map(Turn::cost_us).collect();
     let [late_p50_us, late_p99_us] = [0.5, 0.99].map(|share| late.quantile_us(share));
     let [bare_p50_us, bare_p99_us] = [0.5, 0.99].map(|share| bare.quantile_us(share));
-    Row {
+    ScaleRow {
         bus: bus.key(),
         stations,
         cycles,
@@ -130,7 +130,7 @@ impl Histogram {
 
 /// Returns the core of the PLC and that of the robots; they are the same where this process may use only one.
 fn cores() -> anyhow::Result<(usize, usize)> {
-    // Measured before, this process keeps to one core.
+    // ScaleFigures before, this process keeps to one core.
     static ALLOWED: std::sync::OnceLock<Vec<usize>> = std::sync::OnceLock::new();
     let allowed = match ALLOWED.get() {
         Some(allowed) => allowed,

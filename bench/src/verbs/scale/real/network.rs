@@ -19,7 +19,7 @@ const SEPARATE: [(&str, &str); 3] = [("arp_ignore", "1"), ("arp_announce", "2"),
 
 /// Networks of the PLC and of the robots, with the switch between them.
 #[derive(Debug)]
-pub(super) struct Network {
+pub(super) struct ScaleNetwork {
     pub(super) plc: NetworkNamespace,
     pub(super) robots: NetworkNamespace,
     /// Holds the switch, which is removed with it.
@@ -31,7 +31,7 @@ pub(super) fn robot_interface(number: u8) -> String {
     format!("robot{number}")
 }
 
-impl Network {
+impl ScaleNetwork {
     /// Sets up the network for so many robots.
     pub(super) fn set_up(robots: u8) -> anyhow::Result<Self> {
         let [switch, plc, ends] =

@@ -18,10 +18,10 @@ use protocol_linux::{
 use setup::Bus;
 use stands::planned_station::PlannedStation;
 
-use super::super::plant::Plant;
+use super::super::plant::ScalePlant;
 use super::super::thread_time_ns;
 use super::TURN;
-use super::network::{Network, PLC_INTERFACE};
+use super::network::{PLC_INTERFACE, ScaleNetwork};
 
 /// Longest time until all stations are connected and their arms are where the run starts.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -37,7 +37,7 @@ const LOOK: Duration = Duration::from_millis(5);
 
 type Plc = PlcNode<PlcBus>;
 
-/// What a turn measured.
+/// Figures of a turn.
 #[derive(Debug)]
 pub(super) struct Turn {
     /// Time until all stations were ready.
@@ -71,17 +71,17 @@ pub(super) struct Reading {
 
 /// Connects, runs and measures for a turn. `turn` makes the connections' numbers its own.
 pub(super) fn run_turn(
-    network: &Network,
-    plant: &Plant,
+    network: &ScaleNetwork,
+    plant: &ScalePlant,
     stations: &[PlannedStation],
     turn: u32,
 ) -> anyhow::Result<Turn> {
     let started = clock::now();
     let mut thread = network.plc.run(|| start(plant, stations, turn))??;
     wait_for(&mut thread, PATIENCE, |notice| match notice {
-        Notice::Started => Some(Ok(())),
-        Notice::Failed(report) => Some(Err(report)),
-        Notice::Read(_) => None,
+        PlcNotice::Started => Some(Ok(())),
+        PlcNotice::Failed(report) => Some(Err(report)),
+        PlcNotice::Read(_) => None,
     })
     .context("the stations did not get ready")?
     .map_err(failed)?;
@@ -90,7 +90,7 @@ pub(super) fn run_turn(
     let begin = read(&mut thread)?;
     std::thread::sleep(TURN);
     let end = read(&mut thread)?;
-    thread.send(Instruction::End)?;
+    thread.send(PlcOrder::End)?;
     let finished = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     finished.result?;
     Ok(Turn { ready_in, begin, end })
@@ -101,11 +101,11 @@ fn failed(PlcReport { station, event }: PlcReport) -> anyhow::Error {
 }
 
 fn read(thread: &mut CyclicThread<Plc, Execute>) -> anyhow::Result<Reading> {
-    thread.send(Instruction::Read)?;
+    thread.send(PlcOrder::Read)?;
     wait_for(thread, ANSWER, |notice| match notice {
-        Notice::Read(reading) => Some(Ok(reading)),
-        Notice::Failed(report) => Some(Err(report)),
-        Notice::Started => None,
+        PlcNotice::Read(reading) => Some(Ok(reading)),
+        PlcNotice::Failed(report) => Some(Err(report)),
+        PlcNotice::Started => None,
     })?
     .map_err(failed)
 }
@@ -114,7 +114,7 @@ fn read(thread: &mut CyclicThread<Plc, Execute>) -> anyhow::Result<Reading> {
 fn wait_for<T>(
     thread: &mut CyclicThread<Plc, Execute>,
     limit: Duration,
-    kind: impl Fn(Notice) -> Option<T>,
+    kind: impl Fn(PlcNotice) -> Option<T>,
 ) -> anyhow::Result<T> {
     let until = clock::now() + limit;
     loop {
@@ -132,7 +132,7 @@ fn wait_for<T>(
 }
 
 fn start(
-    plant: &Plant,
+    plant: &ScalePlant,
     stations: &[PlannedStation],
     turn: u32,
 ) -> anyhow::Result<CyclicThread<Plc, Execute>> {
@@ -164,17 +164,17 @@ fn start(
     Ok(CyclicThread::start(driver, Execute { waiting: stations.len() }, waker, reader)?)
 }
 
-/// What the cyclic thread is asked to do.
+/// Orders to the cyclic thread.
 #[derive(Clone, Copy, Debug)]
-enum Instruction {
+enum PlcOrder {
     Read,
     End,
 }
 
-/// What it reports.
+/// Reports of the cyclic thread.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "a box would be an allocation of the cyclic thread")]
-enum Notice {
+enum PlcNotice {
     Started,
     Read(Reading),
     Failed(PlcReport),
@@ -188,21 +188,21 @@ struct Execute {
 }
 
 impl Task<Plc> for Execute {
-    type Command = Instruction;
-    type Notice = Notice;
+    type Command = PlcOrder;
+    type Notice = PlcNotice;
 
     fn command(
         &mut self,
         now: Instant,
         plc: &mut Plc,
         statistics: &Statistics,
-        instruction: Instruction,
-        notices: &mut NoticeSender<Notice>,
+        instruction: PlcOrder,
+        notices: &mut NoticeSender<PlcNotice>,
     ) -> ControlFlow<()> {
         match instruction {
-            Instruction::Read => {
+            PlcOrder::Read => {
                 let frames = plc.counters();
-                notices.send(Notice::Read(Reading {
+                notices.send(PlcNotice::Read(Reading {
                     thread_time_ns: thread_time_ns(),
                     scans: plc.lateness().runs(),
                     scans_missed: plc.lateness().missed(),
@@ -213,7 +213,7 @@ impl Task<Plc> for Execute {
                 }));
                 ControlFlow::Continue(())
             }
-            Instruction::End => {
+            PlcOrder::End => {
                 plc.disconnect(now);
                 ControlFlow::Break(())
             }
@@ -225,14 +225,14 @@ impl Task<Plc> for Execute {
         now: Instant,
         plc: &mut Plc,
         report: PlcReport,
-        notices: &mut NoticeSender<Notice>,
+        notices: &mut NoticeSender<PlcNotice>,
     ) -> ControlFlow<()> {
         match report.event {
             PlcEvent::Ready => {
                 // It starts when all arms are where the run begins.
                 let _ = plc.start(now, ExecutionType::Cm);
             }
-            PlcEvent::Started { .. } => notices.send(Notice::Started),
+            PlcEvent::Started { .. } => notices.send(PlcNotice::Started),
             PlcEvent::Finished(_) => {
                 self.waiting -= 1;
                 if self.waiting == 0 {
@@ -240,7 +240,7 @@ impl Task<Plc> for Execute {
                     let _ = plc.start(now, ExecutionType::Cm);
                 }
             }
-            PlcEvent::Failed(_) => notices.send(Notice::Failed(report)),
+            PlcEvent::Failed(_) => notices.send(PlcNotice::Failed(report)),
             _ => {}
         }
         ControlFlow::Continue(())

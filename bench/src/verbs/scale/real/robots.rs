@@ -19,8 +19,8 @@ use report::{errln, outln};
 use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotEvent, RobotNode};
 
-use super::super::plant::{Plant, ScaledBus, address};
-use super::network::{Network, robot_interface};
+use super::super::plant::{ScalePlant, ScaledBus, address};
+use super::network::{ScaleNetwork, robot_interface};
 use super::run_on;
 
 /// First argument that makes this program a process of robots; no option of the bench begins like that.
@@ -41,7 +41,7 @@ pub(super) struct RobotProcess(Child);
 impl RobotProcess {
     /// Starts a process of `count` robots from number `first` on, and waits until they run.
     pub(super) fn spawn(
-        network: &Network,
+        network: &ScaleNetwork,
         bus: ScaledBus,
         first: u8,
         count: u8,
@@ -102,7 +102,7 @@ fn serve(arguments: impl Iterator<Item = OsString>) -> anyhow::Result<()> {
     let bus = ScaledBus::from_str(bus, false).map_err(|reason| anyhow!(reason))?;
     let (first, count): (u8, u8) = (first.parse()?, count.parse()?);
     run_on(core.parse()?)?;
-    let plant = Plant::on(bus)?;
+    let plant = ScalePlant::on(bus)?;
     let numbers = first..first.saturating_add(count);
     let in_line = bus == ScaledBus::Ethercat;
     let open = |number: u8| Interface::open(&robot_interface(number));
@@ -113,7 +113,7 @@ fn serve(arguments: impl Iterator<Item = OsString>) -> anyhow::Result<()> {
     let machine = Robots::new(robots.collect(), in_line);
     let (waker, reader) = (Notifier::new()?, Notifier::new()?);
     let driver = Driver::new(machine, interfaces, waker.clone())?;
-    let task = Serve { addresses: numbers.map(address).collect() };
+    let task = ServePlc { addresses: numbers.map(address).collect() };
     let mut thread = CyclicThread::start(driver, task, waker, reader)?;
     outln!("{READY}");
     // The bench ends the process by closing it.
@@ -123,7 +123,7 @@ fn serve(arguments: impl Iterator<Item = OsString>) -> anyhow::Result<()> {
     Ok(finished.result?)
 }
 
-fn robot(plant: &Plant, number: u8, mac: Mac) -> Robot {
+fn robot(plant: &ScalePlant, number: u8, mac: Mac) -> Robot {
     let station = plant.station(number);
     let seed = SEED + u64::from(number);
     let bus = robot_node::bus::open(&station.setup.bus, mac, Some(address(number)), seed, clock::now);
@@ -131,7 +131,7 @@ fn robot(plant: &Plant, number: u8, mac: Mac) -> Robot {
     RobotNode::new(station.planned.robot, store, bus, seed, clock::now())
 }
 
-/// Robot nodes as one machine with an interface for each, or in line behind one interface.
+/// Robot nodes as one machine with an interface for each, or in line at one interface.
 #[derive(Debug)]
 struct Robots {
     robots: Vec<Robot>,
@@ -274,11 +274,11 @@ impl Multihomed for Robots {
 
 /// Serves the PLC until it is stopped.
 #[derive(Debug)]
-struct Serve {
+struct ServePlc {
     addresses: Vec<Ipv4Addr>,
 }
 
-impl Task<Robots> for Serve {
+impl Task<Robots> for ServePlc {
     type Command = ();
     type Notice = ();
 
