@@ -66,13 +66,11 @@ pub use load::{
 pub use meeting::NoMeeting;
 pub use motion::{Motion, Role};
 pub use out_of_reach::{OrBase, OutOfReach, SwingsTooNear};
-pub use plan::{Continuous, Plan, Reason, StepLabels, ToStart, WaitAt};
+pub use plan::{Continuous, Plan, Reason, StepLabels, ToStart, WaitAt, ZoneVisit};
 pub use planner::plan;
 pub use reach::Reached;
 pub use refusal::{LEAST_MM, Refusal};
-pub use shared_zone::{
-    ArmVolume, MOST_ZONES, NoTurns, StationZones, Waited, ZoneSet, ZoneVisit, check_turns,
-};
+pub use shared_zone::{ArmVolume, MOST_ZONES, NoTurns, StationZones, Waited, ZoneSet, check_turns};
 pub use source::Source;
 pub use stopped::{Stopped, Unfit};
 pub use stream::{Stream, Streamed, count, stream, to_start};

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use crate::application::{Action, Application, Labels};
 use crate::motion::Motion;
-use crate::shared_zone::ZoneVisit;
 use crate::zone::Why;
 use setup::Setup;
 
@@ -47,6 +46,17 @@ pub struct WaitAt {
     pub after: usize,
     /// Whether the action at this stop comes first, and not after the wait.
     pub after_action: bool,
+}
+
+/// A part of a plan in which the arm may be in a shared zone.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct ZoneVisit {
+    /// Number of the zone in the setup, from 0.
+    pub zone: usize,
+    /// Number of motions that the arm may execute before the zone is granted to it: at the end of the last one it stands outside.
+    pub after: usize,
+    /// Number of motions that are executed when it has left the zone.
+    pub until: usize,
 }
 
 /// How the arm moves to the place of the tool before the first step. The PLC moves it there before a repetition, unless

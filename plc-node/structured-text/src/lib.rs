@@ -50,5 +50,6 @@ pub use compile::{Program, Source, Variable};
 pub use mistake::{Mistake, Place, RunError, Trap};
 pub use pieces::{Piece, PieceKind, pieces};
 pub use run::Instance;
-pub use tree::{Dialect, Tree};
+pub use syntax::Dialect;
+pub use tree::Tree;
 pub use types::Scalar;

@@ -2,6 +2,18 @@
 
 use crate::Place;
 
+/// A way to write the language.
+#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
+pub enum Dialect {
+    /// IEC 61131-3.
+    #[default]
+    Standard,
+    /// SCL: quoted names of blocks, `#` before local variables, `VERSION`, `BEGIN`, pragmas.
+    Scl,
+    /// Automation Studio: a function is declared in one file, and its body is in another one.
+    Split,
+}
+
 /// A declaration at the top of a text.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum Declaration {

@@ -2,33 +2,14 @@
 
 use std::collections::HashMap;
 
-use crate::parser::{Parser, parse};
-use crate::syntax::{Declaration, TypeName};
+use crate::parser::{Normal, Parser, parse};
+use crate::syntax::{Declaration, Dialect};
 use crate::{Mistake, Source};
-
-/// A way to write the language.
-#[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
-pub enum Dialect {
-    /// IEC 61131-3.
-    #[default]
-    Standard,
-    /// SCL: quoted names of blocks, `#` before local variables, `VERSION`, `BEGIN`, pragmas.
-    Scl,
-    /// Automation Studio: a function is declared in one file, and its body is in another one.
-    Split,
-}
 
 /// A program's tree without places and comments. Names of arrays are replaced by the arrays, and each parameter of a function has
 /// its name, so that it depends on what is said and not on how a dialect writes it.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Tree(Vec<Declaration>);
-
-/// Replacements of the parser.
-#[derive(Default)]
-pub(crate) struct Normal {
-    pub(crate) arrays: HashMap<String, TypeName>,
-    pub(crate) parameters: HashMap<String, Vec<String>>,
-}
 
 impl Tree {
     /// Parses texts of a dialect, in the order of their declarations.

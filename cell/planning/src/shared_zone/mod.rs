@@ -14,7 +14,7 @@ mod visits;
 mod volume;
 
 pub use turns::{NoTurns, Waited, check_turns};
-pub use visits::{StationZones, ZoneVisit};
+pub use visits::StationZones;
 pub use volume::{ArmVolume, MOST_ZONES, ZoneSet};
 
 pub(crate) use visits::find;

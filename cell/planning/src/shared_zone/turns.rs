@@ -291,7 +291,7 @@ impl Orders<'_> {
 mod tests {
     use super::*;
     use crate::plan::WaitAt;
-    use crate::shared_zone::ZoneVisit;
+    use crate::plan::ZoneVisit;
 
     /// A plan with these waits (mark, after) and visits (zone, after, until).
     fn plan(waits: &[(u32, usize)], visits: &[(usize, usize, usize)]) -> Plan {

@@ -6,7 +6,7 @@ use setup::Setup;
 
 use super::volume::{ArmVolume, ZoneSet};
 use crate::motion::Motion;
-use crate::plan::Plan;
+use crate::plan::{Plan, ZoneVisit};
 use crate::reach::Reached;
 
 /// Length of the steps in which a path is followed, in mm, and the least and the most of them.
@@ -17,17 +17,6 @@ const STEPS: [f64; 2] = [64.0, 2_000.0];
 /// where the next motion comes late.
 const CORNER_STEPS: u32 = 24;
 const CORNER_SHARES: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
-
-/// A part of a plan in which the arm may be in a shared zone.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct ZoneVisit {
-    /// Number of the zone in the setup, from 0.
-    pub zone: usize,
-    /// Number of motions that the arm may execute before the zone is granted to it: at the end of the last one it stands outside.
-    pub after: usize,
-    /// Number of motions that are executed when it has left the zone.
-    pub until: usize,
-}
 
 /// The data of a station that a PLC needs for the shared zones of its cell, besides the visits of its plan.
 #[derive(Clone, Debug)]

@@ -5,9 +5,17 @@ mod expressions;
 mod statements;
 
 use crate::lexer::{Kind, Token, tokens};
-use crate::syntax::Declaration;
-use crate::tree::Normal;
-use crate::{Dialect, Mistake, Place};
+use std::collections::HashMap;
+
+use crate::syntax::{Declaration, Dialect, TypeName};
+use crate::{Mistake, Place};
+
+/// Replacements of the parser.
+#[derive(Default)]
+pub(crate) struct Normal {
+    pub(crate) arrays: HashMap<String, TypeName>,
+    pub(crate) parameters: HashMap<String, Vec<String>>,
+}
 
 /// Deepest nesting of statements and expressions: the checker and the execution recurse as deep.
 const DEEPEST: u32 = 64;
