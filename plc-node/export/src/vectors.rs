@@ -38,7 +38,7 @@ pub enum VectorsError {
 }
 
 /// Returns one line for each scan: RC, SM and CM once each, first in the one byte order and then in the other. Each run begins
-/// with scan 1 of a new instance, and is cut after [`MOST_SCANS`] scans.
+/// with scan 1 of a new instance, and is cut after 1,000 scans.
 ///
 /// # Errors
 /// The text does not compile or goes wrong; never for a text of [`structured_text`](crate::structured_text()).
