@@ -14,6 +14,7 @@ use crate::verbs::overhead::OverheadOptions;
 use crate::verbs::report::{CompareOptions, ReportOptions};
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::scale::ScaleOptions;
+#[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::timing::TimingOptions;
 use studies::buses::BusesOptions;
 use studies::calibrate::CalibrateOptions;
