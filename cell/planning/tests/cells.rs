@@ -291,7 +291,7 @@ fn stations_and_arms_must_fit_each_other() {
     insta::assert_snapshot!(said.join("\n"), @"
     DIR/my.toml: `station.left.application`: `thief` is not an arm of built-in application hand-over: it has giver, taker
     DIR/my.toml: `station.right.application`: station `left` is arm `taker` too; each arm is one station
-    there is no application `hand-under`: did you mean `hand-over`? built in are hand-over, carry-plate; or give the path of a .toml file
+    there is no application `hand-under`: did you mean `hand-over`? built in are hand-over, carry-plate, take-turns; or give the path of a .toml file
     cannot read the application file DIR/no.toml: No such file or directory (os error 2)
     there is no application `giver`: built in are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force; or give the path of a .toml file
     DIR/my.toml: `station.right.robot.bases`: base 1 lies 1.00 mm and 0.00° from that of `left` in the cell; one application needs one place: correct it or a root_mm_deg
