@@ -13,7 +13,9 @@ const STATIONS: [u32; 3] = [1, 2, 64];
 
 fn main() {
     hot_path::main(|paths| {
-        for (bus, count) in ScaledBus::ALL.into_iter().flat_map(|bus| STATIONS.map(|count| (bus, count))) {
+        let each = ScaledBus::ALL.into_iter().flat_map(|bus| STATIONS.map(|count| (bus, count)));
+        // Each frame of EtherCAT passes all devices, so its cost grows with the square of their number.
+        for (bus, count) in each.filter(|(bus, count)| *bus != ScaledBus::Ethercat || *count <= 2) {
             let started =
                 move || CellRun::start(&ScalePlant::on(bus).unwrap().stations(count).unwrap(), 1).unwrap();
             paths.add(
