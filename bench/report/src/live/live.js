@@ -160,7 +160,7 @@ class Now {
     this.panel.show(this.moment);
     this.curves.show(Math.min(this.moment, this.recording.end));
     if (this.stage && this.recording.times.length) {
-      const [tool] = this.stage.show(this.moment);
+      const [[tool]] = this.stage.show(this.moment);
       this.panel.element.dataset.tool = tool.toArray().map(mm => mm.toFixed(1)).join(" ");
     }
   }
