@@ -87,7 +87,7 @@ verb_portable() { #: virtual mode without Linux: its tests, and whether its sour
         echo "the bench without real mode depends on what only Linux has" >&2
         exit 1
     fi
-    cargo check --quiet -p bench --no-default-features --locked --target-dir "$target"
+    cargo clippy --quiet -p bench --no-default-features --locked --target-dir "$target" -- -D warnings
     python3 scripts/portable.py "$target"
     cargo test -p bench --no-default-features --locked --no-fail-fast
 }
@@ -209,11 +209,11 @@ verb_gate() { #: fail where the virtual figures of a setup left their committed 
     out=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
     trap "rm -rf '$out'" EXIT
-    for setup in A B C D E F; do
+    for setup in A B C D E F G; do
         built bench gate --setup "$setup" >"$out/$setup.txt" || status=$?
         summarise "$out/$setup.txt"
     done
-    for setup in E F; do built bench --setup "$setup" --mode virtual --reps 1 --out "$out/$setup" --quiet && python3 scripts/relative_pose.py "$out/$setup" --check || status=$?; done
+    for setup in E F G; do built bench --setup "$setup" --mode virtual --reps 1 --out "$out/$setup" --quiet && python3 scripts/relative_pose.py "$out/$setup" --check || status=$?; done
     built bench --setup A --types rc,cm --reps 8 --out "$out/real" --quiet
     built bench gate --run "$out/real" >"$out/real.txt" || status=$?
     summarise "$out/real.txt"

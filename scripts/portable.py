@@ -4,7 +4,7 @@
 Reads which sources of this repository a build went into (Cargo's dep-info), and looks in them for what only Linux or Unix
 has. Items under a `cfg` that names the system, and tests, do not count.
 
-usage: scripts/portable.py TARGET_DIRECTORY   of `cargo check -p bench --no-default-features`
+usage: scripts/portable.py TARGET_DIRECTORY   of `cargo clippy -p bench --no-default-features`
 """
 
 import re

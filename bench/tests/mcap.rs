@@ -17,6 +17,7 @@ fn main() -> ExitCode {
         networked_tests::tests![
             a_virtual_run_has_every_cycle_of_every_type_in_units_of_ros,
             the_path_speed_stays_below_the_programmed_one,
+            a_run_of_a_cell_has_the_topics_of_each_station,
         ],
     )
 }
@@ -200,4 +201,19 @@ fn a_real_run_has_the_same_topics() {
     let directory = tempfile::tempdir().unwrap();
     let topics = run(directory.path(), "real", "A", "rc");
     check(directory.path(), &topics, &["rc"]);
+}
+
+fn a_run_of_a_cell_has_the_topics_of_each_station() {
+    let directory = tempfile::tempdir().unwrap();
+    let topics = run(directory.path(), "virtual", "F", "cm");
+    for station in ["left", "right"] {
+        let table = format!("run/trace-robot-{station}.csv");
+        let table = fs::read_to_string(directory.path().join(table)).unwrap();
+        let at_ms = |row: &str| row.split(',').nth(1).unwrap().parse::<f64>().unwrap();
+        let cycles = table.lines().skip(1).filter(|row| at_ms(row) >= 0.0).count();
+        assert!(cycles > 200, "{station}: {cycles} cycles");
+        for name in ["joint_states", "tool", "path_speed", "programmed_speed"] {
+            assert_eq!(topics[&format!("/cm/{station}/{name}")].heard.len(), cycles, "/cm/{station}/{name}");
+        }
+    }
 }

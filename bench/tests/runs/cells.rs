@@ -54,9 +54,12 @@ fn two_robots_in_line_on_ethercat_run_in_virtual_time_and_are_refused_on_a_real_
         (&results["status"], &results["stations"][0]["bus"]),
         (&"complete".into(), &"ethercat".into())
     );
-    let real = bench(directory.path(), ["--setup", "line.toml", "--mode", "real", "--out", "real"]);
-    assert_eq!(real.code, Some(2), "{}", real.stderr);
-    assert!(real.stderr.contains("stations left and right are both on EtherCAT"), "{}", real.stderr);
+    #[cfg(feature = "real")]
+    {
+        let real = bench(directory.path(), ["--setup", "line.toml", "--mode", "real", "--out", "real"]);
+        assert_eq!(real.code, Some(2), "{}", real.stderr);
+        assert!(real.stderr.contains("stations left and right are both on EtherCAT"), "{}", real.stderr);
+    }
 }
 
 #[test]
@@ -162,7 +165,7 @@ fn a_soak_of_a_cell_puts_its_faults_at_every_station() {
 #[test]
 fn a_run_of_a_cell_has_pages_traces_and_captures_of_each_station() {
     let directory = tempfile::tempdir().unwrap();
-    let more = ["--types", "cm", "--trace", "--mcap", "--capture", "always"];
+    let more = ["--types", "cm", "--trace", "--capture", "always"];
     let finished = run(directory.path(), "F", "cell", &more);
     assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
     let path = directory.path().join("cell");
@@ -184,9 +187,6 @@ fn a_run_of_a_cell_has_pages_traces_and_captures_of_each_station() {
     }
     assert!(race.contains("CM left") && race.contains("CM right"));
     assert!(timeline.contains("robot right") && timeline.contains("waits at mark 1"));
-    assert!(
-        fs::read(path.join("motion.mcap")).unwrap().windows(22).any(|part| part == b"/cm/right/joint_states")
-    );
     fs::remove_file(path.join("report.html")).unwrap();
     let again = bench(directory.path(), ["report", "cell"]);
     assert_eq!(again.code, Some(0), "{}", again.stderr);
