@@ -1,7 +1,7 @@
 //! The code for B&R: a library with the blocks and a program in Automation Studio's files, in one package.
 
 use crate::parts::{CodePart, Parts, Unit, joined};
-use crate::{Application, ExportFile, Refused, structured_text};
+use crate::{Application, ExportFile, Refused};
 
 /// The maker in messages.
 const MAKER: &str = "B&R";
@@ -72,9 +72,8 @@ pub const CPU_SW: &str = "  <TaskClass Name=\"Cyclic#1\">\n    <Task Name=\"SBPr
 ///
 /// # Errors
 /// The first thing that does not fit.
-pub fn br(application: &Application) -> Result<Vec<ExportFile>, Refused> {
-    let text = structured_text(application)?;
-    let mut files = library(&text)?;
+pub(crate) fn br(application: &Application, text: &str) -> Result<Vec<ExportFile>, Refused> {
+    let mut files = library(text)?;
     let file = |path: String, text: String| ExportFile { path, text };
     let big_endian = if application.big_endian { "TRUE" } else { "FALSE" };
     let listed =

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use ::structured_text::{Piece, pieces};
 
 use crate::parts::{CodePart, Parts, Unit, joined};
-use crate::{Application, ExportFile, Refused, structured_text};
+use crate::{Application, ExportFile, Refused};
 
 /// The maker in messages.
 const MAKER: &str = "CODESYS";
@@ -63,8 +63,7 @@ const ADAPTER: &str = include_str!("../templates/codesys-adapter.st");
 ///
 /// # Errors
 /// The first thing that does not fit.
-pub fn codesys(application: &Application) -> Result<Vec<ExportFile>, Refused> {
-    let text = structured_text(application)?;
+pub(crate) fn codesys(application: &Application, text: &str) -> Result<Vec<ExportFile>, Refused> {
     let mut blocks = String::new();
     for block in ADAPTER.split("====\n") {
         let Some((interface, body)) = block.split_once("----\n") else { continue };
@@ -81,7 +80,7 @@ pub fn codesys(application: &Application) -> Result<Vec<ExportFile>, Refused> {
         let big_endian = if application.big_endian { "TRUE" } else { "FALSE" };
         write_block(name, kind, interface, &body.replace("@BIG_ENDIAN@", big_endian), &mut blocks);
     }
-    let xml = document(&text, &blocks, true)?;
+    let xml = document(text, &blocks, true)?;
     Ok(vec![ExportFile { path: XML_FILE.into(), text: xml }])
 }
 

@@ -48,9 +48,9 @@ pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>,
     let vectors = ExportFile { path: VECTORS.into(), text: vectors(&text, application)? };
     let mut files = match maker {
         Maker::St => vec![ExportFile { path: FILE.into(), text }],
-        Maker::Siemens => siemens(application)?,
-        Maker::Codesys => codesys(application)?,
-        Maker::Br => br(application)?,
+        Maker::Siemens => siemens(application, &text)?,
+        Maker::Codesys => codesys(application, &text)?,
+        Maker::Br => br(application, &text)?,
     };
     files.push(vectors);
     Ok(files)
@@ -59,7 +59,7 @@ pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>,
 /// Writes the export into a directory that is new or empty. The files are written beside it first, and then renamed.
 ///
 /// # Errors
-/// The first thing that does not fit. or the directory cannot be written; then nothing is left.
+/// The first thing that does not fit, or the directory cannot be written; then nothing is left.
 pub fn export(application: &Application, maker: Maker, directory: &Path) -> Result<(), ExportError> {
     let files = files(application, maker)?;
     let failed = |error| ExportError::Write { path: directory.into(), error };

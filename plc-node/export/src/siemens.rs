@@ -3,7 +3,7 @@
 use ::structured_text::{Piece, PieceKind};
 
 use crate::parts::{CodePart, Parts, Unit};
-use crate::{Application, ExportFile, Refused, structured_text};
+use crate::{Application, ExportFile, Refused};
 
 /// The maker in messages.
 const MAKER: &str = "Siemens";
@@ -55,9 +55,8 @@ const ADAPTER_FILE: &str = "skillbench_adapter.scl";
 ///
 /// # Errors
 /// The first thing that does not fit.
-pub fn siemens(application: &Application) -> Result<Vec<ExportFile>, Refused> {
-    let text = structured_text(application)?;
-    let mut files = rewritten(&text)?;
+pub(crate) fn siemens(application: &Application, text: &str) -> Result<Vec<ExportFile>, Refused> {
+    let mut files = rewritten(text)?;
     let big_endian = if application.big_endian { "TRUE" } else { "FALSE" };
     let adapter =
         ADAPTER.replace("@BIG_ENDIAN@", big_endian).replace("@SCAN_US@", &application.scan_us.to_string());

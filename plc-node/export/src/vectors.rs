@@ -83,12 +83,10 @@ fn one_run(
         has_started |= starts;
         core.set(start, 0, i64::from(starts));
         core.set(now, 0, i64::from(scan * SCAN_US));
-        (0..).zip(&robot.image).for_each(|(index, byte)| core.set(feedback, index, i64::from(*byte)));
+        core.set_bytes(feedback, &robot.image);
         core.scan(program, BUDGET)?;
         let mut answer = [0; IMAGE_LEN];
-        for (index, byte) in (0..).zip(&mut answer) {
-            *byte = u8::try_from(core.get(command, index)).unwrap_or(0);
-        }
+        core.get_bytes(command, &mut answer);
         let _ = writeln!(
             lines,
             "{{\"scan\":{scan},\"now_us\":{},\"start\":{starts},\"execution_type\":{execution_type},\"repetitions\":1,\

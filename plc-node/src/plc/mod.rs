@@ -340,6 +340,9 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 None => (None, 0),
             };
             let Some(station) = self.stations.get_mut(index) else { return };
+            if self.program.leads() {
+                station.keep_received(image);
+            }
             if let Some(cause) = station.read_inputs(now, image, received, &mut self.events) {
                 self.fail(Some(index), cause);
             }
@@ -352,16 +355,17 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Moves on each arm that moves to where a run starts.
     fn go_on_to_start(&mut self, now: Instant) {
         for index in 0..self.stations.len() {
-            let is_to_set_out = self.stations.get(index).is_some_and(Station::is_to_set_out);
-            let set_out = match self.mode {
-                Mode::Idle | Mode::Starting(_) if is_to_set_out => {
-                    self.program.set_out(index, &self.stations)
-                }
-                _ => SetOut::Now,
+            let Some(station) = self.stations.get(index) else { return };
+            if self.mode == Mode::Running || station.state != StationState::MovingToStart {
+                continue;
+            }
+            let set_out = if station.is_to_set_out() {
+                self.program.set_out(index, &self.stations)
+            } else {
+                SetOut::Now
             };
             let Some(station) = self.stations.get_mut(index) else { return };
-            let is_under_way = station.state == StationState::MovingToStart && self.mode != Mode::Running;
-            if !is_under_way || station.keep(set_out) {
+            if station.keep(set_out) {
                 continue;
             }
             match station.go_on_to_start(now) {

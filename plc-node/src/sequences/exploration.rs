@@ -3,13 +3,12 @@
 use std::collections::BTreeSet;
 
 use machine::{Duration, Instant};
-use planning::{ToStart, WaitAt};
+use planning::WaitAt;
 use protocol::image::{Control, Feedback, Motion, MotionKind, Order, Skill, State, Status};
 
 use super::{Sequences, StationWork};
 use crate::{
     AfterLoss, ExecutionType, FailureCause, MotionList, PlcProgram, Progress, Station, StationConfig,
-    WaitLimits,
 };
 
 /// More scans than a sequence takes to follow what a robot has done.
@@ -56,14 +55,7 @@ struct Cell {
 }
 
 fn station(index: usize) -> Station {
-    let config = StationConfig {
-        name: String::new(),
-        wait_limits: WaitLimits { answer_scans: 1_000, silent_scans: 1_000 },
-        answer_timeout: Duration::from_secs(1),
-        robot_cycle: Duration::from_millis(4),
-        to_start: ToStart::default(),
-        longest_stop: Duration::ZERO,
-    };
+    let config = StationConfig::patient(1_000);
     Station::new(index, config, Order::BigEndian, Duration::from_millis(1))
 }
 

@@ -157,14 +157,14 @@ impl ZoneTurns {
 #[cfg(test)]
 mod tests {
     use machine::Duration;
-    use planning::{PlannedStation, ToStart};
+    use planning::PlannedStation;
     use protocol::image::{Feedback, Order, State, Status};
 
     use crate::event::Events;
     use crate::program::{PlcProgram as _, SetOut};
     use crate::sequences::{Sequences, StationWork};
     use crate::station::StationState;
-    use crate::{MotionList, Station, StationConfig, WaitLimits};
+    use crate::{MotionList, Station, StationConfig};
 
     fn planned() -> Vec<PlannedStation> {
         let (cell, found) = planning::cell_with_applications("G").unwrap();
@@ -186,14 +186,7 @@ mod tests {
 
     /// Returns a station whose arm rests in these joints, in the state.
     fn resting(index: usize, joints: [f64; 6], state: StationState) -> Station {
-        let config = StationConfig {
-            name: String::new(),
-            wait_limits: WaitLimits { answer_scans: 100, silent_scans: 100 },
-            answer_timeout: Duration::from_secs(1),
-            robot_cycle: Duration::from_millis(4),
-            to_start: ToStart::default(),
-            longest_stop: Duration::ZERO,
-        };
+        let config = StationConfig::patient(100);
         let mut station = Station::new(index, config, Order::BigEndian, Duration::from_millis(1));
         station.connect();
         station.state = state;

@@ -4,13 +4,12 @@
 use std::collections::BTreeSet;
 
 use machine::{Duration, Instant};
-use planning::{ToStart, ZoneSet, ZoneVisit};
+use planning::{ZoneSet, ZoneVisit};
 use protocol::image::{Command, Control, Feedback, Motion, MotionKind, Order, Skill, State, Status};
 
 use super::{Sequences, StationWork};
 use crate::{
     AfterLoss, ExecutionType, FailureCause, MotionList, PlcProgram, Progress, Station, StationConfig,
-    WaitLimits,
 };
 
 /// More scans than a sequence takes to follow what a robot has done.
@@ -49,14 +48,7 @@ struct VisitedCell {
 }
 
 fn station(index: usize) -> Station {
-    let config = StationConfig {
-        name: String::new(),
-        wait_limits: WaitLimits { answer_scans: 10_000, silent_scans: 10_000 },
-        answer_timeout: Duration::from_secs(1),
-        robot_cycle: Duration::from_millis(4),
-        to_start: ToStart::default(),
-        longest_stop: Duration::ZERO,
-    };
+    let config = StationConfig::patient(10_000);
     Station::new(index, config, Order::BigEndian, Duration::from_millis(1))
 }
 

@@ -24,7 +24,6 @@ impl Station {
         events: &mut Events,
     ) -> Option<FailureCause> {
         let image = image.filter(|_| self.is_connected);
-        self.received = image;
         let is_bad = self.is_connected && image.is_none();
         if core::mem::replace(&mut self.image_bad, is_bad) != is_bad && self.is_connected {
             events.push(self.index, if is_bad { PlcEvent::ImageBad } else { PlcEvent::ImageGood });

@@ -109,6 +109,21 @@ pub struct Station {
     silence: Silence,
 }
 
+#[cfg(test)]
+impl StationConfig {
+    /// Returns a robot with a cycle of 4 ms, which may be silent and take an answer for so many scans.
+    pub(crate) fn patient(scans: u32) -> Self {
+        Self {
+            name: String::new(),
+            wait_limits: WaitLimits { answer_scans: scans, silent_scans: scans },
+            answer_timeout: Duration::from_secs(1),
+            robot_cycle: Duration::from_millis(4),
+            to_start: ToStart::default(),
+            longest_stop: Duration::ZERO,
+        }
+    }
+}
+
 impl Station {
     pub(crate) fn new(index: usize, config: StationConfig, order: Order, scan_cycle: Duration) -> Self {
         let StationConfig { name, wait_limits, answer_timeout, robot_cycle, to_start, longest_stop } = config;
@@ -191,6 +206,7 @@ impl Station {
     }
 
     /// Returns whether the PLC leads the robot to `Ready`, if there is a robot.
+    #[cfg(all(feature = "real", target_os = "linux"))]
     pub(crate) fn is_preparing(&self) -> bool {
         self.state == StationState::Preparing
     }
@@ -229,6 +245,10 @@ impl Station {
     }
 
     /// Returns the robot's image of this scan as its bus has it, before any check; `None` without a connection.
+    pub(crate) fn keep_received(&mut self, image: Option<Image>) {
+        self.received = image.filter(|_| self.is_connected);
+    }
+
     pub(crate) const fn received(&self) -> Option<Image> {
         self.received
     }

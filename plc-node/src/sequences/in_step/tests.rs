@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use machine::{Duration, Instant};
-use planning::{ToStart, WaitAt};
+use planning::WaitAt;
 use proptest::prelude::*;
 use protocol::image::{
     Command, Control, Feedback, IMAGE_LEN, Motion, MotionKind, Order, Services, State, Status,
@@ -13,9 +13,7 @@ use crate::arm_in_step::{ArmInStep, RobotTimes, TogetherLeg, TogetherSection};
 use crate::event::Events;
 use crate::program::{PlcProgram, Progress};
 use crate::robot_clock::StampDelay;
-use crate::{
-    ExecutionType, MotionList, Override, Sequences, Station, StationConfig, StationWork, WaitLimits,
-};
+use crate::{ExecutionType, MotionList, Override, Sequences, Station, StationConfig, StationWork};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -113,14 +111,7 @@ struct LedCell {
 }
 
 fn station(index: usize) -> Station {
-    let config = StationConfig {
-        name: String::new(),
-        wait_limits: WaitLimits { answer_scans: 1_000, silent_scans: 1_000 },
-        answer_timeout: Duration::from_secs(1),
-        robot_cycle: MS,
-        to_start: ToStart::default(),
-        longest_stop: Duration::ZERO,
-    };
+    let config = StationConfig { robot_cycle: MS, ..StationConfig::patient(1_000) };
     let mut station = Station::new(index, config, Order::LittleEndian, MS);
     station.connect();
     station.estimate_clock(StampDelay { least: Duration::ZERO, spread: Duration::ZERO });

@@ -167,8 +167,8 @@ impl Parser {
             ("VAR", Role::Local),
             ("VAR_TEMP", Role::Local),
         ];
-        let is_known = |word: &str| word != "VAR_TEMP" || self.dialect == Dialect::Scl;
-        let sections = sections.into_iter().filter(|(word, _)| is_known(word)).collect::<Vec<_>>();
-        sections.into_iter().find_map(|(word, role)| self.take_word(word).then_some(role))
+        let is_scl = self.dialect == Dialect::Scl;
+        let mut sections = sections.into_iter().filter(|(word, _)| *word != "VAR_TEMP" || is_scl);
+        sections.find_map(|(word, role)| self.take_word(word).then_some(role))
     }
 }
