@@ -80,11 +80,7 @@ impl State {
         let owner = consumed.and_then(|consumed| self.io.owner_of(consumed));
         let action = owner.map_or(0, |owner| if owner.run { 2 } else { 1 });
         writer.bytes(&[owner.is_some().into(), 0, 0, action]);
-        let Triad { connection_serial, vendor, originator_serial } = owner
-            .map_or(Triad { connection_serial: 0, vendor: 0, originator_serial: 0 }, |owner| owner.triad);
-        writer.u16(connection_serial);
-        writer.u16(vendor);
-        writer.u32(originator_serial);
+        owner.map(|owner| owner.triad).unwrap_or_default().emit(writer);
         Ok(())
     }
 }

@@ -19,6 +19,7 @@
 use super::super::{Reader, Writer};
 use super::timing::TimeoutMultiplier;
 use super::triad::Triad;
+use machine::Duration;
 use machine::wire::Truncated;
 
 /// State of a connection that is open.
@@ -72,11 +73,11 @@ impl DirectionData {
         writer.u32(self.api_us);
     }
 
-    /// Returns the time in µs after which the connection ends without a frame; `None` for a code that is not defined.
+    /// Returns the time after which the connection ends without a frame; `None` for a code that is not defined.
     #[must_use]
-    pub fn timeout_us(&self) -> Option<u64> {
-        TimeoutMultiplier::new(self.multiplier)
-            .map(|multiplier| u64::from(self.rpi_us) * u64::from(multiplier.intervals()))
+    pub fn timeout(&self) -> Option<Duration> {
+        let interval = Duration::from_micros(self.rpi_us.into());
+        TimeoutMultiplier::new(self.multiplier).map(|multiplier| multiplier.timeout(interval))
     }
 }
 
@@ -139,7 +140,7 @@ mod tests {
         assert_eq!(&buf[..len], expected);
         assert_eq!(ConnectionData::parse(&buf[..len]), Ok(data));
         assert!((0..len).all(|cut| ConnectionData::parse(&buf[..cut]).is_err()));
-        assert_eq!(data.o_t.timeout_us(), Some(5_120_000_000));
-        assert_eq!(DirectionData { multiplier: 8, ..data.o_t }.timeout_us(), None);
+        assert_eq!(data.o_t.timeout(), Some(Duration::from_micros(5_120_000_000)));
+        assert_eq!(DirectionData { multiplier: 8, ..data.o_t }.timeout(), None);
     }
 }

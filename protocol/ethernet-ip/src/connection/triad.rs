@@ -5,7 +5,7 @@ use machine::wire::Truncated;
 use super::super::{Reader, Writer};
 
 /// Worldwide unique identity of a connection.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug)]
 pub struct Triad {
     /// Number that the originator gave the connection.
     pub connection_serial: u16,

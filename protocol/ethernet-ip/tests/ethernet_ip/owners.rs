@@ -116,7 +116,10 @@ fn everybody_may_ask_for_the_data_of_each_connection_by_its_number_and_by_its_tr
     let found = found.unwrap();
     assert_eq!((general, found.number, found.triad), (General::Success, 1, silent(0x1234).triad));
     assert_eq!((found.o_t.target_id, found.t_o.target_id), (opened.o_t_id, opened.t_o_id));
-    assert_eq!((found.o_t.rpi_us, found.o_t.timeout_us()), (10_000_000, Some(5_120_000_000)));
+    assert_eq!(
+        (found.o_t.rpi_us, found.o_t.timeout()),
+        (10_000_000, Some(Duration::from_micros(5_120_000_000)))
+    );
     let triad = [0x34, 0x12, 77, 0, 0x01, 0, 0xAD, 0xDE];
     assert_eq!(ask(&mut rig, plc, 0x57, &triad), (General::Success, Some(found)));
     let class_3 = ask(&mut rig, plc, 0x56, &[2, 0]).1.unwrap();

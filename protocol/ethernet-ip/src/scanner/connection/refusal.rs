@@ -9,7 +9,7 @@ use crate::cip::{AcceptableIntervals, ElectronicKey, Extended, General, Reply, R
 use crate::class1::SEQUENCE_LEN;
 use crate::connection::{DirectionData, RealTimeFormat, Triad};
 use crate::description::{Assembly, Description, Identity, Role};
-use machine::{Down, DownCause, Duration};
+use machine::{Down, DownCause};
 
 /// A refused request: what was requested, and what the device has.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -49,8 +49,7 @@ impl Owner {
         let connections = reader.u8().ok()?;
         reader.skip(2).ok()?;
         let action = reader.u8().ok()?;
-        let (connection_serial, vendor) = (reader.u16().ok()?, reader.u16().ok()?);
-        let triad = Triad { connection_serial, vendor, originator_serial: reader.u32().ok()? };
+        let triad = Triad::parse(&mut reader).ok()?;
         (connections > 0).then_some(Self { triad, is_run: action == 2, o_t: None })
     }
 }
@@ -166,8 +165,8 @@ impl fmt::Display for Refusal {
             let (vendor, serial) = (triad.vendor, triad.originator_serial);
             let does = if is_run { "in run" } else { "idle or silent" };
             write!(f, "; the owner is vendor {vendor}, serial number 0x{serial:08X}, {does}")?;
-            if let Some((o_t, timeout_us)) = o_t.and_then(|o_t| Some((o_t, o_t.timeout_us()?))) {
-                let timeout = Duration::from_micros(timeout_us).as_secs_f64();
+            if let Some((o_t, timeout)) = o_t.and_then(|o_t| Some((o_t, o_t.timeout()?))) {
+                let timeout = timeout.as_secs_f64();
                 write!(f, ", with a packet every {} µs and a time-out of {timeout} s", o_t.rpi_us)?;
             }
         }
