@@ -84,6 +84,11 @@ fn hint(error: &std::io::Error) -> &'static str {
     }
 }
 
+/// Reads the kernel's table of routes of this thread's network.
+fn routes() -> std::io::Result<String> {
+    std::fs::read_to_string("/proc/thread-self/net/route")
+}
+
 /// Returns whether the kernel's table of routes has one through this interface to a gateway.
 fn has_gateway(routes: &str, interface: &str) -> bool {
     let mut fields = routes.lines().skip(1).map(str::split_ascii_whitespace);
@@ -224,8 +229,7 @@ impl Interface {
 
     /// Returns whether a route leads through it to a gateway; also where the kernel does not show its routes.
     fn leads_to_other_networks(&self) -> bool {
-        std::fs::read_to_string("/proc/self/net/route")
-            .map_or(true, |routes| has_gateway(&routes, &self.name))
+        routes().map_or(true, |routes| has_gateway(&routes, &self.name))
     }
 
     /// Returns whether it is up, with or without a carrier.

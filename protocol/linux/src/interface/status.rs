@@ -7,7 +7,7 @@ use rustix::io::Errno;
 use rustix::net::netlink::SocketAddrNetlink;
 use rustix::net::{AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType, recv, sendto, socket_with};
 
-use super::Interface;
+use super::{Interface, routes};
 
 /// `ETHTOOL_GSET` of linux/ethtool.h.
 const GET_SETTINGS: u32 = 0x01;
@@ -41,7 +41,7 @@ impl Interface {
     /// Returns the gateway to other networks through it, if there is one. It allocates.
     #[must_use]
     pub fn gateway(&self) -> Option<Ipv4Addr> {
-        parse_gateway(&std::fs::read_to_string("/proc/self/net/route").ok()?, self.name())
+        parse_gateway(&routes().ok()?, self.name())
     }
 
     fn settings(&self) -> std::io::Result<[u32; SETTINGS_WORDS]> {
