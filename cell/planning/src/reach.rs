@@ -86,6 +86,19 @@ impl Plan {
     }
 }
 
+/// Returns the robot of a setup in its cell, with the limits of its paths.
+pub(crate) fn robot_of<'a>(setup: &Setup, installation: &'a Installation) -> Robot<'a> {
+    let Installation { arm, tools, bases, .. } = installation;
+    let robot = &setup.robot;
+    let most = Programmed {
+        speed: robot.path_velocity_mm_s.value,
+        acceleration: robot.path_acceleration_mm_s2.value,
+        deceleration: robot.path_acceleration_mm_s2.value,
+        jerk: robot.path_jerk_mm_s3.value,
+    };
+    Robot { arm, tools, bases, most, presses: robot.force.is_some() }
+}
+
 /// The state of following a plan with an arm.
 struct Walk<'a> {
     application: &'a Application,
@@ -96,15 +109,7 @@ struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     fn new(application: &'a Application, setup: &'a Setup, installation: &'a Installation) -> Self {
-        let Installation { arm, tools, bases, .. } = installation;
-        let robot = &setup.robot;
-        let most = Programmed {
-            speed: robot.path_velocity_mm_s.value,
-            acceleration: robot.path_acceleration_mm_s2.value,
-            deceleration: robot.path_acceleration_mm_s2.value,
-            jerk: robot.path_jerk_mm_s3.value,
-        };
-        let robot = Robot { arm, tools, bases, most, presses: robot.force.is_some() };
+        let robot = robot_of(setup, installation);
         Self { application, setup, installation, robot }
     }
 

@@ -29,6 +29,9 @@ fn problem(key: impl Into<String>, text: impl Into<String>) -> Problem {
 /// The version of the file format that this program reads.
 const SCHEMA: u32 = 1;
 
+/// Farthest place in a cell, and largest length there, in mm (degrees).
+const FARTHEST_MM: f64 = 1e6;
+
 /// Highest tool and base number: they have four bits each in the process image.
 const MAX_FRAME: u8 = 15;
 

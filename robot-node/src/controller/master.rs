@@ -150,7 +150,9 @@ impl Controller {
 
     /// Begins anew with the set-point of the command that starts a skill: those before were on the law of another one.
     pub(super) fn begin_master(&mut self, at: Instant, command: &Command) {
-        self.master = self.master.map(|_| Master::first(at, command));
+        if let Some(master) = &mut self.master {
+            *master = Master::first(at, command);
+        }
     }
 
     pub(super) const fn leave_master(&mut self) {
@@ -196,7 +198,7 @@ impl Controller {
     /// Returns the share of the programmed speed with which a LIN force goes: 0 until the master has passed the arm, then the
     /// override, since a force has no law.
     pub(super) fn press_rate(&self, at: Instant, execution: &Execution) -> f64 {
-        let waits = self.master.is_some_and(|master| master.at(at).0 <= self.law_time(execution));
+        let waits = self.master.as_ref().is_some_and(|master| master.at(at).0 <= self.law_time(execution));
         if waits { 0.0 } else { self.factor }
     }
 

@@ -1,13 +1,13 @@
 //! Which motions of a plan go into which shared zone, found by following them as the arm does.
 
-use arm::motion::{Blend, Curve, Programmed, Robot, Segment};
-use arm::{Frames, Installation, Joints};
+use arm::motion::{Blend, Curve, Robot, Segment};
+use arm::{Installation, Joints};
 use setup::Setup;
 
 use super::volume::{ArmVolume, ZoneSet};
 use crate::motion::Motion;
 use crate::plan::{Plan, ZoneVisit};
-use crate::reach::Reached;
+use crate::reach::{Reached, robot_of};
 
 /// Length of the steps in which a path is followed, in mm, and the least and the most of them.
 const STEP_MM: f64 = 2.0;
@@ -38,9 +38,9 @@ pub(crate) fn find(
 ) -> (Vec<ZoneVisit>, ZoneSet) {
     let Ok(installation) = Installation::from_setup(setup) else { return (Vec::new(), ZoneSet::ALL) };
     let follower = Follower::new(volume, setup, &installation);
-    let (zones, _) = follower.zones(&plan.motions, &reached.start, &reached.targets);
+    let zones = follower.zones(&plan.motions, &reached.start, &reached.targets);
     let end = reached.targets.last().unwrap_or(&reached.start);
-    let (back, _) = follower.zones(&plan.to_start.from_end, end, &reached.back);
+    let back = follower.zones(&plan.to_start.from_end, end, &reached.back);
     let from_end = back.into_iter().fold(ZoneSet::NONE, ZoneSet::with);
     (visits(&zones, volume.zones()), from_end)
 }
@@ -74,32 +74,19 @@ struct Follower<'a> {
 
 impl<'a> Follower<'a> {
     fn new(volume: &'a ArmVolume, setup: &'a Setup, installation: &'a Installation) -> Self {
-        let robot = &setup.robot;
-        let most = Programmed {
-            speed: robot.path_velocity_mm_s.value,
-            acceleration: robot.path_acceleration_mm_s2.value,
-            deceleration: robot.path_acceleration_mm_s2.value,
-            jerk: robot.path_jerk_mm_s3.value,
-        };
-        let [tools, bases]: [&Frames; 2] = [&installation.tools, &installation.bases];
-        let presses = robot.force.is_some();
-        Self { volume, setup, robot: Robot { arm: volume.arm(), tools, bases, most, presses } }
+        let robot = Robot { arm: volume.arm(), ..robot_of(setup, installation) };
+        Self { volume, setup, robot }
     }
 
     /// Returns the zones of each motion from its exact start to its exact end, and with its corners.
-    fn zones(
-        &self,
-        motions: &[Motion],
-        start: &Joints,
-        targets: &[Joints],
-    ) -> (Vec<ZoneSet>, Option<Segment>) {
+    fn zones(&self, motions: &[Motion], start: &Joints, targets: &[Joints]) -> Vec<ZoneSet> {
         let mut zones = vec![ZoneSet::NONE; motions.len()];
         let starts = [start].into_iter().chain(targets);
         let mut before: Option<Segment> = None;
         for (index, (motion, from)) in motions.iter().zip(starts).enumerate() {
             let wire = motion.wire(self.setup);
             let Ok(alone) = Segment::prepare(&wire, from, self.robot) else {
-                return (vec![ZoneSet::ALL; motions.len()], None);
+                return vec![ZoneSet::ALL; motions.len()];
             };
             let mut own = self.of_segment(&alone, from);
             let mut on_path = alone;
@@ -121,7 +108,7 @@ impl<'a> Follower<'a> {
             }
             before = (wire.approximation > 0).then_some(on_path);
         }
-        (zones, before)
+        zones
     }
 
     fn of_segment(&self, segment: &Segment, from: &Joints) -> ZoneSet {

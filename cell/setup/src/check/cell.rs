@@ -2,7 +2,7 @@
 
 use std::net::Ipv4Addr;
 
-use super::{Check, MAX_NAME, Problem, problem};
+use super::{Check, FARTHEST_MM, MAX_NAME, Problem, problem};
 use crate::cell::{CELL_SCHEMA, ETHERCAT};
 use crate::{BusKind, Cell, Figure, Profinet, Station};
 
@@ -14,9 +14,6 @@ const MAX_STATIONS: usize = 64;
 
 /// Two roots nearer than this, in mm, are the same place: no two arms can be bolted there.
 const SAME_ROOT_MM: f64 = 1.0;
-
-/// Farthest coordinate of a root, in mm (degrees).
-const FARTHEST_MM: f64 = 1e6;
 
 pub(crate) fn check_cell(cell: &Cell) -> Check {
     if cell.is_one() {

@@ -1,6 +1,6 @@
 //! Checks of the shared zones of a cell.
 
-use super::{Check, problem};
+use super::{Check, FARTHEST_MM, problem};
 use crate::{Cell, Figure, SharedZone, control_character};
 
 /// Most shared zones of a cell: a set of zones has a bit for each.
@@ -8,9 +8,6 @@ const MAX_ZONES: usize = 32;
 
 /// Longest name of a zone in characters.
 const MAX_ZONE_NAME: usize = 32;
-
-/// Farthest coordinate of a corner and largest length, in mm.
-const FARTHEST_MM: f64 = 1e6;
 
 pub(super) fn check(cell: &Cell) -> Check {
     let zones = &cell.shared_zones;
