@@ -23,7 +23,7 @@ virtual_runs() {
                 --out "$setup-$name" >"$setup-$name.txt" 2>&1 || echo "exit code $?" >>"$setup-$name.txt"
         done
     done
-    for setup in E F; do
+    for setup in E F G; do
         "$program" --setup "$setup" --mode virtual --reps 1 --trace --capture always --quiet --out "$setup" >"$setup.txt" 2>&1 ||
             echo "exit code $?" >>"$setup.txt"
     done

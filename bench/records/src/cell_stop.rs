@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::trace::Recording;
 
 /// Speed of the tool in mm/s below which an arm counts as standing.
-const STANDS_MM_S: f32 = 1.0;
+pub const STANDS_MM_S: f32 = 1.0;
 
 /// The arms in a repetition that failed.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]

@@ -5,6 +5,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
 
+/// Scheduling of the nodes' cyclic threads if the host refused nothing.
+const GRANTED: &str = "SCHED_FIFO, memory locked";
+
 /// What the figures of a real run depend on besides the program.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Host {
@@ -52,6 +55,13 @@ impl Host {
             governor: line("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
             scheduling: None,
         }
+    }
+
+    /// Returns the description with what the nodes' cyclic threads were refused.
+    #[must_use]
+    pub fn with_scheduling(self, refused: &[String]) -> Self {
+        let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
+        Self { scheduling: Some(scheduling), ..self }
     }
 
     /// Returns the description as JSON, with a newline at the end.

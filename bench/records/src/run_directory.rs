@@ -102,7 +102,10 @@ impl RunDirectory {
         let (of_run, others): (Vec<_>, Vec<_>) =
             entries.iter().partition(|entry| occupied::is_of_run(&entry.file_name().to_string_lossy()));
         // A node that recorded nothing leaves an empty file.
-        let is_recorded = |entry: &&fs::DirEntry| !is(entry, &described) && !is_empty(entry);
+        let is_application =
+            |entry: &fs::DirEntry| entry.file_name().to_string_lossy().starts_with("application-");
+        let is_recorded =
+            |entry: &&fs::DirEntry| !is(entry, &described) && !is_application(entry) && !is_empty(entry);
         if self.samples_len > self.head.len() as u64 || of_run.iter().any(is_recorded) {
             return;
         }

@@ -20,17 +20,14 @@ use records::trace::CellTrace;
 ///
 /// It cannot be written.
 pub fn save_timeline(directory: &Path, planned: &PlannedCell, trace: &CellTrace) -> anyhow::Result<()> {
-    let of_station = |station: &'_ planning::PlannedStation| {
-        let motions: Vec<String> = station.plan.motions.iter().map(|motion| motion.name.clone()).collect();
-        let marks: Vec<u32> = station.plan.waits.iter().map(|wait| wait.mark).collect();
-        (motions, marks)
-    };
-    let known: Vec<_> = planned.stations.iter().map(of_station).collect();
-    let motions: Vec<Vec<&str>> =
-        known.iter().map(|(motions, _)| motions.iter().map(String::as_str).collect()).collect();
-    let stations = planned.stations.iter().zip(&known).zip(&motions).zip(&trace.stations);
+    fn known(station: &planning::PlannedStation) -> (Vec<&str>, Vec<u32>) {
+        let motions = station.plan.motions.iter().map(|motion| motion.name.as_str()).collect();
+        (motions, station.plan.waits.iter().map(|wait| wait.mark).collect())
+    }
+    let known: Vec<_> = planned.stations.iter().map(known).collect();
+    let stations = planned.stations.iter().zip(&known).zip(&trace.stations);
     let stations: Vec<_> = stations
-        .map(|(((station, (_, marks)), motions), trace)| TimelineStation {
+        .map(|((station, (motions, marks)), trace)| TimelineStation {
             name: &station.name,
             trace,
             motions,

@@ -1,8 +1,8 @@
 //! Stands: what a measurement runs on in each mode. A stand executes a sequence and returns how long it took.
 //!
 //! ```text
-//! rig          two processes on a real network, or nodes that already run (attach); on Linux, with the feature `real`
-//! virtual_run  both nodes in virtual time
+//! rig          a process for each node on a real network, or nodes that already run (attach); on Linux, with the feature `real`
+//! virtual_run  all nodes in virtual time
 //! cell_stand   the same for a cell with several stations; cell_measured is what a run of it was
 //! planned_cell the robot in its cell and the motions of an application; planned_path: what it drives alone
 //! relative_pose how far two arms' tools are from where the plan has them to each other

@@ -18,7 +18,7 @@ pub struct PlannedPath {
 
 /// Path of an arm between two waits.
 #[derive(Clone, Debug)]
-pub struct PlannedSection {
+struct PlannedSection {
     /// Indices of its motions.
     pub motions: Range<usize>,
     /// The law's time driven in the section, in µs, and the joints there.
@@ -76,12 +76,6 @@ impl PlannedPath {
             });
         }
         Ok(RehearsedStation { path, total: total.context("the plan has no motions")? })
-    }
-
-    /// Returns the sections in order.
-    #[must_use]
-    pub fn sections(&self) -> &[PlannedSection] {
-        &self.sections
     }
 
     /// Returns the joints at a share of the law's time between two numbers of executed motions, which are the ends of sections.

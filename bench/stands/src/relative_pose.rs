@@ -96,13 +96,6 @@ impl RelativePose {
         Ok(worst)
     }
 
-    /// Returns the path of an arm by its plan, as far as a repetition of the type was measured.
-    #[must_use]
-    pub fn path(&self, station: usize, execution_type: ExecutionType) -> Option<&PlannedPath> {
-        let paths = &self.arms.get(station)?.paths;
-        paths.iter().find(|(of, ..)| *of == execution_type).map(|(.., path)| path)
-    }
-
     /// Returns the marks that both arms have, in the order of the first, each as often as it is passed.
     fn passages(&self, [one, other]: [&MeasuredArm; 2]) -> Vec<Passage> {
         let mut passages = Vec::new();

@@ -2,6 +2,7 @@
 //! repetition, and checks that memory and descriptors of this process do not grow.
 
 mod cell;
+mod never_ready;
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,6 +17,7 @@ use rand_pcg::Pcg64Mcg;
 use setup::Setup;
 
 use cell::SoakedCell;
+use never_ready::NeverReady;
 
 use super::event_loop::{interrupted, watch_for_interrupt};
 use super::jobs::Pool;
@@ -94,16 +96,6 @@ fn minutes(text: &str) -> Result<f64, String> {
     } else {
         Err(format!("a life takes 1 to {} minutes", MOST_HOURS * 60.0))
     }
-}
-
-/// A cell does not come up again after a repetition failed.
-#[derive(Debug, thiserror::Error)]
-#[error("seed {seed}: {reason}; after that {then}; the faults of every life are {faults}")]
-struct NeverReady {
-    seed: u64,
-    reason: String,
-    then: String,
-    faults: String,
 }
 
 /// Counts of one cell, or of all.
@@ -261,12 +253,7 @@ fn live(
             }
             Err(error) => {
                 counts.refuse(seed, &error);
-                run.recover().map_err(|then| NeverReady {
-                    seed,
-                    reason: format!("{error:#}"),
-                    then: format!("{then:#}"),
-                    faults: faults::listed(faults),
-                })?;
+                run.recover().map_err(|then| NeverReady::new(seed, &error, &then, faults))?;
             }
         }
         if run.plant_time() >= life || is_interrupted.load(Ordering::Relaxed) {

@@ -65,6 +65,11 @@ fn exported_code_follows_a_schedule_of_overrides_as_the_function_blocks_do() {
 
 /// Runs RC of Setup A by code in which `from` became `to`.
 fn edited(directory: &Path, from: &str, to: &str) -> Finished {
+    run_edited(directory, "rc", from, to)
+}
+
+/// Runs a type of Setup A by code in which `from` became `to`.
+fn run_edited(directory: &Path, execution_type: &str, from: &str, to: &str) -> Finished {
     let text = exported("A", None, true);
     assert!(text.contains(from), "{from}");
     fs::create_dir_all(directory.join("kit")).unwrap();
@@ -75,7 +80,7 @@ fn edited(directory: &Path, from: &str, to: &str) -> Finished {
         "--reps",
         "1",
         "--types",
-        "rc",
+        execution_type,
         "--quiet",
         "--plc-program",
         "kit",
@@ -145,24 +150,7 @@ fn code_that_sends_another_motion_is_found_by_the_comparison_with_the_plan() {
     let directory = tempfile::tempdir().unwrap();
     let from = "latched[index] := motions[first + index];\n    END_FOR;";
     let to = format!("{from}\n    latched[0] := latched[0] + UDINT#1;");
-    let text = exported("A", None, true);
-    assert!(text.contains(from));
-    fs::create_dir_all(directory.path().join("kit")).unwrap();
-    fs::write(directory.path().join("kit/skillbench.st"), text.replacen(from, &to, 1)).unwrap();
-    let run = [
-        "--mode",
-        "virtual",
-        "--reps",
-        "1",
-        "--types",
-        "sm",
-        "--quiet",
-        "--plc-program",
-        "kit",
-        "--out",
-        "run",
-    ];
-    let Finished { code, stderr, .. } = bench(directory.path(), run);
+    let Finished { code, stderr, .. } = run_edited(directory.path(), "sm", from, &to);
     assert_eq!(code, Some(4), "{stderr}");
     assert!(stderr.contains("the PLC sent other motions"), "{stderr}");
 }

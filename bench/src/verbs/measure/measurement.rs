@@ -43,9 +43,6 @@ const WARNINGS: usize = 5;
 const NO_ROWS: &str = "No arm is drawn: nodes that the bench did not start write their cycles nowhere that it could read. Leave out --attach \
      to see it. Table, lateness, frames and alarms follow the run.";
 
-/// What the nodes' cyclic threads have if the host refused nothing.
-pub(super) const GRANTED: &str = "SCHED_FIFO, memory locked";
-
 /// Returns whether the rig says by this error that a capture lacks something.
 #[cfg(all(feature = "real", target_os = "linux"))]
 fn is_of_capture(error: &anyhow::Error) -> bool {
@@ -226,8 +223,7 @@ impl Measurement<'_> {
             }
         };
         if let Some(refused) = stand.refused() {
-            let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
-            session.write_host(&Host { scheduling: Some(scheduling), ..host })?;
+            session.write_host(&host.with_scheduling(&refused))?;
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
         let attached = stand.attached();

@@ -24,7 +24,7 @@ pub struct RunOptions {
     /// An application in place of the setup's: a built-in one's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|FILE")]
     pub application: Option<String>,
-    /// Two processes on a real network, or both nodes in virtual time.
+    /// A process for each node on a real network, or all nodes in virtual time.
     #[arg(long, value_enum, default_value_t = Mode::Real)]
     pub mode: Mode,
     /// Repetitions of each execution type.

@@ -1,8 +1,9 @@
-//! Both nodes in virtual time: the machines of a real run on a virtual cable.
+//! All nodes in virtual time: the machines of a real run on a virtual cable.
 //!
 //! ```text
 //! cell           the PLC and its robots in their network
 //! cell_capture   the frames on their cables
+//! cell_faults    when the faults of its stations change cables and nodes
 //! cell_run       runs of a cell with several stations; cell_watch records them
 //! new_cell       creates its nodes
 //! nodes          the nodes on the cable: from event to event, from the start edge of a run to its end

@@ -327,11 +327,12 @@ impl Nodes {
         Err(NeverEnded::TooLong.into())
     }
 
-    /// Waits until the robot is ready again after a run that failed.
+    /// Returns the time since the robot was ready first.
     pub(super) fn since_ready(&self) -> Duration {
         self.changes.since_ready(self.now()).unwrap_or_default()
     }
 
+    /// Waits until the robot is ready again after a run that failed.
     pub(super) fn recover(&mut self) -> anyhow::Result<()> {
         let until = self.cell.now() + RECOVERY;
         while !self.cell.plc().is_ready() {

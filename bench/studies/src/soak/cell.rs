@@ -8,7 +8,8 @@ use planning::FoundCell;
 use plc_node::ExecutionType;
 use setup::Cell;
 
-use super::{Counts, NeverReady, drive_faults};
+use super::never_ready::NeverReady;
+use super::{Counts, drive_faults};
 use records::exit::{Exit, Failure};
 use records::faults::{self, Fault};
 use records::schedule::Schedule;
@@ -72,12 +73,7 @@ impl SoakedCell {
                 Err(error) if !self.names_station(&error) => counts.differ(seed, &error),
                 Err(error) => {
                     counts.refuse(seed, &error);
-                    run.recover().map_err(|then| NeverReady {
-                        seed,
-                        reason: format!("{error:#}"),
-                        then: format!("{then:#}"),
-                        faults: faults::listed(&self.faults),
-                    })?;
+                    run.recover().map_err(|then| NeverReady::new(seed, &error, &then, &self.faults))?;
                 }
             }
             if run.plant_time() >= life || is_interrupted.load(Ordering::Relaxed) {

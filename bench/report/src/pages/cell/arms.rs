@@ -8,14 +8,12 @@ use crate::html::chart::{self, Axes, Format, INK, Panels, colour, px, stroke};
 use crate::html::figure::Data;
 use crate::progress::label;
 use records::cell_results::CellResults;
+use records::cell_stop::STANDS_MM_S;
 use records::trace::{CellTrace, Recording};
 
 /// Height of an arm's row and of the line of text above a panel, in pixels.
 const ROW: f64 = 34.0;
 const TITLE: f64 = 30.0;
-
-/// Speed of the tool in mm/s below which an arm counts as standing.
-const STANDS_MM_S: f32 = 1.0;
 
 /// Letters of a name that fit beside the axis.
 const LETTERS: usize = 6;

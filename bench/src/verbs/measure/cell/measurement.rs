@@ -8,7 +8,6 @@ use planning::PlannedCell;
 use setup::Cell;
 
 use super::super::alone::add_alone;
-use super::super::measurement::GRANTED;
 use super::super::{Capture, RunOptions};
 use super::session::{CellEnded, CellSession, Judge};
 use crate::COMMIT;
@@ -132,9 +131,7 @@ impl CellMeasurement<'_> {
             }
         };
         if let Some(refused) = stand.refused() {
-            let scheduling = if refused.is_empty() { GRANTED.to_owned() } else { refused.join("; ") };
-            let host = Host { scheduling: Some(scheduling), ..host };
-            session.write_host(&host)?;
+            session.write_host(&host.with_scheduling(&refused))?;
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
         results.attached = stand.attached();

@@ -143,7 +143,6 @@ fn check_outputs(options: &RunOptions, found: &FoundCell) -> Result<(), Failure>
     outputs::check(&options.exports.files(), &read, own)
 }
 
-/// Rejects faults that no station, or the mode, can have.
 /// Refuses several robots on EtherCAT: a real robot node has one port, and so is the last one of a line.
 #[cfg(all(feature = "real", target_os = "linux"))]
 fn check_segments(cell: &Cell) -> Result<(), Failure> {
@@ -158,6 +157,7 @@ fn check_segments(cell: &Cell) -> Result<(), Failure> {
     }
 }
 
+/// Rejects faults that no station, or the mode, can have.
 fn check_faults(faults: &[Fault], cell: &Cell, mode: Mode) -> Result<(), Failure> {
     faults::check_cell(faults, cell).map_err(usage)?;
     match mode {

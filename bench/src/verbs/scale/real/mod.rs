@@ -130,7 +130,7 @@ impl Histogram {
 
 /// Returns the core of the PLC and that of the robots; they are the same where this process may use only one.
 fn cores() -> anyhow::Result<(usize, usize)> {
-    // ScaleFigures before, this process keeps to one core.
+    // Read before this process keeps to one core.
     static ALLOWED: std::sync::OnceLock<Vec<usize>> = std::sync::OnceLock::new();
     let allowed = match ALLOWED.get() {
         Some(allowed) => allowed,
