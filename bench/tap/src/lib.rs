@@ -1,0 +1,38 @@
+//! Measures a PLC and a robot from captured frames alone, whoever made them.
+//!
+//! [`Observer`] is a machine: it takes frames with their times and returns [`Findings`] at the end. It has no clock and no file, and
+//! its memory does not grow with the number of frames.
+//!
+//! ```text
+//! packet       a frame down to UDP, TCP or PROFINET
+//! relation     what Connect and Forward_Open say of cyclic frames: direction, place of the image, cycle
+//! cyclic       the cyclic frames of PROFINET and EtherNet/IP
+//! content      direction and place of the image, from the bytes alone
+//! flow         the frames of one connection in one direction: doubled, missing; pace: their intervals and lateness
+//! skill        the skills of one PLC and one robot
+//! pattern      repetitions among them, by the plan; repetition: their times
+//! station      all of one robot
+//! observer     the machine; findings: its results
+//! ```
+
+#![warn(clippy::indexing_slicing)]
+
+mod address;
+mod content;
+mod cyclic;
+mod expected;
+mod findings;
+mod flow;
+mod observer;
+mod pace;
+mod packet;
+mod pattern;
+mod relation;
+mod repetition;
+mod skill;
+mod station;
+
+pub use address::{Address, Bus};
+pub use expected::ExpectedRun;
+pub use findings::{DirectionFindings, Findings, PeerFindings, Reaction, RepetitionFindings, TypeFindings};
+pub use observer::{Observer, TapConfig, Unmeasurable};
