@@ -5,6 +5,7 @@ use std::time::Duration;
 use machine::Lateness;
 use plc_node::ExecutionType;
 use records::counted::counted;
+use records::origin::MeasuredPeer;
 use records::results::PerType;
 use records::statistics::AetMad;
 use serde::Serialize;
@@ -22,9 +23,9 @@ pub struct Findings {
     /// The bus that carries the cyclic frames.
     pub bus: String,
     /// The PLC.
-    pub plc: PeerFindings,
+    pub plc: MeasuredPeer,
     /// The robot.
-    pub robot: PeerFindings,
+    pub robot: MeasuredPeer,
     /// How the directions were found: `connection`, by its start, or `content`.
     pub directions_by: &'static str,
     /// Time from the first packet to the last one.
@@ -47,19 +48,6 @@ pub struct Findings {
     pub skills_unfinished: u64,
     /// What was remarkable, as sentences.
     pub remarks: Vec<String>,
-}
-
-/// One end, as far as the capture shows it.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
-pub struct PeerFindings {
-    /// Address of its cyclic frames.
-    pub address: String,
-    /// MAC address of the interface that sends them.
-    pub mac: Option<String>,
-    /// Station name; null if the start of the connection is not in the capture.
-    pub name: Option<String>,
-    /// Vendor and device; null if the start of the connection is not in the capture.
-    pub identity: Option<String>,
 }
 
 /// Frames of one direction.
@@ -195,17 +183,16 @@ pub(crate) fn of_station(
     if ExecutionType::ALL.into_iter().any(is_some) {
         return Ok(findings);
     }
-    let done = counted(findings.skills_done, "skill is done");
-    let mut found = vec![done.replace("skill is dones", "skills are done")];
+    let mut found = vec![format!("{} done", counted(findings.skills_done, "skill"))];
     found.extend(findings.remarks);
     Err(Unmeasurable::NoRepetition(found.join("; ")))
 }
 
-fn peer(observer: &Observer, direction: Direction, address: Address) -> PeerFindings {
+fn peer(observer: &Observer, direction: Direction, address: Address) -> MeasuredPeer {
     let traits = observer.relations.traits_of(direction, address);
     let mac = observer.macs.get(&address).copied().or(traits.mac);
-    PeerFindings {
-        address: address.to_string(),
+    MeasuredPeer {
+        address: Some(address.to_string()),
         mac: mac.map(|mac| mac.to_string()),
         name: traits.name.filter(|name| !name.is_empty()),
         identity: traits.identity,

@@ -34,5 +34,5 @@ mod station;
 
 pub use address::{Address, Bus};
 pub use expected::ExpectedRun;
-pub use findings::{DirectionFindings, Findings, PeerFindings, Reaction, RepetitionFindings, TypeFindings};
+pub use findings::{DirectionFindings, Findings, Reaction, RepetitionFindings, TypeFindings};
 pub use observer::{Observer, TapConfig, Unmeasurable};
