@@ -2,7 +2,8 @@
 //!
 //! Engineering tools and spreadsheets write such tables in several ways. So the separator may be a comma, a semicolon or a tab, the
 //! decimal sign a point or, unless it is the separator, a comma; blank lines, quotes and a byte-order mark are skipped; a type is its
-//! name or the number that `SB_Core` has for it. Repetitions count from 1, or from 0 as an array does.
+//! name or the number that `SB_Core` has for it. Repetitions count from 1, or from 0 as an array does. A time of 0 is not a repetition: so
+//! the whole array may be read out.
 
 use std::collections::BTreeMap;
 
@@ -79,14 +80,14 @@ pub enum ImportError {
 
 /// A table whose head was read.
 #[derive(Debug)]
-struct Table {
+struct SampleTable {
     separator: char,
     /// Number of columns, and where each of [`COLUMNS`] is.
     width: usize,
     places: [usize; COLUMNS.len()],
 }
 
-impl Table {
+impl SampleTable {
     fn of(head: &str) -> Option<Self> {
         let separator = [';', '\t', ','].into_iter().find(|separator| head.contains(*separator))?;
         let names: Vec<_> = fields(head, separator).map(str::to_ascii_lowercase).collect();
@@ -111,7 +112,7 @@ pub fn parse(text: &str) -> Result<PerType<MeasuredType>, ImportError> {
     let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
     let Some((_, head)) = lines.next() else { return Err(ImportError::Empty) };
-    let table = Table::of(head).ok_or_else(|| ImportError::Head(shortened(head.trim())))?;
+    let table = SampleTable::of(head).ok_or_else(|| ImportError::Head(shortened(head.trim())))?;
     let mut samples = BTreeMap::<ExecutionType, BTreeMap<u32, f64>>::new();
     for (line, text) in lines {
         let values: Vec<_> = fields(text, table.separator).collect();
@@ -126,6 +127,10 @@ pub fn parse(text: &str) -> Result<PerType<MeasuredType>, ImportError> {
         let execution_type = read_type(line, kind)?;
         let repetition = read_repetition(line, repetition)?;
         let micros = read_micros(line, micros, table.separator)?;
+        if micros == 0.0 {
+            // An element of the array that no repetition has filled.
+            continue;
+        }
         if samples.entry(execution_type).or_default().insert(repetition, micros).is_some() {
             return Err(ImportError::Twice { line, execution_type: capitals(execution_type), repetition });
         }
@@ -178,8 +183,8 @@ fn read_repetition(line: usize, value: &str) -> Result<u32, ImportError> {
 fn read_micros(line: usize, value: &str, separator: char) -> Result<f64, ImportError> {
     let is_decimal = separator != ',' && value.matches(',').count() == 1 && !value.contains('.');
     let text = if is_decimal { value.replace(',', ".") } else { value.to_owned() };
-    let number = text.parse().ok().filter(|micros: &f64| *micros > 0.0 && *micros <= MAX_US);
-    number.ok_or_else(|| wrong(line, COLUMNS[2], value, "a time in µs, above 0 and up to 4,294,967,295"))
+    let number = text.parse().ok().filter(|micros: &f64| *micros >= 0.0 && *micros <= MAX_US);
+    number.ok_or_else(|| wrong(line, COLUMNS[2], value, "a time in µs, up to 4,294,967,295"))
 }
 
 fn wrong(line: usize, column: &'static str, value: &str, expected: &'static str) -> ImportError {
@@ -219,7 +224,7 @@ mod tests {
             times("type,repetition,sample_us\nrc,1,3725000\nrc,2,3726500\ncm,1,3729000.5\n"),
             expected
         );
-        let german = "\u{FEFF}Sample_us;Type;Repetition;note\r\n\r\n\"3726500\";1;1;\r\n3725000,0;RC;0;x\r\n3729000,5;3;0;\r\n;;;\r\n";
+        let german = "\u{FEFF}Sample_us;Type;Repetition;note\r\n\r\n\"3726500\";1;1;\r\n3725000,0;RC;0;x\r\n3729000,5;3;0;\r\n0;3;1;\r\n;;;\r\n";
         assert_eq!(times(german), expected);
         assert_eq!(
             times("type\trepetition\tsample_us\nCM\t1\t3729000,5\nRC\t1\t3725000\nRC\t2\t3726500"),
@@ -240,10 +245,23 @@ mod tests {
             "type;repetition;sample_us\nrc;1;3.725.000\n",
             "type,repetition,sample_us\nrc,1,inf\n",
             "type,repetition,sample_us\nrc,1,1000\nRC,1,1000\n",
-            "type,repetition,sample_us\nsm,1,1000\nsm,2,1000\nsm,4,1000\nsm,5,1000\n",
+            "type,repetition,sample_us\nsm,1,1000\nsm,2,1000\nsm,3,0\nsm,4,1000\nsm,5,1000\nsm,6,0\n",
             "type,repetition,sample_us\nsm,2,1000\nsm,3,1000\n",
         ];
         let said: Vec<_> = wrong.into_iter().map(|text| times(text).unwrap_err()).collect();
-        insta::assert_snapshot!(said.join("\n"), @"");
+        insta::assert_snapshot!(said.join("\n"), @r"
+        the table has no samples: expected a line such as rc,1,3725000
+        the table has no samples: expected a line such as rc,1,3725000
+        the first line is `rc,1,3725000`: expected the columns type, repetition and sample_us
+        line 2 has 2 fields, the first line 3: give each sample a line
+        line 2: type is `xx`: expected RC, SM, CM, or 1, 2, 3
+        line 2: repetition is `-1`: expected a whole number, from 1 to 1,000,000
+        the table has no samples: expected a line such as rc,1,3725000
+        line 2: sample_us is `3.725.000`: expected a time in µs, up to 4,294,967,295
+        line 2: sample_us is `inf`: expected a time in µs, up to 4,294,967,295
+        line 3: RC repetition 1 is there twice: give each repetition once
+        SM has repetitions up to 5, but not 3: read the samples out again, or number them anew
+        SM has repetitions up to 3, but not 1: read the samples out again, or number them anew
+        ");
     }
 }

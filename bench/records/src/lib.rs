@@ -16,7 +16,8 @@
 //! interval       means with their confidence intervals
 //! disturbances   what disturbed a run without ending it
 //! attached       the nodes of a run that ran already
-//! origin         the source of samples that no bench measured; imported_samples: those that were read out of a PLC
+//! origin         the source of samples that no bench measured; imported_samples: those that were read
+//!                out of a PLC, measured_results: results of both
 //! faults         the faults that the user injects, and their result
 //! cell_results   the same for a cell of several stations; cell_sample: one repetition,
 //!                cell_stop: one that failed; cell_directory: its files
@@ -55,6 +56,7 @@ pub mod imported_samples;
 pub mod interval;
 pub mod lateness;
 pub mod listening;
+mod measured_results;
 pub mod mode;
 pub mod not_ready;
 pub mod occupied;

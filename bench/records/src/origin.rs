@@ -2,16 +2,12 @@
 
 use std::fmt;
 
-use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
-use setup::Setup;
-
-use crate::results::{FailedRepetition, PerType, Results, Status, TypeResult};
 
 /// Source of the samples of a run that no bench ran.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct Origin {
+pub struct SampleOrigin {
     /// How they were measured.
     pub kind: OriginKind,
     /// Name of the file, without its directory.
@@ -78,7 +74,7 @@ impl OriginKind {
     }
 }
 
-impl fmt::Display for Origin {
+impl fmt::Display for SampleOrigin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { kind, file, bus, plc, robot } = self;
         match kind {
@@ -98,53 +94,5 @@ impl fmt::Display for MeasuredPeer {
         let known: Vec<_> = known.into_iter().flatten().map(String::as_str).collect();
         f.write_str(if known.is_empty() { "not named" } else { "" })?;
         f.write_str(&known.join(", "))
-    }
-}
-
-impl Results {
-    /// Creates the results of samples that were measured elsewhere. They have no simulated figures.
-    #[must_use]
-    pub fn measured(setup: &Setup, application: &str, origin: Origin, types: &PerType<MeasuredType>) -> Self {
-        let mut results = Self::empty([&setup.name, application, origin.kind.mode()]);
-        results.title.clone_from(&setup.title);
-        results.origin = Some(origin);
-        results.status = Status::Complete;
-        for execution_type in ExecutionType::ALL {
-            let Some(measured) = types.get(execution_type) else { continue };
-            let count = u32::try_from(measured.repetitions.len()).unwrap_or(u32::MAX);
-            results.reps = results.reps.max(count);
-            *results.results.entry(execution_type) = Some(TypeResult::measured(measured));
-        }
-        results.derive_figures();
-        results
-    }
-
-    /// Returns how the run was measured, for a line that describes it.
-    #[must_use]
-    pub fn mode_in_words(&self) -> String {
-        match self.origin.as_ref().map(|origin| origin.kind) {
-            None => format!("{} mode", self.mode),
-            Some(OriginKind::Capture) => "measured from a capture".to_owned(),
-            Some(OriginKind::Import) => "imported".to_owned(),
-        }
-    }
-}
-
-impl TypeResult {
-    fn measured(measured: &MeasuredType) -> Self {
-        let mut result = Self::default();
-        for (number, repetition) in (1..).zip(&measured.repetitions) {
-            match repetition {
-                Ok(time) => {
-                    result.samples_ms.push(time.execution_ms);
-                    result.robot_samples_ms.extend(time.robot_execution_ms);
-                    result.blends_suppressed.extend(time.blends_suppressed);
-                }
-                Err(error) => {
-                    result.failed.push(FailedRepetition { repetition: number, error: error.clone() });
-                }
-            }
-        }
-        result
     }
 }

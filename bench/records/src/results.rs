@@ -19,7 +19,7 @@ use crate::faults::FaultReport;
 pub use crate::frames::Frames;
 use crate::lateness::CycleLateness;
 use crate::mode::Mode;
-use crate::origin::Origin;
+use crate::origin::SampleOrigin;
 use crate::quality::MotionQuality;
 use crate::schedule::Schedule;
 use crate::statistics::{AetMad, aet_improvement};
@@ -58,7 +58,7 @@ pub struct Results {
     pub attached: Option<Attached>,
     /// Source of the samples; absent where the bench ran the measurement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub origin: Option<Origin>,
+    pub origin: Option<SampleOrigin>,
     /// Progress of the run, or how it ended.
     pub status: Status,
     /// Results of each type; types that were not requested are absent.

@@ -9,13 +9,13 @@ use anyhow::{Context, anyhow};
 use capture_file::reader::{CaptureError, CaptureReader, ETHERNET};
 use clap::Args;
 use plc_node::ExecutionType;
-use tap::{Address, DirectionFindings, ExpectedRun, Findings, Observer, TapConfig, TypeFindings};
+use tap::{CaptureObserver, DirectionFindings, EndAddress, ExpectedRun, Findings, TapConfig, TypeFindings};
 
 use crate::verbs::measured_elsewhere::{MeasuredElsewhere, file_name};
 use records::counted::counted;
 use records::exit::{Exit, Failure};
 use records::occupied;
-use records::origin::{MeasuredTime, MeasuredType, Origin, OriginKind};
+use records::origin::{MeasuredTime, MeasuredType, OriginKind, SampleOrigin};
 use records::results::{Frames, PerType, Results};
 use records::run_directory::{Durability, replace};
 use studies::outputs::{self, Own};
@@ -38,7 +38,7 @@ pub struct FromCaptureOptions {
     pub application: Option<String>,
     /// The robot to measure if the capture has several, by the IP or MAC address that its cyclic frames have.
     #[arg(long, value_name = "ADDRESS")]
-    pub robot: Option<Address>,
+    pub robot: Option<EndAddress>,
     /// Write all that was found to this file as well.
     #[arg(long, value_name = "FILE")]
     pub export_json: Option<PathBuf>,
@@ -84,7 +84,7 @@ pub fn run(options: &FromCaptureOptions) -> Result<Exit, Failure> {
     let (mut findings, remarks) = observe(&options.file, config).map_err(usage)?;
     findings.remarks.extend(remarks.sentences());
     let types = measured(&findings);
-    let origin = Origin {
+    let origin = SampleOrigin {
         kind: OriginKind::Capture,
         file: file_name(&options.file),
         bus: Some(findings.bus.clone()),
@@ -118,7 +118,7 @@ fn observe(path: &Path, config: TapConfig) -> anyhow::Result<(Findings, FileRema
     let file = File::open(path).with_context(|| format!("cannot read {shown}"))?;
     let reader = CaptureReader::new(BufReader::with_capacity(BUFFER, file));
     let mut reader = reader.map_err(|error| anyhow!("{shown}: {error}"))?;
-    let mut observer = Observer::new(config);
+    let mut observer = CaptureObserver::new(config);
     let mut remarks = FileRemarks::default();
     loop {
         match reader.next_packet() {

@@ -9,7 +9,7 @@ use clap::Args;
 use crate::verbs::measured_elsewhere::{MeasuredElsewhere, file_name};
 use records::exit::{Exit, Failure};
 use records::imported_samples;
-use records::origin::{MeasuredPeer, Origin, OriginKind};
+use records::origin::{MeasuredPeer, OriginKind, SampleOrigin};
 use studies::setup_option::SetupOption;
 
 /// Longest table in bytes.
@@ -52,7 +52,7 @@ pub fn run(options: &ImportOptions) -> Result<Exit, Failure> {
         .map_err(|error| Failure::new(Exit::Usage, anyhow!("{}: {error}", file.display())))?;
     let named =
         |identity: &Option<String>| MeasuredPeer { identity: identity.clone(), ..MeasuredPeer::default() };
-    let origin = Origin {
+    let origin = SampleOrigin {
         kind: OriginKind::Import,
         file: file_name(file),
         bus: None,

@@ -9,7 +9,7 @@ use setup::Setup;
 use crate::COMMIT;
 use records::exit::{Exit, Failure};
 use records::host::Host;
-use records::origin::{MeasuredType, Origin};
+use records::origin::{MeasuredType, SampleOrigin};
 use records::paper::PaperComparison;
 use records::results::{PerType, Results};
 use records::run_directory::{self, Durability, RunDirectory};
@@ -20,7 +20,7 @@ use report::{errln, outln, table};
 pub(super) struct MeasuredElsewhere<'a> {
     pub(super) setup: &'a Setup,
     pub(super) found: &'a Found,
-    pub(super) origin: Origin,
+    pub(super) origin: SampleOrigin,
     pub(super) types: &'a PerType<MeasuredType>,
     pub(super) began: SystemTime,
 }

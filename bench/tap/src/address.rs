@@ -5,16 +5,16 @@ use std::net::Ipv4Addr;
 
 use machine::ethernet::Mac;
 
-/// Address by which a station sends its cyclic frames.
+/// EndAddress by which a station sends its cyclic frames.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub enum Address {
+pub enum EndAddress {
     /// That of its interface, for PROFINET in EtherType 0x8892.
     Mac(Mac),
     /// Its IP address, for PROFINET over UDP and for EtherNet/IP.
     Ip(Ipv4Addr),
 }
 
-impl Address {
+impl EndAddress {
     /// Returns whether it is the address of a group.
     pub(crate) const fn is_group(self) -> bool {
         match self {
@@ -24,7 +24,7 @@ impl Address {
     }
 }
 
-impl fmt::Display for Address {
+impl fmt::Display for EndAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Mac(mac) => mac.fmt(f),
@@ -33,7 +33,7 @@ impl fmt::Display for Address {
     }
 }
 
-impl std::str::FromStr for Address {
+impl std::str::FromStr for EndAddress {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -44,9 +44,9 @@ impl std::str::FromStr for Address {
     }
 }
 
-/// Bus that carries the cyclic frames.
+/// CyclicBus that carries the cyclic frames.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub enum Bus {
+pub enum CyclicBus {
     /// PROFINET in EtherType 0x8892.
     ProfinetRt,
     /// PROFINET over UDP.
@@ -55,7 +55,7 @@ pub enum Bus {
     EthernetIp,
 }
 
-impl fmt::Display for Bus {
+impl fmt::Display for CyclicBus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::ProfinetRt => "PROFINET RT",

@@ -1,4 +1,4 @@
-//! Direction and place of the image, from the bytes alone: for a capture without the start of the connection.
+//! ImageDirection and place of the image, from the bytes alone: for a capture without the start of the connection.
 //!
 //! An image with a right check tells both at once. Without checks a place is accepted when its counters move and it holds, in
 //! all frames, only what one of the two images may hold.
@@ -8,9 +8,9 @@ use protocol::image::{
     Verdict,
 };
 
-/// Direction of images.
+/// ImageDirection of images.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Direction {
+pub(crate) enum ImageDirection {
     /// From the PLC to the robot.
     Command,
     /// From the robot to the PLC.
@@ -28,19 +28,19 @@ const MAX_FRAMES: u32 = 20_000;
 const MOVES: u32 = 64;
 const FEW_MOVES: u32 = 8;
 
-/// Places in a frame that may hold an image: behind the statuses of some modules.
+/// Places in a frame that may hold an image: after the statuses of some modules.
 const MAX_PLACES: usize = 256;
 
 /// Search for the image in the frames of one connection and direction.
 #[derive(Clone, Default, Debug)]
 pub(crate) struct ContentSearch {
     frames: u32,
-    places: Vec<Place>,
+    places: Vec<ImagePlace>,
 }
 
-/// What one place in the frames has shown so far.
+/// Evidence of one place in the frames so far.
 #[derive(Clone, Copy, Default, Debug)]
-struct Place {
+struct ImagePlace {
     command: Hypothesis,
     feedback: Hypothesis,
 }
@@ -70,14 +70,14 @@ impl Hypothesis {
 
 impl ContentSearch {
     /// Adds a frame; returns the direction and the place of the image once both are certain.
-    pub(crate) fn add(&mut self, order: Order, body: &[u8]) -> Option<(Direction, usize)> {
+    pub(crate) fn add(&mut self, order: Order, body: &[u8]) -> Option<(ImageDirection, usize)> {
         if self.frames >= MAX_FRAMES {
             return None;
         }
         self.frames += 1;
         let places = (body.len() + 1).saturating_sub(IMAGE_LEN).min(MAX_PLACES);
         if self.frames == 1 {
-            self.places.resize(places, Place::default());
+            self.places.resize(places, ImagePlace::default());
         }
         if places != self.places.len() {
             // One connection has frames of one length.
@@ -109,12 +109,12 @@ impl ContentSearch {
     }
 
     /// Returns the only place with the only image that may be there.
-    fn only_place(&self) -> Option<(Direction, usize)> {
-        let found = |place: &Place| {
+    fn only_place(&self) -> Option<(ImageDirection, usize)> {
+        let found = |place: &ImagePlace| {
             if place.command.holds_against(&place.feedback) {
-                Some(Direction::Command)
+                Some(ImageDirection::Command)
             } else if place.feedback.holds_against(&place.command) {
-                Some(Direction::Feedback)
+                Some(ImageDirection::Feedback)
             } else {
                 None
             }
@@ -126,11 +126,11 @@ impl ContentSearch {
 }
 
 /// Returns the direction of an image with a right check.
-fn checked(order: Order, image: &Image) -> Option<Direction> {
+fn checked(order: Order, image: &Image) -> Option<ImageDirection> {
     if CommandChecker::default().verify(order, image) == Verdict::Intact {
-        return Some(Direction::Command);
+        return Some(ImageDirection::Command);
     }
-    (FeedbackChecker::default().verify(order, image) == Verdict::Intact).then_some(Direction::Feedback)
+    (FeedbackChecker::default().verify(order, image) == Verdict::Intact).then_some(ImageDirection::Feedback)
 }
 
 /// Returns the life counter of what may be a command.
@@ -166,7 +166,7 @@ mod tests {
     use protocol::image::{CommandSealer, Control, Motion, Status};
 
     fn body(image: &Image) -> Vec<u8> {
-        // Statuses of three modules before it, and of one behind it.
+        // Statuses of three modules before it, and of one after it.
         [&[0x80; 3][..], image, &[0x80, 0x12, 0x34, 0x35, 0]].concat()
     }
 
@@ -184,7 +184,7 @@ mod tests {
         sealer.take_tail(&image);
         sealer.seal(Order::BigEndian, &mut image);
         let found = ContentSearch::default().add(Order::BigEndian, &body(&image));
-        assert_eq!(found, Some((Direction::Command, 3)));
+        assert_eq!(found, Some((ImageDirection::Command, 3)));
     }
 
     #[test]
@@ -209,7 +209,11 @@ mod tests {
                 order.emit_feedback(&feedback, &mut image);
                 found[1] = found[1].or_else(|| feedbacks.add(order, &body(&image)));
             }
-            assert_eq!(found, [Some((Direction::Command, 3)), Some((Direction::Feedback, 3))], "{order:?}");
+            assert_eq!(
+                found,
+                [Some((ImageDirection::Command, 3)), Some((ImageDirection::Feedback, 3))],
+                "{order:?}"
+            );
         }
     }
 

@@ -5,13 +5,13 @@ use std::net::SocketAddrV4;
 use ethernet_ip::class1;
 use profinet::rt;
 
-use crate::address::{Address, Bus};
-use crate::packet::{Packet, Payload};
+use crate::address::{CyclicBus, EndAddress};
+use crate::packet::{EthernetPacket, Payload};
 
 /// Length of a FrameID in bytes.
 const FRAME_ID_LEN: usize = 2;
 
-/// Cycle counter, data status and transfer status behind the data of a PROFINET frame, in bytes.
+/// Cycle counter, data status and transfer status after the data of a PROFINET frame, in bytes.
 const TRAILER_LEN: usize = 4;
 
 /// Check sequence of Ethernet, which some taps record, in bytes.
@@ -20,9 +20,9 @@ const FCS_LEN: usize = 4;
 /// One direction of a connection.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(crate) struct FlowKey {
-    pub(crate) bus: Bus,
-    pub(crate) from: Address,
-    pub(crate) to: Address,
+    pub(crate) bus: CyclicBus,
+    pub(crate) from: EndAddress,
+    pub(crate) to: EndAddress,
     /// FrameID, or number of the connection.
     pub(crate) connection: u32,
 }
@@ -31,7 +31,7 @@ pub(crate) struct FlowKey {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CyclicFrame<'a> {
     pub(crate) key: FlowKey,
-    /// Data with what surrounds it: of PROFINET from behind the FrameID to the end of the frame, of EtherNet/IP the payload.
+    /// Data with what surrounds it: of PROFINET all after the FrameID to the end of the frame, of EtherNet/IP the payload.
     pub(crate) body: &'a [u8],
     /// Sequence number of EtherNet/IP.
     sequence: Option<u32>,
@@ -39,26 +39,26 @@ pub(crate) struct CyclicFrame<'a> {
 
 impl<'a> CyclicFrame<'a> {
     /// Finds the cyclic frame in a packet.
-    pub(crate) fn of(packet: &Packet<'a>) -> Option<Self> {
+    pub(crate) fn of(packet: &EthernetPacket<'a>) -> Option<Self> {
         match packet.payload {
             Payload::Profinet(data) => {
-                let ends = (Address::Mac(packet.source), Address::Mac(packet.destination));
-                Self::profinet(Bus::ProfinetRt, ends, data)
+                let ends = (EndAddress::Mac(packet.source), EndAddress::Mac(packet.destination));
+                Self::profinet(CyclicBus::ProfinetRt, ends, data)
             }
             Payload::Udp { from, to, data } if to.port() == rt::UDP_PORT => {
-                Self::profinet(Bus::ProfinetUdp, ips(from, to), data)
+                Self::profinet(CyclicBus::ProfinetUdp, ips(from, to), data)
             }
             Payload::Udp { from, to, data } if to.port() == ethernet_ip::IO_PORT => {
                 let frame = class1::Frame::parse(data).ok()?;
                 let (from, to) = ips(from, to);
-                let key = FlowKey { bus: Bus::EthernetIp, from, to, connection: frame.connection };
+                let key = FlowKey { bus: CyclicBus::EthernetIp, from, to, connection: frame.connection };
                 Some(Self { key, body: frame.payload, sequence: Some(frame.sequence) })
             }
             _ => None,
         }
     }
 
-    fn profinet(bus: Bus, (from, to): (Address, Address), data: &'a [u8]) -> Option<Self> {
+    fn profinet(bus: CyclicBus, (from, to): (EndAddress, EndAddress), data: &'a [u8]) -> Option<Self> {
         let (id, body) = data.split_first_chunk::<FRAME_ID_LEN>()?;
         let connection = u16::from_be_bytes(*id);
         let key = FlowKey { bus, from, to, connection: connection.into() };
@@ -79,11 +79,11 @@ impl<'a> CyclicFrame<'a> {
     }
 }
 
-/// Returns the length of the data of a PROFINET frame whose IOCR is unknown: up to its status, behind which a tap may have
+/// Returns the length of the data of a PROFINET frame whose IOCR is unknown: up to its status, after which a tap may have
 /// recorded the check sequence of Ethernet.
 fn profinet_sdu_len(body: &[u8]) -> Option<usize> {
-    [TRAILER_LEN, TRAILER_LEN + FCS_LEN].into_iter().find_map(|behind| {
-        let length = body.len().checked_sub(behind)?;
+    [TRAILER_LEN, TRAILER_LEN + FCS_LEN].into_iter().find_map(|rest| {
+        let length = body.len().checked_sub(rest)?;
         let [_, _, data_status, transfer_status] = *body.get(length..)?.first_chunk::<TRAILER_LEN>()?;
         // Bits 3 and 6 of the data status are 0 (IEC 61158-6-10, 4.7.2.1.2), and what is sent is valid.
         let is_status = data_status & 0x48 == 0 && data_status & rt::DataStatus::VALID != 0;
@@ -91,6 +91,6 @@ fn profinet_sdu_len(body: &[u8]) -> Option<usize> {
     })
 }
 
-fn ips(from: SocketAddrV4, to: SocketAddrV4) -> (Address, Address) {
-    (Address::Ip(*from.ip()), Address::Ip(*to.ip()))
+fn ips(from: SocketAddrV4, to: SocketAddrV4) -> (EndAddress, EndAddress) {
+    (EndAddress::Ip(*from.ip()), EndAddress::Ip(*to.ip()))
 }

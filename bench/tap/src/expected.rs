@@ -1,4 +1,4 @@
-//! What the repetitions of a run consist of, by the plan of setup and application.
+//! The skills of a repetition, by the plan of setup and application.
 
 use planning::{Plan, Switch};
 use protocol::image::Motion;

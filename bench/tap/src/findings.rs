@@ -1,4 +1,4 @@
-//! What a capture shows, for people and as JSON.
+//! Findings of a capture, for people and as JSON.
 
 use std::time::Duration;
 
@@ -10,12 +10,13 @@ use records::results::PerType;
 use records::statistics::AetMad;
 use serde::Serialize;
 
-use crate::address::Address;
-use crate::content::Direction;
+use crate::address::EndAddress;
+use crate::content::ImageDirection;
 use crate::flow::{Flow, FrameCounts};
-use crate::observer::{Observer, PacketCounts, Unmeasurable};
 use crate::repetition::{Repetitions, TypeTraits};
-use crate::station::Station;
+use crate::station::WatchedRobot;
+use crate::traffic::{PacketCounts, Traffic};
+use crate::unmeasurable::Unmeasurable;
 
 /// All that a capture shows of a PLC and a robot. Times are by the clock of the capture.
 #[derive(Clone, PartialEq, Debug, Serialize)]
@@ -26,7 +27,7 @@ pub struct Findings {
     pub plc: MeasuredPeer,
     /// The robot.
     pub robot: MeasuredPeer,
-    /// How the directions were found: `connection`, by its start, or `content`.
+    /// Source of the directions: `connection`, its start, or `content`.
     pub directions_by: &'static str,
     /// Time from the first packet to the last one.
     pub duration_ms: f64,
@@ -46,7 +47,7 @@ pub struct Findings {
     pub skills_failed: u64,
     /// Skills whose end is not in the capture.
     pub skills_unfinished: u64,
-    /// What was remarkable, as sentences.
+    /// Remarkable things, as sentences.
     pub remarks: Vec<String>,
 }
 
@@ -141,22 +142,22 @@ impl Reaction {
 
 /// Returns the findings of a station whose capture has ended.
 pub(crate) fn of_station(
-    observer: &Observer,
-    station: &Station,
+    traffic: &Traffic,
+    station: &WatchedRobot,
     duration_ns: u64,
 ) -> Result<Findings, Unmeasurable> {
     let Some(plc) = station.plcs.first().copied() else {
-        return Err(Unmeasurable::NoImage { frames: observer.counts.cyclic });
+        return Err(Unmeasurable::NoImage { frames: traffic.counts.cyclic });
     };
     let [altered_commands, altered_feedbacks] = station.altered();
-    let flows = |direction: Direction| {
+    let flows = |direction: ImageDirection| {
         let is_of = move |flow: &&Flow| {
-            let robot = if direction == Direction::Command { flow.key.to } else { flow.key.from };
+            let robot = if direction == ImageDirection::Command { flow.key.to } else { flow.key.from };
             flow.direction() == Some(direction) && robot == station.robot && flow.key.bus == station.bus
         };
-        observer.flows.values().filter(is_of)
+        traffic.flows.values().filter(is_of)
     };
-    let (commands, feedbacks) = (flows(Direction::Command), flows(Direction::Feedback));
+    let (commands, feedbacks) = (flows(ImageDirection::Command), flows(ImageDirection::Feedback));
     let connections = commands.clone().count();
     let is_agreed = commands.clone().chain(feedbacks.clone()).all(Flow::is_agreed);
     let mut results = PerType::default();
@@ -165,11 +166,11 @@ pub(crate) fn of_station(
     }
     let findings = Findings {
         bus: station.bus.to_string(),
-        plc: peer(observer, Direction::Command, plc),
-        robot: peer(observer, Direction::Feedback, station.robot),
+        plc: peer(traffic, ImageDirection::Command, plc),
+        robot: peer(traffic, ImageDirection::Feedback, station.robot),
         directions_by: if is_agreed { "connection" } else { "content" },
         duration_ms: millis(duration_ns),
-        packets: observer.counts.packets,
+        packets: traffic.counts.packets,
         commands: direction(commands, altered_commands),
         feedbacks: direction(feedbacks, altered_feedbacks),
         skills_done: station.skills.done,
@@ -177,7 +178,7 @@ pub(crate) fn of_station(
         skills_failed: station.skills.failed,
         skills_unfinished: station.skills.unfinished,
         results,
-        remarks: remarks(observer, station, connections),
+        remarks: remarks(traffic, station, connections),
     };
     let is_some = |one| findings.results.get(one).is_some_and(|of_type| !of_type.repetitions.is_empty());
     if ExecutionType::ALL.into_iter().any(is_some) {
@@ -188,9 +189,9 @@ pub(crate) fn of_station(
     Err(Unmeasurable::NoRepetition(found.join("; ")))
 }
 
-fn peer(observer: &Observer, direction: Direction, address: Address) -> MeasuredPeer {
-    let traits = observer.relations.traits_of(direction, address);
-    let mac = observer.macs.get(&address).copied().or(traits.mac);
+fn peer(traffic: &Traffic, direction: ImageDirection, address: EndAddress) -> MeasuredPeer {
+    let traits = traffic.relations.traits_of(direction, address);
+    let mac = traffic.macs.get(&address).copied().or(traits.mac);
     MeasuredPeer {
         address: Some(address.to_string()),
         mac: mac.map(|mac| mac.to_string()),
@@ -256,8 +257,8 @@ fn of_type(repetitions: &Repetitions, execution_type: ExecutionType) -> Option<T
     (!found.repetitions.is_empty() || !found.failed.is_empty() || found.incomplete > 0).then_some(found)
 }
 
-fn remarks(observer: &Observer, station: &Station, connections: usize) -> Vec<String> {
-    let PacketCounts { cut, backwards, not_followed, .. } = observer.counts;
+fn remarks(traffic: &Traffic, station: &WatchedRobot, connections: usize) -> Vec<String> {
+    let PacketCounts { cut, backwards, not_followed, .. } = traffic.counts;
     let repetitions = &station.repetitions;
     let mut remarks = Vec::new();
     let mut add = |is_so: bool, text: String| {
@@ -284,11 +285,11 @@ fn remarks(observer: &Observer, station: &Station, connections: usize) -> Vec<St
             ),
         );
     }
-    let has_sm = repetitions.finished.iter().any(|one| one.execution_type == ExecutionType::Sm);
     let others = repetitions.other_motions;
+    let has_sm = repetitions.finished.iter().any(|one| one.execution_type == ExecutionType::Sm);
+    let hint = if has_sm { "" } else { "; --application chooses another plan" };
     let motions = counted(others, "single motion");
-    add(others > 0 && !has_sm, format!("{motions} not in the plan: choose the application by --application"));
-    add(others > 0 && has_sm, format!("{motions} not in the plan, such as moves to the start"));
+    add(others > 0, format!("{motions} not in the plan, such as a move to the start{hint}"));
     add(
         repetitions.not_kept > 0,
         format!("{} beyond 100,000 not kept", counted(repetitions.not_kept, "repetition")),
@@ -309,7 +310,7 @@ fn remarks(observer: &Observer, station: &Station, connections: usize) -> Vec<St
         not_followed > 0,
         format!("{} of further connections not read", counted(not_followed, "cyclic frame")),
     );
-    let unknown = observer.flows.values().filter(|flow| flow.is_unknown()).count();
+    let unknown = traffic.flows.values().filter(|flow| flow.is_unknown()).count();
     add(unknown > 0, format!("{} without the process image", counted(unknown, "cyclic connection")));
     remarks
 }

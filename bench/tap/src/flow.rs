@@ -4,10 +4,10 @@ use std::hash::{DefaultHasher, Hasher as _};
 
 use protocol::image::{IMAGE_LEN, Image, Order};
 
-use crate::address::Bus;
-use crate::content::{ContentSearch, Direction};
+use crate::address::CyclicBus;
+use crate::content::{ContentSearch, ImageDirection};
 use crate::cyclic::{CyclicFrame, FlowKey};
-use crate::pace::Pace;
+use crate::pace::FramePace;
 use crate::relation::Agreement;
 
 /// Frames among which a doubled one is recognised.
@@ -44,15 +44,15 @@ impl FrameCounts {
 /// An image of a new frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NewImage {
-    pub(crate) direction: Direction,
+    pub(crate) direction: ImageDirection,
     pub(crate) order: Order,
     pub(crate) image: Image,
 }
 
-/// Direction of a flow and place of the image.
+/// ImageDirection of a flow and place of the image.
 #[derive(Clone, PartialEq, Eq, Debug)]
-struct Layout {
-    direction: Direction,
+struct FrameLayout {
+    direction: ImageDirection,
     /// Position and length in bytes of the parts of the image.
     parts: Vec<(usize, usize)>,
     sdu_len: Option<usize>,
@@ -63,7 +63,7 @@ struct Layout {
 #[derive(Clone, Debug)]
 pub(crate) struct Flow {
     pub(crate) key: FlowKey,
-    layout: Option<Layout>,
+    layout: Option<FrameLayout>,
     search: ContentSearch,
     /// Counter and digest of the last frames.
     recent: [Option<(u32, u64)>; RECENT],
@@ -71,13 +71,13 @@ pub(crate) struct Flow {
     /// Counts of the counter in one cycle; 0 if it is not known yet.
     step: u32,
     counts: FrameCounts,
-    pace: Pace,
+    pace: FramePace,
 }
 
 impl Flow {
     /// Creates a flow; `usual_cycle_ns` is the cycle of the setup, where nothing else tells it.
     pub(crate) fn new(key: FlowKey, usual_cycle_ns: u64) -> Self {
-        let mut pace = Pace::default();
+        let mut pace = FramePace::default();
         pace.set_cycle(usual_cycle_ns);
         Self {
             key,
@@ -85,7 +85,7 @@ impl Flow {
             search: ContentSearch::default(),
             recent: [None; RECENT],
             last_ns: 0,
-            step: u32::from(key.bus == Bus::EthernetIp),
+            step: u32::from(key.bus == CyclicBus::EthernetIp),
             counts: FrameCounts::default(),
             pace,
         }
@@ -95,10 +95,10 @@ impl Flow {
     pub(crate) fn agree(&mut self, agreement: &Agreement) {
         let parts = match agreement.parts.is_empty() {
             // The numbers of EtherNet/IP's assemblies say nothing of a header before the data.
-            true if self.key.bus == Bus::EthernetIp => Vec::new(),
+            true if self.key.bus == CyclicBus::EthernetIp => Vec::new(),
             _ => agreement.parts.clone(),
         };
-        self.layout = Some(Layout {
+        self.layout = Some(FrameLayout {
             direction: agreement.direction,
             parts,
             sdu_len: agreement.sdu_len,
@@ -111,7 +111,7 @@ impl Flow {
     }
 
     /// Returns its direction, once it is known.
-    pub(crate) fn direction(&self) -> Option<Direction> {
+    pub(crate) fn direction(&self) -> Option<ImageDirection> {
         self.layout.as_ref().map(|layout| layout.direction)
     }
 
@@ -124,7 +124,7 @@ impl Flow {
         &self.counts
     }
 
-    pub(crate) const fn pace(&self) -> &Pace {
+    pub(crate) const fn pace(&self) -> &FramePace {
         &self.pace
     }
 
@@ -144,7 +144,7 @@ impl Flow {
         if self.layout.is_none() {
             let (direction, at) = self.search.add(order, frame.body)?;
             let parts = vec![(at, IMAGE_LEN)];
-            self.layout = Some(Layout { direction, parts, sdu_len: None, is_agreed: false });
+            self.layout = Some(FrameLayout { direction, parts, sdu_len: None, is_agreed: false });
         }
         let layout = self.layout.as_ref()?;
         let image = layout.image_in(frame.body)?;
@@ -183,7 +183,7 @@ impl Flow {
 
     /// Returns how many frames are missing between two counters; `None` if the second is earlier.
     fn advance(&mut self, counter: u32, last: u32, since_ns: u64) -> Option<u64> {
-        let is_short = self.key.bus != Bus::EthernetIp;
+        let is_short = self.key.bus != CyclicBus::EthernetIp;
         let difference = counter.wrapping_sub(last);
         let difference = if is_short { difference & 0xFFFF } else { difference };
         let half = if is_short { 0x8000 } else { 0x8000_0000 };
@@ -201,13 +201,13 @@ impl Flow {
     }
 }
 
-impl Layout {
+impl FrameLayout {
     /// Returns the image in the data of a frame, with zeros where the data is shorter; `None` if the frame is cut.
     fn image_in(&self, body: &[u8]) -> Option<Image> {
         let mut image = [0; IMAGE_LEN];
         if self.parts.is_empty() {
             // EtherNet/IP: a run/idle header stands before the data O→T, and not before that T→O.
-            let header = if self.direction == Direction::Command { RUN_IDLE_LEN } else { 0 };
+            let header = if self.direction == ImageDirection::Command { RUN_IDLE_LEN } else { 0 };
             let data = body.get(header..)?;
             image.iter_mut().zip(data).for_each(|(place, byte)| *place = *byte);
             return Some(image);
@@ -223,9 +223,9 @@ impl Layout {
 }
 
 /// Returns the byte order of the image on a bus.
-const fn order_of(bus: Bus) -> Order {
+const fn order_of(bus: CyclicBus) -> Order {
     match bus {
-        Bus::ProfinetRt | Bus::ProfinetUdp => Order::BigEndian,
-        Bus::EthernetIp => Order::LittleEndian,
+        CyclicBus::ProfinetRt | CyclicBus::ProfinetUdp => Order::BigEndian,
+        CyclicBus::EthernetIp => Order::LittleEndian,
     }
 }

@@ -1,6 +1,6 @@
 //! Measures a PLC and a robot from captured frames alone, whoever made them.
 //!
-//! [`Observer`] is a machine: it takes frames with their times and returns [`Findings`] at the end. It has no clock and no file, and
+//! [`CaptureObserver`] is a machine: it takes frames with their times and returns [`Findings`] at the end. It has no clock and no file, and
 //! its memory does not grow with the number of frames.
 //!
 //! ```text
@@ -11,11 +11,11 @@
 //! flow         the frames of one connection in one direction: doubled, missing; pace: their intervals and lateness
 //! skill        the skills of one PLC and one robot
 //! pattern      repetitions among them, by the plan; repetition: their times
-//! station      all of one robot
-//! observer     the machine; findings: its results
+//! station      all of one robot; traffic: all of the capture besides
+//! observer     the machine; findings: its results; unmeasurable: why there are none
 //! ```
 
-#![warn(clippy::indexing_slicing)]
+#![cfg_attr(not(test), warn(clippy::indexing_slicing))]
 
 mod address;
 mod content;
@@ -31,8 +31,11 @@ mod relation;
 mod repetition;
 mod skill;
 mod station;
+mod traffic;
+mod unmeasurable;
 
-pub use address::{Address, Bus};
+pub use address::{CyclicBus, EndAddress};
 pub use expected::ExpectedRun;
 pub use findings::{DirectionFindings, Findings, Reaction, RepetitionFindings, TypeFindings};
-pub use observer::{Observer, TapConfig, Unmeasurable};
+pub use observer::{CaptureObserver, TapConfig};
+pub use unmeasurable::Unmeasurable;

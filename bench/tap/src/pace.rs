@@ -12,7 +12,7 @@ const WINDOW: u32 = 256;
 
 /// Intervals and lateness.
 #[derive(Clone, Default, Debug)]
-pub(crate) struct Pace {
+pub(crate) struct FramePace {
     cycle_ns: u64,
     last_ns: Option<u64>,
     /// Cycles from the first frame to this one.
@@ -26,7 +26,7 @@ pub(crate) struct Pace {
     lateness: Lateness,
 }
 
-impl Pace {
+impl FramePace {
     /// Sets the time from frame to frame, in ns. A change starts the schedule of the frames again.
     pub(crate) const fn set_cycle(&mut self, cycle_ns: u64) {
         if self.cycle_ns != cycle_ns {
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn a_late_frame_is_late_and_the_drift_of_the_senders_clock_is_not() {
-        let mut pace = Pace::default();
+        let mut pace = FramePace::default();
         pace.set_cycle(1_000_000);
         let mut highest = 0;
         for number in 0..100_000_u64 {
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn missing_frames_do_not_make_the_next_one_late() {
-        let mut pace = Pace::default();
+        let mut pace = FramePace::default();
         pace.set_cycle(1_000_000);
         (0..100_u64).for_each(|number| pace.add(number * 1_000_000, 0));
         pace.add(105_000_000, 5);

@@ -26,13 +26,13 @@ const FRAGMENT: u16 = 0x3FFF;
 
 /// A frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) struct Packet<'a> {
+pub(crate) struct EthernetPacket<'a> {
     pub(crate) source: Mac,
     pub(crate) destination: Mac,
     pub(crate) payload: Payload<'a>,
 }
 
-/// What a frame carries.
+/// Content of a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Payload<'a> {
     /// A PROFINET frame from its FrameID on, with padding.
@@ -45,7 +45,7 @@ pub(crate) enum Payload<'a> {
     Other,
 }
 
-impl<'a> Packet<'a> {
+impl<'a> EthernetPacket<'a> {
     /// Parses a frame.
     pub(crate) fn parse(frame: &'a [u8]) -> Result<Self, Truncated> {
         let mut reader = Reader::<BigEndian>::new(frame);
@@ -133,7 +133,7 @@ mod tests {
     fn tags_of_switches_and_mirror_ports_are_taken_off() {
         for tags in [&[][..], &[0x8100], &[0x88A8, 0x8100]] {
             let frame = frame(tags, 0x8892, b"data");
-            let packet = Packet::parse(&frame).unwrap();
+            let packet = EthernetPacket::parse(&frame).unwrap();
             assert_eq!((packet.source.0[5], packet.payload), (2, Payload::Profinet(b"data")));
         }
     }
@@ -147,10 +147,13 @@ mod tests {
         };
         let (from, to) = ("10.0.0.1:34962".parse().unwrap(), "10.0.0.2:34962".parse().unwrap());
         let whole = datagram(0x40, 12);
-        assert_eq!(Packet::parse(&whole).unwrap().payload, Payload::Udp { from, to, data: &[1, 2, 3, 4] });
-        assert_eq!(Packet::parse(&datagram(0x20, 12)).unwrap().payload, Payload::Other);
+        assert_eq!(
+            EthernetPacket::parse(&whole).unwrap().payload,
+            Payload::Udp { from, to, data: &[1, 2, 3, 4] }
+        );
+        assert_eq!(EthernetPacket::parse(&datagram(0x20, 12)).unwrap().payload, Payload::Other);
         for cut in 0..whole.len() {
-            let _ = Packet::parse(&whole[..cut]);
+            let _ = EthernetPacket::parse(&whole[..cut]);
         }
     }
 }

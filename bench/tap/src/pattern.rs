@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-/// A sequence of skills to find, each with the record of one that was found.
+/// A sequence of skills to find, with the records of those found so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Pattern<K, R> {
     keys: Vec<K>,
@@ -20,9 +20,9 @@ pub(crate) struct Pattern<K, R> {
 pub(crate) struct Matched<R> {
     /// Records of the whole sequence, if it is complete.
     pub(crate) complete: Option<Vec<R>>,
-    /// Whether the skill is part of a sequence.
+    /// Set if the skill is part of a sequence.
     pub(crate) is_part: bool,
-    /// Whether an earlier sequence was left before its end.
+    /// Set if an earlier sequence was left before its end.
     pub(crate) has_left: bool,
 }
 

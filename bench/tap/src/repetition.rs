@@ -40,7 +40,7 @@ pub(crate) struct FailedRun {
     pub(crate) error: String,
 }
 
-/// What the skills of a type showed, in all its repetitions.
+/// Times and slots of the skills of a type, in all its repetitions.
 #[derive(Clone, Default, Debug)]
 pub(crate) struct TypeTraits {
     /// Time from the command to the first feedback with its number, and to the first in which the arm moves.

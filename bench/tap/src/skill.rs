@@ -2,7 +2,7 @@
 
 use protocol::image::{Command, Control, ErrorNumber, Feedback, Motion, Skill, Status};
 
-/// How a skill ended.
+/// End of a skill.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum SkillEnd {
     /// With `DONE`.

@@ -2,8 +2,8 @@
 
 use protocol::image::{CommandChecker, FeedbackChecker, Verdict};
 
-use crate::address::{Address, Bus};
-use crate::content::Direction;
+use crate::address::{CyclicBus, EndAddress};
+use crate::content::ImageDirection;
 use crate::cyclic::FlowKey;
 use crate::expected::ExpectedRun;
 use crate::flow::NewImage;
@@ -24,11 +24,11 @@ pub(crate) struct SkillCounts {
 
 /// One robot.
 #[derive(Debug)]
-pub(crate) struct Station {
-    pub(crate) bus: Bus,
-    pub(crate) robot: Address,
+pub(crate) struct WatchedRobot {
+    pub(crate) bus: CyclicBus,
+    pub(crate) robot: EndAddress,
     /// Who commands it.
-    pub(crate) plcs: Vec<Address>,
+    pub(crate) plcs: Vec<EndAddress>,
     pub(crate) watch: SkillWatch,
     pub(crate) repetitions: Repetitions,
     pub(crate) skills: SkillCounts,
@@ -38,8 +38,8 @@ pub(crate) struct Station {
     feedback_checker: FeedbackChecker,
 }
 
-impl Station {
-    pub(crate) fn new(bus: Bus, robot: Address, expected: &ExpectedRun) -> Self {
+impl WatchedRobot {
+    pub(crate) fn new(bus: CyclicBus, robot: EndAddress, expected: &ExpectedRun) -> Self {
         Self {
             bus,
             robot,
@@ -58,7 +58,7 @@ impl Station {
     pub(crate) fn handle_image(&mut self, now_ns: u64, key: &FlowKey, new: &NewImage) {
         let NewImage { direction, order, image } = new;
         match direction {
-            Direction::Command => {
+            ImageDirection::Command => {
                 self.commands += 1;
                 if !self.plcs.contains(&key.from) && self.plcs.len() < MAX_PLCS {
                     self.plcs.push(key.from);
@@ -71,7 +71,7 @@ impl Station {
                 let ended = self.watch.handle_command(now_ns, &command);
                 self.handle_end(ended);
             }
-            Direction::Feedback => {
+            ImageDirection::Feedback => {
                 self.feedbacks += 1;
                 if self.feedback_checker.verify(*order, image) == Verdict::Altered {
                     return;

@@ -10,8 +10,8 @@ use machine::ethernet::Mac;
 use machine::wire::{LittleEndian, Reader};
 
 use super::{Agreement, PeerTraits, Relation};
-use crate::address::Address;
-use crate::content::Direction;
+use crate::address::EndAddress;
+use crate::content::ImageDirection;
 
 /// Requests that wait for their reply.
 const MAX_WAITING: usize = 16;
@@ -22,11 +22,11 @@ const BEFORE_ITEMS: usize = 6;
 /// Requests without their reply so far.
 #[derive(Default, Debug)]
 pub(super) struct Opens {
-    waiting: Vec<Waiting>,
+    waiting: Vec<WaitingOpen>,
 }
 
 #[derive(Debug)]
-struct Waiting {
+struct WaitingOpen {
     triad: Triad,
     target: Option<String>,
     plc: SocketAddrV4,
@@ -69,7 +69,7 @@ impl Opens {
         let is_open = matches!(reply.service, service::FORWARD_OPEN | service::LARGE_FORWARD_OPEN);
         let opened = OpenReply::parse(reply.data).ok().filter(|_| is_open && u8::from(reply.general) == 0)?;
         let at = self.waiting.iter().position(|waiting| waiting.triad == opened.triad)?;
-        let Waiting { triad, target, plc } = self.waiting.remove(at);
+        let WaitingOpen { triad, target, plc } = self.waiting.remove(at);
         let originator =
             format!("vendor 0x{:04X}, serial number 0x{:08X}", triad.vendor, triad.originator_serial);
         let plc = PeerTraits {
@@ -82,15 +82,15 @@ impl Opens {
         let agreement = |direction, connection, sender: &PeerTraits, interval_us: u32| Agreement {
             direction,
             connection,
-            from: [sender.ip.map(Address::Ip), None],
+            from: [sender.ip.map(EndAddress::Ip), None],
             parts: Vec::new(),
             sdu_len: None,
             cycle_ns: u64::from(interval_us) * 1_000,
             step: 1,
         };
         let agreements = vec![
-            agreement(Direction::Command, opened.o_t_id, &plc, opened.o_t_api_us),
-            agreement(Direction::Feedback, opened.t_o_id, &robot, opened.t_o_api_us),
+            agreement(ImageDirection::Command, opened.o_t_id, &plc, opened.o_t_api_us),
+            agreement(ImageDirection::Feedback, opened.t_o_id, &robot, opened.t_o_api_us),
         ];
         Some(Relation { plc, robot, agreements })
     }
@@ -113,6 +113,6 @@ impl Opens {
         if self.waiting.len() >= MAX_WAITING {
             self.waiting.remove(0);
         }
-        self.waiting.push(Waiting { triad: open.triad, target, plc });
+        self.waiting.push(WaitingOpen { triad: open.triad, target, plc });
     }
 }

@@ -1,4 +1,4 @@
-//! What the start of a connection says of its cyclic frames: Connect of PROFINET, Forward_Open of EtherNet/IP.
+//! Direction, place and cycle of cyclic frames, by the start of their connection: Connect of PROFINET, Forward_Open of EtherNet/IP.
 
 mod ethernet_ip;
 mod profinet;
@@ -8,10 +8,10 @@ use std::net::SocketAddrV4;
 use ::ethernet_ip::ENCAPSULATION_PORT;
 use machine::ethernet::Mac;
 
-use crate::address::{Address, Bus};
-use crate::content::Direction;
+use crate::address::{CyclicBus, EndAddress};
+use crate::content::ImageDirection;
 use crate::cyclic::FlowKey;
-use crate::packet::{Packet, Payload};
+use crate::packet::{EthernetPacket, Payload};
 
 /// Connections that are remembered; the oldest is forgotten for a newer one.
 const MAX_RELATIONS: usize = 64;
@@ -19,11 +19,11 @@ const MAX_RELATIONS: usize = 64;
 /// Cyclic frames of one direction, as agreed when the connection was set up.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(crate) struct Agreement {
-    pub(crate) direction: Direction,
+    pub(crate) direction: ImageDirection,
     /// FrameID, or number of the connection.
     connection: u32,
     /// Addresses of the sender.
-    from: [Option<Address>; 2],
+    from: [Option<EndAddress>; 2],
     /// Position and length in bytes of the parts of the image in the data; empty if the standard leaves it to the devices.
     pub(crate) parts: Vec<(usize, usize)>,
     /// Length of the data in bytes, if it is known.
@@ -39,17 +39,17 @@ pub(crate) struct Agreement {
 pub(crate) struct PeerTraits {
     pub(crate) mac: Option<Mac>,
     pub(crate) ip: Option<std::net::Ipv4Addr>,
-    /// Station name.
+    /// WatchedRobot name.
     pub(crate) name: Option<String>,
     /// Vendor, device and the like, in words.
     pub(crate) identity: Option<String>,
 }
 
 impl PeerTraits {
-    fn has(&self, address: Address) -> bool {
+    fn has(&self, address: EndAddress) -> bool {
         match address {
-            Address::Mac(mac) => self.mac == Some(mac),
-            Address::Ip(ip) => self.ip == Some(ip),
+            EndAddress::Mac(mac) => self.mac == Some(mac),
+            EndAddress::Ip(ip) => self.ip == Some(ip),
         }
     }
 }
@@ -65,7 +65,7 @@ struct Relation {
 impl Relation {
     fn agreement(&self, key: &FlowKey) -> Option<&Agreement> {
         let is_of = |agreement: &&Agreement| {
-            let is_of_bus = (agreement.step == 1) == (key.bus == Bus::EthernetIp);
+            let is_of_bus = (agreement.step == 1) == (key.bus == CyclicBus::EthernetIp);
             is_of_bus && agreement.connection == key.connection && agreement.from.contains(&Some(key.from))
         };
         self.agreements.iter().find(is_of)
@@ -82,7 +82,7 @@ pub(crate) struct Relations {
 
 impl Relations {
     /// Reads a packet that may start a connection; returns whether it did.
-    pub(crate) fn read(&mut self, packet: &Packet<'_>) -> bool {
+    pub(crate) fn read(&mut self, packet: &EthernetPacket<'_>) -> bool {
         let macs = (packet.source, packet.destination);
         let relation = match packet.payload {
             Payload::Udp { from, to, data } => self.profinet.read((from, to), data),
@@ -110,10 +110,10 @@ impl Relations {
     }
 
     /// Returns what the capture shows of the PLC or of the robot with this address.
-    pub(crate) fn traits_of(&self, direction: Direction, address: Address) -> PeerTraits {
+    pub(crate) fn traits_of(&self, direction: ImageDirection, address: EndAddress) -> PeerTraits {
         let ends = self.relations.iter().rev().map(|relation| match direction {
-            Direction::Command => &relation.plc,
-            Direction::Feedback => &relation.robot,
+            ImageDirection::Command => &relation.plc,
+            ImageDirection::Feedback => &relation.robot,
         });
         ends.into_iter().find(|end| end.has(address)).cloned().unwrap_or_default()
     }

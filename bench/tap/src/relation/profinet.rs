@@ -8,8 +8,8 @@ use profinet::rpc::{DEVICE_INTERFACE, Header, Kind, Operation, RequestArgs, Resp
 use protocol::image::IMAGE_LEN;
 
 use super::{Agreement, PeerTraits, Relation};
-use crate::address::Address;
-use crate::content::Direction;
+use crate::address::EndAddress;
+use crate::content::ImageDirection;
 
 /// Requests that wait for their response.
 const MAX_WAITING: usize = 16;
@@ -20,11 +20,11 @@ const SEND_CLOCK_UNIT_NS: u64 = 31_250;
 /// Requests without their response so far.
 #[derive(Default, Debug)]
 pub(super) struct Connects {
-    waiting: Vec<Waiting>,
+    waiting: Vec<WaitingConnect>,
 }
 
 #[derive(Debug)]
-struct Waiting {
+struct WaitingConnect {
     request: ConnectRequest,
     object: Uuid,
 }
@@ -51,13 +51,13 @@ impl Connects {
                 if self.waiting.len() >= MAX_WAITING {
                     self.waiting.remove(0);
                 }
-                self.waiting.push(Waiting { request, object: header.object });
+                self.waiting.push(WaitingConnect { request, object: header.object });
                 None
             }
             Kind::Response => {
                 let blocks = ResponseArgs::parse(&header, body).ok()?.blocks;
                 let response = ConnectResponse::parse(blocks).ok()?;
-                let is_of = |waiting: &Waiting| waiting.request.ar.uuid == response.ar.uuid;
+                let is_of = |waiting: &WaitingConnect| waiting.request.ar.uuid == response.ar.uuid;
                 let at = self.waiting.iter().position(is_of)?;
                 Some(relation(self.waiting.remove(at), &response, (from, to)))
             }
@@ -67,7 +67,7 @@ impl Connects {
 }
 
 fn relation(
-    Waiting { request, object }: Waiting,
+    WaitingConnect { request, object }: WaitingConnect,
     response: &ConnectResponse,
     (from, to): (SocketAddrV4, SocketAddrV4),
 ) -> Relation {
@@ -106,15 +106,15 @@ fn agreement(
     (plc, robot): (&PeerTraits, &PeerTraits),
 ) -> Option<Agreement> {
     let (direction, sender) = match iocr.iocr_type {
-        IocrType::Output => (Direction::Command, plc),
-        IocrType::Input => (Direction::Feedback, robot),
+        IocrType::Output => (ImageDirection::Command, plc),
+        IocrType::Input => (ImageDirection::Feedback, robot),
         IocrType::Unknown(_) => return None,
     };
     let clocks = u32::from(iocr.send_clock_factor).saturating_mul(iocr.reduction_ratio.into());
     Some(Agreement {
         direction,
         connection: frame_id.into(),
-        from: [sender.mac.map(Address::Mac), sender.ip.map(Address::Ip)],
+        from: [sender.mac.map(EndAddress::Mac), sender.ip.map(EndAddress::Ip)],
         parts: parts(request, iocr, direction),
         sdu_len: Some(iocr.data_length.into()),
         cycle_ns: u64::from(clocks).saturating_mul(SEND_CLOCK_UNIT_NS),
@@ -125,14 +125,14 @@ fn agreement(
 
 /// Returns the parts of the image in the data of an IOCR: the only submodule that is long enough for it, or else all of them by slot
 /// and subslot.
-fn parts(request: &ConnectRequest, iocr: &Iocr, direction: Direction) -> Vec<(usize, usize)> {
+fn parts(request: &ConnectRequest, iocr: &Iocr, direction: ImageDirection) -> Vec<(usize, usize)> {
     let length = |slot: u16, subslot: u16| {
         let modules = request.expected.iter().filter(|module| module.slot == slot);
         let mut submodules = modules.flat_map(|module| &module.submodules);
         let submodule = submodules.find(|submodule| submodule.subslot == subslot)?;
         let length = match direction {
-            Direction::Command => submodule.output_len,
-            Direction::Feedback => submodule.input_len,
+            ImageDirection::Command => submodule.output_len,
+            ImageDirection::Feedback => submodule.input_len,
         };
         length.map(usize::from).filter(|length| *length > 0)
     };

@@ -7,7 +7,7 @@
 
 use std::io::Read;
 
-use super::source::Source;
+use super::source::CountedInput;
 use super::{CaptureError, MAX_BLOCK_LEN, PacketPlace};
 
 const MICROSECONDS: u32 = 0xA1B2_C3D4;
@@ -26,10 +26,10 @@ pub(super) struct FileHeader {
 }
 
 impl FileHeader {
-    /// Reads the head behind its magic number; `None` if that is another one.
+    /// Reads the rest of a head after its magic number; `None` if that is another one.
     pub(super) fn read<R: Read>(
         magic: [u8; 4],
-        source: &mut Source<R>,
+        source: &mut CountedInput<R>,
     ) -> Result<Option<Self>, CaptureError> {
         let (is_big_endian, unit) = match (u32::from_be_bytes(magic), u32::from_le_bytes(magic)) {
             (MICROSECONDS, _) => (true, 1_000),
@@ -54,7 +54,7 @@ impl FileHeader {
     /// Reads the next packet into the buffer.
     pub(super) fn read_packet<R: Read>(
         self,
-        source: &mut Source<R>,
+        source: &mut CountedInput<R>,
         buffer: &mut Vec<u8>,
     ) -> Result<Option<PacketPlace>, CaptureError> {
         let offset = source.offset();

@@ -10,7 +10,7 @@
 
 use std::io::Read;
 
-use super::source::Source;
+use super::source::CountedInput;
 use super::{CaptureError, MAX_BLOCK_LEN, PacketPlace};
 
 /// Block types. A section's is the same in both byte orders.
@@ -74,15 +74,18 @@ impl Interface {
 
 /// A section: byte order and interfaces.
 #[derive(Debug)]
-pub(super) struct Section {
+pub(super) struct PcapngSection {
     is_big_endian: bool,
     interfaces: Vec<Interface>,
     untimed: u64,
 }
 
-impl Section {
+impl PcapngSection {
     /// Reads the head of a section, whose type was read already; the one before it gives what was counted.
-    pub(super) fn read<R: Read>(source: &mut Source<R>, before: Option<&Self>) -> Result<Self, CaptureError> {
+    pub(super) fn read<R: Read>(
+        source: &mut CountedInput<R>,
+        before: Option<&Self>,
+    ) -> Result<Self, CaptureError> {
         let offset = source.offset();
         let (mut length, mut magic) = ([0; 4], [0; 4]);
         source.fill(&mut length)?;
@@ -127,7 +130,7 @@ impl Section {
     /// Reads blocks up to the next packet.
     pub(super) fn read_packet<R: Read>(
         &mut self,
-        source: &mut Source<R>,
+        source: &mut CountedInput<R>,
         buffer: &mut Vec<u8>,
     ) -> Result<Option<PacketPlace>, CaptureError> {
         loop {

@@ -6,12 +6,12 @@ use super::CaptureError;
 
 /// An input that counts its bytes.
 #[derive(Debug)]
-pub(super) struct Source<R> {
+pub(super) struct CountedInput<R> {
     input: R,
     offset: u64,
 }
 
-impl<R: Read> Source<R> {
+impl<R: Read> CountedInput<R> {
     pub(super) const fn new(input: R) -> Self {
         Self { input, offset: 0 }
     }
