@@ -47,6 +47,7 @@ mod stopped;
 mod stream;
 mod swing;
 mod vary;
+mod warnings;
 mod way;
 mod wire;
 mod zone;

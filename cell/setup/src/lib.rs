@@ -16,6 +16,7 @@ mod load;
 mod model;
 mod nearest;
 mod peer;
+mod place;
 mod shared_zone;
 mod sourced;
 mod vary;

@@ -48,7 +48,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let (setup, found) = load(options)?;
     let plan = found.plan(&setup)?;
     let reached = check_robot(&setup, &found, &plan)?;
-    let warnings = plan.warnings().chain(reached.stopped.iter().map(ToString::to_string)).collect();
+    let warnings = [plan.warnings(), reached.warnings()].concat();
     check_outputs(options, &found)?;
     check_faults(options, &setup)?;
     let code = options.plc_program.as_deref().map(plc_node::read_program).transpose();
