@@ -36,7 +36,9 @@ pub enum CellRunError {
     #[error("setup {0} has several stations: leave --direct out, which connects two nodes")]
     Direct(String),
     /// A SubDevice with another one after it has one port only.
-    #[error("station {station} leads on to station {next} of the EtherCAT line: give it two interfaces, --interface IN,OUT")]
+    #[error(
+        "station {station} leads on to station {next} of the EtherCAT line: give it two interfaces, --interface IN,OUT"
+    )]
     NoWayOn {
         /// The station.
         station: String,

@@ -142,7 +142,7 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
 
     fn inspect(&mut self, now: Instant, node: &N) {
         if let Some(trace) = &mut self.trace {
-            trace.record_cycle(node.cycle_number(), || node.sample(now));
+            trace.record_cycle(node.cycle_number(), |station| node.sample(station, now));
         }
     }
 

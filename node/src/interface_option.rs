@@ -50,7 +50,9 @@ pub enum InterfaceOptionError {
     #[error("`{}` are two ports, which only a robot on EtherCAT has: give one interface, or BUS=IF for each bus", .0.join(","))]
     TwoPorts([String; 2]),
     /// Both ports of a SubDevice are one interface.
-    #[error("interface {0} is both ports of the SubDevice: give --interface IN,OUT two, or one for the last of the line")]
+    #[error(
+        "interface {0} is both ports of the SubDevice: give --interface IN,OUT two, or one for the last of the line"
+    )]
     OnePort(String),
     /// A bus of the setup has no interface.
     #[error("bus {0} of the setup has no interface: add {0}=IF to --interface")]
@@ -195,7 +197,12 @@ mod tests {
             error("profibus=eth0"),
             "`profibus` is not a bus: write profinet=IF, ethernet-ip=IF or ethercat=IF"
         );
-        for (text, part) in [("eth0,", "eth0"), ("eth0,eth1,eth2", "eth0"), ("profinet=eth0,eth1", "eth1"), ("profinet=eth0,", "")] {
+        for (text, part) in [
+            ("eth0,", "eth0"),
+            ("eth0,eth1,eth2", "eth0"),
+            ("profinet=eth0,eth1", "eth1"),
+            ("profinet=eth0,", ""),
+        ] {
             assert_eq!(
                 error(text),
                 format!(

@@ -64,13 +64,13 @@ mod version;
 
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use control::{ControlError, ControlPort};
+#[cfg(all(feature = "real", target_os = "linux"))]
+pub use cyclic_task::CyclicTask;
 pub use duration::parse_duration;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use inbox::{Commands, Inbox};
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use input::Input;
-#[cfg(all(feature = "real", target_os = "linux"))]
-pub use cyclic_task::CyclicTask;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use node::{Command, Node, NodeProcess, Notice, ProcessEvent, Snapshot, Waiting};
 #[cfg(all(feature = "real", target_os = "linux"))]

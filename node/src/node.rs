@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Debug};
 use std::net::Ipv4Addr;
-use std::path::Path;
+use std::path::PathBuf;
 
 use machine::{Counters, Down, DownCause, LinkEvent, LinkStatus};
 use machine::{Instant, InterfaceId, Lateness, Multihomed};
@@ -10,8 +10,8 @@ use protocol::fieldbus::ToStore;
 use protocol::image::Checks;
 use rustix::io::Errno;
 
-use crate::station_file::StationRecord;
 use crate::carrier_report::CarrierReport;
+use crate::station_file::StationRecord;
 use crate::trace_file::{self, TraceWriter};
 use crate::trace_row::TraceSample;
 use crate::{Commands, ControlPort, CyclicTask, Inbox, Input, NodeError, ShortText};
@@ -118,8 +118,8 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
     /// Returns a number that changes with each cycle.
     fn cycle_number(&self) -> u64;
 
-    /// Returns the time of the node's last cycle, at `now` or before, and what the node did in it.
-    fn sample(&self, now: Instant) -> (Instant, Self::Sample);
+    /// Returns the time of the node's last cycle, at `now` or before, and what the node did in it for the station of this index.
+    fn sample(&self, station: usize, now: Instant) -> (Instant, Self::Sample);
 }
 
 /// What a node waits for.
@@ -195,7 +195,12 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    pub(crate) fn of<N: Node>(node: &N, statistics: &Statistics, allocations: Option<u64>, at_up: Option<u64>) -> Self {
+    pub(crate) fn of<N: Node>(
+        node: &N,
+        statistics: &Statistics,
+        allocations: Option<u64>,
+        at_up: Option<u64>,
+    ) -> Self {
         Self {
             cycle: node.lateness().clone(),
             wake: statistics.lateness.clone(),
@@ -234,7 +239,7 @@ pub enum ProcessEvent<E, A> {
 
 impl<N: Node> NodeProcess<N> {
     /// Starts the node on a cyclic thread, with its interfaces in the order of their [`InterfaceId`]s. It takes instructions
-    /// from `commands` and records cycles into `trace` when instructed to.
+    /// from `commands` and records cycles into `traces`, a file for each station or none at all, when instructed to.
     ///
     /// The caller provides `signals`, because they must be blocked before any thread starts.
     pub fn start(
@@ -242,14 +247,13 @@ impl<N: Node> NodeProcess<N> {
         interfaces: Vec<Interface>,
         signals: StopSignals,
         commands: Commands,
-        trace: Option<&Path>,
+        traces: &[PathBuf],
     ) -> Result<Self, NodeError> {
-        let (ring, trace) = match trace {
-            Some(path) => {
-                let (ring, writer) = trace_file::start(path)?;
-                (Some(ring), Some(writer))
-            }
-            None => (None, None),
+        let (ring, trace) = if traces.is_empty() {
+            (None, None)
+        } else {
+            let (ring, writer) = trace_file::start(traces)?;
+            (Some(ring), Some(writer))
         };
         let task = CyclicTask::new(interfaces, ring, node.stations());
         let (waker, reader) =
@@ -299,7 +303,8 @@ impl<N: Node> NodeProcess<N> {
                 // A full ring takes the next one.
                 Some(Input::Link(status)) => drop(self.thread.send(Command::Link(status))),
                 Some(Input::Carrier(is_up)) => {
-                    if self.thread.send(Command::Carrier(is_up)).is_err() {
+                    let is_taken = self.thread.send(Command::Carrier(is_up)).is_ok();
+                    if !is_taken {
                         self.inbox.repeat_carrier();
                     }
                 }

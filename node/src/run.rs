@@ -29,7 +29,7 @@ use crate::station_file::StationFile;
 use crate::station_message::Console;
 use crate::supervise::{OperatingMode, Supervised, supervise};
 use crate::token::{ControlToken, TokenError};
-use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln};
+use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln, trace_file};
 
 /// Time between the start of the program and its first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -75,7 +75,7 @@ pub struct RunOptions {
     /// Exchange images without a bus protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     pub direct: bool,
-    /// Record cycles into this file while instructed to.
+    /// Record cycles into this file while instructed to; those of several stations into NAME-STATION.EXTENSION.
     #[arg(long, hide = true)]
     pub trace_file: Option<PathBuf>,
 }
@@ -263,8 +263,8 @@ impl NodeStart {
             None if options.json => (Console::Json, Commands::Stdin),
             None => (Console::Text, Commands::None),
         };
-        let trace = options.trace_file.as_deref();
-        let process = NodeProcess::start(node, interfaces, signals, commands, trace)?;
+        let traces = options.trace_file.as_deref().map(|path| trace_file::of_stations(path, &stations));
+        let process = NodeProcess::start(node, interfaces, signals, commands, &traces.unwrap_or_default())?;
         Ok(supervise(process, mode, Supervised { console, hello, stations, station_file }))
     }
 }

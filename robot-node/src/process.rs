@@ -336,7 +336,7 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
         self.ticked_at().as_nanos()
     }
 
-    fn sample(&self, _now: Instant) -> (Instant, Sample) {
+    fn sample(&self, _station: usize, _now: Instant) -> (Instant, Sample) {
         (self.ticked_at(), Self::sample(self))
     }
 }

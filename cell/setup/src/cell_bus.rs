@@ -75,13 +75,14 @@ impl CellBus {
         self.is_line() && self.stations.contains(&station) && self.stations.last() != Some(&station)
     }
 
-    fn is_line(&self) -> bool {
+    /// Returns whether its stations are in line, each passing frames on to the next one.
+    #[must_use]
+    pub fn is_line(&self) -> bool {
         self.name == crate::cell::ETHERCAT
     }
 }
 
 #[cfg(test)]
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
     use crate::BusKind;

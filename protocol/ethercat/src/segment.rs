@@ -269,7 +269,6 @@ impl Segment {
         let last = self.devices.len().checked_sub(1).filter(|_| self.onward_link == Some(true))?;
         Some(Place { device: last, port: 1 })
     }
-
 }
 
 impl Machine for Segment {

@@ -81,7 +81,7 @@ impl Node for RobotInLine {
         self.robot().cycle_number()
     }
 
-    fn sample(&self, now: Instant) -> (Instant, Sample) {
-        Node::sample(self.robot(), now)
+    fn sample(&self, station: usize, now: Instant) -> (Instant, Sample) {
+        Node::sample(self.robot(), station, now)
     }
 }

@@ -147,14 +147,19 @@ fn a_cut_between_two_robots_in_line_takes_the_second_one_only_and_both_run_once_
     let ends = line.run();
     assert!(ends.len() == 2 && ends.iter().all(|it| matches!(it.event, PlcEvent::Finished(_))), "{ends:?}");
     line.set_cut(true);
-    let is_down =
-        |report: &PlcReport| matches!(report.event, PlcEvent::Link(LinkEvent::Down(_))).then_some(report.station);
+    let is_down = |report: &PlcReport| {
+        matches!(report.event, PlcEvent::Link(LinkEvent::Down(_))).then_some(report.station)
+    };
     let mut lost = Vec::new();
     assert!(!line.until(MS * 5_000, |report| {
         lost.extend(is_down(report));
         false
     }));
-    assert_eq!((lost, line.left_lost), (vec![Some(1)], 0), "the right one is lost, and the left one stays in OP");
+    assert_eq!(
+        (lost, line.left_lost),
+        (vec![Some(1)], 0),
+        "the right one is lost, and the left one stays in OP"
+    );
     line.set_cut(false);
     assert!(line.until(MS * 20_000, is_ready), "the right one comes back");
     let ends = line.run();

@@ -56,12 +56,12 @@ impl Segment {
             }
             esc.frame_arrives(at, place.port);
             let out = self.forward(at, place, frame, header_len)?;
-            at = at + self.cabling.forwarding_delay(place.device);
+            at += self.cabling.forwarding_delay(place.device);
             if self.onward() == Some(out) {
                 return Some((at, SegmentEnd::Onward));
             }
             let (end, delay) = self.cabling.peer(out)?;
-            at = at + delay;
+            at += delay;
             let End::Device(next) = end else { return Some((at, SegmentEnd::Upstream)) };
             place = next;
         }
