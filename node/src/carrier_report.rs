@@ -1,4 +1,4 @@
-//! The carrier of an interface, for a node that passes frames on there: reported as soon as the kernel tells of a change.
+//! The carrier of an interface, for a node that passes frames on there: reported as soon as the kernel announces a change.
 
 use std::os::fd::{AsFd, BorrowedFd};
 
@@ -11,7 +11,7 @@ pub(crate) struct CarrierReport {
     changes: LinkChanges,
     /// The last report.
     reported: Option<bool>,
-    /// Whether the carrier may be another one than reported.
+    /// Set while the carrier may differ from the last report.
     is_due: bool,
 }
 
@@ -21,7 +21,7 @@ impl CarrierReport {
         Ok(Self { interface, changes: LinkChanges::listen()?, reported: None, is_due: true })
     }
 
-    /// Notes that the kernel has told of a change of some interface.
+    /// Notes that the kernel has announced a change of some interface.
     pub(crate) fn note_change(&mut self) {
         self.changes.clear();
         self.is_due = true;

@@ -56,7 +56,7 @@ pub enum DataError {
 pub struct Segment {
     devices: Vec<SubDevice>,
     cabling: Cabling,
-    /// Whether a cable is connected at port 1 of the last device; `None` if that port does not lead out of the segment.
+    /// State of the cable at port 1 of the last device: true with a link; `None` if that port does not lead out of the segment.
     onward_link: Option<bool>,
     under_way: VecDeque<UnderWay>,
     spare: Vec<Box<[u8]>>,

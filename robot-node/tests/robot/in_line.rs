@@ -20,7 +20,7 @@ type Node = Either<Plc, Either<RobotInLine, RobotNode<RobotBus>>>;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// What a cable of half a metre and two ports need.
+/// Time that a frame takes by half a metre of cable and two ports.
 const CABLE: Duration = Duration::from_micros(2);
 
 /// Setup F with both of its robots on EtherCAT, the left one first.
@@ -48,7 +48,7 @@ fn plc(cell: &Cell, planned: &PlannedCell) -> Plc {
     PlcNode::with_program(scan, vec![bus], placed, Sequences::new(works)).in_step(arms)
 }
 
-/// What a robot node makes of its station, but the bus.
+/// Returns the robot of a station and its programs, without its bus.
 fn robot(found: &FoundCell, planned: &PlannedCell, index: usize) -> (RobotConfig, Vec<(u16, Program)>) {
     let PlannedStation { setup, plan, .. } = &planned.stations[index];
     let to_start = plan.wire_to_start(setup);
@@ -58,7 +58,7 @@ fn robot(found: &FoundCell, planned: &PlannedCell, index: usize) -> (RobotConfig
 }
 
 /// The PLC, the left robot at its cable, and the right robot at the left one's second port.
-struct Line {
+struct TwoInLine {
     network: Network<Node>,
     plc: NodeId,
     left: NodeId,
@@ -68,7 +68,7 @@ struct Line {
     left_lost: usize,
 }
 
-impl Line {
+impl TwoInLine {
     fn new() -> Self {
         let (cell, found, planned) = planned();
         let mut network = Network::new(1);
@@ -141,7 +141,7 @@ impl Line {
 
 #[test]
 fn a_cut_between_two_robots_in_line_takes_the_second_one_only_and_both_run_once_it_is_mended() {
-    let mut line = Line::new();
+    let mut line = TwoInLine::new();
     let is_ready = |report: &PlcReport| report.event == PlcEvent::Ready;
     assert!(line.until(MS * 20_000, is_ready), "both robots through both ports of the left one");
     let ends = line.run();

@@ -22,7 +22,7 @@ struct StationPlace {
     name: Option<String>,
     /// Index of the PLC's interface that it is connected to.
     on: usize,
-    /// Whether it is an EtherCAT SubDevice, whose chip passes frames on.
+    /// Set for an EtherCAT SubDevice, whose chip passes frames on.
     has_chip: bool,
     /// The station before it in an EtherCAT line; `None` for one at the PLC's interface.
     upstream: Option<usize>,

@@ -46,7 +46,7 @@ use observer::{ObservedFrame, ObserverSender, Writer};
 /// Frames taken from one end before the other end gets its turn.
 const BATCH: usize = 64;
 
-/// What a cut does besides losing frames.
+/// Effect of a cut besides lost frames.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum AtCut {
     /// Nothing: both ends keep their carriers, as the ends of a cable between two switches.
