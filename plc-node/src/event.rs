@@ -174,6 +174,10 @@ pub struct Execution {
     /// Number of the last command to this robot before those of the run; `None` from a PLC of an older version.
     #[serde(default)]
     pub after: Option<u16>,
+    /// Time for which the arm stood before shared zones until they were granted, in ns; `None` in a cell without such zones, and from
+    /// a PLC of an older version.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub zone_wait_ns: Option<u64>,
 }
 
 /// What the PLC saw of the robot in a run, by its images alone.

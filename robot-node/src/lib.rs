@@ -23,6 +23,7 @@ mod node;
 pub mod process;
 pub mod quality;
 pub mod rehearsal;
+mod robot_in_line;
 mod sample;
 mod waiting;
 
@@ -33,5 +34,6 @@ pub use controller::{Account, Controller, Ending, ImageFault, Program, RobotEven
 pub use drive_segment::{Disturbance, DriveSegment};
 pub use node::RobotNode;
 pub use quality::Quality;
+pub use robot_in_line::RobotInLine;
 pub use sample::{Positions, Sample};
 pub use waiting::WaitingFor;

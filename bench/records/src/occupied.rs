@@ -29,11 +29,12 @@ pub const RUN: Files<'static> = Files {
 pub const SAMPLES: &str = "samples.csv";
 
 /// Files that a cell has for each station: `trace-robot-left.csv`.
-const OF_STATIONS: [(&str, &str); 6] = [
+const OF_STATIONS: [(&str, &str); 7] = [
     ("application-", ".toml"),
     ("trace-robot-", ".csv"),
     ("trace-plc-", ".csv"),
     ("trace-robot-", ".rows"),
+    ("trace-plc-", ".rows"),
     ("robot-", ".pcapng"),
     ("plc-", ".pcapng"),
 ];

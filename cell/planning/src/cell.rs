@@ -49,6 +49,8 @@ pub struct PlannedStation {
     pub name: String,
     /// The station as a setup of its own.
     pub setup: Setup,
+    /// Its place in an EtherCAT line, if its setup gives one.
+    pub position: Option<u16>,
     /// What it is to do.
     pub application: Application,
     /// Its motions, and in [`Plan::waits`] where among them it waits at which mark.
@@ -141,7 +143,8 @@ impl FoundCell {
             let plan = found.plan(&setup)?;
             let reached = found.reach(&plan, &setup)?;
             let (name, application) = (station.name.clone(), found.application.clone());
-            Ok(PlannedStation { name, setup, application, plan, reached, zones: None })
+            let position = station.position;
+            Ok(PlannedStation { name, setup, position, application, plan, reached, zones: None })
         });
         let mut stations = stations.collect::<Result<Vec<_>, Error>>()?;
         share_zones(cell, &mut stations).map_err(|found| Error::NoTurns {

@@ -7,6 +7,7 @@
 mod bus;
 mod bus_section;
 mod cell;
+mod cell_bus;
 mod check;
 mod difference;
 mod error;
@@ -28,6 +29,7 @@ pub use bus::{
     UnknownCyclic,
 };
 pub use cell::{Cell, Station};
+pub use cell_bus::CellBus;
 pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character};
 pub use load::{

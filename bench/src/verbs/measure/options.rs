@@ -48,8 +48,8 @@ pub struct RunOptions {
     /// What moves the robot's joints.
     #[command(flatten)]
     pub drives: DrivesOption,
-    /// Record the frames at both ends to DIR/plc.pcapng and DIR/robot.pcapng; with several stations DIR/robot-STATION.pcapng, and
-    /// DIR/plc-BUS.pcapng where the PLC has several interfaces.
+    /// Record the frames at both ends to DIR/plc.pcapng and DIR/robot.pcapng; with several stations those at both ends of each
+    /// station's cable to DIR/plc-STATION.pcapng and DIR/robot-STATION.pcapng.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
     /// Measure on nodes that run already, `run --control ADDRESS:PORT`: in containers, on other machines, or the PLC's

@@ -254,12 +254,7 @@ impl CellRun {
                 account: Some(of_run.account),
                 interference: Interference::default(),
             };
-            let program = self.cell.plc().program();
-            stations.push((
-                measured,
-                program.passages(index),
-                program.sequences().and_then(|it| it.waited_for_zones(index)),
-            ));
+            stations.push((measured, self.cell.plc().program().passages(index)));
         }
         let start_skew = start_skew(self.watch.recordings());
         Ok(CellMeasured::of(stations, start_skew, |at| self.watch.true_time_of_plc(at)))

@@ -13,7 +13,7 @@ use protocol::fieldbus::StationId;
 use records::faults::{self, Fault};
 use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotNode};
-use setup::Bus;
+use setup::{Bus, CellBus};
 use virtual_time::{Clock, Impairment};
 
 use super::cell::{NewInterface, NewNode, NewStation, VirtualCell};
@@ -74,7 +74,9 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
         work.push(of_program.in_zones(visits, zones.as_ref()));
         let faults = cell_faults::of_station(name, faults);
         let mut robot = new_robot(station, index, new_buses[number].interface, seed, &mut phases, &faults);
-        let is_last = new_buses[number].stations.last().is_some_and(|(last, _)| *last == index);
+        let in_line = &new_buses[number].stations;
+        robot.line_place = in_line.iter().position(|(on_bus, _)| *on_bus == index).unwrap_or_default();
+        let is_last = in_line.last().is_some_and(|(last, _)| *last == index);
         if let (RobotBus::Ethercat(sub_device), false) = (robot.node.machine.bus_mut(), is_last) {
             sub_device.lead_on();
         }
@@ -88,31 +90,25 @@ pub(super) fn switch_on(stations: &[PlannedStation], seed: u64, faults: &[Fault]
     Ok(NewCell { cell, clocks: CellClocks { plc: plc_clock, robots: phases.robots } })
 }
 
-/// Finds the buses of the stations, and the interfaces that they need: buses with one address of the PLC share one, and
-/// EtherCAT has its own.
+/// Finds the buses of the stations, and the interfaces that they need, as [`CellBus`] has them.
 fn buses_of(stations: &[PlannedStation]) -> (Vec<NewBus<'_>>, Vec<NewInterface>) {
-    let mut buses: Vec<NewBus<'_>> = Vec::new();
     let mut interfaces: Vec<NewInterface> = Vec::new();
-    for (index, station) in stations.iter().enumerate() {
-        let bus = &station.setup.bus;
-        let is_same = |other: &&mut NewBus<'_>| {
-            other.stations.first().is_some_and(|(_, first)| first.kind.name() == bus.kind.name())
-        };
-        if let Some(same) = buses.iter_mut().find(is_same) {
-            same.stations.push((index, bus));
-            continue;
-        }
-        let on = InterfaceId(u8::try_from(buses.len()).unwrap_or(u8::MAX));
-        let address = bus.addresses().map(|addresses| addresses.plc);
-        let shared = interfaces.iter().position(|it| address.is_some() && it.address == address);
-        let interface = shared.unwrap_or(interfaces.len());
-        let mac = plc_mac(interface);
-        match interfaces.get_mut(interface) {
+    let described = stations.iter().map(|station| (&station.setup.bus, station.position));
+    let new_bus = |(number, bus): (u8, CellBus)| {
+        let of_bus: Vec<_> = bus
+            .stations
+            .iter()
+            .filter_map(|index| Some((*index, &stations.get(*index)?.setup.bus)))
+            .collect();
+        let address = of_bus.first().and_then(|(_, bus)| bus.addresses()).map(|addresses| addresses.plc);
+        let (on, mac) = (InterfaceId(number), plc_mac(bus.interface));
+        match interfaces.get_mut(bus.interface) {
             Some(shared) => shared.serves.push(on),
             None => interfaces.push(NewInterface { serves: vec![on], mac: address.map(|_| mac), address }),
         }
-        buses.push(NewBus { stations: vec![(index, bus)], interface, mac });
-    }
+        NewBus { stations: of_bus, interface: bus.interface, mac }
+    };
+    let buses = (0..=u8::MAX).zip(CellBus::of_stations(described)).map(new_bus).collect();
     (buses, interfaces)
 }
 
@@ -153,6 +149,7 @@ fn new_robot(
     NewStation {
         node: NewNode { machine, clock, address },
         name: format!("robot {}", station.name),
+        line_place: 0,
         mac: bus.addresses().map(|_| mac),
         on,
         links: faults::links(faults, Impairment { delay, ..Impairment::default() }),

@@ -10,8 +10,6 @@ use anyhow::anyhow;
 use node::list::flat;
 use planning::FoundCell;
 use setup::Cell;
-#[cfg(all(feature = "real", target_os = "linux"))]
-use setup::{BusKind, Station};
 
 use super::RunOptions;
 use measurement::CellMeasurement;
@@ -59,7 +57,6 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         return Err(super::no_real_mode());
         #[cfg(all(feature = "real", target_os = "linux"))]
         if options.attach.is_none() {
-            check_segments(&cell)?;
             // The kernel allows it only while this process has one thread.
             rig::enter_user_namespace()?;
         }
@@ -141,20 +138,6 @@ fn check_outputs(options: &RunOptions, found: &FoundCell) -> Result<(), Failure>
     read.extend(found.stations.iter().map(|station| ("the application", station.path.as_deref())));
     let own = Own { directory: options.out.as_deref(), files: occupied::RUN.results };
     outputs::check(&options.exports.files(), &read, own)
-}
-
-/// Refuses several robots on EtherCAT: a real robot node has one port, and so is the last one of a line.
-#[cfg(all(feature = "real", target_os = "linux"))]
-fn check_segments(cell: &Cell) -> Result<(), Failure> {
-    let is_on_ethercat = |station: &&Station| matches!(station.bus.kind, BusKind::Ethercat(_));
-    let mut stations = cell.stations.iter().filter(is_on_ethercat).map(|station| &station.name);
-    match (stations.next(), stations.next()) {
-        (Some(one), Some(other)) => Err(usage(anyhow!(
-            "stations {one} and {other} are both on EtherCAT, where a robot node has one port: add `--mode virtual`, which has them \
-             in line, or give one another bus"
-        ))),
-        _ => Ok(()),
-    }
 }
 
 /// Rejects faults that no station, or the mode, can have.
