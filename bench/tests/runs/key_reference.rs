@@ -125,7 +125,8 @@ impl<'a> Reference<'a> {
             return format!("[{name}](#{anchor})");
         }
         if let Some(any) = value["anyOf"].as_array() {
-            let kinds: Vec<_> = any.iter().filter(|it| it["type"] != "null").map(|it| self.kind(it)).collect();
+            let kinds: Vec<_> =
+                any.iter().filter(|it| it["type"] != "null").map(|it| self.kind(it)).collect();
             return kinds.join(" or ");
         }
         if let Some(constant) = value["const"].as_str() {

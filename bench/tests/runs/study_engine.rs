@@ -42,7 +42,8 @@ fn read(directory: &Path, name: &str) -> String {
 /// Returns the digest that a merge of these directories prints.
 fn merged(directory: &Path, parts: &str, out: &str) -> String {
     let finished = study(directory, &format!("merge {parts} --out {out}"));
-    let digest = finished.stdout.lines().find_map(|line| line.strip_prefix("digest sha256:").map(str::to_owned));
+    let digest =
+        finished.stdout.lines().find_map(|line| line.strip_prefix("digest sha256:").map(str::to_owned));
     let digest = digest.unwrap_or_else(|| panic!("{}{}", finished.stdout, finished.stderr));
     let summed = Command::new("sha256sum").arg(directory.join(out).join("rows.csv")).output().unwrap();
     assert_eq!(String::from_utf8(summed.stdout).unwrap().split(' ').next(), Some(digest.as_str()));
@@ -60,17 +61,25 @@ fn one_seven_and_sixty_four_shards_give_one_digest() {
     for count in [7, 64] {
         for index in (0..count).rev() {
             let out = format!("split-{count}/shard-{index}");
-            let ran = study(place, &format!("run study.toml --out {out} --shard {index}/{count} --threads 1 --quiet"));
+            let ran = study(
+                place,
+                &format!("run study.toml --out {out} --shard {index}/{count} --threads 1 --quiet"),
+            );
             assert_eq!(ran.code, Some(0), "{}", ran.stderr);
         }
-        assert_eq!(merged(place, &format!("split-{count}"), &format!("merged-{count}")), digest, "{count} shards");
+        assert_eq!(
+            merged(place, &format!("split-{count}"), &format!("merged-{count}")),
+            digest,
+            "{count} shards"
+        );
     }
     let (rows, jobs) = (read(place, "merged-7/rows.csv"), read(place, "merged-7/jobs.csv"));
     assert_eq!((rows.lines().count(), jobs.lines().count()), (49, 49));
     assert!(rows.lines().all(|line| line.len() <= 100));
     let schema = read(place, "merged-7/rows.schema.json");
     let schema: serde_json::Value = serde_json::from_str(&schema).unwrap();
-    let names: Vec<_> = schema["fields"].as_array().unwrap().iter().map(|field| field["name"].as_str().unwrap()).collect();
+    let names: Vec<_> =
+        schema["fields"].as_array().unwrap().iter().map(|field| field["name"].as_str().unwrap()).collect();
     assert_eq!(rows.lines().next(), Some(names.join(",").as_str()));
     assert_eq!(merged(place, "merged-7", "again"), digest, "a merged study is a study");
 }
@@ -91,7 +100,8 @@ fn a_study_that_is_killed_goes_on_and_runs_no_finished_job_again() {
             .stdout(Stdio::null())
             .spawn()
             .unwrap();
-        let jobs = || fs::read_to_string(place.join("killed/jobs.csv")).map_or(0, |text| text.lines().count());
+        let jobs =
+            || fs::read_to_string(place.join("killed/jobs.csv")).map_or(0, |text| text.lines().count());
         let before = jobs();
         // It waits for progress, not for a time.
         while running.try_wait().unwrap().is_none() && jobs() < before.max(1) + 4 {
@@ -125,7 +135,10 @@ fn what_is_not_this_study_is_refused_in_words_and_nothing_is_written() {
     };
     study(place, "run study.toml --out whole --quiet");
     let rows = read(place, "whole/rows.csv");
-    assert!(refused("run study.toml --out whole --shard 1/7").contains("has shard 0/1 of this study, and this is 1/7"));
+    assert!(
+        refused("run study.toml --out whole --shard 1/7")
+            .contains("has shard 0/1 of this study, and this is 1/7")
+    );
     assert!(refused("run study.toml --shard 7/7").contains("7 shards have the numbers 0 to 6"));
     fs::write(place.join("other.toml"), SMALL.replace("..=16", "..=17")).unwrap();
     assert!(refused("run other.toml --out whole").contains("has rows of another study; use another --out"));
@@ -135,8 +148,13 @@ fn what_is_not_this_study_is_refused_in_words_and_nothing_is_written() {
     assert!(refused("run open.toml").contains("`min`"));
     let grid = "[study]\nsetup = \"A\"\nseeds = \"1..=1000000\"\n[[vary]]\nkey = \"motions.velocity_percent\"\nrange = { from = 1.0, to = 100.0, steps = 1000000 }\n";
     fs::write(place.join("grid.toml"), grid).unwrap();
-    let told = refused("run grid.toml --out grid");
-    assert!(told.contains("1,000,000,000,000 jobs") && told.contains(" years and ") && told.contains(" PB of disk"), "{told}");
+    let said = refused("run grid.toml --out grid");
+    assert!(
+        said.contains("1,000,000,000,000 jobs")
+            && said.contains(" years and ")
+            && said.contains(" PB of disk"),
+        "{said}"
+    );
     assert!(!place.join("grid").exists());
     study(place, "run study.toml --out part --shard 0/2 --quiet");
     assert!(refused("merge part --out merged").contains("shard 1/2: missing"));
@@ -150,8 +168,15 @@ fn what_is_not_this_study_is_refused_in_words_and_nothing_is_written() {
     };
     program("0123456789ab");
     assert!(refused("run study.toml --out whole").contains("has rows of program 0123456789ab, and this is "));
-    fs::write(place.join("whole/study.json"), described.replace("\"schema_version\": 1", "\"schema_version\": 0")).unwrap();
-    assert!(refused("run study.toml --out whole").contains("rows of version 0, and this program continues version 1"));
+    fs::write(
+        place.join("whole/study.json"),
+        described.replace("\"schema_version\": 1", "\"schema_version\": 0"),
+    )
+    .unwrap();
+    assert!(
+        refused("run study.toml --out whole")
+            .contains("rows of version 0, and this program continues version 1")
+    );
     assert_eq!(read(place, "whole/rows.csv"), rows, "nothing was written");
     fs::create_dir(place.join("old")).unwrap();
     fs::write(place.join("old/rows.csv"), "of another program\n").unwrap();

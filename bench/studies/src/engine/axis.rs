@@ -4,7 +4,7 @@ use rand_core::{Rng as _, SeedableRng as _};
 use rand_pcg::Pcg64Mcg;
 use sha2::{Digest as _, Sha256};
 
-use super::file::{Normal, Range, Scalar, Uniform, Variation};
+use super::file::{Normal, Scalar, Uniform, ValueRange, Variation};
 use super::key::{FAULTS, InvalidKey, SetupKey, SetupKeys, ValueKind};
 
 /// Least share of a normal distribution that may lie between its bounds: below it, the difference of two probabilities has
@@ -30,7 +30,7 @@ pub struct Axis {
 #[derive(Clone, PartialEq, Debug)]
 enum Values {
     List(Vec<Scalar>),
-    Range(Range),
+    Steps(ValueRange),
     Uniform(Uniform),
     Normal(Normal),
 }
@@ -46,7 +46,7 @@ pub enum InvalidVariation {
     Ways {
         /// The key.
         key: String,
-        /// How many were given.
+        /// Number of ways given.
         found: usize,
     },
     /// Values that cannot be used.
@@ -54,7 +54,7 @@ pub enum InvalidVariation {
     Values {
         /// The key.
         key: String,
-        /// What is wrong, and what is right.
+        /// Fault and remedy.
         problem: String,
     },
 }
@@ -74,7 +74,8 @@ impl Axis {
     /// The key is unknown, or its values cannot be used.
     pub fn of(variation: &Variation, keys: &SetupKeys) -> Result<Self, InvalidVariation> {
         let path = variation.key.clone();
-        let problem = |problem: &str| InvalidVariation::Values { key: path.clone(), problem: problem.to_owned() };
+        let problem =
+            |problem: &str| InvalidVariation::Values { key: path.clone(), problem: problem.to_owned() };
         let key = if path == FAULTS { None } else { Some(keys.find(&path)?) };
         let Variation { values, range, uniform, normal, .. } = variation;
         let ways = [values.is_some(), range.is_some(), uniform.is_some(), normal.is_some()];
@@ -89,7 +90,7 @@ impl Axis {
         let values = if let Some(list) = values {
             Values::List(checked_list(&path, key, list)?)
         } else if let Some(range) = range {
-            Values::Range(checked_range(*range).map_err(problem)?)
+            Values::Steps(checked_range(*range).map_err(problem)?)
         } else if let Some(Uniform { min, max }) = uniform {
             bounds(*min, *max).map_err(problem)?;
             Values::Uniform(Uniform { min: *min, max: *max })
@@ -98,7 +99,7 @@ impl Axis {
             Values::Normal(checked_normal(*normal).map_err(problem)?)
         };
         let axis = Self { path, key, values };
-        if let (Some(key), Values::Range(range)) = (key, &axis.values) {
+        if let (Some(key), Values::Steps(range)) = (key, &axis.values) {
             // All steps are whole if the first and the distance are.
             for step in 0..range.steps.min(2) {
                 key.value(&axis.path, &Scalar::Number(step_of(range, step)))?;
@@ -112,7 +113,7 @@ impl Axis {
     pub fn len(&self) -> u128 {
         match &self.values {
             Values::List(values) => values.len() as u128,
-            Values::Range(range) => range.steps.into(),
+            Values::Steps(range) => range.steps.into(),
             Values::Uniform(_) | Values::Normal(_) => 1,
         }
     }
@@ -132,7 +133,7 @@ impl Axis {
                 let index = usize::try_from(number).unwrap_or(usize::MAX);
                 return values.get(index).cloned().unwrap_or(Scalar::Truth(false));
             }
-            Values::Range(range) => step_of(range, u64::try_from(number).unwrap_or(u64::MAX)),
+            Values::Steps(range) => step_of(range, u64::try_from(number).unwrap_or(u64::MAX)),
             Values::Uniform(Uniform { min, max }) => min + (max - min) * share(&self.path, seed),
             Values::Normal(normal) => quantile(normal, share(&self.path, seed)),
         };
@@ -150,7 +151,8 @@ fn checked_list(path: &str, key: Option<SetupKey>, list: &[Scalar]) -> Result<Ve
     }
     let Some(key) = key else {
         let texts = list.iter().all(|value| matches!(value, Scalar::Text(_)));
-        let wanted = || problem("must be texts in quotes, such as \"loss=0.001\"; \"\" has no fault".to_owned());
+        let wanted =
+            || problem("must be texts in quotes, such as \"loss=0.001\"; \"\" has no fault".to_owned());
         return if texts { Ok(list.to_vec()) } else { Err(wanted()) };
     };
     let values: Vec<Scalar> = list.iter().map(|value| key.value(path, value)).collect::<Result<_, _>>()?;
@@ -162,13 +164,9 @@ fn checked_list(path: &str, key: Option<SetupKey>, list: &[Scalar]) -> Result<Ve
     Ok(values)
 }
 
-fn checked_range(range: Range) -> Result<Range, &'static str> {
+fn checked_range(range: ValueRange) -> Result<ValueRange, &'static str> {
     bounds(range.from, range.to).or_else(|_| bounds(range.to, range.from))?;
-    if (2..=MOST_STEPS).contains(&range.steps) {
-        Ok(range)
-    } else {
-        Err("`steps` must be 2 to 10^12")
-    }
+    if (2..=MOST_STEPS).contains(&range.steps) { Ok(range) } else { Err("`steps` must be 2 to 10^12") }
 }
 
 fn bounds(min: f64, max: f64) -> Result<(), &'static str> {
@@ -185,12 +183,14 @@ fn checked_normal(normal: Normal) -> Result<Normal, &'static str> {
         return Err("`mean` must be finite and `sd` above 0");
     }
     if share_between(&normal) < LEAST_SHARE {
-        return Err("less than a millionth of the distribution lies between its bounds; use `uniform`, or wider bounds");
+        return Err(
+            "less than a millionth of the distribution lies between its bounds; use `uniform`, or wider bounds",
+        );
     }
     Ok(normal)
 }
 
-fn step_of(range: &Range, step: u64) -> f64 {
+fn step_of(range: &ValueRange, step: u64) -> f64 {
     let last = range.steps.saturating_sub(1).max(1) as f64;
     let part = step as f64 / last;
     // Exact at both ends, and the same from either.
@@ -250,7 +250,8 @@ mod tests {
 
     #[test]
     fn a_range_has_its_ends_and_a_list_its_values() {
-        let range = axis("key = 'motions.approximation_mm'\nrange = { from = 0.0, to = 50.0, steps = 6 }").unwrap();
+        let range =
+            axis("key = 'motions.approximation_mm'\nrange = { from = 0.0, to = 50.0, steps = 6 }").unwrap();
         let values: Vec<_> = (0..range.len()).map(|number| range.value(number, 1)).collect();
         assert_eq!(values, [0.0, 10.0, 20.0, 30.0, 40.0, 50.0].map(Scalar::Number));
         let list = axis("key = 'bus.cycle_us'\nvalues = [1000, 2000]").unwrap();
@@ -282,7 +283,9 @@ mod tests {
 
     #[test]
     fn a_distribution_far_in_its_tail_is_drawn_from_there() {
-        let far = axis("key = 'motions.velocity_percent'\nnormal = { mean = 10.0, sd = 10.0, min = 50.0, max = 100.0 }");
+        let far = axis(
+            "key = 'motions.velocity_percent'\nnormal = { mean = 10.0, sd = 10.0, min = 50.0, max = 100.0 }",
+        );
         let far = far.unwrap();
         for seed in 0..1_000 {
             let Scalar::Number(value) = far.value(0, seed) else { panic!("a number") };

@@ -1,7 +1,7 @@
 //! Time and disk that a study needs, before it runs.
 
-use super::rows::Columns;
 use super::plan::JobAddress;
+use super::rows::Columns;
 
 /// Processor time of a repetition in seconds: the median of CM on Setup A in a release build on the machine that runs the
 /// project's tests. A longer application takes longer.
@@ -16,9 +16,9 @@ const FIELD_BYTES: u128 = 10;
 /// Most jobs that one process executes: it notes the address of each that is done, 8 bytes, when it goes on.
 const MOST_JOBS: u128 = 1_000_000_000;
 
-/// What a study or a shard of it needs.
+/// Time and disk of a study or of a shard.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Estimate {
+pub struct StudyEstimate {
     /// Jobs; `None` beyond all counting.
     pub jobs: Option<u128>,
     repetitions: f64,
@@ -26,7 +26,7 @@ pub struct Estimate {
     bytes: f64,
 }
 
-impl Estimate {
+impl StudyEstimate {
     /// Estimates jobs on this many threads.
     #[must_use]
     pub fn of(jobs: Option<u128>, columns: &Columns, threads: usize) -> Self {
@@ -51,11 +51,12 @@ impl Estimate {
             return Some(format!("more than {} jobs for one process; {remedy}", grouped(MOST_JOBS as f64)));
         }
         let free = free? as f64;
-        (self.bytes > free).then(|| format!("needs {} of disk, and {} are free; {remedy}", size(self.bytes), size(free)))
+        (self.bytes > free)
+            .then(|| format!("needs {} of disk, and {} are free; {remedy}", size(self.bytes), size(free)))
     }
 }
 
-impl std::fmt::Display for Estimate {
+impl std::fmt::Display for StudyEstimate {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Some(jobs) = self.jobs else { return f.write_str("more than 10^38 jobs") };
         let jobs = grouped(jobs as f64);
@@ -105,9 +106,12 @@ mod tests {
 
     #[test]
     fn a_grid_that_no_disk_holds_is_refused_with_its_numbers() {
-        let columns =
-            Columns { figures: RowFigure::USUAL.to_vec(), keys: vec!["plc.scan_cost_us".into()], rows_per_job: 3 };
-        let of = |jobs| Estimate::of(jobs, &columns, 2);
+        let columns = Columns {
+            figures: RowFigure::USUAL.to_vec(),
+            keys: vec!["plc.scan_cost_us".into()],
+            rows_per_job: 3,
+        };
+        let of = |jobs| StudyEstimate::of(jobs, &columns, 2);
         let small = of(Some(1_000));
         insta::assert_snapshot!(small.to_string(), @"1,000 jobs, 3,000 repetitions: about 9 s and 214 kB of disk");
         assert_eq!(small.refusal(Some(1 << 30)), None);

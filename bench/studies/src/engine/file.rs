@@ -16,7 +16,7 @@ pub struct StudyFile {
     /// Version of this file format: 1.
     #[serde(default = "this_version")]
     pub schema: u32,
-    /// What each job executes.
+    /// Execution of each job.
     pub study: StudySection,
     /// The varied keys. Lists and ranges form a grid; a distribution gives each seed a value of its own.
     #[serde(default)]
@@ -26,14 +26,14 @@ pub struct StudyFile {
     pub record: Record,
     /// Rows that the study looks for; each job that has one is listed with the command that executes it again.
     #[serde(default)]
-    pub finding: Vec<Finding>,
+    pub finding: Vec<StudyFinding>,
 }
 
 const fn this_version() -> u32 {
     SCHEMA
 }
 
-/// What each job executes.
+/// Execution of each job.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -104,7 +104,7 @@ pub struct Variation {
     pub values: Option<Vec<Scalar>>,
     /// Values at equal distances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub range: Option<Range>,
+    pub range: Option<ValueRange>,
     /// A value for each seed, equally likely between two bounds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uniform: Option<Uniform>,
@@ -128,6 +128,14 @@ pub enum Scalar {
     Text(String),
 }
 
+impl Scalar {
+    /// Returns a text.
+    #[must_use]
+    pub fn text(&self) -> Option<&str> {
+        if let Self::Text(text) = self { Some(text) } else { None }
+    }
+}
+
 impl std::fmt::Display for Scalar {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -144,7 +152,7 @@ impl std::fmt::Display for Scalar {
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub struct Range {
+pub struct ValueRange {
     /// The first value.
     pub from: f64,
     /// The last value.
@@ -265,7 +273,7 @@ impl RowFigure {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub struct Finding {
+pub struct StudyFinding {
     /// The figure; one of the rows' columns.
     pub figure: RowFigure,
     /// Rows above this value.

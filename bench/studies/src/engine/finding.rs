@@ -4,7 +4,7 @@ use std::path::Path;
 
 use report::in_shell;
 
-use super::file::Finding;
+use super::file::StudyFinding;
 use super::plan::JobAddress;
 use super::rows::{Columns, SavedJob};
 
@@ -13,7 +13,7 @@ const LISTED: usize = 5;
 
 /// Jobs that failed, and jobs with rows that a study looks for.
 pub struct Findings {
-    looked_for: Vec<(usize, Finding)>,
+    looked_for: Vec<(usize, StudyFinding)>,
     /// Jobs so far.
     pub jobs: u64,
     /// Jobs that failed or were refused.
@@ -25,9 +25,11 @@ pub struct Findings {
 impl Findings {
     /// Begins without jobs.
     #[must_use]
-    pub fn of(findings: &[Finding], columns: &Columns) -> Self {
+    pub fn of(findings: &[StudyFinding], columns: &Columns) -> Self {
         let head = columns.rows_head();
-        let index = |finding: &Finding| head.trim_end().split(',').position(|name| name == finding.figure.column());
+        let index = |finding: &StudyFinding| {
+            head.trim_end().split(',').position(|name| name == finding.figure.column())
+        };
         let looked_for = findings.iter().filter_map(|finding| Some((index(finding)?, finding.clone())));
         Self { looked_for: looked_for.collect(), jobs: 0, failed: 0, found: 0, listed: Vec::new() }
     }
@@ -41,9 +43,11 @@ impl Findings {
         }
         let is_found = |row: &String| {
             self.looked_for.iter().any(|(column, finding)| {
-                let value = row.trim_end().split(',').nth(*column).and_then(|field| field.parse::<f64>().ok());
+                let value =
+                    row.trim_end().split(',').nth(*column).and_then(|field| field.parse::<f64>().ok());
                 let Some(value) = value else { return false };
-                finding.above.is_some_and(|above| value > above) || finding.below.is_some_and(|below| value < below)
+                finding.above.is_some_and(|above| value > above)
+                    || finding.below.is_some_and(|below| value < below)
             })
         };
         if job.rows.iter().any(is_found) {
@@ -68,7 +72,10 @@ impl Findings {
         }
         lines[0] += ".";
         for (address, why) in &self.listed {
-            lines.push(format!("  {address} {why}: bench study rerun {} {address}", in_shell(directory.display())));
+            lines.push(format!(
+                "  {address} {why}: bench study rerun {} {address}",
+                in_shell(directory.display())
+            ));
         }
         lines
     }

@@ -12,11 +12,11 @@ use records::occupied::{Files, Occupied};
 use records::run_directory::{Durability, make_for_study, replace};
 use setup::Setup;
 
+use super::RerunOptions;
 use super::file::StudyFile;
 use super::plan::{JobAddress, StudyPlan, hex};
 use super::rows::{Columns, JOBS, ROWS};
 use super::shard::Shard;
-use super::RerunOptions;
 
 /// Version of `study.json` and of the rows.
 const SCHEMA_VERSION: u32 = 1;
@@ -30,7 +30,7 @@ const APPLICATION: &str = "application.toml";
 /// Frictionless description of the rows' columns.
 const ROWS_SCHEMA: &str = "rows.schema.json";
 
-/// What the rows of a directory belong to.
+/// Study, program and shard of a directory's rows.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of this format.
@@ -72,8 +72,8 @@ impl Manifest {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             read => read.with_context(|| format!("cannot read {}", path.display()))?,
         };
-        let value: serde_json::Value =
-            serde_json::from_str(&text).with_context(|| format!("{}: not a study's description", path.display()))?;
+        let value: serde_json::Value = serde_json::from_str(&text)
+            .with_context(|| format!("{}: not a study's description", path.display()))?;
         let version = value.get("schema_version").and_then(serde_json::Value::as_u64).unwrap_or(0);
         if version != u64::from(SCHEMA_VERSION) {
             bail!(
@@ -234,9 +234,10 @@ pub fn rerun(options: &RerunOptions, commit: &str) -> Result<RerunJob, Failure> 
     let plan = StudyPlan::read(&directory.join(STUDY), manifest.program)?;
     let jobs = plan.jobs().unwrap_or(u128::MAX);
     let found = (0..jobs).map(|number| plan.job(number)).find(|job| job.address == address);
-    let found = found
-        .ok_or_else(|| usage(anyhow!("{}: its study has no job {address}", directory.display())))?;
-    let made = found.point.made.as_ref().map_err(|reason| usage(anyhow!("job {address} was refused: {reason}")))?;
+    let found =
+        found.ok_or_else(|| usage(anyhow!("{}: its study has no job {address}", directory.display())))?;
+    let made =
+        found.point.made.as_ref().map_err(|reason| usage(anyhow!("job {address} was refused: {reason}")))?;
     let out = out.clone().unwrap_or_else(|| directory.join(address.to_string()));
     let cell = out.join("cell");
     std::fs::create_dir_all(&cell)

@@ -48,7 +48,7 @@ pub struct JobRow {
     pub execution_type: ExecutionType,
     /// Its number among those of its type, from 1.
     pub repetition: u32,
-    /// How it ended.
+    /// End of the repetition.
     pub status: RowStatus,
     /// Its figures, in the order in which they were asked for; none unless it passed.
     pub figures: Vec<f64>,
@@ -63,7 +63,7 @@ pub struct JobRows {
     pub reason: String,
 }
 
-/// What a job executes.
+/// Inputs of a job's execution.
 #[derive(Clone, Copy)]
 pub struct JobInputs<'a> {
     /// The setup.
@@ -82,27 +82,40 @@ impl JobInputs<'_> {
     /// Executes the job. Also a failure has its rows, one for each repetition.
     #[must_use]
     pub fn execute(&self) -> JobRows {
-        let mut rows: Vec<JobRow> = Vec::new();
-        let mut pass = |execution_type, repetition, measured: &Measured| {
-            let figures = self.figures.iter().map(|figure| value(*figure, measured)).collect();
-            rows.push(JobRow { execution_type, repetition, status: RowStatus::Passed, figures });
-        };
+        let mut rows = Vec::new();
         // A panic is a fault of this program: one job shows it, and the others go on.
-        let ended = catch_unwind(AssertUnwindSafe(|| {
-            execute_each(self.setup, self.planned.clone(), self.schedule, self.faults, |step, measured, _| {
-                if let Some(quality) = &measured.quality {
-                    quality.check_ratings()?;
-                }
-                pass(step.execution_type, step.repetition, measured);
-                Ok(())
-            })
-        }));
+        let ended = catch_unwind(AssertUnwindSafe(|| self.execute_into(&mut rows)));
         let reason = match ended {
-            Ok(Ok(_)) => String::new(),
+            Ok(Ok(())) => String::new(),
             Ok(Err(error)) => format!("{error:#}"),
             Err(panic) => format!("the program panicked: {}", text_of(&*panic)),
         };
         JobRows { rows, reason }.completed(self.schedule)
+    }
+
+    /// Executes the job of a study that ends with its first failure.
+    ///
+    /// # Errors
+    ///
+    /// A repetition failed, or none could begin.
+    pub fn measured(&self) -> anyhow::Result<JobRows> {
+        let mut rows = Vec::new();
+        self.execute_into(&mut rows)?;
+        Ok(JobRows { rows, reason: String::new() }.completed(self.schedule))
+    }
+
+    fn execute_into(&self, rows: &mut Vec<JobRow>) -> anyhow::Result<()> {
+        let Self { setup, planned, schedule, faults, figures } = self;
+        execute_each(setup, (*planned).clone(), schedule, faults, |step, measured, _| {
+            if let Some(quality) = &measured.quality {
+                quality.check_ratings()?;
+            }
+            let (execution_type, repetition) = (step.execution_type, step.repetition);
+            let figures = figures.iter().map(|figure| value(*figure, measured)).collect();
+            rows.push(JobRow { execution_type, repetition, status: RowStatus::Passed, figures });
+            Ok(())
+        })?;
+        Ok(())
     }
 
     /// Returns the rows of a job that cannot begin.
@@ -128,7 +141,11 @@ impl JobRows {
     }
 
     /// Returns a figure of all repetitions of a type that passed.
-    pub fn figures(&self, execution_type: ExecutionType, index: usize) -> impl Iterator<Item = f64> + Clone + '_ {
+    pub fn figures(
+        &self,
+        execution_type: ExecutionType,
+        index: usize,
+    ) -> impl Iterator<Item = f64> + Clone + '_ {
         let of_type = self.rows.iter().filter(move |row| row.execution_type == execution_type);
         of_type.filter_map(move |row| row.figures.get(index).copied())
     }
@@ -139,13 +156,34 @@ impl JobRows {
         AetMad::of(self.figures(execution_type, 0).map(|nanos| Duration::from_nanos(nanos as u64)))
     }
 
-    /// Returns itself if the job passed.
+    /// Returns the mean of a figure over the repetitions of a type that passed.
+    #[must_use]
+    pub fn mean(&self, execution_type: ExecutionType, index: usize) -> Option<f64> {
+        let count = self.figures(execution_type, index).count();
+        (count > 0).then(|| self.figures(execution_type, index).sum::<f64>() / count as f64)
+    }
+}
+
+/// A job of a study that lists its jobs itself: without faults, with the usual figures.
+#[derive(Clone, Debug)]
+pub struct ListedJob {
+    /// The setup.
+    pub setup: Setup,
+    /// The plan of its application.
+    pub planned: PlannedCell,
+    /// Types, repetitions and seed.
+    pub schedule: Schedule,
+}
+
+impl ListedJob {
+    /// Executes the job.
     ///
     /// # Errors
     ///
-    /// Why it did not.
-    pub fn passed(self) -> anyhow::Result<Self> {
-        if self.reason.is_empty() { Ok(self) } else { Err(anyhow::anyhow!(self.reason)) }
+    /// A repetition failed, or none could begin.
+    pub fn measured(&self) -> anyhow::Result<JobRows> {
+        let Self { setup, planned, schedule } = self;
+        JobInputs { setup, planned, schedule, faults: &[], figures: &RowFigure::USUAL }.measured()
     }
 }
 
@@ -184,9 +222,14 @@ mod tests {
         let schedule = Schedule::new(&ExecutionType::ALL, 2, 5);
         let whole = virtual_run::whole_planned(&setup, planned.clone(), &schedule).unwrap();
         let figures = RowFigure::USUAL;
-        let inputs =
-            JobInputs { setup: &setup, planned: &planned, schedule: &schedule, faults: &[], figures: &figures };
-        let rows = inputs.execute().passed().unwrap();
+        let inputs = JobInputs {
+            setup: &setup,
+            planned: &planned,
+            schedule: &schedule,
+            faults: &[],
+            figures: &figures,
+        };
+        let rows = inputs.measured().unwrap();
         for execution_type in ExecutionType::ALL {
             assert_eq!(rows.aet_mad(execution_type), whole.figure(execution_type));
         }
@@ -210,7 +253,9 @@ mod tests {
         let JobRows { rows, reason } = inputs.execute();
         let statuses: Vec<_> = rows.iter().map(|row| row.status.name()).collect();
         assert_eq!(rows.len(), 6);
-        assert!(statuses.contains(&"passed") && statuses.contains(&"failed") && statuses.contains(&"not-run"));
+        assert!(
+            statuses.contains(&"passed") && statuses.contains(&"failed") && statuses.contains(&"not-run")
+        );
         assert!(!reason.is_empty());
     }
 }

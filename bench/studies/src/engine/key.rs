@@ -59,7 +59,7 @@ pub enum InvalidKey {
         key: String,
         /// The given value.
         value: String,
-        /// What it must be.
+        /// Required type.
         kind: ValueKind,
     },
 }
@@ -98,10 +98,8 @@ impl SetupKeys {
             let ending = format!(".{key}");
             let in_section = known.iter().copied().find(|known| known.ends_with(&ending));
             let meant = in_section.or_else(|| nearest(key, known.iter().copied()));
-            let remedy = meant.map_or_else(
-                || "docs/keys.md lists all".to_owned(),
-                |meant| meant_or_all(meant, &[meant]),
-            );
+            let remedy = meant
+                .map_or_else(|| "docs/keys.md lists all".to_owned(), |meant| meant_or_all(meant, &[meant]));
             InvalidKey::Unknown { key: key.to_owned(), remedy }
         })
     }
@@ -140,7 +138,8 @@ fn collect(root: &Value, part: &Value, path: &str, depth: usize, keys: &mut BTre
 fn resolved<'a>(root: &'a Value, part: &'a Value) -> &'a Value {
     let mut part = part;
     for _ in 0..DEEPEST {
-        if let Some(name) = part.get("$ref").and_then(Value::as_str).and_then(|path| path.rsplit('/').next()) {
+        if let Some(name) = part.get("$ref").and_then(Value::as_str).and_then(|path| path.rsplit('/').next())
+        {
             part = root.get("$defs").and_then(|definitions| definitions.get(name)).unwrap_or(&Value::Null);
         } else if let Some(any) = part.get("anyOf").and_then(Value::as_array) {
             let is_null = |one: &&Value| one.get("type").and_then(Value::as_str) == Some("null");
@@ -177,7 +176,9 @@ impl SetupKey {
     pub fn value(self, key: &str, value: &Scalar) -> Result<Scalar, InvalidKey> {
         let fitting = match (self.kind, value) {
             (ValueKind::Number, Scalar::Integer(whole)) => Some(Scalar::Number(*whole as f64)),
-            (ValueKind::Number, Scalar::Number(number)) if number.is_finite() => Some(Scalar::Number(*number)),
+            (ValueKind::Number, Scalar::Number(number)) if number.is_finite() => {
+                Some(Scalar::Number(*number))
+            }
             (ValueKind::Integer, Scalar::Integer(_))
             | (ValueKind::Text, Scalar::Text(_))
             | (ValueKind::Truth, Scalar::Truth(_)) => Some(value.clone()),

@@ -12,8 +12,8 @@ use anyhow::{Context as _, anyhow, bail};
 use sha2::{Digest as _, Sha256};
 
 use records::exit::{Exit, Failure};
-use records::run_directory::Replacement;
 use records::run_directory::Durability;
+use records::run_directory::Replacement;
 use report::outln;
 
 use super::MergeOptions;
@@ -38,13 +38,19 @@ pub fn run(options: &MergeOptions) -> Result<Exit, Failure> {
         return Err(usage(anyhow!("name the directories of all shards")));
     };
     if options.directories.iter().any(|directory| is_same(directory, &options.out)) {
-        return Err(usage(anyhow!("--out {}: is merged itself; name another directory", options.out.display())));
+        return Err(usage(anyhow!(
+            "--out {}: is merged itself; name another directory",
+            options.out.display()
+        )));
     }
     let plan = StudyPlan::read(&first_directory.join("study.toml"), first.program.clone())?;
     let columns = Columns::of(&plan);
     let merged = Manifest { shard: Shard::WHOLE, ..first.clone() };
     if Manifest::of(&plan, Shard::WHOLE, first.jobs) != merged {
-        return Err(usage(anyhow!("{}: its files were changed; merge what was written", first_directory.display())));
+        return Err(usage(anyhow!(
+            "{}: its files were changed; merge what was written",
+            first_directory.display()
+        )));
     }
     let mut sorter = Sorter::new(options.out.clone(), IN_MEMORY);
     let mut findings = Findings::of(&plan.file.finding, &columns);
@@ -88,20 +94,34 @@ fn manifests(directories: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, Manifest)>
                     bail!("{shown}: are of different studies; merge the shards of one");
                 }
                 if known.program != manifest.program {
-                    bail!("{shown}: are of programs {} and {}; run all shards by one", known.program, manifest.program);
+                    bail!(
+                        "{shown}: are of programs {} and {}; run all shards by one",
+                        known.program,
+                        manifest.program
+                    );
                 }
                 if known.shard.count != manifest.shard.count {
-                    bail!("{shown}: are shards {} and {}; merge those of one split", known.shard, manifest.shard);
+                    bail!(
+                        "{shown}: are shards {} and {}; merge those of one split",
+                        known.shard,
+                        manifest.shard
+                    );
                 }
             }
             if let Some((other, _)) = manifests.iter().find(|(_, known)| known.shard == manifest.shard) {
-                bail!("{} and {}: are both shard {}; name each once", other.display(), path.display(), manifest.shard);
+                bail!(
+                    "{} and {}: are both shard {}; name each once",
+                    other.display(),
+                    path.display(),
+                    manifest.shard
+                );
             }
             manifests.push((path, manifest));
         }
     }
     let count = manifests.first().map_or(0, |(_, manifest)| manifest.shard.count);
-    let missing = (0..count).find(|index| manifests.iter().all(|(_, manifest)| manifest.shard.index != *index));
+    let missing =
+        (0..count).find(|index| manifests.iter().all(|(_, manifest)| manifest.shard.index != *index));
     if let Some(index) = missing {
         bail!("shard {index}/{count}: missing; name the directories of all {count} shards");
     }
@@ -160,7 +180,7 @@ impl Sorter {
         let mut last = None;
         let mut put = |job: JobText| -> anyhow::Result<()> {
             if last.replace(job.address) == Some(job.address) {
-                bail!("two jobs have the address {}; their rows cannot be told apart", JobAddress(job.address));
+                bail!("two jobs have the address {}; their rows would be mixed", JobAddress(job.address));
             }
             rows.add(&job.rows)?;
             jobs.add(&job.line)
@@ -172,7 +192,8 @@ impl Sorter {
             if !self.jobs.is_empty() {
                 self.spill()?;
             }
-            let mut parts: Vec<_> = self.parts.iter().map(|path| SortedPart::open(path)).collect::<Result<_, _>>()?;
+            let mut parts: Vec<_> =
+                self.parts.iter().map(|path| SortedPart::open(path)).collect::<Result<_, _>>()?;
             let mut heap = BinaryHeap::new();
             for (index, part) in parts.iter_mut().enumerate() {
                 heap.extend(part.next()?.map(|job| Reverse((job, index))));

@@ -4,6 +4,7 @@
 //! file       the format of a study's file
 //! key        the keys of a setup, which a study varies
 //! axis       the values of one key: a list, a range, or draws from a distribution
+//! checks     the values of the file
 //! plan       the jobs of a study, each made from its number; job executes one
 //! rows       rows.csv and jobs.csv, appended job by job, and read back
 //! folder     what stands beside the rows: the study, its program, its shard
@@ -13,6 +14,7 @@
 //! ```
 
 mod axis;
+mod checks;
 mod estimate;
 pub mod file;
 mod finding;

@@ -16,11 +16,9 @@ use setup::Setup;
 use stands::planned_cell::PlannedCell;
 
 use super::axis::Axis;
-use super::file::{self, RowFigure, Scalar, StudyFile, TypeName};
+use super::checks::{axes, check, parsed_faults, seeds};
+use super::file::{RowFigure, Scalar, StudyFile, TypeName};
 use super::key::{SetupKeys, SetupTable};
-
-/// Most repetitions of a job, as of a run.
-const MOST_REPETITIONS: u32 = 100_000;
 
 /// Address of a job: the first 64 bits of the SHA-256 of everything that its rows depend on.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
@@ -74,19 +72,19 @@ pub struct StudyPlan {
     varied_applications: Mutex<BTreeMap<String, Arc<Result<Found, String>>>>,
 }
 
-/// What the jobs of one point of the grid have in common.
+/// Point of the grid, which the jobs of all seeds share.
 pub struct GridPoint {
     number: u128,
     /// The seed of drawn values; `None` where nothing is drawn.
     seed: Option<u64>,
     /// Value of each varied key.
     pub values: Vec<Scalar>,
-    /// What is executed, or why it cannot be.
+    /// Setup and plan, or the reason for the refusal.
     pub made: Result<MadePoint, String>,
     digest: Sha256,
 }
 
-/// What the jobs of one point execute.
+/// Setup and plan of a point.
 pub struct MadePoint {
     /// The setup with the point's values.
     pub setup: Setup,
@@ -218,7 +216,8 @@ impl StudyPlan {
         let seed = self.axes.iter().any(Axis::is_drawn).then_some(seed);
         let is_same = |point: &&Arc<GridPoint>| (point.number, point.seed) == (number, seed);
         // What a thread holds is whole, also if it panicked.
-        let known = self.last.lock().unwrap_or_else(PoisonError::into_inner).as_ref().filter(is_same).cloned();
+        let known =
+            self.last.lock().unwrap_or_else(PoisonError::into_inner).as_ref().filter(is_same).cloned();
         known.unwrap_or_else(|| {
             let point = Arc::new(self.make(number, seed));
             *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&point));
@@ -255,7 +254,7 @@ impl StudyPlan {
         let setup = self.table.with(changes).map_err(|error| error.to_string())?;
         let mut faults = self.faults.clone();
         for (axis, value) in self.axes.iter().zip(values) {
-            if let (None, Scalar::Text(text)) = (axis.key, value) {
+            if let (None, Some(text)) = (axis.key, value.text()) {
                 faults.extend(parsed_faults(text).map_err(|error| error.to_string())?);
             }
         }
@@ -291,82 +290,6 @@ fn located(name: &str, is_built_in: bool, directory: Option<&Path>) -> String {
         Some(directory) if !is_built_in => directory.join(name).display().to_string(),
         _ => name.to_owned(),
     }
-}
-
-fn check(file: &StudyFile) -> anyhow::Result<()> {
-    let StudyFile { schema, study, finding, .. } = file;
-    if *schema != file::SCHEMA {
-        anyhow::bail!("`schema` = {schema}: this program reads studies of version {}", file::SCHEMA);
-    }
-    if !(1..=MOST_REPETITIONS).contains(&study.reps) {
-        anyhow::bail!("`study.reps` = {}: must be 1 to {MOST_REPETITIONS}", study.reps);
-    }
-    if study.types.is_empty() {
-        anyhow::bail!("`study.types` is empty; name rc, sm or cm, or leave it out for all three");
-    }
-    let columns: Vec<_> = RowFigure::USUAL.into_iter().chain(file.record.figures.iter().copied()).collect();
-    for finding in finding {
-        let name = finding.figure.column();
-        if finding.above.is_some() == finding.below.is_some() {
-            anyhow::bail!("[[finding]] `{name}`: give exactly one of `above` and `below`");
-        }
-        if !columns.contains(&finding.figure) {
-            anyhow::bail!("[[finding]] `{name}`: not in the rows; add it to `record.figures`");
-        }
-    }
-    Ok(())
-}
-
-fn axes(file: &StudyFile, keys: &SetupKeys) -> anyhow::Result<Vec<Axis>> {
-    let mut axes: Vec<Axis> = Vec::new();
-    for variation in &file.vary {
-        let axis = Axis::of(variation, keys)?;
-        if axes.iter().any(|other| other.path == axis.path) {
-            anyhow::bail!("[[vary]] `{}`: varied twice; put all its values into one section", axis.path);
-        }
-        if let Variation::Faults(texts) = Variation::of(variation) {
-            texts.iter().try_for_each(|text| parsed_faults(text).map(drop))?;
-        }
-        axes.push(axis);
-    }
-    Ok(axes)
-}
-
-/// Varied faults, whose texts are checked before anything runs.
-enum Variation<'a> {
-    Faults(Vec<&'a str>),
-    Key,
-}
-
-impl<'a> Variation<'a> {
-    fn of(variation: &'a file::Variation) -> Self {
-        if variation.key != super::key::FAULTS {
-            return Self::Key;
-        }
-        let values = variation.values.iter().flatten();
-        Self::Faults(
-            values.filter_map(|value| if let Scalar::Text(text) = value { Some(&**text) } else { None }).collect(),
-        )
-    }
-}
-
-/// Parses faults that are separated by blanks or commas.
-fn parsed_faults(text: &str) -> anyhow::Result<Vec<Fault>> {
-    Ok(node::list::values(text).map(str::parse).collect::<Result<_, _>>()?)
-}
-
-/// Parses `1..=1000` or a single number.
-fn seeds(text: &str) -> anyhow::Result<(u64, u64)> {
-    let number = |text: &str| text.trim().replace('_', "").parse::<u64>();
-    let bounds = match text.split_once("..=") {
-        Some((first, last)) => number(first).ok().zip(number(last).ok()),
-        None => number(text).ok().map(|seed| (seed, seed)),
-    };
-    // The number of seeds must fit, too.
-    let is_usable = |(first, last): &(u64, u64)| first <= last && last - first < u64::MAX;
-    bounds.filter(is_usable).with_context(|| {
-        format!("`study.seeds` = \"{text}\": expected a number, or two such as \"1..=1000\", the lower one first")
-    })
 }
 
 /// Returns the digest of what all jobs have in common.
@@ -448,7 +371,9 @@ mod tests {
         let swapped = GRID.split("[[vary]]").collect::<Vec<_>>();
         let swapped = format!("{}[[vary]]{}[[vary]]{}", swapped[0], swapped[2], swapped[1]);
         assert_eq!(plan(&swapped).unwrap().job(17).address, all.job(17).address);
-        for (part, instead) in [("reps = 1", "reps = 2"), ("'A'", "'B'"), ("reps = 1", "reps = 1\ntypes = ['cm']")] {
+        for (part, instead) in
+            [("reps = 1", "reps = 2"), ("'A'", "'B'"), ("reps = 1", "reps = 1\ntypes = ['cm']")]
+        {
             let changed = plan(&GRID.replacen(part, instead, 1)).unwrap();
             assert_ne!(changed.job(0).address, all.job(0).address, "{instead}");
             assert_ne!(changed.identity, all.identity, "{instead}");
@@ -459,7 +384,8 @@ mod tests {
 
     #[test]
     fn a_point_that_the_setup_cannot_have_is_a_job_with_its_reason() {
-        let plan = plan("[study]\nsetup = 'A'\n[[vary]]\nkey = 'bus.cycle_us'\nvalues = [1000, 3000]").unwrap();
+        let plan =
+            plan("[study]\nsetup = 'A'\n[[vary]]\nkey = 'bus.cycle_us'\nvalues = [1000, 3000]").unwrap();
         assert!(plan.job(0).point.made.is_ok());
         let refused = plan.job(1).point.made.as_ref().err().cloned().unwrap();
         assert!(refused.contains("bus.cycle_us") && refused.contains("3000"), "{refused}");
@@ -472,29 +398,29 @@ mod tests {
             "[study]\nsetup = 'A'\nreps = 0",
             "[study]\nsetup = 'A'\ntypes = []",
             "[study]\nsetup = 'A'\nseeds = '5..=1'",
-            "[study]\nsetup = 'A'\nfaults = ['loss=2']",
-            "[study]\nsetup = 'A'\n[[vary]]\nkey = 'faults'\nvalues = ['los=0.1']",
             "[study]\nsetup = 'A'\n[[vary]]\nkey = 'plc.queue_depht'\nvalues = [1]",
             "[study]\nsetup = 'A'\n[[vary]]\nkey = 'plc.queue_depth'\nvalues = [1]\n[[vary]]\nkey = 'plc.queue_depth'\nvalues = [2]",
             "[study]\nsetup = 'A'\n[[finding]]\nfigure = 'joint_jerk'\nabove = 1.0",
             "[study]\nsetup = 'A'\n[[finding]]\nfigure = 'execution_ns'",
             "[study]\nsetup = 'E'",
-            "[study]\nsetup = 'nowhere'",
         ];
         let refused = cases.map(|toml| plan(toml).err().unwrap_or_else(|| format!("taken: {toml}")));
+        for (fault, said) in
+            [("faults = ['loss=2']", "`2`"), ("[[vary]]\nkey = 'faults'\nvalues = ['los=0.1']", "`los=0.1`")]
+        {
+            let refused = plan(&format!("[study]\nsetup = 'A'\n{fault}")).err().unwrap();
+            assert!(refused.starts_with(said), "{refused}");
+        }
         insta::assert_snapshot!(refused.join("\n"), @r#"
 `schema` = 2: this program reads studies of version 1
 `study.reps` = 0: must be 1 to 100000
 `study.types` is empty; name rc, sm or cm, or leave it out for all three
 `study.seeds` = "5..=1": expected a number, or two such as "1..=1000", the lower one first
-`2` is no share of the frames; write a number from 0 to 1, such as 0.001, or 0.1%
-`los=0.1` is no fault; write loss=0.001, duplicate=0.01, corrupt=0.001@memory, corrupt=0.001@wire, reorder=0.01@2ms, delay=100us, jitter=50us, cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first seven also for one direction, as to-robot:loss=0.001; of one frame to-robot:lose-frame=17, to-plc:double-frame=17, to-plc:hold-frame=17@2ms, to-robot:flip-frame=17.93@memory, to-robot:flip-frame=17@wire; in virtual mode from one frame on to-robot:cut-frame=17@10ms, to-robot:restart-robot=17@100ms, to-plc:restart-plc=17@100ms; and of a drive drive-fault=3@2s, drive-stop=3@2s or drive-block=3@2s..2.5s
 [[vary]] `plc.queue_depht`: not a number, text or truth of a setup; did you mean `plc.queue_depth`?
 [[vary]] `plc.queue_depth`: varied twice; put all its values into one section
 [[finding]] `joint_jerk`: not in the rows; add it to `record.figures`
 [[finding]] `execution_ns`: give exactly one of `above` and `below`
 built-in setup E has 2 stations (left, right), and one is served here; for several: bench --mode virtual, bench gate, plc-node, plc-node plan --setup, robot-node --station NAME
-there is no setup `nowhere`: built in are A, B, C, D; or give the path of a .toml file
 "#);
     }
 }

@@ -55,7 +55,8 @@ impl Columns {
     #[must_use]
     pub fn jobs_head(&self) -> String {
         let keys = self.keys.iter().map(|key| field(key));
-        ["job".to_owned()].into_iter().chain(keys).chain(["reason".to_owned()]).collect::<Vec<_>>().join(",") + "\n"
+        ["job".to_owned()].into_iter().chain(keys).chain(["reason".to_owned()]).collect::<Vec<_>>().join(",")
+            + "\n"
     }
 
     /// Appends the line of a repetition.
@@ -134,7 +135,11 @@ impl RowsJournal {
     /// # Errors
     ///
     /// Another process writes there, a file cannot be read or written, or its lines are broken before the end.
-    pub fn open(directory: &Path, columns: Columns, known: impl FnMut(&SavedJob<'_>)) -> anyhow::Result<Self> {
+    pub fn open(
+        directory: &Path,
+        columns: Columns,
+        known: impl FnMut(&SavedJob<'_>),
+    ) -> anyhow::Result<Self> {
         let (rows_path, jobs_path) = (directory.join(ROWS), directory.join(JOBS));
         let lock = OpenOptions::new().create(true).append(true).open(&rows_path);
         let lock = lock.with_context(|| format!("cannot write {}", rows_path.display()))?;
@@ -204,7 +209,7 @@ impl SavedJob<'_> {
     }
 }
 
-/// What may be wrong with the end of the files.
+/// State of the files' end.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Tail {
     /// A process was killed while it wrote the last job.
@@ -224,17 +229,21 @@ pub fn read(
     tail: Tail,
     mut known: impl FnMut(&SavedJob<'_>),
 ) -> anyhow::Result<[u64; 2]> {
-    let mut rows = Lines::open(&directory.join(ROWS), &columns.rows_head())?;
-    let mut jobs = Lines::open(&directory.join(JOBS), &columns.jobs_head())?;
+    let mut rows = CsvLines::open(&directory.join(ROWS), &columns.rows_head())?;
+    let mut jobs = CsvLines::open(&directory.join(JOBS), &columns.jobs_head())?;
     let mut block = Vec::new();
     let broken = loop {
         let whole = [rows.read, jobs.read];
         let Some(line) = jobs.next()? else { break whole };
         block.clear();
-        let address = line.get(..JobAddress::DIGITS).and_then(JobAddress::parse).filter(|_| line.ends_with('\n'));
+        let address =
+            line.get(..JobAddress::DIGITS).and_then(JobAddress::parse).filter(|_| line.ends_with('\n'));
         while (block.len() as u64) < columns.rows_per_job {
             match rows.next()? {
-                Some(row) if row.ends_with('\n') && row.get(..JobAddress::DIGITS) == line.get(..JobAddress::DIGITS) => {
+                Some(row)
+                    if row.ends_with('\n')
+                        && row.get(..JobAddress::DIGITS) == line.get(..JobAddress::DIGITS) =>
+                {
                     block.push(row);
                 }
                 _ => break,
@@ -247,7 +256,7 @@ pub fn read(
             _ => break whole,
         }
     };
-    let left = |lines: &Lines, whole: u64| lines.len.saturating_sub(whole);
+    let left = |lines: &CsvLines, whole: u64| lines.len.saturating_sub(whole);
     let [rows_left, jobs_left] = [left(&rows, broken[0]), left(&jobs, broken[1])];
     // Line by line a job was being written: no more than its rows can be a part.
     let most = columns.rows_per_job.saturating_mul(LONGEST_ROW);
@@ -272,8 +281,8 @@ const LONGEST_ROW: u64 = 256;
 /// Longest line of a job in bytes.
 const LONGEST_JOB: u64 = 64 << 10;
 
-/// The lines of a file behind its first one.
-struct Lines {
+/// The lines of a file after its first one.
+struct CsvLines {
     path: PathBuf,
     reader: Option<BufReader<File>>,
     len: u64,
@@ -281,7 +290,7 @@ struct Lines {
     read: u64,
 }
 
-impl Lines {
+impl CsvLines {
     fn open(path: &Path, head: &str) -> anyhow::Result<Self> {
         let about = || format!("cannot read {}", path.display());
         let none = Self { path: path.to_owned(), reader: None, len: 0, read: 0 };
@@ -300,13 +309,17 @@ impl Lines {
         if head.starts_with(&first) {
             return Ok(none);
         }
-        bail!("{}: has other columns, so it is from another study or version; use another --out", path.display())
+        bail!(
+            "{}: has other columns, so it is from another study or version; use another --out",
+            path.display()
+        )
     }
 
     fn next(&mut self) -> anyhow::Result<Option<String>> {
         let Some(reader) = &mut self.reader else { return Ok(None) };
         let mut line = String::new();
-        let read = reader.read_line(&mut line).with_context(|| format!("cannot read {}", self.path.display()))?;
+        let read =
+            reader.read_line(&mut line).with_context(|| format!("cannot read {}", self.path.display()))?;
         self.read += read as u64;
         Ok((read > 0).then_some(line))
     }
@@ -384,7 +397,9 @@ job,bus.kind,reason
             write(&rows[..rows_end], &jobs[..jobs_end]);
             let (mut journal, found) = known(place.path()).unwrap();
             assert_eq!(found, [1, 2], "{rows_end} {jobs_end}");
-            journal.add(JobAddress(3), 7, &[Scalar::Text("profinet".to_owned())], &job(3_727_000_000.0)).unwrap();
+            journal
+                .add(JobAddress(3), 7, &[Scalar::Text("profinet".to_owned())], &job(3_727_000_000.0))
+                .unwrap();
             drop(journal);
             assert_eq!(fs::read_to_string(place.path().join(ROWS)).unwrap(), rows);
             assert_eq!(fs::read_to_string(place.path().join(JOBS)).unwrap(), jobs);

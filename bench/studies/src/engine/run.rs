@@ -15,7 +15,7 @@ use records::schedule::Schedule;
 use report::{errln, in_shell, outln};
 
 use super::StudyRunOptions;
-use super::estimate::Estimate;
+use super::estimate::StudyEstimate;
 use super::finding::Findings;
 use super::folder::{self, Manifest, of_host};
 use super::job::{JobInputs, JobRows};
@@ -45,12 +45,8 @@ pub fn run(options: &StudyRunOptions, commit: &str) -> Result<Exit, Failure> {
     });
     let mut journal = journal.map_err(|error| Failure::new(Exit::Usage, error))?;
     let is_interrupted = watch_for_interrupt()?;
-    let pool = Pool {
-        name: "study",
-        quiet: options.quiet,
-        threads: options.threads,
-        interrupted: &is_interrupted,
-    };
+    let pool =
+        Pool { name: "study", quiet: options.quiet, threads: options.threads, interrupted: &is_interrupted };
     let mut not_saved = None;
     let ran = pool.each_number(
         jobs,
@@ -64,7 +60,8 @@ pub fn run(options: &StudyRunOptions, commit: &str) -> Result<Exit, Failure> {
     );
     drop(journal);
     if let Err(error) = ran {
-        let error = error.context(format!("the study ends here; {} has all jobs before", directory.display()));
+        let error =
+            error.context(format!("the study ends here; {} has all jobs before", directory.display()));
         return Err(if not_saved.is_some() { of_host(error) } else { error.into() });
     }
     let findings = counted(&directory, &plan, &columns)?;
@@ -73,7 +70,11 @@ pub fn run(options: &StudyRunOptions, commit: &str) -> Result<Exit, Failure> {
     let done = findings.jobs;
     if is_interrupted.load(Ordering::Relaxed) && done < jobs {
         outln!("The same command with --out {} goes on.", in_shell(directory.display()));
-        return Ok(interrupted(usize::try_from(done).unwrap_or(usize::MAX), usize::try_from(jobs).unwrap_or(usize::MAX), "jobs"));
+        return Ok(interrupted(
+            usize::try_from(done).unwrap_or(usize::MAX),
+            usize::try_from(jobs).unwrap_or(usize::MAX),
+            "jobs",
+        ));
     }
     Ok(if findings.failed > 0 { Exit::RunFailed } else { Exit::Pass })
 }
@@ -89,9 +90,11 @@ fn checked_count(
     let threads = options.threads.map_or_else(cores, usize::from);
     let of_study = plan.jobs();
     let of_shard = of_study.map(|jobs| options.shard.jobs(jobs));
-    let estimate = Estimate::of(of_shard, columns, threads);
+    let estimate = StudyEstimate::of(of_shard, columns, threads);
     let refusal = estimate.refusal(free_space(&existing(directory)));
-    let counts = of_shard.and_then(|jobs| u64::try_from(jobs).ok()).zip(of_study.and_then(|jobs| u64::try_from(jobs).ok()));
+    let counts = of_shard
+        .and_then(|jobs| u64::try_from(jobs).ok())
+        .zip(of_study.and_then(|jobs| u64::try_from(jobs).ok()));
     match (refusal, counts) {
         (None, Some(counts)) => {
             if !options.quiet {

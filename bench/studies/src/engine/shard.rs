@@ -81,8 +81,9 @@ mod tests {
         for count in [1, 7, 64] {
             for jobs in [0_u128, 1, 63, 64, 65, 1_000] {
                 let shards = (0..count).map(|index| Shard { index, count });
-                let mut all: Vec<u128> =
-                    shards.flat_map(|shard| (0..shard.jobs(jobs)).map(move |number| shard.job(number))).collect();
+                let mut all: Vec<u128> = shards
+                    .flat_map(|shard| (0..shard.jobs(jobs)).map(move |number| shard.job(number)))
+                    .collect();
                 all.sort_unstable();
                 assert_eq!(all, (0..jobs).collect::<Vec<_>>(), "{count} shards");
             }

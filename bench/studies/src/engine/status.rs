@@ -15,7 +15,7 @@ use super::rows::JOBS;
 ///
 /// # Errors
 ///
-/// There is no study, or its files cannot be read.
+/// No study is found, or its files cannot be read.
 pub fn run(directory: &Path) -> Result<Exit, Failure> {
     let shards = shards(directory).map_err(|error| Failure::new(Exit::Usage, error))?;
     let mut table = screen::ruled();
@@ -28,7 +28,13 @@ pub fn run(directory: &Path) -> Result<Exit, Failure> {
         (jobs, expected) = (manifest.jobs, manifest.shard.count);
         let numbers = [of_shard, done_here, failed_here].map(|number| number.to_string());
         let [of_shard, done_here, failed_here] = numbers;
-        table.add_row([manifest.shard.to_string(), of_shard, done_here, failed_here, path.display().to_string()]);
+        table.add_row([
+            manifest.shard.to_string(),
+            of_shard,
+            done_here,
+            failed_here,
+            path.display().to_string(),
+        ]);
     }
     outln!("{}", screen::drawn(&table));
     let found = shards.len();
@@ -55,7 +61,8 @@ pub fn shards(directory: &Path) -> anyhow::Result<Vec<(PathBuf, Manifest)>> {
     if let Some(manifest) = Manifest::read(directory)? {
         return Ok(vec![(directory.to_owned(), manifest)]);
     }
-    let entries = std::fs::read_dir(directory).with_context(|| format!("cannot read {}", directory.display()))?;
+    let entries =
+        std::fs::read_dir(directory).with_context(|| format!("cannot read {}", directory.display()))?;
     let mut found = Vec::new();
     for entry in entries {
         let path = entry.with_context(|| format!("cannot read {}", directory.display()))?.path();
@@ -79,5 +86,6 @@ fn count(directory: &Path) -> anyhow::Result<(u64, u64)> {
         read => read.with_context(|| format!("cannot read {}", path.display()))?,
     };
     let whole = text.split_inclusive('\n').skip(1).filter(|line| line.ends_with('\n'));
-    Ok(whole.fold((0, 0), |(jobs, failed), line| (jobs + 1, failed + u64::from(!line.trim_end().ends_with(',')))))
+    Ok(whole
+        .fold((0, 0), |(jobs, failed), line| (jobs + 1, failed + u64::from(!line.trim_end().ends_with(',')))))
 }

@@ -66,7 +66,9 @@ pub fn run(options: &SubmitOptions) -> Result<Exit, Failure> {
         }
         Engine::Kubernetes => {
             if !options.print {
-                return Err(usage(anyhow!("--engine kubernetes: only printed; add --print and give it to `kubectl apply -f -`")));
+                return Err(usage(anyhow!(
+                    "--engine kubernetes: only printed; add --print and give it to `kubectl apply -f -`"
+                )));
             }
             let (Some(image), Some(volume)) = (&options.image, &options.volume) else {
                 return Err(usage(anyhow!("--engine kubernetes: needs --image and --volume")));
@@ -112,7 +114,8 @@ impl Shards {
                 Some(4) => worst = Exit::RunFailed,
                 Some(130) => return Ok(Exit::Interrupted),
                 code => {
-                    let ended = code.map_or_else(|| "by a signal".to_owned(), |code| format!("with code {code}"));
+                    let ended =
+                        code.map_or_else(|| "by a signal".to_owned(), |code| format!("with code {code}"));
                     return Err(of_host(anyhow!(
                         "shard {index}/{}: ended {ended}; the same command goes on where it ended",
                         self.count
@@ -175,10 +178,9 @@ impl Shards {
         let text = |path: &Path| serde_json::to_string(&path.display().to_string());
         let (bench, file, out) = (text(bench)?, text(file)?, text(out)?);
         let (opened, closed) = match server {
-            Some(directory) => (
-                format!("client = Client({})\n", text(&absolute(directory)?)?),
-                String::new(),
-            ),
+            Some(directory) => {
+                (format!("client = Client({})\n", text(&absolute(directory)?)?), String::new())
+            }
             None => (
                 "cluster = LocalCluster()\nfor _ in range(os.cpu_count() or 1):\n    \
                  cluster.start_worker(WorkerConfig(cores=1))\nclient = cluster.client()\n"
@@ -219,7 +221,8 @@ impl Shards {
         let [image, volume, mount, script] =
             [image, volume, &out.display().to_string(), &script].map(serde_json::to_string);
         let (image, volume, mount, script) = (image?, volume?, mount?, script?);
-        let mut text = String::from("apiVersion: batch/v1\nkind: Job\nmetadata:\n  generateName: skillbench-study-\n");
+        let mut text =
+            String::from("apiVersion: batch/v1\nkind: Job\nmetadata:\n  generateName: skillbench-study-\n");
         // A pod that is lost starts again and goes on where it ended; one whose jobs failed (code 4) has all its rows.
         write!(
             text,
@@ -239,7 +242,8 @@ mod tests {
     use super::*;
 
     fn shards() -> Shards {
-        let [bench, file, out] = ["/opt/bench", "/data/my study/study.toml", "/data/my study"].map(PathBuf::from);
+        let [bench, file, out] =
+            ["/opt/bench", "/data/my study/study.toml", "/data/my study"].map(PathBuf::from);
         Shards { bench, file, out, count: 3 }
     }
 
@@ -290,7 +294,12 @@ except FailedJobsException as error:
 cluster.stop()
 sys.exit(status)
 "#);
-        assert!(shards().hyperqueue(Some(Path::new("/srv/hq"))).unwrap().contains("client = Client(\"/srv/hq\")\n"));
+        assert!(
+            shards()
+                .hyperqueue(Some(Path::new("/srv/hq")))
+                .unwrap()
+                .contains("client = Client(\"/srv/hq\")\n")
+        );
     }
 
     #[test]
