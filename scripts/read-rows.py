@@ -41,12 +41,12 @@ def main(directory):
     rows = f"read_csv('{path}', types = {{'job': 'VARCHAR'}})"
     found["DuckDB"] = duckdb.sql(
         f"select count(*), count(*) filter (status = 'passed'), sum(execution_ns) filter (status = 'passed') from {rows}"
-    ).fetchone()
+    ).fetchall()[0]
     parquet = directory / "rows.parquet"
-    duckdb.sql(f"copy (select * from {rows}) to '{parquet}'")
+    duckdb.execute(f"copy (select * from {rows}) to '{parquet}'")
     found["Parquet"] = duckdb.sql(
         f"select count(*), count(*) filter (status = 'passed'), sum(execution_ns) filter (status = 'passed') from '{parquet}'"
-    ).fetchone()
+    ).fetchall()[0]
     parquet.unlink()
     for reader, values in found.items():
         assert tuple(values) == wanted, (reader, values, wanted)

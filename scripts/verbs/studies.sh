@@ -19,6 +19,9 @@ digest_of() {
     { built bench study merge "$1" --out "$1-merged" || [ $? -eq 4 ]; } | sed -n 's/^digest //p'
 }
 
+# Processes of Slurm that were started here.
+SLURM_PIDS=()
+
 # slurm_here DIRECTORY: starts Slurm's controller and one node on this machine, with their files in a directory; slurm_stop ends them.
 slurm_here() {
     local cores
@@ -30,8 +33,9 @@ slurm_here() {
     chmod 400 "$1/munge.key"
     # munged wants a path to its socket that nobody else can write.
     chmod 755 "$1" "$1/munge"
-    setpriv --reuid munge --regid munge --clear-groups munged --key-file "$1/munge.key" --socket "$1/munge/socket" \
-        --pid-file "$1/munge/pid" --log-file "$1/munge/log" --seed-file "$1/munge/seed"
+    setpriv --reuid munge --regid munge --clear-groups munged --foreground --key-file "$1/munge.key" --socket "$1/munge/socket" \
+        --pid-file "$1/munge/pid" --log-file "$1/munge/log" --seed-file "$1/munge/seed" >"$1/munged.log" 2>&1 &
+    SLURM_PIDS=($!)
     cat >"$SLURM_CONF" <<CONF
 ClusterName=studies
 SlurmctldHost=$(hostname -s)(127.0.0.1)
@@ -57,13 +61,29 @@ MinJobAge=300
 NodeName=$(hostname -s) NodeAddr=127.0.0.1 CPUs=$cores State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 CONF
-    slurmctld -c && slurmd
+    local tries=0
+    until [ -S "$1/munge/socket" ]; do
+        sleep 0.1
+        tries=$((tries + 1))
+        [ "$tries" -lt 100 ] || { cat "$1"/*.log >&2; return 1; }
+    done
+    # In the foreground of shells in the background, so that their ends are known.
+    slurmctld -D -c >"$1/ctld.log" 2>&1 &
+    SLURM_PIDS+=($!)
+    slurmd -D >"$1/d.log" 2>&1 &
+    SLURM_PIDS+=($!)
+    until sinfo --noheader 2>/dev/null | grep -q idle; do
+        sleep 0.2
+        tries=$((tries + 1))
+        [ "$tries" -lt 100 ] || { cat "$1"/*.log >&2; return 1; }
+    done
 }
 
 slurm_stop() {
     local pid
-    for pid in slurmd.pid slurmctld.pid munge/pid; do
-        [ ! -s "$1/$pid" ] || kill "$(cat "$1/$pid")" || true
+    for pid in "${SLURM_PIDS[@]}"; do
+        kill "$pid" 2>/dev/null || true
+        wait "$pid" 2>/dev/null || true
     done
 }
 
@@ -104,7 +124,7 @@ verb_studies() { #: a study on this machine's cores, Slurm and HyperQueue, a wor
         kubernetes-validate==1.37.0
     out=$(mktemp -d)
     # shellcheck disable=SC2064 # the directory of now
-    trap "slurm_stop '$out/slurm'; rm -rf '$out'" EXIT
+    trap "slurm_stop; rm -rf '$out'" EXIT
     echo "$STUDY" >"$out/study.toml"
     chmod 755 "$out"
     mkdir "$out/slurm" "$out/on-slurm"

@@ -55,8 +55,9 @@ fn one_seven_and_sixty_four_shards_give_one_digest() {
     let place = place(SMALL);
     let place = place.path();
     let whole = study(place, "run study.toml --out whole --quiet");
-    assert_eq!(whole.code, Some(0), "{}{}", whole.stdout, whole.stderr);
-    assert!(whole.stdout.starts_with("48 jobs, 0 did not pass, "), "{}", whole.stdout);
+    // A zone of a metre is refused: also such a job has its rows.
+    assert_eq!(whole.code, Some(4), "{}{}", whole.stdout, whole.stderr);
+    assert!(whole.stdout.starts_with("48 jobs, 16 did not pass, "), "{}", whole.stdout);
     let digest = merged(place, "whole", "merged-1");
     for count in [7, 64] {
         for index in (0..count).rev() {
@@ -65,7 +66,7 @@ fn one_seven_and_sixty_four_shards_give_one_digest() {
                 place,
                 &format!("run study.toml --out {out} --shard {index}/{count} --threads 1 --quiet"),
             );
-            assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+            assert!(matches!(ran.code, Some(0 | 4)), "{}", ran.stderr);
         }
         assert_eq!(
             merged(place, &format!("split-{count}"), &format!("merged-{count}")),
@@ -113,7 +114,7 @@ fn a_study_that_is_killed_goes_on_and_runs_no_finished_job_again() {
     }
     assert!(killed > 1, "it was too quick to be killed");
     let status = study(place, "status killed");
-    assert!(status.stdout.contains("of 48 jobs are done, 0 did not pass"), "{}", status.stdout);
+    assert!(status.stdout.contains("of 48 jobs are done"), "{}", status.stdout);
     let before = read(place, "killed/rows.csv");
     let whole_before = &before[..before.rfind('\n').unwrap()];
     study(place, "run study.toml --out killed --quiet");

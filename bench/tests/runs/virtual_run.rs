@@ -7,6 +7,8 @@ use records::schedule::Schedule;
 use setup::{BusKind, Ethercat, EthernetIp, Setup};
 use stands::virtual_run::whole;
 
+use crate::program::bench;
+
 fn setup_a() -> (Setup, Application) {
     let (setup, found) = planning::setup_with_application("A").unwrap();
     (setup, found.application)

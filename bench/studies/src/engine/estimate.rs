@@ -18,7 +18,7 @@ const MOST_JOBS: u128 = 1_000_000_000;
 
 /// Time and disk of a study or of a shard.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub struct StudyEstimate {
+pub(super) struct StudyEstimate {
     /// Jobs; `None` beyond all counting.
     pub jobs: Option<u128>,
     repetitions: f64,
@@ -29,7 +29,7 @@ pub struct StudyEstimate {
 impl StudyEstimate {
     /// Estimates jobs on this many threads.
     #[must_use]
-    pub fn of(jobs: Option<u128>, columns: &Columns, threads: usize) -> Self {
+    pub(super) fn of(jobs: Option<u128>, columns: &Columns, threads: usize) -> Self {
         let count = jobs.map_or(f64::INFINITY, |jobs| jobs as f64);
         let more = columns.figures.len().saturating_sub(3) as u128;
         let row = JobAddress::DIGITS as u128 + ROW_BYTES + FIELD_BYTES * more;
@@ -45,7 +45,7 @@ impl StudyEstimate {
 
     /// Returns why the study cannot run where this much disk is free; `None` if it can.
     #[must_use]
-    pub fn refusal(&self, free: Option<u64>) -> Option<String> {
+    pub(super) fn refusal(&self, free: Option<u64>) -> Option<String> {
         let remedy = "vary fewer values or seeds, or run more shards on more machines";
         if self.jobs.is_none_or(|jobs| jobs > MOST_JOBS) {
             return Some(format!("more than {} jobs for one process; {remedy}", grouped(MOST_JOBS as f64)));

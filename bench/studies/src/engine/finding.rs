@@ -12,7 +12,7 @@ use super::rows::{Columns, SavedJob};
 const LISTED: usize = 5;
 
 /// Jobs that failed, and jobs with rows that a study looks for.
-pub struct Findings {
+pub(super) struct Findings {
     looked_for: Vec<(usize, StudyFinding)>,
     /// Jobs so far.
     pub jobs: u64,
@@ -25,7 +25,7 @@ pub struct Findings {
 impl Findings {
     /// Begins without jobs.
     #[must_use]
-    pub fn of(findings: &[StudyFinding], columns: &Columns) -> Self {
+    pub(super) fn of(findings: &[StudyFinding], columns: &Columns) -> Self {
         let head = columns.rows_head();
         let index = |finding: &StudyFinding| {
             head.trim_end().split(',').position(|name| name == finding.figure.column())
@@ -35,7 +35,7 @@ impl Findings {
     }
 
     /// Adds a job.
-    pub fn add(&mut self, job: &SavedJob<'_>) {
+    pub(super) fn add(&mut self, job: &SavedJob<'_>) {
         self.jobs += 1;
         if job.is_failed() {
             self.failed += 1;
@@ -65,7 +65,7 @@ impl Findings {
 
     /// Returns what was found in sentences, with the commands that execute the first jobs again.
     #[must_use]
-    pub fn lines(&self, directory: &Path) -> Vec<String> {
+    pub(super) fn lines(&self, directory: &Path) -> Vec<String> {
         let mut lines = vec![format!("{} jobs, {} did not pass", self.jobs, self.failed)];
         if !self.looked_for.is_empty() {
             lines[0] += &format!(", {} with a finding", self.found);

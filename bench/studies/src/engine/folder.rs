@@ -1,5 +1,6 @@
 //! A study's directory: what its rows belong to, in `study.json`, and all that is needed to make its jobs again.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
@@ -32,7 +33,7 @@ const ROWS_SCHEMA: &str = "rows.schema.json";
 
 /// Study, program and shard of a directory's rows.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-pub struct Manifest {
+pub(super) struct Manifest {
     /// Version of this format.
     pub schema_version: u32,
     /// Digest of everything that determines the jobs besides the program.
@@ -50,7 +51,7 @@ pub struct Manifest {
 impl Manifest {
     /// Returns the description of a shard of a study with this many jobs.
     #[must_use]
-    pub fn of(plan: &StudyPlan, shard: Shard, jobs: u64) -> Self {
+    pub(super) fn of(plan: &StudyPlan, shard: Shard, jobs: u64) -> Self {
         Self {
             schema_version: SCHEMA_VERSION,
             study: plan.identity.clone(),
@@ -66,10 +67,12 @@ impl Manifest {
     /// # Errors
     ///
     /// It cannot be read or is of another version.
-    pub fn read(directory: &Path) -> anyhow::Result<Option<Self>> {
+    pub(super) fn read(directory: &Path) -> anyhow::Result<Option<Self>> {
         let path = directory.join(MANIFEST);
         let text = match std::fs::read_to_string(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                return Ok(None);
+            }
             read => read.with_context(|| format!("cannot read {}", path.display()))?,
         };
         let value: serde_json::Value = serde_json::from_str(&text)
@@ -90,7 +93,7 @@ impl Manifest {
     /// # Errors
     ///
     /// It has none, or an unreadable one.
-    pub fn of_directory(directory: &Path) -> anyhow::Result<Self> {
+    pub(super) fn of_directory(directory: &Path) -> anyhow::Result<Self> {
         Self::read(directory)?
             .with_context(|| format!("{}: no study here ({MANIFEST} is missing)", directory.display()))
     }
@@ -124,7 +127,7 @@ impl Manifest {
 /// # Errors
 ///
 /// The directory holds another study, a run or other files of these names, or cannot be written.
-pub fn prepare(directory: &Path, plan: &StudyPlan, manifest: &Manifest) -> Result<(), Failure> {
+pub(super) fn prepare(directory: &Path, plan: &StudyPlan, manifest: &Manifest) -> Result<(), Failure> {
     let usage = |error| Failure::new(Exit::Usage, error);
     if let Some(known) = Manifest::read(directory).map_err(usage)? {
         manifest.check_same(&known, directory).map_err(usage)?;
@@ -155,7 +158,7 @@ pub fn prepare(directory: &Path, plan: &StudyPlan, manifest: &Manifest) -> Resul
 }
 
 /// Returns the failure of a host: its disk, its memory.
-pub fn of_host(error: anyhow::Error) -> Failure {
+pub(super) fn of_host(error: anyhow::Error) -> Failure {
     Failure::new(Exit::EnvironmentUnusable, error)
 }
 
@@ -200,7 +203,7 @@ fn frictionless(columns: &Columns) -> serde_json::Value {
 /// # Errors
 ///
 /// The program's file cannot be read.
-pub fn program(commit: &str) -> anyhow::Result<String> {
+pub(super) fn program(commit: &str) -> anyhow::Result<String> {
     if !commit.is_empty() && !commit.ends_with("-modified") {
         return Ok(commit.to_owned());
     }
@@ -221,7 +224,7 @@ pub struct RerunJob {
 /// # Errors
 ///
 /// The directory holds no study, the study has no such job, or the job was refused.
-pub fn rerun(options: &RerunOptions, commit: &str) -> Result<RerunJob, Failure> {
+pub(super) fn rerun(options: &RerunOptions, commit: &str) -> Result<RerunJob, Failure> {
     let RerunOptions { directory, job, out } = options;
     let usage = |error| Failure::new(Exit::Usage, error);
     let address = JobAddress::parse(job)

@@ -31,7 +31,7 @@ const IN_MEMORY: usize = 64 << 20;
 /// # Errors
 ///
 /// They are of different studies or programs, one is missing or incomplete, or the result cannot be written.
-pub fn run(options: &MergeOptions) -> Result<Exit, Failure> {
+pub(super) fn run(options: &MergeOptions) -> Result<Exit, Failure> {
     let usage = |error| Failure::new(Exit::Usage, error);
     let manifests = manifests(&options.directories).map_err(usage)?;
     let Some((first_directory, first)) = manifests.first() else {

@@ -15,14 +15,14 @@ use super::job::{JobRow, JobRows};
 use super::plan::{JobAddress, StudyPlan};
 
 /// The file of all repetitions.
-pub const ROWS: &str = "rows.csv";
+pub(super) const ROWS: &str = "rows.csv";
 
 /// The file of all jobs.
-pub const JOBS: &str = "jobs.csv";
+pub(super) const JOBS: &str = "jobs.csv";
 
 /// Names and order of the columns.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Columns {
+pub(super) struct Columns {
     /// Figures of each row, the usual ones first.
     pub figures: Vec<RowFigure>,
     /// The varied keys.
@@ -34,7 +34,7 @@ pub struct Columns {
 impl Columns {
     /// Returns the columns of a study.
     #[must_use]
-    pub fn of(plan: &StudyPlan) -> Self {
+    pub(super) fn of(plan: &StudyPlan) -> Self {
         Self {
             figures: plan.figures.clone(),
             keys: plan.axes.iter().map(|axis| axis.path.clone()).collect(),
@@ -44,7 +44,7 @@ impl Columns {
 
     /// Returns the first line of the rows. Figures that not every study has come last.
     #[must_use]
-    pub fn rows_head(&self) -> String {
+    pub(super) fn rows_head(&self) -> String {
         let (usual, more) = self.figures.split_at(RowFigure::USUAL.len().min(self.figures.len()));
         let columns = ["job", "seed", "type", "repetition"].into_iter();
         let columns = columns.chain(usual.iter().map(|figure| figure.column())).chain(["status"]);
@@ -53,7 +53,7 @@ impl Columns {
 
     /// Returns the first line of the jobs.
     #[must_use]
-    pub fn jobs_head(&self) -> String {
+    pub(super) fn jobs_head(&self) -> String {
         let keys = self.keys.iter().map(|key| field(key));
         ["job".to_owned()].into_iter().chain(keys).chain(["reason".to_owned()]).collect::<Vec<_>>().join(",")
             + "\n"
@@ -123,7 +123,7 @@ impl Appended {
 }
 
 /// The rows of a study's directory, which one process at a time appends to.
-pub struct RowsJournal {
+pub(super) struct RowsJournal {
     columns: Columns,
     rows: Appended,
     jobs: Appended,
@@ -135,7 +135,7 @@ impl RowsJournal {
     /// # Errors
     ///
     /// Another process writes there, a file cannot be read or written, or its lines are broken before the end.
-    pub fn open(
+    pub(super) fn open(
         directory: &Path,
         columns: Columns,
         known: impl FnMut(&SavedJob<'_>),
@@ -165,7 +165,7 @@ impl RowsJournal {
     /// # Errors
     ///
     /// The disk does not take it. What was saved before is whole.
-    pub fn add(
+    pub(super) fn add(
         &mut self,
         address: JobAddress,
         seed: u64,
@@ -192,7 +192,7 @@ impl RowsJournal {
 
 /// A job as it was saved.
 #[derive(Clone, Copy, Debug)]
-pub struct SavedJob<'a> {
+pub(super) struct SavedJob<'a> {
     /// Its address.
     pub address: JobAddress,
     /// Its rows, each with its line's end.
@@ -204,14 +204,14 @@ pub struct SavedJob<'a> {
 impl SavedJob<'_> {
     /// Returns whether it failed or was refused: it has a reason.
     #[must_use]
-    pub fn is_failed(&self) -> bool {
+    pub(super) fn is_failed(&self) -> bool {
         !self.line.trim_end().ends_with(',')
     }
 }
 
 /// State of the files' end.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Tail {
+pub(super) enum Tail {
     /// A process was killed while it wrote the last job.
     MayBeCut,
     /// Nothing: the study is complete.
@@ -223,7 +223,7 @@ pub enum Tail {
 /// # Errors
 ///
 /// A file cannot be read, has other columns, or is broken before its last job.
-pub fn read(
+pub(super) fn read(
     directory: &Path,
     columns: &Columns,
     tail: Tail,

@@ -29,7 +29,7 @@ use crate::jobs::Pool;
 /// # Errors
 ///
 /// The study is invalid or too large for this machine, the directory is another one's, or the disk does not take the rows.
-pub fn run(options: &StudyRunOptions, commit: &str) -> Result<Exit, Failure> {
+pub(super) fn run(options: &StudyRunOptions, commit: &str) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let plan = StudyPlan::read(&options.file, folder::program(commit)?)?;
     let columns = Columns::of(&plan);

@@ -16,7 +16,7 @@ use super::rows::JOBS;
 /// # Errors
 ///
 /// No study is found, or its files cannot be read.
-pub fn run(directory: &Path) -> Result<Exit, Failure> {
+pub(super) fn run(directory: &Path) -> Result<Exit, Failure> {
     let shards = shards(directory).map_err(|error| Failure::new(Exit::Usage, error))?;
     let mut table = screen::ruled();
     table.set_header(["shard", "jobs", "done", "not passed", "directory"]);
@@ -50,14 +50,14 @@ fn names(shards: &[(PathBuf, Manifest)]) -> String {
 }
 
 /// Returns whether the directories of the shards in this one have all jobs of their study.
-pub fn is_complete(directory: &Path) -> bool {
+pub(super) fn is_complete(directory: &Path) -> bool {
     let Ok(shards) = shards(directory) else { return false };
     let done = shards.iter().map(|(path, _)| count(path).map_or(0, |(done, _)| done)).sum::<u64>();
     shards.first().is_some_and(|(_, manifest)| manifest.jobs == done)
 }
 
 /// Returns the directories with rows: this one, or those in it.
-pub fn shards(directory: &Path) -> anyhow::Result<Vec<(PathBuf, Manifest)>> {
+pub(super) fn shards(directory: &Path) -> anyhow::Result<Vec<(PathBuf, Manifest)>> {
     if let Some(manifest) = Manifest::read(directory)? {
         return Ok(vec![(directory.to_owned(), manifest)]);
     }

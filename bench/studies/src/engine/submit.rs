@@ -34,7 +34,7 @@ pub enum Engine {
 /// # Errors
 ///
 /// The study is invalid, the engine is not installed or refuses it, or a file cannot be written.
-pub fn run(options: &SubmitOptions) -> Result<Exit, Failure> {
+pub(super) fn run(options: &SubmitOptions) -> Result<Exit, Failure> {
     let usage = |error| Failure::new(Exit::Usage, error);
     // A mistake in the study is found here, and not by each shard.
     StudyPlan::read(&options.file, String::new())?;
