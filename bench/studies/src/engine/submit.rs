@@ -16,6 +16,9 @@ use super::SubmitOptions;
 use super::folder::of_host;
 use super::plan::StudyPlan;
 
+/// Digits of a study's digest in the name of a job.
+const NAME_DIGITS: usize = 12;
+
 /// Who runs the shards.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 pub enum Engine {
@@ -37,13 +40,14 @@ pub enum Engine {
 pub(super) fn run(options: &SubmitOptions) -> Result<Exit, Failure> {
     let usage = |error| Failure::new(Exit::Usage, error);
     // A mistake in the study is found here, and not by each shard.
-    StudyPlan::read(&options.file, String::new())?;
+    let plan = StudyPlan::read(&options.file, String::new())?;
     let bench = std::env::current_exe().context("cannot find this program's file")?;
     let shards = Shards {
         bench,
         file: absolute(&options.file).context("cannot find the study's file")?,
         out: absolute(&options.out).context("cannot find the directory of --out")?,
         count: options.shards,
+        study: plan.identity.chars().take(NAME_DIGITS).collect(),
     };
     match options.engine {
         Engine::Local if options.print => {
@@ -85,6 +89,8 @@ struct Shards {
     file: PathBuf,
     out: PathBuf,
     count: u32,
+    /// Begin of the study's digest, for the names of jobs.
+    study: String,
 }
 
 impl Shards {
@@ -205,7 +211,7 @@ impl Shards {
 
     /// Returns an Indexed Job.
     fn kubernetes(&self, image: &str, volume: &str) -> anyhow::Result<String> {
-        let Self { file, out, count, .. } = self;
+        let Self { file, out, count, study, .. } = self;
         if !file.starts_with(out) {
             anyhow::bail!(
                 "{}: the pods see only {}; put the study, its setup and its application there",
@@ -221,8 +227,7 @@ impl Shards {
         let [image, volume, mount, script] =
             [image, volume, &out.display().to_string(), &script].map(serde_json::to_string);
         let (image, volume, mount, script) = (image?, volume?, mount?, script?);
-        let mut text =
-            String::from("apiVersion: batch/v1\nkind: Job\nmetadata:\n  generateName: skillbench-study-\n");
+        let mut text = format!("apiVersion: batch/v1\nkind: Job\nmetadata:\n  name: skillbench-{study}\n");
         // A pod that is lost starts again and goes on where it ended; one whose jobs failed (code 4) has all its rows.
         write!(
             text,
@@ -244,7 +249,7 @@ mod tests {
     fn shards() -> Shards {
         let [bench, file, out] =
             ["/opt/bench", "/data/my study/study.toml", "/data/my study"].map(PathBuf::from);
-        Shards { bench, file, out, count: 3 }
+        Shards { bench, file, out, count: 3, study: "0123456789ab".to_owned() }
     }
 
     #[test]
@@ -308,7 +313,7 @@ sys.exit(status)
 apiVersion: batch/v1
 kind: Job
 metadata:
-  generateName: skillbench-study-
+  name: skillbench-0123456789ab
 spec:
   completionMode: Indexed
   completions: 3
