@@ -96,7 +96,7 @@ struct Shards {
 impl Shards {
     /// Returns the command of a shard for a shell, `index` being a number or a variable.
     fn command(&self, index: &str, threads: Option<&str>) -> String {
-        let Self { bench, file, out, count } = self;
+        let Self { bench, file, out, count, .. } = self;
         let [bench, file, out] = [bench, file, out].map(|path| in_shell(path.display()));
         let threads = threads.map_or_else(String::new, |threads| format!(" --threads {threads}"));
         format!("{bench} study run {file} --out {out}/shard-{index} --shard {index}/{count}{threads} --quiet")
@@ -179,7 +179,7 @@ impl Shards {
 
     /// Returns a Python program for the package `hyperqueue`.
     fn hyperqueue(&self, server: Option<&Path>) -> anyhow::Result<String> {
-        let Self { bench, file, out, count } = self;
+        let Self { bench, file, out, count, .. } = self;
         // A text of JSON is one of Python, too.
         let text = |path: &Path| serde_json::to_string(&path.display().to_string());
         let (bench, file, out) = (text(bench)?, text(file)?, text(out)?);
