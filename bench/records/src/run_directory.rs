@@ -27,7 +27,7 @@ use crate::digest::Digests;
 use crate::host::date;
 use crate::occupied::{self, Files, Occupied, SAMPLES, holds_run};
 use crate::replacement::check_writable;
-pub use crate::replacement::{Durability, check_replaceable, replace};
+pub use crate::replacement::{Durability, Replacement, check_replaceable, replace};
 use crate::results::{Results, SCHEMA_VERSION};
 use crate::schedule::Step;
 

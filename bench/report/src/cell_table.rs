@@ -13,6 +13,24 @@ pub fn render(results: &CellResults) -> String {
     let title = format!("Setup {}: {}", results.setup, results.title);
     let about = format!("{}, {} mode, seed {}", repetitions(results.reps), results.mode, results.seed);
     let mut text = format!("{}\n{}\n\n", screen::wrapped(&title, 0, 2), screen::wrapped(&about, 0, 2));
+    text.push_str(&figures(results));
+    let meaning = "waits: mean time at marks for the other arm; start skew: mean time between the first motions of the arms; \
+                   mark skew: longest time between the arrivals at a mark; pose: largest difference of one tool, seen from the other, from the plan at \
+                   the same progress, at marks and where the arms move together";
+    text.push_str(&format!("\n\n{}", screen::wrapped(meaning, 2, 2)));
+    if has_zones(results) {
+        let meaning = "zones: mean time before shared zones until the PLC granted them";
+        text.push_str(&format!("\n{}", screen::wrapped(meaning, 2, 2)));
+    }
+    if let Some(gains) = gains(results) {
+        text.push_str(&format!("\n\n{}", screen::wrapped(&gains, 2, 2)));
+    }
+    text
+}
+
+/// Formats the figures of all types as a table.
+#[must_use]
+pub fn figures(results: &CellResults) -> String {
     let mut table = screen::ruled();
     let mut header = ["", "AET ms", "MAD ms"].map(str::to_owned).to_vec();
     header.extend(results.stations.iter().map(|station| format!("{} waits ms", station.name)));
@@ -27,19 +45,7 @@ pub fn render(results: &CellResults) -> String {
             table.add_row(row(execution_type, result, has_zones));
         }
     }
-    text.push_str(&screen::drawn(&screen::numbers_right(table)));
-    let meaning = "waits: mean time at marks for the other arm; start skew: mean time between the first motions of the arms; \
-                   mark skew: longest time between the arrivals at a mark; pose: largest difference of one tool, seen from the other, from the plan at \
-                   the same progress, at marks and where the arms move together";
-    text.push_str(&format!("\n\n{}", screen::wrapped(meaning, 2, 2)));
-    if has_zones {
-        let meaning = "zones: mean time before shared zones until the PLC granted them";
-        text.push_str(&format!("\n{}", screen::wrapped(meaning, 2, 2)));
-    }
-    if let Some(gains) = gains(results) {
-        text.push_str(&format!("\n\n{}", screen::wrapped(&gains, 2, 2)));
-    }
-    text
+    screen::drawn(&screen::numbers_right(table))
 }
 
 /// Returns what CM gains over SM, for the cell and for each arm alone.

@@ -34,7 +34,7 @@ pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character};
 pub use load::{
     CELLS, SETUPS, Text, built_in, built_in_setup, cell, cell_from_text, check, check_cell, find, read,
-    setup, setup_from_text, setup_with_directory,
+    setup, setup_from_table, setup_from_text, setup_with_directory,
 };
 pub use model::{
     Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Servo, Setup,
@@ -44,7 +44,7 @@ pub use nearest::{meant_or_all, nearest};
 pub use peer::Peer;
 pub use shared_zone::SharedZone;
 pub use sourced::{Provenance, Sourced};
-pub use write::{cell_to_toml, setup_to_toml};
+pub use write::{cell_to_toml, setup_to_table, setup_to_toml};
 
 #[cfg(test)]
 mod cell_tests;

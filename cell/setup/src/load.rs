@@ -52,6 +52,17 @@ pub fn setup_from_text(origin: &str, text: &str) -> Result<Setup, Error> {
     Ok(setup)
 }
 
+/// Reads a setup of one robot from a table of its keys, such as [`setup_to_table`](crate::setup_to_table) makes, and checks its
+/// values like [`setup_from_text`].
+pub fn setup_from_table(origin: &str, table: toml::Table) -> Result<Setup, Error> {
+    let problem = |key: String, text: String| refuse(origin.to_owned(), Problem { key, text });
+    let setup: Setup = serde_path_to_error::deserialize(Exact::new(toml::Value::Table(table)))
+        .map_err(|error| problem(error.path().to_string(), error.inner().message().to_owned()))?;
+    let setup = setup.with_servo();
+    check_setup(&setup).map_err(|problem| refuse(origin.to_owned(), problem))?;
+    Ok(setup)
+}
+
 /// Finds a setup with any number of stations, and the directory to which the paths in it are relative, like
 /// [`setup_with_directory`]. A setup of one robot is a cell of one station.
 pub fn cell(name: &str) -> Result<(Cell, Option<PathBuf>), Error> {

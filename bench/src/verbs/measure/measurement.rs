@@ -11,7 +11,7 @@ use setup::Setup;
 
 use super::reference_runs::ReferenceRuns;
 use super::session::{Ended, Session};
-use super::{Capture, RunOptions};
+use super::{Capture, RunOptions, RunPart};
 use crate::COMMIT;
 use records::conditions::Measured;
 use records::exit::{Exit, Failure};
@@ -285,7 +285,9 @@ impl Measurement<'_> {
 
     /// Saves the tables for the report, and the timeline and the arm's motion if requested.
     fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
-        trace.save(session.directory.path())?;
+        if !self.options.leaves_out(RunPart::Traces) {
+            trace.save(session.directory.path())?;
+        }
         if self.options.trace {
             let path = session.directory.path().join(timeline::FILE);
             let plan = self.found.plan(&self.setup)?;

@@ -8,7 +8,7 @@ use planning::PlannedCell;
 use setup::Cell;
 
 use super::super::alone::add_alone;
-use super::super::{Capture, RunOptions};
+use super::super::{Capture, RunOptions, RunPart};
 use super::session::{CellEnded, CellSession, Judge};
 use crate::COMMIT;
 use records::cell_directory::CellDirectory;
@@ -170,7 +170,9 @@ impl CellMeasurement<'_> {
 
     /// Saves the tables for the report, and the timeline and the arms' motion if requested.
     fn save_traces(&self, session: &CellSession, traces: &CellTrace) -> anyhow::Result<()> {
-        session.directory.save_trace(traces)?;
+        if !self.options.leaves_out(RunPart::Traces) {
+            session.directory.save_trace(traces)?;
+        }
         if self.options.trace {
             cell_files::save_timeline(session.directory.path(), &self.planned, traces)?;
         }

@@ -20,7 +20,7 @@ use records::mode::Mode;
 use records::occupied;
 use records::results::Status;
 use records::schedule::Schedule;
-use report::pages::{self, Pages};
+use report::pages::{self, Pages, WantedPages};
 use report::{cell_table, errln, in_shell, outln};
 use session::{CellEnded, Judge};
 use stands::cell_stand::CellStand as _;
@@ -67,14 +67,19 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let measurement =
         CellMeasurement { options, faults, cell, planned, stations, texts, applications, schedule, token };
     let (ended, directory) = event_loop()?.block_on(measurement.run())?;
-    outln!("{}", cell_table::render(&ended.results));
-    print_where(&ended, &directory);
+    if options.quiet && ended.exit == Exit::Pass {
+        outln!("{}", cell_table::figures(&ended.results));
+        super::write_quietly(&directory, options.pages());
+    } else {
+        outln!("{}", cell_table::render(&ended.results));
+        print_where(&ended, &directory, options.pages());
+    }
     ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
 }
 
 /// Prints where the run is saved, how much of it, and where its report is.
-fn print_where(ended: &CellEnded, directory: &Path) {
+fn print_where(ended: &CellEnded, directory: &Path, wanted: WantedPages) {
     let shown = in_shell(directory.display());
     match ended.exit {
         Exit::Internal => outln!("  Saved in {shown} as far as the disk took it."),
@@ -87,18 +92,16 @@ fn print_where(ended: &CellEnded, directory: &Path) {
     if ended.exit == Exit::Internal {
         return;
     }
-    match pages::write(directory) {
+    match pages::write(directory, wanted) {
         Ok(Pages { report, race, .. }) => {
-            outln!("  Report: {}.", in_shell(report.display()));
+            if wanted.report {
+                outln!("  Report: {}.", in_shell(report.display()));
+            }
             if let Some(race) = race {
                 outln!("  Race: {}, all arms in one scene.", in_shell(race.display()));
             }
         }
-        Err(Failure { error, .. }) => {
-            errln!(
-                "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
-            );
-        }
+        Err(Failure { error, .. }) => super::warn_of_report(&error, directory),
     }
 }
 
