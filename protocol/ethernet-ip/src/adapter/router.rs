@@ -75,8 +75,10 @@ impl State {
 
     fn forward_open(&mut self, context: &mut Context, data: &[u8], service: u8, reply: &mut [u8]) -> usize {
         let large = service == service::LARGE_FORWARD_OPEN;
-        let result = OpenRequest::parse(data, large).and_then(|request| self.open(context, &request));
         let host = *context.peer.ip();
+        let request = OpenRequest::parse(data, large);
+        let result = request.and_then(|request| self.open(context, &request));
+        self.note_open(host, request.as_ref().map_err(|violation| *violation), result.err());
         let owner = self.io.owner_besides(host);
         let (is_foreign, owner) = match result {
             Err(Violation::OutputsOwned) => (self.io.is_foreign(host), owner),
