@@ -3,10 +3,9 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
-use super::establish::in_their_places;
-use super::state::State;
 use crate::cip::{Extra, Violation};
 use crate::connection::{ConnectionType, OpenRequest, TimeoutMultiplier};
+use machine::Duration;
 
 /// A Forward_Open for cyclic data, and how it was answered.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -17,7 +16,7 @@ pub(super) struct OpenReport {
     refused: Option<Violation>,
 }
 
-/// What a Forward_Open asks for.
+/// A requested connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 struct AskedConnection {
     /// Configuration, consumed and produced assembly.
@@ -34,39 +33,29 @@ struct AskedDirection {
     rpi_us: u32,
 }
 
-impl AskedConnection {
-    /// Reads the request; `None` for one that asks for no cyclic data.
-    fn of(request: &OpenRequest<'_>) -> Option<Self> {
+impl OpenReport {
+    /// Creates a report of a request with these points: configuration, consumed and produced assembly. Returns `None` for one that
+    /// asks for no cyclic data.
+    pub(super) fn new(
+        from: Ipv4Addr,
+        request: Result<(&OpenRequest<'_>, [Option<u32>; 3]), Violation>,
+        refused: Option<Violation>,
+    ) -> Option<Self> {
+        let Ok((request, points)) = request else { return Some(Self { from, asked: None, refused }) };
         let OpenRequest { o_t, t_o, o_t_rpi_us, t_o_rpi_us, .. } = *request;
         let is_null = (o_t.kind, t_o.kind) == (ConnectionType::Null, ConnectionType::Null);
-        (request.transport.class() == 1 && !is_null).then(|| Self {
-            points: request
-                .path
-                .application()
-                .map_or([None; 3], |application| in_their_places(application.points)),
+        if request.transport.class() != 1 || is_null {
+            return None;
+        }
+        let asked = AskedConnection {
+            points,
             o_t: AskedDirection { size: o_t.size, rpi_us: o_t_rpi_us },
             t_o: AskedDirection { size: t_o.size, rpi_us: t_o_rpi_us },
             multiplier: TimeoutMultiplier::new(request.multiplier),
-        })
+        };
+        Some(Self { from, asked: Some(asked), refused })
     }
-}
 
-impl State {
-    /// Keeps what a Forward_Open asked for, if it asked for cyclic data or could not be read, and its answer.
-    pub(super) fn note_open(
-        &mut self,
-        from: Ipv4Addr,
-        request: Result<&OpenRequest<'_>, Violation>,
-        refused: Option<Violation>,
-    ) {
-        let asked = request.ok().and_then(AskedConnection::of);
-        if asked.is_some() || request.is_err() {
-            self.last_open = Some(OpenReport { from, asked, refused });
-        }
-    }
-}
-
-impl OpenReport {
     pub(super) fn write(&self, words: &mut dyn fmt::Write) -> fmt::Result {
         let Self { from, asked, refused } = self;
         write!(words, "{from} sent a Forward_Open")?;
@@ -82,7 +71,7 @@ impl OpenReport {
                 write!(words, ", connection size {size}, every {rpi_us} µs")?;
             }
             if let Some(multiplier) = multiplier {
-                let timeout = multiplier.timeout(super::establish::micros(o_t.rpi_us));
+                let timeout = multiplier.timeout(Duration::from_micros(o_t.rpi_us.into()));
                 write!(words, "; it ends {} ms after the last frame", timeout.as_secs_f64() * 1e3)?;
             }
         }
