@@ -9,9 +9,9 @@ use crate::stations::Node;
 use crate::{HOST, PoisonError, bench, cable};
 
 /// Two hosts and the cable between them.
-struct Wire([NetworkNamespace; 2]);
+struct DirectCable([NetworkNamespace; 2]);
 
-impl Wire {
+impl DirectCable {
     fn new() -> Self {
         let ends = [(); 2].map(|()| NetworkNamespace::new().unwrap());
         cable((&ends[0], "eth0", None), (&ends[1], "eth0", None));
@@ -46,7 +46,7 @@ fn found<'a>(steps: &'a [Value], what: &str) -> (&'a str, &'a str) {
 pub(crate) fn the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus() {
     let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     for setup in ["A", "B", "C"] {
-        let wire = Wire::new();
+        let wire = DirectCable::new();
         let mut robot = Node::start(wire.command(1, &["__robot-node", "run", "--setup", setup]));
         robot.read_to(if setup == "A" { "IO-Device" } else { "robot" });
         let (code, steps) = wire.doctor(0, "robot", setup);
@@ -60,7 +60,7 @@ pub(crate) fn the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus() {
 pub(crate) fn the_doctor_sees_every_step_of_a_plc_up_to_its_first_command_on_each_bus() {
     let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     for setup in ["A", "B", "C"] {
-        let wire = Wire::new();
+        let wire = DirectCable::new();
         let plc = Node::start(wire.command(0, &["__plc-node", "run", "--setup", setup]));
         let (code, steps) = wire.doctor(1, "plc", setup);
         assert_eq!(code, Some(0), "{setup}: {steps:#?}");
@@ -72,7 +72,7 @@ pub(crate) fn the_doctor_sees_every_step_of_a_plc_up_to_its_first_command_on_eac
 pub(crate) fn the_doctor_names_the_first_step_that_a_missing_peer_lacks() {
     let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     for (setup, first) in [("A", "name"), ("B", "address"), ("C", "identity")] {
-        let wire = Wire::new();
+        let wire = DirectCable::new();
         let (code, steps) = wire.doctor(0, "robot", setup);
         assert_eq!((code, found(&steps, first).0), (Some(5), "not-seen"), "{setup}: {steps:#?}");
         assert_eq!(found(&steps, "link").0, "good");

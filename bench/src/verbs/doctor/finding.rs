@@ -1,4 +1,4 @@
-//! What a check found, and how it is printed.
+//! Findings of checks, and their table.
 
 use anyhow::Context as _;
 use node::screen;
@@ -27,9 +27,9 @@ pub(super) struct Finding {
     pub(super) what: &'static str,
     /// The verdict on it.
     pub(super) verdict: Verdict,
-    /// What was found.
+    /// Value or state that was found.
     pub(super) found: String,
-    /// What to do about it; null if nothing.
+    /// Remedy; null if there is nothing to do.
     pub(super) fix: Option<String>,
 }
 

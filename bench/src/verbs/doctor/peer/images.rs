@@ -1,4 +1,4 @@
-//! What the images of a foreign end show: whether they come, count, and carry a right check.
+//! Images of a foreign end: whether they come, count, and carry a right check.
 
 use machine::{Duration, Instant};
 use protocol::image::{Checker, IMAGE_LEN, Image, LifeMonitor, Order, Verdict};
@@ -19,7 +19,7 @@ struct LifeCount {
     last: u16,
     /// When it moved first and last.
     moved: Option<(Instant, Instant)>,
-    /// What it counted between these.
+    /// Counts between these.
     counted: u64,
     moves: u64,
     /// Moves that are large as the counter is read, and small with its bytes the other way round.
@@ -42,6 +42,8 @@ pub(super) struct ImageWatch<const AT: usize> {
     intact: u64,
     swapped: u64,
     count: Option<LifeCount>,
+    /// Set if the next image is the first of a connection.
+    is_new: bool,
 }
 
 impl<const AT: usize> ImageWatch<AT> {
@@ -59,6 +61,7 @@ impl<const AT: usize> ImageWatch<AT> {
             intact: 0,
             swapped: 0,
             count: None,
+            is_new: false,
         }
     }
 
@@ -67,7 +70,7 @@ impl<const AT: usize> ImageWatch<AT> {
         self.checker.disconnect();
         self.other_order.disconnect();
         self.life.restart();
-        self.count = None;
+        self.is_new = true;
     }
 
     /// Returns when the first image came.
@@ -99,6 +102,9 @@ impl<const AT: usize> ImageWatch<AT> {
     }
 
     fn count_life(&mut self, now: Instant, life: u16) {
+        if std::mem::take(&mut self.is_new) {
+            self.count = None;
+        }
         let Some(count) = &mut self.count else {
             self.count = Some(LifeCount { last: life, moved: None, counted: 0, moves: 0, swapped: 0 });
             return;

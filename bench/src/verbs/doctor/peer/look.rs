@@ -5,7 +5,7 @@ use machine::{Cycle, Instant, LinkEvent, Machine, Source, StreamChange, StreamId
 use crate::verbs::doctor::finding::Finding;
 
 /// Watches the foreign end of a bus.
-pub(super) trait Watch<B: Machine> {
+pub(super) trait PeerWatch<B: Machine> {
     /// Returns what an event of the bus says of the foreign end.
     fn link_event(&self, event: B::Event) -> Option<LinkEvent>;
 
@@ -40,7 +40,7 @@ pub(super) struct Look<B, W> {
     now: Instant,
 }
 
-impl<B: Machine, W: Watch<B>> Look<B, W> {
+impl<B: Machine, W: PeerWatch<B>> Look<B, W> {
     pub(super) const fn new(bus: B, watch: W, cycle: Cycle, now: Instant) -> Self {
         Self { bus, watch, cycle, now }
     }
@@ -66,7 +66,7 @@ impl<B: Machine, W: Watch<B>> Look<B, W> {
     }
 }
 
-impl<B: Machine, W: Watch<B>> Machine for Look<B, W> {
+impl<B: Machine, W: PeerWatch<B>> Machine for Look<B, W> {
     type Event = LinkEvent;
 
     machine::forward_ports!(bus);

@@ -8,7 +8,7 @@
 //!   images   what the images that arrive show
 //! ```
 //!
-//! Nothing moves: a robot is sent neither enable nor a command, and a PLC finds a robot that refuses every skill.
+//! Nothing moves: a robot is sent neither enable nor a command, and a PLC finds a robot that holds its first skill suspended.
 
 mod images;
 mod look;
@@ -33,7 +33,7 @@ use setup::{Bus, BusKind, Setup};
 
 use super::addresses;
 use super::finding::{self, Finding, Verdict};
-use look::{Look, Watch};
+use look::{Look, PeerWatch};
 use plc::PlcWatch;
 use robot::RobotWatch;
 
@@ -77,7 +77,7 @@ pub(super) struct PeerOptions {
 }
 
 /// The station to look at: its setup, how all stations of its bus describe the bus, and its number there.
-struct Place {
+struct PeerStation {
     setup: Setup,
     buses: Vec<Bus>,
     id: StationId,
@@ -87,7 +87,7 @@ struct Place {
 ///
 /// # Errors
 ///
-/// The setup cannot be used, or has no such station. What is missing on the wire is no error: it is printed, and the exit code
+/// The setup cannot be used, or has no such station. What is missing on the wire is not an error: it is printed, and the exit code
 /// reports it.
 pub(super) fn run(
     options: &PeerOptions,
@@ -129,7 +129,7 @@ impl PeerRole {
     }
 }
 
-fn find_place(setup: &str, station: Option<&str>) -> Result<Place, Failure> {
+fn find_place(setup: &str, station: Option<&str>) -> Result<PeerStation, Failure> {
     let (cell, _) = setup::cell(setup)?;
     let index = match station {
         None if cell.stations.len() == 1 => Some(0),
@@ -152,10 +152,10 @@ fn find_place(setup: &str, station: Option<&str>) -> Result<Place, Failure> {
         let id = bus.stations.iter().position(|other| *other == index).unwrap_or_default();
         (bus.descriptions(&cell).cloned().collect(), id)
     });
-    Ok(Place { setup, buses, id: StationId(u16::try_from(id).unwrap_or_default()) })
+    Ok(PeerStation { setup, buses, id: StationId(u16::try_from(id).unwrap_or_default()) })
 }
 
-fn look_at(role: PeerRole, place: &Place, name: &str, wait: Duration) -> anyhow::Result<Vec<Finding>> {
+fn look_at(role: PeerRole, place: &PeerStation, name: &str, wait: Duration) -> anyhow::Result<Vec<Finding>> {
     let mut findings = Vec::new();
     let Some(interface) = link(name, &mut findings) else { return Ok(findings) };
     let bus = &place.setup.bus;
@@ -239,11 +239,11 @@ fn own_address(address: std::net::Ipv4Addr, taken: anyhow::Result<()>) -> Findin
 
 /// Returns an idle PLC on the bus of the place.
 fn idle_plc(
-    place: &Place,
+    place: &PeerStation,
     interface: &Interface,
     start: Instant,
 ) -> anyhow::Result<Look<plc_node::bus::PlcBus, RobotWatch>> {
-    let Place { setup, buses, id } = place;
+    let PeerStation { setup, buses, id } = place;
     let others: Vec<_> = buses.iter().skip(1).collect();
     let first = buses.first().unwrap_or(&setup.bus);
     let mut bus = plc_node::bus::open_all(first, &others, interface.mac(), start.as_nanos(), start)?;
@@ -260,7 +260,7 @@ fn idle_plc(
 
 /// Returns a robot that has no arm, on the bus of the place.
 fn robot_without_arm(
-    place: &Place,
+    place: &PeerStation,
     interface: &Interface,
     start: Instant,
 ) -> Look<robot_node::bus::RobotBus, PlcWatch> {
@@ -287,7 +287,7 @@ fn robot_without_arm(
 }
 
 /// Runs a look until it is complete, or until the deadline, and returns what it found.
-fn driven<B: Machine, W: Watch<B>>(
+fn driven<B: Machine, W: PeerWatch<B>>(
     look: Look<B, W>,
     interface: &Interface,
     deadline: Instant,
@@ -306,7 +306,7 @@ struct Looking<'a> {
     ending: Option<Instant>,
 }
 
-impl<B: Machine, W: Watch<B>> Owner<Look<B, W>> for Looking<'_> {
+impl<B: Machine, W: PeerWatch<B>> Owner<Look<B, W>> for Looking<'_> {
     fn wake(&mut self, now: Instant, look: &mut Look<B, W>, _: &Statistics) -> ControlFlow<()> {
         match self.ending {
             Some(ending) if now >= ending => ControlFlow::Break(()),

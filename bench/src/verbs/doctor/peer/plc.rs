@@ -1,17 +1,16 @@
-//! A foreign PLC, seen from the robot's end: a robot without an arm answers it, and refuses its first command.
+//! A foreign PLC, seen from the robot's end: a robot without an arm answers it, and holds its first command suspended.
 
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Duration, Instant, LinkEvent, StationConflict};
 use profinet::dcp::{Content, Pdu, Service};
 use protocol::fieldbus::{Down, DownCause, Fieldbus};
 use protocol::image::{
-    COMMAND_CHECK, Command, Control, ErrorNumber, Feedback, FeedbackSealer, IMAGE_LEN, Image, Skill, State,
-    Status,
+    COMMAND_CHECK, Command, Control, Feedback, FeedbackSealer, IMAGE_LEN, Image, Skill, State, Status,
 };
 use robot_node::bus::RobotBus;
 
 use super::images::ImageWatch;
-use super::look::Watch;
+use super::look::PeerWatch;
 use super::{COMPLETE_AFTER, lost, sizes};
 use crate::verbs::doctor::finding::Finding;
 
@@ -39,7 +38,7 @@ pub(super) struct PlcWatch {
     first_command: Option<Command>,
     is_up: bool,
     was_up: bool,
-    /// How often the connection was lost.
+    /// Number of lost connections.
     lost: u32,
     down: Option<(Down, String)>,
     conflict: Option<StationConflict>,
@@ -67,26 +66,26 @@ impl PlcWatch {
         }
     }
 
-    /// Answers a command as a robot would that has no arm: it gets ready, and refuses every skill.
+    /// Answers a command as a robot would that has no arm: it gets ready, and holds the first skill suspended. A refusal would end
+    /// the PLC's program before it was watched for long enough.
     fn answer(&mut self, command: &Command) {
         let feedback = &mut self.feedback;
         feedback.life_echo = command.life;
         feedback.override_percent = command.override_percent.min(100);
-        let is_enabled = command.control.contains(Control::ENABLE);
-        feedback.status.set(Status::ENABLED, is_enabled);
-        if !is_enabled {
+        let has = |bits| command.control.contains(bits);
+        feedback.status.set(Status::ENABLED, has(Control::ENABLE));
+        if !has(Control::ENABLE) || has(Control::HALT) {
             feedback.state = State::Halted;
-        } else if command.control.contains(Control::RESET) {
+        } else if has(Control::CANCEL) || has(Control::RESET) && feedback.state == State::Halted {
             feedback.state = State::Ready;
-            feedback.status.set(Status::ERROR, false);
-            feedback.error = ErrorNumber::None;
-        }
-        if command.control.contains(Control::EXECUTE) && command.number != feedback.number {
-            feedback.number = command.number;
-            feedback.status.set(Status::ERROR, true);
-            feedback.error = ErrorNumber::MotionKindNotSupported;
+        } else if has(Control::EXECUTE) && command.number != feedback.number && feedback.state == State::Ready
+        {
+            (feedback.number, feedback.state) = (command.number, State::Suspended);
             self.first_command.get_or_insert(*command);
         }
+        let is_held = feedback.state == State::Suspended;
+        feedback.status.set(Status::BUSY, is_held);
+        feedback.status.set(Status::ABORTED, !is_held && self.first_command.is_some());
     }
 
     fn name(&self) -> Option<Finding> {
@@ -132,6 +131,10 @@ impl PlcWatch {
         }
         match (self.was_up, asked.is_empty(), &self.down) {
             (true, _, None) if self.lost > 0 => lost(self.lost),
+            (true, false, Some((down, _))) if self.first_command.is_some() => {
+                let fix = "the PLC may end after its first command; otherwise look at its program";
+                Finding::limited(CONNECTION, format!("{asked}; then: {down}"), fix)
+            }
             (true, _, None) => Finding::good(CONNECTION, asked),
             (_, false, down) => {
                 let down = down.as_ref().map(
@@ -158,8 +161,9 @@ impl PlcWatch {
                 Skill::RunProgram => format!("program {}", command.program),
                 _ => format!("{written} of {total} motions written"),
             };
-            let found =
-                format!("number {number}, {skill:?}, {what}, override {override_percent} %; refused here");
+            let found = format!(
+                "number {number}, {skill:?}, {what}, override {override_percent} %; held here, so nothing moves"
+            );
             return if matches!(skill, Skill::Unknown(_) | Skill::None) {
                 Finding::missing(COMMAND, found, "write a skill of docs/process-image.md into byte 6")
             } else {
@@ -181,7 +185,7 @@ impl PlcWatch {
     }
 }
 
-impl Watch<RobotBus> for PlcWatch {
+impl PeerWatch<RobotBus> for PlcWatch {
     fn link_event(&self, event: LinkEvent) -> Option<LinkEvent> {
         Some(event)
     }

@@ -9,7 +9,7 @@ use protocol::image::{
 };
 
 use super::images::ImageWatch;
-use super::look::Watch;
+use super::look::PeerWatch;
 use super::{COMPLETE_AFTER, lost, sizes};
 use crate::verbs::doctor::finding::Finding;
 
@@ -30,12 +30,12 @@ pub(super) struct RobotWatch {
     sealer: CommandSealer,
     images: ImageWatch<FEEDBACK_CHECK>,
     feedback: Option<Feedback>,
-    /// How many scans old the echoed life counter was last, and whether the echo has moved.
+    /// Age of the last echoed life counter in scans, and whether the echo has moved.
     echo_age: u16,
     echo_moved: bool,
     is_up: bool,
     was_up: bool,
-    /// How often the connection was lost.
+    /// Number of lost connections.
     lost: u32,
     down: Option<(Down, String)>,
     conflict: Option<StationConflict>,
@@ -153,7 +153,7 @@ fn described(module: &DiffModule) -> String {
     submodules.collect::<Vec<_>>().join("; ")
 }
 
-impl Watch<PlcBus> for RobotWatch {
+impl PeerWatch<PlcBus> for RobotWatch {
     fn link_event(&self, (station, event): (StationId, LinkEvent)) -> Option<LinkEvent> {
         (station == self.station).then_some(event)
     }

@@ -1,4 +1,4 @@
-//! What a search on the bus says of the foreign end: its name, its address, its identity, and others that have them too.
+//! Judgement of a search on the bus: the name of the foreign end, its address, its identity, and others that have them too.
 
 use std::net::Ipv4Addr;
 

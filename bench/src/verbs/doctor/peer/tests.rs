@@ -226,7 +226,7 @@ fn a_silent_cable_leaves_every_step_unseen_with_a_remedy() {
         let setup = setup_of(name);
         let bus = plc_bus(&setup);
         let watch = RobotWatch::new(&bus, StationId::FIRST, Duration::from_millis(4));
-        let findings = Watch::findings(&watch, &bus);
+        let findings = PeerWatch::findings(&watch, &bus);
         assert!(
             findings.iter().all(|finding| finding.verdict == NotSeen && finding.fix.is_some()),
             "{findings:#?}"
