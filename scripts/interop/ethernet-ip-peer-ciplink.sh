@@ -10,7 +10,7 @@ says peer listening
 start doctor at_plc "$NODES/bench" doctor --setup B --interface plc --peer robot
 ends doctor 30
 says doctor "good +address +$ROBOT_ADDRESS answers"
-says doctor 'good +identity +`ciplink robot`'
+says doctor 'good +identity +.ciplink robot.'
 says doctor 'good +life counter'
 says doctor 'good +answer +the robot echoes life counter'
 says doctor 'Every step of the robot was seen'

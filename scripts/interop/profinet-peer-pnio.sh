@@ -31,7 +31,7 @@ ends other 30 5
 says other 'MISSING +identity +VendorID 0x0A0B, DeviceID 0x0C0D'
 start doctor at_plc "$NODES/bench" doctor --setup "$OUT/setup.toml" --interface plc --peer robot
 ends doctor 30
-says doctor 'good +name +`pnio-robot`'
+says doctor 'good +name +.pnio-robot.'
 says doctor 'good +module'
 says doctor 'good +life counter'
 says doctor 'good +answer +the robot echoes life counter'
