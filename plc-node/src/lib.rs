@@ -27,7 +27,7 @@ pub mod bus;
 pub mod command_line;
 mod config;
 #[cfg(all(feature = "real", target_os = "linux"))]
-mod discover;
+pub mod discover;
 mod event;
 mod export;
 mod export_command;

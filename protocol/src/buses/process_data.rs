@@ -1,5 +1,7 @@
 //! EtherCAT: the image is the process data of one SubDevice in its direction.
 
+use core::fmt;
+
 use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment, SegmentEnd};
 use machine::{Counters, Down, DownCause, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 
@@ -131,6 +133,16 @@ impl Fieldbus for EthercatSubDevice {
     fn disconnect(&mut self, _now: Instant) {
         self.left = true;
         self.segment.fail(self.device, AlStatusCode::UNSPECIFIED_ERROR);
+    }
+
+    /// Writes the state that the MainDevice requested and the device reached, and its error.
+    fn write_request(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        let (state, code) = self.state();
+        if state == AlState::Init && code == AlStatusCode::NO_ERROR {
+            return Ok(());
+        }
+        write!(words, "a MainDevice led this SubDevice to {state}")?;
+        if code == AlStatusCode::NO_ERROR { Ok(()) } else { write!(words, "; AL status code {code}") }
     }
 
     fn counters(&self) -> Counters {

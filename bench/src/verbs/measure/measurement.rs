@@ -82,7 +82,13 @@ impl Measurement<'_> {
             Mode::Virtual => Durability::Written,
         };
         let mut session = Session {
-            directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
+            directory: RunDirectory::create(
+                &path,
+                &self.setup,
+                &self.found.text,
+                self.code.as_ref().map(ExportedCode::text),
+                durability,
+            )?,
             exports: self.options.exports.clone().of_run(host::date(started)),
             progress: Progress::start(&self.schedule, self.options.quiet),
             live: self.live.take().map(|address| self.serve(address, &path)).transpose()?,
@@ -197,7 +203,8 @@ impl Measurement<'_> {
             directory: &directory,
             capture: self.options.capture.retention(),
             frames: self.options.trace,
-            code: self.options.plc_program.as_deref().zip(self.code.as_ref()),
+            // The nodes read the copy, so that the run is that of its directory.
+            code: self.code.as_ref().map(|code| (directory.as_path(), code)),
             faults: &self.faults,
             feed: feed.as_ref(),
             voice: Some(&voice),
