@@ -92,7 +92,6 @@ fn what_cells_do_not_have_yet_is_refused_by_its_name() {
         (&["--override", "50"] as &[&str], "--override is for setups of one station"),
         (&["--cyclic", "udp"], "--cyclic is for"),
         (&["--export-csv", "x.csv"], "--export-csv is for"),
-        (&["--fault", "left/to-robot:cut-frame=17@10ms"], "begins with a frame"),
     ] {
         let finished = run(directory.path(), "E", "refused", more);
         assert_eq!(finished.code, Some(2), "{more:?}: {}", finished.stderr);
