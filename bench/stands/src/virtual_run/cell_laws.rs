@@ -50,13 +50,13 @@ struct WatchedArm {
     name: String,
     waits: Vec<WaitAt>,
     volume: Option<ArmVolume>,
-    executed: Executed,
+    executed: ExecutedMotions,
     last_tick: Option<Instant>,
 }
 
 /// Motions that a robot has executed in a run, by its own count of each skill.
 #[derive(Clone, Copy, Default, Debug)]
-struct Executed {
+struct ExecutedMotions {
     /// Number of the skill before the run, which does not count.
     stale: u16,
     /// The skill under way: its number and its motions.
@@ -67,7 +67,7 @@ struct Executed {
     moving: u32,
 }
 
-impl Executed {
+impl ExecutedMotions {
     fn begin(sample: &Sample) -> Self {
         Self { stale: sample.command, ..Self::default() }
     }
@@ -104,7 +104,7 @@ impl CellLaws {
             name: station.name.clone(),
             waits: station.waits.clone(),
             volume: station.zones.as_ref().map(|zones| zones.volume.clone()),
-            executed: Executed::default(),
+            executed: ExecutedMotions::default(),
             last_tick: None,
         };
         let cycle = stations.iter().map(|station| station.planned.robot.cycle).min().unwrap_or_default();
@@ -126,7 +126,7 @@ impl CellLaws {
     pub(super) fn begin(&mut self, cell: &VirtualCell) {
         self.is_run = true;
         for (number, arm) in self.arms.iter_mut().enumerate() {
-            arm.executed = Executed::begin(&cell.robot(RobotId(number)).sample());
+            arm.executed = ExecutedMotions::begin(&cell.robot(RobotId(number)).sample());
         }
     }
 

@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use plc_node::ExecutionType;
 
 use super::classes::{Class, Outcome};
-use super::explored::{Explored, ExploredRun, RunEnd};
+use super::explored::{ExploredRun, FaultTarget, RunEnd};
 use super::fault::{Extent, FaultTexts, Injected};
 use records::faults::Fault;
 use records::schedule::{PAUSE, Schedule, Step};
@@ -17,7 +17,7 @@ const RUNS_WHILE_HELD: usize = 4;
 
 /// The run of an execution type without a fault. Runs with faults are compared with it.
 pub(super) struct CleanRun<'a> {
-    explored: Box<dyn Explored>,
+    explored: Box<dyn FaultTarget>,
     seed: u64,
     texts: &'a FaultTexts,
     /// Latest end of a run that is late by a bounded time, in ns.
@@ -25,7 +25,7 @@ pub(super) struct CleanRun<'a> {
     steps: Vec<Step>,
     /// Times of as many repetitions as the longest fault takes.
     executions_ns: Vec<u64>,
-    /// What faults are drawn from, at each station.
+    /// Extent that faults are drawn from, at each station.
     pub(super) extents: Vec<Extent>,
 }
 
@@ -37,7 +37,7 @@ impl<'a> CleanRun<'a> {
     /// It does not pass, or breaks a law of the cell.
     pub(super) fn of(
         execution_type: ExecutionType,
-        explored: &dyn Explored,
+        explored: &dyn FaultTarget,
         seed: u64,
         texts: &'a FaultTexts,
         late_ms: u32,

@@ -1,4 +1,4 @@
-//! What faults are put into, in virtual time: a robot that works alone, or a cell of several stations.
+//! The nodes that faults are put into, in virtual time: a robot that works alone, or a cell of several stations.
 
 mod alone;
 mod cell;
@@ -12,7 +12,7 @@ use records::schedule::Step;
 use stands::virtual_run::NeverEnded;
 
 /// Something that runs of one seed are made of.
-pub(super) trait Explored: Sync {
+pub(super) trait FaultTarget: Sync {
     /// Switches the nodes on, which do not know each other yet.
     fn switch_on<'r>(&'r self, seed: u64, faults: &'r [Fault]) -> anyhow::Result<Box<dyn ExploredRun + 'r>>;
 
@@ -38,10 +38,10 @@ pub(super) trait ExploredRun {
     fn broken_law(&self) -> Option<String>;
 
     /// Returns what was run, with the rehearsals that the runs so far were compared with.
-    fn rehearsed(&self) -> Box<dyn Explored>;
+    fn rehearsed(&self) -> Box<dyn FaultTarget>;
 }
 
-/// How a run ended.
+/// End of a run.
 #[derive(Debug)]
 pub(super) enum RunEnd {
     /// It passed, in this time in ns.

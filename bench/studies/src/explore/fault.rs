@@ -136,7 +136,7 @@ pub(super) struct Lengths {
     pub(super) restart: u32,
 }
 
-/// What the texts of faults need besides the fault: its options, and the names of the stations.
+/// Options of faults and names of stations, for the texts of faults.
 #[derive(Clone, Debug)]
 pub(super) struct FaultTexts {
     pub(super) lengths: Lengths,
@@ -200,7 +200,7 @@ pub(super) struct Extent {
     pub(super) run_us: u64,
     /// Axes of the arm.
     pub(super) axes: u64,
-    /// Whether drives move them.
+    /// True if drives move them.
     pub(super) has_drives: bool,
 }
 

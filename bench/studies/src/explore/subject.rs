@@ -1,11 +1,11 @@
-//! What is explored, as its files in the directory and as the options of its commands.
+//! The subject of an exploration, as its files in the directory and as the options of its commands.
 
 use std::path::Path;
 
 use planning::{Application, Found};
 use setup::Setup;
 
-use super::explored::{Explored, ExploredCell, LoneRobot};
+use super::explored::{ExploredCell, FaultTarget, LoneRobot};
 use super::fault::{FaultTexts, What};
 use super::{ExploreOptions, PAGE, journal};
 use records::cell_directory;
@@ -22,13 +22,13 @@ const APPLICATION: &str = "application.toml";
 /// A sequence that takes a second.
 const SHORT: &str = include_str!("short.toml");
 
-/// What is explored.
+/// Subject of an exploration.
 pub(super) struct Subject {
     /// Name of the setup.
     pub(super) name: String,
     /// Its title.
     pub(super) title: String,
-    pub(super) explored: Box<dyn Explored>,
+    pub(super) explored: Box<dyn FaultTarget>,
     pub(super) texts: FaultTexts,
     pub(super) kinds: Vec<What>,
     /// The `--application` of commands that run again, after a blank; empty where the setup's own one is run.

@@ -2,7 +2,7 @@
 
 use setup::Setup;
 
-use super::{Explored, ExploredRun, RunEnd};
+use super::{ExploredRun, FaultTarget, RunEnd};
 use crate::explore::fault::Extent;
 use records::conditions::Measured;
 use records::faults::Fault;
@@ -27,7 +27,7 @@ impl LoneRobot {
     }
 }
 
-impl Explored for LoneRobot {
+impl FaultTarget for LoneRobot {
     fn switch_on<'r>(&'r self, seed: u64, faults: &'r [Fault]) -> anyhow::Result<Box<dyn ExploredRun + 'r>> {
         let extras = Extras { faults: faults.to_vec(), ..Extras::default() };
         let run = VirtualRun::switch_on(&self.setup, self.planned.clone(), seed, &extras)?;
@@ -93,7 +93,7 @@ impl ExploredRun for RobotRun<'_> {
         None
     }
 
-    fn rehearsed(&self) -> Box<dyn Explored> {
+    fn rehearsed(&self) -> Box<dyn FaultTarget> {
         Box::new(LoneRobot { verification: self.verification.clone(), ..self.of.clone() })
     }
 }

@@ -2,7 +2,7 @@
 //! station.
 
 use super::alone::moves_drives;
-use super::{Explored, ExploredRun, RunEnd};
+use super::{ExploredRun, FaultTarget, RunEnd};
 use crate::explore::fault::Extent;
 use records::faults::Fault;
 use records::schedule::Step;
@@ -24,7 +24,7 @@ impl ExploredCell {
     }
 }
 
-impl Explored for ExploredCell {
+impl FaultTarget for ExploredCell {
     fn switch_on<'r>(&'r self, seed: u64, faults: &'r [Fault]) -> anyhow::Result<Box<dyn ExploredRun + 'r>> {
         let mut run = CellRun::switch_on(&self.stations, seed, faults)?;
         run.watch_laws(&self.stations);
@@ -84,7 +84,7 @@ impl ExploredRun for RunOfCell<'_> {
         self.run.broken_law().map(ToString::to_string)
     }
 
-    fn rehearsed(&self) -> Box<dyn Explored> {
+    fn rehearsed(&self) -> Box<dyn FaultTarget> {
         Box::new(ExploredCell { verifications: self.verifications.clone(), ..self.of.clone() })
     }
 }
