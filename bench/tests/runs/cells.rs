@@ -91,7 +91,7 @@ fn what_cells_do_not_have_yet_is_refused_by_its_name() {
     for (more, named) in [
         (&["--cyclic", "udp"] as &[&str], "--cyclic is for"),
         (&["--plc-program", "."], "exported code commands one robot, and setup E has several"),
-        (&["--application", "pick-and-place"], "is for one arm"),
+        (&["--application", "pick-and-place"], "built in are hand-over, carry-plate, take-turns"),
     ] {
         let finished = run(directory.path(), "E", "refused", more);
         assert_eq!(finished.code, Some(2), "{more:?}: {}", finished.stderr);
@@ -334,7 +334,7 @@ fn every_export_of_a_cell_is_written_and_table_and_report_name_its_faults_and_zo
     assert!(text("g.xml").contains("tests=\"2\" failures=\"0\""), "{}", text("g.xml"));
     assert_eq!(text("g.json"), text("turns/results.json"));
     let (markdown, report) = (text("g.md"), text("turns/report.html"));
-    let fault = "Faults put in (left/to-plc:cut-frame=900@10ms): ";
+    let fault = "to-plc:cut-frame=900@10ms): ";
     for shown in [&finished.stdout, &markdown, &report] {
         assert!(
             shown.contains(fault) && shown.contains("Station right: Cyclic frames of the PLC: "),

@@ -138,14 +138,19 @@ fn no_single_fault_at_any_station_of_a_cell_breaks_its_laws_or_lets_an_altered_r
             }
         }
         let page = fs::read_to_string(place.path().join("out/explore.html")).unwrap();
-        assert!(page.contains("left to PLC, robot restarts") && page.contains("--fault left/to-"), "{setup}");
+        assert!(
+            page.contains("left to PLC, robot restarts")
+                && page.contains("restart-robot=")
+                && page.contains("--fault left"),
+            "{setup}"
+        );
     }
 }
 
 #[test]
 fn the_command_of_a_refused_run_of_a_cell_is_refused_for_the_same_reason_and_an_exploration_of_one_goes_on() {
     let place = tempfile::tempdir().unwrap();
-    let options = "--setup E --types sm --every 9000 --kinds restart-robot,restart-plc --threads 1";
+    let options = "--setup E --types sm --every 4001 --kinds restart-robot,restart-plc --threads 1";
     let (code, said) = explore(place.path(), options);
     assert_eq!(code, Some(0), "{said}");
     for words in ["station left: sm failed", "station right: sm failed"] {

@@ -51,7 +51,16 @@ impl StationVerification {
         let execution = &measured.execution;
         check_sent(measured, self.sent)?;
         let Some(account) = &measured.account else { return Ok(()) };
-        let [_, highest] = check_override(measured, account)?;
+        // An arm that follows a master axis moves at its full override: the master is slower by the PLC's.
+        let is_led = execution.execution_type == ExecutionType::Cm
+            && self.station.in_step.as_ref().is_some_and(|arm| !arm.sections.is_empty());
+        let mut by_robot = *account;
+        if is_led && account.override_percent[1] == 100 {
+            let ([lowest, _], [_, most]) = (account.override_percent, execution.commanded.override_percent);
+            by_robot.override_percent = [lowest.min(most), most];
+        }
+        check_override(measured, &by_robot)?;
+        let [_, highest] = account.override_percent;
         let alone = self.rehearsed(execution.execution_type, &account.start, highest)?;
         let planned = alone.account;
         check_executed(account, &planned)?;
