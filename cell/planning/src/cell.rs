@@ -69,12 +69,28 @@ pub struct PlannedStation {
 /// not have, and an arm without a station.
 pub fn cell_with_applications(name: &str) -> Result<(Cell, FoundCell), Error> {
     let (cell, directory) = setup::cell(name)?;
+    applications_of(name, cell, directory.as_deref())
+}
+
+/// Finds a setup and its applications like [`cell_with_applications`]; `instead` replaces them by one for all arms: a built-in
+/// one's name, or a path from the working directory.
+///
+/// # Errors
+/// Those of [`cell_with_applications`].
+pub fn cell_and_application(name: &str, instead: Option<&str>) -> Result<(Cell, FoundCell), Error> {
+    let Some(application) = instead else { return cell_with_applications(name) };
+    let (mut cell, _) = setup::cell(name)?;
+    cell.application = Some(application.to_owned());
+    applications_of(name, cell, None)
+}
+
+fn applications_of(name: &str, cell: Cell, directory: Option<&Path>) -> Result<(Cell, FoundCell), Error> {
     let origin = setup::built_in_setup(name)
         .map_or_else(|| name.to_owned(), |(known, _)| format!("built-in setup {known}"));
     let (marks, stations) = match &cell.application {
-        Some(application) => of_one_application(&origin, &cell, application, directory.as_deref())?,
+        Some(application) => of_one_application(&origin, &cell, application, directory)?,
         None => {
-            let own = |station: &setup::Station| application(&station.application, directory.as_deref());
+            let own = |station: &setup::Station| application(&station.application, directory);
             (Vec::new(), cell.stations.iter().map(own).collect::<Result<_, _>>()?)
         }
     };

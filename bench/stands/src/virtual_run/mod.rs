@@ -4,6 +4,7 @@
 //! cell           the PLC and its robots in their network
 //! cell_capture   the frames on their cables
 //! cell_faults    when the faults of its stations change cables and nodes
+//! cell_laws      what no fault may break: meeting at marks, one arm in a zone
 //! cell_run       runs of a cell with several stations; cell_watch records them
 //! new_cell       creates its nodes
 //! nodes          the nodes on the cable: from event to event, from the start edge of a run to its end
@@ -17,6 +18,7 @@
 mod cell;
 mod cell_capture;
 mod cell_faults;
+mod cell_laws;
 mod cell_run;
 mod cell_watch;
 mod changes;
@@ -46,6 +48,7 @@ use protocol::image::{Digest, Motion};
 use robot_node::RobotConfig;
 use setup::Setup;
 
+pub use cell_laws::BrokenLaw;
 pub use cell_run::CellRun;
 pub use nodes::{NeverEnded, Nodes};
 pub use reaction::reactions;

@@ -15,7 +15,7 @@ use records::cell_directory::CellDirectory;
 use records::cell_results::CellResults;
 use records::exit::{Exit, Failure};
 use records::faults::Fault;
-use records::host::Host;
+use records::host::{self, Host};
 use records::mode::Mode;
 use records::results::Status;
 use records::run_directory::{self, Durability};
@@ -60,7 +60,7 @@ impl CellMeasurement<'_> {
         };
         let mut session = CellSession {
             directory: CellDirectory::create(&path, cell, &self.texts, durability)?,
-            exports: options.exports.clone(),
+            exports: options.exports.clone().of_run(host::date(started)),
             progress: Progress::start(schedule, options.quiet),
         };
         let host = Host::read(started, COMMIT);
