@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use node::Outcome;
 use node::errln;
-use robot_export::{Application, Maker};
+use robot_export::{Maker, RobotApplication};
 
 /// A maker's language.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
@@ -42,7 +42,7 @@ impl ExportCommand {
         let (setup, found) = planning::setup_and_application(&self.setup, self.application.as_deref())?;
         let plan = found.plan(&setup)?;
         found.reach(&plan, &setup)?;
-        let application = Application::of_plan(&setup, &plan);
+        let application = RobotApplication::of_plan(&setup, &plan);
         robot_export::export(&application, maker, &self.out)?;
         let count: usize = application.programs.iter().map(|program| program.motions.len()).sum();
         errln!("{count} motions in {}; not tried on a controller: begin at 10 % speed", self.out.display());

@@ -3,11 +3,10 @@
 //! The motion task and a semistatic background task share persistent variables of the same names. All numbers are `dnum`, which
 //! holds 32 bits exactly; `num` does not.
 
-use crate::application::{Application, HEAD, frame_numbers};
-use crate::directory::ExportFile;
-use crate::form::{Driven, Field, Kit, Operation, Routine, Sense, Statement, Stopwatch};
+use crate::application::{HEAD, RobotApplication, frame_numbers};
+use crate::form::{Driven, Field, FormOperation, Kit, Routine, Sense, Statement, WatchTimer};
 use crate::layer::fields;
-use crate::printed::{Lines, Words, real, sign};
+use crate::printed::{ExportFile, PrintedLines, Words, real, sign};
 use crate::registers::COUNT;
 
 /// The adapter of the motion task.
@@ -30,20 +29,20 @@ impl Words for Rapid {
         match sense {
             Sense::AtRest => "sb_at_rest()".into(),
             Sense::DrivesOn => "(DOutput(sbo_drives_on)=1)".into(),
-            Sense::Expired(Stopwatch::Life) => "(ClkRead(sb_life_clock)*1000>sb_life_ms)".into(),
-            Sense::Expired(Stopwatch::Count) => "(ClkRead(sb_count_clock)*1000>=sb_cycle_ms)".into(),
+            Sense::Expired(WatchTimer::Life) => "(ClkRead(sb_life_clock)*1000>sb_life_ms)".into(),
+            Sense::Expired(WatchTimer::Count) => "(ClkRead(sb_count_clock)*1000>=sb_cycle_ms)".into(),
             Sense::NotFinite(name) => format!("sb_not_finite({})", self.name(name)),
             Sense::Reach => "sb_reach()".into(),
         }
     }
 
-    fn pair(&self, operation: Operation, one: &str, other: &str) -> String {
+    fn pair(&self, operation: FormOperation, one: &str, other: &str) -> String {
         match operation {
-            Operation::Equal => format!("({one}={other})"),
-            Operation::Divide => format!("({one} DIV {other})"),
-            Operation::Modulo => format!("({one} MOD {other})"),
-            Operation::BitAnd => format!("BitAndDnum({one},{other})"),
-            Operation::BitXor => format!("BitXOrDnum({one},{other})"),
+            FormOperation::Equal => format!("({one}={other})"),
+            FormOperation::Divide => format!("({one} DIV {other})"),
+            FormOperation::Modulo => format!("({one} MOD {other})"),
+            FormOperation::BitAnd => format!("BitAndDnum({one},{other})"),
+            FormOperation::BitXor => format!("BitXOrDnum({one},{other})"),
             other_operation => format!("({one} {} {other})", sign(other_operation).unwrap_or("+")),
         }
     }
@@ -66,11 +65,11 @@ const fn swapped(len: usize) -> &'static str {
 }
 
 impl Rapid {
-    fn statements(&self, statements: &[Statement], lines: &mut Lines) {
+    fn statements(&self, statements: &[Statement], lines: &mut PrintedLines) {
         statements.iter().for_each(|statement| self.statement(statement, lines));
     }
 
-    fn statement(&self, statement: &Statement, lines: &mut Lines) {
+    fn statement(&self, statement: &Statement, lines: &mut PrintedLines) {
         match statement {
             Statement::Read(into, field) => {
                 let (name, swap) = (self.name(into), swapped(field.len));
@@ -118,7 +117,7 @@ impl Rapid {
             Statement::Pause | Statement::Yield => lines.line("WaitTime 0.004;"),
             Statement::Hold(ms) => lines.line(format!("WaitTime {};", real(f64::from(*ms) / 1_000.0))),
             Statement::Restart(watch) => {
-                let clock = if *watch == Stopwatch::Life { "sb_life_clock" } else { "sb_count_clock" };
+                let clock = if *watch == WatchTimer::Life { "sb_life_clock" } else { "sb_count_clock" };
                 lines.line(format!("ClkStop {clock};"));
                 lines.line(format!("ClkReset {clock};"));
                 lines.line(format!("ClkStart {clock};"));
@@ -131,7 +130,7 @@ impl Rapid {
     }
 
     /// Writes a motion of a stored program.
-    fn stored(&self, motions: &[[u32; COUNT]], lines: &mut Lines) {
+    fn stored(&self, motions: &[[u32; COUNT]], lines: &mut PrintedLines) {
         for registers in motions {
             let [velocity, acceleration, approximation, kind, frames] =
                 [13, 14, 15, 16, 17].map(|at| registers[at]);
@@ -150,7 +149,7 @@ impl Rapid {
         }
     }
 
-    fn routine(&self, routine: &Routine, lines: &mut Lines) {
+    fn routine(&self, routine: &Routine, lines: &mut PrintedLines) {
         lines.line("");
         lines.line(format!("! {}", routine.purpose));
         lines.open(format!("PROC {}()", self.name(&routine.name)));
@@ -159,13 +158,13 @@ impl Rapid {
     }
 }
 
-fn head(lines: &mut Lines) {
+fn head(lines: &mut PrintedLines) {
     HEAD.lines().for_each(|line| lines.line(format!("! {line}").trim_end()));
     lines.line("! RAPID: the syntax was checked by rapidchecker, a grammar that others wrote; names and types were not.");
 }
 
-fn module(path: &str, name: &str, rest: impl FnOnce(&mut Lines)) -> ExportFile {
-    let mut lines = Lines::default();
+fn module(path: &str, name: &str, rest: impl FnOnce(&mut PrintedLines)) -> ExportFile {
+    let mut lines = PrintedLines::default();
     lines.open(format!("MODULE {name}"));
     head(&mut lines);
     rest(&mut lines);
@@ -174,7 +173,7 @@ fn module(path: &str, name: &str, rest: impl FnOnce(&mut Lines)) -> ExportFile {
 }
 
 /// Returns the files for an ABB robot.
-pub(crate) fn abb(application: &Application, kit: &Kit) -> Vec<ExportFile> {
+pub(crate) fn abb(application: &RobotApplication, kit: &Kit) -> Vec<ExportFile> {
     let motion = module("SB_Motion.mod", "SB_Motion", |lines| {
         lines.text(MOTION_ADAPTER);
         kit.motion.iter().for_each(|routine| Rapid.routine(routine, lines));
@@ -192,7 +191,7 @@ pub(crate) fn abb(application: &Application, kit: &Kit) -> Vec<ExportFile> {
 }
 
 /// Writes what both tasks have: variables and frames.
-fn shared(application: &Application, kit: &Kit) -> ExportFile {
+fn shared(application: &RobotApplication, kit: &Kit) -> ExportFile {
     module("SB_Shared.sys", "SB_Shared(SYSMODULE)", |lines| {
         for variable in &kit.variables {
             lines.line(match variable.number {
@@ -222,7 +221,7 @@ fn shared(application: &Application, kit: &Kit) -> ExportFile {
 /// Writes the signals of both images. A group has at most 32 signals.
 fn signals(kit: &Kit) -> ExportFile {
     let (inputs, outputs) = fields(kit);
-    let mut lines = Lines::default();
+    let mut lines = PrintedLines::default();
     lines.line("EIO:CFG_1.0::");
     HEAD.lines().for_each(|line| lines.line(format!("# {line}").trim_end()));
     lines.line("# SB_PLC is the device with the modules of 256 bytes. Byte 0 of each image is at bit 0; add the distance otherwise.");

@@ -6,7 +6,7 @@ use planning::{PROGRAM, Plan, Stop, Switch};
 use protocol::image::{Motion, MotionKind};
 use setup::{BusKind, Setup};
 
-use crate::layer::{Part, Served};
+use crate::layer::{ProgramPart, ServedSkills};
 
 /// The head of each file, without the marks of a comment.
 pub(crate) const HEAD: &str = "\
@@ -46,9 +46,9 @@ pub struct Refused {
     pub index: usize,
     /// The language.
     pub language: &'static str,
-    /// What it lacks.
+    /// The missing feature.
     pub found: &'static str,
-    /// What helps.
+    /// The remedy.
     pub remedy: &'static str,
 }
 
@@ -65,7 +65,7 @@ pub struct StoredProgram {
 
 /// The robot and its programs.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Application {
+pub struct RobotApplication {
     /// The bus carries the most significant byte first.
     pub big_endian: bool,
     /// Cycle of the robot in µs, in which it counts its life counter up.
@@ -87,7 +87,7 @@ pub(crate) fn frame_numbers() -> impl Iterator<Item = u8> {
     0..16
 }
 
-impl Application {
+impl RobotApplication {
     /// Takes the robot of a setup and the programs of a plan.
     #[must_use]
     pub fn of_plan(setup: &Setup, plan: &Plan) -> Self {
@@ -118,9 +118,9 @@ impl Application {
     ///
     /// # Errors
     /// The first motion that the language lacks.
-    pub fn served(&self, maker: Maker) -> Result<Served, Refused> {
+    pub fn served(&self, maker: Maker) -> Result<ServedSkills, Refused> {
         let programs = self.programs.iter().map(|program| Ok((program.number, parts(program, maker)?)));
-        Ok(Served {
+        Ok(ServedSkills {
             splines: maker == Maker::Kuka,
             configurations: maker == Maker::Kuka,
             decelerations: maker == Maker::Abb,
@@ -160,8 +160,8 @@ fn lack(motion: &Motion, maker: Maker) -> Option<(&'static str, &'static str)> {
 }
 
 /// Divides a program into what the language gives as one.
-fn parts(program: &StoredProgram, maker: Maker) -> Result<Vec<Part>, Refused> {
-    let mut parts: Vec<Part> = Vec::new();
+fn parts(program: &StoredProgram, maker: Maker) -> Result<Vec<ProgramPart>, Refused> {
+    let mut parts: Vec<ProgramPart> = Vec::new();
     let mut stops = program.stops.iter().peekable();
     for (index, motion) in program.motions.iter().enumerate() {
         if let Some((found, remedy)) = lack(motion, maker) {
@@ -175,17 +175,17 @@ fn parts(program: &StoredProgram, maker: Maker) -> Result<Vec<Part>, Refused> {
             motion.approximation = 0;
         }
         match parts.last_mut() {
-            Some(Part::Motions(curve))
+            Some(ProgramPart::Motions(curve))
                 if motion.kind == MotionKind::Spline
                     && curve.last().is_some_and(|last| last.kind == MotionKind::Spline) =>
             {
                 curve.push(motion);
             }
-            _ => parts.push(Part::Motions(vec![motion])),
+            _ => parts.push(ProgramPart::Motions(vec![motion])),
         }
         if let Some(Switch { output, set, wait }) = stop.and_then(|stop| stop.then) {
             let wait_ms = u32::try_from(wait.as_millis()).unwrap_or(u32::MAX);
-            parts.push(Part::Switch { mask: 1 << (output % 16), on: set, wait_ms });
+            parts.push(ProgramPart::Switch { mask: 1 << (output % 16), on: set, wait_ms });
         }
     }
     Ok(parts)

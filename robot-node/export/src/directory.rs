@@ -4,19 +4,11 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use crate::abb::abb;
-use crate::application::{Application, Maker, Refused};
+use crate::application::{Maker, Refused, RobotApplication};
 use crate::krl_check;
 use crate::kuka::kuka;
 use crate::layer::kit;
-
-/// A file of an export.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct ExportFile {
-    /// Its name.
-    pub path: String,
-    /// Its text.
-    pub text: String,
-}
+use crate::printed::ExportFile;
 
 /// Why nothing was exported.
 #[derive(Debug, thiserror::Error)]
@@ -30,7 +22,7 @@ pub enum ExportError {
         /// The file.
         file: String,
         /// The first fault.
-        fault: krl_check::Fault,
+        fault: krl_check::KrlFault,
     },
     /// The directory contains something.
     #[error("{}: not empty; name a new or an empty directory", .0.display())]
@@ -49,7 +41,7 @@ pub enum ExportError {
 ///
 /// # Errors
 /// The first motion that the language lacks.
-pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>, ExportError> {
+pub fn files(application: &RobotApplication, maker: Maker) -> Result<Vec<ExportFile>, ExportError> {
     let kit = kit(&application.served(maker)?, None);
     Ok(match maker {
         Maker::Abb => abb(application, &kit),
@@ -68,7 +60,7 @@ pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>,
 ///
 /// # Errors
 /// The first motion that the language lacks, or the directory cannot be written; then nothing is left.
-pub fn export(application: &Application, maker: Maker, directory: &Path) -> Result<(), ExportError> {
+pub fn export(application: &RobotApplication, maker: Maker, directory: &Path) -> Result<(), ExportError> {
     let files = files(application, maker)?;
     let failed = |error| ExportError::Write { path: directory.into(), error };
     if fs::read_dir(directory).is_ok_and(|mut entries| entries.next().is_some()) {

@@ -6,6 +6,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+/// Number of registers of a motion.
+pub const REGISTER_COUNT: usize = 18;
+
 /// Name of a variable, without the prefix of the files.
 pub type Variable = &'static str;
 
@@ -22,7 +25,7 @@ pub struct Field {
 
 /// An operation on two values.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Operation {
+pub enum FormOperation {
     /// Sum.
     Add,
     /// Difference.
@@ -51,7 +54,7 @@ pub enum Operation {
 
 /// A stopwatch of the controller.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-pub enum Stopwatch {
+pub enum WatchTimer {
     /// Time since the life counter of the PLC changed.
     Life,
     /// Time since the robot counted its own.
@@ -66,7 +69,7 @@ pub enum Sense {
     /// The drives are on.
     DrivesOn,
     /// The stopwatch has passed its limit.
-    Expired(Stopwatch),
+    Expired(WatchTimer),
     /// The bits in this variable are not those of a finite REAL.
     NotFinite(Variable),
     /// Error number of the motion in the registers, by the inverse kinematics of the controller: 0, 14 or 15.
@@ -83,7 +86,7 @@ pub enum Expression {
     /// The value of a variable.
     Value(Variable),
     /// An operation.
-    Pair(Operation, Box<Expression>, Box<Expression>),
+    Pair(FormOperation, Box<Expression>, Box<Expression>),
     /// Negation.
     Not(Box<Expression>),
     /// A question to the controller.
@@ -105,7 +108,7 @@ pub enum Driven {
     /// The motion in the registers.
     Registers,
     /// Consecutive motions of a stored program, each with its registers: one, or the pieces of one spline.
-    Stored(Vec<[u32; crate::registers::COUNT]>),
+    Stored(Vec<[u32; REGISTER_COUNT]>),
 }
 
 /// A statement.
@@ -140,7 +143,7 @@ pub enum Statement {
     /// Waits at a stop of a stored program, in ms.
     Hold(u32),
     /// Starts a stopwatch anew.
-    Restart(Stopwatch),
+    Restart(WatchTimer),
     /// Sets the override of the controller to a variable, in %.
     Speed(Variable),
     /// Sets the digital outputs of the robot to a variable.

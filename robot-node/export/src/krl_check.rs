@@ -1,5 +1,5 @@
 //! A tokenizer and block checker of KRL: characters, names, parentheses, and blocks that are closed in order. It knows no types and
-//! no declarations; it is no grammar of KRL.
+//! no declarations, and so it is not a grammar of KRL.
 
 /// Most characters of a name in KRL.
 const LONGEST_NAME: usize = 24;
@@ -7,14 +7,14 @@ const LONGEST_NAME: usize = 24;
 /// A fault in a file.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("line {line}: {found}")]
-pub struct Fault {
+pub struct KrlFault {
     /// Number of the line, from 1.
     pub line: usize,
-    /// What is wrong.
+    /// The fault and what was found.
     pub found: String,
 }
 
-/// What opens a block, what may come between its parts, and what closes it.
+/// Words that open a block, may come between its parts, and close it.
 const BLOCKS: [(&str, &[&str], &str); 10] = [
     ("IF", &["ELSE"], "ENDIF"),
     ("WHILE", &[], "ENDWHILE"),
@@ -103,10 +103,10 @@ fn check_line(tokens: &[&str]) -> Result<(), String> {
 ///
 /// # Errors
 /// The first fault.
-pub fn check(text: &str) -> Result<(), Fault> {
+pub fn check(text: &str) -> Result<(), KrlFault> {
     let mut open: Vec<(usize, &str)> = Vec::new();
     for (line, content) in (1..).zip(text.lines()) {
-        let fault = |found| Fault { line, found };
+        let fault = |found| KrlFault { line, found };
         if content.starts_with('&') {
             continue; // an attribute of the file
         }
@@ -137,7 +137,7 @@ pub fn check(text: &str) -> Result<(), Fault> {
         }
     }
     match open.pop() {
-        Some((line, word)) => Err(Fault { line, found: format!("{word} is not closed") }),
+        Some((line, word)) => Err(KrlFault { line, found: format!("{word} is not closed") }),
         None => Ok(()),
     }
 }

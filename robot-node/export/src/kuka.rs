@@ -3,16 +3,15 @@
 //! Signals are read and written in the advance run: `CONTINUE` before a line keeps it from waiting for the arm. The cyclic task
 //! runs in the submit interpreter, which has no advance run.
 
-use crate::application::{Application, HEAD, frame_numbers};
-use crate::directory::ExportFile;
-use crate::form::{Driven, Field, Kit, Operation, Routine, Sense, Statement, Stopwatch, walk};
+use crate::application::{HEAD, RobotApplication, frame_numbers};
+use crate::form::{Driven, Field, FormOperation, Kit, Routine, Sense, Statement, WatchTimer, walk};
 use crate::layer::fields;
-use crate::printed::{Lines, Words, real, sign};
+use crate::printed::{ExportFile, PrintedLines, Words, real, sign};
 use crate::registers::COUNT;
 
 /// First variables of the timers that the code uses.
-const TIMERS: [(&str, Stopwatch); 2] =
-    [("SB_TIMER_LIFE", Stopwatch::Life), ("SB_TIMER_COUNT", Stopwatch::Count)];
+const TIMERS: [(&str, WatchTimer); 2] =
+    [("SB_TIMER_LIFE", WatchTimer::Life), ("SB_TIMER_COUNT", WatchTimer::Count)];
 
 /// The adapter in KRL.
 const ADAPTER: &str = include_str!("../templates/kuka-adapter.src");
@@ -37,20 +36,20 @@ impl Words for Krl {
         }
     }
 
-    fn pair(&self, operation: Operation, one: &str, other: &str) -> String {
+    fn pair(&self, operation: FormOperation, one: &str, other: &str) -> String {
         match operation {
-            Operation::Equal => format!("({one}=={other})"),
-            Operation::Divide => format!("({one}/{other})"),
+            FormOperation::Equal => format!("({one}=={other})"),
+            FormOperation::Divide => format!("({one}/{other})"),
             // KRL has no remainder.
-            Operation::Modulo => format!("({one}-({one}/{other})*{other})"),
-            Operation::BitAnd => format!("({one} B_AND {other})"),
-            Operation::BitXor => format!("({one} B_EXOR {other})"),
+            FormOperation::Modulo => format!("({one}-({one}/{other})*{other})"),
+            FormOperation::BitAnd => format!("({one} B_AND {other})"),
+            FormOperation::BitXor => format!("({one} B_EXOR {other})"),
             other_operation => format!("({one} {} {other})", sign(other_operation).unwrap_or("+")),
         }
     }
 }
 
-fn timer(watch: Stopwatch) -> &'static str {
+fn timer(watch: WatchTimer) -> &'static str {
     TIMERS.iter().find(|(_, known)| *known == watch).map_or("SB_TIMER_LIFE", |(name, _)| name)
 }
 
@@ -74,17 +73,17 @@ const fn swapped(len: usize) -> &'static str {
 }
 
 impl Krl {
-    fn advance(&self, lines: &mut Lines) {
+    fn advance(&self, lines: &mut PrintedLines) {
         if self.has_advance {
             lines.line("CONTINUE");
         }
     }
 
-    fn statements(&self, statements: &[Statement], lines: &mut Lines) {
+    fn statements(&self, statements: &[Statement], lines: &mut PrintedLines) {
         statements.iter().for_each(|statement| self.statement(statement, lines));
     }
 
-    fn statement(&self, statement: &Statement, lines: &mut Lines) {
+    fn statement(&self, statement: &Statement, lines: &mut PrintedLines) {
         match statement {
             Statement::Read(into, field) => {
                 self.advance(lines);
@@ -135,7 +134,7 @@ impl Krl {
             Statement::Yield => lines.line("; the advance run looks again, and waits for nothing"),
             Statement::Hold(ms) => lines.line(format!("WAIT SEC {}", real(f64::from(*ms) / 1_000.0))),
             Statement::Restart(watch) => {
-                let limit = if *watch == Stopwatch::Life { "SB_LIFE_MS" } else { "SB_CYCLE_MS" };
+                let limit = if *watch == WatchTimer::Life { "SB_LIFE_MS" } else { "SB_CYCLE_MS" };
                 lines.line(format!("$TIMER[{}]=-{limit}", timer(*watch)));
                 lines.line(format!("$TIMER_STOP[{}]=FALSE", timer(*watch)));
             }
@@ -146,7 +145,7 @@ impl Krl {
     }
 
     /// Writes motions of a stored program: one, or the pieces of one spline.
-    fn stored(&self, motions: &[[u32; COUNT]], lines: &mut Lines) {
+    fn stored(&self, motions: &[[u32; COUNT]], lines: &mut PrintedLines) {
         let [first, ..] = motions else { return };
         lines.line(format!(
             "SB_PREPARE({},{},{},{},{})",
@@ -202,7 +201,7 @@ fn joints(registers: &[u32; COUNT]) -> String {
 }
 
 /// Writes routines as subprograms.
-fn routines<'a>(routines: impl IntoIterator<Item = &'a Routine>, krl: &Krl, lines: &mut Lines) {
+fn routines<'a>(routines: impl IntoIterator<Item = &'a Routine>, krl: &Krl, lines: &mut PrintedLines) {
     for routine in routines {
         lines.line("");
         lines.open(format!("GLOBAL DEF {}( )", krl.name(&routine.name)));
@@ -212,21 +211,21 @@ fn routines<'a>(routines: impl IntoIterator<Item = &'a Routine>, krl: &Krl, line
     }
 }
 
-fn source(name: &str, rest: impl FnOnce(&mut Lines)) -> ExportFile {
-    let mut lines = Lines::default();
+fn source(name: &str, rest: impl FnOnce(&mut PrintedLines)) -> ExportFile {
+    let mut lines = PrintedLines::default();
     lines.line("&ACCESS RVO");
     lines.line("&REL 1");
     rest(&mut lines);
     ExportFile { path: name.into(), text: lines.finish() }
 }
 
-fn head(lines: &mut Lines) {
+fn head(lines: &mut PrintedLines) {
     HEAD.lines().for_each(|line| lines.line(format!("; {line}").trim_end()));
     lines.line("; KRL: tokens and blocks were checked by a program of the same authors; no grammar of KRL is public.");
 }
 
 /// Returns the files for a KUKA robot.
-pub(crate) fn kuka(application: &Application, kit: &Kit) -> Vec<ExportFile> {
+pub(crate) fn kuka(application: &RobotApplication, kit: &Kit) -> Vec<ExportFile> {
     let robot = Krl { has_advance: true };
     let submit = Krl { has_advance: false };
     // The first routine of a task has the name of its file.
@@ -255,7 +254,7 @@ pub(crate) fn kuka(application: &Application, kit: &Kit) -> Vec<ExportFile> {
 }
 
 /// Writes variables and frames.
-fn data(application: &Application, kit: &Kit) -> ExportFile {
+fn data(application: &RobotApplication, kit: &Kit) -> ExportFile {
     source("SB_DATA.dat", |lines| {
         lines.open("DEFDAT SB_DATA PUBLIC");
         head(lines);

@@ -24,7 +24,8 @@ pub mod layer;
 mod printed;
 pub mod registers;
 
-pub use application::{Application, Maker, Refused, StoredProgram};
-pub use directory::{ExportError, ExportFile, export, files};
+pub use application::{Maker, Refused, RobotApplication, StoredProgram};
+pub use directory::{ExportError, export, files};
 pub use kuka::longest_name;
+pub use printed::ExportFile;
 pub use protocol::image::ErrorNumber;

@@ -1,15 +1,24 @@
 //! Lines of a file with their depth: what both printers write with.
 
-use crate::form::{Expression, Operation};
+use crate::form::{Expression, FormOperation};
+
+/// A file of an export.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct ExportFile {
+    /// Its name.
+    pub path: String,
+    /// Its text.
+    pub text: String,
+}
 
 /// Text under way.
 #[derive(Default, Debug)]
-pub(crate) struct Lines {
+pub(crate) struct PrintedLines {
     text: String,
     depth: usize,
 }
 
-impl Lines {
+impl PrintedLines {
     /// Adds a line.
     pub(crate) fn line(&mut self, line: impl AsRef<str>) {
         for _ in 0..self.depth {
@@ -54,7 +63,7 @@ pub(crate) trait Words {
     /// A question to the controller.
     fn sense(&self, sense: crate::form::Sense) -> String;
     /// An operation on two operands, in parentheses.
-    fn pair(&self, operation: Operation, one: &str, other: &str) -> String;
+    fn pair(&self, operation: FormOperation, one: &str, other: &str) -> String;
 
     /// Returns an expression as text.
     fn expression(&self, expression: &Expression) -> String {
@@ -74,18 +83,20 @@ pub(crate) trait Words {
 }
 
 /// Returns the sign of an operation that both languages write alike; none for those that they do not.
-pub(crate) const fn sign(operation: Operation) -> Option<&'static str> {
+pub(crate) const fn sign(operation: FormOperation) -> Option<&'static str> {
     match operation {
-        Operation::Add => Some("+"),
-        Operation::Subtract => Some("-"),
-        Operation::Unequal => Some("<>"),
-        Operation::Less => Some("<"),
-        Operation::Greater => Some(">"),
-        Operation::And => Some("AND"),
-        Operation::Or => Some("OR"),
-        Operation::Equal | Operation::Divide | Operation::Modulo | Operation::BitAnd | Operation::BitXor => {
-            None
-        }
+        FormOperation::Add => Some("+"),
+        FormOperation::Subtract => Some("-"),
+        FormOperation::Unequal => Some("<>"),
+        FormOperation::Less => Some("<"),
+        FormOperation::Greater => Some(">"),
+        FormOperation::And => Some("AND"),
+        FormOperation::Or => Some("OR"),
+        FormOperation::Equal
+        | FormOperation::Divide
+        | FormOperation::Modulo
+        | FormOperation::BitAnd
+        | FormOperation::BitXor => None,
     }
 }
 

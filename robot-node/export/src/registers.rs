@@ -5,7 +5,7 @@ use protocol::image::{Configuration, Motion};
 use crate::form::{Field, Variable};
 
 /// Number of registers.
-pub const COUNT: usize = 18;
+pub const COUNT: usize = crate::form::REGISTER_COUNT;
 
 /// A register and its place in a slot: name, first byte, length.
 ///

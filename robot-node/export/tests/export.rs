@@ -7,13 +7,13 @@ use std::fs;
 
 use protocol::image::{Configuration, Motion, MotionKind};
 use robot_export::layer::kit;
-use robot_export::{Application, ExportError, Maker, export, files, krl_check, longest_name};
+use robot_export::{ExportError, Maker, RobotApplication, export, files, krl_check, longest_name};
 
 const MAKERS: [Maker; 2] = [Maker::Kuka, Maker::Abb];
 
-fn application(setup: &str, instead: Option<&str>) -> Application {
+fn application(setup: &str, instead: Option<&str>) -> RobotApplication {
     let (setup, found) = planning::setup_and_application(setup, instead).unwrap();
-    Application::of_plan(&setup, &found.plan(&setup).unwrap())
+    RobotApplication::of_plan(&setup, &found.plan(&setup).unwrap())
 }
 
 #[test]

@@ -27,7 +27,7 @@ struct Queued {
 
 /// The arm.
 #[derive(Clone, Debug)]
-pub(super) struct Arm {
+pub(super) struct ExecutedArm {
     queue: VecDeque<Queued>,
     /// Motions that the advance run may be ahead of the one under way.
     advance: usize,
@@ -39,7 +39,7 @@ pub(super) struct Arm {
     braking: Option<u32>,
 }
 
-impl Arm {
+impl ExecutedArm {
     pub(super) fn new(advance: usize) -> Self {
         Self { queue: VecDeque::new(), advance, begun: Vec::new(), triggers: 0, speed: 100, braking: None }
     }

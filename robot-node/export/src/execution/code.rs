@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 
 use crate::form::{
-    Declaration, Driven, Expression, Field, Kit, Operation, Routine, Sense, Statement, Stopwatch, Trigger,
+    Declaration, Driven, Expression, Field, FormOperation, Kit, Routine, Sense, Statement, Trigger,
+    WatchTimer,
 };
 use crate::registers::{COUNT, REGISTERS};
 
@@ -12,18 +13,18 @@ use crate::registers::{COUNT, REGISTERS};
 pub(super) enum Value {
     Number(i64),
     Variable(usize),
-    Pair(Operation, Box<[Self; 2]>),
+    Pair(FormOperation, Box<[Self; 2]>),
     Not(Box<Self>),
     AtRest,
     DrivesOn,
-    Expired(Stopwatch),
+    Expired(WatchTimer),
     NotFinite(usize),
     Reach,
 }
 
 /// One step of a task. Targets are numbers of steps.
 #[derive(Clone, Debug)]
-pub(super) enum Step {
+pub(super) enum FormStep {
     Read(usize, Field),
     Write(Field, Value),
     Set(usize, Value),
@@ -37,7 +38,7 @@ pub(super) enum Step {
     Pause,
     Yield,
     Hold(u32),
-    Restart(Stopwatch),
+    Restart(WatchTimer),
     Speed(usize),
     Outputs,
     Pose,
@@ -56,10 +57,10 @@ pub enum FormError {
 
 /// The steps of both tasks and of the trigger's routine.
 #[derive(Clone, Debug)]
-pub struct Code {
-    pub(super) motion: Vec<Step>,
-    pub(super) cyclic: Vec<Step>,
-    pub(super) on_trigger: Vec<Step>,
+pub struct FormCode {
+    pub(super) motion: Vec<FormStep>,
+    pub(super) cyclic: Vec<FormStep>,
+    pub(super) on_trigger: Vec<FormStep>,
     /// First values, by number.
     pub(super) first: Vec<i64>,
     names: HashMap<&'static str, usize>,
@@ -70,7 +71,7 @@ pub struct Code {
     pub(super) has_sign: bool,
 }
 
-impl Code {
+impl FormCode {
     /// Translates a kit. `has_sign` says that numbers of 32 bits have a sign, as INT in KRL has.
     ///
     /// # Errors
@@ -83,7 +84,7 @@ impl Code {
         for (register, (name, ..)) in registers.iter_mut().zip(REGISTERS) {
             *register = index(name)?;
         }
-        let task = |routines: &[Routine]| Task::translate(routines, &names);
+        let task = |routines: &[Routine]| TaskTranslation::translate(routines, &names);
         Ok(Self {
             motion: task(&kit.motion)?,
             cyclic: task(&kit.cyclic)?,
@@ -105,28 +106,28 @@ impl Code {
 }
 
 /// A task under translation.
-struct Task<'a> {
+struct TaskTranslation<'a> {
     names: &'a HashMap<&'static str, usize>,
-    steps: Vec<Step>,
+    steps: Vec<FormStep>,
     /// Calls whose target is not known yet: the step, the routine.
     calls: Vec<(usize, String)>,
 }
 
-impl<'a> Task<'a> {
+impl<'a> TaskTranslation<'a> {
     fn translate(
         routines: &[Routine],
         names: &'a HashMap<&'static str, usize>,
-    ) -> Result<Vec<Step>, FormError> {
+    ) -> Result<Vec<FormStep>, FormError> {
         let mut task = Self { names, steps: Vec::new(), calls: Vec::new() };
         let mut entries = HashMap::new();
         for routine in routines {
             entries.insert(routine.name.as_str(), task.steps.len());
             task.block(&routine.body)?;
-            task.steps.push(Step::Return);
+            task.steps.push(FormStep::Return);
         }
         for (at, name) in task.calls {
             let entry = entries.get(name.as_str()).ok_or(FormError::Routine(name))?;
-            task.steps[at] = Step::Call(*entry);
+            task.steps[at] = FormStep::Call(*entry);
         }
         Ok(task.steps)
     }
@@ -154,7 +155,7 @@ impl<'a> Task<'a> {
 
     fn call(&mut self, name: &str) {
         self.calls.push((self.steps.len(), name.to_owned()));
-        self.steps.push(Step::Return);
+        self.steps.push(FormStep::Return);
     }
 
     fn block(&mut self, statements: &[Statement]) -> Result<(), FormError> {
@@ -164,8 +165,9 @@ impl<'a> Task<'a> {
     /// Sets the target of a jump to the next step.
     fn land(&mut self, jump: usize) {
         let next = self.steps.len();
-        if let Some(Step::JumpUnless(_, target) | Step::Jump(target) | Step::Guard { exit: target }) =
-            self.steps.get_mut(jump)
+        if let Some(
+            FormStep::JumpUnless(_, target) | FormStep::Jump(target) | FormStep::Guard { exit: target },
+        ) = self.steps.get_mut(jump)
         {
             *target = next;
         }
@@ -173,7 +175,7 @@ impl<'a> Task<'a> {
 
     fn jump_unless(&mut self, condition: &Expression, target: usize) -> Result<usize, FormError> {
         let value = self.value(condition)?;
-        self.steps.push(Step::JumpUnless(value, target));
+        self.steps.push(FormStep::JumpUnless(value, target));
         Ok(self.steps.len() - 1)
     }
 
@@ -184,7 +186,7 @@ impl<'a> Task<'a> {
                 let over = self.jump_unless(condition, 0)?;
                 self.block(then)?;
                 let end = self.steps.len();
-                self.steps.push(Step::Jump(0));
+                self.steps.push(FormStep::Jump(0));
                 self.land(over);
                 self.block(otherwise)?;
                 self.land(end);
@@ -193,7 +195,7 @@ impl<'a> Task<'a> {
             Statement::While(condition, body) => {
                 let over = self.jump_unless(condition, 0)?;
                 self.block(body)?;
-                self.steps.push(Step::Jump(here));
+                self.steps.push(FormStep::Jump(here));
                 self.land(over);
                 return Ok(());
             }
@@ -204,30 +206,30 @@ impl<'a> Task<'a> {
             }
             Statement::Loop(body) => {
                 self.block(body)?;
-                Step::Jump(here)
+                FormStep::Jump(here)
             }
             Statement::Call(name) => {
                 self.call(name);
                 return Ok(());
             }
             Statement::Guarded(name) => {
-                self.steps.push(Step::Guard { exit: 0 });
+                self.steps.push(FormStep::Guard { exit: 0 });
                 self.call(name);
                 self.land(here);
-                Step::EndGuard
+                FormStep::EndGuard
             }
-            Statement::Read(name, field) => Step::Read(self.index(name)?, field.clone()),
-            Statement::Write(field, value) => Step::Write(field.clone(), self.value(value)?),
-            Statement::Set(name, value) => Step::Set(self.index(name)?, self.value(value)?),
-            Statement::EndGuard => Step::EndGuard,
-            Statement::Move(driven, trigger) => Step::Move(driven.clone(), *trigger),
-            Statement::Pause => Step::Pause,
-            Statement::Yield => Step::Yield,
-            Statement::Hold(ms) => Step::Hold(*ms),
-            Statement::Restart(stopwatch) => Step::Restart(*stopwatch),
-            Statement::Speed(name) => Step::Speed(self.index(name)?),
-            Statement::Outputs(_) => Step::Outputs,
-            Statement::Pose => Step::Pose,
+            Statement::Read(name, field) => FormStep::Read(self.index(name)?, field.clone()),
+            Statement::Write(field, value) => FormStep::Write(field.clone(), self.value(value)?),
+            Statement::Set(name, value) => FormStep::Set(self.index(name)?, self.value(value)?),
+            Statement::EndGuard => FormStep::EndGuard,
+            Statement::Move(driven, trigger) => FormStep::Move(driven.clone(), *trigger),
+            Statement::Pause => FormStep::Pause,
+            Statement::Yield => FormStep::Yield,
+            Statement::Hold(ms) => FormStep::Hold(*ms),
+            Statement::Restart(stopwatch) => FormStep::Restart(*stopwatch),
+            Statement::Speed(name) => FormStep::Speed(self.index(name)?),
+            Statement::Outputs(_) => FormStep::Outputs,
+            Statement::Pose => FormStep::Pose,
         };
         self.steps.push(step);
         Ok(())

@@ -1,6 +1,6 @@
 //! Executes the intermediate form: two tasks, each statement an instant of its own, and an arm with an advance run.
 //!
-//! Who owns a [`Controller`] decides what happens next: a step of one of the tasks, or a step of the arm. Between any two of them
+//! Who owns a [`FormController`] decides what happens next: a step of one of the tasks, or a step of the arm. Between any two of them
 //! the images may change. Nothing here draws at random or reads a clock.
 
 mod arm;
@@ -8,12 +8,12 @@ mod code;
 
 use protocol::image::{ErrorNumber, IMAGE_LEN, Image, Order};
 
-use arm::Arm;
 pub use arm::Begun;
-pub use code::{Code, FormError};
-use code::{Step, Value};
+use arm::ExecutedArm;
+pub use code::{FormCode, FormError};
+use code::{FormStep, Value};
 
-use crate::form::{Driven, Field, Operation, Stopwatch};
+use crate::form::{Driven, Field, FormOperation, WatchTimer};
 use crate::registers::COUNT;
 
 /// Limit of the stopwatch of the PLC's life counter in ms, as in the exported code.
@@ -21,7 +21,7 @@ pub const LIFE_MS: u64 = 100;
 
 /// Where a task is.
 #[derive(Clone, Debug, Default)]
-struct Place {
+struct TaskPlace {
     step: usize,
     returns: Vec<usize>,
     /// Where a stop leads to, with the depth of the calls there; while a guard is armed.
@@ -34,13 +34,13 @@ struct Place {
 
 /// A robot controller that executes the form.
 #[derive(Clone, Debug)]
-pub struct Controller<'a> {
-    code: &'a Code,
+pub struct FormController<'a> {
+    code: &'a FormCode,
     order: Order,
     values: Vec<i64>,
-    motion: Place,
-    cyclic: Place,
-    arm: Arm,
+    motion: TaskPlace,
+    cyclic: TaskPlace,
+    arm: ExecutedArm,
     image: Image,
     /// The clock in ms.
     now: u64,
@@ -52,11 +52,11 @@ pub struct Controller<'a> {
     reach: fn(&[u32; COUNT]) -> ErrorNumber,
 }
 
-impl<'a> Controller<'a> {
+impl<'a> FormController<'a> {
     /// Creates a controller on a bus of this byte order, whose advance run is at most so many motions ahead.
     #[must_use]
     pub fn new(
-        code: &'a Code,
+        code: &'a FormCode,
         order: Order,
         advance: usize,
         reach: fn(&[u32; COUNT]) -> ErrorNumber,
@@ -65,9 +65,9 @@ impl<'a> Controller<'a> {
             code,
             order,
             values: code.first.clone(),
-            motion: Place::default(),
-            cyclic: Place::default(),
-            arm: Arm::new(advance),
+            motion: TaskPlace::default(),
+            cyclic: TaskPlace::default(),
+            arm: ExecutedArm::new(advance),
             image: [0; IMAGE_LEN],
             now: 0,
             watches: [0; 2],
@@ -133,8 +133,8 @@ impl<'a> Controller<'a> {
             }
         } else if self.arm.triggers > 0 {
             self.arm.triggers -= 1;
-            let mut routine = Place::default();
-            for step in code.on_trigger.iter().filter(|step| !matches!(step, Step::Return)) {
+            let mut routine = TaskPlace::default();
+            for step in code.on_trigger.iter().filter(|step| !matches!(step, FormStep::Return)) {
                 self.execute(step, &mut routine, command);
             }
         } else if let Some(step) = code.motion.get(place.step) {
@@ -143,32 +143,32 @@ impl<'a> Controller<'a> {
         self.motion = place;
     }
 
-    fn execute(&mut self, step: &Step, place: &mut Place, command: &Image) {
+    fn execute(&mut self, step: &FormStep, place: &mut TaskPlace, command: &Image) {
         let mut next = place.step + 1;
         match step {
-            Step::Read(into, field) => self.values[*into] = self.number(command, field),
-            Step::Write(field, value) => {
+            FormStep::Read(into, field) => self.values[*into] = self.number(command, field),
+            FormStep::Write(field, value) => {
                 let number = self.evaluate(value);
                 self.write(field, number);
             }
-            Step::Set(name, value) => {
+            FormStep::Set(name, value) => {
                 let to = self.evaluate(value);
                 let rises = *name == self.code.stop && to != 0 && self.values[*name] == 0;
                 self.values[*name] = to;
                 // Only an edge acts, and only while the guard is armed. `stop` is set by the cyclic task.
                 self.motion.is_stopped |= rises && self.motion.guard.is_some();
             }
-            Step::JumpUnless(value, target) if self.evaluate(value) == 0 => next = *target,
-            Step::JumpUnless(..) | Step::Yield | Step::Outputs | Step::Pose => {}
-            Step::Jump(target) => next = *target,
-            Step::Call(target) => {
+            FormStep::JumpUnless(value, target) if self.evaluate(value) == 0 => next = *target,
+            FormStep::JumpUnless(..) | FormStep::Yield | FormStep::Outputs | FormStep::Pose => {}
+            FormStep::Jump(target) => next = *target,
+            FormStep::Call(target) => {
                 place.returns.push(next);
                 next = *target;
             }
-            Step::Return => next = place.returns.pop().unwrap_or(0),
-            Step::Guard { exit } => place.guard = Some((*exit, place.returns.len())),
-            Step::EndGuard => place.guard = None,
-            Step::Move(driven, trigger) => {
+            FormStep::Return => next = place.returns.pop().unwrap_or(0),
+            FormStep::Guard { exit } => place.guard = Some((*exit, place.returns.len())),
+            FormStep::EndGuard => place.guard = None,
+            FormStep::Move(driven, trigger) => {
                 let number = self.values[self.code.asked_number] as u16;
                 let registers = [self.registers()];
                 let motions = match driven {
@@ -179,9 +179,9 @@ impl<'a> Controller<'a> {
                     next = place.step;
                 }
             }
-            Step::Pause if !self.arm.is_done() => next = place.step,
-            Step::Pause => {}
-            Step::Hold(ms) => {
+            FormStep::Pause if !self.arm.is_done() => next = place.step,
+            FormStep::Pause => {}
+            FormStep::Hold(ms) => {
                 let until = *place.held_until.get_or_insert(self.now + u64::from(*ms));
                 if self.now < until {
                     next = place.step;
@@ -189,8 +189,8 @@ impl<'a> Controller<'a> {
                     place.held_until = None;
                 }
             }
-            Step::Restart(watch) => self.watches[*watch as usize] = self.now,
-            Step::Speed(name) => self.arm.speed = self.values[*name],
+            FormStep::Restart(watch) => self.watches[*watch as usize] = self.now,
+            FormStep::Speed(name) => self.arm.speed = self.values[*name],
         }
         place.step = next;
     }
@@ -234,8 +234,8 @@ impl<'a> Controller<'a> {
             Value::Not(inner) => (self.evaluate(inner) == 0).into(),
             Value::AtRest => self.arm.is_at_rest().into(),
             Value::DrivesOn => 1,
-            Value::Expired(Stopwatch::Life) => (self.now - self.watches[0] > LIFE_MS).into(),
-            Value::Expired(Stopwatch::Count) => (self.now - self.watches[1] >= self.cycle_ms).into(),
+            Value::Expired(WatchTimer::Life) => (self.now - self.watches[0] > LIFE_MS).into(),
+            Value::Expired(WatchTimer::Count) => (self.now - self.watches[1] >= self.cycle_ms).into(),
             Value::NotFinite(index) => (!f32::from_bits(self.values[*index] as u32).is_finite()).into(),
             Value::Reach => u16::from((self.reach)(&self.registers())).into(),
             Value::Pair(operation, operands) => {
@@ -246,19 +246,19 @@ impl<'a> Controller<'a> {
     }
 }
 
-fn operate(operation: Operation, one: i64, other: i64) -> i64 {
+fn operate(operation: FormOperation, one: i64, other: i64) -> i64 {
     match operation {
-        Operation::Add => one.saturating_add(other),
-        Operation::Subtract => one.saturating_sub(other),
-        Operation::Divide => one.checked_div(other).unwrap_or(0),
-        Operation::Modulo => one.checked_rem(other).unwrap_or(0),
-        Operation::BitAnd => one & other,
-        Operation::BitXor => one ^ other,
-        Operation::Equal => (one == other).into(),
-        Operation::Unequal => (one != other).into(),
-        Operation::Less => (one < other).into(),
-        Operation::Greater => (one > other).into(),
-        Operation::And => (one != 0 && other != 0).into(),
-        Operation::Or => (one != 0 || other != 0).into(),
+        FormOperation::Add => one.saturating_add(other),
+        FormOperation::Subtract => one.saturating_sub(other),
+        FormOperation::Divide => one.checked_div(other).unwrap_or(0),
+        FormOperation::Modulo => one.checked_rem(other).unwrap_or(0),
+        FormOperation::BitAnd => one & other,
+        FormOperation::BitXor => one ^ other,
+        FormOperation::Equal => (one == other).into(),
+        FormOperation::Unequal => (one != other).into(),
+        FormOperation::Less => (one < other).into(),
+        FormOperation::Greater => (one > other).into(),
+        FormOperation::And => (one != 0 && other != 0).into(),
+        FormOperation::Or => (one != 0 || other != 0).into(),
     }
 }

@@ -12,7 +12,7 @@ use super::words::{
 };
 use super::{Flaw, grant, request};
 use crate::ErrorNumber;
-use crate::form::{Expression, Operation, Routine, Sense, Statement, Stopwatch};
+use crate::form::{Expression, FormOperation, Routine, Sense, Statement, WatchTimer};
 
 /// Bits of the control word.
 mod control {
@@ -105,20 +105,20 @@ fn receive(flaw: Option<Flaw>) -> Vec<Statement> {
             differ("life", "last_life"),
             vec![
                 set("last_life", value("life")),
-                Statement::Restart(Stopwatch::Life),
+                Statement::Restart(WatchTimer::Life),
                 when(
                     not(value("connected")),
                     vec![set("connected", truth(true)), set("links", plus(value("links"), 1))],
                 ),
             ],
-            vec![when(ask(Sense::Expired(Stopwatch::Life)), vec![set("connected", truth(false))])],
+            vec![when(ask(Sense::Expired(WatchTimer::Life)), vec![set("connected", truth(false))])],
         ),
     ];
     let outputs = vec![
         read("plc_outputs", "outputs"),
         Statement::If(
             both(value("connected"), value("outputs_known")),
-            vec![set("changed", pair(Operation::BitXor, value("plc_outputs"), value("plc_last")))],
+            vec![set("changed", pair(FormOperation::BitXor, value("plc_outputs"), value("plc_last")))],
             vec![set("changed", number(0))],
         ),
         set("plc_last", value("plc_outputs")),
@@ -145,9 +145,9 @@ fn receive(flaw: Option<Flaw>) -> Vec<Statement> {
 
 /// Takes the changed bits of the outputs from a word.
 fn switch(from: Expression) -> Vec<Statement> {
-    let masked = |word| pair(Operation::BitAnd, word, value("changed"));
+    let masked = |word| pair(FormOperation::BitAnd, word, value("changed"));
     let kept = minus(value("outputs"), masked(value("outputs")));
-    vec![set("outputs", pair(Operation::Add, kept, masked(from))), Statement::Outputs("outputs")]
+    vec![set("outputs", pair(FormOperation::Add, kept, masked(from))), Statement::Outputs("outputs")]
 }
 
 fn follow() -> Vec<Statement> {
@@ -375,9 +375,9 @@ fn show() -> Vec<Statement> {
         write("state", value("state")),
         call("show_status"),
         when(
-            ask(Sense::Expired(Stopwatch::Count)),
+            ask(Sense::Expired(WatchTimer::Count)),
             vec![
-                Statement::Restart(Stopwatch::Count),
+                Statement::Restart(WatchTimer::Count),
                 set("count", bits_of_sum()),
                 write("life", value("count")),
             ],
@@ -387,7 +387,7 @@ fn show() -> Vec<Statement> {
 
 /// The robot's life counter, one more, in 16 bits.
 fn bits_of_sum() -> Expression {
-    pair(Operation::Modulo, plus(value("count"), 1), number(65_536))
+    pair(FormOperation::Modulo, plus(value("count"), 1), number(65_536))
 }
 
 fn show_status() -> Vec<Statement> {

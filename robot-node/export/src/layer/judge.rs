@@ -1,14 +1,14 @@
 //! The check of the motion in the registers: the first thing that the robot does not execute becomes the error.
 
-use super::Served;
+use super::ServedSkills;
 use super::motion::error;
 use super::words::{above, ask, both, differ, either, has, is, is_not, less, not, number, set, value, when};
 use crate::ErrorNumber;
-use crate::form::{Expression, Operation, Routine, Sense};
+use crate::form::{Expression, FormOperation, Routine, Sense};
 use crate::registers::REGISTERS;
 
 /// Returns the routine `judge`, which sets `error`.
-pub(super) fn routine(served: &Served) -> Routine {
+pub(super) fn routine(served: &ServedSkills) -> Routine {
     let fault = |condition, number| (condition, vec![set("error", error(number))]);
     let mut arms = vec![
         fault(either(is("kind", 0), above(value("kind"), number(6))), ErrorNumber::UnknownMotionKind),
@@ -19,8 +19,8 @@ pub(super) fn routine(served: &Served) -> Routine {
             if served.splines { both(is("kind", 5), is("skill", 16)) } else { is("kind", 5) },
             ErrorNumber::MotionKindNotSupported,
         ),
-        fault(not(among("frames", 16, Operation::Divide, &served.tools)), ErrorNumber::UnknownTool),
-        fault(not(among("frames", 16, Operation::Modulo, &served.bases)), ErrorNumber::UnknownBase),
+        fault(not(among("frames", 16, FormOperation::Divide, &served.tools)), ErrorNumber::UnknownTool),
+        fault(not(among("frames", 16, FormOperation::Modulo, &served.bases)), ErrorNumber::UnknownBase),
     ];
     for (name, path, number) in [
         ("velocity", served.velocity, ErrorNumber::VelocityOutOfRange),
@@ -67,10 +67,10 @@ fn beyond(name: &'static str, path: u16) -> Expression {
 fn among(
     name: &'static str,
     by: i64,
-    operation: Operation,
+    operation: FormOperation,
     numbers: &std::collections::BTreeSet<u8>,
 ) -> Expression {
     let part = || super::words::pair(operation, value(name), number(by));
-    let same = |one: &u8| super::words::pair(Operation::Equal, part(), number((*one).into()));
+    let same = |one: &u8| super::words::pair(FormOperation::Equal, part(), number((*one).into()));
     numbers.iter().map(same).reduce(either).unwrap_or_else(|| less(number(1), number(0)))
 }

@@ -45,23 +45,23 @@ pub(crate) mod grant {
 
 /// A part of a stored program.
 #[derive(Clone, PartialEq, Debug)]
-pub enum Part {
+pub enum ProgramPart {
     /// Consecutive motions that the language gives as one: a motion, or the pieces of one spline.
     Motions(Vec<Motion>),
     /// A stop that switches outputs and waits.
     Switch {
         /// Bits to switch.
         mask: u16,
-        /// Whether they are set.
+        /// They are set, or else cleared.
         on: bool,
         /// Wait after it in ms.
         wait_ms: u32,
     },
 }
 
-/// What a robot and its language serve.
+/// Skills and options that a robot and its language serve.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Served {
+pub struct ServedSkills {
     /// Single splines, and splines of stored programs.
     pub splines: bool,
     /// The configuration of a PTP.
@@ -77,7 +77,7 @@ pub struct Served {
     /// Numbers of the bases that are defined.
     pub bases: BTreeSet<u8>,
     /// Programs by number.
-    pub programs: Vec<(u16, Vec<Part>)>,
+    pub programs: Vec<(u16, Vec<ProgramPart>)>,
 }
 
 /// A mistake in the second layer, for tests that must find it.
@@ -103,7 +103,7 @@ pub enum Flaw {
 
 /// Builds the second layer, with a flaw for tests.
 #[must_use]
-pub fn kit(served: &Served, flaw: Option<Flaw>) -> Kit {
+pub fn kit(served: &ServedSkills, flaw: Option<Flaw>) -> Kit {
     let count = vec![set("executed", words::plus(value("executed"), 1))];
     let on_trigger = Routine {
         name: "moved".into(),
@@ -129,17 +129,17 @@ fn program_name(number: u16) -> String {
 }
 
 /// Writes a stored program.
-fn program(program_number: u16, parts: &[Part], flaw: Option<Flaw>) -> Routine {
+fn program(program_number: u16, parts: &[ProgramPart], flaw: Option<Flaw>) -> Routine {
     let mut body = Vec::new();
     let mut given = 0;
     for part in parts {
         match part {
-            Part::Motions(motions) => {
+            ProgramPart::Motions(motions) => {
                 given += i64::try_from(motions.len()).unwrap_or(i64::MAX);
                 let driven = motions.iter().map(crate::registers::registers).collect();
                 body.push(Statement::Move(Driven::Stored(driven), trigger(flaw)));
             }
-            Part::Switch { mask, on, wait_ms } => {
+            ProgramPart::Switch { mask, on, wait_ms } => {
                 body.extend([
                     set("taken", number(given)),
                     call("arrive"),

@@ -4,9 +4,9 @@ use super::words::{
     above, both, call, differ, either, first_of, has, is, is_not, less, minus, not, number, plus, read, same,
     set, truth, value, when,
 };
-use super::{Flaw, Served, grant, program_name, request, trigger};
+use super::{Flaw, ServedSkills, grant, program_name, request, trigger};
 use crate::ErrorNumber;
-use crate::form::{Driven, Expression, Operation, Routine, Statement};
+use crate::form::{Driven, Expression, FormOperation, Routine, Statement};
 use crate::registers::{COUNT, REGISTERS, slot_field};
 
 /// `EXECUTE` in the control word.
@@ -35,7 +35,7 @@ fn routine(name: &str, purpose: &'static str, body: Vec<Statement>) -> Routine {
 }
 
 /// Returns the routines of the task, the one that runs first.
-pub(super) fn routines(served: &Served, flaw: Option<Flaw>) -> Vec<Routine> {
+pub(super) fn routines(served: &ServedSkills, flaw: Option<Flaw>) -> Vec<Routine> {
     vec![
         routine("main", "Takes commands and executes them, for ever.", main()),
         routine("take", "Reads a command until two readings of its number and of EXECUTE agree.", take(flaw)),
@@ -100,13 +100,13 @@ fn take(flaw: Option<Flaw>) -> Vec<Statement> {
     ]
     .concat();
     let execute = |name| super::words::bits(name, EXECUTE);
-    let agree = super::words::pair(Operation::Equal, execute("control"), execute("control_again"));
+    let agree = super::words::pair(FormOperation::Equal, execute("control"), execute("control_again"));
     vec![Statement::Repeat(once, both(same("number", "number_again"), agree))]
 }
 
-fn check(served: &Served, flaw: Option<Flaw>) -> Vec<Statement> {
+fn check(served: &ServedSkills, flaw: Option<Flaw>) -> Vec<Statement> {
     let fault = |condition, number| (condition, vec![set("error", error(number))]);
-    let is_one = |name| super::words::pair(Operation::Unequal, value(name), number(1));
+    let is_one = |name| super::words::pair(FormOperation::Unequal, value(name), number(1));
     let programs = served.programs.iter().map(|(number, _)| is("program", (*number).into()));
     let known = programs.reduce(either).unwrap_or_else(|| truth(false));
     let is_single = both(above(value("skill"), number(0)), less(value("skill"), number(7)));
@@ -183,7 +183,7 @@ fn answered() -> Vec<Statement> {
     vec![Statement::While(is_not("request", 0), vec![Statement::Pause])]
 }
 
-fn perform(served: &Served, flaw: Option<Flaw>) -> Vec<Statement> {
+fn perform(served: &ServedSkills, flaw: Option<Flaw>) -> Vec<Statement> {
     let programs = served
         .programs
         .iter()
@@ -233,7 +233,7 @@ fn stream(flaw: Option<Flaw>) -> Vec<Statement> {
 }
 
 fn look(flaw: Option<Flaw>) -> Vec<Statement> {
-    let slot = set("slot", super::words::pair(Operation::Modulo, value("taken"), number(SLOTS)));
+    let slot = set("slot", super::words::pair(FormOperation::Modulo, value("taken"), number(SLOTS)));
     let written = vec![
         read("written", "written"),
         // A `written` of another command says nothing of this one.

@@ -1,6 +1,6 @@
 //! The words in which the second layer is written: short constructors of the intermediate form, and the fields of both images.
 
-use crate::form::{Expression, Field, Operation, Sense, Statement, Variable};
+use crate::form::{Expression, Field, FormOperation, Sense, Statement, Variable};
 
 pub(super) fn number(value: i64) -> Expression {
     Expression::Number(value)
@@ -14,7 +14,7 @@ pub(super) fn truth(value: bool) -> Expression {
     Expression::Truth(value)
 }
 
-pub(super) fn pair(operation: Operation, one: Expression, other: Expression) -> Expression {
+pub(super) fn pair(operation: FormOperation, one: Expression, other: Expression) -> Expression {
     Expression::Pair(operation, Box::new(one), Box::new(other))
 }
 
@@ -27,53 +27,53 @@ pub(super) fn ask(sense: Sense) -> Expression {
 }
 
 pub(super) fn plus(one: Expression, other: i64) -> Expression {
-    pair(Operation::Add, one, number(other))
+    pair(FormOperation::Add, one, number(other))
 }
 
 pub(super) fn minus(one: Expression, other: Expression) -> Expression {
-    pair(Operation::Subtract, one, other)
+    pair(FormOperation::Subtract, one, other)
 }
 
 pub(super) fn is(name: Variable, other: i64) -> Expression {
-    pair(Operation::Equal, value(name), number(other))
+    pair(FormOperation::Equal, value(name), number(other))
 }
 
 pub(super) fn is_not(name: Variable, other: i64) -> Expression {
-    pair(Operation::Unequal, value(name), number(other))
+    pair(FormOperation::Unequal, value(name), number(other))
 }
 
 pub(super) fn same(one: Variable, other: Variable) -> Expression {
-    pair(Operation::Equal, value(one), value(other))
+    pair(FormOperation::Equal, value(one), value(other))
 }
 
 pub(super) fn differ(one: Variable, other: Variable) -> Expression {
-    pair(Operation::Unequal, value(one), value(other))
+    pair(FormOperation::Unequal, value(one), value(other))
 }
 
 pub(super) fn less(one: Expression, other: Expression) -> Expression {
-    pair(Operation::Less, one, other)
+    pair(FormOperation::Less, one, other)
 }
 
 pub(super) fn above(one: Expression, other: Expression) -> Expression {
-    pair(Operation::Greater, one, other)
+    pair(FormOperation::Greater, one, other)
 }
 
 pub(super) fn both(one: Expression, other: Expression) -> Expression {
-    pair(Operation::And, one, other)
+    pair(FormOperation::And, one, other)
 }
 
 pub(super) fn either(one: Expression, other: Expression) -> Expression {
-    pair(Operation::Or, one, other)
+    pair(FormOperation::Or, one, other)
 }
 
 /// Bits of a variable.
 pub(super) fn bits(name: Variable, mask: i64) -> Expression {
-    pair(Operation::BitAnd, value(name), number(mask))
+    pair(FormOperation::BitAnd, value(name), number(mask))
 }
 
-/// Whether one bit of a variable is set.
+/// Returns the condition that one bit of a variable is set.
 pub(super) fn has(name: Variable, mask: i64) -> Expression {
-    pair(Operation::Unequal, bits(name, mask), number(0))
+    pair(FormOperation::Unequal, bits(name, mask), number(0))
 }
 
 pub(super) fn set(name: Variable, to: Expression) -> Statement {

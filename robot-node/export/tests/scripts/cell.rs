@@ -5,26 +5,28 @@ use std::collections::VecDeque;
 use plc_node::Override;
 use plc_node::function_blocks::{BufferMode, Outputs};
 use protocol::image::{ErrorNumber, IMAGE_LEN, Image, Order, Status};
-use robot_export::execution::{Code, Controller};
-use robot_export::layer::{Flaw, Part, Served, kit};
+use robot_export::execution::{FormCode, FormController};
+use robot_export::layer::{Flaw, ProgramPart, ServedSkills, kit};
 use robot_export::registers::{COUNT, registers};
 
-use super::plc::{BLOCKS, DISABLE, HALT, LINE, LOWEST, OTHER, PROGRAM, Plc, SKILLS, STOP, WAY, program};
+use super::plc::{
+    BLOCKS, DISABLE, HALT, LINE, LOWEST, OTHER, PROGRAM, PlcBlocks, SKILLS, STOP, WAY, program,
+};
 use super::rules::{Broken, Rules};
 
 /// Motion of a bad list that is out of reach.
 pub(crate) const BAD_MOTION: u32 = 6;
 
 /// Returns the second layer with a flaw or without, translated.
-pub(crate) fn code(flaw: Option<Flaw>, has_sign: bool) -> Code {
+pub(crate) fn code(flaw: Option<Flaw>, has_sign: bool) -> FormCode {
     let motions = program();
     let (before, after) = motions.split_at(3);
-    let single = |motion: &protocol::image::Motion| Part::Motions(vec![*motion]);
-    let stop = Part::Switch { mask: 4, on: true, wait_ms: 3 };
+    let single = |motion: &protocol::image::Motion| ProgramPart::Motions(vec![*motion]);
+    let stop = ProgramPart::Switch { mask: 4, on: true, wait_ms: 3 };
     // Two motions of the program are the pieces of one spline: what counts them is the same.
-    let spline = Part::Motions(after[..2].to_vec());
+    let spline = ProgramPart::Motions(after[..2].to_vec());
     let parts = before.iter().map(single).chain([stop, spline]).chain(after[2..].iter().map(single));
-    let served = Served {
+    let served = ServedSkills {
         splines: true,
         configurations: true,
         decelerations: false,
@@ -36,16 +38,16 @@ pub(crate) fn code(flaw: Option<Flaw>, has_sign: bool) -> Code {
     };
     let kit = kit(&served, flaw);
     assert_eq!(kit.faults(), Vec::<String>::new());
-    Code::of(&kit, has_sign).unwrap()
+    FormCode::of(&kit, has_sign).unwrap()
 }
 
 fn reach(registers: &[u32; COUNT]) -> ErrorNumber {
     if f32::from_bits(registers[2]) < LOWEST { ErrorNumber::Unreachable } else { ErrorNumber::None }
 }
 
-/// How fast each part is.
+/// Speed of each part.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pace {
+pub(crate) struct CellPace {
     /// Statements and steps of the arm in a scan of the PLC.
     pub(crate) steps: u32,
     /// Shares of motion task, cyclic task and arm in them.
@@ -53,9 +55,9 @@ pub(crate) struct Pace {
     pub(crate) delays: [usize; 2],
 }
 
-pub(crate) struct Cell<'a> {
-    pub(crate) plc: Plc,
-    pub(crate) robot: Controller<'a>,
+pub(crate) struct ScriptCell<'a> {
+    pub(crate) plc: PlcBlocks,
+    pub(crate) robot: FormController<'a>,
     order: Order,
     pub(crate) execute: [bool; BLOCKS],
     /// Blocks that are set until they have ended.
@@ -77,11 +79,11 @@ pub(crate) struct Cell<'a> {
     before: [u16; BLOCKS],
 }
 
-impl<'a> Cell<'a> {
-    pub(crate) fn new(code: &'a Code, order: Order, advance: usize) -> Self {
+impl<'a> ScriptCell<'a> {
+    pub(crate) fn new(code: &'a FormCode, order: Order, advance: usize) -> Self {
         Self {
-            plc: Plc::new(),
-            robot: Controller::new(code, order, advance, reach),
+            plc: PlcBlocks::new(),
+            robot: FormController::new(code, order, advance, reach),
             order,
             execute: [false; BLOCKS],
             pulses: [false; BLOCKS],
@@ -100,7 +102,7 @@ impl<'a> Cell<'a> {
     }
 
     /// Runs a scan of the PLC and what the robot does meanwhile, drawn by `draw`.
-    pub(crate) fn scan(&mut self, pace: Pace, draw: &mut impl FnMut(u32) -> u32) -> Result<(), Broken> {
+    pub(crate) fn scan(&mut self, pace: CellPace, draw: &mut impl FnMut(u32) -> u32) -> Result<(), Broken> {
         let feedback = (self.lost == 0).then(|| self.order.parse_feedback(&self.feedback).unwrap());
         if self.lost > 0 {
             self.lost -= 1;
@@ -172,7 +174,7 @@ impl<'a> Cell<'a> {
         Ok(())
     }
 
-    fn exchange(&mut self, pace: Pace) {
+    fn exchange(&mut self, pace: CellPace) {
         let mut image = [0; IMAGE_LEN];
         self.order.emit_command(self.plc.group.command(), &mut image);
         self.commands.push_back(image);
@@ -233,7 +235,7 @@ impl<'a> Cell<'a> {
     pub(crate) fn run(
         &mut self,
         block: usize,
-        pace: Pace,
+        pace: CellPace,
         draw: &mut impl FnMut(u32) -> u32,
     ) -> Result<Outputs, Broken> {
         self.execute[block] = true;

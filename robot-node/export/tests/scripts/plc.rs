@@ -64,7 +64,7 @@ pub(crate) fn program() -> Vec<Motion> {
     (0..7).map(|at| motion(MotionKind::LinCartesian, 900_000 + at, 10.0)).collect()
 }
 
-pub(crate) struct Plc {
+pub(crate) struct PlcBlocks {
     pub(crate) group: AxesGroup,
     way: MoveContinuous,
     line: MoveLinCartesian,
@@ -80,7 +80,7 @@ pub(crate) struct Plc {
     pub(crate) supplies: [Supply; SKILLS],
 }
 
-impl Plc {
+impl PlcBlocks {
     pub(crate) fn new() -> Self {
         Self {
             group: AxesGroup::new(WaitLimits { answer_scans: 8_000, silent_scans: u32::MAX }),

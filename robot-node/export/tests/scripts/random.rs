@@ -1,12 +1,12 @@
-//! Random scripts: what the PLC's program asks for, how fast everything is, and where the images stay behind.
+//! Random scripts: what the PLC's program asks for, how fast everything is, and which images are late.
 
 use plc_node::function_blocks::BufferMode;
 use protocol::image::{MotionKind, Order};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use robot_export::execution::Code;
+use robot_export::execution::FormCode;
 
-use super::cell::{BAD_MOTION, Cell, Pace, SUPPLIED};
+use super::cell::{BAD_MOTION, CellPace, SUPPLIED, ScriptCell};
 use super::plc::{
     DISABLE, ENABLE, HALT, INTERRUPT, LINE, LOWEST, OTHER, PROGRAM, RESET, SKILLS, STOP, Supply, WAY, motion,
     program,
@@ -14,13 +14,13 @@ use super::plc::{
 use super::rules::Broken;
 
 /// Runs one script; returns how many motions the arm began.
-pub(crate) fn script(code: &Code, seed: u64) -> Result<usize, Broken> {
+pub(crate) fn script(code: &FormCode, seed: u64) -> Result<usize, Broken> {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut draw = move |below: u32| random.next_u32() % below.max(1);
     let order = [Order::BigEndian, Order::LittleEndian][draw(2) as usize];
     let advance = 1 + draw(5) as usize;
-    let mut cell = Cell::new(code, order, advance);
-    let pace = Pace {
+    let mut cell = ScriptCell::new(code, order, advance);
+    let pace = CellPace {
         steps: [3, 8, 25, 60][draw(4) as usize],
         shares: [[4, 4, 2], [8, 2, 2], [2, 8, 2], [4, 4, 8]][draw(4) as usize],
         delays: [draw(4) as usize, draw(4) as usize],
@@ -37,8 +37,8 @@ pub(crate) fn script(code: &Code, seed: u64) -> Result<usize, Broken> {
 }
 
 fn act_all(
-    cell: &mut Cell<'_>,
-    pace: Pace,
+    cell: &mut ScriptCell<'_>,
+    pace: CellPace,
     salt: &mut u32,
     draw: &mut impl FnMut(u32) -> u32,
 ) -> Result<(), Broken> {
@@ -56,7 +56,7 @@ fn act_all(
 }
 
 /// Gives a block of a skill new motions, unless it is under way, and starts it.
-fn start(cell: &mut Cell<'_>, block: usize, salt: &mut u32, draw: &mut impl FnMut(u32) -> u32) {
+fn start(cell: &mut ScriptCell<'_>, block: usize, salt: &mut u32, draw: &mut impl FnMut(u32) -> u32) {
     if cell.execute[block] || cell.outputs[block].busy {
         return;
     }
@@ -74,7 +74,7 @@ fn start(cell: &mut Cell<'_>, block: usize, salt: &mut u32, draw: &mut impl FnMu
     cell.pulse(block);
 }
 
-fn act(cell: &mut Cell<'_>, salt: &mut u32, draw: &mut impl FnMut(u32) -> u32) {
+fn act(cell: &mut ScriptCell<'_>, salt: &mut u32, draw: &mut impl FnMut(u32) -> u32) {
     cell.mode = [BufferMode::Aborting, BufferMode::Buffered][draw(2) as usize];
     match draw(20) {
         0..=4 => start(cell, WAY, salt, draw),
@@ -100,8 +100,8 @@ fn act(cell: &mut Cell<'_>, salt: &mut u32, draw: &mut impl FnMut(u32) -> u32) {
 
 /// Leads the robot to `Ready` from wherever the script left it, and executes a skill to its end.
 fn recover(
-    cell: &mut Cell<'_>,
-    pace: Pace,
+    cell: &mut ScriptCell<'_>,
+    pace: CellPace,
     salt: &mut u32,
     draw: &mut impl FnMut(u32) -> u32,
 ) -> Result<(), Broken> {

@@ -1,4 +1,4 @@
-//! What the arm may do, by what the PLC commanded and what the robot has shown.
+//! The motions that the arm may begin, by what the PLC commanded and what the robot has shown.
 
 use std::collections::BTreeMap;
 
