@@ -1,5 +1,5 @@
 //! The files of an export: whole or not at all, equal twice, and what their checkers find.
-#![expect(clippy::panic, clippy::unwrap_used, reason = "a test that cannot go on stops")]
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on stops")]
 #![expect(clippy::disallowed_methods, reason = "the files of an export are what is tested")]
 
 use std::collections::BTreeSet;
@@ -9,7 +9,7 @@ use protocol::image::{Configuration, Motion, MotionKind};
 use robot_export::layer::kit;
 use robot_export::{ExportError, Maker, RobotApplication, export, files, krl_check, longest_name};
 
-const MAKERS: [Maker; 2] = [Maker::Kuka, Maker::Abb];
+static MAKERS: [Maker; 2] = [Maker::Kuka, Maker::Abb];
 
 fn application(setup: &str, instead: Option<&str>) -> RobotApplication {
     let (setup, found) = planning::setup_and_application(setup, instead).unwrap();
@@ -48,7 +48,8 @@ fn a_motion_that_the_language_lacks_is_refused_with_its_index_and_leaves_nothing
     let slower = |motion: &mut Motion| motion.deceleration = 1;
     let configured =
         |motion: &mut Motion| motion.configuration = Some(Configuration { status: 1, turn: None });
-    let cases: [(fn(&mut Motion), &[Maker]); 5] = [
+    type Case = (fn(&mut Motion), &'static [Maker]);
+    let cases: [Case; 5] = [
         (spline, &[Maker::Abb]),
         (force, &MAKERS),
         (jerk, &MAKERS),
