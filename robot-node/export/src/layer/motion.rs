@@ -55,6 +55,8 @@ fn main() -> Vec<Statement> {
     let started = vec![
         set("outcome", number(outcome::STOPPED)),
         Statement::Guarded("perform".into()),
+        // A stop may have come while outputs were being switched: the answer to that must not take this request away.
+        call("answered"),
         set("request", number(request::END)),
         call("answered"),
     ];
