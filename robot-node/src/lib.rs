@@ -17,6 +17,8 @@ mod cell;
 mod config;
 pub mod controller;
 mod drive_segment;
+#[cfg(all(feature = "real", target_os = "linux"))]
+mod export_command;
 pub mod motion;
 mod node;
 #[cfg(all(feature = "real", target_os = "linux"))]

@@ -28,6 +28,7 @@ use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
 use crate::controller::Ending;
+use crate::export_command::ExportCommand;
 use crate::{
     Account, ConfigError, Disturbance, ImageFault, Program, Quality, RobotConfig, RobotEvent, RobotInLine,
     RobotNode, Sample, StartOutOfReach, WaitingFor, bus,
@@ -45,6 +46,8 @@ struct Cli {
 enum Subcommand {
     /// Wait for a PLC and execute its skills.
     Run(Run),
+    /// Export the second layer and the planned program as code for another robot.
+    Export(ExportCommand),
 }
 
 #[derive(clap::Args, Debug)]
@@ -160,7 +163,10 @@ pub fn command_line() -> clap::Command {
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     node::run::exit_on_stop();
     let cli: Cli = arguments::parse(args);
-    let Subcommand::Run(run) = cli.command;
+    let run = match cli.command {
+        Subcommand::Run(run) => run,
+        Subcommand::Export(export) => return node::exit_code(export.execute(), |_| false),
+    };
     let is_usage = |error: &anyhow::Error| {
         error.is::<ConfigError>() || error.is::<StartOutOfReach>() || error.is::<StationFileError>()
     };
