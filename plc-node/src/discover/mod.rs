@@ -1,7 +1,6 @@
 //! `plc-node discover`: lists the devices on a cable, for commissioning.
 
 mod listing;
-mod printable;
 mod sub_device;
 
 use std::ops::ControlFlow;
