@@ -16,6 +16,8 @@ use crate::fault::{FileFault, excerpt};
 /// (`tests/bounds.rs`). A file of 4 MB, such as those of terminals with analogue inputs, has about 103,000 elements.
 const MOST_ELEMENTS: usize = 600_000;
 const MOST_ATTRIBUTES: usize = 600_000;
+/// Tags, texts and references to characters, which bound the time: four for each element.
+const MOST_PIECES: usize = 2_400_000;
 const MOST_NAMES: usize = 4_096;
 const MOST_DEPTH: usize = 64;
 /// Bytes that a reader may keep of one file. References let a short file describe a large device.
@@ -81,7 +83,12 @@ impl<'a> Parser<'a> {
 
     fn run(mut self) -> Result<Document<'a>, FileFault> {
         let mut reader = Reader::from_str(self.text);
+        let mut pieces = 0;
         loop {
+            pieces += 1;
+            if pieces > MOST_PIECES {
+                return Err(self.finding(format!("more than {MOST_PIECES} tags and texts; split the file")));
+            }
             let start = position(reader.buffer_position());
             let event = reader.read_event();
             self.count_lines(start);

@@ -101,6 +101,8 @@ fn xml_that_is_cut_or_not_well_formed_is_refused_with_its_line() {
     assert!(refusal("a", "<a>\n</b>").starts_with("a:2: "));
     assert!(refusal("a", "<a>\n<b c=></b></a>").starts_with("a:2: "));
     assert!(refusal("a", &"<a>".repeat(1000)).contains("deeper than 64"));
+    let references = format!("<a>{}</a>", "&lt;".repeat(2_400_000));
+    assert_eq!(refusal("a", &references), "a:1: a: more than 2400000 tags and texts; split the file");
 }
 
 #[test]
