@@ -7,6 +7,7 @@
 //! `scripts/dev.sh fuzz` runs all of them; each file of `fuzz/corpus` is also a test of the workspace.
 
 mod attack;
+mod device_files;
 mod ethercat;
 mod ethernet_ip;
 mod files;
@@ -24,7 +25,7 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 13] = [
+pub const TARGETS: [(&str, Target); 16] = [
     ("device", profinet::device),
     ("controller", profinet::controller),
     ("adapter", ethernet_ip::adapter),
@@ -38,6 +39,9 @@ pub const TARGETS: [(&str, Target); 13] = [
     ("control", files::control),
     ("motions", files::motions),
     ("records", files::records),
+    ("gsdml", device_files::gsdml),
+    ("eds", device_files::eds),
+    ("esi", device_files::esi),
 ];
 
 /// Returns this thread's heap allocations so far.

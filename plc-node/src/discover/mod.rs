@@ -2,7 +2,6 @@
 
 mod find;
 mod listing;
-mod printable;
 mod sub_device;
 
 use std::ops::ControlFlow;
