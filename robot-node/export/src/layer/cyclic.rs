@@ -108,7 +108,11 @@ fn receive(flaw: Option<Flaw>) -> Vec<Statement> {
                 Statement::Restart(WatchTimer::Life),
                 when(
                     not(value("connected")),
-                    vec![set("connected", truth(true)), set("links", plus(value("links"), 1))],
+                    vec![
+                        set("connected", truth(true)),
+                        read("old_number", "number"),
+                        set("links", plus(value("links"), 1)),
+                    ],
                 ),
             ],
             vec![when(ask(Sense::Expired(WatchTimer::Life)), vec![set("connected", truth(false))])],

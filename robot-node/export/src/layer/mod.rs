@@ -206,7 +206,8 @@ fn variables() -> Vec<Declaration> {
         "plc_outputs",
         "changed",
     ];
-    const MORE: [&str; 6] = ["why", "stopping", "plc_last", "status_word", "shown_number", "seen_again"];
+    const MORE: [&str; 7] =
+        ["why", "stopping", "plc_last", "status_word", "shown_number", "seen_again", "old_number"];
     const TRUTHS: [&str; 9] = [
         "stop",
         "switch_on",

@@ -66,12 +66,14 @@ fn main() -> Vec<Statement> {
         when(is_not("answer", grant::LATER), vec![set("last", value("number"))]),
         when(is("answer", grant::YES), started),
     ];
-    // The link is read first: a number that is read after it is of this connection. Its first number is an old one.
-    let steps = vec![Statement::If(
-        differ("link", "seen_link"),
-        vec![set("seen_link", value("link")), set("last", value("number"))],
-        vec![when(is_new, execute)],
-    )];
+    // The first number of a connection is an old one. The cyclic task reads it, before it can show `Ready`.
+    let steps = vec![
+        when(
+            differ("link", "seen_link"),
+            vec![set("seen_link", value("link")), set("last", value("old_number"))],
+        ),
+        when(is_new, execute),
+    ];
     vec![Statement::Loop(vec![
         Statement::Pause,
         set("link", value("links")),

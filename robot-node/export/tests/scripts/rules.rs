@@ -114,8 +114,8 @@ impl Rules {
                 | ErrorNumber::ConnectionLost => true,
                 _ => false,
             },
-            // The program resets a robot that it has not enabled.
-            BlockError::StateNotReached { .. } => block == super::plc::RESET,
+            // The program resets a robot that it has not enabled, or two of its blocks hold RESET, which acts once when it is set.
+            BlockError::StateNotReached { .. } => matches!(block, super::plc::RESET | super::plc::ENABLE),
             // The first number of a connection is an old one: a program that does not wait for ENABLED loses its command.
             BlockError::NoAnswer { .. } => was_lost,
             BlockError::NotConnected
