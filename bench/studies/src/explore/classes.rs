@@ -107,11 +107,14 @@ pub(super) struct Reason {
     pub(super) first: Job,
 }
 
+/// The index of a type, and the faults of a run: the index of the station and the kind of each.
+pub(super) type RowKey = (usize, Vec<(usize, What)>);
+
 /// The counts of an exploration.
 #[derive(Clone, Default, Debug)]
 pub(super) struct Classes {
     /// By type, and stations and kinds of faults.
-    pub(super) rows: BTreeMap<(usize, Vec<(usize, What)>), Row>,
+    pub(super) rows: BTreeMap<RowKey, Row>,
     /// Worst class by type, station, direction and kind, for each frame.
     pub(super) frames: BTreeMap<(usize, usize, usize, What), BTreeMap<u64, Class>>,
     /// By reason without its digits: one reason differs from the next by its numbers.

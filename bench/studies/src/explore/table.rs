@@ -3,8 +3,7 @@
 use node::screen;
 
 use super::Exploration;
-use super::classes::{Class, Reason, Row};
-use super::fault::What;
+use super::classes::{Class, Reason, Row, RowKey};
 use report::figures::signed;
 use report::outln;
 use report::progress::label;
@@ -61,7 +60,7 @@ impl Exploration<'_> {
 
     /// Returns the cells of each row.
     pub(super) fn cells(&self) -> Vec<Vec<String>> {
-        let cells = |((type_index, kinds), row): (&(usize, Vec<(usize, What)>), &Row)| {
+        let cells = |((type_index, kinds), row): (&RowKey, &Row)| {
             let execution_type = self.clean_runs.get(*type_index)?.execution_type();
             let kinds: Vec<_> =
                 kinds.iter().map(|(station, what)| self.texts.at(*station, ": ", what.label())).collect();

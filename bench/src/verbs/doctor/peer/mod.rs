@@ -21,7 +21,6 @@ use std::ops::ControlFlow;
 use anyhow::Context as _;
 use machine::{Cycle, Duration, Instant, LinkEvent, Machine};
 use node::address_check::AddressCheckError;
-use node::cell_run::CellBus;
 use node::interface_option::InterfaceOption;
 use node::run::take_address;
 use plc_node::discover::find_devices;
@@ -29,7 +28,7 @@ use protocol::fieldbus::StationId;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, capabilities, clock};
 use records::exit::{Exit, Failure};
 use report::errln;
-use setup::{Bus, BusKind, Setup};
+use setup::{Bus, BusKind, CellBus, Setup};
 
 use super::addresses;
 use super::finding::{self, Finding, Verdict};
