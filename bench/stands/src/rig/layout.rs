@@ -26,7 +26,7 @@ struct StationPlace {
     has_chip: bool,
     /// The station before it in an EtherCAT line; `None` for one at the PLC's interface.
     upstream: Option<usize>,
-    /// Whether another station comes after it in the line.
+    /// Position before another station in the line: it has two interfaces.
     leads_on: bool,
 }
 

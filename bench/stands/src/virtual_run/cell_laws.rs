@@ -41,7 +41,7 @@ pub enum BrokenLaw {
 pub(super) struct CellLaws {
     arms: Vec<WatchedArm>,
     interval: Duration,
-    /// Whether the marks of a run count.
+    /// Watch over marks, on during a run.
     is_run: bool,
     broken: Option<BrokenLaw>,
 }
