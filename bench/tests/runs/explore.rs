@@ -84,7 +84,7 @@ fn the_command_of_a_refused_run_is_refused_for_the_same_reason() {
 #[test]
 fn the_first_frame_of_a_connection_that_is_lost_is_sent_again_and_the_fault_can_be_asked_for() {
     let place = tempfile::tempdir().unwrap();
-    let run = ["--mode", "virtual", "--types", "cm", "--reps", "1", "--quiet", "--fault"];
+    let run = ["--mode", "virtual", "--types", "cm", "--reps", "1", "--fault"];
     let (code, said) = bench(place.path(), &[&run[..], &["to-robot:lose-frame=1"]].concat());
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("Faults put in (to-robot:lose-frame=1): 1 frames lost, 0 twice"), "{said}");
@@ -105,7 +105,7 @@ fn the_setup_of_an_exploration_of_any_application_runs_again_from_where_it_is() 
         let (code, said) = bench(place.path(), &explore);
         assert_eq!(code, Some(0), "{said}");
         let setup = format!("{out}/setup.toml");
-        let run = ["--setup", &setup, "--mode", "virtual", "--types", "rc", "--reps", "1", "--quiet"];
+        let run = ["--setup", &setup, "--mode", "virtual", "--types", "rc", "--reps", "1"];
         let (code, said) = bench(place.path(), &run);
         assert_eq!(code, Some(0), "{said}");
         let name = application.trim_start_matches("tasks/").trim_end_matches(".toml");
@@ -138,12 +138,9 @@ fn no_single_fault_at_any_station_of_a_cell_breaks_its_laws_or_lets_an_altered_r
             }
         }
         let page = fs::read_to_string(place.path().join("out/explore.html")).unwrap();
-        assert!(
-            page.contains("left to PLC, robot restarts")
-                && page.contains("restart-robot=")
-                && page.contains("--fault left"),
-            "{setup}"
-        );
+        for part in ["left to PLC, robot restarts", "restart-robot=", "bench --setup"] {
+            assert!(page.contains(part), "{setup}: {part}");
+        }
     }
 }
 

@@ -303,7 +303,7 @@ mod tests {
     fn a_key_that_no_setup_has_is_refused_with_the_one_that_was_meant() {
         let keys = SetupKeys::read().unwrap();
         let refused = |key: &str| keys.find(key).unwrap_err().to_string();
-        insta::assert_snapshot!(refused("robot.path_aceleration_mm_s2"), @"`robot.path_aceleration_mm_s2`: not a number, text or truth of a setup; did you mean `robot.path_acceleration_mm_s2`?");
+        insta::assert_snapshot!(refused("robot.path_acceleration_mm_s"), @"`robot.path_acceleration_mm_s`: not a number, text or truth of a setup; did you mean `robot.path_acceleration_mm_s2`?");
         insta::assert_snapshot!(refused("path_acceleration_mm_s2"), @"`path_acceleration_mm_s2`: not a number, text or truth of a setup; did you mean `robot.path_acceleration_mm_s2`?");
         insta::assert_snapshot!(refused("xyz"), @"`xyz`: not a number, text or truth of a setup; docs/keys.md lists all");
         assert_eq!(keys.find("plc.queue_depth").unwrap().kind, ValueKind::Integer, "optional");

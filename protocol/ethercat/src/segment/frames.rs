@@ -72,7 +72,7 @@ impl Segment {
         self.take(now, SegmentEnd::Onward, frame);
     }
 
-    /// Writes the next frame that leaves the segment into `buf`, as [`Machine::poll_transmit`], and returns by which end it leaves.
+    /// Writes the next frame that leaves the segment into `buf`, as [`machine::Machine::poll_transmit`], and returns by which end it leaves.
     pub fn poll_frame(&mut self, now: Instant, buf: &mut [u8]) -> Option<(SegmentEnd, Transmit)> {
         let UnderWay { by, len, frame, .. } = self.under_way.pop_front_if(|next| next.departs <= now)?;
         let room = buf.get_mut(..len);
