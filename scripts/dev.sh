@@ -33,6 +33,7 @@ verb_setup() { #: install what a new Debian machine lacks (as root)
     command -v setcap >/dev/null || missing+=(libcap2-bin)
     command -v cc >/dev/null || missing+=(gcc libc6-dev)
     command -v debootstrap >/dev/null || missing+=(debootstrap)
+    command -v sbatch >/dev/null || missing+=(slurm-wlm munge)
     # Debian has the parts of Python that make an environment in a package of its own.
     python3 -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
     if [ ${#missing[@]} -gt 0 ]; then
@@ -291,6 +292,7 @@ verb_ci() { #: all of it but setup, timing and release; ends with the seconds of
         ("verb_$verb")
         ci_end
     done
+    ci_begin studies; (verb_studies); ci_end
     # These compile everything once more, beside what waits for frames most of the time.
     (
         for verb in fresh demo; do

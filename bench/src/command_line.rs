@@ -20,6 +20,7 @@ use crate::verbs::scale::ScaleOptions;
 use crate::verbs::timing::TimingOptions;
 use studies::buses::BusesOptions;
 use studies::calibrate::CalibrateOptions;
+use studies::engine::StudyVerb;
 use studies::explore::ExploreOptions;
 use studies::judge::JudgeOptions;
 use studies::long::LongOptions;
@@ -99,6 +100,9 @@ pub enum Command {
     /// Measure the cost of a cycle by the number of stations, in virtual time or on a real network.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Scale(ScaleOptions),
+    /// Run a study of your own: a file says what varies, and each repetition becomes a row; on this machine or on a cluster.
+    #[command(subcommand)]
+    Study(StudyVerb),
     /// Show where one MoveContinuousSkill is slower than the robot's program: slots × bus cycle × length of motions.
     Sweep(SweepOptions),
     /// Show how the execution times change with the setup's assumptions: motions, path, acceleration, blending, overhead.

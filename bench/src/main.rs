@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use bench::command_line::{Cli, Command};
 #[cfg(all(feature = "real", target_os = "linux"))]
 use bench::verbs::{doctor, overhead, scale, timing};
-use bench::verbs::{from_capture, gate, history, import_samples, install, measure, new, report};
+use bench::verbs::{from_capture, gate, history, import_samples, install, measure, new, report, study};
 use clap::CommandFactory;
 use node::{arguments, errln, screen};
 use records::exit::Failure;
@@ -48,6 +48,7 @@ fn main() -> ExitCode {
         Some(Command::Timing(options)) => timing::run(options),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Scale(options)) => scale::run(options),
+        Some(Command::Study(verb)) => study::run(verb),
         Some(Command::Sweep(options)) => sweep::run(options),
         Some(Command::Sensitivity(options)) => sensitivity::run(options),
         Some(Command::Judge(options)) => judge::run(options),

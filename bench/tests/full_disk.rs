@@ -13,6 +13,7 @@ fn main() -> ExitCode {
         a_run_ends_in_order_at_whatever_point_the_disk_becomes_full_and_its_files_can_be_read,
         a_report_without_room_on_the_disk_keeps_the_old_one,
         a_baseline_without_room_on_the_disk_keeps_the_old_one,
+        a_study_on_a_full_disk_ends_in_words_and_goes_on_when_there_is_room,
         a_real_run_on_a_full_disk_ends_with_the_reason_and_leaves_nothing_running,
     ])
 }
@@ -150,6 +151,36 @@ fn a_baseline_without_room_on_the_disk_keeps_the_old_one() {
     insta::assert_snapshot!(finished.stderr, @"error: no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline: cannot write disk/A.json: No space left on device (os error 28)");
     assert_eq!(fs::read_to_string(place.path().join("copy/A.json")).unwrap(), baseline);
     assert_eq!(fs::read_dir(place.path().join("copy")).unwrap().count(), 1);
+}
+
+fn a_study_on_a_full_disk_ends_in_words_and_goes_on_when_there_is_room() {
+    let place = tempfile::tempdir().unwrap();
+    let study = "[study]\nsetup = \"A\"\ntypes = [\"cm\"]\nreps = 1\nseeds = \"1..=400\"\n";
+    fs::write(place.path().join("study.toml"), study).unwrap();
+    // The disk fills when the first jobs are saved, which the estimate before them does not see.
+    let script = "
+        $BENCH study run study.toml --out disk/study --quiet >/dev/null &
+        until [ \"$(wc -l 2>/dev/null <disk/study/jobs.csv)\" -gt 3 ] 2>/dev/null; do :; done
+        cat /dev/zero >disk/rest 2>/dev/null
+        wait $!
+        echo $? >code
+        tail -c 1 disk/study/rows.csv | od -An -c >end
+        rm disk/rest
+        $BENCH study run study.toml --out disk/study --quiet >/dev/null || exit 9
+        $BENCH study run study.toml --out whole --quiet >/dev/null || exit 9
+        $BENCH study merge disk/study --out one && $BENCH study merge whole --out other";
+    let finished = on_a_disk(place.path(), 4_096, script);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    let text = |name| fs::read_to_string(place.path().join(name)).unwrap();
+    assert_eq!(text("code").trim(), "5", "{}", finished.stderr);
+    assert_eq!(text("end").trim(), "\\n", "half a line is left");
+    assert!(
+        finished.stderr.contains("cannot write disk/study/") && finished.stderr.contains(FULL),
+        "{}",
+        finished.stderr
+    );
+    let digests: Vec<_> = finished.stdout.lines().filter(|line| line.starts_with("digest ")).collect();
+    assert!(matches!(digests[..], [one, other] if one == other), "{}", finished.stdout);
 }
 
 /// The captures and both nodes' rows fill the disk while the arm moves.

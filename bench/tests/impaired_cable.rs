@@ -9,7 +9,7 @@ use std::time::Duration;
 use networked_tests::End;
 use protocol_linux::Interface;
 use protocol_linux::allocation;
-use protocol_linux::impaired::{ImpairedCable, Observer};
+use protocol_linux::impaired::{AtCut, ImpairedCable, Observer};
 use protocol_linux::namespace::NetworkNamespace;
 use records::faults;
 use stands as _; // its counting allocator
@@ -43,7 +43,13 @@ fn networks() -> ([NetworkNamespace; 2], NetworkNamespace) {
 fn lay(middle: &NetworkNamespace, plan: &ImpairmentPlan) -> ImpairedCable {
     let start = || {
         let [left, right] = ["to-left", "to-right"].map(|name| Interface::open(name).unwrap());
-        ImpairedCable::start([&left, &right], plan, [Observer::default(), Observer::default()]).unwrap()
+        ImpairedCable::start(
+            [&left, &right],
+            plan,
+            AtCut::KeepsCarrier,
+            [Observer::default(), Observer::default()],
+        )
+        .unwrap()
     };
     middle.run(start).unwrap()
 }

@@ -8,6 +8,7 @@
 
 mod attack;
 mod capture;
+mod device_files;
 mod ethercat;
 mod ethernet_ip;
 mod files;
@@ -25,7 +26,7 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 15] = [
+pub const TARGETS: [(&str, Target); 18] = [
     ("device", profinet::device),
     ("controller", profinet::controller),
     ("adapter", ethernet_ip::adapter),
@@ -41,6 +42,9 @@ pub const TARGETS: [(&str, Target); 15] = [
     ("records", files::records),
     ("capture", capture::capture),
     ("samples", files::samples),
+    ("gsdml", device_files::gsdml),
+    ("eds", device_files::eds),
+    ("esi", device_files::esi),
 ];
 
 /// Returns this thread's heap allocations so far.

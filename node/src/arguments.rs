@@ -1,14 +1,32 @@
 //! The command line, parsed.
 
+use std::error::Error as _;
 use std::ffi::OsString;
+use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
 
-use clap::{Command, Parser};
+use clap::error::{ContextKind, ErrorKind};
+use clap::{Command, Error, Parser};
 
 /// Parses the arguments of a program, its name first. Prints help, or what is wrong, and ends the program where there is
 /// nothing to run.
 pub fn parse<C: Parser>(arguments: impl IntoIterator<Item = OsString>) -> C {
     let parsed = numbers_may_be_negative(C::command()).try_get_matches_from(arguments);
-    parsed.and_then(|mut matches| C::from_arg_matches_mut(&mut matches)).unwrap_or_else(|error| error.exit())
+    let parsed = parsed.and_then(|mut matches| C::from_arg_matches_mut(&mut matches));
+    parsed.unwrap_or_else(|error| not_a_number(&error, C::command()).unwrap_or(error).exit())
+}
+
+/// Returns the error for a value that is not a number in words: the parser's own say "invalid digit found in string".
+fn not_a_number(error: &Error, mut command: Command) -> Option<Error> {
+    let source = error.source()?;
+    let expected = match source.downcast_ref::<ParseIntError>().map(ParseIntError::kind) {
+        Some(IntErrorKind::PosOverflow | IntErrorKind::NegOverflow) => "the number is out of range",
+        Some(_) => "expected a whole number",
+        None if source.is::<ParseFloatError>() => "expected a number",
+        None => return None,
+    };
+    let [option, value] = [ContextKind::InvalidArg, ContextKind::InvalidValue].map(|kind| error.get(kind));
+    let text = format!("invalid value '{}' for '{}': {expected}", value?, option?);
+    Some(command.error(ErrorKind::ValueValidation, text))
 }
 
 /// Makes `-1` the value of an option that takes one: it is refused as a number out of range then, and not as an unknown
@@ -17,4 +35,53 @@ fn numbers_may_be_negative(command: Command) -> Command {
     command
         .mut_args(|arg| if arg.get_action().takes_values() { arg.allow_negative_numbers(true) } else { arg })
         .mut_subcommands(numbers_may_be_negative)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::not_a_number;
+
+    #[derive(Parser, Debug)]
+    struct Options {
+        #[arg(long)]
+        reps: Option<u32>,
+        #[arg(long)]
+        share: Option<f64>,
+        #[arg(long)]
+        port: Option<u16>,
+    }
+
+    #[test]
+    fn a_value_that_is_not_a_number_is_refused_by_what_was_expected() {
+        let said = |option: &str, value: &str| {
+            let error = Options::try_parse_from(["bench", option, value]).unwrap_err();
+            let command = <Options as clap::CommandFactory>::command();
+            not_a_number(&error, command)
+                .unwrap_or(error)
+                .to_string()
+                .lines()
+                .next()
+                .unwrap_or_default()
+                .to_owned()
+        };
+        assert_eq!(
+            said("--reps", "x"),
+            "error: invalid value 'x' for '--reps <REPS>': expected a whole number"
+        );
+        assert_eq!(
+            said("--reps", "2.5"),
+            "error: invalid value '2.5' for '--reps <REPS>': expected a whole number"
+        );
+        assert_eq!(
+            said("--share", "much"),
+            "error: invalid value 'much' for '--share <SHARE>': expected a number"
+        );
+        // The range of a type is in the parser's own words.
+        assert_eq!(
+            said("--port", "70000"),
+            "error: invalid value '70000' for '--port <PORT>': 70000 is not in 0..=65535"
+        );
+    }
 }

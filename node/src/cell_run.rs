@@ -5,53 +5,17 @@
 //! RunOptions::prepare_station  a robot's: its station as a setup of its own
 //! ```
 
+use anyhow::Context as _;
 use planning::{FoundCell, PlannedCell};
 use protocol_linux::{Interface, StopSignals};
-use setup::{Addresses, Bus, BusKind, Cell, Station};
+use setup::{Cell, CellBus};
 
 use crate::cell_run_error::CellRunError;
-use crate::interface_option::BusName;
 use crate::message::CellText;
 use crate::role::NodeRole;
 use crate::run::{NodeStart, Prepared, RunOptions, set_up, take_address};
 use crate::supervise::OperatingMode;
 use crate::{Node, Outcome};
-
-/// A bus of the PLC, with the stations on it.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct CellBus {
-    /// The bus.
-    pub name: BusName,
-    /// Indexes of its stations in the cell, in the order in which the bus numbers them: on EtherCAT that of the line.
-    pub stations: Vec<usize>,
-}
-
-impl CellBus {
-    /// Returns the buses of a cell, in the order of their first stations.
-    #[must_use]
-    pub fn of_cell(cell: &Cell) -> Vec<Self> {
-        let mut buses: Vec<Self> = Vec::new();
-        for (index, station) in cell.stations.iter().enumerate() {
-            let name = station.bus.kind.name();
-            match buses.iter_mut().find(|bus| bus.name == name) {
-                Some(bus) => bus.stations.push(index),
-                None => buses.push(Self { name, stations: vec![index] }),
-            }
-        }
-        let position = |index: &usize| cell.stations.get(*index).map(|one| cell.ethercat_position(one));
-        buses.iter_mut().for_each(|bus| bus.stations.sort_by_key(position));
-        buses
-    }
-
-    /// Returns how each of its stations describes the bus.
-    pub fn descriptions<'a>(&self, cell: &'a Cell) -> impl Iterator<Item = &'a Bus> {
-        self.stations.iter().filter_map(|index| Some(&cell.stations.get(*index)?.bus))
-    }
-
-    fn addresses<'a>(&self, cell: &'a Cell) -> Option<&'a Addresses> {
-        self.descriptions(cell).next()?.addresses()
-    }
-}
 
 /// What the PLC node of several stations needs to start on its buses.
 #[derive(Debug)]
@@ -105,7 +69,7 @@ impl RunOptions {
             if let (Some(name), Ok((only, _))) = (name, setup::cell(&self.setup)) {
                 find_station(&only, name)?;
             }
-            return self.prepare();
+            return self.prepare_on(|bus| self.find_ports_of(bus));
         }
         let signals = self.prepare_process()?;
         let (cell, found) = self.find_cell()?;
@@ -120,10 +84,24 @@ impl RunOptions {
         };
         let mut planned = found.plan(&cell)?;
         let (planned, application) = (planned.stations.swap_remove(index), found.stations[index].clone());
-        let interfaces = self.find_interfaces(&[planned.setup.bus.kind.name()])?;
+        let interfaces = self.find_ports(&cell, index)?;
         set_up(&interfaces)?;
         let (setup, plan) = (planned.setup, planned.plan);
         Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })
+    }
+
+    /// Finds the interfaces of a station: one, or on EtherCAT the two of a SubDevice between two others.
+    fn find_ports(&self, cell: &Cell, station: usize) -> anyhow::Result<Vec<Interface>> {
+        let buses = CellBus::of_cell(cell);
+        let bus = buses.iter().find(|bus| bus.stations.contains(&station)).context("a station has a bus")?;
+        let found = self.find_ports_of(bus.name)?;
+        if found.len() < 2 && bus.leads_on_from(station) {
+            let after = bus.stations.iter().skip_while(|index| **index != station).nth(1);
+            let name = |index: usize| cell.names().nth(index).unwrap_or_default().to_owned();
+            let next = after.map(|index| name(*index)).unwrap_or_default();
+            return Err(CellRunError::NoWayOn { station: name(station), next }.into());
+        }
+        Ok(found)
     }
 
     /// Finds the setup with its applications, with the options in it.
@@ -155,11 +133,6 @@ fn find_station(cell: &Cell, name: &str) -> Result<usize, CellRunError> {
         let (setup, name) = (cell.name.clone(), name.to_owned());
         return Err(CellRunError::UnknownStation { setup, name, stations: names(cell) });
     };
-    let is_ethercat = |station: &&Station| matches!(station.bus.kind, BusKind::Ethercat(_));
-    let in_line: Vec<_> = cell.stations.iter().filter(is_ethercat).map(|one| one.name.clone()).collect();
-    if in_line.len() > 1 && in_line.iter().any(|other| other == name) {
-        return Err(CellRunError::SeveralInLine(in_line));
-    }
     Ok(index)
 }
 
@@ -225,24 +198,12 @@ impl PreparedCell {
 
 #[cfg(test)]
 mod tests {
+    use setup::BusKind;
+
     use super::*;
 
     fn cell(name: &str) -> Cell {
         setup::cell(name).unwrap().0
-    }
-
-    #[test]
-    fn a_cell_has_a_bus_for_each_kind_with_its_stations_in_the_order_of_the_bus() {
-        let of = |cell: &Cell| {
-            CellBus::of_cell(cell).into_iter().map(|bus| (bus.name, bus.stations)).collect::<Vec<_>>()
-        };
-        assert_eq!(of(&cell("E")), [("profinet", vec![0]), ("ethernet-ip", vec![1])]);
-        assert_eq!(of(&cell("F")), [("profinet", vec![0]), ("ethercat", vec![1])]);
-        let mut in_line = cell("F");
-        in_line.stations.insert(0, in_line.stations[1].clone());
-        in_line.stations[0].name = "last".to_owned();
-        (in_line.stations[0].position, in_line.stations[2].position) = (Some(1), Some(0));
-        assert_eq!(of(&in_line), [("ethercat", vec![2, 0]), ("profinet", vec![1])]);
     }
 
     #[test]
@@ -275,12 +236,5 @@ mod tests {
         assert_eq!(find(&e, "lefft").unwrap_err(), "setup E has no station `lefft`: did you mean `left`?");
         assert_eq!(find(&e, "middle").unwrap_err(), "setup E has no station `middle`: there is left, right");
         assert_eq!(find(&cell("A"), "robot"), Ok(0));
-        let mut in_line = cell("F");
-        in_line.stations[0].bus = in_line.stations[1].bus.clone();
-        assert_eq!(
-            find(&in_line, "right").unwrap_err(),
-            "stations left and right are on one EtherCAT line: a robot-node is a line with one SubDevice; give the others \
-             other buses"
-        );
     }
 }

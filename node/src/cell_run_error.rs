@@ -35,9 +35,16 @@ pub enum CellRunError {
     /// Images without a protocol have one sender and one receiver.
     #[error("setup {0} has several stations: leave --direct out, which connects two nodes")]
     Direct(String),
-    /// SubDevices of one line would be in several processes.
-    #[error("stations {} are on one EtherCAT line: a robot-node is a line with one SubDevice; give the others other buses", .0.join(" and "))]
-    SeveralInLine(Vec<String>),
+    /// A SubDevice with another one after it has one port only.
+    #[error(
+        "station {station} leads on to station {next} of the EtherCAT line: give it two interfaces, --interface IN,OUT"
+    )]
+    NoWayOn {
+        /// The station.
+        station: String,
+        /// The next one of the line.
+        next: String,
+    },
     /// An EtherCAT segment is not a network of others.
     #[error(
         "bus ethercat shares interface {interface} with bus {other}: give it an interface of its own, ethercat=IF"

@@ -8,6 +8,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
 use crate::ControlPort;
+use crate::carrier_report::CarrierReport;
 use crate::input::{Input, Lines};
 use protocol_linux::{Interface, Notifier, StopSignals};
 
@@ -34,6 +35,8 @@ pub struct Inbox {
     has_notices: bool,
     /// The interface whose state is an input once a second, and when it is the next one.
     link: Option<(Interface, Instant)>,
+    /// The interface whose carrier is an input when it changes.
+    carrier: Option<CarrierReport>,
 }
 
 /// Time between two reports of the interface's state.
@@ -51,12 +54,23 @@ impl Inbox {
             waiting: VecDeque::new(),
             has_notices: false,
             link: None,
+            carrier: None,
         }
     }
 
     /// Makes the state of an interface an input, now and once a second.
     pub(crate) fn report_link_of(&mut self, interface: Option<Interface>) {
         self.link = interface.map(|interface| (interface, Instant::now()));
+    }
+
+    /// Makes the carrier of an interface an input, now and whenever it changes.
+    pub(crate) fn report_carrier_by(&mut self, report: CarrierReport) {
+        self.carrier = Some(report);
+    }
+
+    /// Makes the carrier an input once more.
+    pub(crate) fn repeat_carrier(&mut self) {
+        self.carrier.iter_mut().for_each(CarrierReport::repeat);
     }
 
     /// Waits for the next input; `None` if the cyclic thread has sent a notice, or ended.
@@ -72,6 +86,9 @@ impl Inbox {
                 && let Some(input) = port.next()
             {
                 return Ok(Some(input));
+            }
+            if let Some(is_up) = self.carrier.as_mut().and_then(CarrierReport::take) {
+                return Ok(Some(Input::Carrier(is_up)));
             }
             if let Some((interface, at)) = &mut self.link
                 && Instant::now() >= *at
@@ -94,7 +111,7 @@ impl Inbox {
     fn poll(&mut self) -> std::io::Result<()> {
         let stdin = std::io::stdin();
         let mut time_left = self.link.as_ref().map(|(_, at)| at.saturating_duration_since(Instant::now()));
-        let [notices, stop, commands] = {
+        let [notices, stop, carrier, commands] = {
             let notices = PollFd::new(&self.notices, PollFlags::IN);
             let stop = PollFd::new(&self.signals, PollFlags::IN);
             let commands = match &self.commands {
@@ -105,7 +122,9 @@ impl Inbox {
                     port.poll_fds()
                 }
             };
-            let mut waits: Vec<_> = [notices, stop].into_iter().chain(commands).collect();
+            let carrier = self.carrier.as_ref().map(|carrier| PollFd::new(carrier, PollFlags::IN));
+            let before_commands = 2 + usize::from(carrier.is_some());
+            let mut waits: Vec<_> = [notices, stop].into_iter().chain(carrier).chain(commands).collect();
             let time_left = time_left.and_then(|time| Timespec::try_from(time).ok());
             let ready = match poll(&mut waits, time_left.as_ref()) {
                 Ok(ready) => ready,
@@ -114,7 +133,9 @@ impl Inbox {
             };
             let is_ready = |wait: &PollFd<'_>| !wait.revents().is_empty();
             let [notices, stop] = [0, 1].map(|index| waits.get(index).is_some_and(is_ready));
-            [notices, stop, ready == 0 || waits.iter().skip(2).any(is_ready)]
+            let carrier = before_commands > 2 && waits.get(2).is_some_and(is_ready);
+            let is_any = waits.iter().skip(before_commands).any(is_ready);
+            [notices, stop, carrier, ready == 0 || is_any]
         };
         // Notices from before a stop are returned before the stop.
         if notices {
@@ -123,6 +144,9 @@ impl Inbox {
         }
         if stop && let Some(signal) = self.signals.take() {
             self.waiting.push_back(Input::Stop(signal));
+        }
+        if carrier {
+            self.carrier.iter_mut().for_each(CarrierReport::note_change);
         }
         match &mut self.commands {
             Commands::Stdin if commands => self.read_stdin(&stdin)?,

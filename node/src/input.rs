@@ -35,6 +35,8 @@ pub enum Input {
     },
     /// State and counters of the node's interface.
     Link(LinkStatus),
+    /// The interface at which the node passes frames on has a carrier, or has lost it.
+    Carrier(bool),
     /// A signal asks to stop.
     Stop(StopSignal),
 }

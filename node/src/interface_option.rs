@@ -6,16 +6,21 @@ use std::str::FromStr;
 pub type BusName = &'static str;
 
 /// Every kind of bus.
-const BUSES: [BusName; 3] = ["profinet", "ethernet-ip", "ethercat"];
+const BUSES: [BusName; 3] = ["profinet", "ethernet-ip", ETHERCAT];
+
+/// The bus whose stations are in line.
+const ETHERCAT: BusName = "ethercat";
 
 /// Network interfaces for the buses of a node, each by its name or its IPv4 address: `eth0` for all buses, or
-/// `profinet=eth0,ethernet-ip=eth1`.
+/// `profinet=eth0,ethernet-ip=eth1`; or `eth0,eth1` for the two ports of a SubDevice in an EtherCAT line.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum InterfaceOption {
     /// One interface for all buses.
     All(String),
     /// An interface for each bus, in the order of the option. No bus is in it twice.
     Each(Vec<(BusName, String)>),
+    /// The ports of a SubDevice: towards the MainDevice, and to the next SubDevice.
+    InOut([String; 2]),
 }
 
 /// Why the interfaces of an option cannot be those of a node.
@@ -41,6 +46,14 @@ pub enum InterfaceOptionError {
         /// Buses of the setup.
         of_setup: Vec<BusName>,
     },
+    /// Two interfaces without a bus, for a bus whose stations have one port.
+    #[error("`{}` are two ports, which only a robot on EtherCAT has: give one interface, or BUS=IF for each bus", .0.join(","))]
+    TwoPorts([String; 2]),
+    /// Both ports of a SubDevice are one interface.
+    #[error(
+        "interface {0} is both ports of the SubDevice: give --interface IN,OUT two, or one for the last of the line"
+    )]
+    OnePort(String),
     /// A bus of the setup has no interface.
     #[error("bus {0} of the setup has no interface: add {0}=IF to --interface")]
     LeftOut(BusName),
@@ -52,6 +65,12 @@ impl FromStr for InterfaceOption {
     fn from_str(text: &str) -> Result<Self, InterfaceOptionError> {
         if !text.contains(['=', ',']) {
             return Ok(Self::All(text.to_owned()));
+        }
+        if let Some((inward, outward)) = text.split_once(',').filter(|_| !text.contains('='))
+            && let ports = [inward, outward].map(|port| port.trim().to_owned())
+            && ports.iter().all(|port| !port.is_empty() && !port.contains(','))
+        {
+            return Ok(Self::InOut(ports));
         }
         let mut each: Vec<(BusName, String)> = Vec::new();
         for part in text.split(',').map(str::trim) {
@@ -83,6 +102,7 @@ impl InterfaceOption {
         let each = match self {
             Self::All(interface) => return Ok(buses.iter().map(|_| interface.as_str()).collect()),
             Self::Each(each) => each,
+            Self::InOut(ports) => return Err(InterfaceOptionError::TwoPorts(ports.clone())),
         };
         if let Some((bus, _)) = each.iter().find(|(bus, _)| !buses.contains(bus)) {
             return Err(InterfaceOptionError::NotInSetup { bus, of_setup: buses.to_vec() });
@@ -92,6 +112,18 @@ impl InterfaceOption {
             found.map(|(_, interface)| interface.as_str()).ok_or(InterfaceOptionError::LeftOut(bus))
         };
         buses.iter().map(interface).collect()
+    }
+
+    /// Returns the interfaces of a robot on this bus: one, or the two ports of a SubDevice.
+    ///
+    /// # Errors
+    ///
+    /// The option is for another bus, or has two ports for a bus whose stations have one.
+    pub fn ports_of(&self, bus: BusName) -> Result<Vec<&str>, InterfaceOptionError> {
+        match self {
+            Self::InOut(ports) if bus == ETHERCAT => Ok(ports.iter().map(String::as_str).collect()),
+            _ => self.for_buses(&[bus]),
+        }
     }
 }
 
@@ -140,6 +172,20 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_on_ethercat_may_have_two_ports_and_no_other_node() {
+        let option: InterfaceOption = "eth0, eth1".parse().unwrap();
+        assert_eq!(option.ports_of("ethercat"), Ok(vec!["eth0", "eth1"]));
+        let refused = "`eth0,eth1` are two ports, which only a robot on EtherCAT has: give one interface, or BUS=IF for each bus";
+        for other in [option.ports_of("profinet"), option.for_buses(&BUSES[2..])] {
+            assert_eq!(other.unwrap_err().to_string(), refused);
+        }
+        for (text, ports) in [("eth0", ["eth0"]), ("ethercat=eth1", ["eth1"])] {
+            let option: InterfaceOption = text.parse().unwrap();
+            assert_eq!(option.ports_of("ethercat"), Ok(ports.to_vec()));
+        }
+    }
+
+    #[test]
     fn a_bus_is_named_once_and_with_an_interface() {
         assert_eq!(
             error("profinet=eth0,profinet=eth1"),
@@ -151,7 +197,12 @@ mod tests {
             error("profibus=eth0"),
             "`profibus` is not a bus: write profinet=IF, ethernet-ip=IF or ethercat=IF"
         );
-        for (text, part) in [("eth0,eth1", "eth0"), ("profinet=eth0,eth1", "eth1"), ("profinet=eth0,", "")] {
+        for (text, part) in [
+            ("eth0,", "eth0"),
+            ("eth0,eth1,eth2", "eth0"),
+            ("profinet=eth0,eth1", "eth1"),
+            ("profinet=eth0,", ""),
+        ] {
             assert_eq!(
                 error(text),
                 format!(

@@ -6,11 +6,11 @@
 //! supervise   the thread beside the cyclic one: notices become messages, instructions become commands
 //! ├─ message  the messages and instructions, one JSON line each; report has their figures, station_message
 //! │           names the station of a message where a node has several
-//! ├─ inbox    waits for instructions, signals and notices at once; input lists them
+//! ├─ inbox    waits for instructions, signals and notices at once; input lists them, carrier_report is one
 //! └─ control  the control port: one controller at a time over TCP; token is the secret that it shows
 //! role        which of the two nodes
 //! station_file  where a node keeps what its bus set permanently: name, address and what the operator wrote
-//! node        a node on its cyclic thread; short_text is text without allocation
+//! node        a node on its cyclic thread, where cyclic_task owns it; short_text is text without allocation
 //! trace_row   a cycle as a line of text, written and read; trace_file records a node's cycles
 //! output      printing to a reader that may be gone; screen makes tables and text fit it
 //! arguments   the command line, parsed; list has options with several values, duration times with units,
@@ -24,10 +24,14 @@
 pub mod address_check;
 pub mod arguments;
 #[cfg(all(feature = "real", target_os = "linux"))]
+mod carrier_report;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub mod cell_run;
 pub mod cell_run_error;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod control;
+#[cfg(all(feature = "real", target_os = "linux"))]
+mod cyclic_task;
 mod duration;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod inbox;
@@ -60,13 +64,15 @@ mod version;
 
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use control::{ControlError, ControlPort};
+#[cfg(all(feature = "real", target_os = "linux"))]
+pub use cyclic_task::CyclicTask;
 pub use duration::parse_duration;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use inbox::{Commands, Inbox};
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use input::Input;
 #[cfg(all(feature = "real", target_os = "linux"))]
-pub use node::{Command, CyclicTask, Node, NodeProcess, Notice, ProcessEvent, Snapshot, Waiting};
+pub use node::{Command, Node, NodeProcess, Notice, ProcessEvent, Snapshot, Waiting};
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use node_error::NodeError;
 pub use outcome::{Outcome, exit_code};

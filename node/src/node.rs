@@ -2,9 +2,7 @@
 
 use std::fmt::{self, Debug};
 use std::net::Ipv4Addr;
-use std::ops::ControlFlow;
-use std::path::Path;
-use std::time::Duration;
+use std::path::PathBuf;
 
 use machine::{Counters, Down, DownCause, LinkEvent, LinkStatus};
 use machine::{Instant, InterfaceId, Lateness, Multihomed};
@@ -12,18 +10,15 @@ use protocol::fieldbus::ToStore;
 use protocol::image::Checks;
 use rustix::io::Errno;
 
+use crate::carrier_report::CarrierReport;
 use crate::station_file::StationRecord;
-use crate::trace_file::{self, TraceRing, TraceWriter};
+use crate::trace_file::{self, TraceWriter};
 use crate::trace_row::TraceSample;
-use crate::{Commands, ControlPort, Inbox, Input, NodeError, ShortText};
+use crate::{Commands, ControlPort, CyclicTask, Inbox, Input, NodeError, ShortText};
 use protocol_linux::handover::Received;
 use protocol_linux::{
-    CyclicThread, Driver, Interface, InterfaceError, NoticeSender, Notifier, RingFull, StartError,
-    Statistics, StopSignals, Task, allocation,
+    CyclicThread, Driver, Interface, InterfaceError, Notifier, RingFull, StartError, Statistics, StopSignals,
 };
-
-/// Longest wait for the peer to confirm the end of the connection, before the process ends.
-const DISCONNECT_LIMIT: Duration = Duration::from_millis(300);
 
 /// A machine that is a complete node: a PLC or a robot on its bus.
 pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
@@ -79,6 +74,15 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
     /// Sets state and counters of its first interface: `set_link` of the bus.
     fn set_link(&mut self, _status: &LinkStatus) {}
 
+    /// Returns the interface whose carrier the node must know at once: that of a port at which it passes frames on. It never
+    /// changes.
+    fn carrier_interface(&self) -> Option<InterfaceId> {
+        None
+    }
+
+    /// Sets whether that interface has a carrier. Before the first call it is unknown.
+    fn set_carrier(&mut self, _now: Instant, _is_up: bool) {}
+
     /// Writes why the connection of an event is down: `explain` of its bus.
     fn explain(&self, _event: &Self::Event, _words: &mut dyn fmt::Write) -> fmt::Result {
         Ok(())
@@ -114,8 +118,8 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
     /// Returns a number that changes with each cycle.
     fn cycle_number(&self) -> u64;
 
-    /// Returns the time of the node's last cycle, at `now` or before, and what the node did in it.
-    fn sample(&self, now: Instant) -> (Instant, Self::Sample);
+    /// Returns the time of the node's last cycle, at `now` or before, and what the node did in it for the station of this index.
+    fn sample(&self, station: usize, now: Instant) -> (Instant, Self::Sample);
 }
 
 /// What a node waits for.
@@ -145,6 +149,8 @@ pub enum Command<O> {
     Stored(bool),
     /// Set state and counters of the interface.
     Link(LinkStatus),
+    /// Set whether the interface that the node asks about has a carrier.
+    Carrier(bool),
     /// A command of only this kind of node.
     Order(O),
 }
@@ -189,7 +195,12 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    fn of<N: Node>(node: &N, statistics: &Statistics, allocations: Option<u64>, at_up: Option<u64>) -> Self {
+    pub(crate) fn of<N: Node>(
+        node: &N,
+        statistics: &Statistics,
+        allocations: Option<u64>,
+        at_up: Option<u64>,
+    ) -> Self {
         Self {
             cycle: node.lateness().clone(),
             wake: statistics.lateness.clone(),
@@ -202,143 +213,6 @@ impl Snapshot {
             send_errors: statistics.send_errors,
             last_send_error: statistics.last_send_error,
         }
-    }
-}
-
-/// The node's owner on the cyclic thread.
-#[derive(Debug)]
-pub struct CyclicTask<S> {
-    /// The node's interfaces. The index is the [`InterfaceId`].
-    interfaces: Vec<Interface>,
-    trace: Option<TraceRing<S>>,
-    /// Whether the connection to each station is up.
-    links: Vec<bool>,
-    /// [`allocation::count`] when all connections were first up.
-    at_up: Option<u64>,
-    /// When to end although the peer has not confirmed the end of the connection.
-    stopping: Option<Instant>,
-}
-
-impl<S> CyclicTask<S> {
-    /// Returns whether one of the connections is up.
-    fn is_connected(&self) -> bool {
-        self.links.contains(&true)
-    }
-
-    /// Notes that the connection to a station is up, or down.
-    fn note_link(&mut self, station: usize, is_up: bool) {
-        if let Some(link) = self.links.get_mut(station) {
-            *link = is_up;
-        }
-        if !self.links.contains(&false) {
-            self.at_up.get_or_insert_with(allocation::count);
-        }
-    }
-}
-
-impl<N: Node> Task<N> for CyclicTask<N::Sample> {
-    type Command = Command<N::Order>;
-    type Notice = Notice<N::Event, N::Answer>;
-
-    fn command(
-        &mut self,
-        now: Instant,
-        node: &mut N,
-        statistics: &Statistics,
-        command: Self::Command,
-        notices: &mut NoticeSender<Self::Notice>,
-    ) -> ControlFlow<()> {
-        match command {
-            Command::Report => {
-                let allocations = allocation::is_armed().then(allocation::count);
-                notices.send(Notice::Snapshot(Snapshot::of(node, statistics, allocations, self.at_up)));
-            }
-            Command::Stop => {
-                node.disconnect(now);
-                if !self.is_connected() {
-                    return ControlFlow::Break(());
-                }
-                self.stopping = Some(now + DISCONNECT_LIMIT);
-            }
-            Command::Record(on) => {
-                if let Some(trace) = &mut self.trace {
-                    trace.record(on);
-                }
-            }
-            Command::Stored(done) => node.stored(now, done),
-            Command::Link(status) => node.set_link(&status),
-            Command::Order(order) => {
-                if let Some(answer) = node.order(now, order) {
-                    notices.send(Notice::Answer(answer));
-                }
-            }
-        }
-        ControlFlow::Continue(())
-    }
-
-    fn event(
-        &mut self,
-        now: Instant,
-        node: &mut N,
-        event: N::Event,
-        notices: &mut NoticeSender<Self::Notice>,
-    ) -> ControlFlow<()> {
-        let (link, on) = (N::link_event(&event), N::link_interface(&event));
-        let station = N::station(&event).unwrap_or_default();
-        if N::may_explain(&event) {
-            let mut words = ShortText::default();
-            // Text that does not fit is cut off.
-            let _ = node.explain(&event, &mut words);
-            if !words.as_str().is_empty() {
-                notices.send(Notice::Explanation(words));
-            }
-        }
-        let mut remark = ShortText::default();
-        if N::may_remark(&event) {
-            // Text that does not fit is cut off.
-            let _ = node.remark(&event, &mut remark);
-        }
-        notices.send(Notice::Event(event));
-        if !remark.as_str().is_empty() {
-            notices.send(Notice::Remark(station, remark));
-        }
-        match link {
-            Some(LinkEvent::Up) => self.note_link(station, true),
-            Some(LinkEvent::Down(_)) => {
-                self.note_link(station, false);
-                if self.stopping.is_some() && !self.is_connected() {
-                    return ControlFlow::Break(());
-                }
-            }
-            Some(LinkEvent::SetAddress { address, mask, gateway }) => {
-                let done = self.interfaces.get(usize::from(on.0)).map(|interface| {
-                    interface.set_address(address, mask).and_then(|()| interface.set_gateway(gateway))
-                });
-                node.address_set(now, on, matches!(done, Some(Ok(()))));
-                if let Some(Err(error)) = done {
-                    notices.send(Notice::NoAddress(address, error));
-                }
-            }
-            Some(LinkEvent::Store) => {
-                notices.send(Notice::Store(node.to_store().into()));
-            }
-            Some(LinkEvent::Foreign(_) | LinkEvent::Owner(_) | LinkEvent::Conflict(_)) | None => {}
-        }
-        ControlFlow::Continue(())
-    }
-
-    fn inspect(&mut self, now: Instant, node: &N) {
-        if let Some(trace) = &mut self.trace {
-            trace.record_cycle(node.cycle_number(), || node.sample(now));
-        }
-    }
-
-    fn expired(&mut self, _now: Instant, _node: &mut N) -> ControlFlow<()> {
-        ControlFlow::Break(())
-    }
-
-    fn deadline(&self) -> Option<Instant> {
-        self.stopping
     }
 }
 
@@ -365,7 +239,7 @@ pub enum ProcessEvent<E, A> {
 
 impl<N: Node> NodeProcess<N> {
     /// Starts the node on a cyclic thread, with its interfaces in the order of their [`InterfaceId`]s. It takes instructions
-    /// from `commands` and records cycles into `trace` when instructed to.
+    /// from `commands` and records cycles into `traces`, a file for each station or none at all, when instructed to.
     ///
     /// The caller provides `signals`, because they must be blocked before any thread starts.
     pub fn start(
@@ -373,22 +247,26 @@ impl<N: Node> NodeProcess<N> {
         interfaces: Vec<Interface>,
         signals: StopSignals,
         commands: Commands,
-        trace: Option<&Path>,
+        traces: &[PathBuf],
     ) -> Result<Self, NodeError> {
-        let (ring, trace) = match trace {
-            Some(path) => {
-                let (ring, writer) = trace_file::start(path)?;
-                (Some(ring), Some(writer))
-            }
-            None => (None, None),
+        let (ring, trace) = if traces.is_empty() {
+            (None, None)
+        } else {
+            let (ring, writer) = trace_file::start(traces)?;
+            (Some(ring), Some(writer))
         };
-        let links = vec![false; node.stations()];
-        let task = CyclicTask { interfaces, trace: ring, links, at_up: None, stopping: None };
+        let task = CyclicTask::new(interfaces, ring, node.stations());
         let (waker, reader) =
             (Notifier::new().map_err(StartError::from)?, Notifier::new().map_err(StartError::from)?);
         let mut inbox = Inbox::new(signals, reader.clone(), commands);
         if node.wants_link() {
             inbox.report_link_of(task.interfaces.first().cloned());
+        }
+        if let Some(InterfaceId(on)) = node.carrier_interface()
+            && let Some(interface) = task.interfaces.get(usize::from(on))
+        {
+            let report = CarrierReport::of(interface.clone());
+            inbox.report_carrier_by(report.map_err(|reason| NodeError::Inbox { reason })?);
         }
         let driver = Driver::new(node, task.interfaces.clone(), waker.clone())?;
         let thread = CyclicThread::start(driver, task, waker, reader)?;
@@ -424,6 +302,12 @@ impl<N: Node> NodeProcess<N> {
             match self.inbox.wait().map_err(|reason| NodeError::Inbox { reason })? {
                 // A full ring takes the next one.
                 Some(Input::Link(status)) => drop(self.thread.send(Command::Link(status))),
+                Some(Input::Carrier(is_up)) => {
+                    let is_taken = self.thread.send(Command::Carrier(is_up)).is_ok();
+                    if !is_taken {
+                        self.inbox.repeat_carrier();
+                    }
+                }
                 Some(input) => return Ok(ProcessEvent::Input(input)),
                 None => {}
             }

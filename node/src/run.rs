@@ -29,7 +29,7 @@ use crate::station_file::StationFile;
 use crate::station_message::Console;
 use crate::supervise::{OperatingMode, Supervised, supervise};
 use crate::token::{ControlToken, TokenError};
-use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln};
+use crate::{Commands, ControlError, ControlPort, Node, NodeProcess, errln, trace_file};
 
 /// Time between the start of the program and its first cycle.
 const LEAD: Duration = Duration::from_millis(5);
@@ -55,8 +55,9 @@ pub struct RunOptions {
     pub application: Option<String>,
     /// The network interface that the other node is on: its name, or the IPv4 address that it has. It gets the address
     /// that the setup wants there; a PROFINET device gets its own from the controller. Several buses share it, or each has
-    /// one of its own: profinet=IF,ethernet-ip=IF,ethercat=IF.
-    #[arg(long, value_name = "IF|ADDRESS|BUS=IF,...")]
+    /// one of its own: profinet=IF,ethernet-ip=IF,ethercat=IF. A robot in an EtherCAT line has two: IN,OUT, the first towards the
+    /// PLC and the second to the next robot.
+    #[arg(long, value_name = "IF|ADDRESS|BUS=IF,...|IN,OUT")]
     pub interface: InterfaceOption,
     /// Transport of PROFINET's cyclic frames, in place of the setup's; a device takes what the controller asks for.
     #[arg(long, value_name = "udp|rt1")]
@@ -74,7 +75,7 @@ pub struct RunOptions {
     /// Exchange images without a bus protocol, for tests that are not about a bus.
     #[arg(long, hide = true)]
     pub direct: bool,
-    /// Record cycles into this file while instructed to.
+    /// Record cycles into this file while instructed to; those of several stations into NAME-STATION.EXTENSION.
     #[arg(long, hide = true)]
     pub trace_file: Option<PathBuf>,
 }
@@ -88,7 +89,7 @@ pub struct Prepared {
     pub application: Found,
     /// That application's motions.
     pub plan: Plan,
-    /// The interface of each bus, in the order of the setup, at least one; they are up.
+    /// The interface of its bus, and on EtherCAT the one to the next SubDevice of the line, if it was given; they are up.
     pub interfaces: Vec<Interface>,
     /// Where it keeps the name and the address that its bus sets permanently; `None` if it cannot.
     pub station_file: Option<StationFile>,
@@ -115,6 +116,14 @@ impl RunOptions {
     /// A setup or an application does not exist or is wrong ([`setup::Error`], [`planning::Error`]), or the host does
     /// not allow something.
     pub fn prepare(&self) -> anyhow::Result<Prepared> {
+        self.prepare_on(|bus| self.find_interfaces(&[bus]))
+    }
+
+    /// Prepares a node in the same way, on the interfaces that it has on its bus.
+    pub(crate) fn prepare_on(
+        &self,
+        interfaces: impl FnOnce(BusName) -> anyhow::Result<Vec<Interface>>,
+    ) -> anyhow::Result<Prepared> {
         let signals = self.prepare_process()?;
         let (mut setup, application) =
             planning::setup_and_application(&self.setup, self.application.as_deref())?;
@@ -123,7 +132,7 @@ impl RunOptions {
         }
         setup::check(&setup)?;
         let plan = application.plan(&setup)?;
-        let interfaces = self.find_interfaces(&[setup.bus.kind.name()])?;
+        let interfaces = interfaces(setup.bus.kind.name())?;
         set_up(&interfaces)?;
         Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })
     }
@@ -136,6 +145,18 @@ impl RunOptions {
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
         capabilities::raise().context("making use of the program's capabilities")?;
         Ok(signals)
+    }
+
+    /// Finds the interface of the only bus, or on EtherCAT the two ports of a SubDevice.
+    pub(crate) fn find_ports_of(&self, bus: BusName) -> anyhow::Result<Vec<Interface>> {
+        let names = self.interface.ports_of(bus)?;
+        let found: Vec<_> = names.into_iter().map(Interface::find).collect::<Result<_, _>>()?;
+        match found.as_slice() {
+            [inward, outward] if inward.index() == outward.index() => {
+                Err(InterfaceOptionError::OnePort(inward.name().to_owned()).into())
+            }
+            _ => Ok(found),
+        }
     }
 
     /// Finds the interface of each bus, in their order.
@@ -242,8 +263,8 @@ impl NodeStart {
             None if options.json => (Console::Json, Commands::Stdin),
             None => (Console::Text, Commands::None),
         };
-        let trace = options.trace_file.as_deref();
-        let process = NodeProcess::start(node, interfaces, signals, commands, trace)?;
+        let traces = options.trace_file.as_deref().map(|path| trace_file::of_stations(path, &stations));
+        let process = NodeProcess::start(node, interfaces, signals, commands, &traces.unwrap_or_default())?;
         Ok(supervise(process, mode, Supervised { console, hello, stations, station_file }))
     }
 }

@@ -174,7 +174,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                     ));
                     Next::Wait
                 }
-                ProcessEvent::Input(Input::Link(_)) => Next::Wait,
+                ProcessEvent::Input(Input::Link(_) | Input::Carrier(_)) => Next::Wait,
                 ProcessEvent::Input(Input::Closed) => Next::End(Outcome::Done),
                 ProcessEvent::Input(Input::Stop(_)) => Next::End(Outcome::Interrupted),
                 ProcessEvent::Ended => return Ok(outcome),

@@ -1,5 +1,6 @@
-//! Writes each cycle of a node into a file: a wait-free ring from the cyclic thread to a writing thread.
+//! Writes each cycle of a node into a file for each of its stations: wait-free rings from the cyclic thread to a writing thread.
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
@@ -7,7 +8,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use machine::Instant;
-use protocol_linux::handover::{self, Received, Sender};
+use protocol_linux::handover::{self, Received, Receiver, Sender};
 
 use crate::trace_row::{TraceSample, write_row};
 
@@ -25,10 +26,11 @@ pub struct TraceError {
     reason: io::Error,
 }
 
-/// The cyclic thread's end of the ring.
+/// The cyclic thread's ends of the rings.
 #[derive(Debug)]
 pub(crate) struct TraceRing<S> {
-    samples: Sender<(Instant, S)>,
+    /// One for each station.
+    samples: Vec<Sender<(Instant, S)>>,
     recording: bool,
     last: Option<u64>,
 }
@@ -38,11 +40,13 @@ impl<S> TraceRing<S> {
         self.recording = on;
     }
 
-    /// Sends a sample if there was a cycle since the last one. If the ring is full, the sample is dropped.
-    pub(crate) fn record_cycle(&mut self, cycle: u64, sample: impl FnOnce() -> (Instant, S)) {
+    /// Sends a sample of each station if there was a cycle since the last one. Where a ring is full, the sample is dropped.
+    pub(crate) fn record_cycle(&mut self, cycle: u64, sample: impl Fn(usize) -> (Instant, S)) {
         if self.recording && self.last != Some(cycle) {
             self.last = Some(cycle);
-            let _ = self.samples.send(sample());
+            for (station, samples) in self.samples.iter_mut().enumerate() {
+                let _ = samples.send(sample(station));
+            }
         }
     }
 }
@@ -54,43 +58,80 @@ pub(crate) struct TraceWriter {
 }
 
 impl TraceWriter {
-    /// Waits until everything is written. The ring's other end must have been dropped.
+    /// Waits until everything is written. The rings' other ends must have been dropped.
     pub(crate) fn finish(self) -> Result<(), TraceError> {
         self.thread.join().unwrap_or(Ok(()))
     }
 }
 
-/// Starts a writer, which makes the file `path` and writes each sample into it as a row.
-pub(crate) fn start<S: TraceSample>(path: &Path) -> Result<(TraceRing<S>, TraceWriter), TraceError> {
-    let broken = |path: &Path| {
-        let path = path.to_owned();
-        move |reason| TraceError { path, reason }
-    };
-    let mut file = BufWriter::new(File::create(path).map_err(broken(path))?);
-    let (samples, mut waiting) = handover::ring::<(Instant, S)>(RING_CAPACITY);
-    let path = path.to_owned();
-    let of_thread = path.clone();
+/// Returns the files of these stations, `NAME-STATION.EXTENSION`; without any it is the file itself.
+pub(crate) fn of_stations(path: &Path, stations: &[String]) -> Vec<PathBuf> {
+    if stations.is_empty() {
+        return vec![path.to_owned()];
+    }
+    let text = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+    let (stem, extension) = (text(path.file_stem()), text(path.extension()));
+    stations.iter().map(|station| path.with_file_name(format!("{stem}-{station}.{extension}"))).collect()
+}
+
+/// The writing thread's end of a ring, and its file.
+struct StationRows<S> {
+    samples: Receiver<(Instant, S)>,
+    file: BufWriter<File>,
+    path: PathBuf,
+}
+
+impl<S: TraceSample> StationRows<S> {
+    /// Writes what the ring holds. Returns whether its other end was dropped.
+    fn write(&mut self, line: &mut String) -> Result<bool, TraceError> {
+        let broken = |path: &Path| {
+            let path = path.to_owned();
+            move |reason| TraceError { path, reason }
+        };
+        loop {
+            match self.samples.take() {
+                Received::Item((at, sample)) => {
+                    line.clear();
+                    write_row(at, &sample, line);
+                    line.push('\n');
+                    self.file.write_all(line.as_bytes()).map_err(broken(&self.path))?;
+                }
+                end @ (Received::Nothing | Received::Ended) => {
+                    // Flushed, so that a killed node does not lose the cycles that led to it.
+                    self.file.flush().map_err(broken(&self.path))?;
+                    return Ok(matches!(end, Received::Ended));
+                }
+            }
+        }
+    }
+}
+
+/// Starts a writer, which makes these files, one for each station, and writes each sample into its own as a row.
+pub(crate) fn start<S: TraceSample>(paths: &[PathBuf]) -> Result<(TraceRing<S>, TraceWriter), TraceError> {
+    let (mut senders, mut rows) = (Vec::with_capacity(paths.len()), Vec::with_capacity(paths.len()));
+    for path in paths {
+        let file = File::create(path).map_err(|reason| TraceError { path: path.clone(), reason })?;
+        let (sender, samples) = handover::ring::<(Instant, S)>(RING_CAPACITY);
+        senders.push(sender);
+        rows.push(StationRows { samples, file: BufWriter::new(file), path: path.clone() });
+    }
     let body = move || {
         let mut line = String::new();
         loop {
-            match waiting.take() {
-                Received::Item((at, sample)) => {
-                    line.clear();
-                    write_row(at, &sample, &mut line);
-                    line.push('\n');
-                    file.write_all(line.as_bytes()).map_err(broken(&of_thread))?;
-                }
-                Received::Nothing => {
-                    // Flushed, so that a killed node does not lose the cycles that led to it.
-                    file.flush().map_err(broken(&of_thread))?;
-                    std::thread::sleep(EMPTY_EVERY);
-                }
-                Received::Ended => return file.flush().map_err(broken(&of_thread)),
+            let mut is_done = true;
+            for of_station in &mut rows {
+                is_done &= of_station.write(&mut line)?;
             }
+            if is_done {
+                return Ok(());
+            }
+            std::thread::sleep(EMPTY_EVERY);
         }
     };
-    let thread = std::thread::Builder::new().name("trace".to_owned()).spawn(body).map_err(broken(&path))?;
-    Ok((TraceRing { samples, recording: false, last: None }, TraceWriter { thread }))
+    let thread = std::thread::Builder::new().name("trace".to_owned()).spawn(body);
+    let path = || paths.first().cloned().unwrap_or_default();
+    let thread = thread.map_err(|reason| TraceError { path: path(), reason })?;
+    Ok((TraceRing { samples: senders, recording: false, last: None }, TraceWriter { thread }))
 }
 
 #[cfg(test)]
@@ -115,16 +156,28 @@ mod tests {
     }
 
     #[test]
-    fn each_cycle_is_a_line_once_while_it_is_recorded() {
-        let path = std::env::temp_dir().join(format!("trace-file-{}", std::process::id()));
-        let (mut ring, writer) = start(&path).unwrap();
+    fn each_cycle_is_a_line_once_while_it_is_recorded_in_the_file_of_each_station() {
+        let path = std::env::temp_dir().join(format!("trace-file-{}.rows", std::process::id()));
+        let names = ["left".to_owned(), "right".to_owned()];
+        let paths = of_stations(&path, &names);
+        let (mut ring, writer) = start(&paths).unwrap();
         for (cycle, on) in [(1, false), (2, true), (2, true), (3, true), (4, false)] {
             ring.record(on);
-            ring.record_cycle(cycle, || (Instant::from_nanos(cycle * 10), Cycle(cycle)));
+            ring.record_cycle(cycle, |station| {
+                (Instant::from_nanos(cycle * 10), Cycle(cycle + 100 * station as u64))
+            });
         }
         drop(ring);
         writer.finish().unwrap();
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "20,2\n30,3\n");
-        std::fs::remove_file(&path).unwrap();
+        let texts = paths.iter().map(|path| std::fs::read_to_string(path).unwrap()).collect::<Vec<_>>();
+        assert_eq!(texts, ["20,2\n30,3\n", "20,102\n30,103\n"]);
+        paths.iter().for_each(|path| std::fs::remove_file(path).unwrap());
+    }
+
+    #[test]
+    fn the_only_station_has_the_file_itself_and_several_have_their_names_in_theirs() {
+        let path = Path::new("run/trace-plc.rows");
+        assert_eq!(of_stations(path, &[]), [path]);
+        assert_eq!(of_stations(path, &["b-2".to_owned()]), [Path::new("run/trace-plc-b-2.rows")]);
     }
 }

@@ -1,6 +1,6 @@
 //! A program that is chosen when the PLC starts: the paper's sequences, or exported code.
 
-use machine::Instant;
+use machine::{Duration, Instant};
 use protocol::image::{Digest, Sum};
 
 use crate::exported_program::ExportedProgram;
@@ -101,6 +101,10 @@ impl PlcProgram for AnyProgram {
 
     fn passages(&self, station: usize) -> &[MarkPassage] {
         of_program!(self, program => program.passages(station))
+    }
+
+    fn waited_for_zones(&self, station: usize) -> Option<Duration> {
+        of_program!(self, program => program.waited_for_zones(station))
     }
 
     fn totals(&self, station: usize) -> Totals {

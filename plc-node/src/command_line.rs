@@ -1,4 +1,4 @@
-//! The command line of `plc-node`. Of its commands `plan` and `export` need no bus, and `discover` only asks who is on one.
+//! The command line of `plc-node`. Of its commands `plan`, `export` and `describe` need no bus, and `discover` only asks who is on one.
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use node::{arguments, screen};
 
+use crate::describe::{self, DescribeCommand};
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::discover::DiscoverCommand;
 use crate::export_command::ExportCommand;
@@ -30,6 +31,8 @@ enum Subcommand {
     Plan(PlanCommand),
     /// Export the PLC's function blocks and the planned motions as code for another PLC.
     Export(ExportCommand),
+    /// List what a device file offers: GSDML, EDS or ESI.
+    Describe(DescribeCommand),
     /// List the PROFINET, EtherNet/IP and EtherCAT devices on a network interface.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Discover(DiscoverCommand),
@@ -49,6 +52,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     screen::fit_terminal();
     match cli.command {
         Subcommand::Plan(plan) => node::exit_code(plan.execute(), |_| false),
+        Subcommand::Describe(file) => node::exit_code(file.execute(), describe::is_usage),
         Subcommand::Export(export) => node::exit_code(export.execute(), |_| false),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Subcommand::Run(run) => {

@@ -26,8 +26,9 @@ mod axes_group;
 pub mod bus;
 pub mod command_line;
 mod config;
+mod describe;
 #[cfg(all(feature = "real", target_os = "linux"))]
-mod discover;
+pub mod discover;
 mod event;
 mod export;
 mod export_command;
@@ -37,6 +38,7 @@ pub mod master_axis;
 mod motion_source;
 mod plan_command;
 mod plc;
+mod printable;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod process;
 mod program;

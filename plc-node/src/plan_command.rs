@@ -63,10 +63,10 @@ impl PlanCommand {
         let text = if self.all { format!("{plan:#width$}") } else { format!("{plan:width$}") };
         to_stdout(format_args!("{text}"))?;
         let shown = if self.all { usize::MAX } else { WARNINGS };
-        let stopped = reached.map_or(&[][..], |reached| &reached.stopped);
-        let warnings = || plan.warnings().chain(stopped.iter().map(ToString::to_string));
-        warnings().take(shown).for_each(|warning| errln!("warning: {warning}"));
-        let unseen = warnings().skip(shown).count();
+        let mut warnings = plan.warnings();
+        warnings.extend(reached.map(Reached::warnings).unwrap_or_default());
+        warnings.iter().take(shown).for_each(|warning| errln!("warning: {warning}"));
+        let unseen = warnings.len().saturating_sub(shown);
         if unseen > 0 {
             errln!("{unseen} more warnings; --all prints them");
         }

@@ -2,7 +2,7 @@
 
 use core::fmt::Debug;
 
-use machine::Instant;
+use machine::{Duration, Instant};
 use protocol::image::{Digest, Sum};
 
 use crate::function_blocks::BlockError;
@@ -103,6 +103,12 @@ pub trait PlcProgram: Debug + Send {
     /// Returns the marks that a station came to in this run, or in the last one, in order.
     fn passages(&self, _station: usize) -> &[MarkPassage] {
         &[]
+    }
+
+    /// Returns the time for which a station's arm stood before shared zones in this run, or in the last one; `None` in a cell without
+    /// such zones.
+    fn waited_for_zones(&self, _station: usize) -> Option<Duration> {
+        None
     }
 
     /// Returns the time in us of the last run as the program itself measured it; `None` if it leaves that to the PLC.

@@ -210,13 +210,6 @@ impl Sequences {
         self.parts.get(station).map_or(&[], |part| part.turns.waits())
     }
 
-    /// Returns how long a station stood before shared zones in this run, or in the last one; `None` in a cell without such zones.
-    #[must_use]
-    pub fn waited_for_zones(&self, station: usize) -> Option<Duration> {
-        let turns = self.parts.get(station).map(|part| &part.turns).filter(|turns| turns.has_zones())?;
-        Some(turns.waits().iter().filter_map(|wait| Some(wait.granted?.since(wait.came))).sum())
-    }
-
     /// Returns the grants of the shared zones.
     #[must_use]
     pub const fn zones(&self) -> &Zones {
@@ -390,6 +383,11 @@ impl PlcProgram for Sequences {
 
     fn passages(&self, station: usize) -> &[MarkPassage] {
         self.parts.get(station).map_or(&[], |part| &part.passages)
+    }
+
+    fn waited_for_zones(&self, station: usize) -> Option<Duration> {
+        let turns = self.parts.get(station).map(|part| &part.turns).filter(|turns| turns.has_zones())?;
+        Some(turns.waits().iter().filter_map(|wait| Some(wait.granted?.since(wait.came))).sum())
     }
 
     fn sent(&self, station: usize) -> Sum {

@@ -38,6 +38,11 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
         Ok(())
     }
 
+    /// Writes who requested the connection last, what the request asked for and why it was refused; nothing before the first one.
+    fn write_request(&self, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
+
     /// Returns the frame counters since the start.
     fn counters(&self) -> Counters;
 

@@ -17,12 +17,15 @@ mod cell;
 mod config;
 pub mod controller;
 mod drive_segment;
+#[cfg(all(feature = "real", target_os = "linux"))]
+mod export_command;
 pub mod motion;
 mod node;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod process;
 pub mod quality;
 pub mod rehearsal;
+mod robot_in_line;
 mod sample;
 mod waiting;
 
@@ -33,5 +36,6 @@ pub use controller::{Account, Controller, Ending, ImageFault, Program, RobotEven
 pub use drive_segment::{Disturbance, DriveSegment};
 pub use node::RobotNode;
 pub use quality::Quality;
+pub use robot_in_line::RobotInLine;
 pub use sample::{Positions, Sample};
 pub use waiting::WaitingFor;

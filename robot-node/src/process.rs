@@ -3,6 +3,9 @@
 //! It waits for a PLC and executes its skills until it is ended. With `--control` or `--json` it prints its messages as
 //! JSON, one per line.
 
+mod in_line;
+
+use std::convert::Infallible;
 use std::ffi::OsString;
 use std::fmt;
 use std::path::PathBuf;
@@ -25,9 +28,10 @@ use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
 use crate::controller::Ending;
+use crate::export_command::ExportCommand;
 use crate::{
-    Account, ConfigError, Disturbance, ImageFault, Program, Quality, RobotConfig, RobotEvent, RobotNode,
-    Sample, StartOutOfReach, WaitingFor, bus,
+    Account, ConfigError, Disturbance, ImageFault, Program, Quality, RobotConfig, RobotEvent, RobotInLine,
+    RobotNode, Sample, StartOutOfReach, WaitingFor, bus,
 };
 
 /// The robot of a setup on a real bus: waits for a PLC and executes its skills.
@@ -42,6 +46,8 @@ struct Cli {
 enum Subcommand {
     /// Wait for a PLC and execute its skills.
     Run(Run),
+    /// Export the second layer and the planned program as code for another robot.
+    Export(ExportCommand),
 }
 
 #[derive(clap::Args, Debug)]
@@ -157,7 +163,10 @@ pub fn command_line() -> clap::Command {
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     node::run::exit_on_stop();
     let cli: Cli = arguments::parse(args);
-    let Subcommand::Run(run) = cli.command;
+    let run = match cli.command {
+        Subcommand::Run(run) => run,
+        Subcommand::Export(export) => return node::exit_code(export.execute(), |_| false),
+    };
     let is_usage = |error: &anyhow::Error| {
         error.is::<ConfigError>() || error.is::<StartOutOfReach>() || error.is::<StationFileError>()
     };
@@ -197,6 +206,14 @@ impl Run {
             // EtherNet/IP runs without the privilege that ARP needs.
             adapter.stop_conflict_detection();
         }
+        let bus = match (bus, prepared.interfaces.as_slice()) {
+            (bus::RobotBus::Ethercat(sub_device), [_, onward]) => {
+                endpoint.push_str(&format!(", on to the next one by {}", onward.name()));
+                let node = RobotNode::new(config, programs, sub_device, self.seed, start);
+                return self.supervise(prepared, &endpoint, RobotInLine::new(node));
+            }
+            (bus, _) => bus,
+        };
         let node = RobotNode::new(config, programs, bus, self.seed, start);
         self.supervise(prepared, &endpoint, node)
     }
@@ -231,11 +248,11 @@ impl Run {
         Ok(Some(station))
     }
 
-    fn supervise<B: Fieldbus + Send + 'static>(
+    fn supervise<N: Node<Event = RobotEvent, Order = RobotInstruction, Answer = Infallible>>(
         &self,
         prepared: Prepared,
         endpoint: &str,
-        node: RobotNode<B>,
+        node: N,
     ) -> anyhow::Result<Outcome> {
         prepared.supervise(&self.options, NodeRole::Robot, endpoint, node, &mut OnInstruction)
     }
@@ -243,7 +260,7 @@ impl Run {
 
 impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
     type Order = RobotInstruction;
-    type Answer = std::convert::Infallible;
+    type Answer = Infallible;
     type Sample = Sample;
 
     fn link_event(event: &RobotEvent) -> Option<LinkEvent> {
@@ -325,7 +342,7 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
         self.ticked_at().as_nanos()
     }
 
-    fn sample(&self, _now: Instant) -> (Instant, Sample) {
+    fn sample(&self, _station: usize, _now: Instant) -> (Instant, Sample) {
         (self.ticked_at(), Self::sample(self))
     }
 }
@@ -333,7 +350,9 @@ impl<B: Fieldbus + Send + 'static> Node for RobotNode<B> {
 /// Executes the PLC's skills and reports the results.
 struct OnInstruction;
 
-impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction {
+impl<N: Node<Event = RobotEvent, Order = RobotInstruction, Answer = Infallible>> OperatingMode<N>
+    for OnInstruction
+{
     type Message = RobotMessage;
     type Instruction = RobotInstruction;
 
@@ -389,7 +408,7 @@ impl<B: Fieldbus + Send + 'static> OperatingMode<RobotNode<B>> for OnInstruction
         (message, Next::Wait)
     }
 
-    fn answer(&mut self, answer: std::convert::Infallible) -> (RobotMessage, Next<RobotInstruction>) {
+    fn answer(&mut self, answer: Infallible) -> (RobotMessage, Next<RobotInstruction>) {
         match answer {}
     }
 

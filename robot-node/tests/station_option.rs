@@ -30,6 +30,40 @@ fn a_setup_of_several_robots_needs_the_name_of_one_of_them() {
     }
 }
 
+/// A setup in which both robots of F are on EtherCAT, in a file.
+fn line() -> std::path::PathBuf {
+    let (mut cell, _) = setup::cell("F").unwrap();
+    cell.stations[0].bus = cell.stations[1].bus.clone();
+    let path = std::env::temp_dir().join(format!("line-{}.toml", std::process::id()));
+    std::fs::write(&path, setup::cell_to_toml(&cell).unwrap()).unwrap();
+    path
+}
+
+#[test]
+fn a_robot_that_leads_on_to_another_one_of_an_ethercat_line_needs_two_ports() {
+    let path = line();
+    let setup = path.to_str().unwrap();
+    let (code, said) = run(setup, &["--station", "left"]);
+    assert_eq!(code, Some(5), "its interface does not exist: {said}");
+    let node = |interface: &str, station: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_robot-node"));
+        command.args(["run", "--setup", setup, "--station", station, "--interface", interface]);
+        let output = command.output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    // The loopback interface exists everywhere.
+    let cases = [
+        ("lo", "left", "station left leads on to station right of the EtherCAT line: give it two interfaces"),
+        ("lo,lo", "left", "interface lo is both ports of the SubDevice"),
+        ("lo,lo", "right", "interface lo is both ports of the SubDevice"),
+    ];
+    for (interface, station, reason) in cases {
+        let (code, said) = node(interface, station);
+        assert!(code == Some(2) && said.contains(reason), "{interface} {station}: {code:?}: {said}");
+    }
+    std::fs::remove_file(path).unwrap();
+}
+
 #[test]
 fn a_station_looks_for_its_own_interface_and_a_setup_of_one_robot_needs_no_name() {
     for (setup, station) in [("E", "left"), ("E", "right"), ("F", "right"), ("A", "robot")] {

@@ -7,7 +7,7 @@ FUZZ_FLAGS="--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage
     -Cllvm-args=-sanitizer-coverage-trace-compares"
 
 verb_fuzz() { #: let libFuzzer attack each target for SECONDS (60), or only the targets that are named behind them
-    local seconds=${1:-60} host target program corpus found status=0 seeds
+    local seconds=${1:-60} host target program corpus found status=0 seeds longest
     host=$(rustc -vV | sed -n 's/^host: //p')
     found=${CARGO_TARGET_DIR:-target}/fuzz
     # For a target that is named, build scripts and procedural macros get none of it.
@@ -18,10 +18,11 @@ verb_fuzz() { #: let libFuzzer attack each target for SECONDS (60), or only the 
         target=$(basename "$corpus")
         case " ${*:2} " in "  " | *" $target "*) ;; *) continue ;; esac
         mkdir -p "$found/corpus/$target" "$found/crashes"
-        seeds=()
-        case $target in setup | application) seeds=("cell/${target}s") ;; esac
+        seeds=() longest=8192
+        # A longer seed would be cut: setups of several stations have more than 10 kB.
+        case $target in setup | application) seeds=("cell/${target}s") longest=16384 ;; esac
         # New inputs go into the first folder.
-        if ! FUZZ_TARGET=$target "$program" "$found/corpus/$target" "$corpus" "${seeds[@]}" -max_total_time="$seconds" -max_len=8192 \
+        if ! FUZZ_TARGET=$target "$program" "$found/corpus/$target" "$corpus" "${seeds[@]}" -max_total_time="$seconds" -max_len="$longest" \
             -timeout=20 -rss_limit_mb=2048 -print_final_stats=1 -artifact_prefix="$found/crashes/$target-" \
             >"$found/$target.log" 2>&1; then
             tail -n 60 "$found/$target.log" >&2

@@ -4,8 +4,9 @@
 ST_GRAMMAR=tree-sitter-iec61131-3-st==0.1.2
 TREE_SITTER=tree-sitter==0.26.1
 BLARK=blark==0.8.3
+RAPIDCHECKER=rapidchecker==0.1.5
 
-verb_grammars() { #: parse exported Structured Text by a grammar that others wrote, and find mistakes by it
+verb_grammars() { #: parse exported Structured Text and RAPID by grammars that others wrote, and find mistakes by them
     local out python file mistake application
     python_tool st-grammar "$TREE_SITTER" "$ST_GRAMMAR"
     python=$TOOLS/python
@@ -30,6 +31,29 @@ verb_grammars() { #: parse exported Structured Text by a grammar that others wro
     echo "exported Structured Text: no fault by the grammar of others, which finds 4 mistakes of 4"
     python_tool codesys-grammar "$BLARK"
     codesys_grammar "$TOOLS/python" "$out"
+    python_tool rapid-grammar "$RAPIDCHECKER"
+    rapid_grammar "$TOOLS/python" "$out"
+}
+
+# rapid_grammar PYTHON DIRECTORY: the same for RAPID, by rapidchecker.
+rapid_grammar() {
+    local python=$1 out=$2 file mistake application
+    for application in pick-and-place pick-and-place-gripper; do
+        built robot-node export --for abb --setup B --application "$application" --out "$out/rapid-$application"
+    done
+    # The grammar does not know the error handler of a TRAP, which the manual has.
+    sed --null-data --in-place 's/  ERROR\n    RAISE;\n  ENDTRAP/  ENDTRAP/' "$out"/rapid-*/SB_Motion.mod
+    "$python" -m rapidchecker "$out"/rapid-*/*.mod "$out"/rapid-*/*.sys
+    file=$out/rapid-pick-and-place/SB_Motion.mod
+    for mistake in 'ENDWHILE|' ' THEN$|' ':=|:= :=' '^  ENDPROC|'; do
+        sed "0,/${mistake%%|*}/s/${mistake%%|*}/$(cut -d'|' -f2 <<<"$mistake")/" "$file" >"$out/wrong.mod"
+        cmp --silent "$file" "$out/wrong.mod" && { echo "$mistake changed nothing" >&2; return 1; }
+        if "$python" -m rapidchecker "$out/wrong.mod" >/dev/null 2>&1; then
+            echo "the grammar of RAPID accepts $mistake" >&2
+            return 1
+        fi
+    done
+    echo "exported RAPID: no fault by the grammar of others, which finds 4 mistakes of 4"
 }
 
 # codesys_grammar PYTHON DIRECTORY: the same for CODESYS, by blark. Its whole file takes a minute, so mistakes are looked for in one block.

@@ -20,15 +20,15 @@ verb_wire() { #: short real and virtual runs, the captures of both ends through 
         built bench --setup C --mode "$mode" --types cm --reps 1 --capture always --out "$out/$mode-C"
         gate_run gate_ethercat "$out/$mode-C"
     done
-    # Of the switch's ports each carries one bus, and the PLC's both.
+    # Each port of the switch carries one bus.
     built bench --setup E --mode real --types cm --reps 1 --capture always --out "$out/real-E"
     gate_capture gate_profinet "$out/real-E/robot-left.pcapng"
     gate_capture gate_ethernet_ip "$out/real-E/robot-right.pcapng"
-    gate_capture gate_profinet "$out/real-E/plc.pcapng"
-    gate_capture gate_ethernet_ip "$out/real-E/plc.pcapng"
+    gate_capture gate_profinet "$out/real-E/plc-left.pcapng"
+    gate_capture gate_ethernet_ip "$out/real-E/plc-right.pcapng"
     built bench --setup F --mode real --types cm --reps 1 --capture always --out "$out/real-F"
-    gate_capture gate_profinet "$out/real-F/plc-profinet.pcapng"
-    gate_capture gate_ethercat "$out/real-F/plc-ethercat.pcapng"
+    gate_capture gate_profinet "$out/real-F/plc-left.pcapng"
+    gate_capture gate_ethercat "$out/real-F/plc-right.pcapng"
     gate_capture gate_ethercat "$out/real-F/robot-right.pcapng"
     local fault capture
     built bench --setup A --mode real --types cm --reps 1 --capture always --out "$out/faults" \

@@ -38,20 +38,8 @@ impl CellDirectory {
         applications: &[String],
         durability: Durability,
     ) -> anyhow::Result<Self> {
-        let mut cell = cell.clone();
-        let mut files = Vec::with_capacity(applications.len());
-        if cell.application.is_some() {
-            cell.application = Some(APPLICATION.to_owned());
-            files.extend(applications.first().map(|text| (APPLICATION.to_owned(), text.as_str())));
-        } else {
-            for (station, text) in cell.stations.iter_mut().zip(applications) {
-                station.application = format!("application-{}.toml", station.name);
-                files.push((station.application.clone(), text));
-            }
-        }
-        let setup = setup::cell_to_toml(&cell)?;
-        let mut inputs = vec![("setup.toml", setup.as_str())];
-        inputs.extend(files.iter().map(|(name, text)| (name.as_str(), *text)));
+        let files = inputs(cell, applications)?;
+        let inputs: Vec<_> = files.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
         let directory = RunDirectory::begin(path, &inputs, SAMPLES_HEAD, durability)?;
         Ok(Self { directory, names: cell.names().map(str::to_owned).collect() })
     }
@@ -115,6 +103,27 @@ impl CellDirectory {
     pub fn save_results(&self, results: &CellResults) -> anyhow::Result<()> {
         self.directory.replace_results(&results.to_json()?)
     }
+}
+
+/// Returns the files that say what a cell runs, each with its text: the setup, and the texts of its applications.
+///
+/// # Errors
+///
+/// The setup cannot be written as text.
+pub fn inputs(cell: &Cell, applications: &[String]) -> anyhow::Result<Vec<(String, String)>> {
+    let mut cell = cell.clone();
+    let mut files = Vec::with_capacity(1 + applications.len());
+    if cell.application.is_some() {
+        cell.application = Some(APPLICATION.to_owned());
+        files.extend(applications.first().map(|text| (APPLICATION.to_owned(), text.clone())));
+    } else {
+        for (station, text) in cell.stations.iter_mut().zip(applications) {
+            station.application = format!("application-{}.toml", station.name);
+            files.push((station.application.clone(), text.clone()));
+        }
+    }
+    files.insert(0, ("setup.toml".to_owned(), setup::cell_to_toml(&cell)?));
+    Ok(files)
 }
 
 /// Returns a line for each station, or one for a failed repetition.

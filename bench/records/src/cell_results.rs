@@ -43,6 +43,9 @@ pub struct CellResults {
     pub seed: u64,
     /// Requested repetitions of each type.
     pub reps: u32,
+    /// What became of the override in each repetition, as `--override` says it; absent where it stayed at 100 %.
+    #[serde(default, rename = "override", skip_serializing_if = "Option::is_none")]
+    pub overrides: Option<String>,
     /// Progress of the run, or how it ended.
     pub status: Status,
     /// The stations, in the order of the setup.
@@ -277,6 +280,7 @@ impl CellResults {
             mode: mode.name().to_owned(),
             seed: schedule.seed,
             reps: schedule.reps,
+            overrides: schedule.overrides.filter(|given| !given.is_full()).map(|given| given.to_string()),
             status: Status::Running,
             stations: cell.stations.iter().map(station).collect(),
             marks: planned.marks.iter().map(mark).collect(),
@@ -338,6 +342,13 @@ impl CellResults {
         }
     }
 
+    /// Returns seed and override, if there is one: the end of the line that describes the run.
+    #[must_use]
+    pub fn conditions(&self, separator: &str) -> String {
+        let overrides = self.overrides.iter().map(|overrides| format!("{separator}override {overrides}"));
+        format!("seed {}{}", self.seed, overrides.collect::<String>())
+    }
+
     /// Returns what such a run has in common with one of a single station, with the robot's times of a station.
     #[must_use]
     pub fn of_station(&self, station: usize) -> Results {
@@ -357,6 +368,8 @@ impl CellResults {
             title: self.title.clone(),
             seed: self.seed,
             reps: self.reps,
+            overrides: self.overrides.clone(),
+            faults: self.faults.clone(),
             status: self.status,
             aet_improvement: self.aet_improvement,
             digests: self.digests.clone(),

@@ -175,6 +175,7 @@ impl Measured {
             },
             seen: None,
             after: None,
+            zone_wait_ns: None,
         };
         Self { execution, quality: None, account: None, interference: Interference::default() }
     }

@@ -18,8 +18,8 @@ pub use at_frame::AtFrame;
 use drives::DriveFault;
 pub use drives::NoSuchDrive;
 pub use limits::{
-    BeginsWithFrame, NotReal, Repeated, TooManyFrameFaults, Unfit, UnfitForCell, WrongStation, check,
-    check_cell, check_one_robot, check_real, check_without_frames,
+    NotReal, Repeated, TooManyFrameFaults, Unfit, UnfitForCell, WrongStation, check, check_cell,
+    check_one_robot, check_real,
 };
 pub use report::FaultReport;
 

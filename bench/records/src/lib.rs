@@ -28,7 +28,7 @@
 //! digest         the digests of what is saved; agreement: whether saved figures agree with the samples;
 //!                sample_rows: samples.csv, read back
 //! run_directory  the files of a measurement; occupied: the directories that no verb writes into;
-//!                replacement: files that are replaced as a whole
+//!                replacement: files that are replaced as a whole; free_space: room on a disk
 //! ```
 
 pub mod agreement;
@@ -51,6 +51,7 @@ pub mod faults;
 pub mod feed;
 pub mod figures;
 mod frames;
+pub mod free_space;
 pub mod host;
 pub mod imported_samples;
 pub mod interval;

@@ -10,6 +10,7 @@ pub const RUN: Files<'static> = Files {
         SAMPLES,
         "setup.toml",
         "application.toml",
+        PROGRAM,
         "host.json",
         "results.json",
         "report.html",
@@ -28,12 +29,17 @@ pub const RUN: Files<'static> = Files {
 /// The samples of a run. This file tells its directory from others.
 pub const SAMPLES: &str = "samples.csv";
 
+/// The exported code that a run executed in the place of the PLC's function blocks: the name that the export gives it, so that
+/// the run's directory can be executed as it is.
+pub const PROGRAM: &str = "skillbench.st";
+
 /// Files that a cell has for each station: `trace-robot-left.csv`.
-const OF_STATIONS: [(&str, &str); 6] = [
+const OF_STATIONS: [(&str, &str); 7] = [
     ("application-", ".toml"),
     ("trace-robot-", ".csv"),
     ("trace-plc-", ".csv"),
     ("trace-robot-", ".rows"),
+    ("trace-plc-", ".rows"),
     ("robot-", ".pcapng"),
     ("plc-", ".pcapng"),
 ];

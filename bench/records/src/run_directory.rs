@@ -3,6 +3,7 @@
 //! ```text
 //! setup.toml        the setup; runs again as `--setup DIR/setup.toml`
 //! application.toml  the text of the application
+//! skillbench.st     the exported code that was executed, if there was some; `--plc-program DIR` executes it again
 //! host.json         the computer
 //! samples.csv       a line per repetition, written before the next one starts
 //! results.json      the results so far, replaced as a whole
@@ -26,10 +27,10 @@ use crate::conditions::Measured;
 use crate::counted::counted;
 use crate::digest::Digests;
 use crate::host::date;
-use crate::occupied::{self, Files, Occupied, SAMPLES, holds_run};
+use crate::occupied::{self, Files, Occupied, PROGRAM, SAMPLES, holds_run};
 use crate::origin::{MeasuredTime, MeasuredType};
 use crate::replacement::check_writable;
-pub use crate::replacement::{Durability, check_replaceable, replace};
+pub use crate::replacement::{Durability, Replacement, check_replaceable, replace};
 use crate::results::{PerType, Results, SCHEMA_VERSION};
 use crate::schedule::Step;
 
@@ -55,17 +56,19 @@ pub struct RunDirectory {
 
 impl RunDirectory {
     /// Creates the directory and writes what is to be run: the setup and the text of its application. A directory
-    /// that already has one of a run's files is not changed.
+    /// that already has one of a run's files is not changed. `code` is the exported code that the run executes.
     pub fn create(
         path: &Path,
         setup: &Setup,
         application: &str,
+        code: Option<&str>,
         durability: Durability,
     ) -> anyhow::Result<Self> {
         let mut setup = setup.clone();
         setup.application = "application.toml".to_owned();
         let setup = setup::setup_to_toml(&setup)?;
-        let inputs = [("setup.toml", setup.as_str()), ("application.toml", application)];
+        let mut inputs = vec![("setup.toml", setup.as_str()), ("application.toml", application)];
+        inputs.extend(code.map(|code| (PROGRAM, code)));
         Self::begin(path, &inputs, SAMPLES_HEAD, durability)
     }
 
@@ -100,7 +103,7 @@ impl RunDirectory {
         };
         let is = |entry: &fs::DirEntry, names: &[&str]| names.iter().any(|name| entry.file_name() == *name);
         let is_empty = |entry: &fs::DirEntry| entry.metadata().is_ok_and(|found| found.len() == 0);
-        let described = [SAMPLES, "setup.toml", "application.toml", "host.json", "results.json"];
+        let described = [SAMPLES, "setup.toml", "application.toml", PROGRAM, "host.json", "results.json"];
         let (of_run, others): (Vec<_>, Vec<_>) =
             entries.iter().partition(|entry| occupied::is_of_run(&entry.file_name().to_string_lossy()));
         // A node that recorded nothing leaves an empty file.
@@ -373,7 +376,8 @@ mod tests {
     fn a_directory_that_contains_a_run_is_not_changed() {
         let directory = tempfile::tempdir().unwrap();
         let (setup, found) = planning::setup_with_application("A").unwrap();
-        let create = || RunDirectory::create(directory.path(), &setup, &found.text, Durability::Written);
+        let create =
+            || RunDirectory::create(directory.path(), &setup, &found.text, None, Durability::Written);
         create().unwrap();
         let said = create().unwrap_err().to_string().replace(&directory.path().display().to_string(), "DIR");
         insta::assert_snapshot!(said, @"DIR holds a run already; choose another directory by --out");
@@ -384,7 +388,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let (setup, found) = planning::setup_with_application("A").unwrap();
         let path = place.path().join("run");
-        let run = || RunDirectory::create(&path, &setup, &found.text, Durability::Written).unwrap();
+        let run = || RunDirectory::create(&path, &setup, &found.text, None, Durability::Written).unwrap();
         let begun = run();
         fs::write(path.join("trace-plc.rows"), "").unwrap();
         begun.discard();
@@ -404,7 +408,7 @@ mod tests {
     fn the_setup_in_the_directory_gives_the_same_run_again() {
         let directory = tempfile::tempdir().unwrap();
         let (setup, found) = planning::setup_with_application("A").unwrap();
-        RunDirectory::create(directory.path(), &setup, &found.text, Durability::Synced).unwrap();
+        RunDirectory::create(directory.path(), &setup, &found.text, None, Durability::Synced).unwrap();
         let written = directory.path().join("setup.toml");
         let (again, same) = planning::setup_with_application(written.to_str().unwrap()).unwrap();
         assert_eq!((again.motions, again.robot), (setup.motions, setup.robot));

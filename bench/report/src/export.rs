@@ -4,6 +4,8 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use crate::cell_export;
+use crate::export_text::{escaped_marks, markdown_row, quoted, unfinished};
 use crate::figures::{self, CALIBRATED, Figures, rounded};
 use crate::progress::label;
 use crate::table;
@@ -11,7 +13,7 @@ use clap::Args;
 use records::calibrated;
 use records::cell_results::CellResults;
 use records::figures::TypeFigures;
-use records::results::{Results, Status};
+use records::results::Results;
 use records::run_directory::{Durability, replace};
 use records::schedule::repetitions;
 
@@ -21,7 +23,7 @@ pub struct Exports {
     /// Write the results to this file as well, as JSON; bench/schemas/results.schema.json says what is in it.
     #[arg(long = "export-json", value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write AET, MAD and related figures to this file, as CSV with one line per type; DIR/samples.csv has one line per
+    /// Write AET, MAD and related figures to this file, as CSV with one line per type, and per station where there are several; DIR/samples.csv has one line per
     /// repetition.
     #[arg(long = "export-csv", value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -65,16 +67,21 @@ impl Exports {
         write(&self.junit, &|| Ok(junit(results, self.started.as_deref())))
     }
 
-    /// Writes the results of a cell as JSON, if that was requested; other formats are for one robot.
+    /// Writes every requested file of a cell.
     ///
     /// # Errors
     ///
-    /// The file cannot be written; its old content is kept.
+    /// A file cannot be written; its old content is kept.
     pub fn write_cell(&self, results: &CellResults) -> anyhow::Result<()> {
-        match &self.json {
-            Some(path) => replace(path, &results.to_json()?, Durability::Written),
+        let write = |path: &Option<PathBuf>, text: &dyn Fn() -> anyhow::Result<String>| match path {
+            Some(path) => replace(path, &text()?, Durability::Written),
             None => Ok(()),
-        }
+        };
+        write(&self.json, &|| Ok(results.to_json()?))?;
+        write(&self.csv, &|| Ok(cell_export::csv(results)))?;
+        write(&self.markdown, &|| Ok(cell_export::markdown(results)))?;
+        // A case is a repetition of the cell, whatever its stations did in it.
+        write(&self.junit, &|| Ok(junit(&results.of_station(0), self.started.as_deref())))
     }
 
     /// Returns the options that ask for files, each with its file if it is given.
@@ -130,15 +137,6 @@ fn csv(results: &Results) -> String {
     text
 }
 
-/// Formats a field of a CSV file, in quotes if necessary (RFC 4180).
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", field.replace('"', "\"\""))
-    } else {
-        field.to_owned()
-    }
-}
-
 /// Formats a heading, the table of the screen and what stands below it.
 fn markdown(results: &Results) -> String {
     let Results { setup, title, application, .. } = results;
@@ -176,25 +174,6 @@ fn markdown(results: &Results) -> String {
     }
     lines.extend(table::sentences(results).iter().map(|sentence| format!("- {}", escaped_marks(sentence))));
     lines.join("\n") + "\n"
-}
-
-fn markdown_row<T: AsRef<str>>(cells: &[T]) -> String {
-    let cells: Vec<_> = cells.iter().map(|cell| escaped_marks(cell.as_ref().trim())).collect();
-    format!("| {} |", cells.join(" | "))
-}
-
-/// Escapes the marks of calibrated figures, of which two would be emphasis.
-fn escaped_marks(text: &str) -> String {
-    text.replace(CALIBRATED, "\\*")
-}
-
-const fn unfinished(status: Status) -> &'static str {
-    match status {
-        Status::Complete => "",
-        Status::Running => " (not finished)",
-        Status::Failed => " (a repetition failed)",
-        Status::Interrupted => " (interrupted)",
-    }
 }
 
 /// Formats a test suite per type and a test case per repetition with its execution time, so that a CI server can draw
@@ -296,6 +275,7 @@ fn escaped(text: &str) -> String {
 mod tests {
     use super::*;
     use plc_node::ExecutionType;
+    use records::results::Status;
 
     use records::conditions::Measured;
     use records::mode::Mode;

@@ -9,15 +9,17 @@
 //! export     the results in formats of other programs
 //! timeline   a trace for Perfetto
 //! playback   a trace for Foxglove and Rerun, if it is built in
-//! cell_files both, of a cell with several stations; cell_table: its table
+//! cell_files both, of a cell with several stations; cell_table: its table; cell_export: other formats
 //! ```
 //!
 //! This module has `print!` and `println!` for a reader that may be gone; [`errln!`] is the nodes'. Output that is lost
 //! although there is a reader, for example on a full disk, is a failure, because it was meant to be kept.
 
+mod cell_export;
 pub mod cell_files;
 pub mod cell_table;
 pub mod export;
+mod export_text;
 pub mod figures;
 pub mod html;
 pub mod live;

@@ -38,7 +38,9 @@ pub fn render(results: &Results) -> String {
     text
 }
 
-fn figures(results: &Results) -> String {
+/// Formats AET and MAD of all types as a table.
+#[must_use]
+pub fn figures(results: &Results) -> String {
     let figures = Figures::of(results);
     let mut table = screen::ruled();
     table.set_header(figures.header());

@@ -3,22 +3,23 @@
 //! The computer's state is read first; functions with that state as arguments decide what follows from it.
 
 mod addresses;
+mod finding;
+mod peer;
 
 use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
 use node::interface_option::InterfaceOption;
-use node::screen;
 use protocol_linux::wakeups::{self, Wakeups};
-use serde::Serialize;
 
 use crate::COMMIT;
+use finding::{Finding, Verdict};
+use peer::PeerOptions;
 use records::exit::{Exit, Failure};
 use records::host::{Host, ProcessorTime};
 use records::listening::{self, Listening};
 use report::errln;
-use report::outln;
 use stands::rig;
 use studies::setup_option::SetupOption;
 
@@ -38,45 +39,9 @@ pub struct DoctorOptions {
     /// Print JSON instead of a table.
     #[arg(long)]
     pub json: bool,
-}
-
-/// Verdict on one requirement.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Verdict {
-    /// Real mode has what it needs.
-    Good,
-    /// Real mode runs, but its figures get worse.
-    Limited,
-    /// Real mode does not run.
-    Missing,
-}
-
-/// Result of checking one requirement.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
-pub struct Finding {
-    /// The requirement.
-    pub what: &'static str,
-    /// The verdict on it.
-    pub verdict: Verdict,
-    /// What was found.
-    pub found: String,
-    /// What to do about it; null if nothing.
-    pub fix: Option<String>,
-}
-
-impl Finding {
-    fn good(what: &'static str, found: impl Into<String>) -> Self {
-        Self { what, verdict: Verdict::Good, found: found.into(), fix: None }
-    }
-
-    fn limited(what: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Self {
-        Self { what, verdict: Verdict::Limited, found: found.into(), fix: Some(fix.into()) }
-    }
-
-    fn missing(what: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Self {
-        Self { what, verdict: Verdict::Missing, found: found.into(), fix: Some(fix.into()) }
-    }
+    /// The foreign end to look at in place of this machine.
+    #[command(flatten)]
+    peer: PeerOptions,
 }
 
 /// Checks this computer and prints the findings. Call it while the process has one thread.
@@ -86,6 +51,9 @@ impl Finding {
 /// The setup cannot be used, or wake-ups cannot be measured. A computer on which real mode does not run is not an
 /// error: its findings are printed, and the exit code reports it.
 pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
+    if let (Some(role), Some(interface)) = (options.peer.role, &options.interface) {
+        return peer::run(&options.peer, role, options.setup.name(), interface, options.json);
+    }
     let setup = setup::setup(options.setup.name())?;
     // Before this process enters a namespace, from where it sees fewer files of others.
     let listening = listening(&listening::find_sockets());
@@ -116,55 +84,9 @@ pub fn run(options: &DoctorOptions) -> Result<Exit, Failure> {
     findings.extend(stolen(before, ProcessorTime::now()));
     findings.extend(granted(&measured));
     findings.push(lateness(&measured, scan, setup.bus.watchdog()));
-    print(&findings, options.json)?;
+    finding::print(&findings, options.json, finding::ending_of_host(&findings))?;
     let runs = findings.iter().all(|finding| finding.verdict != Verdict::Missing);
     Ok(if runs { Exit::Pass } else { Exit::EnvironmentUnusable })
-}
-
-fn print(findings: &[Finding], as_json: bool) -> Result<(), Failure> {
-    if as_json {
-        let json = serde_json::to_string_pretty(findings).context("cannot write the findings as JSON")?;
-        outln!("{json}");
-    } else {
-        outln!("{}", table(findings));
-    }
-    Ok(())
-}
-
-fn table(findings: &[Finding]) -> String {
-    let longest = findings.iter().map(|finding| finding.what.chars().count()).max().unwrap_or(0);
-    let line = |Finding { what, verdict, found, .. }: &Finding| {
-        let verdict = match verdict {
-            Verdict::Good => "good",
-            Verdict::Limited => "limited",
-            Verdict::Missing => "MISSING",
-        };
-        screen::wrapped(&format!(" {verdict:<7}  {what:<longest$}  {found}"), 0, longest + 12)
-    };
-    let mut text = findings.iter().map(line).collect::<Vec<_>>().join("\n");
-    // Neighbours that need the same are told it once.
-    let what_to_do = findings.iter().filter(|finding| finding.fix.is_some()).collect::<Vec<_>>();
-    for same in what_to_do.chunk_by(|one, other| one.fix == other.fix) {
-        let whats: Vec<_> = same.iter().map(|finding| finding.what).collect();
-        if let Some(fix) = same.first().and_then(|finding| finding.fix.as_ref()) {
-            text += "\n\n";
-            text += &screen::wrapped(&format!("{}: {fix}", whats.join(", ")), 0, 0);
-        }
-    }
-    let worst = findings.iter().map(|finding| finding.verdict);
-    text += "\n\n";
-    text += &screen::wrapped(
-        if worst.clone().any(|verdict| verdict == Verdict::Missing) {
-            "Real mode does not run here; `--mode virtual` does."
-        } else if worst.clone().any(|verdict| verdict == Verdict::Limited) {
-            "Real mode runs here, within these limits; `--mode virtual` has none."
-        } else {
-            "Real mode runs here as well as it can."
-        },
-        0,
-        0,
-    );
-    text
 }
 
 /// Checks namespaces, the cable between them, and the sockets of all buses.
@@ -370,27 +292,5 @@ mod tests {
         for finding in findings {
             assert!(finding.verdict != Verdict::Good && finding.fix.is_some(), "{finding:?}");
         }
-    }
-
-    #[test]
-    fn the_table_has_a_line_per_finding_and_the_fixes_below() {
-        let findings = [
-            Finding::good("clock source", "tsc"),
-            Finding::limited("steal", "3.0 %", "use a machine of your own"),
-        ];
-        insta::assert_snapshot!(table(&findings), @"
-         good     clock source  tsc
-         limited  steal         3.0 %
-
-        steal: use a machine of your own
-
-        Real mode runs here, within these limits; `--mode virtual` has none.
-        ");
-        let twice = ["real-time priority", "locked memory"]
-            .map(|what| Finding::limited(what, "refused", "give this user `rtprio 49`"));
-        assert_eq!(table(&twice).matches("rtprio 49").count(), 1);
-        assert!(table(&twice).contains("\nreal-time priority, locked memory: give this user `rtprio 49`\n"));
-        let refused = Finding::missing("network namespaces", "refused", "run as root");
-        assert!(table(&[refused]).ends_with("Real mode does not run here; `--mode virtual` does."));
     }
 }

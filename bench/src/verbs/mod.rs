@@ -15,5 +15,6 @@ pub mod overhead;
 pub mod report;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod scale;
+pub mod study;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod timing;

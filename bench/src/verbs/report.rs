@@ -8,7 +8,7 @@ use records::exit::{Exit, Failure};
 use records::run_directory::{Durability, replace};
 use report::errln;
 use report::outln;
-use report::pages::{self, Comparison, Pages};
+use report::pages::{self, Comparison, Pages, WantedPages};
 use studies::outputs::{self, Own, location};
 
 /// Options of a report that is drawn again.
@@ -30,7 +30,8 @@ pub struct ReportOptions {
 pub fn run(options: &ReportOptions) -> Result<Exit, Failure> {
     let (path, lacks) = match &options.out {
         None => {
-            let Pages { report, lacks, .. } = pages::write(&options.run).map_err(as_it_was)?;
+            let Pages { report, lacks, .. } =
+                pages::write(&options.run, WantedPages::BOTH).map_err(as_it_was)?;
             (report, lacks)
         }
         Some(path) => {

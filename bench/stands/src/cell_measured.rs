@@ -19,22 +19,21 @@ pub struct CellMeasured {
 }
 
 impl CellMeasured {
-    /// Takes the reports of each station with the marks that its arm passed, by the PLC's clock, and with its time before shared zones;
-    /// `true_time` converts the clock.
+    /// Takes the reports of each station with the marks that its arm passed, by the PLC's clock; `true_time` converts it.
     pub(crate) fn of(
-        stations: Vec<(Measured, &[MarkPassage], Option<Duration>)>,
+        stations: Vec<(Measured, &[MarkPassage])>,
         start_skew: Option<Duration>,
         true_time: impl Fn(Instant) -> Instant,
     ) -> Self {
         let since_origin = |at: Instant| true_time(at).since(Instant::ZERO);
-        let sample = |(measured, passages, waited_for_zones): &(Measured, &[MarkPassage], _)| StationSample {
+        let sample = |(measured, passages): &(Measured, &[MarkPassage])| StationSample {
             robot_execution: Duration::from_nanos(measured.execution.robot_execution_ns),
             blends_suppressed: measured.execution.blends_suppressed,
             waited: passages.iter().filter_map(|it| Some(it.passed?.since(it.came))).sum(),
-            waited_for_zones: *waited_for_zones,
+            waited_for_zones: measured.execution.zone_wait_ns.map(Duration::from_nanos),
             came: passages.iter().map(|it| (it.mark, since_origin(it.came))).collect(),
         };
-        let execution_ns = stations.first().map_or(0, |(first, ..)| first.execution.execution_time_ns);
+        let execution_ns = stations.first().map_or(0, |(first, _)| first.execution.execution_time_ns);
         let sample = CellSample {
             execution: Duration::from_nanos(execution_ns),
             start_skew,

@@ -35,7 +35,7 @@ pub struct RehearsedStation {
 }
 
 impl PlannedPath {
-    /// Has the arm of a station execute its motions alone from these joints, at full override.
+    /// Has the arm of a station execute its motions alone from these joints, at an override in %.
     ///
     /// # Errors
     ///
@@ -44,6 +44,7 @@ impl PlannedPath {
         station: &PlannedStation,
         execution_type: ExecutionType,
         start: Joints,
+        override_percent: u8,
     ) -> anyhow::Result<RehearsedStation> {
         let planned = &station.planned;
         let calls = match execution_type {
@@ -62,7 +63,7 @@ impl PlannedPath {
                 from,
                 motions,
                 &section.stops,
-                (calls, 100),
+                (calls, override_percent),
                 &mut |controller| points.add(controller),
             )?;
             path.sections.push(PlannedSection { motions: section.motions.clone(), points: points.points });

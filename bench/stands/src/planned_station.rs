@@ -13,6 +13,8 @@ pub struct PlannedStation {
     pub name: String,
     /// The station as a setup of its own.
     pub setup: Setup,
+    /// Its place in an EtherCAT line, if its setup gives one.
+    pub position: Option<u16>,
     /// Its robot and motions.
     pub planned: PlannedCell,
     /// Where its arm waits for others, in order.
@@ -37,10 +39,11 @@ impl PlannedStation {
     pub fn all(cell: &planning::PlannedCell) -> anyhow::Result<Vec<Self>> {
         let arms = ArmInStep::all(cell)?;
         let one = |(station, in_step): (&planning::PlannedStation, ArmInStep)| {
-            let planning::PlannedStation { name, setup, application, plan, zones, .. } = station;
+            let planning::PlannedStation { name, setup, position, application, plan, zones, .. } = station;
             Ok(Self {
                 name: name.clone(),
                 setup: setup.clone(),
+                position: *position,
                 planned: PlannedCell::of_plan(setup, application, plan)?,
                 waits: plan.waits.clone(),
                 visits: plan.visits.clone(),

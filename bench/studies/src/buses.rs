@@ -11,14 +11,16 @@ use plc_node::ExecutionType;
 use setup::Setup;
 
 use crate::each_bus::over_each_bus;
+use crate::engine::job::ListedJob;
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::jobs;
 use crate::setup_option::SetupOption;
 use records::exit::{Exit, Failure};
 use records::schedule::{Schedule, repetitions};
 use report::outln;
+use stands::planned_cell::PlannedCell;
 use stands::reaction_limits::reaction_limits;
-use stands::virtual_run::{reactions, whole};
+use stands::virtual_run::reactions;
 
 /// Number of random sets of clocks and phases for the reactions, and number of reactions with each.
 const DRAWINGS: u64 = 100;
@@ -86,9 +88,11 @@ fn row(
     application: &Application,
     options: &BusesOptions,
 ) -> anyhow::Result<Row> {
-    let results = whole(setup, application, &Schedule::new(&ExecutionType::ALL, options.reps, options.seed))?;
+    let schedule = Schedule::new(&ExecutionType::ALL, options.reps, options.seed);
+    let planned = PlannedCell::of(setup, application)?;
+    let rows = ListedJob { setup: setup.clone(), planned, schedule }.measured()?;
     let aet_ms = ExecutionType::ALL
-        .map(|execution_type| results.figure(execution_type).map_or(f64::NAN, |figure| figure.aet_ms));
+        .map(|execution_type| rows.aet_mad(execution_type).map_or(f64::NAN, |figure| figure.aet_ms));
     let mut times = Vec::new();
     for drawing in 0..DRAWINGS {
         times.extend(reactions(setup, options.seed.wrapping_add(drawing), REACTIONS)?);

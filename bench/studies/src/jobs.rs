@@ -1,7 +1,7 @@
 //! Runs many independent virtual runs on all cores, with a line of progress.
 
 use std::io::{self, IsTerminal};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -12,6 +12,9 @@ use report::errln;
 
 /// Shortest interval between two lines of progress.
 const PLAIN_LINE_EVERY: Duration = Duration::from_secs(2);
+
+/// Results that wait for a slow disk; then the jobs wait.
+const WAITING: usize = 1_024;
 
 /// Runs all jobs, at most one per core at a time, and returns their results in the order of the jobs: `None` for a job
 /// that was not started before `interrupted` was set. The first error ends it.
@@ -61,29 +64,46 @@ impl Pool<'_> {
         work: impl Fn(&J) -> anyhow::Result<R> + Sync,
         mut done: impl FnMut(usize, R) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
-        let next = AtomicUsize::new(0);
+        let index = |number: u64| usize::try_from(number).unwrap_or(usize::MAX);
+        let work = |number| jobs.get(index(number)).map(&work).transpose();
+        self.each_number(jobs.len() as u64, work, |number, result| {
+            result.map_or(Ok(()), |result| done(index(number), result))
+        })
+    }
+
+    /// Runs jobs that are made from their numbers, 0 to `count` − 1, like [`each`](Self::each): no list of them is in memory.
+    ///
+    /// # Errors
+    ///
+    /// The error of a job, or of `done`.
+    pub fn each_number<R: Send>(
+        &self,
+        count: u64,
+        work: impl Fn(u64) -> anyhow::Result<R> + Sync,
+        mut done: impl FnMut(u64, R) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let next = AtomicU64::new(0);
         let cores = || thread::available_parallelism().map_or(1, usize::from);
-        let workers = self.threads.map_or_else(cores, usize::from).min(jobs.len().max(1));
-        let mut progress = Progress::start(self.name, self.quiet, jobs.len());
+        let most = usize::try_from(count.max(1)).unwrap_or(usize::MAX);
+        let workers = self.threads.map_or_else(cores, usize::from).min(most);
+        let mut progress = Progress::start(self.name, self.quiet, count);
         thread::scope(|scope| {
-            let (ended, outcomes) = mpsc::channel();
+            let (ended, outcomes) = mpsc::sync_channel(WAITING);
             for _ in 0..workers {
                 let (ended, next, work, interrupted) = (ended.clone(), &next, &work, self.interrupted);
                 scope.spawn(move || {
-                    while let Some((index, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
-                        .filter(|_| !interrupted.load(Ordering::Relaxed))
-                        .and_then(|index| Some((index, jobs.get(index)?)))
-                    {
+                    while !interrupted.load(Ordering::Relaxed) {
+                        let number = next.fetch_add(1, Ordering::Relaxed);
                         // After a job failed, the receiver of the results is gone.
-                        if ended.send((index, work(job))).is_err() {
+                        if number >= count || ended.send((number, work(number))).is_err() {
                             break;
                         }
                     }
                 });
             }
             drop(ended);
-            for (index, outcome) in outcomes {
-                done(index, outcome?)?;
+            for (number, outcome) in outcomes {
+                done(number, outcome?)?;
                 progress.step();
             }
             anyhow::Ok(())
@@ -99,8 +119,8 @@ struct Progress {
     view: View,
     name: String,
     started: Instant,
-    done: usize,
-    all: usize,
+    done: u64,
+    all: u64,
 }
 
 #[derive(Debug)]
@@ -111,14 +131,14 @@ enum View {
 }
 
 impl Progress {
-    fn start(name: &str, quiet: bool, all: usize) -> Self {
+    fn start(name: &str, quiet: bool, all: u64) -> Self {
         let started = Instant::now();
         let view = if quiet {
             View::Quiet
         } else if io::stderr().is_terminal() {
             let style = ProgressStyle::with_template("{prefix} {bar:25} {pos:>4}/{len}  {msg}")
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
-            let bar = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+            let bar = ProgressBar::with_draw_target(Some(all), ProgressDrawTarget::stderr());
             View::Live(bar.with_style(style).with_prefix(name.to_owned()))
         } else {
             View::Plain { last_line: started }
@@ -132,7 +152,7 @@ impl Progress {
         let left = if left < 1.0 { String::new() } else { format!("{left:.0} s left") };
         match &mut self.view {
             View::Live(bar) => {
-                bar.set_position(self.done as u64);
+                bar.set_position(self.done);
                 bar.set_message(left);
             }
             View::Plain { last_line } => {

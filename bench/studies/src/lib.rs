@@ -5,6 +5,7 @@
 //! calibrate                   fits a setup's numbers to the paper's figures
 //! explore, soak               runs with faults: at each frame of a run, and for hours of operation
 //! judge, long                 random motion lists held against independent laws; runs of millions of motions
+//! engine                      `bench study`: a file says what varies, and jobs give rows; the other studies execute their runs by it
 //! study, jobs, event_loop     the options of studies, runs on all cores, signals
 //! outputs, directory          the files that a verb writes; setup_option, each_bus: what it runs on
 //! ```
@@ -15,6 +16,7 @@ pub mod buses;
 pub mod calibrate;
 pub mod directory;
 pub mod each_bus;
+pub mod engine;
 pub mod event_loop;
 pub mod explore;
 pub mod jobs;

@@ -90,6 +90,20 @@ impl DrivesOption {
         Ok(setup)
     }
 
+    /// Returns the cell with these drives at every station.
+    ///
+    /// # Errors
+    ///
+    /// Drives cannot move one of the arms.
+    pub fn applied_to_cell(&self, cell: Cell) -> Result<Cell, Failure> {
+        let Some(drives) = self.drives else { return Ok(cell) };
+        let cell = cell.with_each_station(|setup| setup.with_drives(drives.into()));
+        for setup in cell.setups() {
+            setup::check(&setup).map_err(|error| Failure::new(Exit::Usage, error))?;
+        }
+        Ok(cell)
+    }
+
     /// Returns the option as a command has it, after a blank; empty without drives.
     #[must_use]
     pub fn in_command(&self) -> &'static str {

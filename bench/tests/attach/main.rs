@@ -9,6 +9,7 @@
 
 mod by_hand;
 mod cell;
+mod peer;
 mod stations;
 
 use std::fs;
@@ -55,6 +56,9 @@ fn main() -> ExitCode {
         cell::a_plc_that_sends_json_names_the_station_of_each_message,
         cell::a_bench_measures_on_the_nodes_of_a_cell_that_run_already,
         cell::attached_nodes_of_a_cell_that_are_others_or_missing_are_named_before_anything_moves,
+        peer::the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus,
+        peer::the_doctor_sees_every_step_of_a_plc_up_to_its_first_command_on_each_bus,
+        peer::the_doctor_names_the_first_step_that_a_missing_peer_lacks,
         stations::a_robot_that_kept_the_address_of_another_one_is_not_connected_to,
         stations::a_stranger_that_takes_the_address_of_the_robot_is_named_by_both_nodes,
     ])

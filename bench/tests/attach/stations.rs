@@ -44,9 +44,7 @@ impl Switch {
     pub(crate) fn node(&self, end: usize, name: &str, setup: &str, more: &[&str]) -> Node {
         let mut command = self.command(end, name, setup, "eth0");
         command.args(more);
-        let mut child = command.spawn().unwrap();
-        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        Node { child, lines }
+        Node::start(command)
     }
 
     /// Returns the command that starts a node at an end of the switch.
@@ -66,6 +64,13 @@ pub(crate) struct Node {
 }
 
 impl Node {
+    /// Starts a node by a command whose output is piped.
+    pub(crate) fn start(mut command: Command) -> Self {
+        let mut child = command.spawn().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        Self { child, lines }
+    }
+
     /// Reads up to a line with this text and returns all lines so far.
     #[track_caller]
     pub(crate) fn read_to(&mut self, text: &str) -> Vec<String> {

@@ -5,11 +5,9 @@ use rustix::process::{Signal, kill_process};
 use crate::process::{Bench, networks};
 
 pub(crate) fn a_cell_runs_on_a_switch_or_on_cables_and_every_node_has_a_capture() {
-    let captures = [
-        ("E", vec!["plc.pcapng", "robot-left.pcapng", "robot-right.pcapng"]),
-        ("F", vec!["plc-ethercat.pcapng", "plc-profinet.pcapng", "robot-left.pcapng", "robot-right.pcapng"]),
-    ];
-    for (setup, captures) in captures {
+    let captures = ["plc-left.pcapng", "plc-right.pcapng", "robot-left.pcapng", "robot-right.pcapng"];
+    let place = tempfile::tempdir().unwrap();
+    for setup in ["E", "F", &line(place.path())] {
         let args = ["--reps", "1", "--types", "rc,cm", "--capture", "always"];
         let ended = Bench::start_setup(setup, &args).wait();
         assert!(ended.status.success(), "{setup}: {}: {}", ended.status, ended.stderr);
@@ -21,6 +19,7 @@ pub(crate) fn a_cell_runs_on_a_switch_or_on_cables_and_every_node_has_a_capture(
         assert!(results["results"]["cm"]["relative_pose_mm"][0].is_f64(), "{}", results["results"]["cm"]);
         let has = |name: &str| ended.files.iter().any(|file| file == name);
         assert!(has("race.html") && has("trace-robot-left.csv") && has("trace-robot-right.csv"));
+        assert!(has("trace-plc-left.csv") && has("trace-plc-right.csv"));
         assert!(!ended.files.iter().any(|file| file.ends_with(".rows")), "{:?}", ended.files);
         for station in results["stations"].as_array().unwrap() {
             assert!(station["frames"]["frames_received"].as_u64().unwrap() > 1_000, "{station}");
@@ -29,6 +28,33 @@ pub(crate) fn a_cell_runs_on_a_switch_or_on_cables_and_every_node_has_a_capture(
         assert!(found.iter().all(|(_, bytes)| bytes.len() > 100_000));
         assert_eq!(found.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), captures);
     }
+}
+
+/// Writes Setup F with both of its robots on EtherCAT, in line, and returns its path.
+fn line(directory: &std::path::Path) -> String {
+    let both =
+        include_str!("../../../cell/setups/F.toml").replacen("kind = \"profinet\"", "kind = \"ethercat\"", 1);
+    let path = directory.join("line.toml");
+    std::fs::write(&path, both).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+pub(crate) fn a_cut_between_two_robots_in_line_loses_the_second_one_and_it_is_named() {
+    let place = tempfile::tempdir().unwrap();
+    let ended =
+        Bench::start_setup(&line(place.path()), &["--reps", "50", "--fault", "right/cut-at=3s..600s"]).wait();
+    assert_eq!(ended.status.code(), Some(4), "{}", ended.stderr);
+    let said = &ended.stderr;
+    assert!(said.contains("station right") && !said.contains("station left"), "{said}");
+}
+
+pub(crate) fn the_time_before_a_shared_zone_and_every_scan_of_each_station_are_in_a_real_run() {
+    let ended = Bench::start_setup("G", &["--reps", "1"]).wait();
+    assert!(ended.status.success(), "{}: {}", ended.status, ended.stderr);
+    let stations = &ended.results["results"]["cm"]["stations"];
+    let waited = |station: usize| stations[station]["zone_waiting_ms"][0].as_f64().unwrap();
+    assert!(waited(0) + waited(1) > 100.0, "{stations}");
+    assert!(ended.stdout.contains("left zones ms"), "{}", ended.stdout);
 }
 
 pub(crate) fn a_cell_with_a_lossy_cable_to_one_station_passes_and_counts_what_was_lost() {

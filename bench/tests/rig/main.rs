@@ -38,6 +38,8 @@ fn main() -> ExitCode {
         a_cut_and_a_killed_node_are_comments_at_the_next_frames_of_a_real_capture,
         a_plc_that_a_fault_killed_is_named_with_that_fault,
         cells::a_cell_runs_on_a_switch_or_on_cables_and_every_node_has_a_capture,
+        cells::a_cut_between_two_robots_in_line_loses_the_second_one_and_it_is_named,
+        cells::the_time_before_a_shared_zone_and_every_scan_of_each_station_are_in_a_real_run,
         cells::a_cell_with_a_lossy_cable_to_one_station_passes_and_counts_what_was_lost,
         cells::a_killed_robot_of_a_cell_fails_the_run_and_its_station_is_named,
         cells::ctrl_c_ends_a_cell_in_order_and_keeps_the_repetitions,

@@ -41,10 +41,12 @@ fn a_cell_of_two_arms_runs_in_every_type_and_gives_the_same_bytes_with_the_same_
 }
 
 #[test]
-fn two_robots_in_line_on_ethercat_run_in_virtual_time_and_are_refused_on_a_real_segment() {
+fn two_robots_in_line_on_ethercat_run_in_virtual_time_in_the_order_of_their_positions() {
     let directory = tempfile::tempdir().unwrap();
     let of_f = include_str!("../../../cell/setups/F.toml");
     let both = of_f.replacen("kind = \"profinet\"", "kind = \"ethercat\"", 1);
+    let both = both.replacen("name = \"left\"\n", "name = \"left\"\nposition = 1\n", 1);
+    let both = both.replacen("name = \"right\"\n", "name = \"right\"\nposition = 0\n", 1);
     fs::write(directory.path().join("line.toml"), both).unwrap();
     let finished = run(directory.path(), "line.toml", "line", &[]);
     assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
@@ -54,12 +56,6 @@ fn two_robots_in_line_on_ethercat_run_in_virtual_time_and_are_refused_on_a_real_
         (&results["status"], &results["stations"][0]["bus"]),
         (&"complete".into(), &"ethercat".into())
     );
-    #[cfg(feature = "real")]
-    {
-        let real = bench(directory.path(), ["--setup", "line.toml", "--mode", "real", "--out", "real"]);
-        assert_eq!(real.code, Some(2), "{}", real.stderr);
-        assert!(real.stderr.contains("stations left and right are both on EtherCAT"), "{}", real.stderr);
-    }
 }
 
 #[test]
@@ -89,10 +85,9 @@ fn the_time_for_which_arms_stood_before_a_shared_zone_is_in_table_and_results() 
 fn what_cells_do_not_have_yet_is_refused_by_its_name() {
     let directory = tempfile::tempdir().unwrap();
     for (more, named) in [
-        (&["--override", "50"] as &[&str], "--override is for setups of one station"),
-        (&["--cyclic", "udp"], "--cyclic is for"),
-        (&["--export-csv", "x.csv"], "--export-csv is for"),
-        (&["--fault", "left/to-robot:cut-frame=17@10ms"], "begins with a frame"),
+        (&["--cyclic", "udp"] as &[&str], "--cyclic is for"),
+        (&["--plc-program", "."], "exported code commands one robot, and setup E has several"),
+        (&["--application", "pick-and-place"], "built in are hand-over, carry-plate, take-turns"),
     ] {
         let finished = run(directory.path(), "E", "refused", more);
         assert_eq!(finished.code, Some(2), "{more:?}: {}", finished.stderr);
@@ -250,4 +245,98 @@ fn runs_of_cells_are_compared_listed_and_checked_as_those_of_one_robot() {
     let finished = bench(directory.path(), ["report", "runs/other"]);
     assert_eq!(finished.code, Some(4), "{}", finished.stderr);
     assert!(finished.stderr.contains("station right"), "{}", finished.stderr);
+}
+
+#[test]
+fn an_override_of_a_cell_is_followed_by_all_arms_verified_and_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let aet_ms = |setup: &str, out: &str, more: &[&str]| {
+        let finished = run(directory.path(), setup, out, more);
+        assert_eq!(finished.code, Some(0), "{setup} {more:?}: {}{}", finished.stdout, finished.stderr);
+        let text = fs::read_to_string(directory.path().join(out).join("results.json")).unwrap();
+        let results: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let aet_ms = ["rc", "sm", "cm"].map(|it| results["results"][it]["aet_ms"].as_f64().unwrap());
+        (aet_ms, results["override"].clone(), finished.stdout)
+    };
+    for setup in ["E", "F", "G"] {
+        let (full, none, _) = aet_ms(setup, &format!("{setup}-full"), &[]);
+        assert!(none.is_null());
+        for given in ["50", "80,0@1s,60@1.5s"] {
+            let out = format!("{setup}-{}", given.len());
+            let (slow, named, said) = aet_ms(setup, &out, &["--override", given]);
+            assert_eq!(named, given);
+            assert!(said.contains(&format!("override {given}")), "{said}");
+            let later = slow.iter().zip(full).all(|(slow, full)| slow - full > 300.0);
+            assert!(later, "{setup} {given}: {slow:?} {full:?}");
+        }
+    }
+}
+
+#[test]
+fn an_application_of_ones_own_replaces_that_of_a_cell_and_runs_again_from_its_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = include_str!("../../../cell/applications/hand-over.toml").replace("\"hand-over\"", "\"mine\"");
+    fs::create_dir(directory.path().join("tasks")).unwrap();
+    fs::write(directory.path().join("tasks/mine.toml"), text).unwrap();
+    let more = ["--types", "cm", "--application", "tasks/mine.toml"];
+    let first = run(directory.path(), "E", "first", &more);
+    assert_eq!(first.code, Some(0), "{}", first.stderr);
+    let written = fs::read_to_string(directory.path().join("first/application.toml")).unwrap();
+    assert!(written.contains("name = \"mine\""));
+    let again = run(directory.path(), "first/setup.toml", "again", &["--types", "cm"]);
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    let samples = |run: &str| fs::read(directory.path().join(run).join("samples.csv")).unwrap();
+    assert_eq!(samples("first"), samples("again"));
+    let other = run(directory.path(), "E", "other", &["--application", "take-turns"]);
+    assert_eq!(other.code, Some(2), "{}", other.stderr);
+    assert!(other.stderr.contains("`giver` is not an arm of"), "{}", other.stderr);
+}
+
+#[test]
+fn drives_of_a_cell_move_every_arm() {
+    let directory = tempfile::tempdir().unwrap();
+    let finished = run(directory.path(), "E", "driven", &["--types", "cm", "--drives", "ethercat"]);
+    assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
+    let setup = fs::read_to_string(directory.path().join("driven/setup.toml")).unwrap();
+    assert_eq!(setup.matches("drives = \"ethercat\"").count(), 2, "{setup}");
+    let trace = fs::read_to_string(directory.path().join("driven/trace-robot-right.csv")).unwrap();
+    assert!(trace.contains(",drives,"));
+}
+
+#[test]
+fn every_export_of_a_cell_is_written_and_table_and_report_name_its_faults_and_zone_waits() {
+    let directory = tempfile::tempdir().unwrap();
+    let more = [
+        "--types",
+        "cm",
+        "--fault",
+        "left/to-plc:cut-frame=900@10ms",
+        "--export-csv",
+        "g.csv",
+        "--export-markdown",
+        "g.md",
+        "--export-junit",
+        "g.xml",
+        "--export-json",
+        "g.json",
+    ];
+    let finished = run(directory.path(), "G", "turns", &more);
+    assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
+    let text = |name: &str| fs::read_to_string(directory.path().join(name)).unwrap();
+    let csv = text("g.csv");
+    let lines: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    assert!(lines.len() == 3 && lines.iter().all(|line| line.len() == lines[0].len()), "{csv}");
+    assert_eq!((lines[1][5], lines[1][6], lines[2][6]), ("cm", "left", "right"));
+    assert!(text("g.xml").contains("tests=\"2\" failures=\"0\""), "{}", text("g.xml"));
+    assert_eq!(text("g.json"), text("turns/results.json"));
+    let (markdown, report) = (text("g.md"), text("turns/report.html"));
+    let fault = "to-plc:cut-frame=900@10ms): ";
+    for shown in [&finished.stdout, &markdown, &report] {
+        assert!(
+            shown.contains(fault) && shown.contains("Station right: Cyclic frames of the PLC: "),
+            "{shown}"
+        );
+    }
+    assert!(markdown.contains("| CM |"), "{markdown}");
+    assert!(report.contains("left waits before zones, ms"), "{report}");
 }

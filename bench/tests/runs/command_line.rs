@@ -16,7 +16,7 @@ fn refused(arguments: &[&str]) -> String {
 
 #[test]
 fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
-    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B, C, D; or give the path of a .toml file");
+    insta::assert_snapshot!(refused(&["--setup", "Z", "--mode", "virtual"]), @"error: there is no setup `Z`: built in are A, B, C, D, E, F, G; or give the path of a .toml file");
 }
 
 #[cfg(feature = "real")]

@@ -84,7 +84,7 @@ fn the_command_of_a_refused_run_is_refused_for_the_same_reason() {
 #[test]
 fn the_first_frame_of_a_connection_that_is_lost_is_sent_again_and_the_fault_can_be_asked_for() {
     let place = tempfile::tempdir().unwrap();
-    let run = ["--mode", "virtual", "--types", "cm", "--reps", "1", "--quiet", "--fault"];
+    let run = ["--mode", "virtual", "--types", "cm", "--reps", "1", "--fault"];
     let (code, said) = bench(place.path(), &[&run[..], &["to-robot:lose-frame=1"]].concat());
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("Faults put in (to-robot:lose-frame=1): 1 frames lost, 0 twice"), "{said}");
@@ -105,7 +105,7 @@ fn the_setup_of_an_exploration_of_any_application_runs_again_from_where_it_is() 
         let (code, said) = bench(place.path(), &explore);
         assert_eq!(code, Some(0), "{said}");
         let setup = format!("{out}/setup.toml");
-        let run = ["--setup", &setup, "--mode", "virtual", "--types", "rc", "--reps", "1", "--quiet"];
+        let run = ["--setup", &setup, "--mode", "virtual", "--types", "rc", "--reps", "1"];
         let (code, said) = bench(place.path(), &run);
         assert_eq!(code, Some(0), "{said}");
         let name = application.trim_start_matches("tasks/").trim_end_matches(".toml");
@@ -113,4 +113,51 @@ fn the_setup_of_an_exploration_of_any_application_runs_again_from_where_it_is() 
         let (code, again) = bench(place.path(), &explore);
         assert_eq!(code, Some(0), "it goes on: {again}");
     }
+}
+
+#[test]
+fn no_single_fault_at_any_station_of_a_cell_breaks_its_laws_or_lets_an_altered_run_pass() {
+    for (setup, stations) in [("E", ["left", "right"]), ("F", ["left", "right"]), ("G", ["left", "right"])] {
+        let place = tempfile::tempdir().unwrap();
+        let (code, said) = explore(place.path(), &format!("--setup {setup} --types cm --every 3001"));
+        assert_eq!(code, Some(0), "{setup}: {said}");
+        for station in stations {
+            let rows: Vec<Vec<&str>> = said
+                .lines()
+                .filter(|line| line.trim_start().starts_with("CM ") && line.contains(&format!("{station}: ")))
+                .map(|line| line.split_whitespace().collect())
+                .collect();
+            assert_eq!(rows.len(), 9, "{setup}: {said}");
+            for row in rows {
+                let zeros = ["0"; 5];
+                assert_eq!(
+                    row[row.len() - 5..],
+                    zeros,
+                    "too late, stuck, altered, law broken, panicked: {said}"
+                );
+            }
+        }
+        let page = fs::read_to_string(place.path().join("out/explore.html")).unwrap();
+        for part in ["left to PLC, robot restarts", "restart-robot=", "bench --setup"] {
+            assert!(page.contains(part), "{setup}: {part}");
+        }
+    }
+}
+
+#[test]
+fn the_command_of_a_refused_run_of_a_cell_is_refused_for_the_same_reason_and_an_exploration_of_one_goes_on() {
+    let place = tempfile::tempdir().unwrap();
+    let options = "--setup E --types sm --every 4001 --kinds restart-robot,restart-plc --threads 1";
+    let (code, said) = explore(place.path(), options);
+    assert_eq!(code, Some(0), "{said}");
+    for words in ["station left: sm failed", "station right: sm failed"] {
+        let (code, again) = bench(place.path(), &[&command(&said, words)[..], &["--quiet"]].concat());
+        assert_eq!(code, Some(4), "{again}");
+        assert!(again.contains(words), "{again}");
+    }
+    let outcomes = place.path().join("out/outcomes.csv");
+    let all = fs::read_to_string(&outcomes).unwrap();
+    fs::write(&outcomes, &all[..all.len() / 2]).unwrap();
+    assert_eq!(explore(place.path(), options), (Some(0), said));
+    assert_eq!(fs::read_to_string(&outcomes).unwrap(), all);
 }

@@ -154,3 +154,36 @@ fn code_that_sends_another_motion_is_found_by_the_comparison_with_the_plan() {
     assert_eq!(code, Some(4), "{stderr}");
     assert!(stderr.contains("the PLC sent other motions"), "{stderr}");
 }
+
+#[test]
+fn a_run_of_exported_code_keeps_the_code_and_runs_again_from_its_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let first = run_edited(directory.path(), "cm", "was_start := start;", "was_start := start; (* edited *)");
+    assert_eq!(first.code, Some(0), "{}", first.stderr);
+    let kept = fs::read_to_string(directory.path().join("run/skillbench.st")).unwrap();
+    assert!(kept.contains("(* edited *)"));
+    assert_eq!(plc_export::FILE, records::occupied::PROGRAM);
+    // Whoever edits the code further still has that of the run.
+    fs::remove_dir_all(directory.path().join("kit")).unwrap();
+    let again = bench(
+        directory.path(),
+        [
+            "--setup",
+            "run/setup.toml",
+            "--mode",
+            "virtual",
+            "--reps",
+            "1",
+            "--types",
+            "cm",
+            "--quiet",
+            "--plc-program",
+            "run",
+            "--out",
+            "again",
+        ],
+    );
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    let samples = |run: &str| fs::read_to_string(directory.path().join(run).join("samples.csv")).unwrap();
+    assert_eq!(samples("run"), samples("again"));
+}

@@ -11,15 +11,18 @@ const APPLICATION: &str = include_str!("../../../cell/schemas/application.schema
 const CELL: &str = include_str!("../../../cell/schemas/cell.schema.json");
 const ARMS_APPLICATION: &str = include_str!("../../../cell/schemas/arms-application.schema.json");
 
+const STUDY: &str = include_str!("../../schemas/study.schema.json");
+
 const HEAD: &str = "\
-# All keys of setups and applications
+# All keys of setups, applications and studies
 
 Made from the types that read the files: `INSTA_UPDATE=always cargo test -p bench --test runs key_reference`. The same as JSON Schema, for
 editors: [setup.schema.json](../cell/schemas/setup.schema.json) and
 [application.schema.json](../cell/schemas/application.schema.json). `bench new DIR` writes both beside the files that it makes, whose
 first line names them, so that an editor with a TOML language server (Taplo, *Even Better TOML*) completes keys, shows their meaning
 and marks mistakes. Limits, units and examples: [setups.md](setups.md), [applications.md](applications.md). For several arms:
-[cell.schema.json](../cell/schemas/cell.schema.json) and [arms-application.schema.json](../cell/schemas/arms-application.schema.json).
+[cell.schema.json](../cell/schemas/cell.schema.json) and [arms-application.schema.json](../cell/schemas/arms-application.schema.json). For
+studies: [study.schema.json](../bench/schemas/study.schema.json), [studies.md](studies.md).
 
 ◆: a number with its source, `{ value = 1000, from = \"paper\", note = \"section 6.2\" }`; `from` is `paper`, `datasheet`, `calibrated` or
 `assumed`, and `note` may be left out.
@@ -105,6 +108,9 @@ impl<'a> Reference<'a> {
             {
                 return format!("{} ◆", self.kind(sourced));
             }
+            if definition.get("anyOf").is_some() {
+                return self.kind(definition);
+            }
             if let Some((before, file)) = self.before
                 && before["$defs"].get(name) == Some(definition)
             {
@@ -119,7 +125,9 @@ impl<'a> Reference<'a> {
             return format!("[{name}](#{anchor})");
         }
         if let Some(any) = value["anyOf"].as_array() {
-            return self.kind(any.iter().find(|it| it["type"] != "null").unwrap());
+            let kinds: Vec<_> =
+                any.iter().filter(|it| it["type"] != "null").map(|it| self.kind(it)).collect();
+            return kinds.join(" or ");
         }
         if let Some(constant) = value["const"].as_str() {
             return format!("`\"{constant}\"`");
@@ -208,13 +216,13 @@ fn read(toml: &str) -> Value {
 #[test]
 fn the_documented_keys_are_those_of_the_schemas() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/keys.md");
-    let schemas: [Value; 4] =
-        [SETUP, APPLICATION, CELL, ARMS_APPLICATION].map(|it| serde_json::from_str(it).unwrap());
-    let [setup, application, cell, arms] = &schemas;
+    let schemas: [Value; 5] =
+        [SETUP, APPLICATION, CELL, ARMS_APPLICATION, STUDY].map(|it| serde_json::from_str(it).unwrap());
+    let [setup, application, cell, arms, study] = &schemas;
     let one = [HEAD, &Reference::of(setup, "Setup"), &Reference::of(application, "Application")].concat();
     let several = Reference::after(setup, "Setup", cell, "Setup of several stations")
         + &Reference::after(application, "Application", arms, "Application for several arms");
-    let text = one + &several;
+    let text = one + &several + &Reference::of(study, "Study");
     if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
         std::fs::write(path, &text).unwrap();
     }
@@ -227,14 +235,15 @@ fn the_documented_keys_are_those_of_the_schemas() {
 
 #[test]
 fn every_shipped_file_fits_its_schema_and_a_wrong_key_or_value_does_not() {
-    let schemas: [Value; 4] =
-        [SETUP, APPLICATION, CELL, ARMS_APPLICATION].map(|it| serde_json::from_str(it).unwrap());
-    let [setup, application, cell, arms] = &schemas;
+    let schemas: [Value; 5] =
+        [SETUP, APPLICATION, CELL, ARMS_APPLICATION, STUDY].map(|it| serde_json::from_str(it).unwrap());
+    let [setup, application, cell, arms, study] = &schemas;
     let shipped = [
         (setup::SETUPS, setup),
         (planning::APPLICATIONS, application),
         (setup::CELLS, cell),
         (planning::ARMS_APPLICATIONS, arms),
+        (&studies::engine::file::EXAMPLES, study),
     ];
     for ((name, text), schema) in
         shipped.iter().flat_map(|(files, schema)| files.iter().map(move |it| (it, *schema)))

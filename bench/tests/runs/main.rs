@@ -30,5 +30,6 @@ mod key_reference;
 mod list_lengths;
 mod report;
 mod studies;
+mod study_engine;
 mod sweep;
 mod virtual_run;

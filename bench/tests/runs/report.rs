@@ -164,7 +164,7 @@ fn a_run_of_a_copy_with_another_speed_has_no_paper_in_table_report_exports_and_c
     std::fs::write(directory.path().join("copy.toml"), text).unwrap();
     let finished = bench(
         directory.path(),
-        ["--setup", "copy.toml", "--mode", "virtual", "--reps", "1", "--out", "copy", "--quiet"],
+        ["--setup", "copy.toml", "--mode", "virtual", "--reps", "1", "--out", "copy"],
     );
     assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     let is_told =

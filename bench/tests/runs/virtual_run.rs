@@ -7,6 +7,8 @@ use records::schedule::Schedule;
 use setup::{BusKind, Ethercat, EthernetIp, Setup};
 use stands::virtual_run::whole;
 
+use crate::program::bench;
+
 fn setup_a() -> (Setup, Application) {
     let (setup, found) = planning::setup_with_application("A").unwrap();
     (setup, found.application)
@@ -116,4 +118,23 @@ fn an_override_of_0_stops_every_type_on_its_path_and_a_higher_one_lets_it_go_on(
         assert!((1_850.0..2_150.0).contains(&longer), "{execution_type}: {longer} ms longer");
     }
     assert_eq!(stopped.overrides.as_deref(), Some("100,0@1s,100@3s"));
+}
+
+#[test]
+fn a_quiet_run_prints_its_table_alone_and_leaves_out_the_parts_that_it_is_asked_to() {
+    for setup in ["A", "F"] {
+        let place = tempfile::tempdir().unwrap();
+        let arguments = ["--setup", setup, "--mode", "virtual", "--reps", "1", "--quiet", "--out", "run"];
+        let without = ["--without", "race,report", "traces"];
+        let finished = bench(place.path(), arguments.into_iter().chain(without));
+        assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
+        let lines = finished.stdout.lines().count();
+        assert!(lines <= 12 && !finished.stdout.contains("Saved"), "{}", finished.stdout);
+        let run = std::fs::read_dir(place.path().join("run")).unwrap();
+        let files: Vec<_> = run.map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
+        for left_out in ["report.html", "race.html", "trace-"] {
+            assert!(!files.iter().any(|name| name.starts_with(left_out)), "{files:?}");
+        }
+        assert!(files.contains(&"samples.csv".to_owned()) && files.contains(&"results.json".to_owned()));
+    }
 }

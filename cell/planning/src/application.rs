@@ -33,6 +33,8 @@ pub struct Application {
     pub steps: Vec<Step>,
     /// Where the arm waits for others, in order; empty where one arm works alone.
     pub waits: Vec<Wait>,
+    /// The tools and bases that the file has and no step uses, such as "tool `probe`".
+    pub unused: Vec<String>,
 }
 
 /// A place between steps at which the arm waits at a mark until the other arms of that mark have come.

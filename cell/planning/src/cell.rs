@@ -49,6 +49,8 @@ pub struct PlannedStation {
     pub name: String,
     /// The station as a setup of its own.
     pub setup: Setup,
+    /// Its place in an EtherCAT line, if its setup gives one.
+    pub position: Option<u16>,
     /// What it is to do.
     pub application: Application,
     /// Its motions, and in [`Plan::waits`] where among them it waits at which mark.
@@ -67,12 +69,28 @@ pub struct PlannedStation {
 /// not have, and an arm without a station.
 pub fn cell_with_applications(name: &str) -> Result<(Cell, FoundCell), Error> {
     let (cell, directory) = setup::cell(name)?;
+    applications_of(name, cell, directory.as_deref())
+}
+
+/// Finds a setup and its applications like [`cell_with_applications`]; `instead` replaces them by one for all arms: a built-in
+/// one's name, or a path from the working directory.
+///
+/// # Errors
+/// Those of [`cell_with_applications`].
+pub fn cell_and_application(name: &str, instead: Option<&str>) -> Result<(Cell, FoundCell), Error> {
+    let Some(application) = instead else { return cell_with_applications(name) };
+    let (mut cell, _) = setup::cell(name)?;
+    cell.application = Some(application.to_owned());
+    applications_of(name, cell, None)
+}
+
+fn applications_of(name: &str, cell: Cell, directory: Option<&Path>) -> Result<(Cell, FoundCell), Error> {
     let origin = setup::built_in_setup(name)
         .map_or_else(|| name.to_owned(), |(known, _)| format!("built-in setup {known}"));
     let (marks, stations) = match &cell.application {
-        Some(application) => of_one_application(&origin, &cell, application, directory.as_deref())?,
+        Some(application) => of_one_application(&origin, &cell, application, directory)?,
         None => {
-            let own = |station: &setup::Station| application(&station.application, directory.as_deref());
+            let own = |station: &setup::Station| application(&station.application, directory);
             (Vec::new(), cell.stations.iter().map(own).collect::<Result<_, _>>()?)
         }
     };
@@ -141,7 +159,8 @@ impl FoundCell {
             let plan = found.plan(&setup)?;
             let reached = found.reach(&plan, &setup)?;
             let (name, application) = (station.name.clone(), found.application.clone());
-            Ok(PlannedStation { name, setup, application, plan, reached, zones: None })
+            let position = station.position;
+            Ok(PlannedStation { name, setup, position, application, plan, reached, zones: None })
         });
         let mut stations = stations.collect::<Result<Vec<_>, Error>>()?;
         share_zones(cell, &mut stations).map_err(|found| Error::NoTurns {

@@ -47,6 +47,7 @@ mod stopped;
 mod stream;
 mod swing;
 mod vary;
+mod warnings;
 mod way;
 mod wire;
 mod zone;
@@ -56,7 +57,7 @@ pub use application::{
     Zones,
 };
 pub use arms::{ArmApplication, ArmsApplication, Mark};
-pub use cell::{FoundCell, PlannedCell, PlannedStation, cell_with_applications};
+pub use cell::{FoundCell, PlannedCell, PlannedStation, cell_and_application, cell_with_applications};
 pub use error::Error;
 pub use geometry::{Cuboid, Point, Pose};
 pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};

@@ -34,6 +34,8 @@ pub struct Plan {
     pub waits: Vec<WaitAt>,
     /// Visits of the arm in shared zones of its cell, in order; empty without such zones.
     pub visits: Vec<ZoneVisit>,
+    /// The tools and bases that the application has and does not use.
+    pub unused: Vec<String>,
 }
 
 /// A place in the list of motions at which the arm rests until the other arms of a mark have come: the PLC writes no motion
@@ -117,6 +119,7 @@ impl Plan {
             title: application.title.clone(),
             setup: setup.name.clone(),
             labels: labels.collect(),
+            unused: application.unused.clone(),
             ..Self::default()
         }
     }
@@ -141,38 +144,5 @@ impl Plan {
     pub(crate) fn rests_after(&self, motions: usize) -> bool {
         self.continuous.last().is_some_and(|it| it.motions.end == motions)
             || self.waits_after(motions).next().is_some()
-    }
-
-    /// Returns the warnings of the plan as sentences that name the motions concerned.
-    pub fn warnings(&self) -> impl Iterator<Item = String> + '_ {
-        self.reasons.iter().filter(|reason| reason.why.is_warning()).map(|reason| self.warning(reason))
-    }
-
-    pub(crate) fn warning(&self, reason: &Reason) -> String {
-        let called = |index: usize| {
-            let name = self.motions.get(index).map_or("", |motion| motion.name.as_str());
-            format!("motion {} `{name}`", index + 1)
-        };
-        let this = called(reason.motion);
-        let zone = self.motions.get(reason.motion).map_or(0.0, |motion| motion.zone_mm);
-        match &reason.why {
-            Why::Shrunk { wanted_mm, short } => {
-                let length = self.motions.get(*short).map_or(0.0, |motion| motion.length_mm);
-                let (neighbour, cause) = if *short == reason.motion {
-                    (*short + 1, "it".to_owned())
-                } else {
-                    (*short, called(*short))
-                };
-                format!(
-                    "{this} blends into {} by {zone:.2} mm instead of {wanted_mm} mm: {cause} is only {length:.2} mm \
-                     long and gives at most half",
-                    called(neighbour)
-                )
-            }
-            Why::SwallowsPoint { circle, .. } if *circle != reason.motion => {
-                format!("{this}, before {}: {}", called(*circle), reason.why)
-            }
-            why => format!("{this}: {why}"),
-        }
     }
 }

@@ -131,7 +131,19 @@ impl Resolver<'_> {
             surfaces: file.surfaces.iter().map(|it| self.surface(it)).collect::<Result<Vec<_>, _>>()?,
             steps,
             waits: Vec::new(),
+            unused: self.unused(),
         })
+    }
+
+    /// Returns the tools and bases that no step uses: a file that names them mostly means them for a step.
+    fn unused(&self) -> Vec<String> {
+        let file = self.file;
+        let of_steps = file.steps.iter().filter_map(|step| step.get_ref().tool.as_ref());
+        let used: Vec<_> = of_steps.chain([&file.tool]).map(Spanned::get_ref).collect();
+        let tools =
+            file.tools.keys().filter(|name| !used.contains(name)).map(|name| format!("tool `{name}`"));
+        let bases = file.bases.keys().filter(|name| *name != file.base.get_ref());
+        tools.chain(bases.map(|name| format!("base `{name}`"))).collect()
     }
 
     /// Rejects control characters in names and descriptions: they would reach the terminal of whoever reads a message.

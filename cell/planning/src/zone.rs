@@ -13,7 +13,7 @@ const COLLINEAR_DEG: f64 = 0.01;
 
 /// Largest difference of directions in degrees that count as tangent: frames taught to a tenth of a millimetre differ by
 /// as much.
-const TANGENT_DEG: f64 = 0.5;
+pub(crate) const TANGENT_DEG: f64 = 0.5;
 
 /// The smallest zone that the wire carries, in mm.
 pub(crate) const LEAST_ZONE_MM: f64 = 0.01;

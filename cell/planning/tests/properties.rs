@@ -108,6 +108,7 @@ fn application(
                 grids: Vec::new(),
                 surfaces: Vec::new(),
                 waits: Vec::new(),
+                unused: Vec::new(),
                 obstacles,
                 steps,
             }

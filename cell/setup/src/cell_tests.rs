@@ -69,7 +69,7 @@ fn a_reader_of_one_robot_refuses_several_and_says_what_is_missing() {
     let broken = text("F").replacen("scan_cost_us", "scan_costs_us", 1);
     let said = setup_from_text("my.toml", &broken).unwrap_err().to_string();
     assert!(said.contains("scan_costs_us"), "a mistake in it is named first: {said}");
-    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B, C, D; or give the path of a .toml file");
+    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B, C, D, E, F, G; or give the path of a .toml file");
 }
 
 #[test]
@@ -84,10 +84,10 @@ fn schema_and_stations_must_agree() {
         cell_from_text("my.toml", "schema = 2\nstation = []").unwrap_err().to_string(),
     ];
     insta::assert_snapshot!(said.join("\n"), @"
-    my.toml: `schema`: 2 needs a section [[station]] for each robot, found none: add them, or write 1
-    my.toml: `schema`: 2 needs a section [[station]] for each robot, found none: add them, or write 1
-    my.toml: `schema`: 1: a setup with [[station]] has schema = 2
-    my.toml: `schema`: 3: a setup with [[station]] has schema = 2
+    my.toml:4: `schema`: 2 needs a section [[station]] for each robot, found none: add them, or write 1
+    my.toml:4: `schema`: 2 needs a section [[station]] for each robot, found none: add them, or write 1
+    my.toml:6: `schema`: 1: a setup with [[station]] has schema = 2
+    my.toml:6: `schema`: 3: a setup with [[station]] has schema = 2
     my.toml: `schema`: no version: a setup with [[station]] has schema = 2
     my.toml:1: missing key `name`
         1 | schema = 2
@@ -101,16 +101,16 @@ fn names_of_stations_are_short_and_plain_and_each_is_there_once() {
         ["name = \"left\"", "name = \"Right\"", "name = \"\"", "name = \"-r\"", "name = \"plc\"", &long];
     let said = cases.map(|name| refused("E", 0, "name = \"right\"", name));
     insta::assert_snapshot!(said.join("\n"), @"
-    my.toml: `station[1].name`: stations 1 and 2 are both `left`
-    my.toml: `station[1].name`: `Right`: write a to z, 0 to 9 and hyphens, such as `left`
-    my.toml: `station[1].name`: ``: write a to z, 0 to 9 and hyphens, such as `left`
-    my.toml: `station[1].name`: `-r`: write a to z, 0 to 9 and hyphens, such as `left`
-    my.toml: `station[1].name`: `plc` names the PLC in commands and files: choose another name
-    my.toml: `station[1].name`: 33 characters; a station's name has up to 32
+    my.toml:94: `station[1].name`: stations 1 and 2 are both `left`
+    my.toml:94: `station[1].name`: `Right`: write a to z, 0 to 9 and hyphens, such as `left`
+    my.toml:94: `station[1].name`: ``: write a to z, 0 to 9 and hyphens, such as `left`
+    my.toml:94: `station[1].name`: `-r`: write a to z, 0 to 9 and hyphens, such as `left`
+    my.toml:94: `station[1].name`: `plc` names the PLC in commands and files: choose another name
+    my.toml:94: `station[1].name`: 33 characters; a station's name has up to 32
     ");
     let longest = "E".repeat(31);
     assert!(cell_from_text("my", &text("E").replacen("\"E\"", &format!("\"{longest}\""), 1)).is_ok());
-    insta::assert_snapshot!(refused("E", 0, "name = \"E\"", &format!("name = \"E{longest}\"")), @"my.toml: `name`: 32 characters; the names of stations follow it, so give it up to 31");
+    insta::assert_snapshot!(refused("E", 0, "name = \"E\"", &format!("name = \"E{longest}\"")), @"my.toml:7: `name`: 32 characters; the names of stations follow it, so give it up to 31");
 }
 
 #[test]
@@ -135,10 +135,10 @@ fn a_wrong_number_in_a_station_is_named_with_its_station() {
         ),
     ];
     insta::assert_snapshot!(said.join("\n"), @r#"
-    my.toml: `station.right.robot.interpreter_quantum_us`: 24000000 µs is above ten seconds
-    my.toml: `station.right.bus.watchdog_cycles`: an EtherNet/IP connection waits for 512 packet intervals at most, not for 513
-    my.toml: `plc.scan_cost_us`: a scan that costs 1500 µs does not fit into a cycle of 1000 µs
-    my.toml: `station.right.root_mm_deg`: inf is not within ±1000000 mm
+    my.toml:111: `station.right.robot.interpreter_quantum_us`: 24000000 µs is above ten seconds
+    my.toml:101: `station.right.bus.watchdog_cycles`: an EtherNet/IP connection waits for 512 packet intervals at most, not for 513
+    my.toml:13: `plc.scan_cost_us`: a scan that costs 1500 µs does not fit into a cycle of 1000 µs
+    my.toml:96: `station.right.root_mm_deg`: inf is not within ±1000000 mm
     my.toml:96: in `station[1].root_mm_deg.value`: found 5 numbers, expected 6
        96 | root_mm_deg = { value = [750.0, -175.0, 180.0, 0.0, 0.0], from = "assumed", note = "opposite of the SCARA, facing it, the table 200 mm above its foot" }
           |                 ^^^^^
@@ -161,12 +161,12 @@ fn stations_that_clash_are_refused() {
         refused("E", 0, "plc_address = \"192.168.64.1\"", "plc_address = \"192.168.64.3\""),
     ];
     insta::assert_snapshot!(said.join("\n"), @"
-    my.toml: `station.right.root_mm_deg`: the arms of `left` and `right` stand at one place; move one
-    my.toml: `station.right.bus.robot_address`: 192.168.64.2 is the address of station `left` too
-    my.toml: `station.right.bus.plc_address`: 192.168.64.9: beside `left` the PLC has 192.168.64.1 in the same subnet; use one address, or two subnets
-    my.toml: `station.right.bus.plc_address`: 192.168.64.2 is the address of station `left`
-    my.toml: `station.right.bus.subnet_mask`: 255.255.0.0 overlaps the subnet of `left` with its mask 255.255.255.0: use one mask
-    my.toml: `station.right.bus.robot_address`: 192.168.64.3 is the PLC's address beside `left`
+    my.toml:96: `station.right.root_mm_deg`: the arms of `left` and `right` stand at one place; move one
+    my.toml:105: `station.right.bus.robot_address`: 192.168.64.2 is the address of station `left` too
+    my.toml:104: `station.right.bus.plc_address`: 192.168.64.9: beside `left` the PLC has 192.168.64.1 in the same subnet; use one address, or two subnets
+    my.toml:104: `station.right.bus.plc_address`: 192.168.64.2 is the address of station `left`
+    my.toml:106: `station.right.bus.subnet_mask`: 255.255.0.0 overlaps the subnet of `left` with its mask 255.255.255.0: use one mask
+    my.toml:105: `station.right.bus.robot_address`: 192.168.64.3 is the PLC's address beside `left`
     ");
 }
 
@@ -219,11 +219,11 @@ fn two_stations_on_one_profinet_bus_share_its_controller_and_nothing_else() {
         both(1),
     ];
     insta::assert_snapshot!(refusals.map(|text| said(&text)).join("\n"), @"
-    my.toml: `station.right.bus.profinet.robot_station_name`: `skillbench-left` is the name of `left` too
-    my.toml: `station.right.bus.profinet.plc_station_name`: `another-plc`, but `skillbench-plc` at station `left`; the IO-Controller has one name
-    my.toml: `station.right.bus.cycle_us`: 4000 µs, but 2000 µs at station `left` on the same bus; one bus has one value, write it at both
-    my.toml: `station.right.bus.plc_address`: 192.168.65.1, but 192.168.64.1 at station `left` on the same bus; one bus has one value, write it at both
-    my.toml: `station.right.bus.robot`: 02:00:00:00:00:01 is the MAC address of station `left` too
+    my.toml:109: `station.right.bus.profinet.robot_station_name`: `skillbench-left` is the name of `left` too
+    my.toml:108: `station.right.bus.profinet.plc_station_name`: `another-plc`, but `skillbench-plc` at station `left`; the IO-Controller has one name
+    my.toml:98: `station.right.bus.cycle_us`: 4000 µs, but 2000 µs at station `left` on the same bus; one bus has one value, write it at both
+    my.toml:102: `station.right.bus.plc_address`: 192.168.65.1, but 192.168.64.1 at station `left` on the same bus; one bus has one value, write it at both
+    my.toml:104: `station.right.bus.robot`: 02:00:00:00:00:01 is the MAC address of station `left` too
     ");
 }
 
@@ -244,9 +244,9 @@ fn stations_on_ethercat_have_places_in_a_line() {
     assert_eq!(cell("F").map(|(cell, _)| cell.ethercat_position(&cell.stations[0])).unwrap(), None);
     let refusals = [at("position = 1", ""), at("position = 0", "position = 2"), text_of_f_with_a_position()];
     insta::assert_snapshot!(refusals.map(|text| said(&text)).join("\n"), @"
-    my.toml: `station.right.position`: 1 is the place of station `left` too
-    my.toml: `station.right.position`: 2: the line has 2 stations, so 0 to 1
-    my.toml: `station.left.position`: 0: only stations on EtherCAT have a position; `left` is on profinet
+    my.toml:84: `station.right.position`: 1 is the place of station `left` too
+    my.toml:86: `station.right.position`: 2: the line has 2 stations, so 0 to 1
+    my.toml:17: `station.left.position`: 0: only stations on EtherCAT have a position; `left` is on profinet
     ");
 }
 

@@ -7,6 +7,7 @@
 mod bus;
 mod bus_section;
 mod cell;
+mod cell_bus;
 mod check;
 mod difference;
 mod error;
@@ -16,6 +17,7 @@ mod load;
 mod model;
 mod nearest;
 mod peer;
+mod place;
 mod shared_zone;
 mod sourced;
 mod vary;
@@ -27,11 +29,12 @@ pub use bus::{
     UnknownCyclic,
 };
 pub use cell::{Cell, Station};
+pub use cell_bus::CellBus;
 pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character};
 pub use load::{
     CELLS, SETUPS, Text, built_in, built_in_setup, cell, cell_from_text, check, check_cell, find, read,
-    setup, setup_from_text, setup_with_directory,
+    setup, setup_from_table, setup_from_text, setup_with_directory,
 };
 pub use model::{
     Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Servo, Setup,
@@ -41,7 +44,7 @@ pub use nearest::{meant_or_all, nearest};
 pub use peer::Peer;
 pub use shared_zone::SharedZone;
 pub use sourced::{Provenance, Sourced};
-pub use write::{cell_to_toml, setup_to_toml};
+pub use write::{cell_to_toml, setup_to_table, setup_to_toml};
 
 #[cfg(test)]
 mod cell_tests;

@@ -7,6 +7,7 @@ use serde::de::DeserializeOwned;
 use crate::cell::CELL_SCHEMA;
 use crate::check::{self, Problem, check_setup};
 use crate::exact::Exact;
+use crate::place::line_of;
 use crate::{Cell, Error, Setup};
 
 /// Setups compiled in: name and text.
@@ -47,6 +48,17 @@ pub fn setup_from_text(origin: &str, text: &str) -> Result<Setup, Error> {
         return Err(Error::Several { origin: origin.to_owned(), stations });
     }
     let setup = read::<Setup>(origin, text)?.with_servo();
+    check_setup(&setup).map_err(|problem| refuse_text(origin, text, problem))?;
+    Ok(setup)
+}
+
+/// Reads a setup of one robot from a table of its keys, such as [`setup_to_table`](crate::setup_to_table) makes, and checks its
+/// values like [`setup_from_text`].
+pub fn setup_from_table(origin: &str, table: toml::Table) -> Result<Setup, Error> {
+    let problem = |key: String, text: String| refuse(origin.to_owned(), Problem { key, text });
+    let setup: Setup = serde_path_to_error::deserialize(Exact::new(toml::Value::Table(table)))
+        .map_err(|error| problem(error.path().to_string(), error.inner().message().to_owned()))?;
+    let setup = setup.with_servo();
     check_setup(&setup).map_err(|problem| refuse(origin.to_owned(), problem))?;
     Ok(setup)
 }
@@ -69,7 +81,7 @@ pub fn cell_from_text(origin: &str, text: &str) -> Result<Cell, Error> {
 
 fn cell_of_several(origin: &str, text: &str) -> Result<Cell, Error> {
     let cell = read::<Cell>(origin, text)?.with_servos();
-    check::check_cell(&cell).map_err(|problem| refuse(origin.to_owned(), problem))?;
+    check::check_cell(&cell).map_err(|problem| refuse_text(origin, text, problem))?;
     Ok(cell)
 }
 
@@ -89,12 +101,11 @@ fn has_stations(origin: &str, text: &str) -> Result<bool, Error> {
             format!("{found}: a setup with [[station]] has schema = {CELL_SCHEMA}")
         }
     };
-    Err(refuse(origin.to_owned(), Problem { key: "schema".to_owned(), text: mismatch }))
+    Err(refuse_text(origin, text, Problem { key: "schema".to_owned(), text: mismatch }))
 }
 
 fn find_setup(name: &str) -> Result<Text, Error> {
-    let all = if built_in(CELLS, name).is_some() { CELLS } else { SETUPS };
-    find("setup", all, name, None)
+    find("setup", &[SETUPS, CELLS].concat(), name, None)
 }
 
 /// Finds a built-in setup, of one robot or of several, as [`built_in`] does.
@@ -115,6 +126,12 @@ pub fn check(setup: &Setup) -> Result<(), Error> {
 
 fn refuse(origin: String, Problem { key, text }: Problem) -> Error {
     Error::Value { origin, key, problem: text }
+}
+
+/// Refuses a value of a text, with its line.
+fn refuse_text(origin: &str, text: &str, problem: Problem) -> Error {
+    let line = line_of(text, &problem.key);
+    refuse(line.map_or_else(|| origin.to_owned(), |line| format!("{origin}:{line}")), problem)
 }
 
 /// A text that was found.

@@ -65,8 +65,8 @@ fn drives_are_refused_on_an_arm_that_they_cannot_move() {
     let setup = read(shipped.to_owned()).unwrap();
     assert_eq!(crate::setup_from_text("test", &setup_to_toml(&setup).unwrap()).unwrap(), setup);
     let refused = |from, to| read(changed(from, to)).unwrap_err().to_string();
-    insta::assert_snapshot!(refused("cycle_us = { value = 4000", "cycle_us = { value = 24000"), @"test: `robot.cycle_us`: 24000 µs is not a cycle of drives over EtherCAT: 250 to 20000 µs, or leave out robot.drives");
-    insta::assert_snapshot!(refused("upper_deg = { value = [132.0", "upper_deg = { value = [30000.0"), @"test: `robot.axes.upper_deg`: joint 1: 30000 is more than a drive counts: 32 bits of 100000 increments per degree (mm), so up to 21475; or leave out robot.drives");
+    insta::assert_snapshot!(refused("cycle_us = { value = 4000", "cycle_us = { value = 24000"), @"test:37: `robot.cycle_us`: 24000 µs is not a cycle of drives over EtherCAT: 250 to 20000 µs, or leave out robot.drives");
+    insta::assert_snapshot!(refused("upper_deg = { value = [132.0", "upper_deg = { value = [30000.0"), @"test:71: `robot.axes.upper_deg`: joint 1: 30000 is more than a drive counts: 32 bits of 100000 increments per degree (mm), so up to 21475; or leave out robot.drives");
     let unknown =
         crate::setup_from_text("test", &with(shipped.to_owned()).replace("\"ethercat\"", "\"sercos\""));
     insta::assert_snapshot!(unknown.unwrap_err(), @r#"
@@ -77,7 +77,7 @@ fn drives_are_refused_on_an_arm_that_they_cannot_move() {
 
 #[test]
 fn the_error_for_an_unknown_setup_lists_the_existing_ones() {
-    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B, C, D; or give the path of a .toml file");
+    insta::assert_snapshot!(setup("Z").unwrap_err(), @"there is no setup `Z`: built in are A, B, C, D, E, F, G; or give the path of a .toml file");
 }
 
 #[test]
@@ -186,31 +186,31 @@ fn wrong_values_are_refused_with_their_key() {
     ];
     let said: Vec<_> = refusals.iter().map(|(from, to)| refusal(&changed(from, to))).collect();
     insta::assert_snapshot!(said.join("\n"), @r#"
-    DIR/my.toml: `schema`: 2 needs a section [[station]] for each robot, found none: add them, or write 1
-    DIR/my.toml: `plc.scan_cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
-    DIR/my.toml: `plc.scan_cost_us`: a scan that costs 1500 µs does not fit into a cycle of 1000 µs
-    DIR/my.toml: `bus.cycle_us`: 1100 µs is not a PROFINET cycle: 31.25 µs times a power of two, such as 250, 500, 1000, 2000, 4000
-    DIR/my.toml: `bus.cycle_us`: 125 µs is not a cycle that can be served over udp: 250 to 1920000 µs
-    DIR/my.toml: `bus.cycle_us`: 2048000 µs is not a cycle that can be served over udp: 250 to 1920000 µs
-    DIR/my.toml: `bus.watchdog_cycles`: 0 would give every connection up at once; at least 1, and 3 is usual
-    DIR/my.toml: `bus.watchdog_cycles`: 61441 cycles of 1000 µs hold for 61441 ms; PROFINET allows 61440 ms over udp, so at most 7680 cycles
-    DIR/my.toml: `robot.cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
+    DIR/my.toml:4: `schema`: 2 needs a section [[station]] for each robot, found none: add them, or write 1
+    DIR/my.toml:15: `plc.scan_cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
+    DIR/my.toml:16: `plc.scan_cost_us`: a scan that costs 1500 µs does not fit into a cycle of 1000 µs
+    DIR/my.toml:21: `bus.cycle_us`: 1100 µs is not a PROFINET cycle: 31.25 µs times a power of two, such as 250, 500, 1000, 2000, 4000
+    DIR/my.toml:21: `bus.cycle_us`: 125 µs is not a cycle that can be served over udp: 250 to 1920000 µs
+    DIR/my.toml:21: `bus.cycle_us`: 2048000 µs is not a cycle that can be served over udp: 250 to 1920000 µs
+    DIR/my.toml:22: `bus.watchdog_cycles`: 0 would give every connection up at once; at least 1, and 3 is usual
+    DIR/my.toml:22: `bus.watchdog_cycles`: 61441 cycles of 1000 µs hold for 61441 ms; PROFINET allows 61440 ms over udp, so at most 7680 cycles
+    DIR/my.toml:36: `robot.cycle_us`: a cycle of 0 µs never ends; 1000 is one millisecond
     DIR/my.toml:19: in `bus`: `kind = "profinet"` needs a section [bus.profinet]
        19 | [bus]
-    DIR/my.toml: `bus.profinet.plc_station_name`: `Skillbench PLC` is not a name of station: lower-case letters, digits and hyphens, in labels of 1 to 63 characters with dots between them, 240 in all, and neither an IP address nor port-001
-    DIR/my.toml: `bus.robot_address`: 192.168.65.2 is not in the subnet of 192.168.64.1
-    DIR/my.toml: `bus.subnet_mask`: 255.0.255.0 is not a subnet mask
-    DIR/my.toml: `robot.axes.lower_deg`: found 3 numbers, expected 4, one for each joint
-    DIR/my.toml: `robot.axes.upper_deg`: joint 2: the upper limit -145 is not above the lower one -145
-    DIR/my.toml: `robot.axes.speed_deg_s`: 0 is not above 0
-    DIR/my.toml: `robot.path_acceleration_mm_s2`: inf is not a finite number
-    DIR/my.toml: `motions.acceleration_percent`: 120 is not a share: above 0, at most 100 %
-    DIR/my.toml: `motions.approximation_mm`: NaN is not a finite number
-    DIR/my.toml: `robot.bases[0].number`: 16 is not the number of a frame that can be listed: 1 to 15
-    DIR/my.toml: `motions.acceleration_percent`: 1e308 is not a share: above 0, at most 100 %
-    DIR/my.toml: `title`: has the control character U+001B; names and titles are printable text
-    DIR/my.toml: `name`: ` - `; give it up to 64 characters, of which one is a letter or a digit
-    DIR/my.toml: `name`: 72 characters; give it up to 64 characters, of which one is a letter or a digit
+    DIR/my.toml:31: `bus.profinet.plc_station_name`: `Skillbench PLC` is not a name of station: lower-case letters, digits and hyphens, in labels of 1 to 63 characters with dots between them, 240 in all, and neither an IP address nor port-001
+    DIR/my.toml:26: `bus.robot_address`: 192.168.65.2 is not in the subnet of 192.168.64.1
+    DIR/my.toml:27: `bus.subnet_mask`: 255.0.255.0 is not a subnet mask
+    DIR/my.toml:69: `robot.axes.lower_deg`: found 3 numbers, expected 4, one for each joint
+    DIR/my.toml:70: `robot.axes.upper_deg`: joint 2: the upper limit -145 is not above the lower one -145
+    DIR/my.toml:71: `robot.axes.speed_deg_s`: 0 is not above 0
+    DIR/my.toml:43: `robot.path_acceleration_mm_s2`: inf is not a finite number
+    DIR/my.toml:79: `motions.acceleration_percent`: 120 is not a share: above 0, at most 100 %
+    DIR/my.toml:80: `motions.approximation_mm`: NaN is not a finite number
+    DIR/my.toml:83: `robot.bases[0].number`: 16 is not the number of a frame that can be listed: 1 to 15
+    DIR/my.toml:79: `motions.acceleration_percent`: 1e308 is not a share: above 0, at most 100 %
+    DIR/my.toml:6: `title`: has the control character U+001B; names and titles are printable text
+    DIR/my.toml:5: `name`: ` - `; give it up to 64 characters, of which one is a letter or a digit
+    DIR/my.toml:5: `name`: 72 characters; give it up to 64 characters, of which one is a letter or a digit
     "#);
 }
 
@@ -218,7 +218,7 @@ fn wrong_values_are_refused_with_their_key() {
 fn the_limit_of_the_watchdog_depends_on_the_rt_class() {
     let text = changed("\"udp\"", "\"rt1\"")
         .replace("watchdog_cycles = { value = 500", "watchdog_cycles = { value = 1921");
-    insta::assert_snapshot!(refusal(&text), @"DIR/my.toml: `bus.watchdog_cycles`: 1921 cycles of 1000 µs hold for 1921 ms; PROFINET allows 1920 ms over rt1, so at most 1920 cycles");
+    insta::assert_snapshot!(refusal(&text), @"DIR/my.toml:22: `bus.watchdog_cycles`: 1921 cycles of 1000 µs hold for 1921 ms; PROFINET allows 1920 ms over rt1, so at most 1920 cycles");
 }
 
 /// Returns Setup A with a device of four bytes in each direction, with one change.
@@ -241,9 +241,9 @@ fn a_device_other_than_our_robot_is_described_by_its_modules() {
 
 #[test]
 fn a_device_that_no_connect_request_can_describe_is_refused() {
-    insta::assert_snapshot!(refusal(&with_device("slot = 4", "slot = 0")), @"DIR/my.toml: `bus.profinet.device.modules`: list every slot once, the lowest first");
-    insta::assert_snapshot!(refusal(&with_device("[{ subslot = 1, ident = 1 }]", "[]")), @"DIR/my.toml: `bus.profinet.device.modules[0].submodules`: list every subslot once, the lowest first; a module has at least one");
-    insta::assert_snapshot!(refusal(&with_device("input_bytes = 4, ", "")), @"DIR/my.toml: `bus.profinet.device.modules`: the modules have 0 bytes of input and 4 of output; the process image needs both");
+    insta::assert_snapshot!(refusal(&with_device("slot = 4", "slot = 0")), @"DIR/my.toml:36: `bus.profinet.device.modules`: list every slot once, the lowest first");
+    insta::assert_snapshot!(refusal(&with_device("[{ subslot = 1, ident = 1 }]", "[]")), @"DIR/my.toml:37: `bus.profinet.device.modules[0].submodules`: list every subslot once, the lowest first; a module has at least one");
+    insta::assert_snapshot!(refusal(&with_device("input_bytes = 4, ", "")), @"DIR/my.toml:36: `bus.profinet.device.modules`: the modules have 0 bytes of input and 4 of output; the process image needs both");
 }
 
 #[test]
@@ -380,9 +380,9 @@ fn ethercat_has_a_range_of_cycles_a_longest_watchdog_and_data_that_fit_one_frame
         device(701),
     ];
     insta::assert_snapshot!(said.join("\n"), @"
-    DIR/my.toml: `bus.cycle_us`: 100 µs is not a cycle of this MainDevice: 250 to 100000 µs
-    DIR/my.toml: `bus.watchdog_cycles`: 6554 cycles of 1000 µs hold for 6554 ms; the watchdog of a SubDevice has 6553 ms at most, so at most 6553 cycles
-    DIR/my.toml: `bus.ethercat.device.output_bytes`: 701 bytes cannot carry the process image in one frame: 1 to 700 bytes
+    DIR/my.toml:17: `bus.cycle_us`: 100 µs is not a cycle of this MainDevice: 250 to 100000 µs
+    DIR/my.toml:18: `bus.watchdog_cycles`: 6554 cycles of 1000 µs hold for 6554 ms; the watchdog of a SubDevice has 6553 ms at most, so at most 6553 cycles
+    DIR/my.toml:26: `bus.ethercat.device.output_bytes`: 701 bytes cannot carry the process image in one frame: 1 to 700 bytes
     ");
 }
 
@@ -415,12 +415,12 @@ fn limits_of_drives_that_no_healthy_motor_keeps_are_refused_and_missing_ones_are
         refused("settling_ms = { value = 500", "settling_ms = { value = 0"),
     ];
     insta::assert_snapshot!(said.join("\n"), @"
-    test: `robot.servo.torque_percent`: 150: must be 200 to 1000 %: twice the rated acceleration, since a drive takes up a robot cycle's change of speed in half of it
-    test: `robot.servo.speed_percent`: 90: must be 100 to 1000 %: the joint's rated speed
-    test: `robot.servo.following_error_deg`: 400: must be 0.00001 to 360 degrees (mm): an increment
-    test: `robot.servo.in_position_deg`: 2: must be 0.00001 to 1 degrees (mm): an increment to the following error
-    test: `robot.servo.in_position_deg`: 0.000001: must be 0.00001 to 1 degrees (mm): an increment to the following error
-    test: `robot.servo.settling_ms`: 0 is not above 0
+    test:55: `robot.servo.torque_percent`: 150: must be 200 to 1000 %: twice the rated acceleration, since a drive takes up a robot cycle's change of speed in half of it
+    test:54: `robot.servo.speed_percent`: 90: must be 100 to 1000 %: the joint's rated speed
+    test:56: `robot.servo.following_error_deg`: 400: must be 0.00001 to 360 degrees (mm): an increment
+    test:58: `robot.servo.in_position_deg`: 2: must be 0.00001 to 1 degrees (mm): an increment to the following error
+    test:58: `robot.servo.in_position_deg`: 0.000001: must be 0.00001 to 1 degrees (mm): an increment to the following error
+    test:59: `robot.servo.settling_ms`: 0 is not above 0
     ");
     let (start, end) = (text.find("[robot.servo]").unwrap(), text.find("[robot.kinematics]").unwrap());
     let without = format!("{}{}", &text[..start], &text[end..]);
@@ -476,6 +476,6 @@ fn a_file_that_is_not_utf_8_or_not_a_file_is_refused_with_its_place() {
 #[test]
 fn an_arm_of_more_than_ten_metres_is_refused() {
     let said = |from, to| refusal(&changed(from, to));
-    insta::assert_snapshot!(said("link_2_mm = { value = 275.0", "link_2_mm = { value = 1e300"), @"DIR/my.toml: `robot.kinematics.link_2_mm`: 1e300 mm is more than an arm has: at most 10000 mm");
-    insta::assert_snapshot!(said("mm_deg = { value = [300.0", "mm_deg = { value = [30000.0"), @"DIR/my.toml: `robot.bases[0].mm_deg`: 30000 mm is more than an arm has: at most 10000 mm");
+    insta::assert_snapshot!(said("link_2_mm = { value = 275.0", "link_2_mm = { value = 1e300"), @"DIR/my.toml:65: `robot.kinematics.link_2_mm`: 1e300 mm is more than an arm has: at most 10000 mm");
+    insta::assert_snapshot!(said("mm_deg = { value = [300.0", "mm_deg = { value = [30000.0"), @"DIR/my.toml:84: `robot.bases[0].mm_deg`: 30000 mm is more than an arm has: at most 10000 mm");
 }

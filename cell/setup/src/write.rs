@@ -12,6 +12,11 @@ pub fn setup_to_toml(setup: &Setup) -> Result<String, Error> {
     Ok(text)
 }
 
+/// Returns the setup as a table of its keys, which [`crate::setup_from_table`] reads back.
+pub fn setup_to_table(setup: &Setup) -> Result<Table, Error> {
+    Ok(Table::try_from(setup)?)
+}
+
 /// Writes a setup with any number of stations as TOML that [`crate::cell()`] reads back unchanged: a cell made from a setup as
 /// that setup.
 pub fn cell_to_toml(cell: &Cell) -> Result<String, Error> {

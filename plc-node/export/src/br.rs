@@ -1,12 +1,39 @@
 //! The code for B&R: a library with the blocks and a program in Automation Studio's files, in one package.
 
+use ::structured_text::pieces;
+
 use crate::parts::{CodePart, Parts, Unit, joined};
 use crate::{Application, ExportFile, Refused};
 
 /// The maker in messages.
 const MAKER: &str = "B&R";
 
-/// Names on the target have at most 10 characters.
+/// Longest name of a block, type or object on the target, in characters.
+pub const LONGEST_NAME: usize = 10;
+
+/// Names of the neutral code that are longer, with those that they get.
+pub const SHORT_NAMES: [(&str, &str); 19] = [
+    ("SB_AdapterTest", "SB_AdptTst"),
+    ("SB_AxesGroup", "SB_Group"),
+    ("SB_BitsOfReal", "SB_BitsOfR"),
+    ("SB_GroupCommand", "SB_GrpCmd"),
+    ("SB_LifeMonitor", "SB_LifeMon"),
+    ("SB_MoveContinuous", "SB_MoveCon"),
+    ("SB_NextUint", "SB_NxtUint"),
+    ("SB_Progress", "SB_Progr"),
+    ("SB_ReadUdint", "SB_RdUdint"),
+    ("SB_ReadUint", "SB_RdUint"),
+    ("SB_Readiness", "SB_Ready"),
+    ("SB_RealOfBits", "SB_ROfBits"),
+    ("SB_RunProgram", "SB_RunProg"),
+    ("SB_SelfTest", "SB_SelfTst"),
+    ("SB_Sequence", "SB_Sequ"),
+    ("SB_SingleMotion", "SB_Single"),
+    ("SB_TakeFeedback", "SB_TakeFb"),
+    ("SB_TestBits", "SB_TstBits"),
+    ("SB_WriteCommand", "SB_WrtCmd"),
+];
+
 const LIBRARY: &str = "SkillBench";
 const PROGRAM: &str = "SBProgram";
 
@@ -55,7 +82,7 @@ const WORDS: [&str; 38] = [
 /// The head of each file with code.
 const HEAD: &str = "(* Written by skillbench's plc-node export --for br. The logic was executed against a robot, scan by scan, and these files were read back
    to the same code. No grammar of Automation Studio by others exists in public, so nothing but our own reader checked this syntax; the
-   adapter is proven by SB_AdapterTest on the PLC only. *)\n";
+   adapter is proven by SB_AdptTst on the PLC only. *)\n";
 
 const XML: &str = "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<?AutomationStudio FileVersion=\"4.9\"?>\n";
 
@@ -91,7 +118,7 @@ pub(crate) fn br(application: &Application, text: &str) -> Result<Vec<ExportFile
                 "{XML}<Library SubType=\"IEC\" xmlns=\"http://br-automation.co.at/AS/Library\">\n  <Files>\n{of_library}  </Files>\n</Library>\n"
             ),
         ),
-        file(format!("{LIBRARY}/SkillBench.var"), format!("{HEAD}VAR CONSTANT\n    SB_IMAGE_LENGTH : UINT := 256;\nEND_VAR\n")),
+        file(format!("{LIBRARY}/SkillBench.var"), format!("{HEAD}VAR CONSTANT\n    SB_IMG_LEN : UINT := 256;\nEND_VAR\n")),
         file(
             format!("{PROGRAM}/IEC.prg"),
             format!(
@@ -121,7 +148,8 @@ pub(crate) fn br(application: &Application, text: &str) -> Result<Vec<ExportFile
 /// # Errors
 /// It is not in the form of the templates, or a name is a word of Automation Studio.
 pub fn library(text: &str) -> Result<Vec<ExportFile>, Refused> {
-    let parts = Parts::split(text, MAKER, &WORDS)?;
+    let text = with_short_names(text)?;
+    let parts = Parts::split(&text, MAKER, &WORDS)?;
     let (mut types, mut declarations, mut bodies) =
         (String::from(HEAD), String::from(HEAD), String::from(HEAD));
     for part in &parts.parts {
@@ -146,6 +174,22 @@ pub fn library(text: &str) -> Result<Vec<ExportFile>, Refused> {
         file("SkillBench.fun", declarations),
         file("SkillBench.st", bodies),
     ])
+}
+
+/// Gives the blocks and types of the code names that fit the target.
+///
+/// # Errors
+/// A token is malformed.
+pub fn with_short_names(text: &str) -> Result<String, Refused> {
+    let all = pieces(text).map_err(|mistake| Refused::Rewrite { maker: MAKER, text: mistake.to_string() })?;
+    let mut short = String::with_capacity(text.len());
+    for piece in &all {
+        let known = SHORT_NAMES.iter().find(|(long, _)| piece.is_word(long));
+        short.extend([piece.before, known.map_or(piece.text, |(_, name)| name)]);
+    }
+    // What follows the last token is white space.
+    short.push('\n');
+    Ok(short)
 }
 
 const fn word_of(unit: &Unit<'_>) -> &'static str {

@@ -72,10 +72,11 @@ fn places(application: &Application) -> Vec<(&'static str, String)> {
         ("@FIRST_FROM_END@", (total + anywhere).to_string()),
         ("@COUNT_FROM_END@", application.from_end.len().to_string()),
         ("@STOP_COUNT@", application.stops.len().to_string()),
-        ("@MOTIONS@", list(&motions)),
         ("@STOPS@", list(&stops)),
         ("@START_JOINTS@", start_joints(application)),
         ("@KNOWS_START@", if known_start(application).is_some() { "TRUE" } else { "FALSE" }.into()),
+        // The longest one comes last, so that no other place is looked for in it.
+        ("@MOTIONS@", list(&motions)),
     ]
 }
 

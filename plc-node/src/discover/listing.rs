@@ -13,8 +13,8 @@ use profinet::dcp::IpSuite;
 use protocol::search::Search;
 use serde::Serialize;
 
-use super::printable::printable;
 use super::sub_device::SubDevices;
+use crate::printable::printable;
 
 /// A bus that can be searched.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]

@@ -1,7 +1,7 @@
-//! `plc-node discover`: lists the devices on a cable, for commissioning.
+//! `plc-node discover`: lists the devices on a cable, for commissioning. [`find_devices`] finds those on one bus.
 
+mod find;
 mod listing;
-mod printable;
 mod sub_device;
 
 use std::ops::ControlFlow;
@@ -16,6 +16,7 @@ use node::output::to_stdout;
 use protocol::search::Search;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
+pub use find::{FoundDevices, find_devices};
 use listing::{Bus, Listing, Skipped};
 use sub_device::SubDevices;
 

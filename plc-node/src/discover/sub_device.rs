@@ -6,7 +6,7 @@ use ethercat_maindevice::{Found, FoundSubDevice, Identity, Unreadable};
 use node::screen;
 use serde::Serialize;
 
-use super::printable::printable;
+use crate::printable::printable;
 
 /// What a search on EtherCAT found.
 #[derive(Clone, PartialEq, Debug, Serialize)]

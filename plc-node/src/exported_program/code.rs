@@ -15,6 +15,7 @@ const CORE: &str = "SB_Core";
 pub struct ExportedCode {
     program: Arc<Program>,
     variables: Variables,
+    text: Arc<str>,
 }
 
 /// The variables of the function block.
@@ -114,7 +115,13 @@ impl ExportedCode {
             error_id: of_type("error_id", Scalar::Uint, 1)?,
             mode: of_type("mode", Scalar::Usint, 1).ok(),
         };
-        Ok(Self { program: Arc::new(program), variables })
+        Ok(Self { program: Arc::new(program), variables, text: text.into() })
+    }
+
+    /// Returns its text.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
     }
 
     pub(super) fn program(&self) -> &Program {

@@ -198,6 +198,10 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 commanded: self.commanded(index),
                 seen: self.seen(index),
                 after: self.run.before.get(index).map(|before| before.number),
+                zone_wait_ns: self
+                    .program
+                    .waited_for_zones(index)
+                    .map(|waited| u64::try_from(waited.as_nanos()).unwrap_or(u64::MAX)),
             };
             self.events.push(index, PlcEvent::Finished(execution));
         }

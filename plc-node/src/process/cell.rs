@@ -3,10 +3,10 @@
 use anyhow::Context as _;
 use machine::{Duration, Instant};
 use node::Outcome;
-use node::cell_run::{CellBus, PreparedCell};
+use node::cell_run::PreparedCell;
 use planning::PlannedStation;
 use protocol::fieldbus::StationId;
-use setup::Bus;
+use setup::{Bus, CellBus};
 
 use super::{OnInstruction, Run, Standalone, do_without_arp};
 use crate::bus::{self, PlcBus};

@@ -209,8 +209,7 @@ where
         self.scans()
     }
 
-    /// A trace has one file; its rows are of the first station. [`PlcNode::sample_of`] has those of the others.
-    fn sample(&self, now: Instant) -> (Instant, Sample) {
-        (now, Self::sample(self))
+    fn sample(&self, station: usize, now: Instant) -> (Instant, Sample) {
+        (now, self.sample_of(station))
     }
 }

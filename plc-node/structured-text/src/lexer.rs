@@ -1,5 +1,7 @@
 //! Text → tokens.
 
+use std::borrow::Cow;
+
 use crate::{Dialect, Mistake, Place};
 
 /// Kind of a token, with its value.
@@ -72,12 +74,15 @@ impl<'a> Lexer<'a> {
     /// Takes `length` bytes, which end at a character's end.
     fn take(&mut self, length: usize) -> &'a str {
         let (taken, rest) = self.rest.split_at_checked(length).unwrap_or((self.rest, ""));
-        for character in taken.chars() {
-            if character == '\n' {
-                self.place = Place { line: self.place.line.saturating_add(1), column: 1 };
-            } else {
-                self.place.column = self.place.column.saturating_add(1);
-            }
+        let characters = |text: &str| u32::try_from(text.chars().count()).unwrap_or(u32::MAX);
+        if let Some((lines, last)) = taken.rsplit_once('\n') {
+            let ends = u32::try_from(lines.matches('\n').count()).unwrap_or(u32::MAX).saturating_add(1);
+            self.place = Place {
+                line: self.place.line.saturating_add(ends),
+                column: characters(last).saturating_add(1),
+            };
+        } else {
+            self.place.column = self.place.column.saturating_add(characters(taken));
         }
         self.rest = rest;
         taken
@@ -156,8 +161,9 @@ impl<'a> Lexer<'a> {
         let place = self.place;
         let bad = || Mistake::new(place, "malformed number");
         let sign = if of_type.is_some() && self.rest.starts_with('-') { self.take(1) } else { "" };
-        let digits =
-            self.take_while(|character| character.is_ascii_digit() || character == '_').replace('_', "");
+        let digits = self.take_while(|character| character.is_ascii_digit() || character == '_');
+        // Most numbers of a long list of motions have no separators, and need no copy.
+        let digits = if digits.contains('_') { Cow::Owned(digits.replace('_', "")) } else { digits.into() };
         if let Some(of_type) = &of_type
             && of_type.eq_ignore_ascii_case("BOOL")
             && digits.is_empty()

@@ -2,7 +2,7 @@
 
 use crate::compile::MOST_ARGUMENTS;
 use crate::compile::code::{
-    Address, Argument, Arithmetic, Bitwise, Code, Comparison, Function, Instruction, Located,
+    Address, Argument, Arithmetic, Bitwise, Code, Comparison, Element, Function, Instruction, Located,
 };
 use crate::{Place, Program, RunError, Scalar, Trap, Variable};
 
@@ -109,6 +109,7 @@ impl Instance {
         Err(Trapped)
     }
 
+    #[inline(always)]
     fn step(&mut self, place: Place) -> Run<()> {
         match self.steps.checked_sub(1) {
             Some(steps) => {
@@ -151,7 +152,7 @@ impl Instance {
             }
             Instruction::If(branches, otherwise) => {
                 for (condition, body) in branches {
-                    if self.value(program, condition, this)? != 0 {
+                    if self.test(program, condition, this)? {
                         return self.body(program, body, this);
                     }
                 }
@@ -164,7 +165,7 @@ impl Instance {
             }
             Instruction::For(of) => return self.for_loop(program, of, statement.place, this),
             Instruction::While(condition, body) => {
-                while self.value(program, condition, this)? != 0 {
+                while self.test(program, condition, this)? {
                     self.step(statement.place)?;
                     match self.body(program, body, this)? {
                         Flow::Next => {}
@@ -275,32 +276,65 @@ impl Instance {
         Ok(self.memory[unit.frame])
     }
 
+    #[inline(always)]
     pub(crate) fn slot(&mut self, program: &Program, address: &Address, this: usize) -> Run<usize> {
         match address {
             Address::Local(offset) => Ok(this + *offset as usize),
-            Address::Through(slot, offset) => {
-                Ok(self.memory[this + *slot as usize] as usize + *offset as usize)
-            }
-            Address::Element(element) => {
-                let index = self.value(program, &element.index, this)? - element.low;
-                if index < 0 || index >= i64::from(element.len) {
-                    return self.trap(Trap::Index, element.place);
-                }
-                let base = self.slot(program, &element.base, this)?;
-                Ok(base + index as usize * element.stride as usize + element.offset as usize)
-            }
+            Address::Through(slot, offset) => Ok(self.through(*slot, *offset, this)),
+            Address::Element(element) => self.element(program, element, this),
         }
     }
 
+    /// Returns the slot of what an IN_OUT refers to.
+    #[inline(always)]
+    fn through(&self, slot: u32, offset: u32, this: usize) -> usize {
+        self.memory[this + slot as usize] as usize + offset as usize
+    }
+
+    fn element(&mut self, program: &Program, element: &Element, this: usize) -> Run<usize> {
+        let index = self.value(program, &element.index, this)? - element.low;
+        if index < 0 || index >= i64::from(element.len) {
+            return self.trap(Trap::Index, element.place);
+        }
+        let base = match &element.base {
+            Address::Local(offset) => this + *offset as usize,
+            Address::Through(slot, offset) => self.through(*slot, *offset, this),
+            Address::Element(outer) => self.element(program, outer, this)?,
+        };
+        Ok(base + index as usize * element.stride as usize + element.offset as usize)
+    }
+
+    #[inline(always)]
     fn pair(&mut self, program: &Program, operands: &[Code; 2], this: usize) -> Run<(i64, i64)> {
         let [left, right] = operands;
         Ok((self.value(program, left, this)?, self.value(program, right, this)?))
     }
 
+    /// Computes an expression. Most operands are constants and plain variables: these need no call, which takes longer than
+    /// they do.
+    #[inline(always)]
     fn value(&mut self, program: &Program, code: &Code, this: usize) -> Run<i64> {
         match code {
             Code::Constant(value) => Ok(*value),
             Code::Load(Address::Local(offset)) => Ok(self.memory[this + *offset as usize]),
+            Code::Load(Address::Through(slot, offset)) => Ok(self.memory[self.through(*slot, *offset, this)]),
+            code => self.compound(program, code, this),
+        }
+    }
+
+    /// Computes a condition; the usual one is a comparison of two plain values.
+    #[inline(always)]
+    fn test(&mut self, program: &Program, code: &Code, this: usize) -> Run<bool> {
+        if let Code::Compare(comparison, operands) = code {
+            let (left, right) = self.pair(program, operands, this)?;
+            return Ok(compare(*comparison, &left, &right));
+        }
+        Ok(self.value(program, code, this)? != 0)
+    }
+
+    fn compound(&mut self, program: &Program, code: &Code, this: usize) -> Run<i64> {
+        match code {
+            Code::Constant(value) => Ok(*value),
             Code::Load(address) => {
                 let slot = self.slot(program, address, this)?;
                 Ok(self.memory[slot])
@@ -377,6 +411,7 @@ impl Instance {
         }
     }
 
+    #[inline(always)]
     fn within(&mut self, scalar: Scalar, value: Option<i64>, place: Place) -> Run<i64> {
         match value {
             Some(value) if scalar.holds(value) => Ok(value),
@@ -399,6 +434,7 @@ fn real(slot: i64) -> f32 {
     f32::from_bits(slot as u32)
 }
 
+#[inline(always)]
 fn compare<T: PartialOrd>(comparison: Comparison, left: &T, right: &T) -> bool {
     match comparison {
         Comparison::Equal => left == right,

@@ -67,6 +67,7 @@ impl Scalar {
     }
 
     /// Returns the least and the greatest value of a type that is not REAL.
+    #[inline]
     pub(crate) const fn range(self) -> (i64, i64) {
         match self {
             Self::Bool => (0, 1),
@@ -79,6 +80,7 @@ impl Scalar {
         }
     }
 
+    #[inline]
     pub(crate) const fn holds(self, value: i64) -> bool {
         let (low, high) = self.range();
         low <= value && value <= high

@@ -27,7 +27,7 @@ pub use esc::LocalClock;
 pub use event::{DeviceId, Event};
 pub use layout::{SyncManagerLayout, Usage, sync_managers};
 pub use mailbox::Emergency;
-pub use segment::{Counters, DataError, Segment};
+pub use segment::{Counters, DataError, Segment, SegmentEnd};
 pub use sii_image::sii_image;
 
 /// EtherType of EtherCAT frames.

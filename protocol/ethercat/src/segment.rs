@@ -1,25 +1,24 @@
 //! A segment: SubDevices on one cable of a MainDevice, as one machine.
 
+mod frames;
+
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
-use alloc::vec;
 use alloc::vec::Vec;
 
-use machine::ethernet::EthernetHeader;
-use machine::wire::FRAME_CAPACITY;
-use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
+use machine::{Duration, Instant, Machine, PortRequest, Source, Transmit};
+
+pub use frames::SegmentEnd;
+
+use frames::UnderWay;
 
 use crate::ETHER_TYPE;
 use crate::al::{AlState, AlStatusCode};
-use crate::cabling::{Cabling, End, Place, next_port};
+use crate::cabling::{Cabling, End, Place};
 use crate::config::DeviceConfig;
-use crate::datagram::Datagrams;
 use crate::event::{DeviceId, Event, Sink};
 use crate::mailbox::Emergency;
 use crate::subdevice::SubDevice;
-
-/// Largest number of frames under way; if the MainDevice sends more, they are lost.
-const MAX_UNDER_WAY: usize = 256;
 
 /// Ports that a segment needs. A chip ignores the destination address: MainDevices send to broadcast, to a group or to the
 /// address of any station.
@@ -28,7 +27,7 @@ const PORTS: &[PortRequest] = &[PortRequest::AnyEthernet { ether_type: ETHER_TYP
 /// What a segment did with the frames that it received.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub struct Counters {
-    /// EtherCAT frames that passed the devices and went back.
+    /// EtherCAT frames that passed the devices and went back, or on to devices after the last one.
     pub passed: u64,
     /// Frames that were lost: no device has power and a whole cable, or too many frames were under way.
     pub lost: u64,
@@ -52,21 +51,13 @@ pub enum DataError {
     },
 }
 
-/// A frame on its way back.
-#[derive(Debug)]
-struct UnderWay {
-    departs: Instant,
-    len: usize,
-    frame: Box<[u8]>,
-}
-
 /// SubDevices on one cable.
 #[derive(Default, Debug)]
 pub struct Segment {
     devices: Vec<SubDevice>,
     cabling: Cabling,
-    /// Set if a cable leads on from port 1 of the last device.
-    leads_on: bool,
+    /// State of the cable at port 1 of the last device: true with a link; `None` if that port does not lead out of the segment.
+    onward_link: Option<bool>,
     under_way: VecDeque<UnderWay>,
     spare: Vec<Box<[u8]>>,
     events: VecDeque<(DeviceId, Event)>,
@@ -97,12 +88,21 @@ impl Segment {
 
     /// Connects port 1 of the last device to devices that are not in this segment: the last device shows a link there, and a frame
     /// leaves there when all devices have processed it. Whoever carries the frame gives it to those devices, and then back to the
-    /// MainDevice: a device does not process frames on their way back.
+    /// MainDevice: a device does not process frames on their way back. [`handle_returned`](Self::handle_returned) brings them back
+    /// through this segment, as on a real cable.
     pub fn lead_on(&mut self) {
-        self.leads_on = true;
-        if let Some(last) = self.devices.last_mut() {
+        self.set_onward_link(true);
+    }
+
+    /// Sets whether the cable from port 1 of the last device has a link. Without one the device closes the loop there: frames turn
+    /// round and go back to the MainDevice.
+    pub fn set_onward_link(&mut self, is_up: bool) {
+        if self.onward_link.is_none()
+            && let Some(last) = self.devices.last_mut()
+        {
             last.esc.add_port(1);
         }
+        self.onward_link = Some(is_up);
         self.update_links();
     }
 
@@ -264,69 +264,11 @@ impl Segment {
         }
     }
 
-    /// Returns the port from which a cable leads to devices that are not in this segment.
+    /// Returns the port from which a connected cable leads to devices that are not in this segment.
     fn onward(&self) -> Option<Place> {
-        let last = self.devices.len().checked_sub(1).filter(|_| self.leads_on)?;
+        let last = self.devices.len().checked_sub(1).filter(|_| self.onward_link == Some(true))?;
         Some(Place { device: last, port: 1 })
     }
-
-    /// Sends a frame through the devices, each of which changes it. Returns when it is back, or `None` if it is lost.
-    fn pass(&mut self, now: Instant, frame: &mut [u8], header_len: usize) -> Option<Instant> {
-        let (mut place, delay) = self.cabling.first()?;
-        let mut at = now + delay;
-        loop {
-            let esc = &mut self.devices.get_mut(place.device)?.esc;
-            if place.port == self.cabling.upstream_port(place.device) {
-                esc.begin_frame();
-            }
-            esc.frame_arrives(at, place.port);
-            let out = self.forward(at, place, frame, header_len)?;
-            let onward =
-                self.onward().filter(|onward| *onward == out).map(|_| (End::MainDevice, Duration::ZERO));
-            let (end, delay) = self.cabling.peer(out).or(onward)?;
-            at = at + self.cabling.forwarding_delay(place.device) + delay;
-            let End::Device(next) = end else { return Some(at) };
-            place = next;
-        }
-    }
-
-    /// Lets a frame that arrives at a port pass one device. Returns the port that it leaves by; `None` if it is dropped at a
-    /// closed port, or because it circulates.
-    fn forward(&mut self, at: Instant, place: Place, frame: &mut [u8], header_len: usize) -> Option<Place> {
-        let device = self.devices.get_mut(place.device)?;
-        if !device.esc.is_open(place.port) {
-            return None;
-        }
-        let mut port = place.port;
-        loop {
-            let payload = frame.get_mut(header_len..)?;
-            if port == 0 {
-                for mut datagram in Datagrams::of(payload).into_iter().flatten() {
-                    device.esc.process(at, &mut datagram);
-                }
-                device.esc.end_frame(at);
-                device.serve(at, &mut Sink { id: DeviceId(place.device), events: &mut self.events });
-            }
-            port = next_port(port);
-            if device.esc.is_open(port) {
-                return Some(Place { device: place.device, port });
-            }
-            // A closed port 0 marks a frame that passes it, and destroys one that is marked: it would circulate endlessly in the
-            // devices beyond a cut cable (ESC datasheet section I, circulating frames).
-            if port == 0 && mark_circulating(payload) {
-                return None;
-            }
-        }
-    }
-}
-
-/// Marks the datagrams of a frame as circulating. Returns whether they were marked before.
-fn mark_circulating(payload: &mut [u8]) -> bool {
-    let mut circulates = false;
-    for mut datagram in Datagrams::of(payload).into_iter().flatten() {
-        circulates |= datagram.set_circulating();
-    }
-    circulates
 }
 
 impl Machine for Segment {
@@ -337,35 +279,7 @@ impl Machine for Segment {
     }
 
     fn handle_frame(&mut self, now: Instant, _from: Source, frame: &[u8]) {
-        let datagrams =
-            EthernetHeader::parse(frame).ok().filter(|(header, _)| header.ether_type == ETHER_TYPE);
-        let Some((header, _)) = datagrams.filter(|_| frame.len() <= FRAME_CAPACITY) else {
-            self.counters.foreign += 1;
-            return;
-        };
-        let mut buf = self.spare.pop().unwrap_or_else(|| vec![0; FRAME_CAPACITY].into_boxed_slice());
-        let Some(passing) = buf.get_mut(..frame.len()) else { return };
-        passing.copy_from_slice(frame);
-        // A chip marks the source address as locally administered, so that the MainDevice can distinguish frames that
-        // come back from frames that it sends.
-        if let Some(byte) = passing.get_mut(6) {
-            *byte |= 0x02;
-        }
-        if Datagrams::of(passing.get_mut(header.buffer_len()..).unwrap_or_default()).is_none() {
-            self.counters.foreign += 1;
-            self.spare.push(buf);
-            return;
-        }
-        match self.pass(now, passing, header.buffer_len()) {
-            Some(departs) if self.under_way.len() < MAX_UNDER_WAY => {
-                self.counters.passed += 1;
-                self.under_way.push_back(UnderWay { departs, len: frame.len(), frame: buf });
-            }
-            _ => {
-                self.counters.lost += 1;
-                self.spare.push(buf);
-            }
-        }
+        self.take(now, SegmentEnd::Upstream, frame);
     }
 
     fn handle_timeout(&mut self, now: Instant) {
@@ -376,14 +290,9 @@ impl Machine for Segment {
         }
     }
 
+    /// Returns the next frame by whichever end: the owner of a segment that leads on carries it further.
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        let UnderWay { len, frame, .. } = self.under_way.pop_front_if(|next| next.departs <= now)?;
-        let room = buf.get_mut(..len);
-        if let (Some(room), Some(bytes)) = (room, frame.get(..len)) {
-            room.copy_from_slice(bytes);
-        }
-        self.spare.push(frame);
-        Some(Transmit { port: Port::Ethernet, to: None, len })
+        self.poll_frame(now, buf).map(|(_, transmit)| transmit)
     }
 
     fn poll_event(&mut self) -> Option<(DeviceId, Event)> {

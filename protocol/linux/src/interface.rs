@@ -250,13 +250,23 @@ impl Interface {
 
     /// Brings it up, as `ip link set … up` does. Needs `CAP_NET_ADMIN`, unless it is up already.
     pub fn set_up(&self) -> Result<(), InterfaceError> {
+        self.switch(true)
+    }
+
+    /// Takes it down: the other end of its cable loses its carrier. Needs `CAP_NET_ADMIN`, unless it is down already.
+    pub fn set_down(&self) -> Result<(), InterfaceError> {
+        self.switch(false)
+    }
+
+    fn switch(&self, on: bool) -> Result<(), InterfaceError> {
         let flags = self.flags()?;
-        if flags & UP != 0 {
+        if (flags & UP != 0) == on {
             return Ok(());
         }
         let mut request = self.request();
-        request.ifr_ifru.ifru_flags = flags | UP;
-        self.ioctl(libc::SIOCSIFFLAGS, &mut request).map_err(|e| self.refused("switching on", e))
+        request.ifr_ifru.ifru_flags = if on { flags | UP } else { flags & !UP };
+        let action = if on { "switching on" } else { "switching off" };
+        self.ioctl(libc::SIOCSIFFLAGS, &mut request).map_err(|error| self.refused(action, error))
     }
 
     /// Makes the kernel fill in the checksums of what this interface sends. A veth omits them, since no bit can flip

@@ -159,6 +159,10 @@ impl Fieldbus for Adapter {
         self.remark(words)
     }
 
+    fn write_request(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.write_request(words)
+    }
+
     fn counters(&self) -> Counters {
         self.counters()
     }

@@ -124,6 +124,10 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Fieldbus for Endpoint<P, E, C> {
         on!(self, bus => bus.remark(words))
     }
 
+    fn write_request(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        on!(self, bus => Fieldbus::write_request(bus, words))
+    }
+
     fn counters(&self) -> Counters {
         on!(self, bus => Fieldbus::counters(bus))
     }

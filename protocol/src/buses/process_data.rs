@@ -1,6 +1,8 @@
 //! EtherCAT: the image is the process data of one SubDevice in its direction.
 
-use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment};
+use core::fmt;
+
+use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment, SegmentEnd};
 use machine::{Counters, Down, DownCause, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 
 use crate::fieldbus::Fieldbus;
@@ -30,6 +32,24 @@ impl EthercatSubDevice {
     /// Connects its port 1 to the next SubDevice of the line, as [`Segment::lead_on`].
     pub fn lead_on(&mut self) {
         self.segment.lead_on();
+    }
+
+    /// Sets whether there is a link at its port 1, as [`Segment::set_onward_link`].
+    pub fn set_onward_link(&mut self, is_up: bool) {
+        self.segment.set_onward_link(is_up);
+    }
+
+    /// Handles a frame that the next SubDevices of the line sent back.
+    pub fn handle_returned(&mut self, now: Instant, frame: &[u8]) {
+        self.segment.handle_returned(now, frame);
+    }
+
+    /// Writes the next frame to send into `buf`, and returns the port by which it leaves: for an owner with a cable at each.
+    pub fn poll_frame(&mut self, now: Instant, buf: &mut [u8]) -> Option<(SegmentEnd, Transmit)> {
+        let (end, transmit) = self.segment.poll_frame(now, buf)?;
+        // A frame that goes on to the next SubDevice comes back and is sent then.
+        self.counters.sent += u64::from(self.up && end == SegmentEnd::Upstream);
+        Some((end, transmit))
     }
 
     /// Returns the state of the SubDevice, and the error that it indicates.
@@ -113,6 +133,16 @@ impl Fieldbus for EthercatSubDevice {
     fn disconnect(&mut self, _now: Instant) {
         self.left = true;
         self.segment.fail(self.device, AlStatusCode::UNSPECIFIED_ERROR);
+    }
+
+    /// Writes the state that the MainDevice requested and the device reached, and its error.
+    fn write_request(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        let (state, code) = self.state();
+        if state == AlState::Init && code == AlStatusCode::NO_ERROR {
+            return Ok(());
+        }
+        write!(words, "a MainDevice led this SubDevice to {state}")?;
+        if code == AlStatusCode::NO_ERROR { Ok(()) } else { write!(words, "; AL status code {code}") }
     }
 
     fn counters(&self) -> Counters {

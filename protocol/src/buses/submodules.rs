@@ -105,6 +105,10 @@ impl Fieldbus for Device {
         self.disconnect(now);
     }
 
+    fn write_request(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.write_request(words)
+    }
+
     fn counters(&self) -> Counters {
         self.counters()
     }

@@ -91,6 +91,8 @@ codes! {
         DriveNotArrived = 40,
         /// The drive of an axis did not switch on after a reset.
         DriveNotOn = 41,
+        /// The command asks for something that this robot does not serve: a suspend, a start time.
+        NotServed = 42,
     }
 }
 
@@ -139,6 +141,7 @@ impl fmt::Display for ErrorNumber {
             Self::FollowingError => "following error: an axis was too far from its set-point",
             Self::DriveNotArrived => "an axis did not arrive at its set-point within the settling time",
             Self::DriveNotOn => "the drives did not switch on after a reset",
+            Self::NotServed => "the robot does not serve a suspend or a start time",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

@@ -29,6 +29,7 @@ mod driving;
 mod force;
 mod force_limits;
 mod frames;
+mod in_line;
 mod limits;
 mod moving_together;
 mod old_images;

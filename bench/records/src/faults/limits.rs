@@ -200,25 +200,6 @@ impl Fault {
     }
 }
 
-/// Checks whether no fault restarts a node or cuts a cable with a frame, which a cell in virtual time does not have yet.
-///
-/// # Errors
-///
-/// The first that does.
-pub fn check_without_frames(faults: &[Fault]) -> Result<(), BeginsWithFrame> {
-    let found = faults.iter().find(|fault| matches!(fault.kind, Kind::AtFrame(_)));
-    found.map_or(Ok(()), |fault| Err(BeginsWithFrame { fault: fault.to_string() }))
-}
-
-/// A fault that begins with a frame, in a cell.
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-#[error(
-    "`{fault}` begins with a frame, which is for setups of one station so far: take cut-at=2s..2.1s or kill-robot-at=2s"
-)]
-pub struct BeginsWithFrame {
-    fault: String,
-}
-
 /// Longest time for which a cable between two processes holds a frame: it keeps frames in memory of fixed size.
 const LONGEST_HOLD: Duration = Duration::from_secs(1);
 

@@ -35,6 +35,11 @@ pub fn robot_rows(station: &str) -> String {
     format!("trace-robot-{station}.rows")
 }
 
+/// Returns the name of the PLC's rows for a station. Where there are several, the PLC's node makes it of [`PLC_ROWS`].
+fn plc_rows(station: &str, is_only: bool) -> String {
+    if is_only { PLC_ROWS.to_owned() } else { format!("trace-plc-{station}.rows") }
+}
+
 /// Returns the header of a table: execution type, time since its start edge, the columns of a sample, and its instant.
 fn header<S: TraceSample>() -> String {
     format!("type,t_ms,{},true_ns\n", S::COLUMNS)
@@ -121,7 +126,7 @@ impl Trace {
         Ok(trace)
     }
 
-    /// Does the same for the stations of a cell. The PLC writes the scans for the first station only.
+    /// Does the same for the stations of a cell, each with rows of its own from its robot and from the PLC.
     ///
     /// # Errors
     ///
@@ -138,11 +143,10 @@ impl Trace {
             std::fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
             Ok::<_, anyhow::Error>(text)
         };
-        let mut plc = read(PLC_ROWS)?;
         let mut trace = CellTrace::default();
         for station in stations {
-            let robot = read(&robot_rows(station))?;
-            trace.stations.push(Self::from_rows(&robot, &std::mem::take(&mut plc), windows)?);
+            let (robot, plc) = (read(&robot_rows(station))?, read(&plc_rows(station, stations.len() == 1))?);
+            trace.stations.push(Self::from_rows(&robot, &plc, windows)?);
         }
         Ok(trace)
     }

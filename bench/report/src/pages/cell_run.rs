@@ -64,10 +64,11 @@ impl CellFiles {
 
     /// Returns its conditions in a line.
     pub(super) fn about(&self) -> String {
-        let CellResults { setup, application, mode, reps, seed, .. } = &self.results;
+        let CellResults { setup, application, mode, reps, .. } = &self.results;
         format!(
-            "Setup {setup} · {application} · {mode} mode · {} of each type · seed {seed}",
-            repetitions(*reps)
+            "Setup {setup} · {application} · {mode} mode · {} of each type · {}",
+            repetitions(*reps),
+            self.results.conditions(" · ")
         )
     }
 

@@ -258,7 +258,8 @@ mod tests {
     fn keep(place: &Path, name: &str, setup: &Setup, mode: Mode, samples_ms: &[u64]) -> PathBuf {
         let (_, found) = planning::setup_with_application("A").unwrap();
         let path = place.join(name);
-        let mut directory = RunDirectory::create(&path, setup, &found.text, Durability::Written).unwrap();
+        let mut directory =
+            RunDirectory::create(&path, setup, &found.text, None, Durability::Written).unwrap();
         let schedule = Schedule::new(&[ExecutionType::Cm], samples_ms.len() as u32, 1);
         let mut results = Results::new(setup, &found.application.name, mode, &schedule);
         for (step, millis) in schedule.steps().zip(samples_ms) {

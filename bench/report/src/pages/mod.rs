@@ -51,20 +51,39 @@ pub struct Pages {
     pub lacks: Vec<String>,
 }
 
-/// Writes the pages of a run into its directory and returns their paths.
+/// Pages that are written.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct WantedPages {
+    /// The report.
+    pub report: bool,
+    /// The race.
+    pub race: bool,
+}
+
+impl WantedPages {
+    /// Both pages.
+    pub const BOTH: Self = Self { report: true, race: true };
+}
+
+/// Writes pages of a run into its directory and returns the paths of all.
 ///
 /// # Errors
 ///
 /// There is no run, it has another version, or a page cannot be written; what was there is then kept.
-pub fn write(directory: &Path) -> Result<Pages, Failure> {
+pub fn write(directory: &Path, wanted: WantedPages) -> Result<Pages, Failure> {
     if let SavedResults::Cell(results) = run_directory::saved(directory).map_err(Failure::of_saved_run)? {
-        return cell::write(directory, *results);
+        return cell::write(directory, *results, wanted);
     }
     let run = Run::load(directory)?;
     let (report, race) = (directory.join(FILE), directory.join(race::FILE));
-    replace(&report, &page::render(&run, RaceIs::Beside)?, Durability::Synced)?;
-    replace(&race, &race::render(&run)?, Durability::Synced)?;
-    Ok(Pages { report, race: run.trace.is_some().then_some(race), lacks: run.lacks() })
+    if wanted.report {
+        let race = if wanted.race { RaceIs::Beside } else { RaceIs::Elsewhere };
+        replace(&report, &page::render(&run, race)?, Durability::Synced)?;
+    }
+    if wanted.race {
+        replace(&race, &race::render(&run)?, Durability::Synced)?;
+    }
+    Ok(Pages { report, race: (wanted.race && run.trace.is_some()).then_some(race), lacks: run.lacks() })
 }
 
 /// Returns the report of a run as HTML, for another place than its directory, and what of the run it lacks.

@@ -7,7 +7,7 @@ use node::address_check::find_holders;
 use protocol_linux::Interface;
 use setup::{BusKind, Setup};
 
-use super::Finding;
+use super::finding::Finding;
 
 /// Asks on an interface who has the addresses of the setup; a setup for EtherCAT has none.
 pub(super) fn check(interface: &str, setup: &Setup) -> Vec<Finding> {
@@ -52,7 +52,7 @@ fn verdict(what: &'static str, address: Ipv4Addr, is_ours: bool, holders: &[Mac]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verbs::doctor::Verdict;
+    use crate::verbs::doctor::finding::Verdict;
 
     #[test]
     fn an_address_that_two_stations_have_is_refused_with_both() {

@@ -227,7 +227,7 @@ mod tests {
     fn keep_setup(place: &Path, name: &str, setup: &Setup, mode: Mode, date: &str, samples: &[u64]) {
         let (_, found) = planning::setup_with_application("A").unwrap();
         let mut directory =
-            RunDirectory::create(&place.join(name), setup, &found.text, Durability::Written).unwrap();
+            RunDirectory::create(&place.join(name), setup, &found.text, None, Durability::Written).unwrap();
         directory.write_host(&format!("{{\"date\": \"{date}\", \"commit\": \"4f32136\"}}")).unwrap();
         let schedule = Schedule::new(&ExecutionType::ALL, samples.len() as u32, 1);
         let mut results = Results::new(setup, &found.application.name, mode, &schedule);

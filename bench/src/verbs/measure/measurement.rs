@@ -11,7 +11,7 @@ use setup::Setup;
 
 use super::reference_runs::ReferenceRuns;
 use super::session::{Ended, Session};
-use super::{Capture, RunOptions};
+use super::{Capture, RunOptions, RunPart};
 use crate::COMMIT;
 use records::conditions::Measured;
 use records::exit::{Exit, Failure};
@@ -82,7 +82,13 @@ impl Measurement<'_> {
             Mode::Virtual => Durability::Written,
         };
         let mut session = Session {
-            directory: RunDirectory::create(&path, &self.setup, &self.found.text, durability)?,
+            directory: RunDirectory::create(
+                &path,
+                &self.setup,
+                &self.found.text,
+                self.code.as_ref().map(ExportedCode::text),
+                durability,
+            )?,
             exports: self.options.exports.clone().of_run(host::date(started)),
             progress: Progress::start(&self.schedule, self.options.quiet),
             live: self.live.take().map(|address| self.serve(address, &path)).transpose()?,
@@ -197,7 +203,8 @@ impl Measurement<'_> {
             directory: &directory,
             capture: self.options.capture.retention(),
             frames: self.options.trace,
-            code: self.options.plc_program.as_deref().zip(self.code.as_ref()),
+            // The nodes read the copy, so that the run is that of its directory.
+            code: self.code.as_ref().map(|code| (directory.as_path(), code)),
             faults: &self.faults,
             feed: feed.as_ref(),
             voice: Some(&voice),
@@ -285,7 +292,9 @@ impl Measurement<'_> {
 
     /// Saves the tables for the report, and the timeline and the arm's motion if requested.
     fn save_trace(&self, trace: &Trace, session: &Session) -> anyhow::Result<()> {
-        trace.save(session.directory.path())?;
+        if !self.options.leaves_out(RunPart::Traces) {
+            trace.save(session.directory.path())?;
+        }
         if self.options.trace {
             let path = session.directory.path().join(timeline::FILE);
             let plan = self.found.plan(&self.setup)?;

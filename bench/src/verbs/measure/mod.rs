@@ -7,7 +7,7 @@ mod options;
 mod reference_runs;
 pub mod session;
 
-pub use options::{Capture, RunOptions};
+pub use options::{Capture, RunOptions, RunPart};
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ use records::occupied;
 use records::schedule::Schedule;
 use report::live::{LiveAddress, Reserved};
 use report::outln;
-use report::pages::{self, Pages};
+use report::pages::{self, Pages, WantedPages};
 use report::table;
 use report::{errln, in_shell};
 use session::Ended;
@@ -48,7 +48,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     let (setup, found) = load(options)?;
     let plan = found.plan(&setup)?;
     let reached = check_robot(&setup, &found, &plan)?;
-    let warnings = plan.warnings().chain(reached.stopped.iter().map(ToString::to_string)).collect();
+    let warnings = [plan.warnings(), reached.warnings()].concat();
     check_outputs(options, &found)?;
     check_faults(options, &setup)?;
     let code = options.plc_program.as_deref().map(plc_node::read_program).transpose();
@@ -86,8 +86,13 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     };
     let runtime = event_loop()?;
     let (ended, directory) = runtime.block_on(measurement.run())?;
-    outln!("{}", table::render(&ended.results));
-    print_where(&ended, &directory);
+    if options.quiet && ended.exit == Exit::Pass {
+        outln!("{}", table::figures(&ended.results));
+        write_quietly(&directory, options.pages());
+    } else {
+        outln!("{}", table::render(&ended.results));
+        print_where(&ended, &directory, options.pages());
+    }
     ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
 }
@@ -149,8 +154,22 @@ fn check_faults(options: &RunOptions, setup: &Setup) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Writes the pages of a run that passed and prints only a warning where that fails.
+fn write_quietly(directory: &Path, wanted: WantedPages) {
+    if let Err(Failure { error, .. }) = pages::write(directory, wanted) {
+        warn_of_report(&error, directory);
+    }
+}
+
+fn warn_of_report(error: &anyhow::Error, directory: &Path) {
+    errln!(
+        "warning: the results are saved, but their report is not: {error:#}; `bench report {}` draws it again",
+        in_shell(directory.display())
+    );
+}
+
 /// Prints where the run is saved, how much of it, and where its report is.
-fn print_where(ended: &Ended, directory: &Path) {
+fn print_where(ended: &Ended, directory: &Path, wanted: WantedPages) {
     let shown = directory.display();
     if ended.exit == Exit::Internal {
         outln!(
@@ -165,17 +184,16 @@ fn print_where(ended: &Ended, directory: &Path) {
     } else {
         outln!("  Saved in {shown}.");
     }
-    match pages::write(directory) {
+    match pages::write(directory, wanted) {
         Ok(Pages { report, race, .. }) => {
-            outln!("  Report: {}.", report.display());
+            if wanted.report {
+                outln!("  Report: {}.", report.display());
+            }
             if let Some(race) = race {
                 outln!("  Race: {}, the arms side by side.", race.display());
             }
         }
-        Err(Failure { error, .. }) => errln!(
-            "warning: the results are saved, but their report is not: {error:#}; `bench report {}` draws it again",
-            in_shell(&shown)
-        ),
+        Err(Failure { error, .. }) => warn_of_report(&error, directory),
     }
 }
 

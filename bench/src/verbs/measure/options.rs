@@ -1,10 +1,11 @@
 //! Options of a measured run.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use capture_file::Retention;
 use clap::{Args, ValueEnum};
-use node::list::List;
+use node::list::{List, flat};
 use plc_node::{ExecutionType, OverrideSchedule};
 
 use records::faults::Fault;
@@ -12,6 +13,7 @@ use records::mode::Mode;
 use records::schedule::{REPETITIONS, SEED};
 use report::export::Exports;
 use report::live::{self, LiveAddress};
+use report::pages::WantedPages;
 use stands::Attach;
 use studies::setup_option::{DrivesOption, SetupOption};
 
@@ -48,8 +50,8 @@ pub struct RunOptions {
     /// What moves the robot's joints.
     #[command(flatten)]
     pub drives: DrivesOption,
-    /// Record the frames at both ends to DIR/plc.pcapng and DIR/robot.pcapng; with several stations DIR/robot-STATION.pcapng, and
-    /// DIR/plc-BUS.pcapng where the PLC has several interfaces.
+    /// Record the frames at both ends to DIR/plc.pcapng and DIR/robot.pcapng; with several stations those at both ends of each
+    /// station's cable to DIR/plc-STATION.pcapng and DIR/robot-STATION.pcapng.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
     /// Measure on nodes that run already, `run --control ADDRESS:PORT`: in containers, on other machines, or the PLC's
@@ -88,9 +90,56 @@ pub struct RunOptions {
     /// grows, lateness of the cycles, counters, alarms and faults. Real mode only, and only for this machine's loopback.
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = live::DEFAULT)]
     pub live: Option<LiveAddress>,
-    /// Print the table only: no progress, no warnings.
+    /// Leave out parts of the run directory, for many runs: a run without all three takes a hundredth of the room. Commas or
+    /// blanks between them.
+    #[arg(long, value_name = "PART", num_args = 1..)]
+    pub without: Vec<List<RunPart>>,
+    /// Print the table only: no progress, no warnings, no sentences. A run that does not pass is explained all the same.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+impl RunOptions {
+    /// Returns the pages that are written.
+    #[must_use]
+    pub fn pages(&self) -> WantedPages {
+        WantedPages { report: !self.leaves_out(RunPart::Report), race: !self.leaves_out(RunPart::Race) }
+    }
+
+    /// Returns whether a part of the run directory is left out.
+    #[must_use]
+    pub fn leaves_out(&self, part: RunPart) -> bool {
+        flat(&self.without).contains(&part)
+    }
+}
+
+/// A part of the run directory that a run can leave out.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum RunPart {
+    /// `report.html`.
+    Report,
+    /// `race.html`.
+    Race,
+    /// `trace-*.csv`, from which both pages draw curves.
+    Traces,
+}
+
+/// Not a part of the run directory.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("`{0}`: must be report, race or traces")]
+pub struct UnknownRunPart(String);
+
+impl FromStr for RunPart {
+    type Err = UnknownRunPart;
+
+    fn from_str(text: &str) -> Result<Self, UnknownRunPart> {
+        match text {
+            "report" => Ok(Self::Report),
+            "race" => Ok(Self::Race),
+            "traces" => Ok(Self::Traces),
+            other => Err(UnknownRunPart(other.to_owned())),
+        }
+    }
 }
 
 /// When a capture is kept.

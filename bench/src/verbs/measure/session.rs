@@ -249,7 +249,8 @@ mod tests {
         let schedule = Schedule::new(&ExecutionType::ALL, 2, 1);
         let results = Results::new(&setup, &found.application.name, Mode::Real, &schedule);
         let mut session = Session {
-            directory: RunDirectory::create(place.path(), &setup, &found.text, Durability::Synced).unwrap(),
+            directory: RunDirectory::create(place.path(), &setup, &found.text, None, Durability::Synced)
+                .unwrap(),
             exports: Exports::json(place.path().join("exported.json")),
             progress: Progress::start(&schedule, true),
             live: None,

@@ -13,21 +13,30 @@ use records::exit::{Exit, Failure};
 use report::in_shell;
 use report::outln;
 use studies::directory;
+use studies::engine::file::EXAMPLES;
 
 /// Files of a cell.
 const SETUP: &str = "setup.toml";
 const APPLICATION: &str = "application.toml";
 
+/// A study of the cell.
+const STUDY: &str = "study.toml";
+
 /// The files' schemas beside them, for editors, each with its text. The first line of a file names its own.
-const SCHEMAS: [(&str, &str); 2] = [
+const SCHEMAS: [(&str, &str); 3] = [
     ("setup.schema.json", include_str!("../../../../cell/schemas/setup.schema.json")),
     ("application.schema.json", include_str!("../../../../cell/schemas/application.schema.json")),
+    ("study.schema.json", include_str!("../../../schemas/study.schema.json")),
 ];
+
+/// The example that a new study begins with, and its name in its comments.
+const STUDY_OF_ZONES: &str = EXAMPLES[1].1;
+const ZONES_FILE: &str = "approximation-zones.toml";
 
 /// Options of a new cell.
 #[derive(Args, Debug)]
 pub struct NewOptions {
-    /// The directory to write setup.toml and application.toml into; its name is the cell's.
+    /// The directory to write setup.toml, application.toml and study.toml into; its name is the cell's.
     #[arg(value_name = "DIR")]
     pub directory: PathBuf,
     /// The built-in setup to begin with.
@@ -38,7 +47,7 @@ pub struct NewOptions {
     pub application: Option<String>,
 }
 
-/// Writes a setup and an application in which every key is explained.
+/// Writes a setup and an application in which every key is explained, and a study of them.
 ///
 /// # Errors
 ///
@@ -53,7 +62,7 @@ pub fn run(options: &NewOptions) -> Result<Exit, Failure> {
     let application = built_in("application", planning::APPLICATIONS, application)?;
     let setup = comments::explained(&own_setup(setup, &name, &options.setup), comments::SETUPS);
     let application = comments::explained(&named(application, &name), comments::APPLICATIONS);
-    for file in [SETUP, APPLICATION, SCHEMAS[0].0, SCHEMAS[1].0] {
+    for file in [SETUP, APPLICATION, STUDY].into_iter().chain(SCHEMAS.map(|(schema, _)| schema)) {
         if directory.join(file).exists() {
             return Err(usage(format!(
                 "{} holds a cell already; name another directory",
@@ -63,7 +72,7 @@ pub fn run(options: &NewOptions) -> Result<Exit, Failure> {
     }
     directory::make(directory)?;
     for (file, text, (schema, schema_text)) in
-        [(SETUP, setup, SCHEMAS[0]), (APPLICATION, application, SCHEMAS[1])]
+        [(SETUP, setup, SCHEMAS[0]), (APPLICATION, application, SCHEMAS[1]), (STUDY, own_study(), SCHEMAS[2])]
     {
         write(&directory.join(file), &format!("#:schema {schema}\n{text}"))?;
         write(&directory.join(schema), schema_text)?;
@@ -73,10 +82,17 @@ pub fn run(options: &NewOptions) -> Result<Exit, Failure> {
     outln!("Saved {setup}, the cell, and {application}, what it does. Change them, then:");
     let (setup, application) = (in_shell(&setup), in_shell(&application));
     outln!("  bench --setup {setup} --mode virtual     checks both and measures");
+    let study = in_shell(directory.join(STUDY).display());
+    outln!("  bench study run {study}     varies it: how much later each type ends with other zones");
     outln!(
         "  plc-node plan {application} --setup {setup}     shows the motions, and whether the arm reaches them"
     );
     Ok(Exit::Pass)
+}
+
+/// Returns a study of the setup beside it.
+fn own_study() -> String {
+    STUDY_OF_ZONES.replace("setup = \"A\"", &format!("setup = \"{SETUP}\"")).replace(ZONES_FILE, STUDY)
 }
 
 fn usage(problem: String) -> Failure {

@@ -102,6 +102,7 @@ impl ScalePlant {
         PlannedStation {
             name: format!("robot-{number}"),
             setup,
+            position: None,
             planned: self.planned.clone(),
             waits: Vec::new(),
             visits: Vec::new(),

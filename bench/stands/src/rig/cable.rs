@@ -5,7 +5,7 @@ use std::io;
 use std::path::PathBuf;
 
 use capture_file::{CaptureFile, Retention};
-use protocol_linux::impaired::{ImpairedCable, Observer};
+use protocol_linux::impaired::{AtCut, ImpairedCable, Observer};
 use protocol_linux::namespace::{NamespaceError, NetworkNamespace};
 use protocol_linux::{Interface, InterfaceError, RecorderError, veth};
 use virtual_time::{LinkCounters, Side};
@@ -14,14 +14,18 @@ use super::RigError;
 use super::frames::FrameLog;
 use records::faults::{self, Fault};
 
-/// Name of the robot's interface, the only one in its network.
+/// Name of the robot's interface towards the PLC.
 pub(super) const ROBOT: &str = "robot0";
+
+/// Name of its second interface, where another robot comes after it in an EtherCAT line.
+pub(super) const ONWARD: &str = "onward0";
 
 /// Names of the near ends of the cables to both nodes, in the network of the impaired cable.
 const TO_PLC: &str = "to-plc";
 const TO_ROBOT: &str = "to-robot";
 
-/// The end of a cable that is not the robot's: the PLC's interface, or a port of a switch.
+/// The end of a cable that is not the robot's: the PLC's interface, a port of a switch, or the second port of the robot before it
+/// in a line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FarEnd<'a> {
     pub(super) network: &'a NetworkNamespace,
@@ -60,6 +64,7 @@ impl Cable {
     pub(super) fn lay_impaired(
         far: FarEnd<'_>,
         faults: &[Fault],
+        at_cut: AtCut,
         seed: u64,
         observed: Observed<'_>,
     ) -> Result<Self, RigError> {
@@ -81,10 +86,24 @@ impl Cable {
         let plan = faults::impairment_plan(faults, seed);
         let start = || {
             let (to_plc, to_robot) = (Interface::open(TO_PLC)?, Interface::open(TO_ROBOT)?);
-            Ok::<_, RigError>(ImpairedCable::start([&to_plc, &to_robot], &plan, observers)?)
+            Ok::<_, RigError>(ImpairedCable::start([&to_plc, &to_robot], &plan, at_cut, observers)?)
         };
         let cable = middle.run(start)??;
         Ok(Self { robot, middle: Some(cable), faults: faults.to_vec() })
+    }
+
+    /// Takes the power of the robot: its ports lose their links.
+    pub(super) fn power_off(&self) -> Result<(), RigError> {
+        let switch_off = || {
+            for name in [ROBOT, ONWARD] {
+                // Only a robot with another one after it has the second.
+                if let Ok(interface) = Interface::open(name) {
+                    interface.set_down()?;
+                }
+            }
+            Ok::<_, InterfaceError>(())
+        };
+        Ok(self.robot.run(switch_off)??)
     }
 
     /// Returns the robot's network.

@@ -48,7 +48,7 @@ impl Rig {
         self.run_once(execution_type, overrides).await?;
         let mut stations = Vec::with_capacity(self.robots.len());
         for (index, robot) in self.robots.iter().enumerate() {
-            stations.push((self.measured(index)?, robot.passages.as_slice(), None));
+            stations.push((self.measured(index)?, robot.passages.as_slice()));
         }
         let began = self.robots.iter().map(|robot| robot.skills.began_ns()).collect::<Option<Vec<_>>>();
         let skew_ns = began.and_then(|began| Some(began.iter().max()? - began.iter().min()?));

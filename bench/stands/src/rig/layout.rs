@@ -1,9 +1,10 @@
 //! The connections of a rig: the PLC's interfaces, and the station at the other end of each cable.
 
 use records::faults::{self, Change, Fault};
-use setup::{Bus, Cell};
+use setup::{Cell, CellBus};
 use std::time::Duration;
 
+use super::cable::{ONWARD, ROBOT};
 use crate::capture::{PLC_FILE, ROBOT_FILE};
 
 /// The connections of a rig.
@@ -15,46 +16,42 @@ pub struct RigLayout {
 }
 
 /// Where a station is.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Default, Debug)]
 struct StationPlace {
     /// Its name; `None` for the only robot.
     name: Option<String>,
     /// Index of the PLC's interface that it is connected to.
     on: usize,
+    /// Set for an EtherCAT SubDevice, whose chip passes frames on.
+    has_chip: bool,
+    /// The station before it in an EtherCAT line; `None` for one at the PLC's interface.
+    upstream: Option<usize>,
+    /// Position before another station in the line: it has two interfaces.
+    leads_on: bool,
 }
 
 impl RigLayout {
     /// Returns the connection of a PLC with one robot.
     #[must_use]
     pub fn of_one() -> Self {
-        let station = StationPlace { name: None, on: 0 };
-        Self { interfaces: vec![Vec::new()], stations: vec![station] }
+        Self { interfaces: vec![Vec::new()], stations: vec![StationPlace::default()] }
     }
 
-    /// Returns the connections of a cell: buses on which the PLC has the same address share an interface, and each EtherCAT
-    /// segment has one of its own.
+    /// Returns the connections of a cell: its buses on the PLC's interfaces, and on EtherCAT the stations in line.
     #[must_use]
     pub fn of_cell(cell: &Cell) -> Self {
-        let mut addresses = Vec::new();
         let mut interfaces: Vec<Vec<&'static str>> = Vec::new();
-        let mut stations = Vec::with_capacity(cell.stations.len());
-        for station in &cell.stations {
-            let Bus { kind, .. } = &station.bus;
-            let address = station.bus.addresses().map(|addresses| addresses.plc);
-            let is_same = |(index, other): (usize, &Option<_>)| match address {
-                Some(_) => *other == address,
-                None => interfaces.get(index).is_some_and(|buses| buses.contains(&kind.name())),
-            };
-            let found = addresses.iter().enumerate().position(is_same);
-            let on = found.unwrap_or_else(|| {
-                addresses.push(address);
-                interfaces.push(Vec::new());
-                interfaces.len() - 1
-            });
-            if let Some(buses) = interfaces.get_mut(on).filter(|buses| !buses.contains(&kind.name())) {
-                buses.push(kind.name());
+        let place = |name: &str| StationPlace { name: Some(name.to_owned()), ..StationPlace::default() };
+        let mut stations: Vec<StationPlace> = cell.names().map(place).collect();
+        for bus in CellBus::of_cell(cell) {
+            interfaces.resize_with(interfaces.len().max(bus.interface + 1), Vec::new);
+            interfaces.get_mut(bus.interface).into_iter().for_each(|buses| buses.push(bus.name));
+            for index in &bus.stations {
+                let Some(station) = stations.get_mut(*index) else { continue };
+                station.on = bus.interface;
+                station.has_chip = bus.is_line();
+                (station.upstream, station.leads_on) = (bus.upstream_of(*index), bus.leads_on_from(*index));
             }
-            stations.push(StationPlace { name: Some(station.name.clone()), on });
         }
         Self { interfaces, stations }
     }
@@ -74,10 +71,28 @@ impl RigLayout {
         self.stations.iter().map(|station| station.name.as_deref())
     }
 
-    /// Returns the indexes of the stations at an interface of the PLC.
+    /// Returns the indexes of the stations with a cable to an interface of the PLC, or to a switch there.
     pub(super) fn stations_on(&self, interface: usize) -> impl Iterator<Item = usize> {
         let places = self.stations.iter().enumerate();
-        places.filter(move |(_, place)| place.on == interface).map(|(index, _)| index)
+        places
+            .filter(move |(_, place)| place.on == interface && place.upstream.is_none())
+            .map(|(index, _)| index)
+    }
+
+    /// Returns the station whose cable comes to this one in a line.
+    pub(super) fn after(&self, station: usize) -> Option<usize> {
+        self.stations.iter().position(|place| place.upstream == Some(station))
+    }
+
+    /// Returns the option `--interface` of a robot: its only one, or the ones towards the PLC and to the next robot of a line.
+    pub(super) fn robot_interfaces(&self, station: usize) -> String {
+        let leads_on = self.stations.get(station).is_some_and(|place| place.leads_on);
+        if leads_on { format!("{ROBOT},{ONWARD}") } else { ROBOT.to_owned() }
+    }
+
+    /// Returns whether a station passes frames on, and so heeds the carriers of its cables.
+    pub(super) fn has_chip(&self, station: usize) -> bool {
+        self.stations.get(station).is_some_and(|place| place.has_chip)
     }
 
     /// Returns the option `--interface` of the PLC; `named` gives each of its interfaces a name.
@@ -92,18 +107,13 @@ impl RigLayout {
         self.interfaces.iter().enumerate().map(of_interface).collect::<Vec<_>>().join(",")
     }
 
-    /// Returns the name of the capture at an interface of the PLC.
-    pub(super) fn plc_capture(&self, interface: usize) -> String {
-        match self.interfaces.get(interface) {
-            Some(buses) if self.interfaces.len() > 1 => format!("plc-{}.pcapng", buses.join("-")),
-            _ => PLC_FILE.to_owned(),
-        }
-    }
-
-    /// Returns the name of the capture at a robot.
-    pub(super) fn robot_capture(&self, station: usize) -> String {
+    /// Returns the names of the captures at both ends of a station's cable: at the one towards the PLC, and at the robot.
+    pub(super) fn captures(&self, station: usize) -> [String; 2] {
         let name = self.stations.get(station).and_then(|station| station.name.as_deref());
-        name.map_or_else(|| ROBOT_FILE.to_owned(), |name| format!("robot-{name}.pcapng"))
+        match name {
+            Some(name) => ["plc", "robot"].map(|end| format!("{end}-{name}.pcapng")),
+            None => [PLC_FILE, ROBOT_FILE].map(str::to_owned),
+        }
     }
 
     /// Returns the faults of a station's cable, robot and drives, and with one robot those of the PLC.
@@ -143,9 +153,19 @@ mod tests {
         assert_eq!(RigLayout::of_one().interface_option(named), "plc0");
         assert_eq!(e.stations_on(0).collect::<Vec<_>>(), [0, 1]);
         assert_eq!(f.stations_on(1).collect::<Vec<_>>(), [1]);
-        let captures =
-            [e.plc_capture(0), e.robot_capture(1), f.plc_capture(1), RigLayout::of_one().robot_capture(0)];
-        assert_eq!(captures, ["plc.pcapng", "robot-right.pcapng", "plc-ethercat.pcapng", "robot.pcapng"]);
+        let captures = [e.captures(1), RigLayout::of_one().captures(0)];
+        assert_eq!(captures, [["plc-right.pcapng", "robot-right.pcapng"], ["plc.pcapng", "robot.pcapng"]]);
+    }
+
+    #[test]
+    fn stations_on_ethercat_are_in_line_by_their_positions() {
+        let (mut cell, _) = setup::cell("F").unwrap();
+        cell.stations[0].bus = cell.stations[1].bus.clone();
+        (cell.stations[0].position, cell.stations[1].position) = (Some(1), Some(0));
+        let line = RigLayout::of_cell(&cell);
+        assert_eq!((line.interfaces(), line.stations_on(0).collect::<Vec<_>>()), (1, vec![1]));
+        assert_eq!([1, 0].map(|station| line.after(station)), [Some(0), None]);
+        assert_eq!([1, 0].map(|station| line.robot_interfaces(station)), ["robot0,onward0", "robot0"]);
     }
 
     #[test]

@@ -246,6 +246,9 @@ impl Rig {
                 }
             }
             NodeEvent::Plc(station, message) => self.note_of_plc(station.as_deref(), message),
+            NodeEvent::Ended(RigNode::Robot(station)) => {
+                self.network.iter().for_each(|network| network.power_off(*station));
+            }
             _ => {}
         }
     }

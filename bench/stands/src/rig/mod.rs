@@ -198,7 +198,8 @@ impl Rig {
         let mut robots = Vec::with_capacity(layout.robots());
         for (index, (station, space)) in layout.names().zip(network.robots()).enumerate() {
             let mut robot = RigRobot::of(station.map(str::to_owned));
-            let args = config.robot_args(cable::ROBOT, index, station);
+            let interface = layout.robot_interfaces(index);
+            let args = config.robot_args(&interface, index, station);
             let named = (RigNode::Robot(index), robot.name());
             let node = NodeProcess::spawn(named, &program, ROBOT_NODE, args, space, sender.clone())?;
             robot.node = Some(Node::Process(node));

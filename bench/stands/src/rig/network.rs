@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use capture_file::Retention;
+use protocol_linux::impaired::AtCut;
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{Interface, Recorder, bridge, veth};
 use virtual_time::{LinkCounters, Side};
 
 use super::RigError;
-use super::cable::{Cable, FarEnd, Observed, ROBOT, switch_on};
+use super::cable::{Cable, FarEnd, ONWARD, Observed, ROBOT, switch_on};
 use super::frames::FrameLog;
 use super::layout::RigLayout;
 use super::rig_node::RigNode;
@@ -46,6 +47,7 @@ pub(super) struct NetworkOptions<'a> {
 /// The network.
 #[derive(Debug)]
 pub(super) struct RigNetwork {
+    layout: RigLayout,
     plc: NetworkNamespace,
     /// Networks of the switches, which exist as long as this.
     switches: Vec<NetworkNamespace>,
@@ -64,6 +66,7 @@ impl RigNetwork {
     /// Creates the network, brings all ends up and starts the captures.
     pub(super) fn set_up(options: NetworkOptions<'_>) -> Result<Self, RigError> {
         let mut network = Self {
+            layout: options.layout.clone(),
             plc: NetworkNamespace::new()?,
             switches: Vec::new(),
             cables: Vec::new(),
@@ -82,9 +85,7 @@ impl RigNetwork {
                 stations => network.connect_by_switch(interface, stations, options)?,
             };
             for (station, cable) in stations.into_iter().zip(laid) {
-                if let Some(place) = cables.get_mut(station) {
-                    *place = Some(cable);
-                }
+                network.connect_line((station, cable), &mut cables, options)?;
             }
         }
         network.cables = cables.into_iter().flatten().collect();
@@ -99,15 +100,31 @@ impl RigNetwork {
         options: NetworkOptions<'_>,
     ) -> Result<Cable, RigError> {
         let name = plc_interface(interface);
-        let far = FarEnd { network: &self.plc, interface: &name };
-        let file = options.layout.plc_capture(interface);
-        let cable = lay(far, station, Some(&file), options)?;
-        if !cable.is_impaired() {
-            let recorder = self.record(&self.plc, &name, &file, options)?;
-            self.recorders.extend(recorder);
-        }
-        self.record_robot(&cable, station, options)?;
+        let (cable, recorders) = lay(FarEnd { network: &self.plc, interface: &name }, station, options)?;
+        self.recorders.extend(recorders);
         Ok(cable)
+    }
+
+    /// Takes the cable of a station, and lays those of the stations after it in a line.
+    fn connect_line(
+        &mut self,
+        (mut station, mut cable): (usize, Cable),
+        cables: &mut [Option<Cable>],
+        options: NetworkOptions<'_>,
+    ) -> Result<(), RigError> {
+        while let Some(next) = options.layout.after(station) {
+            let far = FarEnd { network: cable.robot(), interface: ONWARD };
+            let (onward, recorders) = lay(far, next, options)?;
+            self.recorders.extend(recorders);
+            if let Some(place) = cables.get_mut(station) {
+                *place = Some(std::mem::replace(&mut cable, onward));
+            }
+            station = next;
+        }
+        if let Some(place) = cables.get_mut(station) {
+            *place = Some(cable);
+        }
+        Ok(())
     }
 
     /// Connects robots to an interface of the PLC by a switch.
@@ -126,7 +143,8 @@ impl RigNetwork {
         let mut cables = Vec::with_capacity(stations.len());
         for station in stations {
             let port = format!("port{station}");
-            let cable = lay(FarEnd { network: &switch, interface: &port }, *station, None, options)?;
+            let (cable, recorders) = lay(FarEnd { network: &switch, interface: &port }, *station, options)?;
+            self.recorders.extend(recorders);
             add_port(&switch, &port)?;
             cables.push(cable);
         }
@@ -136,42 +154,8 @@ impl RigNetwork {
         }
         switch_on(&switch, TO_PLC)??;
         add_port(&switch, TO_PLC)?;
-        let file = options.layout.plc_capture(interface);
-        let recorder = self.record(&self.plc, &name, &file, options)?;
-        self.recorders.extend(recorder);
-        for (cable, station) in cables.iter().zip(stations) {
-            self.record_robot(cable, *station, options)?;
-        }
         self.switches.push(switch);
         Ok(cables)
-    }
-
-    fn record_robot(
-        &mut self,
-        cable: &Cable,
-        station: usize,
-        options: NetworkOptions<'_>,
-    ) -> Result<(), RigError> {
-        if !cable.is_impaired() {
-            let file = options.layout.robot_capture(station);
-            let recorder = self.record(cable.robot(), ROBOT, &file, options)?;
-            self.recorders.extend(recorder);
-        }
-        Ok(())
-    }
-
-    fn record(
-        &self,
-        network: &NetworkNamespace,
-        interface: &str,
-        file: &str,
-        options: NetworkOptions<'_>,
-    ) -> Result<Option<Recorder>, RigError> {
-        let Some((directory, retention)) = options.capture else { return Ok(None) };
-        let path = directory.join(file);
-        let start =
-            || Ok::<_, RigError>(Recorder::start(&Interface::open(interface)?, &path, "", *retention)?);
-        network.run(start)?.map(Some)
     }
 
     pub(super) const fn plc(&self) -> &NetworkNamespace {
@@ -187,6 +171,14 @@ impl RigNetwork {
     pub(super) fn set_ready(&mut self) {
         self.ready = Some(Instant::now());
         self.cables.iter().for_each(Cable::set_ready);
+    }
+
+    /// Takes the power of a robot that has ended, if it passes frames on: the loops at its neighbours close.
+    pub(super) fn power_off(&self, station: usize) {
+        if let Some(cable) = self.cables.get(station).filter(|_| self.layout.has_chip(station)) {
+            // Where that fails, its neighbours wait in vain for what comes back from it.
+            let _ = cable.power_off();
+        }
     }
 
     /// Notes in the captures that a node is killed.
@@ -264,23 +256,37 @@ impl Drop for RigNetwork {
     }
 }
 
-/// Lays the cable of a station; with faults it also writes the captures, that at its far end into `far_file`.
+/// Lays the cable of a station and records both of its ends; a cable with faults writes its own captures.
 fn lay(
     far: FarEnd<'_>,
     station: usize,
-    far_file: Option<&str>,
     options: NetworkOptions<'_>,
-) -> Result<Cable, RigError> {
+) -> Result<(Cable, Vec<Recorder>), RigError> {
     let NetworkOptions { layout, capture, faults, seed, frames } = options;
     let faults = layout.faults_of(station, faults);
+    let captures = layout
+        .captures(station)
+        .map(|name| capture.map(|(directory, retention)| (Path::join(directory, name), *retention)));
     if faults.is_empty() {
-        return Cable::lay(far);
+        let cable = Cable::lay(far)?;
+        let ends = [(far.network, far.interface), (cable.robot(), ROBOT)];
+        let recorders = ends.into_iter().zip(captures).filter_map(|(end, file)| Some(record(end, file?)));
+        let recorders = recorders.collect::<Result<_, _>>()?;
+        return Ok((cable, recorders));
     }
-    let file = |name: &str| capture.map(|(directory, retention)| (Path::join(directory, name), *retention));
-    let captures = [far_file.and_then(file), file(&layout.robot_capture(station))];
+    let at_cut = if layout.has_chip(station) { AtCut::LosesCarrier } else { AtCut::KeepsCarrier };
     // Each cable draws numbers of its own; that of a single robot has those of the seed itself.
     let seed = seed.wrapping_add(station as u64);
-    Cable::lay_impaired(far, &faults, seed, Observed { captures, frames })
+    let cable = Cable::lay_impaired(far, &faults, at_cut, seed, Observed { captures, frames })?;
+    Ok((cable, Vec::new()))
+}
+
+/// Starts a capture at an end of a cable.
+fn record(
+    (network, interface): (&NetworkNamespace, &str),
+    (path, retention): (PathBuf, Retention),
+) -> Result<Recorder, RigError> {
+    network.run(|| Ok::<_, RigError>(Recorder::start(&Interface::open(interface)?, &path, "", retention)?))?
 }
 
 fn add_port(switch: &NetworkNamespace, port: &str) -> Result<(), RigError> {

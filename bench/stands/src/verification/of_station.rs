@@ -4,12 +4,13 @@
 use anyhow::Context as _;
 use plc_node::ExecutionType;
 use protocol::image::{Digest, Sum};
+use robot_node::Account;
 use robot_node::arm::Joints;
 use robot_node::rehearsal::{Calls, Rehearsed, rehearse};
 
 use super::{
-    Difference, JOINT_TOLERANCE, check_ends, check_executed, check_override, check_sent, drives,
-    largest_difference, length_tolerance_mm,
+    Difference, JOINT_TOLERANCE, SLOW_PERCENT, check_ends, check_executed, check_override, check_sent,
+    drives, largest_difference, length_tolerance_mm,
 };
 use crate::planned_path::PlannedPath;
 use crate::planned_station::PlannedStation;
@@ -20,8 +21,8 @@ use records::conditions::Measured;
 pub struct StationVerification {
     station: PlannedStation,
     sent: Sum,
-    /// What the arm alone does in a type, and how long it moves.
-    rehearsed: Vec<(ExecutionType, Rehearsed)>,
+    /// What the arm alone does in a type at an override in %, and how long it moves.
+    rehearsed: Vec<(ExecutionType, u8, Rehearsed)>,
 }
 
 impl StationVerification {
@@ -50,8 +51,17 @@ impl StationVerification {
         let execution = &measured.execution;
         check_sent(measured, self.sent)?;
         let Some(account) = &measured.account else { return Ok(()) };
-        check_override(measured, account)?;
-        let alone = self.rehearsed(execution.execution_type, &account.start)?;
+        // An arm that follows a master axis moves at its full override: the master is slower by the PLC's.
+        let is_led = execution.execution_type == ExecutionType::Cm
+            && self.station.in_step.as_ref().is_some_and(|arm| !arm.sections.is_empty());
+        let mut by_robot = *account;
+        if is_led && account.override_percent[1] == 100 {
+            let ([lowest, _], [_, most]) = (account.override_percent, execution.commanded.override_percent);
+            by_robot.override_percent = [lowest.min(most), most];
+        }
+        check_override(measured, &by_robot)?;
+        let [_, highest] = account.override_percent;
+        let alone = self.rehearsed(execution.execution_type, &account.start, highest)?;
         let planned = alone.account;
         check_executed(account, &planned)?;
         let robot = &self.station.planned.robot;
@@ -72,37 +82,72 @@ impl StationVerification {
         let Some(quality) = measured.quality.filter(|_| execution.blends_suppressed == 0) else {
             return Ok(());
         };
-        let length_mm = alone.quality.path_length_mm;
-        let tolerance = length_tolerance_mm(length_mm);
-        if (quality.path_length_mm - length_mm).abs() <= tolerance {
-            return Ok(());
-        }
-        let planned_mm = [length_mm - tolerance, length_mm + tolerance];
-        Err(Difference::Length { found_mm: quality.path_length_mm, planned_mm }.into())
+        self.check_length(execution.execution_type, account, quality.path_length_mm, highest)
     }
 
-    /// Returns what the arm alone does from these joints, at full override.
-    fn rehearsed(&mut self, execution_type: ExecutionType, start: &Joints) -> anyhow::Result<Rehearsed> {
-        let known = self.rehearsed.iter().find(|(of, _)| *of == execution_type).map(|(_, known)| *known);
+    /// Compares the length of the path, as for a robot that works alone: at the highest override its chords are the longest, and
+    /// their sum is the least.
+    fn check_length(
+        &mut self,
+        execution_type: ExecutionType,
+        account: &Account,
+        found_mm: f64,
+        highest: u8,
+    ) -> anyhow::Result<()> {
+        let mut length_mm = |percent| -> anyhow::Result<f64> {
+            Ok(self.rehearsed(execution_type, &account.start, percent)?.quality.path_length_mm)
+        };
+        let shortest_mm = length_mm(highest)?;
+        let tolerance = length_tolerance_mm(shortest_mm);
+        if (found_mm - shortest_mm).abs() <= tolerance {
+            return Ok(());
+        }
+        let mut planned_mm = [shortest_mm - tolerance, shortest_mm + tolerance];
+        // Where the arm was slower, or stood, its chords were shorter; rehearsing that takes longer.
+        if account.override_percent[0] < 100 && found_mm > shortest_mm {
+            let longest_mm = length_mm(highest.min(SLOW_PERCENT))?;
+            planned_mm[1] = longest_mm + length_tolerance_mm(longest_mm);
+            if found_mm <= planned_mm[1] {
+                return Ok(());
+            }
+        }
+        Err(Difference::Length { found_mm, planned_mm }.into())
+    }
+
+    /// Returns what the arm alone does from these joints, at an override in %.
+    fn rehearsed(
+        &mut self,
+        execution_type: ExecutionType,
+        start: &Joints,
+        percent: u8,
+    ) -> anyhow::Result<Rehearsed> {
+        let percent = percent.max(1);
+        let is_it = |(of, at, _): &(ExecutionType, u8, Rehearsed)| (*of, *at) == (execution_type, percent);
+        let known = self.rehearsed.iter().find(|it| is_it(it)).map(|(.., known)| *known);
         if let Some(known) =
             known.filter(|known| largest_difference(&known.account.start, start).1 < JOINT_TOLERANCE)
         {
             return Ok(known);
         }
         let alone = self
-            .rehearse(execution_type, *start)
+            .rehearse(execution_type, *start, percent)
             .context("the repetition cannot be verified: the arm alone cannot execute the plan")?;
-        self.rehearsed.retain(|(of, _)| *of != execution_type);
-        self.rehearsed.push((execution_type, alone));
+        self.rehearsed.retain(|it| !is_it(it));
+        self.rehearsed.push((execution_type, percent, alone));
         Ok(alone)
     }
 
-    fn rehearse(&self, execution_type: ExecutionType, start: Joints) -> anyhow::Result<Rehearsed> {
+    fn rehearse(
+        &self,
+        execution_type: ExecutionType,
+        start: Joints,
+        percent: u8,
+    ) -> anyhow::Result<Rehearsed> {
         if execution_type == ExecutionType::Rc {
-            return Ok(PlannedPath::rehearse(&self.station, execution_type, start)?.total);
+            return Ok(PlannedPath::rehearse(&self.station, execution_type, start, percent)?.total);
         }
         let planned = &self.station.planned;
         let calls = if execution_type == ExecutionType::Sm { Calls::Singles } else { Calls::Continuous };
-        Ok(rehearse(&planned.robot, start, &planned.motions, &planned.stops, calls, 100)?)
+        Ok(rehearse(&planned.robot, start, &planned.motions, &planned.stops, calls, percent)?)
     }
 }

@@ -77,6 +77,8 @@ pub(super) struct NewStation {
     pub(super) mac: Option<Mac>,
     /// Index of the PLC's interface.
     pub(super) on: usize,
+    /// Its place in the line there, from 0.
+    pub(super) line_place: usize,
     /// Impairments of the PLC's frames to it, and of its frames.
     pub(super) links: [Impairment; 2],
 }
@@ -142,18 +144,29 @@ impl VirtualCell {
             })
             .collect();
         let lines: Vec<_> = (0..nics.len()).map(|on| line(&mut network, &nics, &robots, on)).collect();
-        let mut stations = Vec::with_capacity(robots.len());
-        for NewStation { node, name, mac, on, links } in robots {
+        let mut ends = Vec::with_capacity(robots.len());
+        for NewStation { node, name, mac, on, line_place, links } in robots {
             let robot = network.add_node(name, Either::B(node.machine), node.clock);
             let nic = network.add_nic(robot, &[InterfaceId::FIRST], mac, node.address);
-            let plc_end = match (mac, lines.get(on).copied().flatten(), nics.get(on)) {
+            let line = lines.get(on).copied().flatten().filter(|_| mac.is_none());
+            let plc_end = match (mac, line, nics.get(on)) {
                 (None, Some(line), _) => Plug::Switch(line),
                 (None, None, Some(plc)) => Plug::Nic(*plc),
                 _ => Plug::Switch(switch),
             };
-            let cable = network.connect([plc_end, Plug::Nic(nic)], links);
-            stations.extend(cable.map(|cable| Station { robot, cable }));
+            let place = line.map(|_| line_place);
+            ends.push((place, ends.len(), robot, ([plc_end, Plug::Nic(nic)], links)));
         }
+        // The order of its cables is that of a line.
+        ends.sort_by_key(|(place, ..)| *place);
+        let mut stations: Vec<_> = ends
+            .into_iter()
+            .filter_map(|(_, index, robot, (ends, links))| {
+                Some((index, Station { robot, cable: network.connect(ends, links)? }))
+            })
+            .collect();
+        stations.sort_by_key(|(index, _)| *index);
+        let stations = stations.into_iter().map(|(_, station)| station).collect();
         network.switch_on();
         Self { network, plc: plc_node, stations }
     }

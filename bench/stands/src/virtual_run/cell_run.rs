@@ -3,13 +3,16 @@
 #[cfg(test)]
 mod in_step;
 #[cfg(test)]
+mod restarts;
+#[cfg(test)]
 mod tests;
 mod waits;
 
 use std::time::Duration;
 
 use ::node::report::LatenessReport;
-use anyhow::Context as _;
+use ::node::role::NodeRole;
+use anyhow::{Context as _, bail};
 use machine::Instant;
 use plc_node::{Execution, PlcEvent, PlcProgram as _, PlcReport};
 use protocol::fieldbus::{Fieldbus as _, LinkEvent};
@@ -18,8 +21,9 @@ use robot_node::RobotEvent;
 use super::cell::{CellEvent, CellNode, RobotId, VirtualCell};
 use super::cell_capture::CellCaptures;
 use super::cell_faults::{self, CellFaults};
+use super::cell_laws::{BrokenLaw, CellLaws};
 use super::cell_watch::CellWatch;
-use super::new_cell::{NewCell, switch_on};
+use super::new_cell::{NewCell, address_of, restarted_plc, restarted_robot, switch_on};
 use super::nodes::{LONGEST_RUN, NeverEnded, SILENCE};
 use crate::Unreported;
 use crate::cell_measured::{CellHealth, CellMeasured};
@@ -29,9 +33,10 @@ use crate::under_faults;
 use records::cell_sample::start_skew;
 use records::conditions::{Health, Interference, Measured, MotionTotals};
 use records::exit::{Exit, Failure};
-use records::faults::Fault;
+use records::faults::{Change, Fault};
 use records::schedule::Step;
 use records::trace::Recording;
+use virtual_time::Side;
 
 /// Time that is recorded after a failure: far longer than an arm needs to brake.
 const COMES_TO_REST: Duration = Duration::from_secs(2);
@@ -47,6 +52,10 @@ pub struct CellRun {
     finished: Vec<Option<Execution>>,
     faults: CellFaults,
     captures: CellCaptures,
+    /// Laws that are watched, if somebody asked for it.
+    laws: Option<CellLaws>,
+    /// What makes a node once more; `None` where no fault asks for it.
+    again: Option<(Vec<PlannedStation>, u64)>,
 }
 
 impl CellStand for CellRun {
@@ -134,7 +143,32 @@ impl CellRun {
             finished: vec![None; stations.len()],
             faults: CellFaults::of(stations, faults),
             captures: CellCaptures::default(),
+            laws: None,
+            again: cell_faults::restart(faults).then(|| (stations.to_vec(), seed)),
         })
+    }
+
+    /// Watches from now on that no arm goes beyond a mark before the others have come, and that no two are in one shared zone.
+    pub fn watch_laws(&mut self, stations: &[PlannedStation]) {
+        self.laws = Some(CellLaws::new(stations));
+    }
+
+    /// Returns the first of these laws that was broken so far.
+    #[must_use]
+    pub fn broken_law(&self) -> Option<&BrokenLaw> {
+        self.laws.as_ref().and_then(CellLaws::broken)
+    }
+
+    /// Returns how many frames were put into a station's cable towards the robot, and towards the PLC.
+    #[must_use]
+    pub fn frames_sent(&self, station: usize) -> [u64; 2] {
+        [Side::A, Side::B].map(|side| self.cell.link_counters(RobotId(station), side).sent)
+    }
+
+    /// Returns the time since the robots were ready first; times of faults count from there.
+    #[must_use]
+    pub fn since_ready(&self) -> Duration {
+        self.faults.ready().map(|ready| self.cell.now().since(ready)).unwrap_or_default()
     }
 
     /// Returns the time for which the cell has been on.
@@ -151,16 +185,24 @@ impl CellRun {
     /// Returns the PLC's next event up to `until` in true time.
     fn next_event(&mut self, until: Instant) -> Option<PlcReport> {
         loop {
-            let look = self.watch.next_look(self.cell.now());
-            let stop = [look, self.faults.next()].into_iter().flatten().fold(until, Instant::min);
-            let event = self.cell.next_event(stop);
+            self.faults.stop_at_frames(&mut self.cell);
+            let now = self.cell.now();
+            let look_at_laws = self.laws.as_ref().map(|laws| laws.next_look(now));
+            let stops = [self.watch.next_look(now), look_at_laws, self.faults.next()];
+            let event = self.cell.next_event(stops.into_iter().flatten().fold(until, Instant::min));
             self.watch.look(&self.cell);
+            if let Some(laws) = &mut self.laws {
+                laws.look(&self.cell);
+            }
             match event {
                 Some(CellEvent::Plc(report)) => {
                     if let PlcEvent::Started { at, .. } = report.event {
                         // The motion to the start is not part of the run.
                         self.moved.fill(MotionTotals::default());
                         self.watch.begin(at);
+                        if let Some(laws) = &mut self.laws {
+                            laws.begin(&self.cell);
+                        }
                     }
                     return Some(report);
                 }
@@ -177,13 +219,61 @@ impl CellRun {
                     }
                 }
                 Some(CellEvent::Robot(..)) => {}
-                None => {
-                    let is_change = self.faults.apply(&mut self.cell);
-                    if !is_change && self.cell.now() >= until {
-                        return None;
-                    }
-                }
+                None => match self.faults.take_due(&self.cell) {
+                    Some((station, change)) => self.change(station.unwrap_or_default(), change),
+                    None if self.cell.now() >= until => return None,
+                    None => {}
+                },
             }
+        }
+    }
+
+    fn change(&mut self, station: usize, change: Change) {
+        let robot = RobotId(station);
+        match change {
+            Change::Cut | Change::Mend => {
+                let is_cut = self.faults.count_cut(station, change == Change::Cut);
+                self.cell.set_cut(robot, is_cut);
+            }
+            Change::Kill(NodeRole::Plc) => {
+                self.faults.note_plc(true);
+                self.cell.kill(CellNode::Plc);
+            }
+            Change::Kill(NodeRole::Robot) => self.cell.kill(CellNode::Robot(robot)),
+            Change::Restart(node) => self.restart(robot, node),
+            Change::Drive(axis, disturbance) => {
+                self.cell.command_robot(robot, |robot, _| robot.disturb_drive(axis, disturbance));
+            }
+        }
+    }
+
+    /// Starts a node again that was killed: the PLC, or this robot, with the address that it had at the start. The PLC keeps
+    /// its addresses.
+    fn restart(&mut self, robot: RobotId, node: NodeRole) {
+        let Some((stations, seed)) = &self.again else { return };
+        match node {
+            NodeRole::Plc => {
+                let now = self.cell.local_time(CellNode::Plc);
+                let Ok(plc) = restarted_plc(stations, *seed, now) else { return };
+                self.faults.note_plc(false);
+                self.end_laws_of_run();
+                self.cell.restart_plc(plc);
+            }
+            NodeRole::Robot => {
+                let (RobotId(number), now) = (robot, self.cell.local_time(CellNode::Robot(robot)));
+                // Nobody moves the arm while its robot is off.
+                let joints = self.cell.robot(robot).sample().joints;
+                let machine = restarted_robot(stations, number, *seed, now, joints);
+                let Some((machine, station)) = machine.zip(stations.get(number)) else { return };
+                self.cell.set_address(CellNode::Robot(robot), address_of(station));
+                self.cell.restart_robot(robot, machine);
+            }
+        }
+    }
+
+    fn end_laws_of_run(&mut self) {
+        if let Some(laws) = &mut self.laws {
+            laws.end();
         }
     }
 
@@ -215,7 +305,13 @@ impl CellRun {
         let start = self.cell.now() + step.pause;
         while self.next_event(start).is_some() {}
         self.finished.fill(None);
-        self.cell.command_plc(|plc, now| plc.start(now, step.execution_type)).context("cannot start the run")
+        let execution_type = step.execution_type;
+        let started = self.cell.command_plc(|plc, now| {
+            plc.schedule_overrides(step.overrides);
+            plc.start(now, execution_type)
+        });
+        let station = self.cell.plc().stations().iter().position(|station| !station.is_ready());
+        started.with_context(|| format!("{}: cannot start the run", self.named(station)))
     }
 
     /// Takes an event of the PLC in a run; returns what the run was if it ends it.
@@ -228,17 +324,28 @@ impl CellRun {
                 let all: Option<Vec<_>> = self.finished.iter().copied().collect();
                 let Some(all) = all else { return Ok(None) };
                 self.watch.end();
+                self.end_laws_of_run();
                 self.measured(all.into_iter()).map(Some)
             }
             PlcEvent::Failed(failure) => {
-                // The recording shows how the other arms come to rest.
-                let until = self.cell.now() + COMES_TO_REST;
-                while self.next_event(until).is_some() {}
-                self.watch.end();
+                self.come_to_rest();
                 Err(anyhow::Error::from(failure).context(self.named(station)))
+            }
+            // A PLC that executes a run says so only after its end: this one is another.
+            PlcEvent::Ready => {
+                self.come_to_rest();
+                bail!("the plc-node was started again during the run and knows nothing of it")
             }
             _ => Ok(None),
         }
+    }
+
+    /// Goes on for some time after a failure: the recording shows how the other arms come to rest.
+    fn come_to_rest(&mut self) {
+        self.end_laws_of_run();
+        let until = self.cell.now() + COMES_TO_REST;
+        while self.next_event(until).is_some() {}
+        self.watch.end();
     }
 
     fn measured(&self, executions: impl Iterator<Item = Execution>) -> anyhow::Result<CellMeasured> {
@@ -254,12 +361,7 @@ impl CellRun {
                 account: Some(of_run.account),
                 interference: Interference::default(),
             };
-            let program = self.cell.plc().program();
-            stations.push((
-                measured,
-                program.passages(index),
-                program.sequences().and_then(|it| it.waited_for_zones(index)),
-            ));
+            stations.push((measured, self.cell.plc().program().passages(index)));
         }
         let start_skew = start_skew(self.watch.recordings());
         Ok(CellMeasured::of(stations, start_skew, |at| self.watch.true_time_of_plc(at)))

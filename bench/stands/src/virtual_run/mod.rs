@@ -4,6 +4,7 @@
 //! cell           the PLC and its robots in their network
 //! cell_capture   the frames on their cables
 //! cell_faults    when the faults of its stations change cables and nodes
+//! cell_laws      what no fault may break: meeting at marks, one arm in a zone
 //! cell_run       runs of a cell with several stations; cell_watch records them
 //! new_cell       creates its nodes
 //! nodes          the nodes on the cable: from event to event, from the start edge of a run to its end
@@ -17,6 +18,7 @@
 mod cell;
 mod cell_capture;
 mod cell_faults;
+mod cell_laws;
 mod cell_run;
 mod cell_watch;
 mod changes;
@@ -46,6 +48,7 @@ use protocol::image::{Digest, Motion};
 use robot_node::RobotConfig;
 use setup::Setup;
 
+pub use cell_laws::BrokenLaw;
 pub use cell_run::CellRun;
 pub use nodes::{NeverEnded, Nodes};
 pub use reaction::reactions;
@@ -292,19 +295,38 @@ pub fn whole_with_speed(
     planned: PlannedCell,
     schedule: &Schedule,
 ) -> anyhow::Result<(Results, PlantSpeed)> {
-    let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, &[])?;
     let mut results = Results::new(setup, &planned.name, Mode::Virtual, schedule);
-    let work = Work::of(planned);
-    let mut run = VirtualRun::start_on(setup, work, schedule.seed, &Extras::default())?;
+    let ended = execute_each(setup, planned, schedule, &[], |step, measured, unverified| {
+        results.add_unverified(unverified);
+        Ok(results.record(step.execution_type, measured)?)
+    })?;
+    results.status = Status::Complete;
+    results.set_health(&ended.0);
+    Ok((results, ended.1))
+}
+
+/// Executes a whole schedule of an application that is planned already, with faults, verifies each repetition and passes it to
+/// `done`, with what could not be verified. Returns the conditions at the end and how much faster than the plant it was.
+///
+/// # Errors
+///
+/// The nodes do not connect, a repetition fails or is not that of the plan, or `done` fails. Earlier repetitions were passed on.
+pub fn execute_each(
+    setup: &Setup,
+    planned: PlannedCell,
+    schedule: &Schedule,
+    faults: &[Fault],
+    mut done: impl FnMut(Step, &Measured, Vec<String>) -> anyhow::Result<()>,
+) -> anyhow::Result<(Health, PlantSpeed)> {
+    let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, faults)?;
+    let extras = Extras { faults: faults.to_vec(), ..Extras::default() };
+    let mut run = VirtualRun::start_on(setup, Work::with(planned, faults), schedule.seed, &extras)?;
     for step in schedule.steps() {
         let measured = run.nodes.execute(step, None)?;
         verification.check(&measured)?;
-        results.add_unverified(verification.unverified(&measured));
-        results.record(step.execution_type, &measured)?;
+        done(step, &measured, verification.unverified(&measured))?;
     }
-    results.status = Status::Complete;
-    results.set_health(&run.nodes.health());
-    Ok((results, run.speed()))
+    Ok((run.nodes.health(), run.speed()))
 }
 
 impl Stand for VirtualRun {

@@ -9,6 +9,7 @@ use planning::{PROGRAM, Stop, ToStart};
 use plc_node::bus::{BusError, PlcBus};
 use plc_node::{ExportedCode, MotionSource, PlcConfig, PlcNode};
 use protocol::image::Motion;
+use robot_node::arm::Joints;
 use robot_node::bus::RobotBus;
 use robot_node::{Program, RobotConfig, RobotNode};
 use setup::{Bus, Setup};
@@ -20,7 +21,7 @@ use super::{PLC_MAC, ROBOT_MAC, Work};
 use crate::planned_cell::PlannedCell;
 
 /// Time from the start of a node to its first cycle.
-const UNTIL_FIRST_CYCLE: Duration = Duration::from_micros(100);
+pub(super) const UNTIL_FIRST_CYCLE: Duration = Duration::from_micros(100);
 
 /// Creates both ends of a bus, each with a phase of its own.
 ///
@@ -95,13 +96,16 @@ pub(super) fn new_robot(
     RobotNode::new(config, vec![(PROGRAM, Program::new(program, stops))], bus, seed, start)
 }
 
-/// Makes a node that starts at an instant of its own clock.
-type Make<N> = Box<dyn Fn(Instant) -> anyhow::Result<N>>;
+/// Makes a PLC that starts at an instant of its own clock.
+type MakePlc = Box<dyn Fn(Instant) -> anyhow::Result<Plc>>;
+
+/// Makes a robot likewise, whose arm stands in these joints.
+type MakeRobot = Box<dyn Fn(Instant, Joints) -> RobotNode<RobotBus>>;
 
 /// Makes each node of a cell once more.
 pub(super) struct Restart {
-    pub(super) plc: Make<Plc>,
-    pub(super) robot: Make<RobotNode<RobotBus>>,
+    pub(super) plc: MakePlc,
+    pub(super) robot: MakeRobot,
 }
 
 impl Restart {
@@ -109,18 +113,18 @@ impl Restart {
     /// of the first nodes.
     pub(super) fn of(setup: &Setup, planned: PlannedCell, code: Option<ExportedCode>, seed: u64) -> Self {
         let (setup_of_plc, planned_of_plc) = (setup.clone(), planned.clone());
-        let plc: Make<_> = Box::new(move |now| {
+        let plc: MakePlc = Box::new(move |now| {
             let start = now + UNTIL_FIRST_CYCLE;
             let bus = open_plc(&setup_of_plc.bus, &[], PLC_MAC, seed ^ now.as_nanos(), start)?;
             let Work { source, stops, to_start, .. } = Work::of(planned_of_plc.clone());
             new_plc(&setup_of_plc, (source, stops, to_start), code.clone(), bus, start)
         });
         let setup = setup.clone();
-        let robot: Make<_> = Box::new(move |now| {
+        let robot: MakeRobot = Box::new(move |now, joints| {
             let (start, seed) = (now + UNTIL_FIRST_CYCLE, seed ^ now.as_nanos());
             let bus = open_robot(&setup.bus, ROBOT_MAC, seed, || start);
             let Work { robot, program, stops, .. } = Work::of(planned.clone());
-            Ok(new_robot(robot, (program, &stops), bus, seed, start))
+            new_robot(RobotConfig { home: joints, ..robot }, (program, &stops), bus, seed, start)
         });
         Self { plc, robot }
     }

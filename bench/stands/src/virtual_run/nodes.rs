@@ -241,7 +241,9 @@ impl Nodes {
                 self.cell.restart_plc(plc_node);
             }
             NodeRole::Robot => {
-                let Ok(robot_node) = (restart.robot)(now) else { return };
+                // Nobody moves the arm while its robot is off.
+                let joints = self.cell.robot(RobotId::FIRST).sample().joints;
+                let robot_node = (restart.robot)(now, joints);
                 self.cell.set_address(place, robot);
                 self.cell.restart_robot(RobotId::FIRST, robot_node);
             }

@@ -6,12 +6,12 @@ use planning::Application;
 use plc_node::ExecutionType;
 use setup::{Paper, Setup};
 
+use crate::engine::job::ListedJob;
 use crate::jobs;
 use records::distance::Estimate;
 use records::schedule::{REPETITIONS, Schedule};
 use records::statistics::{error_of_mad, error_of_mean};
 use stands::planned_cell::PlannedCell;
-use stands::virtual_run;
 
 /// A figure of Table 2, or what follows from two of them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -125,9 +125,9 @@ impl Seeds<'_> {
         let planned = PlannedCell::of(setup, self.application)?;
         let runs = jobs::run("seeds", true, self.interrupted, &seeds, |seed| {
             let schedule = Schedule::new(&types, reps, *seed);
-            let results = virtual_run::whole_planned(setup, planned.clone(), &schedule)?;
+            let rows = ListedJob { setup: setup.clone(), planned: planned.clone(), schedule }.measured()?;
             let value = |figure: &Metric| {
-                let measured = |execution_type| results.figure(execution_type);
+                let measured = |execution_type| rows.aet_mad(execution_type);
                 match *figure {
                     Metric::Aet(execution_type) => measured(execution_type).map(|found| found.aet_ms),
                     Metric::Mad(execution_type) => measured(execution_type).map(|found| found.mad_ms),

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::fault::{Job, What};
+use super::fault::What;
+use super::runs::Job;
 
 /// How a run ended, from the best to the worst.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -19,13 +20,24 @@ pub(super) enum Class {
     Stuck,
     /// It ended without an error, but the verification found a difference from the plan.
     Altered,
+    /// It broke a law of the cell: an arm went beyond a mark before the others had come, two were in one zone, or the failure
+    /// names no station.
+    LawBroken,
     /// The program panicked.
     Panicked,
 }
 
 impl Class {
-    pub(super) const ALL: [Self; 7] =
-        [Self::Same, Self::Late, Self::Refused, Self::TooLate, Self::Stuck, Self::Altered, Self::Panicked];
+    pub(super) const ALL: [Self; 8] = [
+        Self::Same,
+        Self::Late,
+        Self::Refused,
+        Self::TooLate,
+        Self::Stuck,
+        Self::Altered,
+        Self::LawBroken,
+        Self::Panicked,
+    ];
 
     /// Returns its name in files and tables.
     pub(super) const fn name(self) -> &'static str {
@@ -36,6 +48,7 @@ impl Class {
             Self::TooLate => "too late",
             Self::Stuck => "stuck",
             Self::Altered => "altered",
+            Self::LawBroken => "law broken",
             Self::Panicked => "panicked",
         }
     }
@@ -94,13 +107,16 @@ pub(super) struct Reason {
     pub(super) first: Job,
 }
 
+/// The index of a type, and the faults of a run: the index of the station and the kind of each.
+pub(super) type RowKey = (usize, Vec<(usize, What)>);
+
 /// The counts of an exploration.
 #[derive(Clone, Default, Debug)]
 pub(super) struct Classes {
-    /// By type and kinds of faults.
-    pub(super) rows: BTreeMap<(usize, Vec<What>), Row>,
-    /// Worst class by type, direction and kind, for each frame.
-    pub(super) frames: BTreeMap<(usize, usize, What), BTreeMap<u64, Class>>,
+    /// By type, and stations and kinds of faults.
+    pub(super) rows: BTreeMap<RowKey, Row>,
+    /// Worst class by type, station, direction and kind, for each frame.
+    pub(super) frames: BTreeMap<(usize, usize, usize, What), BTreeMap<u64, Class>>,
     /// By reason without its digits: one reason differs from the next by its numbers.
     reasons: BTreeMap<(Class, String), Reason>,
 }
@@ -108,7 +124,7 @@ pub(super) struct Classes {
 impl Classes {
     pub(super) fn count(&mut self, job: &Job, outcome: &Outcome) {
         let Outcome { class, later_ns, reason } = outcome;
-        let kinds = job.faults.iter().map(|fault| fault.what).collect();
+        let kinds = job.faults.iter().map(|fault| (fault.station, fault.what)).collect();
         let row = self.rows.entry((job.type_index, kinds)).or_default();
         if let Some(count) = row.counts.get_mut(*class as usize) {
             *count += 1;
@@ -116,7 +132,8 @@ impl Classes {
         let [earliest, latest] = &mut row.later_ns;
         (*earliest, *latest) = ((*earliest).min(*later_ns), (*latest).max(*later_ns));
         for fault in &job.faults {
-            let frames = self.frames.entry((job.type_index, fault.direction, fault.what)).or_default();
+            let line = (job.type_index, fault.station, fault.direction, fault.what);
+            let frames = self.frames.entry(line).or_default();
             let worst = frames.entry(fault.frame).or_insert(*class);
             *worst = (*worst).max(*class);
         }

@@ -5,35 +5,28 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use anyhow::Context as _;
 use plc_node::ExecutionType;
-use setup::Setup;
 
 use super::classes::{Class, Outcome};
-use super::fault::{Extent, Injected, Lengths};
-use records::conditions::Measured;
+use super::explored::{ExploredRun, FaultTarget, RunEnd};
+use super::fault::{Extent, FaultTexts, Injected};
 use records::faults::Fault;
-use records::mode::Mode;
 use records::schedule::{PAUSE, Schedule, Step};
-use stands::planned_cell::PlannedCell;
-use stands::verification::{DriveDeviation, Verification};
-use stands::virtual_run::{Extras, NeverEnded, VirtualRun};
 
 /// Runs that can begin while an axis is held for half a second.
 const RUNS_WHILE_HELD: usize = 4;
 
 /// The run of an execution type without a fault. Runs with faults are compared with it.
 pub(super) struct CleanRun<'a> {
-    setup: &'a Setup,
-    planned: &'a PlannedCell,
+    explored: Box<dyn FaultTarget>,
     seed: u64,
-    lengths: Lengths,
+    texts: &'a FaultTexts,
     /// Latest end of a run that is late by a bounded time, in ns.
     late_ns: i64,
     steps: Vec<Step>,
-    verification: Verification,
     /// Times of as many repetitions as the longest fault takes.
     executions_ns: Vec<u64>,
-    /// What faults are drawn from.
-    pub(super) extent: Extent,
+    /// Extent that faults are drawn from, at each station.
+    pub(super) extents: Vec<Extent>,
 }
 
 impl<'a> CleanRun<'a> {
@@ -41,45 +34,39 @@ impl<'a> CleanRun<'a> {
     ///
     /// # Errors
     ///
-    /// It does not pass.
+    /// It does not pass, or breaks a law of the cell.
     pub(super) fn of(
         execution_type: ExecutionType,
-        setup: &'a Setup,
-        planned: &'a PlannedCell,
+        explored: &dyn FaultTarget,
         seed: u64,
-        lengths: Lengths,
+        texts: &'a FaultTexts,
         late_ms: u32,
         longest_ms: u64,
     ) -> anyhow::Result<Self> {
-        let mut verification = Verification::of(setup, planned.clone(), Mode::Virtual, &[])?;
-        let mut run = VirtualRun::switch_on(setup, planned.clone(), seed, &Extras::default())?;
+        let mut run = explored.switch_on(seed, &[])?;
         run.connect()?;
         let first = Schedule::new(&[execution_type], 1, seed);
-        let measured = run.execute_unrecorded(first.steps().next().context("a schedule without a run")?)?;
-        verification.check(&measured)?;
-        let extent = Extent {
-            frames: run.frames_sent(),
-            run_us: run.since_ready().as_micros().try_into().unwrap_or(u64::MAX),
-            axes: planned.robot.arm.axes() as u64,
-        };
-        let mut executions_ns = vec![measured.execution.execution_time_ns];
+        let first = first.steps().next().context("a schedule without a run")?;
+        let mut executions_ns = vec![execute(&mut *run, first)?];
+        let extents = run.extents();
         let repetitions = 1 + repetitions_in(longest_ms, executions_ns.iter().copied());
         let steps: Vec<_> = Schedule::new(&[execution_type], repetitions, seed).steps().collect();
         for step in steps.iter().skip(1) {
-            let measured = run.execute_unrecorded(*step)?;
-            verification.clone().check(&measured)?;
-            executions_ns.push(measured.execution.execution_time_ns);
+            executions_ns.push(execute(&mut *run, *step)?);
         }
+        if let Some(law) = run.broken_law() {
+            anyhow::bail!("without a fault, {law}");
+        }
+        let explored = run.rehearsed();
+        drop(run);
         Ok(Self {
-            setup,
-            planned,
+            explored,
             seed,
-            lengths,
+            texts,
             late_ns: i64::from(late_ms) * 1_000_000,
             steps,
-            verification,
             executions_ns,
-            extent,
+            extents,
         })
     }
 
@@ -97,8 +84,9 @@ impl<'a> CleanRun<'a> {
     pub(super) fn with(&self, faults: &[Injected]) -> Outcome {
         let run = AssertUnwindSafe(|| {
             let repetitions = self.repetitions(faults);
-            let faults = faults.iter().map(|fault| fault.fault(self.lengths)).collect::<Result<_, _>>()?;
-            self.run(faults, repetitions)
+            let faults: Vec<_> =
+                faults.iter().map(|fault| self.texts.fault(fault)).collect::<Result<_, _>>()?;
+            self.run(&faults, repetitions)
         });
         match catch_unwind(run) {
             Ok(Ok(outcome)) => outcome,
@@ -107,38 +95,37 @@ impl<'a> CleanRun<'a> {
         }
     }
 
-    fn run(&self, faults: Vec<Fault>, repetitions: u32) -> anyhow::Result<Outcome> {
-        let extras = Extras { faults, ..Extras::default() };
-        let mut run = VirtualRun::switch_on(self.setup, self.planned.clone(), self.seed, &extras)?;
+    fn run(&self, faults: &[Fault], repetitions: u32) -> anyhow::Result<Outcome> {
+        let mut run = self.explored.switch_on(self.seed, faults)?;
+        let outcome = self.run_on(&mut *run, faults, repetitions);
+        // Whatever else it was: no fault may break a law.
+        Ok(run.broken_law().map_or(outcome, |law| Outcome::new(Class::LawBroken, law)))
+    }
+
+    fn run_on(&self, run: &mut dyn ExploredRun, faults: &[Fault], repetitions: u32) -> Outcome {
         let mut worst = Outcome::new(Class::Same, String::new());
         let mut connected = run.connect();
         for (step, execution_ns) in self.steps.iter().zip(&self.executions_ns).take(repetitions as usize) {
-            let ended = connected.and_then(|()| run.execute_unrecorded(*step));
+            let end = connected.map_or_else(RunEnd::failed, |()| run.execute(*step));
             connected = Ok(());
-            let outcome = match ended {
-                Ok(measured) => match self.verify(&measured, &extras.faults) {
-                    Ok(()) => self.passed(&measured, *execution_ns),
-                    // The fault moved the arm off its path, and the run says so.
-                    Err(deviation) if deviation.is::<DriveDeviation>() && moves_drives(&extras.faults) => {
-                        return Ok(self.refused(run, *step, &extras.faults, &deviation));
-                    }
-                    Err(difference) => Outcome::new(Class::Altered, format!("{difference:#}")),
-                },
-                Err(reason) if reason.is::<NeverEnded>() => {
-                    return Ok(Outcome::new(Class::Stuck, reason.to_string()));
+            let outcome = match end {
+                RunEnd::Passed(found_ns) => self.passed(found_ns, *execution_ns),
+                RunEnd::Altered(difference) => Outcome::new(Class::Altered, format!("{difference:#}")),
+                RunEnd::NeverEnded(reason) => return Outcome::new(Class::Stuck, format!("{reason:#}")),
+                RunEnd::OffPath(reason) | RunEnd::Failed(reason) => {
+                    return self.refused(run, *step, faults, &format!("{reason:#}"));
                 }
-                Err(reason) => return Ok(self.refused(run, *step, &extras.faults, &reason)),
             };
             if (outcome.class, outcome.later_ns) > (worst.class, worst.later_ns) {
                 worst = outcome;
             }
         }
-        Ok(worst)
+        worst
     }
 
-    fn passed(&self, measured: &Measured, execution_ns: u64) -> Outcome {
+    fn passed(&self, found_ns: u64, execution_ns: u64) -> Outcome {
         let signed = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
-        let later_ns = signed(measured.execution.execution_time_ns) - signed(execution_ns);
+        let later_ns = signed(found_ns) - signed(execution_ns);
         let (class, reason) = match later_ns {
             0 => (Class::Same, ""),
             later_ns if later_ns <= self.late_ns => (Class::Late, ""),
@@ -147,27 +134,22 @@ impl<'a> CleanRun<'a> {
         Outcome { later_ns, ..Outcome::new(class, reason.to_owned()) }
     }
 
-    fn verify(&self, measured: &Measured, faults: &[Fault]) -> anyhow::Result<()> {
-        self.verification.clone().check(measured).or_else(|_| {
-            // A frame that is held back may delay a call.
-            Verification::of(self.setup, self.planned.clone(), Mode::Virtual, faults)?.check(measured)
-        })
-    }
-
     /// Checks whether a run passes after one that was refused. Each further fault may fail one more run, and an axis that is
     /// held every run that begins meanwhile.
-    fn refused(&self, mut run: VirtualRun, step: Step, faults: &[Fault], reason: &anyhow::Error) -> Outcome {
-        let mut again = || {
-            run.recover()?;
-            let measured = run.execute_unrecorded(step)?;
-            self.verify(&measured, faults)
+    fn refused(&self, run: &mut dyn ExploredRun, step: Step, faults: &[Fault], reason: &str) -> Outcome {
+        if !self.explored.is_located(reason) {
+            return Outcome::new(Class::LawBroken, format!("the failure names no station: {reason}"));
+        }
+        let mut again = || match run.recover() {
+            Ok(()) => run.execute(step).into_error(),
+            Err(error) => Some(error),
         };
         let most: usize =
             faults.iter().map(|fault| if fault.is_of_drive() { RUNS_WHILE_HELD } else { 1 }).sum();
-        let attempts: Vec<_> = (0..most).map_while(|_| again().err()).collect();
+        let attempts: Vec<_> = (0..most).map_while(|_| again()).collect();
         match attempts.get(most.saturating_sub(1)) {
-            None => Outcome::new(Class::Refused, format!("{reason:#}")),
-            Some(then) => Outcome::new(Class::Stuck, format!("{reason:#}; and then no run passes: {then:#}")),
+            None => Outcome::new(Class::Refused, reason.to_owned()),
+            Some(then) => Outcome::new(Class::Stuck, format!("{reason}; and then no run passes: {then:#}")),
         }
     }
 
@@ -188,14 +170,18 @@ impl<'a> CleanRun<'a> {
     }
 }
 
+/// Executes a step that has to pass; returns its time in ns.
+fn execute(run: &mut dyn ExploredRun, step: Step) -> anyhow::Result<u64> {
+    match run.execute(step) {
+        RunEnd::Passed(execution_ns) => Ok(execution_ns),
+        other => Err(other.into_error().context("a run that failed without a reason")?),
+    }
+}
+
 /// Returns how many repetitions surely take so long, if each takes at least the shortest of these times and its pause.
 fn repetitions_in(ms: u64, executions_ns: impl Iterator<Item = u64>) -> u32 {
     let shortest_ns = executions_ns.min().unwrap_or(0) + PAUSE.as_nanos() as u64;
     u32::try_from((ms * 1_000_000).div_ceil(shortest_ns)).unwrap_or(u32::MAX)
-}
-
-fn moves_drives(faults: &[Fault]) -> bool {
-    faults.iter().any(Fault::is_of_drive)
 }
 
 fn text_of(panic: &(dyn Any + Send)) -> String {

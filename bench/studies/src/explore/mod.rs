@@ -3,6 +3,9 @@
 //!
 //! ```text
 //! fault      the faults of a run
+//! runs       which runs are made with which faults
+//! subject    what is explored, as its files in the directory and as the options of its commands
+//! explored   the nodes with faults: a robot that works alone, or a cell
 //! clean_run  the run without faults, and runs with faults, which are compared with it
 //! classes    counts of the outcomes
 //! journal    the outcomes in a file
@@ -12,9 +15,12 @@
 
 mod classes;
 mod clean_run;
+mod explored;
 mod fault;
 mod journal;
 mod page;
+mod runs;
+mod subject;
 mod table;
 
 use std::path::{Path, PathBuf};
@@ -24,9 +30,7 @@ use std::time::SystemTime;
 use anyhow::Context as _;
 use clap::Args;
 use node::list::{List, flat};
-use planning::{Application, Found};
 use plc_node::ExecutionType;
-use setup::Setup;
 
 use super::event_loop::{interrupted, watch_for_interrupt};
 use super::jobs;
@@ -34,24 +38,18 @@ use super::setup_option::{DrivesOption, SetupOption};
 use classes::Classes;
 use clean_run::CleanRun;
 pub use fault::What;
-use fault::{Extent, Job, LONGEST_HOLD_MS, Lengths, drawn, singles};
+use fault::{Extent, FaultTexts, LONGEST_HOLD_MS, Lengths};
 use journal::Journal;
 use records::exit::{Exit, Failure};
-use records::occupied::Files;
 use records::run_directory::{self, Durability, replace};
 use report::in_shell;
 use report::outln;
 use report::progress::label;
-use stands::planned_cell::PlannedCell;
+use runs::{Job, drawn, singles};
+use subject::Subject;
 
 /// The page with the counts.
 const PAGE: &str = "explore.html";
-
-/// The application beside the setup.
-const APPLICATION: &str = "application.toml";
-
-/// A sequence that takes a second.
-const SHORT: &str = include_str!("short.toml");
 
 /// Options of the exploration.
 #[derive(Args, Debug)]
@@ -61,6 +59,7 @@ Examples:
   bench explore --setup B --types cm --every 10 --kinds lose,cut
   bench explore --pairs 100000 --seed 7 --out runs/pairs
   bench explore --drives ethercat --kinds drive-block --draws 400
+  bench explore --setup G --every 500         every kind of fault at both stations of a cell with a shared zone
 
 Each run that does not pass is a command that runs again, such as
   bench --setup A --mode virtual --types cm --reps 1 --fault to-robot:lose-frame=117
@@ -72,13 +71,14 @@ pub struct ExploreOptions {
     /// What moves the robot's joints.
     #[command(flatten)]
     pub drives: DrivesOption,
-    /// A built-in application's name, or the path of a .toml file, in place of seven short motions.
+    /// A built-in application's name, or the path of a .toml file, in place of seven short motions; with several stations in place of
+    /// the setup's.
     #[arg(long, value_name = "NAME|FILE")]
     pub application: Option<String>,
     /// Which execution types; commas or blanks between them.
     #[arg(long, value_name = "TYPE", default_value = "rc,sm,cm", num_args = 1..)]
     pub types: Vec<List<ExecutionType>>,
-    /// Which faults; commas or blanks between them [default: lose, double, hold, hold-old, flip-memory, flip-wire, cut, restart-robot,
+    /// Which faults, at each station; commas or blanks between them [default: lose, double, hold, hold-old, flip-memory, flip-wire, cut, restart-robot,
     /// restart-plc; and where the robot has drives, drive-block, drive-fault, drive-stop].
     #[arg(long, value_name = "KIND", num_args = 1..)]
     pub kinds: Vec<List<What>>,
@@ -122,15 +122,13 @@ impl ExploreOptions {
         Lengths { hold: self.hold_ms, cut: self.cut_ms, restart: self.restart_ms }
     }
 
-    /// Returns the kinds of faults, by default all that the robot can have.
-    fn kinds_for(&self, setup: &Setup) -> Result<Vec<What>, Failure> {
-        let has_drives = setup.robot.drives.is_some();
+    /// Returns the kinds of faults, by default all that a robot of the setup can have.
+    fn kinds_for(&self, setup: &str, has_drives: bool) -> Result<Vec<What>, Failure> {
         let kinds = flat(&self.kinds);
         match kinds.iter().find(|what| what.is_of_drives() && !has_drives) {
             Some(what) => {
                 let error = anyhow::anyhow!(
-                    "--kinds {what}: the robot of setup {} has no drives; add --drives ethercat",
-                    setup.name
+                    "--kinds {what}: no robot of setup {setup} has drives; add --drives ethercat"
                 );
                 Err(Failure::new(Exit::Usage, error))
             }
@@ -181,43 +179,17 @@ impl ExploreOptions {
 
 /// An exploration: what is run, and how it ended so far.
 struct Exploration<'a> {
-    setup: &'a Setup,
+    /// Name of the setup.
+    name: &'a str,
+    /// Its title.
+    about: &'a str,
     options: &'a ExploreOptions,
     clean_runs: Vec<CleanRun<'a>>,
-    /// The `--application` of commands that run again.
-    application: String,
+    /// The `--application` of commands that run again, after a blank; empty where the setup's own one is run.
+    application: &'a str,
+    texts: &'a FaultTexts,
     classes: Classes,
-    kinds: Vec<What>,
-}
-
-/// Writes what is explored into the directory, unless that has other files or another exploration. Returns the setup, which
-/// names the application beside it, and that application.
-fn prepare(options: &ExploreOptions, directory: &Path) -> Result<(Setup, Found), Failure> {
-    let (mut setup, found) = match &options.application {
-        Some(name) => options.setup.load_with(Some(name))?,
-        None => (setup::setup(options.setup.name())?, short(directory)?),
-    };
-    setup = options.drives.applied_to(setup)?;
-    let kinds = options.kinds_for(&setup)?;
-    APPLICATION.clone_into(&mut setup.application);
-    let claim = options.claim(&found.text, &kinds);
-    journal::check_claim(directory, &claim).map_err(|error| Failure::new(Exit::Usage, error))?;
-    let described = setup::setup_to_toml(&setup)?;
-    let inputs = [("setup.toml", &*described), (APPLICATION, &*found.text), (journal::CLAIM, &*claim)];
-    let files = Files { inputs: &inputs, results: &[journal::OUTCOMES, PAGE] };
-    run_directory::make_for_study(directory, files)?;
-    for (name, text) in inputs {
-        replace(&directory.join(name), text, Durability::Written)?;
-    }
-    Ok((setup, found))
-}
-
-/// Returns the short application as it is written into the directory.
-fn short(directory: &Path) -> anyhow::Result<Found> {
-    let path = directory.join(APPLICATION);
-    let origin = path.display().to_string();
-    let application = Application::parse(&origin, SHORT)?;
-    Ok(Found { origin, path: Some(path), text: SHORT.to_owned(), application })
+    kinds: &'a [What],
 }
 
 /// Runs all faults, prints how the runs ended and saves it.
@@ -229,19 +201,22 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let default = || run_directory::default_path(options.setup.name(), "explore", started);
     let directory = options.out.clone().unwrap_or_else(default);
-    let (setup, found) = prepare(options, &directory)?;
-    let own = || directory.join(APPLICATION).display().to_string();
-    let application = options.application.clone().unwrap_or_else(own);
-    let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
-    let kinds = options.kinds_for(&setup)?;
+    let Subject { name, title, explored, texts, kinds, application } = Subject::prepare(options, &directory)?;
+    let longest_ms = if kinds.contains(&What::HoldOld) { LONGEST_HOLD_MS } else { 0 };
     let clean = |execution_type| {
-        let longest_ms = if kinds.contains(&What::HoldOld) { LONGEST_HOLD_MS } else { 0 };
-        let lengths = options.lengths();
-        CleanRun::of(execution_type, &setup, &planned, options.seed, lengths, options.late_ms, longest_ms)
+        CleanRun::of(execution_type, &*explored, options.seed, &texts, options.late_ms, longest_ms)
     };
     let clean_runs = flat(&options.types).into_iter().map(clean).collect::<anyhow::Result<_>>()?;
-    let mut exploration =
-        Exploration { setup: &setup, options, clean_runs, application, classes: Classes::default(), kinds };
+    let mut exploration = Exploration {
+        name: &name,
+        about: &title,
+        options,
+        clean_runs,
+        application: &application,
+        texts: &texts,
+        classes: Classes::default(),
+        kinds: &kinds,
+    };
     let is_interrupted = watch_for_interrupt()?;
     let runs = exploration.run(&directory, &is_interrupted)?;
     outln!("{}", exploration.table());
@@ -262,8 +237,8 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
 
 impl Exploration<'_> {
     fn jobs(&self) -> Vec<Job> {
-        let extents: Vec<Extent> = self.clean_runs.iter().map(|clean| clean.extent).collect();
-        let (kinds, seed) = (&self.kinds, self.options.seed);
+        let extents: Vec<Vec<Extent>> = self.clean_runs.iter().map(|clean| clean.extents.clone()).collect();
+        let (kinds, seed) = (self.kinds, self.options.seed);
         match (self.options.pairs, self.options.draws) {
             (Some(count), _) => drawn(&extents, kinds, [count as usize, 2], seed),
             (None, Some(count)) => drawn(&extents, kinds, [count as usize, 1], seed),
@@ -274,7 +249,7 @@ impl Exploration<'_> {
     /// Makes the runs that the directory does not have yet. Returns how many there are in all.
     fn run(&mut self, directory: &Path, is_interrupted: &AtomicBool) -> anyhow::Result<usize> {
         let jobs = self.jobs();
-        let Self { clean_runs, classes, options, .. } = self;
+        let Self { clean_runs, classes, options, texts, .. } = self;
         let mut is_done = vec![false; jobs.len()];
         let mut journal = Journal::open(directory, |run, outcome| {
             let (job, done) =
@@ -297,8 +272,8 @@ impl Exploration<'_> {
             |index, outcome| {
                 let Some((run, (job, _))) = left.get(index) else { return Ok(()) };
                 classes.count(job, &outcome);
-                let texts: Vec<_> = job.faults.iter().map(|fault| fault.text(options.lengths())).collect();
-                journal.add(*run, &label(clean(job)?.execution_type()), &texts.join(" "), &outcome)
+                let faults: Vec<_> = job.faults.iter().map(|fault| texts.of(fault)).collect();
+                journal.add(*run, &label(clean(job)?.execution_type()), &faults.join(" "), &outcome)
             },
         )?;
         journal.end()?;
@@ -309,12 +284,12 @@ impl Exploration<'_> {
     fn command(&self, clean: &CleanRun<'_>, faults: &[fault::Injected]) -> String {
         let (execution_type, repetitions) = (clean.execution_type(), clean.repetitions(faults));
         let faults: String =
-            faults.iter().map(|fault| format!(" --fault {}", fault.text(self.options.lengths()))).collect();
+            faults.iter().map(|fault| format!(" --fault {}", self.texts.of(fault))).collect();
         format!(
-            "bench --setup {}{} --application {} --mode virtual --types {execution_type} --reps {repetitions} --seed {}{faults}",
+            "bench --setup {}{}{} --mode virtual --types {execution_type} --reps {repetitions} --seed {}{faults}",
             in_shell(self.options.setup.name()),
             self.options.drives.in_command(),
-            in_shell(&self.application),
+            self.application,
             self.options.seed
         )
     }

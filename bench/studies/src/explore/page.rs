@@ -9,8 +9,6 @@ use serde::Serialize;
 
 use super::Exploration;
 use super::classes::{Class, Reason};
-use super::fault::What;
-use super::table::HEAD;
 use report::html::chart::{self, Area, Format, GRID, INK, MUTED, colour, px, text};
 use report::html::document::fill;
 use report::html::figure::Figure;
@@ -30,7 +28,7 @@ struct Page {
     conditions: String,
     verdict: String,
     sections: Vec<Section>,
-    head: [&'static str; HEAD.len()],
+    head: Vec<&'static str>,
     rows: Vec<Vec<String>>,
     reasons: Vec<ReasonRow>,
 }
@@ -49,8 +47,8 @@ struct ReasonRow {
     command: String,
 }
 
-/// Worst class at each frame, of one direction and kind of fault.
-type Line<'a> = (usize, What, &'a BTreeMap<u64, Class>);
+/// Worst class at each frame, of one station, direction and kind of fault, with its name.
+type Line<'a> = (String, &'a BTreeMap<u64, Class>);
 
 impl Exploration<'_> {
     /// Returns the page as HTML.
@@ -71,8 +69,8 @@ impl Exploration<'_> {
         });
         let options = self.options;
         let page = Page {
-            setup: self.setup.name.clone(),
-            title: self.setup.title.clone(),
+            setup: self.name.to_owned(),
+            title: self.about.to_owned(),
             conditions: format!(
                 "{} · a frame is held back for {} ms, the cable is cut for {} ms, a node is off for {} ms · late by at most {} ms",
                 self.title(),
@@ -83,7 +81,7 @@ impl Exploration<'_> {
             ),
             verdict: self.verdict(),
             sections: sections.collect::<anyhow::Result<_>>()?,
-            head: HEAD,
+            head: self.head(),
             rows: self.cells(),
             reasons: self.classes.reasons().iter().map(reason_row).collect(),
         };
@@ -97,12 +95,15 @@ impl Exploration<'_> {
             .frames
             .iter()
             .filter(|((known, ..), _)| *known == type_index)
-            .map(|((_, direction, what), frames)| (*direction, *what, frames))
+            .map(|((_, station, direction, what), frames)| {
+                let to = if *direction == 0 { "to robot" } else { "to PLC" };
+                (self.texts.at(*station, " ", &format!("{to}, {}", what.label())), frames)
+            })
             .collect();
         let frames = self
             .clean_runs
             .get(type_index)
-            .and_then(|clean| clean.extent.frames.into_iter().max())
+            .and_then(|clean| clean.extents.iter().flat_map(|extent| extent.frames).max())
             .unwrap_or(0);
         Figure::draw("Worst class at each frame, a line for each direction and kind of fault", |format| {
             draw(&lines, frames, format)
@@ -115,16 +116,16 @@ fn draw(lines: &[Line<'_>], frames: u64, format: Format) -> anyhow::Result<Optio
         return Ok(None);
     }
     let size = format.pick(12.0, 10.0);
-    let left = size * 13.5;
+    let longest = lines.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    // The names of stations make it wider.
+    let left = f64::max(size * 13.5, size * 0.56 * longest as f64);
     let height = lines.len() as f64 * LINE + 26.0;
     let room = format.width() - left - 12.0;
     let svg = chart::figure(format, height, |area| {
-        for (index, (direction, what, classes)) in lines.iter().enumerate() {
+        for (index, (name, classes)) in lines.iter().enumerate() {
             let top = index as f64 * LINE + 2.0;
-            let to = if *direction == 0 { "to robot" } else { "to PLC" };
             let middle = Pos::new(HPos::Left, VPos::Center);
-            let name = format!("{to}, {}", what.label());
-            area.draw_text(&name, &text(size, INK).pos(middle), (px(2.0), px(top + LINE / 2.0)))?;
+            area.draw_text(name, &text(size, INK).pos(middle), (px(2.0), px(top + LINE / 2.0)))?;
             for (bins, class) in runs(classes, frames, room as u64) {
                 let x = |bin: u64| px(left + bin as f64);
                 let bar = [(x(bins[0]), px(top + 3.0)), (x(bins[1]), px(top + LINE - 3.0))];
@@ -182,7 +183,7 @@ const fn colour_of(class: Class) -> RGBColor {
         Class::Same => GRID,
         Class::Late => VIOLET,
         Class::Refused => colour(plc_node::ExecutionType::Rc),
-        Class::TooLate | Class::Stuck | Class::Altered | Class::Panicked => {
+        Class::TooLate | Class::Stuck | Class::Altered | Class::LawBroken | Class::Panicked => {
             colour(plc_node::ExecutionType::Sm)
         }
     }

@@ -3,8 +3,7 @@
 use node::screen;
 
 use super::Exploration;
-use super::classes::{Class, Reason, Row};
-use super::fault::What;
+use super::classes::{Class, Reason, Row, RowKey};
 use report::figures::signed;
 use report::outln;
 use report::progress::label;
@@ -12,13 +11,14 @@ use report::progress::label;
 /// Reasons that are shown.
 const REASONS: usize = 12;
 
-pub(super) const HEAD: [&str; 11] =
-    ["type", "fault", "runs", "same", "late", "by ms", "refused", "too late", "stuck", "altered", "panicked"];
+/// Classes that are shown after the time, with those of a cell.
+const CLASSES: [Class; 6] =
+    [Class::Refused, Class::TooLate, Class::Stuck, Class::Altered, Class::LawBroken, Class::Panicked];
 
 impl Exploration<'_> {
     /// Returns what was explored, in a sentence.
     pub(super) fn title(&self) -> String {
-        let name = &self.setup.name;
+        let name = &self.name;
         match self.options.pairs {
             None if self.options.draws.is_some() => format!(
                 "Setup {name}: one fault at a time, drawn by seed {}, in virtual time",
@@ -46,13 +46,25 @@ impl Exploration<'_> {
         )
     }
 
+    fn shown_classes(&self) -> impl Iterator<Item = Class> {
+        // A robot that works alone has no laws to share.
+        let is_cell = !self.texts.stations.is_empty();
+        CLASSES.into_iter().filter(move |class| is_cell || *class != Class::LawBroken)
+    }
+
+    /// Returns the heads of the columns.
+    pub(super) fn head(&self) -> Vec<&'static str> {
+        let first = ["type", "fault", "runs", "same", "late", "by ms"];
+        first.into_iter().chain(self.shown_classes().map(Class::name)).collect()
+    }
+
     /// Returns the cells of each row.
     pub(super) fn cells(&self) -> Vec<Vec<String>> {
-        let cells = |((type_index, kinds), row): (&(usize, Vec<What>), &Row)| {
+        let cells = |((type_index, kinds), row): (&RowKey, &Row)| {
             let execution_type = self.clean_runs.get(*type_index)?.execution_type();
-            let kinds: Vec<_> = kinds.iter().map(|what| what.label()).collect();
+            let kinds: Vec<_> =
+                kinds.iter().map(|(station, what)| self.texts.at(*station, ": ", what.label())).collect();
             let counted = |class| row.of(class).to_string();
-            let counts = [Class::Refused, Class::TooLate, Class::Stuck, Class::Altered, Class::Panicked];
             let first = [
                 label(execution_type),
                 kinds.join(" + "),
@@ -61,7 +73,7 @@ impl Exploration<'_> {
                 counted(Class::Late),
                 later(row),
             ];
-            Some(first.into_iter().chain(counts.map(counted)).collect())
+            Some(first.into_iter().chain(self.shown_classes().map(counted)).collect())
         };
         self.classes.rows.iter().filter_map(cells).collect()
     }
@@ -70,7 +82,7 @@ impl Exploration<'_> {
     pub(super) fn table(&self) -> String {
         let verdict = screen::wrapped(&self.verdict(), 0, 0);
         let mut table = screen::ruled();
-        table.set_header(HEAD);
+        table.set_header(self.head());
         if self.options.pairs.is_none() {
             for row in self.cells() {
                 table.add_row(row);

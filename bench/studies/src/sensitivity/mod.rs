@@ -25,6 +25,7 @@ use factor::Job;
 pub use factor::{Case, Factor};
 pub use table::{csv, render};
 
+use crate::engine::job::ListedJob;
 use crate::event_loop::watch_for_interrupt;
 use crate::jobs;
 use crate::study::{Found, StudyOptions, ended, interrupted};
@@ -32,10 +33,9 @@ use records::exit::{Exit, Failure};
 use records::paper::PaperComparison;
 use records::results::PerType;
 use records::schedule::Schedule;
-use records::statistics::AetMad;
+use records::statistics::{AetMad, aet_improvement};
 use report::outln;
 use stands::planned_cell::PlannedCell;
-use stands::virtual_run;
 
 /// Version of the study's JSON.
 pub const SCHEMA_VERSION: u32 = 1;
@@ -232,12 +232,9 @@ impl Variant {
 fn figures(job: &Job, schedule: &Schedule) -> anyhow::Result<Figures> {
     let Job { setup, application, plan } = job;
     let planned = PlannedCell::of_plan(setup, application, plan)?;
-    let results = virtual_run::whole_planned(setup, planned, schedule)?;
-    let aet = |execution_type| results.figure(execution_type).map(|figure| figure.aet_ms);
-    Ok(Figures {
-        rc_ms: aet(ExecutionType::Rc),
-        sm_ms: aet(ExecutionType::Sm),
-        cm_ms: aet(ExecutionType::Cm),
-        aet_improvement: results.aet_improvement,
-    })
+    let rows = ListedJob { setup: setup.clone(), planned, schedule: schedule.clone() }.measured()?;
+    let [rc_ms, sm_ms, cm_ms] = [ExecutionType::Rc, ExecutionType::Sm, ExecutionType::Cm]
+        .map(|execution_type| rows.aet_mad(execution_type).map(|figure| figure.aet_ms));
+    let aet_improvement = sm_ms.zip(cm_ms).map(|(sm, cm)| aet_improvement(sm, cm));
+    Ok(Figures { rc_ms, sm_ms, cm_ms, aet_improvement })
 }

@@ -34,7 +34,6 @@ impl SoakedCell {
         };
         let faults: Vec<Fault> = faults.iter().flat_map(at_all).collect();
         faults::check_cell(&faults, cell).map_err(|error| usage(error.into()))?;
-        faults::check_without_frames(&faults).map_err(|error| usage(error.into()))?;
         let stations = PlannedStation::all(&found.plan(cell)?).map_err(usage)?;
         Ok(Self { name: cell.name.clone(), stations, faults })
     }
@@ -53,6 +52,7 @@ impl SoakedCell {
         }
         let mut verifications: Vec<_> = self.stations.iter().cloned().map(StationVerification::new).collect();
         let mut run = CellRun::switch_on(&self.stations, seed, &faults)?;
+        run.watch_laws(&self.stations);
         let mut counts = Counts::default();
         let mut connected = run.connect();
         for step in Schedule::new(&ExecutionType::ALL, u32::MAX, seed).steps() {
@@ -64,6 +64,10 @@ impl SoakedCell {
                 stations.try_for_each(|(verification, of_station)| verification.check(of_station))
             });
             connected = Ok(());
+            if let Some(law) = run.broken_law() {
+                counts.differ(seed, &law.clone().into());
+                break;
+            }
             match ended {
                 Ok(()) => counts.passed += 1,
                 Err(error) if error.downcast_ref::<Difference>().is_some() => counts.differ(seed, &error),

@@ -10,9 +10,10 @@ use setup::Setup;
 
 use super::round_trip::RoundTrip;
 use super::square;
+use crate::engine::job::ListedJob;
 use crate::jobs;
 use records::schedule::Schedule;
-use stands::virtual_run;
+use stands::planned_cell::PlannedCell;
 
 /// Cost of a skill call in the sweep, in µs: longer than the robot needs to look through its program before it starts,
 /// so that RC and CM start equally late. Both contain it once, and it is subtracted from the results.
@@ -180,14 +181,12 @@ impl Grid {
             .without_quanta();
         setup::check(&setup)?;
         let square = square::application(application, job.length_mm, self.motions);
-        let results =
-            virtual_run::whole(&setup, &square, &Schedule::new(&[execution_type], self.reps, self.seed))?;
-        let result = results.results.get(execution_type).cloned().unwrap_or_default();
-        let mean = |sum: f64| sum / f64::from(self.reps);
-        let robot_ms = mean(result.robot_samples_ms.iter().sum());
-        Ok(Outcome {
-            path_ms: robot_ms - f64::from(OVERHEAD_US) / 1e3,
-            blends_suppressed: mean(result.blends_suppressed.iter().copied().map(f64::from).sum()),
-        })
+        let planned = PlannedCell::of(&setup, &square)?;
+        let schedule = Schedule::new(&[execution_type], self.reps, self.seed);
+        let rows = ListedJob { setup, planned, schedule }.measured()?;
+        // By the robot, which the call's overhead precedes.
+        let mean = |figure| rows.mean(execution_type, figure).unwrap_or(f64::NAN);
+        let [_, robot_ns, blends_suppressed] = [0, 1, 2].map(mean);
+        Ok(Outcome { path_ms: robot_ns / 1e6 - f64::from(OVERHEAD_US) / 1e3, blends_suppressed })
     }
 }

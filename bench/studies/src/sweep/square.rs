@@ -49,6 +49,7 @@ pub(super) fn application(application: &Application, side_mm: f64, motions: u32)
         obstacles: Vec::new(),
         surfaces: Vec::new(),
         waits: Vec::new(),
+        unused: Vec::new(),
         steps: vec![step],
     }
 }

@@ -19,7 +19,11 @@ fn each_makers_files_are_read_back_to_the_same_tree() {
         assert!(neutral.len() > 20);
         for maker in MAKERS {
             let read = tree_of(&code_of(&text, maker), maker);
-            assert!(read == neutral, "{maker:?}");
+            let is_same = match maker {
+                Maker::Br => read == self::neutral(&br::with_short_names(&text).unwrap()),
+                _ => read == neutral,
+            };
+            assert!(is_same, "{maker:?}");
         }
     }
 }
@@ -27,7 +31,7 @@ fn each_makers_files_are_read_back_to_the_same_tree() {
 #[test]
 fn a_difference_in_a_makers_file_is_found_when_it_is_read_back() {
     let text = structured_text(&exported_a()).unwrap();
-    let neutral = neutral(&text);
+    let (neutral, short) = (neutral(&text), neutral(&br::with_short_names(&text).unwrap()));
     for (maker, from, to) in [
         (Maker::Siemens, "#waited := 0;", "#waited := 1;"),
         (Maker::Siemens, "IN := #entry, N := 1", "IN := #entry, N := 2"),
@@ -43,7 +47,8 @@ fn a_difference_in_a_makers_file_is_found_when_it_is_read_back() {
         let mut files = code_of(&text, maker);
         let file = files.iter_mut().find(|file| file.text.contains(from)).unwrap_or_else(|| panic!("{from}"));
         file.text = file.text.replacen(from, to, 1);
-        assert!(tree_of(&files, maker) != neutral, "{maker:?} {from}");
+        let expected = if maker == Maker::Br { &short } else { &neutral };
+        assert!(tree_of(&files, maker) != *expected, "{maker:?} {from}");
     }
 }
 
@@ -84,15 +89,51 @@ fn a_makers_export_has_its_files_its_adapter_and_the_vectors() {
 }
 
 #[test]
-fn names_of_objects_on_a_br_target_have_at_most_ten_characters() {
+fn names_of_objects_blocks_types_and_files_for_br_have_at_most_ten_characters() {
     let found = files(&exported_a(), Maker::Br).unwrap();
     let package = found.iter().find(|file| file.path == "Package.pkg").unwrap();
     let objects: Vec<_> =
         package.text.split("\">").skip(2).filter_map(|part| part.split_once("</Object>")).collect();
     assert_eq!(objects.len(), 2);
     for (name, _) in objects {
-        assert!(name.len() <= 10, "{name}");
         assert!(found.iter().any(|file| file.path.starts_with(&format!("{name}/"))), "{name}");
+        assert!(name.len() <= br::LONGEST_NAME, "{name}");
+    }
+    for file in &found {
+        for part in file.path.split('/') {
+            let stem = part.split('.').next().unwrap();
+            assert!(stem.len() <= br::LONGEST_NAME, "{part}");
+        }
+    }
+    // Every name of a declaration: the word after its keyword.
+    let mut names = Vec::new();
+    for file in found.iter().filter(|file| file.path.ends_with(".fun") || file.path.ends_with(".typ")) {
+        let pieces = structured_text::pieces(&file.text).unwrap();
+        for (word, name) in pieces.iter().zip(pieces.iter().skip(1)) {
+            if ["FUNCTION", "FUNCTION_BLOCK", "TYPE"].iter().any(|keyword| word.is_word(keyword)) {
+                names.push(name.text);
+            }
+        }
+    }
+    assert!(names.len() > 20 && names.contains(&"SB_Core"), "{names:?}");
+    let long: Vec<_> = names.iter().filter(|name| name.len() > br::LONGEST_NAME).collect();
+    assert!(long.is_empty(), "{long:?}");
+    names.sort_unstable();
+    let count = names.len();
+    names.dedup();
+    assert_eq!(names.len(), count, "two blocks have one name");
+}
+
+#[test]
+fn the_adapter_for_br_calls_blocks_by_the_names_that_the_library_has() {
+    let found = files(&exported_a(), Maker::Br).unwrap();
+    let text = |end: &str| &found.iter().find(|file| file.path.ends_with(end)).unwrap().text;
+    let declared = text("SkillBench.fun");
+    for file in ["Main.st", "Variables.var"] {
+        let pieces = structured_text::pieces(text(file)).unwrap();
+        for piece in pieces.iter().filter(|piece| piece.text.starts_with("SB_")) {
+            assert!(declared.contains(&format!(" {}", piece.text)), "{file}: {}", piece.text);
+        }
     }
 }
 

@@ -2,10 +2,10 @@
 
 use embassy_time::Timer;
 use ethercat_maindevice::time;
-use ethercat_subdevice::{AlState, DeviceConfig, DeviceId, Segment};
+use ethercat_subdevice::{AlState, DeviceConfig, DeviceId, Segment, SegmentEnd};
 use ethercrab::MainDevice;
 use ethercrab::error::Error;
-use machine::{Duration, Instant};
+use machine::{Duration, Instant, Machine as _, Port, Source, Transmit};
 
 use crate::devices::{BRIDGE, SIMPLE};
 use crate::main_device::Stand;
@@ -62,6 +62,64 @@ fn a_frame_leaves_a_segment_that_leads_on_after_its_last_device_which_shows_the_
     main_device.segment.set_cut(DeviceId(1), true);
     main_device.segment.set_cut(DeviceId(1), false);
     assert_eq!(dl_status(&mut main_device, 1), 0x5A33, "also after a cut");
+}
+
+/// Sends a frame through two segments with a cable between them, as two processes carry it, and returns it when it is back.
+fn send_through(segments: &mut [Segment; 2], sent: &[u8]) -> Option<Vec<u8>> {
+    let (now, mut buf) = (Instant::ZERO, vec![0; 2048]);
+    let [first, second] = segments;
+    let from = Source { port: Port::Ethernet, peer: None };
+    first.handle_frame(now, from, sent);
+    let (end, Transmit { len, .. }) = first.poll_frame(now, &mut buf)?;
+    if end == SegmentEnd::Onward {
+        second.handle_frame(now, from, &buf[..len]);
+        let (end, Transmit { len, .. }) = second.poll_frame(now, &mut buf)?;
+        assert_eq!(end, SegmentEnd::Upstream, "the second one ends the line");
+        let frame = buf[..len].to_vec();
+        first.handle_returned(now, &frame);
+        let (end, transmit) = first.poll_frame(now, &mut buf)?;
+        assert_eq!((end, transmit.len), (SegmentEnd::Upstream, len));
+    }
+    Some(buf[..len].to_vec())
+}
+
+#[test]
+fn a_frame_passes_the_devices_of_two_segments_in_line_and_each_device_changes_it_once() {
+    let mut segments = [line(2), line(3)];
+    segments[0].lead_on();
+    for datagram in [frame(BRD, 0, &[0]), frame(APRD, 4_u32.wrapping_neg() & 0xFFFF, &[0])] {
+        let back = send_through(&mut segments, &datagram).unwrap();
+        let working_counter = u16::from_le_bytes([back[27], back[28]]);
+        let (addressed, position) = if datagram[16] == BRD { (5, 5) } else { (1, 1) };
+        assert_eq!(working_counter, addressed);
+        assert_eq!(u16::from_le_bytes([back[18], back[19]]), position, "each device adds one");
+    }
+    assert_eq!(segments.map(|segment| segment.counters().passed), [2, 2]);
+}
+
+#[test]
+fn the_loop_closes_where_the_cable_to_the_next_segment_has_no_link_and_opens_again() {
+    let mut segments = [line(2), line(3)];
+    segments[0].set_onward_link(false);
+    let count = |segments: &mut [Segment; 2]| {
+        let back = send_through(segments, &frame(BRD, 0, &[0])).unwrap();
+        u16::from_le_bytes([back[27], back[28]])
+    };
+    assert_eq!(count(&mut segments), 2);
+    segments[0].set_onward_link(true);
+    assert_eq!(count(&mut segments), 5);
+    segments[0].set_onward_link(false);
+    assert_eq!(count(&mut segments), 2);
+    let [first, _] = segments;
+    let mut main_device = RawMainDevice::new(first);
+    assert_eq!(dl_status(&mut main_device, 1), 0x5613, "no link at port 1, and its loop closed");
+    let (lost, _) = main_device.exchange(APRD, 0xFFFF, 0x0310, &[0; 4]);
+    assert_eq!(lost, [0, 1, 0, 0], "lost links");
+    // What comes in at the closed port goes nowhere.
+    let before = main_device.segment.counters().lost;
+    main_device.segment.handle_returned(Instant::ZERO, &frame(BRD, 0, &[0]));
+    assert_eq!(main_device.segment.counters().lost, before + 1);
+    assert_eq!(main_device.segment.poll_frame(Instant::ZERO, &mut [0; 2048]), None);
 }
 
 #[test]

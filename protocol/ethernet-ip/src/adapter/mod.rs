@@ -11,6 +11,7 @@ mod establish;
 mod establish_explicit;
 mod explicit;
 mod io;
+mod open_report;
 mod router;
 mod session;
 mod sessions;
@@ -156,6 +157,12 @@ impl Adapter {
         let Some((down, owner)) = self.state.last_down.filter(|_| !self.state.is_up()) else { return Ok(()) };
         write!(words, "{down}; the owner was ")?;
         owner.write_name(words)
+    }
+
+    /// Writes who asked last for a connection with cyclic data, what was asked for, and why it was refused; nothing before the
+    /// first request.
+    pub fn write_request(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.state.last_open.map_or(Ok(()), |report| report.write(words))
     }
 
     /// Returns the number of open TCP connections.

@@ -1,5 +1,7 @@
 //! The message router: finds the object of a request. The Connection Manager's own services are here.
 
+use super::establish::in_their_places;
+use super::open_report::OpenReport;
 use super::state::{Context, State};
 use crate::cip::{
     General, Path, PathError, Request, Segment, Violation, class, emit_refusal, emit_reply, service,
@@ -75,8 +77,17 @@ impl State {
 
     fn forward_open(&mut self, context: &mut Context, data: &[u8], service: u8, reply: &mut [u8]) -> usize {
         let large = service == service::LARGE_FORWARD_OPEN;
-        let result = OpenRequest::parse(data, large).and_then(|request| self.open(context, &request));
         let host = *context.peer.ip();
+        let request = OpenRequest::parse(data, large);
+        let result = request.and_then(|request| self.open(context, &request));
+        let points = |request: &OpenRequest<'_>| {
+            request.path.application().map_or([None; 3], |application| in_their_places(application.points))
+        };
+        let asked =
+            request.as_ref().map(|request| (request, points(request))).map_err(|violation| *violation);
+        if let Some(report) = OpenReport::new(host, asked, result.err()) {
+            self.last_open = Some(report);
+        }
         let owner = self.io.owner_besides(host);
         let (is_foreign, owner) = match result {
             Err(Violation::OutputsOwned) => (self.io.is_foreign(host), owner),

@@ -7,6 +7,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::explicit::ExplicitConnections;
 use super::io::{IoConnection, IoConnections, Kind, ReceivedFrame};
+use super::open_report::OpenReport;
 use crate::IO_PORT;
 use crate::class1::{self, Frame};
 use crate::encapsulation::MAX_MESSAGE_LEN;
@@ -48,6 +49,8 @@ pub(super) struct State {
     owner_reports: OwnerReports,
     /// The last end of the link, and the owner that it had.
     pub(super) last_down: Option<(Down, OwnerReport)>,
+    /// The last request for cyclic data.
+    pub(super) last_open: Option<OpenReport>,
     up: bool,
     next_id: u32,
 }
@@ -85,6 +88,7 @@ impl State {
             foreign: ForeignRequests::default(),
             owner_reports: OwnerReports::default(),
             last_down: None,
+            last_open: None,
             up: false,
             next_id: first_id,
         }

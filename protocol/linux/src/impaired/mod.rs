@@ -46,6 +46,16 @@ use observer::{ObservedFrame, ObserverSender, Writer};
 /// Frames taken from one end before the other end gets its turn.
 const BATCH: usize = 64;
 
+/// Effect of a cut besides lost frames.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum AtCut {
+    /// Nothing: both ends keep their carriers, as the ends of a cable between two switches.
+    KeepsCarrier,
+    /// Both ends lose their carriers until it is mended: stations that pass frames on turn them round there. Needs
+    /// `CAP_NET_ADMIN`.
+    LosesCarrier,
+}
+
 /// A cable that impairs frames until it is stopped or dropped.
 #[derive(Debug)]
 pub struct ImpairedCable {
@@ -87,6 +97,7 @@ impl ImpairedCable {
     pub fn start(
         ends: [&Interface; 2],
         plan: &ImpairmentPlan,
+        at_cut: AtCut,
         observers: [Observer; 2],
     ) -> Result<Self, PortError> {
         let [first, second] = ends;
@@ -95,8 +106,10 @@ impl ImpairedCable {
         let shared = Arc::new(Shared::default());
         let waker = Notifier::new().map_err(failed)?;
         let (observers, writer) = observer::start(observers, &shared).map_err(failed)?;
+        let ends = ends.map(Interface::clone);
         let mut forwarding = ForwardingThread {
             sockets,
+            switched: (at_cut == AtCut::LosesCarrier).then_some(ends),
             forwarder: Forwarder::new(plan),
             observers,
             shared: Arc::clone(&shared),
@@ -179,6 +192,8 @@ fn open(interface: &Interface) -> Result<Socket, PortError> {
 /// What the thread between the ends works with.
 struct ForwardingThread {
     sockets: [Socket; 2],
+    /// Interfaces that are down while the cable is cut.
+    switched: Option<[Interface; 2]>,
     forwarder: Forwarder,
     observers: ObserverSender,
     shared: Arc<Shared>,
@@ -249,7 +264,10 @@ impl ForwardingThread {
             let now = clock::now();
             match self.forwarder.next_due(now) {
                 None => return,
-                Some(Due::Change(note)) => self.observers.note(note),
+                Some(Due::Change(note)) => {
+                    self.switch_ends(note == CableEvent::Mended);
+                    self.observers.note(note);
+                }
                 Some(Due::Frame { to, effect, frame }) => {
                     let since_1970 = clock::utc();
                     // A frame that the kernel refuses is lost on the cable; the receiver's counters show it.
@@ -258,6 +276,14 @@ impl ForwardingThread {
                         .observe(ObservedFrame { at: now, since_1970, end: to, sent: false, effect }, frame);
                 }
             }
+        }
+    }
+
+    /// Takes the ends down, or brings them up: the other ends of both veth pairs lose their carriers, or get them back.
+    fn switch_ends(&self, on: bool) {
+        for end in self.switched.iter().flatten() {
+            // Without the right to it the cable only loses frames.
+            let _ = if on { end.set_up() } else { end.set_down() };
         }
     }
 

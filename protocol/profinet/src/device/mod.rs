@@ -19,6 +19,7 @@ mod address;
 mod admission;
 mod alarms;
 mod answers;
+mod connect_report;
 mod dispatch;
 mod mapper;
 mod owner;
@@ -33,6 +34,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use alarms::{AlarmReceived, FinalError};
 use answers::Answers;
+use connect_report::ConnectReport;
 use dispatch::Reply;
 use relation::Relation;
 
@@ -110,6 +112,8 @@ struct Core {
     events: VecDeque<LinkEvent>,
     foreign: ForeignRequests,
     log_book: LogBook,
+    /// The last Connect of a controller that could have the AR.
+    last_connect: Option<ConnectReport>,
     /// Counters, without the cyclic frames of the present AR.
     counters: Counters,
     /// Whether there may be frames to send that are not cyclic. Set when something other than cyclic data arrives or is due.
@@ -157,6 +161,7 @@ impl Device {
             events: VecDeque::with_capacity(MOST_EVENTS),
             foreign: ForeignRequests::default(),
             log_book: LogBook::default(),
+            last_connect: None,
             counters: Counters::default(),
             acyclic: true,
         };

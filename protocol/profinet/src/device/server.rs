@@ -5,6 +5,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::admission::{Admission, admit};
 use super::answers::{Call, RequestStatus};
+use super::connect_report::ConnectReport;
 use super::records::{Change, RECORD_CAPACITY, Records, Written, emit_write_answer};
 use super::relation::{ALARM_REFERENCE, Endpoints, Phase, Relation};
 use super::{Core, closed_by_peer};
@@ -139,13 +140,27 @@ impl Core {
             self.refuse_foreign(now, *from.ip(), Requested::Connection);
             return Err(Violation::OutOfArResources);
         }
-        let request = ConnectRequest::parse(blocks)?;
+        let parsed = ConnectRequest::parse(blocks);
+        let result = match &parsed {
+            Ok(request) => self.admit_controller(now, from, request),
+            Err(violation) => Err(*violation),
+        };
+        self.last_connect = Some(ConnectReport::new(*from.ip(), parsed.ok(), &result));
+        result
+    }
+
+    fn admit_controller(
+        &mut self,
+        now: Instant,
+        from: SocketAddrV4,
+        request: &ConnectRequest,
+    ) -> Result<ConnectResponse, Violation> {
         let ar = &request.ar;
         let log = |violation: Violation| {
             self.log_book.add(LogEntry { at: now, ar: ar.uuid, status: violation.status(Service::Connect) });
             violation
         };
-        let admission = admit(&request, &self.description).map_err(log)?;
+        let admission = admit(request, &self.description).map_err(log)?;
         let peer = Peer { address: Some(*from.ip()), mac: Some(ar.initiator_mac), serial_number: None };
         if !self.controllers.allows(peer) {
             self.report_foreign(now, Sender::Ip(*from.ip()), Requested::Connection, None);
@@ -163,10 +178,10 @@ impl Core {
             self.end(now, closed_by_peer(Violation::ReRun.status(Service::Abort)));
         }
         let endpoints = Endpoints { mac: self.mac, controller: *from.ip() };
-        let mut relation = Relation::new(now, &endpoints, &self.description, &request, &admission);
+        let mut relation = Relation::new(now, &endpoints, &self.description, request, &admission);
         relation.set_inputs(&self.inputs);
         self.relation = Some(relation);
-        Ok(self.connect_response(&request, admission))
+        Ok(self.connect_response(request, admission))
     }
 
     fn connect_response(&self, request: &ConnectRequest, admission: Admission<'_>) -> ConnectResponse {

@@ -75,7 +75,12 @@ pub(super) fn data(results: &CellResults, trace: &CellTrace) -> Data {
     let rows = recorded(trace).into_iter().flat_map(|(execution_type, recordings)| {
         let rows = results.stations.iter().zip(recordings).map(move |(station, recording)| {
             let name = format!("{} {}", label(execution_type), station.name);
-            vec![name, sum(moves(recording)), sum(waits(recording)), passes(recording).len().to_string()]
+            let of_robot =
+                |shown: String| if recording.robot_ticks().is_empty() { "–".to_owned() } else { shown };
+            let of_plc =
+                |shown: String| if recording.plc_scans().is_empty() { "–".to_owned() } else { shown };
+            let (moving, waiting) = (of_robot(sum(moves(recording))), of_plc(sum(waits(recording))));
+            vec![name, moving, waiting, of_plc(passes(recording).len().to_string())]
         });
         rows.collect::<Vec<_>>()
     });

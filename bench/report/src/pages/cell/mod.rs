@@ -6,18 +6,22 @@ mod page;
 use std::path::Path;
 
 use super::cell_run::CellFiles;
-use super::{FILE, Pages, race};
+use super::{FILE, Pages, WantedPages, race};
 use records::cell_results::CellResults;
 use records::exit::Failure;
 use records::run_directory::{Durability, replace};
 
 /// Writes the pages of a run of a cell into its directory.
-pub(super) fn write(directory: &Path, results: CellResults) -> Result<Pages, Failure> {
+pub(super) fn write(directory: &Path, results: CellResults, wanted: WantedPages) -> Result<Pages, Failure> {
     let files = CellFiles::load(directory, results);
     let (report, race) = (directory.join(FILE), directory.join(race::FILE));
-    replace(&report, &page::render(&files, true)?, Durability::Synced)?;
-    replace(&race, &race::of_cell::render(&files)?, Durability::Synced)?;
-    let is_recorded = !files.trace.stations.is_empty();
+    if wanted.report {
+        replace(&report, &page::render(&files, wanted.race)?, Durability::Synced)?;
+    }
+    if wanted.race {
+        replace(&race, &race::of_cell::render(&files)?, Durability::Synced)?;
+    }
+    let is_recorded = wanted.race && !files.trace.stations.is_empty();
     Ok(Pages { report, race: is_recorded.then_some(race), lacks: files.lacks() })
 }
 

@@ -4,6 +4,7 @@ use plc_node::ExecutionType;
 use serde::Serialize;
 
 use super::arms;
+use crate::cell_table;
 use crate::html::document::fill;
 use crate::html::figure::Figure;
 use crate::pages::cell_run::CellFiles;
@@ -19,6 +20,7 @@ struct CellReport<'a> {
     name: String,
     title: &'a str,
     about: String,
+    conditions: Vec<String>,
     ended: Option<&'static str>,
     types: Vec<String>,
     /// A name, and a cell for each type.
@@ -44,6 +46,7 @@ pub(super) fn render(files: &CellFiles, has_race: bool) -> anyhow::Result<String
         name: files.name(),
         title: &results.title,
         about: files.about(),
+        conditions: cell_table::conditions(results),
         ended: match results.status {
             Status::Complete => None,
             Status::Running => Some("The run is not finished."),
@@ -84,6 +87,11 @@ fn rows(results: &CellResults) -> Vec<(String, Vec<String>)> {
     for (index, station) in results.stations.iter().enumerate() {
         rows.push(row(&format!("{} waits, ms", station.name), &|result| {
             shown(result.stations.get(index).and_then(|station| station.mean_waiting_ms()), 1)
+        }));
+    }
+    for (index, station) in results.stations.iter().enumerate().filter(|_| cell_table::has_zones(results)) {
+        rows.push(row(&format!("{} waits before zones, ms", station.name), &|result| {
+            shown(result.stations.get(index).and_then(|station| station.mean_zone_waiting_ms()), 1)
         }));
     }
     rows.push(row("start skew, ms", &|result| millis(result.mean_start_skew_us())));

@@ -8,14 +8,14 @@ use planning::PlannedCell;
 use setup::Cell;
 
 use super::super::alone::add_alone;
-use super::super::{Capture, RunOptions};
+use super::super::{Capture, RunOptions, RunPart};
 use super::session::{CellEnded, CellSession, Judge};
 use crate::COMMIT;
 use records::cell_directory::CellDirectory;
 use records::cell_results::CellResults;
 use records::exit::{Exit, Failure};
 use records::faults::Fault;
-use records::host::Host;
+use records::host::{self, Host};
 use records::mode::Mode;
 use records::results::Status;
 use records::run_directory::{self, Durability};
@@ -60,7 +60,7 @@ impl CellMeasurement<'_> {
         };
         let mut session = CellSession {
             directory: CellDirectory::create(&path, cell, &self.texts, durability)?,
-            exports: options.exports.clone(),
+            exports: options.exports.clone().of_run(host::date(started)),
             progress: Progress::start(schedule, options.quiet),
         };
         let host = Host::read(started, COMMIT);
@@ -170,7 +170,9 @@ impl CellMeasurement<'_> {
 
     /// Saves the tables for the report, and the timeline and the arms' motion if requested.
     fn save_traces(&self, session: &CellSession, traces: &CellTrace) -> anyhow::Result<()> {
-        session.directory.save_trace(traces)?;
+        if !self.options.leaves_out(RunPart::Traces) {
+            session.directory.save_trace(traces)?;
+        }
         if self.options.trace {
             cell_files::save_timeline(session.directory.path(), &self.planned, traces)?;
         }

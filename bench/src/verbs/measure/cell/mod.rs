@@ -10,8 +10,6 @@ use anyhow::anyhow;
 use node::list::flat;
 use planning::FoundCell;
 use setup::Cell;
-#[cfg(all(feature = "real", target_os = "linux"))]
-use setup::{BusKind, Station};
 
 use super::RunOptions;
 use measurement::CellMeasurement;
@@ -22,7 +20,7 @@ use records::mode::Mode;
 use records::occupied;
 use records::results::Status;
 use records::schedule::Schedule;
-use report::pages::{self, Pages};
+use report::pages::{self, Pages, WantedPages};
 use report::{cell_table, errln, in_shell, outln};
 use session::{CellEnded, Judge};
 use stands::cell_stand::CellStand as _;
@@ -41,7 +39,8 @@ use studies::outputs::{self, Own};
 /// is printed as far as it is complete, and the exit code reports the failure.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     check_options(options)?;
-    let (cell, found) = planning::cell_with_applications(options.setup.name())?;
+    let (cell, found) = planning::cell_and_application(options.setup.name(), options.application.as_deref())?;
+    let cell = options.drives.applied_to_cell(cell)?;
     let planned = found.plan(&cell)?;
     let stations = PlannedStation::all(&planned).map_err(usage)?;
     check_outputs(options, &found)?;
@@ -59,25 +58,32 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         return Err(super::no_real_mode());
         #[cfg(all(feature = "real", target_os = "linux"))]
         if options.attach.is_none() {
-            check_segments(&cell)?;
             // The kernel allows it only while this process has one thread.
             rig::enter_user_namespace()?;
         }
     }
-    let schedule = Schedule::new(&flat(&options.types), options.reps, options.seed);
+    let schedule = Schedule {
+        overrides: options.overrides,
+        ..Schedule::new(&flat(&options.types), options.reps, options.seed)
+    };
     let texts: Vec<_> = found.stations.iter().map(|station| station.text.clone()).collect();
     let applications = found.text(&cell);
     let measurement =
         CellMeasurement { options, faults, cell, planned, stations, texts, applications, schedule, token };
     let (ended, directory) = event_loop()?.block_on(measurement.run())?;
-    outln!("{}", cell_table::render(&ended.results));
-    print_where(&ended, &directory);
+    if options.quiet && ended.exit == Exit::Pass {
+        outln!("{}", cell_table::figures(&ended.results));
+        super::write_quietly(&directory, options.pages());
+    } else {
+        outln!("{}", cell_table::render(&ended.results));
+        print_where(&ended, &directory, options.pages());
+    }
     ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
 }
 
 /// Prints where the run is saved, how much of it, and where its report is.
-fn print_where(ended: &CellEnded, directory: &Path) {
+fn print_where(ended: &CellEnded, directory: &Path, wanted: WantedPages) {
     let shown = in_shell(directory.display());
     match ended.exit {
         Exit::Internal => outln!("  Saved in {shown} as far as the disk took it."),
@@ -90,18 +96,16 @@ fn print_where(ended: &CellEnded, directory: &Path) {
     if ended.exit == Exit::Internal {
         return;
     }
-    match pages::write(directory) {
+    match pages::write(directory, wanted) {
         Ok(Pages { report, race, .. }) => {
-            outln!("  Report: {}.", in_shell(report.display()));
+            if wanted.report {
+                outln!("  Report: {}.", in_shell(report.display()));
+            }
             if let Some(race) = race {
                 outln!("  Race: {}, all arms in one scene.", in_shell(race.display()));
             }
         }
-        Err(Failure { error, .. }) => {
-            errln!(
-                "warning: the results are saved, but their report is not: {error:#}; `bench report {shown}` draws it again"
-            );
-        }
+        Err(Failure { error, .. }) => super::warn_of_report(&error, directory),
     }
 }
 
@@ -143,46 +147,28 @@ fn check_outputs(options: &RunOptions, found: &FoundCell) -> Result<(), Failure>
     outputs::check(&options.exports.files(), &read, own)
 }
 
-/// Refuses several robots on EtherCAT: a real robot node has one port, and so is the last one of a line.
-#[cfg(all(feature = "real", target_os = "linux"))]
-fn check_segments(cell: &Cell) -> Result<(), Failure> {
-    let is_on_ethercat = |station: &&Station| matches!(station.bus.kind, BusKind::Ethercat(_));
-    let mut stations = cell.stations.iter().filter(is_on_ethercat).map(|station| &station.name);
-    match (stations.next(), stations.next()) {
-        (Some(one), Some(other)) => Err(usage(anyhow!(
-            "stations {one} and {other} are both on EtherCAT, where a robot node has one port: add `--mode virtual`, which has them \
-             in line, or give one another bus"
-        ))),
-        _ => Ok(()),
-    }
-}
-
 /// Rejects faults that no station, or the mode, can have.
 fn check_faults(faults: &[Fault], cell: &Cell, mode: Mode) -> Result<(), Failure> {
     faults::check_cell(faults, cell).map_err(usage)?;
     match mode {
         Mode::Real => faults::check_real(faults).map_err(usage),
-        Mode::Virtual => faults::check_without_frames(faults).map_err(usage),
+        Mode::Virtual => Ok(()),
     }
 }
 
 /// Refuses what cells do not have yet.
 fn check_options(options: &RunOptions) -> Result<(), Failure> {
-    let exports = options.exports.files();
-    let export = exports.iter().find(|(name, file)| file.is_some() && *name != "--export-json");
-    let refused = [
-        ("--application", options.application.is_some()),
-        ("--cyclic", options.cyclic.is_some()),
-        ("--drives", !options.drives.in_command().is_empty()),
-        ("--override", options.overrides.is_some()),
-        ("--live", options.live.is_some()),
-        ("--plc-program", options.plc_program.is_some()),
-    ];
-    let given = refused.iter().find(|(_, is_given)| *is_given).map(|(name, _)| *name);
-    match given.or(export.map(|(name, _)| *name)) {
+    let refused = [("--cyclic", options.cyclic.is_some()), ("--live", options.live.is_some())];
+    if options.plc_program.is_some() {
+        return Err(usage(anyhow!(
+            "--plc-program: exported code commands one robot, and setup {} has several; leave it out, or take a setup of one station",
+            options.setup.name()
+        )));
+    }
+    match refused.iter().find(|(_, is_given)| *is_given) {
         None if options.mcap && !cfg!(feature = "mcap") => Err(super::no_mcap()),
         None => Ok(()),
-        Some(name) => Err(usage(anyhow!(
+        Some((name, _)) => Err(usage(anyhow!(
             "{name} is for setups of one station so far; leave it out with several stations"
         ))),
     }

@@ -271,13 +271,16 @@ fn arms_with_unlike_laws_numbers_of_motions_and_stops_drive_the_same_share_of_th
 
 #[test]
 fn arms_start_within_their_cycles_of_each_other_in_every_type() {
-    for cell in ["E", "F"] {
+    for cell in ["E", "F", "G"] {
         for seed in 1..6 {
             let mut pair = pair(cell, seed);
             for execution_type in ExecutionType::ALL {
                 let skew = pair.run.execute(step(execution_type)).unwrap().sample.start_skew.unwrap();
                 // An arm starts in a cycle of its own, and no image shows at which part of a bus cycle its robot sends.
-                let explained: Duration = cycles(&pair.stations).iter().sum();
+                // Half of that is assumed, with an error of half at each robot.
+                let [robot_cycle, _] = cycles(&pair.stations);
+                let bus_cycles = pair.stations.iter().map(|it| it.setup.bus.cycle_us.value).sum::<u32>();
+                let explained = robot_cycle + Duration::from_micros(bus_cycles.into()) / 2;
                 assert!(skew <= explained + MS / 10, "{cell} {execution_type}, seed {seed}: {skew:?}");
             }
         }

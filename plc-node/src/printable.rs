@@ -1,7 +1,7 @@
 //! Names as a terminal may show them.
 
 /// Converts a device's bytes to text: invalid UTF-8 and every control character become `�`.
-pub(super) fn printable(bytes: &[u8]) -> String {
+pub(crate) fn printable(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
     // DCP's padding and fixed-length fields of some devices add zeros.
     let text = text.trim_end_matches('\0').trim();

@@ -1,0 +1,80 @@
+//! `bench doctor --peer` on real networks, with our own nodes as the foreign ends.
+
+use std::process::{Command, Stdio};
+
+use protocol_linux::namespace::NetworkNamespace;
+use serde_json::Value;
+
+use crate::stations::Node;
+use crate::{HOST, PoisonError, bench, cable};
+
+/// Two hosts and the cable between them.
+struct DirectCable([NetworkNamespace; 2]);
+
+impl DirectCable {
+    fn new() -> Self {
+        let ends = [(); 2].map(|()| NetworkNamespace::new().unwrap());
+        cable((&ends[0], "eth0", None), (&ends[1], "eth0", None));
+        Self(ends)
+    }
+
+    fn command(&self, end: usize, arguments: &[&str]) -> Command {
+        let mut command = bench();
+        command.args(arguments).args(["--interface", "eth0"]);
+        command.env_remove("STATE_DIRECTORY").env("XDG_STATE_HOME", "/dev/null").stdout(Stdio::piped());
+        self.0[end].confine(&mut command).unwrap();
+        command
+    }
+
+    /// Looks at a peer and returns the exit code with the steps.
+    fn doctor(&self, end: usize, role: &str, setup: &str) -> (Option<i32>, Vec<Value>) {
+        let output =
+            self.command(end, &["doctor", "--setup", setup, "--peer", role, "--json"]).output().unwrap();
+        let text = String::from_utf8(output.stdout).unwrap();
+        let steps = serde_json::from_str(&text);
+        (output.status.code(), steps.unwrap_or_else(|error| panic!("{error}: {text}")))
+    }
+}
+
+#[track_caller]
+fn found<'a>(steps: &'a [Value], what: &str) -> (&'a str, &'a str) {
+    let step = steps.iter().find(|step| step["what"] == what);
+    let step = step.unwrap_or_else(|| panic!("no {what} in {steps:#?}"));
+    (step["verdict"].as_str().unwrap(), step["found"].as_str().unwrap())
+}
+
+pub(crate) fn the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus() {
+    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+    for setup in ["A", "B", "C"] {
+        let wire = DirectCable::new();
+        let mut robot = Node::start(wire.command(1, &["__robot-node", "run", "--setup", setup]));
+        robot.read_to(if setup == "A" { "IO-Device" } else { "robot" });
+        let (code, steps) = wire.doctor(0, "robot", setup);
+        assert_eq!(code, Some(0), "{setup}: {steps:#?}");
+        assert!(found(&steps, "state").1.starts_with("Halted"), "{steps:#?}");
+        let said = robot.end();
+        assert!(!said.iter().any(|line| line.contains("command ")), "nothing was commanded: {said:#?}");
+    }
+}
+
+pub(crate) fn the_doctor_sees_every_step_of_a_plc_up_to_its_first_command_on_each_bus() {
+    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+    for setup in ["A", "B", "C"] {
+        let wire = DirectCable::new();
+        let plc = Node::start(wire.command(0, &["__plc-node", "run", "--setup", setup]));
+        let (code, steps) = wire.doctor(1, "plc", setup);
+        assert_eq!(code, Some(0), "{setup}: {steps:#?}");
+        assert_eq!(found(&steps, "first command").0, "good", "{steps:#?}");
+        plc.end();
+    }
+}
+
+pub(crate) fn the_doctor_names_the_first_step_that_a_missing_peer_lacks() {
+    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+    for (setup, first) in [("A", "name"), ("B", "address"), ("C", "identity")] {
+        let wire = DirectCable::new();
+        let (code, steps) = wire.doctor(0, "robot", setup);
+        assert_eq!((code, found(&steps, first).0), (Some(5), "not-seen"), "{setup}: {steps:#?}");
+        assert_eq!(found(&steps, "link").0, "good");
+    }
+}

@@ -1,0 +1,56 @@
+//! The devices on one bus, for whoever looks for one of them.
+
+use anyhow::bail;
+use ethercat_maindevice::Found;
+use ethernet_ip::FoundDevice;
+use machine::Duration;
+use profinet::FoundStation;
+use protocol::search::Search;
+use protocol_linux::{Interface, clock};
+use setup::BusKind;
+
+use super::{UntilEnd, UntilFound, ethernet_ip_search, searched};
+
+/// The devices that answered on a bus.
+#[derive(Clone, Debug)]
+pub enum FoundDevices {
+    /// Stations that answered DCP Identify.
+    Profinet(Vec<FoundStation>),
+    /// Devices that answered ListIdentity.
+    EthernetIp(Vec<FoundDevice>),
+    /// SubDevices, in their order on the cable.
+    Ethercat(Found),
+}
+
+/// Asks for `length` which devices are on a bus of this kind. It changes none of them.
+///
+/// # Errors
+///
+/// Nothing can be sent on the interface, or EtherNet/IP has no IPv4 address there.
+pub fn find_devices(interface: &Interface, bus: &BusKind, length: Duration) -> anyhow::Result<FoundDevices> {
+    let start = clock::now();
+    match bus {
+        BusKind::Profinet(..) => {
+            let first_xid = (start.as_nanos() >> 10) as u32;
+            let config = profinet::SearchConfig { mac: interface.mac(), first_xid, length };
+            let search = Search::new(Some(profinet::Search::new(config, start)), None);
+            let (search, _) = searched(search, interface, UntilEnd)?;
+            let stations = search.profinet().map(|search| search.answers().devices().to_vec());
+            Ok(FoundDevices::Profinet(stations.unwrap_or_default()))
+        }
+        BusKind::EthernetIp(..) => {
+            let config = ethernet_ip_search(interface, length)?;
+            let search = Search::new(None, Some(ethernet_ip::Search::new(config, start)));
+            let (search, _) = searched(search, interface, UntilEnd)?;
+            let devices = search.ethernet_ip().map(|search| search.answers().devices().to_vec());
+            Ok(FoundDevices::EthernetIp(devices.unwrap_or_default()))
+        }
+        BusKind::Ethercat(_) => {
+            let search = ethercat_maindevice::search(start, length).on_interface(interface.mac());
+            match searched(search, interface, UntilFound(None))?.1 {
+                UntilFound(Some(found)) => Ok(FoundDevices::Ethercat(found)),
+                UntilFound(None) => bail!("the search on `{}` ended without a result", interface.name()),
+            }
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! Faults of a file: where they are, what was found and what to do.
+
+use std::fmt::Display;
+
+use serde::Serialize;
+
+/// Fault at a place of a file.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, thiserror::Error)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[error("{line}: {element}: {fault}")]
+pub struct FileFault {
+    /// Line, from 1; 0 for the file as a whole.
+    pub line: usize,
+    /// Element of an XML file, or section and entry of an EDS.
+    pub element: String,
+    /// Value found and remedy.
+    pub fault: String,
+}
+
+impl FileFault {
+    pub(crate) fn new(line: usize, element: impl Into<String>, fault: impl Display) -> Self {
+        Self { line, element: element.into(), fault: fault.to_string() }
+    }
+
+    /// Returns a fault of the file as a whole.
+    pub(crate) fn of_file(fault: impl Display) -> Self {
+        Self::new(0, "file", fault)
+    }
+}
+
+/// Reason why a file is refused.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("{file}:{finding}")]
+pub struct ReadError {
+    /// Name of the file, as the caller gave it.
+    pub file: String,
+    /// Fault.
+    pub finding: FileFault,
+}
+
+/// Shortens a value of a file for a message, and replaces what a terminal would not print.
+pub(crate) fn excerpt(value: &str) -> String {
+    const MOST: usize = 48;
+    let mut short: String =
+        value.chars().take(MOST).map(|it| if it.is_control() { '\u{FFFD}' } else { it }).collect();
+    if value.chars().nth(MOST).is_some() {
+        short.push('…');
+    }
+    short
+}

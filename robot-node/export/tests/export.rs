@@ -1,0 +1,141 @@
+//! The files of an export: whole or not at all, equal twice, and what their checkers find.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on stops")]
+#![expect(clippy::disallowed_methods, reason = "the files of an export are what is tested")]
+
+use std::collections::BTreeSet;
+use std::fs;
+
+use protocol::image::{Configuration, Motion, MotionKind};
+use robot_export::layer::kit;
+use robot_export::{ExportError, Maker, RobotApplication, export, files, krl_check, longest_name};
+
+static MAKERS: [Maker; 2] = [Maker::Kuka, Maker::Abb];
+
+fn application(setup: &str, instead: Option<&str>) -> RobotApplication {
+    let (setup, found) = planning::setup_and_application(setup, instead).unwrap();
+    RobotApplication::of_plan(&setup, &found.plan(&setup).unwrap())
+}
+
+#[test]
+fn two_exports_are_equal_and_a_directory_with_something_in_it_is_left_alone() {
+    let directory = tempfile::tempdir().unwrap();
+    for maker in MAKERS {
+        let [one, other] = ["one", "other"].map(|name| directory.path().join(format!("{maker:?}-{name}")));
+        fs::create_dir(&other).unwrap();
+        let application = application("A", None);
+        for path in [&one, &other] {
+            export(&application, maker, path).unwrap();
+        }
+        let expected = files(&application, maker).unwrap();
+        assert_eq!(fs::read_dir(&one).unwrap().count(), expected.len());
+        for file in &expected {
+            assert_eq!(fs::read_to_string(one.join(&file.path)).unwrap(), file.text);
+            assert_eq!(fs::read_to_string(other.join(&file.path)).unwrap(), file.text);
+        }
+        let again = export(&application, maker, &one);
+        assert!(matches!(again, Err(ExportError::NotEmpty(path)) if path == one));
+    }
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 4, "nothing half written is left");
+}
+
+#[test]
+fn a_motion_that_the_language_lacks_is_refused_with_its_index_and_leaves_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    let a = application("A", None);
+    let spline = |motion: &mut Motion| motion.kind = MotionKind::Spline;
+    let force = |motion: &mut Motion| motion.kind = MotionKind::LinForceCartesian;
+    let jerk = |motion: &mut Motion| motion.jerk = 7;
+    let slower = |motion: &mut Motion| motion.deceleration = 1;
+    let configured =
+        |motion: &mut Motion| motion.configuration = Some(Configuration { status: 1, turn: None });
+    type Case = (fn(&mut Motion), &'static [Maker]);
+    let cases: [Case; 5] = [
+        (spline, &[Maker::Abb]),
+        (force, &MAKERS),
+        (jerk, &MAKERS),
+        (slower, &[Maker::Kuka]),
+        (configured, &MAKERS),
+    ];
+    for (change, refusing) in cases {
+        let mut changed = a.clone();
+        change(&mut changed.programs[0].motions[3]);
+        for maker in MAKERS {
+            let path = directory.path().join("kit");
+            let found = export(&changed, maker, &path);
+            if refusing.contains(&maker) {
+                let ExportError::Refused(refused) = found.unwrap_err() else { panic!("not refused") };
+                assert_eq!((refused.program, refused.index), (1, 3), "{refused}");
+                assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0, "{refused}");
+            } else {
+                found.unwrap();
+                fs::remove_dir_all(&path).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn names_fit_krl_and_no_name_stands_for_two_things() {
+    let a = application("A", None);
+    for maker in MAKERS {
+        let kit = kit(&a.served(maker).unwrap(), None);
+        assert!(longest_name(&kit) <= 24, "{}", longest_name(&kit));
+        let mut names = BTreeSet::new();
+        let routines = kit.motion.iter().chain(&kit.cyclic).chain([&kit.on_trigger]);
+        for name in
+            routines.map(|routine| routine.name.as_str()).chain(kit.variables.iter().map(|one| one.name))
+        {
+            assert!(names.insert(name.to_owned()), "{name} stands for two things");
+        }
+        assert_eq!(kit.faults(), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn every_application_that_a_language_has_passes_the_checker_of_krl_and_says_what_was_checked() {
+    for name in [None, Some("pick-and-place-gripper"), Some("palletising")] {
+        let application = application("A", name);
+        for maker in MAKERS {
+            for file in files(&application, maker).unwrap() {
+                assert!(file.text.contains("not tried on the maker's controller"), "{}", file.path);
+                assert!(file.text.is_ascii(), "{}", file.path);
+                if maker == Maker::Kuka {
+                    krl_check::check(&file.text).unwrap_or_else(|fault| panic!("{}: {fault}", file.path));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_checker_of_krl_finds_mistakes() {
+    let files = files(&application("A", None), Maker::Kuka).unwrap();
+    let text = |name: &str| files.iter().find(|file| file.path == name).unwrap().text.clone();
+    for (file, from, to) in [
+        ("SB_MAIN.src", "ENDIF\n", "\n"),
+        ("SB_MAIN.src", " THEN\n", "\n"),
+        ("SB_MAIN.src", "ENDFCT", "END"),
+        ("SB_MAIN.src", "==", "== =="),
+        ("SB_MAIN.src", "SB_WORD(SBI_NUMBER)", "SB_WORD(SBI_NUMBER"),
+        ("SB_SUBMIT.sub", "ENDLOOP", ""),
+        ("SB_DATA.dat", "SB_ASKED_NUMBER", "SB_ASKED_NUMBER_OF_A_COMMAND"),
+        ("SB_SIGNALS.dat", " TO ", " "),
+    ] {
+        let right = text(file);
+        let wrong = right.replacen(from, to, 1);
+        assert_ne!(right, wrong, "{from} is not there");
+        assert!(krl_check::check(&wrong).is_err(), "{from} as {to} is not found");
+    }
+}
+
+#[test]
+fn a_read_of_a_signal_does_not_stop_the_advance_run() {
+    let files = files(&application("A", None), Maker::Kuka).unwrap();
+    let main = files.iter().find(|file| file.path == "SB_MAIN.src").unwrap();
+    let (layer, _) = main.text.split_once("GLOBAL DEFFCT INT SB_WORD").unwrap();
+    let lines: Vec<_> = layer.lines().map(str::trim).collect();
+    let reads = lines.windows(2).filter(|pair| pair[1].contains("SBI_")).collect::<Vec<_>>();
+    assert!(reads.len() > 90, "{}", reads.len());
+    assert!(reads.iter().all(|pair| pair[0] == "CONTINUE"));
+    assert!(!layer.contains("WAIT FOR"));
+}
