@@ -13,6 +13,9 @@ use crate::relation::Agreement;
 /// Frames among which a doubled one is recognised.
 const RECENT: usize = 4;
 
+/// Frames in a row with an earlier counter after which the sender has started anew.
+const RESTART_FRAMES: u32 = 8;
+
 /// Length of a run/idle header in bytes (volume 1, 3-6.1.4).
 const RUN_IDLE_LEN: usize = 4;
 
@@ -68,6 +71,8 @@ pub(crate) struct Flow {
     /// Counter and digest of the last frames.
     recent: [Option<(u32, u64)>; RECENT],
     last_ns: u64,
+    /// Frames in a row with an earlier counter.
+    earlier: u32,
     /// Counts of the counter in one cycle; 0 if it is not known yet.
     step: u32,
     counts: FrameCounts,
@@ -85,6 +90,7 @@ impl Flow {
             search: ContentSearch::default(),
             recent: [None; RECENT],
             last_ns: 0,
+            earlier: 0,
             step: u32::from(key.bus == CyclicBus::EthernetIp),
             counts: FrameCounts::default(),
             pace,
@@ -166,12 +172,18 @@ impl Flow {
             None => 0,
             Some(last) => match self.advance(counter, last, since) {
                 Some(missing) => missing,
-                None => {
+                None if self.earlier < RESTART_FRAMES => {
                     self.counts.disordered += 1;
+                    self.earlier += 1;
                     return false;
+                }
+                None => {
+                    self.pace.disconnect();
+                    0
                 }
             },
         };
+        self.earlier = 0;
         self.recent.rotate_right(1);
         self.recent[0] = Some((counter, digest));
         self.last_ns = now_ns;
@@ -227,5 +239,52 @@ const fn order_of(bus: CyclicBus) -> Order {
     match bus {
         CyclicBus::ProfinetRt | CyclicBus::ProfinetUdp => Order::BigEndian,
         CyclicBus::EthernetIp => Order::LittleEndian,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::address::EndAddress;
+    use crate::packet::EthernetPacket;
+    use machine::ethernet::Mac;
+
+    /// Returns a PROFINET frame with this cycle counter.
+    fn frame(counter: u16) -> Vec<u8> {
+        let mut frame = vec![2, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, 2, 0x88, 0x92, 0x80, 0x01];
+        frame.extend([0; 40]);
+        frame.extend(counter.to_be_bytes());
+        frame.extend([0x35, 0]);
+        frame
+    }
+
+    fn counts(counters: impl IntoIterator<Item = u16>) -> [u64; 4] {
+        let [from, to] = [Mac([2, 0, 0, 0, 0, 2]), Mac([2, 0, 0, 0, 0, 1])].map(EndAddress::Mac);
+        let key = FlowKey { bus: CyclicBus::ProfinetRt, from, to, connection: 0x8001 };
+        let mut flow = Flow::new(key, 1_000_000);
+        for (now_ns, counter) in (0..).step_by(1_000_000).zip(counters) {
+            let bytes = frame(counter);
+            let cyclic = CyclicFrame::of(&EthernetPacket::parse(&bytes).unwrap()).unwrap();
+            assert_eq!(cyclic.key, key);
+            flow.handle_frame(now_ns, &cyclic);
+        }
+        let FrameCounts { frames, doubled, missing, disordered } = *flow.counts();
+        [frames, doubled, missing, disordered]
+    }
+
+    #[test]
+    fn each_frame_counts_once_and_those_between_are_missing() {
+        // The counter wraps.
+        let all = |at: u16| at.wrapping_mul(32).wrapping_add(65_000);
+        assert_eq!(counts((0..100).map(all)), [100, 0, 0, 0]);
+        assert_eq!(counts((0..100).flat_map(|at| [all(at), all(at)])), [100, 100, 0, 0]);
+        assert_eq!(counts((0..100).filter(|at| !(40..43).contains(at)).map(all)), [97, 0, 3, 0]);
+        assert_eq!(counts([0, 1, 2, 4, 3, 5].map(all)), [5, 0, 1, 1]);
+    }
+
+    #[test]
+    fn a_sender_that_starts_anew_is_followed_after_some_frames() {
+        let run = |begin: u16| (0..50).map(move |at| begin + at * 32);
+        assert_eq!(counts(run(20_000).chain(run(1_000))), [92, 0, 0, 8]);
     }
 }

@@ -17,6 +17,9 @@ use crate::unmeasurable::Unmeasurable;
 const MAX_FLOWS: usize = 256;
 const MAX_STATIONS: usize = 32;
 
+/// Time in ns by which packets of one capture may be out of order.
+const MAX_BACK_NS: i128 = 1_000_000_000;
+
 /// Plan, cycle and robot that an observer looks for.
 #[derive(Clone, PartialEq, Debug)]
 pub struct TapConfig {
@@ -34,7 +37,8 @@ pub struct CaptureObserver {
     config: TapConfig,
     traffic: Traffic,
     stations: Vec<WatchedRobot>,
-    first_ns: Option<u64>,
+    /// Time of a packet minus this is the time since the first packet.
+    base_ns: Option<i128>,
     last_ns: u64,
 }
 
@@ -42,17 +46,23 @@ impl CaptureObserver {
     /// Creates an observer that has seen nothing.
     #[must_use]
     pub fn new(config: TapConfig) -> Self {
-        Self { config, traffic: Traffic::default(), stations: Vec::new(), first_ns: None, last_ns: 0 }
+        Self { config, traffic: Traffic::default(), stations: Vec::new(), base_ns: None, last_ns: 0 }
     }
 
     /// Takes the next packet, an Ethernet frame, with its time in ns since any moment; `is_cut` where its end was not captured.
     pub fn handle_packet(&mut self, nanos: u64, frame: &[u8], is_cut: bool) {
-        let first = *self.first_ns.get_or_insert(nanos);
-        let now_ns = nanos.saturating_sub(first);
+        let nanos = i128::from(nanos);
+        let base = self.base_ns.get_or_insert(nanos);
+        let last = i128::from(self.last_ns);
+        let back = last - (nanos - *base);
         self.traffic.counts.packets += 1;
-        self.traffic.counts.backwards += u64::from(now_ns < self.last_ns);
+        self.traffic.counts.backwards += u64::from(back > 0);
+        if back > MAX_BACK_NS {
+            // Another capture was joined to this one: its time goes on from here.
+            *base = nanos - last;
+        }
         // Captures of two interfaces that were joined may go back by some µs. Time never does.
-        self.last_ns = self.last_ns.max(now_ns);
+        self.last_ns = self.last_ns.max(u64::try_from(nanos - *base).unwrap_or_default());
         let Ok(packet) = EthernetPacket::parse(frame) else { return };
         if self.traffic.relations.read(&packet) {
             self.traffic.agree();

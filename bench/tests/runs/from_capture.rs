@@ -238,6 +238,12 @@ fn a_capture_that_is_cut_is_measured_up_to_there_and_a_robot_of_several_can_be_c
             .to_string()
             .contains("in the middle of a packet; what comes before is measured")
     );
+    // A capture that was joined to another one of an earlier time.
+    let once = read(&own.join("plc.pcapng"));
+    write(&path, &[&once[..], &once].concat());
+    let measured = measure(place.path(), &path, "B");
+    assert_same(&measured, &json(&own.join("results.json")), 0, BUS_CYCLE_MS);
+    assert_eq!(samples(&measured, "cm").len(), 2);
     let other = read(&own.join("plc.pcapng")).into_iter();
     let other =
         other.map(|(nanos, frame)| (nanos + 5, renamed(&frame, &[192, 168, 64, 2], &[192, 168, 64, 9])));
