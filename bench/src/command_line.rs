@@ -4,8 +4,10 @@ use clap::{Parser, Subcommand};
 
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::doctor::DoctorOptions;
+use crate::verbs::from_capture::FromCaptureOptions;
 use crate::verbs::gate::GateOptions;
 use crate::verbs::history::HistoryOptions;
+use crate::verbs::import_samples::ImportOptions;
 use crate::verbs::install::{CompletionsOptions, ManOptions};
 use crate::verbs::measure::RunOptions;
 use crate::verbs::new::NewOptions;
@@ -77,6 +79,10 @@ pub enum Command {
     Overhead(OverheadOptions),
     /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
     Long(LongOptions),
+    /// Measure a PLC and a robot of any make from a capture of their frames: PROFINET or EtherNet/IP.
+    FromCapture(FromCaptureOptions),
+    /// Make a run of the execution times that were read out of a PLC.
+    ImportSamples(ImportOptions),
     /// Write the files of a cell of your own, with every key explained: a setup and an application.
     New(NewOptions),
     /// Draw the report of a run again.

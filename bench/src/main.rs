@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use bench::command_line::{Cli, Command};
 #[cfg(all(feature = "real", target_os = "linux"))]
 use bench::verbs::{doctor, overhead, scale, timing};
-use bench::verbs::{gate, history, install, measure, new, report, study};
+use bench::verbs::{from_capture, gate, history, import_samples, install, measure, new, report, study};
 use clap::CommandFactory;
 use node::{arguments, errln, screen};
 use records::exit::Failure;
@@ -36,6 +36,8 @@ fn main() -> ExitCode {
         #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Overhead(options)) => overhead::run(options),
         Some(Command::Long(options)) => long::run(options),
+        Some(Command::FromCapture(options)) => from_capture::run(options),
+        Some(Command::ImportSamples(options)) => import_samples::run(options),
         Some(Command::New(options)) => new::run(options),
         Some(Command::Report(options)) => report::run(options),
         Some(Command::Compare(options)) => report::compare(options),

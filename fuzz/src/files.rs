@@ -7,6 +7,7 @@ use node::message::Instruction;
 use planning::{Application, ArmsApplication, Found, FoundCell, MotionLines};
 use plc_node::process::PlcInstruction;
 use records::cell_results::CellResults;
+use records::imported_samples;
 use records::results::Results;
 use records::trace::Trace;
 use setup::{Cell, Setup};
@@ -138,5 +139,21 @@ pub(crate) fn records(data: &[u8]) {
     let (robot, plc) = text.split_once('\0').unwrap_or((text, ""));
     if let Ok(trace) = Trace::from_csv(robot, plc) {
         let _ = trace.incomplete();
+    }
+}
+
+/// Reads a table of execution times: what is accepted has none missing and each above 0.
+pub(crate) fn samples(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    match imported_samples::parse(text) {
+        Ok(types) => {
+            let all = [types.rc, types.sm, types.cm].into_iter().flatten();
+            for repetition in all.flat_map(|measured| measured.repetitions) {
+                assert!(
+                    repetition.is_ok_and(|time| time.execution_ms.is_finite() && time.execution_ms >= 0.0)
+                );
+            }
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
     }
 }

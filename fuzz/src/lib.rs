@@ -7,6 +7,7 @@
 //! `scripts/dev.sh fuzz` runs all of them; each file of `fuzz/corpus` is also a test of the workspace.
 
 mod attack;
+mod capture;
 mod device_files;
 mod ethercat;
 mod ethernet_ip;
@@ -25,7 +26,7 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 16] = [
+pub const TARGETS: [(&str, Target); 18] = [
     ("device", profinet::device),
     ("controller", profinet::controller),
     ("adapter", ethernet_ip::adapter),
@@ -42,6 +43,8 @@ pub const TARGETS: [(&str, Target); 16] = [
     ("gsdml", device_files::gsdml),
     ("eds", device_files::eds),
     ("esi", device_files::esi),
+    ("capture", capture::capture),
+    ("samples", files::samples),
 ];
 
 /// Returns this thread's heap allocations so far.

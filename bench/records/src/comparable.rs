@@ -47,13 +47,14 @@ impl RunContent {
 }
 
 /// What runs are compared in besides the nodes and the content of setup and application.
-const TEXTS: [&str; 5] = ["setup", "application", "mode", "override", "faults"];
+const TEXTS: [&str; 7] = ["setup", "application", "mode", "override", "faults", "PLC", "robot"];
 
 impl Conditions {
     /// Reads the conditions of a run from its directory.
     #[must_use]
     pub fn of(directory: &Path, results: &Results) -> Self {
         let nodes = match &results.attached {
+            None if results.origin.is_some() => "nodes that no bench ran",
             None => "nodes that the bench started",
             Some(attached) if attached.robot.is_some() => "nodes that ran already",
             Some(_) => "a robot that is not ours",
@@ -63,7 +64,10 @@ impl Conditions {
         let faults = if asked.is_empty() { "none".to_owned() } else { asked.join(", ") };
         let [setup, application, mode] =
             [&results.setup, &results.application, &results.mode].map(Clone::clone);
-        let texts = [setup, application, mode, overrides, faults];
+        let peers = results.origin.as_ref().map(|origin| [&origin.plc, &origin.robot]);
+        let [plc, robot] =
+            peers.map_or_else(|| ["ours"; 2].map(str::to_owned), |peers| peers.map(ToString::to_string));
+        let texts = [setup, application, mode, overrides, faults, plc, robot];
         Self { nodes, texts, cell: RunContent::read(directory) }
     }
 

@@ -16,6 +16,8 @@
 //! interval       means with their confidence intervals
 //! disturbances   what disturbed a run without ending it
 //! attached       the nodes of a run that ran already
+//! origin         the source of samples that no bench measured; imported_samples: those that were read
+//!                out of a PLC, measured_results: results of both
 //! faults         the faults that the user injects, and their result
 //! cell_results   the same for a cell of several stations; cell_sample: one repetition,
 //!                cell_stop: one that failed; cell_directory: its files
@@ -51,12 +53,15 @@ pub mod figures;
 mod frames;
 pub mod free_space;
 pub mod host;
+pub mod imported_samples;
 pub mod interval;
 pub mod lateness;
 pub mod listening;
+mod measured_results;
 pub mod mode;
 pub mod not_ready;
 pub mod occupied;
+pub mod origin;
 pub mod paper;
 pub mod plant_speed;
 pub mod quality;

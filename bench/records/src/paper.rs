@@ -81,7 +81,7 @@ impl Results {
     /// Returns whether the robot is our model of one.
     #[must_use]
     pub fn has_modelled_robot(&self) -> bool {
-        self.attached.as_ref().is_none_or(|attached| attached.robot.is_some())
+        self.origin.is_none() && self.attached.as_ref().is_none_or(|attached| attached.robot.is_some())
     }
 
     /// Adds the paper's figures and the numbers that were calibrated to them, or the reason why there are none. A run that is

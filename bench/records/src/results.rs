@@ -19,6 +19,7 @@ use crate::faults::FaultReport;
 pub use crate::frames::Frames;
 use crate::lateness::CycleLateness;
 use crate::mode::Mode;
+use crate::origin::SampleOrigin;
 use crate::quality::MotionQuality;
 use crate::schedule::Schedule;
 use crate::statistics::{AetMad, aet_improvement};
@@ -38,7 +39,7 @@ pub struct Results {
     pub title: String,
     /// The application's name.
     pub application: String,
-    /// `real` or `virtual`.
+    /// `real` or `virtual`; `captured` or `imported` where no bench ran the measurement.
     pub mode: String,
     /// Seed of pauses, and in virtual mode of clocks and phases.
     pub seed: u64,
@@ -55,6 +56,9 @@ pub struct Results {
     /// The nodes that ran already; absent where the bench started its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attached: Option<Attached>,
+    /// Source of the samples; absent where the bench ran the measurement.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<SampleOrigin>,
     /// Progress of the run, or how it ended.
     pub status: Status,
     /// Results of each type; types that were not requested are absent.
@@ -260,6 +264,7 @@ impl Results {
             overrides: None,
             positions: None,
             attached: None,
+            origin: None,
             status: Status::Running,
             results: PerType::default(),
             aet_improvement: None,
@@ -369,7 +374,11 @@ impl Results {
     /// Returns seed, override and source of the positions, as far as there are any: the end of the line that describes the run.
     #[must_use]
     pub fn conditions(&self, separator: &str) -> String {
-        let seed = format!("seed {}", self.seed);
+        // What was measured elsewhere has no seed.
+        let seed = match &self.origin {
+            Some(origin) => format!("file {}", origin.file),
+            None => format!("seed {}", self.seed),
+        };
         let overrides = self.overrides.iter().map(|overrides| format!("override {overrides}"));
         let positions = self.positions.map(|positions| format!("positions = {positions}"));
         overrides.chain(positions).fold(seed, |text, more| format!("{text}{separator}{more}"))

@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
+use plc_node::ExecutionType;
 use setup::Setup;
 
 use crate::agreement::{self, Altered};
@@ -27,9 +28,10 @@ use crate::counted::counted;
 use crate::digest::Digests;
 use crate::host::date;
 use crate::occupied::{self, Files, Occupied, PROGRAM, SAMPLES, holds_run};
+use crate::origin::{MeasuredTime, MeasuredType};
 use crate::replacement::check_writable;
 pub use crate::replacement::{Durability, Replacement, check_replaceable, replace};
-use crate::results::{Results, SCHEMA_VERSION};
+use crate::results::{PerType, Results, SCHEMA_VERSION};
 use crate::schedule::Step;
 
 /// First line of the samples.
@@ -166,6 +168,19 @@ impl RunDirectory {
         results: &Results,
     ) -> anyhow::Result<()> {
         self.append(&sample_line(step, outcome))?;
+        self.save_results(results)
+    }
+
+    /// Writes all samples of a run that was measured elsewhere, and its results.
+    pub fn save_measured(&mut self, types: &PerType<MeasuredType>, results: &Results) -> anyhow::Result<()> {
+        let mut lines = String::new();
+        for execution_type in ExecutionType::ALL {
+            let repetitions = types.get(execution_type).map_or(&[][..], |measured| &measured.repetitions);
+            for (number, repetition) in (1_u32..).zip(repetitions) {
+                lines += &measured_line(execution_type, number, repetition);
+            }
+        }
+        self.append(&lines)?;
         self.save_results(results)
     }
 
@@ -316,6 +331,21 @@ fn sample_line(step: &Step, outcome: &anyhow::Result<Measured>) -> String {
     }
 }
 
+fn measured_line(
+    execution_type: ExecutionType,
+    number: u32,
+    repetition: &Result<MeasuredTime, String>,
+) -> String {
+    let text = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    match repetition {
+        Ok(MeasuredTime { execution_ms, robot_execution_ms, blends_suppressed }) => {
+            let (robot, blends) = (text(*robot_execution_ms), text(blends_suppressed.map(f64::from)));
+            format!("{execution_type},{number},{execution_ms},{robot},{blends},,,\n")
+        }
+        Err(error) => format!("{execution_type},{number},,,,,,{}\n", quoted(&anyhow!(error.clone()))),
+    }
+}
+
 /// Returns an error as a field of the samples, on one line.
 pub(crate) fn quoted(error: &anyhow::Error) -> String {
     format!("\"{}\"", format!("{error:#}").replace('"', "\"\"").replace('\n', " "))
@@ -324,7 +354,6 @@ pub(crate) fn quoted(error: &anyhow::Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plc_node::ExecutionType;
     use std::time::Duration;
 
     fn step(repetition: u32) -> Step {

@@ -139,13 +139,14 @@ fn csv(results: &Results) -> String {
 
 /// Formats a heading, the table of the screen and what stands below it.
 fn markdown(results: &Results) -> String {
-    let Results { setup, title, application, mode, .. } = results;
+    let Results { setup, title, application, .. } = results;
     let mut lines = vec![
         format!("### Setup {setup}: {title}"),
         String::new(),
         format!(
-            "{application}, {}, {mode} mode, {}{}",
+            "{application}, {}, {}, {}{}",
             repetitions(results.reps),
+            results.mode_in_words(),
             results.conditions(", "),
             unfinished(results.status)
         ),

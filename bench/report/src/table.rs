@@ -9,6 +9,7 @@ use crate::verdicts;
 use records::calibrated::figure;
 use records::disturbances::Images;
 use records::lateness::CycleLateness;
+use records::origin::OriginKind;
 use records::results::{Allocations, Frames, Results};
 use records::schedule::repetitions;
 
@@ -20,10 +21,10 @@ const HELD_UP_SHOWN: usize = 5;
 pub fn render(results: &Results) -> String {
     let title = format!("Setup {}: {}", results.setup, results.title);
     let about = format!(
-        "{}, {}, {} mode, {}",
+        "{}, {}, {}, {}",
         results.application,
         repetitions(results.reps),
-        results.mode,
+        results.mode_in_words(),
         results.conditions(", ")
     );
     let mut text = format!("{}\n{}\n\n", screen::wrapped(&title, 0, 2), screen::wrapped(&about, 0, 2));
@@ -80,6 +81,7 @@ pub(super) fn sentences(results: &Results) -> Vec<String> {
     if let Some(attached) = &results.attached {
         sentences.push(format!("Measured on nodes that ran already: {attached}."));
     }
+    sentences.extend(results.origin.as_ref().map(|origin| format!("{origin}.")));
     sentences.extend(not_verified(results));
     sentences.extend(conditions(results));
     sentences
@@ -116,7 +118,7 @@ fn conditions(results: &Results) -> Vec<String> {
         sentences.push(format!("Connected {after:.0} ms after the start of the nodes{allocations}."));
     }
     sentences.extend(connection_remarks(results));
-    sentences.push(cyclic_frames(&results.bus));
+    sentences.extend(has_counted_frames(results).then(|| cyclic_frames(&results.bus)));
     sentences.extend(images(&results.images));
     sentences.extend(held_up(results));
     if results.repeated > 0 {
@@ -128,6 +130,11 @@ fn conditions(results: &Results) -> Vec<String> {
     sentences.extend(results.faults.as_ref().map(ToString::to_string));
     sentences.extend(results.incomplete.iter().cloned());
     sentences
+}
+
+/// Returns whether anybody counted the frames of a run: a PLC whose samples were imported did not.
+pub(super) fn has_counted_frames(results: &Results) -> bool {
+    results.origin.as_ref().is_none_or(|origin| origin.kind == OriginKind::Capture)
 }
 
 /// Returns how many frames passed. The two directions have counts of their own: each node sends by its own clock.

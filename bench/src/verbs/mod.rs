@@ -2,10 +2,13 @@
 
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod doctor;
+pub mod from_capture;
 pub mod gate;
 pub mod history;
+pub mod import_samples;
 pub mod install;
 pub mod measure;
+mod measured_elsewhere;
 pub mod new;
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub mod overhead;

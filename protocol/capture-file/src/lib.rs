@@ -4,6 +4,8 @@
 //! dissector follows from packet to packet (TCP sequence numbers, requests and responses, I/O graphs) would count it
 //! twice. To get one file with two interfaces: `mergecap -w both.pcapng plc.pcapng robot.pcapng`.
 
+pub mod reader;
+
 use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::fmt;

@@ -170,10 +170,10 @@ fn columns(runs: &[Run]) -> Vec<Column> {
         let other = results.no_paper.as_ref();
         let other = other.map_or_else(String::new, |reason| format!("; not the paper's cell: {reason}"));
         let about = format!(
-            "setup {}, {}, {} mode, {}, {}{commit}{ended}{incomplete}{older}{other}",
+            "setup {}, {}, {}, {}, {}{commit}{ended}{incomplete}{older}{other}",
             results.setup,
             results.application,
-            results.mode,
+            results.mode_in_words(),
             repetitions(results.reps),
             results.conditions(", ")
         );

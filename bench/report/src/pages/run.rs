@@ -85,10 +85,10 @@ impl Run {
     pub(super) fn about(&self) -> String {
         let results = &self.results;
         format!(
-            "Setup {} · {} · {} mode · {} of each type · {}{}",
+            "Setup {} · {} · {} · {} of each type · {}{}",
             results.setup,
             results.application,
-            results.mode,
+            results.mode_in_words(),
             repetitions(results.reps),
             results.conditions(" · "),
             if results.is_of_older_version() { " · written by an older version" } else { "" }
@@ -103,6 +103,11 @@ impl Run {
             format!(
                 "Not recorded: nodes that ran already leave no trace. bench --mode virtual --setup {setup} records \
                  the same cell in virtual time, and bench --setup {setup} on nodes that it starts."
+            )
+        } else if self.results.origin.is_some() {
+            format!(
+                "Not recorded: only execution times were measured. bench --mode virtual --setup {setup} draws the same cell in \
+                 virtual time."
             )
         } else if self.results.mode == "real" {
             format!(

@@ -27,12 +27,15 @@ pub struct Entry {
     pub setup: String,
     /// The application's name.
     pub application: String,
-    /// `real` or `virtual`.
+    /// `real`, `virtual`, `captured` or `imported`.
     pub mode: String,
     /// Whether the nodes ran already.
     pub is_attached: bool,
     /// The nodes that ran already, with their hosts and versions; null if the bench started its own.
     pub attached: Option<String>,
+    /// Source of the samples, with PLC and robot; absent where the bench ran the measurement.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<String>,
     /// How it ended.
     pub status: Status,
     /// Its traces or captures lack something.
@@ -76,6 +79,7 @@ impl Entry {
             host: (!computer.is_empty()).then(|| computer.join(", ")),
             is_attached: results.attached.is_some(),
             attached: results.attached.as_ref().map(ToString::to_string),
+            origin: results.origin.as_ref().map(ToString::to_string),
             status: results.status,
             is_incomplete: !results.incomplete.is_empty(),
             is_of_older_version: results.is_of_older_version(),
@@ -154,7 +158,7 @@ impl Entry {
 
     /// Returns whether it is complete, on nodes that the bench started.
     pub(super) const fn is_whole(&self) -> bool {
-        self.is_complete() && !self.is_attached
+        self.is_complete() && !self.is_attached && self.origin.is_none()
     }
 
     pub(super) fn by_age(&self, other: &Self) -> Ordering {

@@ -1,0 +1,207 @@
+//! The skills of one PLC and one robot: when each was commanded, seen, moved and done.
+
+use protocol::image::{Command, Control, ErrorNumber, Feedback, Motion, Skill, Status};
+
+/// End of a skill.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum SkillEnd {
+    /// With `DONE`.
+    Done,
+    /// With `ABORTED`.
+    Aborted,
+    /// With an error, or refused with one.
+    Failed(ErrorNumber),
+    /// The next command came before its end was captured.
+    Replaced,
+    /// The capture ends before it does.
+    Unfinished,
+}
+
+/// A skill that has ended. Times are in ns since the first packet.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct SkillRecord {
+    pub(crate) skill: Skill,
+    /// Motions in all.
+    pub(crate) total: u32,
+    /// Its first motion.
+    pub(crate) first: Motion,
+    /// First frame with its command.
+    pub(crate) commanded_ns: u64,
+    /// First feedback with its number.
+    pub(crate) seen_ns: Option<u64>,
+    /// First feedback in which the arm moves.
+    pub(crate) moved_ns: Option<u64>,
+    /// First feedback in which it has ended.
+    pub(crate) ended_ns: u64,
+    pub(crate) end: SkillEnd,
+    pub(crate) blends_suppressed: u16,
+    /// The robot's own measure.
+    pub(crate) robot_ns: u64,
+    /// Most motions that were written and not executed.
+    pub(crate) slots_used: u32,
+    /// Feedbacks in which all written motions were executed and others were still to come.
+    pub(crate) starved: u32,
+    /// Time between the frames before and at the start, and before and at the end: by so much the times may be later.
+    pub(crate) uncertainty_ns: u64,
+}
+
+/// The skills of one PLC and one robot, frame by frame.
+#[derive(Clone, Default, Debug)]
+pub(crate) struct SkillWatch {
+    current: Option<SkillRecord>,
+    /// Number of the last command with `EXECUTE`.
+    number: Option<u16>,
+    has_command: bool,
+    last_command_ns: u64,
+    last_feedback_ns: u64,
+    last_feedback: Option<Feedback>,
+    /// Skills under way when the capture began.
+    under_way: u32,
+}
+
+impl SkillWatch {
+    /// Takes a command; returns the skill that it replaces.
+    pub(crate) fn handle_command(&mut self, now_ns: u64, command: &Command) -> Option<SkillRecord> {
+        let gap_ns = now_ns.saturating_sub(self.last_command_ns);
+        let is_first = !std::mem::replace(&mut self.has_command, true);
+        self.last_command_ns = now_ns;
+        if let Some(current) = self.current.as_mut().filter(|_| self.number == Some(command.number)) {
+            let executed = self.last_feedback.filter(|feedback| feedback.number == command.number);
+            let executed = executed.map_or(0, |feedback| feedback.executed);
+            current.slots_used = current.slots_used.max(command.written.saturating_sub(executed));
+        }
+        let is_new = command.control.contains(Control::EXECUTE) && self.number != Some(command.number);
+        if !is_new {
+            return None;
+        }
+        self.number = Some(command.number);
+        let before = self.current.take().map(|current| SkillRecord {
+            ended_ns: now_ns,
+            end: SkillEnd::Replaced,
+            ..current
+        });
+        if is_first {
+            // Its start was before the capture.
+            let is_busy = self.last_feedback.is_none_or(|feedback| feedback.status.contains(Status::BUSY));
+            self.under_way += u32::from(is_busy);
+            return before;
+        }
+        self.current = Some(SkillRecord {
+            skill: command.skill,
+            total: command.total,
+            first: *command.slot(0),
+            commanded_ns: now_ns,
+            seen_ns: None,
+            moved_ns: None,
+            ended_ns: now_ns,
+            end: SkillEnd::Unfinished,
+            blends_suppressed: 0,
+            robot_ns: 0,
+            slots_used: command.written,
+            starved: 0,
+            uncertainty_ns: gap_ns,
+        });
+        before
+    }
+
+    /// Takes a feedback; returns the skill that it ends.
+    pub(crate) fn handle_feedback(&mut self, now_ns: u64, feedback: &Feedback) -> Option<SkillRecord> {
+        let gap_ns = now_ns.saturating_sub(self.last_feedback_ns);
+        self.last_feedback_ns = now_ns;
+        let before = self.last_feedback.replace(*feedback);
+        let current = self.current.as_mut().filter(|_| self.number == Some(feedback.number))?;
+        let is_first = current.seen_ns.is_none();
+        if is_first && before.is_some_and(|before| before.number == feedback.number && !has_begun(feedback)) {
+            // The number of an earlier command, which this one has again.
+            return None;
+        }
+        current.seen_ns.get_or_insert(now_ns);
+        if !feedback.status.contains(Status::AT_REST) {
+            current.moved_ns.get_or_insert(now_ns);
+        }
+        current.blends_suppressed = feedback.blends_suppressed;
+        let end = if feedback.status.contains(Status::DONE) {
+            SkillEnd::Done
+        } else if feedback.status.contains(Status::ABORTED) {
+            SkillEnd::Aborted
+        } else if feedback.status.contains(Status::ERROR) {
+            SkillEnd::Failed(feedback.error)
+        } else {
+            let is_starved = feedback.executed < current.total && feedback.accepted == feedback.executed;
+            let has_motion = feedback.executed > 0;
+            current.starved += u32::from(is_starved && has_motion);
+            return None;
+        };
+        let mut ended = self.current.take()?;
+        ended.end = end;
+        ended.ended_ns = now_ns;
+        ended.robot_ns = feedback.execution_ns;
+        ended.uncertainty_ns = ended.uncertainty_ns.saturating_add(gap_ns);
+        Some(ended)
+    }
+
+    /// Returns the skill that is under way at the end of the capture.
+    pub(crate) fn finish(&mut self) -> Option<SkillRecord> {
+        self.current.take()
+    }
+
+    /// Returns how many skills were under way when the capture began.
+    pub(crate) const fn under_way(&self) -> u32 {
+        self.under_way
+    }
+}
+
+/// Returns whether the robot has taken up the command of the feedback's number.
+const fn has_begun(feedback: &Feedback) -> bool {
+    feedback.status.contains(Status::BUSY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn command(number: u16, is_on: bool) -> Command {
+        let control = if is_on { Control::ENABLE | Control::EXECUTE } else { Control::ENABLE };
+        Command { control, number, skill: Skill::MoveContinuous, total: 7, written: 5, ..Command::default() }
+    }
+
+    fn feedback(number: u16, status: Status, executed: u32) -> Feedback {
+        Feedback { number, status, executed, accepted: executed + 5, execution_ns: 42, ..Feedback::default() }
+    }
+
+    #[test]
+    fn a_skill_lasts_from_its_command_to_the_feedback_with_done() {
+        let mut watch = SkillWatch::default();
+        let rest = Status::AT_REST;
+        assert_eq!(watch.handle_feedback(90, &feedback(3, rest | Status::DONE, 7)), None);
+        assert_eq!(watch.handle_command(95, &command(3, false)), None);
+        assert_eq!(watch.handle_command(100, &command(4, true)), None);
+        assert_eq!(watch.handle_feedback(102, &feedback(3, rest | Status::DONE, 7)), None);
+        assert_eq!(watch.handle_feedback(104, &feedback(4, rest | Status::BUSY, 0)), None);
+        assert_eq!(watch.handle_feedback(108, &feedback(4, Status::BUSY, 0)), None);
+        assert_eq!(watch.handle_command(109, &Command { written: 6, ..command(4, true) }), None);
+        let ended = watch.handle_feedback(150, &feedback(4, rest | Status::DONE, 7)).unwrap();
+        let times = [Some(ended.commanded_ns), ended.seen_ns, ended.moved_ns, Some(ended.ended_ns)];
+        assert_eq!(times, [Some(100), Some(104), Some(108), Some(150)]);
+        assert_eq!((ended.end, ended.robot_ns, ended.slots_used), (SkillEnd::Done, 42, 6));
+        assert_eq!(ended.uncertainty_ns, 5 + 42, "from the frames before to those of start and end");
+    }
+
+    #[test]
+    fn a_skill_that_the_capture_meets_under_way_is_counted_and_not_measured() {
+        let mut watch = SkillWatch::default();
+        assert_eq!(watch.handle_command(1, &command(9, true)), None);
+        assert_eq!(watch.handle_feedback(50, &feedback(9, Status::DONE, 7)), None);
+        assert_eq!((watch.under_way(), watch.finish()), (1, None));
+    }
+
+    #[test]
+    fn a_command_before_the_end_of_the_last_one_replaces_it() {
+        let mut watch = SkillWatch::default();
+        watch.handle_command(1, &command(1, false));
+        watch.handle_command(2, &command(2, true));
+        let replaced = watch.handle_command(3, &command(3, true)).unwrap();
+        assert_eq!(replaced.end, SkillEnd::Replaced);
+        assert_eq!(watch.finish().unwrap().end, SkillEnd::Unfinished);
+    }
+}
