@@ -13,7 +13,7 @@ use records::origin::{MeasuredType, SampleOrigin};
 use records::paper::PaperComparison;
 use records::results::{PerType, Results};
 use records::run_directory::{self, Durability, RunDirectory};
-use report::pages::{self, Pages};
+use report::pages::{self, Pages, WantedPages};
 use report::{errln, outln, table};
 
 /// A measurement that no bench ran.
@@ -39,7 +39,8 @@ impl MeasuredElsewhere<'_> {
         let mode = self.origin.kind.mode();
         let path = out
             .map_or_else(|| run_directory::default_path(&self.setup.name, mode, self.began), PathBuf::from);
-        let mut directory = RunDirectory::create(&path, self.setup, &self.found.text, Durability::Synced)?;
+        let mut directory =
+            RunDirectory::create(&path, self.setup, &self.found.text, None, Durability::Synced)?;
         let results = Results { digests: Some(directory.digests().clone()), ..results };
         let saved = self.host_json().and_then(|host| directory.write_host(&host));
         let saved = saved.and_then(|()| directory.save_measured(self.types, &results));
@@ -50,7 +51,7 @@ impl MeasuredElsewhere<'_> {
         outln!("{}", table::render(&results));
         let shown = path.display();
         outln!("  Saved in {shown}.");
-        match pages::write(&path) {
+        match pages::write(&path, WantedPages::BOTH) {
             Ok(Pages { report, .. }) => outln!("  Report: {}.", report.display()),
             Err(Failure { error, .. }) => {
                 errln!("warning: the results are saved, but their report is not: {error:#}")
