@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SampleOrigin {
-    /// How they were measured.
+    /// Kind of the source.
     pub kind: OriginKind,
     /// Name of the file, without its directory.
     pub file: String,
@@ -20,7 +20,7 @@ pub struct SampleOrigin {
     pub robot: MeasuredPeer,
 }
 
-/// How the samples of a run were measured that no bench ran.
+/// Kind of the source of samples.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]

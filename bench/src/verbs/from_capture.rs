@@ -56,7 +56,7 @@ struct FileRemarks {
     other_links: u64,
     /// Packets without a time.
     untimed: u64,
-    /// How the file is cut or damaged, if it is.
+    /// Cut or damage of the file.
     broken: Option<CaptureError>,
 }
 

@@ -27,10 +27,10 @@ pub struct ImportOptions {
     /// The application that was run, instead of the setup's: a built-in one's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH")]
     pub application: Option<String>,
-    /// What the PLC is: maker, type, firmware.
+    /// Identity of the PLC: maker, type, firmware.
     #[arg(long, value_name = "TEXT")]
     pub plc: Option<String>,
-    /// What the robot is: maker, type, firmware.
+    /// Identity of the robot: maker, type, firmware.
     #[arg(long, value_name = "TEXT")]
     pub robot: Option<String>,
     /// The run's directory, new or without a run [default: below runs/, by time and setup].

@@ -229,7 +229,7 @@ fn of_type(repetitions: &Repetitions, execution_type: ExecutionType) -> Option<T
     let finished = repetitions.finished.iter().filter(|one| one.execution_type == execution_type);
     let of_type = repetitions.failed.iter().filter(|one| one.execution_type == execution_type);
     let figure = AetMad::of(finished.clone().map(|one| Duration::from_nanos(one.time_ns)));
-    let TypeTraits { seen, moved, slots_used, starved, incomplete } =
+    let TypeTraits { seen, moved, slots_used, starved, incomplete, .. } =
         repetitions.traits.get(execution_type).cloned().unwrap_or_default();
     let failed = of_type.map(|failed| {
         let before = finished.clone().filter(|one| one.commanded_ns < failed.commanded_ns).count();
@@ -271,6 +271,14 @@ fn remarks(traffic: &Traffic, station: &WatchedRobot, connections: usize) -> Vec
     for execution_type in ExecutionType::ALL {
         let incomplete = repetitions.traits.get(execution_type).map_or(0, |traits| traits.incomplete);
         let name = execution_type.to_string().to_uppercase();
+        let unanswered = repetitions.traits.get(execution_type).map_or(0, |traits| traits.unanswered);
+        add(
+            unanswered > 0,
+            format!(
+                "{} of {name} end with the feedback: the PLC leaves EXECUTE set after it",
+                counted(unanswered, "repetition")
+            ),
+        );
         add(
             incomplete > 0,
             format!("{} of {name} not complete in the capture", counted(incomplete, "repetition")),

@@ -48,6 +48,8 @@ pub(crate) struct TypeTraits {
     pub(crate) moved: Lateness,
     pub(crate) slots_used: u32,
     pub(crate) starved: u32,
+    /// Repetitions whose end the PLC did not answer: they end with the feedback.
+    pub(crate) unanswered: u32,
     /// Repetitions that were left before their end, or had begun before the capture.
     pub(crate) incomplete: u32,
 }
@@ -134,7 +136,7 @@ impl Repetitions {
         let switch = self.last_switch.filter(|_| execution_type != ExecutionType::Rc);
         match switch {
             Some(switch) => self.switching = Some(Switching { execution_type, skills, switch }),
-            None => self.finish(execution_type, &skills, record.ended_ns),
+            None => self.finish(execution_type, &skills, record.end_ns()),
         }
     }
 
@@ -166,7 +168,7 @@ impl Repetitions {
     /// Ends a repetition whose output was not switched: its last skill is its end.
     fn end_without_switch(&mut self) {
         if let Some(Switching { execution_type, skills, .. }) = self.switching.take() {
-            let ended_ns = skills.last().map_or(0, |last| last.ended_ns);
+            let ended_ns = skills.last().map_or(0, SkillRecord::end_ns);
             self.finish(execution_type, &skills, ended_ns);
         }
     }
@@ -211,6 +213,7 @@ impl Repetitions {
             traits.slots_used = traits.slots_used.max(skill.slots_used);
             traits.starved = traits.starved.saturating_add(skill.starved);
         }
+        traits.unanswered += u32::from(last.acknowledged_ns.is_none());
         if self.finished.len() >= MAX_KEPT {
             self.not_kept += 1;
             return;
@@ -260,7 +263,8 @@ mod tests {
             commanded_ns: at,
             seen_ns: Some(at + 2),
             moved_ns: Some(at + 3),
-            ended_ns: at + 10,
+            ended_ns: at + 9,
+            acknowledged_ns: Some(at + 10),
             end: SkillEnd::Done,
             blends_suppressed: 1,
             robot_ns: 9,

@@ -67,9 +67,9 @@ impl WatchedRobot {
                     return;
                 }
                 let Ok(command) = order.parse_command(image) else { return };
-                self.repetitions.handle_outputs(now_ns, command.outputs);
                 let ended = self.watch.handle_command(now_ns, &command);
                 self.handle_end(ended);
+                self.repetitions.handle_outputs(now_ns, command.outputs);
             }
             ImageDirection::Feedback => {
                 self.feedbacks += 1;
@@ -77,8 +77,7 @@ impl WatchedRobot {
                     return;
                 }
                 let Ok(feedback) = order.parse_feedback(image) else { return };
-                let ended = self.watch.handle_feedback(now_ns, &feedback);
-                self.handle_end(ended);
+                self.watch.handle_feedback(now_ns, &feedback);
             }
         }
     }
