@@ -65,6 +65,9 @@ pub(crate) struct SkillWatch {
     current: Option<SkillRecord>,
     /// The last skill, until the PLC has seen its end.
     ended: Option<SkillRecord>,
+    /// Time from the end of a skill to the PLC's answer: sum in ns, and how often it answered.
+    answers_ns: u64,
+    answers: u64,
     /// Number of the last command with `EXECUTE`.
     number: Option<u16>,
     has_command: bool,
@@ -129,6 +132,8 @@ impl SkillWatch {
         }
         let is_held = command.control.contains(Control::EXECUTE) && self.number == Some(command.number);
         let ended = self.ended.take_if(|_| !is_held)?;
+        self.answers_ns = self.answers_ns.saturating_add(after_ns);
+        self.answers += 1;
         let uncertainty_ns = ended.uncertainty_ns.saturating_add(gap_ns);
         Some(SkillRecord { acknowledged_ns: Some(now_ns), uncertainty_ns, ..ended })
     }
@@ -168,9 +173,16 @@ impl SkillWatch {
         });
     }
 
-    /// Returns the last skill at the end of the capture.
+    /// Returns the last skill at the end of the capture. If the PLC's answer to its end is no longer captured, it is taken to have
+    /// come as late as the earlier ones did on average.
     pub(crate) fn finish(&mut self) -> Option<SkillRecord> {
-        self.ended.take().or_else(|| self.current.take())
+        let usual_ns = self.answers_ns.checked_div(self.answers);
+        let ended = self.ended.take().map(|ended| SkillRecord {
+            acknowledged_ns: usual_ns.map(|usual| ended.ended_ns.saturating_add(usual)),
+            uncertainty_ns: ended.uncertainty_ns.saturating_add(usual_ns.unwrap_or_default()),
+            ..ended
+        });
+        ended.or_else(|| self.current.take())
     }
 
     /// Returns how many skills were under way when the capture began.
@@ -232,6 +244,20 @@ mod tests {
         let ended = watch.handle_command(5, &command(3, true)).unwrap();
         assert_eq!((ended.end, ended.acknowledged_ns), (SkillEnd::Done, Some(5)));
         assert_eq!(watch.finish().unwrap().commanded_ns, 5);
+    }
+
+    #[test]
+    fn an_answer_after_the_end_of_the_capture_comes_as_late_as_the_earlier_ones() {
+        let mut watch = SkillWatch::default();
+        watch.handle_command(1, &command(1, false));
+        for (number, at) in [(2, 100), (3, 200)] {
+            watch.handle_command(at, &command(number, true));
+            watch.handle_feedback(at + 50, &feedback(number, Status::DONE, 7));
+            watch.handle_command(at + 50 + u64::from(number), &command(number, false));
+        }
+        watch.handle_command(300, &command(4, true));
+        watch.handle_feedback(350, &feedback(4, Status::DONE, 7));
+        assert_eq!(watch.finish().unwrap().acknowledged_ns, Some(352));
     }
 
     #[test]
