@@ -40,11 +40,11 @@ pub const TARGETS: [(&str, Target); 18] = [
     ("control", files::control),
     ("motions", files::motions),
     ("records", files::records),
-    ("capture", capture::capture),
-    ("samples", files::samples),
     ("gsdml", device_files::gsdml),
     ("eds", device_files::eds),
     ("esi", device_files::esi),
+    ("capture", capture::capture),
+    ("samples", files::samples),
 ];
 
 /// Returns this thread's heap allocations so far.

@@ -1,6 +1,6 @@
 //! Sequences of skills that follow the plan, found wherever they begin.
 //!
-//! The search is that of D. E. Knuth, J. H. Morris and V. R. Pratt (SIAM J. Comput. 6, 1977): a skill that does not continue one
+//! The search is that of D. E. Knuth, J. H. Morris and V. R. Pratt (SIAM Journal on Computing 6, 1977): a skill that does not continue one
 //! repetition may still continue another that began later, as in a capture that begins within a repetition.
 
 use std::collections::VecDeque;

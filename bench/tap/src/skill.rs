@@ -173,7 +173,7 @@ impl SkillWatch {
         });
     }
 
-    /// Returns the last skill at the end of the capture. If the capture lacks the PLC's answer to its end, that is taken to have
+    /// Returns the last skill at the end of the capture. If the PLC's answer to its end was not captured, it is taken to have
     /// come as late as the earlier ones did on average.
     pub(crate) fn finish(&mut self) -> Option<SkillRecord> {
         let usual_ns = self.answers_ns.checked_div(self.answers);
