@@ -6,7 +6,7 @@
 //! # The rule
 //!
 //! An image is accepted if its life counter is ahead of the last accepted one by at most what the receiver's clock says has
-//! passed since, plus two cycles of the sender. The same counter is a repetition. Any other image is outdated: the receiver
+//! passed since, plus two steps of the sender. The same counter is a repetition. Any other image is outdated: the receiver
 //! refuses it, and the image before stands, as if the frame had been lost.
 //!
 //! A counter of 16 bits wraps, so an old image appears as one that is ahead: by 65,536 minus its age in cycles. It is refused
@@ -29,21 +29,22 @@
 //!   acts on nothing yet (the robot is `Halted`, the PLC leads the robot to `Ready`), each image that is too far ahead or old
 //!   sets a new start. From then on delays can only grow.
 //!
-//! Two cycles: the sender's program and its bus are not synchronous, so the delay from one to the other may change by one
-//! cycle at once; the other one is for everything else. The time is that of the arrival, not that at which the receiver's
+//! Two steps: the sender's program and its bus are not synchronous, so the delay from one to the other may change by one
+//! step at once; the other one is for everything else. A step is one cycle, or the least by which the counter rises from one
+//! image to the next where that is more: a program that runs every 16 ms may count milliseconds. The time is that of the arrival, not that at which the receiver's
 //! program reads the image: it reads in cycles of its own, and a drift between these and the bus would move the lead by a
 //! whole receiver's cycle at once. Where many frames wait in a stalled receiver, they arrive when it takes them: late.
 //!
 //! A sender that counts slower than its setup says is only late more and more, and so is one that pauses; that widens the
 //! allowance by at most twice [`MEMORY`]. One that counts so much faster that it is two cycles ahead from one image to the
-//! next is refused: its setup is wrong, and the error says so.
+//! next (no step is learnt from such images) is refused: its setup is wrong, and the error says so.
 //! A sender whose counter never moves cannot be judged. It is named once, and its images are accepted; when it moves, it
 //! starts there.
 
 use machine::{Duration, Instant};
 
-/// Cycles of the sender by which an image may be ahead of the receiver's clock: see the module.
-const CYCLES_AHEAD: i64 = 2;
+/// Steps of the sender by which an image may be ahead of the receiver's clock: see the module.
+const STEPS_AHEAD: i64 = 2;
 
 /// Time for which the highest lead is remembered at least; at most twice as long. Longer than stalls and queues of a network
 /// last, and so short that clocks do not drift by more than some cycles meanwhile.
@@ -70,6 +71,10 @@ pub struct LifeMonitor {
     cycle_ns: i64,
     /// The last accepted counter, and how often the sender had counted then since the start.
     last: Option<(u16, i64)>,
+    /// When that image arrived.
+    last_at: Instant,
+    /// The least by which the counter has risen from one image to the next.
+    step: Option<u16>,
     /// When the first image of the connection arrived.
     first_at: Instant,
     /// Whether the counter has moved on this connection.
@@ -96,6 +101,8 @@ impl LifeMonitor {
         Self {
             cycle_ns: nanos(cycle).max(1),
             last: None,
+            last_at: Instant::ZERO,
+            step: None,
             first_at: Instant::ZERO,
             has_moved: false,
             is_named: false,
@@ -124,7 +131,7 @@ impl LifeMonitor {
 
     /// Forgets the connection: the next image sets the start.
     pub const fn restart(&mut self) {
-        (self.last, self.refused) = (None, None);
+        (self.last, self.step, self.refused) = (None, None, None);
         (self.has_moved, self.is_named, self.is_acted_on) = (false, false, false);
     }
 
@@ -151,10 +158,11 @@ impl LifeMonitor {
             self.start(at, life);
             return Age::New;
         }
+        self.learn_step(at, ahead);
         let count = count.saturating_add(i64::from(ahead));
         let lead = self.lead(at, count);
         let [one, other] = self.leads;
-        if lead > one.max(other).saturating_add(CYCLES_AHEAD.saturating_mul(self.cycle_ns)) {
+        if lead > one.max(other).saturating_add(self.allowance()) {
             if !self.is_acted_on {
                 self.start(at, life);
                 return Age::New;
@@ -162,7 +170,7 @@ impl LifeMonitor {
             self.outdated += u64::from(self.refused.replace(life) != Some(life));
             return Age::Outdated;
         }
-        (self.last, self.refused) = (Some((life, count)), None);
+        (self.last, self.last_at, self.refused) = (Some((life, count)), at, None);
         self.remember(at, lead);
         Age::New
     }
@@ -181,8 +189,23 @@ impl LifeMonitor {
 
     /// Sets the start: nothing is known of the time before.
     fn start(&mut self, at: Instant, life: u16) {
-        (self.last, self.refused) = (Some((life, 0)), None);
+        (self.last, self.last_at, self.refused) = (Some((life, 0)), at, None);
         (self.leads, self.began_at) = ([self.lead(at, 0); 2], at);
+    }
+
+    /// Learns the sender's step from an image that is not further ahead of the one before it than two cycles allow. In a burst,
+    /// and from a sender that counts too fast, nothing is learnt.
+    fn learn_step(&mut self, at: Instant, ahead: u16) {
+        let passed = nanos(at.since(self.last_at)).saturating_add(self.cycle_ns.saturating_mul(2));
+        if i64::from(ahead).saturating_mul(self.cycle_ns) <= passed {
+            self.step = Some(self.step.map_or(ahead, |step| step.min(ahead)));
+        }
+    }
+
+    /// Time by which an image may be ahead of the most punctual one.
+    fn allowance(&self) -> i64 {
+        let step = i64::from(self.step.unwrap_or(1));
+        STEPS_AHEAD.saturating_mul(step).saturating_mul(self.cycle_ns)
     }
 
     fn lead(&self, at: Instant, count: i64) -> i64 {

@@ -110,6 +110,24 @@ fn images_that_arrive_in_a_burst_after_a_stall_are_not_refused() {
     }
 }
 
+/// An image of a program that runs every 16 ms and counts milliseconds, sent by a bus of 16 ms of its own: each image waits
+/// for the bus, and a program that is late once waits less from then on.
+#[test]
+fn a_program_that_counts_in_steps_may_shift_against_its_bus_at_once() {
+    for (before_ms, after_ms) in [(15, 0), (12, 2), (0, 15), (3, 8)] {
+        let sender = Sender::of(1_000, 0);
+        let mut monitor = monitor(1_000);
+        for image in 1..200 {
+            let wait_ms = if image < 100 { before_ms } else { after_ms };
+            let at = Instant::from_nanos(sender.sent_at(16 * image));
+            assert_eq!(monitor.judge(at, sender.life(16 * image - wait_ms)), Age::New, "{before_ms}, {after_ms}: {image}");
+            if image == 50 {
+                monitor.act();
+            }
+        }
+    }
+}
+
 #[test]
 fn an_hour_with_a_clock_that_is_200_ppm_fast_or_slow_refuses_nothing_and_hides_nothing() {
     for ppm in [-500, -200, 0, 200, 500] {
