@@ -31,7 +31,7 @@ const LINK_EVENTS: usize = 16;
 #[derive(Debug)]
 pub struct RobotNode<B: Fieldbus> {
     bus: B,
-    polled: Polled,
+    polled: BusPolls,
     controller: Controller,
     /// The drives that the set-points go to, if the robot has some.
     drives: Option<DriveSegment>,
@@ -63,14 +63,14 @@ pub struct RobotNode<B: Fieldbus> {
 /// What the bus may have to say since it was last called, and when it wants to be called. It changes only when it is called, and
 /// a robot cycle alone calls it for nothing but the feedback.
 #[derive(Debug)]
-struct Polled {
+struct BusPolls {
     may_send: bool,
     may_report: bool,
     /// Its next timeout; `None` where it was not asked since it was last called.
     timeout: Cell<Option<Option<Instant>>>,
 }
 
-impl Polled {
+impl BusPolls {
     /// What is known of a bus that was just called: nothing.
     const CALLED: Self = Self { may_send: true, may_report: true, timeout: Cell::new(None) };
 }
@@ -92,7 +92,7 @@ impl<B: Fieldbus> RobotNode<B> {
         let controller = Controller::new(config, programs, seed);
         let mut node = Self {
             bus,
-            polled: Polled::CALLED,
+            polled: BusPolls::CALLED,
             controller,
             drives,
             cycle,
@@ -125,7 +125,7 @@ impl<B: Fieldbus> RobotNode<B> {
 
     /// Returns the bus endpoint, for commands to it.
     pub fn bus_mut(&mut self) -> &mut B {
-        self.polled = Polled::CALLED;
+        self.polled = BusPolls::CALLED;
         &mut self.bus
     }
 
@@ -322,7 +322,7 @@ impl<B: Fieldbus> RobotNode<B> {
             self.sealer.take_tail(&self.output);
         }
         self.sealer.seal(order, &mut self.output);
-        self.polled = Polled::CALLED;
+        self.polled = BusPolls::CALLED;
         self.bus.set_output(&self.output);
     }
 

@@ -6,7 +6,7 @@ use protocol::fieldbus::{ControllerBus, LinkEvent, StationId};
 use super::PlcNode;
 use super::polled::Polled;
 use crate::program::PlcProgram;
-use crate::station::Input;
+use crate::station::RobotImage;
 use crate::{FailureCause, PlcEvent};
 
 impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
@@ -38,12 +38,12 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             let Some(station) = self.stations.get_mut(index) else { return };
             let input = match at {
                 Some((bus, id)) if !leads && station.has_again(|image| bus.repeats(id, image)) => {
-                    Input::Repeated
+                    RobotImage::Repeated
                 }
-                Some((bus, id)) => Input::Read(bus.input(id)),
-                None => Input::Read(None),
+                Some((bus, id)) => RobotImage::Read(bus.input(id)),
+                None => RobotImage::Read(None),
             };
-            if let (true, Input::Read(image)) = (leads, &input) {
+            if let (true, RobotImage::Read(image)) = (leads, &input) {
                 station.keep_received(*image);
             }
             if let Some(cause) = station.read_inputs(now, input, received, &mut self.events) {

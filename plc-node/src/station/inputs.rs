@@ -15,7 +15,7 @@ const OUTDATED_FOR: Duration = Duration::from_millis(100);
 
 /// What the bus has of the robot in a scan.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Input {
+pub(crate) enum RobotImage {
     /// The image of the scan before once more.
     Repeated,
     /// An image; `None` without a good one.
@@ -33,28 +33,30 @@ impl Station {
     pub(crate) fn read_inputs(
         &mut self,
         now: Instant,
-        input: Input,
+        input: RobotImage,
         received: u64,
         events: &mut Events,
     ) -> Option<FailureCause> {
         let input = match input {
-            Input::Read(_) if !self.is_connected => Input::Read(None),
-            Input::Read(Some(image)) if self.has_again(|inputs| *inputs == image) => Input::Repeated,
+            RobotImage::Read(_) if !self.is_connected => RobotImage::Read(None),
+            RobotImage::Read(Some(image)) if self.has_again(|inputs| *inputs == image) => {
+                RobotImage::Repeated
+            }
             input => input,
         };
-        let has_image = !matches!(input, Input::Read(None));
+        let has_image = !matches!(input, RobotImage::Read(None));
         let is_bad = self.is_connected && !has_image;
         if core::mem::replace(&mut self.image_bad, is_bad) != is_bad && self.is_connected {
             events.push(self.index, if is_bad { PlcEvent::ImageBad } else { PlcEvent::ImageGood });
         }
         let lost = match input {
-            Input::Repeated => {
+            RobotImage::Repeated => {
                 self.outdated_since = None;
                 self.group.read_again();
                 None
             }
-            Input::Read(Some(image)) => self.take_over(now, &image),
-            Input::Read(None) => {
+            RobotImage::Read(Some(image)) => self.take_over(now, &image),
+            RobotImage::Read(None) => {
                 self.forget_images();
                 self.group.read(None);
                 None
