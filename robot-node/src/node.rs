@@ -60,7 +60,7 @@ pub struct RobotNode<B: Fieldbus> {
     ticked_at: Instant,
 }
 
-/// What the bus may have to say since it was last called, and when it wants to be called. It changes only when it is called, and
+/// Frames and events that the bus may have since it was last called, and when it wants to be called. It changes only when it is called, and
 /// a robot cycle alone calls it for nothing but the feedback.
 #[derive(Debug)]
 struct BusPolls {
@@ -71,7 +71,7 @@ struct BusPolls {
 }
 
 impl BusPolls {
-    /// What is known of a bus that was just called: nothing.
+    /// A bus that was just called: nothing is known of it.
     const CALLED: Self = Self { may_send: true, may_report: true, timeout: Cell::new(None) };
 }
 

@@ -39,7 +39,7 @@ use crate::{
 #[derive(Debug)]
 pub struct PlcNode<B, P = Sequences> {
     buses: Vec<B>,
-    /// What is known of each bus since it was last called.
+    /// Knowledge of each bus since it was last called.
     polled: Vec<Polled>,
     stations: Vec<Station>,
     /// Where each station is: the index of its bus, and its number there.

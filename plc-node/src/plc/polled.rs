@@ -1,4 +1,4 @@
-//! What is known of a bus since it was last called, so that the PLC asks it only when it may have something.
+//! Knowledge of a bus since it was last called, so that the PLC asks it only when it may have something.
 //!
 //! A bus changes only when it is called: with a frame, at its timeout, or with a command. Most calls of the PLC are scans, which
 //! call no bus.
@@ -11,7 +11,7 @@ use protocol::fieldbus::ControllerBus;
 use super::PlcNode;
 use crate::program::PlcProgram;
 
-/// What a bus may have to say, and when it wants to be called.
+/// Frames, requests and events that a bus may have, and when it wants to be called.
 #[derive(Clone, Debug)]
 pub(super) struct Polled {
     may_send: bool,

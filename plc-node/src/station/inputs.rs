@@ -13,7 +13,7 @@ pub(super) const STILL: u32 = 20;
 /// Time with nothing but old images of the robot after which the connection counts as lost: a usual watchdog.
 const OUTDATED_FOR: Duration = Duration::from_millis(100);
 
-/// What the bus has of the robot in a scan.
+/// The robot in a scan, as the bus has it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum RobotImage {
     /// The image of the scan before once more.

@@ -234,7 +234,7 @@ fn explore<F: Explored>() -> (usize, HashSet<Outputs>) {
 /// An image of the robot with its bytes, or a lost connection; and `Execute`.
 type SeenInput = (Option<(Feedback, Image)>, bool);
 
-/// What came of the inputs of a state: new states, each with that of the exported block, and all outputs.
+/// Results of the inputs of a state: new states, each with that of the exported block, and all outputs.
 type Followed<F> = (Vec<(Explorer<F>, Instance)>, HashSet<Outputs>);
 
 /// Tries inputs from a state. Returns the states that are not known yet, each once, and all outputs.
