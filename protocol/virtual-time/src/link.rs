@@ -188,7 +188,7 @@ pub struct Link {
     cut: bool,
     random: Pcg64Mcg,
     counters: LinkCounters,
-    /// Whether it does nothing to a frame but delay it.
+    /// True while it only delays frames.
     is_plain: bool,
     /// Arrival of the last frame in order. Without reordering a cable keeps the order, whatever the jitter.
     last_arrival: Instant,
