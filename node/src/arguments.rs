@@ -29,19 +29,19 @@ pub fn parse_with<C: Parser>(
 ) -> C {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     let command = within_terminal(adapt(numbers_may_be_negative(C::command())));
-    let parsed = command.clone().try_get_matches_from(&arguments);
-    let parsed = parsed.and_then(|mut matches| C::from_arg_matches_mut(&mut matches));
-    parsed.unwrap_or_else(|error| {
-        let error = not_a_number(&error, command).unwrap_or(error);
-        // The parser repeats the arguments as they are.
-        let is_foreign =
-            arguments.iter().any(|text| !text.to_string_lossy().chars().all(output::is_harmless));
-        if is_foreign && error.use_stderr() {
-            output::to_stderr(format_args!("{}", error.render().to_string().trim_end()));
-            std::process::exit(error.exit_code());
-        }
-        error.exit()
+    parsed(&command, &arguments).unwrap_or_else(|error| {
+        // The parser repeats arguments as they are, and drops control characters without a word.
+        let shown = |text: &OsString| OsString::from(output::shown(&text.to_string_lossy()));
+        let shown: Vec<_> = arguments.iter().map(shown).collect();
+        let error =
+            if shown == arguments { error } else { parsed::<C>(&command, &shown).err().unwrap_or(error) };
+        not_a_number(&error, command).unwrap_or(error).exit()
     })
+}
+
+fn parsed<C: Parser>(command: &Command, arguments: &[OsString]) -> Result<C, Error> {
+    let mut matches = command.clone().try_get_matches_from(arguments)?;
+    C::from_arg_matches_mut(&mut matches)
 }
 
 /// Makes the help of a command fit the terminal.
