@@ -39,6 +39,7 @@ impl Scan {
     }
 
     /// Returns whether the scan's outputs were to be written before `now`.
+    #[must_use]
     pub fn is_overdue(&self, now: Instant) -> bool {
         self.outputs_due.is_some_and(|due| due < now)
     }

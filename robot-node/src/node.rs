@@ -71,8 +71,10 @@ struct BusPolls {
 }
 
 impl BusPolls {
-    /// A bus that was just called: nothing is known of it.
-    const CALLED: Self = Self { may_send: true, may_report: true, timeout: Cell::new(None) };
+    /// Returns what is known of a bus that was just called: nothing.
+    const fn called() -> Self {
+        Self { may_send: true, may_report: true, timeout: Cell::new(None) }
+    }
 }
 
 impl<B: Fieldbus> RobotNode<B> {
@@ -92,7 +94,7 @@ impl<B: Fieldbus> RobotNode<B> {
         let controller = Controller::new(config, programs, seed);
         let mut node = Self {
             bus,
-            polled: BusPolls::CALLED,
+            polled: BusPolls::called(),
             controller,
             drives,
             cycle,
@@ -125,7 +127,7 @@ impl<B: Fieldbus> RobotNode<B> {
 
     /// Returns the bus endpoint, for commands to it.
     pub fn bus_mut(&mut self) -> &mut B {
-        self.polled = BusPolls::CALLED;
+        self.polled = BusPolls::called();
         &mut self.bus
     }
 
@@ -322,7 +324,7 @@ impl<B: Fieldbus> RobotNode<B> {
             self.sealer.take_tail(&self.output);
         }
         self.sealer.seal(order, &mut self.output);
-        self.polled = BusPolls::CALLED;
+        self.polled = BusPolls::called();
         self.bus.set_output(&self.output);
     }
 

@@ -36,16 +36,13 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             let at = self.places.get(index).copied();
             let at = at.and_then(|(bus, id)| Some((self.buses.get(bus)?, id)));
             let Some(station) = self.stations.get_mut(index) else { return };
-            let input = match at {
-                Some((bus, id)) if !leads && station.has_again(|image| bus.repeats(id, image)) => {
-                    RobotImage::Repeated
-                }
-                Some((bus, id)) => RobotImage::Read(bus.input(id)),
-                None => RobotImage::Read(None),
-            };
-            if let (true, RobotImage::Read(image)) = (leads, &input) {
-                station.keep_received(*image);
+            let is_repeated =
+                !leads && at.is_some_and(|(bus, id)| station.has_again(|image| bus.repeats(id, image)));
+            let image = at.filter(|_| !is_repeated).and_then(|(bus, id)| bus.input(id));
+            if leads {
+                station.keep_received(image);
             }
+            let input = if is_repeated { RobotImage::Repeated } else { RobotImage::Read(image.as_ref()) };
             if let Some(cause) = station.read_inputs(now, input, received, &mut self.events) {
                 self.fail(Some(index), cause);
             }
@@ -102,7 +99,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     fn write_output(&mut self, index: usize) {
         let Some((bus, id)) = self.places.get(index).copied() else { return };
         if let Some(polled) = self.polled.get_mut(bus) {
-            *polled = Polled::CALLED;
+            *polled = Polled::called();
         }
         if let (Some(bus), Some(station)) = (self.buses.get_mut(bus), self.stations.get(index)) {
             bus.set_output(id, station.outputs());

@@ -125,7 +125,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         let (count, period) = (stations.len(), scan.period());
         debug_assert!(period > Duration::ZERO, "a scan has a cycle");
         Self {
-            polled: vec![Polled::CALLED; buses.len()],
+            polled: vec![Polled::called(); buses.len()],
             buses,
             places,
             on_bus,
@@ -258,7 +258,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
 
     /// Returns the buses, for commands of their own; poll the PLC afterwards.
     pub fn buses_mut(&mut self) -> &mut [B] {
-        self.polled.fill(Polled::CALLED);
+        self.polled.fill(Polled::called());
         &mut self.buses
     }
 

@@ -23,15 +23,16 @@ pub(super) struct Polled {
 
 impl Polled {
     /// Returns what is known of a bus that was just called: nothing.
-    pub(super) const CALLED: Self =
-        Self { may_send: true, may_connect: true, may_report: true, timeout: Cell::new(None) };
+    pub(super) const fn called() -> Self {
+        Self { may_send: true, may_connect: true, may_report: true, timeout: Cell::new(None) }
+    }
 }
 
 impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Returns a bus, to call it.
     pub(super) fn call(&mut self, bus: usize) -> Option<&mut B> {
         if let Some(polled) = self.polled.get_mut(bus) {
-            *polled = Polled::CALLED;
+            *polled = Polled::called();
         }
         self.buses.get_mut(bus)
     }
@@ -60,7 +61,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             }
             if let Some(transmit) = bus.poll_transmit(now, buf) {
                 // What follows a frame may be anything.
-                *polled = Polled::CALLED;
+                *polled = Polled::called();
                 return Some((on, transmit));
             }
             polled.may_send = false;
@@ -77,7 +78,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 continue;
             }
             if let Some(request) = bus.poll_stream() {
-                *polled = Polled::CALLED;
+                *polled = Polled::called();
                 return Some((on, request));
             }
             polled.may_connect = false;

@@ -15,11 +15,11 @@ const OUTDATED_FOR: Duration = Duration::from_millis(100);
 
 /// The robot in a scan, as the bus has it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum RobotImage {
+pub(crate) enum RobotImage<'a> {
     /// The image of the scan before once more.
     Repeated,
     /// An image; `None` without a good one.
-    Read(Option<Image>),
+    Read(Option<&'a Image>),
 }
 
 impl Station {
@@ -33,15 +33,13 @@ impl Station {
     pub(crate) fn read_inputs(
         &mut self,
         now: Instant,
-        input: RobotImage,
+        input: RobotImage<'_>,
         received: u64,
         events: &mut Events,
     ) -> Option<FailureCause> {
         let input = match input {
             RobotImage::Read(_) if !self.is_connected => RobotImage::Read(None),
-            RobotImage::Read(Some(image)) if self.has_again(|inputs| *inputs == image) => {
-                RobotImage::Repeated
-            }
+            RobotImage::Read(Some(image)) if self.has_again(|inputs| inputs == image) => RobotImage::Repeated,
             input => input,
         };
         let has_image = !matches!(input, RobotImage::Read(None));
@@ -55,7 +53,7 @@ impl Station {
                 self.group.read_again();
                 None
             }
-            RobotImage::Read(Some(image)) => self.take_over(now, &image),
+            RobotImage::Read(Some(image)) => self.take_over(now, image),
             RobotImage::Read(None) => {
                 self.forget_images();
                 self.group.read(None);

@@ -173,7 +173,7 @@ impl LedCell {
             station.life.note_arrival(self.now, self.now.as_nanos());
             station.note_stamp(self.now, || Some(image));
             assert_eq!(
-                station.read_inputs(self.now, RobotImage::Read(Some(image)), 0, &mut self.events),
+                station.read_inputs(self.now, RobotImage::Read(Some(&image)), 0, &mut self.events),
                 None
             );
             while self.events.pop().is_some() {}
