@@ -31,5 +31,6 @@ mod list_lengths;
 mod report;
 mod studies;
 mod study_engine;
+mod study_report;
 mod sweep;
 mod virtual_run;
