@@ -25,6 +25,7 @@ mod folder;
 mod identify;
 pub mod job;
 pub mod key;
+pub mod listed;
 mod merge;
 mod observations;
 pub mod plan;
