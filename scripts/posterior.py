@@ -24,9 +24,10 @@ OF_MEAN, OF_DEVIATION = 0.25, 0.25
 
 def jobs_of(directory):
     """Values of each job, and its six figures as they are fitted."""
-    times = {}
+    times, seeds = {}, {}
     with open(directory / "rows.csv", newline="") as file:
         for row in csv.DictReader(file):
+            seeds[row["job"]] = row["seed"]
             if row["status"] == "passed":
                 times.setdefault(row["job"], {}).setdefault(row["type"], []).append(float(row["execution_ns"]) / 1e6)
     jobs = []
@@ -37,7 +38,7 @@ def jobs_of(directory):
                 continue
             means = [numpy.mean(of_types[one]) for one in TYPES]
             mads = [numpy.mean(numpy.abs(numpy.array(of_types[one]) - numpy.mean(of_types[one]))) for one in TYPES]
-            jobs.append((job, means, means + [math.log(max(mad, 1e-3)) for mad in mads]))
+            jobs.append((job, means, means + [math.log(max(mad, 1e-3)) for mad in mads], seeds[job["job"]]))
     return jobs
 
 
@@ -92,7 +93,12 @@ def check_effects(report, jobs):
         for figure in (one for one in effects["figures"] if one["figure"] == "AET"):
             index = TYPES.index(figure["type"])
             for level in figure["levels"]:
-                values = [job[1][index] for job in jobs if job[0][effects["key"]] == level["value"]]
+                of_seeds = {}
+                for job in jobs:
+                    if job[0][effects["key"]] == level["value"]:
+                        of_seeds.setdefault(job[3], []).append(job[1][index])
+                # Jobs of one seed are one sample.
+                values = [numpy.mean(one) for one in of_seeds.values()]
                 margin = stats.sem(values) * stats.t.ppf(0.975, len(values) - 1)
                 found = level["mean"]
                 assert abs(found["value"] - numpy.mean(values)) < 1e-6 and abs(found["margin"] / margin - 1) < 0.005, (level, margin)

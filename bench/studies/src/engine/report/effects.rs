@@ -1,4 +1,5 @@
-//! Effect of each varied key on each figure, with 95 % intervals over the jobs.
+//! Effect of each varied key on each figure, with 95 % intervals over the seeds: jobs of one seed share clocks, phases, pauses and drawn
+//! values, so that they are one sample.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +13,7 @@ use crate::engine::observations::{JobFigures, Measure, Observations};
 /// Parts into which the values of a drawn key are divided for pictures and tables.
 const PARTS: usize = 10;
 
-/// A value with half the width of its 95 % interval; without one where there are too few jobs.
+/// A value with half the width of its 95 % interval; without one where there are too few seeds.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
 pub(crate) struct WithMargin {
     /// The value.
@@ -22,12 +23,23 @@ pub(crate) struct WithMargin {
 }
 
 impl WithMargin {
-    /// Returns the mean of samples; `None` without one.
-    fn of(samples: &[f64]) -> Option<Self> {
-        let sum: f64 = samples.iter().sum();
-        let mean = Mean::of(samples).map(|mean| mean.margin_ms());
-        (!samples.is_empty()).then(|| Self { value: sum / samples.len() as f64, margin: mean })
+    /// Returns the mean of values, each with its seed; `None` without one.
+    fn of(values: impl Iterator<Item = (u64, f64)>) -> Option<Self> {
+        let samples = by_seed(values);
+        let value = samples.iter().sum::<f64>() / samples.len() as f64;
+        let margin = Mean::of(&samples).map(|mean| mean.margin_ms());
+        (!samples.is_empty()).then_some(Self { value, margin })
     }
+}
+
+/// Returns the mean of each seed's values.
+fn by_seed(values: impl Iterator<Item = (u64, f64)>) -> Vec<f64> {
+    let mut sums: BTreeMap<u64, (f64, f64)> = BTreeMap::new();
+    for (seed, value) in values {
+        let (sum, count) = sums.entry(seed).or_default();
+        (*sum, *count) = (*sum + value, *count + 1.0);
+    }
+    sums.into_values().map(|(sum, count)| sum / count).collect()
 }
 
 /// A figure at one value of a key, or in one part of the values that were drawn.
@@ -110,6 +122,9 @@ pub(super) fn effects(axes: &[Axis], observations: &Observations) -> (Vec<KeyEff
     (keys.collect(), constant.iter().filter_map(same).collect())
 }
 
+/// Jobs, each with one of its figures.
+type JobsWithFigure<'a> = Vec<(&'a JobFigures, f64)>;
+
 fn values(observations: &Observations, measure: usize) -> impl Iterator<Item = (&JobFigures, f64)> {
     observations.jobs.iter().filter_map(move |job| Some((job, job.measures.get(measure).copied()??)))
 }
@@ -130,7 +145,7 @@ fn levels(
     if let Some(bounds) = axis.bounds() {
         return parts(key, bounds, observations, measure);
     }
-    let mut by_value: BTreeMap<u128, Vec<(&JobFigures, f64)>> = BTreeMap::new();
+    let mut by_value: BTreeMap<u128, JobsWithFigure<'_>> = BTreeMap::new();
     let numbers: BTreeMap<String, u128> =
         (0..axis.len()).map(|number| (axis.value(number, 0).to_string(), number)).collect();
     for (job, value) in values(observations, measure) {
@@ -146,17 +161,16 @@ fn levels(
     };
     let first: BTreeMap<_, f64> =
         by_value.values().next().into_iter().flatten().map(|(job, value)| (rest(job), *value)).collect();
-    let level = |(index, (number, jobs)): (usize, (&u128, &Vec<(&JobFigures, f64)>))| {
+    let level = |(index, (number, jobs)): (usize, (&u128, &JobsWithFigure<'_>))| {
         let text = axis.value(*number, 0).to_string();
-        let all: Vec<f64> = jobs.iter().map(|(_, value)| *value).collect();
-        let changes: Vec<f64> =
-            jobs.iter().filter_map(|(job, value)| Some(value - first.get(&rest(job))?)).collect();
+        let all = || jobs.iter().map(|(job, value)| (job.seed, *value));
+        let change = |(job, value): &(&JobFigures, f64)| Some((job.seed, value - first.get(&rest(job))?));
         Some(EffectLevel {
             number: text.parse().ok(),
             value: text,
-            jobs: all.len(),
-            mean: WithMargin::of(&all)?,
-            change: WithMargin::of(&changes).filter(|_| index > 0),
+            jobs: jobs.len(),
+            mean: WithMargin::of(all())?,
+            change: WithMargin::of(jobs.iter().filter_map(change)).filter(|_| index > 0),
         })
     };
     by_value.iter().enumerate().filter_map(level).collect()
@@ -169,21 +183,21 @@ fn parts(
     observations: &Observations,
     measure: usize,
 ) -> Vec<EffectLevel> {
-    let mut in_parts: Vec<Vec<f64>> = vec![Vec::new(); PARTS];
+    let mut in_parts: Vec<Vec<(u64, f64)>> = vec![Vec::new(); PARTS];
     for (job, value) in values(observations, measure) {
         let drawn = job.values.get(key).and_then(|text| text.parse::<f64>().ok());
         let part = drawn.map(|drawn| ((drawn - min) / (max - min) * PARTS as f64) as usize);
         if let Some(part) = part.and_then(|part| in_parts.get_mut(part.min(PARTS - 1))) {
-            part.push(value);
+            part.push((job.seed, value));
         }
     }
     let middle = |index: usize| min + (max - min) * (index as f64 + 0.5) / PARTS as f64;
-    let level = |(index, values): (usize, &Vec<f64>)| {
+    let level = |(index, values): (usize, &Vec<(u64, f64)>)| {
         Some(EffectLevel {
             value: format!("{:.6}", middle(index)).trim_end_matches('0').trim_end_matches('.').to_owned(),
             number: Some(middle(index)),
             jobs: values.len(),
-            mean: WithMargin::of(values)?,
+            mean: WithMargin::of(values.iter().copied())?,
             change: None,
         })
     };
@@ -195,29 +209,31 @@ fn slope(axes: &[Axis], key: usize, observations: &Observations, measure: usize)
     let (min, max) = axes.get(key)?.bounds()?;
     let drawn: Vec<usize> =
         (0..axes.len()).filter(|index| axes.get(*index).is_some_and(Axis::is_drawn)).collect();
-    let mut points: BTreeMap<Vec<&String>, Vec<Vec<f64>>> = BTreeMap::new();
+    let mut points: BTreeMap<Vec<&String>, Vec<(u64, Vec<f64>)>> = BTreeMap::new();
     for (job, value) in values(observations, measure) {
         let fixed =
             job.values.iter().enumerate().filter(|(index, _)| !drawn.contains(index)).map(|(_, text)| text);
         let numbers = drawn.iter().filter_map(|index| job.values.get(*index)?.parse::<f64>().ok());
-        points.entry(fixed.collect()).or_default().push(numbers.chain([value]).collect());
+        points.entry(fixed.collect()).or_default().push((job.seed, numbers.chain([value]).collect()));
     }
-    let (mut rows, mut wanted) = (Vec::new(), Vec::new());
+    // The columns of each seed: the drawn values and the figure, each without the mean of its point.
+    let mut columns: Vec<Vec<(u64, f64)>> = vec![Vec::new(); drawn.len() + 1];
     for jobs in points.values() {
-        let count = jobs.len() as f64;
-        let mean = |column: usize| jobs.iter().filter_map(|row| row.get(column)).sum::<f64>() / count;
-        let means: Vec<f64> = (0..=drawn.len()).map(mean).collect();
-        for row in jobs {
-            let mut centred: Vec<f64> = row.iter().zip(&means).map(|(value, mean)| value - mean).collect();
-            wanted.extend(centred.pop());
-            rows.push(centred);
+        for (column, samples) in columns.iter_mut().enumerate() {
+            let own = || jobs.iter().filter_map(move |(seed, row)| Some((*seed, *row.get(column)?)));
+            let mean = own().map(|(_, value)| value).sum::<f64>() / jobs.len() as f64;
+            samples.extend(own().map(|(seed, value)| (seed, value - mean)));
         }
     }
-    let freedom = rows.len() as f64 - points.len() as f64 - drawn.len() as f64;
+    let columns: Vec<Vec<f64>> = columns.into_iter().map(|column| by_seed(column.into_iter())).collect();
+    let (wanted, drawn_columns) = columns.split_last()?;
+    let row = |index| drawn_columns.iter().filter_map(|column| column.get(index).copied()).collect();
+    let rows: Vec<Vec<f64>> = (0..wanted.len()).map(row).collect();
+    let freedom = rows.len() as f64 - 1.0 - drawn.len() as f64;
     if freedom < 1.0 {
         return None;
     }
-    let fit = least_squares(&rows, &wanted)?;
+    let fit = least_squares(&rows, wanted)?;
     let column = drawn.iter().position(|index| *index == key)?;
     let variance = fit.residuals.iter().map(|residual| residual * residual).sum::<f64>() / freedom;
     let error = (variance * fit.inverse_diagonal.get(column)?).sqrt();

@@ -171,9 +171,9 @@ fn key_section(effects: &KeyEffects) -> anyhow::Result<KeySection> {
     Ok(KeySection {
         key: effects.key.clone(),
         about: if effects.is_drawn {
-            "Means in ten equal parts of the range, with the 95 % intervals of all that varies beside. The table has the straight line through the jobs, with the other drawn keys taken out."
+            "Means in ten equal parts of the range, with 95 % intervals over the seeds. The table has the straight line through the jobs, with the other drawn keys taken out."
         } else {
-            "Means at each value, with the 95 % intervals of all that varies beside. The change is that between jobs with the same seed and the same other values, so its interval is narrower."
+            "Means at each value, with 95 % intervals over the seeds. The change is that between jobs with the same seed and the same other values, so its interval is narrower."
         },
         figures,
         tables: if slopes.is_empty() {
