@@ -19,4 +19,4 @@ pub mod command_line;
 pub mod verbs;
 
 /// The commit that the program was built from, empty if it is unknown.
-pub(crate) const COMMIT: &str = env!("SKILLBENCH_COMMIT");
+pub const COMMIT: &str = env!("SKILLBENCH_COMMIT");

@@ -30,8 +30,8 @@ fn main() -> ExitCode {
     let cli = command_line::parse(std::env::args_os());
     let outcome = match &cli.command {
         None => measure::run(&cli.run),
-        Some(Command::Buses(options)) => buses::run(options),
-        Some(Command::Calibrate(options)) => calibrate::run(options),
+        Some(Command::Buses(options)) => buses::run(options, bench::COMMIT),
+        Some(Command::Calibrate(options)) => calibrate::run(options, bench::COMMIT),
         Some(Command::Gate(options)) => gate::run(options),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Overhead(options)) => overhead::run(options),
@@ -49,8 +49,8 @@ fn main() -> ExitCode {
         #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Scale(options)) => scale::run(options),
         Some(Command::Study(verb)) => study::run(verb),
-        Some(Command::Sweep(options)) => sweep::run(options),
-        Some(Command::Sensitivity(options)) => sensitivity::run(options),
+        Some(Command::Sweep(options)) => sweep::run(options, bench::COMMIT),
+        Some(Command::Sensitivity(options)) => sensitivity::run(options, bench::COMMIT),
         Some(Command::Judge(options)) => judge::run(options),
         Some(Command::Explore(options)) => explore::run(options),
         Some(Command::Soak(options)) => soak::run(options),

@@ -157,3 +157,15 @@ verb_studies() { #: a study on this machine's cores, Slurm and HyperQueue, a wor
     "$TOOLS/kubernetes-validate" "$out/job.yaml"
     echo "200 jobs at 3 shards, three times, in $((SECONDS - began)) s"
 }
+
+verb_identification() { #: what Table 2 says about Setups A and B: 960 jobs, then the same by emcee, numpy and scipy (minutes; release build)
+    local setup out
+    python_tool identification emcee==3.1.6 numpy==2.4.6 scipy==1.17.1
+    cargo build --release --locked --package bench
+    out="${CARGO_TARGET_DIR:-target}/identification"
+    for setup in a b; do
+        "${CARGO_TARGET_DIR:-target}/release/bench" study run "bench/studies/examples/identification-$setup.toml" --out "$out-$setup" --quiet
+        "${CARGO_TARGET_DIR:-target}/release/bench" study report "$out-$setup"
+        "$TOOLS/python" scripts/posterior.py "$out-$setup"
+    done
+}

@@ -44,6 +44,12 @@ impl Mean {
         Some(Self { ms: aet_ms, error_ms: deviation / count.sqrt(), freedom: count - 1.0 })
     }
 
+    /// Returns an estimate with its standard error and the degrees of freedom of that error, such as a slope.
+    #[must_use]
+    pub const fn with_error(ms: f64, error_ms: f64, freedom: f64) -> Self {
+        Self { ms, error_ms, freedom }
+    }
+
     /// Subtracts the mean of other samples.
     #[must_use]
     pub fn less(self, other: Self) -> Self {

@@ -62,6 +62,7 @@ pub mod mode;
 pub mod not_ready;
 pub mod occupied;
 pub mod origin;
+pub mod own_memory;
 pub mod paper;
 pub mod plant_speed;
 pub mod quality;

@@ -149,6 +149,12 @@ impl<T> Default for PerType<T> {
 }
 
 impl<T> PerType<T> {
+    /// Returns how many repetitions `saved` counts over all types, and how many were wanted with `reps` of each.
+    pub fn saved_of_all(&self, reps: u32, saved: impl Fn(&T) -> usize) -> (usize, usize) {
+        let of_types: Vec<&T> = ExecutionType::ALL.iter().filter_map(|one| self.get(*one)).collect();
+        (of_types.iter().map(|result| saved(result)).sum(), of_types.len() * reps as usize)
+    }
+
     /// Returns the value of a type.
     pub const fn get(&self, execution_type: ExecutionType) -> Option<&T> {
         match execution_type {
@@ -366,9 +372,7 @@ impl Results {
     /// Returns how many repetitions have a result, and how many were asked for.
     #[must_use]
     pub fn saved_of_all(&self) -> (usize, usize) {
-        let types =
-            || ExecutionType::ALL.into_iter().filter_map(|execution_type| self.results.get(execution_type));
-        (types().map(|result| result.samples_ms.len()).sum(), types().count() * self.reps as usize)
+        self.results.saved_of_all(self.reps, |result| result.samples_ms.len())
     }
 
     /// Returns seed, override and source of the positions, as far as there are any: the end of the line that describes the run.

@@ -1,6 +1,7 @@
 //! `bench buses`: the same arm and application over every bus, in virtual time: execution times, and how long a reaction
 //! over the bus takes beside the least and the most that its cycles allow.
 
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -11,7 +12,8 @@ use plc_node::ExecutionType;
 use setup::Setup;
 
 use crate::each_bus::over_each_bus;
-use crate::engine::job::ListedJob;
+use crate::engine::job::{JobRows, ListedJob};
+use crate::engine::listed::{ListedStudy, RowsOrigin};
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::jobs;
 use crate::setup_option::SetupOption;
@@ -44,6 +46,9 @@ pub struct BusesOptions {
     /// Seed of the clocks, phases and pauses.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+    /// Directory for the rows; given again, a comparison that ended early goes on.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Print the table only: no progress.
     #[arg(long, short)]
     pub quiet: bool,
@@ -63,15 +68,30 @@ struct Row {
 /// # Errors
 ///
 /// The setup cannot be used on one of the buses, or a run fails.
-pub fn run(options: &BusesOptions) -> Result<Exit, Failure> {
+pub fn run(options: &BusesOptions, commit: &str) -> Result<Exit, Failure> {
     let (setup, found) = options.setup.load()?;
     let variants = over_each_bus(&setup)?;
     for (_, variant) in &variants {
         setup::check(variant)?;
     }
-    let measure = |(bus, setup): &(&'static str, Setup)| row(bus, setup, &found.application, options);
     let is_interrupted = watch_for_interrupt()?;
-    let rows = jobs::run("buses", options.quiet, &is_interrupted, &variants, measure)?;
+    let mut study = ListedStudy::in_memory("buses", options.quiet, &is_interrupted);
+    if let Some(directory) = &options.out {
+        let claim = format!(
+            "buses\n{}\n{}\n{} {}",
+            setup::setup_to_toml(&setup)?,
+            found.text,
+            options.reps,
+            options.seed
+        );
+        study = study.saved_in(RowsOrigin { directory, options: &claim, results: &[], commit })?;
+    }
+    let listed = variants.iter().map(|(_, setup)| listed(setup, &found.application, options));
+    let executed = study.measured(&listed.collect::<anyhow::Result<Vec<_>>>()?)?;
+    let measured: Vec<_> =
+        variants.iter().zip(executed).filter_map(|(variant, rows)| Some((variant, rows?))).collect();
+    let measure = |((bus, setup), rows): &(&(&'static str, Setup), JobRows)| row(bus, setup, rows, options);
+    let rows = jobs::run("reactions", options.quiet, &is_interrupted, &measured, measure)?;
     let rows: Vec<Row> = rows.into_iter().flatten().collect();
     if !rows.is_empty() {
         outln!("{}", render(&setup, &found.application.name, options, &rows));
@@ -82,15 +102,12 @@ pub fn run(options: &BusesOptions) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-fn row(
-    bus: &'static str,
-    setup: &Setup,
-    application: &Application,
-    options: &BusesOptions,
-) -> anyhow::Result<Row> {
+fn listed(setup: &Setup, application: &Application, options: &BusesOptions) -> anyhow::Result<ListedJob> {
     let schedule = Schedule::new(&ExecutionType::ALL, options.reps, options.seed);
-    let planned = PlannedCell::of(setup, application)?;
-    let rows = ListedJob { setup: setup.clone(), planned, schedule }.measured()?;
+    Ok(ListedJob { setup: setup.clone(), planned: PlannedCell::of(setup, application)?, schedule })
+}
+
+fn row(bus: &'static str, setup: &Setup, rows: &JobRows, options: &BusesOptions) -> anyhow::Result<Row> {
     let aet_ms = ExecutionType::ALL
         .map(|execution_type| rows.aet_mad(execution_type).map_or(f64::NAN, |figure| figure.aet_ms));
     let mut times = Vec::new();

@@ -26,6 +26,7 @@ use records::counted::counted;
 use records::exit::{Exit, Failure};
 use records::faults::{self, Fault};
 use records::mode::Mode;
+use records::own_memory::OwnMemory;
 use records::schedule::Schedule;
 use report::outln;
 use stands::planned_cell::PlannedCell;
@@ -315,10 +316,7 @@ impl Counts {
 impl Held {
     /// Reads it from the kernel.
     fn now() -> anyhow::Result<Self> {
-        let status = std::fs::read_to_string("/proc/self/status").context("cannot read /proc/self/status")?;
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-        let kib: Option<f64> = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse().ok());
-        let memory_mib = kib.context("/proc/self/status does not say `VmRSS: … kB`")? / 1_024.0;
+        let memory_mib = OwnMemory::Resident.kib()? as f64 / 1_024.0;
         let open = std::fs::read_dir("/proc/self/fd").context("cannot read /proc/self/fd")?;
         Ok(Self { memory_mib, descriptors: open.count() })
     }

@@ -6,6 +6,7 @@ use std::time::SystemTime;
 use clap::Args;
 use setup::Setup;
 
+use crate::engine::listed::{ListedStudy, RowsOrigin};
 use crate::event_loop;
 use crate::outputs::{self, Named, Own};
 use crate::setup_option::SetupOption;
@@ -66,6 +67,26 @@ impl StudyOptions {
             check_replaceable(file)?;
         }
         Ok(directory)
+    }
+
+    /// Opens the rows of the study `name`, which its other options determine; a study that was killed goes on with them.
+    ///
+    /// # Errors
+    ///
+    /// The directory has rows of other options or of another program, or results of an older version.
+    pub fn with_rows<'a>(
+        &self,
+        study: ListedStudy<'a>,
+        subject: (&Setup, &planning::Found),
+        directory: &Path,
+        options: &str,
+        commit: &str,
+    ) -> Result<ListedStudy<'a>, Failure> {
+        let (setup, found) = subject;
+        let name = study.name;
+        let options = [name, &setup::setup_to_toml(setup)?, &found.text, options].join("\n");
+        let [page, json, csv] = ["html", "json", "csv"].map(|extension| format!("{name}.{extension}"));
+        study.saved_in(RowsOrigin { directory, options: &options, results: &[&page, &json, &csv], commit })
     }
 
     /// Returns the requested files with the options that ask for them.

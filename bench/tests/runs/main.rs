@@ -32,5 +32,6 @@ mod list_lengths;
 mod report;
 mod studies;
 mod study_engine;
+mod study_report;
 mod sweep;
 mod virtual_run;

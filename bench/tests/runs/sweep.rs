@@ -2,11 +2,17 @@
 
 use std::sync::atomic::AtomicBool;
 
+use studies::engine::listed::ListedStudy;
 use studies::sweep::{Grid, Predicted, Sweep, csv, render};
 
 fn sweep(name: &str, grid: &Grid) -> Sweep {
     let (setup, found) = planning::setup_with_application(name).unwrap();
-    Sweep::new(&setup, grid, grid.run(&setup, &found.application, true, &AtomicBool::new(false)).unwrap())
+    Sweep::new(
+        &setup,
+        grid,
+        grid.run(&setup, &found.application, &ListedStudy::in_memory("sweep", true, &AtomicBool::new(false)))
+            .unwrap(),
+    )
 }
 
 fn grid() -> Grid {

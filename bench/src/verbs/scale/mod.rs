@@ -24,6 +24,7 @@ use clap::ValueEnum as _;
 use node::list::{List, flat, list};
 use records::exit::{Exit, Failure};
 use records::mode::Mode;
+use records::own_memory::OwnMemory;
 use records::run_directory::{Durability, replace};
 use report::errln;
 use report::outln;
@@ -142,12 +143,9 @@ fn thread_time_ns() -> u64 {
     part(time.tv_sec) * 1_000_000_000 + part(time.tv_nsec)
 }
 
-/// Returns the physical memory of this process (proc(5), `VmRSS` of `status`); 0 where the kernel does not show it.
+/// Returns the physical memory of this process; 0 where the kernel does not show it.
 fn memory_mib() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let kib = resident.and_then(|text| text.trim().split(' ').next()?.parse().ok()).unwrap_or(0.0);
-    kib / 1024.0
+    OwnMemory::Resident.kib().unwrap_or(0) as f64 / 1_024.0
 }
 
 #[cfg(test)]

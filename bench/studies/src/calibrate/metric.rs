@@ -1,13 +1,11 @@
 //! Figures over many seeds, and the paper's value of each.
 
-use std::sync::atomic::AtomicBool;
-
 use planning::Application;
 use plc_node::ExecutionType;
 use setup::{Paper, Setup};
 
-use crate::engine::job::ListedJob;
-use crate::jobs;
+use crate::engine::job::{JobRows, ListedJob};
+use crate::engine::listed::ListedStudy;
 use records::distance::Estimate;
 use records::schedule::{REPETITIONS, Schedule};
 use records::statistics::{error_of_mad, error_of_mean};
@@ -88,7 +86,7 @@ impl Metric {
 }
 
 /// Measures figures of setups with one application, over many seeds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Seeds<'a> {
     /// What is executed.
     pub application: &'a Application,
@@ -98,8 +96,8 @@ pub struct Seeds<'a> {
     pub count: u32,
     /// Repetitions of each type and seed.
     pub reps: u32,
-    /// Set when the calibration is to end before it is complete.
-    pub interrupted: &'a AtomicBool,
+    /// Executes the runs, and keeps them where it has a directory.
+    pub study: &'a ListedStudy<'a>,
 }
 
 /// An interrupt came before a figure was complete.
@@ -123,9 +121,12 @@ impl Seeds<'_> {
         let seeds: Vec<u64> =
             (0..u64::from(self.count)).map(|index| self.first.wrapping_add(index)).collect();
         let planned = PlannedCell::of(setup, self.application)?;
-        let runs = jobs::run("seeds", true, self.interrupted, &seeds, |seed| {
-            let schedule = Schedule::new(&types, reps, *seed);
-            let rows = ListedJob { setup: setup.clone(), planned: planned.clone(), schedule }.measured()?;
+        let listed = seeds.iter().map(|seed| ListedJob {
+            setup: setup.clone(),
+            planned: planned.clone(),
+            schedule: Schedule::new(&types, reps, *seed),
+        });
+        let values = |rows: JobRows| {
             let value = |figure: &Metric| {
                 let measured = |execution_type| rows.aet_mad(execution_type);
                 match *figure {
@@ -136,9 +137,11 @@ impl Seeds<'_> {
                         .map(|(cm, rc)| cm.aet_ms - rc.aet_ms),
                 }
             };
-            Ok(figures.iter().map(|figure| value(figure).unwrap_or(f64::NAN)).collect::<Vec<f64>>())
-        })?;
-        let runs: Vec<_> = runs.into_iter().collect::<Option<_>>().ok_or(Interrupted)?;
+            figures.iter().map(|figure| value(figure).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
+        };
+        let runs = self.study.measured(&listed.collect::<Vec<_>>())?;
+        let runs: Vec<_> =
+            runs.into_iter().map(|rows| rows.map(values)).collect::<Option<_>>().ok_or(Interrupted)?;
         let column = |index: usize| runs.iter().filter_map(move |values| values.get(index).copied());
         Ok((0..figures.len()).map(|index| estimate(&column(index).collect::<Vec<_>>())).collect())
     }

@@ -17,7 +17,7 @@ mod metric;
 mod parameter;
 mod write;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow, bail};
 use clap::Args;
@@ -28,6 +28,7 @@ pub use fit::Fit;
 pub use metric::{Metric, Seeds};
 pub use parameter::Parameter;
 
+use crate::engine::listed::{ListedStudy, RowsOrigin};
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::setup_option::SetupOption;
 use findings::Conditions;
@@ -67,6 +68,9 @@ pub struct CalibrateOptions {
     /// Repetitions of each execution type with a seed, where the scatter is measured.
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(2..=10_000))]
     pub reps: u32,
+    /// Directory for the rows; given again, a calibration that ended early goes on.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Write the numbers into the setup's file, with a note on how well each is known. The file's comments stay.
     #[arg(long)]
     pub write: bool,
@@ -77,7 +81,7 @@ pub struct CalibrateOptions {
 /// # Errors
 ///
 /// The setup or its application cannot be used, the paper has no figures for it, or its file cannot be written.
-pub fn run(options: &CalibrateOptions) -> Result<Exit, Failure> {
+pub fn run(options: &CalibrateOptions, commit: &str) -> Result<Exit, Failure> {
     let (setup, found) = options.setup.load()?;
     found.plan(&setup)?;
     let file = options.write.then(|| Path::new(options.setup.name()));
@@ -98,12 +102,18 @@ pub fn run(options: &CalibrateOptions) -> Result<Exit, Failure> {
         return Err(Failure::new(Exit::Usage, error));
     }
     let is_interrupted = watch_for_interrupt()?;
+    let mut study = ListedStudy::in_memory("seeds", true, &is_interrupted);
+    if let Some(directory) = &options.out {
+        // The jobs follow from the figures: whatever seeds are asked for, those that are saved are used.
+        let claim = format!("calibrate\n{}\n{}", setup::setup_to_toml(&setup)?, found.text);
+        study = study.saved_in(RowsOrigin { directory, options: &claim, results: &[], commit })?;
+    }
     let seeds = Seeds {
         application: &found.application,
         first: options.seed,
         count: options.seeds,
         reps: options.reps,
-        interrupted: &is_interrupted,
+        study: &study,
     };
     let mut settled: Vec<(Parameter, String)> = Vec::new();
     let calibration = calibrate(&setup, seeds, |number, interval| {

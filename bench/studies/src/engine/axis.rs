@@ -124,6 +124,27 @@ impl Axis {
         matches!(self.values, Values::Uniform(_) | Values::Normal(_))
     }
 
+    /// Returns the bounds of a distribution; `None` for values of a grid.
+    #[must_use]
+    pub const fn bounds(&self) -> Option<(f64, f64)> {
+        match &self.values {
+            Values::Uniform(Uniform { min, max }) | Values::Normal(Normal { min, max, .. }) => {
+                Some((*min, *max))
+            }
+            Values::List(_) | Values::Steps(_) => None,
+        }
+    }
+
+    /// Returns the value of a distribution below which this share of it lies; `None` for values of a grid.
+    #[must_use]
+    pub fn quantile(&self, share: f64) -> Option<f64> {
+        match &self.values {
+            Values::Uniform(Uniform { min, max }) => Some(min + (max - min) * share),
+            Values::Normal(normal) => Some(quantile(normal, share)),
+            Values::List(_) | Values::Steps(_) => None,
+        }
+    }
+
     /// Returns a value: that with this number in the grid, or the one that is drawn for a seed. A drawn value depends on the key and
     /// the seed alone.
     #[must_use]
@@ -134,8 +155,9 @@ impl Axis {
                 return values.get(index).cloned().unwrap_or(Scalar::Truth(false));
             }
             Values::Steps(range) => step_of(range, u64::try_from(number).unwrap_or(u64::MAX)),
-            Values::Uniform(Uniform { min, max }) => min + (max - min) * share(&self.path, seed),
-            Values::Normal(normal) => quantile(normal, share(&self.path, seed)),
+            Values::Uniform(_) | Values::Normal(_) => {
+                self.quantile(share(&self.path, seed)).unwrap_or_default()
+            }
         };
         match self.key {
             Some(SetupKey { kind: ValueKind::Integer, .. }) => Scalar::Integer(libm::round(value) as i64),

@@ -285,11 +285,13 @@ pub struct StudyFinding {
 }
 
 /// The commented examples, each with its name.
-pub const EXAMPLES: [(&str, &str); 4] = [
+pub const EXAMPLES: [(&str, &str); 6] = [
     ("table-2", include_str!("../../examples/table-2.toml")),
     ("approximation-zones", include_str!("../../examples/approximation-zones.toml")),
     ("buses", include_str!("../../examples/buses.toml")),
     ("fault-campaign", include_str!("../../examples/fault-campaign.toml")),
+    ("identification-a", include_str!("../../examples/identification-a.toml")),
+    ("identification-b", include_str!("../../examples/identification-b.toml")),
 ];
 
 #[cfg(test)]

@@ -23,9 +23,9 @@ use super::shard::Shard;
 const SCHEMA_VERSION: u32 = 1;
 
 /// Description of the directory.
-const MANIFEST: &str = "study.json";
+pub(super) const MANIFEST: &str = "study.json";
 /// The study as it is executed.
-const STUDY: &str = "study.toml";
+pub(super) const STUDY: &str = "study.toml";
 const SETUP: &str = "setup.toml";
 const APPLICATION: &str = "application.toml";
 /// Frictionless description of the rows' columns.
@@ -60,6 +60,13 @@ impl Manifest {
             jobs,
             rows_per_job: plan.rows_per_job(),
         }
+    }
+
+    /// Returns the description of jobs that a verb lists itself.
+    #[must_use]
+    pub(super) const fn of_listed(study: String, program: String) -> Self {
+        let (schema_version, shard) = (SCHEMA_VERSION, Shard::WHOLE);
+        Self { schema_version, study, program, shard, jobs: 0, rows_per_job: Columns::ANY }
     }
 
     /// Reads the description of a directory; `None` if it has none.
@@ -99,7 +106,7 @@ impl Manifest {
     }
 
     /// Compares with the description that a directory has already.
-    fn check_same(&self, known: &Self, directory: &Path) -> anyhow::Result<()> {
+    pub(super) fn check_same(&self, known: &Self, directory: &Path) -> anyhow::Result<()> {
         let shown = directory.display();
         if known.study != self.study {
             bail!("{shown}: has rows of another study; use another --out");
@@ -144,6 +151,8 @@ pub(super) fn prepare(directory: &Path, plan: &StudyPlan, manifest: &Manifest) -
     let described = serde_json::to_string_pretty(manifest).context("cannot describe the study")? + "\n";
     let mut inputs = vec![(SETUP, setup.as_str()), (ROWS_SCHEMA, &schema), (MANIFEST, &described)];
     inputs.extend(application.map(|text| (APPLICATION, text)));
+    let varied = plan.varied_applications();
+    inputs.extend(varied.iter().map(|(name, text)| (name.as_str(), text.as_str())));
     // What is looked for may change from call to call.
     let files = Files { inputs: &inputs, results: &[ROWS, JOBS] };
     Occupied::check(directory, files).map_err(|error| usage(error.into()))?;
@@ -160,6 +169,15 @@ pub(super) fn prepare(directory: &Path, plan: &StudyPlan, manifest: &Manifest) -
 /// Returns the failure of a host: its disk, its memory.
 pub(super) fn of_host(error: anyhow::Error) -> Failure {
     Failure::new(Exit::EnvironmentUnusable, error)
+}
+
+/// Returns the failure of a journal that cannot be opened: the host's where the system refused a file, otherwise the user's.
+pub(super) fn of_journal(error: anyhow::Error) -> Failure {
+    if error.chain().any(|cause| cause.is::<std::io::Error>()) {
+        of_host(error)
+    } else {
+        Failure::new(Exit::Usage, error)
+    }
 }
 
 /// Returns what is executed, by the files beside the rows.

@@ -29,6 +29,14 @@ pub enum RowStatus {
 }
 
 impl RowStatus {
+    /// Returns the end with this name in the rows.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        [Self::Passed, Self::Failed, Self::NotRun, Self::Refused]
+            .into_iter()
+            .find(|status| status.name() == name)
+    }
+
     /// Returns its name in the rows.
     #[must_use]
     pub const fn name(self) -> &'static str {

@@ -87,38 +87,9 @@ fn is_same(one: &Path, other: &Path) -> bool {
 fn manifests(directories: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, Manifest)>> {
     let mut manifests: Vec<(PathBuf, Manifest)> = Vec::new();
     for directory in directories {
-        for (path, manifest) in super::status::shards(directory)? {
-            if let Some((other, known)) = manifests.first() {
-                let shown = format!("{} and {}", other.display(), path.display());
-                if known.study != manifest.study {
-                    bail!("{shown}: are of different studies; merge the shards of one");
-                }
-                if known.program != manifest.program {
-                    bail!(
-                        "{shown}: are of programs {} and {}; run all shards by one",
-                        known.program,
-                        manifest.program
-                    );
-                }
-                if known.shard.count != manifest.shard.count {
-                    bail!(
-                        "{shown}: are shards {} and {}; merge those of one split",
-                        known.shard,
-                        manifest.shard
-                    );
-                }
-            }
-            if let Some((other, _)) = manifests.iter().find(|(_, known)| known.shard == manifest.shard) {
-                bail!(
-                    "{} and {}: are both shard {}; name each once",
-                    other.display(),
-                    path.display(),
-                    manifest.shard
-                );
-            }
-            manifests.push((path, manifest));
-        }
+        manifests.extend(super::status::shards(directory)?);
     }
+    check_same_study(&manifests)?;
     let count = manifests.first().map_or(0, |(_, manifest)| manifest.shard.count);
     let missing =
         (0..count).find(|index| manifests.iter().all(|(_, manifest)| manifest.shard.index != *index));
@@ -126,6 +97,37 @@ fn manifests(directories: &[PathBuf]) -> anyhow::Result<Vec<(PathBuf, Manifest)>
         bail!("shard {index}/{count}: missing; name the directories of all {count} shards");
     }
     Ok(manifests)
+}
+
+/// Checks that directories have different shards of one study by one program.
+pub(super) fn check_same_study(manifests: &[(PathBuf, Manifest)]) -> anyhow::Result<()> {
+    let Some((other, known)) = manifests.first() else { return Ok(()) };
+    for (index, (path, manifest)) in manifests.iter().enumerate() {
+        let shown = format!("{} and {}", other.display(), path.display());
+        if known.study != manifest.study {
+            bail!("{shown}: are of different studies; merge the shards of one");
+        }
+        if known.program != manifest.program {
+            bail!(
+                "{shown}: are of programs {} and {}; run all shards by one",
+                known.program,
+                manifest.program
+            );
+        }
+        if known.shard.count != manifest.shard.count {
+            bail!("{shown}: are shards {} and {}; merge those of one split", known.shard, manifest.shard);
+        }
+        let mut before = manifests.iter().take(index);
+        if let Some((other, _)) = before.find(|(_, earlier)| earlier.shard == manifest.shard) {
+            bail!(
+                "{} and {}: are both shard {}; name each once",
+                other.display(),
+                path.display(),
+                manifest.shard
+            );
+        }
+    }
+    Ok(())
 }
 
 /// A job's text: its line among the jobs and its rows.

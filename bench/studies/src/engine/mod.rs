@@ -10,7 +10,10 @@
 //! folder     what stands beside the rows: the study, its program, its shard
 //! finding    rows that a study looks for
 //! estimate   how long a study takes, and how much disk
-//! run, merge, status, submit    the verbs
+//! observations  the rows as figures of each job
+//! report     each factor against each figure; identify: the parameters that the paper's figures point to
+//! listed     the jobs of verbs that list them: sweep, sensitivity, buses, calibrate
+//! run, merge, status, submit, report    the verbs
 //! ```
 
 mod axis;
@@ -19,10 +22,14 @@ mod estimate;
 pub mod file;
 mod finding;
 mod folder;
+mod identify;
 pub mod job;
 pub mod key;
+pub mod listed;
 mod merge;
+mod observations;
 pub mod plan;
+mod report;
 mod rows;
 mod run;
 mod shard;
@@ -50,6 +57,8 @@ pub enum StudyVerb {
     Status(StatusOptions),
     /// Merge the rows of all shards in one order, and print their digest.
     Merge(MergeOptions),
+    /// Write a page and JSON: each varied key against each figure, and what the paper's figures say about drawn keys.
+    Report(ReportOptions),
     /// Execute one job again as a measured run that keeps everything: samples, report, race, traces and captures.
     Rerun(RerunOptions),
 }
@@ -131,6 +140,14 @@ pub struct MergeOptions {
     pub out: PathBuf,
 }
 
+/// Options of a study's report.
+#[derive(Args, Debug)]
+pub struct ReportOptions {
+    /// A study's directory, of a run or of a merge, or one that contains those of its shards; the report goes there.
+    #[arg(value_name = "DIR")]
+    pub directory: PathBuf,
+}
+
 /// Options of a job that is executed again.
 #[derive(Args, Debug)]
 pub struct RerunOptions {
@@ -157,6 +174,7 @@ pub fn run(verb: &StudyVerb, commit: &str) -> Result<Result<Exit, RerunJob>, Fai
         StudyVerb::Submit(options) => submit::run(options).map(Ok),
         StudyVerb::Status(options) => status::run(&options.directory).map(Ok),
         StudyVerb::Merge(options) => merge::run(options).map(Ok),
+        StudyVerb::Report(options) => report::run(&options.directory).map(Ok),
         StudyVerb::Rerun(options) => folder::rerun(options, commit).map(Err),
     }
 }

@@ -176,7 +176,7 @@ impl StudyPlan {
             program,
             identity,
             table,
-            directory: of_setup,
+            directory: directory.map(Path::to_owned),
             faults,
             seeds,
             common,
@@ -191,6 +191,19 @@ impl StudyPlan {
     pub fn jobs(&self) -> Option<u128> {
         let seeds = u128::from(self.seeds.1 - self.seeds.0) + 1;
         self.axes.iter().try_fold(seeds, |product, axis| product.checked_mul(axis.len()))
+    }
+
+    /// Returns the texts of varied applications that are files, each with the name of its copy beside the rows.
+    #[must_use]
+    pub fn varied_applications(&self) -> Vec<(String, String)> {
+        let varied = self.axes.iter().filter(|axis| axis.path == "application");
+        let names = varied.flat_map(|axis| (0..axis.len()).map(|number| axis.value(number, 0).to_string()));
+        let copy = |name: String| match &*self.varied_application(&name) {
+            Ok(Found { path: Some(_), text, .. }) => Some((varied_copy(&name), text.clone())),
+            // Built-in ones belong to the program; one that cannot be read is refused in its jobs.
+            _ => None,
+        };
+        names.filter_map(copy).collect()
     }
 
     /// Returns the number of rows of each job.
@@ -277,11 +290,20 @@ impl StudyPlan {
     fn varied_application(&self, name: &str) -> Arc<Result<Found, String>> {
         let mut known = self.varied_applications.lock().unwrap_or_else(PoisonError::into_inner);
         let read = || {
-            let found = planning::application(name, self.directory.as_deref());
+            let directory = self.directory.as_deref();
+            // Beside rows, applications have names of their own.
+            let copy = varied_copy(name);
+            let is_copied = directory.is_some_and(|directory| directory.join(&copy).is_file());
+            let found = planning::application(if is_copied { &copy } else { name }, directory);
             Arc::new(found.map_err(|error| error.to_string()))
         };
         Arc::clone(known.entry(name.to_owned()).or_insert_with(read))
     }
+}
+
+/// Returns the name of a varied application's file beside the rows.
+fn varied_copy(name: &str) -> String {
+    format!("application-{}.toml", &hex(&Sha256::digest(name))[..JobAddress::DIGITS])
 }
 
 /// Returns a name as given, or the path of a file relative to `directory`.

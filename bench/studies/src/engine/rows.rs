@@ -3,9 +3,11 @@
 //! A job is saved when its line is in `jobs.csv`; its rows are written before. After a kill or on a full disk at most the job that
 //! was being written is a part, which is removed when the study goes on.
 
+mod reading;
+
 use std::fmt::Write as _;
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, BufRead as _, BufReader, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
@@ -13,6 +15,7 @@ use anyhow::{Context as _, bail};
 use super::file::{RowFigure, Scalar};
 use super::job::{JobRow, JobRows};
 use super::plan::{JobAddress, StudyPlan};
+pub(super) use reading::{SavedJob, Tail, fields, read};
 
 /// The file of all repetitions.
 pub(super) const ROWS: &str = "rows.csv";
@@ -27,11 +30,19 @@ pub(super) struct Columns {
     pub figures: Vec<RowFigure>,
     /// The varied keys.
     pub keys: Vec<String>,
-    /// Rows of each job.
+    /// Rows of each job, or [`Columns::ANY`].
     pub rows_per_job: u64,
 }
 
 impl Columns {
+    /// Each job has as many rows as it executes.
+    pub(super) const ANY: u64 = 0;
+
+    /// Returns whether this number of rows is a whole job.
+    const fn is_whole(&self, rows: u64) -> bool {
+        rows == self.rows_per_job || (self.rows_per_job == Self::ANY && rows > 0)
+    }
+
     /// Returns the columns of a study.
     #[must_use]
     pub(super) fn of(plan: &StudyPlan) -> Self {
@@ -190,141 +201,6 @@ impl RowsJournal {
     }
 }
 
-/// A job as it was saved.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SavedJob<'a> {
-    /// Its address.
-    pub address: JobAddress,
-    /// Its rows, each with its line's end.
-    pub rows: &'a [String],
-    /// Its line in the file of jobs.
-    pub line: &'a str,
-}
-
-impl SavedJob<'_> {
-    /// Returns whether it failed or was refused: it has a reason.
-    #[must_use]
-    pub(super) fn is_failed(&self) -> bool {
-        !self.line.trim_end().ends_with(',')
-    }
-}
-
-/// State of the files' end.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Tail {
-    /// A process was killed while it wrote the last job.
-    MayBeCut,
-    /// Nothing: the study is complete.
-    IsWhole,
-}
-
-/// Reads both files job by job; returns the lengths of the parts that belong to whole jobs, 0 for a file without its first line.
-///
-/// # Errors
-///
-/// A file cannot be read, has other columns, or is broken before its last job.
-pub(super) fn read(
-    directory: &Path,
-    columns: &Columns,
-    tail: Tail,
-    mut known: impl FnMut(&SavedJob<'_>),
-) -> anyhow::Result<[u64; 2]> {
-    let mut rows = CsvLines::open(&directory.join(ROWS), &columns.rows_head())?;
-    let mut jobs = CsvLines::open(&directory.join(JOBS), &columns.jobs_head())?;
-    let mut block = Vec::new();
-    let broken = loop {
-        let whole = [rows.read, jobs.read];
-        let Some(line) = jobs.next()? else { break whole };
-        block.clear();
-        let address =
-            line.get(..JobAddress::DIGITS).and_then(JobAddress::parse).filter(|_| line.ends_with('\n'));
-        while (block.len() as u64) < columns.rows_per_job {
-            match rows.next()? {
-                Some(row)
-                    if row.ends_with('\n')
-                        && row.get(..JobAddress::DIGITS) == line.get(..JobAddress::DIGITS) =>
-                {
-                    block.push(row);
-                }
-                _ => break,
-            }
-        }
-        match address {
-            Some(address) if block.len() as u64 == columns.rows_per_job => {
-                known(&SavedJob { address, rows: &block, line: &line });
-            }
-            _ => break whole,
-        }
-    };
-    let left = |lines: &CsvLines, whole: u64| lines.len.saturating_sub(whole);
-    let [rows_left, jobs_left] = [left(&rows, broken[0]), left(&jobs, broken[1])];
-    // Line by line a job was being written: no more than its rows can be a part.
-    let most = columns.rows_per_job.saturating_mul(LONGEST_ROW);
-    if (tail == Tail::IsWhole && rows_left + jobs_left > 0) || rows_left > most || jobs_left > LONGEST_JOB {
-        bail!(
-            "{}: broken after {} in {ROWS} and {} in {JOBS}; use a copy of these files that is whole, or another --out",
-            directory.display(),
-            bytes(broken[0]),
-            bytes(broken[1])
-        );
-    }
-    Ok(broken)
-}
-
-fn bytes(count: u64) -> String {
-    format!("{count} bytes")
-}
-
-/// Longest line of a repetition in bytes, with all figures, for what a kill can leave of a job.
-const LONGEST_ROW: u64 = 256;
-
-/// Longest line of a job in bytes.
-const LONGEST_JOB: u64 = 64 << 10;
-
-/// The lines of a file after its first one.
-struct CsvLines {
-    path: PathBuf,
-    reader: Option<BufReader<File>>,
-    len: u64,
-    /// Bytes read so far.
-    read: u64,
-}
-
-impl CsvLines {
-    fn open(path: &Path, head: &str) -> anyhow::Result<Self> {
-        let about = || format!("cannot read {}", path.display());
-        let none = Self { path: path.to_owned(), reader: None, len: 0, read: 0 };
-        let file = match File::open(path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(none),
-            opened => opened.with_context(about)?,
-        };
-        let len = file.metadata().with_context(about)?.len();
-        let mut reader = BufReader::with_capacity(1 << 16, file);
-        let mut first = String::new();
-        reader.read_line(&mut first).with_context(about)?;
-        if first == head {
-            return Ok(Self { reader: Some(reader), len, read: first.len() as u64, ..none });
-        }
-        // A kill may leave a part of the first line, and nothing else.
-        if head.starts_with(&first) {
-            return Ok(none);
-        }
-        bail!(
-            "{}: has other columns, so it is from another study or version; use another --out",
-            path.display()
-        )
-    }
-
-    fn next(&mut self) -> anyhow::Result<Option<String>> {
-        let Some(reader) = &mut self.reader else { return Ok(None) };
-        let mut line = String::new();
-        let read =
-            reader.read_line(&mut line).with_context(|| format!("cannot read {}", self.path.display()))?;
-        self.read += read as u64;
-        Ok((read > 0).then_some(line))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -364,6 +240,13 @@ mod tests {
         let text = |name| fs::read_to_string(place.path().join(name)).unwrap();
         let (rows, jobs) = (text(ROWS), text(JOBS));
         (place, rows, jobs)
+    }
+
+    #[test]
+    fn the_fields_of_a_line_are_those_that_were_written() {
+        let texts = ["0000000000000001", "loss=0.1, \"x\"", "", "a\"b"];
+        let line = texts.map(field).join(",") + "\n";
+        assert_eq!(fields(&line), texts);
     }
 
     #[test]

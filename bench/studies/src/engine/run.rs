@@ -17,7 +17,7 @@ use report::{errln, in_shell, outln};
 use super::StudyRunOptions;
 use super::estimate::StudyEstimate;
 use super::finding::Findings;
-use super::folder::{self, Manifest, of_host};
+use super::folder::{self, Manifest, of_host, of_journal};
 use super::job::{JobInputs, JobRows};
 use super::plan::{JobAddress, StudyJob, StudyPlan};
 use super::rows::{Columns, RowsJournal, SavedJob, Tail, read};
@@ -43,7 +43,7 @@ pub(super) fn run(options: &StudyRunOptions, commit: &str) -> Result<Exit, Failu
         known.insert(job.address);
         findings.add(job);
     });
-    let mut journal = journal.map_err(|error| Failure::new(Exit::Usage, error))?;
+    let mut journal = journal.map_err(of_journal)?;
     let is_interrupted = watch_for_interrupt()?;
     let pool =
         Pool { name: "study", quiet: options.quiet, threads: options.threads, interrupted: &is_interrupted };

@@ -197,8 +197,9 @@ impl Shards {
         Ok(format!(
             "# The shards of a study for HyperQueue; a shard whose worker is lost starts again and goes on.\n\
              import os\nimport sys\n\n\
-             from hyperqueue import Client, Job, LocalCluster\nfrom hyperqueue.client import FailedJobsException\n\
-             from hyperqueue.cluster import WorkerConfig\n\n\
+             try:\n    from hyperqueue import Client, Job, LocalCluster\n    \
+             from hyperqueue.client import FailedJobsException\n    from hyperqueue.cluster import WorkerConfig\n\
+             except ImportError:\n    sys.exit(\"this Python has no package `hyperqueue`\")\n\n\
              BENCH, FILE, OUT, SHARDS = {bench}, {file}, {out}, {count}\n\n\
              {opened}job = Job()\nfor index in range(SHARDS):\n    job.program(\n        \
              [BENCH, \"study\", \"run\", FILE, \"--out\", f\"{{OUT}}/shard-{{index}}\", \"--shard\", f\"{{index}}/{{SHARDS}}\",\n         \
@@ -274,9 +275,12 @@ exec /opt/bench study run '/data/my study/study.toml' --out '/data/my study'/sha
 import os
 import sys
 
-from hyperqueue import Client, Job, LocalCluster
-from hyperqueue.client import FailedJobsException
-from hyperqueue.cluster import WorkerConfig
+try:
+    from hyperqueue import Client, Job, LocalCluster
+    from hyperqueue.client import FailedJobsException
+    from hyperqueue.cluster import WorkerConfig
+except ImportError:
+    sys.exit("this Python has no package `hyperqueue`")
 
 BENCH, FILE, OUT, SHARDS = "/opt/bench", "/data/my study/study.toml", "/data/my study", 3
 

@@ -1,6 +1,5 @@
 //! The run without a fault, and runs of the same cell with faults, each in virtual time, and how they end.
 
-use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use anyhow::Context as _;
@@ -9,6 +8,7 @@ use plc_node::ExecutionType;
 use super::classes::{Class, Outcome};
 use super::explored::{ExploredRun, FaultTarget, RunEnd};
 use super::fault::{Extent, FaultTexts, Injected};
+use crate::engine::job::text_of;
 use records::faults::Fault;
 use records::schedule::{PAUSE, Schedule, Step};
 
@@ -182,10 +182,4 @@ fn execute(run: &mut dyn ExploredRun, step: Step) -> anyhow::Result<u64> {
 fn repetitions_in(ms: u64, executions_ns: impl Iterator<Item = u64>) -> u32 {
     let shortest_ns = executions_ns.min().unwrap_or(0) + PAUSE.as_nanos() as u64;
     u32::try_from((ms * 1_000_000).div_ceil(shortest_ns)).unwrap_or(u32::MAX)
-}
-
-fn text_of(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<String>().cloned();
-    text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()))
-        .unwrap_or_else(|| "a panic without a text".to_owned())
 }

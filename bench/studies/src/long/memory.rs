@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use anyhow::{Context, anyhow};
+use records::own_memory::OwnMemory;
 
 /// Largest resident memory since the process started, in KiB. The kernel counts in batches, so a later value may be
 /// slightly smaller than an earlier one.
@@ -16,11 +16,7 @@ impl PeakResident {
     ///
     /// The file does not exist or has no such line.
     pub fn now() -> anyhow::Result<Self> {
-        let path = "/proc/self/status";
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {path}"))?;
-        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        let number = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse().ok());
-        number.map(Self).ok_or_else(|| anyhow!("{path} does not say `VmHWM: … kB`"))
+        OwnMemory::Peak.kib().map(Self)
     }
 }
 

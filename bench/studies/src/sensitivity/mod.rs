@@ -11,7 +11,6 @@ mod factor;
 mod page;
 mod table;
 
-use std::sync::atomic::AtomicBool;
 use std::time::SystemTime;
 
 use clap::Args;
@@ -25,9 +24,9 @@ use factor::Job;
 pub use factor::{Case, Factor};
 pub use table::{csv, render};
 
-use crate::engine::job::ListedJob;
+use crate::engine::job::{JobRows, ListedJob};
+use crate::engine::listed::ListedStudy;
 use crate::event_loop::watch_for_interrupt;
-use crate::jobs;
 use crate::study::{Found, StudyOptions, ended, interrupted};
 use records::exit::{Exit, Failure};
 use records::paper::PaperComparison;
@@ -139,7 +138,7 @@ enum Variant {
 ///
 /// The options or the setup do not allow it, a run fails, or the results cannot be written. A case that the planner
 /// or the robot refuses is not an error: its row contains the reason.
-pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
+pub fn run(options: &SensitivityOptions, commit: &str) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let (setup, found) = options.study.setup.load()?;
     found.plan(&setup)?;
@@ -147,8 +146,12 @@ pub fn run(options: &SensitivityOptions) -> Result<Exit, Failure> {
     let is_interrupted = watch_for_interrupt()?;
     let factors = options.factors.as_deref().map(flat);
     let cases = Case::all(&setup, factors.as_deref());
-    let study = study(&setup, &found.application, options, &cases, &is_interrupted)?;
+    let listed = ListedStudy::in_memory("sensitivity", options.study.quiet, &is_interrupted);
+    let claim = format!("{:?} {} {}", factors, options.reps, options.study.seed);
+    let listed = options.study.with_rows(listed, (&setup, &found), &directory, &claim, commit)?;
+    let study = study(&setup, &found.application, options, &cases, &listed)?;
     if study.rows.is_empty() {
+        listed.discard_if_empty();
         return Ok(interrupted(&directory, study.planned, "cases"));
     }
     outln!("{}", render(&study));
@@ -168,22 +171,24 @@ fn study(
     application: &Application,
     options: &SensitivityOptions,
     cases: &[Case],
-    is_interrupted: &AtomicBool,
+    listed: &ListedStudy<'_>,
 ) -> anyhow::Result<Sensitivity> {
     let schedule = Schedule::new(&ExecutionType::ALL, options.reps, options.study.seed);
     let mut jobs = Vec::new();
     for case in cases {
         for variant in [Variant::Calibrated, Variant::WithoutOverhead, Variant::Uncalibrated] {
-            jobs.push(case.make(&variant.of(setup.clone()), application));
+            let job = case.make(&variant.of(setup.clone()), application);
+            jobs.push(job.and_then(|job| job.listed(&schedule).map_err(|error| format!("{error:#}"))));
         }
     }
     // A refusal by the robot is a result, too: the case is out of its reach.
-    let outcomes = jobs::run("sensitivity", options.study.quiet, is_interrupted, &jobs, |job| {
-        Ok(match job {
-            Ok(job) => figures(job, &schedule).map_err(|error| format!("{error:#}")),
-            Err(error) => Err(error.to_string()),
-        })
-    })?;
+    let made: Vec<ListedJob> = jobs.iter().filter_map(|job| job.as_ref().ok().cloned()).collect();
+    let mut executed = listed.executed(&made)?.into_iter();
+    let outcome = |job: Result<ListedJob, String>| match job {
+        Ok(_) => executed.next().flatten().map(|rows| figures(&rows)),
+        Err(reason) => Some(Err(reason)),
+    };
+    let outcomes: Vec<Option<Result<Figures, String>>> = jobs.into_iter().map(outcome).collect();
     let mut outcomes = outcomes.into_iter();
     let rows = cases.iter().filter_map(|case| {
         let variants = [outcomes.next()?, outcomes.next()?, outcomes.next()?];
@@ -229,10 +234,19 @@ impl Variant {
     }
 }
 
-fn figures(job: &Job, schedule: &Schedule) -> anyhow::Result<Figures> {
-    let Job { setup, application, plan } = job;
-    let planned = PlannedCell::of_plan(setup, application, plan)?;
-    let rows = ListedJob { setup: setup.clone(), planned, schedule: schedule.clone() }.measured()?;
+impl Job {
+    fn listed(self, schedule: &Schedule) -> anyhow::Result<ListedJob> {
+        let Self { setup, application, plan } = self;
+        let planned = PlannedCell::of_plan(&setup, &application, &plan)?;
+        Ok(ListedJob { setup, planned, schedule: schedule.clone() })
+    }
+}
+
+/// Returns the figures of a job, or why it failed.
+fn figures(rows: &JobRows) -> Result<Figures, String> {
+    if !rows.reason.is_empty() {
+        return Err(rows.reason.clone());
+    }
     let [rc_ms, sm_ms, cm_ms] = [ExecutionType::Rc, ExecutionType::Sm, ExecutionType::Cm]
         .map(|execution_type| rows.aet_mad(execution_type).map(|figure| figure.aet_ms));
     let aet_improvement = sm_ms.zip(cm_ms).map(|(sm, cm)| aet_improvement(sm, cm));

@@ -1,6 +1,5 @@
 //! The runs of a sweep and their results.
 
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use planning::Application;
@@ -10,8 +9,8 @@ use setup::Setup;
 
 use super::round_trip::RoundTrip;
 use super::square;
-use crate::engine::job::ListedJob;
-use crate::jobs;
+use crate::engine::job::{JobRows, ListedJob};
+use crate::engine::listed::ListedStudy;
 use records::schedule::Schedule;
 use stands::planned_cell::PlannedCell;
 
@@ -114,7 +113,7 @@ impl Grid {
         self.depths.len() * self.bus_cycles_us.len() * self.lengths_mm.len()
     }
 
-    /// Runs it all, or what it can before `interrupted` is set; depth is the slowest to change, length the fastest.
+    /// Runs it all, or what it can before an interrupt; depth is the slowest to change, length the fastest.
     ///
     /// # Errors
     ///
@@ -123,8 +122,7 @@ impl Grid {
         &self,
         setup: &Setup,
         application: &Application,
-        quiet: bool,
-        interrupted: &AtomicBool,
+        study: &ListedStudy<'_>,
     ) -> anyhow::Result<Vec<Point>> {
         let job = |depth, bus_cycle_us, length_mm| Job { depth, bus_cycle_us, length_mm };
         let of_cells = |depth: Option<u32>| {
@@ -137,8 +135,10 @@ impl Grid {
         let cells = rc.len();
         let jobs: Vec<Job> =
             rc.into_iter().chain(self.depths.iter().flat_map(|depth| of_cells(Some(*depth)))).collect();
-        let outcomes =
-            jobs::run("sweep", quiet, interrupted, &jobs, |job| self.one(setup, application, job))?;
+        let listed = jobs.iter().map(|job| self.listed(setup, application, job));
+        let rows = study.measured(&listed.collect::<anyhow::Result<Vec<_>>>()?)?;
+        let outcome = |(job, rows): (&Job, &Option<JobRows>)| Some(job.outcome(rows.as_ref()?));
+        let outcomes: Vec<Option<Outcome>> = jobs.iter().zip(&rows).map(outcome).collect();
         let (rc, cm) = outcomes.split_at(cells.min(outcomes.len()));
         let of_rc = rc.iter().cycle();
         let points = jobs.iter().skip(cells).zip(cm).zip(of_rc).filter_map(|((job, cm), rc)| {
@@ -166,11 +166,8 @@ impl Grid {
         Ok(points.collect())
     }
 
-    fn one(&self, setup: &Setup, application: &Application, job: &Job) -> anyhow::Result<Outcome> {
-        let (execution_type, depth) = match job.depth {
-            None => (ExecutionType::Rc, setup.plc.slots_in_use()),
-            Some(depth) => (ExecutionType::Cm, depth),
-        };
+    fn listed(&self, setup: &Setup, application: &Application, job: &Job) -> anyhow::Result<ListedJob> {
+        let depth = job.depth.unwrap_or_else(|| setup.plc.slots_in_use());
         // The time that CM needs before its first motion is the same at every point; it depends on neither slots nor bus cycle.
         let setup = setup
             .clone()
@@ -182,11 +179,20 @@ impl Grid {
         setup::check(&setup)?;
         let square = square::application(application, job.length_mm, self.motions);
         let planned = PlannedCell::of(&setup, &square)?;
-        let schedule = Schedule::new(&[execution_type], self.reps, self.seed);
-        let rows = ListedJob { setup, planned, schedule }.measured()?;
+        let schedule = Schedule::new(&[job.execution_type()], self.reps, self.seed);
+        Ok(ListedJob { setup, planned, schedule })
+    }
+}
+
+impl Job {
+    const fn execution_type(&self) -> ExecutionType {
+        if self.depth.is_none() { ExecutionType::Rc } else { ExecutionType::Cm }
+    }
+
+    fn outcome(&self, rows: &JobRows) -> Outcome {
         // By the robot, which the call's overhead precedes.
-        let mean = |figure| rows.mean(execution_type, figure).unwrap_or(f64::NAN);
+        let mean = |figure| rows.mean(self.execution_type(), figure).unwrap_or(f64::NAN);
         let [_, robot_ns, blends_suppressed] = [0, 1, 2].map(mean);
-        Ok(Outcome { path_ms: robot_ns / 1e6 - f64::from(OVERHEAD_US) / 1e3, blends_suppressed })
+        Outcome { path_ms: robot_ns / 1e6 - f64::from(OVERHEAD_US) / 1e3, blends_suppressed }
     }
 }

@@ -28,6 +28,7 @@ pub use grid::{Grid, Point, Predicted};
 pub use round_trip::RoundTrip;
 pub use table::{csv, render};
 
+use crate::engine::listed::ListedStudy;
 use crate::event_loop::watch_for_interrupt;
 use crate::study::{Found, StudyOptions, ended, interrupted};
 use records::exit::{Exit, Failure};
@@ -151,7 +152,7 @@ impl Sweep {
 /// # Errors
 ///
 /// The options or the setup do not allow it, a run fails, or the disk does not take the results.
-pub fn run(options: &SweepOptions) -> Result<Exit, Failure> {
+pub fn run(options: &SweepOptions, commit: &str) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let (setup, found) = options.study.setup.load()?;
     let grid = Grid {
@@ -167,9 +168,12 @@ pub fn run(options: &SweepOptions) -> Result<Exit, Failure> {
     }
     let directory = options.study.prepare("sweep", &setup, &found, started)?;
     let is_interrupted = watch_for_interrupt()?;
-    let points = grid.run(&setup, &found.application, options.study.quiet, &is_interrupted)?;
+    let study = ListedStudy::in_memory("sweep", options.study.quiet, &is_interrupted);
+    let study = options.study.with_rows(study, (&setup, &found), &directory, &format!("{grid:?}"), commit)?;
+    let points = grid.run(&setup, &found.application, &study)?;
     let sweep = Sweep::new(&setup, &grid, points);
     if sweep.points.is_empty() {
+        study.discard_if_empty();
         return Ok(interrupted(&directory, sweep.planned, "points"));
     }
     outln!("{}", render(&sweep));

@@ -51,10 +51,8 @@ impl CellEnded {
 
     /// Returns how many repetitions are saved, and how many were wanted.
     pub(super) fn saved_of_all(&self) -> (usize, usize) {
-        let of_types: Vec<_> =
-            ExecutionType::ALL.iter().filter_map(|it| self.results.results.get(*it)).collect();
-        let saved = of_types.iter().map(|result| result.samples_ms.len() + result.failed.len()).sum();
-        (saved, of_types.len() * self.results.reps as usize)
+        let CellResults { results, reps, .. } = &self.results;
+        results.saved_of_all(*reps, |result| result.samples_ms.len() + result.failed.len())
     }
 }
 
