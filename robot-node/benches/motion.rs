@@ -32,6 +32,7 @@ fn main() {
             }
             cell.add_ticks(paths, arm);
         }
+        Cell::past_the_shoulder().add_run(paths, "past the shoulder, six axes");
     });
 }
 
@@ -65,6 +66,23 @@ impl Cell {
         let after = motions.iter().position(|motion| motion.kind == MotionKind::LinCartesian).unwrap() + 1;
         motions.splice(after..after, [circle, spline(10.0), spline(0.0)]);
         Self { config, motions }
+    }
+
+    /// Builds the robot of Setup B with a line to and fro whose wrist passes 15 mm beside the axis of the shoulder: its law is
+    /// refined while the arm drives.
+    fn past_the_shoulder() -> Self {
+        let mut config = RobotConfig::from_setup(&setup::setup("B").unwrap()).unwrap();
+        config.home = [129.468_111, -74.105_949, 9.926_228, 41.132_742, -34.594_851, -211.373_507];
+        let there = [-54.257_744, 62.464_966, 660.738_65, -46.499_63, 3.246_816, -21.758_856];
+        let back = config.arm.forward(&config.home).to_mm_deg().map(|coordinate| coordinate as f32);
+        let line = |target| Motion {
+            kind: MotionKind::LinCartesian,
+            target,
+            velocity: 19_544,
+            acceleration: 4_075,
+            ..Motion::EMPTY
+        };
+        Self { config, motions: [there, back, there].map(line).to_vec() }
     }
 
     fn at_rest(&self) -> Interpolator {
@@ -120,20 +138,19 @@ impl Cell {
         interpolator
     }
 
-    fn add_ticks(&self, paths: &mut HotPaths, arm: &str) {
-        // The mean of a tick, including its share of the cost of appending motions.
+    /// The mean of a tick, including its share of the cost of appending motions.
+    fn add_run(&self, paths: &mut HotPaths, name: &str) {
         let cell = self.clone();
-        let name = format!("{TICKS} ticks of a run, {arm}");
-        paths.add(
-            "interpolation",
-            name,
-            || (),
-            move |()| {
-                cell.drive(TICKS, |interpolator| {
-                    interpolator.drive(1.0).unwrap();
-                })
-            },
-        );
+        let run = move |()| {
+            cell.drive(TICKS, |interpolator| {
+                interpolator.drive(1.0).unwrap();
+            })
+        };
+        paths.add("interpolation", format!("{TICKS} ticks of a run, {name}"), || (), run);
+    }
+
+    fn add_ticks(&self, paths: &mut HotPaths, arm: &str) {
+        self.add_run(paths, arm);
         let worst = self.worst_tick();
         let cell = self.clone();
         let before_worst = move || {

@@ -1,4 +1,5 @@
-//! Refines the laws of splines while the arm drives, some steps in each robot cycle.
+//! Refines the laws of splines, and of other motions that leave limits unused, while the arm drives: some steps in each robot
+//! cycle.
 //!
 //! A law is refined when no motion can change it any more: the last motion of its stretch stops. Meanwhile the arm follows
 //! the law as it was found. When the steps are done, the refined pieces take the place of those that the arm has not reached.
@@ -49,7 +50,7 @@ impl Path {
         self.refinement.law = Some(law);
     }
 
-    /// Finds the law of the next final stretch with a spline once more, from where the arm is not before the steps are
+    /// Finds the law of the next final stretch that is worth it once more, from where the arm is not before the steps are
     /// done.
     fn begin_to_refine(&mut self, law: &mut Law, cycle_s: f64) -> Option<Range> {
         let cycles = MOST_STEPS.div_ceil(steps_in_a_cycle(USUAL_CELLS)) + MORE_CYCLES;
@@ -58,17 +59,18 @@ impl Path {
             let (spot, pace) = self.pieces.get(begin)?.at(0.0);
             let (parts, next) = parts(&self.queue, self.left_behind, spot);
             let is_final = next.is_some() || self.queue.back().is_some_and(|last| last.stops);
-            let behind = parts.last()?.motion + 1;
+            let next_motion = parts.last()?.motion + 1;
             let rest = self.pieces.range(begin..).position(|piece| piece.cell.is_to_rest())?;
             let end = begin + rest + 1;
             if !is_final {
                 return None;
             }
-            if behind > self.refinement.done {
-                self.refinement.done = behind;
+            if next_motion > self.refinement.done {
+                self.refinement.done = next_motion;
                 let in_queue = |motion: u32| (motion - self.left_behind) as usize;
-                let mut motions = self.queue.range(in_queue(spot.motion)..in_queue(behind));
-                if motions.any(|planned| matches!(planned.segment.curve, Curve::Spline(_))) {
+                let mut motions = self.queue.range(in_queue(spot.motion)..in_queue(next_motion));
+                let is_spline = motions.any(|planned| matches!(planned.segment.curve, Curve::Spline(_)));
+                if is_spline || self.refinement.is_idle(spot.motion..next_motion) {
                     let found = self.pieces.range(begin..end).map(|piece| piece.cell.duration).sum();
                     law.begin_to_refine(&parts, pace, found)?;
                     return Some(Range { begin, end, spot });

@@ -1,5 +1,7 @@
 //! How far the refinement of a path's law is, and which of its pieces it is about.
 
+use core::ops::{self, RangeInclusive};
+
 use super::law::Law;
 use super::piece::Spot;
 
@@ -13,6 +15,8 @@ pub(super) struct Refinement {
     pub(super) has_planned: bool,
     /// The number of the motion that begins behind the last stretch that was looked at.
     pub(super) done: u32,
+    /// A bit for each motion whose law leaves limits unused, by the last bits of its number.
+    idle: u64,
 }
 
 /// How far it is.
@@ -39,12 +43,24 @@ impl Refinement {
     }
 
     pub(super) const fn none() -> Self {
-        Self { law: None, state: State::Idle, has_planned: false, done: 0 }
+        Self { law: None, state: State::Idle, has_planned: false, done: 0, idle: 0 }
     }
 
     /// The path is empty.
     pub(super) fn clear(&mut self) {
-        (self.state, self.done) = (State::Idle, 0);
+        (self.state, self.done, self.idle) = (State::Idle, 0, 0);
+    }
+
+    /// A law was planned for these motions, of which the first one may begin with a part of a former law.
+    pub(super) fn note(&mut self, mut motions: RangeInclusive<u32>, idles: bool) {
+        let first = motions.next().map_or(0, bit);
+        let others = motions.fold(0, |bits, motion| bits | bit(motion));
+        self.idle = (self.idle & !others) | if idles { first | others } else { 0 };
+    }
+
+    /// Returns whether the law of one of these motions leaves limits unused.
+    pub(super) fn is_idle(&self, mut motions: ops::Range<u32>) -> bool {
+        motions.any(|motion| self.idle & bit(motion) != 0)
     }
 
     /// All pieces of the path but the first ones are planned anew.
@@ -67,4 +83,9 @@ impl Refinement {
             }
         }
     }
+}
+
+/// Fewer motions are on a path than there are bits.
+const fn bit(motion: u32) -> u64 {
+    1 << (motion % u64::BITS)
 }

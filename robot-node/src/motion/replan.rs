@@ -78,6 +78,9 @@ impl Path {
                 self.refinement.keep(begin.pieces);
             }
             if found.is_some() {
+                if let [first, .., last] | [first @ last] = &parts[..] {
+                    self.refinement.note(first.motion..=last.motion, law.idles());
+                }
                 let room = CELLS - self.pieces.len();
                 self.pieces.extend(pieces(&law, &parts).take(room));
             }

@@ -3,10 +3,12 @@
 //!
 //! Two of the helpers drive it: [`driven`] feeds a bare controller every cycle, [`plc`] writes to a robot on a cable,
 //! and [`fed`] feeds a bare path. The
-//! others are what its motions are compared with: [`recorded`] records what is driven, [`fastest`] finds the least time.
+//! others are what its motions are compared with: [`drawn`] draws single motions, [`recorded`] records what is driven,
+//! [`fastest`] finds the least time.
 
 #![expect(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod drawn;
 mod driven;
 mod fastest;
 mod fed;
@@ -40,6 +42,7 @@ mod planned_reach;
 mod quality;
 mod random_applications;
 mod rehearsal;
+mod singular;
 mod six_axes;
 mod skills;
 mod start_times;

@@ -1,8 +1,8 @@
 //! What the interpolator drives, recorded finely: the path between two rests, and how long the law took for it.
 
-use protocol::image::{Motion, SLOTS};
+use protocol::image::{Motion, MotionKind, SLOTS};
 use robot_node::RobotConfig;
-use robot_node::arm::{AXES, Joints};
+use robot_node::arm::{AXES, Frame, Joints, distance};
 use robot_node::motion::{Interpolator, Segment};
 
 use crate::fastest::{Bounds, Point};
@@ -101,16 +101,35 @@ impl Section {
     /// Points of the path at even steps of the law's time, `steps` of them; see [`fastest`](crate::fastest::fastest).
     pub(crate) fn points(&self, steps: usize, motions: &[Motion], config: &RobotConfig) -> (Vec<Point>, f64) {
         let half = self.duration / (2 * steps) as f64;
+        let (turns_from, only_turns) = self.turn(motions, config);
         let points = (0..=2 * steps).map(|index| {
             let joints = self.joints(index as f64 * half);
             let at = ((index as f64 * half / CYCLE_S) as usize + 1).min(self.samples.len() - 1);
             let [one, next] = self.samples[at].motions.map(|motion| &motions[motion]);
             let tool = config.tools[usize::from(one.tool)].unwrap();
-            let tool = (config.arm.forward(&joints) * tool).position;
+            let pose = config.arm.forward(&joints) * tool;
+            // A degree counts as a millimetre where the tool only turns.
+            let turned = || [(pose.rotation * turns_from.rotation.inverse()).axis_angle().1, 0.0, 0.0];
+            let tool = if only_turns { turned() } else { pose.position };
             let ways = self.ways(index as f64 * half);
             Point { joints, tool, ways, bounds: both(bounds(one, config), bounds(next, config)) }
         });
         (points.collect(), half)
+    }
+
+    /// Returns where the tool is at the start, and whether it is there at the end as well.
+    fn turn(&self, motions: &[Motion], config: &RobotConfig) -> (Frame, bool) {
+        let [from, to] = [self.samples[0], self.samples[self.samples.len() - 1]].map(|sample| {
+            let tool = config.tools[usize::from(motions[sample.motions[0]].tool)].unwrap();
+            (config.arm.forward(&sample.joints) * tool, sample.motions)
+        });
+        let only_turns = motions.len() == 1 && distance(from.0.position, to.0.position) < 1e-3;
+        (from.0, only_turns && motions[0].kind == MotionKind::LinCartesian)
+    }
+
+    /// The joints of all samples.
+    pub(crate) fn all_joints(&self) -> impl Iterator<Item = Joints> {
+        self.samples.iter().map(|sample| sample.joints)
     }
 
     /// The joints at a time.

@@ -1,5 +1,7 @@
 //! Motions that belong together.
 
+mod singular;
+
 use setup::Setup;
 
 use super::arm::{anywhere, within};
@@ -40,6 +42,9 @@ enum Phrase {
     Chain,
     Spline,
     Wrist,
+    Turn,
+    PastShoulder,
+    PastWrist,
     Force,
 }
 
@@ -90,6 +95,9 @@ impl<'a> Walk<'a> {
             (Phrase::Chain, 7),
             (Phrase::Spline, 8),
             (Phrase::Wrist, 15),
+            (Phrase::Turn, 4),
+            (Phrase::PastShoulder, 4),
+            (Phrase::PastWrist, 4),
             (Phrase::Force, 2),
         ]);
         let left = count - motions.len();
@@ -105,6 +113,9 @@ impl<'a> Walk<'a> {
                 }
             }
             Phrase::Wrist => self.wrist(dice, motions, left),
+            Phrase::Turn => self.turn(dice, motions),
+            Phrase::PastShoulder => self.past_shoulder(dice, motions),
+            Phrase::PastWrist => self.past_wrist(dice, motions),
             Phrase::Force => self.press(dice, motions),
         }
     }

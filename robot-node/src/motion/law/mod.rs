@@ -19,6 +19,7 @@
 
 use arrayvec::ArrayVec;
 
+mod idle;
 mod newton;
 mod refine;
 mod round;
@@ -64,6 +65,8 @@ pub(super) struct Law {
     steps: List,
     /// Speed and acceleration at the knots.
     paces: ArrayVec<Pace, KNOTS>,
+    /// The largest share of an acceleration or of a jerk that each cell uses.
+    used: List,
     /// The values of the best round so far.
     best: List,
     /// The values before the rounding of the top, those for which it was rounded, what is added to them, and the corners of the hull.

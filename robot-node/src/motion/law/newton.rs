@@ -83,6 +83,8 @@ struct Site<'a> {
     slopes: &'a Slopes,
     tightness: [f64; 2],
     ramps: &'a Ramps,
+    /// The square of the highest speed that the joints allow.
+    top: f64,
 }
 
 impl Site<'_> {
@@ -95,6 +97,13 @@ impl Site<'_> {
     #[inline]
     fn each_limit(&self, values: Vector, mut each: impl FnMut(&[Load], f64)) {
         let pace = self.figures(values);
+        self.each_load(pace, &mut each);
+        each(&[(pace[0] / self.top, [1.0 / self.top, 0.0, 0.0])], 1.0);
+    }
+
+    /// The same with the accelerations and jerks, by turns.
+    #[inline]
+    fn each_load(&self, pace: Vector, mut each: impl FnMut(&[Load], f64)) {
         let speed = pace[0].max(f64::MIN_POSITIVE).sqrt();
         let speeds = |ramp_s: f64| [speed * ramp_s, 0.5 * ramp_s / speed];
         let (slows, Ramps { ramp_s, tool_ramp_s, .. }) = (pace[1] < 0.0, self.ramps);
@@ -165,16 +174,17 @@ impl Law {
         let middle = [core::array::from_fn(between), core::array::from_fn(|i| (first[i] + last[i]) / 2.0)];
         let (one, other) = (&self.grid.knots[cell], self.end_of(cell));
         let both = core::array::from_fn(|i| one.tightness[i].min(other.tightness[i]));
-        let ramps = &one.rates.ramps;
+        let site = |map: Map, slopes, tightness| Site {
+            map,
+            slopes,
+            tightness,
+            ramps: &one.rates.ramps,
+            top: one.rates.highest(slopes),
+        };
         [
-            Site { map: [start, first, growth], slopes: &one.slopes, tightness: one.tightness, ramps },
-            Site {
-                map: [middle[0], middle[1], growth],
-                slopes: &self.grid.middles[cell],
-                tightness: both,
-                ramps,
-            },
-            Site { map: [end, last, growth], slopes: &other.slopes, tightness: other.tightness, ramps },
+            site([start, first, growth], &one.slopes, one.tightness),
+            site([middle[0], middle[1], growth], &self.grid.middles[cell], both),
+            site([end, last, growth], &other.slopes, other.tightness),
         ]
     }
 

@@ -2,7 +2,8 @@
 //!
 //! The passes find the speed of one place after another, with an acceleration of 0 as the least that each place allows. So
 //! they never use that a joint which turns ever faster along a bend may keep its limit because the arm slows down. On
-//! splines this can cost a fifth of the time. Steps of [Newton's method](super::newton) find what is left.
+//! splines this can cost a fifth of the time, and as much on lines past a singular position and in turns at one place.
+//! Steps of [Newton's method](super::newton) find what is left.
 
 use super::super::grid::Part;
 use super::super::node::Pace;
@@ -64,11 +65,9 @@ impl Law {
         if self.cells() < FIRST + 3 {
             return None;
         }
+        // What the joints allow at the knots is looked at there: the value of a cell may be above that of one end of it.
         for cell in 0..self.cells() {
-            // Where a slower part follows, its speed holds at the border.
-            let knots = [&self.grid.knots[cell], &self.grid.knots[cell + 1], self.end_of(cell)];
-            let tops = knots.map(|knot| knot.programmed.min(knot.rates.highest(&knot.slopes)));
-            self.tops[cell] = tops.into_iter().fold(self.tops[cell], f64::min);
+            self.tops[cell] = self.top(cell);
         }
         for knot in self.grid.knots.iter_mut().chain(&mut self.grid.ends) {
             knot.tightness = [1.0; 2];

@@ -92,14 +92,14 @@ fn the_loads_of_a_place_are_those_that_a_law_is_compared_with() {
         let law = slack_law(&Bent::random(seed), 0.8);
         for cell in 1..law.cells() - 1 {
             for site in law.sites(cell) {
-                let values = around(&law.values, cell);
-                let [square, acceleration, growth] = site.figures(values);
+                let figures = site.figures(around(&law.values, cell));
+                let [square, acceleration, growth] = figures;
                 let pace = Pace { square, acceleration };
                 let load = Load::new(site.slopes, [square, acceleration, growth * square.sqrt()], site.ramps);
                 let expected = load.most(pace.acceleration < 0.0, site.ramps);
                 // One after the other: accelerations and jerks.
                 let (mut most, mut order) = ([0.0_f64; 2], 0);
-                site.each_limit(values, |loads, whole| {
+                site.each_load(figures, |loads, whole| {
                     let used: f64 = loads.iter().map(|(load, _)| load * load).sum();
                     most[order] = most[order].max((used / whole).sqrt() * site.tightness[order]);
                     order = 1 - order;
@@ -119,7 +119,7 @@ fn reduced_limits_leave_as_much_less() {
     let wholes = |law: &Law| {
         let mut wholes = Vec::new();
         for site in law.sites(cell) {
-            site.each_limit(around(&law.values, cell), |_, whole| wholes.push(whole));
+            site.each_load(site.figures(around(&law.values, cell)), |_, whole| wholes.push(whole));
         }
         wholes
     };
