@@ -46,9 +46,9 @@ fn each_flaw_of_the_layer_breaks_the_rule_that_it_violates() {
     }
 }
 
-/// Gives a command up after the robot has read it, and gives the next one between two reads of the cyclic task. Returns whether the
+/// Withdraws a command after the robot has read it, and gives the next one between two reads of the cyclic task. Returns whether the
 /// first one starts.
-fn starts_after_it_was_given_up(flaw: Option<Flaw>) -> bool {
+fn starts_after_its_withdrawal(flaw: Option<Flaw>) -> bool {
     let code = code(flaw, true);
     let mut robot =
         FormController::new(&code, Order::LittleEndian, 1, |_| protocol::image::ErrorNumber::None);
@@ -95,7 +95,7 @@ fn starts_after_it_was_given_up(flaw: Option<Flaw>) -> bool {
 }
 
 #[test]
-fn a_command_that_was_given_up_does_not_start_by_the_control_bits_of_the_next_one() {
-    assert!(!starts_after_it_was_given_up(None));
-    assert!(starts_after_it_was_given_up(Some(Flaw::ControlOfNext)));
+fn a_withdrawn_command_does_not_start_by_the_control_bits_of_the_next_one() {
+    assert!(!starts_after_its_withdrawal(None));
+    assert!(starts_after_its_withdrawal(Some(Flaw::ControlOfNext)));
 }
