@@ -1,4 +1,4 @@
-//! What explains an error of a block: the events of the script since the image that the program saw when it started the block.
+//! Causes of a block's error: the events of the script since the image that the program saw when it started the block.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +21,7 @@ struct LastScans {
     busy: [u64; BLOCKS],
 }
 
-/// What the program knew when it started a block.
+/// Knowledge of the program when it started a block.
 #[derive(Clone, Copy, Default, Debug)]
 struct StartView {
     /// Scan in which it started the block.
@@ -51,7 +51,7 @@ pub(crate) struct Causes {
 }
 
 /// An error of a block, with what only the cell knows.
-pub(crate) struct Failure<'a> {
+pub(crate) struct BlockFailure<'a> {
     pub(crate) block: usize,
     pub(crate) error: BlockError,
     pub(crate) group: &'a AxesGroup,
@@ -150,8 +150,8 @@ impl Causes {
     }
 
     /// Returns whether the events of the script explain an error.
-    pub(crate) fn explain(&self, failure: &Failure<'_>, rules: &Rules) -> bool {
-        let &Failure { block, error, group, outputs, mode, has_bad } = failure;
+    pub(crate) fn explain(&self, failure: &BlockFailure<'_>, rules: &Rules) -> bool {
+        let &BlockFailure { block, error, group, outputs, mode, has_bad } = failure;
         let (last, start) = (&self.last, &self.starts[block]);
         let since_view = |scan: u64| scan > start.echo;
         let view = group.feedback();

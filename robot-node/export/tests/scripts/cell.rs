@@ -9,7 +9,7 @@ use robot_export::execution::{FormCode, FormController};
 use robot_export::layer::{Flaw, ProgramPart, ServedSkills, kit};
 use robot_export::registers::{COUNT, registers};
 
-use super::causes::{Causes, Failure};
+use super::causes::{BlockFailure, Causes};
 use super::plc::{
     BLOCKS, DISABLE, HALT, LINE, LOWEST, OTHER, PROGRAM, PlcBlocks, SKILLS, STOP, WAY, program,
 };
@@ -177,7 +177,8 @@ impl<'a> ScriptCell<'a> {
             let has_bad =
                 supply.is_some_and(|supply| supply.motions.iter().any(|motion| motion.target[2] < LOWEST));
             let Self { causes, rules, plc, outputs: all, mode, .. } = &*self;
-            let failure = Failure { block, error, group: &plc.group, outputs: all, mode: *mode, has_bad };
+            let failure =
+                BlockFailure { block, error, group: &plc.group, outputs: all, mode: *mode, has_bad };
             if !causes.explain(&failure, rules) {
                 return broken(Rule::Explained, format!("block {block} fails: {error}; {causes:?}"));
             }
