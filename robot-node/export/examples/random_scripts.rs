@@ -7,6 +7,8 @@
     reason = "it ends at the first difference, and says so"
 )]
 
+#[path = "../tests/scripts/causes.rs"]
+mod causes;
 #[path = "../tests/scripts/cell.rs"]
 mod cell;
 #[path = "../tests/scripts/plc.rs"]

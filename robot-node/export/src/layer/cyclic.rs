@@ -227,8 +227,15 @@ fn start(flaw: Option<Flaw>) -> Vec<Statement> {
     let refused = |number| {
         vec![set("shown_error", number), set("shown_motion", super::words::number(0)), own(), call("refuse")]
     };
-    let look = vec![read("seen_number", "number"), read("seen_control", "control")];
-    let gone = either(differ("seen_number", "asked_number"), not(has("seen_control", control::EXECUTE)));
+    // The number is read again: between the two reads the control bits may become those of the next command.
+    let mut look = vec![read("seen_number", "number"), read("seen_control", "control")];
+    look.push(if flaw == Some(Flaw::ControlOfNext) {
+        set("seen_again", value("seen_number"))
+    } else {
+        read("seen_again", "number")
+    });
+    let changed = either(differ("seen_number", "asked_number"), differ("seen_again", "seen_number"));
+    let gone = either(changed, not(has("seen_control", control::EXECUTE)));
     let later = || vec![set("granted", number(grant::LATER))];
     let stops = either(has("seen_control", control::HALT), has("seen_control", control::CANCEL));
     let runs = vec![

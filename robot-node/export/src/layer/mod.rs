@@ -95,6 +95,8 @@ pub enum Flaw {
     GuardByEdgeOnly,
     /// The cyclic task grants a start without looking whether the command is still in the image.
     GrantUnseen,
+    /// The cyclic task reads the control bits of a start without reading the number again, so they may be those of the next command.
+    ControlOfNext,
     /// The command number is written before the flags of the last command are cleared.
     NumberBeforeFlags,
     /// The life counter is read after the control bits.

@@ -9,10 +9,11 @@ use robot_export::execution::{FormCode, FormController};
 use robot_export::layer::{Flaw, ProgramPart, ServedSkills, kit};
 use robot_export::registers::{COUNT, registers};
 
+use super::causes::{BlockFailure, Causes};
 use super::plc::{
     BLOCKS, DISABLE, HALT, LINE, LOWEST, OTHER, PROGRAM, PlcBlocks, SKILLS, STOP, WAY, program,
 };
-use super::rules::{Broken, Rules};
+use super::rules::{Broken, Rule, Rules, broken};
 
 /// Motion of a bad list that is out of reach.
 pub(crate) const BAD_MOTION: u32 = 6;
@@ -72,9 +73,10 @@ pub(crate) struct ScriptCell<'a> {
     pub(crate) stale: [u32; 2],
     /// Scans without a connection.
     pub(crate) lost: u32,
-    /// The connection was lost once.
-    was_lost: bool,
     rules: Rules,
+    causes: Causes,
+    /// First bytes of the robot's image when it was last compared with the rules.
+    compared: [u8; 28],
     /// Highest number before each block's start.
     before: [u16; BLOCKS],
 }
@@ -95,27 +97,26 @@ impl<'a> ScriptCell<'a> {
             feedback: [0; IMAGE_LEN],
             stale: [0; 2],
             lost: 0,
-            was_lost: false,
             rules: Rules::default(),
+            causes: Causes::default(),
+            compared: [0; 28],
             before: [0; BLOCKS],
         }
     }
 
     /// Runs a scan of the PLC and what the robot does meanwhile, drawn by `draw`.
     pub(crate) fn scan(&mut self, pace: CellPace, draw: &mut impl FnMut(u32) -> u32) -> Result<(), Broken> {
-        let feedback = (self.lost == 0).then(|| self.order.parse_feedback(&self.feedback).unwrap());
-        if self.lost > 0 {
+        let is_lost = self.lost > 0;
+        let feedback = (!is_lost).then(|| self.order.parse_feedback(&self.feedback).unwrap());
+        if is_lost {
             self.lost -= 1;
-            self.was_lost = true;
             self.plc.group.disarm();
         }
         self.plc.group.read(feedback);
-        if let Some(feedback) = feedback {
-            self.rules.shown(&feedback)?;
-        }
         for block in 0..BLOCKS {
             self.call(block)?;
         }
+        self.causes.note_scan(&self.plc.group, is_lost, &self.outputs);
         if self.lost == 0 {
             self.exchange(pace);
         }
@@ -127,12 +128,24 @@ impl<'a> ScriptCell<'a> {
                 self.robot.step_motion(&self.command);
             } else if drawn < pace.shares[0] + pace.shares[1] {
                 self.robot.step_cyclic(&self.command);
+                self.compare()?;
             } else {
                 self.robot.step_arm();
             }
         }
+        self.rules.begun(self.robot.begun())
+    }
+
+    /// Compares the robot's image with the rules after each statement that changed it: what the PLC may read at any instant.
+    fn compare(&mut self) -> Result<(), Broken> {
+        let head: [u8; 28] = self.robot.image()[..28].try_into().unwrap();
+        if head == self.compared {
+            return Ok(());
+        }
+        self.compared = head;
         self.rules.begun(self.robot.begun())?;
         let shown = self.order.parse_feedback(self.robot.image()).unwrap();
+        self.causes.note_image(self.plc.group.scans(), &shown)?;
         self.rules.shown(&shown)
     }
 
@@ -143,9 +156,11 @@ impl<'a> ScriptCell<'a> {
         let outputs = self.plc.call(block, self.execute[block], self.mode);
         if outputs.busy && !was.busy {
             self.before[block] = highest;
+            self.causes.note_start(block, &self.plc.group);
         }
         let number = self.plc.group.command().number;
         if number != before {
+            self.causes.note_start(block, &self.plc.group);
             let motions = match block {
                 PROGRAM => program(),
                 // Its block makes the motion of engineering units.
@@ -161,8 +176,12 @@ impl<'a> ScriptCell<'a> {
             let supply = self.plc.supplies.get(block);
             let has_bad =
                 supply.is_some_and(|supply| supply.motions.iter().any(|motion| motion.target[2] < LOWEST));
-            Rules::failed(block, error, has_bad, self.was_lost)
-                .map_err(|broken| format!("block {block}: {broken}"))?;
+            let Self { causes, rules, plc, outputs: all, mode, .. } = &*self;
+            let failure =
+                BlockFailure { block, error, group: &plc.group, outputs: all, mode: *mode, has_bad };
+            if !causes.explain(&failure, rules) {
+                return broken(Rule::Explained, format!("block {block} fails: {error}; {causes:?}"));
+            }
         }
         if outputs.done && !was.done && matches!(block, HALT | STOP | DISABLE) {
             self.rules.close(self.before[block], "a halt was done");
@@ -231,6 +250,21 @@ impl<'a> ScriptCell<'a> {
         self.outputs.iter().any(|outputs| outputs.busy)
     }
 
+    /// Waits until the robot has followed an image of now: a bit that is cleared for less is not cleared for it.
+    pub(crate) fn settle(&mut self, pace: CellPace, draw: &mut impl FnMut(u32) -> u32) -> Result<(), Broken> {
+        // Its echo says that it follows this image or a later one, the second echo that it has done so.
+        for _ in 0..2 {
+            let until = self.plc.group.scans() + 1;
+            for _ in 0..4_000 {
+                self.scan(pace, draw)?;
+                if self.plc.group.has_seen(until) {
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Runs one block to its end.
     pub(crate) fn run(
         &mut self,
@@ -244,14 +278,15 @@ impl<'a> ScriptCell<'a> {
             let outputs = self.outputs[block];
             if !outputs.busy {
                 self.execute[block] = false;
-                self.scan(pace, draw)?;
+                self.settle(pace, draw)?;
                 return Ok(outputs);
             }
             if block < SKILLS {
                 self.plc.supplies[block].available += 1;
             }
         }
-        Err(format!("block {block} does not end: {:?}", self.order.parse_feedback(self.robot.image())))
+        let shown = self.order.parse_feedback(self.robot.image());
+        broken(Rule::Recovers, format!("block {block} does not end: {shown:?}"))
     }
 
     /// Returns whether the robot is enabled, as it shows it.

@@ -2,6 +2,7 @@
 //! and the motions that the arm begins are compared with those commanded.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on stops")]
 
+mod causes;
 mod cell;
 mod plc;
 mod random;

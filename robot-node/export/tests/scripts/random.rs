@@ -11,7 +11,7 @@ use super::plc::{
     DISABLE, ENABLE, HALT, INTERRUPT, LINE, LOWEST, OTHER, PROGRAM, RESET, SKILLS, STOP, Supply, WAY, motion,
     program,
 };
-use super::rules::Broken;
+use super::rules::{Broken, Rule, broken};
 
 /// Runs one script; returns how many motions the arm began.
 pub(crate) fn script(code: &FormCode, seed: u64) -> Result<usize, Broken> {
@@ -32,7 +32,7 @@ pub(crate) fn script(code: &FormCode, seed: u64) -> Result<usize, Broken> {
     }
     let ran = act_all(&mut cell, pace, &mut salt, &mut draw)
         .and_then(|()| recover(&mut cell, pace, &mut salt, &mut draw));
-    ran.map_err(|broken| format!("{broken}; {}", cell.describe()))?;
+    ran.map_err(|broken| Broken { text: format!("{}; {}", broken.text, cell.describe()), ..broken })?;
     Ok(cell.robot.begun().len())
 }
 
@@ -114,19 +114,20 @@ fn recover(
         }
         scans += 1;
         if scans > 60_000 {
-            return Err("the script does not end".into());
+            return broken(Rule::Recovers, "the script does not end");
         }
     }
-    (0..8).try_for_each(|_| cell.scan(pace, draw))?;
+    cell.settle(pace, draw)?;
     for block in [STOP, ENABLE, RESET] {
         let outputs = cell.run(block, pace, draw)?;
         // A robot that stands in an error is enabled and waits for its reset.
         if !outputs.done && block != ENABLE {
-            return Err(format!("block {block} at the end: {outputs:?}, {:?}", cell.plc.error(block)));
+            let error = cell.plc.error(block);
+            return broken(Rule::Recovers, format!("block {block} at the end: {outputs:?}, {error:?}"));
         }
     }
     if !cell.is_enabled() {
-        return Err("not enabled after a reset".into());
+        return broken(Rule::Recovers, "not enabled after a reset");
     }
     for block in [WAY, PROGRAM] {
         let begun = cell.robot.begun().len();
@@ -138,7 +139,8 @@ fn recover(
         }
         let outputs = cell.run(block, pace, draw)?;
         if !outputs.done || cell.robot.begun().len() != begun + count {
-            return Err(format!("block {block} after a reset: {outputs:?}, {:?}", cell.plc.error(block)));
+            let error = cell.plc.error(block);
+            return broken(Rule::Recovers, format!("block {block} after a reset: {outputs:?}, {error:?}"));
         }
     }
     Ok(())
