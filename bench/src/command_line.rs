@@ -27,6 +27,7 @@ use studies::long::LongOptions;
 use studies::sensitivity::SensitivityOptions;
 use studies::soak::SoakOptions;
 use studies::sweep::SweepOptions;
+use studies::trajectory::TrajectoryOptions;
 
 /// Measures skill-based robot control over a real fieldbus: the same sequence as a robot program (RC), as single
 /// skills from the PLC (SM) and as one MoveContinuousSkill from the PLC (CM).
@@ -79,6 +80,8 @@ pub enum Command {
     Overhead(OverheadOptions),
     /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
     Long(LongOptions),
+    /// Drive a finely planned path, and show its speed, its deviation and what limits them.
+    Trajectory(TrajectoryOptions),
     /// Measure a PLC and a robot of any make from a capture of their frames: PROFINET or EtherNet/IP.
     FromCapture(FromCaptureOptions),
     /// Make a run of the execution times that were read out of a PLC.

@@ -28,3 +28,4 @@ pub mod setup_option;
 pub mod soak;
 pub mod study;
 pub mod sweep;
+pub mod trajectory;

@@ -20,6 +20,7 @@ mod peer;
 mod place;
 mod shared_zone;
 mod sourced;
+mod supply;
 mod vary;
 mod write;
 
@@ -44,6 +45,7 @@ pub use nearest::{meant_or_all, nearest};
 pub use peer::Peer;
 pub use shared_zone::SharedZone;
 pub use sourced::{Provenance, Sourced};
+pub use supply::{LookAhead, MOST_QUEUE_MOTIONS, Refill, SplineBlock};
 pub use write::{cell_to_toml, setup_to_table, setup_to_toml};
 
 #[cfg(test)]

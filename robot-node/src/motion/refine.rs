@@ -5,7 +5,7 @@
 
 use super::curve::Curve;
 use super::law::{Law, MOST_STEPS, Progress};
-use super::path::{CELLS, Path};
+use super::path::Path;
 use super::refinement::{Range, State};
 use super::replan::{parts, pieces};
 
@@ -56,7 +56,7 @@ impl Path {
         let mut begin = self.piece_after(HURRY * cycle_s * cycles as f64);
         loop {
             let (spot, pace) = self.pieces.get(begin)?.at(0.0);
-            let (parts, next) = parts(&self.queue, self.left_behind, spot);
+            let (parts, next) = parts(&self.queue, self.left_behind, spot)?;
             let is_final = next.is_some() || self.queue.back().is_some_and(|last| last.stops);
             let behind = parts.last()?.motion + 1;
             let rest = self.pieces.range(begin..).position(|piece| piece.cell.is_to_rest())?;
@@ -81,11 +81,11 @@ impl Path {
     /// Puts the refined law in the place of its pieces.
     fn take_refined(&mut self, law: &Law, range: Range) {
         let Range { begin, end, spot } = range;
-        if self.pieces.len() + law.cells() > CELLS {
+        if self.pieces.len() + law.cells() > self.capacity.pieces {
             return;
         }
         {
-            let (parts, _) = parts(&self.queue, self.left_behind, spot);
+            let Some((parts, _)) = parts(&self.queue, self.left_behind, spot) else { return };
             self.pieces.extend(pieces(law, &parts));
         }
         // From the former pieces, those behind them and the new ones to the new ones and those behind them.

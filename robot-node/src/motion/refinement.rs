@@ -1,5 +1,6 @@
 //! How far the refinement of a path's law is, and which of its pieces it is about.
 
+use super::capacity::Capacity;
 use super::law::Law;
 use super::piece::Spot;
 
@@ -34,8 +35,8 @@ pub(super) struct Range {
 }
 
 impl Refinement {
-    pub(super) fn new() -> Self {
-        Self { law: Some(Box::default()), ..Self::none() }
+    pub(super) fn with_room(capacity: Capacity) -> Self {
+        Self { law: Some(Box::new(Law::with_room(capacity))), ..Self::none() }
     }
 
     pub(super) const fn none() -> Self {

@@ -5,10 +5,11 @@ use std::collections::VecDeque;
 use arrayvec::ArrayVec;
 
 use super::blend::{BORDER_SLOPE, Blend};
-use super::grid::{PARTS, Part};
+use super::capacity::MOST_PARTS;
+use super::grid::Part;
 use super::law::Law;
 use super::node::Pace;
-use super::path::{CELLS, Path, Planned};
+use super::path::{Path, Planned};
 use super::piece::{Course, Piece, Spot};
 use super::segment::Segment;
 
@@ -54,18 +55,22 @@ impl Path {
         let mut is_first = true;
         // One stretch after another; the first one may fail.
         loop {
-            let (parts, next) = parts(&self.queue, self.left_behind, start.0);
-            let mut law = self.law.take().unwrap_or_default();
+            let Some((parts, next)) = parts(&self.queue, self.left_behind, start.0) else { return false };
+            let mut law = self.law.take().unwrap_or_else(|| Box::new(Law::with_room(self.capacity)));
             let found = law.find(&parts, start.1);
+            let kept = if is_first { begin.pieces } else { self.pieces.len() };
+            let has_room = kept + found.map_or(0, |()| law.cells()) <= self.capacity.pieces
+                && (found.is_some() || !law.lacks_room());
             if is_first {
                 // From a rest there is always a law, and a ramp of the override is over.
-                let is_possible = start.1.is_rest()
-                    || found.is_some()
-                        && (self.scale.is_steady() || {
-                            let kept = self.pieces.iter().take(begin.pieces).copied();
-                            let mut course = Course::new(kept.chain(pieces(&law, &parts)), begin.time);
-                            self.keeps_limits(self.scale.ahead(), &mut course)
-                        });
+                let is_possible = has_room
+                    && (start.1.is_rest()
+                        || found.is_some()
+                            && (self.scale.is_steady() || {
+                                let kept = self.pieces.iter().take(begin.pieces).copied();
+                                let mut course = Course::new(kept.chain(pieces(&law, &parts)), begin.time);
+                                self.keeps_limits(self.scale.ahead(), &mut course)
+                            }));
                 if !is_possible {
                     self.law = Some(law);
                     return false;
@@ -77,9 +82,9 @@ impl Path {
                 self.pieces.truncate(begin.pieces);
                 self.refinement.keep(begin.pieces);
             }
+            debug_assert!(has_room, "a queue that is full takes no motion");
             if found.is_some() {
-                let room = CELLS - self.pieces.len();
-                self.pieces.extend(pieces(&law, &parts).take(room));
+                self.pieces.extend(pieces(&law, &parts));
             }
             self.law = Some(law);
             match next {
@@ -164,12 +169,13 @@ impl Path {
     }
 }
 
-/// Returns the parts from a spot to the next rest, and the spot behind that rest if the path continues.
+/// Returns the parts from a spot to the next rest, and the spot behind that rest if the path continues; none where there are more
+/// than any queue has.
 pub(super) fn parts(
     queue: &VecDeque<Planned>,
     left_behind: u32,
     from: Spot,
-) -> (ArrayVec<Part<'_>, PARTS>, Option<Spot>) {
+) -> Option<(ArrayVec<Part<'_>, MOST_PARTS>, Option<Spot>)> {
     let mut parts = ArrayVec::new();
     let mut unit = 1.0;
     let first = (from.motion - left_behind) as usize;
@@ -183,7 +189,7 @@ pub(super) fn parts(
             let end = curve.length() - corner.map_or(0.0, |corner| corner.from_zone);
             if end - start > 1e-12 * end {
                 let part = Part { nodes, ratings, from: start, to: end, unit, motion, in_blend: false };
-                let _ = parts.try_push(part);
+                parts.try_push(part).ok()?;
             }
         }
         if let Some(Blend { from_zone, to_zone, nodes, ratings, .. }) = corner {
@@ -192,15 +198,15 @@ pub(super) fn parts(
             let rate =
                 if here.is_some_and(|spot| spot.in_blend) { 1.0 } else { unit / (BORDER_SLOPE * from_zone) };
             let part = Part { nodes, ratings, from: start, to: 1.0, unit: rate, motion, in_blend: true };
-            let _ = parts.try_push(part);
+            parts.try_push(part).ok()?;
             unit = rate * BORDER_SLOPE * to_zone;
         } else if !planned.goes_on {
             let is_last = index + 1 == queue.len();
             let next = Spot { motion: motion + 1, in_blend: false, way: 0.0 };
-            return (parts, (!is_last).then_some(next));
+            return Some((parts, (!is_last).then_some(next)));
         }
     }
-    (parts, None)
+    Some((parts, None))
 }
 
 /// Where a plan begins.
