@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Recomputes speed and deviation of a trajectory from the exported robot cycles; shares no code with the bench.
 
+  scripts/trajectory.py --circle circle.csv
   bench trajectory circle.csv --export-csv cycles.csv --export-json figures.json
   scripts/trajectory.py circle.csv cycles.csv figures.json [--mean MM_S] [--lowest MM_S] [--deviation MM]
 
@@ -54,8 +55,20 @@ def deviation(points, places, ways):
     return most
 
 
+def write_circle(name):
+    """Writes points a millimetre apart on nearly four turns of a circle of 60 mm."""
+    with open(name, "w", encoding="utf-8") as file:
+        file.write("x,y,z\n")
+        for index in range(1501):
+            angle = index / 60
+            file.write(f"{150 + 60 * math.cos(angle):.5f},{60 * math.sin(angle):.5f},100\n")
+
+
 def main():
     """Compares the figures and returns the exit code."""
+    if len(sys.argv) == 3 and sys.argv[1] == "--circle":
+        write_circle(sys.argv[2])
+        return 0
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("path")
     parser.add_argument("cycles")

@@ -1,4 +1,4 @@
-//! How many motions the robot controller knows ahead of the arm, and by which of its counts the PLC sends more.
+//! Motions that the robot controller knows ahead of the arm, and the count by which the PLC sends more.
 
 use protocol::image::SLOTS;
 use serde::{Deserialize, Serialize};

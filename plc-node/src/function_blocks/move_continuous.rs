@@ -133,7 +133,7 @@ mod tests {
     use super::*;
     use crate::{MotionList, WaitLimits};
     use proptest::prelude::*;
-    use protocol::image::{Feedback, MotionKind, State, Status};
+    use protocol::image::{MotionKind, State, Status};
 
     /// What happens between two scans: what gets through, and what the robot does.
     #[derive(Clone, Copy, Debug)]
@@ -219,6 +219,54 @@ mod tests {
             }
             prop_assert!(block.call(true, &mut source, BufferMode::default(), &mut group).done);
             prop_assert_eq!(robot.taken, motions);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn refilled_by_accepted_every_motion_arrives_once_and_no_slot_that_is_not_accepted_is_touched(
+            count in 1..=40_u16,
+            script in proptest::collection::vec(between(), 1..200),
+        ) {
+            let motions = list(count);
+            let mut source = MotionList::from(motions.clone());
+            let mut group = AxesGroup::new(WaitLimits { answer_scans: 10_000, silent_scans: 10_000 });
+            let (mut block, mut robot) = (MoveContinuous::default().refilled_by(Refill::Accepted), Robot::default());
+            robot.feedback.services = Services::KEEPS_ACCEPTED;
+            let mut seen = robot.feedback;
+            let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
+            for between in script.into_iter().chain(core::iter::repeat_n(eager, 60)) {
+                group.read(Some(seen));
+                let outputs = block.call(true, &mut source, BufferMode::default(), &mut group);
+                prop_assert!(!outputs.error, "{:?}", block.error());
+                let Command { written, total, .. } = *group.command();
+                prop_assert!(written <= total.min(robot.feedback.accepted + SLOTS as u32));
+                for index in robot.feedback.accepted..written {
+                    prop_assert_eq!(group.command().slot(index), &motions[index as usize]);
+                }
+                if between.command_arrives {
+                    robot.command = *group.command();
+                }
+                robot.go_on(between);
+                if between.feedback_arrives {
+                    seen = robot.feedback;
+                }
+            }
+            prop_assert!(block.call(true, &mut source, BufferMode::default(), &mut group).done);
+            prop_assert_eq!(robot.taken, motions);
+        }
+    }
+
+    #[test]
+    fn refill_by_accepted_is_refused_by_a_robot_that_does_not_keep_what_it_accepts_and_nothing_is_sent() {
+        let mut source = MotionList::from(list(9));
+        for services in [Services::default(), Services::SYNC] {
+            let mut group = AxesGroup::new(WaitLimits { answer_scans: 10, silent_scans: 10 });
+            let mut block = MoveContinuous::default().refilled_by(Refill::Accepted);
+            group.read(Some(Feedback { services, ..Feedback::default() }));
+            assert!(block.call(true, &mut source, BufferMode::default(), &mut group).error);
+            assert_eq!(block.error(), Some(BlockError::RefillNotServed));
+            assert_eq!((group.command().number, group.command().written), (0, 0));
         }
     }
 

@@ -15,7 +15,7 @@ pub struct Program {
     motions: Vec<Motion>,
     /// Stops with the output that each switches, in order.
     stops: Vec<Stop>,
-    /// What the check found when the program was loaded.
+    /// Result of the check when the program was loaded.
     checked: CheckedProgram,
 }
 

@@ -5,23 +5,10 @@
 
 use super::blend::{self, Blend};
 use super::curve::Curve;
-use super::path::{Path, Planned};
+use super::path::{Batch, Path, Planned};
 use super::piece::Spot;
 use super::segment::Segment;
-use crate::arm::{Arm, Joints};
-
-/// What a batch has changed so far, and the path before it.
-#[derive(Clone, Debug)]
-pub(super) struct Batch {
-    motions: usize,
-    end: Joints,
-    /// The two motions before the batch, whose end it may change: the last one first.
-    last: [Option<Planned>; 2],
-    /// The first place of the path that has changed.
-    changed: Option<Spot>,
-    /// Whether a motion came too late for the one before it.
-    is_late: bool,
-}
+use crate::arm::Arm;
 
 impl Path {
     /// Begins a batch.

@@ -98,7 +98,7 @@ pub(super) struct Grid {
     /// The knot at which a part begins.
     pub(super) begins: Vec<usize>,
     capacity: Capacity,
-    /// Whether the last stretch had more parts or knots than there is room for.
+    /// Set where the last stretch had more parts or knots than there is room for.
     pub(super) lacks_room: bool,
 }
 

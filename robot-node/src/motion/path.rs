@@ -7,7 +7,6 @@
 
 use std::collections::VecDeque;
 
-use super::batch::Batch;
 use super::blend::Blend;
 use super::capacity::Capacity;
 use super::grid::Part;
@@ -43,6 +42,19 @@ pub(super) struct Planned {
     pub(super) corner: Option<Blend>,
     /// Whether the next motion is one curve with this one: no corner, no stop.
     pub(super) goes_on: bool,
+}
+
+/// Changes of a batch so far, and the path before it.
+#[derive(Clone, Debug)]
+pub(super) struct Batch {
+    pub(super) motions: usize,
+    pub(super) end: Joints,
+    /// The two motions before the batch, whose end it may change: the last one first.
+    pub(super) last: [Option<Planned>; 2],
+    /// The first place of the path that has changed.
+    pub(super) changed: Option<Spot>,
+    /// Set where a motion came too late for the one before it.
+    pub(super) is_late: bool,
 }
 
 /// The motions that are accepted and not yet left behind.
@@ -169,7 +181,7 @@ impl Path {
         &self.end
     }
 
-    /// Whether a deep queue has no room for the pieces of another motion: it waits until the arm has left some. The five slots always
+    /// Returns true if a deep queue has no room for the pieces of another motion: it waits until the arm has left some. The five slots always
     /// have room.
     #[must_use]
     pub fn is_full(&self) -> bool {

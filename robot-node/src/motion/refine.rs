@@ -7,7 +7,7 @@ use super::curve::Curve;
 use super::law::{Law, MOST_STEPS, Progress};
 use super::path::Path;
 use super::refinement::{Range, State};
-use super::replan::{parts, pieces};
+use super::replan::{Stretch, pieces};
 
 /// Number of cells that the steps of one robot cycle look at, beside those of one step.
 const CELLS_IN_A_CYCLE: usize = 256;
@@ -56,7 +56,9 @@ impl Path {
         let mut begin = self.piece_after(HURRY * cycle_s * cycles as f64);
         loop {
             let (spot, pace) = self.pieces.get(begin)?.at(0.0);
-            let (parts, next) = parts(&self.queue, self.left_behind, spot)?;
+            let mut stretch = Stretch::default();
+            stretch.take(&self.queue, self.left_behind, spot)?;
+            let Stretch { parts, next } = &stretch;
             let is_final = next.is_some() || self.queue.back().is_some_and(|last| last.stops);
             let behind = parts.last()?.motion + 1;
             let rest = self.pieces.range(begin..).position(|piece| piece.cell.is_to_rest())?;
@@ -70,7 +72,7 @@ impl Path {
                 let mut motions = self.queue.range(in_queue(spot.motion)..in_queue(behind));
                 if motions.any(|planned| matches!(planned.segment.curve, Curve::Spline(_))) {
                     let found = self.pieces.range(begin..end).map(|piece| piece.cell.duration).sum();
-                    law.begin_to_refine(&parts, pace, found)?;
+                    law.begin_to_refine(parts, pace, found)?;
                     return Some(Range { begin, end, spot });
                 }
             }
@@ -85,8 +87,11 @@ impl Path {
             return;
         }
         {
-            let Some((parts, _)) = parts(&self.queue, self.left_behind, spot) else { return };
-            self.pieces.extend(pieces(law, &parts));
+            let mut stretch = Stretch::default();
+            if stretch.take(&self.queue, self.left_behind, spot).is_none() {
+                return;
+            }
+            self.pieces.extend(pieces(law, &stretch.parts));
         }
         // From the former pieces, those behind them and the new ones to the new ones and those behind them.
         let all = self.pieces.len();

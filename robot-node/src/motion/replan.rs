@@ -55,9 +55,13 @@ impl Path {
         let mut is_first = true;
         // One stretch after another; the first one may fail.
         loop {
-            let Some((parts, next)) = parts(&self.queue, self.left_behind, start.0) else { return false };
+            let mut stretch = Stretch::default();
+            if stretch.take(&self.queue, self.left_behind, start.0).is_none() {
+                return false;
+            }
+            let Stretch { parts, next } = &stretch;
             let mut law = self.law.take().unwrap_or_else(|| Box::new(Law::with_room(self.capacity)));
-            let found = law.find(&parts, start.1);
+            let found = law.find(parts, start.1);
             let kept = if is_first { begin.pieces } else { self.pieces.len() };
             let has_room = kept + found.map_or(0, |()| law.cells()) <= self.capacity.pieces
                 && (found.is_some() || !law.lacks_room());
@@ -68,7 +72,7 @@ impl Path {
                         || found.is_some()
                             && (self.scale.is_steady() || {
                                 let kept = self.pieces.iter().take(begin.pieces).copied();
-                                let mut course = Course::new(kept.chain(pieces(&law, &parts)), begin.time);
+                                let mut course = Course::new(kept.chain(pieces(&law, parts)), begin.time);
                                 self.keeps_limits(self.scale.ahead(), &mut course)
                             }));
                 if !is_possible {
@@ -82,13 +86,13 @@ impl Path {
                 self.pieces.truncate(begin.pieces);
                 self.refinement.keep(begin.pieces);
             }
-            debug_assert!(has_room, "a queue that is full takes no motion");
-            if found.is_some() {
-                self.pieces.extend(pieces(&law, &parts));
+            // Without room the arm would reach an end that is none: its axes are compared with their ratings, and it brakes.
+            if found.is_some() && has_room {
+                self.pieces.extend(pieces(&law, parts));
             }
             self.law = Some(law);
             match next {
-                Some(spot) => start = (spot, Pace::REST),
+                Some(spot) => start = (*spot, Pace::REST),
                 None => break,
             }
         }
@@ -169,44 +173,49 @@ impl Path {
     }
 }
 
-/// Returns the parts from a spot to the next rest, and the spot behind that rest if the path continues; none where there are more
-/// than any queue has.
-pub(super) fn parts(
-    queue: &VecDeque<Planned>,
-    left_behind: u32,
-    from: Spot,
-) -> Option<(ArrayVec<Part<'_>, MOST_PARTS>, Option<Spot>)> {
-    let mut parts = ArrayVec::new();
-    let mut unit = 1.0;
-    let first = (from.motion - left_behind) as usize;
-    for (index, planned) in queue.iter().enumerate().skip(first) {
-        let motion = left_behind + index as u32;
-        let here = (index == first).then_some(from);
-        let Segment { curve, nodes, ratings, .. } = &planned.segment;
-        let corner = planned.corner.as_ref();
-        if !here.is_some_and(|spot| spot.in_blend) {
-            let start = here.map_or(planned.start, |spot| spot.way);
-            let end = curve.length() - corner.map_or(0.0, |corner| corner.from_zone);
-            if end - start > 1e-12 * end {
-                let part = Part { nodes, ratings, from: start, to: end, unit, motion, in_blend: false };
-                parts.try_push(part).ok()?;
+/// A stretch of the path: its parts up to the next rest.
+#[derive(Default)]
+pub(super) struct Stretch<'q> {
+    pub(super) parts: ArrayVec<Part<'q>, MOST_PARTS>,
+    /// The spot after that rest, if the path continues.
+    pub(super) next: Option<Spot>,
+}
+
+impl<'q> Stretch<'q> {
+    /// Takes the parts from a spot on. None where there are more than any queue has.
+    pub(super) fn take(&mut self, queue: &'q VecDeque<Planned>, left_behind: u32, from: Spot) -> Option<()> {
+        let mut unit = 1.0;
+        let first = (from.motion - left_behind) as usize;
+        for (index, planned) in queue.iter().enumerate().skip(first) {
+            let motion = left_behind + index as u32;
+            let here = (index == first).then_some(from);
+            let Segment { curve, nodes, ratings, .. } = &planned.segment;
+            let corner = planned.corner.as_ref();
+            if !here.is_some_and(|spot| spot.in_blend) {
+                let start = here.map_or(planned.start, |spot| spot.way);
+                let end = curve.length() - corner.map_or(0.0, |corner| corner.from_zone);
+                if end - start > 1e-12 * end {
+                    let part = Part { nodes, ratings, from: start, to: end, unit, motion, in_blend: false };
+                    self.parts.try_push(part).ok()?;
+                }
+            }
+            if let Some(Blend { from_zone, to_zone, nodes, ratings, .. }) = corner {
+                let start = here.filter(|spot| spot.in_blend).map_or(0.0, |spot| spot.way);
+                // The unit of the stretch is that of the first part.
+                let is_first = here.is_some_and(|spot| spot.in_blend);
+                let rate = if is_first { 1.0 } else { unit / (BORDER_SLOPE * from_zone) };
+                let part = Part { nodes, ratings, from: start, to: 1.0, unit: rate, motion, in_blend: true };
+                self.parts.try_push(part).ok()?;
+                unit = rate * BORDER_SLOPE * to_zone;
+            } else if !planned.goes_on {
+                let is_last = index + 1 == queue.len();
+                let next = Spot { motion: motion + 1, in_blend: false, way: 0.0 };
+                self.next = (!is_last).then_some(next);
+                return Some(());
             }
         }
-        if let Some(Blend { from_zone, to_zone, nodes, ratings, .. }) = corner {
-            let start = here.filter(|spot| spot.in_blend).map_or(0.0, |spot| spot.way);
-            // The unit of the stretch is that of the first part.
-            let rate =
-                if here.is_some_and(|spot| spot.in_blend) { 1.0 } else { unit / (BORDER_SLOPE * from_zone) };
-            let part = Part { nodes, ratings, from: start, to: 1.0, unit: rate, motion, in_blend: true };
-            parts.try_push(part).ok()?;
-            unit = rate * BORDER_SLOPE * to_zone;
-        } else if !planned.goes_on {
-            let is_last = index + 1 == queue.len();
-            let next = Spot { motion: motion + 1, in_blend: false, way: 0.0 };
-            return Some((parts, (!is_last).then_some(next)));
-        }
+        Some(())
     }
-    Some((parts, None))
 }
 
 /// Where a plan begins.

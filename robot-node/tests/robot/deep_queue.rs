@@ -9,6 +9,7 @@ use protocol::image::{
     Command, Control, Digest, ErrorNumber, Motion, MotionKind, SLOTS, Services, Skill, State, Status,
 };
 use robot_node::{Controller, RobotConfig};
+use setup::{LookAhead, SplineBlock};
 
 use crate::plc;
 
@@ -242,6 +243,50 @@ fn more_than_five_motions_ahead_of_the_accepted_ones_is_an_error_for_a_deep_queu
     fed.command.written += SLOTS as u32 + 1;
     (0..400).for_each(|_| fed.cycle(false));
     assert_eq!(fed.controller.feedback().error, ErrorNumber::QueueOverrun);
+}
+
+/// Runs a stored program of this robot. Returns the tool's speed in each cycle from the command on.
+fn run_program(config: RobotConfig, motions: Vec<Motion>) -> Vec<f32> {
+    let cycle = config.cycle;
+    let total = motions.len() as u32;
+    let mut controller = Controller::new(config, vec![(1, motions.into())], 1);
+    let mut command = Command { control: Control::ENABLE | Control::RESET, program: 1, ..Command::default() };
+    let mut at = Instant::ZERO;
+    controller.tick(at, Some(&command));
+    (command.number, command.skill) = (1, Skill::RunProgram);
+    command.control = Control::ENABLE | Control::EXECUTE;
+    let mut speeds = Vec::new();
+    while !controller.feedback().status.contains(Status::DONE) {
+        at += cycle;
+        controller.tick(at, Some(&command));
+        speeds.push(controller.feedback().path_speed);
+        assert!(speeds.len() < 20_000 && controller.feedback().error == ErrorNumber::None);
+    }
+    assert_eq!(controller.feedback().executed, total);
+    speeds
+}
+
+#[test]
+fn a_program_that_looks_ahead_over_a_whole_spline_is_faster_than_one_that_knows_five_motions() {
+    let kept = |look_ahead: LookAhead| {
+        let config = RobotConfig { program_look_ahead: look_ahead, ..config(5) };
+        let speeds = run_program(config, circle(MotionKind::Spline, 500));
+        let lowest = |some: &[f32]| some.iter().copied().fold(f32::INFINITY, f32::min);
+        speeds.windows(40).map(lowest).fold(0.0, f32::max)
+    };
+    let five = kept(LookAhead::Motions(5));
+    let [deep, whole] = [LookAhead::Motions(64), LookAhead::Block(SplineBlock::WholeSpline)].map(kept);
+    assert!(five < 200.0 && deep > 480.0 && whole > 480.0, "{five}, {deep}, {whole} mm/s");
+}
+
+#[test]
+fn a_long_program_starts_as_soon_as_a_short_one_since_it_is_checked_when_it_is_loaded() {
+    let start = |points: usize| {
+        let mut motions = circle(MotionKind::Spline, points);
+        motions[0].target[0] -= 100.0;
+        run_program(config(5), motions).iter().position(|speed| *speed > 0.0)
+    };
+    assert_eq!(start(1_000), start(10));
 }
 
 proptest! {

@@ -1,4 +1,4 @@
-//! What a trajectory reached: speed, deviation and what limits it, from the robot's ticks.
+//! Figures of a trajectory: speed, deviation and what limits it, from the robot's ticks.
 
 use records::trace::RobotTick;
 use serde::Serialize;
@@ -22,7 +22,7 @@ const ROUNDED: f64 = 4.0;
 const REACHED: f64 = 0.8;
 const REACHED_BY_ROUNDING: f64 = 0.5;
 
-/// What limits the speed.
+/// Limit of the speed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SpeedLimit {
@@ -81,13 +81,13 @@ pub struct TrajectoryFigures {
     pub deviation_mm: f64,
     /// Motions accepted in a robot cycle.
     pub accepted_per_cycle: AcceptedPerCycle,
-    /// What limits the mean speed.
+    /// Limit of the mean speed.
     pub limited_by: SpeedLimit,
-    /// What each limit allows.
+    /// Speed that each limit allows.
     pub limits: SpeedLimits,
 }
 
-/// What was programmed.
+/// Programmed speed and acceleration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ProgrammedPath {
     pub(super) speed_mm_s: f64,

@@ -14,16 +14,16 @@ const ARC_STEP_MM: f64 = 1.0;
 
 /// Motion that the next coordinates give.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Mode {
+enum MotionCode {
     Rapid,
     Line,
     Arc { is_clockwise: bool },
 }
 
-/// What holds until another word changes it.
+/// Values that hold until another word changes them.
 struct Modal {
     place: [f64; 3],
-    mode: Option<Mode>,
+    mode: Option<MotionCode>,
     unit_mm: f64,
     is_relative: bool,
     feed_mm_s: Option<f64>,
@@ -60,13 +60,13 @@ pub(super) fn read(text: &str, spacing_mm: Option<f64>) -> Result<PathPoints, Li
         let mode = modal
             .mode
             .ok_or_else(|| wrong("coordinates before G0, G1, G2 or G3: write one of them".into()))?;
-        if mode != Mode::Rapid && modal.feed_mm_s.is_none() {
+        if mode != MotionCode::Rapid && modal.feed_mm_s.is_none() {
             return Err(wrong("a motion without a feed: write F before it".into()));
         }
-        let speed = modal.feed_mm_s.filter(|_| mode != Mode::Rapid);
+        let speed = modal.feed_mm_s.filter(|_| mode != MotionCode::Rapid);
         let to = modal.target(&words);
         let point = |place| PathPoint { line, place, turn: None, speed };
-        if let Mode::Arc { is_clockwise } = mode {
+        if let MotionCode::Arc { is_clockwise } = mode {
             let arc = Arc::of(modal.place, to, &words, modal.unit_mm, is_clockwise).map_err(wrong)?;
             let steps = (arc.length() / spacing_mm.unwrap_or(ARC_STEP_MM) - 1e-9).ceil().max(1.0);
             for step in 1..steps as usize {
@@ -137,10 +137,10 @@ impl Modal {
     fn take_code(&mut self, number: &str, value: f64) -> Result<(), String> {
         const CODES: [f64; 9] = [0.0, 1.0, 2.0, 3.0, 17.0, 20.0, 21.0, 90.0, 91.0];
         match CODES.iter().position(|code| *code == value) {
-            Some(0) => self.mode = Some(Mode::Rapid),
-            Some(1) => self.mode = Some(Mode::Line),
-            Some(2) => self.mode = Some(Mode::Arc { is_clockwise: true }),
-            Some(3) => self.mode = Some(Mode::Arc { is_clockwise: false }),
+            Some(0) => self.mode = Some(MotionCode::Rapid),
+            Some(1) => self.mode = Some(MotionCode::Line),
+            Some(2) => self.mode = Some(MotionCode::Arc { is_clockwise: true }),
+            Some(3) => self.mode = Some(MotionCode::Arc { is_clockwise: false }),
             Some(4) => {}
             Some(5) => (self.unit_mm, self.decimals) = (INCH_MM, None),
             Some(6) => self.unit_mm = 1.0,

@@ -179,7 +179,7 @@ impl Law {
         self.steps.extend(self.places.windows(2).map(|pair| 0.5 / (pair[1] - pair[0])));
     }
 
-    /// Whether the last stretch had no law because it is too large for the room.
+    /// Returns true if the last stretch had no law because it is too large for the room.
     pub(super) const fn lacks_room(&self) -> bool {
         self.grid.lacks_room
     }
