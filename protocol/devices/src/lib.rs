@@ -12,6 +12,7 @@
 pub mod eds;
 pub mod esi;
 pub mod gsdml;
+mod members;
 pub mod wireshark;
 mod xml;
 
@@ -30,7 +31,7 @@ pub struct Date {
 
 /// Date of the last change to the files' content. It is part of a GSDML file's name, and an engineering system takes
 /// the newest file.
-pub const CHANGED: Date = Date { year: 2026, month: 11, day: 25 };
+pub const CHANGED: Date = Date { year: 2026, month: 11, day: 27 };
 
 /// Returns every device file: its name and its content.
 #[must_use]
