@@ -1,6 +1,11 @@
 //! Cost of the robot cycles that take motions, with a queue of five and with deeper ones: points 0.25 mm apart on a circle.
 
-#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "an example")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::disallowed_types,
+    reason = "an example that measures time"
+)]
 
 use std::time::{Duration, Instant as Clock};
 
@@ -38,7 +43,7 @@ fn slowest_cycles(queue: u32, kind: MotionKind, step: f32) -> [Duration; 2] {
             let angle = step * index as f32 / 60.0;
             Motion {
                 kind: if index == 0 { MotionKind::PtpCartesian } else { kind },
-                target: [150.0 + 60.0 * angle.cos(), 60.0 * angle.sin(), 100.0, 0.0, 0.0, 180.0],
+                target: [150.0 + 60.0 * libm::cosf(angle), 60.0 * libm::sinf(angle), 100.0, 0.0, 0.0, 180.0],
                 velocity: 5_000,
                 acceleration: 5_000,
                 approximation: if index == 0 { 0 } else { 50 },

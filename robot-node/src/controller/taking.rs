@@ -114,8 +114,12 @@ impl Controller {
             taken.iter().for_each(|(motion, _)| self.accepted.add(motion));
             self.press = if taken.is_empty() { self.press.take() } else { None };
         } else {
-            // One after another, to find the corner that is too late.
             execution.accepted = accepted_before;
+            if !self.interpolator.path().rests() {
+                // No law leads on from here: from a later place one may, and at the end of the known motions the arm rests. To try one
+                // motion after another would take longer than a cycle.
+                return false;
+            }
             for (motion, _) in &taken {
                 match self.prepare(motion) {
                     Ok(prepared) => self.take_one(execution, prepared),

@@ -1,7 +1,7 @@
 //! Several motions that come in one robot cycle: each is appended, and the law is planned once after the last one.
 //!
-//! A batch is taken whole or not at all. Where no law leads into it, [`Path::end_batch`] restores the path, and the motions are
-//! appended one by one: [`Path::append`] then finds which corner is too late.
+//! A batch is taken whole or not at all. Where no law leads into it, [`Path::end_batch`] restores the path, and the motions come
+//! again in a later cycle; at rest they are appended one by one, by [`Path::append`].
 
 use super::blend::{self, Blend};
 use super::curve::Curve;

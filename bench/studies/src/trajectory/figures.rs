@@ -207,8 +207,8 @@ impl SpeedLimits {
                     .iter()
                     .flat_map(|point| point.place)
                     .fold(0.0, |most: f64, x| most.max(x.abs()));
-                let step = 0.1_f64.powi(decimals as i32).max(farthest * f64::from(f32::EPSILON) / 2.0);
-                spacing_mm * (TWISTING * jerk / (ROUNDED * step)).cbrt()
+                let step = libm::pow(0.1, decimals.into()).max(farthest * f64::from(f32::EPSILON) / 2.0);
+                spacing_mm * libm::cbrt(TWISTING * jerk / (ROUNDED * step))
             }),
         }
     }
@@ -237,8 +237,8 @@ impl SpeedLimits {
         if self.resolution? >= self.programmed {
             return None;
         }
-        let step = TWISTING * jerk / ROUNDED * (spacing_mm / self.programmed).powi(3);
-        let digits = (-step.log10()).ceil().max(0.0) as u32;
+        let step = TWISTING * jerk / ROUNDED * libm::pow(spacing_mm / self.programmed, 3.0);
+        let digits = (-libm::log10(step)).ceil().max(0.0) as u32;
         (digits > decimals).then_some(digits)
     }
 }

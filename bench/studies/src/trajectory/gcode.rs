@@ -192,7 +192,7 @@ impl Arc {
                 "radius {radius:.4} mm at the start and {end:.4} mm at the end: correct I and J"
             ));
         }
-        let angle = |place: [f64; 3]| (place[1] - centre[1]).atan2(place[0] - centre[0]);
+        let angle = |place: [f64; 3]| libm::atan2(place[1] - centre[1], place[0] - centre[0]);
         let turned = (sign * (angle(to) - angle(from))).rem_euclid(TAU);
         // From a place to itself it is a whole turn.
         let turned = if turned < 1e-9 || TAU - turned < 1e-9 { TAU } else { turned };
@@ -211,7 +211,7 @@ impl Arc {
             return Ok([from[0] + i, from[1] + j]);
         };
         let (x, y) = (to[0] - from[0], to[1] - from[1]);
-        let chord = x.hypot(y);
+        let chord = libm::hypot(x, y);
         let rest = radius * radius - chord * chord / 4.0;
         if chord == 0.0 {
             return Err("a whole circle with R: its centre is unknown; write I and J".into());
@@ -225,13 +225,13 @@ impl Arc {
     }
 
     fn length(&self) -> f64 {
-        (self.radius * self.sweep).hypot(self.ends[1][2] - self.ends[0][2])
+        libm::hypot(self.radius * self.sweep, self.ends[1][2] - self.ends[0][2])
     }
 
     fn at(&self, share: f64) -> [f64; 3] {
         let angle = self.from + share * self.sweep;
         let z = self.ends[0][2] + share * (self.ends[1][2] - self.ends[0][2]);
-        [self.centre[0] + self.radius * angle.cos(), self.centre[1] + self.radius * angle.sin(), z]
+        [self.centre[0] + self.radius * libm::cos(angle), self.centre[1] + self.radius * libm::sin(angle), z]
     }
 }
 
@@ -282,7 +282,7 @@ mod tests {
             assert!(distance(&one.place, &other.place) < 1e-9, "{one:?} {other:?}");
         }
         let on_arc = &by_centre.points[..by_centre.points.len() - 1];
-        assert!(on_arc.iter().all(|point| (point.place[0].hypot(point.place[1]) - 10.0).abs() < 1e-9));
+        assert!(on_arc.iter().all(|point| (libm::hypot(point.place[0], point.place[1]) - 10.0).abs() < 1e-9));
         assert_eq!(by_centre.points[1].speed, Some(10.0));
         let longer = read("G0X10Y0\nG3X0Y10R-10F600\n", Some(0.5)).unwrap();
         assert!(
