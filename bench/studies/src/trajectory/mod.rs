@@ -47,8 +47,10 @@ const APPROACH: u16 = 5_000;
 
 const EXAMPLES: &str = "\
 Examples:
-  bench trajectory circle.csv --setup A --as spline --speed 500 --queue 64 --refill accepted
-  bench trajectory part.ngc --as lin --spacing 0.5 --export-json part.json --export-svg part.svg";
+  bench trajectory circle.csv --speed 500 --queue 64 --refill accepted
+      points as a spline on Setup A, with 64 motions known
+  bench trajectory part.ngc --as lin --spacing 0.5 --export-svg part.svg
+      G-code as lines of half a millimetre, and a picture of the speed";
 
 /// Form of the steps from point to point.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum, Serialize)]
