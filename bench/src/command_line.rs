@@ -30,6 +30,7 @@ use studies::long::LongOptions;
 use studies::sensitivity::SensitivityOptions;
 use studies::soak::SoakOptions;
 use studies::sweep::SweepOptions;
+use studies::trajectory::TrajectoryOptions;
 
 /// Measures skill-based robot control over a real fieldbus: the same sequence as a robot program (RC), as single
 /// skills from the PLC (SM) and as one MoveContinuousSkill from the PLC (CM).
@@ -75,7 +76,10 @@ Exit codes:
 const GROUPS: [(&str, &[&str]); 5] = [
     ("First commands:", &["new", "doctor", "help"]),
     ("Saved-run commands:", &["report", "compare", "history", "gate", "from-capture", "import-samples"]),
-    ("Study commands, in virtual time:", &["buses", "sweep", "sensitivity", "calibrate", "study"]),
+    (
+        "Study commands, in virtual time:",
+        &["buses", "sweep", "sensitivity", "calibrate", "trajectory", "study"],
+    ),
     ("Test commands:", &["explore", "soak", "judge", "long", "timing", "overhead", "scale"]),
     ("Installation commands:", &["completions", "man"]),
 ];
@@ -131,6 +135,8 @@ pub enum Command {
     Overhead(OverheadOptions),
     /// Run millions of motions as one MoveContinuousSkill, and check that each arrives once and in order.
     Long(LongOptions),
+    /// Drive a finely planned path, and show its speed, its deviation and what limits them.
+    Trajectory(TrajectoryOptions),
     /// Measure a PLC and a robot of any make from a capture of their frames.
     FromCapture(FromCaptureOptions),
     /// Make a run of execution times that were read out of a PLC.

@@ -13,7 +13,7 @@ use node::{errln, screen};
 use records::exit::Failure;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use stands::rig;
-use studies::{buses, calibrate, explore, judge, long, sensitivity, soak, sweep};
+use studies::{buses, calibrate, explore, judge, long, sensitivity, soak, sweep, trajectory};
 
 fn main() -> ExitCode {
     #[cfg(all(feature = "real", target_os = "linux"))]
@@ -36,6 +36,7 @@ fn main() -> ExitCode {
         #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Overhead(options)) => overhead::run(options),
         Some(Command::Long(options)) => long::run(options),
+        Some(Command::Trajectory(options)) => trajectory::run(options),
         Some(Command::FromCapture(options)) => from_capture::run(options),
         Some(Command::ImportSamples(options)) => import_samples::run(options),
         Some(Command::New(options)) => new::run(options),

@@ -3,7 +3,7 @@
 use machine::Duration;
 use planning::{PROGRAM, Plan, PlannedStation, Stop, ToStart, WaitAt};
 use protocol::image;
-use setup::Setup;
+use setup::{Refill, Setup};
 
 use crate::{MotionList, MotionSource, StationConfig, StationWork, WaitLimits};
 
@@ -30,6 +30,8 @@ pub struct PlcConfig {
     pub robot_cycle: Duration,
     /// How many motions MoveContinuous writes ahead of those that are executed, 1..=5.
     pub queue_depth: u32,
+    /// The count of the robot by which it refills slots.
+    pub refill: Refill,
     /// The program in the robot controller that RC runs.
     pub program: u16,
     /// The motions that SM and CM run.
@@ -59,6 +61,7 @@ impl PlcConfig {
             silent_timeout: setup.bus.watchdog().max(robot_cycles),
             robot_cycle: micros(setup.robot.cycle_us.value),
             queue_depth: setup.plc.slots_in_use(),
+            refill: setup.plc.refills_by(),
             program,
             motions: Box::new(MotionList::from(motions)),
             to_start: ToStart::default(),
@@ -88,12 +91,12 @@ impl PlcConfig {
     pub fn into_station(self, name: &str, waits: &[WaitAt]) -> (StationConfig, StationWork) {
         let wait_limits = self.wait_limits();
         let Self { answer_timeout, robot_cycle, to_start, .. } = self;
-        let Self { program, queue_depth, motions, stops, .. } = self;
+        let Self { program, queue_depth, refill, motions, stops, .. } = self;
         let longest_stop = StationConfig::longest_of(&stops);
         let name = name.to_owned();
         let config = StationConfig { name, wait_limits, answer_timeout, robot_cycle, to_start, longest_stop };
         let (waits, visits) = (waits.to_vec(), Vec::new());
-        (config, StationWork { program, queue_depth, motions, stops, waits, visits, zones: None })
+        (config, StationWork { program, queue_depth, refill, motions, stops, waits, visits, zones: None })
     }
 
     /// Returns the timeouts in scans, the unit in which the program counts. The echo of a life counter of 16 bits tells its

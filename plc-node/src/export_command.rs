@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use node::Outcome;
 use node::errln;
 use plc_export::{Application, Maker, br};
-use setup::BusKind;
+use setup::{BusKind, Refill};
 
 use crate::PlcConfig;
 
@@ -71,6 +71,11 @@ impl ExportCommand {
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
         let maker = Maker::from(self.dialect);
         let (setup, application) = planning::setup_and_application(&self.setup, self.application.as_deref())?;
+        if setup.plc.refills_by() == Refill::Accepted {
+            anyhow::bail!(
+                "plc.refill = \"accepted\": exported code refills slots by `executed` only; set it to \"executed\", or leave it out"
+            );
+        }
         let plan = application.plan(&setup)?;
         application.reach(&plan, &setup)?;
         let memory = self.memory.map_or(maker.memory_kib(), |memory| memory as usize);

@@ -3,6 +3,7 @@
 use machine::Instant;
 use planning::{Stop, Switch};
 use protocol::image::MotionKind;
+use setup::Refill;
 
 use crate::function_blocks::{
     BlockError, BufferMode, MotionInputs, MoveCircular, MoveContinuous, MoveLinCartesian,
@@ -131,6 +132,12 @@ impl Sequence {
         }
     }
 
+    /// Has CM refill slots by this count of the robot.
+    pub(crate) const fn refilled_by(mut self, refill: Refill) -> Self {
+        self.blocks.move_continuous = self.blocks.move_continuous.refilled_by(refill);
+        self
+    }
+
     /// Has RC run a program for each section between two marks. Actions at the ends of sections are the PLC's.
     pub(crate) const fn in_sections(mut self) -> Self {
         self.is_in_sections = true;
@@ -168,7 +175,8 @@ impl Sequence {
         let next = stops.partition_point(|stop| stop.after <= self.step);
         let end = stops.get(next).map_or(u32::MAX, |stop| stop.after);
         let is_continuous = self.execution_type == ExecutionType::Cm && self.stage == Stage::Skill;
-        is_continuous && motion < end && motion - executed < self.blocks.move_continuous.depth()
+        let written = self.blocks.move_continuous.writes_to(&self.current);
+        is_continuous && motion < end && motion < self.step.saturating_add(written)
     }
 
     /// Returns whether the arm stands as far as it may go, and waits there.

@@ -18,6 +18,7 @@ pub use turns::ZoneWait;
 use machine::{Duration, Instant};
 use planning::{StationZones, Stop, WaitAt, ZoneSet, ZoneVisit};
 use protocol::image::{Digest, Services, Sum};
+use setup::Refill;
 
 use in_step::{ArmPlace, InStep};
 
@@ -36,6 +37,8 @@ pub struct StationWork {
     pub program: u16,
     /// How many motions MoveContinuous writes ahead of those that are executed, 1..=5.
     pub queue_depth: u32,
+    /// The count of the robot by which it refills slots.
+    pub refill: Refill,
     /// The motions that SM and CM run.
     pub motions: Box<dyn MotionSource>,
     /// Where their continuous motions end, in order, and what the PLC switches there.
@@ -82,6 +85,7 @@ struct Part {
     sequence: Sequence,
     program: u16,
     queue_depth: u32,
+    refill: Refill,
     motions: Digested,
     stops: Vec<Stop>,
     waits: Vec<WaitAt>,
@@ -104,12 +108,13 @@ enum PartState {
 
 impl Part {
     fn new(work: StationWork) -> Self {
-        let StationWork { program, queue_depth, motions, stops, waits, visits, zones } = work;
+        let StationWork { program, queue_depth, refill, motions, stops, waits, visits, zones } = work;
         Self {
             turns: ZoneTurns::new(visits, &stops, zones),
             sequence: Sequence::new(ExecutionType::Rc, program, queue_depth),
             program,
             queue_depth,
+            refill,
             motions: Digested::new(motions),
             stops,
             passages: Vec::with_capacity(waits.len()),
@@ -121,7 +126,7 @@ impl Part {
     }
 
     fn begin(&mut self, execution_type: ExecutionType) {
-        let sequence = Sequence::new(execution_type, self.program, self.queue_depth);
+        let sequence = Sequence::new(execution_type, self.program, self.queue_depth).refilled_by(self.refill);
         let is_whole = self.waits.is_empty() && !self.turns.has_visits();
         self.sequence = if is_whole { sequence } else { sequence.in_sections() };
         self.turns.begin();

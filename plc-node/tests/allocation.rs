@@ -65,6 +65,7 @@ fn with_one_station() -> PlcNode<OneStation<Direct>> {
         silent_timeout: MS * 100,
         robot_cycle: MS,
         queue_depth: 5,
+        refill: setup::Refill::Executed,
         program: 1,
         motions: Box::new(MotionList::from(vec![MOTION; 13])),
         to_start: ToStart { from_anywhere: Some(MOTION), from_end: vec![MOTION; 2] },
@@ -90,6 +91,7 @@ fn with_two_stations() -> PlcNode<OneStation<Direct>> {
     let work = |after| StationWork {
         program: 1,
         queue_depth: 5,
+        refill: setup::Refill::Executed,
         motions: Box::new(MotionList::from(vec![MOTION; 13])),
         stops: stops(),
         waits: vec![WaitAt { mark: 1, after, after_action: false }],

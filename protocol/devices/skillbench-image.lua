@@ -131,8 +131,8 @@ local FEEDBACK = {
     { first = 112, len = 4, name = "error upper limit", unit = "by the error", form = "real" },
     { first = 116, len = 4, name = "check", unit = "", form = "check" },
     { first = 120, len = 4, name = "law time", unit = "µs", form = "udint" },
-    { first = 124, len = 2, name = "reserved", unit = "", form = "reserved" },
-    { first = 126, len = 2, name = "services", unit = "bits", form = "word", bits = { "SYNC" } },
+    { first = 124, len = 2, name = "queue depth", unit = "motions", form = "uint" },
+    { first = 126, len = 2, name = "services", unit = "bits", form = "word", bits = { "SYNC", "COMPACT", "KEEPS_ACCEPTED" } },
     { first = 128, len = 128, name = "reserved", unit = "", form = "reserved" },
 }
 local MOTION = {

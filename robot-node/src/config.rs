@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use setup::{Drives, Servo, Setup};
+use setup::{Drives, LookAhead, Refill, Servo, Setup};
 
 use crate::arm::motion::{Programmed, Robot};
 use crate::arm::{Arm, ConfigError, Frames, Installation, Joints, Surface};
@@ -40,6 +40,12 @@ pub struct RobotConfig {
     pub start_quantum: Duration,
     /// Cycles that pass before the first motion of a MoveContinuousSkill, and not before that of a program.
     pub continuous_start_cycles: u32,
+    /// Motions of a MoveContinuousSkill that it knows at most, from 5.
+    pub queue_motions: u32,
+    /// The count by which its PLC refills slots, for rehearsals.
+    pub refill: Refill,
+    /// Look-ahead over a program.
+    pub program_look_ahead: LookAhead,
     /// Time of a skill call besides its motion.
     pub skill_overhead: Duration,
     /// What moves the joints; `None` for joints that are at once where they are set.
@@ -152,6 +158,9 @@ impl RobotConfig {
             interpreter_quantum: micros(robot.interpreter_quantum_us.value),
             start_quantum: micros(robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value)),
             continuous_start_cycles: robot.continuous_start_cycles.as_ref().map_or(0, |cycles| cycles.value),
+            queue_motions: robot.queue_holds(),
+            refill: setup.plc.refills_by(),
+            program_look_ahead: robot.looks_ahead(),
             skill_overhead: micros(robot.skill_overhead_us.value),
             drives: robot.drives,
             servo: ServoLimits::from(robot.servo.as_ref().unwrap_or(&Servo::assumed())),

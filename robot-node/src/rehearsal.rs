@@ -6,6 +6,7 @@ use core::time::Duration;
 use machine::Instant;
 use planning::Stop;
 use protocol::image::{Command, Control, Motion, SLOTS, Skill, State};
+use setup::Refill;
 
 use crate::arm::Joints;
 use crate::{Account, Controller, DriveSegment, Ending, Program, Quality, RobotConfig, RobotEvent};
@@ -153,6 +154,7 @@ struct Stage {
     at: Instant,
     /// Set where a master leads the arm, which is always ahead of it: the feedback has the law's time then.
     leads: bool,
+    refill: Refill,
     done: Rehearsed,
 }
 
@@ -161,11 +163,12 @@ impl Stage {
         let (cycle, at) = (config.cycle, Instant::ZERO);
         let drives = DriveSegment::of(&config, at);
         let patience = config.servo.switch_on;
+        let refill = config.refill;
         let controller = Controller::new(config, vec![(PROGRAM, program)], 0);
         let mut command = Command { program: PROGRAM, override_percent, ..Command::default() };
         command.control = Control::ENABLE | Control::RESET;
         let done = Rehearsed { account: Account::default(), quality: Quality::default(), end_pose: [0.0; 6] };
-        let mut stage = Self { controller, drives, command, cycle, at, leads: false, done };
+        let mut stage = Self { controller, drives, command, cycle, at, leads: false, refill, done };
         stage.tick();
         while stage.controller.feedback().state != State::Ready && stage.at < Instant::ZERO + patience {
             stage.at += cycle;
@@ -206,8 +209,12 @@ impl Stage {
         while self.at < until {
             let Self { controller, command, cycle, at, .. } = self;
             let feedback = controller.feedback();
-            let executed = if feedback.number == command.number { feedback.executed } else { 0 };
-            let written = command.total.min(executed.saturating_add(SLOTS as u32));
+            let free = match self.refill {
+                _ if feedback.number != command.number => 0,
+                Refill::Executed => feedback.executed,
+                Refill::Accepted => feedback.accepted,
+            };
+            let written = command.total.min(free.saturating_add(SLOTS as u32));
             for index in command.written..written {
                 motions.get(index as usize).into_iter().for_each(|motion| command.set_slot(index, *motion));
             }

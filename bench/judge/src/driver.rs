@@ -3,7 +3,7 @@
 use machine::{Duration, Instant};
 use protocol::image::{Command, Control, Feedback, Motion, SLOTS, Skill, State, Status};
 use robot_node::{ConfigError, Controller, Program};
-use setup::Setup;
+use setup::{Refill, Setup};
 
 use crate::case::{Case, Event, Execution, Intervention, Programmed, Run};
 use crate::law::{Law, Seen};
@@ -45,6 +45,7 @@ pub fn run(case: &Case, setup: &Setup, classes: &[Class]) -> Result<Outcome, Con
         case.runs.iter().enumerate().map(|(index, run)| (index as u16 + 1, program(run))).collect();
     let mut driver = Driver {
         cycle: config.cycle,
+        refill: config.refill,
         controller: Controller::new(config, programs, case.seed),
         command: Command::default(),
         law: Law::new(case, setup, classes),
@@ -75,6 +76,7 @@ struct Driver {
     law: Law,
     at: Instant,
     cycle: Duration,
+    refill: Refill,
     /// Cycles since the run began.
     run_cycle: u32,
     is_connected: bool,
@@ -282,10 +284,14 @@ impl Driver {
 
     /// Writes the motions whose time has come into the slots that are free.
     fn hand_over(&mut self, motions: &[Programmed]) {
-        let executed =
-            if self.feedback().number == self.command.number { self.feedback().executed } else { 0 };
+        let feedback = self.feedback();
+        let free = match self.refill {
+            _ if feedback.number != self.command.number => 0,
+            Refill::Executed => feedback.executed,
+            Refill::Accepted => feedback.accepted,
+        };
         while let Some(motion) = motions.get(self.command.written as usize) {
-            let is_free = (self.command.written as usize) < executed as usize + SLOTS;
+            let is_free = (self.command.written as usize) < free as usize + SLOTS;
             if !is_free || motion.written_in_cycle > self.run_cycle {
                 break;
             }

@@ -5,6 +5,7 @@
 //! calibrate                   fits a setup's numbers to the paper's figures
 //! explore, soak               runs with faults: at each frame of a run, and for hours of operation
 //! judge, long                 random motion lists held against independent laws; runs of millions of motions
+//! trajectory                  a finely planned path, its speed and what limits it
 //! engine                      `bench study`: a file says what varies, and jobs give rows; the other studies execute their runs by it
 //! study, jobs, event_loop     the options of studies, runs on all cores, signals
 //! outputs, directory          the files that a verb writes; setup_option, each_bus: what it runs on
@@ -28,3 +29,4 @@ pub mod setup_option;
 pub mod soak;
 pub mod study;
 pub mod sweep;
+pub mod trajectory;

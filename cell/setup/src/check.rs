@@ -4,6 +4,7 @@ mod bus;
 mod cell;
 mod servo;
 mod shared_zone;
+mod supply;
 
 use protocol::image::SLOTS;
 
@@ -128,7 +129,7 @@ fn plc(setup: &Setup) -> Check {
             format!("{depth} motions do not fit: the process image has {slots} slots, so 1 to {slots}");
         return Err(problem("plc.queue_depth", text));
     }
-    Ok(())
+    supply::check(setup)
 }
 
 fn robot(setup: &Setup) -> Check {

@@ -21,6 +21,7 @@ mod place;
 mod plain_file;
 mod shared_zone;
 mod sourced;
+mod supply;
 mod vary;
 mod write;
 
@@ -46,6 +47,7 @@ pub use peer::Peer;
 pub use plain_file::{MOST_FILE_BYTES, read_plain_file, read_plain_text, read_plain_text_within};
 pub use shared_zone::SharedZone;
 pub use sourced::{Provenance, Sourced};
+pub use supply::{LookAhead, MOST_QUEUE_MOTIONS, Refill, SplineBlock};
 pub use write::{cell_to_toml, setup_to_table, setup_to_toml};
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Bus, Provenance, Sourced};
+use crate::{Bus, LookAhead, Provenance, Refill, Sourced};
 
 /// A PLC, a bus and a robot, with everything a user may change.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -66,9 +66,17 @@ pub struct Plc {
     /// Number of the image's slots that MoveContinuous keeps filled, 1 to 5: how many motions the PLC writes ahead of
     /// the motion that the robot executes. If left out, all five.
     pub queue_depth: Option<Sourced<u32>>,
+    /// The count of the robot by which MoveContinuous refills slots. If left out, `executed`, as in the paper.
+    pub refill: Option<Refill>,
 }
 
 impl Plc {
+    /// Returns the count by which MoveContinuous refills slots.
+    #[must_use]
+    pub fn refills_by(&self) -> Refill {
+        self.refill.unwrap_or_default()
+    }
+
     /// Returns the number of slots that MoveContinuous keeps filled.
     #[must_use]
     pub fn slots_in_use(&self) -> u32 {
@@ -94,6 +102,11 @@ pub struct Robot {
     /// Robot cycles between a MoveContinuousSkill's command and its first motion that a program of the robot does not
     /// need; none if left out.
     pub continuous_start_cycles: Option<Sourced<u32>>,
+    /// Motions of a MoveContinuousSkill that the controller knows at most: those that it has accepted and not yet executed. If left
+    /// out, five.
+    pub queue_motions: Option<Sourced<u32>>,
+    /// Motions of a stored program that the controller knows at most while it runs: a number, or `whole-spline`. If left out, five.
+    pub program_look_ahead: Option<Sourced<LookAhead>>,
     /// Time of one skill call in the robot controller besides the motion, in µs: the paper's SM needs it per motion,
     /// RC and CM once. Interpreter dispatch and exact-stop settling.
     pub skill_overhead_us: Sourced<u32>,

@@ -5,7 +5,7 @@
 
 use std::fmt::Display;
 
-use crate::{Cell, Drives, Provenance, Servo, Setup, Sourced};
+use crate::{Cell, Drives, Provenance, Refill, Servo, Setup, Sourced};
 
 /// Fewest bus cycles without a frame that a connection must tolerate; 3 is usual.
 const LEAST_WATCHDOG_CYCLES: u32 = 3;
@@ -36,6 +36,21 @@ impl Setup {
         let before = self.plc.slots_in_use();
         let note = format!("varied for a study, from {before}");
         self.plc.queue_depth = Some(Sourced { value: depth, from: Provenance::Assumed, note });
+        self
+    }
+
+    /// Returns the setup with a robot that keeps this many motions.
+    #[must_use]
+    pub fn with_queue_motions(mut self, motions: u32) -> Self {
+        let note = format!("varied for a study, from {}", self.robot.queue_holds());
+        self.robot.queue_motions = Some(Sourced { value: motions, from: Provenance::Assumed, note });
+        self
+    }
+
+    /// Returns the setup with a PLC that refills slots by this count.
+    #[must_use]
+    pub const fn with_refill(mut self, refill: Refill) -> Self {
+        self.plc.refill = Some(refill);
         self
     }
 

@@ -39,6 +39,11 @@ pub enum BlockError {
     /// The sequence is empty.
     #[error("the sequence has no motions; nothing was sent to the robot")]
     NoMotions,
+    /// The slots are to be refilled by `accepted`, and the robot does not keep what it accepts.
+    #[error(
+        "this robot does not keep the motions that it accepts (services bit 2 is 0); set plc.refill to `executed`"
+    )]
+    RefillNotServed,
     /// No single-motion skill has this kind of motion.
     #[error("no skill moves this kind of motion ({0:?}); correct the motion's kind")]
     NoSkillForKind(MotionKind),
@@ -231,6 +236,7 @@ impl BlockError {
             Self::BlendingBetweenSkills(_) => 0x8013,
             Self::InputOutOfRange { .. } => 0x8014,
             Self::InputNotSupported { .. } => 0x8015,
+            Self::RefillNotServed => 0x8016,
         }
     }
 }

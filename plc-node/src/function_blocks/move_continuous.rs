@@ -1,15 +1,17 @@
 //! A sequence of motions without stops: the paper's MoveContinuousSkill and its FIFO update logic.
 
-use protocol::image::{Command, Motion, SLOTS, Skill};
+use protocol::image::{Command, Feedback, Motion, SLOTS, Services, Skill};
+use setup::Refill;
 
 use super::skill::{SkillCall, skill_outputs};
-use super::{BlockError, BufferMode, Outputs};
+use super::{BlockError, BufferMode, Outputs, Tally};
 use crate::{AxesGroup, MotionSource};
 
 /// Runs a sequence of motions of any kind as one skill.
 ///
 /// The first five motions are written with the start. Whenever the robot counts motion k as executed (the paper's
-/// `curExec`), motion k + 5 goes into the slot of motion k, until all (`totalNo`) are written (paper, section 5.2).
+/// `curExec`), motion k + 5 goes into the slot of motion k, until all (`totalNo`) are written (paper, section 5.2). With
+/// [`Refill::Accepted`] that happens as soon as the robot has accepted motion k: only robots that keep what they accept serve it.
 ///
 /// The source gives motions as the image carries them. [`MotionInputs`](super::MotionInputs) makes them of engineering units:
 ///
@@ -39,6 +41,8 @@ pub struct MoveContinuous {
     pub(super) call: SkillCall<u32>,
     /// The paper's `cntFC`: motions that are written and not executed, at most.
     depth: u32,
+    /// The count by which slots become free.
+    refill: Refill,
 }
 
 impl Default for MoveContinuous {
@@ -53,12 +57,24 @@ impl MoveContinuous {
     /// Fewer than the image's five slots are only useful to measure what the slots are worth.
     #[must_use]
     pub fn with_depth(depth: u32) -> Self {
-        Self { call: SkillCall::default(), depth: depth.clamp(1, SLOTS as u32) }
+        let depth = depth.clamp(1, SLOTS as u32);
+        Self { call: SkillCall::default(), depth, refill: Refill::Executed }
     }
 
-    /// Returns how many motions it writes ahead of the executed ones.
-    pub(crate) const fn depth(&self) -> u32 {
-        self.depth
+    /// Returns the block with slots that become free by this count.
+    #[must_use]
+    pub const fn refilled_by(mut self, refill: Refill) -> Self {
+        self.refill = refill;
+        self
+    }
+
+    /// Returns up to which motion of its skill it writes, by the robot's counts.
+    pub(crate) const fn writes_to(&self, tally: &Tally) -> u32 {
+        let free = match self.refill {
+            Refill::Executed => tally.executed,
+            Refill::Accepted => tally.accepted,
+        };
+        free.saturating_add(self.depth)
     }
 
     /// Runs one scan. `mode` and the number of motions are read at the rising edge of `execute`; the motions are read
@@ -71,16 +87,21 @@ impl MoveContinuous {
         group: &mut AxesGroup,
     ) -> Outputs {
         let (depth, total) = (self.depth, motions.total());
-        let read = || if total == 0 { Err(BlockError::NoMotions) } else { Ok(total) };
+        let is_served = self.refill == Refill::Executed || group.feedback().is_none_or(keeps_accepted);
+        let read = || match total {
+            0 => Err(BlockError::NoMotions),
+            _ if !is_served => Err(BlockError::RefillNotServed),
+            _ => Ok(total),
+        };
         self.call.call(execute, mode, group, read, |command, total| {
             command.skill = Skill::MoveContinuous;
             command.slots = [Motion::EMPTY; SLOTS];
             (command.total, command.written) = (total, 0);
-            fill(command, 0, depth, motions)?;
+            fill(command, depth, motions)?;
             Ok(true)
         });
         if self.call.is_sent()
-            && let Err(error) = fill(&mut group.command, self.call.tally.executed, depth, motions)
+            && let Err(error) = fill(&mut group.command, self.writes_to(&self.call.tally), motions)
         {
             self.call.fail(group, error);
         }
@@ -90,14 +111,14 @@ impl MoveContinuous {
 
 skill_outputs!(MoveContinuous: call);
 
-/// Writes motions into every slot whose motion is executed.
-fn fill(
-    command: &mut Command,
-    executed: u32,
-    depth: u32,
-    motions: &mut dyn MotionSource,
-) -> Result<(), BlockError> {
-    let end = executed.saturating_add(depth).min(command.total).min(motions.available());
+/// Returns whether the robot keeps the motions that it has accepted.
+const fn keeps_accepted(feedback: &Feedback) -> bool {
+    feedback.services.contains(Services::KEEPS_ACCEPTED)
+}
+
+/// Writes motions into every free slot, up to motion `end`.
+fn fill(command: &mut Command, end: u32, motions: &mut dyn MotionSource) -> Result<(), BlockError> {
+    let end = end.min(command.total).min(motions.available());
     while command.written < end {
         let index = command.written;
         let motion = motions.get(index).ok_or(BlockError::SourceEnded { index, total: command.total })?;
@@ -112,7 +133,7 @@ mod tests {
     use super::*;
     use crate::{MotionList, WaitLimits};
     use proptest::prelude::*;
-    use protocol::image::{Feedback, MotionKind, State, Status};
+    use protocol::image::{MotionKind, State, Status};
 
     /// What happens between two scans: what gets through, and what the robot does.
     #[derive(Clone, Copy, Debug)]
@@ -198,6 +219,54 @@ mod tests {
             }
             prop_assert!(block.call(true, &mut source, BufferMode::default(), &mut group).done);
             prop_assert_eq!(robot.taken, motions);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn refilled_by_accepted_every_motion_arrives_once_and_no_slot_that_is_not_accepted_is_touched(
+            count in 1..=40_u16,
+            script in proptest::collection::vec(between(), 1..200),
+        ) {
+            let motions = list(count);
+            let mut source = MotionList::from(motions.clone());
+            let mut group = AxesGroup::new(WaitLimits { answer_scans: 10_000, silent_scans: 10_000 });
+            let (mut block, mut robot) = (MoveContinuous::default().refilled_by(Refill::Accepted), Robot::default());
+            robot.feedback.services = Services::KEEPS_ACCEPTED;
+            let mut seen = robot.feedback;
+            let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
+            for between in script.into_iter().chain(core::iter::repeat_n(eager, 60)) {
+                group.read(Some(seen));
+                let outputs = block.call(true, &mut source, BufferMode::default(), &mut group);
+                prop_assert!(!outputs.error, "{:?}", block.error());
+                let Command { written, total, .. } = *group.command();
+                prop_assert!(written <= total.min(robot.feedback.accepted + SLOTS as u32));
+                for index in robot.feedback.accepted..written {
+                    prop_assert_eq!(group.command().slot(index), &motions[index as usize]);
+                }
+                if between.command_arrives {
+                    robot.command = *group.command();
+                }
+                robot.go_on(between);
+                if between.feedback_arrives {
+                    seen = robot.feedback;
+                }
+            }
+            prop_assert!(block.call(true, &mut source, BufferMode::default(), &mut group).done);
+            prop_assert_eq!(robot.taken, motions);
+        }
+    }
+
+    #[test]
+    fn refill_by_accepted_is_refused_by_a_robot_that_does_not_keep_what_it_accepts_and_nothing_is_sent() {
+        let mut source = MotionList::from(list(9));
+        for services in [Services::default(), Services::SYNC] {
+            let mut group = AxesGroup::new(WaitLimits { answer_scans: 10, silent_scans: 10 });
+            let mut block = MoveContinuous::default().refilled_by(Refill::Accepted);
+            group.read(Some(Feedback { services, ..Feedback::default() }));
+            assert!(block.call(true, &mut source, BufferMode::default(), &mut group).error);
+            assert_eq!(block.error(), Some(BlockError::RefillNotServed));
+            assert_eq!((group.command().number, group.command().written), (0, 0));
         }
     }
 

@@ -19,6 +19,8 @@ use crate::{AxesGroup, Ticket, Turn};
 pub(crate) struct Tally {
     /// Motions that the robot counts as executed.
     pub(crate) executed: u32,
+    /// Motions that the robot has accepted.
+    pub(crate) accepted: u32,
     /// Motions that were run to a stop because the next one was not there in time.
     pub(crate) blends_suppressed: u16,
     /// The robot's own measure of the skill in ns.
@@ -250,6 +252,7 @@ impl<P: Copy> SkillCall<P> {
         }
         self.tally = Tally {
             executed: to,
+            accepted: feedback.accepted.max(self.tally.accepted),
             blends_suppressed: feedback.blends_suppressed,
             execution_ns: feedback.execution_ns,
         };

@@ -65,6 +65,7 @@ impl Cell {
         let work = |(motions, waits): Arm| StationWork {
             program: 1,
             queue_depth: 5,
+            refill: setup::Refill::Executed,
             motions: Box::new(MotionList::from(vec![motion; motions])),
             stops: Vec::new(),
             waits: waits

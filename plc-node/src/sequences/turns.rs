@@ -175,6 +175,7 @@ mod tests {
         let work = |station: &PlannedStation| StationWork {
             program: 1,
             queue_depth: 5,
+            refill: setup::Refill::Executed,
             motions: Box::new(MotionList::default()),
             stops: Vec::new(),
             waits: Vec::new(),

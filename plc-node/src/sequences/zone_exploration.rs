@@ -58,6 +58,7 @@ impl VisitedCell {
         let work = |(motions, visits): &VisitingArm| StationWork {
             program: 1,
             queue_depth: 2,
+            refill: setup::Refill::Executed,
             motions: Box::new(MotionList::from(vec![motion; *motions as usize])),
             stops: Vec::new(),
             waits: Vec::new(),

@@ -317,6 +317,7 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
         silent_timeout: Duration::from_millis(50),
         robot_cycle: ROBOT,
         queue_depth: 5,
+        refill: setup::Refill::Executed,
         program: 1,
         motions: Box::new(MotionList::from(motions)),
         to_start: ToStart::default(),

@@ -34,7 +34,16 @@ pub(crate) fn motions(station: usize, count: u16) -> Vec<Motion> {
 
 pub(crate) fn work(motions: Vec<Motion>, waits: Vec<WaitAt>, stops: Vec<Stop>) -> StationWork {
     let motions = Box::new(MotionList::from(motions));
-    StationWork { program: 1, queue_depth: 5, motions, stops, waits, visits: Vec::new(), zones: None }
+    StationWork {
+        program: 1,
+        queue_depth: 5,
+        refill: setup::Refill::Executed,
+        motions,
+        stops,
+        waits,
+        visits: Vec::new(),
+        zones: None,
+    }
 }
 
 pub(crate) const fn wait(mark: u32, after: usize, after_action: bool) -> WaitAt {

@@ -168,6 +168,7 @@ impl Numbers {
             contact_force: self.real(),
             finding: Finding::new(self.next() as u8, self.real(), self.real(), self.real()),
             law_time_us: self.next() as u32,
+            queue_depth: self.next() as u16,
             services: Services(self.next() as u16),
         }
     }
@@ -264,8 +265,14 @@ fn feedback_values(image: &[u8], order: Order) -> Values {
         ("skillbench.feedback.error_lower_limit", text(feedback.finding.lower())),
         ("skillbench.feedback.error_upper_limit", text(feedback.finding.upper())),
         ("skillbench.feedback.law_time", text(feedback.law_time_us)),
+        ("skillbench.feedback.queue_depth", text(feedback.queue_depth)),
         ("skillbench.feedback.services", vec![format!("0x{:04x}", feedback.services.0)]),
         ("skillbench.feedback.services.sync", text(feedback.services.contains(Services::SYNC))),
+        ("skillbench.feedback.services.compact", text(feedback.services.contains(Services::COMPACT))),
+        (
+            "skillbench.feedback.services.keeps_accepted",
+            text(feedback.services.contains(Services::KEEPS_ACCEPTED)),
+        ),
     ]
 }
 

@@ -24,7 +24,7 @@
 //! 104..116 error finding    3 × f32   value, least and most allowed; see Finding
 //! 116..120 check            u32   see Checker; 0 is none. Not part of the struct below
 //! 120..124 law time         u32   µs, with `SYNC`: time on its own law that the arm has
-//! 124..126 zero
+//! 124..126 queue depth      u16   motions that the robot keeps, if more than the five slots; else 0
 //! 126..128 services         bits  what this robot serves beyond what every robot does
 //! 128..256 zero
 //! ```
@@ -72,6 +72,10 @@ bits! {
     Services: u16 {
         /// It follows a master with [`Control::SYNC`](super::Control::SYNC).
         SYNC = 0,
+        /// It takes the second form of the slots. No robot does yet.
+        COMPACT = 1,
+        /// It keeps the motions that it has accepted: their slots may be filled again at once. See [`Feedback::queue_depth`].
+        KEEPS_ACCEPTED = 2,
     }
 }
 
@@ -118,6 +122,8 @@ pub struct Feedback {
     pub finding: Finding,
     /// Time in µs on its own law that the arm has; 0 without [`Control::SYNC`](super::Control::SYNC).
     pub law_time_us: u32,
+    /// Motions that the robot's queue holds, if more than the five slots; else 0.
+    pub queue_depth: u16,
     /// What the robot serves.
     pub services: Services,
 }
@@ -145,6 +151,7 @@ impl Default for Feedback {
             contact_force: 0.0,
             finding: Finding::NONE,
             law_time_us: 0,
+            queue_depth: 0,
             services: Services::default(),
         }
     }
@@ -184,7 +191,7 @@ impl Feedback {
         feedback.finding = Finding::new(index, reader.f32()?, reader.f32()?, reader.f32()?);
         reader.skip(4)?; // the check
         feedback.law_time_us = reader.u32()?;
-        reader.skip(2)?;
+        feedback.queue_depth = reader.u16()?;
         feedback.services = Services(reader.u16()?);
         Ok(feedback)
     }
@@ -219,7 +226,7 @@ impl Feedback {
         }
         writer.u32(0); // the check
         writer.u32(self.law_time_us);
-        writer.u16(0);
+        writer.u16(self.queue_depth);
         writer.u16(self.services.0);
         writer.pad_to(len);
     }

@@ -146,7 +146,7 @@ pub const FEEDBACK_FIELDS: &[ImageField] = {
         field(112, "error upper limit", Real(1), "by the error"),
         field(FEEDBACK_CHECK, "check", Check, ""),
         field(120, "law time", Udint, "µs"),
-        reserved(124, 126),
+        field(124, "queue depth", Uint, "motions"),
         field(126, "services", Word(Services::NAMES), "bits"),
         reserved(128, IMAGE_LEN),
     ]

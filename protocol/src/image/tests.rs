@@ -132,7 +132,8 @@ fn a_feedbacks_head_has_the_specified_bytes() {
         contact_force: 4.0,
         finding: Finding::new(5, 6.0, 7.0, 8.0),
         law_time_us: 0x0102_0304,
-        services: Services::SYNC,
+        queue_depth: 0x40,
+        services: Services::SYNC | Services::KEEPS_ACCEPTED,
     };
     let mut image = [0xFF; IMAGE_LEN];
     feedback.emit::<LittleEndian>(&mut image);
@@ -145,7 +146,7 @@ fn a_feedbacks_head_has_the_specified_bytes() {
     assert_eq!(&image[88..96], &[0, 0, 0, 0x40, 0, 0, 0x40, 0x40]);
     let rest = [0, 0, 0x80, 0x40, 5, 0, 0, 0, 0, 0, 0xC0, 0x40, 0, 0, 0xE0, 0x40, 0, 0, 0, 0x41];
     assert_eq!(&image[96..116], &rest);
-    assert_eq!(&image[116..128], &[0, 0, 0, 0, 4, 3, 2, 1, 0, 0, 1, 0]);
+    assert_eq!(&image[116..128], &[0, 0, 0, 0, 4, 3, 2, 1, 0x40, 0, 5, 0]);
     assert!(image[128..].iter().all(|byte| *byte == 0));
     assert_eq!(Feedback::parse::<LittleEndian>(&image), Ok(feedback));
 }
@@ -254,7 +255,6 @@ proptest! {
         feedback.emit::<LittleEndian>(&mut image);
         bytes[101..104].fill(0);
         bytes[116..120].fill(0);
-        bytes[124..126].fill(0);
         bytes[128..].fill(0);
         prop_assert_eq!(&image[..], &bytes[..]);
     }

@@ -72,6 +72,8 @@ pub(super) struct Execution {
     stops_passed: usize,
     /// The highest `written` seen: it only grows.
     written: u32,
+    /// Motions that came with the command.
+    pub(super) written_at_start: u32,
     pub(super) phase: Phase,
     /// When it is to start; the clock's origin for at once.
     pub(super) start: Instant,
@@ -138,6 +140,7 @@ impl Execution {
             executed_before: 0,
             stops_passed: 0,
             written: 0,
+            written_at_start: if source == Source::Slots { command.written } else { total },
             phase: Phase::Dispatch { until },
             start,
             law_before_s: 0.0,
@@ -147,11 +150,12 @@ impl Execution {
         })
     }
 
-    /// Returns the next motion if it has arrived and the queue has room for it.
+    /// Returns the next motion if it has arrived and the queue, of `room` motions, has room for it.
     pub(super) fn next_motion(
         &mut self,
         command: Option<&Command>,
         executed: u32,
+        room: u32,
         programs: &Programs,
     ) -> Result<Option<Motion>, Violation> {
         // The image holds the motions of the command that it names; another one was refused.
@@ -165,7 +169,7 @@ impl Execution {
             }
             self.written = command.written;
         }
-        if self.accepted >= self.section_end(programs) || held as usize >= SLOTS {
+        if self.accepted >= self.section_end(programs) || held >= room {
             return Ok(None);
         }
         Ok(match (self.source, command) {
@@ -184,9 +188,16 @@ impl Execution {
         })
     }
 
-    fn programmed(&self, index: u32, programs: &Programs) -> Option<Motion> {
+    pub(super) fn programmed(&self, index: u32, programs: &Programs) -> Option<Motion> {
         let Source::Program(program) = self.source else { return None };
         programs.get(program)?.1.motion(index).copied()
+    }
+
+    /// Returns what the check at loading found for the motions that are not checked yet, if that holds from where the arm comes to
+    /// them.
+    fn loaded(&self, programs: &Programs) -> Option<Option<(u32, Violation)>> {
+        let Source::Program(program) = self.source else { return None };
+        programs.get(program)?.1.loaded(self.check.next, &self.check.from)
     }
 
     /// Returns the place of the program's next stop, and what the program switches there.
@@ -230,6 +241,10 @@ impl Execution {
         let checks = if took_one { CHECKS_BESIDE_A_MOTION } else { CHECKS_PER_CYCLE };
         for _ in 0..checks {
             let next = self.check.next;
+            if let Some(bad) = self.loaded(programs) {
+                (self.bad, self.check.next) = (bad, self.total);
+                return true;
+            }
             let in_slots = self.source == Source::Slots && (self.accepted..self.written).contains(&next);
             let in_slot = command.filter(|command| in_slots && command.number == self.number);
             let in_slot = in_slot.map(|command| *command.slot(next));

@@ -32,13 +32,12 @@ mod pressing;
 mod program;
 mod report;
 mod running;
+mod taking;
 
 use std::collections::VecDeque;
 
 use machine::Instant;
-use protocol::image::{
-    Command, Control, Digest, ErrorNumber, Feedback, Finding, Services, Skill, State, Status,
-};
+use protocol::image::{Command, Control, Digest, ErrorNumber, Feedback, Finding, Skill, State, Status};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use setup::Drives;
@@ -136,14 +135,18 @@ impl Controller {
     /// Creates a controller with its programs by number. `seed` feeds the interpreter's random phase.
     #[must_use]
     pub fn new(config: RobotConfig, programs: Vec<(u16, Program)>, seed: u64) -> Self {
+        let mut programs = programs;
+        programs.iter_mut().for_each(|(_, program)| program.load(&config));
         let cycle_s = config.cycle.as_secs_f64();
-        let interpolator = Interpolator::at_rest(config.arm.clone(), config.home, cycle_s);
+        let motions = taking::most_known(&config) as usize;
+        let interpolator = Interpolator::with_queue(config.arm.clone(), config.home, cycle_s, motions);
         let observer = match config.drives {
             Some(_) => Observer::of_drives(&config.arm, &config.home, cycle_s, 1.0 / Drives::INCREMENTS),
             None => Observer::at_rest(&config.arm, &config.home, cycle_s),
         };
         let drives =
             config.drives.map(|_| DriveReport { joints: config.home, power: DrivePower::Off { axis: 0 } });
+        let (queue_depth, services) = taking::served(&config);
         let mut controller = Self {
             config,
             programs,
@@ -175,7 +178,7 @@ impl Controller {
             resets_drives: false,
             tool: Frame::IDENTITY,
             base_inverse: Frame::IDENTITY,
-            feedback: Feedback { services: Services::SYNC, ..Feedback::default() },
+            feedback: Feedback { queue_depth, services, ..Feedback::default() },
             reported: [0.0; AXES],
             events: VecDeque::with_capacity(EVENTS),
         };

@@ -4,12 +4,28 @@ use planning::{PROGRAM, Plan, ProgramSection, Stop, Switch};
 use protocol::image::Motion;
 use setup::Setup;
 
+use super::press;
+use crate::RobotConfig;
+use crate::arm::{Joints, Violation};
+use crate::motion::Segment;
+
 /// A program: motions, and switching of outputs between them.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Program {
     motions: Vec<Motion>,
     /// Stops with the output that each switches, in order.
     stops: Vec<Stop>,
+    /// Result of the check when the program was loaded.
+    checked: CheckedProgram,
+}
+
+/// Result of checking a program from the arm's home.
+#[derive(Clone, PartialEq, Debug, Default)]
+struct CheckedProgram {
+    /// Where each motion ends that can be run.
+    ends: Vec<Joints>,
+    /// The first motion that cannot be run, and why.
+    bad: Option<(u32, Violation)>,
 }
 
 /// Programs by number.
@@ -21,7 +37,7 @@ impl Program {
     #[must_use]
     pub fn new(motions: Vec<Motion>, stops: &[Stop]) -> Self {
         let stops = stops.iter().filter(|stop| stop.then.is_some()).copied().collect();
-        Self { motions, stops }
+        Self { motions, stops, ..Self::default() }
     }
 
     /// Returns the programs that a robot stores for RC, by number: the plan as one, [`PROGRAM`]. Where the arm waits for others, a
@@ -44,6 +60,33 @@ impl Program {
         (PROGRAM..).zip(sections.iter().map(program)).collect()
     }
 
+    /// Checks all motions, from the arm's home: a program is checked when it is loaded, so that a start need not wait for it.
+    pub(super) fn load(&mut self, config: &RobotConfig) {
+        let mut found = CheckedProgram { ends: Vec::with_capacity(self.motions.len()), bad: None };
+        let mut from = config.home;
+        for (motion, index) in self.motions.iter().zip(0_u32..) {
+            let checked = Segment::prepare(motion, &from, config);
+            match checked.and_then(|segment| press::of(motion, &segment, config).map(|_| segment)) {
+                Ok(segment) => {
+                    from = segment.end;
+                    found.ends.push(from);
+                }
+                Err(violation) => {
+                    found.bad = Some((index, violation));
+                    break;
+                }
+            }
+        }
+        self.checked = found;
+    }
+
+    /// Returns what the check at loading found for all motions from `next` on, if the arm comes to that motion as it did then: at
+    /// these joints.
+    pub(super) fn loaded(&self, next: u32, from: &Joints) -> Option<Option<(u32, Violation)>> {
+        let before = usize::try_from(next.checked_sub(1)?).ok()?;
+        (self.checked.ends.get(before)? == from).then_some(self.checked.bad)
+    }
+
     /// Returns the number of motions.
     pub(super) fn total(&self) -> u32 {
         u32::try_from(self.motions.len()).unwrap_or(u32::MAX)
@@ -63,6 +106,6 @@ impl Program {
 
 impl From<Vec<Motion>> for Program {
     fn from(motions: Vec<Motion>) -> Self {
-        Self { motions, stops: Vec::new() }
+        Self { motions, ..Self::default() }
     }
 }

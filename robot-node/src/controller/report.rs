@@ -8,8 +8,8 @@ use crate::arm::{Frame, Violation, contact_force, length};
 
 impl Controller {
     pub(super) fn cleared_feedback(&self) -> Feedback {
-        let Feedback { life, life_echo, override_percent, joints, pose, contact_force, services, .. } =
-            self.feedback;
+        let Feedback { life, life_echo, override_percent, joints, pose, contact_force, .. } = self.feedback;
+        let Feedback { queue_depth, services, .. } = self.feedback;
         Feedback {
             life,
             life_echo,
@@ -17,6 +17,7 @@ impl Controller {
             joints,
             pose,
             contact_force,
+            queue_depth,
             services,
             ..Feedback::default()
         }

@@ -3,12 +3,11 @@
 use core::time::Duration;
 
 use machine::Instant;
-use protocol::image::{Command, ErrorNumber, Motion, State, Status};
+use protocol::image::{Command, ErrorNumber, State, Status};
 
 use super::execution::{Execution, Phase};
 use super::{Controller, Ending, RobotEvent, press};
 use crate::arm::Violation;
-use crate::motion::Appended;
 
 impl Controller {
     /// Runs the skill for one cycle.
@@ -17,7 +16,7 @@ impl Controller {
         self.account.note_override(self.feedback.override_percent);
         let waited_for_motions = self.interpolator.path().is_finished();
         let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. } | Phase::Arriving);
-        let took_one = takes && execution.bad.is_none() && self.take_motion(&mut execution, command);
+        let took_one = takes && execution.bad.is_none() && self.take_motions(&mut execution, command);
         if let Phase::Dispatch { until } = execution.phase {
             if let Some(ending) = self.dispatch(at, until, took_one, command, &mut execution) {
                 return self.finish(at, &execution, ending);
@@ -30,7 +29,7 @@ impl Controller {
             self.rest();
             if at >= until && !self.hold {
                 self.go_on(until, &mut execution);
-                self.take_motion(&mut execution, command);
+                self.take_motions(&mut execution, command);
             }
         } else if self.is_pressing(press::Phase::Pressing)
             && !matches!(execution.phase, Phase::Settling { .. })
@@ -88,7 +87,7 @@ impl Controller {
         }
         let there = !self.interpolator.path().is_finished() || self.is_pressing(press::Phase::Waiting);
         // All that is written is checked before anything moves.
-        let may_be_more = took_one && !execution.is_complete();
+        let may_be_more = execution.may_start_with_more(took_one, &self.config, &self.programs);
         if checked && there && !may_be_more && at >= until && !self.hold {
             match execution.cycles_to_start.checked_sub(1) {
                 Some(left) => execution.cycles_to_start = left,
@@ -102,52 +101,6 @@ impl Controller {
         // The motion starts at this tick: at the next one the arm is a cycle further.
         self.rest();
         None
-    }
-
-    /// Takes one motion that the PLC has written, or that comes next in the program, if the queue has room. One a cycle:
-    /// checking it is what takes longest in a cycle, and motions last longer. Returns whether there was one.
-    fn take_motion(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
-        // Where a LIN force ends is known when it has ended.
-        if self.is_pressing(press::Phase::Waiting) || self.is_pressing(press::Phase::Pressing) {
-            return false;
-        }
-        let executed = self.executed(execution);
-        let next = execution.next_motion(command, executed, &self.programs);
-        let prepared = next.and_then(|motion| {
-            let prepare = |motion: Motion| {
-                let segment = self.interpolator.path().prepare(&motion, &self.config)?;
-                let press = press::of(&motion, &segment, &self.config)?;
-                Ok((motion, segment, press))
-            };
-            motion.map(prepare).transpose()
-        });
-        match prepared {
-            Ok(None) => return false,
-            Ok(Some((motion, segment, press))) => {
-                execution.accepted += 1;
-                self.accepted.add(&motion);
-                if press.is_some() {
-                    execution.check_from(segment.end);
-                    self.press = press;
-                    self.interpolator.close();
-                    return true;
-                }
-                self.press = None;
-                let last = execution.accepted == execution.section_end(&self.programs);
-                let appended = self.interpolator.append(segment, last);
-                if appended == Appended::Late {
-                    self.suppressed(execution.accepted.saturating_sub(2));
-                }
-            }
-            Err(violation) => {
-                execution.bad = Some((execution.accepted, violation));
-                if execution.phase == Phase::Driving {
-                    self.refuse_motion(execution.number, execution.accepted, violation);
-                }
-                self.interpolator.close();
-            }
-        }
-        true
     }
 
     fn drive(&mut self, at: Instant, execution: &mut Execution) {
@@ -245,7 +198,7 @@ impl Controller {
 
 #[cfg(test)]
 mod tests {
-    use protocol::image::{Control, MotionKind, Skill};
+    use protocol::image::{Control, Motion, MotionKind, Skill};
 
     use super::*;
     use crate::RobotConfig;

@@ -4,7 +4,7 @@ use protocol::image::Motion;
 
 use super::blend::{self, Blend};
 use super::curve::Curve;
-use super::path::{Path, Planned};
+use super::path::Path;
 use super::piece::Spot;
 use super::segment::Segment;
 use super::spline::Spline;
@@ -21,7 +21,7 @@ pub enum Appended {
 }
 
 /// Two motions of a spline as pieces of one.
-struct Joined {
+pub(super) struct Joined {
     one: Segment,
     /// The second one, if it does not have its shape from the first already.
     next: Option<Segment>,
@@ -44,20 +44,7 @@ impl Path {
 
     /// Appends a motion that starts at [`end`](Self::end). `last` says that none follows.
     pub fn append(&mut self, segment: Segment, last: bool, arm: &Arm) -> Appended {
-        self.end = segment.end;
-        let before = self.queue.len().checked_sub(1);
-        let is_over = last || segment.approximation_mm == 0.0;
-        let planned = Planned {
-            zone: if is_over { 0.0 } else { blend::wanted_zone(&segment, arm) },
-            stops: is_over,
-            start: 0.0,
-            corner: None,
-            goes_on: false,
-            segment,
-        };
-        self.queue.push_back(planned);
-        let open = before.filter(|before| self.queue.get(*before).is_some_and(|planned| !planned.stops));
-        let Some(before) = open else {
+        let Some(before) = self.push(segment, last, arm) else {
             self.plan_last();
             return Appended::Planned;
         };
@@ -93,12 +80,12 @@ impl Path {
     }
 
     /// A place on the straight part of a motion.
-    fn place_of(&self, index: usize, way: f64) -> Spot {
+    pub(super) fn place_of(&self, index: usize, way: f64) -> Spot {
         Spot { motion: self.left_behind + index as u32, in_blend: false, way }
     }
 
     /// Where a motion's straight part ends.
-    fn leaves(&self, index: usize) -> Spot {
+    pub(super) fn leaves(&self, index: usize) -> Spot {
         let way = self.queue.get(index).map_or(0.0, |planned| {
             planned.segment.curve.length() - planned.corner.as_ref().map_or(0.0, |corner| corner.from_zone)
         });
@@ -126,14 +113,8 @@ impl Path {
     /// Makes the last motion and the one before it pieces of one spline. Each changes the shape of the other, which is
     /// possible only until the arm reaches the first one.
     fn go_on_with_spline(&mut self, before: usize, arm: &Arm) -> Option<Appended> {
-        let (one, next) = (self.queue.get(before)?, self.queue.back()?);
-        let (Curve::Spline(first), Curve::Spline(second)) = (&one.segment.curve, &next.segment.curve) else {
-            return None;
-        };
-        let (is_ahead, goes_on) = (self.is_ahead(before), first.goes_on_to(second));
-        let is_shaped = second.before() == Some(*first.from());
-        let joined =
-            if is_ahead && goes_on { self.join(before, (first, second), is_shaped, arm) } else { None };
+        let (joined, is_shaped) = self.joined(before, arm)?;
+        let is_ahead = self.is_ahead(before);
         if joined.is_some_and(|joined| self.take_if_feasible(before, joined, arm)) {
             return Some(Appended::Planned);
         }
@@ -143,6 +124,19 @@ impl Path {
         self.stop_after(before);
         self.plan_last();
         Some(if is_ahead { Appended::Planned } else { Appended::Late })
+    }
+
+    /// Returns the last motion and the one before it as pieces of one spline, where the arm can follow that, and whether the last one
+    /// has its shape already; none where they are not both of a spline.
+    pub(super) fn joined(&self, before: usize, arm: &Arm) -> Option<(Option<Joined>, bool)> {
+        let (one, next) = (self.queue.get(before)?, self.queue.back()?);
+        let (Curve::Spline(first), Curve::Spline(second)) = (&one.segment.curve, &next.segment.curve) else {
+            return None;
+        };
+        let is_shaped = second.before() == Some(*first.from());
+        let goes_on = self.is_ahead(before) && first.goes_on_to(second);
+        let joined = if goes_on { self.join(before, (first, second), is_shaped, arm) } else { None };
+        Some((joined, is_shaped))
     }
 
     /// Two motions of a spline as pieces of one; none where the arm cannot follow that.
@@ -172,21 +166,26 @@ impl Path {
     /// Replaces two motions by pieces of one spline and plans. Returns false and changes nothing where the arm cannot
     /// continue into that.
     fn take_if_feasible(&mut self, before: usize, mut joined: Joined, arm: &Arm) -> bool {
-        // Its shape changes from its start on, or from the corner there on.
-        let corner = before.checked_sub(1).filter(|_| joined.corner.is_some());
-        let was = corner.map(|corner| self.leaves(corner).way);
-        self.swap(before, &mut joined, arm);
-        self.set_goes_on(before, true);
-        let changed = match (corner, was) {
-            (Some(corner), Some(was)) => self.place_of(corner, was.min(self.leaves(corner).way)),
-            _ => self.place_of(before, 0.0),
-        };
+        let changed = self.take_joined(before, &mut joined, arm);
         let is_feasible = self.plan(&changed);
         if !is_feasible {
             self.swap(before, &mut joined, arm);
             self.set_goes_on(before, false);
         }
         is_feasible
+    }
+
+    /// Replaces two motions by pieces of one spline, which `joined` then holds. Returns from where on the path changes.
+    pub(super) fn take_joined(&mut self, before: usize, joined: &mut Joined, arm: &Arm) -> Spot {
+        // Its shape changes from its start on, or from the corner there on.
+        let corner = before.checked_sub(1).filter(|_| joined.corner.is_some());
+        let was = corner.map(|corner| self.leaves(corner).way);
+        self.swap(before, joined, arm);
+        self.set_goes_on(before, true);
+        match (corner, was) {
+            (Some(corner), Some(was)) => self.place_of(corner, was.min(self.leaves(corner).way)),
+            _ => self.place_of(before, 0.0),
+        }
     }
 
     fn swap(&mut self, before: usize, joined: &mut Joined, arm: &Arm) {
@@ -206,7 +205,7 @@ impl Path {
 
     /// The last piece of a spline begins at a stop after all: it becomes a straight line, as a single one is, if the
     /// arm can follow that.
-    fn straighten_last(&mut self, before: usize, arm: &Arm) {
+    pub(super) fn straighten_last(&mut self, before: usize, arm: &Arm) {
         let (Some(before), Some(last)) = (self.queue.get(before), self.queue.back()) else { return };
         let Curve::Spline(piece) = &last.segment.curve else { return };
         let alone = piece.with_neighbours(None, None);
@@ -216,14 +215,14 @@ impl Path {
     }
 
     /// Returns whether the arm has not reached this motion nor the corner before it.
-    fn is_ahead(&self, index: usize) -> bool {
+    pub(super) fn is_ahead(&self, index: usize) -> bool {
         if index >= self.queue.len() {
             return false;
         }
         if index == 0 { !self.in_blend() && self.is_at_start() } else { index > usize::from(self.in_blend()) }
     }
 
-    fn set_goes_on(&mut self, index: usize, goes_on: bool) {
+    pub(super) fn set_goes_on(&mut self, index: usize, goes_on: bool) {
         if let Some(planned) = self.queue.get_mut(index) {
             planned.goes_on = goes_on;
         }
@@ -246,7 +245,7 @@ impl Path {
         }
     }
 
-    fn set_blend(&mut self, index: usize, blend: Option<Blend>) {
+    pub(super) fn set_blend(&mut self, index: usize, blend: Option<Blend>) {
         let start = blend.as_ref().map_or(0.0, |blend| blend.to_zone);
         if let Some(planned) = self.queue.get_mut(index) {
             planned.corner = blend;
@@ -256,7 +255,7 @@ impl Path {
         }
     }
 
-    fn stop_after(&mut self, index: usize) {
+    pub(super) fn stop_after(&mut self, index: usize) {
         if let Some(planned) = self.queue.get_mut(index) {
             planned.stops = true;
         }

@@ -2,17 +2,22 @@
 
 use core::ops::Range;
 
-use arrayvec::ArrayVec;
-
+use super::capacity::Capacity;
 use super::knot::{Knot, Rates};
 use super::node::{Node, Pace, Ratings};
 use super::slopes::Slopes;
 
-/// Largest number of parts of a stretch.
-pub(super) const PARTS: usize = 16;
+/// Number of parts of a stretch from which on short ones have as few cells as their length needs: the planning of a deep queue must
+/// not take longer because its motions are short.
+const MANY_PARTS: usize = 16;
 
-/// Largest number of knots of a stretch. A longer one leaves out every other node.
-pub(super) const KNOTS: usize = 1024;
+/// Number of cells of such a stretch, about.
+const CELLS_OF_MANY: f64 = 64.0;
+
+/// In such a stretch one node in so many stays at most: in a curve the first one of each of its pieces, in a corner more, since it bends
+/// most in its middle.
+const WIDEST_STRIDE: usize = 16;
+const WIDEST_CORNER_STRIDE: usize = 4;
 
 /// Number of coarser steps over the nodes that are tried.
 const STRIDES: usize = 8;
@@ -68,13 +73,20 @@ impl Part<'_> {
     }
 }
 
+/// Returns the stride over the nodes of a part in a stretch of many parts, by its share of the stretch.
+fn few(part: &Part<'_>, length: f64) -> usize {
+    let widest = if part.in_blend { WIDEST_CORNER_STRIDE } else { WIDEST_STRIDE };
+    let cells = (CELLS_OF_MANY * part.length() / length).ceil().max(1.0);
+    ((WIDEST_STRIDE as f64 / cells) as usize).clamp(1, widest)
+}
+
 /// Largest ratio of the lengths of two neighbouring cells, about: in a longer one the speed would change too much.
 const GRADING: f64 = 3.0;
 
 /// The knots, and where each part begins.
 #[derive(Debug)]
 pub(super) struct Grid {
-    /// With room for [`KNOTS`]. On the heap, as all lists of knots: they are too large for a stack.
+    /// With room for the most knots. On the heap, as all lists of knots: they are too large for a stack.
     pub(super) knots: Vec<Knot>,
     /// The derivatives in the middle of each cell.
     pub(super) middles: Vec<Slopes>,
@@ -82,31 +94,42 @@ pub(super) struct Grid {
     rough: Vec<Knot>,
     /// The knots at the borders once more, with the limits and derivatives of the part that ends there; the third
     /// derivative may jump at a border.
-    pub(super) ends: ArrayVec<Knot, PARTS>,
+    pub(super) ends: Vec<Knot>,
     /// The knot at which a part begins.
-    pub(super) begins: ArrayVec<usize, PARTS>,
+    pub(super) begins: Vec<usize>,
+    capacity: Capacity,
+    /// Set where the last stretch had more parts or knots than there is room for.
+    pub(super) lacks_room: bool,
 }
 
-impl Default for Grid {
-    fn default() -> Self {
-        let [knots, rough] = [0; 2].map(|_| Vec::with_capacity(KNOTS));
-        let middles = Vec::with_capacity(KNOTS);
-        Self { knots, middles, rough, ends: ArrayVec::new(), begins: ArrayVec::new() }
-    }
-}
-
-/// Adds a knot; none if there is no room.
-fn push(knots: &mut Vec<Knot>, knot: Knot) -> Option<()> {
-    (knots.len() < KNOTS).then(|| knots.push(knot))
+/// Adds an item; none if there are `most` already.
+fn push<T>(items: &mut Vec<T>, item: T, most: usize) -> Option<()> {
+    (items.len() < most).then(|| items.push(item))
 }
 
 impl Grid {
+    /// Creates a grid with room for the stretches of a queue.
+    pub(super) fn with_room(capacity: Capacity) -> Self {
+        let [knots, rough] = [0; 2].map(|_| Vec::with_capacity(capacity.knots));
+        let middles = Vec::with_capacity(capacity.knots);
+        let (ends, begins) = (Vec::with_capacity(capacity.parts), Vec::with_capacity(capacity.parts));
+        Self { knots, middles, rough, ends, begins, capacity, lacks_room: false }
+    }
+
     /// Takes the knots of these parts; none if there is no way to go or there are too many nodes.
     pub(super) fn fill(&mut self, parts: &[Part<'_>], pace: &Pace) -> Option<()> {
         let nodes: usize = parts.iter().map(|part| part.nodes.len() + 2).sum();
-        let stride = nodes.div_ceil(KNOTS - 2 * PARTS - 16);
+        let Capacity { parts: most_parts, knots, .. } = self.capacity;
+        self.lacks_room = parts.len() > most_parts;
+        if self.lacks_room {
+            return None;
+        }
+        let stride = nodes.div_ceil(knots - 2 * most_parts - 16);
+        let stride = if parts.len() > MANY_PARTS { 1 } else { stride };
         // How many cells are cut is not known in advance.
-        (stride..stride + STRIDES).find_map(|stride| self.take_nodes(parts, pace, stride))
+        let taken = (stride..stride + STRIDES).find_map(|stride| self.take_nodes(parts, pace, stride));
+        self.lacks_room = taken.is_none() && self.rough.len().max(self.knots.len()) >= knots;
+        taken
     }
 
     /// Takes one node in `stride`; none if they are too many.
@@ -119,6 +142,7 @@ impl Grid {
         for part in parts {
             let rates = Rates::of(part.ratings);
             self.begin_part(part.knot(part.from, begin, &rates)?)?;
+            let stride = if parts.len() > MANY_PARTS { stride * few(part, length) } else { stride };
             self.take_part((part, &rates), begin, length, stride)?;
             begin += part.length();
         }
@@ -136,7 +160,7 @@ impl Grid {
     fn begin_part(&mut self, first: Knot) -> Option<()> {
         match self.rough.last_mut() {
             Some(last) => {
-                self.ends.try_push(*last).ok()?;
+                push(&mut self.ends, *last, self.capacity.parts)?;
                 let highest = first.highest.min(last.highest);
                 let programmed = first.programmed.min(last.programmed);
                 *last = first;
@@ -144,7 +168,7 @@ impl Grid {
             }
             None => self.rough.push(first),
         }
-        self.begins.try_push(self.rough.len() - 1).ok()
+        push(&mut self.begins, self.rough.len() - 1, self.capacity.parts)
     }
 
     /// Takes what is behind the first knot of a part that begins at `begin`. No cell is longer than [`LONGEST`] of the
@@ -170,13 +194,13 @@ impl Grid {
             for cell in 1..cells as usize {
                 let between = before + (way - before) * cell as f64 / cells;
                 let own = part.from + (between - begin) * part.unit;
-                push(&mut self.rough, part.knot(own, between, rates)?)?;
+                push(&mut self.rough, part.knot(own, between, rates)?, self.capacity.knots)?;
             }
             let knot = match node {
                 Some(node) => Knot::new(node, rates, way, part.unit),
                 None => part.knot(part.from + (way - begin) * part.unit, way, rates)?,
             };
-            push(&mut self.rough, knot)?;
+            push(&mut self.rough, knot, self.capacity.knots)?;
         }
         Some(())
     }
@@ -189,7 +213,7 @@ impl Grid {
 
     /// Cuts cells that are much longer than their neighbours, as there are beside a short corner between long motions.
     fn grade(&mut self, first_cell: f64) -> Option<()> {
-        let Self { knots, rough, ends, begins, .. } = self;
+        let Self { knots, rough, ends, begins, capacity, .. } = self;
         knots.clear();
         let length_of = |cell: usize| Some(rough.get(cell + 1)?.way - rough.get(cell)?.way);
         // The number of the part, counted from 1, that begins next.
@@ -200,14 +224,14 @@ impl Grid {
                 begins[part] = knots.len();
                 part += 1;
             }
-            push(knots, *knot)?;
+            push(knots, *knot, capacity.knots)?;
             let (Some(length), Some(next)) = (length_of(index), rough.get(index + 1)) else { break };
             let is_last_of_part = begins.get(part) == Some(&(index + 1));
             let next = ends.get(part - 1).filter(|_| is_last_of_part).unwrap_or(next);
             let least = 1e-6 * length;
             let before = index.checked_sub(1).and_then(length_of).unwrap_or(first_cell / GRADING).max(least);
             let after = length_of(index + 1).map_or(f64::INFINITY, |after| after.max(least));
-            let mut cut = |way: f64| push(knots, knot.toward(next, way / length));
+            let mut cut = |way: f64| push(knots, knot.toward(next, way / length), capacity.knots);
             let (mut step, mut way) = (GRADING * before, GRADING * before);
             while way < length / 2.0 {
                 cut(way)?;
@@ -296,7 +320,7 @@ impl Grid {
 
     /// Puts a knot in the place of those with these indices, of which no part begins at one.
     fn replace(&mut self, knots: Range<usize>, knot: Knot) {
-        if self.knots.len() - knots.len() < KNOTS {
+        if self.knots.len() - knots.len() < self.capacity.knots {
             let shifted = |begin: &&mut usize| **begin >= knots.start;
             let removed = knots.len();
             self.begins.iter_mut().filter(shifted).for_each(|begin| *begin = *begin + 1 - removed);

@@ -5,6 +5,8 @@
 //! moment, see [`Correction`]. Where the path cannot be driven on, the arm leaves it and brakes within the limits of its
 //! axes.
 
+use protocol::image::SLOTS;
+
 use super::append::Appended;
 use super::axis_monitor::AxisMonitor;
 use super::correction::Correction;
@@ -59,12 +61,18 @@ pub struct Interpolator {
 }
 
 impl Interpolator {
-    /// An arm that stands at `joints` and is interpolated every `cycle_s` seconds.
+    /// An arm that stands at `joints` and is interpolated every `cycle_s` seconds, with a queue of five motions.
     #[must_use]
     pub fn at_rest(arm: Arm, joints: Joints, cycle_s: f64) -> Self {
+        Self::with_queue(arm, joints, cycle_s, SLOTS)
+    }
+
+    /// The same with a queue of this many motions.
+    #[must_use]
+    pub fn with_queue(arm: Arm, joints: Joints, cycle_s: f64, motions: usize) -> Self {
         let flange = arm.forward(&joints);
         Self {
-            path: Path::at_rest(joints, cycle_s),
+            path: Path::at_rest(joints, cycle_s, motions),
             axes: AxisMonitor::at_rest(arm.limits(), &joints, cycle_s),
             correction: Correction::NONE,
             omitted_s: 0.0,
@@ -112,6 +120,21 @@ impl Interpolator {
     /// Appends a motion to the path; see [`Path::append`].
     pub fn append(&mut self, segment: Segment, last: bool) -> Appended {
         self.path.append(segment, last, &self.arm)
+    }
+
+    /// Begins a batch; see [`Path::begin_batch`].
+    pub fn begin_batch(&mut self) {
+        self.path.begin_batch();
+    }
+
+    /// Appends a motion to the batch; see [`Path::append_to_batch`].
+    pub fn append_to_batch(&mut self, segment: Segment, last: bool) {
+        self.path.append_to_batch(segment, last, &self.arm);
+    }
+
+    /// Plans the batch; see [`Path::end_batch`].
+    pub fn end_batch(&mut self) -> bool {
+        self.path.end_batch()
     }
 
     /// No motion will follow; see [`Path::close`].

@@ -8,6 +8,8 @@
 
 mod append;
 mod axis_monitor;
+mod batch;
+mod capacity;
 mod cell;
 mod correction;
 mod grid;
@@ -30,6 +32,7 @@ use ::arm::motion::{blend, curve, nodes, segment, spline};
 
 pub use ::arm::motion::{Arc, AxisLine, Blend, Curve, Flange, Limits, Line, Programmed, Segment, Spline};
 pub use append::Appended;
+pub use capacity::MOST_MOTIONS;
 pub use interpolator::{Interpolator, Step};
 pub use path::{Path, Place};
 pub(crate) use settle::next_change;

@@ -8,7 +8,8 @@
 use std::collections::VecDeque;
 
 use super::blend::Blend;
-use super::grid::{PARTS, Part};
+use super::capacity::Capacity;
+use super::grid::Part;
 use super::law::Law;
 use super::node::Pace;
 use super::nodes::Room;
@@ -17,12 +18,6 @@ use super::refinement::Refinement;
 use super::segment::Segment;
 use super::time_scale::TimeScale;
 use crate::arm::{Arm, Frame, Joints, Violation};
-
-/// Five motions that wait or run, and those whose corner is still being left.
-const CAPACITY: usize = PARTS / 2;
-
-/// Number of cells for which there is room, of all stretches.
-pub(super) const CELLS: usize = 4096;
 
 /// A place on the path, by time: a cell of its law, and the seconds since its start.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -49,12 +44,28 @@ pub(super) struct Planned {
     pub(super) goes_on: bool,
 }
 
+/// Changes of a batch so far, and the path before it.
+#[derive(Clone, Debug)]
+pub(super) struct Batch {
+    pub(super) motions: usize,
+    pub(super) end: Joints,
+    /// The two motions before the batch, whose end it may change: the last one first.
+    pub(super) last: [Option<Planned>; 2],
+    /// The first place of the path that has changed.
+    pub(super) changed: Option<Spot>,
+    /// Set where a motion came too late for the one before it.
+    pub(super) is_late: bool,
+}
+
 /// The motions that are accepted and not yet left behind.
 #[derive(Debug)]
 pub struct Path {
     /// The robot's cycle, in s.
     pub(super) cycle_s: f64,
+    pub(super) capacity: Capacity,
     pub(super) queue: VecDeque<Planned>,
+    /// The motions that this cycle has appended and not yet planned.
+    pub(super) batch: Option<Batch>,
     /// The law from the present piece to the end.
     pub(super) pieces: VecDeque<Piece>,
     /// Memory for planning the law of one stretch; taken out meanwhile.
@@ -87,6 +98,7 @@ impl Clone for Path {
     fn clone(&self) -> Self {
         let Self {
             cycle_s,
+            capacity,
             time,
             spot,
             braking,
@@ -103,7 +115,9 @@ impl Clone for Path {
         let (law, refinement, _room) = (None, Refinement::none(), Room::none());
         Self {
             cycle_s,
+            capacity,
             queue,
+            batch: None,
             pieces,
             law,
             refinement,
@@ -123,15 +137,19 @@ impl Clone for Path {
 }
 
 impl Path {
-    /// A path that ends where the arm stands, and is followed in cycles of `cycle_s` seconds.
+    /// A path that ends where the arm stands, and is followed in cycles of `cycle_s` seconds. It has room for this many motions
+    /// that wait or run, at most [`MOST_MOTIONS`](super::MOST_MOTIONS), and for those whose corner is still being left.
     #[must_use]
-    pub fn at_rest(joints: Joints, cycle_s: f64) -> Self {
+    pub fn at_rest(joints: Joints, cycle_s: f64, motions: usize) -> Self {
+        let capacity = Capacity::of(motions);
         Self {
             cycle_s,
-            queue: VecDeque::with_capacity(CAPACITY),
-            pieces: VecDeque::with_capacity(CELLS),
-            law: Some(Box::default()),
-            refinement: Refinement::new(),
+            capacity,
+            batch: None,
+            queue: VecDeque::with_capacity(capacity.parts / 2),
+            pieces: VecDeque::with_capacity(capacity.pieces),
+            law: Some(Box::new(Law::with_room(capacity))),
+            refinement: Refinement::with_room(capacity),
             time: 0.0,
             spot: Spot { motion: 0, in_blend: false, way: 0.0 },
             braking: (0, 0.0),
@@ -142,7 +160,7 @@ impl Path {
             left_behind: 0,
             driven_s: 0.0,
             last_frames: None,
-            _room: Room::new(),
+            _room: Room::with_lists(capacity.lists),
         }
     }
 
@@ -161,6 +179,14 @@ impl Path {
     #[must_use]
     pub const fn end(&self) -> &Joints {
         &self.end
+    }
+
+    /// Returns true if a deep queue has no room for the pieces of another motion: it waits until the arm has left some. The five slots always
+    /// have room.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        let Capacity { knots, pieces, .. } = self.capacity;
+        self.capacity.is_deep() && self.pieces.len() + 2 * knots > pieces
     }
 
     /// Whether the end of all motions is reached.

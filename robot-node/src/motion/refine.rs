@@ -6,9 +6,9 @@
 
 use super::curve::Curve;
 use super::law::{Law, MOST_STEPS, Progress};
-use super::path::{CELLS, Path};
+use super::path::Path;
 use super::refinement::{Range, State};
-use super::replan::{parts, pieces};
+use super::replan::{Stretch, pieces};
 
 /// Number of cells that the steps of one robot cycle look at, beside those of one step.
 const CELLS_IN_A_CYCLE: usize = 256;
@@ -57,7 +57,9 @@ impl Path {
         let mut begin = self.piece_after(HURRY * cycle_s * cycles as f64);
         loop {
             let (spot, pace) = self.pieces.get(begin)?.at(0.0);
-            let (parts, next) = parts(&self.queue, self.left_behind, spot);
+            let mut stretch = Stretch::default();
+            stretch.take(&self.queue, self.left_behind, spot)?;
+            let Stretch { parts, next } = &stretch;
             let is_final = next.is_some() || self.queue.back().is_some_and(|last| last.stops);
             let next_motion = parts.last()?.motion + 1;
             let rest = self.pieces.range(begin..).position(|piece| piece.cell.is_to_rest())?;
@@ -72,7 +74,7 @@ impl Path {
                 let is_spline = motions.any(|planned| matches!(planned.segment.curve, Curve::Spline(_)));
                 if is_spline || self.refinement.is_idle(spot.motion..next_motion) {
                     let found = self.pieces.range(begin..end).map(|piece| piece.cell.duration).sum();
-                    law.begin_to_refine(&parts, pace, found)?;
+                    law.begin_to_refine(parts, pace, found)?;
                     return Some(Range { begin, end, spot });
                 }
             }
@@ -83,12 +85,15 @@ impl Path {
     /// Puts the refined law in the place of its pieces.
     fn take_refined(&mut self, law: &Law, range: Range) {
         let Range { begin, end, spot } = range;
-        if self.pieces.len() + law.cells() > CELLS {
+        if self.pieces.len() + law.cells() > self.capacity.pieces {
             return;
         }
         {
-            let (parts, _) = parts(&self.queue, self.left_behind, spot);
-            self.pieces.extend(pieces(law, &parts));
+            let mut stretch = Stretch::default();
+            if stretch.take(&self.queue, self.left_behind, spot).is_none() {
+                return;
+            }
+            self.pieces.extend(pieces(law, &stretch.parts));
         }
         // From the former pieces, those behind them and the new ones to the new ones and those behind them.
         let all = self.pieces.len();

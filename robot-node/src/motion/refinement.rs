@@ -2,6 +2,7 @@
 
 use core::ops::{self, RangeInclusive};
 
+use super::capacity::{Capacity, MOST_MOTIONS};
 use super::law::Law;
 use super::piece::Spot;
 
@@ -15,8 +16,8 @@ pub(super) struct Refinement {
     pub(super) has_planned: bool,
     /// The number of the motion that begins behind the last stretch that was looked at.
     pub(super) done: u32,
-    /// A bit for each motion whose law leaves limits unused, by the last bits of its number.
-    idle: u64,
+    /// Whether the law of each motion leaves limits unused, by the last bits of its number.
+    idle: [bool; IDLE_MOTIONS],
 }
 
 /// How far it is.
@@ -38,29 +39,32 @@ pub(super) struct Range {
 }
 
 impl Refinement {
-    pub(super) fn new() -> Self {
-        Self { law: Some(Box::default()), ..Self::none() }
+    pub(super) fn with_room(capacity: Capacity) -> Self {
+        Self { law: Some(Box::new(Law::with_room(capacity))), ..Self::none() }
     }
 
     pub(super) const fn none() -> Self {
-        Self { law: None, state: State::Idle, has_planned: false, done: 0, idle: 0 }
+        Self { law: None, state: State::Idle, has_planned: false, done: 0, idle: [false; IDLE_MOTIONS] }
     }
 
     /// The path is empty.
     pub(super) fn clear(&mut self) {
-        (self.state, self.done, self.idle) = (State::Idle, 0, 0);
+        (self.state, self.done, self.idle) = (State::Idle, 0, [false; IDLE_MOTIONS]);
     }
 
     /// A law was planned for these motions, of which the first one may begin with a part of a former law.
-    pub(super) fn note(&mut self, mut motions: RangeInclusive<u32>, idles: bool) {
-        let first = motions.next().map_or(0, bit);
-        let others = motions.fold(0, |bits, motion| bits | bit(motion));
-        self.idle = (self.idle & !others) | if idles { first | others } else { 0 };
+    pub(super) fn note(&mut self, motions: RangeInclusive<u32>, idles: bool) {
+        let first = *motions.start();
+        for motion in motions {
+            if let Some(noted) = self.idle.get_mut(place(motion)) {
+                *noted = idles || (motion == first && *noted);
+            }
+        }
     }
 
     /// Returns whether the law of one of these motions leaves limits unused.
     pub(super) fn is_idle(&self, mut motions: ops::Range<u32>) -> bool {
-        motions.any(|motion| self.idle & bit(motion) != 0)
+        motions.any(|motion| self.idle.get(place(motion)).copied().unwrap_or_default())
     }
 
     /// All pieces of the path but the first ones are planned anew.
@@ -85,7 +89,10 @@ impl Refinement {
     }
 }
 
-/// Fewer motions are on a path than there are bits.
-const fn bit(motion: u32) -> u64 {
-    1 << (motion % u64::BITS)
+/// More motions than are on any path: those of the deepest queue, and some whose corner is still being left.
+const IDLE_MOTIONS: usize = 256;
+const _: () = assert!(MOST_MOTIONS + 8 <= IDLE_MOTIONS);
+
+const fn place(motion: u32) -> usize {
+    motion as usize % IDLE_MOTIONS
 }

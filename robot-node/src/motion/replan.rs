@@ -5,10 +5,11 @@ use std::collections::VecDeque;
 use arrayvec::ArrayVec;
 
 use super::blend::{BORDER_SLOPE, Blend};
-use super::grid::{PARTS, Part};
+use super::capacity::MOST_PARTS;
+use super::grid::Part;
 use super::law::Law;
 use super::node::Pace;
-use super::path::{CELLS, Path, Planned};
+use super::path::{Path, Planned};
 use super::piece::{Course, Piece, Spot};
 use super::segment::Segment;
 
@@ -54,18 +55,26 @@ impl Path {
         let mut is_first = true;
         // One stretch after another; the first one may fail.
         loop {
-            let (parts, next) = parts(&self.queue, self.left_behind, start.0);
-            let mut law = self.law.take().unwrap_or_default();
-            let found = law.find(&parts, start.1);
+            let mut stretch = Stretch::default();
+            if stretch.take(&self.queue, self.left_behind, start.0).is_none() {
+                return false;
+            }
+            let Stretch { parts, next } = &stretch;
+            let mut law = self.law.take().unwrap_or_else(|| Box::new(Law::with_room(self.capacity)));
+            let found = law.find(parts, start.1);
+            let kept = if is_first { begin.pieces } else { self.pieces.len() };
+            let has_room = kept + found.map_or(0, |()| law.cells()) <= self.capacity.pieces
+                && (found.is_some() || !law.lacks_room());
             if is_first {
                 // From a rest there is always a law, and a ramp of the override is over.
-                let is_possible = start.1.is_rest()
-                    || found.is_some()
-                        && (self.scale.is_steady() || {
-                            let kept = self.pieces.iter().take(begin.pieces).copied();
-                            let mut course = Course::new(kept.chain(pieces(&law, &parts)), begin.time);
-                            self.keeps_limits(self.scale.ahead(), &mut course)
-                        });
+                let is_possible = has_room
+                    && (start.1.is_rest()
+                        || found.is_some()
+                            && (self.scale.is_steady() || {
+                                let kept = self.pieces.iter().take(begin.pieces).copied();
+                                let mut course = Course::new(kept.chain(pieces(&law, parts)), begin.time);
+                                self.keeps_limits(self.scale.ahead(), &mut course)
+                            }));
                 if !is_possible {
                     self.law = Some(law);
                     return false;
@@ -77,16 +86,16 @@ impl Path {
                 self.pieces.truncate(begin.pieces);
                 self.refinement.keep(begin.pieces);
             }
-            if found.is_some() {
+            // Without room the arm would reach an end that is none: its axes are compared with their ratings, and it brakes.
+            if found.is_some() && has_room {
                 if let [first, .., last] | [first @ last] = &parts[..] {
                     self.refinement.note(first.motion..=last.motion, law.idles());
                 }
-                let room = CELLS - self.pieces.len();
-                self.pieces.extend(pieces(&law, &parts).take(room));
+                self.pieces.extend(pieces(&law, parts));
             }
             self.law = Some(law);
             match next {
-                Some(spot) => start = (spot, Pace::REST),
+                Some(spot) => start = (*spot, Pace::REST),
                 None => break,
             }
         }
@@ -167,43 +176,49 @@ impl Path {
     }
 }
 
-/// Returns the parts from a spot to the next rest, and the spot behind that rest if the path continues.
-pub(super) fn parts(
-    queue: &VecDeque<Planned>,
-    left_behind: u32,
-    from: Spot,
-) -> (ArrayVec<Part<'_>, PARTS>, Option<Spot>) {
-    let mut parts = ArrayVec::new();
-    let mut unit = 1.0;
-    let first = (from.motion - left_behind) as usize;
-    for (index, planned) in queue.iter().enumerate().skip(first) {
-        let motion = left_behind + index as u32;
-        let here = (index == first).then_some(from);
-        let Segment { curve, nodes, ratings, .. } = &planned.segment;
-        let corner = planned.corner.as_ref();
-        if !here.is_some_and(|spot| spot.in_blend) {
-            let start = here.map_or(planned.start, |spot| spot.way);
-            let end = curve.length() - corner.map_or(0.0, |corner| corner.from_zone);
-            if end - start > 1e-12 * end {
-                let part = Part { nodes, ratings, from: start, to: end, unit, motion, in_blend: false };
-                let _ = parts.try_push(part);
+/// A stretch of the path: its parts up to the next rest.
+#[derive(Default)]
+pub(super) struct Stretch<'q> {
+    pub(super) parts: ArrayVec<Part<'q>, MOST_PARTS>,
+    /// The spot after that rest, if the path continues.
+    pub(super) next: Option<Spot>,
+}
+
+impl<'q> Stretch<'q> {
+    /// Takes the parts from a spot on. None where there are more than any queue has.
+    pub(super) fn take(&mut self, queue: &'q VecDeque<Planned>, left_behind: u32, from: Spot) -> Option<()> {
+        let mut unit = 1.0;
+        let first = (from.motion - left_behind) as usize;
+        for (index, planned) in queue.iter().enumerate().skip(first) {
+            let motion = left_behind + index as u32;
+            let here = (index == first).then_some(from);
+            let Segment { curve, nodes, ratings, .. } = &planned.segment;
+            let corner = planned.corner.as_ref();
+            if !here.is_some_and(|spot| spot.in_blend) {
+                let start = here.map_or(planned.start, |spot| spot.way);
+                let end = curve.length() - corner.map_or(0.0, |corner| corner.from_zone);
+                if end - start > 1e-12 * end {
+                    let part = Part { nodes, ratings, from: start, to: end, unit, motion, in_blend: false };
+                    self.parts.try_push(part).ok()?;
+                }
+            }
+            if let Some(Blend { from_zone, to_zone, nodes, ratings, .. }) = corner {
+                let start = here.filter(|spot| spot.in_blend).map_or(0.0, |spot| spot.way);
+                // The unit of the stretch is that of the first part.
+                let is_first = here.is_some_and(|spot| spot.in_blend);
+                let rate = if is_first { 1.0 } else { unit / (BORDER_SLOPE * from_zone) };
+                let part = Part { nodes, ratings, from: start, to: 1.0, unit: rate, motion, in_blend: true };
+                self.parts.try_push(part).ok()?;
+                unit = rate * BORDER_SLOPE * to_zone;
+            } else if !planned.goes_on {
+                let is_last = index + 1 == queue.len();
+                let next = Spot { motion: motion + 1, in_blend: false, way: 0.0 };
+                self.next = (!is_last).then_some(next);
+                return Some(());
             }
         }
-        if let Some(Blend { from_zone, to_zone, nodes, ratings, .. }) = corner {
-            let start = here.filter(|spot| spot.in_blend).map_or(0.0, |spot| spot.way);
-            // The unit of the stretch is that of the first part.
-            let rate =
-                if here.is_some_and(|spot| spot.in_blend) { 1.0 } else { unit / (BORDER_SLOPE * from_zone) };
-            let part = Part { nodes, ratings, from: start, to: 1.0, unit: rate, motion, in_blend: true };
-            let _ = parts.try_push(part);
-            unit = rate * BORDER_SLOPE * to_zone;
-        } else if !planned.goes_on {
-            let is_last = index + 1 == queue.len();
-            let next = Spot { motion: motion + 1, in_blend: false, way: 0.0 };
-            return (parts, (!is_last).then_some(next));
-        }
+        Some(())
     }
-    (parts, None)
 }
 
 /// Where a plan begins.

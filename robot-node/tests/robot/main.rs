@@ -26,6 +26,7 @@ mod commands;
 mod configuration;
 mod corners;
 mod curves;
+mod deep_queue;
 mod drives;
 mod driving;
 mod force;

@@ -34,7 +34,8 @@ pub(super) fn data(trace: &Trace) -> Data {
     };
     let head = recordings().map(|(execution_type, _)| format!("{}, % of the scans", label(execution_type)));
     let head = std::iter::once("motions in the slots".to_owned()).chain(head).collect();
-    Data::new(head, (0..=SLOTS as u32).map(row).collect())
+    let most = recordings().map(|(_, recording)| most_in_slots(recording)).max().unwrap_or(0);
+    Data::new(head, (0..=most.max(SLOTS as u32)).map(row).collect())
 }
 
 /// Draws the figure; `None` without scans. RC is left out, because its program is already in the robot.
@@ -50,6 +51,9 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
     if longest_s <= 0.0 {
         return Ok(None);
     }
+    let in_robot = panels.iter().flat_map(|(_, recording)| held(recording)).map(|(_, held)| held);
+    let most = panels.iter().map(|(_, recording)| f64::from(most_in_slots(recording))).chain(in_robot);
+    let most = most.fold(SLOTS, f64::max);
     let layout = Panels { title: TITLE, panel: PANEL };
     let svg = layout.figure(format, &panels, |whole, panel, (execution_type, recording)| {
         whole.draw_text(
@@ -59,7 +63,7 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
         )?;
         let axes = Axes {
             x: (0.0, longest_s * 1.01),
-            y: (0.0, SLOTS + 0.4),
+            y: (0.0, most + 0.08 * SLOTS),
             x_title: panel.is_last.then_some("time since the PLC's start edge in s"),
             y_title: "",
             x_lines: true,
@@ -77,6 +81,11 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
         Ok(())
     })?;
     Ok(Some(svg))
+}
+
+/// Returns the largest number of motions in the slots: more than five where they are refilled by what is accepted.
+fn most_in_slots(recording: &Recording) -> u32 {
+    recording.plc_scans().iter().map(|scan| scan.sample.in_slots).max().unwrap_or(0)
 }
 
 /// Returns the motions that the robot has accepted and not executed yet.

@@ -254,6 +254,11 @@ impl VirtualRun {
         self.nodes.execute(step, None)
     }
 
+    /// Executes one step of a schedule with a recording.
+    pub fn execute_recorded(&mut self, step: Step, recording: &mut Recording) -> anyhow::Result<Measured> {
+        self.nodes.execute(step, Some(recording))
+    }
+
     /// Returns the true time since the nodes were switched on: what a plant would have taken.
     #[must_use]
     pub fn plant_time(&self) -> Duration {

@@ -36,10 +36,6 @@ pub(super) fn points_of(share: f64, is_first: bool) -> impl Iterator<Item = usiz
     (0..POINTS).step_by(stride).skip(usize::from(!is_first))
 }
 
-/// Largest number of lists that a path needs: for a queue of motions, their corners, and motions that take another
-/// shape.
-const LISTS: usize = 24;
-
 /// Attempts of a thread to get the spare lists while another one takes or returns one, which takes some nanoseconds.
 const ATTEMPTS: usize = 1_000;
 
@@ -62,17 +58,17 @@ fn spares() -> Option<MutexGuard<'static, Vec<Vec<Node>>>> {
 pub struct Room(usize);
 
 impl Room {
-    /// Allocates it.
-    #[expect(clippy::new_without_default, reason = "it allocates what others use")]
+    /// Allocates it, for as many lists as a path needs: for its queue of motions, their corners, and motions that take another
+    /// shape.
     #[must_use]
-    pub fn new() -> Self {
+    pub fn with_lists(lists: usize) -> Self {
         if let Ok(mut spares) = SPARES.lock() {
-            spares.extend((0..LISTS).map(|_| Vec::with_capacity(MOST_NODES)));
+            spares.extend((0..lists).map(|_| Vec::with_capacity(MOST_NODES)));
             // As many again may be in use and come back.
-            let used = spares.len().max(8 * LISTS);
+            let used = spares.len().max(8 * lists);
             spares.reserve(used);
         }
-        Self(LISTS)
+        Self(lists)
     }
 
     /// No room: the nodes are allocated when there are some.
@@ -150,6 +146,8 @@ mod tests {
     use super::*;
     use crate::AxisLimits;
 
+    const LISTS: usize = 24;
+
     const LIMITS: AxisLimits = AxisLimits {
         lower: [-1.0; 6],
         upper: [1.0; 6],
@@ -161,7 +159,7 @@ mod tests {
     #[test]
     fn lists_that_are_taken_again_are_empty_and_have_room_for_any_curve() {
         let node = Node::of_axes(0.0, 1.0, &[1.0; 6], &Ratings::of_axes(&LIMITS, 1.0, 1.0));
-        let _room = Room::new();
+        let _room = Room::with_lists(LISTS);
         for _ in 0..2 {
             let taken: Vec<Nodes> = (0..2 * LISTS).map(|_| Nodes::new()).collect();
             for mut nodes in taken {

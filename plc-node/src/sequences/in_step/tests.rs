@@ -125,6 +125,7 @@ impl LedCell {
         let work = |arm: usize| StationWork {
             program: 1,
             queue_depth: 5,
+            refill: setup::Refill::Executed,
             motions: Box::new(MotionList::from(vec![motion; MOTIONS[arm]])),
             stops: Vec::new(),
             waits: (1..)

@@ -17,16 +17,15 @@
 //! parabola of the jerk added, this is a convex hull. Then the result is compared with the limits at all knots. Where
 //! it exceeds them, they are reduced and the passes are repeated.
 
-use arrayvec::ArrayVec;
-
 mod idle;
 mod newton;
 mod refine;
 mod round;
 mod tighten;
 
+use super::capacity::Capacity;
 use super::cell::Cell;
-use super::grid::{Grid, KNOTS, Part};
+use super::grid::{Grid, Part};
 use super::knot::Knot;
 use super::node::Pace;
 
@@ -47,14 +46,15 @@ const LEAST_SQUARE: f64 = 1e-6;
 /// This many times the highest square of the speed over a cell's length is more than any acceleration.
 const MUCH: f64 = 10.0;
 
-type List = ArrayVec<f64, KNOTS>;
+/// With room for each knot.
+type List = Vec<f64>;
 
 /// A law over the knots of a grid. It has room for the longest stretch, so planning does not allocate.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Law {
     grid: Grid,
     /// For each cell at whose end another part begins: the number of that border among [`Grid::ends`], from 1; else 0.
-    ends_at: ArrayVec<u8, KNOTS>,
+    ends_at: Vec<u16>,
     start: Pace,
     /// The ways at which the values of the polygon are given, one for each cell.
     places: List,
@@ -64,7 +64,7 @@ pub(super) struct Law {
     /// Reciprocals of twice the distance from each of these ways to the next.
     steps: List,
     /// Speed and acceleration at the knots.
-    paces: ArrayVec<Pace, KNOTS>,
+    paces: Vec<Pace>,
     /// The largest share of an acceleration or of a jerk that each cell uses.
     used: List,
     /// The values of the best round so far.
@@ -73,14 +73,44 @@ pub(super) struct Law {
     corners: List,
     assumed: List,
     added: List,
-    hull: ArrayVec<u16, KNOTS>,
+    hull: Vec<u16>,
     refinement: refine::Refinement,
     /// What a step of Newton's method solves: its matrix, and then the change of the values.
-    rows: ArrayVec<[f64; 3], KNOTS>,
+    rows: Vec<[f64; 3]>,
     change: List,
 }
 
+impl Default for Law {
+    fn default() -> Self {
+        Self::with_room(Capacity::default())
+    }
+}
+
 impl Law {
+    /// Creates a law with room for the stretches of a queue.
+    pub(super) fn with_room(capacity: Capacity) -> Self {
+        let list = || Vec::with_capacity(capacity.knots);
+        Self {
+            grid: Grid::with_room(capacity),
+            ends_at: Vec::with_capacity(capacity.knots),
+            start: Pace::REST,
+            places: list(),
+            values: list(),
+            tops: list(),
+            steps: list(),
+            paces: Vec::with_capacity(capacity.knots + 1),
+            used: list(),
+            best: list(),
+            corners: list(),
+            assumed: list(),
+            added: list(),
+            hull: Vec::with_capacity(capacity.knots),
+            refinement: refine::Refinement::default(),
+            rows: Vec::with_capacity(capacity.knots),
+            change: list(),
+        }
+    }
+
     /// Finds the fastest law for these parts, from a pace at the start to rest at the end; none where the arm cannot go
     /// on from that pace.
     pub(super) fn find(&mut self, parts: &[Part<'_>], start: Pace) -> Option<()> {
@@ -132,7 +162,7 @@ impl Law {
         self.ends_at.clear();
         self.ends_at.extend((0..cells).map(|_| 0));
         for (part, begin) in self.grid.begins.iter().enumerate().skip(1) {
-            self.ends_at[begin - 1] = part as u8;
+            self.ends_at[begin - 1] = part as u16;
         }
         self.places.clear();
         self.places.extend(knots.windows(2).map(|pair| (pair[0].way + pair[1].way) / 2.0));
@@ -151,6 +181,11 @@ impl Law {
         }
         self.steps.clear();
         self.steps.extend(self.places.windows(2).map(|pair| 0.5 / (pair[1] - pair[0])));
+    }
+
+    /// Returns true if the last stretch had no law because it is too large for the room.
+    pub(super) const fn lacks_room(&self) -> bool {
+        self.grid.lacks_room
     }
 
     /// The knots at which the parts begin.

@@ -1,0 +1,188 @@
+//! Taking motions: from the slots that the PLC writes, or from a program.
+//!
+//! With a queue of five motions one a cycle is taken: checking it is what takes longest in a cycle, and motions last longer. With a
+//! deeper one a cycle takes all that the slots hold, and plans once after the last.
+
+use arrayvec::ArrayVec;
+use protocol::image::{Command, Motion, MotionKind, SLOTS, Services};
+use setup::{LookAhead, MOST_QUEUE_MOTIONS};
+
+use super::execution::{Execution, Phase, Source};
+use super::program::Programs;
+use super::{Controller, press};
+use crate::RobotConfig;
+use crate::arm::Violation;
+use crate::motion::{Appended, MOST_MOTIONS, Segment};
+
+const _: () = assert!(MOST_MOTIONS == MOST_QUEUE_MOTIONS as usize);
+
+/// A motion that has passed the checks of its geometry.
+type Prepared = (Motion, Segment, Option<press::Press>);
+
+/// Returns the largest number of motions that any skill knows ahead.
+pub(super) fn most_known(config: &RobotConfig) -> u32 {
+    let of_programs = match config.program_look_ahead {
+        LookAhead::Motions(motions) => motions,
+        LookAhead::Block(_) => MOST_QUEUE_MOTIONS,
+    };
+    of_programs.max(config.queue_motions)
+}
+
+/// Returns the depth of the queue and the services that the feedback shows. A queue of five is that of the slots, as for a robot that
+/// knows no other.
+pub(super) fn served(config: &RobotConfig) -> (u16, Services) {
+    if config.queue_motions as usize <= SLOTS {
+        return (0, Services::SYNC);
+    }
+    let depth = u16::try_from(config.queue_motions).unwrap_or(u16::MAX);
+    (depth, Services(Services::SYNC.0 | Services::KEEPS_ACCEPTED.0))
+}
+
+impl Execution {
+    /// Returns how many motions it may know that are not executed.
+    pub(super) fn look_ahead(&self, config: &RobotConfig, programs: &Programs) -> u32 {
+        match (self.source, config.program_look_ahead) {
+            (Source::Single(_), _) => SLOTS as u32,
+            (Source::Slots, _) => config.queue_motions,
+            (Source::Program(_), LookAhead::Motions(motions)) => motions,
+            (Source::Program(_), LookAhead::Block(_)) => {
+                let is_spline = |index: u32| {
+                    self.programmed(index, programs).is_some_and(|motion| motion.kind == MotionKind::Spline)
+                };
+                // The next motion continues a spline, or is its last neighbour.
+                let before = self.accepted.checked_sub(1);
+                let goes_on = is_spline(self.accepted) && before.is_some_and(is_spline);
+                if goes_on { MOST_QUEUE_MOTIONS } else { SLOTS as u32 }
+            }
+        }
+    }
+
+    /// Returns whether a cycle takes more than one motion.
+    fn takes_many(&self, config: &RobotConfig, programs: &Programs) -> bool {
+        self.look_ahead(config, programs) as usize > SLOTS
+    }
+
+    /// Returns whether the start waits for motions that came with the command. What comes later is not waited for.
+    pub(super) fn may_start_with_more(
+        &self,
+        took_one: bool,
+        config: &RobotConfig,
+        programs: &Programs,
+    ) -> bool {
+        let came = self.written_at_start.min(SLOTS as u32).min(self.total);
+        let waits = !self.takes_many(config, programs) || self.accepted < came;
+        took_one && waits && !self.is_complete()
+    }
+}
+
+impl Controller {
+    /// Takes motions, if the queue has room. Returns whether there was one.
+    pub(super) fn take_motions(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
+        // Where a LIN force ends is known when it has ended.
+        if self.is_pressing(press::Phase::Waiting) || self.is_pressing(press::Phase::Pressing) {
+            return false;
+        }
+        if execution.takes_many(&self.config, &self.programs) {
+            return self.take_all(execution, command);
+        }
+        match self.next_prepared(execution, command) {
+            Ok(None) => return false,
+            Ok(Some(prepared)) => self.take_one(execution, prepared),
+            Err(violation) => self.reject(execution, violation),
+        }
+        true
+    }
+
+    /// Takes all that the slots hold, and plans once after the last. Returns whether there was one.
+    fn take_all(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
+        let accepted_before = execution.accepted;
+        let mut taken = ArrayVec::<(Motion, bool), SLOTS>::new();
+        let mut ended = None;
+        self.interpolator.begin_batch();
+        while !taken.is_full() && ended.is_none() {
+            match self.next_prepared(execution, command) {
+                Ok(Some((motion, segment, None))) => {
+                    execution.accepted += 1;
+                    let last = execution.accepted == execution.section_end(&self.programs);
+                    self.interpolator.append_to_batch(segment, last);
+                    taken.push((motion, last));
+                }
+                other => ended = Some(other),
+            }
+        }
+        if self.interpolator.end_batch() {
+            taken.iter().for_each(|(motion, _)| self.accepted.add(motion));
+            self.press = if taken.is_empty() { self.press.take() } else { None };
+        } else {
+            execution.accepted = accepted_before;
+            if !self.interpolator.path().rests() {
+                // No law leads on from here: from a later place one may, and at the end of the known motions the arm rests. To try one
+                // motion after another would take longer than a cycle.
+                return false;
+            }
+            for (motion, _) in &taken {
+                match self.prepare(motion) {
+                    Ok(prepared) => self.take_one(execution, prepared),
+                    Err(violation) => {
+                        self.reject(execution, violation);
+                        return true;
+                    }
+                }
+            }
+        }
+        match ended {
+            Some(Ok(Some(prepared))) if taken.is_empty() => self.take_one(execution, prepared),
+            Some(Err(violation)) => self.reject(execution, violation),
+            _ => return !taken.is_empty(),
+        }
+        true
+    }
+
+    /// Returns the next motion with its geometry, if it has arrived and the queue has room for it.
+    fn next_prepared(
+        &self,
+        execution: &mut Execution,
+        command: Option<&Command>,
+    ) -> Result<Option<Prepared>, Violation> {
+        let executed = self.executed(execution);
+        let room = match self.interpolator.path().is_full() {
+            true => 0,
+            false => execution.look_ahead(&self.config, &self.programs),
+        };
+        let next = execution.next_motion(command, executed, room, &self.programs)?;
+        next.map(|motion| self.prepare(&motion)).transpose()
+    }
+
+    fn prepare(&self, motion: &Motion) -> Result<Prepared, Violation> {
+        let segment = self.interpolator.path().prepare(motion, &self.config)?;
+        let press = press::of(motion, &segment, &self.config)?;
+        Ok((*motion, segment, press))
+    }
+
+    /// Puts one motion on the path and plans.
+    fn take_one(&mut self, execution: &mut Execution, (motion, segment, press): Prepared) {
+        execution.accepted += 1;
+        self.accepted.add(&motion);
+        if press.is_some() {
+            execution.check_from(segment.end);
+            self.press = press;
+            self.interpolator.close();
+            return;
+        }
+        self.press = None;
+        let last = execution.accepted == execution.section_end(&self.programs);
+        let appended = self.interpolator.append(segment, last);
+        if appended == Appended::Late {
+            self.suppressed(execution.accepted.saturating_sub(2));
+        }
+    }
+
+    /// Stops after the motions before one that cannot be run.
+    fn reject(&mut self, execution: &mut Execution, violation: Violation) {
+        execution.bad = Some((execution.accepted, violation));
+        if execution.phase == Phase::Driving {
+            self.refuse_motion(execution.number, execution.accepted, violation);
+        }
+        self.interpolator.close();
+    }
+}
