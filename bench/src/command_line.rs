@@ -18,6 +18,8 @@ use crate::verbs::report::{CompareOptions, ReportOptions};
 use crate::verbs::scale::ScaleOptions;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::timing::TimingOptions;
+#[cfg(all(feature = "real", target_os = "linux"))]
+use robot_node::emulate::EmulateCommand;
 use studies::buses::BusesOptions;
 use studies::calibrate::CalibrateOptions;
 use studies::engine::StudyVerb;
@@ -94,6 +96,9 @@ pub enum Command {
     /// Test whether this machine can run real mode, and how well.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Doctor(DoctorOptions),
+    /// Be the device of a GSDML, EDS or ESI file, for tests of a controller; the same as `robot-node emulate`.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    Emulate(EmulateCommand),
     /// Measure how evenly the cyclic frames of each bus arrive, and compare with a bare loop on this host.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Timing(TimingOptions),
