@@ -122,14 +122,14 @@ mod tests {
                 "  subslot 32768: 0x00008000 Interface",
                 "  slot fixed 1: module ID_Module1 Skill process image",
                 "  subslot 1: ID_Submodule1_1: 0x00000101 Skill process image; 256 bytes in, 256 bytes out",
-                "    in 0: OctetString, 256 bytes: Feedback",
+                "    in 0: Unsigned16, 2 bytes: status",
             ],
             &[
                 "ESI: skillbench, vendor 0xFFFFFFFF; 1 devices, 0 modules",
                 "device skillbench-robot: product 0x00000001, revision 0x00010000: skillbench robot",
                 "  SM2 Outputs: 0x1100, 256 bytes, control 0x64",
                 "  RxPDO 0x1600 Command: 2048 bits, SM2, fixed, mandatory",
-                "    0x7000:01 Command 1: UDINT, 32 bits",
+                "    0x7000:01 control 1: UINT, 16 bits",
                 "  CoE: SDO information, complete access",
             ],
         ];
