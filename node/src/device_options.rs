@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use device_files::{
-    ChoiceError, ChosenDevice, ConfigError, DeviceChoice, DeviceFile, MOST_BYTES, ModulePlace, ReadError,
+    ChoiceError, ChoiceFileError, ChosenDevice, DeviceChoice, DeviceFile, MOST_BYTES, ModulePlace, ReadError,
     choose,
 };
 
@@ -109,6 +109,6 @@ pub fn is_usage(error: &anyhow::Error) -> bool {
     let missing = error.downcast_ref::<io::Error>();
     error.is::<ReadError>()
         || error.is::<ChoiceError>()
-        || error.is::<ConfigError>()
+        || error.is::<ChoiceFileError>()
         || missing.is_some_and(|error| error.kind() == io::ErrorKind::NotFound)
 }

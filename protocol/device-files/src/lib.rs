@@ -26,8 +26,8 @@ mod xml;
 use serde::Serialize;
 
 pub use crate::choice::{
-    ChoiceError, ChoiceOption, ChosenAdapter, ChosenAssembly, ChosenDevice, ChosenIoDevice, ChosenModule,
-    ChosenPdo, ChosenSubDevice, ChosenSubmodule, ConfigError, DeviceChoice, HeartbeatUse, ModulePlace,
+    ChoiceError, ChoiceFileError, ChoiceOption, ChosenAdapter, ChosenAssembly, ChosenDevice, ChosenIoDevice,
+    ChosenModule, ChosenPdo, ChosenSubDevice, ChosenSubmodule, DeviceChoice, HeartbeatUse, ModulePlace,
     PlaceError, choose,
 };
 pub use crate::eds::{

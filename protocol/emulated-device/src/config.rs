@@ -1,4 +1,4 @@
-//! What the owner gives an emulated device, and why it cannot be emulated.
+//! Settings of an emulated device, and reasons why it cannot be emulated.
 
 use std::net::Ipv4Addr;
 
@@ -7,7 +7,7 @@ use profinet::Permanent;
 
 use crate::script::ScriptError;
 
-/// What belongs to this device alone.
+/// Settings of one device.
 #[derive(Clone, Debug)]
 pub struct EmulationConfig {
     /// MAC address.
@@ -20,7 +20,7 @@ pub struct EmulationConfig {
     pub gateway: Ipv4Addr,
     /// Station name of PROFINET; none for that of the file.
     pub station_name: Option<Vec<u8>>,
-    /// What DCP set permanently before the start, if the owner stored it.
+    /// Name and address that DCP set permanently before the start, if the owner stored it.
     pub permanent: Option<Permanent>,
     /// Serial number.
     pub serial_number: u32,

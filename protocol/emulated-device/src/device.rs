@@ -12,10 +12,10 @@ use crate::config::{EmulationConfig, EmulationError};
 use crate::faults::{Alteration, FaultPhase, HeldFrames, TimedFault};
 use crate::image::{DataPlace, Image};
 use crate::playback::PlacedInput;
-use crate::script::{FaultKind, Script, ScriptError, ScriptedFault, ScriptedInput};
+use crate::script::{DeviceScript, FaultKind, ScriptError, ScriptedFault, ScriptedInput};
 use crate::stack::{Stack, idents, open};
 
-/// What an emulated device reports.
+/// Event of an emulated device.
 #[derive(Clone, PartialEq, Debug)]
 pub enum DeviceEvent {
     /// Change of the connection, or a task for the owner.
@@ -58,7 +58,7 @@ impl EmulatedDevice {
     /// The device has a form that the stack does not have, or the script does not fit it.
     pub fn new(
         chosen: ChosenDevice,
-        script: Script,
+        script: DeviceScript,
         config: EmulationConfig,
         now: Instant,
     ) -> Result<Self, EmulationError> {

@@ -19,7 +19,7 @@ pub(crate) struct TimedFault {
     pub(crate) is_sent: bool,
 }
 
-/// How far a fault has come.
+/// Progress of a fault.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum FaultPhase {
     Waiting,

@@ -30,6 +30,6 @@ pub use config::{EmulationConfig, EmulationError};
 pub use device::{DeviceEvent, EmulatedDevice};
 pub use image::DataPlace;
 pub use script::{
-    CounterSource, EchoSource, FaultKind, RampSource, Script, ScriptError, ScriptedFault, ScriptedInput,
-    ValueType,
+    CounterSource, DeviceScript, EchoSource, FaultKind, RampSource, ScriptError, ScriptedFault,
+    ScriptedInput, ValueType,
 };

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub struct Script {
+pub struct DeviceScript {
     /// Inputs; later ones are written over earlier ones.
     #[serde(default)]
     pub inputs: Vec<ScriptedInput>,
@@ -223,7 +223,7 @@ const MOST_BYTES: usize = 1 << 20;
 /// Longest time in seconds: a year.
 const MOST_SECONDS: f64 = 366.0 * 86_400.0;
 
-impl Script {
+impl DeviceScript {
     /// Reads a script from a TOML file.
     ///
     /// # Errors
@@ -297,7 +297,7 @@ mod tests {
     #[expect(clippy::disallowed_methods, reason = "the test compares a file of the repository")]
     fn the_committed_schema_matches_the_script() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../cell/schemas/device-script.schema.json");
-        let schema = serde_json::to_string_pretty(&schemars::schema_for!(Script)).unwrap() + "\n";
+        let schema = serde_json::to_string_pretty(&schemars::schema_for!(DeviceScript)).unwrap() + "\n";
         if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
             std::fs::write(path, &schema).unwrap();
         }
@@ -324,7 +324,7 @@ mod tests {
             ("[[faults]]\nat = 1\nkind = \"loud\"", "unknown variant `loud`"),
             ("[[fault]]\nat = 1\nkind = \"silent\"", "unknown field `fault`"),
         ] {
-            let error = Script::from_toml(text).unwrap_err().to_string();
+            let error = DeviceScript::from_toml(text).unwrap_err().to_string();
             assert!(error.contains(expected), "{text}: {error}");
         }
     }

@@ -9,7 +9,9 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::Context as _;
 use device_files::ChosenDevice;
-use emulated_device::{DataPlace, EmulatedDevice, EmulationConfig, EmulationError, Script, ScriptError};
+use emulated_device::{
+    DataPlace, DeviceScript, EmulatedDevice, EmulationConfig, EmulationError, ScriptError,
+};
 use machine::Duration;
 use node::Outcome;
 use node::address_check::{AddressCheckError, check_address};
@@ -18,7 +20,7 @@ use node::errln;
 use node::output::to_stdout;
 use protocol_linux::{Driver, Interface, Notifier, clock};
 
-use self::owner::{EmulationOwner, Instruction, Report};
+use self::owner::{EmulationInstruction, EmulationOwner, Report};
 
 /// The device of a file.
 #[derive(clap::Args, Clone, Debug)]
@@ -82,9 +84,9 @@ impl EmulateCommand {
             Some(path) => {
                 let text =
                     String::from_utf8(read_bytes(path)?).with_context(|| path.display().to_string())?;
-                Script::from_toml(&text).with_context(|| path.display().to_string())?
+                DeviceScript::from_toml(&text).with_context(|| path.display().to_string())?
             }
-            None => Script::default(),
+            None => DeviceScript::default(),
         };
         let interface = Interface::find(self.interface.as_deref().unwrap_or_default())?;
         let start = clock::now();
@@ -192,9 +194,9 @@ fn print(reports: &Receiver<Report>, is_json: bool) {
 }
 
 /// Reads instructions from standard input, one JSON object per line.
-fn read_instructions(instructions: &SyncSender<Instruction>, errors: &SyncSender<Report>) {
+fn read_instructions(instructions: &SyncSender<EmulationInstruction>, errors: &SyncSender<Report>) {
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-        let sent = match serde_json::from_str::<Instruction>(&line) {
+        let sent = match serde_json::from_str::<EmulationInstruction>(&line) {
             Ok(instruction) => instructions.send(instruction).is_ok(),
             Err(error) => errors.send(Report::Refused(error.to_string())).is_ok(),
         };

@@ -15,17 +15,17 @@ use serde_json::json;
 /// Bytes of outputs that a report shows.
 const MOST_SHOWN: usize = 512;
 
-/// What standard input asks for.
+/// Instruction from standard input.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Instruction {
+pub(super) enum EmulationInstruction {
     /// Sets an input.
     Set(ScriptedInput),
     /// Begins a fault, whose time counts from now.
     Fault(ScriptedFault),
 }
 
-/// What is printed.
+/// Line that is printed.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "a report is made without an allocation")]
 pub(super) enum Report {
@@ -42,7 +42,7 @@ pub(super) enum Report {
 pub(super) struct EmulationOwner {
     pub(super) interface: Interface,
     pub(super) reports: SyncSender<Report>,
-    pub(super) instructions: Receiver<Instruction>,
+    pub(super) instructions: Receiver<EmulationInstruction>,
     pub(super) end: Option<Instant>,
 }
 
@@ -57,8 +57,8 @@ impl Owner<EmulatedDevice> for EmulationOwner {
     fn wake(&mut self, now: Instant, device: &mut EmulatedDevice, _: &Statistics) -> ControlFlow<()> {
         while let Ok(instruction) = self.instructions.try_recv() {
             let done = match instruction {
-                Instruction::Set(input) => device.set_input(input),
-                Instruction::Fault(fault) => device.add_fault(fault, now),
+                EmulationInstruction::Set(input) => device.set_input(input),
+                EmulationInstruction::Fault(fault) => device.add_fault(fault, now),
             };
             if let Err(error) = done {
                 self.report(Report::Refused(error.to_string()));

@@ -16,7 +16,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::xml::number;
 
-/// What is chosen from a catalogue. What is left out is chosen by the file, where it gives only one.
+/// Choice from a catalogue. A value that is left out is that of the file, where it gives only one.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeviceChoice {
@@ -53,7 +53,7 @@ pub struct DeviceChoice {
 /// Reason why a file is not a choice.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct ConfigError(String);
+pub struct ChoiceFileError(String);
 
 /// Longest file that is read.
 const MOST_BYTES: usize = 1 << 20;
@@ -67,11 +67,11 @@ impl DeviceChoice {
     /// # Errors
     ///
     /// It is longer than 1 MiB, is not TOML, or has a key or value that a choice does not have.
-    pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
+    pub fn from_toml(text: &str) -> Result<Self, ChoiceFileError> {
         if text.len() > MOST_BYTES {
-            return Err(ConfigError(format!("{} bytes: a choice has at most {MOST_BYTES}", text.len())));
+            return Err(ChoiceFileError(format!("{} bytes: a choice has at most {MOST_BYTES}", text.len())));
         }
-        toml::from_str(text).map_err(|error| ConfigError(error.to_string().trim_end().to_owned()))
+        toml::from_str(text).map_err(|error| ChoiceFileError(error.to_string().trim_end().to_owned()))
     }
 
     /// Writes the choice as a TOML file.

@@ -22,7 +22,7 @@ mod esi;
 mod gsdml;
 mod path;
 
-pub use self::config::{ConfigError, DeviceChoice, ModulePlace, PlaceError};
+pub use self::config::{ChoiceFileError, DeviceChoice, ModulePlace, PlaceError};
 pub use self::eds::{ChosenAdapter, ChosenAssembly, HeartbeatUse};
 pub use self::error::{ChoiceError, ChoiceOption};
 pub use self::esi::{ChosenPdo, ChosenSubDevice};

@@ -36,7 +36,7 @@ pub(super) struct IoConnection {
     pub(super) o_t_id: u32,
     /// Bytes behind the sequence count of an O→T frame.
     pub(super) o_t_len: usize,
-    /// Whether the owner's frames have a run/idle header. Without one, the owner always runs.
+    /// True if the owner's frames have a run/idle header. Without one, the owner always runs.
     pub(super) has_header: bool,
     pub(super) watchdog: Watchdog,
     pub(super) sequence: Sequence,
@@ -57,7 +57,7 @@ pub(super) struct Producer {
     pub(super) dscp: u8,
     /// The assembly that it sends.
     pub(super) assembly: u32,
-    /// Whether its frames have a run/idle header.
+    /// True if its frames have a run/idle header.
     pub(super) has_header: bool,
     pub(super) cycle: Cycle,
     pub(super) trigger: Trigger,

@@ -39,7 +39,7 @@ pub(super) struct WaitingAlarm {
     state: Delivery,
 }
 
-/// How far an alarm has come.
+/// Progress of an alarm.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Delivery {
     /// It is to be sent, for the first time or again.
