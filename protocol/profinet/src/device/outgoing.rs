@@ -172,3 +172,73 @@ impl OutgoingAlarms {
         repeats.min()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::status::Status;
+
+    const TIMEOUT: Duration = Duration::from_millis(100);
+
+    fn alarm(slot: u16, priority: Priority) -> Notification<'static> {
+        let head = AlarmHead { alarm_type: 1, api: 0, slot, subslot: 1 };
+        Notification { priority, head, module_ident: 1, submodule_ident: 2, specifier: 0xA800, items: &[1, 2] }
+    }
+
+    fn acknowledge(alarms: &mut OutgoingAlarms, sent: &WaitingAlarm) {
+        let Notification { priority, head, specifier, .. } = sent.notification();
+        alarms.acknowledged(&Acknowledgement { priority, head, specifier, status: Status::OK });
+    }
+
+    #[test]
+    fn the_next_alarm_of_a_priority_waits_for_the_acknowledgement_of_the_one_before() {
+        let mut alarms = OutgoingAlarms::new(TIMEOUT, 3);
+        alarms.raise(&alarm(1, Priority::Low)).unwrap();
+        alarms.raise(&alarm(2, Priority::Low)).unwrap();
+        alarms.raise(&alarm(3, Priority::High)).unwrap();
+        let first = alarms.next(Instant::ZERO, Priority::Low).unwrap().alarm;
+        assert_eq!((first.head.slot, first.specifier), (1, 0xA800));
+        assert!(alarms.next(Instant::ZERO, Priority::Low).is_none());
+        assert_eq!(alarms.next(Instant::ZERO, Priority::High).unwrap().alarm.head.slot, 3);
+        alarms.received(Priority::Low);
+        assert!(alarms.next(Instant::ZERO, Priority::Low).is_none(), "the application has not acknowledged it");
+        acknowledge(&mut alarms, &first);
+        let second = alarms.next(Instant::ZERO, Priority::Low).unwrap().alarm;
+        assert_eq!((second.head.slot, second.specifier), (2, 0xA801), "each alarm has a number of its own");
+    }
+
+    #[test]
+    fn an_alarm_is_repeated_until_it_is_received_and_given_back_after_the_last_repetition() {
+        let mut alarms = OutgoingAlarms::new(TIMEOUT, 3);
+        alarms.raise(&alarm(1, Priority::Low)).unwrap();
+        let mut now = Instant::ZERO;
+        for repetition in 0..=3 {
+            let sent = alarms.next(now, Priority::Low).unwrap();
+            assert_eq!(sent.is_repeated, repetition > 0);
+            assert!(alarms.handle_timeout(now), "not yet");
+            now = now + TIMEOUT;
+            assert_eq!(alarms.poll_timeout(), Some(now));
+            assert_eq!(alarms.handle_timeout(now), repetition < 3);
+        }
+        let mut received = OutgoingAlarms::new(TIMEOUT, 3);
+        received.raise(&alarm(1, Priority::Low)).unwrap();
+        received.next(Instant::ZERO, Priority::Low).unwrap();
+        received.received(Priority::Low);
+        assert_eq!(received.poll_timeout(), None);
+    }
+
+    #[test]
+    fn alarms_that_find_no_room_or_are_too_long_are_refused() {
+        let mut alarms = OutgoingAlarms::new(TIMEOUT, 3);
+        let long = [0; LONGEST_ITEMS + 1];
+        let too_long = Notification { items: &long, ..alarm(1, Priority::Low) };
+        assert_eq!(alarms.raise(&too_long), Err(AlarmError::TooLong(LONGEST_ITEMS + 1)));
+        for _ in 0..CAPACITY {
+            alarms.raise(&alarm(1, Priority::Low)).unwrap();
+        }
+        assert_eq!(alarms.raise(&alarm(1, Priority::Low)), Err(AlarmError::Full));
+        let first = alarms.next(Instant::ZERO, Priority::Low).unwrap().alarm;
+        acknowledge(&mut alarms, &first);
+        alarms.raise(&alarm(1, Priority::Low)).unwrap();
+    }
+}
