@@ -26,7 +26,8 @@ pub(crate) fn choice(data: &[u8]) {
     match choose(&file, &choice.unwrap_or_default()) {
         Ok(chosen) => {
             let written = chosen.choice().to_toml();
-            let again = DeviceChoice::from_toml(&written).unwrap_or_else(|error| panic!("{written}: {error}"));
+            let again =
+                DeviceChoice::from_toml(&written).unwrap_or_else(|error| panic!("{written}: {error}"));
             assert!(choose(&file, &again).is_ok_and(|again| again == chosen), "{written}");
         }
         Err(error) => assert!(error.to_string().starts_with("--"), "{error}"),

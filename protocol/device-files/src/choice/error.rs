@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::fault::excerpt;
+use crate::fault::{excerpt, shortened};
 
 /// Reason why a choice makes no device.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -27,6 +27,9 @@ pub struct ChoiceOption {
 /// Values that an error lists; `plc-node describe` lists them all.
 const MOST_LISTED: usize = 24;
 
+/// Longest value that is listed whole, so that it can be typed.
+const MOST_TYPED: usize = 200;
+
 impl ChoiceError {
     pub(super) fn new(option: &'static str, fault: impl Into<String>) -> Self {
         Self { option, fault: fault.into(), choices: Vec::new() }
@@ -42,7 +45,7 @@ impl fmt::Display for ChoiceError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.option, self.fault)?;
         for ChoiceOption { value, name } in self.choices.iter().take(MOST_LISTED) {
-            write!(f, "\n  {}  {}", excerpt(value), excerpt(name))?;
+            write!(f, "\n  {}  {}", shortened(value, MOST_TYPED), excerpt(name))?;
         }
         match self.choices.len().saturating_sub(MOST_LISTED) {
             0 => Ok(()),
@@ -67,6 +70,9 @@ mod tests {
 
     #[test]
     fn a_long_list_is_cut_and_names_of_a_file_reach_no_terminal_control() {
+        let long = "x".repeat(100);
+        let text = ChoiceError::new("--module", "x").with([(long.clone(), String::new())]).to_string();
+        assert!(text.contains(&long), "a value that is cut cannot be typed: {text}");
         let choices = (0..30).map(|number| (number.to_string(), "a\x1b[2J".to_owned()));
         let text = ChoiceError::new("--module", "x").with(choices).to_string();
         assert_eq!(text.lines().count(), 1 + MOST_LISTED + 1);

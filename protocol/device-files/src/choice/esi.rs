@@ -120,7 +120,9 @@ fn find<'e>(esi: &'e Esi, choice: &DeviceChoice) -> Result<&'e EsiDevice, Choice
     let wanted: Vec<_> = named.iter().filter(is_wanted).copied().collect();
     let list = |devices: &[&EsiDevice]| -> Vec<_> {
         let value = |device: &&EsiDevice| {
-            (format!("{} --revision 0x{:08X}", device.kind, device.revision), device.name.clone())
+            let quote = if device.kind.contains(' ') { "'" } else { "" };
+            let value = format!("{quote}{}{quote} --revision 0x{:08X}", device.kind, device.revision);
+            (value, device.name.clone())
         };
         devices.iter().map(value).collect()
     };

@@ -182,7 +182,14 @@ mod tests {
 
     fn alarm(slot: u16, priority: Priority) -> Notification<'static> {
         let head = AlarmHead { alarm_type: 1, api: 0, slot, subslot: 1 };
-        Notification { priority, head, module_ident: 1, submodule_ident: 2, specifier: 0xA800, items: &[1, 2] }
+        Notification {
+            priority,
+            head,
+            module_ident: 1,
+            submodule_ident: 2,
+            specifier: 0xA800,
+            items: &[1, 2],
+        }
     }
 
     fn acknowledge(alarms: &mut OutgoingAlarms, sent: &WaitingAlarm) {
@@ -201,7 +208,10 @@ mod tests {
         assert!(alarms.next(Instant::ZERO, Priority::Low).is_none());
         assert_eq!(alarms.next(Instant::ZERO, Priority::High).unwrap().alarm.head.slot, 3);
         alarms.received(Priority::Low);
-        assert!(alarms.next(Instant::ZERO, Priority::Low).is_none(), "the application has not acknowledged it");
+        assert!(
+            alarms.next(Instant::ZERO, Priority::Low).is_none(),
+            "the application has not acknowledged it"
+        );
         acknowledge(&mut alarms, &first);
         let second = alarms.next(Instant::ZERO, Priority::Low).unwrap().alarm;
         assert_eq!((second.head.slot, second.specifier), (2, 0xA801), "each alarm has a number of its own");
