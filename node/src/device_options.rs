@@ -1,6 +1,6 @@
 //! The options by which a command takes a device from its file: the file, and what is chosen from it.
 
-use std::io::{self, Read as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -90,17 +90,13 @@ pub fn read_device_file(path: &Path) -> anyhow::Result<DeviceFile> {
     Ok(device_files::read(&path.display().to_string(), read_bytes(path)?)?)
 }
 
-/// Reads a file up to a byte more than a reader accepts, so that it refuses a longer one.
+/// Reads a file that is no longer than a reader accepts.
 ///
 /// # Errors
 ///
 /// It cannot be read.
 pub fn read_bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
-    let failed = || format!("cannot read {}", path.display());
-    let file = std::fs::File::open(path).with_context(failed)?;
-    let mut bytes = Vec::new();
-    file.take(MOST_BYTES as u64 + 1).read_to_end(&mut bytes).with_context(failed)?;
-    Ok(bytes)
+    setup::read_plain_file(path, MOST_BYTES as u64).with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// Returns true for an error that another file or choice corrects.

@@ -151,7 +151,8 @@ impl Live {
         let last = match results {
             Ok(results) => Part { ended: Some(ended(results, saved)), ..parts::table(results) },
             Err(error) => {
-                let ended = Ended { is_problem: true, text: format!("The run broke off: {error:#}.") };
+                let ended =
+                    Ended { is_problem: true, text: format!("The run broke off: {error:#}."), report: None };
                 Part { ended: Some(ended), ..Part::default() }
             }
         };
@@ -168,15 +169,25 @@ impl Live {
     }
 }
 
+/// Returns the address of the report in the directory of a run, for a link. It is written just after the end of the run. A browser may
+/// only let the user copy it, since this page comes from a server.
+fn report_address(saved: &Path) -> Option<String> {
+    let path = saved.canonicalize().ok()?.join(crate::pages::FILE);
+    let bytes = path.to_str()?.bytes();
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/-._~".contains(&byte);
+    let encoded = |byte: u8| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") };
+    Some(format!("file://{}", bytes.map(encoded).collect::<String>()))
+}
+
 fn ended(results: &Results, saved: &Path) -> Ended {
     let (done, all) = results.saved_of_all();
-    let saved = saved.display();
+    let shown = saved.display();
     let (is_problem, text) = match results.status {
-        Status::Complete | Status::Running => (false, format!("Done: {all} repetitions, saved in {saved}.")),
-        Status::Failed => (true, format!("A repetition failed; {done} of {all} are saved in {saved}.")),
-        Status::Interrupted => (true, format!("Interrupted, {done} of {all} repetitions saved in {saved}.")),
+        Status::Complete | Status::Running => (false, format!("Done: {all} repetitions, saved in {shown}.")),
+        Status::Failed => (true, format!("A repetition failed; {done} of {all} are saved in {shown}.")),
+        Status::Interrupted => (true, format!("Interrupted, {done} of {all} repetitions saved in {shown}.")),
     };
-    Ended { is_problem, text }
+    Ended { is_problem, text, report: report_address(saved) }
 }
 
 /// What the view's thread has.
