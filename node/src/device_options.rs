@@ -90,7 +90,7 @@ pub fn read_device_file(path: &Path) -> anyhow::Result<DeviceFile> {
     Ok(device_files::read(&path.display().to_string(), read_bytes(path)?)?)
 }
 
-/// Reads a file that is no longer than a reader accepts.
+/// Reads a file of at most the bytes that a reader accepts.
 ///
 /// # Errors
 ///
