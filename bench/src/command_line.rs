@@ -21,6 +21,8 @@ use crate::verbs::report::{CompareOptions, ReportOptions};
 use crate::verbs::scale::ScaleOptions;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::timing::TimingOptions;
+#[cfg(all(feature = "real", target_os = "linux"))]
+use robot_node::emulate::EmulateCommand;
 use studies::buses::BusesOptions;
 use studies::calibrate::CalibrateOptions;
 use studies::engine::StudyVerb;
@@ -152,6 +154,9 @@ pub enum Command {
     /// Test whether this machine can run real mode, and how well.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Doctor(DoctorOptions),
+    /// Be the device of a GSDML, EDS or ESI file, as `robot-node emulate` does.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    Emulate(EmulateCommand),
     /// Measure how evenly cyclic frames arrive, beside a bare loop on this host.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Timing(TimingOptions),

@@ -34,6 +34,10 @@ fn main() -> ExitCode {
         Some(Command::Calibrate(options)) => calibrate::run(options, bench::COMMIT),
         Some(Command::Gate(options)) => gate::run(options),
         #[cfg(all(feature = "real", target_os = "linux"))]
+        Some(Command::Emulate(command)) => {
+            return node::exit_code(command.clone().execute(), robot_node::emulate::is_usage);
+        }
+        #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Overhead(options)) => overhead::run(options),
         Some(Command::Long(options)) => long::run(options),
         Some(Command::Trajectory(options)) => trajectory::run(options),

@@ -26,7 +26,7 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 18] = [
+pub const TARGETS: [(&str, Target); 19] = [
     ("device", profinet::device),
     ("controller", profinet::controller),
     ("adapter", ethernet_ip::adapter),
@@ -43,6 +43,7 @@ pub const TARGETS: [(&str, Target); 18] = [
     ("gsdml", device_files::gsdml),
     ("eds", device_files::eds),
     ("esi", device_files::esi),
+    ("choice", device_files::choice),
     ("capture", capture::capture),
     ("samples", files::samples),
 ];

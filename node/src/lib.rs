@@ -15,6 +15,7 @@
 //! output      printing to a reader that may be gone; screen makes tables and text fit it
 //! arguments   the command line, parsed; list has options with several values, duration times with units,
 //!             interface_option an interface for each bus
+//! device_options  a device from its file, and what is chosen from it
 //! outcome     how a program ended, as its exit code
 //! ```
 
@@ -32,6 +33,7 @@ pub mod cell_run_error;
 mod control;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod cyclic_task;
+pub mod device_options;
 mod duration;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod inbox;

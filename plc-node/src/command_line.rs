@@ -52,7 +52,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     screen::fit_terminal();
     match cli.command {
         Subcommand::Plan(plan) => node::exit_code(plan.execute(), |_| false),
-        Subcommand::Describe(file) => node::exit_code(file.execute(), describe::is_usage),
+        Subcommand::Describe(file) => node::exit_code(file.execute(), node::device_options::is_usage),
         Subcommand::Export(export) => node::exit_code(export.execute(), |_| false),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Subcommand::Run(run) => {

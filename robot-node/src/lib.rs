@@ -18,6 +18,8 @@ mod config;
 pub mod controller;
 mod drive_segment;
 #[cfg(all(feature = "real", target_os = "linux"))]
+pub mod emulate;
+#[cfg(all(feature = "real", target_os = "linux"))]
 mod export_command;
 pub mod motion;
 mod node;

@@ -28,6 +28,7 @@ use serde::{Deserialize, Serialize};
 use setup::BusKind;
 
 use crate::controller::Ending;
+use crate::emulate::{self, EmulateCommand};
 use crate::export_command::ExportCommand;
 use crate::{
     Account, ConfigError, Disturbance, ImageFault, Program, Quality, RobotConfig, RobotEvent, RobotInLine,
@@ -46,6 +47,8 @@ struct Cli {
 enum Subcommand {
     /// Wait for a PLC and execute its skills.
     Run(Run),
+    /// Be the device of a GSDML, EDS or ESI file, for tests of a controller.
+    Emulate(EmulateCommand),
     /// Export the second layer and the planned program as code for another robot.
     Export(ExportCommand),
 }
@@ -165,6 +168,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli: Cli = arguments::parse(args);
     let run = match cli.command {
         Subcommand::Run(run) => run,
+        Subcommand::Emulate(emulate) => return node::exit_code(emulate.execute(), emulate::is_usage),
         Subcommand::Export(export) => return node::exit_code(export.execute(), |_| false),
     };
     let is_usage = |error: &anyhow::Error| {

@@ -5,12 +5,11 @@ mod esi;
 mod gsdml;
 
 use std::fmt::{self, Write as _};
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Context as _;
-use device_files::{DeviceCatalogue, DeviceFile, MOST_BYTES, ReadError, SCHEMA_VERSION};
+use device_files::{DeviceCatalogue, DeviceFile, SCHEMA_VERSION};
 use node::Outcome;
+use node::device_options::read_device_file;
 use node::errln;
 use node::output::to_stdout;
 
@@ -39,7 +38,7 @@ impl DescribeCommand {
     /// Prints the catalogue to standard output and the warnings to standard error.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
         let name = self.file.display().to_string();
-        let device = device_files::read(&name, bytes_of(&self.file)?)?;
+        let device = read_device_file(&self.file)?;
         device
             .warnings()
             .iter()
@@ -54,17 +53,6 @@ impl DescribeCommand {
         to_stdout(format_args!("{text}"))?;
         Ok(Outcome::Done)
     }
-}
-
-/// Returns true for an error that another file corrects: one that is refused, or not there.
-pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
-    let missing = error.downcast_ref::<io::Error>();
-    error.is::<ReadError>() || missing.is_some_and(|error| error.kind() == io::ErrorKind::NotFound)
-}
-
-/// Reads a file that is no longer than the reader accepts.
-fn bytes_of(path: &Path) -> anyhow::Result<Vec<u8>> {
-    setup::read_plain_file(path, MOST_BYTES as u64).with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// Lists what a file offers.

@@ -40,10 +40,14 @@ pub struct ReadError {
 
 /// Shortens a value of a file for a message, and replaces what a terminal would not print.
 pub(crate) fn excerpt(value: &str) -> String {
-    const MOST: usize = 48;
+    shortened(value, 48)
+}
+
+/// Shortens a value that the user is to type to so many characters, and replaces what a terminal would not print.
+pub(crate) fn shortened(value: &str, most: usize) -> String {
     let mut short: String =
-        value.chars().take(MOST).map(|it| if it.is_control() { '\u{FFFD}' } else { it }).collect();
-    if value.chars().nth(MOST).is_some() {
+        value.chars().take(most).map(|it| if it.is_control() { '\u{FFFD}' } else { it }).collect();
+    if value.chars().nth(most).is_some() {
         short.push('…');
     }
     short

@@ -14,6 +14,7 @@
 //! Readers take bytes from anywhere. They do not panic, stay below 100 MiB, and name file, line and element of a fault.
 //! Everything in a catalogue can be serialized; the program prints it as JSON.
 
+mod choice;
 mod eds;
 mod encoding;
 mod esi;
@@ -24,6 +25,11 @@ mod xml;
 
 use serde::Serialize;
 
+pub use crate::choice::{
+    ChoiceError, ChoiceFileError, ChoiceOption, ChosenAdapter, ChosenAssembly, ChosenDevice, ChosenIoDevice,
+    ChosenModule, ChosenPdo, ChosenSubDevice, ChosenSubmodule, DeviceChoice, HeartbeatUse, ModulePlace,
+    PlaceError, choose,
+};
 pub use crate::eds::{
     CapacityLimit, ConnectionEnd, ConnectionUse, Eds, EdsAssembly, EdsConnection, EdsMember, EdsParameter,
     EdsPort, ParameterText, RealTimeFormat,

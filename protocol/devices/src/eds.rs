@@ -179,8 +179,8 @@ const FIRST_MEMBER: usize = 2;
 /// Returns the members of an assembly that carries an image.
 fn members_of(assembly: &Assembly) -> Vec<ImageMember> {
     match assembly.role {
-        Role::Produced => members::of_feedback(),
-        Role::Consumed => members::of_command(),
+        Role::Produced | Role::ProducedWithHeader => members::of_feedback(),
+        Role::Consumed | Role::ConsumedModeless => members::of_command(),
         Role::Configuration | Role::InputOnlyHeartbeat | Role::ListenOnlyHeartbeat => Vec::new(),
     }
 }

@@ -5,6 +5,7 @@ use machine::Duration;
 use crate::description::Description;
 use crate::dictionary::PdoConfiguration;
 use crate::esc::LocalClock;
+use crate::layout::SyncManagerLayout;
 
 /// A device to be added to a segment.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +18,9 @@ pub struct DeviceConfig {
     pub alias: u16,
     /// Which parts of its process data the MainDevice may choose.
     pub pdo_configuration: PdoConfiguration,
+    /// Where its sync managers are, in the order of their numbers and at most one for each use; empty for places that follow
+    /// from the description. Their lengths are those of mailbox and process data.
+    pub sync_managers: &'static [SyncManagerLayout],
     /// Time that its application takes to follow a request for a state.
     pub answer_delay: Duration,
     /// Time that a command to its EEPROM takes.
@@ -41,6 +45,7 @@ impl DeviceConfig {
             serial_number: 0,
             alias: 0,
             pdo_configuration: PdoConfiguration::Fixed,
+            sync_managers: &[],
             answer_delay: Duration::ZERO,
             eeprom_delay: Duration::ZERO,
             forwarding_delay: Duration::ZERO,

@@ -57,7 +57,7 @@ pub struct SyncManagerLayout {
 /// Returns the sync managers of a device with this description, in the order of their numbers.
 #[must_use]
 pub fn sync_managers(description: &Description) -> Vec<SyncManagerLayout> {
-    Layout::new(description).iter().collect()
+    Layout::new(description, &[]).iter().collect()
 }
 
 /// The sync managers of a device, by their numbers.
@@ -67,7 +67,13 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    pub(crate) fn new(description: &Description) -> Self {
+    /// Places the sync managers where `given` has them, if it has any.
+    pub(crate) fn new(description: &Description, given: &[SyncManagerLayout]) -> Self {
+        if !given.is_empty() {
+            let mut sync_managers = [None; 4];
+            sync_managers.iter_mut().zip(given).for_each(|(place, layout)| *place = Some(*layout));
+            return Self { sync_managers };
+        }
         let mut start = RAM_START;
         let mut place = |usage, len: u16, buffers: u16, control| {
             let placed = SyncManagerLayout { usage, start, len, control };

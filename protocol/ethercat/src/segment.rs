@@ -229,6 +229,14 @@ impl Segment {
         }
     }
 
+    /// Opens or closes a device's process data to the MainDevice, as its application does. While they are closed they do not
+    /// count in the working counter; the next change of state opens them again.
+    pub fn set_process_data_locked(&mut self, id: DeviceId, locked: bool) {
+        if let Some(device) = self.devices.get_mut(id.0) {
+            device.lock_process_data(locked);
+        }
+    }
+
     /// Cuts the cable of a device towards the MainDevice, or mends it.
     pub fn set_cut(&mut self, id: DeviceId, cut: bool) {
         self.cabling.set_cut(id.0, cut);

@@ -43,18 +43,19 @@ const CLOCK_MODE: usize = 24;
 /// process data.
 #[must_use]
 pub fn sii_image(description: &Description, serial_number: u32, alias: u16) -> Vec<u8> {
-    image_of(description, serial_number, alias, PdoConfiguration::Fixed)
+    image_of(description, (serial_number, alias), PdoConfiguration::Fixed, &[])
 }
 
-/// Returns the content of the EEPROM of a device whose process data the MainDevice may choose.
+/// Returns the content of the EEPROM of a device whose process data the MainDevice may choose, with sync managers where
+/// `sync_managers` has them, if it has any.
 pub(crate) fn image_of(
     description: &Description,
-    serial_number: u32,
-    alias: u16,
+    (serial_number, alias): (u32, u16),
     pdo_configuration: PdoConfiguration,
+    sync_managers: &[SyncManagerLayout],
 ) -> Vec<u8> {
     let mut image = vec![0; CAPACITY];
-    let layout = Layout::new(description);
+    let layout = Layout::new(description, sync_managers);
     let mut writer = Writer::new(&mut image);
     header(&mut writer, description, &layout, serial_number, alias);
     let mut strings = Strings::default();

@@ -49,8 +49,9 @@ pub(crate) struct SubDevice {
 impl SubDevice {
     pub(crate) fn new(config: &DeviceConfig) -> Self {
         let description = config.description;
-        let layout = Layout::new(description);
-        let image = image_of(description, config.serial_number, config.alias, config.pdo_configuration);
+        let layout = Layout::new(description, config.sync_managers);
+        let names = (config.serial_number, config.alias);
+        let image = image_of(description, names, config.pdo_configuration, config.sync_managers);
         let len = |usage| layout.find(usage).map_or(0, |(_, layout)| usize::from(layout.len));
         let clock = description.distributed_clocks.then_some(config.clock);
         let mut device = Self {
@@ -320,7 +321,7 @@ impl SubDevice {
         Some(first + period)
     }
 
-    fn lock_process_data(&mut self, locked: bool) {
+    pub(crate) fn lock_process_data(&mut self, locked: bool) {
         self.lock([Usage::Outputs, Usage::Inputs], locked);
     }
 

@@ -10,8 +10,12 @@ use super::class1::{RUN_IDLE_LEN, SEQUENCE_LEN};
 pub enum Role {
     /// Sent by the device, T→O.
     Produced,
-    /// Received by the device from its owner, O→T.
+    /// Received by the device from its owner, O→T, with a run/idle header before the data.
     Consumed,
+    /// The same without a header: the owner always runs (volume 1, 3-6.1.2, modeless).
+    ConsumedModeless,
+    /// Sent by the device, T→O, with a run/idle header before the data.
+    ProducedWithHeader,
     /// Configuration.
     Configuration,
     /// Heartbeat of an input-only connection: O→T without data.
@@ -21,12 +25,24 @@ pub enum Role {
 }
 
 impl Role {
+    /// Returns whether the device sends it.
+    #[must_use]
+    pub const fn is_produced(self) -> bool {
+        matches!(self, Self::Produced | Self::ProducedWithHeader)
+    }
+
+    /// Returns whether an owner sends it to the device.
+    #[must_use]
+    pub const fn is_consumed(self) -> bool {
+        matches!(self, Self::Consumed | Self::ConsumedModeless)
+    }
+
     /// Returns its purpose in words.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
-            Self::Produced => "for T→O",
-            Self::Consumed => "for O→T",
+            Self::Produced | Self::ProducedWithHeader => "for T→O",
+            Self::Consumed | Self::ConsumedModeless => "for O→T",
             Self::Configuration => "for configuration",
             Self::InputOnlyHeartbeat => "for O→T of input-only connections",
             Self::ListenOnlyHeartbeat => "for O→T of listen-only connections",
@@ -48,11 +64,11 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    /// Returns the size of a connection to it in bytes: with the sequence count, and the run/idle header O→T.
+    /// Returns the size of a connection to it in bytes: with the sequence count, and the run/idle header if it has one.
     #[must_use]
     pub const fn connection_size(&self) -> u16 {
         match self.role {
-            Role::Consumed => self.size + SEQUENCE_LEN + RUN_IDLE_LEN,
+            Role::Consumed | Role::ProducedWithHeader => self.size + SEQUENCE_LEN + RUN_IDLE_LEN,
             _ => self.size + SEQUENCE_LEN,
         }
     }

@@ -26,7 +26,7 @@ pub mod tag;
 mod uuid;
 
 pub use controller::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Parameter};
-pub use device::{Device, DeviceConfig};
+pub use device::{AlarmError, Device, DeviceConfig};
 pub use mau::MauType;
 pub use provided::DataError;
 pub use search::{FoundStation, Search, SearchConfig};

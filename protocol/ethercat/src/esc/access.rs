@@ -311,8 +311,10 @@ impl Esc {
     }
 }
 
-/// Returns how many bytes of an access are registers, and how many are RAM.
+/// Returns how many bytes of an access are registers, and how many are RAM. A sync manager of a terminal with digital outputs
+/// guards their register, as if it were RAM (ET1100, register 0x0F00).
 fn split(address: u16, len: usize) -> (usize, usize) {
-    let registers = usize::from(registers::END.saturating_sub(address)).min(len);
+    let is_digital = registers::DIGITAL_OUTPUTS.contains(&address) && len <= registers::DIGITAL_OUTPUTS.len();
+    let registers = if is_digital { 0 } else { usize::from(registers::END.saturating_sub(address)).min(len) };
     (registers, len - registers)
 }

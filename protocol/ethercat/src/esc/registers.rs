@@ -61,6 +61,9 @@ pub(crate) const SYNC_END: u16 = 0x09A8;
 /// End of the registers, and start of the process data RAM.
 pub(crate) const END: u16 = 0x1000;
 
+/// Addresses of the digital outputs, which a sync manager may guard.
+pub(crate) const DIGITAL_OUTPUTS: core::ops::Range<u16> = 0x0F00..0x0F10;
+
 /// Numbers of FMMUs and sync managers, as the ET1100 has.
 pub(crate) const UNITS: u8 = 8;
 

@@ -129,6 +129,7 @@ impl State {
             parameters: t_o,
             dscp: self.device.qos.cyclic(t_o.priority),
             assembly: points.produced.instance,
+            has_header: points.produced.role == Role::ProducedWithHeader,
             cycle: Cycle::new(context.now + interval / 2, interval),
             trigger: request.transport.trigger(),
             inhibit: Inhibit::new(inhibit, context.now),
@@ -160,6 +161,7 @@ impl State {
             originator: *context.peer.ip(),
             stream: Some(context.stream),
             o_t_id,
+            has_header: points.consumed.role == Role::Consumed,
             o_t_len: usize::from(o_t.size.saturating_sub(SEQUENCE_LEN)),
             watchdog: Watchdog::start(context.now, multiplier.timeout(micros(o_t_rpi_us))),
             sequence: sequence(micros(o_t_rpi_us)),
@@ -219,10 +221,10 @@ impl State {
         }
         let consumed = find(consumed, Violation::ConsumingPath)?;
         let produced = find(produced, Violation::ProducingPath)?;
-        let kind = match (consumed.role, produced.role) {
-            (Role::Consumed, Role::Produced) => Kind::ExclusiveOwner,
-            (Role::InputOnlyHeartbeat, Role::Produced) => Kind::InputOnly,
-            (Role::ListenOnlyHeartbeat, Role::Produced) => Kind::ListenOnly,
+        let kind = match (consumed.role, produced.role.is_produced()) {
+            (Role::Consumed | Role::ConsumedModeless, true) => Kind::ExclusiveOwner,
+            (Role::InputOnlyHeartbeat, true) => Kind::InputOnly,
+            (Role::ListenOnlyHeartbeat, true) => Kind::ListenOnly,
             _ => return Err(Violation::InconsistentPathCombination),
         };
         Ok(IoAssemblies { kind, consumed, produced, named })

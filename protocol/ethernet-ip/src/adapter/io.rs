@@ -6,8 +6,9 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use super::Room;
 use crate::class1::{Frame, RUN_IDLE_LEN};
 use crate::connection::{ConnectionData, Inhibit, Parameters, Triad, Trigger, Watchdog};
-use crate::description::{Description, Role};
+use crate::description::Description;
 use crate::objects::AssemblyData;
+use machine::wire::Truncated;
 use machine::{Cycle, Duration, Instant, OwnerReport, Sender, Sequence, StreamId};
 
 /// What a connection may do with the outputs (volume 1, 3-6.4).
@@ -35,6 +36,8 @@ pub(super) struct IoConnection {
     pub(super) o_t_id: u32,
     /// Bytes behind the sequence count of an O→T frame.
     pub(super) o_t_len: usize,
+    /// True if the owner's frames have a run/idle header. Without one, the owner always runs.
+    pub(super) has_header: bool,
     pub(super) watchdog: Watchdog,
     pub(super) sequence: Sequence,
     /// Sequence count of the last data taken over.
@@ -54,6 +57,8 @@ pub(super) struct Producer {
     pub(super) dscp: u8,
     /// The assembly that it sends.
     pub(super) assembly: u32,
+    /// True if its frames have a run/idle header.
+    pub(super) has_header: bool,
     pub(super) cycle: Cycle,
     pub(super) trigger: Trigger,
     pub(super) inhibit: Inhibit,
@@ -74,6 +79,7 @@ pub(super) struct Due {
     pub(super) sequence: u32,
     pub(super) count: u16,
     pub(super) assembly: u32,
+    pub(super) has_header: bool,
     pub(super) dscp: u8,
 }
 
@@ -95,6 +101,11 @@ impl IoConnection {
             interval: Duration::from_micros(self.data.o_t.api_us.into()),
             timeout: self.watchdog.timeout(),
         }
+    }
+
+    /// Returns whether its owner runs by this frame, and the data.
+    fn run_and_data<'f>(&self, frame: &Frame<'f>) -> Result<(bool, &'f [u8]), Truncated> {
+        if self.has_header { frame.run_and_data() } else { Ok((true, frame.payload)) }
     }
 
     /// Returns whether it owns the outputs of this assembly.
@@ -140,8 +151,8 @@ impl Producer {
         self.inhibit.produced(now);
         self.sequence = self.sequence.wrapping_add(1);
         self.count = self.count.wrapping_add(is_new.into());
-        let Self { id, to, sequence, count, assembly, dscp, .. } = *self;
-        Some(Due { id, to, sequence, count, assembly, dscp })
+        let Self { id, to, sequence, count, assembly, has_header, dscp, .. } = *self;
+        Some(Due { id, to, sequence, count, assembly, has_header, dscp })
     }
 }
 
@@ -170,7 +181,7 @@ impl IoConnections {
     pub(super) fn new(description: &Description) -> Self {
         let Description { exclusive_owners, input_only, listen_only, .. } = *description;
         let room = [exclusive_owners, input_only, listen_only].into_iter().map(usize::from).sum();
-        let consumed = description.assemblies.iter().filter(|assembly| assembly.role == Role::Consumed);
+        let consumed = description.assemblies.iter().filter(|assembly| assembly.role.is_consumed());
         Self { open: Vec::with_capacity(room), last_owners: Vec::with_capacity(consumed.count()) }
     }
 
@@ -337,7 +348,7 @@ impl IoConnections {
         let Some(ahead) = connection.sequence.accept(now, frame.sequence) else { return ReceivedFrame::Late };
         connection.watchdog.feed(now);
         if connection.kind == Kind::ExclusiveOwner
-            && let Ok((run, data)) = frame.run_and_data()
+            && let Ok((run, data)) = connection.run_and_data(frame)
         {
             connection.run = run;
             // The same count is the same data.

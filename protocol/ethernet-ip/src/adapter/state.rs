@@ -126,7 +126,9 @@ impl State {
     pub(super) fn produce(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         let due = self.io.next_due(now)?;
         let data = self.device.assemblies.get(due.assembly);
-        let len = class1::emit(buf, (due.id, due.sequence, due.count), None, data).ok()?;
+        // A device that sends inputs runs.
+        let run = due.has_header.then_some(true);
+        let len = class1::emit(buf, (due.id, due.sequence, due.count), run, data).ok()?;
         self.counters.sent += 1;
         self.cyclic_dscp = due.dscp;
         Some(Transmit { port: Port::Udp(IO_PORT), to: Some(due.to), len })

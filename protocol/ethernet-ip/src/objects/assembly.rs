@@ -29,7 +29,7 @@ impl AssemblyData {
         let carried = description
             .assemblies
             .iter()
-            .filter(|a| matches!(a.role, Role::Produced | Role::Consumed | Role::Configuration));
+            .filter(|a| a.role.is_produced() || a.role.is_consumed() || a.role == Role::Configuration);
         let zeros = |size: u16| vec![0; usize::from(size)].into_boxed_slice();
         let carry = |a: &super::super::description::Assembly| CarriedAssembly {
             instance: a.instance,
@@ -46,7 +46,7 @@ impl AssemblyData {
 
     /// Sets the data of an assembly that is sent. Returns whether they changed.
     pub(in super::super) fn set(&mut self, instance: u32, data: &[u8]) -> Result<bool, DataError> {
-        let is_it = |found: &&mut CarriedAssembly| found.instance == instance && found.role == Role::Produced;
+        let is_it = |found: &&mut CarriedAssembly| found.instance == instance && found.role.is_produced();
         let found = self.all.iter_mut().find(is_it).ok_or(DataError::NotProduced { instance })?;
         if found.data.len() != data.len() {
             return Err(DataError::Length { expected: found.data.len(), found: data.len() });

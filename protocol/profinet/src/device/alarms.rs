@@ -1,13 +1,16 @@
-//! The device's end of the alarm connection: acknowledges the controller's PDUs, and refuses alarms, because a controller
-//! sends none.
+//! The device's end of the alarm connection: sends the device's alarms one at a time and repeats them until the controller has
+//! them, acknowledges the controller's PDUs, and refuses alarms, because a controller sends none.
 
+use super::outgoing::{AlarmError, Outgoing, OutgoingAlarms};
 use crate::ETHER_TYPE;
 use crate::alarm::{
-    Acknowledgement, Alarm, FRAME_ID_HIGH, FRAME_ID_LOW, PduType, Priority, Rta, error_status, next_sequence,
+    Acknowledgement, Alarm, FRAME_ID_HIGH, FRAME_ID_LOW, Notification, PduType, Priority, Rta, error_status,
+    next_sequence,
 };
 use crate::rt::{Route, UDP_PORT};
 use crate::status::{Service, Status, Violation};
 use crate::tag;
+use machine::Instant;
 use machine::Port;
 use machine::Transmit;
 use machine::ethernet::EthernetHeader;
@@ -21,6 +24,7 @@ pub(super) struct AlarmEndpoint {
     peer_reference: u16,
     high: Channel,
     low: Channel,
+    outgoing: OutgoingAlarms,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -54,8 +58,27 @@ pub(super) enum AlarmReceived {
 }
 
 impl AlarmEndpoint {
-    pub(super) const fn new(route: Route, own_reference: u16, peer_reference: u16) -> Self {
-        Self { route, own_reference, peer_reference, high: Channel::NEW, low: Channel::NEW }
+    pub(super) const fn new(
+        route: Route,
+        own_reference: u16,
+        peer_reference: u16,
+        outgoing: OutgoingAlarms,
+    ) -> Self {
+        Self { route, own_reference, peer_reference, high: Channel::NEW, low: Channel::NEW, outgoing }
+    }
+
+    /// Queues an alarm of the device.
+    pub(super) fn raise(&mut self, alarm: &Notification<'_>) -> Result<(), AlarmError> {
+        self.outgoing.raise(alarm)
+    }
+
+    /// Repeats the alarm that the controller has not acknowledged in time. Returns false after the last repetition.
+    pub(super) fn handle_timeout(&mut self, now: Instant) -> bool {
+        self.outgoing.handle_timeout(now)
+    }
+
+    pub(super) fn poll_timeout(&self) -> Option<Instant> {
+        self.outgoing.poll_timeout()
     }
 
     /// Handles an RTA PDU, which begins behind its FrameID.
@@ -68,8 +91,11 @@ impl AlarmEndpoint {
             Priority::High => &mut self.high,
             Priority::Low => &mut self.low,
         };
+        if matches!(rta.pdu_type, PduType::Data | PduType::Ack) && rta.ack_sequence == channel.sent {
+            self.outgoing.received(priority);
+        }
         match rta.pdu_type {
-            PduType::Data => channel.handle_data(priority, &rta, variable),
+            PduType::Data => channel.handle_data(priority, &rta, variable, &mut self.outgoing),
             PduType::Ack | PduType::Nack => AlarmReceived::Handled,
             PduType::Error => match error_status(variable) {
                 Some(status) => AlarmReceived::Aborted(status),
@@ -80,8 +106,8 @@ impl AlarmEndpoint {
     }
 
     /// Writes the next PDU.
-    pub(super) fn poll_transmit(&mut self, buf: &mut [u8]) -> Option<Transmit> {
-        if !self.high.has_to_send() && !self.low.has_to_send() {
+    pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if !self.high.has_to_send() && !self.low.has_to_send() && !self.outgoing.has_to_send() {
             return None;
         }
         let (own, peer, route) = (self.own_reference, self.peer_reference, self.route);
@@ -102,6 +128,14 @@ impl AlarmEndpoint {
                 channel.sent = next_sequence(channel.sent);
                 let rta = rta(PduType::Data, Rta::WINDOW_1_TACK, channel);
                 let alarm = Alarm::Acknowledgement(refusal);
+                return transmit(route, priority, buf, |writer| rta.emit(writer, |w| alarm.emit(w))).ok();
+            }
+            if let Some(Outgoing { alarm, is_repeated }) = self.outgoing.next(now, priority) {
+                if !is_repeated {
+                    channel.sent = next_sequence(channel.sent);
+                }
+                let rta = rta(PduType::Data, Rta::WINDOW_1_TACK, channel);
+                let alarm = Alarm::Notification(alarm.notification());
                 return transmit(route, priority, buf, |writer| rta.emit(writer, |w| alarm.emit(w))).ok();
             }
         }
@@ -127,7 +161,13 @@ impl Channel {
         self.acknowledge || self.refuse.is_some()
     }
 
-    fn handle_data(&mut self, priority: Priority, rta: &Rta, variable: &[u8]) -> AlarmReceived {
+    fn handle_data(
+        &mut self,
+        priority: Priority,
+        rta: &Rta,
+        variable: &[u8],
+        outgoing: &mut OutgoingAlarms,
+    ) -> AlarmReceived {
         if rta.send_sequence == self.acknowledged {
             // Our acknowledgement was lost.
             self.acknowledge = true;
@@ -139,13 +179,16 @@ impl Channel {
         let Ok(alarm) = Alarm::parse(variable) else { return AlarmReceived::Malformed };
         self.acknowledged = rta.send_sequence;
         self.acknowledge = true;
-        if let Alarm::Notification(notification) = alarm {
-            self.refuse = Some(Acknowledgement {
-                priority,
-                head: notification.head,
-                specifier: notification.specifier,
-                status: Violation::AlarmNotSupported.status(Service::AlarmAck),
-            });
+        match alarm {
+            Alarm::Notification(notification) => {
+                self.refuse = Some(Acknowledgement {
+                    priority,
+                    head: notification.head,
+                    specifier: notification.specifier,
+                    status: Violation::AlarmNotSupported.status(Service::AlarmAck),
+                });
+            }
+            Alarm::Acknowledgement(acknowledgement) => outgoing.acknowledged(&acknowledgement),
         }
         AlarmReceived::Handled
     }
@@ -197,6 +240,7 @@ fn transmit(
 mod tests {
     use super::*;
     use crate::captured;
+    use machine::Duration;
     use machine::ethernet::Mac;
 
     const CPU: Mac = Mac([0xEC, 0x1C, 0x5D, 0x61, 0xE7, 0x3C]);
@@ -205,31 +249,40 @@ mod tests {
     #[test]
     fn an_alarm_ack_of_a_siemens_controller_is_acknowledged_as_p_net_did() {
         let route = Route::Ethernet { source: P_NET, destination: CPU };
-        let mut endpoint = AlarmEndpoint::new(route, 0, 0);
+        let mut endpoint =
+            AlarmEndpoint::new(route, 0, 0, OutgoingAlarms::new(Duration::from_millis(100), 3));
         endpoint.high.sent = 0xFFFF;
         let frame = captured::frame(captured::ALARM_ACK_HIGH_CPU);
         let (_, payload) = EthernetHeader::parse(&frame).unwrap();
         assert_eq!(endpoint.handle_pdu(Priority::High, &payload[2..]), AlarmReceived::Handled);
         let mut buf = [0; 100];
-        let transmit = endpoint.poll_transmit(&mut buf).unwrap();
+        let transmit = endpoint.poll_transmit(Instant::ZERO, &mut buf).unwrap();
         let p_net = captured::frame(captured::ALARM_ACK_RTA_HIGH_DEV);
         assert_eq!(buf[..p_net.len()], p_net);
         assert_eq!(transmit.len, 64);
-        assert!(endpoint.poll_transmit(&mut buf).is_none());
+        assert!(endpoint.poll_transmit(Instant::ZERO, &mut buf).is_none());
 
         assert_eq!(endpoint.handle_pdu(Priority::High, &payload[2..]), AlarmReceived::Late);
-        assert!(endpoint.poll_transmit(&mut buf).is_some(), "a repetition is acknowledged again");
+        assert!(
+            endpoint.poll_transmit(Instant::ZERO, &mut buf).is_some(),
+            "a repetition is acknowledged again"
+        );
     }
 
     #[test]
     fn an_alarm_from_the_controller_is_refused_with_its_status() {
-        let mut endpoint = AlarmEndpoint::new(Route::Ethernet { source: P_NET, destination: CPU }, 0, 0);
+        let mut endpoint = AlarmEndpoint::new(
+            Route::Ethernet { source: P_NET, destination: CPU },
+            0,
+            0,
+            OutgoingAlarms::new(Duration::from_millis(100), 3),
+        );
         let frame = captured::frame(captured::ALARM_PROCESS_NOTIF);
         let (_, payload) = EthernetHeader::parse(&frame).unwrap();
         assert_eq!(endpoint.handle_pdu(Priority::High, &payload[2..]), AlarmReceived::Handled);
         let mut buf = [0; 100];
-        assert!(endpoint.poll_transmit(&mut buf).is_some(), "the acknowledgement");
-        let transmit = endpoint.poll_transmit(&mut buf).unwrap();
+        assert!(endpoint.poll_transmit(Instant::ZERO, &mut buf).is_some(), "the acknowledgement");
+        let transmit = endpoint.poll_transmit(Instant::ZERO, &mut buf).unwrap();
         let (_, payload) = EthernetHeader::parse(&buf[..transmit.len]).unwrap();
         let (_, variable) = Rta::parse(&payload[2..]).unwrap();
         let Ok(Alarm::Acknowledgement(refusal)) = Alarm::parse(variable) else { panic!("a refusal") };
@@ -238,12 +291,22 @@ mod tests {
 
     #[test]
     fn an_error_pdu_of_the_controller_is_its_abort() {
-        let mut endpoint = AlarmEndpoint::new(Route::Ethernet { source: P_NET, destination: CPU }, 0, 0);
+        let mut endpoint = AlarmEndpoint::new(
+            Route::Ethernet { source: P_NET, destination: CPU },
+            0,
+            0,
+            OutgoingAlarms::new(Duration::from_millis(100), 3),
+        );
         let frame = captured::frame(captured::ALARM_ERR_RTA_CPU_REMOVED);
         let (_, payload) = EthernetHeader::parse(&frame).unwrap();
         let received = endpoint.handle_pdu(Priority::Low, &payload[2..]);
         assert_eq!(received, AlarmReceived::Aborted(Violation::ArRemoved.status(Service::Abort)));
-        let mut other = AlarmEndpoint::new(Route::Ethernet { source: P_NET, destination: CPU }, 1, 0);
+        let mut other = AlarmEndpoint::new(
+            Route::Ethernet { source: P_NET, destination: CPU },
+            1,
+            0,
+            OutgoingAlarms::new(Duration::from_millis(100), 3),
+        );
         assert_eq!(other.handle_pdu(Priority::Low, &payload[2..]), AlarmReceived::Foreign);
     }
 
@@ -252,16 +315,21 @@ mod tests {
         let frame = captured::frame(captured::ALARM_PROCESS_NOTIF);
         let (_, payload) = EthernetHeader::parse(&frame).unwrap();
         for (priority, frame_id) in [(Priority::High, FRAME_ID_HIGH), (Priority::Low, FRAME_ID_LOW)] {
-            let mut endpoint = AlarmEndpoint::new(Route::Ethernet { source: P_NET, destination: CPU }, 0, 0);
+            let mut endpoint = AlarmEndpoint::new(
+                Route::Ethernet { source: P_NET, destination: CPU },
+                0,
+                0,
+                OutgoingAlarms::new(Duration::from_millis(100), 3),
+            );
             assert_eq!(endpoint.handle_pdu(priority, &payload[2..]), AlarmReceived::Handled);
             let mut buf = [0; 100];
             for wanted in [PduType::Ack, PduType::Data] {
-                let transmit = endpoint.poll_transmit(&mut buf).unwrap();
+                let transmit = endpoint.poll_transmit(Instant::ZERO, &mut buf).unwrap();
                 let (_, payload) = EthernetHeader::parse(&buf[..transmit.len]).unwrap();
                 let (rta, _) = Rta::parse(&payload[2..]).unwrap();
                 assert_eq!((&payload[..2], rta.pdu_type), (&frame_id.to_be_bytes()[..], wanted));
             }
-            assert!(endpoint.poll_transmit(&mut buf).is_none());
+            assert!(endpoint.poll_transmit(Instant::ZERO, &mut buf).is_none());
         }
     }
 }

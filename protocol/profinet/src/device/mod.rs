@@ -22,11 +22,14 @@ mod answers;
 mod connect_report;
 mod dispatch;
 mod mapper;
+mod outgoing;
 mod owner;
 mod process_data;
 mod records;
 mod relation;
 mod server;
+
+pub use self::outgoing::AlarmError;
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -355,7 +358,8 @@ impl Core {
         if let Some(transmit) = self.final_error.take().and_then(|final_error| final_error.emit(buf).ok()) {
             return Some(transmit);
         }
-        if let Some(transmit) = self.relation.as_mut().and_then(|relation| relation.alarms.poll_transmit(buf))
+        if let Some(transmit) =
+            self.relation.as_mut().and_then(|relation| relation.alarms.poll_transmit(now, buf))
         {
             return Some(transmit);
         }
@@ -398,6 +402,13 @@ impl Machine for Device {
         if let Some(violation) = relation.expired(now) {
             core.abort(now, violation);
             return;
+        }
+        if relation.alarms.poll_timeout().is_some_and(|due| due <= now) {
+            core.acyclic = true;
+            if !relation.alarms.handle_timeout(now) {
+                core.abort(now, Violation::AlarmSendTimeout);
+                return;
+            }
         }
         relation.sender.handle_timeout(now);
         if relation.must_repeat(now) {

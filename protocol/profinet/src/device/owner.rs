@@ -2,13 +2,14 @@
 
 use machine::{Counters, Instant, LinkEvent};
 
+use super::super::alarm::Notification;
 use super::super::dcp::IpSuite;
 use super::super::lldp::{Naming, Neighbour};
 use super::super::provided::DataError;
 use super::super::record::Maintenance;
 use super::super::status::Violation;
 use super::relation::Relation;
-use super::{Core, Device};
+use super::{AlarmError, Core, Device};
 
 impl Device {
     /// Returns whether a controller has an AR with this device, whether or not data are exchanged yet.
@@ -42,6 +43,19 @@ impl Device {
     pub fn set_inputs(&mut self, write: impl FnMut(u16, u16, &mut [u8])) {
         self.core.inputs.set_all(write);
         self.core.write_inputs();
+    }
+
+    /// Sends an alarm to the controller: one at a time for each priority, repeated until it is received. The device numbers it:
+    /// the low eleven bits of its specifier are ignored.
+    ///
+    /// # Errors
+    ///
+    /// No controller exchanges data, its items are too long, or too many alarms wait.
+    pub fn raise(&mut self, alarm: &Notification<'_>) -> Result<(), AlarmError> {
+        let relation = self.core.relation.as_mut().filter(|relation| relation.is_up);
+        relation.ok_or(AlarmError::NoController)?.alarms.raise(alarm)?;
+        self.core.acyclic = true;
+        Ok(())
     }
 
     /// Returns the station at the other end of the cable; `None` if none announced itself by LLDP, or not for a while.

@@ -12,6 +12,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::admission::{Admission, transport};
 use super::alarms::AlarmEndpoint;
+use super::outgoing::OutgoingAlarms;
 use super::process_data::ProcessData;
 use crate::Uuid;
 use crate::connect::{
@@ -141,7 +142,15 @@ impl Relation {
             is_up: false,
             sender,
             receiver,
-            alarms: AlarmEndpoint::new(alarm_route, ALARM_REFERENCE, alarm_cr.local_reference),
+            alarms: AlarmEndpoint::new(
+                alarm_route,
+                ALARM_REFERENCE,
+                alarm_cr.local_reference,
+                OutgoingAlarms::new(
+                    Duration::from_millis(100 * u64::from(alarm_cr.rta_timeout)),
+                    alarm_cr.rta_retries,
+                ),
+            ),
             physical: PhysicalParameters::new(description),
             step_time,
             step_deadline: Some(now + step_time),
@@ -324,6 +333,9 @@ impl Relation {
             next = next.min(self.receiver.poll_timeout());
         }
         if let Phase::Ready { repeat, .. } = self.phase {
+            next = next.min(repeat);
+        }
+        if let Some(repeat) = self.alarms.poll_timeout() {
             next = next.min(repeat);
         }
         self.step_deadline.map_or(next, |deadline| next.min(deadline))

@@ -223,6 +223,7 @@ violations! {
     InstanceClosed = PNIO 253 2 "the alarm endpoint was closed"
     ConsumerExpired = PNIO 253 5 "no cyclic frame came within the data hold time"
     InitiatorTimeout = PNIO 253 6 "the connection was not completed within the activity timeout"
+    AlarmSendTimeout = PNIO 253 8 "the peer did not receive an alarm after its last repetition"
     AlarmDataTooLong = PNIO 253 10 "an alarm was longer than agreed"
     AlarmError = PNIO 253 11 "the peer answered by an alarm error"
     RpcClientError = PNIO 253 12 "the ApplicationReady call failed"

@@ -1,0 +1,110 @@
+//! The options by which a command takes a device from its file: the file, and what is chosen from it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use device_files::{
+    ChoiceError, ChoiceFileError, ChosenDevice, DeviceChoice, DeviceFile, MOST_BYTES, ModulePlace, ReadError,
+    choose,
+};
+
+/// A device of a file.
+#[derive(clap::Args, Clone, Debug)]
+pub struct DeviceOptions {
+    /// The file: a GSDML (PROFINET), an EDS (EtherNet/IP) or an ESI (EtherCAT).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// GSDML: the access point.
+    #[arg(long, value_name = "ID")]
+    access_point: Option<String>,
+    /// GSDML: a module in a slot, or a submodule in a subslot; `none` leaves it empty. Repeat it for each.
+    #[arg(long = "module", value_name = "SLOT[.SUBSLOT]=ID", value_parser = module)]
+    modules: Vec<(ModulePlace, String)>,
+    /// EDS: the connection, by name or number.
+    #[arg(long, value_name = "NAME")]
+    connection: Option<String>,
+    /// ESI: the device, by type or name.
+    #[arg(long, value_name = "NAME")]
+    device_name: Option<String>,
+    /// ESI: the revision.
+    #[arg(long, value_name = "0x...", value_parser = hex::<u32>)]
+    revision: Option<u32>,
+    /// ESI: the process data objects that are assigned.
+    #[arg(long = "pdo", value_name = "INDEX,...", value_delimiter = ',', value_parser = hex::<u16>)]
+    pdos: Option<Vec<u16>>,
+    /// The choice as a TOML file, which --print-config writes; options replace what it chooses.
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+    /// Print the whole choice as TOML and end.
+    #[arg(long)]
+    pub print_config: bool,
+}
+
+fn module(text: &str) -> Result<(ModulePlace, String), String> {
+    let (place, id) = text.split_once('=').ok_or("must be SLOT=ID or SLOT.SUBSLOT=ID")?;
+    Ok((place.parse().map_err(|error| format!("{error}"))?, id.to_owned()))
+}
+
+fn hex<N: TryFrom<u32>>(text: &str) -> Result<N, String> {
+    let digits = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
+    let value = digits.map_or_else(|| text.parse(), |digits| u32::from_str_radix(digits, 16));
+    let fitting = value.ok().and_then(|value| N::try_from(value).ok());
+    fitting.ok_or_else(|| "must be a number such as 0x1A00".to_owned())
+}
+
+impl DeviceOptions {
+    /// Reads the file, and makes the chosen device.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read or is refused, or the choice makes no device; see [`is_usage`].
+    pub fn choose(&self) -> anyhow::Result<ChosenDevice> {
+        let file = read_device_file(&self.file)?;
+        let of_file = match &self.config {
+            Some(path) => {
+                let text =
+                    String::from_utf8(read_bytes(path)?).with_context(|| format!("{}", path.display()))?;
+                DeviceChoice::from_toml(&text).with_context(|| format!("{}", path.display()))?
+            }
+            None => DeviceChoice::default(),
+        };
+        let options = DeviceChoice {
+            access_point: self.access_point.clone(),
+            connection: self.connection.clone(),
+            device_name: self.device_name.clone(),
+            revision: self.revision,
+            pdos: self.pdos.clone(),
+            modules: self.modules.iter().cloned().collect(),
+        };
+        Ok(choose(&file, &of_file.replaced_by(options))?)
+    }
+}
+
+/// Reads a device file.
+///
+/// # Errors
+///
+/// It cannot be read, or is refused.
+pub fn read_device_file(path: &Path) -> anyhow::Result<DeviceFile> {
+    Ok(device_files::read(&path.display().to_string(), read_bytes(path)?)?)
+}
+
+/// Reads a file of at most the bytes that a reader accepts.
+///
+/// # Errors
+///
+/// It cannot be read.
+pub fn read_bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
+    setup::read_plain_file(path, MOST_BYTES as u64).with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// Returns true for an error that another file or choice corrects.
+#[must_use]
+pub fn is_usage(error: &anyhow::Error) -> bool {
+    let missing = error.downcast_ref::<io::Error>();
+    error.is::<ReadError>()
+        || error.is::<ChoiceError>()
+        || error.is::<ChoiceFileError>()
+        || missing.is_some_and(|error| error.kind() == io::ErrorKind::NotFound)
+}

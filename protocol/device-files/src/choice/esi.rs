@@ -1,0 +1,219 @@
+//! The SubDevice of an ESI: a revision, and the process data that are assigned.
+
+use serde::Serialize;
+
+use super::config::DeviceChoice;
+use super::error::{ChoiceError, refuse};
+use crate::esi::{EepromContent, Esi, EsiDevice, EsiMailbox, EsiPdo, EsiSyncManager, ObjectDictionary};
+use crate::fault::excerpt;
+
+/// EtherCAT SubDevice with its process data.
+#[derive(Clone, PartialEq, Debug, Serialize)]
+pub struct ChosenSubDevice {
+    /// Type, such as the order number.
+    pub kind: String,
+    /// Name.
+    pub name: String,
+    /// Group in which it is shown.
+    pub group: String,
+    /// Vendor ID.
+    pub vendor_id: u32,
+    /// Product code.
+    pub product_code: u32,
+    /// Revision.
+    pub revision: u32,
+    /// Sync managers by their numbers.
+    pub sync_managers: Vec<EsiSyncManager>,
+    /// Data to the device, in the order of their bytes.
+    pub outputs: Vec<ChosenPdo>,
+    /// Data from the device, in the order of their bytes.
+    pub inputs: Vec<ChosenPdo>,
+    /// Mailbox, if it has one.
+    pub mailbox: Option<EsiMailbox>,
+    /// Object dictionary, if the file has it.
+    pub dictionary: Option<ObjectDictionary>,
+    /// Content of the EEPROM, if the file describes it.
+    pub eeprom: Option<EepromContent>,
+    /// True if it has a distributed clock.
+    pub has_clock: bool,
+}
+
+/// Process data object that is assigned.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+pub struct ChosenPdo {
+    /// Sync manager.
+    pub sync_manager: u8,
+    /// Index, name and entries.
+    pub pdo: EsiPdo,
+}
+
+impl ChosenSubDevice {
+    /// Returns the bytes of the data to the device and from it.
+    #[must_use]
+    pub fn lengths(&self) -> (u32, u32) {
+        let bytes = |pdos: &[ChosenPdo]| {
+            pdos.iter().map(|chosen| chosen.pdo.bits).fold(0, u32::saturating_add).div_ceil(8)
+        };
+        (bytes(&self.outputs), bytes(&self.inputs))
+    }
+
+    pub(super) fn choice(&self) -> DeviceChoice {
+        let pdos = self.outputs.iter().chain(&self.inputs).map(|chosen| chosen.pdo.index);
+        DeviceChoice {
+            device_name: Some(self.kind.clone()),
+            revision: Some(self.revision),
+            pdos: Some(pdos.collect()),
+            ..DeviceChoice::default()
+        }
+    }
+}
+
+const NAME: &str = "--device-name";
+const PDO: &str = "--pdo";
+
+/// Largest process data of one direction: the memory of a chip ends at 0xFFFF.
+const LARGEST_DATA: u32 = 0xF000;
+
+/// Makes the SubDevice of a choice.
+pub(super) fn choose(esi: &Esi, choice: &DeviceChoice) -> Result<ChosenSubDevice, ChoiceError> {
+    const FORMAT: &str = "an ESI";
+    refuse("--access-point", choice.access_point.is_some(), FORMAT)?;
+    refuse("--connection", choice.connection.is_some(), FORMAT)?;
+    let device = find(esi, choice)?;
+    if !choice.modules.is_empty() {
+        let fault = "modules of an ESI are not supported; choose process data by --pdo";
+        return Err(ChoiceError::new("--module", fault));
+    }
+    let pdos = choice.pdos.as_deref();
+    if let Some(unknown) = pdos.into_iter().flatten().find(|index| pdo(device, **index).is_none()) {
+        let fault = format!("0x{unknown:04X} is not in the file; choose from these");
+        return Err(ChoiceError::new(PDO, fault).with(list_pdos(device)));
+    }
+    let outputs = assigned(device, &device.rx_pdos, "Outputs", pdos)?;
+    let inputs = assigned(device, &device.tx_pdos, "Inputs", pdos)?;
+    let chosen = ChosenSubDevice {
+        kind: device.kind.clone(),
+        name: device.name.clone(),
+        group: device.group.clone(),
+        vendor_id: esi.vendor_id,
+        product_code: device.product_code,
+        revision: device.revision,
+        sync_managers: device.sync_managers.clone(),
+        outputs,
+        inputs,
+        mailbox: device.mailbox.clone(),
+        dictionary: device.dictionary.clone(),
+        eeprom: device.eeprom.clone(),
+        has_clock: !device.dc_modes.is_empty(),
+    };
+    check(&chosen).map_err(|fault| ChoiceError::new(PDO, fault).with(list_pdos(device)))?;
+    Ok(chosen)
+}
+
+/// Finds the device by type or name and by revision, where these leave only one.
+fn find<'e>(esi: &'e Esi, choice: &DeviceChoice) -> Result<&'e EsiDevice, ChoiceError> {
+    let is_named = |device: &&EsiDevice| {
+        choice.device_name.as_ref().is_none_or(|name| [&device.kind, &device.name].contains(&name))
+    };
+    let named: Vec<_> = esi.devices.iter().filter(is_named).collect();
+    let is_wanted = |device: &&&EsiDevice| choice.revision.is_none_or(|revision| device.revision == revision);
+    let wanted: Vec<_> = named.iter().filter(is_wanted).copied().collect();
+    let list = |devices: &[&EsiDevice]| -> Vec<_> {
+        let value = |device: &&EsiDevice| {
+            let quote = if device.kind.contains(' ') { "'" } else { "" };
+            let value = format!("{quote}{}{quote} --revision 0x{:08X}", device.kind, device.revision);
+            (value, device.name.clone())
+        };
+        devices.iter().map(value).collect()
+    };
+    let all: Vec<_> = esi.devices.iter().collect();
+    match (wanted.as_slice(), &choice.device_name) {
+        ([only], _) => Ok(only),
+        ([], _) if all.is_empty() => Err(ChoiceError::new(NAME, "the file has no device; use another file")),
+        ([], Some(name)) if named.is_empty() => {
+            let fault = format!("`{}` is not in the file; choose one", excerpt(name));
+            Err(ChoiceError::new(NAME, fault).with(list(&all)))
+        }
+        ([], _) => {
+            let revision = choice.revision.unwrap_or(0);
+            let fault = format!("0x{revision:08X} is not in the file; choose one");
+            Err(ChoiceError::new("--revision", fault).with(list(&named)))
+        }
+        (several, None) => {
+            Err(ChoiceError::new(NAME, format!("the file has {}; choose one", several.len()))
+                .with(list(several)))
+        }
+        (several, Some(name)) => {
+            let fault = format!("`{}` has {}; choose one", excerpt(name), several.len());
+            Err(ChoiceError::new("--revision", fault).with(list(several)))
+        }
+    }
+}
+
+fn pdo(device: &EsiDevice, index: u16) -> Option<&EsiPdo> {
+    device.rx_pdos.iter().chain(&device.tx_pdos).find(|pdo| pdo.index == index)
+}
+
+fn list_pdos(device: &EsiDevice) -> Vec<(String, String)> {
+    let all = device.rx_pdos.iter().chain(&device.tx_pdos);
+    all.map(|pdo| (format!("0x{:04X}", pdo.index), pdo.name.clone())).collect()
+}
+
+/// Returns the process data of a direction: the chosen ones, or those that the file assigns.
+fn assigned(
+    device: &EsiDevice,
+    pdos: &[EsiPdo],
+    usage: &str,
+    chosen: Option<&[u16]>,
+) -> Result<Vec<ChosenPdo>, ChoiceError> {
+    let fault = |text: String| ChoiceError::new(PDO, text).with(list_pdos(device));
+    let default = || pdos.iter().filter(|pdo| pdo.sync_manager.is_some()).collect::<Vec<_>>();
+    let found: Vec<&EsiPdo> = match chosen {
+        Some(indices) => {
+            indices.iter().filter_map(|index| pdos.iter().find(|pdo| pdo.index == *index)).collect()
+        }
+        None => default(),
+    };
+    let missing = pdos.iter().find(|pdo| pdo.is_mandatory && !found.iter().any(|it| it.index == pdo.index));
+    if let Some(missing) = missing.filter(|_| chosen.is_some()) {
+        return Err(fault(format!("0x{:04X} is mandatory; add it", missing.index)));
+    }
+    let of_usage = device.sync_managers.iter().position(|manager| manager.usage == usage);
+    let mut assigned: Vec<ChosenPdo> = Vec::new();
+    for pdo in found {
+        let other = assigned.iter().find(|it| {
+            pdo.excludes.contains(&it.pdo.index)
+                || it.pdo.excludes.contains(&pdo.index)
+                || it.pdo.index == pdo.index
+        });
+        if let Some(other) = other {
+            let (one, other) = (pdo.index, other.pdo.index);
+            return Err(fault(format!("0x{one:04X} excludes 0x{other:04X}; leave one out")));
+        }
+        let default = of_usage.and_then(|number| u8::try_from(number).ok());
+        let Some(sync_manager) = pdo.sync_manager.or(default) else {
+            return Err(fault(format!("0x{:04X} has no sync manager in the file; leave it out", pdo.index)));
+        };
+        assigned.push(ChosenPdo { sync_manager, pdo: pdo.clone() });
+    }
+    Ok(assigned)
+}
+
+fn check(device: &ChosenSubDevice) -> Result<(), String> {
+    for chosen in device.outputs.iter().chain(&device.inputs) {
+        if usize::from(chosen.sync_manager) >= device.sync_managers.len() {
+            let (index, manager) = (chosen.pdo.index, chosen.sync_manager);
+            return Err(format!(
+                "0x{index:04X} is in SM{manager}, which the file does not have; leave it out"
+            ));
+        }
+    }
+    let (outputs, inputs) = device.lengths();
+    let bytes = outputs.max(inputs);
+    if bytes > LARGEST_DATA {
+        return Err(format!(
+            "{bytes} bytes of process data: a chip has at most {LARGEST_DATA}; choose fewer"
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,336 @@
+//! From the SubDevice of an ESI to the description that the stack takes.
+
+use device_files::{ChosenPdo, ChosenSubDevice, DictionaryEntry, DictionaryObject, EsiSyncManager};
+use ethercat_subdevice::description::{
+    Access, DataType, Description, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry,
+};
+use ethercat_subdevice::{DeviceConfig, DeviceId, PdoConfiguration, Segment, SyncManagerLayout, Usage};
+
+use crate::config::{EmulationConfig, EmulationError};
+use crate::faults::Alteration;
+use crate::image::{DataPlace, Image};
+use crate::leak;
+
+/// Bytes of memory that the emulated chip has, registers included.
+const MEMORY_LEN: u32 = 0x3000;
+
+/// Lengths of a mailbox that the stack has.
+const MAILBOX_LENGTHS: std::ops::RangeInclusive<u16> = 32..=1486;
+
+/// Objects that the stack makes itself (ETG.1000.6, CoE communication area).
+const OWN_OBJECTS: [u16; 7] = [0x1000, 0x1001, 0x1008, 0x1009, 0x100A, 0x1018, 0x1C00];
+
+/// Makes the segment of one chosen device.
+pub(crate) fn open(
+    chosen: &ChosenSubDevice,
+    alteration: &Alteration,
+    config: &EmulationConfig,
+) -> Result<(Segment, DeviceId, Image, Image), EmulationError> {
+    let mut inputs = pdos(&chosen.inputs)?;
+    let outputs = pdos(&chosen.outputs)?;
+    if alteration.extra_input_bytes() > 0 {
+        inputs.push(Pdo { index: 0x1BFF, name: "Added", entries: &[GAP] });
+    }
+    let mailbox = mailbox(chosen)?;
+    let sync_managers = places(chosen, byte_len(&outputs), byte_len(&inputs))?;
+    let text = |text: &str| leak::text(&leak::ascii(text), 255);
+    let (input_image, output_image) =
+        (image(&chosen.inputs, &inputs, "inputs"), image(&chosen.outputs, &outputs, "outputs"));
+    let description = Description {
+        vendor_id: chosen.vendor_id,
+        product_code: chosen.product_code.wrapping_add(u32::from(alteration.is_other_identity)),
+        revision: chosen.revision,
+        order_code: text(&chosen.kind),
+        name: text(&chosen.name),
+        group: text(&chosen.group),
+        device_type: default_of(chosen, 0x1000).map_or(0, |bytes| number(&bytes)),
+        hardware_version: text(&string_of(chosen, 0x1009)),
+        software_version: text(&string_of(chosen, 0x100A)),
+        outputs: leak::list(outputs),
+        inputs: leak::list(inputs),
+        optional_outputs: &[],
+        optional_inputs: &[],
+        mailbox,
+        objects: if mailbox.is_some() { objects(chosen) } else { &[] },
+        distributed_clocks: chosen.has_clock,
+    };
+    let assigns =
+        chosen.mailbox.as_ref().and_then(|it| it.coe.as_ref()).is_some_and(|coe| coe.has_pdo_assign);
+    let mut segment = Segment::new();
+    let id = segment.add(&DeviceConfig {
+        serial_number: config.serial_number,
+        pdo_configuration: if assigns { PdoConfiguration::Assignable } else { PdoConfiguration::Fixed },
+        sync_managers,
+        ..DeviceConfig::new(Box::leak(Box::new(description)))
+    });
+    Ok((segment, id, input_image, output_image))
+}
+
+/// One byte without meaning.
+const GAP: PdoEntry =
+    PdoEntry { index: 0, subindex: 0, bits: 8, data_type: DataType::Unsigned8, name: "Added" };
+
+fn byte_len(pdos: &[Pdo]) -> u16 {
+    ethercat_subdevice::description::process_data_len(pdos)
+}
+
+fn pdos(chosen: &[ChosenPdo]) -> Result<Vec<Pdo>, EmulationError> {
+    chosen.iter().map(|it| pdo(&it.pdo)).collect()
+}
+
+fn pdo(pdo: &device_files::EsiPdo) -> Result<Pdo, EmulationError> {
+    let mut entries = Vec::new();
+    for entry in &pdo.entries {
+        // An entry of a mapping object has eight bits for its length; a gap may be cut.
+        let mut rest = entry.bits;
+        if entry.index != 0 && u8::try_from(rest).is_err() {
+            return Err(EmulationError::LongEntry {
+                index: entry.index,
+                subindex: entry.subindex,
+                bits: rest,
+            });
+        }
+        while rest > 0 {
+            let bits = u8::try_from(rest.min(255)).unwrap_or(u8::MAX);
+            rest -= u16::from(bits);
+            entries.push(PdoEntry {
+                index: entry.index,
+                subindex: entry.subindex,
+                bits,
+                data_type: data_type(&entry.data_type, u32::from(bits)),
+                name: leak::text(&leak::ascii(&entry.name), 255),
+            });
+        }
+    }
+    Ok(Pdo { index: pdo.index, name: leak::text(&leak::ascii(&pdo.name), 255), entries: leak::list(entries) })
+}
+
+fn image(chosen: &[ChosenPdo], pdos: &[Pdo], whole: &str) -> Image {
+    let bits: usize = pdos.iter().flat_map(|pdo| pdo.entries).map(|entry| usize::from(entry.bits)).sum();
+    let mut places = Vec::new();
+    if bits > 0 {
+        let all = DataPlace {
+            place: whole.to_owned(),
+            name: String::new(),
+            bit: 0,
+            bits: bits.next_multiple_of(8),
+        };
+        places.push(all);
+    }
+    let mut bit = 0;
+    for chosen in chosen {
+        for entry in &chosen.pdo.entries {
+            if entry.index != 0 {
+                let place = format!("0x{:04X}:{:02X}", entry.index, entry.subindex);
+                let name = format!("{}: {}", chosen.pdo.name, entry.name);
+                places.push(DataPlace { place, name, bit, bits: entry.bits.into() });
+            }
+            bit += usize::from(entry.bits);
+        }
+    }
+    Image::new(places, false)
+}
+
+fn mailbox(chosen: &ChosenSubDevice) -> Result<Option<Mailbox>, EmulationError> {
+    let Some(mailbox) = &chosen.mailbox else { return Ok(None) };
+    let size = |usage: &str| {
+        let manager = chosen.sync_managers.iter().find(|manager| manager.usage == usage);
+        manager.and_then(|manager| manager.default_size)
+    };
+    let (Some(out), Some(into)) = (size("MBoxOut"), size("MBoxIn")) else {
+        return Err(EmulationError::Mailbox(
+            "sync managers MBoxOut and MBoxIn need a DefaultSize".to_owned(),
+        ));
+    };
+    if out != into || !MAILBOX_LENGTHS.contains(&out) {
+        return Err(EmulationError::Mailbox(format!("{out} and {into} bytes: must be equal, 32 to 1486")));
+    }
+    let file_capacity = if mailbox.protocols.iter().any(|it| it == "FoE") { 1 << 20 } else { 0 };
+    Ok(Some(Mailbox { len: out, file_capacity }))
+}
+
+/// Returns the sync managers as the file has them, with the lengths of the process data.
+fn places(
+    chosen: &ChosenSubDevice,
+    outputs: u16,
+    inputs: u16,
+) -> Result<&'static [SyncManagerLayout], EmulationError> {
+    let mut places: Vec<SyncManagerLayout> = Vec::new();
+    for (number, manager) in chosen.sync_managers.iter().enumerate() {
+        let Some(usage) = usage(manager) else {
+            // Unused ones at the end are not configured.
+            if chosen.sync_managers.iter().skip(number).all(|rest| usage(rest).is_none()) {
+                break;
+            }
+            return Err(EmulationError::SyncManagers(format!("SM{number} is unused between others")));
+        };
+        if places.iter().any(|place| place.usage == usage) {
+            let is_needed =
+                |pdos: &[ChosenPdo]| pdos.iter().any(|pdo| usize::from(pdo.sync_manager) == number);
+            if is_needed(&chosen.inputs) || is_needed(&chosen.outputs) {
+                return Err(EmulationError::SyncManagers(format!(
+                    "SM{number} is the second of its kind with data"
+                )));
+            }
+            continue;
+        }
+        let len = match usage {
+            Usage::Outputs => outputs,
+            Usage::Inputs => inputs,
+            Usage::MailboxReceive | Usage::MailboxSend => manager.default_size.unwrap_or(0),
+        };
+        let buffers = if manager.control & 0x03 == 0 { 3 } else { 1 };
+        let end = u32::from(manager.start_address) + buffers * u32::from(len);
+        if end > MEMORY_LEN {
+            let fault =
+                format!("SM{number} ends at 0x{end:04X}, beyond the emulated memory to 0x{MEMORY_LEN:04X}");
+            return Err(EmulationError::SyncManagers(fault));
+        }
+        let (start, control) = (manager.start_address, manager.control);
+        places.push(SyncManagerLayout { usage, start, len, control });
+    }
+    let has = |wanted| places.iter().any(|place| place.usage == wanted);
+    if outputs > 0 && !has(Usage::Outputs) || inputs > 0 && !has(Usage::Inputs) {
+        return Err(EmulationError::SyncManagers("process data without a sync manager".to_owned()));
+    }
+    Ok(leak::list(places))
+}
+
+fn usage(manager: &EsiSyncManager) -> Option<Usage> {
+    match manager.usage.as_str() {
+        "MBoxOut" => Some(Usage::MailboxReceive),
+        "MBoxIn" => Some(Usage::MailboxSend),
+        "Outputs" => Some(Usage::Outputs),
+        "Inputs" => Some(Usage::Inputs),
+        _ => None,
+    }
+}
+
+/// Returns the objects of the file that the stack does not make itself.
+fn objects(chosen: &ChosenSubDevice) -> &'static [Object] {
+    let dictionary = chosen.dictionary.iter().flat_map(|dictionary| &dictionary.objects);
+    let mut objects: Vec<Object> = Vec::new();
+    for object in dictionary {
+        let is_own = OWN_OBJECTS.contains(&object.index)
+            || matches!(object.index, 0x1600..=0x17FF | 0x1A00..=0x1BFF | 0x1C10..=0x1C33)
+            || objects.iter().any(|known| known.index == object.index);
+        // Entries that process data map are the stack's, with the value in the process data.
+        let is_mapped = || {
+            let pdos = chosen.inputs.iter().chain(&chosen.outputs);
+            pdos.flat_map(|it| &it.pdo.entries).any(|entry| entry.index == object.index)
+        };
+        if !is_own && !is_mapped() {
+            objects.extend(object_of(object));
+        }
+    }
+    leak::list(objects)
+}
+
+/// Longest value that is kept of an object, in bytes.
+const LONGEST_VALUE: u32 = 4096;
+
+fn object_of(object: &DictionaryObject) -> Option<Object> {
+    let name = leak::text(&leak::ascii(&object.name), 255);
+    if object.entries.is_empty() {
+        let entry = entry(0, name, &object.data_type, object.bits, &object.access, &object.default)?;
+        return Some(Object {
+            index: object.index,
+            name,
+            code: ObjectCode::Variable,
+            entries: leak::list(vec![entry]),
+        });
+    }
+    let mut entries: Vec<Entry> = Vec::new();
+    let mut sorted: Vec<&DictionaryEntry> = object.entries.iter().collect();
+    sorted.sort_by_key(|entry| entry.subindex);
+    sorted.dedup_by_key(|entry| entry.subindex);
+    for given in sorted {
+        let name = leak::text(&leak::ascii(&given.name), 255);
+        let access = if given.access.is_empty() { &object.access } else { &given.access };
+        entries.extend(entry(given.subindex, name, &given.data_type, given.bits, access, &given.default));
+    }
+    let highest = entries.last().map_or(0, |entry| entry.subindex);
+    let first = entries.iter_mut().find(|entry| entry.subindex == 0);
+    let count = Entry {
+        subindex: 0,
+        name: "Highest subindex",
+        data_type: DataType::Unsigned8,
+        access: Access::ReadOnly,
+        capacity: 1,
+        default: leak::list(vec![highest]),
+    };
+    match first {
+        Some(first) if first.default.is_empty() => *first = count,
+        Some(_) => {}
+        None => entries.insert(0, count),
+    }
+    Some(Object { index: object.index, name, code: ObjectCode::Record, entries: leak::list(entries) })
+}
+
+fn entry(
+    subindex: u8,
+    name: &'static str,
+    kind: &str,
+    bits: u32,
+    access: &str,
+    default: &[u8],
+) -> Option<Entry> {
+    let bytes = bits.div_ceil(8);
+    if !(1..=LONGEST_VALUE).contains(&bytes) {
+        return None;
+    }
+    let access = match access {
+        "ro" => Access::ReadOnly,
+        "wo" => Access::WriteOnly,
+        _ => Access::ReadWrite,
+    };
+    let capacity = bytes as usize;
+    let default = default.get(..capacity.min(default.len())).unwrap_or_default();
+    Some(Entry {
+        subindex,
+        name,
+        data_type: data_type(kind, bits),
+        access,
+        capacity,
+        default: leak::list(default.to_vec()),
+    })
+}
+
+/// Returns the type of a name of ETG.2000, or the one that fits the bits.
+fn data_type(name: &str, bits: u32) -> DataType {
+    match (name, bits) {
+        ("BOOL" | "BIT", 1) => DataType::Boolean,
+        ("SINT", 8) => DataType::Integer8,
+        ("INT", 16) => DataType::Integer16,
+        ("DINT", 32) => DataType::Integer32,
+        ("LINT", 64) => DataType::Integer64,
+        ("REAL", 32) => DataType::Real32,
+        ("LREAL", 64) => DataType::Real64,
+        (name, _) if name.starts_with("STRING") => DataType::VisibleString,
+        (_, 1) => DataType::Boolean,
+        (_, 2) => DataType::Bit2,
+        (_, 4) => DataType::Bit4,
+        (_, 8) => DataType::Unsigned8,
+        (_, 16) => DataType::Unsigned16,
+        (_, 32) => DataType::Unsigned32,
+        (_, 64) => DataType::Unsigned64,
+        _ => DataType::OctetString,
+    }
+}
+
+fn default_of(chosen: &ChosenSubDevice, index: u16) -> Option<Vec<u8>> {
+    let objects = &chosen.dictionary.as_ref()?.objects;
+    let object = objects.iter().find(|object| object.index == index)?;
+    Some(object.default.clone()).filter(|default| !default.is_empty())
+}
+
+fn string_of(chosen: &ChosenSubDevice, index: u16) -> String {
+    let bytes = default_of(chosen, index).unwrap_or_default();
+    String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_owned()
+}
+
+fn number(bytes: &[u8]) -> u32 {
+    let mut number = [0; 4];
+    number.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
+    u32::from_le_bytes(number)
+}

@@ -1,0 +1,331 @@
+//! The form of a script: inputs over time, and faults at times.
+//!
+//! ```toml
+//! [[inputs]]
+//! place = "1.1"          # slot.subslot, assembly, or index:subindex; see the list at the start
+//! byte = 2
+//! type = "uint16"
+//! ramp = { from = 0, to = 100, seconds = 2 }
+//!
+//! [[faults]]
+//! at = 1.2               # seconds after the start
+//! seconds = 0.5
+//! kind = "silent"
+//! ```
+
+use serde::{Deserialize, Serialize};
+
+/// Inputs of a device over time, and its faults.
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct DeviceScript {
+    /// Inputs; later ones are written over earlier ones.
+    #[serde(default)]
+    pub inputs: Vec<ScriptedInput>,
+    /// Faults.
+    #[serde(default)]
+    pub faults: Vec<ScriptedFault>,
+}
+
+/// Input over time. It has one of `value`, `ramp`, `counter`, `table` and `echo`.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct ScriptedInput {
+    /// Place of the inputs, as the device lists it.
+    pub place: String,
+    /// First byte in the place.
+    #[serde(default)]
+    pub byte: u32,
+    /// Bit in that byte, 0 for the lowest; for `bool`.
+    #[serde(default)]
+    pub bit: u8,
+    /// Type of the value, in the byte order of the bus; for an echo without a type, all bytes of the place.
+    #[serde(rename = "type", default, skip_serializing_if = "Option::is_none")]
+    pub value_type: Option<ValueType>,
+    /// Constant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
+    /// Straight line from one value to another, again and again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ramp: Option<RampSource>,
+    /// Number that counts up; it wraps around at the end of its type.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counter: Option<CounterSource>,
+    /// Pairs of seconds after the start and the value from then on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table: Option<Vec<(f64, f64)>>,
+    /// Outputs that come back as inputs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub echo: Option<EchoSource>,
+}
+
+/// Type of a value.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum ValueType {
+    /// One bit: any value but 0 sets it.
+    Bool,
+    /// Unsigned number of 8 bits.
+    Uint8,
+    /// Unsigned number of 16 bits.
+    Uint16,
+    /// Unsigned number of 32 bits.
+    Uint32,
+    /// Signed number of 8 bits.
+    Int8,
+    /// Signed number of 16 bits.
+    Int16,
+    /// Signed number of 32 bits.
+    Int32,
+    /// Floating-point number of 32 bits.
+    Real32,
+    /// Floating-point number of 64 bits.
+    Real64,
+}
+
+impl ValueType {
+    /// Returns the bytes of a value; a bit is in one.
+    #[must_use]
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::Bool | Self::Uint8 | Self::Int8 => 1,
+            Self::Uint16 | Self::Int16 => 2,
+            Self::Uint32 | Self::Int32 | Self::Real32 => 4,
+            Self::Real64 => 8,
+        }
+    }
+}
+
+/// Straight line from one value to another.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct RampSource {
+    /// First value.
+    pub from: f64,
+    /// Last value, after which it starts over.
+    pub to: f64,
+    /// Time from the first to the last value.
+    pub seconds: f64,
+}
+
+/// Number that counts up.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct CounterSource {
+    /// Step.
+    #[serde(default = "one")]
+    pub step: f64,
+    /// Time between steps.
+    pub seconds: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Outputs that come back as inputs.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct EchoSource {
+    /// Place of the outputs.
+    pub place: String,
+    /// First byte in the place.
+    #[serde(default)]
+    pub byte: u32,
+}
+
+/// Fault at a time.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct ScriptedFault {
+    /// Seconds after the start; from standard input, seconds from now.
+    #[serde(default)]
+    pub at: f64,
+    /// Time after which it ends; left out, it stays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
+    /// Kind of fault.
+    pub kind: FaultKind,
+    /// Slot of a missing module or an alarm.
+    #[serde(default)]
+    pub slot: u16,
+    /// Subslot of an alarm.
+    #[serde(default = "first_subslot")]
+    pub subslot: u16,
+    /// Channel of an alarm; 0x8000 for the submodule as a whole.
+    #[serde(default = "whole_submodule")]
+    pub channel: u16,
+    /// ChannelErrorType of an alarm, error code of an emergency, or AL status code of a fall out of OP.
+    #[serde(default)]
+    pub code: u16,
+    /// Milliseconds by which frames are answered later.
+    #[serde(default)]
+    pub delay_ms: u32,
+    /// Place of the inputs that have a wrong size or do not change; left out, the first place or all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<String>,
+}
+
+/// First subslot of a module.
+const fn first_subslot() -> u16 {
+    1
+}
+
+/// ChannelNumber of a submodule as a whole (IEC 61158-6-10, ChannelNumber).
+const fn whole_submodule() -> u16 {
+    0x8000
+}
+
+/// Kind of fault.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum FaultKind {
+    /// It neither receives nor sends.
+    Silent,
+    /// It answers later, by `delay_ms`.
+    Slow,
+    /// It refuses connections, and on EtherCAT the state OP.
+    Refuse,
+    /// It restarts with another device ID, product code or revision.
+    WrongIdentity,
+    /// It restarts with one byte of inputs more.
+    WrongSize,
+    /// It restarts without the module in `slot`.
+    ModuleGone,
+    /// Inputs do not change.
+    StuckInputs,
+    /// PROFINET: diagnosis of a channel appears, and disappears at the end.
+    Alarm,
+    /// EtherCAT: an emergency by CoE.
+    Emergency,
+    /// EtherCAT: it falls to SAFE-OP with an AL status code.
+    OutOfOp,
+    /// EtherCAT: its process data do not count in the working counter.
+    WorkingCounter,
+}
+
+/// Reason why a text is not a script, or does not fit the device.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("script: {0}")]
+pub struct ScriptError(pub(crate) String);
+
+/// Longest script in bytes.
+const MOST_BYTES: usize = 1 << 20;
+
+/// Longest time in seconds: a year.
+const MOST_SECONDS: f64 = 366.0 * 86_400.0;
+
+impl DeviceScript {
+    /// Reads a script from a TOML file.
+    ///
+    /// # Errors
+    ///
+    /// It is longer than 1 MiB, is not TOML, or has a key or value that a script does not have.
+    pub fn from_toml(text: &str) -> Result<Self, ScriptError> {
+        if text.len() > MOST_BYTES {
+            return Err(ScriptError(format!("{} bytes: must be at most {MOST_BYTES}", text.len())));
+        }
+        let script: Self =
+            toml::from_str(text).map_err(|error| ScriptError(error.to_string().trim_end().to_owned()))?;
+        script.faults.iter().try_for_each(ScriptedFault::check)?;
+        script.inputs.iter().try_for_each(ScriptedInput::check)?;
+        Ok(script)
+    }
+}
+
+fn check_seconds(name: &str, seconds: f64, least: f64) -> Result<(), ScriptError> {
+    if (least..=MOST_SECONDS).contains(&seconds) {
+        return Ok(());
+    }
+    Err(ScriptError(format!("{name} {seconds}: must be {least} to {MOST_SECONDS} seconds")))
+}
+
+impl ScriptedFault {
+    pub(crate) fn check(&self) -> Result<(), ScriptError> {
+        check_seconds("at", self.at, 0.0)?;
+        self.seconds.map_or(Ok(()), |seconds| check_seconds("seconds", seconds, 0.0))
+    }
+}
+
+impl ScriptedInput {
+    pub(crate) fn check(&self) -> Result<(), ScriptError> {
+        let Self { value, ramp, counter, table, echo, .. } = self;
+        let given = [value.is_some(), ramp.is_some(), counter.is_some(), table.is_some(), echo.is_some()];
+        let place = &self.place;
+        match given.iter().filter(|given| **given).count() {
+            1 => {}
+            count => {
+                return Err(ScriptError(format!(
+                    "input `{place}` has {count} sources: give one of value, ramp, counter, table, echo"
+                )));
+            }
+        }
+        if self.value_type.is_none() && echo.is_none() {
+            return Err(ScriptError(format!(
+                "input `{place}` has no type; add one, such as type = \"uint16\""
+            )));
+        }
+        if self.bit > 7 {
+            return Err(ScriptError(format!("bit {} of `{place}`: must be 0 to 7", self.bit)));
+        }
+        // A shorter time is below what a device keeps.
+        const SHORTEST: f64 = 1e-4;
+        ramp.map_or(Ok(()), |ramp| check_seconds("ramp seconds", ramp.seconds, SHORTEST))?;
+        counter.map_or(Ok(()), |counter| check_seconds("counter seconds", counter.seconds, SHORTEST))?;
+        let Some(table) = table else { return Ok(()) };
+        if table.is_empty() || table.windows(2).any(|pair| matches!(pair, [one, next] if one.0 >= next.0)) {
+            return Err(ScriptError(format!("table of `{place}`: must have rows with ascending seconds")));
+        }
+        table.iter().try_for_each(|(seconds, _)| check_seconds("table seconds", *seconds, 0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `INSTA_UPDATE=always` writes it again, as for snapshots.
+    #[test]
+    #[expect(clippy::disallowed_methods, reason = "the test compares a file of the repository")]
+    fn the_committed_schema_matches_the_script() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../cell/schemas/device-script.schema.json");
+        let schema = serde_json::to_string_pretty(&schemars::schema_for!(DeviceScript)).unwrap() + "\n";
+        if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
+            std::fs::write(path, &schema).unwrap();
+        }
+        let message = "the script changed: INSTA_UPDATE=always cargo test -p emulated-device";
+        assert!(std::fs::read_to_string(path).unwrap_or_default() == schema, "{message}");
+    }
+
+    #[test]
+    fn a_script_that_no_device_could_follow_is_refused_with_its_key() {
+        for (text, expected) in [
+            ("[[inputs]]\nplace = \"1\"\ntype = \"uint8\"", "has 0 sources"),
+            (
+                "[[inputs]]\nplace = \"1\"\ntype = \"uint8\"\nvalue = 1\necho = { place = \"2\" }",
+                "has 2 sources",
+            ),
+            ("[[inputs]]\nplace = \"1\"\nvalue = 1", "has no type"),
+            (
+                "[[inputs]]\nplace = \"1\"\ntype = \"uint8\"\nramp = { from = 0, to = 1, seconds = 0 }",
+                "ramp seconds 0",
+            ),
+            ("[[inputs]]\nplace = \"1\"\ntype = \"uint8\"\ntable = [[1, 2], [1, 3]]", "ascending"),
+            ("[[inputs]]\nplace = \"1\"\ntype = \"uint8\"\nvalue = 1\nbit = 8", "bit 8"),
+            ("[[faults]]\nat = nan\nkind = \"silent\"", "at NaN"),
+            ("[[faults]]\nat = 1\nkind = \"loud\"", "unknown variant `loud`"),
+            ("[[fault]]\nat = 1\nkind = \"silent\"", "unknown field `fault`"),
+        ] {
+            let error = DeviceScript::from_toml(text).unwrap_err().to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
+}

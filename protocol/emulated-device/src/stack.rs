@@ -1,0 +1,171 @@
+//! The stack of a device's bus: opened, given inputs and asked for outputs.
+
+use device_files::{ChosenDevice, ChosenIoDevice};
+use ethercat_subdevice::{DeviceId, Segment};
+use ethernet_ip::Adapter;
+use machine::Instant;
+use profinet::Device;
+use profinet::alarm::{AlarmHead, Notification, Priority};
+
+use crate::config::{EmulationConfig, EmulationError};
+use crate::faults::Alteration;
+use crate::image::Image;
+use crate::script::ScriptedFault;
+use crate::{ethercat, ethernet_ip as adapter, profinet as io_device};
+
+#[derive(Debug)]
+pub(crate) enum Stack {
+    Profinet(Box<Device>),
+    EthernetIp(Box<Adapter>),
+    Ethercat(Box<Segment>, DeviceId),
+}
+
+/// Calls a method of whichever stack there is.
+macro_rules! stack {
+    ($stack:expr, $machine:ident => $call:expr) => {
+        match $stack {
+            Stack::Profinet($machine) => $call,
+            Stack::EthernetIp($machine) => $call,
+            Stack::Ethercat($machine, _) => $call,
+        }
+    };
+}
+pub(crate) use stack;
+
+impl Stack {
+    /// Copies the outputs. Returns whether they count, and whether they changed.
+    pub(crate) fn read_outputs(&self, outputs: &mut Image) -> (bool, bool) {
+        let mut has_outputs = false;
+        let mut is_changed = false;
+        let mut copy = |to: &mut [u8], from: &[u8]| {
+            if to.len() == from.len() && to != from {
+                to.copy_from_slice(from);
+                is_changed = true;
+            }
+        };
+        match self {
+            Stack::Profinet(device) => {
+                has_outputs = device.outputs().next().is_some();
+                let mut at = 0;
+                for (_, data) in device.outputs() {
+                    has_outputs &= data.is_some();
+                    let Some(data) = data else { continue };
+                    if let Some(to) = outputs.bytes.get_mut(at..at + data.len()) {
+                        copy(to, data);
+                    }
+                    at += data.len();
+                }
+            }
+            Stack::EthernetIp(adapter) => {
+                let instance = outputs.places.first().and_then(|place| place.place.parse().ok());
+                if let Some(data) = instance.and_then(|instance| adapter.consumed(instance)) {
+                    has_outputs = true;
+                    copy(&mut outputs.bytes, data);
+                }
+            }
+            Stack::Ethercat(segment, id) => {
+                if let Some(data) = segment.outputs(*id) {
+                    has_outputs = true;
+                    let most = data.len().min(outputs.bytes.len());
+                    if let (Some(to), Some(from)) = (outputs.bytes.get_mut(..most), data.get(..most)) {
+                        copy(to, from);
+                    }
+                }
+            }
+        }
+        (has_outputs, is_changed)
+    }
+
+    /// Gives the inputs to the stack.
+    pub(crate) fn write_inputs(&mut self, inputs: &Image, extra: u16) {
+        if inputs.bytes.is_empty() {
+            return;
+        }
+        match self {
+            Stack::Profinet(device) => {
+                let mut at = 0;
+                device.set_inputs(|_, _, data| {
+                    if let Some(from) = inputs.bytes.get(at..at + data.len()) {
+                        data.copy_from_slice(from);
+                    }
+                    at += data.len();
+                });
+            }
+            Stack::EthernetIp(adapter) => {
+                let instance = inputs.places.first().and_then(|place| place.place.parse().ok());
+                // Place and length are those of the adapter's own description.
+                let _ = instance.map(|instance| adapter.set_produced(instance, &inputs.bytes));
+            }
+            Stack::Ethercat(segment, id) => {
+                // A device with a wrong size has bytes that no script names.
+                if extra > 0 {
+                    let mut longer = inputs.bytes.to_vec();
+                    longer.resize(longer.len() + usize::from(extra), 0);
+                    let _ = segment.set_inputs(*id, &longer);
+                } else {
+                    let _ = segment.set_inputs(*id, &inputs.bytes);
+                }
+            }
+        }
+    }
+}
+/// Opens the stack of a chosen device, changed by faults.
+pub(crate) fn open(
+    chosen: &ChosenDevice,
+    alteration: &Alteration,
+    config: &EmulationConfig,
+    now: Instant,
+) -> Result<(Stack, Image, Image), EmulationError> {
+    Ok(match chosen {
+        ChosenDevice::Gsdml(device) => {
+            let (device, inputs, outputs) = io_device::open(device, alteration, config, now)?;
+            (Stack::Profinet(Box::new(device)), inputs, outputs)
+        }
+        ChosenDevice::Eds(chosen) => {
+            let (adapter, inputs, outputs) = adapter::open(chosen, alteration, config)?;
+            (Stack::EthernetIp(Box::new(adapter)), inputs, outputs)
+        }
+        ChosenDevice::Esi(device) => {
+            let (segment, id, inputs, outputs) = ethercat::open(device, alteration, config)?;
+            (Stack::Ethercat(Box::new(segment), id), inputs, outputs)
+        }
+    })
+}
+
+/// Returns ModuleIdentNumber and SubmoduleIdentNumber where an alarm comes from.
+pub(crate) fn idents(device: &ChosenIoDevice, fault: &ScriptedFault) -> Option<(u32, u32)> {
+    let module = device.modules.iter().find(|module| module.slot == fault.slot)?;
+    let submodule = module.submodules.iter().find(|submodule| submodule.subslot == fault.subslot)?;
+    Some((module.ident, submodule.ident))
+}
+
+/// Sends a diagnosis of a channel, appearing or disappearing (IEC 61158-6-10, ChannelDiagnosisData). Returns whether it is on its
+/// way.
+pub(crate) fn raise(
+    device: &mut Device,
+    chosen: &ChosenDevice,
+    fault: &ScriptedFault,
+    appears: bool,
+) -> bool {
+    const APPEARS: u16 = 1;
+    const DISAPPEARS: u16 = 0x0C;
+    // UserStructureIdentifier of ChannelDiagnosisData.
+    const CHANNEL_DIAGNOSIS: u16 = 0x8000;
+    // ChannelProperties.Specifier, bits 11 and 12.
+    let specifier: u16 = if appears { 1 << 11 } else { 2 << 11 };
+    // AlarmSpecifier: channel diagnosis, state of the submodule, state of the AR.
+    let pending: u16 = if appears { 1 << 11 | 1 << 13 | 1 << 15 } else { 0 };
+    let ChosenDevice::Gsdml(chosen) = chosen else { return false };
+    let Some((module_ident, submodule_ident)) = idents(chosen, fault) else { return false };
+    let words = [CHANNEL_DIAGNOSIS, fault.channel, specifier, fault.code].map(u16::to_be_bytes);
+    let head = AlarmHead {
+        alarm_type: if appears { APPEARS } else { DISAPPEARS },
+        api: 0,
+        slot: fault.slot,
+        subslot: fault.subslot,
+    };
+    let items = words.as_flattened();
+    let priority = Priority::Low;
+    let alarm = Notification { priority, head, module_ident, submodule_ident, specifier: pending, items };
+    device.raise(&alarm).is_ok()
+}
