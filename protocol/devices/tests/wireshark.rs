@@ -10,18 +10,19 @@ use protocol::image::{
     Motion, MotionKind, Order, Services, Skill, State, Status,
 };
 
-/// Wire of one bus: what stands around an image.
+/// FrameForm of one bus: what stands around an image.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Wire {
+enum FrameForm {
     ProfinetRaw,
     ProfinetUdp,
     EthernetIp,
     EtherCat,
 }
 
-const WIRES: [Wire; 4] = [Wire::ProfinetRaw, Wire::ProfinetUdp, Wire::EthernetIp, Wire::EtherCat];
+const FRAME_FORMS: [FrameForm; 4] =
+    [FrameForm::ProfinetRaw, FrameForm::ProfinetUdp, FrameForm::EthernetIp, FrameForm::EtherCat];
 
-impl Wire {
+impl FrameForm {
     const fn order(self) -> Order {
         match self {
             Self::ProfinetRaw | Self::ProfinetUdp => Order::BigEndian,
@@ -87,9 +88,9 @@ fn udp(host: u8, port: u16, payload: &[u8]) -> Vec<u8> {
 }
 
 /// A sequence of numbers that looks random.
-struct Numbers(u64);
+struct ImageSource(u64);
 
-impl Numbers {
+impl ImageSource {
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         self.0 >> 24
@@ -290,7 +291,7 @@ fn without_capitals(read: &str) -> Vec<String> {
     read.split(',').filter(|text| !text.is_empty()).map(value).collect()
 }
 
-fn image_of<O: ByteOrder>(numbers: &mut Numbers, is_command: bool, order: Order) -> Image {
+fn image_of<O: ByteOrder>(numbers: &mut ImageSource, is_command: bool, order: Order) -> Image {
     let mut image = [0; IMAGE_LEN];
     if is_command {
         numbers.command().emit::<O>(&mut image);
@@ -308,9 +309,9 @@ fn image_of<O: ByteOrder>(numbers: &mut Numbers, is_command: bool, order: Order)
 
 #[test]
 fn every_field_of_an_image_is_what_our_decoder_reads_on_each_bus() {
-    let mut numbers = Numbers(7);
+    let mut numbers = ImageSource(7);
     let (mut frames, mut images) = (Vec::new(), Vec::new());
-    for wire in WIRES {
+    for wire in FRAME_FORMS {
         for index in 0..40 {
             let is_command = index % 2 == 0;
             let image = match wire.order() {
@@ -322,7 +323,7 @@ fn every_field_of_an_image_is_what_our_decoder_reads_on_each_bus() {
         }
     }
     for is_command in [true, false] {
-        let values = |wire: Wire, image: &Image| {
+        let values = |wire: FrameForm, image: &Image| {
             if is_command {
                 command_values(image, wire.order())
             } else {
@@ -330,7 +331,7 @@ fn every_field_of_an_image_is_what_our_decoder_reads_on_each_bus() {
             }
         };
         let names: Vec<_> =
-            values(Wire::ProfinetRaw, &[0; IMAGE_LEN]).into_iter().map(|(name, _)| name).collect();
+            values(FrameForm::ProfinetRaw, &[0; IMAGE_LEN]).into_iter().map(|(name, _)| name).collect();
         let read = dissector::read_with(&script(), &frames, names.iter().copied());
         assert_eq!(read.len(), frames.len());
         for ((wire, of_command, image), row) in images.iter().zip(&read) {
@@ -378,8 +379,8 @@ fn every_field_of_the_tables_is_compared() {
 
 #[test]
 fn a_wrong_check_is_shown_as_such_where_images_were_found_and_a_frame_of_others_is_no_image() {
-    for wire in WIRES {
-        let mut numbers = Numbers(11);
+    for wire in FRAME_FORMS {
+        let mut numbers = ImageSource(11);
         let order = wire.order();
         let good = match order {
             Order::BigEndian => image_of::<BigEndian>(&mut numbers, true, order),

@@ -3,7 +3,7 @@
 use device_files::{ChosenIoDevice, ChosenModule, ChosenSubmodule};
 use machine::Instant;
 use profinet::description::{Description, INTERFACE_SUBSLOT, Identity, Module, Submodule};
-use profinet::{Device, DeviceConfig, Permanent, is_station_name};
+use profinet::{Device, DeviceConfig, is_station_name};
 
 use crate::config::{EmulationConfig, EmulationError};
 use crate::faults::Alteration;
@@ -59,7 +59,7 @@ pub(crate) fn open(
             mac: config.mac,
             station_name,
             // Kept in memory: what DCP sets permanently ends with the program, unless its owner stores it.
-            permanent: Some(config.permanent.clone().unwrap_or_else(Permanent::default)),
+            permanent: Some(config.permanent.clone().unwrap_or_default()),
             address: config.address,
             mask: config.mask,
             description,
