@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use node::{arguments, screen};
 
-use crate::describe::{self, DescribeCommand};
+use crate::describe::DescribeCommand;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::discover::DiscoverCommand;
 use crate::export_command::ExportCommand;
