@@ -1,5 +1,7 @@
 //! `robot-node emulate`: the device of a GSDML, EDS or ESI on a real network.
 
+#![expect(clippy::disallowed_methods, reason = "this is the process of an emulated device, with its threads")]
+
 mod owner;
 
 use std::io::BufRead as _;

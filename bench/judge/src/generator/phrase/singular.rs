@@ -83,6 +83,6 @@ impl Walk<'_> {
             Links::ThreeParallel { d_mm: [_, d4, _, d6], .. } => (d6, d4),
         };
         let [x, y, _] = self.arm.links.flange(joints).then(&Pose::shifted([0.0, 0.0, -before_flange])).at;
-        Some((x.hypot(y) - radius.abs()).abs())
+        Some((libm::hypot(x, y) - radius.abs()).abs())
     }
 }
