@@ -75,7 +75,7 @@ Exit codes:
   5 environment unusable   6 rating exceeded   130 interrupted";
 
 /// Commands in groups, each under a heading.
-const GROUPS: [(&str, &[&str]); 5] = [
+const GROUPS: [(&str, &[&str]); 6] = [
     ("First commands:", &["new", "doctor", "help"]),
     ("Saved-run commands:", &["report", "compare", "history", "gate", "from-capture", "import-samples"]),
     (
@@ -83,6 +83,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
         &["buses", "sweep", "sensitivity", "calibrate", "trajectory", "study"],
     ),
     ("Test commands:", &["explore", "soak", "judge", "long", "timing", "overhead", "scale"]),
+    ("Device commands, on a real network:", &["emulate"]),
     ("Installation commands:", &["completions", "man"]),
 ];
 

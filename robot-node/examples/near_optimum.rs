@@ -7,7 +7,13 @@
 //! prints a table by kind of motion. The times are those of the robot's own cycle. A file gets the paths and limits of the first
 //! motions of each kind, a line of JSON each, for another reference: `scripts/optimum.py`.
 
-#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a study for those who change the law")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::disallowed_types,
+    reason = "a study for those who change the law"
+)]
 
 use std::io::Write as _;
 

@@ -1,6 +1,7 @@
 //! `robot-node export` as a program: what it writes, and what it refuses without writing anything.
 #![cfg(all(feature = "real", target_os = "linux"))]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::disallowed_methods, reason = "the files of an export are what is tested")]
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -89,7 +89,7 @@ pub fn compare(options: &CompareOptions) -> Result<Exit, Failure> {
         replace(path, &json, Durability::Written)?;
     }
     if let Some(path) = export_csv {
-        replace(path, &comparison.csv(), Durability::Written)?;
+        replace(path, comparison.csv(), Durability::Written)?;
     }
     if let Some(path) = html {
         replace(path, &comparison.page()?, Durability::Written)?;

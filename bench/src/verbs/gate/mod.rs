@@ -120,7 +120,7 @@ fn compare(
         replace(path, &json, Durability::Written)?;
     }
     if let Some(path) = &options.export_csv {
-        replace(path, &verdict.csv(), Durability::Written)?;
+        replace(path, verdict.csv(), Durability::Written)?;
     }
     Ok(if verdict.is_pass() { Exit::Pass } else { Exit::TimingRegression })
 }

@@ -226,7 +226,7 @@ mod tests {
             let sent = alarms.next(now, Priority::Low).unwrap();
             assert_eq!(sent.is_repeated, repetition > 0);
             assert!(alarms.handle_timeout(now), "not yet");
-            now = now + TIMEOUT;
+            now += TIMEOUT;
             assert_eq!(alarms.poll_timeout(), Some(now));
             assert_eq!(alarms.handle_timeout(now), repetition < 3);
         }
