@@ -16,7 +16,7 @@ pub(super) struct Refinement {
     pub(super) has_planned: bool,
     /// The number of the motion that begins behind the last stretch that was looked at.
     pub(super) done: u32,
-    /// Whether the law of each motion leaves limits unused, by the last bits of its number.
+    /// True where the law of a motion leaves limits unused, by the last bits of its number.
     idle: [bool; IDLE_MOTIONS],
 }
 

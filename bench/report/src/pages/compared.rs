@@ -9,7 +9,7 @@ use crate::figures::{millis, rounded};
 use crate::progress::label;
 use records::interval::Mean;
 
-/// A type of a run, compared with that of the first run. Without samples, or in the first run, there is no difference.
+/// A type of a run, compared with that of the first run. The first run and one without samples have no difference.
 #[derive(Clone, PartialEq, Serialize, Debug)]
 pub(super) struct ComparedFigure {
     /// Number of the run in the comparison, from 1.

@@ -19,7 +19,7 @@ const SHOWN: usize = 200;
 pub(super) enum BoundedLine {
     /// The line, without its end.
     Whole(String),
-    /// The beginning of one that is longer than any message.
+    /// The beginning of a line that is longer than any message.
     TooLong(String),
 }
 
