@@ -4,7 +4,7 @@
 //! at the knots and in the middles of the cells. Speed and acceleration are linear in the values; a jerk is taken as linear
 //! for one step. Each cell depends on three values, so the matrix has two bands beside its diagonal.
 
-use super::super::knot::largest;
+use super::super::knot::{Knot, largest};
 use super::super::load::Ramps;
 use super::super::slopes::Slopes;
 use super::Law;
@@ -12,6 +12,9 @@ use crate::arm::{AXES, dot};
 
 /// What is left of a limit counts as this share of it at least.
 pub(super) const LEAST_LEFT: f64 = 2e-3;
+
+/// Least share by which the joints' speed at a knot is below that of the middles around it, to be looked at.
+const LEAST_BELOW: f64 = 1e-6;
 
 /// Largest share of what is left of a limit that one step uses.
 const USED: f64 = 0.9;
@@ -83,7 +86,7 @@ struct Site<'a> {
     slopes: &'a Slopes,
     tightness: [f64; 2],
     ramps: &'a Ramps,
-    /// The square of the highest speed that the joints allow.
+    /// The square of the highest speed that the joints allow; infinite where it is looked at elsewhere.
     top: f64,
 }
 
@@ -98,7 +101,9 @@ impl Site<'_> {
     fn each_limit(&self, values: Vector, mut each: impl FnMut(&[Load], f64)) {
         let pace = self.figures(values);
         self.each_load(pace, &mut each);
-        each(&[(pace[0] / self.top, [1.0 / self.top, 0.0, 0.0])], 1.0);
+        if self.top.is_finite() {
+            each(&[(pace[0] / self.top, [1.0 / self.top, 0.0, 0.0])], 1.0);
+        }
     }
 
     /// The same with the accelerations and jerks, by turns.
@@ -174,17 +179,24 @@ impl Law {
         let middle = [core::array::from_fn(between), core::array::from_fn(|i| (first[i] + last[i]) / 2.0)];
         let (one, other) = (&self.grid.knots[cell], self.end_of(cell));
         let both = core::array::from_fn(|i| one.tightness[i].min(other.tightness[i]));
-        let site = |map: Map, slopes, tightness| Site {
-            map,
-            slopes,
-            tightness,
-            ramps: &one.rates.ramps,
-            top: one.rates.highest(slopes),
+        // The values are limited by what the joints allow in the middles. At a knot that matters only where they allow less there
+        // than what the values let expect.
+        let highest = around(&self.tops, cell);
+        let top = |knot: &Knot, at: Vector| {
+            let top = knot.rates.highest(&knot.slopes);
+            if top < (1.0 - LEAST_BELOW) * dot(at, highest) { top } else { f64::INFINITY }
         };
+        let tops = [
+            top(one, start),
+            f64::INFINITY,
+            self.other_side(cell).map_or(f64::INFINITY, |end_of_part| top(end_of_part, end)),
+        ];
+        let site =
+            |map: Map, slopes, tightness, top| Site { map, slopes, tightness, ramps: &one.rates.ramps, top };
         [
-            site([start, first, growth], &one.slopes, one.tightness),
-            site([middle[0], middle[1], growth], &self.grid.middles[cell], both),
-            site([end, last, growth], &other.slopes, other.tightness),
+            site([start, first, growth], &one.slopes, one.tightness, tops[0]),
+            site([middle[0], middle[1], growth], &self.grid.middles[cell], both, tops[1]),
+            site([end, last, growth], &other.slopes, other.tightness, tops[2]),
         ]
     }
 
