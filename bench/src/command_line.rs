@@ -217,11 +217,13 @@ mod tests {
             [Cli::command(), plc_node::command_line::command_line(), robot_node::process::command_line()]
         {
             let name = program.get_name().to_owned();
-            let mut command = if name == "bench" { with_groups(program) } else { program }.term_width(80);
+            // Subcommands take the width over when the command is built, and the groups build it.
+            let program = program.term_width(80);
+            let mut command = if name == "bench" { with_groups(program) } else { program };
             command.build();
             check(&command, &name);
         }
-        let short = with_groups(Cli::command()).term_width(80).render_help().to_string();
+        let short = with_groups(Cli::command().term_width(80)).render_help().to_string();
         assert!(short.lines().count() <= 75, "{}", short.lines().count());
     }
 }

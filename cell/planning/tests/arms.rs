@@ -190,7 +190,7 @@ fn an_application_for_several_arms_is_refused_where_one_arm_works_alone() {
     insta::assert_snapshot!(said.join("\n"), @r#"
     built-in application hand-over:42: arm: is for 2 arms (giver, taker): it needs a setup with [[station]], and `application = "giver"` there
     my.toml:80: mark: 9 is not listed; add [[mark]] with number = 9
-    my.toml:39: in `step[0].mark`: unknown key `mark`, expected one of `name`, `does`, `labels`, `tool`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
+    my.toml:39: in `step[0].mark`: unknown key `mark`, expected one of `name`, `does`, `labels`, `tool`, `base`, `reach`, `from`, `path`, `approach_mm`, `retreat_mm`, `speed_mm_s`, `speed_percent`, `then`
        39 | mark = 1
     "#);
 }

@@ -256,7 +256,7 @@ mod tests {
         let speed = limits.resolution.unwrap();
         assert!((120.0..122.0).contains(&speed), "{speed}");
         assert_eq!(limits.digits_needed(&path, 0.25, 500_000.0), Some(5));
-        assert_eq!(limits.limiting(60.0, false), SpeedLimit::LookAhead, "{limits:?}");
+        assert_eq!(limits.limiting(60.0, false), SpeedLimit::Taking, "{limits:?}");
         assert!((60.0..63.0).contains(&limits.taking), "{limits:?}");
     }
 
