@@ -4,7 +4,7 @@ use crate::out_of_reach::{OutOfReach, SwingsTooNear};
 use crate::refusal::Refusal;
 use crate::shared_zone::NoTurns;
 
-/// Why there is no plan.
+/// Reason why planning failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The setup cannot be used, no application of that name is there, or its text does not have the format.

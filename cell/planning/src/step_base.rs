@@ -92,8 +92,8 @@ mod tests {
     #[test]
     fn a_base_of_a_step_that_does_not_exist_is_refused_by_its_name_and_one_that_the_robot_lacks_by_its_number()
      {
-        let unknown = APPLICATIONS[0].1.replace("name = \"C\"", "name = \"C\"\nbase = \"tabel\"");
-        insta::assert_snapshot!(Application::parse("my.toml", &unknown).unwrap_err(), @"my.toml:54: base: there is no base `tabel`; did you mean `table`?");
+        let unknown = APPLICATIONS[0].1.replace("name = \"C\"", "name = \"C\"\nbase = \"tables\"");
+        insta::assert_snapshot!(Application::parse("my.toml", &unknown).unwrap_err(), @"my.toml:54: base: there is no base `tables`; did you mean `table`?");
         let application = Application::parse("my.toml", &in_fixture()).unwrap();
         insta::assert_snapshot!(plan(&application, &setup::setup("A").unwrap()).unwrap_err(), @"step `C`, motion 6: the setup's robot has no base 2; it has 0, 1");
     }

@@ -194,7 +194,7 @@ mod tests {
     #[test]
     fn a_file_that_is_not_a_choice_is_refused_with_its_key() {
         for (text, expected) in [
-            ("acces_point = \"A\"", "acces_point"),
+            ("access_points = \"A\"", "access_points"),
             ("revision = \"1x\"", "must be a number such as"),
             ("[modules]\n\"1.2.3\" = \"A\"", "place `1.2.3`: must be SLOT or SLOT.SUBSLOT"),
             ("[modules]\n\"70000\" = \"A\"", "place `70000`: must be"),
