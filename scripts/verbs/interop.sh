@@ -43,8 +43,8 @@ verb_interop() { #: our stacks against those of others, each in a process of its
         timeout 90 bash "$test"
         case $name in
             playback-*) continue ;; # no bus
-            profinet-*) gate=gate_profinet ;;
-            ethercat-*) gate=gate_ethercat ;;
+            profinet-* | emulated-io-device-*) gate=gate_profinet ;;
+            ethercat-* | emulated-digital-* | emulated-subdevice-*) gate=gate_ethercat ;;
             *) gate=gate_ethernet_ip ;;
         esac
         "$gate" "$OUT/capture.pcapng"
