@@ -106,7 +106,8 @@ fn a_page_follows_a_real_run_through_reloads_until_ctrl_c() {
     wait(&mut browser, "document.body.classList.contains('is-ended')");
     let said = browser.text("#state");
     assert!(
-        said.starts_with("Interrupted, ") && said.contains(" of 20 repetitions saved in run. Report: file:///"),
+        said.starts_with("Interrupted, ")
+            && said.contains(" of 20 repetitions saved in run. Report: file:///"),
         "{said}"
     );
     assert_eq!(ended.code(), Some(130));
