@@ -9,6 +9,7 @@
 
 extern crate alloc;
 
+pub mod bus_polls;
 pub mod buses;
 pub mod direct;
 pub mod fieldbus;

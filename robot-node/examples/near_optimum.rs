@@ -20,7 +20,6 @@ use std::io::Write as _;
 use protocol::image::Motion;
 use robot_node::RobotConfig;
 use robot_node::arm::{AXES, Joints};
-use robot_node::motion::Interpolator;
 
 #[path = "../tests/robot/drawn.rs"]
 mod drawn;
@@ -65,7 +64,7 @@ fn main() {
             let steps = ((section.duration / STEP_S) as usize).clamp(STEPS[0], STEPS[1]);
             let (points, half) = section.points(steps, &[motion], &config);
             let least = fastest(&points, half).duration;
-            let took = seconds(&motion, &from, &config);
+            let took = recorded::seconds(&motion, &from, &config);
             if let Some(file) = file.as_mut().filter(|_| ratios.len() < WRITTEN) {
                 write(file, &format!("{label} on {name}"), [took, least, half], &points);
             }
@@ -95,22 +94,6 @@ fn print(setup: &str, label: &str, ratios: &mut [(f64, f64, Motion, Joints)]) {
     println!(
         "   worst ({finely:.3} in fine cycles): {kind:?} to {target:?} by {auxiliary:?}, {velocity} {acceleration}, from {from:?}"
     );
-}
-
-/// Returns the time of a motion in the robot's cycle, in s.
-fn seconds(motion: &Motion, from: &Joints, config: &RobotConfig) -> f64 {
-    let cycle_s = config.cycle.as_secs_f64();
-    let mut interpolator = Interpolator::at_rest(config.arm.clone(), *from, cycle_s);
-    let segment = interpolator.path().prepare(motion, config).unwrap();
-    interpolator.append(segment, true);
-    let mut seconds = 0.0;
-    loop {
-        let step = interpolator.drive(1.0).unwrap();
-        seconds += cycle_s;
-        if let Some(left) = step.ended {
-            return seconds - left;
-        }
-    }
 }
 
 /// Writes a path with its limits: what another reference needs.

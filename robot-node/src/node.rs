@@ -1,9 +1,9 @@
 //! The robot as a machine: a bus endpoint and a controller, which exchange images every robot cycle.
 
-use std::cell::Cell;
 use std::collections::VecDeque;
 
 use machine::{Cycle, Duration, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
+use protocol::bus_polls::BusPolls;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::{
     Age, Checks, Command, CommandChecker, FeedbackSealer, HEAD_LEN, IMAGE_LEN, Image, LifeMonitor, Services,
@@ -58,23 +58,6 @@ pub struct RobotNode<B: Fieldbus> {
     linked: bool,
     wait: Wait,
     ticked_at: Instant,
-}
-
-/// Frames and events that the bus may have since it was last called, and when it wants to be called. It changes only when it is called, and
-/// a robot cycle alone calls it for nothing but the feedback.
-#[derive(Debug)]
-struct BusPolls {
-    may_send: bool,
-    may_report: bool,
-    /// Its next timeout; `None` where it was not asked since it was last called.
-    timeout: Cell<Option<Option<Instant>>>,
-}
-
-impl BusPolls {
-    /// Returns what is known of a bus that was just called: nothing.
-    const fn called() -> Self {
-        Self { may_send: true, may_report: true, timeout: Cell::new(None) }
-    }
 }
 
 impl<B: Fieldbus> RobotNode<B> {
@@ -132,11 +115,7 @@ impl<B: Fieldbus> RobotNode<B> {
     }
 
     fn bus_timeout(&self) -> Option<Instant> {
-        self.polled.timeout.get().unwrap_or_else(|| {
-            let timeout = self.bus.poll_timeout();
-            self.polled.timeout.set(Some(timeout));
-            timeout
-        })
+        self.polled.timeout(|| self.bus.poll_timeout())
     }
 
     /// Returns the controller.
@@ -329,7 +308,7 @@ impl<B: Fieldbus> RobotNode<B> {
     }
 
     fn take_link_events(&mut self) {
-        if !core::mem::take(&mut self.polled.may_report) {
+        if !self.polled.take_may_report() {
             return;
         }
         while let Some(event) = self.bus.poll_event() {
@@ -394,7 +373,9 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
             return None;
         }
         let transmit = self.bus_mut().poll_transmit(now, buf);
-        self.polled.may_send = transmit.is_some();
+        if transmit.is_none() {
+            self.polled.end_sending();
+        }
         transmit
     }
 

@@ -187,6 +187,43 @@ mod tests {
         }
     }
 
+    /// Has a block stream motions to a robot in these circumstances. `freed` says how many slots the robot has freed, `depth` how far
+    /// the block may write ahead of them.
+    fn stream(
+        count: u16,
+        script: Vec<Between>,
+        (mut block, depth): (MoveContinuous, u32),
+        mut robot: Robot,
+        freed: fn(&Feedback) -> u32,
+    ) -> Result<(), TestCaseError> {
+        let motions = list(count);
+        let mut source = MotionList::from(motions.clone());
+        let mut group = AxesGroup::new(WaitLimits { answer_scans: 10_000, silent_scans: 10_000 });
+        let mut seen = robot.feedback;
+        let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
+        for between in script.into_iter().chain(core::iter::repeat_n(eager, 60)) {
+            group.read(Some(seen));
+            let outputs = block.call(true, &mut source, BufferMode::default(), &mut group);
+            prop_assert!(!outputs.error, "{:?}", block.error());
+            let Command { written, total, .. } = *group.command();
+            let freed = freed(&robot.feedback);
+            prop_assert!(written <= total.min(freed + depth), "ahead of the slots");
+            for index in freed..written {
+                prop_assert_eq!(group.command().slot(index), &motions[index as usize]);
+            }
+            if between.command_arrives {
+                robot.command = *group.command();
+            }
+            robot.go_on(between);
+            if between.feedback_arrives {
+                seen = robot.feedback;
+            }
+        }
+        prop_assert!(block.call(true, &mut source, BufferMode::default(), &mut group).done);
+        prop_assert_eq!(robot.taken, motions);
+        Ok(())
+    }
+
     proptest! {
         #[test]
         fn every_motion_arrives_once_and_in_order_and_no_slot_in_use_is_touched(
@@ -194,66 +231,19 @@ mod tests {
             depth in 1..=5_u32,
             script in proptest::collection::vec(between(), 1..200),
         ) {
-            let motions = list(count);
-            let mut source = MotionList::from(motions.clone());
-            let mut group = AxesGroup::new(WaitLimits { answer_scans: 10_000, silent_scans: 10_000 });
-            let (mut block, mut robot) = (MoveContinuous::with_depth(depth), Robot::default());
-            let mut seen = robot.feedback;
-            let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
-            for between in script.into_iter().chain(core::iter::repeat_n(eager, 60)) {
-                group.read(Some(seen));
-                let outputs = block.call(true, &mut source, BufferMode::default(), &mut group);
-                prop_assert!(!outputs.error, "{:?}", block.error());
-                let Command { written, total, .. } = *group.command();
-                prop_assert!(written <= total.min(robot.feedback.executed + depth), "ahead of the slots");
-                for index in robot.feedback.executed..written {
-                    prop_assert_eq!(group.command().slot(index), &motions[index as usize]);
-                }
-                if between.command_arrives {
-                    robot.command = *group.command();
-                }
-                robot.go_on(between);
-                if between.feedback_arrives {
-                    seen = robot.feedback;
-                }
-            }
-            prop_assert!(block.call(true, &mut source, BufferMode::default(), &mut group).done);
-            prop_assert_eq!(robot.taken, motions);
+            let block = MoveContinuous::with_depth(depth);
+            stream(count, script, (block, depth), Robot::default(), |feedback| feedback.executed)?;
         }
-    }
 
-    proptest! {
         #[test]
         fn refilled_by_accepted_every_motion_arrives_once_and_no_slot_that_is_not_accepted_is_touched(
             count in 1..=40_u16,
             script in proptest::collection::vec(between(), 1..200),
         ) {
-            let motions = list(count);
-            let mut source = MotionList::from(motions.clone());
-            let mut group = AxesGroup::new(WaitLimits { answer_scans: 10_000, silent_scans: 10_000 });
-            let (mut block, mut robot) = (MoveContinuous::default().refilled_by(Refill::Accepted), Robot::default());
+            let block = MoveContinuous::default().refilled_by(Refill::Accepted);
+            let mut robot = Robot::default();
             robot.feedback.services = Services::KEEPS_ACCEPTED;
-            let mut seen = robot.feedback;
-            let eager = Between { command_arrives: true, takes: 5, executes: 1, feedback_arrives: true };
-            for between in script.into_iter().chain(core::iter::repeat_n(eager, 60)) {
-                group.read(Some(seen));
-                let outputs = block.call(true, &mut source, BufferMode::default(), &mut group);
-                prop_assert!(!outputs.error, "{:?}", block.error());
-                let Command { written, total, .. } = *group.command();
-                prop_assert!(written <= total.min(robot.feedback.accepted + SLOTS as u32));
-                for index in robot.feedback.accepted..written {
-                    prop_assert_eq!(group.command().slot(index), &motions[index as usize]);
-                }
-                if between.command_arrives {
-                    robot.command = *group.command();
-                }
-                robot.go_on(between);
-                if between.feedback_arrives {
-                    seen = robot.feedback;
-                }
-            }
-            prop_assert!(block.call(true, &mut source, BufferMode::default(), &mut group).done);
-            prop_assert_eq!(robot.taken, motions);
+            stream(count, script, (block, SLOTS as u32), robot, |feedback| feedback.accepted)?;
         }
     }
 

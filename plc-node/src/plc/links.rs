@@ -1,10 +1,10 @@
 //! The links to the stations: what the buses report, and the images that they are given.
 
 use machine::Instant;
+use protocol::bus_polls::BusPolls;
 use protocol::fieldbus::{ControllerBus, LinkEvent, StationId};
 
 use super::PlcNode;
-use super::polled::Polled;
 use crate::program::PlcProgram;
 use crate::station::RobotImage;
 use crate::{FailureCause, PlcEvent};
@@ -99,7 +99,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     fn write_output(&mut self, index: usize) {
         let Some((bus, id)) = self.places.get(index).copied() else { return };
         if let Some(polled) = self.polled.get_mut(bus) {
-            *polled = Polled::called();
+            *polled = BusPolls::called();
         }
         if let (Some(bus), Some(station)) = (self.buses.get_mut(bus), self.stations.get(index)) {
             bus.set_output(id, station.outputs());

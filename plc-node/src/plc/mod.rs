@@ -5,7 +5,7 @@
 //! as_multihomed  the PLC as a machine on an interface for each bus: time and frames
 //! led            a program that leads the stations itself, as exported code does
 //! links          what the buses report, and the images that they are given
-//! polled         what is known of a bus since it was last called
+//! polled         calls of the buses, and questions to those that may have something
 //! run            the way to the start of a run, its scans and its end
 //! ```
 
@@ -17,10 +17,10 @@ mod polled;
 mod run;
 
 use machine::{Duration, Instant, Lateness};
+use protocol::bus_polls::BusPolls;
 use protocol::fieldbus::{ControllerBus, Counters, StationId};
 use protocol::image::{Checks, Command, Digest};
 
-use polled::Polled;
 use run::Run;
 
 use crate::event::Events;
@@ -40,7 +40,7 @@ use crate::{
 pub struct PlcNode<B, P = Sequences> {
     buses: Vec<B>,
     /// Knowledge of each bus since it was last called.
-    polled: Vec<Polled>,
+    polled: Vec<BusPolls>,
     stations: Vec<Station>,
     /// Where each station is: the index of its bus, and its number there.
     places: Vec<(usize, StationId)>,
@@ -125,7 +125,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         let (count, period) = (stations.len(), scan.period());
         debug_assert!(period > Duration::ZERO, "a scan has a cycle");
         Self {
-            polled: vec![Polled::called(); buses.len()],
+            polled: vec![BusPolls::called(); buses.len()],
             buses,
             places,
             on_bus,
@@ -258,7 +258,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
 
     /// Returns the buses, for commands of their own; poll the PLC afterwards.
     pub fn buses_mut(&mut self) -> &mut [B] {
-        self.polled.fill(Polled::called());
+        self.polled.fill(BusPolls::called());
         &mut self.buses
     }
 

@@ -4,7 +4,6 @@
 
 use std::path::PathBuf;
 
-use machine::wire::{BigEndian, ByteOrder, LittleEndian};
 use protocol::image::{
     Command, CommandSealer, Configuration, Control, Feedback, FeedbackSealer, Finding, IMAGE_LEN, Image,
     Motion, MotionKind, Order, Services, Skill, State, Status,
@@ -186,12 +185,8 @@ fn texts<T: ToString>(values: impl IntoIterator<Item = T>) -> Vec<String> {
     values.into_iter().map(|value| value.to_string()).collect()
 }
 
-fn command_values(image: &[u8], order: Order) -> Values {
-    let command = match order {
-        Order::BigEndian => Command::parse::<BigEndian>(image),
-        Order::LittleEndian => Command::parse::<LittleEndian>(image),
-    }
-    .unwrap();
+fn command_values(image: &Image, order: Order) -> Values {
+    let command = order.parse_command(image).unwrap();
     let motions: Vec<_> = command.slots.iter().filter(|motion| motion.kind != MotionKind::None).collect();
     let options: Vec<_> = motions.iter().filter(|motion| !motion.kind.has_auxiliary()).collect();
     let auxiliary = |with_force: bool| {
@@ -234,12 +229,8 @@ fn command_values(image: &[u8], order: Order) -> Values {
     ]
 }
 
-fn feedback_values(image: &[u8], order: Order) -> Values {
-    let feedback = match order {
-        Order::BigEndian => Feedback::parse::<BigEndian>(image),
-        Order::LittleEndian => Feedback::parse::<LittleEndian>(image),
-    }
-    .unwrap();
+fn feedback_values(image: &Image, order: Order) -> Values {
+    let feedback = order.parse_feedback(image).unwrap();
     vec![
         ("skillbench.feedback.status", vec![format!("0x{:04x}", feedback.status.0)]),
         ("skillbench.feedback.status.busy", text(feedback.status.contains(Status::BUSY))),
@@ -291,15 +282,15 @@ fn without_capitals(read: &str) -> Vec<String> {
     read.split(',').filter(|text| !text.is_empty()).map(value).collect()
 }
 
-fn image_of<O: ByteOrder>(numbers: &mut ImageSource, is_command: bool, order: Order) -> Image {
+fn image_of(numbers: &mut ImageSource, is_command: bool, order: Order) -> Image {
     let mut image = [0; IMAGE_LEN];
     if is_command {
-        numbers.command().emit::<O>(&mut image);
+        order.emit_command(&numbers.command(), &mut image);
         let mut sealer = CommandSealer::default();
         sealer.take_tail(&image);
         sealer.seal(order, &mut image);
     } else {
-        numbers.feedback().emit::<O>(&mut image);
+        order.emit_feedback(&numbers.feedback(), &mut image);
         let mut sealer = FeedbackSealer::default();
         sealer.take_tail(&image);
         sealer.seal(order, &mut image);
@@ -314,10 +305,7 @@ fn every_field_of_an_image_is_what_our_decoder_reads_on_each_bus() {
     for wire in FRAME_FORMS {
         for index in 0..40 {
             let is_command = index % 2 == 0;
-            let image = match wire.order() {
-                Order::BigEndian => image_of::<BigEndian>(&mut numbers, is_command, wire.order()),
-                Order::LittleEndian => image_of::<LittleEndian>(&mut numbers, is_command, wire.order()),
-            };
+            let image = image_of(&mut numbers, is_command, wire.order());
             frames.push(wire.frame(is_command, &image));
             images.push((wire, is_command, image));
         }
@@ -382,10 +370,7 @@ fn a_wrong_check_is_shown_as_such_where_images_were_found_and_a_frame_of_others_
     for wire in FRAME_FORMS {
         let mut numbers = ImageSource(11);
         let order = wire.order();
-        let good = match order {
-            Order::BigEndian => image_of::<BigEndian>(&mut numbers, true, order),
-            Order::LittleEndian => image_of::<LittleEndian>(&mut numbers, true, order),
-        };
+        let good = image_of(&mut numbers, true, order);
         let (mut altered, mut unchecked) = (good, good);
         altered[200] ^= 4;
         unchecked[32..36].fill(0);

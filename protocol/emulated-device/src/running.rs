@@ -146,6 +146,24 @@ impl EmulatedDevice {
             }
         }
     }
+
+    /// Takes a frame from the wire: it is lost where the device is silent, and held where it is slow.
+    fn receive(&mut self, now: Instant, from: Source, frame: &[u8], is_broadcast: bool) {
+        if self.is_active(FaultKind::Silent) {
+            return;
+        }
+        match self.delay() {
+            Some(delay) => self.held.hold(now + delay, from, frame, is_broadcast),
+            None => self.deliver(now, from, frame, is_broadcast),
+        }
+    }
+
+    fn deliver(&mut self, now: Instant, from: Source, frame: &[u8], is_broadcast: bool) {
+        stack!(&mut self.stack, machine => match is_broadcast {
+            true => machine.handle_broadcast(now, from, frame),
+            false => machine.handle_frame(now, from, frame),
+        });
+    }
 }
 
 impl Machine for EmulatedDevice {
@@ -172,23 +190,11 @@ impl Machine for EmulatedDevice {
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        if self.is_active(FaultKind::Silent) {
-            return;
-        }
-        match self.delay() {
-            Some(delay) => self.held.hold(now + delay, from, frame, false),
-            None => stack!(&mut self.stack, machine => machine.handle_frame(now, from, frame)),
-        }
+        self.receive(now, from, frame, false);
     }
 
     fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        if self.is_active(FaultKind::Silent) {
-            return;
-        }
-        match self.delay() {
-            Some(delay) => self.held.hold(now + delay, from, frame, true),
-            None => stack!(&mut self.stack, machine => machine.handle_broadcast(now, from, frame)),
-        }
+        self.receive(now, from, frame, true);
     }
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
@@ -217,10 +223,7 @@ impl Machine for EmulatedDevice {
             self.next_tick = now + TICK;
         }
         while let Some((from, frame, is_broadcast)) = self.held.next(now) {
-            stack!(&mut self.stack, machine => match is_broadcast {
-                true => machine.handle_broadcast(now, from, &frame),
-                false => machine.handle_frame(now, from, &frame),
-            });
+            self.deliver(now, from, &frame, is_broadcast);
         }
         stack!(&mut self.stack, machine => machine.handle_timeout(now));
     }

@@ -187,3 +187,19 @@ fn both(one: Bounds, other: Bounds) -> Bounds {
         tool: core::array::from_fn(|order| of(order, one.tool[order], other.tool[order])),
     }
 }
+
+/// Returns the time of a motion from rest in the robot's own cycle, in s.
+pub(crate) fn seconds(motion: &Motion, from: &Joints, config: &RobotConfig) -> f64 {
+    let cycle_s = config.cycle.as_secs_f64();
+    let mut interpolator = Interpolator::at_rest(config.arm.clone(), *from, cycle_s);
+    let segment = interpolator.path().prepare(motion, config).unwrap();
+    interpolator.append(segment, true);
+    let mut seconds = 0.0;
+    loop {
+        let step = interpolator.drive(1.0).unwrap();
+        seconds += cycle_s;
+        if let Some(left) = step.ended {
+            return seconds - left;
+        }
+    }
+}

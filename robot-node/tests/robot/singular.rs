@@ -4,8 +4,6 @@ use std::fmt::Write as _;
 
 use protocol::image::{Motion, MotionKind};
 use robot_node::RobotConfig;
-use robot_node::arm::Joints;
-use robot_node::motion::Interpolator;
 
 use crate::drawn::{Drawn, Passage};
 use crate::fastest::fastest;
@@ -14,22 +12,6 @@ use crate::recorded;
 
 /// Random motions of each kind.
 const CASES: usize = 5;
-
-/// Returns the time of a motion from rest in the robot's own cycle, in s.
-fn seconds(motion: &Motion, from: &Joints, config: &RobotConfig) -> f64 {
-    let cycle_s = config.cycle.as_secs_f64();
-    let mut interpolator = Interpolator::at_rest(config.arm.clone(), *from, cycle_s);
-    let segment = interpolator.path().prepare(motion, config).unwrap();
-    interpolator.append(segment, true);
-    let mut seconds = 0.0;
-    loop {
-        let step = interpolator.drive(1.0).unwrap();
-        seconds += cycle_s;
-        if let Some(left) = step.ended {
-            return seconds - left;
-        }
-    }
-}
 
 /// Returns the time of a random motion over that of the reference; none where it is of another kind.
 fn ratio(drawn: &mut Drawn<'_>, kind: Passage, config: &RobotConfig) -> Option<f64> {
@@ -41,7 +23,7 @@ fn ratio(drawn: &mut Drawn<'_>, kind: Passage, config: &RobotConfig) -> Option<f
     }
     let steps = ((section.duration / 5e-3) as usize).clamp(100, 600);
     let (points, half) = section.points(steps, &[motion], config);
-    Some(seconds(&motion, &from, config) / fastest(&points, half).duration)
+    Some(recorded::seconds(&motion, &from, config) / fastest(&points, half).duration)
 }
 
 #[test]
@@ -79,12 +61,12 @@ fn a_line_past_the_shoulder_and_a_turn_at_one_place_take_hardly_more_than_an_out
     };
     let past_shoulder = [-54.257_744, 62.464_966, 660.738_65, -46.499_63, 3.246_816, -21.758_856];
     let from = [129.468_111, -74.105_949, 9.926_228, 41.132_742, -34.594_851, -211.373_507];
-    let took = seconds(&line(past_shoulder, [19_544, 4_075]), &from, &config);
+    let took = recorded::seconds(&line(past_shoulder, [19_544, 4_075]), &from, &config);
     assert!(took < 1.10 * 0.849, "{took} s, 0.849 s is possible");
     let turned = [-57.334_65, 9.255_69, 601.115_1, -87.815, -46.548, -4.699];
     let from = [187.708, -62.126, 25.12, -30.815, 30.952, 208.484];
     for (acceleration, possible) in [(1_081, 0.854), (5_000, 0.725)] {
-        let took = seconds(&line(turned, [5_714, acceleration]), &from, &config);
+        let took = recorded::seconds(&line(turned, [5_714, acceleration]), &from, &config);
         assert!(took < 1.05 * possible, "{took} s at {acceleration}, {possible} s is possible");
     }
 }

@@ -149,18 +149,24 @@ fn find_access_point<'g>(gsdml: &'g Gsdml, wanted: Option<&str>) -> Result<&'g A
     }
 }
 
+/// Returns what a new configuration has at each place: what is used there, and what is fixed.
+fn preset(placements: &[Placement]) -> BTreeMap<u16, String> {
+    let mut places = BTreeMap::new();
+    for placement in placements {
+        for place in placement.used.iter().chain(placement.fixed.iter()).take(MOST_SUBMODULES) {
+            places.entry(place).or_insert_with(|| placement.id.clone());
+        }
+    }
+    places
+}
+
 /// Returns the modules by their slots: those that are fixed, and the chosen ones over those of a new configuration.
 fn plugged(
     access_point: &AccessPoint,
     head_slot: u16,
     choice: &DeviceChoice,
 ) -> Result<BTreeMap<u16, String>, ChoiceError> {
-    let mut slots = BTreeMap::new();
-    for placement in &access_point.modules {
-        for slot in placement.used.iter().chain(placement.fixed.iter()).take(MOST_SUBMODULES) {
-            slots.entry(slot).or_insert_with(|| placement.id.clone());
-        }
-    }
+    let mut slots = preset(&access_point.modules);
     let chosen = choice.modules.iter().filter(|(place, _)| place.subslot.is_none());
     for (ModulePlace { slot, .. }, id) in chosen {
         let fixed = access_point.modules.iter().find(|it| it.fixed.contains(*slot));
@@ -248,12 +254,7 @@ fn plugged_submodules(
     slot: u16,
     choice: &DeviceChoice,
 ) -> Result<BTreeMap<u16, String>, ChoiceError> {
-    let mut subslots = BTreeMap::new();
-    for placement in &module.pluggable {
-        for subslot in placement.used.iter().chain(placement.fixed.iter()).take(MOST_SUBMODULES) {
-            subslots.entry(subslot).or_insert_with(|| placement.id.clone());
-        }
-    }
+    let mut subslots = preset(&module.pluggable);
     let chosen = choice.modules.iter().filter_map(|(place, id)| {
         (place.slot == slot).then_some(())?;
         Some((place.subslot?, id))
