@@ -10,9 +10,9 @@ use machine::Instant;
 /// Frames, requests and events that a bus may have, and when it wants to be called.
 #[derive(Clone, Debug)]
 pub struct BusPolls {
-    /// Whether it may have a frame to send.
+    /// True while it may have a frame to send.
     pub may_send: bool,
-    /// Whether it may have a request about a TCP connection.
+    /// True while it may have a request about a TCP connection.
     pub may_connect: bool,
     may_report: bool,
     /// Its next timeout; `None` where it was not asked since it was last called.
