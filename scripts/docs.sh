@@ -6,7 +6,11 @@
 #   scripts/docs.sh links      relative links, #anchors and paths in `code` of every tracked *.md
 #   scripts/docs.sh reference  each command, option and key that there is stands on its page
 #   scripts/docs.sh commands [FILE...]
-#                              run every block tagged ```sh of README.md and docs/, or of these files
+#                              run every block tagged ```sh of README.md and docs/, or of these files, and compare the
+#                              output that they quote
+#
+# A block tagged ```text says in the line above where it is from: <!-- printed by: COMMAND -->, <!-- tested in: FILE --> or
+# <!-- drawing -->. What a command prints, here and there shortened, is compared line by line, and so is what a test asserts.
 #
 # The blocks of one file run in order in one new copy of the repository. `cargo run -p PROGRAM -- ARGUMENT...` runs
 # PROGRAM as it is built in target/debug. A block that cannot run in CI is tagged ```console or ```text.
@@ -97,13 +101,42 @@ broken_links() {
     return "$status"
 }
 
-# split_blocks FILE DIRECTORY: writes each block tagged `sh` to DIRECTORY/LINE.sh, where LINE is its first line.
+# split_blocks FILE DIRECTORY: writes each block tagged `sh` to DIRECTORY/LINE.sh, where LINE is its first line, and each
+# quoted output to LINE.quote, whose first line says where it is from.
 split_blocks() {
     awk -v directory="$2" '
         /^ *```/ && out != "" { close(out); out = ""; next }
         /^ *```sh *$/ { out = sprintf("%s/%05d.sh", directory, NR + 1); printf "" > out; next }
+        /^ *```text *$/ { out = sprintf("%s/%05d.quote", directory, NR + 1); print above > out; next }
         out != "" { print > out }
+        NF { above = $0 }
     ' "$1"
+}
+
+# wrong_quote QUOTE DIRECTORY: prints the first line of a quoted output that is not printed, or not in that order; fails if there
+# is one.
+wrong_quote() {
+    local quote=$1 from output
+    from=$(head -n 1 "$quote")
+    output=$(mktemp)
+    case $from in
+        '<!-- printed by: '*' -->')
+            from=${from#<!-- printed by: } from=${from% -->}
+            (cd "$2" && timeout "$LONGEST" bash -uo pipefail -c "$from") >"$output" 2>&1 </dev/null || true ;;
+        '<!-- tested in: '*' -->')
+            from=${from#<!-- tested in: } from=${from% -->}
+            # The name of the file in the example is not that of the test.
+            sed -i -E '2,$s/^[a-z-]+\.[a-z]+://' "$quote"
+            cp "$2/$from" "$output" ;;
+        '<!-- drawing -->') return 0 ;;
+        *) echo "say above the block where it is from: <!-- printed by: COMMAND -->, <!-- tested in: FILE --> or <!-- drawing -->"; return 1 ;;
+    esac
+    awk -v quote="$quote" '
+        BEGIN { while ((getline line < quote) > 0) if (number++ && line !~ /^ *$/) wanted[++count] = line; next_one = 1 }
+        { sub(/ +$/, "") }
+        next_one <= count && index($0, wanted[next_one]) { next_one++ }
+        END { if (next_one <= count) { print "not printed: " wanted[next_one]; exit 1 } }
+    ' "$output"
 }
 
 # cargo: what stands in for cargo in a block. The programs are built already, with all features.
@@ -134,9 +167,16 @@ failing_blocks() {
     local blocks block line count=0 status=0
     blocks=$(mktemp -d)
     split_blocks "$1" "$blocks"
-    for block in "$blocks"/*.sh; do
+    for block in "$blocks"/*; do
         [ -e "$block" ] || continue
-        line=$(basename "$block" .sh)
+        line=$(basename "${block%.*}")
+        if [[ $block == *.quote ]]; then
+            if ! wrong_quote "$block" "$2" >"$blocks/output"; then
+                echo "$1:$((10#$line)): the quoted output is not what the program prints: $(cat "$blocks/output")"
+                status=1
+            fi
+            continue
+        fi
         if ! (cd "$2" && timeout "$LONGEST" bash -euo pipefail "$block") >"$blocks/output" 2>&1 </dev/null; then
             echo "$1:$((10#$line)): a command of this block fails:"
             sed 's/^/    /' "$block"
@@ -222,7 +262,7 @@ help_names() {
     local program command
     for program in bench plc-node robot-node; do
         "$PROGRAMS/$program" --help | grep -oE '^ +(-[a-zA-Z], )?--[a-z-]+' | grep -oE -- '--[a-z-]+'
-        "$PROGRAMS/$program" --help | awk '/^[A-Z].*:$/ { commands = $1 == "Commands:" } commands && /^  [a-z]/ { print $1 }' |
+        "$PROGRAMS/$program" --help | awk '/^[A-Z].*:$/ { commands = /^(Commands|.* commands).*:$/ } commands && /^  [a-z]/ { print $1 }' |
             while IFS= read -r command; do
                 [ "$command" != help ] || continue
                 echo "$program $command"
@@ -302,6 +342,14 @@ self_test() {
         [cargo]='cargo build --release'
         [program]='cargo run -p no-such-program -- --help'
     )
+    printf '%s\n' '<!-- printed by: seq 5; echo end >&2 -->' '```text' '2' '' '4' 'end' '```' '<!-- drawing -->' '```text' 'o' '```' \
+        >"$here/quotes.md"
+    found=$(failing_blocks "$here/quotes.md" "$here") || true
+    expect "a quoted output that is printed passes" "$here/quotes.md: 0 blocks run" "$found"
+    printf '%s\n' '<!-- printed by: seq 5 -->' '```text' '4' '2' '```' '' '```text' 'o' '```' >"$here/stale.md"
+    found=$(failing_blocks "$here/stale.md" "$here") || true
+    expect "a stale quote is named by its line, and so is one from nowhere" "$here/stale.md:3 $here/stale.md:8" \
+        "$(sed -E 's/^([^:]*:[0-9]+):.*/\1/' <<<"$found" | paste -sd ' ')"
     local name
     for name in "${!bad[@]}"; do
         printf '%s\n' '```sh' 'true' '```' 'text' '```sh' "${bad[$name]}" '```' >"$here/$name.md"

@@ -1,6 +1,9 @@
 //! The command line.
 
+use std::ffi::OsString;
+
 use clap::{Parser, Subcommand};
+use node::{arguments, screen};
 
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::doctor::DoctorOptions;
@@ -48,19 +51,68 @@ pub struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
-  bench --setup A                            two processes, real PROFINET, 75 runs in about six minutes
-  bench --setup A --mode virtual             the same in virtual time, in about a second
-  bench --setup A --cyclic rt1 --reps 3      cyclic frames in EtherType 0x8892 instead of UDP
-  bench --setup C                            the same arm over EtherCAT
+  bench --setup A
+      two processes, real PROFINET, 75 runs in about six minutes
+  bench --setup A --mode virtual
+      the same in virtual time, in about a second
+  bench --setup A --cyclic rt1 --reps 3
+      cyclic frames in EtherType 0x8892 instead of UDP
+  bench --setup C
+      the same arm over EtherCAT
   bench --setup A --types rc,cm --export-json results.json
-  bench --attach plc=10.0.0.1:7700,robot=10.0.0.2:7700    nodes that run already, on other machines
-  bench --setup A --mode virtual --reps 3 --fault loss=0.001 --fault cut-at=20s..20.1s --capture on-failure
-  bench new my-cell                          a cell of your own: my-cell/setup.toml and my-cell/application.toml
+  bench --attach plc=10.0.0.1:7700,robot=10.0.0.2:7700
+      nodes that run already, on other machines
+  bench --setup A --mode virtual --reps 3 --fault loss=0.001,cut-at=20s..20.1s
+  bench new my-cell
+      a cell of your own: my-cell/setup.toml and my-cell/application.toml
   bench --setup my-cell/setup.toml --mode virtual
 
 Exit codes:
-  0 pass   1 internal   2 usage   3 timing regression   4 a run failed   5 environment unusable
-  6 rating exceeded   130 interrupted";
+  0 pass   1 internal   2 usage   3 timing regression   4 a run failed
+  5 environment unusable   6 rating exceeded   130 interrupted";
+
+/// Commands in groups, each under a heading.
+const GROUPS: [(&str, &[&str]); 5] = [
+    ("First commands:", &["new", "doctor", "help"]),
+    ("Saved-run commands:", &["report", "compare", "history", "gate", "from-capture", "import-samples"]),
+    ("Study commands, in virtual time:", &["buses", "sweep", "sensitivity", "calibrate", "study"]),
+    ("Test commands:", &["explore", "soak", "judge", "long", "timing", "overhead", "scale"]),
+    ("Installation commands:", &["completions", "man"]),
+];
+
+/// Width of the list of commands in characters, on each terminal.
+const HELP_WIDTH: usize = 80;
+
+/// Column of the descriptions in the list of commands.
+const DESCRIPTIONS: usize = 18;
+
+/// Parses the program's arguments. Prints help, or what is wrong, and ends the program where there is nothing to run.
+#[must_use]
+pub fn parse(arguments: impl IntoIterator<Item = OsString>) -> Cli {
+    arguments::parse_with(arguments, with_groups)
+}
+
+/// Lists the commands in groups in the program's own help.
+fn with_groups(mut command: clap::Command) -> clap::Command {
+    command.build();
+    let mut list = String::new();
+    for (heading, names) in GROUPS {
+        list.push_str(heading);
+        list.push('\n');
+        for name in names {
+            let Some(verb) = command.find_subcommand(name) else { continue };
+            let about = verb.get_about().map(ToString::to_string).unwrap_or_default();
+            let about = screen::wrapped_within(&about, DESCRIPTIONS, DESCRIPTIONS, HELP_WIDTH);
+            let about = about.get(DESCRIPTIONS..).unwrap_or_default();
+            list.push_str(&format!("  {name:<width$}{about}\n", width = DESCRIPTIONS - 2));
+        }
+        list.push('\n');
+    }
+    let template = format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{list}Options:\n{{options}}{{after-help}}"
+    );
+    command.help_template(template)
+}
 
 /// The version, with the commit that the program was built from if it is known.
 const VERSION: &str = env!("SKILLBENCH_VERSION");
@@ -68,24 +120,24 @@ const VERSION: &str = env!("SKILLBENCH_VERSION");
 /// Everything but a measured run.
 #[derive(Subcommand, Debug)]
 pub enum Command {
-    /// Compare the buses: execution and reaction times of the same arm and application over each, in virtual time.
+    /// Compare the buses: execution and reaction times of the same cell over each.
     Buses(BusesOptions),
-    /// Find the numbers of a setup that only published figures can determine: speed, skill overhead, interpreter quantum.
+    /// Fit the numbers of a setup that only published figures determine: speed, overhead, quantum.
     Calibrate(CalibrateOptions),
-    /// Run in virtual time and fail with exit code 3 where a figure differs from the committed baseline.
+    /// Run, and fail with exit code 3 where a figure differs from its baseline.
     Gate(GateOptions),
-    /// Measure in real mode what captures and traces cost, recorded and unrecorded seconds in turn.
+    /// Measure the cost of captures and traces in real mode.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Overhead(OverheadOptions),
-    /// Run millions of motions as one MoveContinuousSkill in virtual time, and check that each arrives once and in order.
+    /// Run millions of motions as one MoveContinuousSkill, and check that each arrives once and in order.
     Long(LongOptions),
-    /// Measure a PLC and a robot of any make from a capture of their frames: PROFINET or EtherNet/IP.
+    /// Measure a PLC and a robot of any make from a capture of their frames.
     FromCapture(FromCaptureOptions),
-    /// Make a run of the execution times that were read out of a PLC.
+    /// Make a run of execution times that were read out of a PLC.
     ImportSamples(ImportOptions),
-    /// Write the files of a cell of your own, with every key explained: a setup and an application.
+    /// Write a setup and an application of your own, with every key explained.
     New(NewOptions),
-    /// Draw the report of a run again.
+    /// Draw the report of a saved run again.
     Report(ReportOptions),
     /// Compare runs with each other.
     Compare(CompareOptions),
@@ -94,27 +146,70 @@ pub enum Command {
     /// Test whether this machine can run real mode, and how well.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Doctor(DoctorOptions),
-    /// Measure how evenly the cyclic frames of each bus arrive, and compare with a bare loop on this host.
+    /// Measure how evenly cyclic frames arrive, beside a bare loop on this host.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Timing(TimingOptions),
-    /// Measure the cost of a cycle by the number of stations, in virtual time or on a real network.
+    /// Measure the cost of a cycle by the number of stations.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Scale(ScaleOptions),
-    /// Run a study of your own: a file says what varies, and each repetition becomes a row; on this machine or on a cluster.
+    /// Run a study of your own, from a file of what varies; on one machine or a cluster.
     #[command(subcommand)]
     Study(StudyVerb),
-    /// Show where one MoveContinuousSkill is slower than the robot's program: slots × bus cycle × length of motions.
+    /// Show where CM is slower than RC: slots × bus cycle × length of motions.
     Sweep(SweepOptions),
-    /// Show how the execution times change with the setup's assumptions: motions, path, acceleration, blending, overhead.
+    /// Show how the execution times change with the setup's assumptions.
     Sensitivity(SensitivityOptions),
-    /// Put one fault into a short run at every single frame, or pairs of faults, in virtual time, and class how the runs end.
+    /// Inject a fault, or a pair, at every single frame of a short run, and classify how the runs end.
     Explore(ExploreOptions),
-    /// Live through hours of the plant in virtual time with faults all the time; memory must not grow.
+    /// Simulate hours of operation with faults; memory must not grow.
     Soak(SoakOptions),
-    /// Run random motion lists on the robot and check each robot cycle with independent laws and kinematics.
+    /// Run random motion lists, and check each robot cycle with independent laws and kinematics.
     Judge(JudgeOptions),
-    /// Print completions for a shell: `bench completions bash >~/.local/share/bash-completion/completions/bench`.
+    /// Print completions for a shell.
+    ///
+    /// For example `bench completions bash >~/.local/share/bash-completion/completions/bench`.
     Completions(CompletionsOptions),
     /// Write manual pages of bench, plc-node and robot-node.
     Man(ManOptions),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn every_command_is_in_one_group_of_the_help() {
+        let mut command = Cli::command();
+        command.build();
+        let grouped: Vec<_> = GROUPS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        for verb in command.get_subcommands().map(clap::Command::get_name) {
+            assert_eq!(grouped.iter().filter(|name| **name == verb).count(), 1, "{verb}");
+        }
+    }
+
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    #[test]
+    fn no_line_of_any_help_is_wider_than_a_terminal_of_80_columns() {
+        fn check(command: &clap::Command, path: &str) {
+            for help in [command.clone().render_help(), command.clone().render_long_help()] {
+                for line in help.to_string().lines() {
+                    assert!(line.chars().count() <= 80, "{path}: {line}");
+                }
+            }
+            for verb in command.get_subcommands() {
+                check(verb, &format!("{path} {}", verb.get_name()));
+            }
+        }
+        for program in
+            [Cli::command(), plc_node::command_line::command_line(), robot_node::process::command_line()]
+        {
+            let name = program.get_name().to_owned();
+            let mut command = if name == "bench" { with_groups(program) } else { program }.term_width(80);
+            command.build();
+            check(&command, &name);
+        }
+        let short = with_groups(Cli::command()).term_width(80).render_help().to_string();
+        assert!(short.lines().count() <= 75, "{}", short.lines().count());
+    }
 }

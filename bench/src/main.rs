@@ -4,12 +4,12 @@
 
 use std::process::ExitCode;
 
-use bench::command_line::{Cli, Command};
+use bench::command_line::{self, Cli, Command};
 #[cfg(all(feature = "real", target_os = "linux"))]
 use bench::verbs::{doctor, overhead, scale, timing};
 use bench::verbs::{from_capture, gate, history, import_samples, install, measure, new, report, study};
 use clap::CommandFactory;
-use node::{arguments, errln, screen};
+use node::{errln, screen};
 use records::exit::Failure;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use stands::rig;
@@ -27,7 +27,7 @@ fn main() -> ExitCode {
     #[cfg(all(feature = "real", target_os = "linux"))]
     protocol_linux::exit_on_stop(records::exit::Exit::Interrupted as u8);
     screen::fit_terminal();
-    let cli: Cli = arguments::parse(std::env::args_os());
+    let cli = command_line::parse(std::env::args_os());
     let outcome = match &cli.command {
         None => measure::run(&cli.run),
         Some(Command::Buses(options)) => buses::run(options),

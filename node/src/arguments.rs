@@ -2,17 +2,52 @@
 
 use std::error::Error as _;
 use std::ffi::OsString;
+use std::io::IsTerminal as _;
 use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
 
 use clap::error::{ContextKind, ErrorKind};
 use clap::{Command, Error, Parser};
 
+use crate::output;
+
+/// Width of help where standard output is not a terminal and COLUMNS is not set, in characters.
+const HELP_WIDTH: usize = 80;
+
+/// Width of help on a wide terminal, in characters: longer lines are hard to read.
+const WIDEST_HELP: usize = 100;
+
 /// Parses the arguments of a program, its name first. Prints help, or what is wrong, and ends the program where there is
 /// nothing to run.
 pub fn parse<C: Parser>(arguments: impl IntoIterator<Item = OsString>) -> C {
-    let parsed = numbers_may_be_negative(C::command()).try_get_matches_from(arguments);
-    let parsed = parsed.and_then(|mut matches| C::from_arg_matches_mut(&mut matches));
-    parsed.unwrap_or_else(|error| not_a_number(&error, C::command()).unwrap_or(error).exit())
+    parse_with(arguments, |command| command)
+}
+
+/// Parses arguments like [`parse`], by a command line that `adapt` has changed for a reader.
+pub fn parse_with<C: Parser>(
+    arguments: impl IntoIterator<Item = OsString>,
+    adapt: impl FnOnce(Command) -> Command,
+) -> C {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let command = within_terminal(adapt(numbers_may_be_negative(C::command())));
+    parsed(&command, &arguments).unwrap_or_else(|error| {
+        // The parser repeats arguments as they are, and drops control characters without a word.
+        let shown = |text: &OsString| OsString::from(output::shown(&text.to_string_lossy()));
+        let shown: Vec<_> = arguments.iter().map(shown).collect();
+        let error =
+            if shown == arguments { error } else { parsed::<C>(&command, &shown).err().unwrap_or(error) };
+        not_a_number(&error, command).unwrap_or(error).exit()
+    })
+}
+
+fn parsed<C: Parser>(command: &Command, arguments: &[OsString]) -> Result<C, Error> {
+    let mut matches = command.clone().try_get_matches_from(arguments)?;
+    C::from_arg_matches_mut(&mut matches)
+}
+
+/// Makes the help of a command fit the terminal.
+fn within_terminal(command: Command) -> Command {
+    let has_width = std::io::stdout().is_terminal() || std::env::var_os("COLUMNS").is_some();
+    if has_width { command.max_term_width(WIDEST_HELP) } else { command.term_width(HELP_WIDTH) }
 }
 
 /// Returns the error for a value that is not a number in words: the parser's own say "invalid digit found in string".

@@ -5,7 +5,7 @@
 //! A controller that sends a line that is no JSON is disconnected; JSON that is no instruction is refused, and the controller
 //! stays. This also keeps a web page from controlling a node through its reader's browser, because the first line of HTTP is
 //! no JSON. A controller that does not read is disconnected before its unread messages fill the memory; one that sends nothing, after some minutes; and one whose
-//! host disappeared, after some seconds. Nothing is encrypted: anyone who can listen to the network can read the token.
+//! host disappeared, after some seconds. One that sends its line byte by byte has no more time than one that sends nothing. Nothing is encrypted: anyone who can listen to the network can read the token.
 
 mod client;
 
@@ -188,7 +188,7 @@ impl ControlPort {
         match controller.read() {
             Ok(_) if controller.heard.elapsed() >= limit(controller) => {
                 let limit = limit(controller).as_secs();
-                self.disconnect(format!("it sent nothing for {limit} s"));
+                self.disconnect(format!("it sent no whole line for {limit} s"));
             }
             Ok(lines) => self.waiting.extend(lines.into_iter().map(Input::Line)),
             Err(reason) => self.disconnect(reason),

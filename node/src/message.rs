@@ -9,6 +9,11 @@ use serde::{Deserialize, Serialize};
 use crate::report::NodeReport;
 use crate::role::NodeRole;
 
+/// Version of these messages, in the first one of a node. It counts up where a reader of the former version would fail.
+///
+/// `node/schemas/control.schema.json` has them all; a test of `stands` keeps both the same.
+pub const PROTOCOL: u32 = 1;
+
 /// What a node sends. `M` are the messages of only this kind of node.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -84,6 +89,9 @@ pub enum Message<M> {
 /// A node's first message.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Hello {
+    /// Version of the messages: [`PROTOCOL`]; 0 from a node of an older version.
+    #[serde(default)]
+    pub protocol: u32,
     /// Which node.
     pub node: NodeRole,
     /// The setup's name.
@@ -123,7 +131,7 @@ impl NodeHost {
         let system = rustix::system::uname();
         let text = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
         Self {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+            version: crate::version::version_as_built(),
             name: text(system.nodename()),
             kernel: format!("{} {}", text(system.sysname()), text(system.release())),
         }

@@ -23,7 +23,7 @@ use crate::Outcome;
 use crate::address_check::{AddressCheckError, check_address};
 use crate::cell_run_error::CellRunError;
 use crate::interface_option::{BusName, InterfaceOption, InterfaceOptionError};
-use crate::message::{CellText, Hello, NodeHost};
+use crate::message::{CellText, Hello, NodeHost, PROTOCOL};
 use crate::role::NodeRole;
 use crate::station_file::StationFile;
 use crate::station_message::Console;
@@ -246,6 +246,7 @@ impl NodeStart {
         let listed =
             |what: fn(&Interface) -> String| interfaces.iter().map(what).collect::<Vec<_>>().join(", ");
         let hello = Hello {
+            protocol: PROTOCOL,
             node: role,
             setup,
             bus: endpoint.to_owned(),

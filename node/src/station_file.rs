@@ -189,7 +189,7 @@ impl StationFile {
     /// The file cannot be read, or does not hold a station.
     pub fn load(&self) -> Result<Station, StationFileError> {
         let path = || self.path.clone();
-        let text = match fs::read(&self.path) {
+        let text = match setup::read_plain_file(&self.path, setup::MOST_FILE_BYTES) {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Station::default()),
             Err(reason) => return Err(StationFileError::Read { path: path(), reason }),

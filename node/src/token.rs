@@ -40,7 +40,7 @@ impl ControlToken {
     pub fn find(file: Option<&Path>) -> Result<Option<Self>, TokenError> {
         let text = match file {
             Some(path) => Some(
-                std::fs::read_to_string(path)
+                setup::read_plain_text(path)
                     .map_err(|reason| TokenError::Unreadable { path: path.to_owned(), reason })?,
             ),
             None => std::env::var(VARIABLE).ok(),

@@ -1,18 +1,14 @@
 //! Names as a terminal may show them.
 
+use node::output;
+
 /// Converts a device's bytes to text: invalid UTF-8 and every control character become `�`.
 pub(crate) fn printable(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
     // DCP's padding and fixed-length fields of some devices add zeros.
     let text = text.trim_end_matches('\0').trim();
+    let is_plain = |char: char| !char.is_control() && output::is_harmless(char);
     text.chars().map(|char| if is_plain(char) { char } else { char::REPLACEMENT_CHARACTER }).collect()
-}
-
-/// Returns whether a terminal just shows the character: it is no control character and does not change the writing
-/// direction.
-fn is_plain(char: char) -> bool {
-    !char.is_control()
-        && !matches!(char, '\u{200B}'..='\u{200F}' | '\u{2028}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
 }
 
 #[cfg(test)]

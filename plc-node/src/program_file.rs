@@ -32,11 +32,9 @@ pub enum ProgramFileError {
 /// # Errors
 ///
 /// It cannot be read, or has a mistake.
-#[expect(clippy::disallowed_methods, reason = "command lines read the code; the PLC gets its text")]
 pub fn read_program(directory: &Path) -> Result<ExportedCode, ProgramFileError> {
     let path = directory.join(FILE);
-    let text =
-        std::fs::read_to_string(&path).map_err(|error| ProgramFileError::Unreadable { path, error })?;
+    let text = setup::read_plain_text(&path).map_err(|error| ProgramFileError::Unreadable { path, error })?;
     ExportedCode::compile(&text)
         .map_err(|error| ProgramFileError::Code { directory: directory.into(), error })
 }

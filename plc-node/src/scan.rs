@@ -38,18 +38,21 @@ impl Scan {
         self.outputs_due.take_if(|due| *due <= now).is_some()
     }
 
+    /// Returns whether the scan's outputs were to be written before `now`.
+    pub fn is_overdue(&self, now: Instant) -> bool {
+        self.outputs_due.is_some_and(|due| due < now)
+    }
+
     /// Drops the outputs of the current scan: their connection is gone.
     pub const fn drop_outputs(&mut self) {
         self.outputs_due = None;
     }
 
-    /// Returns when [`take_outputs`](Self::take_outputs) or [`begin`](Self::begin) next has something to do.
+    /// Returns when the next scan begins: at the latest then the outputs of this one have to be written. Whoever calls the bus
+    /// before writes those that are due first: no frame leaves a bus that nobody calls.
     #[must_use]
-    pub const fn poll_timeout(&self) -> Instant {
-        match self.outputs_due {
-            Some(due) => due,
-            None => self.cycle.next(),
-        }
+    pub fn poll_timeout(&self) -> Instant {
+        self.outputs_due.map_or(self.cycle.next(), |due| due.max(self.cycle.next()))
     }
 
     /// Returns the time from one scan to the next.
@@ -77,7 +80,10 @@ mod tests {
         assert!(scan.begin(Instant::from_micros(999)).is_none());
         assert!(scan.begin(Instant::from_millis(1)).is_some());
         assert!(!scan.take_outputs(Instant::from_micros(1_149)));
-        assert_eq!(scan.poll_timeout(), Instant::from_micros(1_150));
+        assert_eq!(scan.poll_timeout(), Instant::from_millis(2), "nobody has to call it before");
+        assert!(
+            !scan.is_overdue(Instant::from_micros(1_150)) && scan.is_overdue(Instant::from_micros(1_151))
+        );
         assert!(scan.take_outputs(Instant::from_micros(1_150)));
         assert!(!scan.take_outputs(Instant::from_micros(1_150)), "outputs are written once");
         assert_eq!(scan.poll_timeout(), Instant::from_millis(2));

@@ -23,6 +23,11 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
     /// lost.
     fn input(&self) -> Option<Image>;
 
+    /// Returns whether there is an [`input`](Self::input), without a copy of it.
+    fn has_input(&self) -> bool {
+        self.input().is_some()
+    }
+
     /// Closes the connection as its standard demands, or gives up the attempt to connect.
     fn disconnect(&mut self, now: Instant);
 
@@ -45,6 +50,11 @@ pub trait Fieldbus: Machine<Event = LinkEvent> {
 
     /// Returns the frame counters since the start.
     fn counters(&self) -> Counters;
+
+    /// Returns the number of received frames, as [`counters`](Self::counters) does.
+    fn received(&self) -> u64 {
+        self.counters().received
+    }
 
     /// Reports the result of [`LinkEvent::SetAddress`]: whether the owner could set the address.
     fn address_set(&mut self, _now: Instant, _done: bool) {}
@@ -92,6 +102,12 @@ pub trait ControllerBus: Machine<Event = (StationId, LinkEvent)> {
     /// Returns a station's last image that was marked as good; `None` before the first one and once the connection is lost.
     fn input(&self, station: StationId) -> Option<Image>;
 
+    /// Returns whether a station's [`input`](Self::input) is this image: a robot that is slower than the bus repeats it, and then
+    /// nobody needs a copy.
+    fn repeats(&self, station: StationId, image: &Image) -> bool {
+        self.input(station).is_some_and(|input| input == *image)
+    }
+
     /// Returns the next station of which an image has arrived since the last call.
     fn poll_arrival(&mut self) -> Option<StationId>;
 
@@ -108,6 +124,11 @@ pub trait ControllerBus: Machine<Event = (StationId, LinkEvent)> {
 
     /// Returns the frame counters of a station since the start. Frames that belong to no station count with the first one.
     fn counters(&self, station: StationId) -> Counters;
+
+    /// Returns the number of received frames of a station, as [`counters`](Self::counters) does.
+    fn received(&self, station: StationId) -> u64 {
+        self.counters(station).received
+    }
 }
 
 /// What the bus set permanently of its own station, so that it survives a restart. The owner removes what is not there from

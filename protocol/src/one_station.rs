@@ -82,8 +82,12 @@ impl<B: Fieldbus> ControllerBus for OneStation<B> {
         self.bus.input().filter(|_| station == StationId::FIRST)
     }
 
+    fn received(&self, station: StationId) -> u64 {
+        if station == StationId::FIRST { self.bus.received() } else { 0 }
+    }
+
     fn poll_arrival(&mut self) -> Option<StationId> {
-        let received = self.bus.counters().received;
+        let received = self.bus.received();
         (core::mem::replace(&mut self.received, received) != received).then_some(StationId::FIRST)
     }
 
@@ -167,6 +171,10 @@ impl<B: ControllerBus> Fieldbus for FirstStation<B> {
 
     fn input(&self) -> Option<Image> {
         self.bus.input(StationId::FIRST)
+    }
+
+    fn received(&self) -> u64 {
+        self.bus.received(StationId::FIRST)
     }
 
     fn disconnect(&mut self, now: Instant) {

@@ -7,7 +7,7 @@ pub use profinet::is_station_name;
 
 use profinet::description::{INTERFACE_SUBSLOT, Identity, Module, PORT_SUBSLOT, Submodule};
 
-use crate::image::IMAGE_LEN;
+use crate::image::{COMMAND_FIELDS, FEEDBACK_FIELDS, FieldType, IMAGE_LEN, ImageField, MOTION_FIELDS, SLOTS};
 
 /// The robot node on PROFINET: a device access point in slot 0 and the process image in slot 1.
 pub const PROFINET_ROBOT: profinet::description::Description = profinet::description::Description {
@@ -112,22 +112,108 @@ pub static ETHERCAT_ROBOT: ethercat_subdevice::Description = ethercat_subdevice:
     distributed_clocks: false,
 };
 
-/// An entry of a process data object has 255 bits at most, so the image is cut into entries of 32 bits.
-const ENTRIES: usize = IMAGE_LEN / 4;
+static COMMAND_ENTRIES: [PdoEntry; entry_count(COMMAND_FIELDS)] = entries(0x7000, COMMAND_FIELDS);
+static FEEDBACK_ENTRIES: [PdoEntry; entry_count(FEEDBACK_FIELDS)] = entries(0x6000, FEEDBACK_FIELDS);
 
-static COMMAND_ENTRIES: [PdoEntry; ENTRIES] = entries(0x7000, "Command");
-static FEEDBACK_ENTRIES: [PdoEntry; ENTRIES] = entries(0x6000, "Feedback");
+/// Most bits of a gap: an entry of a process data object has at most 255.
+const GAP_BITS: usize = 128;
+
+/// Names of a slot's fields.
+macro_rules! slot_names {
+    ($slot:literal) => {
+        [
+            concat!($slot, " target"),
+            concat!($slot, " auxiliary"),
+            concat!($slot, " velocity"),
+            concat!($slot, " acceleration"),
+            concat!($slot, " approximation"),
+            concat!($slot, " kind"),
+            concat!($slot, " tool and base"),
+        ]
+    };
+}
+
+const SLOT_NAMES: [[&str; MOTION_FIELDS.len()]; SLOTS] = [
+    slot_names!("slot 0"),
+    slot_names!("slot 1"),
+    slot_names!("slot 2"),
+    slot_names!("slot 3"),
+    slot_names!("slot 4"),
+];
+
+/// Returns how many entries a field becomes: a number one, a list of numbers one each, a slot those of its motion.
+const fn entries_of(form: FieldType) -> usize {
+    match form {
+        FieldType::Real(count) => count,
+        FieldType::Motion => entry_count(MOTION_FIELDS),
+        FieldType::Reserved(len) => (8 * len).div_ceil(GAP_BITS),
+        _ => 1,
+    }
+}
 
 #[expect(clippy::indexing_slicing, reason = "a constant is made without iterators")]
-const fn entries(index: u16, name: &'static str) -> [PdoEntry; ENTRIES] {
-    let mut entries =
-        [PdoEntry { index, subindex: 0, bits: 32, data_type: DataType::Unsigned32, name }; ENTRIES];
-    let mut number = 0;
-    while number < ENTRIES {
-        entries[number].subindex = number as u8 + 1;
+const fn entry_count(fields: &[ImageField]) -> usize {
+    let (mut count, mut number) = (0, 0);
+    while number < fields.len() {
+        count += entries_of(fields[number].form);
+        number += 1;
+    }
+    count
+}
+
+/// Returns the entries that name the fields of an image.
+#[expect(clippy::indexing_slicing, reason = "a constant is made without iterators")]
+const fn entries<const N: usize>(index: u16, fields: &[ImageField]) -> [PdoEntry; N] {
+    let gap = PdoEntry { index: 0, subindex: 0, bits: 0, data_type: DataType::Unsigned8, name: "" };
+    let (mut entries, mut count, mut number, mut slot) = ([gap; N], 0, 0, 0);
+    while number < fields.len() {
+        if matches!(fields[number].form, FieldType::Motion) {
+            let mut part = 0;
+            while part < MOTION_FIELDS.len() {
+                count = add(&mut entries, count, index, MOTION_FIELDS[part].form, SLOT_NAMES[slot][part]);
+                part += 1;
+            }
+            slot += 1;
+        } else {
+            count = add(&mut entries, count, index, fields[number].form, fields[number].name);
+        }
         number += 1;
     }
     entries
+}
+
+/// Adds the entries of a field, numbered on from those before. Returns how many there are now.
+#[expect(clippy::indexing_slicing, reason = "a constant is made without iterators")]
+const fn add(
+    entries: &mut [PdoEntry],
+    mut count: usize,
+    index: u16,
+    form: FieldType,
+    name: &'static str,
+) -> usize {
+    let until = count + entries_of(form);
+    let mut left = 8 * form.len();
+    while count < until {
+        let (bits, data_type) = match form {
+            FieldType::Real(_) => (32, DataType::Real32),
+            FieldType::Reserved(_) if left < GAP_BITS => (left, DataType::Unsigned8),
+            FieldType::Reserved(_) => (GAP_BITS, DataType::Unsigned8),
+            _ => match form.len() {
+                1 => (8, DataType::Unsigned8),
+                2 => (16, DataType::Unsigned16),
+                4 => (32, DataType::Unsigned32),
+                _ => (64, DataType::Unsigned64),
+            },
+        };
+        left -= bits;
+        let bits = bits as u8;
+        entries[count] = match form {
+            FieldType::Reserved(_) => PdoEntry { index: 0, subindex: 0, bits, data_type, name: "" },
+            _ => PdoEntry { index, subindex: count as u8 + 1, bits, data_type, name },
+        };
+        count += 1;
+    }
+    count
 }
 
 #[cfg(test)]
@@ -145,6 +231,9 @@ mod tests {
             let bits: usize = pdo.entries.iter().map(|entry| usize::from(entry.bits)).sum();
             assert_eq!(bits, IMAGE_LEN * 8);
         }
+        let command = ETHERCAT_ROBOT.outputs[0].entries;
+        let names: Vec<_> = MOTION_FIELDS.iter().map(|field| format!("slot 3 {}", field.name)).collect();
+        assert!(names.iter().all(|name| command.iter().any(|entry| entry.name == name)), "{names:?}");
         assert!(PROFINET_ROBOT.station_type.len() <= 25);
         assert!(PROFINET_ROBOT.order_id.len() <= 20 && PROFINET_ROBOT.serial_number.len() <= 16);
         assert_eq!(PROFINET_ROBOT.submodule(0, PORT_SUBSLOT).map(|submodule| submodule.ident), Some(0x8001));

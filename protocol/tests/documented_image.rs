@@ -4,8 +4,9 @@
 
 use machine::wire::{BigEndian, Reader, Writer};
 use protocol::image::{
-    Command, CommandSealer, Control, ErrorNumber, Feedback, FeedbackSealer, IMAGE_LEN, MOTION_LEN, Motion,
-    MotionKind, Order, Services, Skill, State, Status,
+    COMMAND_FIELDS, Command, CommandSealer, Control, ErrorNumber, FEEDBACK_FIELDS, Feedback, FeedbackSealer,
+    FieldType, IMAGE_LEN, ImageField, MOTION_FIELDS, MOTION_LEN, Motion, MotionKind, OPTION_FIELDS, Order,
+    Services, Skill, State, Status,
 };
 
 const PAGE: &str = include_str!("../../docs/process-image.md");
@@ -234,4 +235,55 @@ fn the_page_has_every_control_and_status_bit_by_its_name() {
     assert_eq!(bits("### Status bits"), status);
     let services: Vec<_> = (0..16).map(|bit| format!("{:?}", Services(1 << bit))).collect();
     assert_eq!(bits("### Services"), services);
+}
+
+/// Returns a field's row as the page has it: bytes, name and type.
+fn row_of(field: &ImageField) -> [String; 3] {
+    let until = field.first + field.form.len();
+    let bytes =
+        if field.form.len() == 1 { field.first.to_string() } else { format!("{}..{until}", field.first) };
+    let form = match field.form {
+        FieldType::Usint => "USINT".to_owned(),
+        FieldType::Uint => "UINT".to_owned(),
+        FieldType::Udint | FieldType::Check => "UDINT".to_owned(),
+        FieldType::Ulint => "ULINT".to_owned(),
+        FieldType::Word(_) => "WORD".to_owned(),
+        FieldType::Code(_) => (if field.form.len() == 1 { "USINT" } else { "UINT" }).to_owned(),
+        FieldType::Real(1) => "REAL".to_owned(),
+        FieldType::Real(count) => format!("{count} × REAL"),
+        FieldType::Motion => "motion".to_owned(),
+        FieldType::Reserved(_) => String::new(),
+    };
+    [bytes, field.name.to_owned(), form]
+}
+
+#[test]
+fn the_tables_from_which_other_programs_are_made_have_the_rows_of_the_page() {
+    let tables = [
+        ("## Command: from the PLC to the robot", COMMAND_FIELDS),
+        ("## Feedback: from the robot to the PLC", FEEDBACK_FIELDS),
+        ("## One motion", MOTION_FIELDS),
+        ("### Auxiliary bytes", OPTION_FIELDS),
+    ];
+    for (heading, fields) in tables {
+        let has_units = heading.starts_with("## ") && heading.contains("from the");
+        let documented: Vec<_> = table(heading)
+            .iter()
+            .map(|row| {
+                let name = if is_reserved(row) { "reserved" } else { row[1] };
+                let form = if is_reserved(row) { "" } else { row[2].trim_end_matches(", or other fields") };
+                [row[0].to_owned(), name.to_owned(), form.to_owned()]
+            })
+            .collect();
+        assert_eq!(documented, fields.iter().map(row_of).collect::<Vec<_>>(), "{heading}");
+        if has_units {
+            let units = table(heading).into_iter().filter(|row| !is_reserved(row)).map(|row| row[3]);
+            let is_used = |field: &&ImageField| !matches!(field.form, FieldType::Reserved(_));
+            assert_eq!(
+                units.collect::<Vec<_>>(),
+                fields.iter().filter(is_used).map(|field| field.unit).collect::<Vec<_>>(),
+                "{heading}"
+            );
+        }
+    }
 }

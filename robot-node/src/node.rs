@@ -1,5 +1,6 @@
 //! The robot as a machine: a bus endpoint and a controller, which exchange images every robot cycle.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 
 use machine::{Cycle, Duration, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
@@ -30,6 +31,7 @@ const LINK_EVENTS: usize = 16;
 #[derive(Debug)]
 pub struct RobotNode<B: Fieldbus> {
     bus: B,
+    polled: BusPolls,
     controller: Controller,
     /// The drives that the set-points go to, if the robot has some.
     drives: Option<DriveSegment>,
@@ -58,6 +60,21 @@ pub struct RobotNode<B: Fieldbus> {
     ticked_at: Instant,
 }
 
+/// Frames and events that the bus may have since it was last called, and when it wants to be called. It changes only when it is called, and
+/// a robot cycle alone calls it for nothing but the feedback.
+#[derive(Debug)]
+struct BusPolls {
+    may_send: bool,
+    may_report: bool,
+    /// Its next timeout; `None` where it was not asked since it was last called.
+    timeout: Cell<Option<Option<Instant>>>,
+}
+
+impl BusPolls {
+    /// A bus that was just called: nothing is known of it.
+    const CALLED: Self = Self { may_send: true, may_report: true, timeout: Cell::new(None) };
+}
+
 impl<B: Fieldbus> RobotNode<B> {
     /// Creates a robot with its programs by number. Its cycles start at `start`, which fixes their phase; `seed` feeds
     /// the interpreter's random phase.
@@ -75,6 +92,7 @@ impl<B: Fieldbus> RobotNode<B> {
         let controller = Controller::new(config, programs, seed);
         let mut node = Self {
             bus,
+            polled: BusPolls::CALLED,
             controller,
             drives,
             cycle,
@@ -106,8 +124,17 @@ impl<B: Fieldbus> RobotNode<B> {
     }
 
     /// Returns the bus endpoint, for commands to it.
-    pub const fn bus_mut(&mut self) -> &mut B {
+    pub fn bus_mut(&mut self) -> &mut B {
+        self.polled = BusPolls::CALLED;
         &mut self.bus
+    }
+
+    fn bus_timeout(&self) -> Option<Instant> {
+        self.polled.timeout.get().unwrap_or_else(|| {
+            let timeout = self.bus.poll_timeout();
+            self.polled.timeout.set(Some(timeout));
+            timeout
+        })
     }
 
     /// Returns the controller.
@@ -203,7 +230,7 @@ impl<B: Fieldbus> RobotNode<B> {
         let for_what = if !self.linked {
             self.wait.disconnect();
             Some(WaitingFor::Plc)
-        } else if self.bus.input().is_none() {
+        } else if !self.bus.has_input() {
             Some(WaitingFor::GoodData)
         } else if self.refused_since.is_some() {
             Some(WaitingFor::RightCheck { altered: self.checker.checks().altered })
@@ -295,10 +322,14 @@ impl<B: Fieldbus> RobotNode<B> {
             self.sealer.take_tail(&self.output);
         }
         self.sealer.seal(order, &mut self.output);
+        self.polled = BusPolls::CALLED;
         self.bus.set_output(&self.output);
     }
 
     fn take_link_events(&mut self) {
+        if !core::mem::take(&mut self.polled.may_report) {
+            return;
+        }
         while let Some(event) = self.bus.poll_event() {
             match event {
                 LinkEvent::Up => self.linked = true,
@@ -323,7 +354,7 @@ impl<B: Fieldbus> RobotNode<B> {
 
     /// Handles what the bus has received and reported.
     fn after_bus(&mut self, now: Instant) {
-        self.life.note_arrival(now, self.bus.counters().received);
+        self.life.note_arrival(now, self.bus.received());
         self.take_link_events();
     }
 }
@@ -334,30 +365,35 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
     machine::forward_ports!(bus);
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        self.bus.handle_frame(now, from, frame);
+        self.bus_mut().handle_frame(now, from, frame);
         self.after_bus(now);
     }
 
     fn handle_broadcast(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        self.bus.handle_broadcast(now, from, frame);
+        self.bus_mut().handle_broadcast(now, from, frame);
         self.after_bus(now);
     }
 
     fn handle_stream(&mut self, now: Instant, stream: StreamId, change: StreamChange) {
-        self.bus.handle_stream(now, stream, change);
+        self.bus_mut().handle_stream(now, stream, change);
         self.take_link_events();
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        if self.bus.poll_timeout().is_some_and(|due| due <= now) {
-            self.bus.handle_timeout(now);
+        if self.bus_timeout().is_some_and(|due| due <= now) {
+            self.bus_mut().handle_timeout(now);
             self.after_bus(now);
         }
         self.tick(now);
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        self.bus.poll_transmit(now, buf)
+        if !self.polled.may_send {
+            return None;
+        }
+        let transmit = self.bus_mut().poll_transmit(now, buf);
+        self.polled.may_send = transmit.is_some();
+        transmit
     }
 
     fn poll_event(&mut self) -> Option<RobotEvent> {
@@ -368,6 +404,6 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let tick = self.cycle.next();
-        Some(self.bus.poll_timeout().map_or(tick, |bus| bus.min(tick)))
+        Some(self.bus_timeout().map_or(tick, |bus| bus.min(tick)))
     }
 }

@@ -73,10 +73,23 @@ gate_capture() {
     gate_sees_faults "$1" "$2"
 }
 
-# gate_run GATE DIRECTORY: checks the captures of both ends of a run.
+# gate_images CAPTURE: the dissector of the image finds both images, thousands of them, and each check is right.
+gate_images() {
+    local states commands feedbacks wrong
+    states=$(tshark -n -X lua_script:protocol/devices/skillbench-image.lua -r "$1" -Y skillbench -T fields \
+        -e skillbench.command.skill -e skillbench.feedback.state -e skillbench.check_state 2>/dev/null)
+    commands=$(cut -f 1 <<<"$states" | grep -c .)
+    feedbacks=$(cut -f 2 <<<"$states" | grep -c .)
+    wrong=$(cut -f 3 <<<"$states" | grep -c '[02]')
+    echo "$1: $commands commands, $feedbacks feedbacks, $wrong frames with a check that is not right"
+    [ "$commands" -gt 1000 ] && [ "$feedbacks" -gt 1000 ] && [ "$wrong" -eq 0 ]
+}
+
+# gate_run GATE DIRECTORY: checks the captures of both ends of a run, and the images in them.
 gate_run() {
     local capture
     for capture in "$2/plc.pcapng" "$2/robot.pcapng"; do
         gate_capture "$1" "$capture"
+        gate_images "$capture"
     done
 }

@@ -31,6 +31,9 @@ verb_wire() { #: short real and virtual runs, the captures of both ends through 
     gate_capture gate_ethercat "$out/real-F/plc-right.pcapng"
     gate_capture gate_ethercat "$out/real-F/robot-right.pcapng"
     local fault capture
+    for capture in "$out"/real-[EF]/plc-*.pcapng; do
+        gate_images "$capture"
+    done
     built bench --setup A --mode real --types cm --reps 1 --capture always --out "$out/faults" \
         --fault loss=0.01 --fault duplicate=0.01 --fault reorder=0.01@3ms
     gate_run gate_profinet "$out/faults"

@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::cell_results::CellResults;
 use crate::counted::counted;
 use crate::digest::{Digests, Mismatch};
-use crate::occupied::SAMPLES;
+use crate::occupied::{MOST_RUN_BYTES, SAMPLES};
 use crate::results::{Results, Status, TypeResult, aet_mad};
 use crate::sample_rows::{Row, Rows};
 use crate::statistics::{AetMad, aet_improvement};
@@ -84,7 +84,7 @@ fn lists_of_cell(cell: &CellResults) -> Result<(), String> {
 
 fn samples_of(directory: &Path) -> Result<String, Altered> {
     let path = directory.join(SAMPLES);
-    fs::read_to_string(&path).map_err(|error| {
+    setup::read_plain_text_within(&path, MOST_RUN_BYTES).map_err(|error| {
         let problem = match error.kind() {
             ErrorKind::NotFound => "is missing beside results.json".to_owned(),
             _ => format!("cannot be read: {error}"),
@@ -95,7 +95,8 @@ fn samples_of(directory: &Path) -> Result<String, Altered> {
 
 fn digests_agree(directory: &Path, value: &Value, digests: Option<&Digests>) -> Result<(), Altered> {
     let Some(digests) = digests else { return Ok(()) };
-    let checked = digests.check(value, |name| fs::read(directory.join(name)).ok());
+    let checked =
+        digests.check(value, |name| setup::read_plain_file(&directory.join(name), MOST_RUN_BYTES).ok());
     checked.map_err(|mismatch| of_mismatch(directory, mismatch))
 }
 

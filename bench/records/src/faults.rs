@@ -2,6 +2,7 @@
 
 mod at_frame;
 mod drives;
+mod form;
 mod limits;
 mod report;
 
@@ -17,6 +18,7 @@ use virtual_time::{FrameFault, Impairment, Side};
 pub use at_frame::AtFrame;
 use drives::DriveFault;
 pub use drives::NoSuchDrive;
+pub use form::{FaultError, help};
 pub use limits::{
     NotReal, Repeated, TooManyFrameFaults, Unfit, UnfitForCell, WrongStation, check, check_cell,
     check_one_robot, check_real,
@@ -51,36 +53,6 @@ enum Kind {
     Drive(DriveFault),
 }
 
-/// Why a text is not a fault.
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-pub enum FaultError {
-    /// It has none of the forms of a fault.
-    #[error(
-        "`{0}` is no fault; write loss=0.001, duplicate=0.01, corrupt=0.001@memory, corrupt=0.001@wire, reorder=0.01@2ms, \
-         delay=100us, jitter=50us, cut-at=2s..2.1s, kill-robot-at=2s or kill-plc-at=2s, the first seven also for one direction, as \
-         to-robot:loss=0.001; of one frame to-robot:lose-frame=17, to-plc:double-frame=17, to-plc:hold-frame=17@2ms, \
-         to-robot:flip-frame=17.93@memory, to-robot:flip-frame=17@wire; in virtual mode from one frame on to-robot:cut-frame=17@10ms, \
-         to-robot:restart-robot=17@100ms, to-plc:restart-plc=17@100ms; and of a drive drive-fault=3@2s, drive-stop=3@2s or \
-         drive-block=3@2s..2.5s"
-    )]
-    Form(String),
-    /// It is not a share of the frames.
-    #[error("`{0}` is no share of the frames; write a number from 0 to 1, such as 0.001, or 0.1%")]
-    Share(String),
-    /// It is not a time.
-    #[error("`{0}` is no time; write a number with its unit, such as 100us, 2.5ms or 2s")]
-    Time(String),
-    /// It is not the number of a frame.
-    #[error("`{0}` is no number of a frame; write 1 for the first one in that direction")]
-    Frame(String),
-    /// A cut, or the time for which a shaft is held, ends before it begins.
-    #[error("`{0}` ends before it begins")]
-    Backwards(String),
-    /// It names no axis and time.
-    #[error("`{0}` is no axis and time; write 3@2s for axis 3 after 2 s, and 3@2s..2.5s where a fault lasts")]
-    Axis(String),
-}
-
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
@@ -91,7 +63,7 @@ impl FromStr for Fault {
     type Err = FaultError;
 
     fn from_str(text: &str) -> Result<Self, FaultError> {
-        let form = || FaultError::Form(text.to_owned());
+        let form = || FaultError::form(text);
         let (station, of_station) = match text.split_once('/') {
             Some((station, rest)) if !station.contains(['=', ':']) => (Some(station.to_owned()), rest),
             _ => (None, text),

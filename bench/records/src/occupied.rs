@@ -3,6 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+/// Largest file of a run in bytes that is read as a whole; the traces of the longest runs have some hundred MB.
+pub(crate) const MOST_RUN_BYTES: u64 = 1 << 30;
+
 /// The files of a run, see [`run_directory`](super::run_directory).
 pub const RUN: Files<'static> = Files {
     inputs: &[],

@@ -27,7 +27,7 @@ use crate::conditions::Measured;
 use crate::counted::counted;
 use crate::digest::Digests;
 use crate::host::date;
-use crate::occupied::{self, Files, Occupied, PROGRAM, SAMPLES, holds_run};
+use crate::occupied::{self, Files, MOST_RUN_BYTES, Occupied, PROGRAM, SAMPLES, holds_run};
 use crate::origin::{MeasuredTime, MeasuredType};
 use crate::replacement::check_writable;
 pub use crate::replacement::{Durability, Replacement, check_replaceable, replace};
@@ -223,7 +223,7 @@ pub fn results(directory: &Path) -> anyhow::Result<Results> {
 /// There are none, they have another version, or a saved figure was changed: [`Altered`].
 pub fn saved(directory: &Path) -> anyhow::Result<SavedResults> {
     let path = directory.join("results.json");
-    let text = match fs::read_to_string(&path) {
+    let text = match setup::read_plain_text_within(&path, MOST_RUN_BYTES) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let shown = directory.display();

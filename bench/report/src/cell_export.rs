@@ -1,7 +1,7 @@
 //! The results of a cell with several stations in formats of other programs.
 
 use crate::cell_table;
-use crate::export_text::{markdown_row, quoted, unfinished};
+use crate::export_text::{markdown_row, markdown_text, quoted, unfinished};
 use crate::figures::rounded;
 use plc_node::ExecutionType;
 use records::cell_results::CellResults;
@@ -55,15 +55,21 @@ pub(super) fn csv(results: &CellResults) -> String {
 pub(super) fn markdown(results: &CellResults) -> String {
     let CellResults { setup, title, application, mode, .. } = results;
     let about = format!(
-        "{application}, {}, {mode} mode, {}{}",
+        "{}, {}, {mode} mode, {}{}",
+        markdown_text(application),
         repetitions(results.reps),
-        results.conditions(", "),
+        markdown_text(&results.conditions(", ")),
         unfinished(results.status)
     );
     let header = cell_table::header(results);
     let alignments: Vec<_> =
         header.iter().enumerate().map(|(at, _)| if at == 0 { "---" } else { "---:" }).collect();
-    let mut lines = vec![format!("### Setup {setup}: {title}"), String::new(), about, String::new()];
+    let mut lines = vec![
+        format!("### Setup {}: {}", markdown_text(setup), markdown_text(title)),
+        String::new(),
+        about,
+        String::new(),
+    ];
     lines.extend([markdown_row(&header), markdown_row(&alignments)]);
     lines.extend(cell_table::rows(results).iter().map(|row| markdown_row(row)));
     lines.push(String::new());

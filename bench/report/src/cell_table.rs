@@ -95,7 +95,7 @@ pub(crate) fn sentences(results: &CellResults) -> Vec<String> {
 
 /// Returns what CM gains over SM, for the cell and for each arm alone.
 fn gains(results: &CellResults) -> Option<String> {
-    let percent = |share: f64| format!("{:.1} %", share * 100.0);
+    let percent = |share: f64| format!("{:.1} %", share * 100.0).replace('-', "−");
     let mut text = format!("(SM − CM) / SM: {}", percent(results.aet_improvement?));
     for station in &results.stations {
         if let Some(gain) = station.alone.as_ref().and_then(|alone| alone.aet_improvement) {

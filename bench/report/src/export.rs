@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use crate::cell_export;
-use crate::export_text::{escaped_marks, markdown_row, quoted, unfinished};
+use crate::export_text::{escaped_marks, markdown_row, markdown_text, quoted, unfinished};
 use crate::figures::{self, CALIBRATED, Figures, rounded};
 use crate::progress::label;
 use crate::table;
@@ -141,13 +141,14 @@ fn csv(results: &Results) -> String {
 fn markdown(results: &Results) -> String {
     let Results { setup, title, application, .. } = results;
     let mut lines = vec![
-        format!("### Setup {setup}: {title}"),
+        format!("### Setup {}: {}", markdown_text(setup), markdown_text(title)),
         String::new(),
         format!(
-            "{application}, {}, {}, {}{}",
+            "{}, {}, {}, {}{}",
+            markdown_text(application),
             repetitions(results.reps),
             results.mode_in_words(),
-            results.conditions(", "),
+            markdown_text(&results.conditions(", ")),
             unfinished(results.status)
         ),
         String::new(),

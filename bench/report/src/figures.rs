@@ -112,8 +112,8 @@ impl Row {
                 figures.paper.map_or_else(none, |paper| format!("{:.0}", rounded(paper.aet_ms, 0))),
                 or_none(figures.paper.map(|paper| paper.mad_ms)),
             ],
-            aet_minus_paper: difference.map_or_else(none, |ms| format!("{:+.1}", rounded(ms, 1))),
-            aet_minus_paper_percent: share.map(|share| format!("{:+.2} %", rounded(share, 2))),
+            aet_minus_paper: difference.map_or_else(none, signed),
+            aet_minus_paper_percent: share.map(signed_percent),
         }
     }
 
@@ -190,8 +190,13 @@ pub fn signed(value: f64) -> String {
     format!("{:+.1}", rounded(value, 1)).replace('-', "−")
 }
 
+/// Formats a percentage to a hundredth, with its sign.
+pub fn signed_percent(percent: f64) -> String {
+    format!("{:+.2} %", rounded(percent, 2)).replace('-', "−")
+}
+
 pub(super) fn percent(share: f64, digits: usize) -> String {
-    format!("{:.*} %", digits, rounded(share * 100.0, digits))
+    format!("{:.*} %", digits, rounded(share * 100.0, digits)).replace('-', "−")
 }
 
 fn none() -> String {

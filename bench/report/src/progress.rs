@@ -9,6 +9,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use plc_node::ExecutionType;
 
 use crate::errln;
+use node::output;
 use records::results::Results;
 use records::schedule::Schedule;
 use records::voice::Voice;
@@ -110,7 +111,7 @@ impl Progress {
         match &self.view {
             View::Live { screen, .. } => {
                 let screen = screen.clone();
-                Voice::new(move |line| drop(screen.println(line)))
+                Voice::new(move |line| drop(screen.println(output::shown(line))))
             }
             View::Plain { .. } => Voice::new(|line| errln!("{line}")),
             View::Quiet => Voice::new(|_| {}),

@@ -66,8 +66,6 @@ pub fn run(options: &ImportOptions) -> Result<Exit, Failure> {
 
 fn read(ImportOptions { file, .. }: &ImportOptions) -> anyhow::Result<String> {
     let shown = file.display();
-    let length = std::fs::metadata(file).with_context(|| format!("cannot read {shown}"))?.len();
-    anyhow::ensure!(length <= MAX_LEN, "{shown} has {length} bytes: a table of samples has 64 MiB at most");
-    let bytes = std::fs::read(file).with_context(|| format!("cannot read {shown}"))?;
+    let bytes = setup::read_plain_file(file, MAX_LEN).with_context(|| format!("cannot read {shown}"))?;
     String::from_utf8(bytes).map_err(|_| anyhow!("{shown} is not text in UTF-8: save it as CSV in UTF-8"))
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use clap::Args;
 
 use records::exit::{Exit, Failure};
@@ -58,12 +59,18 @@ fn as_it_was(failure: Failure) -> Failure {
 /// Options of a comparison.
 #[derive(Args, Debug)]
 pub struct CompareOptions {
-    /// The run directories; the others are set against the first.
+    /// The run directories; each other run is compared with the first.
     #[arg(value_name = "RUN", required = true, num_args = 2..)]
     pub runs: Vec<PathBuf>,
     /// Write a page with the samples of all runs to this file as well.
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
+    /// Write the figures of each type of each run to this file as well, as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub export_json: Option<PathBuf>,
+    /// Write the figures of each type of each run to this file as well, as CSV.
+    #[arg(long, value_name = "FILE")]
+    pub export_csv: Option<PathBuf>,
 }
 
 /// Prints runs side by side, and writes a page if requested.
@@ -72,10 +79,19 @@ pub struct CompareOptions {
 ///
 /// A directory contains no run, or the page cannot be written.
 pub fn compare(options: &CompareOptions) -> Result<Exit, Failure> {
-    outputs::check(&[("--html", options.html.as_deref())], &[], Own::default())?;
+    let CompareOptions { html, export_json, export_csv, .. } = options;
+    let asked = [("--html", html), ("--export-json", export_json), ("--export-csv", export_csv)];
+    outputs::check(&asked.map(|(option, file)| (option, file.as_deref())), &[], Own::default())?;
     let comparison = Comparison::load(&options.runs)?;
     outln!("{}", comparison.table());
-    if let Some(path) = &options.html {
+    if let Some(path) = export_json {
+        let json = comparison.json().context("cannot write the comparison as JSON")?;
+        replace(path, &json, Durability::Written)?;
+    }
+    if let Some(path) = export_csv {
+        replace(path, &comparison.csv(), Durability::Written)?;
+    }
+    if let Some(path) = html {
         replace(path, &comparison.page()?, Durability::Written)?;
         outln!("\n{}", path.display());
     }

@@ -19,17 +19,32 @@ pub fn event_loop() -> anyhow::Result<Runtime> {
     Builder::new_current_thread().enable_all().build().context("cannot start the bench's event loop")
 }
 
-/// Resolves at the first Ctrl-C or SIGTERM.
+/// Resolves at the first Ctrl-C, SIGTERM or SIGHUP; under `nohup`, SIGHUP does nothing.
 #[cfg(unix)]
 pub fn interrupt() -> anyhow::Result<impl Future<Output = ()>> {
     let mut interrupted = signal(SignalKind::interrupt()).context("cannot listen for Ctrl-C")?;
     let mut terminated = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
     #[cfg(all(feature = "real", target_os = "linux"))]
+    let ignores_hang_up = protocol_linux::ignores_hang_up();
+    #[cfg(not(all(feature = "real", target_os = "linux")))]
+    let ignores_hang_up = true;
+    let mut hung_up = match ignores_hang_up {
+        true => None,
+        false => Some(signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?),
+    };
+    #[cfg(all(feature = "real", target_os = "linux"))]
     protocol_linux::handle_stop();
     Ok(async move {
+        let hang_up = async {
+            match &mut hung_up {
+                Some(signal) => _ = signal.recv().await,
+                None => std::future::pending().await,
+            }
+        };
         tokio::select! {
             _ = interrupted.recv() => {}
             _ = terminated.recv() => {}
+            () = hang_up => {}
         }
     })
 }
@@ -60,7 +75,7 @@ pub fn watch_for_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
             first.await;
             set.store(true, Ordering::Relaxed);
             tokio::time::sleep(TOGETHER).await;
-            errln!("ending what has begun; Ctrl-C again ends at once");
+            errln!("finishing the current jobs; press Ctrl-C again to stop now");
             if let Ok(second) = interrupt() {
                 second.await;
                 process::exit(Exit::Interrupted as i32);

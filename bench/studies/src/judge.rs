@@ -87,7 +87,7 @@ pub fn run(options: &JudgeOptions) -> Result<Exit, Failure> {
 
 fn run_case(path: &Path, classes: &[Class]) -> Result<Exit, Failure> {
     let usage = |error: anyhow::Error| Failure::new(Exit::Usage, error);
-    let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()));
+    let text = setup::read_plain_text(path).with_context(|| format!("cannot read {}", path.display()));
     let text = text.map_err(usage)?;
     let case = Case::parse(&path.display().to_string(), &text).map_err(|error| usage(error.into()))?;
     let setup = setup::setup(&case.setup)?;

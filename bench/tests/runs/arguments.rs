@@ -38,3 +38,65 @@ fn a_list_of_motions_that_the_disk_does_not_take_is_no_wrong_argument() {
     assert_eq!(written("list").code, Some(0));
     assert_eq!(fs::read_to_string(directory.path().join("list")).unwrap().lines().count(), 101);
 }
+
+#[cfg(feature = "real")]
+#[test]
+fn a_device_in_place_of_a_file_is_refused_before_it_is_read() {
+    let directory = tempfile::tempdir().unwrap();
+    let device = "/dev/zero";
+    for arguments in [
+        &["--mode", "virtual", "--setup", device][..],
+        &["--mode", "virtual", "--application", device],
+        &["judge", "--case", device],
+        &["study", "run", device],
+        &["gate", "--baseline", device],
+        &["import-samples", device],
+        &["--attach", "plc=127.0.0.1:9", "--control-token", device],
+    ] {
+        let finished = bench(directory.path(), arguments);
+        let said = &finished.stderr;
+        assert!(
+            said.contains("is a pipe or a device") || said.contains("would replace"),
+            "{arguments:?}: {said}"
+        );
+        assert!(finished.code.is_some_and(|code| code == 2 || code == 1), "{arguments:?}: {said}");
+    }
+}
+
+#[test]
+fn control_characters_of_an_argument_are_shown_and_not_sent_to_the_terminal() {
+    let directory = tempfile::tempdir().unwrap();
+    for arguments in [
+        &["--mode", "virtual", "--setup", "\u{1b}[31mA.toml"][..],
+        &["--reps", "\u{1b}]0;title\u{7}"],
+        &["--fault", "\u{1b}[2J"],
+        &["report", "\u{1b}[31m"],
+        &["\u{1b}[31m"],
+    ] {
+        let finished = bench(directory.path(), arguments);
+        let said = format!("{}{}", finished.stdout, finished.stderr);
+        assert!(said.contains("\\u001b"), "{arguments:?}: {said}");
+        assert!(!said.contains('\u{1b}') && !said.contains('\u{7}'), "{arguments:?}: {said:?}");
+        assert_eq!(finished.code, Some(2), "{said}");
+    }
+}
+
+#[cfg(feature = "real")]
+#[test]
+fn a_limit_of_a_files_size_ends_a_run_with_an_error_and_not_with_a_signal() {
+    let directory = tempfile::tempdir().unwrap();
+    let script = format!(
+        "ulimit -f 16; {} --mode virtual --types cm --reps 100 --quiet --without report,race,traces --out run",
+        env!("CARGO_BIN_EXE_bench")
+    );
+    let output = std::process::Command::new("bash")
+        .args(["-c", &script])
+        .current_dir(directory.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("File too large"), "{said}");
+    let samples = fs::read_to_string(directory.path().join("run/samples.csv")).unwrap();
+    assert!(samples.ends_with('\n'), "half a line is left");
+}

@@ -16,6 +16,7 @@ mod calibrate;
 mod captures;
 mod causes;
 mod cells;
+mod columns;
 mod command_line;
 mod corrupted;
 mod drives;

@@ -208,6 +208,8 @@ pub struct Step {
     pub labels: Labels,
     /// The tool that follows the path.
     pub tool: Tool,
+    /// Number of the base in which its frames are; the application's where it names none.
+    pub base: Option<u8>,
     /// What is to be done.
     pub course: Course,
     /// Highest speed along the path in mm/s, besides the setup's programmed one.

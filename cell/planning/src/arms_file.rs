@@ -120,6 +120,9 @@ pub(crate) struct ArmStep {
     /// Tool of this step; the arm's if left out.
     #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub(crate) tool: Option<Name>,
+    /// Base of this step's frames; the arm's if left out.
+    #[cfg_attr(test, schemars(with = "Option<String>"))]
+    pub(crate) base: Option<Name>,
     /// Frame to be at, by whatever way. Either this or `path`.
     #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub(crate) reach: Option<Name>,
@@ -152,6 +155,7 @@ impl ArmStep {
         match self {
             Self { labels: Some(_), .. } => Some("labels"),
             Self { tool: Some(_), .. } => Some("tool"),
+            Self { base: Some(_), .. } => Some("base"),
             Self { reach: Some(_), .. } => Some("reach"),
             Self { from: Some(_), .. } => Some("from"),
             Self { path: Some(_), .. } => Some("path"),
@@ -165,15 +169,16 @@ impl ArmStep {
 
     /// Returns the step of an application for one arm, if this is one with labels.
     pub(crate) fn step(self) -> Option<Step> {
-        let Self { name, does, mark: None, labels: Some(labels), tool, reach, from, path, .. } = self else {
+        let Self { name, does, mark: None, labels: Some(labels), tool, base, reach, from, .. } = self else {
             return None;
         };
-        let Self { approach_mm, retreat_mm, speed_mm_s, speed_percent, then, .. } = self;
+        let Self { path, approach_mm, retreat_mm, speed_mm_s, speed_percent, then, .. } = self;
         Some(Step {
             name,
             does,
             labels,
             tool,
+            base,
             reach,
             from,
             path,

@@ -211,6 +211,9 @@ pub(crate) struct Step {
     /// Tool of this step; the application's if left out.
     #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub(crate) tool: Option<Name>,
+    /// Base of this step's frames; the application's if left out.
+    #[cfg_attr(test, schemars(with = "Option<String>"))]
+    pub(crate) base: Option<Name>,
     /// Frame to be at, by whatever way. Either this or `path`.
     #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub(crate) reach: Option<Name>,

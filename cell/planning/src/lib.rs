@@ -43,6 +43,7 @@ mod refusal;
 mod resolve;
 mod shared_zone;
 mod source;
+mod step_base;
 mod stopped;
 mod stream;
 mod swing;

@@ -2,10 +2,11 @@
 
 use protocol::image::MotionKind;
 
-use crate::application::{Application, Segment, Step};
+use crate::application::{Application, Place, Segment, Step};
 use crate::geometry::{Point, Pose};
 use crate::motion::{Motion, Role};
 use crate::refusal::{LEAST_TURN_DEG, Refusal};
+use crate::step_base::StepBase;
 
 /// A path as far as it could be planned.
 pub(crate) struct Path {
@@ -19,7 +20,7 @@ impl Path {
     /// Plans step I: the motions of the segments, in this cell of the grids.
     pub(crate) fn plan(
         application: &Application,
-        step: &Step,
+        (step, base): (&Step, StepBase),
         start: Pose,
         segments: &[Segment],
         cell: usize,
@@ -27,7 +28,7 @@ impl Path {
         let mut motions = Vec::with_capacity(segments.len());
         let refusal = segments
             .iter()
-            .try_for_each(|segment| append(application, segment, start, cell, &mut motions))
+            .try_for_each(|segment| append((application, base), segment, start, cell, &mut motions))
             .err();
         for motion in &mut motions {
             motion.accurate_path = step.labels.accurate_path;
@@ -75,27 +76,27 @@ fn no_direction(motion: &Motion, key: &'static str) -> Refusal {
 
 /// Appends the motions of one segment, which begins where the last motion ends.
 fn append(
-    application: &Application,
+    (application, base): (&Application, StepBase),
     segment: &Segment,
     start: Pose,
     cell: usize,
     motions: &mut Vec<Motion>,
 ) -> Result<(), Refusal> {
+    let pose = |place: &Place| base.pose(application, place, cell);
     let from = motions.last().map_or(start, |last| last.target);
     match segment {
         Segment::Line(to) => {
-            let line =
-                Motion::straight(Role::Path, MotionKind::LinCartesian, from, application.pose(to, cell));
+            let line = Motion::straight(Role::Path, MotionKind::LinCartesian, from, pose(to));
             motions.push(Motion { configuration: to.configuration, ..line });
         }
         Segment::Circle { through, to } => {
-            let (through, to) = (application.pose(through, cell).point, application.pose(to, cell));
+            let (through, to) = (pose(through).point, pose(to));
             motions.push(Motion::circle(Role::Path, from, through, to)?);
         }
         Segment::Spline(places) => {
             let mut from = from;
             for place in places {
-                let to = application.pose(place, cell);
+                let to = pose(place);
                 let piece = Motion::straight(Role::Path, MotionKind::Spline, from, to);
                 motions.push(Motion { configuration: place.configuration, ..piece });
                 from = to;
@@ -106,9 +107,8 @@ fn append(
             if !(force.is_finite() && force > 0.0) {
                 return Err(Refusal::NoForce { force_n: *force_n });
             }
-            let to = application.pose(to, cell);
-            let motion = Motion::straight(Role::Path, MotionKind::LinForceCartesian, from, to);
-            motions.push(Motion { auxiliary: *force_n, ..motion });
+            let motion = Motion::straight(Role::Path, MotionKind::LinForceCartesian, from, pose(to));
+            motions.push(Motion { auxiliary: base.direction(*force_n), ..motion });
         }
     }
     Ok(())

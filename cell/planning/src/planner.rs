@@ -10,6 +10,7 @@ use crate::motion::{Arrival, Motion, Role};
 use crate::path::Path;
 use crate::plan::{Continuous, Plan, Reason, ToStart, WaitAt};
 use crate::refusal::{LEAST_MM, LEAST_TURN_DEG, Refusal};
+use crate::step_base::StepBase;
 use crate::way::{Space, Way};
 use crate::zone::{LEAST_ZONE_MM, Sizes, Why, swallowed_point};
 
@@ -153,7 +154,7 @@ impl<'a> Planner<'a> {
         self.take_tool(step, &step.tool)?;
         match &step.course {
             Course::Reach(place) => {
-                let target = self.application.pose(place, cell);
+                let target = self.base_of(step).pose(self.application, place, cell);
                 into.stops = into.rests;
                 self.way(target, place.into(), "", into)
             }
@@ -161,11 +162,16 @@ impl<'a> Planner<'a> {
         }
     }
 
+    fn base_of(&self, step: &Step) -> StepBase {
+        StepBase::of(step, self.application, self.setup)
+    }
+
     /// Plans the way to a path, its pre-movement, its motions and its post-movement.
     fn follow(&mut self, step: &'a Step, cell: usize, into: &mut Destination<'_>) -> Result<(), Error> {
         let Course::Follow { from, segments, approach_mm, retreat_mm } = &step.course else { return Ok(()) };
-        let start = from.as_ref().map_or(self.here.0, |from| self.application.pose(from, cell));
-        let path = Path::plan(self.application, step, start, segments, cell);
+        let base = self.base_of(step);
+        let start = from.as_ref().map_or(self.here.0, |from| base.pose(self.application, from, cell));
+        let path = Path::plan(self.application, (step, base), start, segments, cell);
         let pre = path.pre_movement(*approach_mm);
         let post = path.post_movement(*retreat_mm);
         let first = from.as_ref().map_or_else(Arrival::default, Arrival::from);
@@ -218,6 +224,7 @@ impl<'a> Planner<'a> {
             does: String::new(),
             labels: Labels { accurate_path: false, accurate_stop: true },
             tool: tool.clone(),
+            base: None,
             course: Course::Reach(place.clone()),
             speed_mm_s: None,
             speed_percent: 100.0,
@@ -256,8 +263,10 @@ impl<'a> Planner<'a> {
             let known = std::iter::once(0).chain(frames.iter().map(|frame| frame.number)).collect();
             self.refused(step, 0, Refusal::UnknownFrame { what, number, known })
         };
-        if frame(self.application.base, &robot.bases).is_none() {
-            return Err(unknown("base", self.application.base, &robot.bases));
+        for number in [Some(self.application.base), step.base].into_iter().flatten() {
+            if frame(number, &robot.bases).is_none() {
+                return Err(unknown("base", number, &robot.bases));
+            }
         }
         let (here, old) = self.here;
         let [old_frame, new_frame] = [old, tool].map(|tool| {

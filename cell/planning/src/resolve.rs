@@ -142,7 +142,9 @@ impl Resolver<'_> {
         let used: Vec<_> = of_steps.chain([&file.tool]).map(Spanned::get_ref).collect();
         let tools =
             file.tools.keys().filter(|name| !used.contains(name)).map(|name| format!("tool `{name}`"));
-        let bases = file.bases.keys().filter(|name| *name != file.base.get_ref());
+        let of_steps = file.steps.iter().filter_map(|step| step.get_ref().base.as_ref());
+        let used_bases: Vec<_> = of_steps.chain([&file.base]).map(Spanned::get_ref).collect();
+        let bases = file.bases.keys().filter(|name| !used_bases.contains(name));
         tools.chain(bases.map(|name| format!("base `{name}`"))).collect()
     }
 

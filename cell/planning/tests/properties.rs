@@ -82,6 +82,7 @@ fn step() -> impl Strategy<Value = Step> {
             accurate_stop: stop,
         },
         tool: Tool { name: "flange".into(), number: 0 },
+        base: None,
         course,
         speed_mm_s: None,
         speed_percent: 100.0,

@@ -18,6 +18,7 @@ mod model;
 mod nearest;
 mod peer;
 mod place;
+mod plain_file;
 mod shared_zone;
 mod sourced;
 mod vary;
@@ -42,6 +43,7 @@ pub use model::{
 };
 pub use nearest::{meant_or_all, nearest};
 pub use peer::Peer;
+pub use plain_file::{MOST_FILE_BYTES, read_plain_file, read_plain_text, read_plain_text_within};
 pub use shared_zone::SharedZone;
 pub use sourced::{Provenance, Sourced};
 pub use write::{cell_to_toml, setup_to_table, setup_to_toml};

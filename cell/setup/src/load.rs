@@ -8,6 +8,7 @@ use crate::cell::CELL_SCHEMA;
 use crate::check::{self, Problem, check_setup};
 use crate::exact::Exact;
 use crate::place::line_of;
+use crate::plain_file::{MOST_FILE_BYTES, read_plain_file};
 use crate::{Cell, Error, Setup};
 
 /// Setups compiled in: name and text.
@@ -180,22 +181,11 @@ pub fn find(
     Ok(Text { origin: path.display().to_string(), path: Some(path), text })
 }
 
-/// Largest file in bytes that is read as a whole.
-const MOST_BYTES: u64 = 16 << 20;
-
 /// Reads a text file.
 fn read_text(what: &'static str, path: &Path) -> Result<String, Error> {
     let unreadable = |reason| Error::Unreadable { what, path: path.to_owned(), reason };
     let not_text = |problem: String| Error::NotText { path: path.to_owned(), problem };
-    let about = std::fs::metadata(path).map_err(unreadable)?;
-    // Opening a pipe or a device could wait for ever.
-    if !about.is_file() && !about.is_dir() {
-        return Err(not_text(format!("is not a file; give the path of a {what}'s .toml file")));
-    }
-    if about.len() > MOST_BYTES {
-        return Err(not_text(format!("has {} MB; a {what} has 16 at most", about.len() / 1_000_000)));
-    }
-    let bytes = std::fs::read(path).map_err(unreadable)?;
+    let bytes = read_plain_file(path, MOST_FILE_BYTES).map_err(unreadable)?;
     String::from_utf8(bytes)
         .map_err(|error| not_text(not_utf_8(error.as_bytes(), error.utf8_error().valid_up_to())))
 }

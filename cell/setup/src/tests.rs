@@ -468,9 +468,9 @@ fn a_file_that_is_not_utf_8_or_not_a_file_is_refused_with_its_place() {
     insta::assert_snapshot!(said("latin.toml", latin_1), @"DIR/latin.toml: line 2 has the byte 0xFC, which is not UTF-8: save the file as UTF-8");
     let utf_16: Vec<u8> = "\u{FEFF}schema = 1".encode_utf16().flat_map(u16::to_le_bytes).collect();
     insta::assert_snapshot!(said("wide.toml", &utf_16), @"DIR/wide.toml: is in UTF-16: save it as UTF-8");
-    insta::assert_snapshot!(said("large.toml", &vec![b' '; 17 << 20]), @"DIR/large.toml: has 17 MB; a setup has 16 at most");
+    insta::assert_snapshot!(said("large.toml", &vec![b' '; 17 << 20]), @"cannot read the setup file DIR/large.toml: it has 17 MiB; such a file has 16 MiB at most");
     #[cfg(unix)]
-    insta::assert_snapshot!(setup("/dev/null").unwrap_err(), @"/dev/null: is not a file; give the path of a setup's .toml file");
+    insta::assert_snapshot!(setup("/dev/null").unwrap_err(), @"cannot read the setup file /dev/null: it is a pipe or a device; give the path of a file");
 }
 
 #[test]

@@ -29,7 +29,8 @@ pub(super) struct Client {
     /// Whether it has sent a line. Until then the next controller replaces it: it may be a port scanner or a
     /// forgotten shell.
     pub(super) has_sent_line: bool,
-    /// When it last sent something, or connected.
+    /// When it last ended a line, or connected. Before its first instruction only the connection counts, so neither single
+    /// bytes nor empty lines keep a place.
     pub(super) heard: Instant,
 }
 
@@ -81,11 +82,14 @@ impl Client {
         match self.stream.read(&mut bytes) {
             Ok(0) => Err("it closed the connection".to_owned()),
             Ok(len) => {
-                self.heard = Instant::now();
                 let whole = self.lines.take(bytes.get(..len).unwrap_or_default());
                 let mut lines = whole.map_err(|_| "its line has no end".to_owned())?;
+                let has_ended_line = !lines.is_empty();
                 lines.retain(|line| !line.trim().is_empty());
                 self.has_sent_line |= !lines.is_empty();
+                if has_ended_line && self.has_sent_line {
+                    self.heard = Instant::now();
+                }
                 Ok(lines)
             }
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {

@@ -181,7 +181,7 @@ fn a_client_that_is_silent_for_too_long_is_disconnected() {
     assert!(port.time_left().is_some_and(|time_left| time_left <= FIRST_LINE));
     port.controller.as_mut().unwrap().heard = Instant::now().checked_sub(FIRST_LINE).unwrap();
     port.handle();
-    assert_eq!(detached(next(&mut port)), "it sent nothing for 10 s");
+    assert_eq!(detached(next(&mut port)), "it sent no whole line for 10 s");
 
     let (mut port, address) = guarded_port();
     let _guest = TcpStream::connect(address).unwrap();
@@ -191,6 +191,22 @@ fn a_client_that_is_silent_for_too_long_is_disconnected() {
     port.unauthenticated[0].heard = Instant::now().checked_sub(FIRST_LINE).unwrap();
     port.handle();
     assert!(matches!(next(&mut port), Input::Refused { .. }) && port.unauthenticated.is_empty());
+}
+
+#[test]
+fn bytes_of_a_line_and_empty_lines_do_not_extend_the_time_to_the_first_line() {
+    for drip in [&b"x"[..], b"\n"] {
+        let (mut port, address) = port();
+        let mut slow = visit(&mut port, address);
+        let almost = FIRST_LINE - Duration::from_millis(1);
+        let connected = Instant::now().checked_sub(almost).unwrap();
+        port.controller.as_mut().unwrap().heard = connected;
+        slow.write_all(drip).unwrap();
+        poll(&mut port.poll_fds(), None).unwrap();
+        port.handle();
+        let heard = port.controller.as_ref().map(|controller| controller.heard);
+        assert!(heard.is_none_or(|heard| heard == connected));
+    }
 }
 
 #[test]

@@ -96,15 +96,27 @@ impl ControllerBus for EthercatMainDevice {
     /// The device's data may be shorter or longer than the image.
     fn set_output(&mut self, station: StationId, image: &Image) {
         let Some(device) = self.stations.connection(station) else { return };
-        self.main.outputs_mut(device).iter_mut().zip(image).for_each(|(place, byte)| *place = *byte);
+        let outputs = self.main.outputs_mut(device);
+        let len = outputs.len().min(IMAGE_LEN);
+        if let (Some(place), Some(bytes)) = (outputs.get_mut(..len), image.get(..len)) {
+            place.copy_from_slice(bytes);
+        }
     }
 
     /// The device's data may be shorter or longer than the image.
     fn input(&self, station: StationId) -> Option<Image> {
         let inputs = self.main.inputs(self.stations.connection(station)?)?;
         let mut image = [0; IMAGE_LEN];
-        image.iter_mut().zip(inputs).for_each(|(place, byte)| *place = *byte);
+        let len = inputs.len().min(IMAGE_LEN);
+        image.get_mut(..len)?.copy_from_slice(inputs.get(..len)?);
         Some(image)
+    }
+
+    fn repeats(&self, station: StationId, image: &Image) -> bool {
+        let device = self.stations.connection(station);
+        let Some(inputs) = device.and_then(|device| self.main.inputs(device)) else { return false };
+        let (same, rest) = image.split_at(inputs.len().min(IMAGE_LEN));
+        inputs.get(..same.len()) == Some(same) && rest.iter().all(|byte| *byte == 0)
     }
 
     fn poll_arrival(&mut self) -> Option<StationId> {

@@ -5,7 +5,7 @@ mod esi;
 mod gsdml;
 
 use std::fmt::{self, Write as _};
-use std::io::{self, Read as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -62,14 +62,9 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
     error.is::<ReadError>() || missing.is_some_and(|error| error.kind() == io::ErrorKind::NotFound)
 }
 
-/// Reads a file up to a byte more than the reader accepts, so that it refuses a longer one.
-#[expect(clippy::disallowed_types, reason = "a command reads its file; the reader gets the bytes")]
+/// Reads a file that is no longer than the reader accepts.
 fn bytes_of(path: &Path) -> anyhow::Result<Vec<u8>> {
-    let failed = || format!("cannot read {}", path.display());
-    let file = std::fs::File::open(path).with_context(failed)?;
-    let mut bytes = Vec::new();
-    file.take(MOST_BYTES as u64 + 1).read_to_end(&mut bytes).with_context(failed)?;
-    Ok(bytes)
+    setup::read_plain_file(path, MOST_BYTES as u64).with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// Lists what a file offers.
@@ -139,14 +134,14 @@ mod tests {
                 "  subslot 32768: 0x00008000 Interface",
                 "  slot fixed 1: module ID_Module1 Skill process image",
                 "  subslot 1: ID_Submodule1_1: 0x00000101 Skill process image; 256 bytes in, 256 bytes out",
-                "    in 0: OctetString, 256 bytes: Feedback",
+                "    in 0: Unsigned16, 2 bytes: status",
             ],
             &[
                 "ESI: skillbench, vendor 0xFFFFFFFF; 1 devices, 0 modules",
                 "device skillbench-robot: product 0x00000001, revision 0x00010000: skillbench robot",
                 "  SM2 Outputs: 0x1100, 256 bytes, control 0x64",
                 "  RxPDO 0x1600 Command: 2048 bits, SM2, fixed, mandatory",
-                "    0x7000:01 Command 1: UDINT, 32 bits",
+                "    0x7000:01 control 1: UINT, 16 bits",
                 "  CoE: SDO information, complete access",
             ],
         ];

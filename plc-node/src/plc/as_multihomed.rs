@@ -17,8 +17,10 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         self.buses.get(usize::from(number))
     }
 
-    fn on_mut(&mut self, InterfaceId(number): InterfaceId) -> Option<&mut B> {
-        self.buses.get_mut(usize::from(number))
+    /// Returns a bus, to call it at this instant.
+    fn on_mut(&mut self, now: Instant, InterfaceId(number): InterfaceId) -> Option<&mut B> {
+        self.write_overdue(now);
+        self.call(usize::from(number))
     }
 }
 
@@ -30,28 +32,28 @@ impl<B: ControllerBus, P: PlcProgram> Multihomed for PlcNode<B, P> {
     }
 
     fn handle_frame(&mut self, now: Instant, on: InterfaceId, from: Source, frame: &[u8]) {
-        if let Some(bus) = self.on_mut(on) {
+        if let Some(bus) = self.on_mut(now, on) {
             bus.handle_frame(now, from, frame);
         }
         self.after_bus(now, usize::from(on.0));
     }
 
     fn handle_broadcast(&mut self, now: Instant, on: InterfaceId, from: Source, frame: &[u8]) {
-        if let Some(bus) = self.on_mut(on) {
+        if let Some(bus) = self.on_mut(now, on) {
             bus.handle_broadcast(now, from, frame);
         }
         self.after_bus(now, usize::from(on.0));
     }
 
     fn handle_stream(&mut self, now: Instant, on: InterfaceId, stream: StreamId, change: StreamChange) {
-        if let Some(bus) = self.on_mut(on) {
+        if let Some(bus) = self.on_mut(now, on) {
             bus.handle_stream(now, stream, change);
         }
         self.drain_bus(usize::from(on.0));
     }
 
     fn handle_wrong_neighbour(&mut self, now: Instant, on: InterfaceId, address: Ipv4Addr, found: Mac) {
-        if let Some(bus) = self.on_mut(on) {
+        if let Some(bus) = self.on_mut(now, on) {
             bus.handle_wrong_neighbour(now, address, found);
         }
         self.drain_bus(usize::from(on.0));
@@ -66,8 +68,7 @@ impl<B: ControllerBus, P: PlcProgram> Multihomed for PlcNode<B, P> {
     }
 
     fn poll_stream(&mut self) -> Option<(InterfaceId, StreamRequest)> {
-        let mut numbered = (0..).map(InterfaceId).zip(&mut self.buses);
-        numbered.find_map(|(on, bus)| Some((on, bus.poll_stream()?)))
+        self.next_stream()
     }
 
     fn dscp(&self, on: InterfaceId, port: Port) -> u8 {
@@ -90,8 +91,8 @@ impl<B: ControllerBus, P: PlcProgram> Multihomed for PlcNode<B, P> {
             self.write_outputs(now);
         }
         for bus in 0..self.buses.len() {
-            let Some(due) = self.buses.get_mut(bus) else { return };
-            if due.poll_timeout().is_some_and(|due| due <= now) {
+            if self.timeout_of(bus).is_some_and(|due| due <= now) {
+                let Some(due) = self.call(bus) else { return };
                 due.handle_timeout(now);
                 self.after_bus(now, bus);
             } else {
@@ -101,8 +102,7 @@ impl<B: ControllerBus, P: PlcProgram> Multihomed for PlcNode<B, P> {
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<(InterfaceId, Transmit)> {
-        let mut numbered = (0..).map(InterfaceId).zip(&mut self.buses);
-        numbered.find_map(|(on, bus)| Some((on, bus.poll_transmit(now, buf)?)))
+        self.next_frame(now, buf)
     }
 
     fn poll_event(&mut self) -> Option<PlcReport> {
@@ -111,6 +111,6 @@ impl<B: ControllerBus, P: PlcProgram> Multihomed for PlcNode<B, P> {
 
     fn poll_timeout(&self) -> Option<Instant> {
         let scan = self.scan.poll_timeout();
-        Some(self.buses.iter().filter_map(Machine::poll_timeout).fold(scan, Instant::min))
+        Some((0..self.buses.len()).filter_map(|bus| self.timeout_of(bus)).fold(scan, Instant::min))
     }
 }

@@ -5,6 +5,7 @@
 //! as_multihomed  the PLC as a machine on an interface for each bus: time and frames
 //! led            a program that leads the stations itself, as exported code does
 //! links          what the buses report, and the images that they are given
+//! polled         what is known of a bus since it was last called
 //! run            the way to the start of a run, its scans and its end
 //! ```
 
@@ -12,12 +13,14 @@ mod arms;
 mod as_multihomed;
 mod led;
 mod links;
+mod polled;
 mod run;
 
 use machine::{Duration, Instant, Lateness};
 use protocol::fieldbus::{ControllerBus, Counters, StationId};
 use protocol::image::{Checks, Command, Digest};
 
+use polled::Polled;
 use run::Run;
 
 use crate::event::Events;
@@ -36,6 +39,8 @@ use crate::{
 #[derive(Debug)]
 pub struct PlcNode<B, P = Sequences> {
     buses: Vec<B>,
+    /// Knowledge of each bus since it was last called.
+    polled: Vec<Polled>,
     stations: Vec<Station>,
     /// Where each station is: the index of its bus, and its number there.
     places: Vec<(usize, StationId)>,
@@ -120,6 +125,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         let (count, period) = (stations.len(), scan.period());
         debug_assert!(period > Duration::ZERO, "a scan has a cycle");
         Self {
+            polled: vec![Polled::CALLED; buses.len()],
             buses,
             places,
             on_bus,
@@ -175,10 +181,12 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
 
     /// Gives a run up and ends the connections.
     pub fn disconnect(&mut self, now: Instant) {
+        self.write_overdue(now);
         self.fail(None, FailureCause::Aborted);
-        for (bus, id) in &self.places {
-            if let Some(bus) = self.buses.get_mut(*bus) {
-                bus.disconnect(now, *id);
+        for place in 0..self.places.len() {
+            let Some((bus, id)) = self.places.get(place).copied() else { continue };
+            if let Some(bus) = self.call(bus) {
+                bus.disconnect(now, id);
             }
         }
         (0..self.buses.len()).for_each(|bus| self.drain_bus(bus));
@@ -250,6 +258,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
 
     /// Returns the buses, for commands of their own; poll the PLC afterwards.
     pub fn buses_mut(&mut self) -> &mut [B] {
+        self.polled.fill(Polled::CALLED);
         &mut self.buses
     }
 
@@ -333,25 +342,6 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         self.stations.iter_mut().for_each(Station::emit);
     }
 
-    fn read_inputs(&mut self, now: Instant) {
-        for index in 0..self.stations.len() {
-            let (image, received) = match self.bus_of(index) {
-                Some((bus, id)) => (bus.input(id), bus.counters(id).received),
-                None => (None, 0),
-            };
-            let Some(station) = self.stations.get_mut(index) else { return };
-            if self.program.leads() {
-                station.keep_received(image);
-            }
-            if let Some(cause) = station.read_inputs(now, image, received, &mut self.events) {
-                self.fail(Some(index), cause);
-            }
-            if let Some(cause) = self.stations.get(index).and_then(|station| station.trouble(received)) {
-                self.fail(Some(index), cause);
-            }
-        }
-    }
-
     /// Moves on each arm that moves to where a run starts.
     fn go_on_to_start(&mut self, now: Instant) {
         for index in 0..self.stations.len() {
@@ -386,7 +376,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 Mode::Running => Work::Run { waits: self.program.waits(index) },
                 Mode::Idle | Mode::Starting(_) => Work::None,
             };
-            let received = self.counters_of(index).received;
+            let received = self.received_of(index);
             let Some(station) = self.stations.get_mut(index) else { return };
             if let Some(cause) = station.watch_silence(work, received, &mut self.events) {
                 self.fail(Some(index), cause);

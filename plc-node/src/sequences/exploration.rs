@@ -1,6 +1,6 @@
 //! All orders in which two arms execute motions, are lost and begin anew, until no new state appears.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 
 use machine::{Duration, Instant};
 use planning::WaitAt;
@@ -242,8 +242,9 @@ fn no_order_of_motions_losses_and_new_runs_lets_an_arm_beyond_a_mark_or_leaves_a
     for arms in cells {
         for execution_type in ExecutionType::ALL {
             let mut known = BTreeSet::new();
-            let mut open = vec![Vec::new()];
-            while let Some(path) = open.pop() {
+            // The shortest orders first: each is replayed from the start.
+            let mut open = VecDeque::from([Vec::new()]);
+            while let Some(path) = open.pop_front() {
                 let mut cell = replayed(arms, execution_type, &path);
                 if !known.insert(cell.key()) {
                     continue;

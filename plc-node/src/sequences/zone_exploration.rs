@@ -1,7 +1,7 @@
 //! All orders in which the sequences of arms with shared zones go on, with cables that are cut and arms that are lost, until no new
 //! state appears. The robots get what the real stations command.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 
 use machine::{Duration, Instant};
 use planning::{ZoneSet, ZoneVisit};
@@ -226,8 +226,9 @@ fn explore(arms: &'static [VisitingArm], execution_type: ExecutionType, has_gran
         .flat_map(|arm| [MotionStep::Execute(arm), MotionStep::Cut(arm), MotionStep::Lose(arm)])
         .collect();
     let mut known = BTreeSet::new();
-    let mut open: Vec<Vec<MotionStep>> = vec![Vec::new()];
-    while let Some(path) = open.pop() {
+    // The shortest orders first: each is replayed from the start.
+    let mut open = VecDeque::from([Vec::<MotionStep>::new()]);
+    while let Some(path) = open.pop_front() {
         let mut cell = replayed(&path);
         if !known.insert(cell.key()) {
             continue;

@@ -13,35 +13,56 @@ pub(super) const STILL: u32 = 20;
 /// Time with nothing but old images of the robot after which the connection counts as lost: a usual watchdog.
 const OUTDATED_FOR: Duration = Duration::from_millis(100);
 
+/// The robot in a scan, as the bus has it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum RobotImage {
+    /// The image of the scan before once more.
+    Repeated,
+    /// An image; `None` without a good one.
+    Read(Option<Image>),
+}
+
 impl Station {
+    /// Returns whether the bus still has the image that the station's feedback was read from.
+    pub(crate) fn has_again(&self, repeats: impl FnOnce(&Image) -> bool) -> bool {
+        self.is_connected && self.group.feedback().is_some() && repeats(&self.inputs)
+    }
+
     /// Takes over the robot's image of a scan; none without a connection. `received` are the frames of its connection so far.
     /// Returns why the robot counts as lost, if it does from now on.
     pub(crate) fn read_inputs(
         &mut self,
         now: Instant,
-        image: Option<Image>,
+        input: RobotImage,
         received: u64,
         events: &mut Events,
     ) -> Option<FailureCause> {
-        let image = image.filter(|_| self.is_connected);
-        let is_bad = self.is_connected && image.is_none();
+        let input = match input {
+            RobotImage::Read(_) if !self.is_connected => RobotImage::Read(None),
+            RobotImage::Read(Some(image)) if self.has_again(|inputs| *inputs == image) => {
+                RobotImage::Repeated
+            }
+            input => input,
+        };
+        let has_image = !matches!(input, RobotImage::Read(None));
+        let is_bad = self.is_connected && !has_image;
         if core::mem::replace(&mut self.image_bad, is_bad) != is_bad && self.is_connected {
             events.push(self.index, if is_bad { PlcEvent::ImageBad } else { PlcEvent::ImageGood });
         }
-        let lost = match image {
-            Some(image) if self.inputs == image && self.group.feedback().is_some() => {
+        let lost = match input {
+            RobotImage::Repeated => {
                 self.outdated_since = None;
                 self.group.read_again();
                 None
             }
-            Some(image) => self.take_over(now, image),
-            None => {
+            RobotImage::Read(Some(image)) => self.take_over(now, &image),
+            RobotImage::Read(None) => {
                 self.forget_images();
                 self.group.read(None);
                 None
             }
         };
-        if image.is_some() && self.life.take_still(now) {
+        if has_image && self.life.take_still(now) {
             events.push(self.index, PlcEvent::LifeStill);
         }
         if self.group.still_scans() == STILL {
@@ -53,12 +74,12 @@ impl Station {
 
     /// Takes over a new image of the robot. One that was altered on the way, or is an old one, is refused: the one before
     /// stands, as if the frame had been lost.
-    fn take_over(&mut self, now: Instant, image: Image) -> Option<FailureCause> {
-        if self.checker.verify(self.order, &image) == Verdict::Altered {
+    fn take_over(&mut self, now: Instant, image: &Image) -> Option<FailureCause> {
+        if self.checker.verify(self.order, image) == Verdict::Altered {
             self.keep_feedback();
             return None;
         }
-        let feedback = self.order.parse_feedback(&image).ok();
+        let feedback = self.order.parse_feedback(image).ok();
         // Before the robot is ready nothing can run: until then a late image may set the start.
         if self.state != StationState::Preparing {
             self.life.act();
@@ -66,7 +87,7 @@ impl Station {
         if feedback.is_some_and(|feedback| self.life.judge_present(feedback.life) == Age::Outdated) {
             return self.refuse_outdated(now);
         }
-        (self.inputs, self.outdated_since) = (image, None);
+        (self.inputs, self.outdated_since) = (*image, None);
         self.group.read(feedback);
         self.observe_clock();
         None

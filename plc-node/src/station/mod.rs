@@ -22,6 +22,7 @@ use protocol::image::{
 };
 
 use clock::StationClock;
+pub(crate) use inputs::RobotImage;
 use readiness::Readiness;
 pub(crate) use readiness::WayToStart;
 use silence::Silence;

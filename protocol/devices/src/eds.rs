@@ -10,6 +10,7 @@ use ethernet_ip::cip::ObjectClass;
 use ethernet_ip::description::{Assembly, Description, Role};
 
 use crate::Date;
+use crate::members::{self, ImageMember, MemberType};
 
 /// Packet interval that an engineering system proposes, in µs.
 const PROPOSED_RPI_US: u32 = 1_000;
@@ -167,13 +168,51 @@ fn write_params(text: &mut String, device: &Description) -> fmt::Result {
             (field(",,,"), "links of the scaling: none"),
             (field("0"), "decimal places"),
         ],
+    )?;
+    let named = device.assemblies.iter().flat_map(members_of).filter(ImageMember::is_named);
+    (FIRST_MEMBER..).zip(named).try_for_each(|(number, member)| write_member(text, number, &member))
+}
+
+/// Number of the parameter that describes the first member of an assembly: the one before it is the packet interval.
+const FIRST_MEMBER: usize = 2;
+
+/// Returns the members of an assembly that carries an image.
+fn members_of(assembly: &Assembly) -> Vec<ImageMember> {
+    match assembly.role {
+        Role::Produced => members::of_feedback(),
+        Role::Consumed => members::of_command(),
+        Role::Configuration | Role::InputOnlyHeartbeat | Role::ListenOnlyHeartbeat => Vec::new(),
+    }
+}
+
+/// Returns a unit in the characters that every reader of an EDS knows.
+fn ascii(unit: &str) -> String {
+    unit.replace('µ', "u").replace('²', "^2").replace('³', "^3")
+}
+
+/// Writes what a member of an assembly is: its data type by the codes of volume 1, appendix C, its name and unit.
+fn write_member(text: &mut String, number: usize, member: &ImageMember) -> fmt::Result {
+    let data_type = match member.form {
+        MemberType::Unsigned(8) => "0xC6",
+        MemberType::Unsigned(16) => "0xC7",
+        MemberType::Unsigned(64) => "0xC9",
+        MemberType::Unsigned(_) | MemberType::Bytes(_) => "0xC8",
+        MemberType::Bits(_) => "0xD2",
+        MemberType::Real => "0xCA",
+    };
+    let (bytes, name, unit) = (member.bits() / 8, quoted(&member.name), quoted(&ascii(member.unit)));
+    writeln!(
+        text,
+        "    Param{number} = 0, ,, 0x0000, {data_type}, {bytes}, {name}, {unit}, \"\", ,,, ,,,, ,,,, 0;"
     )
 }
 
 fn write_assemblies(text: &mut String, device: &Description) -> fmt::Result {
     section(text, "Assembly")?;
     write_class(text, device, ObjectClass::Assembly)?;
-    for Assembly { instance, size, name, .. } in device.assemblies {
+    let mut number = FIRST_MEMBER;
+    for assembly in device.assemblies {
+        let Assembly { instance, size, name, .. } = assembly;
         let mut fields = vec![
             (quoted(name), "name"),
             (quoted(&format!("20 04 {} 30 03", hex("24", *instance))), "path of its data"),
@@ -181,8 +220,14 @@ fn write_assemblies(text: &mut String, device: &Description) -> fmt::Result {
             ("0x0000".to_owned(), "descriptor"),
             (",".to_owned(), "reserved"),
         ];
-        if *size > 0 {
-            fields.push((format!("{},", 8 * u32::from(*size)), "one member: its bits, no parameter"));
+        for member in members_of(assembly) {
+            let bits = member.bits();
+            if member.is_named() {
+                fields.push((format!("{bits}, Param{number}"), "member: bits, what it is"));
+                number += 1;
+            } else {
+                fields.push((format!("{bits},"), "member: bits, no meaning"));
+            }
         }
         table(text, &format!("Assem{instance}"), &fields)?;
     }

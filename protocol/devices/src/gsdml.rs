@@ -7,6 +7,7 @@ use profinet::description::{Description, INTERFACE_SUBSLOT, Module, PORT_SUBSLOT
 use profinet::record::Maintenance;
 
 use crate::Date;
+use crate::members::{self, ImageMember, MemberType};
 use crate::xml::Xml;
 
 const NAMESPACE: &str = "http://www.profibus.com/GSDML/2003/11/DeviceProfile";
@@ -201,18 +202,41 @@ fn write_virtual_submodules(xml: &mut Xml, module: &Module) -> fmt::Result {
                     return xml.module_info(&id, "Access point", "The device itself");
                 }
                 xml.within("IOData", "", |xml| {
-                    let data = [("Input", *input_len, "Feedback"), ("Output", *output_len, "Command")];
-                    data.into_iter().filter(|(_, len, _)| *len > 0).try_for_each(|(direction, len, name)| {
-                        let name = xml.refer_to(&format!("{id}_{direction}"), name);
+                    let data = [
+                        ("Input", *input_len, members::of_feedback()),
+                        ("Output", *output_len, members::of_command()),
+                    ];
+                    data.into_iter().filter(|(_, len, _)| *len > 0).try_for_each(|(direction, _, members)| {
                         xml.within(direction, "Consistency=\"All items consistency\"", |xml| {
-                            xml.empty(format_args!(
-                                "DataItem DataType=\"OctetString\" Length=\"{len}\" TextId=\"{name}\""
-                            ))
+                            let id = format!("{id}_{direction}");
+                            (1..).zip(&members).try_for_each(|(number, member)| {
+                                write_item(xml, &format!("{id}_{number}"), member)
+                            })
                         })
                     })
                 })?;
                 xml.module_info(&id, "Skill process image", "One image each way")
             })
+        })
+    })
+}
+
+/// Writes a member of the data, and its bits where they have names.
+fn write_item(xml: &mut Xml, id: &str, member: &ImageMember) -> fmt::Result {
+    let text = xml.refer_to(id, &member.name);
+    let (data_type, bits) = match member.form {
+        MemberType::Unsigned(bits) => (format!("DataType=\"Unsigned{bits}\""), [].as_slice()),
+        MemberType::Bits(bits) => ("DataType=\"Unsigned16\"".to_owned(), bits),
+        MemberType::Real => ("DataType=\"Float32\"".to_owned(), [].as_slice()),
+        MemberType::Bytes(len) => (format!("DataType=\"OctetString\" Length=\"{len}\""), [].as_slice()),
+    };
+    if bits.is_empty() {
+        return xml.empty(format_args!("DataItem {data_type} TextId=\"{text}\""));
+    }
+    xml.within("DataItem", format!("{data_type} UseAsBits=\"true\" TextId=\"{text}\""), |xml| {
+        bits.iter().enumerate().try_for_each(|(offset, name)| {
+            let text = xml.refer_to(&format!("{id}_{offset}"), name);
+            xml.empty(format_args!("BitDataItem BitOffset=\"{offset}\" TextId=\"{text}\""))
         })
     })
 }

@@ -1,5 +1,5 @@
 //! Device descriptions that a real PLC imports to connect to the robot node: an EDS file for EtherNet/IP, a GSDML file for
-//! PROFINET and an ESI file for EtherCAT.
+//! PROFINET and an ESI file for EtherCAT; and a dissector by which Wireshark names the image's fields on all three.
 //!
 //! They are generated from the descriptions that the adapter, the IO-Device and the SubDevice themselves use
 //! ([`protocol::stations`]), so they cannot differ from them. The files are in this crate's folder, where a person looks
@@ -12,6 +12,8 @@
 pub mod eds;
 pub mod esi;
 pub mod gsdml;
+mod members;
+pub mod wireshark;
 mod xml;
 
 use protocol::stations::{ETHERCAT_ROBOT, ETHERNET_IP_ROBOT, PROFINET_ROBOT};
@@ -29,9 +31,9 @@ pub struct Date {
 
 /// Date of the last change to the files' content. It is part of a GSDML file's name, and an engineering system takes
 /// the newest file.
-pub const CHANGED: Date = Date { year: 2026, month: 11, day: 25 };
+pub const CHANGED: Date = Date { year: 2026, month: 11, day: 27 };
 
-/// Returns every file: its name and its content.
+/// Returns every device file: its name and its content.
 #[must_use]
 pub fn files() -> [(String, String); 3] {
     [

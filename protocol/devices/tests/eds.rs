@@ -196,13 +196,33 @@ fn every_assembly_exists_with_its_path_and_size() {
         let path = path(&fields[1]);
         let data = adapter.request(&[&[0x0E, path.len() as u8 / 2][..], &path].concat()).unwrap();
         assert_eq!(data.len(), size as usize, "the data of assembly {instance}");
-        let bits: u32 = fields[6..].iter().filter(|field| !field.is_empty()).map(|field| number(field)).sum();
+        let mut bits = 0;
+        let members = fields[6..].chunks(2).filter(|member| !member[0].is_empty());
+        for member in members {
+            bits += number(&member[0]);
+            if !member[1].is_empty() {
+                let parameter = eds.fields("Params", &member[1]);
+                assert_eq!(8 * number(&parameter[5]), number(&member[0]), "{parameter:?}");
+            }
+        }
         assert_eq!(bits, 8 * size, "the members of assembly {instance}");
         let described = ETHERNET_IP_ROBOT.assembly(instance).unwrap();
         assert_eq!((described.name, u32::from(described.size)), (&*fields[0], size));
         instances.push(instance);
     }
     assert_eq!(instances.len(), ETHERNET_IP_ROBOT.assemblies.len());
+}
+
+#[test]
+fn the_members_of_the_images_have_the_names_of_their_fields_in_their_order() {
+    let eds = Eds::read();
+    for (instance, first, last) in [(100, "status", "services"), (150, "control", "slot 4 tool and base")] {
+        let fields = eds.fields("Assembly", &format!("Assem{instance}"));
+        let parameters = fields[6..].iter().filter(|field| field.starts_with("Param"));
+        let names: Vec<_> = parameters.map(|parameter| eds.fields("Params", parameter)[6].as_str()).collect();
+        assert_eq!((names[0], names[names.len() - 1]), (first, last));
+        assert!(names.contains(&"life counter") && names.contains(&"check"), "{names:?}");
+    }
 }
 
 /// Builds the Forward_Open that a scanner makes of connection N of the file.

@@ -2,11 +2,17 @@
 
 use std::path::Path;
 
+/// Returns the device files and the dissector.
+fn all_files() -> impl Iterator<Item = (String, String)> {
+    let dissector = (devices::wireshark::FILE_NAME.to_owned(), devices::wireshark::write());
+    devices::files().into_iter().chain([dissector])
+}
+
 #[test]
 fn the_files_are_those_generated_from_the_descriptions() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let rewrite = std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always");
-    for (name, text) in devices::files() {
+    for (name, text) in all_files() {
         let path = folder.join(&name);
         if rewrite {
             std::fs::write(&path, &text).unwrap();
@@ -21,11 +27,11 @@ fn the_files_are_those_generated_from_the_descriptions() {
 
 #[test]
 fn no_file_of_an_earlier_date_is_left_behind() {
-    let names = devices::files().map(|(name, _)| name);
+    let names: Vec<_> = all_files().map(|(name, _)| name).collect();
     let folder = std::fs::read_dir(env!("CARGO_MANIFEST_DIR")).unwrap();
     for entry in folder {
         let name = entry.unwrap().file_name().into_string().unwrap();
-        let is_description = name.ends_with(".eds") || name.ends_with(".xml");
+        let is_description = name.ends_with(".eds") || name.ends_with(".xml") || name.ends_with(".lua");
         assert!(!is_description || names.contains(&name), "{name} is made by nothing");
     }
 }

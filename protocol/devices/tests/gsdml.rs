@@ -39,6 +39,51 @@ fn number(node: Node<'_, '_>, attribute: &str) -> u32 {
     text.strip_prefix("0x").map_or_else(|| text.parse(), |text| u32::from_str_radix(text, 16)).unwrap()
 }
 
+/// Returns the bytes of a `DataItem`.
+fn data_bytes(item: Node<'_, '_>) -> u32 {
+    match item.attribute("DataType").unwrap() {
+        "Unsigned8" => 1,
+        "Unsigned16" => 2,
+        "Unsigned32" | "Float32" => 4,
+        "Unsigned64" => 8,
+        "OctetString" => number(item, "Length"),
+        other => panic!("no type of a member: {other}"),
+    }
+}
+
+#[test]
+fn the_data_are_named_as_the_fields_of_the_images() {
+    let text = text();
+    let document = Document::parse(&text).unwrap();
+    let text_of = |node: Node<'_, '_>| {
+        let id = node.attribute("TextId").unwrap();
+        let text = document
+            .descendants()
+            .find(|text| text.attribute("TextId") == Some(id) && text.has_attribute("Value"));
+        text.unwrap().attribute("Value").unwrap()
+    };
+    let place_of = |direction: &str, name: &str| {
+        let data = document.descendants().find(|node| node.has_tag_name((NAMESPACE, direction))).unwrap();
+        let items = data.children().filter(Node::is_element);
+        items.take_while(|item| text_of(*item) != name).map(data_bytes).sum::<u32>()
+    };
+    for (direction, name, first) in [
+        ("Input", "status", 0),
+        ("Input", "executed", 8),
+        ("Input", "pose 4", 80),
+        ("Input", "check", 116),
+        ("Output", "life counter", 2),
+        ("Output", "slot 0 target 1", 36),
+        ("Output", "slot 4 kind", 254),
+    ] {
+        assert_eq!(place_of(direction, name), first, "{name}");
+    }
+    let bits: Vec<_> =
+        document.descendants().filter(|node| node.has_tag_name((NAMESPACE, "BitDataItem"))).collect();
+    let execute = bits.iter().find(|bit| text_of(**bit) == "EXECUTE").unwrap();
+    assert_eq!(number(*execute, "BitOffset"), 1);
+}
+
 #[test]
 fn the_name_of_the_file_has_the_parts_that_engineering_systems_expect() {
     let [_, (name, _), _] = devices::files();
@@ -156,10 +201,7 @@ fn every_module_and_submodule_has_its_slot_number_and_lengths() {
                 if item.has_attribute("SubslotNumber") { "SubslotNumber" } else { "FixedInSubslots" };
             let len = |direction| {
                 let data = item.descendants().filter(|node| node.has_tag_name((NAMESPACE, direction)));
-                data.flat_map(|node| node.children())
-                    .filter(Node::is_element)
-                    .map(|i| number(i, "Length"))
-                    .sum::<u32>()
+                data.flat_map(|node| node.children()).filter(Node::is_element).map(data_bytes).sum::<u32>()
             };
             let numbers = [number(module, "ModuleIdentNumber"), number(item, "SubmoduleIdentNumber")];
             found.insert((slot, number(item, subslot), numbers, [len("Input"), len("Output")]));

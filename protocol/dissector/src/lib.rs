@@ -3,6 +3,7 @@
 #![expect(clippy::expect_used, reason = "a helper of tests fails as loudly as they do")]
 
 use std::io::Write as _;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Returns a capture of Ethernet frames, in the classic format of pcap.
@@ -29,7 +30,30 @@ fn capture(frames: &[Vec<u8>]) -> Vec<u8> {
 /// Without tshark, which `scripts/dev.sh setup` installs.
 #[must_use]
 pub fn read<'a>(frames: &[Vec<u8>], fields: impl IntoIterator<Item = &'a str>) -> Vec<Vec<String>> {
+    read_by(Command::new("tshark"), frames, fields)
+}
+
+/// Returns what tshark reads in each frame with a dissector in Lua: see [`read`].
+///
+/// # Panics
+///
+/// Without tshark, which `scripts/dev.sh setup` installs.
+#[must_use]
+pub fn read_with<'a>(
+    script: &Path,
+    frames: &[Vec<u8>],
+    fields: impl IntoIterator<Item = &'a str>,
+) -> Vec<Vec<String>> {
     let mut tshark = Command::new("tshark");
+    tshark.arg("-X").arg(format!("lua_script:{}", script.display()));
+    read_by(tshark, frames, fields)
+}
+
+fn read_by<'a>(
+    mut tshark: Command,
+    frames: &[Vec<u8>],
+    fields: impl IntoIterator<Item = &'a str>,
+) -> Vec<Vec<String>> {
     tshark.args(["-n", "-r", "-", "-T", "fields", "-E", "occurrence=a", "-E", "separator=|"]);
     for field in fields {
         tshark.args(["-e", field]);

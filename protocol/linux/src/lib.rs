@@ -63,5 +63,5 @@ pub use open_port::{OpenPort, PortError, Received};
 pub use owner::{Owner, Statistics};
 pub use port_holders::Transport;
 pub use recorder::{Recorder, RecorderError};
-pub use signals::{StopSignal, StopSignals, exit_on_stop, handle_stop};
+pub use signals::{StopSignal, StopSignals, exit_on_stop, handle_stop, ignores_hang_up};
 pub use stream::StreamStatistics;

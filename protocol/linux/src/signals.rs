@@ -1,4 +1,7 @@
-//! SIGINT and SIGTERM as a descriptor to poll, or as the end of the process with an exit code of its own.
+//! SIGINT, SIGTERM and SIGHUP as a descriptor to poll, or as the end of the process with an exit code of its own.
+//!
+//! A closed terminal sends SIGHUP: what was measured is saved then, too. Under `nohup` that signal stays ignored. SIGXFSZ is
+//! ignored in both ways, so that a write beyond `ulimit -f` fails like one to a full disk.
 
 use std::fmt;
 use std::os::fd::{AsFd, BorrowedFd, FromRawFd, OwnedFd};
@@ -11,6 +14,8 @@ pub enum StopSignal {
     Interrupt,
     /// SIGTERM, which `kill` and a supervisor send.
     Terminate,
+    /// SIGHUP: the terminal was closed.
+    HangUp,
 }
 
 impl fmt::Display for StopSignal {
@@ -18,18 +23,20 @@ impl fmt::Display for StopSignal {
         f.write_str(match self {
             Self::Interrupt => "SIGINT",
             Self::Terminate => "SIGTERM",
+            Self::HangUp => "SIGHUP",
         })
     }
 }
 
-/// Receives SIGINT and SIGTERM, which no longer end the process.
+/// Receives SIGINT, SIGTERM and SIGHUP, which no longer end the process.
 #[derive(Debug)]
 pub struct StopSignals(OwnedFd);
 
 impl StopSignals {
-    /// Blocks the two signals for the whole process. Call it before any other thread exists: threads inherit the mask
+    /// Blocks the signals for the whole process. Call it before any other thread exists: threads inherit the mask
     /// from the thread that creates them.
     pub fn block() -> std::io::Result<Self> {
+        ignore_file_size_limit();
         // SAFETY: `set` is initialised by sigemptyset before it is used and outlives the calls; signalfd returns a
         // new descriptor that nobody else owns.
         unsafe {
@@ -37,6 +44,9 @@ impl StopSignals {
             libc::sigemptyset(set.as_mut_ptr());
             libc::sigaddset(set.as_mut_ptr(), libc::SIGINT);
             libc::sigaddset(set.as_mut_ptr(), libc::SIGTERM);
+            if !is_ignored(libc::SIGHUP) {
+                libc::sigaddset(set.as_mut_ptr(), libc::SIGHUP);
+            }
             let error = libc::pthread_sigmask(libc::SIG_BLOCK, set.as_ptr(), std::ptr::null_mut());
             if error != 0 {
                 return Err(std::io::Error::from_raw_os_error(error));
@@ -56,10 +66,10 @@ impl StopSignals {
         let len = rustix::io::read(&self.0, &mut info).ok()?;
         // The number is the first field, ssi_signo: u32.
         let number = info.get(..len)?.first_chunk::<4>()?;
-        Some(if u32::from_ne_bytes(*number) == libc::SIGINT as u32 {
-            StopSignal::Interrupt
-        } else {
-            StopSignal::Terminate
+        Some(match u32::from_ne_bytes(*number).cast_signed() {
+            libc::SIGINT => StopSignal::Interrupt,
+            libc::SIGHUP => StopSignal::HangUp,
+            _ => StopSignal::Terminate,
         })
     }
 }
@@ -70,11 +80,11 @@ impl AsFd for StopSignals {
     }
 }
 
-/// Exit code at SIGINT and SIGTERM; 0 where the program handles them itself.
+/// Exit code at a stop signal; 0 where the program handles them itself.
 static EXIT_CODE: AtomicI32 = AtomicI32::new(0);
 
-/// Ends the process at SIGINT or SIGTERM with this exit code, until [`handle_stop`] is called or the signals are blocked by
-/// [`StopSignals::block`]. A shell sees the same end for both signals then.
+/// Ends the process at SIGINT, SIGTERM or SIGHUP with this exit code, until [`handle_stop`] is called or the signals are blocked by
+/// [`StopSignals::block`]. A shell sees the same end for all of them then.
 pub fn exit_on_stop(code: u8) {
     extern "C" fn end(_signal: libc::c_int) {
         let code = EXIT_CODE.load(Ordering::Relaxed);
@@ -84,7 +94,11 @@ pub fn exit_on_stop(code: u8) {
         }
     }
     EXIT_CODE.store(code.into(), Ordering::Relaxed);
-    for signal in [libc::SIGINT, libc::SIGTERM] {
+    ignore_file_size_limit();
+    for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
+        if signal == libc::SIGHUP && is_ignored(signal) {
+            continue;
+        }
         // SAFETY: all zero is a valid `sigaction`, and `end` does only what a signal handler may. The call fails only for a
         // signal that does not exist.
         unsafe {
@@ -96,8 +110,33 @@ pub fn exit_on_stop(code: u8) {
     }
 }
 
-/// Leaves SIGINT and SIGTERM to handlers of the program's own. These call the handler that was there before, which then
+/// Leaves the stop signals to handlers of the program's own. These call the handler that was there before, which then
 /// does nothing.
 pub fn handle_stop() {
     EXIT_CODE.store(0, Ordering::Relaxed);
+}
+
+/// Returns whether whoever started the process has it ignore this signal.
+#[must_use]
+fn is_ignored(signal: libc::c_int) -> bool {
+    // SAFETY: all zero is a valid `sigaction`; without a new action the call only writes the present one to it.
+    unsafe {
+        let mut action: libc::sigaction = std::mem::zeroed();
+        libc::sigaction(signal, std::ptr::null(), &raw mut action);
+        action.sa_sigaction == libc::SIG_IGN
+    }
+}
+
+/// Returns whether SIGHUP is ignored, as under `nohup`: then it does not stop the program.
+#[must_use]
+pub fn ignores_hang_up() -> bool {
+    is_ignored(libc::SIGHUP)
+}
+
+/// Lets a write beyond the limit of a file's size fail with an error in place of a signal that ends the process.
+fn ignore_file_size_limit() {
+    // SAFETY: ignoring a signal runs no code.
+    unsafe {
+        libc::signal(libc::SIGXFSZ, libc::SIG_IGN);
+    }
 }

@@ -91,8 +91,10 @@ impl ControllerBus for EthernetIpScanner {
     /// The assembly may be shorter or longer than the image.
     fn set_output(&mut self, station: StationId, image: &Image) {
         if let Some(connection) = self.connection_mut(station) {
-            for (place, byte) in connection.output_mut().iter_mut().zip(image) {
-                *place = *byte;
+            let output = connection.output_mut();
+            let len = output.len().min(IMAGE_LEN);
+            if let (Some(place), Some(bytes)) = (output.get_mut(..len), image.get(..len)) {
+                place.copy_from_slice(bytes);
             }
         }
     }
@@ -101,10 +103,15 @@ impl ControllerBus for EthernetIpScanner {
     fn input(&self, station: StationId) -> Option<Image> {
         let mut image = [0; IMAGE_LEN];
         let data = self.connection(station)?.input()?;
-        for (place, byte) in image.iter_mut().zip(data) {
-            *place = *byte;
-        }
+        let len = data.len().min(IMAGE_LEN);
+        image.get_mut(..len)?.copy_from_slice(data.get(..len)?);
         Some(image)
+    }
+
+    fn repeats(&self, station: StationId, image: &Image) -> bool {
+        let Some(data) = self.connection(station).and_then(Connection::input) else { return false };
+        let (same, rest) = image.split_at(data.len().min(IMAGE_LEN));
+        data.get(..same.len()) == Some(same) && rest.iter().all(|byte| *byte == 0)
     }
 
     fn poll_arrival(&mut self) -> Option<StationId> {
@@ -130,6 +137,11 @@ impl ControllerBus for EthernetIpScanner {
         let own = self.connection(station).map(Connection::counters).unwrap_or_default();
         if station == StationId::FIRST { own + self.scanner.counters() } else { own }
     }
+
+    fn received(&self, station: StationId) -> u64 {
+        let own = self.connection(station).map_or(0, Connection::received);
+        if station == StationId::FIRST { own + self.scanner.counters().received } else { own }
+    }
 }
 
 /// An adapter that is described by [`ETHERNET_IP_ROBOT`](crate::stations::ETHERNET_IP_ROBOT).
@@ -145,6 +157,10 @@ impl Fieldbus for Adapter {
 
     fn input(&self) -> Option<Image> {
         self.consumed(COMMAND)?.try_into().ok()
+    }
+
+    fn has_input(&self) -> bool {
+        self.consumed(COMMAND).is_some_and(|data| data.len() == IMAGE_LEN)
     }
 
     fn disconnect(&mut self, now: Instant) {

@@ -112,6 +112,10 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Fieldbus for Endpoint<P, E, C> {
         on!(self, bus => bus.input())
     }
 
+    fn has_input(&self) -> bool {
+        on!(self, bus => bus.has_input())
+    }
+
     fn disconnect(&mut self, now: Instant) {
         on!(self, bus => Fieldbus::disconnect(bus, now));
     }
@@ -130,6 +134,10 @@ impl<P: Fieldbus, E: Fieldbus, C: Fieldbus> Fieldbus for Endpoint<P, E, C> {
 
     fn counters(&self) -> Counters {
         on!(self, bus => Fieldbus::counters(bus))
+    }
+
+    fn received(&self) -> u64 {
+        on!(self, bus => Fieldbus::received(bus))
     }
 
     fn address_set(&mut self, now: Instant, done: bool) {
@@ -170,6 +178,10 @@ impl<P: ControllerBus, E: ControllerBus, C: ControllerBus> ControllerBus for End
         on!(self, bus => bus.input(station))
     }
 
+    fn repeats(&self, station: StationId, image: &Image) -> bool {
+        on!(self, bus => bus.repeats(station, image))
+    }
+
     fn poll_arrival(&mut self) -> Option<StationId> {
         on!(self, bus => bus.poll_arrival())
     }
@@ -188,5 +200,9 @@ impl<P: ControllerBus, E: ControllerBus, C: ControllerBus> ControllerBus for End
 
     fn counters(&self, station: StationId) -> Counters {
         on!(self, bus => bus.counters(station))
+    }
+
+    fn received(&self, station: StationId) -> u64 {
+        on!(self, bus => ControllerBus::received(bus, station))
     }
 }

@@ -67,6 +67,10 @@ impl ControllerBus for ProfinetController {
         joined(self.ar(station)?.inputs())
     }
 
+    fn repeats(&self, station: StationId, image: &Image) -> bool {
+        self.ar(station).is_some_and(|ar| are_parts_of(image, ar.inputs()))
+    }
+
     fn poll_arrival(&mut self) -> Option<StationId> {
         let controller = &mut self.controller;
         core::iter::from_fn(|| controller.poll_received()).find_map(|connection| self.stations.of(connection))
@@ -86,6 +90,11 @@ impl ControllerBus for ProfinetController {
         let own = self.ar(station).map(Ar::counters).unwrap_or_default();
         if station == StationId::FIRST { own + self.controller.counters() } else { own }
     }
+
+    fn received(&self, station: StationId) -> u64 {
+        let own = self.ar(station).map_or(0, Ar::received);
+        if station == StationId::FIRST { own + self.controller.counters().received } else { own }
+    }
 }
 
 impl Fieldbus for Device {
@@ -101,6 +110,11 @@ impl Fieldbus for Device {
         joined(self.outputs())
     }
 
+    fn has_input(&self) -> bool {
+        let mut all = self.outputs().peekable();
+        all.peek().is_some() && all.all(|(_, data)| data.is_some())
+    }
+
     fn disconnect(&mut self, now: Instant) {
         self.disconnect(now);
     }
@@ -111,6 +125,10 @@ impl Fieldbus for Device {
 
     fn counters(&self) -> Counters {
         self.counters()
+    }
+
+    fn received(&self) -> u64 {
+        self.received()
     }
 
     fn address_set(&mut self, now: Instant, done: bool) {
@@ -158,6 +176,20 @@ fn joined<'a>(all: impl Iterator<Item = ((u16, u16), Option<&'a [u8]>)>) -> Opti
     Some(image)
 }
 
+/// Returns whether an image would be [`joined`] from these data.
+fn are_parts_of<'a>(image: &Image, all: impl Iterator<Item = ((u16, u16), Option<&'a [u8]>)>) -> bool {
+    let (mut rest, mut has_data) = (&image[..], false);
+    for (_, data) in all {
+        let Some(data) = data else { return false };
+        let (part, later) = rest.split_at(data.len().min(rest.len()));
+        if data.get(..part.len()) != Some(part) {
+            return false;
+        }
+        (rest, has_data) = (later, true);
+    }
+    has_data && rest.iter().all(|byte| *byte == 0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -174,7 +206,16 @@ mod tests {
         assert_eq!(joined(all()), Some(image));
         assert_eq!(joined(all().chain([((0, 0), None)])), None, "one of them is bad");
         assert_eq!(joined(core::iter::empty()), None);
+        assert!(are_parts_of(&image, all()));
+        assert!(!are_parts_of(&image, all().chain([((0, 0), None)])), "one of them is bad");
+        assert!(!are_parts_of(&image, core::iter::empty()) && !are_parts_of(&image, all().take(1)));
+        for byte in 0..IMAGE_LEN {
+            let mut other = image;
+            other[byte] ^= 0x10;
+            assert!(!are_parts_of(&other, all()), "byte {byte}");
+        }
         let short = joined(all().take(1)).unwrap();
+        assert!(are_parts_of(&short, all().take(1)));
         assert_eq!((&short[..10], &short[10..]), (&image[..10], &[0; IMAGE_LEN - 10][..]));
     }
 }

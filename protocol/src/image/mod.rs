@@ -23,6 +23,7 @@ mod error;
 mod feedback;
 mod finding;
 mod kind;
+mod layout;
 mod life;
 mod motion;
 mod order;
@@ -38,6 +39,9 @@ pub use error::ErrorNumber;
 pub use feedback::{Feedback, Services, State, Status};
 pub use finding::{Finding, InWords};
 pub use kind::{AuxiliaryForm, KindTraits, MotionKind, PathForm, TargetForm};
+pub use layout::{
+    COMMAND_FIELDS, CodeTable, FEEDBACK_FIELDS, FieldType, ImageField, MOTION_FIELDS, OPTION_FIELDS,
+};
 pub use life::{Age, LifeMonitor};
 pub use motion::Motion;
 pub use order::Order;
@@ -68,6 +72,9 @@ macro_rules! bits {
 
         impl $name {
             $($(#[$bit_doc])* pub const $bit: Self = Self(1 << $index);)*
+
+            /// Name of each bit that has one, from bit 0.
+            pub const NAMES: &'static [&'static str] = &[$(stringify!($bit),)*];
 
             /// Returns whether all bits of `other` are set.
             #[must_use]

@@ -31,6 +31,13 @@ pub struct Impairment {
     pub frame_faults: FrameFaults,
 }
 
+impl Impairment {
+    /// Returns whether it does nothing to a frame but delay it, so that no random number is drawn.
+    fn is_plain(&self) -> bool {
+        *self == Self { delay: self.delay, reorder_by: self.reorder_by, ..Self::default() }
+    }
+}
+
 /// A fault of a single frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum FrameFault {
@@ -181,6 +188,8 @@ pub struct Link {
     cut: bool,
     random: Pcg64Mcg,
     counters: LinkCounters,
+    /// True while it only delays frames.
+    is_plain: bool,
     /// Arrival of the last frame in order. Without reordering a cable keeps the order, whatever the jitter.
     last_arrival: Instant,
 }
@@ -193,6 +202,7 @@ impl Link {
         Self {
             impairment,
             cut: false,
+            is_plain: impairment.is_plain(),
             random: Pcg64Mcg::seed_from_u64(
                 seed.rotate_left(17) ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15),
             ),
@@ -201,8 +211,9 @@ impl Link {
         }
     }
 
-    pub(super) const fn set_impairment(&mut self, impairment: Impairment) {
+    pub(super) fn set_impairment(&mut self, impairment: Impairment) {
         self.impairment = impairment;
+        self.is_plain = impairment.is_plain() && !self.cut;
     }
 
     pub(super) const fn delay(&self) -> Duration {
@@ -210,8 +221,9 @@ impl Link {
     }
 
     /// Cuts or mends the link.
-    pub const fn set_cut(&mut self, cut: bool) {
+    pub fn set_cut(&mut self, cut: bool) {
         self.cut = cut;
+        self.is_plain = self.impairment.is_plain() && !cut;
     }
 
     pub(crate) const fn is_cut(&self) -> bool {
@@ -256,6 +268,10 @@ impl Link {
     /// Decides what happens to a frame of `len` bytes sent now, and when it arrives; `None` if it is lost.
     pub(super) fn decide(&mut self, now: Instant, len: usize) -> (LinkEffect, Option<Instant>) {
         self.counters.sent += 1;
+        if self.is_plain {
+            self.last_arrival = self.last_arrival.max(now + self.impairment.delay);
+            return (LinkEffect::default(), Some(self.last_arrival));
+        }
         let Impairment {
             delay,
             jitter,
@@ -371,5 +387,37 @@ impl Link {
 pub(super) fn flip(frame: &mut [u8], bit: u32) {
     if let Some(byte) = frame.get_mut(bit as usize / 8) {
         *byte ^= 1 << (bit % 8);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_cable_that_only_delays_decides_as_one_whose_faults_never_come(
+            delay_ns in 0..2_000_000_u64,
+            reorder_ns in 0..5_000_u64,
+            steps in prop::collection::vec((0..1_000_000_u64, 0..1_600_usize, any::<bool>()), 1..40),
+        ) {
+            let [delay, reorder_by] = [delay_ns, reorder_ns].map(Duration::from_nanos);
+            let plain = Impairment { delay, reorder_by, ..Impairment::default() };
+            let mut never = FrameFaults::NONE;
+            never.add(u64::MAX, FrameFault::Lose);
+            let mut links = [plain, Impairment { frame_faults: never, ..plain }].map(|one| Link::new(one, 7, 0));
+            prop_assert_eq!(links.each_ref().map(|link| link.is_plain), [true, false]);
+            let mut now = Instant::ZERO;
+            for (after, len, cuts) in steps {
+                now += Duration::from_nanos(after);
+                let [one, other] = &mut links;
+                one.set_cut(cuts);
+                other.set_cut(cuts);
+                prop_assert_eq!(one.decide(now, len), other.decide(now, len));
+                prop_assert_eq!(one.counters(), other.counters());
+                prop_assert_eq!(one.random.clone().next_u64(), other.random.clone().next_u64());
+            }
+        }
     }
 }

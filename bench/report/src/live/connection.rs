@@ -21,6 +21,10 @@ const CONNECTIONS: usize = 32;
 /// this time hangs; what waits for it is dropped.
 const LONGEST_SILENCE: Duration = Duration::from_secs(20);
 
+/// Longest time from the first byte of a request to the first byte of its answer: a client that sends a request byte by
+/// byte would hold its connection for ever.
+const LONGEST_REQUEST: Duration = Duration::from_secs(10);
+
 /// Pause after a connection that could not be accepted, for example for want of file numbers.
 const AFTER_ERROR: Duration = Duration::from_millis(200);
 
@@ -56,17 +60,20 @@ impl Listener for LimitedListener {
     }
 }
 
-/// A stream that fails after [`LONGEST_SILENCE`] without a byte.
+/// A stream that fails after [`LONGEST_SILENCE`] without a byte, and [`LONGEST_REQUEST`] after a request began that has no
+/// answer.
 #[derive(Debug)]
 pub(super) struct TimedStream<S> {
     stream: S,
+    /// When the request that is being received has to be whole.
+    request_end: Option<Instant>,
     end: Pin<Box<Sleep>>,
     _room: Option<OwnedSemaphorePermit>,
 }
 
 impl<S> TimedStream<S> {
     fn new(stream: S, room: Option<OwnedSemaphorePermit>) -> Self {
-        Self { stream, end: Box::pin(sleep(LONGEST_SILENCE)), _room: room }
+        Self { stream, request_end: None, end: Box::pin(sleep(LONGEST_SILENCE)), _room: room }
     }
 
     /// Returns the result of the stream, or an error if it has waited for too long.
@@ -75,8 +82,13 @@ impl<S> TimedStream<S> {
         context: &mut Context<'_>,
         done: Poll<io::Result<T>>,
     ) -> Poll<io::Result<T>> {
+        let now = Instant::now();
+        if self.request_end.is_some_and(|end| end <= now) {
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
         if done.is_ready() {
-            self.end.as_mut().reset(Instant::now() + LONGEST_SILENCE);
+            let silent = now + LONGEST_SILENCE;
+            self.end.as_mut().reset(self.request_end.map_or(silent, |end| end.min(silent)));
             return done;
         }
         self.end.as_mut().poll(context).map(|()| Err(io::ErrorKind::TimedOut.into()))
@@ -89,7 +101,11 @@ impl<S: AsyncRead + Unpin> AsyncRead for TimedStream<S> {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
+        let before = buffer.filled().len();
         let done = Pin::new(&mut self.stream).poll_read(context, buffer);
+        if buffer.filled().len() > before {
+            self.request_end.get_or_insert(Instant::now() + LONGEST_REQUEST);
+        }
         self.or_timed_out(context, done)
     }
 }
@@ -101,6 +117,9 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for TimedStream<S> {
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
         let done = Pin::new(&mut self.stream).poll_write(context, bytes);
+        if matches!(done, Poll::Ready(Ok(1..))) {
+            self.request_end = None;
+        }
         self.or_timed_out(context, done)
     }
 
@@ -131,6 +150,26 @@ mod tests {
             let began = Instant::now();
             let error = ours.write_all(&[0; 64]).await.unwrap_err();
             assert_eq!((error.kind(), began.elapsed().as_secs()), (io::ErrorKind::TimedOut, 20));
+        });
+    }
+
+    #[test]
+    fn a_request_that_arrives_byte_by_byte_loses_its_connection_after_ten_seconds_in_all() {
+        in_virtual_time(async {
+            let (mut slow, ours) = tokio::io::duplex(16);
+            let mut ours = TimedStream::new(ours, None);
+            let began = Instant::now();
+            tokio::spawn(async move {
+                while slow.write_u8(b'x').await.is_ok() {
+                    sleep(LONGEST_REQUEST / 7).await;
+                }
+            });
+            let error = loop {
+                if let Err(error) = ours.read_u8().await {
+                    break error;
+                }
+            };
+            assert_eq!((error.kind(), began.elapsed().as_secs()), (io::ErrorKind::TimedOut, 10));
         });
     }
 

@@ -306,6 +306,12 @@ class Now {
     if (part.log) log(part.log);
     if (part.ended) {
       say(part.ended.text, part.ended.is_problem);
+      if (part.ended.report) {
+        // A browser may not follow a link from here to a file, but it copies it.
+        const link = element("a", part.ended.report);
+        link.href = part.ended.report;
+        find("#state").append(" Report: ", link);
+      }
       document.body.classList.add("is-ended");
       source.close();
     }

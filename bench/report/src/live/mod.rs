@@ -177,20 +177,30 @@ impl Live {
     }
 }
 
+/// Returns the address of the report in the directory of a run, for a link. It is written just after the end of the run. A browser may
+/// only let the user copy it, since this page comes from a server.
+fn report_address(saved: &Path) -> Option<String> {
+    let path = saved.canonicalize().ok()?.join(crate::pages::FILE);
+    let bytes = path.to_str()?.bytes();
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/-._~".contains(&byte);
+    let encoded = |byte: u8| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") };
+    Some(format!("file://{}", bytes.map(encoded).collect::<String>()))
+}
+
 /// Returns the last part of a run that an error ended.
 fn broke_off(error: &anyhow::Error) -> Part {
-    let ended = Ended { is_problem: true, text: format!("The run broke off: {error:#}.") };
+    let ended = Ended { is_problem: true, text: format!("The run broke off: {error:#}."), report: None };
     Part { ended: Some(ended), ..Part::default() }
 }
 
 fn ended(status: Status, (done, all): (usize, usize), saved: &Path) -> Ended {
-    let saved = saved.display();
+    let shown = saved.display();
     let (is_problem, text) = match status {
-        Status::Complete | Status::Running => (false, format!("Done: {all} repetitions, saved in {saved}.")),
-        Status::Failed => (true, format!("A repetition failed; {done} of {all} are saved in {saved}.")),
-        Status::Interrupted => (true, format!("Interrupted, {done} of {all} repetitions saved in {saved}.")),
+        Status::Complete | Status::Running => (false, format!("Done: {all} repetitions, saved in {shown}.")),
+        Status::Failed => (true, format!("A repetition failed; {done} of {all} are saved in {shown}.")),
+        Status::Interrupted => (true, format!("Interrupted, {done} of {all} repetitions saved in {shown}.")),
     };
-    Ended { is_problem, text }
+    Ended { is_problem, text, report: report_address(saved) }
 }
 
 /// What the view's thread has.

@@ -118,6 +118,9 @@ pub(super) struct Line {
 pub(super) struct Ended {
     pub(super) is_problem: bool,
     pub(super) text: String,
+    /// Address of the report; none without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) report: Option<String>,
 }
 
 impl Part {
@@ -188,8 +191,10 @@ mod tests {
         let end = Part { end_ms: Some(7.5), ..Part::default() };
         let table = Table { rows: Vec::new(), improvement: "12 %".to_owned() };
         let table = Part { table: Some(table), ..Part::default() };
-        let ended =
-            Part { ended: Some(Ended { is_problem: false, text: "all".to_owned() }), ..Part::default() };
+        let ended = Part {
+            ended: Some(Ended { is_problem: false, text: "all".to_owned(), report: None }),
+            ..Part::default()
+        };
         vec![
             begins(1),
             frame(1.0),

@@ -7,6 +7,7 @@ use node::screen;
 use plc_node::ExecutionType;
 use serde::Serialize;
 
+use super::compared::{self, ComparedFigure, headlines};
 use super::run::Run;
 use super::samples;
 use crate::figures::{millis, signed};
@@ -39,6 +40,7 @@ struct Page<'a> {
     rows: Vec<&'static str>,
     columns: &'a [Column],
     notes: Vec<&'static str>,
+    headlines: Vec<String>,
     figures: Vec<(String, Figure)>,
 }
 
@@ -61,6 +63,7 @@ const ROWS: [&str; 10] = [
 pub struct Comparison {
     runs: Vec<Run>,
     columns: Vec<Column>,
+    figures: Vec<ComparedFigure>,
 }
 
 impl Comparison {
@@ -71,13 +74,30 @@ impl Comparison {
     /// A directory contains no run, or one whose saved figures were changed.
     pub fn load(directories: &[PathBuf]) -> Result<Self, Failure> {
         let runs = directories.iter().map(|path| Run::load(path)).collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { columns: columns(&runs), runs })
+        let columns = columns(&runs);
+        let differs: Vec<_> = columns.iter().map(|column| column.differs.clone()).collect();
+        Ok(Self { figures: compared::compared(&runs, &differs), columns, runs })
     }
 
     /// Formats the table for the screen.
     #[must_use]
     pub fn table(&self) -> String {
-        table(&self.columns)
+        table(&self.columns, &headlines(&self.figures))
+    }
+
+    /// Formats a line for each type of each run as CSV.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        compared::csv(&self.figures)
+    }
+
+    /// Returns the figures of each type of each run as JSON.
+    ///
+    /// # Errors
+    ///
+    /// Never: the figures are numbers and texts.
+    pub fn json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(&self.figures).map(|json| json + "\n")
     }
 
     /// Returns the page as HTML.
@@ -86,7 +106,7 @@ impl Comparison {
     ///
     /// A figure cannot be drawn.
     pub fn page(&self) -> anyhow::Result<String> {
-        page(&self.runs, &self.columns)
+        page(&self.runs, &self.columns, headlines(&self.figures))
     }
 }
 
@@ -104,7 +124,7 @@ fn differs(own: &Conditions, first: &Conditions) -> Option<String> {
     (!differences.is_empty()).then(|| differences.join("; "))
 }
 
-/// The AET of a run less that of the first one.
+/// The difference of a run's AET and that of the first run.
 enum Difference {
     /// With its confidence interval.
     Known(Mean),
@@ -156,7 +176,9 @@ fn columns(runs: &[Run]) -> Vec<Column> {
             cells.push(difference.map_or_else(String::new, |difference| difference.text()));
         }
         let share = run.results.aet_improvement;
-        cells.push(share.map_or_else(|| "–".to_owned(), |share| format!("{:.1} %", share * 100.0)));
+        cells.push(
+            share.map_or_else(|| "–".to_owned(), |share| format!("{:.1} %", share * 100.0).replace('-', "−")),
+        );
         let ended = match run.results.status {
             Status::Complete => "",
             Status::Running => ", not finished",
@@ -184,7 +206,7 @@ fn columns(runs: &[Run]) -> Vec<Column> {
     runs.iter().enumerate().map(column).collect()
 }
 
-fn table(columns: &[Column]) -> String {
+fn table(columns: &[Column], headlines: &[String]) -> String {
     let mut table = Table::new();
     table.load_preset(presets::NOTHING);
     table.set_header(
@@ -202,15 +224,17 @@ fn table(columns: &[Column]) -> String {
         run + &differs.unwrap_or_default()
     });
     let notes = notes(columns).into_iter().map(|note| format!("\n{}", screen::wrapped(note, 0, 0)));
+    let headlines = headlines.iter().map(|headline| screen::wrapped(headline, 0, 0) + "\n");
     format!(
-        "{}\n{}{}",
+        "{}\n{}\n{}{}",
         runs.collect::<String>(),
+        headlines.collect::<String>(),
         screen::drawn(&screen::numbers_right(table)),
         notes.collect::<String>()
     )
 }
 
-fn page(runs: &[Run], columns: &[Column]) -> anyhow::Result<String> {
+fn page(runs: &[Run], columns: &[Column], headlines: Vec<String>) -> anyhow::Result<String> {
     let mut figures = Vec::new();
     for execution_type in ExecutionType::ALL {
         let first =
@@ -238,7 +262,7 @@ fn page(runs: &[Run], columns: &[Column]) -> anyhow::Result<String> {
         let data = || samples::data(&rows);
         figures.extend(drawn.map(|figure| (label(execution_type), figure.with(data()))));
     }
-    let page = Page { rows: ROWS.to_vec(), notes: notes(columns), columns, figures };
+    let page = Page { rows: ROWS.to_vec(), notes: notes(columns), headlines, columns, figures };
     fill(TEMPLATE, &page)
 }
 

@@ -16,6 +16,7 @@
 mod cell;
 mod cell_run;
 mod compare;
+mod compared;
 mod end;
 mod first_look;
 mod lateness;

@@ -126,27 +126,49 @@ fn recorded(trace: &Trace) -> usize {
     }
 }
 
-/// Returns the recorded path of the tool, in mm.
-fn path(trace: &Trace, execution_type: ExecutionType) -> Vec<[f64; 3]> {
+/// Distance in mm from one row to the next, beside what the speed explains, from which on the tool did not move there: another
+/// tool was taken, whose tip is elsewhere.
+const TOOL_CHANGE_MM: f64 = 2.0;
+
+/// Returns the recorded path of the tool in mm, in pieces between which another tool was taken.
+fn path(trace: &Trace, execution_type: ExecutionType) -> Vec<Vec<[f64; 3]>> {
     let ticks = trace.types.get(execution_type).map_or(&[][..], |recording| recording.robot_ticks());
-    ticks
-        .iter()
-        // Before its first motion, the robot reports its pose in an undefined base.
-        .skip_while(|tick| tick.sample.path_speed_mm_s == 0.0)
-        .map(|tick| [0, 1, 2].map(|axis| f64::from(tick.sample.pose.get(axis).copied().unwrap_or(0.0))))
-        .collect()
+    // Before its first motion, the robot reports its pose in an undefined base.
+    let ticks = ticks.iter().skip_while(|tick| tick.sample.path_speed_mm_s == 0.0);
+    let mut pieces: Vec<Vec<[f64; 3]>> = Vec::new();
+    let mut before: Option<(f64, f64, [f64; 3])> = None;
+    for tick in ticks {
+        let at = [0, 1, 2].map(|axis| f64::from(tick.sample.pose.get(axis).copied().unwrap_or(0.0)));
+        let speed = f64::from(tick.sample.path_speed_mm_s);
+        let is_motion = before.is_some_and(|(at_ms, old_speed, from)| {
+            // The speed may have been higher between two rows.
+            let most = 2.0 * speed.max(old_speed) * (tick.at_ms - at_ms) / 1e3 + TOOL_CHANGE_MM;
+            length(from, at) <= most
+        });
+        match pieces.last_mut().filter(|_| is_motion) {
+            Some(piece) => piece.push(at),
+            None => pieces.push(vec![at]),
+        }
+        before = Some((tick.at_ms, speed, at));
+    }
+    pieces
+}
+
+/// Returns the distance of two points.
+fn length(from: [f64; 3], to: [f64; 3]) -> f64 {
+    from.iter().zip(to).map(|(from, to)| (to - from) * (to - from)).sum::<f64>().sqrt()
 }
 
 /// What both views show, in mm.
 struct Content {
-    paths: [(ExecutionType, Vec<[f64; 3]>); 3],
+    paths: [(ExecutionType, Vec<Vec<[f64; 3]>>); 3],
     targets: Vec<Target>,
 }
 
 impl Content {
     /// Returns the ends of a coordinate's axis, with room beyond the paths.
     fn extent(&self, axis: usize) -> (f64, f64) {
-        let points = || self.paths.iter().flat_map(|(_, path)| path);
+        let points = || self.paths.iter().flat_map(|(_, path)| path.iter().flatten());
         let values = || points().filter_map(|point| point.get(axis).copied());
         let (low, high) =
             (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
@@ -168,9 +190,11 @@ impl Content {
                 ExecutionType::Rc => (4.0, 0.5),
                 ExecutionType::Cm => (1.5, 1.0),
             };
-            let line = thinned(path.iter().map(|point| view.flat(point)), mm_per_px * 0.35);
-            let style = colour(*execution_type).mix(strength).stroke_width(stroke(width));
-            chart.draw_series([PathElement::new(line, style)])?;
+            for piece in path {
+                let line = thinned(piece.iter().map(|point| view.flat(point)), mm_per_px * 0.35);
+                let style = colour(*execution_type).mix(strength).stroke_width(stroke(width));
+                chart.draw_series([PathElement::new(line, style)])?;
+            }
         }
         for (at, _) in places {
             // The backend draws the outline of a circle without a width.
@@ -318,6 +342,22 @@ mod tests {
         // Twelve commands of nine motions each, and the first motion of the next one.
         assert_eq!(recorded(&recorded_for(200)), 12 * 9 + 1);
         assert_eq!(recorded(&Trace::default()), usize::MAX);
+    }
+
+    #[test]
+    fn another_tool_ends_a_piece_of_the_path_and_is_not_drawn_as_a_motion() {
+        let mut recording = Recording::default();
+        for cycle in 0..20_u16 {
+            // 4 mm in each cycle of 4 ms at 1000 mm/s; with the eleventh row the tip is 80 mm lower.
+            let z = if cycle < 10 { 100.0 } else { 20.0 };
+            let pose = [f32::from(cycle) * 4.0, 0.0, z, 0.0, 0.0, 180.0];
+            let sample =
+                robot_node::Sample { pose, path_speed_mm_s: 1_000.0, ..robot_node::Sample::default() };
+            recording.robot(RobotTick { at_ms: f64::from(cycle) * 4.0, true_ns: 0, sample });
+        }
+        let trace = Trace { types: PerType { cm: Some(recording), ..PerType::default() } };
+        let pieces = path(&trace, ExecutionType::Cm);
+        assert_eq!(pieces.iter().map(Vec::len).collect::<Vec<_>>(), [10, 10]);
     }
 
     #[test]

@@ -25,6 +25,7 @@ use records::run_directory::{Durability, replace};
 use records::schedule::Schedule;
 use report::{out, outln};
 use stands::virtual_run;
+use studies::outputs::{self, Own};
 use studies::setup_option::SetupOption;
 
 /// Where the committed baselines lie, from the repository's root.
@@ -45,6 +46,12 @@ pub struct GateOptions {
     /// Compare the ratios of an existing real run, with that run's own setup.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["update", "setup"])]
     pub run: Option<PathBuf>,
+    /// Write each figure with its baseline to this file as well, as JSON.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["update", "run"])]
+    pub export_json: Option<PathBuf>,
+    /// Write each figure with its baseline to this file as well, as CSV.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["update", "run"])]
+    pub export_csv: Option<PathBuf>,
 }
 
 /// Runs the setup in virtual time and prints how it compares with its baseline.
@@ -53,6 +60,9 @@ pub struct GateOptions {
 ///
 /// The setup or the baseline cannot be used, the run fails, or a new baseline cannot be written.
 pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
+    let files = [("--export-json", &options.export_json), ("--export-csv", &options.export_csv)];
+    let read = [("the baseline", options.baseline.as_deref())];
+    outputs::check(&files.map(|(option, file)| (option, file.as_deref())), &read, Own::default())?;
     if let Some(directory) = &options.run {
         return real::run(options, directory);
     }
@@ -105,6 +115,13 @@ fn compare(
         Origin::BuiltIn => "the one built in".to_owned(),
     };
     out!("{}", verdict.render(&baseline, &origin));
+    if let Some(path) = &options.export_json {
+        let json = verdict.json().context("cannot write the figures as JSON")?;
+        replace(path, &json, Durability::Written)?;
+    }
+    if let Some(path) = &options.export_csv {
+        replace(path, &verdict.csv(), Durability::Written)?;
+    }
     Ok(if verdict.is_pass() { Exit::Pass } else { Exit::TimingRegression })
 }
 
@@ -155,7 +172,7 @@ enum Origin {
 }
 
 fn find(path: &Path, or_built_in: bool, setup: &str) -> Result<Option<(Baseline, Origin)>, Failure> {
-    match std::fs::read_to_string(path) {
+    match setup::read_plain_text(path) {
         Ok(text) => {
             let baseline = Baseline::parse(&text).map_err(|refusal| refusal.at(path))?;
             return Ok(Some((baseline, Origin::File)));

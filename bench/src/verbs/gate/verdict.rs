@@ -66,6 +66,18 @@ impl Change {
     }
 }
 
+/// A figure for other programs. Values, difference and tolerance are in the unit.
+#[derive(serde::Serialize)]
+struct GateRow<'a> {
+    figure: &'a str,
+    unit: &'a str,
+    baseline: Option<f64>,
+    now: Option<f64>,
+    difference: Option<f64>,
+    tolerance: Option<f64>,
+    is_within: bool,
+}
+
 /// How a run compares with its baseline.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Verdict {
@@ -97,6 +109,45 @@ impl Verdict {
     #[must_use]
     pub fn is_pass(&self) -> bool {
         self.changes.iter().all(Change::is_within)
+    }
+
+    fn rows(&self) -> Vec<GateRow<'_>> {
+        fn row(change: &Change) -> GateRow<'_> {
+            let any = change.expected.as_ref().or(change.found.as_ref());
+            GateRow {
+                figure: any.map_or("", |any| any.figure.as_str()),
+                unit: any.map_or("", |any| any.unit.as_str()),
+                baseline: change.expected.as_ref().map(|it| it.value),
+                now: change.found.as_ref().map(|it| it.value),
+                difference: change.difference(),
+                tolerance: change.expected.as_ref().map(|it| it.tolerance),
+                is_within: change.is_within(),
+            }
+        }
+        self.changes.iter().map(row).collect()
+    }
+
+    /// Returns each figure with its baseline as JSON.
+    ///
+    /// # Errors
+    ///
+    /// Never: the figures are numbers and texts.
+    pub fn json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(&self.rows()).map(|json| json + "\n")
+    }
+
+    /// Formats each figure with its baseline as a line of CSV.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.3}"));
+        let line = |row: GateRow<'_>| {
+            let GateRow { figure, unit, baseline, now, difference, tolerance, is_within } = row;
+            let [baseline, now, difference] = [baseline, now, difference].map(number);
+            let tolerance = tolerance.map_or_else(String::new, |it| it.to_string());
+            format!("\"{figure}\",{unit},{baseline},{now},{difference},{tolerance},{is_within}\n")
+        };
+        let lines: String = self.rows().into_iter().map(line).collect();
+        format!("figure,unit,baseline,now,difference,tolerance,is_within\n{lines}")
     }
 
     /// Formats the comparison as the gate prints it.

@@ -138,6 +138,11 @@ impl Entry {
         (!is_open && ms.abs() >= 0.05).then_some((ms, (low, high)))
     }
 
+    /// Returns whether a figure is compared with that of an earlier run.
+    pub(super) fn is_compared(&self) -> bool {
+        ExecutionType::ALL.into_iter().any(|one| self.trend_ms.get(one).is_some())
+    }
+
     /// Formats how the run ended, whether its traces and captures lack something, and whether an older version wrote it.
     pub(super) fn ended(&self) -> String {
         let ended = match self.status {

@@ -108,7 +108,23 @@ fn summary(history: &History) -> String {
     let all = counted(history.entries.len(), "run");
     let changed: Vec<_> = history.entries.iter().filter(|entry| !changes(entry).is_empty()).collect();
     match changed.last() {
-        None => format!("{all}. No AET changed by more than the 95\u{a0}% intervals allow."),
+        None => {
+            let compared = history.entries.iter().filter(|entry| entry.is_compared()).count();
+            let others =
+                history.entries.iter().filter(|entry| !entry.is_compared() && entry.differs.is_some());
+            match (compared, others.count()) {
+                (0, 0) => {
+                    format!("{all}. None can be compared: a change takes two runs under the same conditions.")
+                }
+                (0, _) => format!("{all}. None can be compared: their conditions differ."),
+                (_, 0) => format!("{all}. No AET changed by more than the 95\u{a0}% intervals allow."),
+                (_, others) => format!(
+                    "{all}. No AET changed by more than the 95\u{a0}% intervals allow between runs under the same conditions; \
+                     {} not compared, since the conditions were new.",
+                    if others == 1 { "one was".to_owned() } else { format!("{others} were") }
+                ),
+            }
+        }
         Some(last) => format!(
             "{all}, {} with a change of AET. The last is {}, setup {}, {} mode: {}.",
             changed.len(),

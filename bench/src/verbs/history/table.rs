@@ -31,7 +31,8 @@ impl History {
         ]);
         for entry in &self.entries {
             let or_none = |text: &Option<String>| text.clone().unwrap_or_else(|| "–".to_owned());
-            let improvement = entry.aet_improvement.map(|share| format!("{:.1} %", share * 100.0));
+            let improvement =
+                entry.aet_improvement.map(|share| format!("{:.1} %", share * 100.0).replace('-', "−"));
             table.add_row([
                 entry.run.clone(),
                 or_none(&entry.date),
@@ -63,11 +64,16 @@ fn figure(entry: &Entry, execution_type: ExecutionType) -> String {
     entry.figures.get(execution_type).map_or_else(|| "–".to_owned(), text)
 }
 
-/// Formats the trend, for example `RC +0.0  SM −3.1  CM +0.2 ms`; empty for a run that is compared with none.
+/// Formats the trend, for example `RC +0.0  SM −3.1  CM +0.2 ms`; empty for the first run of its kind. One that no earlier run can
+/// be compared with says so: no difference is shown there, which is not the same as no change.
 fn trend(entry: &Entry) -> String {
     let trend = |execution_type| {
         entry.trend_ms.get(execution_type).map(|ms| format!("{} {}", label(execution_type), signed(*ms)))
     };
     let trends: Vec<_> = ExecutionType::ALL.into_iter().filter_map(trend).collect();
-    if trends.is_empty() { String::new() } else { trends.join("  ") + " ms" }
+    match (trends.is_empty(), &entry.differs) {
+        (false, _) => trends.join("  ") + " ms",
+        (true, Some(_)) => "other conditions".to_owned(),
+        (true, None) => String::new(),
+    }
 }

@@ -32,69 +32,80 @@ pub struct RunOptions {
     /// Repetitions of each execution type.
     #[arg(long, value_name = "N", default_value_t = REPETITIONS, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub reps: u32,
-    /// Execution types to run, interleaved in this order; commas or blanks between them.
+    /// Execution types to run, interleaved in this order.
+    ///
+    /// Commas or blanks are between them.
     #[arg(long, value_name = "TYPE", num_args = 1.., default_value = "rc,sm,cm")]
     pub types: Vec<List<ExecutionType>>,
     /// Seed of the pauses between runs, and in virtual mode of the clocks and phases.
-    #[arg(long, value_name = "N", default_value_t = SEED)]
+    #[arg(long, hide_short_help = true, value_name = "N", default_value_t = SEED)]
     pub seed: u64,
-    /// Run directory; it must hold no file of a run yet, such as a setup.toml [default: runs/TIME-SETUP-MODE].
+    /// Run directory, without files of another run [default: runs/TIME-SETUP-MODE].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Files besides the run directory.
     #[command(flatten)]
     pub exports: Exports,
     /// Transport of PROFINET's cyclic frames, in place of the setup's.
-    #[arg(long, value_enum)]
+    #[arg(long, hide_short_help = true, value_enum)]
     pub cyclic: Option<Cyclic>,
     /// What moves the robot's joints.
     #[command(flatten)]
     pub drives: DrivesOption,
-    /// Record the frames at both ends to DIR/plc.pcapng and DIR/robot.pcapng; with several stations those at both ends of each
-    /// station's cable to DIR/plc-STATION.pcapng and DIR/robot-STATION.pcapng.
+    /// Record the frames at both ends of the cable.
+    ///
+    /// They are in DIR/plc.pcapng and DIR/robot.pcapng; with several stations in DIR/plc-STATION.pcapng and
+    /// DIR/robot-STATION.pcapng.
     #[arg(long, value_enum, default_value_t = Capture::Never)]
     pub capture: Capture,
-    /// Measure on nodes that run already, `run --control ADDRESS:PORT`: in containers, on other machines, or the PLC's
-    /// alone where the robot is real. Real mode only; they are started with the same --setup.
-    #[arg(long, value_name = "plc=HOST:PORT[,robot=HOST:PORT|,STATION=HOST:PORT,...]")]
+    /// Measure on nodes that run already.
+    ///
+    /// They were started by `run --control ADDRESS:PORT` with the same --setup: in containers, on other machines, or the PLC's
+    /// alone where the robot is real. With several stations, a robot has the name of its station. Real mode only.
+    #[arg(long, value_name = "plc=HOST:PORT[,robot=HOST:PORT]")]
     pub attach: Option<Attach>,
-    /// The file whose first line is the token of the nodes' control ports; without it SKILLBENCH_CONTROL_TOKEN, if that is
-    /// set.
-    #[arg(long, value_name = "FILE", requires = "attach")]
+    /// The file with the token of the nodes' control ports in its first line.
+    ///
+    /// Without it, the token is SKILLBENCH_CONTROL_TOKEN, if that is set.
+    #[arg(long, hide_short_help = true, value_name = "FILE", requires = "attach")]
     pub control_token: Option<PathBuf>,
     /// Write a timeline of the first repetition of each type, as DIR/trace.json; ui.perfetto.dev opens it.
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub trace: bool,
-    /// Write the arm's joints, the way of its tool and its path speed, actual and programmed, in the first repetition of
-    /// each type, as DIR/motion.mcap; Foxglove and Rerun open it. Only in a bench that was built with `--features mcap`.
-    #[arg(long)]
+    /// Write the arm's motion as DIR/motion.mcap; Foxglove and Rerun open it.
+    ///
+    /// It has the joints, the path of the tool and the path speed, actual and programmed, in the first repetition of each type.
+    /// Only in a bench that was built with `--features mcap`.
+    #[arg(long, hide_short_help = true)]
     pub mcap: bool,
-    /// Override in whole % of every programmed speed, 0 to 100, and when after the start of each repetition it changes: 50,
-    /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path; a change keeps every limit.
+    /// Override in whole % of every programmed speed, and when it changes.
+    ///
+    /// It is 0 to 100; times count from the start of each repetition: 50, 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its
+    /// path; a change keeps every limit.
     #[arg(long = "override", value_name = "PERCENT[@TIME],...")]
     pub overrides: Option<OverrideSchedule>,
-    /// Inject a fault; can be given several times: loss=0.001, duplicate=0.01, corrupt=0.001@memory or
-    /// corrupt=0.001@wire, reorder=0.01@2ms, delay=100us, jitter=50us, each of these also in one direction, as to-robot:loss=0.001 or to-plc:loss=0.001;
-    /// cut-at=2s..2.1s, kill-robot-at=2s, kill-plc-at=2s; of one frame to-robot:lose-frame=17, to-plc:double-frame=17,
-    /// to-plc:hold-frame=17@2ms, to-robot:flip-frame=17.93@memory, to-robot:flip-frame=17@wire; in virtual mode
-    /// to-robot:cut-frame=17@10ms, to-robot:restart-robot=17@100ms, to-plc:restart-plc=17@100ms; with drives, of that of an axis drive-fault=3@2s, drive-stop=3@2s, drive-block=3@2s..2.5s. Times count from the moment that the robot is ready; the same
-    /// seed gives the same faults. With several stations, before a fault stands its station, as in left/to-robot:loss=0.001;
-    /// kill-plc-at has none.
-    #[arg(long, value_name = "FAULT", num_args = 1..)]
+    /// Faults to inject; the help is made from their list.
+    #[arg(long, value_name = "FAULT", num_args = 1.., help = "Inject a fault; can be given several times", long_help = records::faults::help())]
     pub fault: Vec<List<Fault>>,
-    /// Execute exported code in the place of the PLC's function blocks, in both modes: the directory that `plc-node export --for
-    /// st` wrote, where the code may be edited.
-    #[arg(long, value_name = "DIR", conflicts_with = "attach")]
+    /// Execute exported code in place of the PLC's function blocks.
+    ///
+    /// It is the directory that `plc-node export --for st` wrote; the code there may be edited.
+    #[arg(long, hide_short_help = true, value_name = "DIR", conflicts_with = "attach")]
     pub plc_program: Option<PathBuf>,
-    /// Serve a page that shows the run while it is going on: the arm, slots and speed of the repetition that runs, the table as it
-    /// grows, lateness of the cycles, counters, alarms and faults. Real mode only, and only for this machine's loopback.
+    /// Serve a page that shows the run while it is going on.
+    ///
+    /// It shows the arm, slots and speed of the present repetition, the table as it grows, lateness of the cycles, counters, alarms
+    /// and faults. Real mode only, and only for this machine's loopback.
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, default_missing_value = live::DEFAULT)]
     pub live: Option<LiveAddress>,
-    /// Leave out parts of the run directory, for many runs: a run without all three takes a hundredth of the room. Commas or
-    /// blanks between them.
-    #[arg(long, value_name = "PART", num_args = 1..)]
+    /// Leave out parts of the run directory, for many runs: report, race, traces.
+    ///
+    /// A run without all three takes a hundredth of the room. Commas or blanks are between them.
+    #[arg(long, hide_short_help = true, value_name = "PART", num_args = 1..)]
     pub without: Vec<List<RunPart>>,
-    /// Print the table only: no progress, no warnings, no sentences. A run that does not pass is explained all the same.
+    /// Print the table only: no progress, no warnings, no sentences.
+    ///
+    /// A run that does not pass is explained all the same.
     #[arg(long, short)]
     pub quiet: bool,
 }

@@ -30,6 +30,7 @@ use records::host::ProcessorTime;
 use records::occupied::{Files, Occupied};
 use records::ratio::{Ratio, RatioVerdict, median};
 use report::errln;
+use report::figures::signed;
 use report::outln;
 use stands::rig::{self, Rig, RigConfig, RigError};
 use studies::directory;
@@ -142,8 +143,8 @@ impl fmt::Display for Cost {
             write!(f, "{:5}  p99 {with:7.1} µs {}, {without:7.1} µs not", self.node, self.what)?;
         }
         if let Some(Ratio { ratio, low, high }) = self.ratio {
-            let percent = |ratio: f64| (ratio - 1.0) * 100.0;
-            write!(f, ": {:+.1} %, 95 % of {:+.1} … {:+.1} %", percent(ratio), percent(low), percent(high))?;
+            let [ratio, low, high] = [ratio, low, high].map(|ratio| signed((ratio - 1.0) * 100.0));
+            write!(f, ": {ratio} %, 95 % of {low} … {high} %")?;
         }
         let verdict = match self.verdict() {
             RatioVerdict::Within => "pass",

@@ -124,7 +124,7 @@ fn lateness(comparisons: &[Comparison]) -> String {
         for (to, from, evenness) in rows {
             let Some(evenness) = evenness else { continue };
             let [p50, p99, max] = [0.5, 0.99, 1.0].map(|share| figure(&evenness.turns_us, share));
-            let mean = format!("{:+.2}", evenness.mean_ppm);
+            let mean = format!("{:+.2}", evenness.mean_ppm).replace('-', "−");
             let missing = evenness.missing.to_string();
             table.add_row([(*bus).to_owned(), to.to_owned(), from.to_owned(), mean, p50, p99, max, missing]);
         }

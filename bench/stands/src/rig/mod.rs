@@ -23,6 +23,7 @@
 mod asked_reports;
 mod attach;
 mod attached_node;
+mod bounded_lines;
 mod cable;
 mod cell_stand;
 mod changes;

@@ -11,12 +11,13 @@ use ::node::message::Instruction;
 use ::node::station_message::StationMessage;
 use protocol_linux::namespace::NetworkNamespace;
 use serde::Serialize;
-use tokio::io::{AsyncBufReadExt as _, AsyncRead, AsyncWriteExt as _, BufReader};
+use tokio::io::{AsyncRead, AsyncWriteExt as _, BufReader};
 use tokio::process::{Child, ChildStdin, Command};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
+use super::bounded_lines::{BoundedLine, beginning, next_line};
 use super::rig_node::{NodeName, RigNode};
 use super::{FromPlc, FromRobot, RigError};
 
@@ -130,8 +131,16 @@ pub(super) fn listen(
 }
 
 async fn forward(node: RigNode, to: impl AsyncRead + Unpin, events: mpsc::Sender<NodeEvent>) {
-    let mut lines = BufReader::new(to).lines();
-    while let Ok(Some(line)) = lines.next_line().await {
+    let mut from = BufReader::new(to);
+    while let Some(line) = next_line(&mut from).await {
+        let line = match line {
+            BoundedLine::Whole(line) => line,
+            // What follows cannot be read: the connection ends with the receiver's error.
+            BoundedLine::TooLong(line) => {
+                let _ = events.send(NodeEvent::UnreadableLine { node, line }).await;
+                break;
+            }
+        };
         let event = match node {
             RigNode::Plc => StationMessage::from_json(&line)
                 .map(|StationMessage { station, message }| NodeEvent::Plc(station, message)),
@@ -139,7 +148,8 @@ async fn forward(node: RigNode, to: impl AsyncRead + Unpin, events: mpsc::Sender
                 serde_json::from_str(&line).map(|message| NodeEvent::Robot(station, message))
             }
         };
-        if events.send(event.unwrap_or(NodeEvent::UnreadableLine { node, line })).await.is_err() {
+        let unreadable = || NodeEvent::UnreadableLine { node, line: beginning(&line) };
+        if events.send(event.unwrap_or_else(|_| unreadable())).await.is_err() {
             return;
         }
     }
@@ -147,8 +157,8 @@ async fn forward(node: RigNode, to: impl AsyncRead + Unpin, events: mpsc::Sender
 }
 
 async fn remember(stderr: impl AsyncRead + Unpin, last_stderr: Arc<Mutex<VecDeque<String>>>) {
-    let mut lines = BufReader::new(stderr).lines();
-    while let Ok(Some(line)) = lines.next_line().await {
+    let mut from = BufReader::new(stderr);
+    while let Some(BoundedLine::Whole(line) | BoundedLine::TooLong(line)) = next_line(&mut from).await {
         let mut last_stderr = last_stderr.lock().unwrap_or_else(PoisonError::into_inner);
         if last_stderr.len() == KEPT_STDERR_LINES {
             last_stderr.pop_front();

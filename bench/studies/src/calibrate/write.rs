@@ -15,7 +15,7 @@ use records::run_directory::{Durability, replace};
 ///
 /// The file cannot be read or written, or is no setup any more; it then stays as it was.
 pub(super) fn into_file(path: &Path, calibration: &Calibration) -> anyhow::Result<()> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let text = setup::read_plain_text(path).with_context(|| format!("cannot read {}", path.display()))?;
     let changed =
         into_text(&text, calibration).with_context(|| format!("cannot change {}", path.display()))?;
     replace(path, changed, Durability::Synced)

@@ -118,7 +118,7 @@ impl StudyPlan {
     /// One of them cannot be read or is invalid.
     pub fn read(path: &Path, program: String) -> Result<Self, Failure> {
         let origin = path.display().to_string();
-        let text = std::fs::read_to_string(path)
+        let text = setup::read_plain_text(path)
             .with_context(|| format!("cannot read the study's file {origin}"))
             .map_err(usage)?;
         let file: StudyFile = setup::read(&origin, &text)?;

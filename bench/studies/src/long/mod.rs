@@ -256,7 +256,7 @@ impl Progress {
         match (self.quiet, self.bar.is_hidden()) {
             (true, _) => {}
             (false, true) => errln!("{text}"),
-            (false, false) => self.bar.println(text),
+            (false, false) => self.bar.println(node::output::shown(text)),
         }
     }
 

@@ -110,14 +110,15 @@ pub(super) fn percent(figures: &Figures) -> String {
 /// Formats all rows, one per line.
 #[must_use]
 pub fn csv(study: &Sensitivity) -> String {
-    let mut text = String::from("varied,times,value");
+    let mut text = String::from("varied,times,value,unit");
     for variant in ["", "_h0", "_uncalibrated"] {
         let _ = write!(text, ",rc_ms{variant},sm_ms{variant},cm_ms{variant},aeti{variant}");
     }
     text.push_str(",refused\n");
     for row in &study.rows {
         let factor = row.factor.map_or_else(|| "none".to_owned(), |factor| factor.to_string());
-        let _ = write!(text, "{factor},{},{}", row.times, row.value);
+        let (value, unit) = row.value.split_once(' ').unwrap_or((&row.value, "motions"));
+        let _ = write!(text, "{factor},{},{value},{unit}", row.times);
         for figures in [&row.calibrated, &row.without_skill_overhead, &row.uncalibrated] {
             for value in [figures.rc_ms, figures.sm_ms, figures.cm_ms, figures.aet_improvement] {
                 text.push(',');

@@ -28,6 +28,7 @@ pub(super) fn application(application: &Application, side_mm: f64, motions: u32)
         does: format!("{motions} sides of {side_mm} mm"),
         labels: Labels { accurate_path: false, accurate_stop: true },
         tool: tool.clone(),
+        base: None,
         course: Course::Follow {
             from: None,
             segments: (1..=motions).map(|index| Segment::Line(corner(index))).collect(),

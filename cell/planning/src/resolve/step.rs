@@ -29,6 +29,7 @@ impl Resolver<'_> {
             does: step.does.clone(),
             labels,
             tool: self.tool(tool)?,
+            base: step.base.as_ref().map(|name| self.number(&self.file.bases, name, "base")).transpose()?,
             course: self.course(at)?,
             speed_mm_s: self.above_zero(step.speed_mm_s.as_ref(), "speed_mm_s", f64::MAX)?,
             speed_percent: self

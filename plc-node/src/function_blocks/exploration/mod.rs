@@ -10,6 +10,8 @@ use std::collections::HashSet;
 use std::fmt::Debug;
 use std::hash::Hash;
 
+use structured_text::Instance;
+
 use protocol::image::{
     Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Motion, MotionKind, Order, State, Status,
 };
@@ -40,7 +42,7 @@ struct Step {
     stops_for_error: bool,
 }
 
-trait Explored: Copy + Eq + Hash + Debug + Default {
+trait Explored: Copy + Eq + Hash + Debug + Default + Send + Sync {
     /// Number of the exported block on its bench.
     const EXPORTED: u8;
     /// Returns whether the control bits are those of a busy block; `None` if a busy block does not change them.
@@ -204,27 +206,56 @@ fn explore<F: Explored>() -> (usize, HashSet<Outputs>) {
         Order::BigEndian.emit_feedback(&feedback, &mut image);
         (feedback, image)
     };
-    let images: Vec<Option<(Feedback, Image)>> =
-        F::images().into_iter().map(|image| Some(with_bytes(image))).chain([None]).collect();
+    let images = F::images().into_iter().map(|image| Some(with_bytes(image))).chain([None]);
+    let inputs: Vec<SeenInput> = images.flat_map(|seen| [(seen, false), (seen, true)]).collect();
+    // A core each: the exported block is interpreted, and no other test takes as long.
+    let (one, other) = inputs.split_at(inputs.len() / 2);
     let exported = ExportedBlocks::new(F::EXPORTED);
     let mut found = HashSet::from([Explorer::<F>::new().remembered()]);
     let mut open = vec![(Explorer::<F>::new(), exported.instance())];
     let mut ends = HashSet::new();
     while let Some((state, instance)) = open.pop() {
         leads_to_done_again(state);
-        for (seen, execute) in images.iter().flat_map(|image| [(image, false), (image, true)]) {
-            let feedback = seen.as_ref().map(|(feedback, _)| *feedback);
-            let (next, image) = state.step_with_image(Input { execute, feedback });
-            let bytes = seen.as_ref().map(|(_, image)| image);
-            let twin = exported.step(&instance, (execute, bytes), (&image, &next.outputs));
-            ends.insert(next.outputs);
-            if found.insert(next.remembered()) {
-                open.push((next, twin));
-            }
+        let (known, from) = (&found, (state, &instance));
+        let both = std::thread::scope(|scope| {
+            let other = scope.spawn(|| follow(from, other, &exported, known));
+            let one = follow(from, one, &exported, known);
+            [one, other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))]
+        });
+        for (next, shown) in both {
+            ends.extend(shown);
+            open.extend(next.into_iter().filter(|(next, _)| found.insert(next.remembered())));
         }
         assert!(found.len() < 20_000, "the exploration must end");
     }
     (found.len(), ends)
+}
+
+/// An image of the robot with its bytes, or a lost connection; and `Execute`.
+type SeenInput = (Option<(Feedback, Image)>, bool);
+
+/// Results of the inputs of a state: new states, each with that of the exported block, and all outputs.
+type Followed<F> = (Vec<(Explorer<F>, Instance)>, HashSet<Outputs>);
+
+/// Tries inputs from a state. Returns the states that are not known yet, each once, and all outputs.
+fn follow<F: Explored>(
+    (state, instance): (Explorer<F>, &Instance),
+    inputs: &[SeenInput],
+    exported: &ExportedBlocks,
+    known: &HashSet<Remembered<F>>,
+) -> Followed<F> {
+    let (mut new, mut next_states, mut shown) = (HashSet::new(), Vec::new(), HashSet::new());
+    for (seen, execute) in inputs {
+        let feedback = seen.as_ref().map(|(feedback, _)| *feedback);
+        let (next, image) = state.step_with_image(Input { execute: *execute, feedback });
+        let bytes = seen.as_ref().map(|(_, image)| image);
+        let twin = exported.step(instance, (*execute, bytes), (&image, &next.outputs));
+        shown.insert(next.outputs);
+        if !known.contains(&next.remembered()) && new.insert(next.remembered()) {
+            next_states.push((next, twin));
+        }
+    }
+    (next_states, shown)
 }
 
 /// Checks that every state leads to `Done` again: a lost connection, scans without `Execute` and a robot at rest make the

@@ -13,6 +13,7 @@ use crate::arm_in_step::{ArmInStep, RobotTimes, TogetherLeg, TogetherSection};
 use crate::event::Events;
 use crate::program::{PlcProgram, Progress};
 use crate::robot_clock::StampDelay;
+use crate::station::RobotImage;
 use crate::{ExecutionType, MotionList, Override, Sequences, Station, StationConfig, StationWork};
 
 const MS: Duration = Duration::from_millis(1);
@@ -171,7 +172,10 @@ impl LedCell {
             Order::LittleEndian.emit_feedback(&robot.feedback, &mut image);
             station.life.note_arrival(self.now, self.now.as_nanos());
             station.note_stamp(self.now, || Some(image));
-            assert_eq!(station.read_inputs(self.now, Some(image), 0, &mut self.events), None);
+            assert_eq!(
+                station.read_inputs(self.now, RobotImage::Read(Some(image)), 0, &mut self.events),
+                None
+            );
             while self.events.pop().is_some() {}
         }
     }

@@ -140,8 +140,8 @@ impl Roster {
     /// Calls an AR for a frame that may have cyclic data, and takes note of what that changed and of data that arrived.
     pub(super) fn serve_data(&mut self, number: u16, call: impl FnOnce(&mut Ar) -> bool) -> bool {
         let result = self.serve(number, |ar| {
-            let before = ar.counters().received;
-            (call(ar), ar.counters().received != before)
+            let before = ar.received();
+            (call(ar), ar.received() != before)
         });
         let (is_its, has_arrived) = result.unwrap_or_default();
         if has_arrived {

@@ -61,6 +61,13 @@ impl Device {
         self.core.counters()
     }
 
+    /// Returns the number of cyclic frames received since the start.
+    #[must_use]
+    pub fn received(&self) -> u64 {
+        let of_relation = self.core.relation.as_ref().map_or(0, |relation| relation.receiver.received());
+        self.core.counters.received + of_relation
+    }
+
     /// Reports that the owner did what [`LinkEvent::SetAddress`] asked for, or could not.
     pub fn address_set(&mut self, now: Instant, done: bool) {
         self.core.acyclic = true;

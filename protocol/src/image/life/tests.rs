@@ -120,7 +120,11 @@ fn a_program_that_counts_in_steps_may_shift_against_its_bus_at_once() {
         for image in 1..200 {
             let wait_ms = if image < 100 { before_ms } else { after_ms };
             let at = Instant::from_nanos(sender.sent_at(16 * image));
-            assert_eq!(monitor.judge(at, sender.life(16 * image - wait_ms)), Age::New, "{before_ms}, {after_ms}: {image}");
+            assert_eq!(
+                monitor.judge(at, sender.life(16 * image - wait_ms)),
+                Age::New,
+                "{before_ms}, {after_ms}: {image}"
+            );
             if image == 50 {
                 monitor.act();
             }

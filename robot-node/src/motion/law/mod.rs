@@ -262,10 +262,15 @@ impl Law {
     /// Returns how much the acceleration may change over a cell that is driven with these paces at its ends.
     fn change_room(&self, cell: usize, [from, to]: [Pace; 2], sign: f64) -> f64 {
         let room = |knot: &Knot, pace: Pace| knot.bend_room(pace.square, pace.acceleration, sign);
+        self.least_change(cell, [room(&self.grid.knots[cell], from), room(self.end_of(cell), to)])
+    }
+
+    /// Returns the same of the rooms at both ends of the cell.
+    fn least_change(&self, cell: usize, [one_room, other_room]: [f64; 2]) -> f64 {
         let (one, other) = (&self.grid.knots[cell], self.end_of(cell));
         let length = self.length(cell);
         // A change from rest to the highest speed within the cell is as good as no limit.
-        (room(one, from).min(room(other, to)) * length).min(MUCH * one.highest.max(other.highest) / length)
+        (one_room.min(other_room) * length).min(MUCH * one.highest.max(other.highest) / length)
     }
 
     /// Lowers the values so that the arm can slow down to those that follow.

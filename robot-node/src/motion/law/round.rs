@@ -2,6 +2,8 @@
 
 use core::iter::zip;
 
+use super::super::knot::Knot;
+use super::super::node::Pace;
 use super::Law;
 
 /// Largest number of times that the top is rounded in a round, and how much higher or lower a value may be than the one for which it
@@ -41,18 +43,28 @@ impl Law {
         let moves = !self.start.is_rest();
         let (mut slope, mut sum) = (0.0, 0.0);
         let mut before = if moves { self.start } else { self.pace_at(1) };
+        // The room at the knot between two cells counts for both: it is found once, unless parts with other limits meet there.
+        let mut found = None;
         self.added.clear();
         self.added.push(0.0);
         for cell in 1..cells {
             let inner = cell - 1;
             if inner > 0 || moves {
                 let next = self.pace_at(cell);
-                slope += 2.0 * self.change_room(inner, [before, next], -1.0);
+                let rooms = self.rooms_beside(inner, [before, next], found);
+                slope += 2.0 * self.least_change(inner, rooms);
+                found = self.other_side(inner).is_none().then_some(rooms[1]);
                 before = next;
             }
             sum += slope * (self.places[cell] - self.places[cell - 1]);
             self.added.push(sum);
         }
+    }
+
+    /// Returns how fast the acceleration may fall at both ends of a cell; at the first one it may be known already.
+    fn rooms_beside(&self, cell: usize, [from, to]: [Pace; 2], known: Option<f64>) -> [f64; 2] {
+        let room = |knot: &Knot, pace: Pace| knot.bend_room(pace.square, pace.acceleration, -1.0);
+        [known.unwrap_or_else(|| room(&self.grid.knots[cell], from)), room(self.end_of(cell), to)]
     }
 
     /// Lowers the values so that with what is added to them they are below a convex hull.

@@ -60,6 +60,12 @@ impl Connection {
         self.counters
     }
 
+    /// Returns the number of cyclic frames received since the start.
+    #[must_use]
+    pub const fn received(&self) -> u64 {
+        self.counters.received
+    }
+
     /// Returns the newest data of the T→O assembly; none while the connection is not up.
     #[must_use]
     pub fn input(&self) -> Option<&[u8]> {

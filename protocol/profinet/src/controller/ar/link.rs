@@ -4,7 +4,7 @@ use core::net::SocketAddrV4;
 
 use super::alarms::Alarms;
 use super::connect_plan::{ConnectPlan, INPUT, OUTPUT};
-use super::{ArConfig, Refusal, down_reasons};
+use super::{Ar, ArConfig, Refusal, down_reasons};
 use crate::connect::{ConnectResponse, DiffModule, ModuleState};
 use crate::provided::Provided;
 use crate::rt::{self, CyclicReceiver, CyclicSender, IoxStatus, Route, Transport, UDP_PORT};
@@ -84,6 +84,14 @@ impl Link {
         counters.received += self.receiver.received();
         counters.lost += self.receiver.lost();
         counters.late += self.receiver.late();
+    }
+}
+
+impl Ar {
+    /// Returns the number of cyclic frames received since its start.
+    #[must_use]
+    pub fn received(&self) -> u64 {
+        self.counters.received + self.link.as_ref().map_or(0, |link| link.receiver.received())
     }
 }
 

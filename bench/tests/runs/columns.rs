@@ -1,0 +1,141 @@
+//! `docs/columns.md` lists every column of the tables that a run writes: names and order from the files, meaning and unit from here.
+
+use std::fmt::Write as _;
+use std::fs;
+
+use crate::program::bench;
+
+const HEAD: &str = "\
+# Columns of the tables of a run
+
+Made from the files of runs: `INSTA_UPDATE=always cargo test -p bench --test runs columns`. A number has a point as decimal
+separator; an empty field has no value. Times of the traces count from the start edge of the repetition. JSON has schemas
+instead: [results](../bench/schemas/results.schema.json), [cell results](../bench/schemas/cell-results.schema.json),
+[control port](../node/schemas/control.schema.json).
+";
+
+/// A column: its unit and its meaning. A name means the same in each table, unless the table is named.
+const MEANINGS: &[(&str, &str, &str)] = &[
+    ("setup", "", "name of the setup"),
+    ("application", "", "name of the application"),
+    ("mode", "", "`real` or `virtual`"),
+    ("seed", "", "seed of pauses, and in virtual mode of clocks and phases"),
+    ("override", "%", "override, and when it changes: `80,0@2s,100@3s`"),
+    ("type", "", "`rc`, `sm` or `cm`"),
+    ("station", "", "name of the station"),
+    ("runs", "1", "repetitions that ended as wanted"),
+    ("failed", "1", "repetitions that failed"),
+    ("repetition", "1", "number among the repetitions of the type, from 1"),
+    (
+        "execution_ms",
+        "ms",
+        "execution time on the PLC: from the scan with the start edge to the scan that sees the end",
+    ),
+    ("robot_execution_ms", "ms", "execution time that the robot measured; for SM the sum over its skills"),
+    ("aet_ms", "ms", "mean execution time"),
+    ("mad_ms", "ms", "mean absolute deviation of the execution times from their mean"),
+    ("min_ms", "ms", "shortest execution time"),
+    ("max_ms", "ms", "longest execution time"),
+    ("robot_aet_ms", "ms", "mean of the times that the robot measured"),
+    ("paper_aet_ms", "ms", "the paper's AET"),
+    ("paper_mad_ms", "ms", "the paper's MAD"),
+    ("aet_minus_paper_ms", "ms", "AET minus the paper's"),
+    ("aet_calibrated", "", "`true` if a number of the setup was calibrated on the paper's AET"),
+    ("mad_calibrated", "", "`true` if a number of the setup was calibrated on the paper's MAD"),
+    ("h0_aet_ms", "ms", "AET of the run in which a skill call costs nothing"),
+    ("h0_mad_ms", "ms", "MAD of that run"),
+    ("aeti", "share of 1", "(AET of SM − AET of CM) / AET of SM"),
+    ("h0_aeti", "share of 1", "the same of the run in which a skill call costs nothing"),
+    ("blends_suppressed", "1", "motions that ended in a stop because the next one was not there in time"),
+    ("plc_missed", "1", "scans of the PLC that were left out"),
+    ("robot_missed", "1", "cycles of the robot that were left out"),
+    ("waiting_ms", "ms", "time at marks, waiting for another arm"),
+    ("zone_waiting_ms", "ms", "time before shared zones, until they were granted"),
+    ("start_skew_us", "µs", "time between the first motions of the arms"),
+    ("mark_skew_us", "µs", "longest time between the arms' motions after a mark"),
+    ("relative_pose_mm", "mm", "largest deviation of the relative pose of arms that move together"),
+    ("error", "", "why the repetition failed"),
+    ("t_ms", "ms", "time of the row since the start edge"),
+    (
+        "true_ns",
+        "ns",
+        "time of the row on a clock that all nodes share: true time in virtual mode, the monotonic clock of the host in real mode",
+    ),
+    ("scan", "1", "scans since the node started"),
+    ("command", "1", "number of the last command"),
+    ("total", "1", "motions of the skill"),
+    ("written", "1", "motions of the skill written into the slots so far"),
+    ("in_slots", "1", "motions in the slots that the robot has not executed, 0 to 5"),
+    ("altered", "1", "images refused so far because a byte was altered"),
+    ("marks_come", "1", "marks that the arm has come to"),
+    ("marks_passed", "1", "marks that the arm has passed"),
+    ("state", "", "`Halted`, `Ready`, `Running` or `Suspended`"),
+    ("executed", "1", "motions of the skill that are executed"),
+    ("accepted", "1", "motions of the skill that the robot accepted"),
+    ("queued", "1", "motions that wait in the robot or are being executed"),
+    ("path_speed_mm_s", "mm/s", "speed of the tool along its path"),
+    ("x_mm", "mm", "position of the tool in the base, x"),
+    ("y_mm", "mm", "position of the tool in the base, y"),
+    ("z_mm", "mm", "position of the tool in the base, z"),
+    ("a_deg", "°", "orientation of the tool about z"),
+    ("b_deg", "°", "orientation of the tool about y'"),
+    ("c_deg", "°", "orientation of the tool about x''"),
+    ("joint_1", "° or mm", "joint 1; mm for a linear axis"),
+    ("joint_2", "° or mm", "joint 2"),
+    ("joint_3", "° or mm", "joint 3"),
+    ("joint_4", "° or mm", "joint 4"),
+    ("joint_5", "° or mm", "joint 5; 0 where the arm has none"),
+    ("joint_6", "° or mm", "joint 6; 0 where the arm has none"),
+    ("positions", "", "source of joints, pose and speed: `set-points` or `drives`"),
+    ("progress", "µs", "law time of the skill that the arm has driven"),
+];
+
+/// Names the tables in the directory of the runs.
+const TABLES: &[(&str, &str)] = &[
+    ("`samples.csv`: a row for each repetition", "one/samples.csv"),
+    ("`samples.csv` of several stations: a row for each repetition and station", "cell/samples.csv"),
+    ("`trace-plc.csv`: a row for each scan of the first repetition of each type", "one/trace-plc.csv"),
+    (
+        "`trace-robot.csv`: a row for each robot cycle of the first repetition of each type",
+        "one/trace-robot.csv",
+    ),
+    ("`--export-csv`: a row for each type", "one.csv"),
+    ("`--export-csv` of several stations: a row for each type and station", "cell.csv"),
+];
+
+#[test]
+fn every_column_of_every_table_of_a_run_is_explained_with_its_unit() {
+    let place = tempfile::tempdir().unwrap();
+    for (setup, name) in [("A", "one"), ("G", "cell")] {
+        let export = format!("{name}.csv");
+        let virtual_run = ["--setup", setup, "--mode", "virtual", "--reps", "1", "--quiet"];
+        let files = ["--without", "report,race", "--out", name, "--export-csv", &export];
+        let finished = bench(place.path(), [&virtual_run[..], &files].concat());
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    }
+    let mut page = HEAD.to_owned();
+    let mut known: Vec<&str> = Vec::new();
+    for (title, file) in TABLES {
+        write!(page, "\n## {title}\n\n| column | unit | meaning |\n|---|---|---|\n").unwrap();
+        let text = fs::read_to_string(place.path().join(file)).unwrap();
+        for column in text.lines().next().unwrap().split(',') {
+            let found = MEANINGS.iter().find(|(name, ..)| *name == column);
+            let (name, unit, meaning) =
+                found.unwrap_or_else(|| panic!("{file}: explain the column {column}"));
+            known.push(name);
+            writeln!(page, "| `{name}` | {unit} | {meaning} |").unwrap();
+        }
+    }
+    for (name, ..) in MEANINGS {
+        assert!(known.contains(name), "no table has the column {name} any more");
+    }
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/columns.md");
+    if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
+        fs::write(path, &page).unwrap();
+    }
+    let committed = fs::read_to_string(path).unwrap_or_default();
+    assert!(
+        committed == page,
+        "columns changed: INSTA_UPDATE=always cargo test -p bench --test runs columns"
+    );
+}
