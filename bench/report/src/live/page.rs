@@ -50,7 +50,9 @@ impl AboutArms<'_> {
     /// Returns what a page draws; the error is a sentence.
     fn scene(&self) -> Result<LiveScene, String> {
         let (cell, planned) = match self {
-            Self::One(setup, application) => return Scene::of(setup, application).map(|scene| LiveScene::One(Box::new(scene))),
+            Self::One(setup, application) => {
+                return Scene::of(setup, application).map(|scene| LiveScene::One(Box::new(scene)));
+            }
             Self::Several(cell, planned, _) => (cell, planned),
         };
         let arms = PlacedScene::all(cell, planned)?.into_iter().zip(&planned.stations);

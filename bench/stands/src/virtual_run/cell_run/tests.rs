@@ -188,6 +188,7 @@ fn a_lossy_cable_spoils_an_attempt_to_connect_and_not_the_run() {
     let stations = PlannedStation::all(&found.plan(&cell).unwrap()).unwrap();
     let faults: Vec<Fault> = ["left/loss=0.01", "right/loss=0.01"].map(|fault| fault.parse().unwrap()).into();
     for seed in 1..=6 {
-        CellRun::start_with(&stations, seed, &faults).unwrap_or_else(|error| panic!("seed {seed}: {error:#}"));
+        CellRun::start_with(&stations, seed, &faults)
+            .unwrap_or_else(|error| panic!("seed {seed}: {error:#}"));
     }
 }
