@@ -323,6 +323,14 @@ impl CellResults {
         self.aet_improvement = sm.zip(cm).map(|(sm, cm)| aet_improvement(sm, cm));
     }
 
+    /// Returns how many repetitions are saved, and how many were wanted.
+    #[must_use]
+    pub fn saved_of_all(&self) -> (usize, usize) {
+        let of_types: Vec<_> = ExecutionType::ALL.iter().filter_map(|it| self.results.get(*it)).collect();
+        let saved = of_types.iter().map(|result| result.samples_ms.len() + result.failed.len()).sum();
+        (saved, of_types.len() * self.reps as usize)
+    }
+
     /// Returns the share that the cell keeps of the mean AETi of its arms alone; `None` if these were not run, or gain nothing.
     #[must_use]
     pub fn remaining_gain(&self) -> Option<f64> {

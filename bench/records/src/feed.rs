@@ -1,10 +1,10 @@
 //! The events that a run sends to the live view. Sending never waits: if the view is too slow, it loses events.
 
 use node::report::NodeReport;
-use node::role::NodeRole;
 use plc_node::ExecutionType;
 use tokio::sync::mpsc;
 
+use crate::cell_results::CellResults;
 use crate::results::Results;
 
 /// Events that may wait for the view's thread.
@@ -32,8 +32,10 @@ pub enum FeedEvent {
     },
     /// The results so far.
     Results(Box<Results>),
-    /// A node's report about itself.
-    Report(NodeRole, Box<NodeReport>),
+    /// The results of a cell with several stations so far.
+    CellResults(Box<CellResults>),
+    /// A node's report about itself: of the robot at this station, `None` for the PLC.
+    Report(Option<usize>, Box<NodeReport>),
     /// Something that a person should know.
     Note {
         /// Whether it is an alarm or a fault.
@@ -75,9 +77,14 @@ impl Feed {
         self.send(FeedEvent::Results(Box::new(results.clone())));
     }
 
-    /// Reports a node's report about itself.
-    pub fn report(&self, role: NodeRole, report: NodeReport) {
-        self.send(FeedEvent::Report(role, Box::new(report)));
+    /// Reports the results of a cell with several stations so far.
+    pub fn cell_results(&self, results: &CellResults) {
+        self.send(FeedEvent::CellResults(Box::new(results.clone())));
+    }
+
+    /// Reports a node's report about itself: of the robot at this station, `None` for the PLC.
+    pub fn report(&self, robot: Option<usize>, report: NodeReport) {
+        self.send(FeedEvent::Report(robot, Box::new(report)));
     }
 
     /// Reports something that a person may want to know.

@@ -12,6 +12,7 @@ use crate::planned_station::PlannedStation;
 use records::cell_results::CellAttached;
 use records::exit::Failure;
 use records::faults::Fault;
+use records::feed::Feed;
 use records::schedule::Step;
 use records::trace::{CellTrace, Recording};
 use records::voice::Voice;
@@ -80,6 +81,8 @@ pub struct CellConfig<'a> {
     pub capture: Option<Retention>,
     /// Faults of the cables and of the nodes.
     pub faults: &'a [Fault],
+    /// The live view.
+    pub feed: Option<&'a Feed>,
     /// Prints what the nodes wait for.
     pub voice: Option<&'a Voice>,
     /// Nodes that already run.

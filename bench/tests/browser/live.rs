@@ -159,3 +159,40 @@ fn a_page_of_a_bench_that_was_killed_loads_the_page_of_the_next_run_at_its_addre
     wait(&mut browser, "document.querySelector('.lane')?.dataset.tool");
     assert_eq!(next.interrupt().code(), Some(130));
 }
+
+#[test]
+#[ignore = "needs a Chromium: scripts/dev.sh browser"]
+fn a_page_of_a_cell_draws_both_arms_and_shows_where_each_waits() {
+    let directory = tempfile::tempdir().unwrap();
+    let run = ["--setup", "E", "--live", "127.0.0.1:0", "--out", "run", "--reps", "20", "--types", "cm"];
+    let run = Run::start_with(directory.path(), &run);
+    let mut browser = Browser::new(Graphics::Software);
+    browser.open_address(&run.address, Screen::wide(1400));
+    wait(&mut browser, "document.querySelector('.lane').dataset.tool");
+    assert_eq!(tool(&mut browser).split(' ').count(), 6, "the tools of both arms");
+    let arm = "[...document.querySelectorAll('.arm')]";
+    for station in ["left", "right"] {
+        wait(
+            &mut browser,
+            &format!(
+                "{arm}.some(arm => arm.dataset.station === '{station}' && arm.querySelector('.slots .full'))"
+            ),
+        );
+    }
+    wait(
+        &mut browser,
+        &format!("{arm}.some(arm => /waits at mark [1-4]/.test(arm.querySelector('.clock').textContent))"),
+    );
+    let passed =
+        "/^4 of 4 marks passed, waited \\d+\\.\\d\\d s$/.test(arm.querySelector('.marks').textContent)";
+    wait(&mut browser, &format!("{arm}.every(arm => {passed})"));
+    assert_eq!(browser.eval("document.querySelectorAll('.curve canvas').length"), 2);
+    for screen in Screen::all() {
+        browser.open_address(&run.address, screen);
+        wait(&mut browser, "document.querySelector('.lane').dataset.tool");
+        wait(&mut browser, "document.querySelector('#counters tbody tr')?.cells.length === 4");
+        assert_eq!(browser.eval(LAYOUT), json!([]), "{screen:?}");
+        assert!(browser.console().is_empty(), "{screen:?}: {:?}", browser.console());
+    }
+    assert_eq!(run.interrupt().code(), Some(130));
+}

@@ -1,8 +1,13 @@
 //! Cells with several stations on the real rig.
 
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::net::TcpStream;
+use std::process::{Command, Stdio};
+use std::sync::PoisonError;
+
 use rustix::process::{Signal, kill_process};
 
-use crate::process::{Bench, networks};
+use crate::process::{Bench, HOST, networks};
 
 pub(crate) fn a_cell_runs_on_a_switch_or_on_cables_and_every_node_has_a_capture() {
     let captures = ["plc-left.pcapng", "plc-right.pcapng", "robot-left.pcapng", "robot-right.pcapng"];
@@ -86,4 +91,53 @@ pub(crate) fn ctrl_c_ends_a_cell_in_order_and_keeps_the_repetitions() {
     assert_eq!(ended.results["status"], "interrupted");
     assert!(ended.stdout.contains("Interrupted, ") && ended.samples.lines().count() > 2, "{}", ended.stdout);
     ended.nothing_is_left(&networks);
+}
+
+pub(crate) fn the_live_view_of_a_cell_shows_both_arms_their_marks_and_the_figures_of_every_node() {
+    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+    let place = tempfile::tempdir().unwrap();
+    let mut bench = Command::new(env!("CARGO_BIN_EXE_bench"))
+        .args(["--setup", "E", "--types", "cm", "--reps", "1", "--live", "127.0.0.1:0", "--out"])
+        .arg(place.path().join("run"))
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(bench.stderr.take().unwrap()).lines().map_while(Result::ok);
+    let host =
+        said.find_map(|line| Some(line.strip_prefix("Live at http://")?.trim_end_matches('/').to_owned()));
+    let host = host.unwrap();
+    // A full pipe would hold the bench up.
+    let said = std::thread::spawn(move || said.collect::<Vec<_>>());
+    let get = |path: &str| {
+        let mut stream = TcpStream::connect(&host).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+        BufReader::new(stream).lines().map_while(Result::ok)
+    };
+    let page: Vec<_> = get("/").collect();
+    let has = |text: &str| page.iter().any(|line| line.contains(text));
+    assert!(has("data-station=\"left\"") && has("data-station=\"right\"") && has("hand-over"), "{page:?}");
+    assert!(has("Robot left") && has("Robot right") && has("\"marks\":[1,2,3,4]"), "{page:?}");
+    // The events end with the run.
+    let parts: Vec<serde_json::Value> =
+        get("/events").filter_map(|line| serde_json::from_str(line.strip_prefix("data: ")?).ok()).collect();
+    assert!(bench.wait().unwrap().success(), "{:?}", said.join().unwrap());
+    let frames: Vec<_> = parts.iter().filter_map(|part| part["frames"].as_array()).flatten().collect();
+    for (arm, axes) in [(0, 4), (1, 6)] {
+        let of_arm = || frames.iter().filter(|frame| frame["arm"].as_u64().unwrap_or(0) == arm);
+        assert!(of_arm().all(|frame| frame["joints"].as_array().unwrap().len() == axes));
+        let moves = of_arm().filter(|frame| frame["speed_mm_s"].as_f64().unwrap() > 1.0).count();
+        assert!(moves > 20, "arm {arm}: {moves} frames");
+        let marks = |of: usize| of_arm().filter_map(|frame| frame["marks"][of].as_u64()).max();
+        assert_eq!([marks(0), marks(1)], [Some(4); 2], "arm {arm}");
+    }
+    // One of the arms comes to a mark first, and waits there.
+    assert!(frames.iter().any(|frame| frame["marks"][0].as_u64() > frame["marks"][1].as_u64()));
+    for node in ["plc", "robot-0", "robot-1"] {
+        assert!(parts.iter().any(|part| part["nodes"][node]["summary"].is_string()), "{node}");
+    }
+    let last = parts.last().unwrap();
+    assert_eq!(last["table"]["rows"][0]["cells"][0], "1 of 1");
+    assert!(last["ended"]["text"].as_str().unwrap().starts_with("Done: 1 repetitions"), "{last}");
 }

@@ -42,6 +42,7 @@ fn main() -> ExitCode {
         cells::the_time_before_a_shared_zone_and_every_scan_of_each_station_are_in_a_real_run,
         cells::a_cell_with_a_lossy_cable_to_one_station_passes_and_counts_what_was_lost,
         cells::a_killed_robot_of_a_cell_fails_the_run_and_its_station_is_named,
+        cells::the_live_view_of_a_cell_shows_both_arms_their_marks_and_the_figures_of_every_node,
         cells::ctrl_c_ends_a_cell_in_order_and_keeps_the_repetitions,
         a_run_of_setup_b_survives_a_lossy_real_cable,
         the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept,

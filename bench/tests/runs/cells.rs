@@ -85,7 +85,7 @@ fn the_time_for_which_arms_stood_before_a_shared_zone_is_in_table_and_results() 
 fn what_cells_do_not_have_yet_is_refused_by_its_name() {
     let directory = tempfile::tempdir().unwrap();
     for (more, named) in [
-        (&["--cyclic", "udp"] as &[&str], "--cyclic is for"),
+        (&["--live"] as &[&str], "--live shows a run in real time"),
         (&["--plc-program", "."], "exported code commands one robot, and setup E has several"),
         (&["--application", "pick-and-place"], "built in are hand-over, carry-plate, take-turns"),
     ] {
@@ -94,6 +94,26 @@ fn what_cells_do_not_have_yet_is_refused_by_its_name() {
         assert!(finished.stderr.contains(named), "{}", finished.stderr);
         assert!(!directory.path().join("refused").exists());
     }
+}
+
+#[test]
+fn cyclic_sets_the_transport_of_each_profinet_station_and_is_refused_where_there_is_none() {
+    let directory = tempfile::tempdir().unwrap();
+    let more = ["--cyclic", "rt1", "--types", "cm", "--capture", "always"];
+    let finished = run(directory.path(), "E", "rt1", &more);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    let setup = fs::read_to_string(directory.path().join("rt1/setup.toml")).unwrap();
+    assert!(setup.contains("cyclic = \"rt1\"") && !setup.contains("cyclic = \"udp\""), "{setup}");
+    let capture = fs::read(directory.path().join("rt1/robot-left.pcapng")).unwrap();
+    // EtherType 0x8892 and the FrameIDs of RT_CLASS_1, from 0x8000 on.
+    let frames = capture.windows(4).filter(|bytes| bytes.starts_with(&[0x88, 0x92, 0x80])).count();
+    assert!(frames > 1_000, "{frames}");
+    let without =
+        include_str!("../../../cell/setups/F.toml").replacen("kind = \"profinet\"", "kind = \"ethercat\"", 1);
+    fs::write(directory.path().join("line.toml"), without).unwrap();
+    let finished = run(directory.path(), "line.toml", "refused", &["--cyclic", "rt1"]);
+    assert_eq!(finished.code, Some(2), "{}", finished.stderr);
+    assert!(finished.stderr.contains("--cyclic: no station of setup F uses PROFINET"), "{}", finished.stderr);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ::arm::{Frame, Joints, distance};
 use protocol::image::MotionKind;
-use setup::{Cell, Setup};
+use setup::{Cell, Setup, Station};
 
 use crate::application::Application;
 use crate::arms::{ArmsApplication, Mark};
@@ -217,17 +217,16 @@ impl FoundCell {
     }
 }
 
-/// Finds the visits of all arms in shared zones, and checks that they can take turns there. Without zones it does nothing.
+/// Finds the visits of all arms in shared zones, and checks that they can take turns there. Without zones it only checks that the
+/// arms start beside each other.
 fn share_zones(cell: &Cell, stations: &mut [PlannedStation]) -> Result<(), NoTurns> {
+    check_starts(cell, stations)?;
     if cell.shared_zones.is_empty() {
         return Ok(());
     }
     for (planned, station) in stations.iter_mut().zip(&cell.stations) {
-        let mut tools: Vec<u8> = planned.plan.motions.iter().map(|motion| motion.tool).collect();
-        tools.sort_unstable();
-        tools.dedup();
         // The check of the setup has found the radius, and planning the arm.
-        let Some(volume) = ArmVolume::new(cell, station, &tools) else { continue };
+        let Some(volume) = ArmVolume::new(cell, station, &planned.tools()) else { continue };
         let start = planned.reached.start;
         // With its joints the way there is known, wherever the arm comes from.
         if let Some(motion) = &mut planned.plan.to_start.from_anywhere {
@@ -244,7 +243,29 @@ fn share_zones(cell: &Cell, stations: &mut [PlannedStation]) -> Result<(), NoTur
     shared_zone::check_turns(&arms, &zones)
 }
 
-/// Checks that all arms start and end outside of the zones, and start beside each other.
+/// Checks that no two arms are in each other at their starts. An arm whose setup gives no radius counts as
+/// a line.
+fn check_starts(cell: &Cell, stations: &[PlannedStation]) -> Result<(), NoTurns> {
+    let volume = |(planned, station): (&PlannedStation, &Station)| {
+        let radius_mm = station.robot.link_radius_mm.as_ref().map_or(0.0, |radius| radius.value);
+        ArmVolume::with_radius(cell, station, &planned.tools(), radius_mm)
+    };
+    let volumes: Vec<_> = stations.iter().zip(&cell.stations).map(volume).collect();
+    let placed: Vec<_> =
+        stations.iter().zip(&volumes).filter_map(|(it, volume)| Some((it, volume.as_ref()?))).collect();
+    for (index, (station, volume)) in placed.iter().enumerate() {
+        for (other, others) in placed.iter().take(index) {
+            let distance_mm = volume.distance_mm(&station.reached.start, others, &other.reached.start);
+            if distance_mm < 0.0 {
+                let stations = [other.name.clone(), station.name.clone()];
+                return Err(NoTurns::InTheWay { stations, depth_mm: -distance_mm });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks that all arms start and end outside of the zones.
 fn check_places(cell: &Cell, stations: &[PlannedStation]) -> Result<(), NoTurns> {
     let placed: Vec<_> = stations.iter().filter_map(|it| Some((it, it.zones.as_ref()?))).collect();
     let standing = |of: &dyn Fn(&PlannedStation) -> Joints, zone: usize| -> Vec<String> {
@@ -265,16 +286,17 @@ fn check_places(cell: &Cell, stations: &[PlannedStation]) -> Result<(), NoTurns>
             return Err(NoTurns::EndsIn { station, zone });
         }
     }
-    for (index, (station, zones)) in placed.iter().enumerate() {
-        for (other, others) in placed.iter().take(index) {
-            let distance_mm = zones.volume.distance_mm(&zones.start, &others.volume, &others.start);
-            if distance_mm < 0.0 {
-                let stations = [other.name.clone(), station.name.clone()];
-                return Err(NoTurns::InTheWay { stations, depth_mm: -distance_mm });
-            }
-        }
-    }
     Ok(())
+}
+
+impl PlannedStation {
+    /// Returns the numbers of the tools of its motions, in ascending order.
+    fn tools(&self) -> Vec<u8> {
+        let mut tools: Vec<u8> = self.plan.motions.iter().map(|motion| motion.tool).collect();
+        tools.sort_unstable();
+        tools.dedup();
+        tools
+    }
 }
 
 impl PlannedCell {

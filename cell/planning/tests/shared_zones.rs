@@ -127,3 +127,22 @@ fn a_cell_without_zones_is_planned_as_before() {
         assert!(!cell.to_string().contains("zone"));
     }
 }
+
+#[test]
+fn arms_that_are_in_each_other_at_their_starts_are_refused_also_in_a_cell_without_zones() {
+    for name in ["E", "F"] {
+        let (mut cell, found) = found(name);
+        assert!(cell.shared_zones.is_empty() && found.plan(&cell).is_ok());
+        cell.stations[1].robot.link_radius_mm = Some(assumed(900.0));
+        let said = found.plan(&cell).map(|_| ()).unwrap_err().to_string();
+        assert!(
+            said.contains("`station.right.root_mm_deg`: at their starts the arms `left` and `right` are"),
+            "{said}"
+        );
+        // One whose radius is not known counts as a line, and two lines are beside each other.
+        cell.stations[0].robot.link_radius_mm = None;
+        assert!(found.plan(&cell).is_err());
+        cell.stations[1].robot.link_radius_mm = None;
+        assert!(found.plan(&cell).is_ok());
+    }
+}

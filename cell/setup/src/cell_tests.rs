@@ -135,12 +135,12 @@ fn a_wrong_number_in_a_station_is_named_with_its_station() {
         ),
     ];
     insta::assert_snapshot!(said.join("\n"), @r#"
-    my.toml:111: `station.right.robot.interpreter_quantum_us`: 24000000 µs is above ten seconds
-    my.toml:101: `station.right.bus.watchdog_cycles`: an EtherNet/IP connection waits for 512 packet intervals at most, not for 513
+    my.toml:113: `station.right.robot.interpreter_quantum_us`: 24000000 µs is above ten seconds
+    my.toml:102: `station.right.bus.watchdog_cycles`: an EtherNet/IP connection waits for 512 packet intervals at most, not for 513
     my.toml:13: `plc.scan_cost_us`: a scan that costs 1500 µs does not fit into a cycle of 1000 µs
-    my.toml:96: `station.right.root_mm_deg`: inf is not within ±1000000 mm
-    my.toml:96: in `station[1].root_mm_deg.value`: found 5 numbers, expected 6
-       96 | root_mm_deg = { value = [750.0, -175.0, 180.0, 0.0, 0.0], from = "assumed", note = "opposite of the SCARA, facing it, the table 200 mm above its foot" }
+    my.toml:97: `station.right.root_mm_deg`: inf is not within ±1000000 mm
+    my.toml:97: in `station[1].root_mm_deg.value`: found 5 numbers, expected 6
+       97 | root_mm_deg = { value = [750.0, -175.0, 180.0, 0.0, 0.0], from = "assumed", note = "opposite of the SCARA, facing it, the table 200 mm above its foot" }
           |                 ^^^^^
     my.toml:20: in `station[0].root_mm`: unknown key `root_mm`: did you mean `root_mm_deg`?
        20 | root_mm = { value = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], from = "assumed", note = "the cell's origin" }
@@ -161,7 +161,7 @@ fn stations_that_clash_are_refused() {
         refused("E", 0, "plc_address = \"192.168.64.1\"", "plc_address = \"192.168.64.3\""),
     ];
     insta::assert_snapshot!(said.join("\n"), @"
-    my.toml:96: `station.right.root_mm_deg`: the arms of `left` and `right` stand at one place; move one
+    my.toml:97: `station.right.root_mm_deg`: the arms of `left` and `right` stand at one place; move one
     my.toml:105: `station.right.bus.robot_address`: 192.168.64.2 is the address of station `left` too
     my.toml:104: `station.right.bus.plc_address`: 192.168.64.9: beside `left` the PLC has 192.168.64.1 in the same subnet; use one address, or two subnets
     my.toml:104: `station.right.bus.plc_address`: 192.168.64.2 is the address of station `left`

@@ -21,8 +21,11 @@ pub struct Account {
     pub motions: u64,
     /// Digest of these motions, of the skills' codes and of where one skill ended and the next began.
     pub digest: u64,
-    /// Lowest and highest override that was in effect, in %.
+    /// Lowest and highest override that was in effect while the arm followed no master axis, in %; 255 and 0 if there was none.
     pub override_percent: [u8; 2],
+    /// Lowest and highest override that was in effect while the arm followed a master axis, in %; 255 and 0 if there was none.
+    #[serde(default = "no_override")]
+    pub led_override_percent: [u8; 2],
     /// Time from the first motion's start to the end of the skill: what no phase of the interpreter changes.
     #[serde(default)]
     pub motion_time: Duration,
@@ -45,7 +48,8 @@ impl Default for Account {
             skills: 0,
             motions: 0,
             digest: 0,
-            override_percent: [u8::MAX, 0],
+            override_percent: no_override(),
+            led_override_percent: no_override(),
             motion_time: Duration::ZERO,
             waited: Duration::ZERO,
             began: None,
@@ -61,10 +65,16 @@ impl Account {
         Self { skills: 1, start, end: start, ..Self::default() }
     }
 
-    /// Notes the override of a cycle.
-    pub(super) fn note_override(&mut self, percent: u8) {
-        let [lowest, highest] = self.override_percent;
-        self.override_percent = [lowest.min(percent), highest.max(percent)];
+    /// Notes the override of a cycle, in which the arm followed a master axis or none.
+    pub(super) fn note_override(&mut self, percent: u8, is_led: bool) {
+        let of_cycles = if is_led { &mut self.led_override_percent } else { &mut self.override_percent };
+        *of_cycles = both(*of_cycles, [percent; 2]);
+    }
+
+    /// Returns the lowest and the highest override of all cycles, in %.
+    #[must_use]
+    pub fn whole_override_percent(&self) -> [u8; 2] {
+        both(self.override_percent, self.led_override_percent)
     }
 
     /// Returns the account of the skill as it ended at `at`.
@@ -80,12 +90,12 @@ impl Account {
         if self.skills == 0 {
             return other;
         }
-        let ([low, high], [other_low, other_high]) = (self.override_percent, other.override_percent);
         Self {
             skills: self.skills.saturating_add(other.skills),
             motions: self.motions.saturating_add(other.motions),
             digest: join(self.digest, other.digest),
-            override_percent: [low.min(other_low), high.max(other_high)],
+            override_percent: both(self.override_percent, other.override_percent),
+            led_override_percent: both(self.led_override_percent, other.led_override_percent),
             motion_time: self.motion_time.saturating_add(other.motion_time),
             waited: self.waited.saturating_add(other.waited),
             began: None,
@@ -93,6 +103,16 @@ impl Account {
             end: other.end,
         }
     }
+}
+
+/// Returns the range of no cycle.
+const fn no_override() -> [u8; 2] {
+    [u8::MAX, 0]
+}
+
+/// Returns the range that covers both.
+fn both([low, high]: [u8; 2], [other_low, other_high]: [u8; 2]) -> [u8; 2] {
+    [low.min(other_low), high.max(other_high)]
 }
 
 fn join(digest: u64, next: u64) -> u64 {
@@ -112,6 +132,7 @@ mod tests {
         let (one, other) = (account(1, [80, 100]), account(2, [50, 90]));
         let both = one.then(other);
         assert_eq!((both.skills, both.motions, both.override_percent), (2, 4, [50, 100]));
+        assert_eq!((both.led_override_percent, both.whole_override_percent()), ([255, 0], [50, 100]));
         assert_ne!(both.digest, other.then(one).digest);
         assert_eq!(Account::default().then(one), one);
     }

@@ -13,7 +13,7 @@ impl Controller {
     /// Runs the skill for one cycle.
     pub(super) fn execute(&mut self, at: Instant, command: Option<&Command>) {
         let Some(mut execution) = self.execution else { return };
-        self.account.note_override(self.feedback.override_percent);
+        self.account.note_override(self.feedback.override_percent, self.master.is_some());
         let waited_for_motions = self.interpolator.path().is_finished();
         let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. } | Phase::Arriving);
         let took_one = takes && execution.bad.is_none() && self.take_motions(&mut execution, command);

@@ -36,7 +36,8 @@ pub fn robot_rows(station: &str) -> String {
 }
 
 /// Returns the name of the PLC's rows for a station. Where there are several, the PLC's node makes it of [`PLC_ROWS`].
-fn plc_rows(station: &str, is_only: bool) -> String {
+#[must_use]
+pub fn plc_rows(station: &str, is_only: bool) -> String {
     if is_only { PLC_ROWS.to_owned() } else { format!("trace-plc-{station}.rows") }
 }
 

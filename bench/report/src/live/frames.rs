@@ -17,6 +17,8 @@ const WAITING: usize = 4_096;
 /// Puts the robot's cycles and the PLC's scans of one repetition side by side.
 #[derive(Debug)]
 pub(super) struct Frames {
+    /// Index of the arm.
+    arm: usize,
     axes: usize,
     /// Time of the start edge, in ns of the nodes' clock.
     start_ns: Option<u64>,
@@ -31,11 +33,14 @@ pub(super) struct Frames {
     /// Whether the robot has noticed that command; until then it reports the one before.
     is_noticed: bool,
     done: u32,
+    /// Marks that the arm has come to, and those that it has passed.
+    marks: [u32; 2],
 }
 
 impl Frames {
-    pub(super) fn new(axes: usize) -> Self {
+    pub(super) fn new(arm: usize, axes: usize) -> Self {
         Self {
+            arm,
             axes,
             start_ns: None,
             last_ns: None,
@@ -47,13 +52,14 @@ impl Frames {
             command: None,
             is_noticed: false,
             done: 0,
+            marks: [0; 2],
         }
     }
 
     /// Begins a repetition whose start edge was at this time.
     pub(super) fn start(&mut self, at_ns: u64) {
         let (plc, robot) = (std::mem::take(&mut self.plc), std::mem::take(&mut self.robot));
-        *self = Self { start_ns: Some(at_ns), plc, robot, ..Self::new(self.axes) };
+        *self = Self { start_ns: Some(at_ns), plc, robot, ..Self::new(self.arm, self.axes) };
     }
 
     /// Adds rows and returns the frames that they complete. Rows from before the start edge are left out.
@@ -84,6 +90,7 @@ impl Frames {
             if scanned.as_nanos() >= start_ns {
                 self.command.get_or_insert(scan.command);
                 self.slots = self.in_slots.slots(&scan);
+                self.marks = [scan.marks_come, scan.marks_passed];
             }
         }
         let since_ns = at.as_nanos().checked_sub(start_ns)?;
@@ -97,6 +104,8 @@ impl Frames {
         self.last_ns = Some(since_ns);
         let joints = sample.joints.iter().take(self.axes);
         Some(Frame {
+            arm: self.arm,
+            marks: self.marks,
             at_ms: rounded(since_ns as f64 / 1e6, 10.0),
             joints: joints.map(|joint| rounded(*joint, 1e3)).collect(),
             speed_mm_s: rounded(f64::from(sample.path_speed_mm_s), 10.0),
@@ -131,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_frame_has_the_slots_of_its_time_and_the_motions_of_its_repetition() {
-        let mut frames = Frames::new(4);
+        let mut frames = Frames::new(0, 4);
         frames.start(1_000_000_000);
         // The robot's rows are flushed first: they wait for those of the PLC.
         let cycles = [cycle(996, 6, 13), cycle(1_000, 6, 13), cycle(1_040, 7, 1), cycle(1_080, 8, 1)];
@@ -144,8 +153,22 @@ mod tests {
     }
 
     #[test]
+    fn a_frame_of_a_cell_names_its_arm_and_the_marks_that_it_has_come_to_and_passed() {
+        let mut frames = Frames::new(1, 6);
+        frames.start(1_000_000_000);
+        let at_mark = |at_ms: u64, come: u32, passed: u32| {
+            let (at, sample) = scan(at_ms, 7, 2, 1);
+            (at, plc_node::Sample { marks_come: come, marks_passed: passed, ..sample })
+        };
+        let scans = [at_mark(1_000, 0, 0), at_mark(1_040, 1, 0), at_mark(1_080, 1, 1), at_mark(1_120, 1, 1)];
+        let found = frames.add(scans, [1_000, 1_040, 1_080].map(|at| cycle(at, 7, 1)));
+        let found: Vec<_> = found.into_iter().map(|frame| (frame.arm, frame.marks)).collect();
+        assert_eq!(found, [(1, [0, 0]), (1, [1, 0]), (1, [1, 1])]);
+    }
+
+    #[test]
     fn there_are_thirty_frames_a_second_and_none_before_the_first_start_edge() {
-        let mut frames = Frames::new(4);
+        let mut frames = Frames::new(0, 4);
         let second = |from: u64| {
             let at = move |index: u64| from + index * 4;
             (
@@ -162,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_plc_that_writes_nothing_holds_no_memory_back() {
-        let mut frames = Frames::new(4);
+        let mut frames = Frames::new(0, 4);
         frames.start(0);
         let given = frames.add([], (0..100_000).map(|index| cycle(index * 4, 1, 0)));
         assert!(!given.is_empty() && frames.robot.len() <= WAITING);

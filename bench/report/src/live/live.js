@@ -3,22 +3,28 @@
 
 // The recording of a repetition that has not ended yet.
 class Growing extends Recording {
-  constructor(type) {
-    super({ key: type.key, name: type.name, is_program: type.is_program, end: "done", end_ms: Infinity,
+  constructor(type, { station, axes, marks } = {}) {
+    super({ key: type.key, name: type.name, station, is_program: type.is_program, end: "done", end_ms: Infinity,
       still_ms: [], done: [[0, 0]], slots: [], times: [], joints: [], speeds: [] }, { time_ms: 1, joint: 1, speed_mm_s: 1 });
+    this.axes = axes ?? run.axes;
+    // Numbers of the marks at which the arm waits for others, in order.
+    this.marks = marks ?? [];
     this.begin(type);
   }
 
   begin({ key, name, is_program: isProgram }) {
     Object.assign(this, { key, name, isProgram, end: Infinity, stills: [], doneChanges: [[0, 0]], slotChanges: [], times: [], speeds: [] });
-    this.columns = Array.from({ length: run.axes }, () => []);
+    this.columns = Array.from({ length: this.axes }, () => []);
+    this.markChanges = [[0, [0, 0]]];
     // The arm after the end, on its way back to the start.
     this.later = [];
     this.quiet = null;
   }
 
-  add({ at_ms, joints, speed_mm_s: speed, done, slots }) {
+  add({ at_ms, joints, speed_mm_s: speed, done, slots, marks = [0, 0] }) {
     const at = at_ms / 1e3;
+    const known = this.markChanges.at(-1)[1];
+    if (at <= this.end && marks.some((count, index) => count !== known[index])) this.markChanges.push([at, marks]);
     if (at > this.end) {
       this.later.push({ at, joints });
       if (this.later.length > 60) this.later.shift();
@@ -61,6 +67,52 @@ class Growing extends Recording {
   }
 
   progress(moment) { return `${this.done(moment)} motions`; }
+
+  state(moment) {
+    const [come, passed] = Recording.change(this.markChanges, moment) ?? [0, 0];
+    return moment < this.end && come > passed ? `waits at mark ${this.marks[come - 1]}` : super.state(moment);
+  }
+
+  // The marks that the arm has passed, and for how long it has waited at them.
+  passage(moment) {
+    const [, passed] = Recording.change(this.markChanges, moment) ?? [0, 0];
+    const until = Math.min(moment, this.end);
+    const waited = this.markChanges.reduce((sum, [from, [come, gone]], index) => {
+      const to = Math.min(this.markChanges[index + 1]?.[0] ?? until, until);
+      return come > gone && to > from ? sum + to - from : sum;
+    }, 0);
+    return `${passed} of ${this.marks.length} marks passed, waited ${waited.toFixed(2)} s`;
+  }
+}
+
+// The recordings of the arms of a cell.
+class GrowingCell {
+  constructor(arms) { this.arms = arms; }
+
+  begin(type) { this.arms.forEach(arm => arm.begin(type)); }
+
+  finish(end) { this.arms.forEach(arm => arm.finish(end)); }
+
+  add(frame) { this.arms[frame.arm ?? 0].add(frame); }
+
+  get key() { return this.arms[0].key; }
+
+  get end() { return this.arms[0].end; }
+
+  get newest() { return Math.max(...this.arms.map(arm => arm.newest)); }
+
+  get hasBegun() { return this.arms.every(arm => arm.times.length > 0); }
+}
+
+// The panels of the arms of a cell, with their marks.
+class GrowingPanel extends CellPanel {
+  show(moment) {
+    super.show(moment);
+    this.panels.forEach(({ element, recording }) => {
+      const marks = element.querySelector(".marks");
+      if (marks) write(marks, recording.passage(Math.min(moment, recording.end)));
+    });
+  }
 }
 
 // A world whose way grows; what the arm has reached stays in the picture.
@@ -88,12 +140,12 @@ class Now {
   static REDRAW = 200;
 
   constructor(element) {
-    this.recording = new Growing(run.types[0]);
-    this.panel = new Panel(element.querySelector(".lane"), this.recording);
+    this.recording = new GrowingCell(places.map(place => new Growing(run.types[0], place)));
+    this.panel = new GrowingPanel(element.querySelector(".lane"), this.recording);
     this.world = Stage.isPossible() ? new GrowingWorld(this.recording) : null;
     this.stage = this.world && new Stage(element.querySelector("canvas"), [this.panel.view], [this.world]);
-    this.curve = document.querySelector(".curve");
-    this.curves = new Curves([this.recording], [this.curve], () => this.span(), () => {});
+    this.drawn = [...document.querySelectorAll(".curve")];
+    this.curves = new Curves(this.recording.arms, this.drawn, () => this.span(), () => {});
     this.hasBegun = false;
     [this.moment, this.at, this.redrawn, this.patience] = [0, null, 0, Now.REDRAW];
     this.panel.turns(this.stage, () => this.draw());
@@ -119,14 +171,14 @@ class Now {
     this.hasBegun = true;
     this.moment = 0;
     this.redrawn = 0;
-    for (const element of [this.panel.element, this.curve]) {
+    for (const element of [this.panel.element, ...this.drawn]) {
       element.classList.remove(...run.types.map(({ key }) => key));
       element.classList.add(type.key);
     }
     const [name, how] = [document.createTextNode(`${type.name} `), document.createElement("span")];
     how.textContent = type.how;
     this.panel.element.querySelector("h2").replaceChildren(name, how);
-    this.curve.querySelector("h3").firstChild.textContent = `${type.name} `;
+    this.drawn.forEach(curve => { curve.querySelector("h3").firstChild.textContent = `${[type.name, curve.dataset.station].filter(Boolean).join(" ")} `; });
     this.stage?.colours();
   }
 
@@ -159,9 +211,9 @@ class Now {
     if (!this.hasBegun) return;
     this.panel.show(this.moment);
     this.curves.show(Math.min(this.moment, this.recording.end));
-    if (this.stage && this.recording.times.length) {
-      const [[tool]] = this.stage.show(this.moment);
-      this.panel.element.dataset.tool = tool.toArray().map(mm => mm.toFixed(1)).join(" ");
+    if (this.stage && this.recording.hasBegun) {
+      const [tools] = this.stage.show(this.moment);
+      this.panel.element.dataset.tool = tools.flatMap(tool => tool.toArray()).map(mm => mm.toFixed(1)).join(" ");
     }
   }
 }
@@ -222,13 +274,13 @@ class Now {
   };
 
   const showCounters = () => {
-    const known = nodes.plc ?? nodes.robot;
+    const [known] = Object.values(nodes);
     find("#counters .note").hidden = true;
     find("#counters tbody").replaceChildren(...known.counters.map(([name], index) => {
       const row = element("tr");
       const head = element("th", name);
       head.scope = "row";
-      row.append(head, ...["plc", "robot"].map(node => element("td", nodes[node] ? String(nodes[node].counters[index][1]) : "–")));
+      row.append(head, ...run.nodes.map(({ key }) => element("td", nodes[key] ? String(nodes[key].counters[index][1]) : "–")));
       return row;
     }));
   };
@@ -250,8 +302,7 @@ class Now {
     part.frames?.forEach(frame => now?.recording.add(frame));
     if (part.end_ms !== undefined) now?.recording.finish(part.end_ms / 1e3);
     if (part.table) showTable(part.table);
-    if (part.plc) showNode("plc", part.plc);
-    if (part.robot) showNode("robot", part.robot);
+    Object.entries(part.nodes ?? {}).forEach(([node, figures]) => showNode(node, figures));
     if (part.log) log(part.log);
     if (part.ended) {
       say(part.ended.text, part.ended.is_problem);

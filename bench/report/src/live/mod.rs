@@ -21,27 +21,27 @@ mod rows;
 mod server;
 mod state;
 
+use std::collections::VecDeque;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use node::role::NodeRole;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::MissedTickBehavior;
 
 pub use address::{AddressError, DEFAULT, LiveAddress};
-pub use page::About;
+pub use page::{About, AboutArms};
 
 use connection::LimitedListener;
 use frames::Frames;
+use records::cell_results::CellResults;
 use records::feed::{Feed, FeedEvent};
 use records::results::{Results, Status};
-use records::trace::tables::{PLC_ROWS, ROBOT_ROWS};
-use rows::Rows;
+use rows::{Rows, RowsError};
 use server::Served;
-use state::{Ended, Line, Part, Repetition};
+use state::{Ended, Frame, Line, Part, Repetition};
 
 /// Interval at which rows are read: 30 times a second.
 const EVERY: Duration = Duration::from_millis(33);
@@ -111,15 +111,18 @@ impl Live {
         let served = Served::new(&page);
         let (feed, events) = Feed::new();
         let (last, ended) = oneshot::channel();
+        let arm = |(index, (axes, station)): (usize, (&usize, String))| ViewedArm {
+            rows: directory.map(|directory| Rows::of_station(directory, &station)),
+            frames: Frames::new(index, *axes),
+        };
         let view = View {
             events,
             ended,
             served,
-            rows: directory
-                .map(|directory| [PLC_ROWS, ROBOT_ROWS].map(|name| Rows::new(&directory.join(name)))),
-            frames: Frames::new(axes),
+            arms: axes.iter().zip(about.arms.stations()).enumerate().map(arm).collect(),
             reps: about.reps,
             repetition: None,
+            started_ns: None,
             opened: Instant::now(),
         };
         let failed = LiveError::Server;
@@ -148,15 +151,20 @@ impl Live {
 
     /// Tells the pages how the run ended, and stops serving. `saved` is the run directory.
     pub fn end(self, results: Result<&Results, &anyhow::Error>, saved: &Path) {
-        let last = match results {
-            Ok(results) => Part { ended: Some(ended(results, saved)), ..parts::table(results) },
-            Err(error) => {
-                let ended =
-                    Ended { is_problem: true, text: format!("The run broke off: {error:#}."), report: None };
-                Part { ended: Some(ended), ..Part::default() }
-            }
+        let of_results = |results: &Results| Part {
+            ended: Some(ended(results.status, results.saved_of_all(), saved)),
+            ..parts::table(results)
         };
-        self.end_with(last);
+        self.end_with(results.map_or_else(broke_off, of_results));
+    }
+
+    /// Does the same with the results of a cell with several stations.
+    pub fn end_cell(self, results: Result<&CellResults, &anyhow::Error>, saved: &Path) {
+        let of_results = |results: &CellResults| Part {
+            ended: Some(ended(results.status, results.saved_of_all(), saved)),
+            ..parts::cell_table(results)
+        };
+        self.end_with(results.map_or_else(broke_off, of_results));
     }
 
     fn end_with(self, last: Part) {
@@ -179,10 +187,15 @@ fn report_address(saved: &Path) -> Option<String> {
     Some(format!("file://{}", bytes.map(encoded).collect::<String>()))
 }
 
-fn ended(results: &Results, saved: &Path) -> Ended {
-    let (done, all) = results.saved_of_all();
+/// Returns the last part of a run that an error ended.
+fn broke_off(error: &anyhow::Error) -> Part {
+    let ended = Ended { is_problem: true, text: format!("The run broke off: {error:#}."), report: None };
+    Part { ended: Some(ended), ..Part::default() }
+}
+
+fn ended(status: Status, (done, all): (usize, usize), saved: &Path) -> Ended {
     let shown = saved.display();
-    let (is_problem, text) = match results.status {
+    let (is_problem, text) = match status {
         Status::Complete | Status::Running => (false, format!("Done: {all} repetitions, saved in {shown}.")),
         Status::Failed => (true, format!("A repetition failed; {done} of {all} are saved in {shown}.")),
         Status::Interrupted => (true, format!("Interrupted, {done} of {all} repetitions saved in {shown}.")),
@@ -196,12 +209,27 @@ struct View {
     /// How the run ended; nothing follows.
     ended: oneshot::Receiver<Part>,
     served: Served,
+    arms: Vec<ViewedArm>,
+    reps: u32,
+    repetition: Option<Repetition>,
+    /// Start edge of the repetition that is shown: a PLC reports it for each station.
+    started_ns: Option<u64>,
+    opened: Instant,
+}
+
+/// An arm of the view.
+struct ViewedArm {
     /// Rows of the PLC and of the robot.
     rows: Option<[Rows; 2]>,
     frames: Frames,
-    reps: u32,
-    repetition: Option<Repetition>,
-    opened: Instant,
+}
+
+impl ViewedArm {
+    fn read(&mut self) -> Result<VecDeque<Frame>, RowsError> {
+        let Some([plc, robot]) = &mut self.rows else { return Ok(VecDeque::new()) };
+        let (plc, robot) = (plc.read()?, robot.read()?);
+        Ok(self.frames.add(plc, robot))
+    }
 }
 
 impl View {
@@ -240,18 +268,20 @@ impl View {
                 return;
             }
             FeedEvent::Started { at_ns } => {
-                self.frames.start(at_ns);
+                if self.started_ns.replace(at_ns) == Some(at_ns) {
+                    return;
+                }
+                self.arms.iter_mut().for_each(|arm| arm.frames.start(at_ns));
                 Part { repetition: self.repetition.clone(), ..Part::default() }
             }
             FeedEvent::MotionsDone { length_ns } => {
                 Part { end_ms: Some(length_ns as f64 / 1e6), ..Part::default() }
             }
             FeedEvent::Results(results) => parts::table(&results),
-            FeedEvent::Report(NodeRole::Plc, report) => {
-                Part { plc: Some(parts::node(&report)), ..Part::default() }
-            }
-            FeedEvent::Report(NodeRole::Robot, report) => {
-                Part { robot: Some(parts::node(&report)), ..Part::default() }
+            FeedEvent::CellResults(results) => parts::cell_table(&results),
+            FeedEvent::Report(robot, report) => {
+                let key = robot.map_or_else(|| page::PLC.to_owned(), page::robot_key);
+                Part { nodes: [(key, parts::node(&report))].into(), ..Part::default() }
             }
             FeedEvent::Note { is_problem, text } => self.line(is_problem, text),
         };
@@ -260,16 +290,17 @@ impl View {
 
     /// Reads the new rows and publishes their frames.
     fn read_rows(&mut self) {
-        let Some([plc, robot]) = &mut self.rows else { return };
-        let read = plc.read().and_then(|plc| Ok((plc, robot.read()?)));
-        let part = match read {
-            Ok((plc, robot)) => Part { frames: self.frames.add(plc, robot), ..Part::default() },
-            Err(error) => {
-                self.rows = None;
-                self.line(true, format!("the arm is not followed any more: {error}"))
-            }
-        };
-        self.served.hub().publish(part);
+        for index in 0..self.arms.len() {
+            let Some(arm) = self.arms.get_mut(index) else { return };
+            let part = match arm.read() {
+                Ok(frames) => Part { frames, ..Part::default() },
+                Err(error) => {
+                    arm.rows = None;
+                    self.line(true, format!("the arm is not followed any more: {error}"))
+                }
+            };
+            self.served.hub().publish(part);
+        }
     }
 
     fn line(&self, is_problem: bool, text: String) -> Part {

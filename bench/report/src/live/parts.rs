@@ -6,34 +6,56 @@ use plc_node::ExecutionType;
 
 use super::state::{Node, Part, Row, Table};
 use crate::figures::{millis, percent};
+use records::cell_results::{CellResults, CellTypeResult};
 use records::interval::{FEWEST, Mean};
 use records::results::{Results, TypeResult};
 
 /// Returns the table of the results so far.
 pub(super) fn table(results: &Results) -> Part {
-    let row_of = |key: ExecutionType| Some(row(key, results.results.get(key)?, results.reps));
+    let figures = |key: ExecutionType| {
+        let TypeResult { samples_ms, aet_ms, mad_ms, .. } = results.results.get(key)?;
+        Some((samples_ms.as_slice(), [*aet_ms, *mad_ms]))
+    };
+    table_of(figures, results.reps, results.aet_improvement)
+}
+
+/// Returns the table of a cell's results so far.
+pub(super) fn cell_table(results: &CellResults) -> Part {
+    let figures = |key: ExecutionType| {
+        let CellTypeResult { samples_ms, aet_ms, mad_ms, .. } = results.results.get(key)?;
+        Some((samples_ms.as_slice(), [*aet_ms, *mad_ms]))
+    };
+    table_of(figures, results.reps, results.aet_improvement)
+}
+
+/// Returns a table of the samples of each type, with AET and MAD in ms.
+fn table_of<'a>(
+    figures: impl Fn(ExecutionType) -> Option<(&'a [f64], [Option<f64>; 2])>,
+    reps: u32,
+    improvement: Option<f64>,
+) -> Part {
+    let row_of = |key: ExecutionType| figures(key).map(|(samples, aet_mad)| row(key, samples, aet_mad, reps));
     let table = Table {
         rows: ExecutionType::ALL.into_iter().filter_map(row_of).collect(),
-        improvement: results.aet_improvement.map(|share| percent(share, 1)).unwrap_or_default(),
+        improvement: improvement.map(|share| percent(share, 1)).unwrap_or_default(),
     };
     Part { table: Some(table), ..Part::default() }
 }
 
-fn row(execution_type: ExecutionType, result: &TypeResult, reps: u32) -> Row {
-    let samples = &result.samples_ms;
+fn row(execution_type: ExecutionType, samples: &[f64], [aet_ms, mad_ms]: [Option<f64>; 2], reps: u32) -> Row {
     let text = |value: Option<f64>| value.map(millis).unwrap_or_default();
     let margin = match Mean::of(samples) {
         Some(mean) => format!("± {}", millis(mean.margin_ms())),
         None => format!("from {FEWEST} on"),
     };
     // One sample has no deviation.
-    let mad_ms = result.mad_ms.filter(|_| samples.len() > 1);
+    let mad_ms = mad_ms.filter(|_| samples.len() > 1);
     let ends = [f64::min, f64::max].map(|end| text(samples.iter().copied().reduce(end)));
     let [shortest, longest] = ends;
     let done = format!("{} of {reps}", samples.len());
     Row {
         key: execution_type.to_string(),
-        cells: [done, text(result.aet_ms), margin, text(mad_ms), shortest, longest],
+        cells: [done, text(aet_ms), margin, text(mad_ms), shortest, longest],
     }
 }
 

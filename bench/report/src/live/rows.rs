@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use machine::Instant;
 use node::trace_row::{TraceSample, read_rows};
+use records::trace::tables::{PLC_ROWS, ROBOT_ROWS, plc_rows, robot_rows};
 
 /// Bytes that are read at once at most: some seconds of a node.
 const AT_ONCE: u64 = 1 << 18;
@@ -31,6 +32,15 @@ pub(super) struct Rows {
 impl Rows {
     pub(super) fn new(path: &Path) -> Self {
         Self { path: path.to_owned(), file: None, begun: String::new() }
+    }
+
+    /// Returns the rows of the PLC and of the robot at a station, which has no name where it is the only one.
+    pub(super) fn of_station(directory: &Path, station: &str) -> [Self; 2] {
+        let names = match station {
+            "" => [PLC_ROWS.to_owned(), ROBOT_ROWS.to_owned()],
+            station => [plc_rows(station, false), robot_rows(station)],
+        };
+        names.map(|name| Self::new(&directory.join(name)))
     }
 
     /// Returns the rows that were added since the last call. There are none as long as there is no file.

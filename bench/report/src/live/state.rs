@@ -1,12 +1,12 @@
 //! What the page shows. The state of a run is the sum of its parts: a page that was open all the time has added them one by
 //! one, a page that opens now gets their sum as one part.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use protocol::image::SLOTS;
 use serde::Serialize;
 
-/// Frames that are kept of a repetition: its last two minutes at 30 Hz.
+/// Frames that are kept of a repetition: its last two minutes at 30 Hz, over all arms.
 const FRAMES: usize = 3_600;
 
 /// Lines of the log that are kept.
@@ -28,11 +28,9 @@ pub(super) struct Part {
     pub(super) frames: VecDeque<Frame>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) table: Option<Table>,
-    /// The PLC's figures and the robot's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) plc: Option<Node>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) robot: Option<Node>,
+    /// Figures of the nodes, by the key that the page has for each.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) nodes: BTreeMap<String, Node>,
     #[serde(skip_serializing_if = "VecDeque::is_empty")]
     pub(super) log: VecDeque<Line>,
     /// How the run ended.
@@ -53,6 +51,9 @@ pub(super) struct Repetition {
 /// The arm and the slots in one cycle of the robot.
 #[derive(Clone, PartialEq, Serialize, Debug)]
 pub(super) struct Frame {
+    /// Index of the arm.
+    #[serde(skip_serializing_if = "is_first")]
+    pub(super) arm: usize,
     /// Time since the start edge, in ms.
     pub(super) at_ms: f64,
     /// In degrees; in mm for a linear axis.
@@ -62,6 +63,18 @@ pub(super) struct Frame {
     pub(super) done: u32,
     /// Number of the motion in each slot; 0 is an empty slot.
     pub(super) slots: [u32; SLOTS],
+    /// Marks that the arm has come to in this repetition, and those that it has passed.
+    #[serde(skip_serializing_if = "are_none")]
+    pub(super) marks: [u32; 2],
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+const fn is_first(arm: &usize) -> bool {
+    *arm == 0
+}
+
+fn are_none(marks: &[u32; 2]) -> bool {
+    *marks == [0; 2]
 }
 
 /// The figures so far.
@@ -118,7 +131,7 @@ impl Part {
 
     /// Adds a later part.
     pub(super) fn add(&mut self, part: Self) {
-        let Self { is_whole, repetition, end_ms, frames, table, plc, robot, log, ended } = part;
+        let Self { is_whole, repetition, end_ms, frames, table, nodes, log, ended } = part;
         if is_whole {
             *self = Self::default();
         }
@@ -130,8 +143,7 @@ impl Part {
         self.end_ms = end_ms.or(self.end_ms);
         extend(&mut self.frames, frames, FRAMES);
         self.table = table.or(self.table.take());
-        self.plc = plc.or(self.plc.take());
-        self.robot = robot.or(self.robot.take());
+        self.nodes.extend(nodes);
         extend(&mut self.log, log, LINES);
         self.ended = ended.or(self.ended.take());
     }
@@ -153,7 +165,15 @@ mod tests {
     use super::*;
 
     fn frame(at_ms: f64) -> Part {
-        let frame = Frame { at_ms, joints: vec![at_ms], speed_mm_s: 1.0, done: 0, slots: [0; SLOTS] };
+        let frame = Frame {
+            arm: 0,
+            marks: [0; 2],
+            at_ms,
+            joints: vec![at_ms],
+            speed_mm_s: 1.0,
+            done: 0,
+            slots: [0; SLOTS],
+        };
         Part { frames: [frame].into(), ..Part::default() }
     }
 

@@ -23,7 +23,7 @@ use records::results::{Results, Status};
 use records::run_directory::{self, Durability, RunDirectory, replace};
 use records::schedule::Schedule;
 use records::trace::Trace;
-use report::live::{About, Live, Reserved};
+use report::live::{About, AboutArms, Live, Reserved};
 #[cfg(feature = "mcap")]
 use report::playback;
 use report::progress::Progress;
@@ -40,7 +40,7 @@ use studies::event_loop::interrupt;
 const WARNINGS: usize = 5;
 
 /// Why a live view of attached nodes has no arm.
-const NO_ROWS: &str = "No arm is drawn: nodes that the bench did not start write their cycles nowhere that it could read. Leave out --attach \
+pub(super) const NO_ROWS: &str = "No arm is drawn: nodes that the bench did not start write their cycles nowhere that it could read. Leave out --attach \
      to see it. Table, lateness, frames and alarms follow the run.";
 
 /// Returns whether the rig says by this error that a capture lacks something.
@@ -143,8 +143,7 @@ impl Measurement<'_> {
     /// Starts the live view of a run in `directory`, and prints its address.
     fn serve(&self, address: Reserved, directory: &Path) -> Result<Live, Failure> {
         let about = About {
-            setup: &self.setup,
-            application: &self.found.application,
+            arms: AboutArms::One(&self.setup, &self.found.application),
             types: &self.schedule.types,
             reps: self.schedule.reps,
             no_rows: self.options.attach.as_ref().map(|_| NO_ROWS),

@@ -11,7 +11,7 @@ use plc_node::ExecutionType;
 use setup::Setup;
 
 use records::feed::Feed;
-use report::live::{About, Live, Reserved};
+use report::live::{About, AboutArms, Live, Reserved};
 
 /// Fewest bytes that a page receives during a measurement: more than the state at the beginning.
 const FEWEST: u64 = 10_000;
@@ -32,8 +32,7 @@ impl Watched {
         directory: &Path,
     ) -> anyhow::Result<Self> {
         let about = About {
-            setup,
-            application: &found.application,
+            arms: AboutArms::One(setup, &found.application),
             types: &[execution_type],
             reps: 1,
             no_rows: None,

@@ -19,14 +19,22 @@ use records::trace::Trace;
 impl CellStand for Rig {
     async fn start(config: &CellConfig<'_>) -> Result<Self, Failure> {
         let started = match config.attach {
-            Some(nodes) => Self::attach_cell(config, nodes).await,
+            Some(nodes) => {
+                let mut rig = Self::attach_cell(config, nodes).await;
+                if let Ok(rig) = &mut rig {
+                    rig.feed = config.feed.cloned();
+                }
+                rig
+            }
             None => {
                 let directory = config.directory.to_owned();
                 let rig = RigConfig {
                     seed: config.seed,
                     capture: config.capture.map(|keep| (directory.clone(), keep)),
                     trace: Some(directory.clone()),
+                    feed: config.feed.cloned(),
                     voice: config.voice.cloned(),
+                    writes_all: config.feed.is_some(),
                     faults: config.faults.to_vec(),
                     ..RigConfig::of_cell(config.cell, directory.join("setup.toml"))
                 };

@@ -1,12 +1,12 @@
 //! Forwards the messages of the rig's nodes to the live view.
 
 use ::node::message::Message;
-use ::node::role::NodeRole;
 use plc_node::process::PlcMessage;
 use robot_node::process::RobotMessage;
 
 use super::Rig;
 use super::node_process::NodeEvent;
+use super::rig_node::RigNode;
 use records::feed::Feed;
 
 impl Rig {
@@ -20,23 +20,47 @@ impl Rig {
                 feed.motions_done(run.execution_time_ns)
             }
             NodeEvent::Plc(_, Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
-                feed.report(NodeRole::Plc, reports().plc);
+                feed.report(None, reports().plc);
             }
-            NodeEvent::Robot(_, Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
-                feed.report(NodeRole::Robot, reports().robot());
+            NodeEvent::Robot(station, Message::Report(_) | Message::Farewell { report: Some(_), .. }) => {
+                if let Some(report) = reports().robots.get(*station) {
+                    feed.report(Some(*station), report.clone());
+                }
             }
-            NodeEvent::Plc(_, message) => forward(feed, NodeRole::Plc, message, is_alarm_of_plc),
-            NodeEvent::Robot(_, message) => forward(feed, NodeRole::Robot, message, is_alarm_of_robot),
-            NodeEvent::Ended(node) => feed.note(format!("the node of the {} has ended", node.role())),
-            NodeEvent::UnreadableLine { node, line } => feed.alarm(format!("{}: {line}", node.role())),
+            NodeEvent::Plc(station, message) => {
+                let by = self.source(RigNode::Plc, station.as_deref());
+                forward(feed, &by, message, is_alarm_of_plc);
+            }
+            NodeEvent::Robot(station, message) => {
+                forward(feed, &self.source(RigNode::Robot(*station), None), message, is_alarm_of_robot);
+            }
+            NodeEvent::Ended(node) => {
+                feed.note(format!("the node of the {} has ended", self.source(*node, None)));
+            }
+            NodeEvent::UnreadableLine { node, line } => {
+                feed.alarm(format!("{}: {line}", self.source(*node, None)));
+            }
         }
+    }
+
+    /// Returns who sends a message, with the station that it is about where there are several.
+    fn source(&self, node: RigNode, station: Option<&str>) -> String {
+        let of_robot = |index: usize| self.robots.get(index).and_then(|robot| robot.station.as_deref());
+        let station = match node {
+            RigNode::Plc => station,
+            RigNode::Robot(index) => of_robot(index),
+        };
+        let role = node.role();
+        station
+            .filter(|_| self.robots.len() > 1)
+            .map_or_else(|| role.to_string(), |name| format!("{role}, {name}"))
     }
 }
 
 /// Forwards the text of a message that a person may want to read.
 fn forward<M: std::fmt::Display>(
     feed: &Feed,
-    role: NodeRole,
+    by: &str,
     message: &Message<M>,
     is_alarm: impl Fn(&M) -> Option<bool>,
 ) {
@@ -56,8 +80,8 @@ fn forward<M: std::fmt::Display>(
         Message::Node(message) => is_alarm(message),
     };
     match is_alarm {
-        Some(true) => feed.alarm(format!("{role}: {message}")),
-        Some(false) => feed.note(format!("{role}: {message}")),
+        Some(true) => feed.alarm(format!("{by}: {message}")),
+        Some(false) => feed.note(format!("{by}: {message}")),
         None => {}
     }
 }

@@ -79,7 +79,7 @@ impl WantedCell<'_> {
             Err(words) => return Some(words),
         };
         // The PLC decides how frames are sent.
-        let is_free = |key: &str| self.setup.is_file(key) || key == CYCLIC && role == NodeRole::Robot;
+        let is_free = |key: &str| self.setup.is_file(key) || is_cyclic(key) && role == NodeRole::Robot;
         let of_setup = differences.into_iter().find(|difference| !is_free(&difference.key));
         of_setup.map(|difference| in_words("setup", difference)).or_else(|| {
             match setup::text_differences(&cell.application, self.application) {
@@ -101,6 +101,12 @@ const APPLICATION: &str = "application";
 
 /// Key of a setup that the option `--cyclic` of `plc-node` replaces, and that a device takes from its controller.
 const CYCLIC: &str = "bus.profinet.cyclic";
+
+/// Returns whether a key is [`CYCLIC`], of a robot or of a station.
+fn is_cyclic(key: &str) -> bool {
+    let of_station = key.strip_prefix("station.").and_then(|key| key.split_once('.'));
+    of_station.map_or(key, |(_, rest)| rest) == CYCLIC
+}
 
 /// Most characters of a value in a message.
 const SHOWN: usize = 60;

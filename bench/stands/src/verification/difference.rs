@@ -45,6 +45,18 @@ pub enum Difference {
         /// Lowest and highest, in %.
         commanded: [u8; 2],
     },
+    /// The robot followed another override than full speed under a master axis, which carries the override itself.
+    #[error(
+        "under the master axis the robot moved at an override of {} to {} %, and the PLC sent {} to {} %: check what the \
+         robot does with bit 7, SYNC",
+        found[0], found[1], sent[0], sent[1]
+    )]
+    LedOverride {
+        /// Lowest and highest, in %.
+        found: [u8; 2],
+        /// Lowest and highest, in %.
+        sent: [u8; 2],
+    },
     /// The arm began elsewhere.
     #[error("the tool began {away_mm:.3} mm from the application's start")]
     Start {

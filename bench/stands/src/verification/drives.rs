@@ -114,7 +114,7 @@ pub(super) fn check_time(
         return late;
     }
     // The rehearsal has one override, and each motion in time.
-    let [low, high] = account.override_percent;
+    let [low, high] = account.whole_override_percent();
     let is_comparable = low == high && measured.execution.blends_suppressed == 0;
     let off = Duration::abs_diff(account.motion_time, planned.motion_time);
     if !is_comparable || off <= robot.cycle {

@@ -2,7 +2,7 @@
 //! other arms at marks.
 
 use anyhow::Context as _;
-use plc_node::ExecutionType;
+use plc_node::{ExecutionType, TogetherSection};
 use protocol::image::{Digest, Sum};
 use robot_node::Account;
 use robot_node::arm::Joints;
@@ -15,6 +15,9 @@ use super::{
 use crate::planned_path::PlannedPath;
 use crate::planned_station::PlannedStation;
 use records::conditions::Measured;
+
+/// The override of an arm whose master has the PLC's, in %.
+const FULL: u8 = 100;
 
 /// What every repetition of a station is compared with.
 #[derive(Clone, Debug)]
@@ -51,16 +54,9 @@ impl StationVerification {
         let execution = &measured.execution;
         check_sent(measured, self.sent)?;
         let Some(account) = &measured.account else { return Ok(()) };
-        // An arm that follows a master axis moves at its full override: the master is slower by the PLC's.
-        let is_led = execution.execution_type == ExecutionType::Cm
-            && self.station.in_step.as_ref().is_some_and(|arm| !arm.sections.is_empty());
-        let mut by_robot = *account;
-        if is_led && account.override_percent[1] == 100 {
-            let ([lowest, _], [_, most]) = (account.override_percent, execution.commanded.override_percent);
-            by_robot.override_percent = [lowest.min(most), most];
-        }
-        check_override(measured, &by_robot)?;
-        let [_, highest] = account.override_percent;
+        check_override(measured, account)?;
+        self.check_led_override(measured, account)?;
+        let [_, highest] = account.whole_override_percent();
         let alone = self.rehearsed(execution.execution_type, &account.start, highest)?;
         let planned = alone.account;
         check_executed(account, &planned)?;
@@ -85,6 +81,30 @@ impl StationVerification {
         self.check_length(execution.execution_type, account, quality.path_length_mm, highest)
     }
 
+    /// Compares the override under a master axis. It is full, since the master itself is slower by the override; where the arm also
+    /// presses, which has no law, it is the commanded one.
+    fn check_led_override(&self, measured: &Measured, account: &Account) -> Result<(), Difference> {
+        let found = account.led_override_percent;
+        let sections = self.station.in_step.iter().flat_map(|arm| &arm.sections);
+        let [lowest, highest] = measured.execution.commanded.override_percent;
+        let of_section =
+            |section: &TogetherSection| if section.has_force { [lowest, highest] } else { [FULL; 2] };
+        let is_led = measured.execution.execution_type == ExecutionType::Cm;
+        let sent = sections
+            .filter(|_| is_led)
+            .map(of_section)
+            .reduce(|[low, high], [other_low, other_high]| [low.min(other_low), high.max(other_high)]);
+        let is_as_sent = match sent {
+            Some([lowest, highest]) => lowest <= found[0] && (lowest..=highest).contains(&found[1]),
+            None => found[1] == 0,
+        };
+        if is_as_sent {
+            Ok(())
+        } else {
+            Err(Difference::LedOverride { found, sent: sent.unwrap_or_default() })
+        }
+    }
+
     /// Compares the length of the path, as for a robot that works alone: at the highest override its chords are the longest, and
     /// their sum is the least.
     fn check_length(
@@ -104,7 +124,8 @@ impl StationVerification {
         }
         let mut planned_mm = [shortest_mm - tolerance, shortest_mm + tolerance];
         // Where the arm was slower, or stood, its chords were shorter; rehearsing that takes longer.
-        if account.override_percent[0] < 100 && found_mm > shortest_mm {
+        let follows_master = account.led_override_percent[1] > 0;
+        if (follows_master || account.override_percent[0] < FULL) && found_mm > shortest_mm {
             let longest_mm = length_mm(highest.min(SLOW_PERCENT))?;
             planned_mm[1] = longest_mm + length_tolerance_mm(longest_mm);
             if found_mm <= planned_mm[1] {

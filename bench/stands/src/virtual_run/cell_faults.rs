@@ -58,6 +58,11 @@ impl CellFaults {
         self.ready
     }
 
+    /// Returns whether there is any fault.
+    pub(super) fn are_any(&self) -> bool {
+        self.of_stations.iter().chain([&self.of_plc]).any(|(faults, _)| !faults.is_empty())
+    }
+
     fn all_mut(&mut self) -> impl Iterator<Item = &mut Changes> {
         self.of_stations.iter_mut().map(|(_, changes)| changes).chain([&mut self.of_plc.1])
     }

@@ -254,7 +254,7 @@ impl Nodes {
     /// Waits until the nodes are connected and the robot is ready.
     pub(super) fn connect(&mut self) -> anyhow::Result<()> {
         let until = self.cell.now() + CONNECT;
-        let (mut is_moving, mut waiting) = (false, None);
+        let (mut is_moving, mut waiting, mut last_attempt) = (false, None, None);
         while let Some(event) = self.next_event(until) {
             match event {
                 PlcEvent::MovingToStart => is_moving = true,
@@ -265,13 +265,22 @@ impl Nodes {
                     self.changes.ready(self.cell.now());
                     return Ok(());
                 }
-                PlcEvent::Link(LinkEvent::Down(down)) => return Err(self.not_connected(down).into()),
+                PlcEvent::Link(LinkEvent::Down(down)) => {
+                    let is_final = self.faults.is_empty() || matches!(down.cause, DownCause::Refused);
+                    let why = self.not_connected(down);
+                    if is_final {
+                        return Err(why.into());
+                    }
+                    // A cable with faults may spoil an attempt; the PLC makes the next one.
+                    last_attempt = Some(why);
+                }
+                PlcEvent::Link(LinkEvent::Up) => last_attempt = None,
                 PlcEvent::Failed(failure) => return Err(failure.into()),
                 _ => {}
             }
         }
         let late = if is_moving { NotReady::StillMoving(CONNECT) } else { NotReady::Late(CONNECT) };
-        Err(waiting.unwrap_or(late).into())
+        Err(last_attempt.or(waiting).unwrap_or(late).into())
     }
 
     pub(super) fn execute(

@@ -135,7 +135,11 @@ impl ArmVolume {
     /// describes no arm.
     #[must_use]
     pub fn new(cell: &Cell, station: &Station, tools: &[u8]) -> Option<Self> {
-        let radius_mm = station.robot.link_radius_mm.as_ref()?.value;
+        Self::with_radius(cell, station, tools, station.robot.link_radius_mm.as_ref()?.value)
+    }
+
+    /// Creates the same with this radius; `None` if the setup describes no arm.
+    pub(crate) fn with_radius(cell: &Cell, station: &Station, tools: &[u8], radius_mm: f64) -> Option<Self> {
         let Installation { arm, tools: listed, .. } =
             Installation::from_setup(&cell.setup_of(station)).ok()?;
         let tools = tools.iter().filter_map(|number| listed.get(usize::from(*number)).copied().flatten());

@@ -18,7 +18,7 @@ mod cell;
 mod chain;
 mod lane;
 pub(crate) mod numbering;
-pub(super) mod of_cell;
+pub(crate) mod of_cell;
 mod scene;
 pub(super) mod still;
 

@@ -1,8 +1,10 @@
 //! The race of a cell: the arms of each type in one scene, where they stand in the cell.
 
+use planning::{PlannedCell, PlannedStation};
 use plc_node::ExecutionType;
 use robot_node::arm::Frame;
 use serde::Serialize;
+use setup::{Cell, Station};
 
 use super::chain::Placed;
 use super::lane::{Lane, UNITS, Units};
@@ -26,11 +28,28 @@ struct CellRace {
 }
 
 /// An arm and what stands around it, and where it stands in the cell.
-#[derive(Serialize)]
-struct PlacedScene {
+#[derive(Serialize, Debug)]
+pub(crate) struct PlacedScene {
     root: Placed,
     #[serde(flatten)]
     scene: Scene,
+}
+
+impl PlacedScene {
+    /// Returns the arms of a cell, in the order of the stations; the error is a sentence.
+    pub(crate) fn all(cell: &Cell, planned: &PlannedCell) -> Result<Vec<Self>, String> {
+        let placed = |(station, of_station): (&Station, &PlannedStation)| {
+            let scene = Scene::of(&of_station.setup, &of_station.application)?;
+            let root = Placed::new(&Frame::from_mm_deg(station.root_mm_deg.value));
+            Ok(Self { root, scene })
+        };
+        cell.stations.iter().zip(&planned.stations).map(placed).collect()
+    }
+
+    /// Returns the number of the arm's joints.
+    pub(crate) const fn axes(&self) -> usize {
+        self.scene.axes()
+    }
 }
 
 /// The recordings of a type.
@@ -56,18 +75,13 @@ impl CellRace {
                     .to_owned(),
             );
         };
-        let mut arms = Vec::with_capacity(cell.stations.len());
-        for (station, of_station) in cell.stations.iter().zip(&planned.stations) {
-            let scene = Scene::of(&of_station.setup, &of_station.application)?;
-            let root = Placed::new(&Frame::from_mm_deg(station.root_mm_deg.value));
-            arms.push(PlacedScene { root, scene });
-        }
+        let arms = PlacedScene::all(cell, planned)?;
         let lane = |execution_type: ExecutionType| {
             let mut lanes = Vec::with_capacity(arms.len());
             for ((placed, name), trace) in arms.iter().zip(cell.names()).zip(&files.trace.stations) {
                 let recording = trace.types.get(execution_type)?;
                 let end = End::of(&files.results.of_station(0), execution_type, recording);
-                let lane = Lane::of(execution_type, end, recording, placed.scene.axes())?;
+                let lane = Lane::of(execution_type, end, recording, placed.axes())?;
                 lanes.push(ArmLane { station: name.to_owned(), lane });
             }
             let key = execution_type.to_string();

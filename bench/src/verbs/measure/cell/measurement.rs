@@ -1,6 +1,6 @@
 //! A measurement of a cell on the stand of its mode, from the run directory to the last file in it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use ::node::token::ControlToken;
@@ -8,6 +8,7 @@ use planning::PlannedCell;
 use setup::Cell;
 
 use super::super::alone::add_alone;
+use super::super::measurement::NO_ROWS;
 use super::super::{Capture, RunOptions, RunPart};
 use super::session::{CellEnded, CellSession, Judge};
 use crate::COMMIT;
@@ -21,8 +22,9 @@ use records::results::Status;
 use records::run_directory::{self, Durability};
 use records::schedule::Schedule;
 use records::trace::CellTrace;
-use report::cell_files;
+use report::live::{About, AboutArms, Live, Reserved};
 use report::progress::Progress;
+use report::{cell_files, errln};
 use stands::cell_stand::{CellConfig, CellFinished, CellStand};
 use stands::planned_station::PlannedStation;
 #[cfg(all(feature = "real", target_os = "linux"))]
@@ -43,11 +45,14 @@ pub(super) struct CellMeasurement<'a> {
     pub(super) applications: String,
     pub(super) schedule: Schedule,
     pub(super) token: Option<ControlToken>,
+    /// Address of the live view.
+    pub(super) live: Option<Reserved>,
 }
 
 impl CellMeasurement<'_> {
     /// Runs the measurement; returns its results and the directory with its files.
-    pub(super) async fn run(self) -> Result<(CellEnded, PathBuf), Failure> {
+    pub(super) async fn run(mut self) -> Result<(CellEnded, PathBuf), Failure> {
+        let address = self.live.take();
         let Self { options, cell, schedule, .. } = &self;
         let started = SystemTime::now();
         let path = options
@@ -58,14 +63,15 @@ impl CellMeasurement<'_> {
             Mode::Real => Durability::Synced,
             Mode::Virtual => Durability::Written,
         };
+        let mut results = CellResults::new(cell, &self.planned, options.mode, schedule);
         let mut session = CellSession {
             directory: CellDirectory::create(&path, cell, &self.texts, durability)?,
             exports: options.exports.clone().of_run(host::date(started)),
             progress: Progress::start(schedule, options.quiet),
+            live: address.map(|address| self.serve(address, &path, &results.application)).transpose()?,
         };
         let host = Host::read(started, COMMIT);
         session.write_host(&host)?;
-        let mut results = CellResults::new(cell, &self.planned, options.mode, schedule);
         results.digests = Some(session.directory.digests().clone());
         let ran = match options.mode {
             Mode::Virtual => self.run_on::<CellRun>(&mut session, host, results).await,
@@ -74,6 +80,9 @@ impl CellMeasurement<'_> {
             #[cfg(not(all(feature = "real", target_os = "linux")))]
             Mode::Real => Err(super::super::no_real_mode()),
         };
+        if let Some(live) = session.live.take() {
+            live.end_cell(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), &path);
+        }
         let mut ended = match ran {
             Ok(ended) => ended,
             Err(failure) => {
@@ -91,6 +100,21 @@ impl CellMeasurement<'_> {
         Ok((ended, path))
     }
 
+    /// Starts the live view of a run in `directory`, and prints its address.
+    fn serve(&self, address: Reserved, directory: &Path, application: &str) -> Result<Live, Failure> {
+        let about = About {
+            arms: AboutArms::Several(&self.cell, &self.planned, application),
+            types: &self.schedule.types,
+            reps: self.schedule.reps,
+            no_rows: self.options.attach.as_ref().map(|_| NO_ROWS),
+        };
+        let rows = self.options.attach.is_none().then_some(directory);
+        let live = Live::start(address, &about, rows)?;
+        // Even with `--quiet`: without the address the user cannot find the page.
+        errln!("Live at http://{}/", live.address());
+        Ok(live)
+    }
+
     /// Executes the schedule on a stand, from its start to its end.
     async fn run_on<S: CellStand>(
         &self,
@@ -100,6 +124,7 @@ impl CellMeasurement<'_> {
     ) -> Result<CellEnded, Failure> {
         let directory = session.directory.path().to_owned();
         let voice = session.progress.voice();
+        let feed = session.live.as_ref().map(Live::feed);
         let config = CellConfig {
             cell: &self.cell,
             stations: &self.stations,
@@ -109,6 +134,7 @@ impl CellMeasurement<'_> {
             directory: &directory,
             capture: self.options.capture.retention(),
             faults: &self.faults,
+            feed: feed.as_ref(),
             voice: Some(&voice),
             attach: self.options.attach.as_ref(),
             token: self.token.as_ref(),

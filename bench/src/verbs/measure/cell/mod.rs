@@ -39,13 +39,16 @@ use studies::outputs::{self, Own};
 /// is printed as far as it is complete, and the exit code reports the failure.
 pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     check_options(options)?;
-    let (cell, found) = planning::cell_and_application(options.setup.name(), options.application.as_deref())?;
+    let (mut cell, found) =
+        planning::cell_and_application(options.setup.name(), options.application.as_deref())?;
+    apply_cyclic(options, &mut cell)?;
     let cell = options.drives.applied_to_cell(cell)?;
     let planned = found.plan(&cell)?;
     let stations = PlannedStation::all(&planned).map_err(usage)?;
     check_outputs(options, &found)?;
     let faults = flat(&options.fault);
     check_faults(&faults, &cell, options.mode)?;
+    let live = options.live.map(|address| super::reserve(address, options.mode)).transpose()?;
     let mut token = None;
     if let Some(attach) = &options.attach {
         super::check_attach(options)?;
@@ -68,8 +71,18 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     };
     let texts: Vec<_> = found.stations.iter().map(|station| station.text.clone()).collect();
     let applications = found.text(&cell);
-    let measurement =
-        CellMeasurement { options, faults, cell, planned, stations, texts, applications, schedule, token };
+    let measurement = CellMeasurement {
+        options,
+        faults,
+        cell,
+        planned,
+        stations,
+        texts,
+        applications,
+        schedule,
+        token,
+        live,
+    };
     let (ended, directory) = event_loop()?.block_on(measurement.run())?;
     if options.quiet && ended.exit == Exit::Pass {
         outln!("{}", cell_table::figures(&ended.results));
@@ -88,7 +101,7 @@ fn print_where(ended: &CellEnded, directory: &Path, wanted: WantedPages) {
     match ended.exit {
         Exit::Internal => outln!("  Saved in {shown} as far as the disk took it."),
         Exit::Interrupted => {
-            let (saved, all) = ended.saved_of_all();
+            let (saved, all) = ended.results.saved_of_all();
             outln!("  Interrupted, {saved} of {all} repetitions saved in {shown}.");
         }
         _ => outln!("  Saved in {shown}."),
@@ -156,20 +169,29 @@ fn check_faults(faults: &[Fault], cell: &Cell, mode: Mode) -> Result<(), Failure
     }
 }
 
+/// Sets the transport of cyclic frames on the stations that PROFINET serves.
+fn apply_cyclic(options: &RunOptions, cell: &mut Cell) -> Result<(), Failure> {
+    let Some(cyclic) = options.cyclic else { return Ok(()) };
+    let mut is_set = false;
+    for station in &mut cell.stations {
+        is_set |= station.bus.set_cyclic(cyclic.into());
+    }
+    if !is_set {
+        return Err(usage(anyhow!(
+            "--cyclic: no station of setup {} uses PROFINET; leave it out, or take a setup with a PROFINET station",
+            cell.name
+        )));
+    }
+    Ok(setup::check_cell(cell)?)
+}
+
 /// Refuses what cells do not have yet.
 fn check_options(options: &RunOptions) -> Result<(), Failure> {
-    let refused = [("--cyclic", options.cyclic.is_some()), ("--live", options.live.is_some())];
     if options.plc_program.is_some() {
         return Err(usage(anyhow!(
             "--plc-program: exported code commands one robot, and setup {} has several; leave it out, or take a setup of one station",
             options.setup.name()
         )));
     }
-    match refused.iter().find(|(_, is_given)| *is_given) {
-        None if options.mcap && !cfg!(feature = "mcap") => Err(super::no_mcap()),
-        None => Ok(()),
-        Some((name, _)) => Err(usage(anyhow!(
-            "{name} is for setups of one station so far; leave it out with several stations"
-        ))),
-    }
+    if options.mcap && !cfg!(feature = "mcap") { Err(super::no_mcap()) } else { Ok(()) }
 }

@@ -12,6 +12,7 @@ use records::results::Status;
 use records::schedule::{Schedule, Step};
 use records::trace::{CellTrace, Recording};
 use report::export::Exports;
+use report::live::Live;
 use report::progress::Progress;
 use setup::Cell;
 use stands::cell_measured::CellMeasured;
@@ -25,6 +26,8 @@ pub(super) struct CellSession {
     pub(super) directory: CellDirectory,
     pub(super) exports: Exports,
     pub(super) progress: Progress,
+    /// The page that shows the run in progress.
+    pub(super) live: Option<Live>,
 }
 
 /// Result of a run, and how it ended.
@@ -83,8 +86,13 @@ impl CellSession {
         // A run that is killed can be read, and a file that cannot be written is noticed before the first repetition.
         self.save(&results)?;
         let mut known = 0;
+        let feed = self.live.as_ref().map(Live::feed);
+        let alarm = |text: String| feed.iter().for_each(|feed| feed.alarm(text.as_str()));
+        let show = |results: &CellResults| feed.iter().for_each(|feed| feed.cell_results(results));
+        show(&results);
         for step in schedule.steps() {
             self.progress.running(step.execution_type, step.repetition);
+            feed.iter().for_each(|feed| feed.next(step.execution_type, step.repetition));
             // A virtual run never waits, so signals are handled here.
             tokio::task::yield_now().await;
             let outcome = tokio::select! {
@@ -97,11 +105,10 @@ impl CellSession {
             };
             let outcome = judge.record(&mut results, &step, outcome, stand.recordings());
             stand.health().write_to(&mut results);
-            results
-                .repeated
-                .iter()
-                .skip(known)
-                .for_each(|lost| self.progress.warn(&format!("run again, {lost}")));
+            for lost in results.repeated.iter().skip(known) {
+                self.progress.warn(&format!("run again, {lost}"));
+                alarm(format!("run again, {lost}"));
+            }
             known = results.repeated.len();
             if outcome.is_err() {
                 results.status = Status::Failed;
@@ -110,7 +117,9 @@ impl CellSession {
             let of_type = results.results.get(step.execution_type);
             let (aet_ms, mad_ms) = of_type.map_or((None, None), |result| (result.aet_ms, result.mad_ms));
             self.progress.finished_with(step.execution_type, step.repetition, aet_ms, mad_ms);
+            show(&results);
             let failed = outcome.err().map(|error| failure(error, &step, schedule.reps));
+            failed.iter().for_each(|error| alarm(format!("{error:#}")));
             if let Err(error) = saved {
                 self.progress.end();
                 let cut_short = error.context("the run ends here, since the disk does not take its results");

@@ -151,3 +151,44 @@ fn drives_of_a_station_are_compared_with_the_rehearsal() {
     let blocked = verify(&["left/drive-block=1@100ms..2.5s"]).unwrap_err();
     assert!(blocked.starts_with("station left: "), "{blocked}");
 }
+
+#[test]
+fn a_wrong_override_of_a_led_arm_is_found_within_its_led_sections_and_outside_of_them() {
+    let (stations, mut run) = start_with("F", &[]);
+    let overrides = Some("40,60@4s".parse().unwrap());
+    let good = run.execute(Step { overrides, ..step(ExecutionType::Cm) }).unwrap();
+    for (station, good) in stations.iter().zip(&good.stations) {
+        let mut verification = crate::verification::StationVerification::new(station.clone());
+        verification.check(good).unwrap();
+        let account = good.account.unwrap();
+        assert_eq!([account.override_percent, account.led_override_percent], [[40, 60], [100; 2]]);
+        // Also a robot that takes the full override of its led sections along is wrong.
+        for wrong in [[39, 60], [40, 61], [40, 100], [100, 100]] {
+            let mut account = account;
+            account.override_percent = wrong;
+            let account = Some(account);
+            let error = verification.check(&Measured { account, ..*good }).unwrap_err();
+            let error = format!("{error:#}");
+            let [low, high] = wrong;
+            assert!(error.contains(&format!("override of {low} to {high} %, and the PLC")), "{error}");
+        }
+        for wrong in [[40, 60], [99, 100], [255, 0]] {
+            let mut account = account;
+            account.led_override_percent = wrong;
+            let account = Some(account);
+            let error = format!("{:#}", verification.check(&Measured { account, ..*good }).unwrap_err());
+            assert!(error.contains("under the master axis"), "{error}");
+        }
+    }
+}
+
+#[test]
+fn a_lossy_cable_spoils_an_attempt_to_connect_and_not_the_run() {
+    let (cell, found) = planning::cell_with_applications("F").unwrap();
+    let stations = PlannedStation::all(&found.plan(&cell).unwrap()).unwrap();
+    let faults: Vec<Fault> = ["left/loss=0.01", "right/loss=0.01"].map(|fault| fault.parse().unwrap()).into();
+    for seed in 1..=6 {
+        CellRun::start_with(&stations, seed, &faults)
+            .unwrap_or_else(|error| panic!("seed {seed}: {error:#}"));
+    }
+}

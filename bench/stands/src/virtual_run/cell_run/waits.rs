@@ -16,7 +16,7 @@ impl CellRun {
     /// A robot does not get ready; the error names its station.
     pub fn connect(&mut self) -> anyhow::Result<()> {
         let until = self.cell.now() + CONNECT;
-        let (mut moving, mut waiting) = (None, None);
+        let (mut moving, mut waiting, mut last_attempt) = (None, None, None);
         while let Some(PlcReport { station, event }) = self.next_event(until) {
             match event {
                 PlcEvent::MovingToStart => moving = station,
@@ -29,8 +29,16 @@ impl CellRun {
                     return Ok(());
                 }
                 PlcEvent::Link(LinkEvent::Down(down)) => {
+                    let is_final = !self.faults.are_any() || matches!(down.cause, DownCause::Refused);
                     let why = self.not_connected(station.unwrap_or_default(), down);
-                    return Err(why).context(self.named(station));
+                    if is_final {
+                        return Err(why).context(self.named(station));
+                    }
+                    // A cable with faults may spoil an attempt; the PLC makes the next one.
+                    last_attempt = Some((station, why));
+                }
+                PlcEvent::Link(LinkEvent::Up) => {
+                    last_attempt.take_if(|(of, _)| *of == station);
                 }
                 _ => {}
             }
@@ -40,7 +48,7 @@ impl CellRun {
             Some(_) => (moving, NotReady::StillMoving(CONNECT)),
             None => (silent, NotReady::Late(CONNECT)),
         };
-        let (station, why) = waiting.unwrap_or(late);
+        let (station, why) = last_attempt.or(waiting).unwrap_or(late);
         Err(why).context(self.named(station))
     }
 
