@@ -326,9 +326,7 @@ impl CellResults {
     /// Returns how many repetitions are saved, and how many were wanted.
     #[must_use]
     pub fn saved_of_all(&self) -> (usize, usize) {
-        let of_types: Vec<_> = ExecutionType::ALL.iter().filter_map(|it| self.results.get(*it)).collect();
-        let saved = of_types.iter().map(|result| result.samples_ms.len() + result.failed.len()).sum();
-        (saved, of_types.len() * self.reps as usize)
+        self.results.saved_of_all(self.reps, |result| result.samples_ms.len() + result.failed.len())
     }
 
     /// Returns the share that the cell keeps of the mean AETi of its arms alone; `None` if these were not run, or gain nothing.

@@ -90,7 +90,7 @@ fn applications_of(name: &str, cell: Cell, directory: Option<&Path>) -> Result<(
     let (marks, stations) = match &cell.application {
         Some(application) => of_one_application(&origin, &cell, application, directory)?,
         None => {
-            let own = |station: &setup::Station| application(&station.application, directory);
+            let own = |station: &Station| application(&station.application, directory);
             (Vec::new(), cell.stations.iter().map(own).collect::<Result<_, _>>()?)
         }
     };

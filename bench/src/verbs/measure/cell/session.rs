@@ -51,12 +51,6 @@ impl CellEnded {
             self.exit = exit;
         }
     }
-
-    /// Returns how many repetitions are saved, and how many were wanted.
-    pub(super) fn saved_of_all(&self) -> (usize, usize) {
-        let CellResults { results, reps, .. } = &self.results;
-        results.saved_of_all(*reps, |result| result.samples_ms.len() + result.failed.len())
-    }
 }
 
 impl CellSession {
