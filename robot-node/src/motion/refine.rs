@@ -13,7 +13,7 @@ use super::replan::{Stretch, pieces};
 /// Number of cells that the steps of one robot cycle look at, beside those of one step.
 const CELLS_IN_A_CYCLE: usize = 256;
 
-/// Number of cells of a law that is refined, for the time until it is known; most have fewer.
+/// Largest number of cells that a law is taken to have, for the time until it is refined: hardly any has more.
 const USUAL_CELLS: usize = 128;
 
 /// What the arm may drive until the steps are done, for each cycle that they take: corrections may hurry a little.
@@ -21,6 +21,10 @@ const HURRY: f64 = 1.25;
 
 /// Cycles until the first steps, and after the last ones.
 const MORE_CYCLES: usize = 2;
+
+/// Pieces ahead from which a refined law is sought, one in each cycle: where no law goes on from the arm's pace, one may from a
+/// later piece.
+const LATER_PIECES: [usize; 5] = [0, 1, 2, 4, 8];
 
 impl Path {
     /// Takes the steps of a robot cycle.
@@ -31,7 +35,7 @@ impl Path {
         let Some(mut law) = self.refinement.law.take() else { return };
         self.refinement.state = match self.refinement.state {
             State::Idle => State::Idle,
-            State::Planned => self.begin_to_refine(&mut law, cycle_s).map_or(State::Idle, State::Refining),
+            State::Planned => self.begin_to_refine(&mut law, cycle_s).unwrap_or(State::Idle),
             State::Refining(range) => {
                 let mut made = (0..steps_in_a_cycle(law.cells())).map(|_| law.refine());
                 match made.find(|progress| *progress != Progress::Unfinished) {
@@ -51,10 +55,12 @@ impl Path {
     }
 
     /// Finds the law of the next final stretch that is worth it once more, from where the arm is not before the steps are
-    /// done.
-    fn begin_to_refine(&mut self, law: &mut Law, cycle_s: f64) -> Option<Range> {
-        let cycles = MOST_STEPS.div_ceil(steps_in_a_cycle(USUAL_CELLS)) + MORE_CYCLES;
-        let mut begin = self.piece_after(HURRY * cycle_s * cycles as f64);
+    /// done. None where there is none.
+    fn begin_to_refine(&mut self, law: &mut Law, cycle_s: f64) -> Option<State> {
+        let cells = self.pieces.len().min(USUAL_CELLS);
+        let cycles = MOST_STEPS.div_ceil(steps_in_a_cycle(cells)) + MORE_CYCLES;
+        let ahead = LATER_PIECES.get(self.refinement.failures).copied().unwrap_or_default();
+        let mut begin = self.piece_after(HURRY * cycle_s * cycles as f64) + ahead;
         loop {
             let (spot, pace) = self.pieces.get(begin)?.at(0.0);
             let mut stretch = Stretch::default();
@@ -68,15 +74,21 @@ impl Path {
                 return None;
             }
             if next_motion > self.refinement.done {
-                self.refinement.done = next_motion;
                 let in_queue = |motion: u32| (motion - self.left_behind) as usize;
                 let mut motions = self.queue.range(in_queue(spot.motion)..in_queue(next_motion));
                 let is_spline = motions.any(|planned| matches!(planned.segment.curve, Curve::Spline(_)));
                 if is_spline || self.refinement.is_idle(spot.motion..next_motion) {
                     let found = self.pieces.range(begin..end).map(|piece| piece.cell.duration).sum();
-                    law.begin_to_refine(parts, pace, found)?;
-                    return Some(Range { begin, end, spot });
+                    if law.begin_to_refine(parts, pace, found).is_some() {
+                        self.refinement.note_looked_at(next_motion);
+                        return Some(State::Refining(Range { begin, end, spot }));
+                    }
+                    self.refinement.failures += 1;
+                    if !pace.is_rest() && self.refinement.failures < LATER_PIECES.len() {
+                        return Some(State::Planned);
+                    }
                 }
+                self.refinement.note_looked_at(next_motion);
             }
             begin = end;
         }

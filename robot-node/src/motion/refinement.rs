@@ -16,6 +16,8 @@ pub(super) struct Refinement {
     pub(super) has_planned: bool,
     /// The number of the motion that begins behind the last stretch that was looked at.
     pub(super) done: u32,
+    /// From how many pieces of the next stretch no law went on.
+    pub(super) failures: usize,
     /// True where the law of a motion leaves limits unused, by the last bits of its number.
     idle: [bool; IDLE_MOTIONS],
 }
@@ -44,12 +46,25 @@ impl Refinement {
     }
 
     pub(super) const fn none() -> Self {
-        Self { law: None, state: State::Idle, has_planned: false, done: 0, idle: [false; IDLE_MOTIONS] }
+        Self {
+            law: None,
+            state: State::Idle,
+            has_planned: false,
+            done: 0,
+            failures: 0,
+            idle: [false; IDLE_MOTIONS],
+        }
     }
 
     /// The path is empty.
     pub(super) fn clear(&mut self) {
-        (self.state, self.done, self.idle) = (State::Idle, 0, [false; IDLE_MOTIONS]);
+        (self.state, self.done, self.failures) = (State::Idle, 0, 0);
+        self.idle = [false; IDLE_MOTIONS];
+    }
+
+    /// The stretch that ends before this motion was looked at.
+    pub(super) const fn note_looked_at(&mut self, next_motion: u32) {
+        (self.done, self.failures) = (next_motion, 0);
     }
 
     /// A law was planned for these motions, of which the first one may begin with a part of a former law.
@@ -72,7 +87,7 @@ impl Refinement {
         self.has_planned = true;
         match self.state {
             State::Refining(range) | State::Ready(range) if range.end <= pieces => {}
-            _ => self.state = State::Planned,
+            _ => (self.state, self.failures) = (State::Planned, 0),
         }
     }
 

@@ -4,7 +4,7 @@ use super::Law;
 
 /// Largest share of an acceleration or of a jerk that a cell uses whose speed could be higher. A law that is near the optimum is at
 /// a limit nearly everywhere.
-const IDLE: f64 = 0.8;
+const IDLE: f64 = 0.9;
 
 /// Least share of the time that highest speeds in such cells would save and that makes a law worth a refinement.
 const LEAST: f64 = 0.01;
