@@ -6,8 +6,10 @@ use ethercrab::{DefaultLock, MainDevice, RegisterAddress, SubDevice, SubDeviceGr
 use machine::{Duration, Instant};
 
 use crate::al::{self, REQUEST_OP, REQUEST_SAFE_OP, Status};
+use crate::commissioning;
 use crate::config::{Config, MAX_DEVICES, MAX_PROCESS_DATA};
 use crate::problem::{FoundDevice, Problem};
+use crate::process::PROCESS;
 use crate::recovery::TO_OP;
 use crate::time;
 
@@ -18,7 +20,7 @@ const WATCHDOG_STEP: Duration = Duration::from_micros(100);
 /// Time from one look at the state of a device to the next.
 const LOOK: Duration = Duration::from_millis(1);
 
-type GroupIn<S> = SubDeviceGroup<MAX_DEVICES, MAX_PROCESS_DATA, DefaultLock, S>;
+pub(crate) type GroupIn<S> = SubDeviceGroup<MAX_DEVICES, MAX_PROCESS_DATA, DefaultLock, S>;
 
 /// The devices, with their places in the process data.
 pub(crate) type Group = GroupIn<PreOpPdi>;
@@ -46,6 +48,7 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
         let _ = device.register_write(RegisterAddress::WatchdogDivider, WATCHDOG_DIVIDER).await;
         let _ = device.register_write(RegisterAddress::SyncManagerWatchdog, watchdog).await;
     }
+    commissioning::write_startup(main, &group).await?;
     let in_words = |error| Problem::of_start(error, config.devices.len());
     let group = group.into_pre_op_pdi(main).await.map_err(in_words)?;
     check_process_data(main, &group, config, &found)?;
@@ -55,6 +58,9 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
     let until = time::now() + TO_OP;
     for index in 0..group.len() {
         wait_for_safe_op(main, config, index, until).await?;
+    }
+    if PROCESS.with_borrow(|process| process.commissioning.holds_safe_op) {
+        return Ok(group);
     }
     // Devices come to OP only once outputs reach them.
     for index in 0..group.len() {

@@ -3,6 +3,7 @@
 mod al;
 mod bring_up;
 mod cable;
+mod commissioning;
 mod config;
 mod datagrams;
 mod foreign;
@@ -21,6 +22,7 @@ mod slot;
 mod survey;
 pub mod time;
 
+pub use commissioning::{SdoAnswer, SdoRequest, StartupWrite};
 pub use config::{Config, ExpectedDevice, MAX_PROCESS_DATA};
 pub use ethercrab;
 pub use group::GroupMainDevice;

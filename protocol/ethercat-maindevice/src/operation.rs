@@ -12,6 +12,7 @@ use machine::{Cycle, Duration, Instant};
 
 use crate::al::{self, ACKNOWLEDGE_IN_OP, ACKNOWLEDGE_IN_SAFE_OP, REQUEST_INIT, REQUEST_OP, Status};
 use crate::bring_up::{Group, bring_up};
+use crate::commissioning::{self, Stage};
 use crate::config::{Config, MAX_DEVICES};
 use crate::frames::FRAMES;
 use crate::problem::Problem;
@@ -104,7 +105,8 @@ async fn start_over_and_over(
 
 async fn drive(main: &ethercrab::MainDevice<'_>, config: &Config, slot: Option<Slot>) -> Result<(), Problem> {
     let group = bring_up(main, config).await?;
-    Exchange::new(config, slot).run(main, &group).await
+    let exchange = pin!(Exchange::new(config, slot).run(main, &group));
+    commissioning::serve_while(main, &group, exchange).await
 }
 
 /// Runs until the future ends, or until another MainDevice is heard: then nothing more is sent.
@@ -132,6 +134,8 @@ struct Exchange<'a> {
     /// Whether there was a good exchange.
     was_up: bool,
     recovery: Recovery,
+    /// Whether the devices are held in SAFE-OP, or on their way from there to OP.
+    stage: Stage,
 }
 
 impl<'a> Exchange<'a> {
@@ -149,6 +153,7 @@ impl<'a> Exchange<'a> {
             good_at: now,
             was_up: false,
             recovery: Recovery::of_start(config.devices.len(), now),
+            stage: Stage::of_start(),
         }
     }
 
@@ -177,6 +182,9 @@ impl<'a> Exchange<'a> {
                 }
                 return Ok(());
             }
+            if self.stage.follow(main, self.config.devices.len()).await {
+                self.recovery = Recovery::of_start(self.config.devices.len(), time::now());
+            }
             write_outputs(main, group);
             PROCESS.with_borrow_mut(|process| process.counters.sent += 1);
             // ethercrab repeats a frame only after its timeout, and this wait ends no later. So old outputs are not sent again.
@@ -185,6 +193,7 @@ impl<'a> Exchange<'a> {
                     self.good_at = time::now();
                     self.answered_at = self.good_at;
                     self.was_up = true;
+                    self.stage.reached(&response.subdevice_states);
                     self.recovery.end();
                     read_inputs(main, group);
                 }
@@ -204,9 +213,13 @@ impl<'a> Exchange<'a> {
     /// Returns whether all devices reported Operational, without an error. It does not use ethercrab's `all_op`, which is
     /// also true if a device does not report its state.
     fn is_good(&self, response: &Response) -> bool {
-        response.working_counter == self.working_counter
+        let inputs = self.config.devices.iter().filter(|device| device.input_bytes > 0).count();
+        // Some devices do not take outputs in SAFE-OP.
+        let is_counted = response.working_counter == self.working_counter
+            || self.stage.takes_safe_op() && usize::from(response.working_counter) == inputs;
+        is_counted
             && response.subdevice_states.len() == self.config.devices.len()
-            && response.subdevice_states.iter().all(|state| *state == SubDeviceState::Op)
+            && response.subdevice_states.iter().all(|state| self.stage.is_good(*state))
             && FRAMES.with_borrow(|frames| frames.error_bits.is_empty())
     }
 
