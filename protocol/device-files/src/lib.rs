@@ -39,8 +39,7 @@ pub use crate::esi::{
     CoeService, DcMode, DictionaryEntry, DictionaryObject, EepromContent, Esi, EsiDevice, EsiMailbox,
     EsiModule, EsiPdo, EsiPdoEntry, EsiSlot, EsiSyncManager, ObjectDictionary, StartupCommand,
 };
-use crate::fault::excerpt;
-pub use crate::fault::{FileFault, ReadError};
+pub use crate::fault::{FileFault, ReadError, excerpt};
 pub use crate::gsdml::{
     AccessPoint, ChannelDiagnosis, CyclicTiming, DataBit, DataItem, Gsdml, GsdmlModule, GsdmlSubmodule,
     IoDirection, ParameterRecord, Placement, RecordValue, SlotRanges, SystemSubmodule, UnitDiagnosis,
