@@ -71,6 +71,8 @@ pub struct DrivenDevice {
     pub(crate) is_leaving: bool,
     pub(crate) differs: bool,
     pub(crate) has_been_up: bool,
+    /// True while the connection is down and its owner did not end it.
+    pub(crate) was_lost: bool,
     pub(crate) events: VecDeque<DriveEvent>,
 }
 
@@ -110,6 +112,7 @@ impl DrivenDevice {
             is_leaving: false,
             differs: false,
             has_been_up: false,
+            was_lost: false,
             events: VecDeque::new(),
         };
         for output in script.outputs {
@@ -228,6 +231,12 @@ impl DrivenDevice {
         (self.inputs.signals(), self.outputs.signals())
     }
 
+    /// Returns a table of the inputs for those who print them.
+    #[must_use]
+    pub fn input_table(&self) -> SignalTable {
+        self.inputs.clone()
+    }
+
     /// Returns the outputs.
     #[must_use]
     pub const fn outputs(&self) -> &SignalTable {
@@ -257,6 +266,12 @@ impl DrivenDevice {
     #[must_use]
     pub const fn has_been_up(&self) -> bool {
         self.has_been_up
+    }
+
+    /// Returns whether the connection was lost and did not come back.
+    #[must_use]
+    pub const fn was_lost(&self) -> bool {
+        self.was_lost
     }
 
     /// Returns whether the device was found to differ from the file.

@@ -31,6 +31,7 @@ pub use arrivals::Arrivals;
 pub use config::{DriveConfig, DriveError};
 pub use device::{DriveEvent, DrivenDevice};
 pub use parameter::{Parameter, ParameterAnswer};
+pub use profinet::{MODULES_RECORD, found_modules};
 pub use script::{OutputScript, ScriptedOutput};
 pub use signal::{Signal, SignalTable, SignalType};
 pub use value::{SignalValue, ValueError};

@@ -2,7 +2,7 @@
 
 mod alarm;
 
-use device_files::{ChosenIoDevice, ChosenSubmodule, DataItem, Gsdml, GsdmlModule, IoDirection};
+use device_files::{ChosenIoDevice, ChosenSubmodule, DataItem, FoundModule, Gsdml, GsdmlModule, IoDirection};
 use machine::{Duration, Instant};
 use profinet::connect::ModuleState;
 use profinet::description::{Description, INTERFACE_SUBSLOT, Identity, Module, Submodule};
@@ -318,6 +318,17 @@ pub(crate) fn by_place(name: &str) -> Option<Parameter> {
     let number = crate::ethernet_ip::number;
     let target = ParameterTarget::Record(number(slot)?, number(subslot)?, number(index)?);
     Some(crate::parameter::unnamed(name, target))
+}
+
+/// Place of the record that lists the modules of a device: RealIdentificationData of API 0.
+pub const MODULES_RECORD: &str = "0.1:0xF000";
+
+/// Reads the modules of a device from that record; `None` if it is another one.
+#[must_use]
+pub fn found_modules(record: &[u8]) -> Option<Vec<FoundModule>> {
+    let modules = profinet::record::parse_real_identification(record).ok()?;
+    let found = modules.into_iter();
+    Some(found.map(|it| FoundModule { slot: it.slot, ident: it.ident, submodules: it.submodules }).collect())
 }
 
 /// Sends an access to a record.

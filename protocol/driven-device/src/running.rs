@@ -90,7 +90,7 @@ impl DrivenDevice {
     fn note(&mut self, event: LinkEvent) {
         match event {
             LinkEvent::Up => {
-                self.has_been_up = true;
+                (self.has_been_up, self.was_lost) = (true, false);
                 let identity = self.stack.identity(&self.chosen);
                 self.report(DriveEvent::Identity(identity));
                 for difference in self.stack.differences(&self.chosen) {
@@ -102,6 +102,7 @@ impl DrivenDevice {
             }
             LinkEvent::Down(down) => {
                 let details = self.stack.explain();
+                self.was_lost |= !self.is_leaving;
                 // A device that is not that of the file refuses, or is refused.
                 self.differs |= down.cause == DownCause::Refused;
                 self.has_inputs = false;

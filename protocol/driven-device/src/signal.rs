@@ -116,6 +116,11 @@ impl SignalTable {
         &self.bytes
     }
 
+    /// Replaces all bytes, as for a table that is printed by another thread.
+    pub fn replace(&mut self, bytes: &[u8]) {
+        self.copy(0, bytes.get(..self.bytes.len()).unwrap_or_default());
+    }
+
     /// Copies new data. Returns whether they differ.
     pub(crate) fn copy(&mut self, at: usize, data: &[u8]) -> bool {
         match self.bytes.get_mut(at..at + data.len()) {
