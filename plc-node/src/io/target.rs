@@ -184,6 +184,7 @@ fn read_modules(
         until: clock::now() + MODULES_WITHIN,
         last: "it does not answer".to_owned(),
         found: None,
+        is_answered: false,
     };
     let mut driver = Driver::new(device, interface.clone(), Notifier::new()?)?;
     driver.run(&mut reader)?;
@@ -196,6 +197,7 @@ struct ModuleReader {
     /// Why there are none yet.
     last: String,
     found: Option<Vec<FoundModule>>,
+    is_answered: bool,
 }
 
 impl Owner<DrivenDevice> for ModuleReader {
@@ -211,9 +213,10 @@ impl Owner<DrivenDevice> for ModuleReader {
                     Ok(_) => {}
                     Err(reason) => self.last = reason,
                 }
+                self.is_answered = true;
                 device.disconnect(now);
             }
-            DriveEvent::Down(..) if self.found.is_some() => return ControlFlow::Break(()),
+            DriveEvent::Down(..) if self.is_answered => return ControlFlow::Break(()),
             DriveEvent::Down(down, details) => self.last = format!("{down} {details}").trim_end().to_owned(),
             _ => {}
         }
