@@ -21,9 +21,9 @@ use node::errln;
 use node::output::to_stdout;
 use protocol_linux::{Driver, Interface, Notifier, clock};
 
-use self::owner::{Instruction, IoOwner};
+use self::owner::{IoInstruction, IoOwner};
 use self::report::{Printer, Report};
-use self::target::{Target, TargetError};
+use self::target::{DeviceTarget, TargetError};
 
 /// The controller of the device of a file.
 #[derive(clap::Args, Clone, Debug)]
@@ -116,7 +116,7 @@ impl IoCommand {
         let script = self.read_script()?;
         let interface = Interface::find(self.interface.as_deref().unwrap_or_default())?;
         interface.set_up()?;
-        let target = Target::find(&file, &interface, self.at.as_deref(), self.address)?;
+        let target = DeviceTarget::find(&file, &interface, self.at.as_deref(), self.address)?;
         let config = self.config(&interface, &target);
         let (chosen, unknown) = target::choose_device(&file, &self.choice.to_choice()?, &interface, &config)?;
         unknown.iter().for_each(|difference| errln!("warning: {difference}"));
@@ -135,7 +135,7 @@ impl IoCommand {
         OutputScript::from_toml(&text).with_context(|| path.display().to_string())
     }
 
-    fn config(&self, interface: &Interface, target: &Target) -> DriveConfig {
+    fn config(&self, interface: &Interface, target: &DeviceTarget) -> DriveConfig {
         DriveConfig {
             mac: interface.mac(),
             address: interface.address(),
@@ -202,12 +202,12 @@ fn print(reports: &Receiver<Report>, mut printer: Printer) {
 }
 
 /// Reads instructions from standard input, one in a line.
-fn read_instructions(instructions: &SyncSender<Instruction>, refusals: &SyncSender<Report>) {
+fn read_instructions(instructions: &SyncSender<IoInstruction>, refusals: &SyncSender<Report>) {
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         if line.trim().is_empty() {
             continue;
         }
-        let sent = match Instruction::parse(&line) {
+        let sent = match IoInstruction::parse(&line) {
             Ok(instruction) => instructions.send(instruction).is_ok(),
             Err(error) => refusals.send(Report::Refused(error)).is_ok(),
         };

@@ -8,14 +8,14 @@ use driven_device::{DriveEvent, DrivenDevice};
 use machine::{Duration, Instant};
 use protocol_linux::{Owner, Statistics};
 
-use super::report::{Figures, MOST_INPUTS, Report};
+use super::report::{ConnectionFigures, MOST_INPUTS, Report};
 
 /// Time for the device to confirm the end of the connection.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
-/// Instruction from standard input.
+/// IoInstruction from standard input.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(super) enum Instruction {
+pub(super) enum IoInstruction {
     /// Starts or stops the outputs.
     Run(bool),
     /// Sets an output.
@@ -26,7 +26,7 @@ pub(super) enum Instruction {
     Write(String, String),
 }
 
-impl Instruction {
+impl IoInstruction {
     /// Parses a line.
     pub(super) fn parse(line: &str) -> Result<Self, String> {
         let (word, rest) = line.trim().split_once(' ').unwrap_or((line.trim(), ""));
@@ -47,7 +47,7 @@ impl Instruction {
 
 pub(super) struct IoOwner {
     reports: SyncSender<Report>,
-    instructions: Receiver<Instruction>,
+    instructions: Receiver<IoInstruction>,
     end: Option<Instant>,
     /// Time at which the program ends without a confirmation.
     gone_at: Option<Instant>,
@@ -56,7 +56,7 @@ pub(super) struct IoOwner {
 impl IoOwner {
     pub(super) const fn new(
         reports: SyncSender<Report>,
-        instructions: Receiver<Instruction>,
+        instructions: Receiver<IoInstruction>,
         end: Option<Instant>,
     ) -> Self {
         Self { reports, instructions, end, gone_at: None }
@@ -69,7 +69,7 @@ impl IoOwner {
 
     /// Reports the figures of the whole connection.
     pub(super) fn finish(&self, device: &DrivenDevice, statistics: &Statistics) {
-        let figures = Figures {
+        let figures = ConnectionFigures {
             counters: device.counters(),
             arrivals: *device.arrivals(),
             lateness: statistics.lateness.quantile(0.99),
@@ -83,13 +83,13 @@ impl Owner<DrivenDevice> for IoOwner {
     fn wake(&mut self, now: Instant, device: &mut DrivenDevice, _: &Statistics) -> ControlFlow<()> {
         while let Ok(instruction) = self.instructions.try_recv() {
             let done = match instruction {
-                Instruction::Run(is_running) => {
+                IoInstruction::Run(is_running) => {
                     device.run(is_running);
                     Ok(())
                 }
-                Instruction::Set(name, value) => device.set(&name, &value),
-                Instruction::Read(name) => device.read_parameter(&name),
-                Instruction::Write(name, value) => device.write_parameter(&name, &value),
+                IoInstruction::Set(name, value) => device.set(&name, &value),
+                IoInstruction::Read(name) => device.read_parameter(&name),
+                IoInstruction::Write(name, value) => device.write_parameter(&name, &value),
             };
             if let Err(error) = done {
                 self.report(Report::Refused(error.to_string()));
@@ -133,11 +133,11 @@ mod tests {
     fn instructions_are_words_and_others_are_refused_with_what_there_is() {
         let pair = |name: &str, value: &str| (name.to_owned(), value.to_owned());
         let (name, value) = pair("2.1/Valve 3", "0x10");
-        assert_eq!(Instruction::parse(" set 2.1/Valve 3 = 0x10 "), Ok(Instruction::Set(name, value)));
-        assert_eq!(Instruction::parse("run"), Ok(Instruction::Run(true)));
-        assert_eq!(Instruction::parse("read Filter"), Ok(Instruction::Read("Filter".to_owned())));
+        assert_eq!(IoInstruction::parse(" set 2.1/Valve 3 = 0x10 "), Ok(IoInstruction::Set(name, value)));
+        assert_eq!(IoInstruction::parse("run"), Ok(IoInstruction::Run(true)));
+        assert_eq!(IoInstruction::parse("read Filter"), Ok(IoInstruction::Read("Filter".to_owned())));
         for wrong in ["", "go", "read", "set Valve", "run now"] {
-            assert!(Instruction::parse(wrong).is_err(), "{wrong}");
+            assert!(IoInstruction::parse(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -1,11 +1,11 @@
-//! What is printed of a driven device, in words or as JSON.
+//! Lines that are printed of a driven device, in words or as JSON.
 
 use std::fs::File;
 use std::io::Write as _;
 
 use arrayvec::ArrayVec;
 use driven_device::{
-    Arrivals, DriveEvent, DrivenDevice, Parameter, ParameterAnswer, Signal, SignalTable, SignalValue,
+    Arrivals, DeviceParameter, DriveEvent, DrivenDevice, ParameterAnswer, Signal, SignalTable, SignalValue,
 };
 use machine::{Counters, Duration};
 use node::output::to_stdout;
@@ -16,9 +16,9 @@ use crate::printable::printable;
 /// Most bytes of inputs that a report carries: those of a frame.
 pub(super) const MOST_INPUTS: usize = 1500;
 
-/// Figures of a connection.
+/// ConnectionFigures of a connection.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Figures {
+pub(super) struct ConnectionFigures {
     pub(super) counters: Counters,
     pub(super) arrivals: Arrivals,
     /// Lateness of our own frames that 99 % do not exceed.
@@ -37,7 +37,7 @@ pub(super) enum Report {
     /// An instruction that was refused.
     Refused(String),
     /// The end, with the figures of the connection.
-    Ended(Figures),
+    Ended(ConnectionFigures),
 }
 
 /// Prints reports, inputs only where they changed.
@@ -72,7 +72,10 @@ impl Printer {
         for (direction, signals) in [("input", inputs), ("output", outputs)] {
             signals.iter().for_each(|signal| text.push_str(&line(direction, signal)));
         }
-        device.parameters().iter().for_each(|it: &Parameter| text.push_str(&line("parameter", &it.signal)));
+        device
+            .parameters()
+            .iter()
+            .for_each(|it: &DeviceParameter| text.push_str(&line("parameter", &it.signal)));
         Ok(to_stdout(format_args!("{text}{}: connects\n", device.bus()))?)
     }
 
@@ -191,7 +194,7 @@ fn of_event(event: &DriveEvent) -> Value {
     }
 }
 
-impl Figures {
+impl ConnectionFigures {
     fn to_json(self) -> Value {
         let micros = |duration: Duration| duration.as_secs_f64() * 1e6;
         let Self { counters, arrivals, lateness, most_late } = self;
@@ -203,7 +206,7 @@ impl Figures {
     }
 }
 
-impl std::fmt::Display for Figures {
+impl std::fmt::Display for ConnectionFigures {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let millis = |duration: Duration| duration.as_secs_f64() * 1e3;
         let Self { counters, arrivals, lateness, most_late } = self;

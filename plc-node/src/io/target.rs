@@ -25,7 +25,7 @@ const MODULES_WITHIN: Duration = Duration::from_secs(15);
 
 /// Where the device is.
 #[derive(Clone, PartialEq, Eq, Default, Debug)]
-pub(super) struct Target {
+pub(super) struct DeviceTarget {
     pub(super) address: Option<Ipv4Addr>,
     pub(super) station_name: Option<String>,
 }
@@ -65,7 +65,7 @@ impl TargetError {
     }
 }
 
-impl Target {
+impl DeviceTarget {
     pub(super) fn find(
         file: &DeviceFile,
         interface: &Interface,

@@ -48,7 +48,7 @@ pub enum DriveError {
     /// A name is not one of the device.
     #[error("{kind} `{name}` is not in the file; choose from {known}")]
     UnknownName {
-        /// What it names, such as `output`.
+        /// Kind of the name, such as `output`.
         kind: &'static str,
         /// Name found.
         name: String,
@@ -61,7 +61,7 @@ pub enum DriveError {
     /// A name may not be written.
     #[error("{kind} `{name}`: {reason}")]
     NotWritable {
-        /// What it names, such as `output`.
+        /// Kind of the name, such as `output`.
         kind: &'static str,
         /// Name.
         name: String,

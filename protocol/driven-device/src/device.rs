@@ -7,10 +7,11 @@ use machine::{Counters, Down, Duration, Instant, StationConflict};
 
 use crate::arrivals::Arrivals;
 use crate::config::{DriveConfig, DriveError};
-use crate::parameter::{self, Parameter, ParameterAccess, ParameterAnswer};
+use crate::parameter::{self, DeviceParameter, ParameterAccess, ParameterAnswer};
 use crate::script::{OutputScript, ScriptedOutput};
-use crate::signal::{Signal, SignalTable};
+use crate::signal::Signal;
 use crate::stack::{Stack, open};
+use crate::table::SignalTable;
 use crate::value::SignalValue;
 
 /// Event of a driven device.
@@ -59,7 +60,7 @@ pub struct DrivenDevice {
     /// Seconds after the start from which outputs count.
     pub(crate) run_at: Option<Instant>,
     pub(crate) scripted: Vec<PlacedOutput>,
-    pub(crate) parameters: Vec<Parameter>,
+    pub(crate) parameters: Vec<DeviceParameter>,
     pub(crate) accesses: VecDeque<ParameterAccess>,
     pub(crate) asked: Option<ParameterAccess>,
     pub(crate) arrivals: Arrivals,
@@ -252,7 +253,7 @@ impl DrivenDevice {
 
     /// Returns the parameters of the file.
     #[must_use]
-    pub fn parameters(&self) -> &[Parameter] {
+    pub fn parameters(&self) -> &[DeviceParameter] {
         &self.parameters
     }
 

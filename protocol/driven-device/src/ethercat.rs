@@ -7,8 +7,9 @@ use ethercat_maindevice::{
 use machine::{Duration, Instant};
 
 use crate::config::{DriveConfig, DriveError};
-use crate::parameter::{Parameter, ParameterAccess, ParameterTarget};
-use crate::signal::{Signal, SignalTable, SignalType};
+use crate::parameter::{DeviceParameter, ParameterAccess, ParameterTarget};
+use crate::signal::{Signal, SignalType};
+use crate::table::SignalTable;
 
 /// Interval where the user gives none.
 const DEFAULT_INTERVAL: Duration = Duration::from_millis(2);
@@ -127,11 +128,11 @@ fn kind(name: &str) -> SignalType {
 }
 
 /// Lists the objects of the dictionary.
-pub(crate) fn parameters(chosen: &ChosenSubDevice) -> Vec<Parameter> {
+pub(crate) fn parameters(chosen: &ChosenSubDevice) -> Vec<DeviceParameter> {
     let mut parameters = Vec::new();
     let mut add = |name: String, index: u16, subindex: u8, data_type: &str, bits: u32, access: &str| {
         let place = format!("0x{index:04X}:{subindex:02X}");
-        parameters.push(Parameter {
+        parameters.push(DeviceParameter {
             signal: Signal::new(&name, &place, kind(data_type), 0, bits as usize),
             is_read_only: access == "ro",
             target: ParameterTarget::Object(index, subindex),
@@ -152,7 +153,7 @@ pub(crate) fn parameters(chosen: &ChosenSubDevice) -> Vec<Parameter> {
 }
 
 /// Returns the object of a place such as `0x1018:01`, of four bytes, or `0x6000:01:2` of two.
-pub(crate) fn by_place(name: &str) -> Option<Parameter> {
+pub(crate) fn by_place(name: &str) -> Option<DeviceParameter> {
     let parts: Vec<_> = name.split(':').collect();
     let (index, subindex, len) = match parts.as_slice() {
         [index, subindex] => (index, subindex, 4),

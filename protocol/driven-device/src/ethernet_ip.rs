@@ -8,8 +8,9 @@ use ethernet_ip::{Connection, ConnectionConfig, ConnectionId, Scanner, ScannerCo
 use machine::{Duration, Instant};
 
 use crate::config::{DriveConfig, DriveError};
-use crate::parameter::{Parameter, ParameterAccess, ParameterTarget};
-use crate::signal::{Signal, SignalTable, SignalType};
+use crate::parameter::{DeviceParameter, ParameterAccess, ParameterTarget};
+use crate::signal::{Signal, SignalType};
+use crate::table::SignalTable;
 
 /// Interval where neither the user nor the file gives one, in µs.
 const DEFAULT_RPI_US: u32 = 10_000;
@@ -259,10 +260,10 @@ fn numbered(text: &str, word: &str) -> Option<u32> {
 }
 
 /// Lists the parameters that have a path.
-pub(crate) fn parameters(eds: &Eds) -> Vec<Parameter> {
+pub(crate) fn parameters(eds: &Eds) -> Vec<DeviceParameter> {
     let with_path = eds.parameters.iter().filter_map(|parameter| Some((parameter, path(&parameter.path)?)));
     with_path
-        .map(|(parameter, path)| Parameter {
+        .map(|(parameter, path)| DeviceParameter {
             signal: signal(
                 parameter,
                 &format!("Param{}", parameter.number),
@@ -285,7 +286,7 @@ fn path(text: &str) -> Option<Vec<u8>> {
 }
 
 /// Returns the attribute of a name such as `1/1/7`: class, instance and attribute.
-pub(crate) fn by_place(name: &str) -> Option<Parameter> {
+pub(crate) fn by_place(name: &str) -> Option<DeviceParameter> {
     let numbers: Option<Vec<u16>> = name.split('/').map(number).collect();
     let [class, instance, attribute] = numbers?.try_into().ok()?;
     let mut path = Vec::new();

@@ -5,7 +5,7 @@
 //! device        the device and what its owner asks of it; running is its time: script, reports and frames
 //! ├─ stack      the stack of its bus: opened, asked for inputs and given outputs
 //! ├─ profinet, ethernet_ip, ethercat   from the chosen device to what the stack takes, and to names
-//! ├─ signal, value   named values in inputs and outputs
+//! ├─ signal, value, table   named values in inputs and outputs
 //! ├─ parameter  attributes, records and objects by name
 //! ├─ arrivals   intervals between cyclic data
 //! └─ script     outputs over time
@@ -25,13 +25,15 @@ mod running;
 mod script;
 mod signal;
 mod stack;
+mod table;
 mod value;
 
 pub use arrivals::Arrivals;
 pub use config::{DriveConfig, DriveError};
 pub use device::{DriveEvent, DrivenDevice};
-pub use parameter::{Parameter, ParameterAnswer};
+pub use parameter::{DeviceParameter, ParameterAnswer};
 pub use profinet::{MODULES_RECORD, found_modules};
 pub use script::{OutputScript, ScriptedOutput};
-pub use signal::{Signal, SignalTable, SignalType};
+pub use signal::{Signal, SignalType};
+pub use table::SignalTable;
 pub use value::{SignalValue, ValueError};

@@ -3,12 +3,13 @@
 use device_files::excerpt;
 
 use crate::config::DriveError;
-use crate::signal::{Signal, SignalTable, SignalType};
+use crate::signal::{Signal, SignalType};
+use crate::table::SignalTable;
 use crate::value::SignalValue;
 
-/// Parameter of a device.
+/// DeviceParameter of a device.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Parameter {
+pub struct DeviceParameter {
     /// Name in the file, unit and type; its bits are those of the parameter alone.
     pub signal: Signal,
     /// True if the file says that it cannot be written.
@@ -32,7 +33,7 @@ pub(crate) enum ParameterTarget {
 /// Access to a parameter: a read, or a write of these bytes.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct ParameterAccess {
-    pub(crate) parameter: Parameter,
+    pub(crate) parameter: DeviceParameter,
     pub(crate) written: Option<Vec<u8>>,
 }
 
@@ -49,7 +50,7 @@ pub struct ParameterAnswer {
     pub result: Result<(SignalValue, Option<String>), String>,
 }
 
-impl Parameter {
+impl DeviceParameter {
     /// Reads the value from bytes of the device. Those of another length than the file's are shown as bytes.
     fn decode(&self, bytes: &[u8]) -> (SignalValue, Option<String>) {
         if bytes.len() != self.signal.bits.div_ceil(8) || self.signal.kind == SignalType::Bytes {
@@ -83,7 +84,7 @@ impl Parameter {
 impl ParameterAccess {
     /// Makes the answer of what the device said.
     pub(crate) fn answered(&self, result: Result<Vec<u8>, String>) -> ParameterAnswer {
-        let Parameter { signal, .. } = &self.parameter;
+        let DeviceParameter { signal, .. } = &self.parameter;
         ParameterAnswer {
             name: signal.name.clone(),
             unit: signal.unit.clone(),
@@ -95,10 +96,10 @@ impl ParameterAccess {
 
 /// Finds a parameter: by its name, or by its place in the form of the bus.
 pub(crate) fn find(
-    parameters: &[Parameter],
+    parameters: &[DeviceParameter],
     name: &str,
-    by_place: impl FnOnce(&str) -> Option<Parameter>,
-) -> Result<Parameter, DriveError> {
+    by_place: impl FnOnce(&str) -> Option<DeviceParameter>,
+) -> Result<DeviceParameter, DriveError> {
     let exact = parameters.iter().find(|known| known.signal.name == name || known.signal.place == name);
     let alike = || parameters.iter().find(|known| known.signal.name.eq_ignore_ascii_case(name));
     exact.or_else(alike).cloned().or_else(|| by_place(name)).ok_or_else(|| {
@@ -107,8 +108,8 @@ pub(crate) fn find(
 }
 
 /// Makes a parameter that the file does not name: its bytes.
-pub(crate) fn unnamed(name: &str, target: ParameterTarget) -> Parameter {
-    Parameter {
+pub(crate) fn unnamed(name: &str, target: ParameterTarget) -> DeviceParameter {
+    DeviceParameter {
         signal: Signal::new(&excerpt(name), &excerpt(name), SignalType::Bytes, 0, 0),
         is_read_only: false,
         target,

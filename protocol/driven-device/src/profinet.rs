@@ -11,9 +11,9 @@ use profinet::status::Status;
 use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Parameter as Record};
 
 use crate::config::{DriveConfig, DriveError};
-use crate::parameter::{Parameter, ParameterAccess, ParameterTarget};
-use crate::signal::{Signal, SignalTable, SignalType};
-use crate::stack::InputChange;
+use crate::parameter::{DeviceParameter, ParameterAccess, ParameterTarget};
+use crate::signal::{Signal, SignalType};
+use crate::table::{InputChange, SignalTable};
 
 pub(crate) use alarm::describe;
 
@@ -289,7 +289,7 @@ pub(crate) fn refused_record(ar: &mut Ar) -> Option<String> {
 }
 
 /// Lists the records of the chosen submodules.
-pub(crate) fn parameters(chosen: &ChosenIoDevice) -> Vec<Parameter> {
+pub(crate) fn parameters(chosen: &ChosenIoDevice) -> Vec<DeviceParameter> {
     let mut parameters = Vec::new();
     for (slot, submodule) in submodules(chosen) {
         for record in submodule.records.iter().filter(|record| !record.is_safety) {
@@ -300,7 +300,7 @@ pub(crate) fn parameters(chosen: &ChosenIoDevice) -> Vec<Parameter> {
             } else {
                 format!("{slot}.{subslot}/{}", record.name)
             };
-            parameters.push(Parameter {
+            parameters.push(DeviceParameter {
                 signal: Signal::new(&name, &place, SignalType::Bytes, 0, 8 * record.default.len()),
                 is_read_only: false,
                 target: ParameterTarget::Record(slot, subslot, index),
@@ -312,7 +312,7 @@ pub(crate) fn parameters(chosen: &ChosenIoDevice) -> Vec<Parameter> {
 }
 
 /// Returns the record of a place such as `1.1:100` or `0.1:0xAFF0`.
-pub(crate) fn by_place(name: &str) -> Option<Parameter> {
+pub(crate) fn by_place(name: &str) -> Option<DeviceParameter> {
     let (place, index) = name.split_once(':')?;
     let (slot, subslot) = place.split_once('.')?;
     let number = crate::ethernet_ip::number;

@@ -9,7 +9,8 @@ use machine::{
 };
 
 use crate::device::{DriveEvent, DrivenDevice};
-use crate::stack::{InputChange, Stack, stack};
+use crate::stack::{Stack, stack};
+use crate::table::InputChange;
 use crate::value::SignalValue;
 
 /// Time between two values of the script.

@@ -7,8 +7,8 @@ use machine::{Counters, Instant, LinkEvent, Machine};
 use profinet::{ArId, Controller};
 
 use crate::config::{DriveConfig, DriveError};
-use crate::parameter::{Parameter, ParameterAccess};
-use crate::signal::SignalTable;
+use crate::parameter::{DeviceParameter, ParameterAccess};
+use crate::table::{InputChange, SignalTable};
 use crate::{ethercat, ethernet_ip as scanner, profinet as controller};
 
 #[derive(Debug)]
@@ -35,7 +35,7 @@ pub(crate) struct Opened {
     pub(crate) stack: Stack,
     pub(crate) inputs: SignalTable,
     pub(crate) outputs: SignalTable,
-    pub(crate) parameters: Vec<Parameter>,
+    pub(crate) parameters: Vec<DeviceParameter>,
 }
 
 /// Opens the stack of a chosen device.
@@ -63,17 +63,6 @@ pub(crate) fn open(
         }
         _ => Err(DriveError::File("the chosen device is of another file".to_owned())),
     }
-}
-
-/// Change of the inputs.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum InputChange {
-    /// None come that count.
-    Invalid,
-    /// They are the same.
-    Same,
-    /// They changed.
-    Changed,
 }
 
 impl Stack {
@@ -243,7 +232,7 @@ impl Stack {
     }
 
     /// Returns the parameter of a place that the file does not name.
-    pub(crate) fn parameter_at(&self, place: &str) -> Option<Parameter> {
+    pub(crate) fn parameter_at(&self, place: &str) -> Option<DeviceParameter> {
         match self {
             Self::Profinet(..) => controller::by_place(place),
             Self::EthernetIp(..) => scanner::by_place(place),

@@ -6,7 +6,7 @@ use ethercrab::{DefaultLock, MainDevice, RegisterAddress, SubDevice, SubDeviceGr
 use machine::{Duration, Instant};
 
 use crate::al::{self, REQUEST_OP, REQUEST_SAFE_OP, Status};
-use crate::commissioning;
+use crate::commissioning::StartupWrite;
 use crate::config::{Config, MAX_DEVICES, MAX_PROCESS_DATA};
 use crate::problem::{FoundDevice, Problem};
 use crate::process::PROCESS;
@@ -20,7 +20,7 @@ const WATCHDOG_STEP: Duration = Duration::from_micros(100);
 /// Time from one look at the state of a device to the next.
 const LOOK: Duration = Duration::from_millis(1);
 
-pub(crate) type GroupIn<S> = SubDeviceGroup<MAX_DEVICES, MAX_PROCESS_DATA, DefaultLock, S>;
+type GroupIn<S> = SubDeviceGroup<MAX_DEVICES, MAX_PROCESS_DATA, DefaultLock, S>;
 
 /// The devices, with their places in the process data.
 pub(crate) type Group = GroupIn<PreOpPdi>;
@@ -48,7 +48,7 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
         let _ = device.register_write(RegisterAddress::WatchdogDivider, WATCHDOG_DIVIDER).await;
         let _ = device.register_write(RegisterAddress::SyncManagerWatchdog, watchdog).await;
     }
-    commissioning::write_startup(main, &group).await?;
+    write_startup(main, &group).await?;
     let in_words = |error| Problem::of_start(error, config.devices.len());
     let group = group.into_pre_op_pdi(main).await.map_err(in_words)?;
     check_process_data(main, &group, config, &found)?;
@@ -67,6 +67,17 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
         al::request(main, index, REQUEST_OP).await.map_err(in_words)?;
     }
     Ok(group)
+}
+
+/// Writes what the owner wants in PRE-OP to the first device.
+async fn write_startup(main: &MainDevice<'_>, group: &GroupIn<PreOp>) -> Result<(), Problem> {
+    let writes = PROCESS.with_borrow(|process| process.commissioning.startup.clone());
+    for StartupWrite { index, subindex, data } in writes {
+        let refused = |error| Problem::Startup { index, subindex, error };
+        let device = group.subdevice(main, 0).map_err(refused)?;
+        device.sdo_write(index, subindex, data.as_slice()).await.map_err(refused)?;
+    }
+    Ok(())
 }
 
 /// Waits until a device is in SAFE-OP. Fails at once if the device refuses that.

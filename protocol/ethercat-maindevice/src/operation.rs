@@ -12,9 +12,10 @@ use machine::{Cycle, Duration, Instant};
 
 use crate::al::{self, ACKNOWLEDGE_IN_OP, ACKNOWLEDGE_IN_SAFE_OP, REQUEST_INIT, REQUEST_OP, Status};
 use crate::bring_up::{Group, bring_up};
-use crate::commissioning::{self, Stage};
 use crate::config::{Config, MAX_DEVICES};
 use crate::frames::FRAMES;
+use crate::held::HeldStage;
+use crate::mailbox;
 use crate::problem::Problem;
 use crate::process::PROCESS;
 use crate::recovery::{Recovery, Step, TO_OP};
@@ -106,7 +107,7 @@ async fn start_over_and_over(
 async fn drive(main: &ethercrab::MainDevice<'_>, config: &Config, slot: Option<Slot>) -> Result<(), Problem> {
     let group = bring_up(main, config).await?;
     let exchange = pin!(Exchange::new(config, slot).run(main, &group));
-    commissioning::serve_while(main, &group, exchange).await
+    mailbox::serve_while(main, &group, exchange).await
 }
 
 /// Runs until the future ends, or until another MainDevice is heard: then nothing more is sent.
@@ -134,8 +135,8 @@ struct Exchange<'a> {
     /// Whether there was a good exchange.
     was_up: bool,
     recovery: Recovery,
-    /// Whether the devices are held in SAFE-OP, or on their way from there to OP.
-    stage: Stage,
+    /// State of devices that are held in SAFE-OP.
+    stage: HeldStage,
 }
 
 impl<'a> Exchange<'a> {
@@ -153,7 +154,7 @@ impl<'a> Exchange<'a> {
             good_at: now,
             was_up: false,
             recovery: Recovery::of_start(config.devices.len(), now),
-            stage: Stage::of_start(),
+            stage: HeldStage::of_start(),
         }
     }
 

@@ -40,7 +40,7 @@ pub(crate) struct Process {
     up: bool,
     /// Whether the owner wants to end the connection.
     pub(crate) leaving: bool,
-    /// What a tool for commissioning wants.
+    /// Wishes of a tool for commissioning.
     pub(crate) commissioning: Commissioning,
     events: VecDeque<LinkEvent>,
     /// Last problem that was reported since the connection was up.

@@ -4,11 +4,11 @@ use device_files::DeviceChoice;
 use driven_device::{DriveConfig, DrivenDevice, OutputScript};
 use machine::Instant;
 
-use crate::cell::{Cell, Chosen, EDS, ESI, GSDML, chosen, devices, drive_config, driven, emulated};
+use crate::cell::{Chosen, DrivenPair, EDS, ESI, GSDML, chosen, devices, drive_config, driven, emulated};
 
 /// Drives one device by the file of another.
-fn between(expected: &Chosen, there: &Chosen) -> Cell {
-    Cell::between(driven(expected, "", &drive_config()), emulated(there.device.clone(), ""))
+fn between(expected: &Chosen, there: &Chosen) -> DrivenPair {
+    DrivenPair::between(driven(expected, "", &drive_config()), emulated(there.device.clone(), ""))
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn one_wrong_submodule_is_said_and_the_rest_runs() {
     let script = "[[inputs]]\nplace = \"1.1\"\ntype = \"uint8\"\nvalue = 7\n";
     let expected = &devices()[1];
     let mut cell =
-        Cell::between(driven(expected, "", &drive_config()), emulated(there.device.clone(), script));
+        DrivenPair::between(driven(expected, "", &drive_config()), emulated(there.device.clone(), script));
     cell.run_to(5_000);
     let texts = cell.texts();
     assert!(cell.pair.a().is_up() && cell.pair.a().differs(), "{texts:?}");

@@ -19,7 +19,7 @@ pub(crate) const EDS: &str = include_str!("../../../../scripts/interop/files/mad
 pub(crate) const ESI: &str = include_str!("../../../../scripts/interop/files/made-up-terminal.xml");
 
 /// A cable with a driven device at side A and an emulated one at side B.
-pub(crate) struct Cell {
+pub(crate) struct DrivenPair {
     pub(crate) pair: Pair<DrivenDevice, EmulatedDevice>,
     pub(crate) events: Vec<DriveEvent>,
 }
@@ -83,7 +83,7 @@ pub(crate) fn driven(chosen: &Chosen, script: &str, config: &DriveConfig) -> Dri
     DrivenDevice::new(chosen.file.clone(), chosen.device.clone(), script, config, Instant::ZERO).unwrap()
 }
 
-impl Cell {
+impl DrivenPair {
     /// Connects a device to its own controller.
     pub(crate) fn of(chosen: &Chosen, device_script: &str, script: &str, config: &DriveConfig) -> Self {
         Self::between(driven(chosen, script, config), emulated(chosen.device.clone(), device_script))

@@ -1,6 +1,6 @@
 //! Data both ways, by name.
 
-use crate::cell::{Cell, devices, drive_config};
+use crate::cell::{DrivenPair, devices, drive_config};
 use driven_device::{DriveConfig, DriveEvent};
 use machine::Duration;
 
@@ -30,7 +30,7 @@ fn scripts() -> [(&'static str, &'static str, &'static str); 3] {
 #[test]
 fn for_30_seconds_each_device_shows_what_its_controller_sets_without_a_gap() {
     for (chosen, (device_script, output, place)) in devices().iter().zip(scripts()) {
-        let mut cell = Cell::of(chosen, device_script, "", &drive_config());
+        let mut cell = DrivenPair::of(chosen, device_script, "", &drive_config());
         cell.run_to(3_000);
         assert!(cell.pair.a().is_up(), "{}: {:?}", cell.pair.a().bus(), cell.events);
         let before = cell.pair.a().counters();
@@ -62,7 +62,7 @@ fn for_30_seconds_each_device_shows_what_its_controller_sets_without_a_gap() {
 fn outputs_count_only_once_they_run() {
     for (chosen, (device_script, output, place)) in devices().iter().zip(scripts()) {
         let config = DriveConfig { is_running: false, ..drive_config() };
-        let mut cell = Cell::of(chosen, device_script, "", &config);
+        let mut cell = DrivenPair::of(chosen, device_script, "", &config);
         let is_bytes = cell.pair.a().outputs().find(output).unwrap().bits == 32;
         let value = if is_bytes { "01020304" } else { "258" };
         cell.pair.command_a(|device, _| device.set(output, value)).unwrap();
@@ -89,7 +89,7 @@ fn a_script_drives_outputs_over_time_and_starts_them() {
     for (chosen, (device_script, output, place)) in devices().iter().zip(scripts()).skip(1) {
         let script = format!("run = 2.0\n[[outputs]]\nname = \"{output}\"\ntable = [[0, 1], [2.5, 770]]\n");
         let config = DriveConfig { is_running: false, ..drive_config() };
-        let mut cell = Cell::of(chosen, device_script, &script, &config);
+        let mut cell = DrivenPair::of(chosen, device_script, &script, &config);
         cell.run_to(1_900);
         assert!(cell.output(place).is_none_or(|bytes| bytes.iter().all(|byte| *byte == 0)));
         cell.run_to(3_500);
@@ -102,7 +102,7 @@ fn a_script_drives_outputs_over_time_and_starts_them() {
 #[test]
 fn a_device_that_goes_away_is_reported_and_connected_again_when_it_returns() {
     for (chosen, (device_script, ..)) in devices().iter().zip(scripts()) {
-        let mut cell = Cell::of(chosen, device_script, "", &drive_config());
+        let mut cell = DrivenPair::of(chosen, device_script, "", &drive_config());
         cell.run_to(3_000);
         cell.pair.set_cut(true);
         cell.run_to(5_000);
@@ -119,7 +119,7 @@ fn a_device_that_goes_away_is_reported_and_connected_again_when_it_returns() {
 fn inputs_are_reported_when_they_change_and_not_more_often_than_wanted() {
     let chosen = &devices()[0];
     let config = DriveConfig { report_every: Duration::from_millis(250), ..drive_config() };
-    let mut cell = Cell::of(chosen, scripts()[0].0, "", &config);
+    let mut cell = DrivenPair::of(chosen, scripts()[0].0, "", &config);
     cell.run_to(10_000);
     let reports = cell.events.iter().filter(|event| matches!(event, DriveEvent::Inputs)).count();
     assert!((30..=40).contains(&reports), "{reports} in ten seconds");

@@ -3,10 +3,10 @@
 use device_files::{DeviceChoice, DeviceFile, choose_found, choose_head};
 use driven_device::{DriveEvent, MODULES_RECORD, SignalValue, found_modules};
 
-use crate::cell::{Cell, Chosen, EDS, ESI, GSDML, chosen, devices, drive_config, driven, emulated};
+use crate::cell::{Chosen, DrivenPair, EDS, ESI, GSDML, chosen, devices, drive_config, driven, emulated};
 
 /// Returns the answers so far, as text.
-fn answers(cell: &Cell) -> Vec<String> {
+fn answers(cell: &DrivenPair) -> Vec<String> {
     cell.texts().into_iter().filter(|text| text.starts_with("answer ")).collect()
 }
 
@@ -15,7 +15,7 @@ fn attributes_are_read_and_written_by_the_names_of_the_eds() {
     let parameters = "[Params]\n Param2 = 0,,\"20 01 24 01 30 01\",0x0010,0xC7,2,\"Vendor\",\"\",\"\",0,65535,0,,,,,,,,,;\n\
          Param3 = 0,,\"20 F5 24 01 30 03\",0x0000,0xC8,4,\"Configuration\",\"\",\"\",0,5,0,,,,,,,,,;\n";
     let chosen = chosen("a.eds", &EDS.replace("[Params]", parameters), "");
-    let mut cell = Cell::of(&chosen, "", "", &drive_config());
+    let mut cell = DrivenPair::of(&chosen, "", "", &drive_config());
     cell.pair.command_a(|device, _| {
         device.read_parameter("Vendor").unwrap();
         device.read_parameter("1/1/2").unwrap();
@@ -44,7 +44,7 @@ fn configuration_data_of_the_edss_defaults_reach_the_adapter() {
         )
         .replace("6,,\n", "6,Assem103,\n");
     let chosen = chosen("a.eds", &text, "");
-    let mut cell = Cell::of(&chosen, "", "", &drive_config());
+    let mut cell = DrivenPair::of(&chosen, "", "", &drive_config());
     cell.pair.command_a(|device, _| device.read_parameter("4/103/3")).unwrap();
     cell.run_to(3_000);
     assert_eq!(answers(&cell), ["answer 4/103/3 = 020300000203"]);
@@ -60,7 +60,7 @@ fn alarms_come_in_the_words_of_the_gsdml_with_their_end() {
     let chosen = chosen("GSDML-V2.35-a.xml", &text, "[modules]\n1 = \"M_8DI\"\n2 = \"M_2AO\"\n");
     let script = "[[faults]]\nat = 3\nseconds = 1\nkind = \"alarm\"\nslot = 2\nchannel = 5\ncode = 256\n\
                   [[faults]]\nat = 5\nkind = \"alarm\"\nslot = 1\ncode = 6\n";
-    let mut cell = Cell::of(&chosen, script, "", &drive_config());
+    let mut cell = DrivenPair::of(&chosen, script, "", &drive_config());
     cell.run_to(6_000);
     let alarms: Vec<_> = cell.texts().into_iter().filter(|text| text.starts_with("alarm ")).collect();
     assert_eq!(
@@ -79,7 +79,8 @@ fn without_a_choice_the_modules_are_those_that_the_device_reports() {
     let DeviceFile::Gsdml(gsdml) = &there.file else { panic!("a GSDML") };
     let head = choose_head(gsdml, &DeviceChoice::default()).unwrap();
     let head = Chosen { file: there.file.clone(), device: device_files::ChosenDevice::Gsdml(head) };
-    let mut cell = Cell::between(driven(&head, "", &drive_config()), emulated(there.device.clone(), ""));
+    let mut cell =
+        DrivenPair::between(driven(&head, "", &drive_config()), emulated(there.device.clone(), ""));
     cell.pair.command_a(|device, _| device.read_parameter(MODULES_RECORD)).unwrap();
     cell.run_to(4_000);
     let record = cell.events.iter().find_map(|event| match event {
@@ -97,7 +98,7 @@ fn without_a_choice_the_modules_are_those_that_the_device_reports() {
 
 #[test]
 fn records_are_read_by_index_and_refusals_are_said() {
-    let mut cell = Cell::of(&devices()[1], "", "", &drive_config());
+    let mut cell = DrivenPair::of(&devices()[1], "", "", &drive_config());
     cell.pair.command_a(|device, _| {
         device.read_parameter("0.1:0xAFF0").unwrap();
         device.write_parameter("2.1:100", "0304").unwrap();
@@ -115,7 +116,7 @@ fn records_are_read_by_index_and_refusals_are_said() {
 #[test]
 fn objects_are_read_and_written_by_the_names_of_the_esi_and_emergencies_are_said() {
     let script = "[[faults]]\nat = 3\nkind = \"emergency\"\ncode = 16912\n";
-    let mut cell = Cell::of(&devices()[2], script, "", &drive_config());
+    let mut cell = DrivenPair::of(&devices()[2], script, "", &drive_config());
     cell.pair.command_a(|device, _| {
         device.read_parameter("Filter").unwrap();
         device.write_parameter("Filter", "0x0102").unwrap();
@@ -144,7 +145,7 @@ fn assigned_pdos_and_init_commands_are_written_before_the_data_run() {
     let whole = chosen("a.xml", &text, "device_name = \"MU1002\"");
     let compact = chosen("a.xml", &text, "device_name = \"MU1002\"\npdos = [\"0x1600\", \"0x1A01\"]");
     for chosen in [&whole, &compact] {
-        let mut cell = Cell::of(chosen, "", "", &drive_config());
+        let mut cell = DrivenPair::of(chosen, "", "", &drive_config());
         cell.pair.command_a(|device, _| device.read_parameter("Filter")).unwrap();
         cell.run_to(4_000);
         assert!(cell.pair.a().is_up(), "{:?}", cell.texts());

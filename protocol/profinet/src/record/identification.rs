@@ -29,7 +29,7 @@ pub struct RealModule {
 ///
 /// The record is another one, or is cut.
 pub fn parse_real_identification(record: &[u8]) -> Result<Vec<RealModule>, Violation> {
-    // The version is behind type and length.
+    // The version follows type and length.
     let has_apis = record.get(5).is_some_and(|version_low| *version_low > 0);
     let mut reader = BlockReader::new(record);
     let (block_type, mut body) = block::next_known(&mut reader, |_| Block::Record, |_| false)?;

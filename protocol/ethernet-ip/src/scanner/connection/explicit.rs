@@ -42,7 +42,7 @@ pub enum ExplicitAnswer {
 /// Reason why an explicit request cannot be sent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum ExplicitError {
-    /// There is no session.
+    /// The connection has not got a session.
     #[error("the device is not connected; wait until it is")]
     NotConnected,
     /// Another request waits for its answer.

@@ -1,10 +1,10 @@
-//! What a tool for commissioning asks of an AR beside its data: alarms, records by index, and devices with other modules than
+//! Services of an AR for a tool beside its data: alarms, records by index, and devices with other modules than
 //! expected.
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
-use super::startup::LONGEST_ANSWER;
+use super::call::LONGEST_ANSWER;
 use super::{Ar, Phase, Refusal, link};
 use crate::alarm::{Alarm, AlarmHead, Rta};
 use crate::block::BlockReader;

@@ -3,7 +3,7 @@
 use rand_core::Rng;
 
 use super::acyclic::Acyclic;
-use super::call::AnswerOutcome;
+use super::call::{AnswerOutcome, LONGEST_ANSWER};
 use super::connect_plan::Changes;
 use super::link::Link;
 use super::{
@@ -22,9 +22,6 @@ use machine::Instant;
 use machine::ethernet::Mac;
 use machine::wire::Overflow;
 use machine::{Down, DownCause, LinkEvent};
-
-/// ArgsMaximum: the longest answer, in bytes of blocks, that we accept.
-pub(super) const LONGEST_ANSWER: u32 = 4096;
 
 impl Ar {
     /// Starts an attempt to connect: searches for the device.
