@@ -73,7 +73,11 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
 async fn write_startup(main: &MainDevice<'_>, group: &GroupIn<PreOp>) -> Result<(), Problem> {
     let writes = PROCESS.with_borrow(|process| process.commissioning.startup.clone());
     for StartupWrite { index, subindex, data } in writes {
-        let refused = |error| Problem::Startup { index, subindex, error };
+        let refused = |error| match error {
+            // A lost frame is not an answer of the device.
+            Error::Timeout(_) | Error::WorkingCounter { .. } => Problem::of_start(error, 1),
+            error => Problem::Startup { index, subindex, error },
+        };
         let device = group.subdevice(main, 0).map_err(refused)?;
         device.sdo_write(index, subindex, data.as_slice()).await.map_err(refused)?;
     }
