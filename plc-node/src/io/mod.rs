@@ -1,6 +1,10 @@
 //! `plc-node io`: drives the device of a GSDML, EDS or ESI on a real network.
 
-#![expect(clippy::disallowed_methods, reason = "this is the process that drives a device, with its threads")]
+#![expect(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    reason = "this is the process that drives a device, with its threads and the file of its record"
+)]
 
 mod owner;
 mod report;

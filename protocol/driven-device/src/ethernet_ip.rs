@@ -231,7 +231,7 @@ fn add(
 
 fn signal(parameter: &EdsParameter, place: &str, bit: usize, bits: usize) -> Signal {
     let mut signal = Signal::new(&parameter.name, place, kind(parameter.data_type), bit, bits);
-    if signal.kind == SignalType::Bytes && (bit % 8 != 0 || bits % 8 != 0) {
+    if signal.kind == SignalType::Bytes && !(bit.is_multiple_of(8) && bits.is_multiple_of(8)) {
         signal = Signal::new(&parameter.name, place, SignalType::Unsigned, bit, bits);
     }
     signal.unit.clone_from(&parameter.unit);
@@ -282,7 +282,7 @@ fn path(text: &str) -> Option<Vec<u8>> {
         .split_whitespace()
         .map(|word| u8::from_str_radix(word.trim_matches(['[', ']']), 16).ok())
         .collect();
-    bytes.filter(|bytes| !bytes.is_empty() && bytes.len() % 2 == 0)
+    bytes.filter(|bytes| !bytes.is_empty() && bytes.len().is_multiple_of(2))
 }
 
 /// Returns the attribute of a name such as `1/1/7`: class, instance and attribute.

@@ -133,7 +133,7 @@ impl SignalTable {
     /// Returns the places of a number's bits, from its lowest one.
     fn bit_numbers(&self, signal: &Signal) -> impl Iterator<Item = usize> + use<> {
         let (first, bits) = (signal.bit, signal.bits);
-        let has_bytes = first % 8 == 0 && bits % 8 == 0 && bits <= 8 * LONGEST_NUMBER;
+        let has_bytes = first.is_multiple_of(8) && bits.is_multiple_of(8) && bits <= 8 * LONGEST_NUMBER;
         let last_byte = (self.is_big_endian && has_bytes).then(|| first / 8 + bits / 8 - 1);
         (0..bits).map(move |at| match last_byte {
             Some(last) => 8 * (last - at / 8) + at % 8,

@@ -95,7 +95,7 @@ impl SignalValue {
 
     fn whole(signal: &Signal, number: i128) -> Option<Self> {
         let (least, most) = range(signal)?;
-        (least..=most).contains(&number).then(|| match signal.kind {
+        (least..=most).contains(&number).then_some(match signal.kind {
             SignalType::Bool => Self::Bool(number != 0),
             SignalType::Signed => Self::Signed(number as i64),
             _ => Self::Unsigned(number as u64),
@@ -175,7 +175,7 @@ fn whole_number(text: &str) -> Option<i128> {
 pub(crate) fn bytes(text: &str) -> Option<Vec<u8>> {
     let digits = text.strip_prefix("0x").unwrap_or(text);
     let pair = |at: usize| digits.get(at..at + 2).and_then(|pair| u8::from_str_radix(pair, 16).ok());
-    (digits.len() % 2 == 0).then(|| (0..digits.len()).step_by(2).map(pair).collect())?
+    digits.len().is_multiple_of(2).then(|| (0..digits.len()).step_by(2).map(pair).collect())?
 }
 
 impl fmt::Display for SignalValue {

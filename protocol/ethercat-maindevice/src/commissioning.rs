@@ -36,8 +36,8 @@ pub(crate) struct Commissioning {
     pub(crate) startup: Vec<StartupWrite>,
     pub(crate) holds_safe_op: bool,
     pub(crate) mailbox: Option<(u16, u16)>,
-    request: Option<SdoRequest>,
-    is_asked: bool,
+    pub(crate) request: Option<SdoRequest>,
+    pub(crate) is_asked: bool,
     pub(crate) answer: Option<SdoAnswer>,
     pub(crate) emergencies: VecDeque<[u8; 8]>,
 }
