@@ -140,7 +140,7 @@ impl Problem {
             Self::Startup { .. } => {
                 (DownCause::Refused, 0, "the device refuses a start-up command of its file")
             }
-            // A device answers a repeated request otherwise than a first one whose answer was lost: its mailbox is empty by then.
+            // A repeated request gets another answer than a first one whose answer was lost: the mailbox is empty by then.
             Self::Other(Error::WorkingCounter { .. }) => {
                 (DownCause::NoAnswer, 0, "a device did not process a datagram while it was brought up")
             }
