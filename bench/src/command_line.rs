@@ -22,6 +22,8 @@ use crate::verbs::scale::ScaleOptions;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::verbs::timing::TimingOptions;
 #[cfg(all(feature = "real", target_os = "linux"))]
+use plc_node::io::IoCommand;
+#[cfg(all(feature = "real", target_os = "linux"))]
 use robot_node::emulate::EmulateCommand;
 use studies::buses::BusesOptions;
 use studies::calibrate::CalibrateOptions;
@@ -83,7 +85,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
         &["buses", "sweep", "sensitivity", "calibrate", "trajectory", "study"],
     ),
     ("Test commands:", &["explore", "soak", "judge", "long", "timing", "overhead", "scale"]),
-    ("Device commands, on a real network:", &["emulate"]),
+    ("Device commands, on a real network:", &["emulate", "io"]),
     ("Installation commands:", &["completions", "man"]),
 ];
 
@@ -158,6 +160,9 @@ pub enum Command {
     /// Be the device of a GSDML, EDS or ESI file, as `robot-node emulate` does.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Emulate(EmulateCommand),
+    /// Drive the device of a GSDML, EDS or ESI file, as `plc-node io` does.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    Io(Box<IoCommand>),
     /// Measure how evenly cyclic frames arrive, beside a bare loop on this host.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Timing(TimingOptions),

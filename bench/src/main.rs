@@ -38,6 +38,10 @@ fn main() -> ExitCode {
             return node::exit_code(command.clone().execute(), robot_node::emulate::is_usage);
         }
         #[cfg(all(feature = "real", target_os = "linux"))]
+        Some(Command::Io(command)) => {
+            return node::exit_code(command.clone().execute(), plc_node::io::is_usage);
+        }
+        #[cfg(all(feature = "real", target_os = "linux"))]
         Some(Command::Overhead(options)) => overhead::run(options),
         Some(Command::Long(options)) => long::run(options),
         Some(Command::Trajectory(options)) => trajectory::run(options),

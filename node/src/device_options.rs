@@ -15,6 +15,14 @@ pub struct DeviceOptions {
     /// The file: a GSDML (PROFINET), an EDS (EtherNet/IP) or an ESI (EtherCAT).
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
+    /// Choice from it.
+    #[command(flatten)]
+    pub choice: ChoiceOptions,
+}
+
+/// Choice from a device file.
+#[derive(clap::Args, Clone, Debug)]
+pub struct ChoiceOptions {
     /// GSDML: the access point.
     #[arg(long, value_name = "ID")]
     access_point: Option<String>,
@@ -61,6 +69,17 @@ impl DeviceOptions {
     /// The file cannot be read or is refused, or the choice makes no device; see [`is_usage`].
     pub fn choose(&self) -> anyhow::Result<ChosenDevice> {
         let file = read_device_file(&self.file)?;
+        Ok(choose(&file, &self.choice.to_choice()?)?)
+    }
+}
+
+impl ChoiceOptions {
+    /// Returns the choice of the options over that of their file.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read or is refused.
+    pub fn to_choice(&self) -> anyhow::Result<DeviceChoice> {
         let of_file = match &self.config {
             Some(path) => {
                 let text =
@@ -77,7 +96,7 @@ impl DeviceOptions {
             pdos: self.pdos.clone(),
             modules: self.modules.iter().cloned().collect(),
         };
-        Ok(choose(&file, &of_file.replaced_by(options))?)
+        Ok(of_file.replaced_by(options))
     }
 }
 

@@ -10,6 +10,8 @@ use crate::describe::DescribeCommand;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::discover::DiscoverCommand;
 use crate::export_command::ExportCommand;
+#[cfg(all(feature = "real", target_os = "linux"))]
+use crate::io::{IoCommand, is_usage as is_usage_of_io};
 use crate::plan_command::PlanCommand;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::process::Run;
@@ -33,6 +35,9 @@ enum Subcommand {
     Export(ExportCommand),
     /// List what a device file offers: GSDML, EDS or ESI.
     Describe(DescribeCommand),
+    /// Drive the device of a GSDML, EDS or ESI: its inputs, outputs and parameters by name.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    Io(Box<IoCommand>),
     /// List the PROFINET, EtherNet/IP and EtherCAT devices on a network interface.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Discover(DiscoverCommand),
@@ -54,6 +59,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Subcommand::Plan(plan) => node::exit_code(plan.execute(), |_| false),
         Subcommand::Describe(file) => node::exit_code(file.execute(), node::device_options::is_usage),
         Subcommand::Export(export) => node::exit_code(export.execute(), |_| false),
+        #[cfg(all(feature = "real", target_os = "linux"))]
+        Subcommand::Io(io) => node::exit_code(io.execute(), is_usage_of_io),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Subcommand::Run(run) => {
             node::run::exit_code(run.execute(), |error| error.is::<crate::bus::BusError>())

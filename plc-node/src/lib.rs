@@ -34,6 +34,8 @@ mod export;
 mod export_command;
 mod exported_program;
 pub mod function_blocks;
+#[cfg(all(feature = "real", target_os = "linux"))]
+pub mod io;
 pub mod master_axis;
 mod motion_source;
 mod plan_command;

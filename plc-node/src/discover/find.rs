@@ -28,29 +28,36 @@ pub enum FoundDevices {
 ///
 /// Nothing can be sent on the interface, or EtherNet/IP has no IPv4 address there.
 pub fn find_devices(interface: &Interface, bus: &BusKind, length: Duration) -> anyhow::Result<FoundDevices> {
-    let start = clock::now();
-    match bus {
-        BusKind::Profinet(..) => {
-            let first_xid = (start.as_nanos() >> 10) as u32;
-            let config = profinet::SearchConfig { mac: interface.mac(), first_xid, length };
-            let search = Search::new(Some(profinet::Search::new(config, start)), None);
-            let (search, _) = searched(search, interface, UntilEnd)?;
-            let stations = search.profinet().map(|search| search.answers().devices().to_vec());
-            Ok(FoundDevices::Profinet(stations.unwrap_or_default()))
-        }
-        BusKind::EthernetIp(..) => {
-            let config = ethernet_ip_search(interface, length)?;
-            let search = Search::new(None, Some(ethernet_ip::Search::new(config, start)));
-            let (search, _) = searched(search, interface, UntilEnd)?;
-            let devices = search.ethernet_ip().map(|search| search.answers().devices().to_vec());
-            Ok(FoundDevices::EthernetIp(devices.unwrap_or_default()))
-        }
+    Ok(match bus {
+        BusKind::Profinet(..) => FoundDevices::Profinet(find_stations(interface, length)?),
+        BusKind::EthernetIp(..) => FoundDevices::EthernetIp(find_adapters(interface, length)?),
         BusKind::Ethercat(_) => {
-            let search = ethercat_maindevice::search(start, length).on_interface(interface.mac());
+            let search = ethercat_maindevice::search(clock::now(), length).on_interface(interface.mac());
             match searched(search, interface, UntilFound(None))?.1 {
-                UntilFound(Some(found)) => Ok(FoundDevices::Ethercat(found)),
+                UntilFound(Some(found)) => FoundDevices::Ethercat(found),
                 UntilFound(None) => bail!("the search on `{}` ended without a result", interface.name()),
             }
         }
-    }
+    })
+}
+
+/// Asks for `length` which stations are on PROFINET.
+pub(crate) fn find_stations(interface: &Interface, length: Duration) -> anyhow::Result<Vec<FoundStation>> {
+    let start = clock::now();
+    let first_xid = (start.as_nanos() >> 10) as u32;
+    let config = profinet::SearchConfig { mac: interface.mac(), first_xid, length };
+    let search = Search::new(Some(profinet::Search::new(config, start)), None);
+    let (search, _) = searched(search, interface, UntilEnd)?;
+    let stations = search.profinet().map(|search| search.answers().devices().to_vec());
+    Ok(stations.unwrap_or_default())
+}
+
+/// Asks for `length` which devices are on EtherNet/IP.
+pub(crate) fn find_adapters(interface: &Interface, length: Duration) -> anyhow::Result<Vec<FoundDevice>> {
+    let start = clock::now();
+    let config = ethernet_ip_search(interface, length)?;
+    let search = Search::new(None, Some(ethernet_ip::Search::new(config, start)));
+    let (search, _) = searched(search, interface, UntilEnd)?;
+    let devices = search.ethernet_ip().map(|search| search.answers().devices().to_vec());
+    Ok(devices.unwrap_or_default())
 }

@@ -17,6 +17,7 @@ use protocol::search::Search;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
 pub use find::{FoundDevices, find_devices};
+pub(crate) use find::{find_adapters, find_stations};
 use listing::{Bus, Listing, Skipped};
 use sub_device::SubDevices;
 

@@ -39,7 +39,8 @@ pub struct ReadError {
 }
 
 /// Shortens a value of a file for a message, and replaces what a terminal would not print.
-pub(crate) fn excerpt(value: &str) -> String {
+#[must_use]
+pub fn excerpt(value: &str) -> String {
     shortened(value, 48)
 }
 

@@ -27,8 +27,8 @@ use serde::Serialize;
 
 pub use crate::choice::{
     ChoiceError, ChoiceFileError, ChoiceOption, ChosenAdapter, ChosenAssembly, ChosenDevice, ChosenIoDevice,
-    ChosenModule, ChosenPdo, ChosenSubDevice, ChosenSubmodule, DeviceChoice, HeartbeatUse, ModulePlace,
-    PlaceError, choose,
+    ChosenModule, ChosenPdo, ChosenSubDevice, ChosenSubmodule, DeviceChoice, FoundModule, HeartbeatUse,
+    ModulePlace, PlaceError, choose, choose_found, choose_head,
 };
 pub use crate::eds::{
     CapacityLimit, ConnectionEnd, ConnectionUse, Eds, EdsAssembly, EdsConnection, EdsMember, EdsParameter,
@@ -39,8 +39,7 @@ pub use crate::esi::{
     CoeService, DcMode, DictionaryEntry, DictionaryObject, EepromContent, Esi, EsiDevice, EsiMailbox,
     EsiModule, EsiPdo, EsiPdoEntry, EsiSlot, EsiSyncManager, ObjectDictionary, StartupCommand,
 };
-use crate::fault::excerpt;
-pub use crate::fault::{FileFault, ReadError};
+pub use crate::fault::{FileFault, ReadError, excerpt};
 pub use crate::gsdml::{
     AccessPoint, ChannelDiagnosis, CyclicTiming, DataBit, DataItem, Gsdml, GsdmlModule, GsdmlSubmodule,
     IoDirection, ParameterRecord, Placement, RecordValue, SlotRanges, SystemSubmodule, UnitDiagnosis,

@@ -90,7 +90,11 @@ impl PlacedInput {
         }
         let seconds = now.since(start).as_secs_f64();
         let mut bytes = [0; 8];
-        let len = encode(self.input.value_type.unwrap_or(ValueType::Uint8), self.value(seconds), &mut bytes);
+        let len = encode(
+            self.input.value_type.unwrap_or(ValueType::Uint8),
+            self.input.value_at(seconds),
+            &mut bytes,
+        );
         // Bits of an entry are counted from the lowest one; a number in bytes has the order of the bus.
         if inputs.is_big_endian
             && self.bits == 8 * len
@@ -99,22 +103,6 @@ impl PlacedInput {
             number.reverse();
         }
         inputs.write_bits(self.bit, self.bits, &bytes);
-    }
-
-    fn value(&self, seconds: f64) -> f64 {
-        let ScriptedInput { value, ramp, counter, table, .. } = &self.input;
-        if let Some(ramp) = ramp {
-            let share = (seconds / ramp.seconds).fract();
-            return ramp.from + (ramp.to - ramp.from) * share;
-        }
-        if let Some(counter) = counter {
-            return counter.step * (seconds / counter.seconds).floor();
-        }
-        if let Some(table) = table {
-            let past = table.iter().take_while(|(from, _)| *from <= seconds);
-            return past.last().map_or(0.0, |(_, value)| *value);
-        }
-        value.unwrap_or(0.0)
     }
 }
 

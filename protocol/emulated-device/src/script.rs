@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 /// Inputs of a device over time, and its faults.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DeviceScript {
     /// Inputs; later ones are written over earlier ones.
@@ -30,7 +30,7 @@ pub struct DeviceScript {
 
 /// Input over time. It has one of `value`, `ramp`, `counter`, `table` and `echo`.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ScriptedInput {
     /// Place of the inputs, as the device lists it.
@@ -63,7 +63,7 @@ pub struct ScriptedInput {
 
 /// Type of a value.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum ValueType {
     /// One bit: any value but 0 sets it.
@@ -99,9 +99,22 @@ impl ValueType {
     }
 }
 
+/// Source of a value over time, as inputs and outputs of scripts have it.
+#[derive(Clone, Copy, Debug)]
+pub struct SourceOverTime<'a> {
+    /// Constant.
+    pub value: Option<f64>,
+    /// Straight line.
+    pub ramp: Option<RampSource>,
+    /// Number that counts up.
+    pub counter: Option<CounterSource>,
+    /// Pairs of seconds and value.
+    pub table: Option<&'a [(f64, f64)]>,
+}
+
 /// Straight line from one value to another.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RampSource {
     /// First value.
@@ -114,7 +127,7 @@ pub struct RampSource {
 
 /// Number that counts up.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct CounterSource {
     /// Step.
@@ -130,7 +143,7 @@ fn one() -> f64 {
 
 /// Outputs that come back as inputs.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct EchoSource {
     /// Place of the outputs.
@@ -142,7 +155,7 @@ pub struct EchoSource {
 
 /// Fault at a time.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ScriptedFault {
     /// Seconds after the start; from standard input, seconds from now.
@@ -185,7 +198,7 @@ const fn whole_submodule() -> u16 {
 
 /// Kind of fault.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
     /// It neither receives nor sends.
@@ -255,12 +268,64 @@ impl ScriptedFault {
     }
 }
 
+impl SourceOverTime<'_> {
+    /// Returns the value after so many seconds.
+    #[must_use]
+    pub fn value_at(&self, seconds: f64) -> f64 {
+        if let Some(ramp) = self.ramp {
+            let share = (seconds / ramp.seconds).fract();
+            return ramp.from + (ramp.to - ramp.from) * share;
+        }
+        if let Some(counter) = self.counter {
+            return counter.step * (seconds / counter.seconds).floor();
+        }
+        if let Some(table) = self.table {
+            let past = table.iter().take_while(|(from, _)| *from <= seconds);
+            return past.last().map_or(0.0, |(_, value)| *value);
+        }
+        self.value.unwrap_or(0.0)
+    }
+
+    /// Returns the number of sources; a signal has one.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        let given = [self.value.is_some(), self.ramp.is_some(), self.counter.is_some(), self.table.is_some()];
+        given.iter().filter(|given| **given).count()
+    }
+
+    /// Checks times and tables.
+    ///
+    /// # Errors
+    ///
+    /// A time is too short or too long, or a table is not in order.
+    pub fn check(&self, name: &str) -> Result<(), ScriptError> {
+        // A shorter time is below what a device keeps.
+        const SHORTEST: f64 = 1e-4;
+        self.ramp.map_or(Ok(()), |ramp| check_seconds("ramp seconds", ramp.seconds, SHORTEST))?;
+        self.counter.map_or(Ok(()), |counter| check_seconds("counter seconds", counter.seconds, SHORTEST))?;
+        let Some(table) = self.table else { return Ok(()) };
+        if table.is_empty() || table.windows(2).any(|pair| matches!(pair, [one, next] if one.0 >= next.0)) {
+            return Err(ScriptError(format!("table of `{name}`: must have rows with ascending seconds")));
+        }
+        table.iter().try_for_each(|(seconds, _)| check_seconds("table seconds", *seconds, 0.0))
+    }
+}
+
 impl ScriptedInput {
+    /// Returns the value after so many seconds; 0 for an echo.
+    pub(crate) fn value_at(&self, seconds: f64) -> f64 {
+        self.source().value_at(seconds)
+    }
+
+    fn source(&self) -> SourceOverTime<'_> {
+        let Self { value, ramp, counter, table, .. } = self;
+        SourceOverTime { value: *value, ramp: *ramp, counter: *counter, table: table.as_deref() }
+    }
+
     pub(crate) fn check(&self) -> Result<(), ScriptError> {
-        let Self { value, ramp, counter, table, echo, .. } = self;
-        let given = [value.is_some(), ramp.is_some(), counter.is_some(), table.is_some(), echo.is_some()];
+        let source = self.source();
         let place = &self.place;
-        match given.iter().filter(|given| **given).count() {
+        match source.count() + usize::from(self.echo.is_some()) {
             1 => {}
             count => {
                 return Err(ScriptError(format!(
@@ -268,7 +333,7 @@ impl ScriptedInput {
                 )));
             }
         }
-        if self.value_type.is_none() && echo.is_none() {
+        if self.value_type.is_none() && self.echo.is_none() {
             return Err(ScriptError(format!(
                 "input `{place}` has no type; add one, such as type = \"uint16\""
             )));
@@ -276,15 +341,7 @@ impl ScriptedInput {
         if self.bit > 7 {
             return Err(ScriptError(format!("bit {} of `{place}`: must be 0 to 7", self.bit)));
         }
-        // A shorter time is below what a device keeps.
-        const SHORTEST: f64 = 1e-4;
-        ramp.map_or(Ok(()), |ramp| check_seconds("ramp seconds", ramp.seconds, SHORTEST))?;
-        counter.map_or(Ok(()), |counter| check_seconds("counter seconds", counter.seconds, SHORTEST))?;
-        let Some(table) = table else { return Ok(()) };
-        if table.is_empty() || table.windows(2).any(|pair| matches!(pair, [one, next] if one.0 >= next.0)) {
-            return Err(ScriptError(format!("table of `{place}`: must have rows with ascending seconds")));
-        }
-        table.iter().try_for_each(|(seconds, _)| check_seconds("table seconds", *seconds, 0.0))
+        source.check(place)
     }
 }
 

@@ -6,8 +6,10 @@ use ethercrab::{DefaultLock, MainDevice, RegisterAddress, SubDevice, SubDeviceGr
 use machine::{Duration, Instant};
 
 use crate::al::{self, REQUEST_OP, REQUEST_SAFE_OP, Status};
+use crate::commissioning::StartupWrite;
 use crate::config::{Config, MAX_DEVICES, MAX_PROCESS_DATA};
 use crate::problem::{FoundDevice, Problem};
+use crate::process::PROCESS;
 use crate::recovery::TO_OP;
 use crate::time;
 
@@ -46,6 +48,7 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
         let _ = device.register_write(RegisterAddress::WatchdogDivider, WATCHDOG_DIVIDER).await;
         let _ = device.register_write(RegisterAddress::SyncManagerWatchdog, watchdog).await;
     }
+    write_startup(main, &group).await?;
     let in_words = |error| Problem::of_start(error, config.devices.len());
     let group = group.into_pre_op_pdi(main).await.map_err(in_words)?;
     check_process_data(main, &group, config, &found)?;
@@ -56,11 +59,29 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
     for index in 0..group.len() {
         wait_for_safe_op(main, config, index, until).await?;
     }
+    if PROCESS.with_borrow(|process| process.commissioning.holds_safe_op) {
+        return Ok(group);
+    }
     // Devices come to OP only once outputs reach them.
     for index in 0..group.len() {
         al::request(main, index, REQUEST_OP).await.map_err(in_words)?;
     }
     Ok(group)
+}
+
+/// Writes what the owner wants in PRE-OP to the first device.
+async fn write_startup(main: &MainDevice<'_>, group: &GroupIn<PreOp>) -> Result<(), Problem> {
+    let writes = PROCESS.with_borrow(|process| process.commissioning.startup.clone());
+    for StartupWrite { index, subindex, data } in writes {
+        let refused = |error| match error {
+            // A lost frame is not an answer of the device.
+            Error::Timeout(_) | Error::WorkingCounter { .. } => Problem::of_start(error, 1),
+            error => Problem::Startup { index, subindex, error },
+        };
+        let device = group.subdevice(main, 0).map_err(refused)?;
+        device.sdo_write(index, subindex, data.as_slice()).await.map_err(refused)?;
+    }
+    Ok(())
 }
 
 /// Waits until a device is in SAFE-OP. Fails at once if the device refuses that.

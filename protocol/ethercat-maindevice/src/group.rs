@@ -7,6 +7,7 @@ use std::pin::Pin;
 use machine::ethernet::Mac;
 use machine::{Counters, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
 
+use crate::commissioning::Commissioning;
 use crate::config::Config;
 use crate::foreign;
 use crate::lend::lend;
@@ -91,6 +92,11 @@ impl GroupMainDevice {
     /// Writes details that the last event `Down` does not contain: what was expected and what was found.
     pub fn explain(&self, words: &mut dyn fmt::Write) -> fmt::Result {
         self.process.explain(words)
+    }
+
+    /// Returns what a tool for commissioning wants.
+    pub(crate) const fn commissioning_mut(&mut self) -> &mut Commissioning {
+        &mut self.process.commissioning
     }
 
     /// Returns whether all devices are in OP and exchange process data.

@@ -3,12 +3,15 @@
 mod al;
 mod bring_up;
 mod cable;
+mod commissioning;
 mod config;
 mod datagrams;
 mod foreign;
 mod frames;
 mod group;
+mod held;
 mod lend;
+mod mailbox;
 mod main_device;
 mod operation;
 mod problem;
@@ -21,6 +24,7 @@ mod slot;
 mod survey;
 pub mod time;
 
+pub use commissioning::{SdoAnswer, SdoRequest, StartupWrite};
 pub use config::{Config, ExpectedDevice, MAX_PROCESS_DATA};
 pub use ethercrab;
 pub use group::GroupMainDevice;

@@ -17,6 +17,7 @@ use machine::{
 
 use crate::ETHER_TYPE;
 use crate::cable::{Cable, Reply};
+use crate::commissioning::{SdoAnswer, SdoRequest, StartupWrite};
 use crate::config::Config;
 use crate::foreign::{self, Foreign};
 use crate::group::GroupMainDevice;
@@ -148,6 +149,40 @@ impl MainDevice {
     /// Takes a device to INIT with the next cycle and ends its connection; without a connection, ends at once.
     pub fn disconnect(&mut self, now: Instant, id: SubDeviceId) {
         self.serve(id.0, |main| main.disconnect(now));
+    }
+
+    /// Sets what is written to a device's objects in PRE-OP, before its process data are configured. Call it at the start.
+    pub fn set_startup(&mut self, id: SubDeviceId, writes: Vec<StartupWrite>) {
+        self.serve(id.0, |main| main.commissioning_mut().startup = writes);
+    }
+
+    /// Holds a device in SAFE-OP, where it sends inputs and ignores outputs, or lets it go to OP. A device that is held counts
+    /// as up.
+    pub fn hold_safe_op(&mut self, id: SubDeviceId, holds: bool) {
+        self.serve(id.0, |main| main.commissioning_mut().holds_safe_op = holds);
+    }
+
+    /// Sets where a device's mailbox for the MainDevice is, in bytes from address 0; it is read for emergencies while no SDO
+    /// is under way.
+    pub fn set_mailbox(&mut self, id: SubDeviceId, start: u16, len: u16) {
+        self.serve(id.0, |main| main.commissioning_mut().mailbox = Some((start, len)));
+    }
+
+    /// Reads or writes an object of a device while it is up. Returns whether the request was taken: one waits at a time.
+    pub fn request_sdo(&mut self, id: SubDeviceId, request: SdoRequest) -> bool {
+        let mut is_taken = false;
+        self.serve(id.0, |main| is_taken = main.is_up() && main.commissioning_mut().ask(request));
+        is_taken
+    }
+
+    /// Returns the answer to the request once.
+    pub fn take_sdo(&mut self, id: SubDeviceId) -> Option<SdoAnswer> {
+        self.devices.get_mut(usize::from(id.0))?.main.commissioning_mut().answer.take()
+    }
+
+    /// Returns the next emergency of a device: error code, error register and data, as CoE carries them.
+    pub fn poll_emergency(&mut self, id: SubDeviceId) -> Option<[u8; 8]> {
+        self.devices.get_mut(usize::from(id.0))?.main.commissioning_mut().emergencies.pop_front()
     }
 
     /// Writes details that the last event `Down` of a device does not contain: what was expected and what was found.

@@ -14,6 +14,8 @@ use crate::al::{self, ACKNOWLEDGE_IN_OP, ACKNOWLEDGE_IN_SAFE_OP, REQUEST_INIT, R
 use crate::bring_up::{Group, bring_up};
 use crate::config::{Config, MAX_DEVICES};
 use crate::frames::FRAMES;
+use crate::held::HeldStage;
+use crate::mailbox;
 use crate::problem::Problem;
 use crate::process::PROCESS;
 use crate::recovery::{Recovery, Step, TO_OP};
@@ -104,7 +106,8 @@ async fn start_over_and_over(
 
 async fn drive(main: &ethercrab::MainDevice<'_>, config: &Config, slot: Option<Slot>) -> Result<(), Problem> {
     let group = bring_up(main, config).await?;
-    Exchange::new(config, slot).run(main, &group).await
+    let exchange = pin!(Exchange::new(config, slot).run(main, &group));
+    mailbox::serve_while(main, &group, exchange).await
 }
 
 /// Runs until the future ends, or until another MainDevice is heard: then nothing more is sent.
@@ -132,6 +135,8 @@ struct Exchange<'a> {
     /// Whether there was a good exchange.
     was_up: bool,
     recovery: Recovery,
+    /// State of devices that are held in SAFE-OP.
+    stage: HeldStage,
 }
 
 impl<'a> Exchange<'a> {
@@ -149,6 +154,7 @@ impl<'a> Exchange<'a> {
             good_at: now,
             was_up: false,
             recovery: Recovery::of_start(config.devices.len(), now),
+            stage: HeldStage::of_start(),
         }
     }
 
@@ -177,6 +183,9 @@ impl<'a> Exchange<'a> {
                 }
                 return Ok(());
             }
+            if self.stage.follow(main, self.config.devices.len()).await {
+                self.recovery = Recovery::of_start(self.config.devices.len(), time::now());
+            }
             write_outputs(main, group);
             PROCESS.with_borrow_mut(|process| process.counters.sent += 1);
             // ethercrab repeats a frame only after its timeout, and this wait ends no later. So old outputs are not sent again.
@@ -185,6 +194,7 @@ impl<'a> Exchange<'a> {
                     self.good_at = time::now();
                     self.answered_at = self.good_at;
                     self.was_up = true;
+                    self.stage.reached(&response.subdevice_states);
                     self.recovery.end();
                     read_inputs(main, group);
                 }
@@ -204,9 +214,13 @@ impl<'a> Exchange<'a> {
     /// Returns whether all devices reported Operational, without an error. It does not use ethercrab's `all_op`, which is
     /// also true if a device does not report its state.
     fn is_good(&self, response: &Response) -> bool {
-        response.working_counter == self.working_counter
+        let inputs = self.config.devices.iter().filter(|device| device.input_bytes > 0).count();
+        // Some devices do not take outputs in SAFE-OP.
+        let is_counted = response.working_counter == self.working_counter
+            || self.stage.takes_safe_op() && usize::from(response.working_counter) == inputs;
+        is_counted
             && response.subdevice_states.len() == self.config.devices.len()
-            && response.subdevice_states.iter().all(|state| *state == SubDeviceState::Op)
+            && response.subdevice_states.iter().all(|state| self.stage.is_good(*state))
             && FRAMES.with_borrow(|frames| frames.error_bits.is_empty())
     }
 

@@ -62,6 +62,8 @@ pub(crate) enum Problem {
     Watchdog,
     /// ethercrab panicked.
     Panic,
+    /// A device refused what is written to it in PRE-OP.
+    Startup { index: u16, subindex: u8, error: Error },
     /// Any other error of ethercrab.
     Other(Error),
 }
@@ -135,7 +137,10 @@ impl Problem {
                 0,
                 "ethercrab cannot read what a device says of itself; is its EEPROM damaged?",
             ),
-            // A device answers a repeated request otherwise than a first one whose answer was lost: its mailbox is empty by then.
+            Self::Startup { .. } => {
+                (DownCause::Refused, 0, "the device refuses a start-up command of its file")
+            }
+            // A repeated request gets another answer than a first one whose answer was lost: the mailbox is empty by then.
             Self::Other(Error::WorkingCounter { .. }) => {
                 (DownCause::NoAnswer, 0, "a device did not process a datagram while it was brought up")
             }
@@ -200,6 +205,9 @@ impl Problem {
                 "place {} on the cable has device {driven_as}, which runs: restore the order of the devices",
                 of_cable(1)
             ),
+            Self::Startup { index, subindex, error } => {
+                write!(words, "start-up command 0x{index:04X}:{subindex:02X}: {error}; look whether the file is of this device")
+            }
             Self::Other(error) => write!(words, "the EtherCAT devices could not be brought up: {error}"),
         }
     }

@@ -6,6 +6,7 @@ use std::fmt;
 
 use machine::{Counters, Down, DownCause, Duration, Instant, LinkEvent};
 
+use crate::commissioning::Commissioning;
 use crate::lend::Place;
 use crate::problem::Problem;
 use crate::slot::Slot;
@@ -39,6 +40,8 @@ pub(crate) struct Process {
     up: bool,
     /// Whether the owner wants to end the connection.
     pub(crate) leaving: bool,
+    /// Wishes of a tool for commissioning.
+    pub(crate) commissioning: Commissioning,
     events: VecDeque<LinkEvent>,
     /// Last problem that was reported since the connection was up.
     reported: Option<Problem>,
@@ -64,6 +67,7 @@ impl Process {
             },
             up: false,
             leaving: false,
+            commissioning: Commissioning::none(),
             events: VecDeque::new(),
             reported: None,
             failing_since: None,

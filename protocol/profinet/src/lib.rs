@@ -25,7 +25,9 @@ pub mod status;
 pub mod tag;
 mod uuid;
 
-pub use controller::{Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Parameter};
+pub use controller::{
+    Ar, ArConfig, ArId, ConfigError, Controller, ControllerConfig, Parameter, ReceivedAlarm, RecordError,
+};
 pub use device::{AlarmError, Device, DeviceConfig};
 pub use mau::MauType;
 pub use provided::DataError;

@@ -72,6 +72,21 @@ impl Provided {
         }
     }
 
+    /// Calls `write` with the place of each submodule's data; they count where it returns true.
+    pub(crate) fn set_some(&mut self, mut write: impl FnMut(u16, u16, &mut [u8]) -> bool) {
+        for Part { slot, subslot, data, is_set } in &mut self.parts {
+            *is_set |= write(*slot, *subslot, data);
+        }
+    }
+
+    /// Makes all data zeros that were never set.
+    pub(crate) fn withdraw(&mut self) {
+        for Part { data, is_set, .. } in &mut self.parts {
+            data.fill(0);
+            *is_set = false;
+        }
+    }
+
     /// Returns the data of a submodule, and whether they were ever set.
     pub(crate) fn get(&self, slot: u16, subslot: u16) -> Option<(&[u8], bool)> {
         let part = self.parts.iter().find(|part| (part.slot, part.subslot) == (slot, subslot))?;

@@ -78,7 +78,7 @@ impl EmulateCommand {
     /// File, choice or script make no device, or the network cannot be used.
     pub fn execute(self) -> anyhow::Result<Outcome> {
         let chosen = self.device.choose()?;
-        if self.device.print_config {
+        if self.device.choice.print_config {
             to_stdout(format_args!("{}", chosen.choice().to_toml()))?;
             return Ok(Outcome::Done);
         }

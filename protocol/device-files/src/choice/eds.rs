@@ -27,6 +27,8 @@ pub struct ChosenAdapter {
     pub product_name: String,
     /// Data to the device; none for a connection with inputs only.
     pub consumed: Option<ChosenAssembly>,
+    /// Connection point of the data to the device, also where these are a heartbeat.
+    pub consumed_point: u32,
     /// Data from the device.
     pub produced: ChosenAssembly,
     /// Configuration, if the path names it.
@@ -114,6 +116,7 @@ pub(super) fn choose(eds: &Eds, choice: &DeviceChoice) -> Result<ChosenAdapter, 
         product_name: eds.product_name.clone(),
         heartbeats: heartbeats(eds, &points, &taken),
         consumed,
+        consumed_point: points.consumed,
         produced,
         configuration,
         min_rpi_us,

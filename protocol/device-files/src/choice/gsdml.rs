@@ -87,6 +87,15 @@ const MOST_SUBMODULES: usize = 4096;
 
 /// Makes the device of a choice.
 pub(super) fn choose(gsdml: &Gsdml, choice: &DeviceChoice) -> Result<ChosenIoDevice, ChoiceError> {
+    make(gsdml, choice, true)
+}
+
+/// Makes the device; one without data only if it may have none.
+pub(super) fn make(
+    gsdml: &Gsdml,
+    choice: &DeviceChoice,
+    needs_data: bool,
+) -> Result<ChosenIoDevice, ChoiceError> {
     const FORMAT: &str = "a GSDML";
     refuse("--connection", choice.connection.is_some(), FORMAT)?;
     refuse("--device-name", choice.device_name.is_some(), FORMAT)?;
@@ -110,7 +119,7 @@ pub(super) fn choose(gsdml: &Gsdml, choice: &DeviceChoice) -> Result<ChosenIoDev
     }
     check_lengths(access_point, &modules)?;
     let has_data = modules.iter().flat_map(|module| &module.submodules).any(ChosenSubmodule::has_data);
-    if !has_data && !access_point.modules.is_empty() {
+    if needs_data && !has_data && !access_point.modules.is_empty() {
         let fault = "no module with data is plugged; plug one, as in --module 1=ID";
         return Err(ChoiceError::new(MODULE, fault).with(modules_of(gsdml, access_point)));
     }
@@ -131,7 +140,10 @@ pub(super) fn choose(gsdml: &Gsdml, choice: &DeviceChoice) -> Result<ChosenIoDev
     })
 }
 
-fn find_access_point<'g>(gsdml: &'g Gsdml, wanted: Option<&str>) -> Result<&'g AccessPoint, ChoiceError> {
+pub(super) fn find_access_point<'g>(
+    gsdml: &'g Gsdml,
+    wanted: Option<&str>,
+) -> Result<&'g AccessPoint, ChoiceError> {
     const OPTION: &str = "--access-point";
     let list = || {
         let all = gsdml.access_points.iter().map(|it| &it.module);

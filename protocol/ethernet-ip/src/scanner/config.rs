@@ -37,6 +37,8 @@ pub struct ConnectionConfig {
     pub described: Option<&'static Description>,
     /// Configuration assembly, if the adapter has one.
     pub configuration: Option<u32>,
+    /// Configuration data that the Forward_Open carries; empty for none. At most 400 bytes.
+    pub configuration_data: Vec<u8>,
     /// O→T assembly.
     pub consumed: u32,
     /// T→O assembly.
@@ -83,6 +85,7 @@ impl ConnectionConfig {
             serial_number: None,
             described: Some(device),
             configuration: device.role(Role::Configuration).map(|assembly| assembly.instance),
+            configuration_data: Vec::new(),
             consumed,
             produced,
             multicast: false,
@@ -146,6 +149,13 @@ impl ConnectionConfig {
         let len = writer.finish().unwrap_or(0);
         let mut path = self.route.clone();
         path.extend_from_slice(buf.get(..len).unwrap_or_default());
+        let data = &self.configuration_data;
+        if let (false, Ok(words)) = (data.is_empty(), u8::try_from(data.len().div_ceil(2))) {
+            // Simple data segment (volume 1, C-1.4.5.1): its length in words, and a byte that fills the last one.
+            path.extend_from_slice(&[0x80, words]);
+            path.extend_from_slice(data);
+            path.resize(path.len().next_multiple_of(2), 0);
+        }
         path
     }
 }

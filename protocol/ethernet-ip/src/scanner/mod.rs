@@ -14,7 +14,9 @@ mod connection;
 mod roster;
 
 pub use config::{ConnectionConfig, ScannerConfig};
-pub use connection::{Connection, Owner, Refusal, RequestedAssembly, RequestedConnection};
+pub use connection::{
+    Connection, ExplicitAnswer, ExplicitError, Owner, Refusal, RequestedAssembly, RequestedConnection,
+};
 
 use alloc::collections::VecDeque;
 use core::net::Ipv4Addr;

@@ -16,7 +16,7 @@ mod config;
 mod responder;
 mod roster;
 
-pub use ar::Ar;
+pub use ar::{Ar, ReceivedAlarm, RecordError};
 pub use config::{ArConfig, ConfigError, ControllerConfig, Parameter};
 
 use core::net::{Ipv4Addr, SocketAddrV4};

@@ -28,6 +28,8 @@ pub(super) enum ScannerMessage {
     Close,
     /// UnRegisterSession.
     Unregister,
+    /// Explicit request of the owner.
+    Explicit,
     /// NOP: shows the adapter that the session is still in use.
     Nop,
 }
@@ -60,10 +62,18 @@ fn instance_1(class: u32) -> impl FnOnce(&mut Writer<'_>) {
 
 fn emit_request(
     buf: &mut [u8],
-    (session, number): (u32, u32),
+    numbers: (u32, u32),
     service: u8,
     class: u32,
     data: impl FnOnce(&mut Writer<'_>),
+) -> Result<usize, Overflow> {
+    emit_unconnected(buf, numbers, |writer| Request::emit(writer, service, instance_1(class), data))
+}
+
+fn emit_unconnected(
+    buf: &mut [u8],
+    (session, number): (u32, u32),
+    request: impl FnOnce(&mut Writer<'_>),
 ) -> Result<usize, Overflow> {
     let mut header = Header::request(Command::SendRRData, session);
     let [a, b, c, d] = number.to_le_bytes();
@@ -73,33 +83,45 @@ fn emit_request(
         writer.u16(0);
         writer.u16(2);
         write_item(writer, kind::NULL_ADDRESS, |_| {});
-        write_item(writer, kind::UNCONNECTED_DATA, |writer| {
-            Request::emit(writer, service, instance_1(class), data);
-        });
+        write_item(writer, kind::UNCONNECTED_DATA, request);
     })
 }
 
-/// Writes the question for the adapter's identity; along a route, if there is one, so that the adapter answers it and not
-/// the bridge. Routers wait for the answer as long as the scanner does, but at most 8 s.
-pub(super) fn emit_identify(
+/// Writes an explicit request; along a route, if there is one, so that the adapter answers it and not the bridge. Routers wait
+/// for the answer as long as the scanner does, but at most 8 s.
+pub(super) fn emit_explicit(
     buf: &mut [u8],
     numbers: (u32, u32),
-    route: &[u8],
-    timeout: Duration,
+    (route, timeout): (&[u8], Duration),
+    request: impl FnOnce(&mut Writer<'_>),
 ) -> Result<usize, Overflow> {
     if route.is_empty() {
-        return emit_request(buf, numbers, service::GET_ATTRIBUTES_ALL, class::IDENTITY, |_| {});
+        return emit_unconnected(buf, numbers, request);
     }
     let ticks = (timeout.as_millis() >> UNCONNECTED_TICK).clamp(1, u8::MAX.into()) as u8;
     emit_request(buf, numbers, service::UNCONNECTED_SEND, class::CONNECTION_MANAGER, |writer| {
         writer.bytes(&[UNCONNECTED_TICK, ticks]);
         let size_at = writer.len();
         writer.u16(0);
-        Request::emit(writer, service::GET_ATTRIBUTES_ALL, instance_1(class::IDENTITY), |_| {});
-        // Of class and instance in 8 bits, the message has an even length.
-        writer.patch_u16(size_at, (writer.len() - size_at - 2) as u16);
+        request(writer);
+        let size = (writer.len() - size_at - 2) as u16;
+        writer.patch_u16(size_at, size);
+        if size % 2 == 1 {
+            writer.u8(0);
+        }
         writer.bytes(&[u8::try_from(route.len() / 2).unwrap_or(u8::MAX), 0]);
         writer.bytes(route);
+    })
+}
+
+/// Writes the question for the adapter's identity.
+pub(super) fn emit_identify(
+    buf: &mut [u8],
+    numbers: (u32, u32),
+    route: (&[u8], Duration),
+) -> Result<usize, Overflow> {
+    emit_explicit(buf, numbers, route, |writer| {
+        Request::emit(writer, service::GET_ATTRIBUTES_ALL, instance_1(class::IDENTITY), |_| {});
     })
 }
 

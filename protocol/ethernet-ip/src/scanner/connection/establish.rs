@@ -86,6 +86,9 @@ impl Connection {
                     self.fail(now, Down { cause: DownCause::Refused, code, text });
                 }
             }
+            (Step::Running, Command::SendRRData) if self.is_explicit(header) => {
+                self.handle_explicit(header, data);
+            }
             (_, Command::SendRRData) if dialogue::number_of(header) == self.request => {
                 if header.status != Status::Success && self.step == Step::AskingOwner {
                     return self.report_refusal(now);
@@ -246,7 +249,15 @@ impl Connection {
             }
             ScannerMessage::Identify => {
                 let ConnectionConfig { route, request_timeout, .. } = &self.config;
-                dialogue::emit_identify(buf, numbers, route, *request_timeout)
+                dialogue::emit_identify(buf, numbers, (route, *request_timeout))
+            }
+            ScannerMessage::Explicit => {
+                let ConnectionConfig { route, request_timeout, .. } = &self.config;
+                let explicit = self.explicit.as_mut()?;
+                explicit.number = Some(self.request);
+                dialogue::emit_explicit(buf, numbers, (route, *request_timeout), |writer| {
+                    explicit.emit(writer)
+                })
             }
             ScannerMessage::Open => {
                 let config = &self.config;

@@ -4,10 +4,12 @@ mod advice;
 mod conflicts;
 mod dialogue;
 mod establish;
+mod explicit;
 mod io;
 mod owner;
 mod refusal;
 
+pub use explicit::{ExplicitAnswer, ExplicitError};
 pub use refusal::{Owner, Refusal, RequestedAssembly, RequestedConnection};
 
 use alloc::boxed::Box;
@@ -21,6 +23,7 @@ use machine::{
 };
 
 use self::dialogue::ScannerMessage;
+use self::explicit::Explicit;
 use self::io::Io;
 use super::config::ConnectionConfig;
 use super::conflict::{Asker, Conflict, Target};
@@ -115,6 +118,8 @@ pub struct Connection {
     output: Box<[u8]>,
     input: Box<[u8]>,
     found: Option<Identity>,
+    /// Explicit request of the owner, until its answer is taken.
+    explicit: Option<Explicit>,
     refusal: Option<Refusal>,
     /// The intervals O→T and T→O in µs that the adapter granted.
     granted_us: (u32, u32),
@@ -158,6 +163,7 @@ impl Connection {
             output: zeros(config.o_t_size),
             input: zeros(config.t_o_size),
             found: None,
+            explicit: None,
             refusal: None,
             granted_us: (0, 0),
             target: own.and_then(|own| Target::new(own, config.target)),
@@ -201,6 +207,7 @@ impl Connection {
         self.io = None;
         self.keep_alive_at = None;
         self.step = Step::Idle;
+        self.give_up_explicit();
     }
 
     /// Handles a connection that was lost or could not be established: the scanner starts again later.
@@ -329,7 +336,10 @@ impl Connection {
         self.session = 0;
         match self.step {
             // Cyclic data does not need the session: the watchdog tells whether the adapter is gone.
-            Step::Running => self.keep_alive_at = None,
+            Step::Running => {
+                self.keep_alive_at = None;
+                self.give_up_explicit();
+            }
             Step::AskingOwner => self.report_refusal(now),
             _ => {
                 let text = "the adapter ended the TCP connection";
@@ -356,6 +366,9 @@ impl Connection {
         if self.io.as_ref().is_some_and(|io| io.expired(now)) {
             let text = "the adapter sent nothing for as long as the timeout allows";
             self.fail(now, Down { cause: DownCause::Watchdog, code: 0, text });
+        }
+        if self.explicit_until().is_some_and(|until| now >= until) {
+            self.give_up_explicit();
         }
         if self.keep_alive_at.is_some_and(|at| now >= at) {
             self.keep_alive_at = Some(now + KEEP_ALIVE);
@@ -413,7 +426,8 @@ impl Connection {
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
         let io = self.io.as_ref().map(Io::next_timeout);
         let question = self.target.as_ref().and_then(|target| target.holders.poll_timeout());
-        let deadlines = Instant::earlier(self.deadline, self.keep_alive_at);
+        let deadlines =
+            Instant::earlier(Instant::earlier(self.deadline, self.keep_alive_at), self.explicit_until());
         Instant::earlier(Instant::earlier(deadlines, question), io)
     }
 }

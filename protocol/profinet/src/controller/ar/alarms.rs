@@ -123,6 +123,11 @@ impl Alarms {
         })
     }
 
+    /// Returns the numbers of the newest PDUs with data, of high and low priority.
+    pub(super) const fn received(&self) -> (u16, u16) {
+        (self.high.last_received, self.low.last_received)
+    }
+
     /// Returns whether the device has acknowledged every AlarmAck.
     pub(super) const fn are_acknowledged(&self) -> bool {
         self.high.outstanding.is_none() && self.low.outstanding.is_none()

@@ -19,6 +19,9 @@ const UNHEARD_AT_MOST: Duration = Duration::from_secs(12);
 /// Time after which a call is given up even if the device reports that it is still working on it.
 const UNFINISHED_FOR: Duration = Duration::from_secs(30);
 
+/// ArgsMaximum: the longest answer, in bytes of blocks, that we accept.
+pub(super) const LONGEST_ANSWER: u32 = 4096;
+
 /// Result of a received PDU for the call.
 #[derive(Debug)]
 pub(super) enum AnswerOutcome<'a> {

@@ -13,6 +13,7 @@
 mod acyclic;
 mod alarms;
 mod call;
+mod commissioning;
 mod conflict;
 mod connect_plan;
 mod discovery;
@@ -21,6 +22,7 @@ mod layout;
 mod link;
 mod object;
 mod obstacle;
+mod owner;
 mod plug;
 mod startup;
 
@@ -33,18 +35,21 @@ use machine::{Counters, Down, DownCause, Duration, Instant, LinkEvent, Transmit}
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+pub use commissioning::{ReceivedAlarm, RecordError};
+
 use super::config::{ArConfig, ConfigError, ControllerConfig};
 use crate::Uuid;
 use crate::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW};
 use crate::connect::DiffModule;
 use crate::dcp::IpSuite;
-use crate::provided::{DataError, Provided};
+use crate::provided::Provided;
 use crate::rpc::DEVICE_INTERFACE;
 use crate::rt::{Received, Transport};
 use crate::status::Status;
 use acyclic::Acyclic;
 use alarms::{FinalError, Outcome};
 use call::Caller;
+use commissioning::Commissioning;
 use connect_plan::{Changes, ConnectPlan};
 use discovery::{Discovery, WantedStation};
 use link::Link;
@@ -128,6 +133,7 @@ pub struct Ar {
     /// Counters of earlier connections, and of frames that belong to none.
     counters: Counters,
     acyclic: Acyclic,
+    commissioning: Commissioning,
 }
 
 impl Ar {
@@ -177,76 +183,15 @@ impl Ar {
             events: VecDeque::with_capacity(8),
             counters: Counters::default(),
             acyclic: Acyclic::Active,
+            commissioning: Commissioning::default(),
             config,
         })
-    }
-
-    /// Returns whether data are exchanged in both directions.
-    #[must_use]
-    pub const fn is_up(&self) -> bool {
-        self.up
-    }
-
-    /// Returns the differences between the device's modules and the description, by the answer to the last Connect or the
-    /// ApplicationReady after it; empty if there are none.
-    #[must_use]
-    pub fn module_diff(&self) -> &[DiffModule] {
-        &self.diff
-    }
-
-    /// Returns the numbers of frames of this AR since its start.
-    #[must_use]
-    pub fn counters(&self) -> Counters {
-        let mut counters = self.counters;
-        if let Some(link) = &self.link {
-            link.count(&mut counters);
-        }
-        counters
-    }
-
-    /// Returns the newest input data of a submodule; `None` while the AR is not up, or while the device marks them as
-    /// bad.
-    #[must_use]
-    pub fn input(&self, slot: u16, subslot: u16) -> Option<&[u8]> {
-        self.plan.layout.input.data(self.c_sdu()?, slot, subslot)
-    }
-
-    /// Returns the newest input data of every submodule that has data, as ((slot, subslot), data) by ascending slot and
-    /// subslot; `None` for data that the device marks as bad. Empty while the AR is not up.
-    pub fn inputs(&self) -> impl Iterator<Item = ((u16, u16), Option<&[u8]>)> {
-        self.c_sdu().into_iter().flat_map(|c_sdu| self.plan.layout.input.all_data(c_sdu))
-    }
-
-    fn c_sdu(&self) -> Option<&[u8]> {
-        self.link.as_ref().filter(|_| self.up)?.receiver.usable_data()
-    }
-
-    /// Sets the output data of a submodule, for the next cyclic frame and every one after it. Until then they are zeros,
-    /// and bad.
-    pub fn set_output(&mut self, slot: u16, subslot: u16, data: &[u8]) -> Result<(), DataError> {
-        self.output.set(slot, subslot, data)?;
-        self.write_output();
-        Ok(())
-    }
-
-    /// Sets the output data of all submodules: calls `write` with slot, subslot and place of each, by ascending slot and
-    /// subslot.
-    pub fn set_outputs(&mut self, write: impl FnMut(u16, u16, &mut [u8])) {
-        self.output.set_all(write);
-        self.write_output();
     }
 
     fn write_output(&mut self) {
         if let Some(link) = &mut self.link {
             link.write_output(&self.plan, &self.output);
         }
-    }
-
-    /// Releases the AR as the standard requires, or gives up the attempt to connect. [`LinkEvent::Down`] reports the end;
-    /// nothing is sent afterwards.
-    pub fn disconnect(&mut self, now: Instant) {
-        self.acyclic = Acyclic::Active;
-        self.release(now);
     }
 
     /// Returns the device's IP address.
@@ -294,10 +239,14 @@ impl Ar {
         }
         self.acyclic = Acyclic::Active;
         let pdu = payload.get(2..).unwrap_or_default();
+        let before = link.alarms.received();
         let outcome = match frame_id {
             FRAME_ID_HIGH | FRAME_ID_LOW => link.alarms.handle(now, frame_id, pdu),
             _ => Outcome::Foreign,
         };
+        if link.alarms.received() != before {
+            self.commissioning.note_alarm(pdu);
+        }
         match outcome {
             Outcome::Handled => {}
             Outcome::Plugged(plugged) => self.plugged(plugged),
@@ -319,6 +268,7 @@ impl Ar {
             self.final_error = Some(link.alarms.final_error(status));
         }
         self.drop_link();
+        self.give_up_record();
         self.caller.cancel();
         self.discovery.stop();
         self.phase = Phase::Pausing { until: now + self.pause };

@@ -81,6 +81,11 @@ impl Plugs {
         }
     }
 
+    /// Returns whether no submodule waits for its parameters.
+    pub(super) fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
         self.step = None;
@@ -98,7 +103,8 @@ impl Ar {
     /// Starts with the next plugged submodule, if data are exchanged and the device has its AlarmAck.
     pub(super) fn continue_plug(&mut self, now: Instant) {
         let acknowledged = self.link.as_ref().is_some_and(|link| link.alarms.are_acknowledged());
-        if self.phase == Phase::Exchanging && acknowledged && self.plugs.step.is_none() {
+        let is_free = self.plugs.step.is_none() && !self.awaits_record();
+        if self.phase == Phase::Exchanging && acknowledged && is_free {
             self.next_plug_step(now, 0);
         }
     }

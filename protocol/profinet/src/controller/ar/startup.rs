@@ -3,11 +3,12 @@
 use rand_core::Rng;
 
 use super::acyclic::Acyclic;
-use super::call::AnswerOutcome;
+use super::call::{AnswerOutcome, LONGEST_ANSWER};
 use super::connect_plan::Changes;
-use super::link::{Link, unusable};
+use super::link::Link;
 use super::{
-    Ar, PAUSE, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, SILENT_READY_WITHIN, down_reasons, random_uuid,
+    Ar, PAUSE, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, SILENT_READY_WITHIN, commissioning,
+    down_reasons, random_uuid,
 };
 use crate::Uuid;
 use crate::block::{BlockReader, BlockWriter};
@@ -21,9 +22,6 @@ use machine::Instant;
 use machine::ethernet::Mac;
 use machine::wire::Overflow;
 use machine::{Down, DownCause, LinkEvent};
-
-/// ArgsMaximum: the longest answer, in bytes of blocks, that we accept.
-const LONGEST_ANSWER: u32 = 4096;
 
 impl Ar {
     /// Starts an attempt to connect: searches for the device.
@@ -81,6 +79,7 @@ impl Ar {
     /// Handles a PDU of the device about one of our calls. Returns whether it belongs to this AR.
     pub(in super::super) fn handle_answer(&mut self, now: Instant, header: &Header, body: &[u8]) -> bool {
         self.acyclic = Acyclic::Active;
+        let awaits_record = self.awaits_record();
         let answered = match self.caller.handle(now, header, body) {
             AnswerOutcome::Pending => return true,
             AnswerOutcome::Foreign => return false,
@@ -92,6 +91,16 @@ impl Ar {
                 return true;
             }
             // Whatever the answer, the submodule's diagnosis and provider status say the rest.
+            AnswerOutcome::Refused(code) if awaits_record => {
+                self.record_answered(now, Err(Status(code)));
+                return true;
+            }
+            AnswerOutcome::Answer(header, body) if awaits_record => {
+                let args = ResponseArgs::parse(&header, body);
+                let record = args.map_or(Err(Status(0)), |args| commissioning::record_of(&args));
+                self.record_answered(now, record);
+                return true;
+            }
             AnswerOutcome::Refused(_) | AnswerOutcome::Answer(..) if self.phase == Phase::Exchanging => {
                 self.plug_answered(now);
                 return true;
@@ -125,7 +134,9 @@ impl Ar {
             Ok(answer) => self.continue_startup(now, answer),
             // A device that is ready has executed PrmEnd. It refuses a repetition, since its answer was lost.
             Err(_) if self.phase == (Phase::EndingParameters { ready: true }) => self.exchange(now),
-            Err(Some(refusal)) if self.can_do_without(refusal) => self.continue_startup(now, Answer::Done),
+            Err(Some(refusal)) if self.can_do_without(refusal) || self.notes_refused_record(refusal) => {
+                self.continue_startup(now, Answer::Done)
+            }
             Err(refusal) => {
                 let unfit = Refusal { code: 0, text: down_reasons::UNFIT_ANSWER };
                 self.counters.malformed += u64::from(refusal.is_none());
@@ -162,7 +173,7 @@ impl Ar {
         };
         self.link = Some(link);
         self.diff = granted.diff;
-        if let Some(refusal) = unusable(&self.diff) {
+        if let Some(refusal) = self.unusable() {
             return self.refuse(now, refusal);
         }
         self.write(now, 0);
@@ -170,6 +181,7 @@ impl Ar {
 
     /// Writes the parameter record of this index; after the last one, calls PrmEnd.
     fn write(&mut self, now: Instant, index: usize) {
+        let index = self.next_parameter(index);
         if index >= self.config.parameters.len() {
             self.phase = Phase::EndingParameters { ready: false };
             return self.control(now, Operation::Control, Command::PrmEnd);
@@ -236,7 +248,7 @@ impl Ar {
                 Ok(None) => {}
                 Err(_) => self.counters.malformed += 1,
             }
-            if let Some(refusal) = unusable(&self.diff) {
+            if let Some(refusal) = self.unusable() {
                 return self.refuse(now, refusal);
             }
         }
@@ -272,6 +284,9 @@ impl Ar {
         if self.phase == (Phase::EndingParameters { ready: true }) {
             return self.exchange(now);
         }
+        if self.awaits_record() {
+            return self.record_answered(now, Err(Status(0)));
+        }
         if self.phase == Phase::Exchanging {
             return self.plug_answered(now);
         }
@@ -293,6 +308,7 @@ impl Ar {
         self.up = false;
         self.silent_at = None;
         self.discovery.stop();
+        self.give_up_record();
         self.caller.cancel();
         if self.link.is_none() {
             return self.stop();

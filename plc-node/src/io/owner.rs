@@ -1,0 +1,143 @@
+//! The owner of a driven device: passes its events to the printer, and instructions to the device.
+
+use std::ops::ControlFlow;
+use std::sync::mpsc::{Receiver, SyncSender};
+
+use arrayvec::ArrayVec;
+use driven_device::{DriveEvent, DrivenDevice};
+use machine::{Duration, Instant};
+use protocol_linux::{Owner, Statistics};
+
+use super::report::{ConnectionFigures, MOST_INPUTS, Report};
+
+/// Time for the device to confirm the end of the connection.
+const END_WITHIN: Duration = Duration::from_secs(2);
+
+/// IoInstruction from standard input.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(super) enum IoInstruction {
+    /// Starts or stops the outputs.
+    Run(bool),
+    /// Sets an output.
+    Set(String, String),
+    /// Reads a parameter.
+    Read(String),
+    /// Writes a parameter.
+    Write(String, String),
+}
+
+impl IoInstruction {
+    /// Parses a line.
+    pub(super) fn parse(line: &str) -> Result<Self, String> {
+        let (word, rest) = line.trim().split_once(' ').unwrap_or((line.trim(), ""));
+        let assigned = || {
+            let (name, value) = rest.split_once('=').ok_or_else(|| format!("`{word}` needs NAME=VALUE"))?;
+            Ok::<_, String>((name.trim().to_owned(), value.trim().to_owned()))
+        };
+        match (word, rest.trim()) {
+            ("run", "") => Ok(Self::Run(true)),
+            ("stop", "") => Ok(Self::Run(false)),
+            ("set", _) => assigned().map(|(name, value)| Self::Set(name, value)),
+            ("write", _) => assigned().map(|(name, value)| Self::Write(name, value)),
+            ("read", name) if !name.is_empty() => Ok(Self::Read(name.to_owned())),
+            _ => Err("must be run, stop, set NAME=VALUE, read NAME or write NAME=VALUE".to_owned()),
+        }
+    }
+}
+
+pub(super) struct IoOwner {
+    reports: SyncSender<Report>,
+    instructions: Receiver<IoInstruction>,
+    end: Option<Instant>,
+    /// Time at which the program ends without a confirmation.
+    gone_at: Option<Instant>,
+}
+
+impl IoOwner {
+    pub(super) const fn new(
+        reports: SyncSender<Report>,
+        instructions: Receiver<IoInstruction>,
+        end: Option<Instant>,
+    ) -> Self {
+        Self { reports, instructions, end, gone_at: None }
+    }
+
+    /// Passes a report on. One that finds no room is lost, so that the data go on.
+    fn report(&self, report: Report) {
+        let _ = self.reports.try_send(report);
+    }
+
+    /// Reports the figures of the whole connection.
+    pub(super) fn finish(&self, device: &DrivenDevice, statistics: &Statistics) {
+        let figures = ConnectionFigures {
+            counters: device.counters(),
+            arrivals: *device.arrivals(),
+            lateness: statistics.lateness.quantile(0.99),
+            most_late: statistics.lateness.max(),
+        };
+        let _ = self.reports.send(Report::Ended(figures));
+    }
+}
+
+impl Owner<DrivenDevice> for IoOwner {
+    fn wake(&mut self, now: Instant, device: &mut DrivenDevice, _: &Statistics) -> ControlFlow<()> {
+        while let Ok(instruction) = self.instructions.try_recv() {
+            let done = match instruction {
+                IoInstruction::Run(is_running) => {
+                    device.run(is_running);
+                    Ok(())
+                }
+                IoInstruction::Set(name, value) => device.set(&name, &value),
+                IoInstruction::Read(name) => device.read_parameter(&name),
+                IoInstruction::Write(name, value) => device.write_parameter(&name, &value),
+            };
+            if let Err(error) = done {
+                self.report(Report::Refused(error.to_string()));
+            }
+        }
+        if self.end.is_some_and(|end| end <= now) && self.gone_at.is_none() {
+            self.gone_at = Some(now + END_WITHIN);
+            self.end = None;
+            device.disconnect(now);
+        }
+        match self.gone_at {
+            Some(gone_at) if gone_at <= now => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    }
+
+    fn event(&mut self, _: Instant, device: &mut DrivenDevice, event: DriveEvent) -> ControlFlow<()> {
+        let is_end = self.gone_at.is_some() && matches!(event, DriveEvent::Down(..));
+        match event {
+            DriveEvent::Inputs => {
+                let bytes = device.inputs().map_or(&[][..], |inputs| inputs.bytes());
+                let shown: ArrayVec<u8, MOST_INPUTS> = bytes.iter().copied().take(MOST_INPUTS).collect();
+                self.report(Report::Inputs(shown));
+            }
+            event => self.report(Report::Event(event)),
+        }
+        if is_end { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        // The device's own tick wakes the thread for instructions.
+        self.gone_at.or(self.end)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn instructions_are_words_and_others_are_refused_with_what_there_is() {
+        let pair = |name: &str, value: &str| (name.to_owned(), value.to_owned());
+        let (name, value) = pair("2.1/Valve 3", "0x10");
+        assert_eq!(IoInstruction::parse(" set 2.1/Valve 3 = 0x10 "), Ok(IoInstruction::Set(name, value)));
+        assert_eq!(IoInstruction::parse("run"), Ok(IoInstruction::Run(true)));
+        assert_eq!(IoInstruction::parse("read Filter"), Ok(IoInstruction::Read("Filter".to_owned())));
+        for wrong in ["", "go", "read", "set Valve", "run now"] {
+            assert!(IoInstruction::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

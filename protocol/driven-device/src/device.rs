@@ -1,0 +1,295 @@
+//! The device as its owner has it: signals and parameters by name.
+
+use std::collections::VecDeque;
+
+use device_files::{ChosenDevice, DeviceFile};
+use machine::{Counters, Down, Duration, Instant, StationConflict};
+
+use crate::arrivals::Arrivals;
+use crate::config::{DriveConfig, DriveError};
+use crate::parameter::{self, DeviceParameter, ParameterAccess, ParameterAnswer};
+use crate::script::{OutputScript, ScriptedOutput};
+use crate::signal::Signal;
+use crate::stack::{Stack, open};
+use crate::table::SignalTable;
+use crate::value::SignalValue;
+
+/// Event of a driven device.
+#[derive(Clone, PartialEq, Debug)]
+pub enum DriveEvent {
+    /// The device that answered: its identity in words.
+    Identity(String),
+    /// The device differs from the file: what was expected, what was found and what to do.
+    Difference(String),
+    /// Data are exchanged.
+    Up,
+    /// No data are exchanged, and details.
+    Down(Down, String),
+    /// Another station has the name or address.
+    Conflict(StationConflict),
+    /// The inputs changed.
+    Inputs,
+    /// Outputs count from now on (true), or no more.
+    Running(bool),
+    /// Answer about a parameter.
+    Answer(ParameterAnswer),
+    /// Alarm, diagnosis or emergency in the file's words.
+    Alarm(String),
+}
+
+/// Output of the script whose signal is known.
+#[derive(Clone, Debug)]
+pub(crate) struct PlacedOutput {
+    pub(crate) signal: Signal,
+    pub(crate) output: ScriptedOutput,
+}
+
+/// Accesses to parameters that wait.
+const MOST_ACCESSES: usize = 64;
+
+/// The device of a file, driven.
+#[derive(Debug)]
+pub struct DrivenDevice {
+    pub(crate) file: DeviceFile,
+    pub(crate) chosen: ChosenDevice,
+    pub(crate) stack: Stack,
+    pub(crate) inputs: SignalTable,
+    pub(crate) has_inputs: bool,
+    pub(crate) outputs: SignalTable,
+    pub(crate) is_running: bool,
+    /// Seconds after the start from which outputs count.
+    pub(crate) run_at: Option<Instant>,
+    pub(crate) scripted: Vec<PlacedOutput>,
+    pub(crate) parameters: Vec<DeviceParameter>,
+    pub(crate) accesses: VecDeque<ParameterAccess>,
+    pub(crate) asked: Option<ParameterAccess>,
+    pub(crate) arrivals: Arrivals,
+    pub(crate) start: Instant,
+    pub(crate) next_tick: Instant,
+    pub(crate) report_every: Duration,
+    pub(crate) reported_at: Option<Instant>,
+    pub(crate) is_changed: bool,
+    pub(crate) is_leaving: bool,
+    pub(crate) differs: bool,
+    pub(crate) has_been_up: bool,
+    /// True while the connection is down and its owner did not end it.
+    pub(crate) was_lost: bool,
+    pub(crate) events: VecDeque<DriveEvent>,
+}
+
+impl DrivenDevice {
+    /// Makes the controller, which looks for the device from now on.
+    ///
+    /// # Errors
+    ///
+    /// The bus does not carry what file or settings say, or the script does not fit the device.
+    pub fn new(
+        file: DeviceFile,
+        chosen: ChosenDevice,
+        script: OutputScript,
+        config: &DriveConfig,
+        now: Instant,
+    ) -> Result<Self, DriveError> {
+        let opened = open(&file, &chosen, config, now)?;
+        let mut device = Self {
+            file,
+            chosen,
+            stack: opened.stack,
+            inputs: opened.inputs,
+            has_inputs: false,
+            outputs: opened.outputs,
+            is_running: config.is_running,
+            run_at: script.run.map(|seconds| now + Duration::from_secs_f64(seconds)),
+            scripted: Vec::new(),
+            parameters: opened.parameters,
+            accesses: VecDeque::new(),
+            asked: None,
+            arrivals: Arrivals::default(),
+            start: now,
+            next_tick: now,
+            report_every: config.report_every,
+            reported_at: None,
+            is_changed: false,
+            is_leaving: false,
+            differs: false,
+            has_been_up: false,
+            was_lost: false,
+            events: VecDeque::new(),
+        };
+        for output in script.outputs {
+            let signal = device.output_signal(&output.name)?.clone();
+            // A script whose first value does not fit is refused before it runs.
+            SignalValue::from_number(&signal, output.source().value_at(0.0))?;
+            device.scripted.push(PlacedOutput { signal, output });
+        }
+        Ok(device)
+    }
+
+    fn output_signal(&self, name: &str) -> Result<&Signal, DriveError> {
+        let signals = self.outputs.signals();
+        let signal = self
+            .outputs
+            .find(name)
+            .ok_or_else(|| DriveError::unknown("output", name, signals.iter().map(|it| it.name.as_str())))?;
+        if signal.is_safety {
+            return Err(DriveError::NotWritable {
+                kind: "output",
+                name: signal.name.clone(),
+                reason: "data of a safety protocol are never set; use the maker's tool",
+            });
+        }
+        Ok(signal)
+    }
+
+    /// Sets an output from its text, from now on over what the script writes there.
+    ///
+    /// # Errors
+    ///
+    /// The device does not have the output, or the value does not fit it.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), DriveError> {
+        let signal = self.output_signal(name)?.clone();
+        let value = SignalValue::parse(&signal, value)?;
+        self.outputs.set(&signal, &value)?;
+        let (first, last) = (signal.bit, signal.bit + signal.bits);
+        self.scripted.retain(|it| it.signal.bit + it.signal.bits <= first || last <= it.signal.bit);
+        self.write_outputs();
+        Ok(())
+    }
+
+    /// Starts the outputs, or stops them: then the device gets zeros that it is to ignore.
+    pub fn run(&mut self, is_running: bool) {
+        self.run_at = None;
+        if self.is_running != is_running {
+            self.is_running = is_running;
+            self.events.push_back(DriveEvent::Running(is_running));
+        }
+        self.write_outputs();
+    }
+
+    pub(crate) fn write_outputs(&mut self) {
+        self.stack.write_outputs(&self.outputs, self.is_running);
+    }
+
+    /// Reads a parameter. [`DriveEvent::Answer`] has its value.
+    ///
+    /// # Errors
+    ///
+    /// The file does not have it, or too many accesses wait.
+    pub fn read_parameter(&mut self, name: &str) -> Result<(), DriveError> {
+        let parameter = parameter::find(&self.parameters, name, |name| self.stack.parameter_at(name))?;
+        self.queue(ParameterAccess { parameter, written: None })
+    }
+
+    /// Writes a parameter. [`DriveEvent::Answer`] has the device's answer.
+    ///
+    /// # Errors
+    ///
+    /// The file does not have it or says that it is read-only, the value does not fit, or too many accesses wait.
+    pub fn write_parameter(&mut self, name: &str, value: &str) -> Result<(), DriveError> {
+        let parameter = parameter::find(&self.parameters, name, |name| self.stack.parameter_at(name))?;
+        if parameter.is_read_only {
+            return Err(DriveError::NotWritable {
+                kind: "parameter",
+                name: parameter.signal.name,
+                reason: "the file says that it is read-only; read it",
+            });
+        }
+        let written = Some(parameter.encode(value)?);
+        self.queue(ParameterAccess { parameter, written })
+    }
+
+    fn queue(&mut self, access: ParameterAccess) -> Result<(), DriveError> {
+        if self.accesses.len() >= MOST_ACCESSES {
+            return Err(DriveError::Bus(format!(
+                "{MOST_ACCESSES} accesses wait for the device; wait for it"
+            )));
+        }
+        self.accesses.push_back(access);
+        Ok(())
+    }
+
+    /// Ends the connection as the bus requires; [`DriveEvent::Down`] reports the end.
+    pub fn disconnect(&mut self, now: Instant) {
+        self.is_leaving = true;
+        self.stack.disconnect(now);
+    }
+
+    /// Returns the name of the bus.
+    #[must_use]
+    pub const fn bus(&self) -> &'static str {
+        self.stack.bus()
+    }
+
+    /// Returns the inputs; `None` while none come that count.
+    #[must_use]
+    pub fn inputs(&self) -> Option<&SignalTable> {
+        self.has_inputs.then_some(&self.inputs)
+    }
+
+    /// Returns the signals of the inputs and of the outputs.
+    #[must_use]
+    pub fn signals(&self) -> (&[Signal], &[Signal]) {
+        (self.inputs.signals(), self.outputs.signals())
+    }
+
+    /// Returns a table of the inputs for those who print them.
+    #[must_use]
+    pub fn input_table(&self) -> SignalTable {
+        self.inputs.clone()
+    }
+
+    /// Returns the outputs.
+    #[must_use]
+    pub const fn outputs(&self) -> &SignalTable {
+        &self.outputs
+    }
+
+    /// Returns the value of an input by its name; `None` while none come that count.
+    #[must_use]
+    pub fn input(&self, name: &str) -> Option<SignalValue> {
+        let inputs = self.inputs()?;
+        inputs.find(name).map(|signal| inputs.value(signal))
+    }
+
+    /// Returns the parameters of the file.
+    #[must_use]
+    pub fn parameters(&self) -> &[DeviceParameter] {
+        &self.parameters
+    }
+
+    /// Returns whether data are exchanged.
+    #[must_use]
+    pub fn is_up(&self) -> bool {
+        self.stack.is_up()
+    }
+
+    /// Returns whether data were ever exchanged.
+    #[must_use]
+    pub const fn has_been_up(&self) -> bool {
+        self.has_been_up
+    }
+
+    /// Returns whether the connection was lost and did not come back.
+    #[must_use]
+    pub const fn was_lost(&self) -> bool {
+        self.was_lost
+    }
+
+    /// Returns whether the device was found to differ from the file.
+    #[must_use]
+    pub const fn differs(&self) -> bool {
+        self.differs
+    }
+
+    /// Returns the counters of the cyclic data.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.stack.counters()
+    }
+
+    /// Returns the intervals between cyclic data of the device.
+    #[must_use]
+    pub const fn arrivals(&self) -> &Arrivals {
+        &self.arrivals
+    }
+}

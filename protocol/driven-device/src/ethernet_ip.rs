@@ -1,0 +1,334 @@
+//! EtherNet/IP: from an EDS and the chosen connection to a scanner's connection, its signals and its parameters.
+
+use device_files::{ChosenAdapter, ChosenAssembly, ConnectionEnd, Eds, EdsConnection, EdsParameter};
+use ethernet_ip::cip::{ElectronicKey, Path, Revision, service};
+use ethernet_ip::connection::{RealTimeFormat, TimeoutMultiplier};
+use ethernet_ip::scanner::ExplicitAnswer;
+use ethernet_ip::{Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
+use machine::{Duration, Instant};
+
+use crate::config::{DriveConfig, DriveError};
+use crate::parameter::{DeviceParameter, ParameterAccess, ParameterTarget};
+use crate::signal::{Signal, SignalType};
+use crate::table::SignalTable;
+
+/// Interval where neither the user nor the file gives one, in µs.
+const DEFAULT_RPI_US: u32 = 10_000;
+
+/// Signals of one direction: those of assemblies within assemblies may be many.
+const MOST_SIGNALS: usize = 8192;
+
+/// Assemblies within assemblies.
+const MOST_DEPTH: usize = 16;
+
+/// ODVA vendor number of tools without one of their own, as our PLC has it.
+const VENDOR: u16 = 0xFFFF;
+
+/// Bit of a parameter's descriptor: it can only be read (volume 1, table 7-3.14).
+const READ_ONLY: u32 = 0x10;
+
+/// Longest configuration data in bytes, so that the Forward_Open fits into an unconnected message.
+const MOST_CONFIGURATION: u16 = 400;
+
+/// Opens the scanner with one connection.
+pub(crate) fn open(
+    eds: &Eds,
+    chosen: &ChosenAdapter,
+    config: &DriveConfig,
+    now: Instant,
+) -> Result<(Scanner, ConnectionId, SignalTable, SignalTable), DriveError> {
+    let own = config.address.ok_or(DriveError::NoAddress)?;
+    let target = config.device_address.ok_or(DriveError::NoDeviceAddress)?;
+    let connection = eds.connections.iter().find(|it| it.number == chosen.connection);
+    let connection =
+        connection.ok_or_else(|| DriveError::File("the chosen connection is not in the file".to_owned()))?;
+    let mut scanner = Scanner::new(ScannerConfig {
+        vendor: VENDOR,
+        serial_number: config.seed as u32 ^ serial_number(config),
+        first_id: (config.seed >> 16) as u32,
+    })
+    .with_conflict_detection(config.mac, own, config.mask, now);
+    let (consumed_format, o_t_size) = match &chosen.consumed {
+        Some(consumed) => (format(&connection.o_to_t), consumed.size),
+        None => (RealTimeFormat::Heartbeat, 0),
+    };
+    let rpi_us = interval(connection, chosen, config)?;
+    let types = &connection.t_to_o.types;
+    let settings = ConnectionConfig {
+        target,
+        route: Vec::new(),
+        key: Some(key(chosen)),
+        serial_number: None,
+        described: None,
+        configuration: chosen.configuration.as_ref().map(|it| it.instance),
+        configuration_data: configuration(eds, connection, chosen)?,
+        consumed: chosen.consumed_point,
+        produced: chosen.produced.instance,
+        multicast: !types.is_empty() && !types.contains(&"point to point"),
+        o_t_size,
+        t_o_size: chosen.produced.size,
+        consumed_format,
+        produced_format: format(&connection.t_to_o),
+        o_t_rpi_us: rpi_us,
+        t_o_rpi_us: rpi_us,
+        // At least 100 ms without a frame: hosts stall for 10 to 20 ms.
+        multiplier: TimeoutMultiplier::at_least(100_000_u32.div_ceil(rpi_us))
+            .unwrap_or(TimeoutMultiplier::CODE_5),
+        request_timeout: Duration::from_secs(1),
+        open_timeout: Duration::from_secs(5),
+        retry_after: Duration::from_secs(1),
+    };
+    let id = scanner.connect(settings, now).map_err(|error| DriveError::Bus(error.to_string()))?;
+    let inputs = table(eds, &connection.t_to_o, Some(&chosen.produced));
+    let outputs = table(eds, &connection.o_to_t, chosen.consumed.as_ref());
+    if let Some(connection) = scanner.connection_mut(id) {
+        connection.set_run(config.is_running);
+    }
+    Ok((scanner, id, inputs, outputs))
+}
+
+/// Returns a number that no other scanner of the network has: it is made of the MAC address.
+fn serial_number(config: &DriveConfig) -> u32 {
+    let [.., a, b, c] = config.mac.0;
+    u32::from_be_bytes([2, a, b, c])
+}
+
+fn key(chosen: &ChosenAdapter) -> ElectronicKey {
+    ElectronicKey {
+        vendor: chosen.vendor_id,
+        device_type: chosen.device_type,
+        product_code: chosen.product_code,
+        revision: Revision { major: chosen.revision.0, minor: chosen.revision.1 },
+        compatible: true,
+    }
+}
+
+/// Returns in what the connected device differs from the file without being refused.
+pub(crate) fn differences(connection: &Connection, chosen: &ChosenAdapter) -> Vec<String> {
+    let Some(found) = connection.identity() else { return Vec::new() };
+    let (major, minor) = chosen.revision;
+    let Revision { major: found_major, minor: found_minor } = found.key.revision;
+    if (found_major, found_minor) == (major, minor) {
+        return Vec::new();
+    }
+    vec![format!(
+        "revision: the file is for {major}.{minor}, the device has {found_major}.{found_minor}; use its own file if data differ"
+    )]
+}
+
+fn interval(
+    connection: &EdsConnection,
+    chosen: &ChosenAdapter,
+    config: &DriveConfig,
+) -> Result<u32, DriveError> {
+    let (least, most) = (chosen.min_rpi_us.unwrap_or(1), chosen.max_rpi_us.unwrap_or(u32::MAX));
+    if let Some(interval) = config.interval {
+        let micros = u32::try_from(interval.as_micros()).unwrap_or(u32::MAX);
+        if !(least..=most).contains(&micros) {
+            return Err(DriveError::Bus(format!(
+                "interval {micros} us: the file allows {least} to {most} us"
+            )));
+        }
+        return Ok(micros);
+    }
+    let proposed = connection.o_to_t.rpi_us.max(connection.t_to_o.rpi_us).filter(|micros| *micros > 0);
+    Ok(proposed.unwrap_or(DEFAULT_RPI_US).clamp(least, most))
+}
+
+const fn format(end: &ConnectionEnd) -> RealTimeFormat {
+    match end.real_time_format {
+        device_files::RealTimeFormat::Header32Bit => RealTimeFormat::RunIdleHeader,
+        device_files::RealTimeFormat::ZeroLength => RealTimeFormat::ZeroLength,
+        device_files::RealTimeFormat::Heartbeat => RealTimeFormat::Heartbeat,
+        _ => RealTimeFormat::Modeless,
+    }
+}
+
+/// Makes the configuration data of the parameters' defaults; none if the file has none.
+fn configuration(
+    eds: &Eds,
+    connection: &EdsConnection,
+    chosen: &ChosenAdapter,
+) -> Result<Vec<u8>, DriveError> {
+    let Some(assembly) = chosen.configuration.as_ref().filter(|it| it.size > 0) else {
+        return Ok(Vec::new());
+    };
+    if assembly.size > MOST_CONFIGURATION {
+        let fault = format!(
+            "{} bytes of configuration: at most {MOST_CONFIGURATION} fit into one request",
+            assembly.size
+        );
+        return Err(DriveError::File(fault));
+    }
+    let mut signals = Vec::new();
+    let mut bit = 0;
+    if let Some(number) = numbered(&connection.configuration_format, "Assem") {
+        members(eds, number, "", &mut bit, 0, &mut signals);
+    } else if let Some(parameter) = named_parameter(eds, &connection.configuration_format) {
+        add(parameter, None, "", &mut bit, &mut signals);
+    }
+    let defaults: Vec<_> = signals.iter().map(|signal| default_of(eds, &signal.name)).collect();
+    let mut table = SignalTable::new(signals, assembly.size.into(), false);
+    for (signal, default) in table.signals().to_vec().iter().zip(defaults) {
+        if let Some(value) = default.and_then(|text| crate::SignalValue::parse(signal, &text).ok()) {
+            table.set(signal, &value)?;
+        }
+    }
+    Ok(table.bytes().to_vec())
+}
+
+fn default_of(eds: &Eds, name: &str) -> Option<String> {
+    let parameter = eds.parameters.iter().find(|parameter| parameter.name == name)?;
+    (!parameter.default.is_empty()).then(|| parameter.default.clone())
+}
+
+/// Makes the signals of an assembly: the whole of it by its name, and its members.
+fn table(eds: &Eds, end: &ConnectionEnd, chosen: Option<&ChosenAssembly>) -> SignalTable {
+    let Some(chosen) = chosen else { return SignalTable::default() };
+    let place = chosen.instance.to_string();
+    let bits = 8 * usize::from(chosen.size);
+    let mut signals = vec![Signal::new(&chosen.name, &place, SignalType::Bytes, 0, bits)];
+    let by_format = numbered(&end.format, "Assem").filter(|number| eds.assembly(*number).is_some());
+    let mut bit = 0;
+    members(eds, by_format.unwrap_or(chosen.instance), &place, &mut bit, 0, &mut signals);
+    if let Some(whole) = signals.first_mut() {
+        let assembly = by_format.and_then(|number| eds.assembly(number)).map(|it| it.name.as_str());
+        whole.name = assembly.filter(|name| !name.is_empty()).unwrap_or(&chosen.name).to_owned();
+    }
+    SignalTable::new(signals, chosen.size.into(), false)
+}
+
+fn members(eds: &Eds, number: u32, place: &str, bit: &mut usize, depth: usize, signals: &mut Vec<Signal>) {
+    let Some(assembly) = eds.assembly(number).filter(|_| depth <= MOST_DEPTH) else { return };
+    for member in &assembly.members {
+        if signals.len() >= MOST_SIGNALS {
+            return;
+        }
+        let bits = member.bits.map(|bits| bits as usize);
+        if let Some(parameter) = named_parameter(eds, &member.target) {
+            add(parameter, bits, place, bit, signals);
+        } else if let Some(number) = numbered(&member.target, "Assem") {
+            let from = *bit;
+            members(eds, number, place, bit, depth + 1, signals);
+            *bit = bits.map_or(*bit, |bits| from.saturating_add(bits));
+        } else {
+            *bit = bit.saturating_add(bits.unwrap_or(0));
+        }
+    }
+}
+
+fn add(
+    parameter: &EdsParameter,
+    bits: Option<usize>,
+    place: &str,
+    bit: &mut usize,
+    signals: &mut Vec<Signal>,
+) {
+    let bits = bits.unwrap_or_else(|| 8 * parameter.size.unwrap_or(0) as usize);
+    signals.push(signal(parameter, place, *bit, bits));
+    *bit = bit.saturating_add(bits);
+}
+
+fn signal(parameter: &EdsParameter, place: &str, bit: usize, bits: usize) -> Signal {
+    let mut signal = Signal::new(&parameter.name, place, kind(parameter.data_type), bit, bits);
+    if signal.kind == SignalType::Bytes && !(bit.is_multiple_of(8) && bits.is_multiple_of(8)) {
+        signal = Signal::new(&parameter.name, place, SignalType::Unsigned, bit, bits);
+    }
+    signal.unit.clone_from(&parameter.unit);
+    signal.texts = parameter.texts.iter().map(|text| (text.value, text.text.clone())).collect();
+    signal
+}
+
+/// Returns the type of a CIP data type (volume 1, table C-6.1).
+const fn kind(data_type: u16) -> SignalType {
+    match data_type {
+        0xC1 => SignalType::Bool,
+        0xC2..=0xC5 => SignalType::Signed,
+        0xC6..=0xC9 | 0xD1..=0xD4 => SignalType::Unsigned,
+        0xCA | 0xCB => SignalType::Real,
+        _ => SignalType::Bytes,
+    }
+}
+
+fn named_parameter<'e>(eds: &'e Eds, target: &str) -> Option<&'e EdsParameter> {
+    eds.parameter(numbered(target, "Param")?)
+}
+
+/// Returns the number after a word, as in `Param3`.
+fn numbered(text: &str, word: &str) -> Option<u32> {
+    text.trim().strip_prefix(word)?.parse().ok()
+}
+
+/// Lists the parameters that have a path.
+pub(crate) fn parameters(eds: &Eds) -> Vec<DeviceParameter> {
+    let with_path = eds.parameters.iter().filter_map(|parameter| Some((parameter, path(&parameter.path)?)));
+    with_path
+        .map(|(parameter, path)| DeviceParameter {
+            signal: signal(
+                parameter,
+                &format!("Param{}", parameter.number),
+                0,
+                8 * parameter.size.unwrap_or(0) as usize,
+            ),
+            is_read_only: parameter.descriptor & READ_ONLY != 0,
+            target: ParameterTarget::Attribute(path),
+            is_big_endian: false,
+        })
+        .collect()
+}
+
+fn path(text: &str) -> Option<Vec<u8>> {
+    let bytes: Option<Vec<u8>> = text
+        .split_whitespace()
+        .map(|word| u8::from_str_radix(word.trim_matches(['[', ']']), 16).ok())
+        .collect();
+    bytes.filter(|bytes| !bytes.is_empty() && bytes.len().is_multiple_of(2))
+}
+
+/// Returns the attribute of a name such as `1/1/7`: class, instance and attribute.
+pub(crate) fn by_place(name: &str) -> Option<DeviceParameter> {
+    let numbers: Option<Vec<u16>> = name.split('/').map(number).collect();
+    let [class, instance, attribute] = numbers?.try_into().ok()?;
+    let mut path = Vec::new();
+    for (segment, number) in [(0x20, class), (0x24, instance), (0x30, attribute)] {
+        match u8::try_from(number) {
+            Ok(number) => path.extend([segment, number]),
+            Err(_) => path.extend([segment | 1, 0, number.to_le_bytes()[0], number.to_le_bytes()[1]]),
+        }
+    }
+    Some(crate::parameter::unnamed(name, ParameterTarget::Attribute(path)))
+}
+
+pub(crate) fn number(text: &str) -> Option<u16> {
+    match text.strip_prefix("0x") {
+        Some(digits) => u16::from_str_radix(digits, 16).ok(),
+        None => text.parse().ok(),
+    }
+}
+
+/// Sends an access to a parameter.
+pub(crate) fn access(
+    connection: &mut Connection,
+    now: Instant,
+    access: &ParameterAccess,
+) -> Result<(), String> {
+    let ParameterTarget::Attribute(path) = &access.parameter.target else {
+        return Err("not an attribute".to_owned());
+    };
+    let (service, data) = match &access.written {
+        Some(data) => (service::SET_ATTRIBUTE_SINGLE, data.as_slice()),
+        None => (service::GET_ATTRIBUTE_SINGLE, &[][..]),
+    };
+    connection.request(now, service, Path(path), data).map_err(|error| error.to_string())
+}
+
+/// Returns the answer to an access once it is there.
+pub(crate) fn answer(connection: &mut Connection) -> Option<Result<Vec<u8>, String>> {
+    Some(match connection.take_answer()? {
+        (ExplicitAnswer::Status(general), data) if u8::from(general) == 0 => Ok(data),
+        (ExplicitAnswer::Status(general), _) => {
+            Err(format!("the device refuses it (status 0x{:02X}): {}", u8::from(general), general.text()))
+        }
+        (ExplicitAnswer::NoAnswer, _) => Err("the device did not answer; try again".to_owned()),
+    })
+}

@@ -1,0 +1,118 @@
+//! Parameters of a device that are read and written by name: attributes, records and objects.
+
+use device_files::excerpt;
+
+use crate::config::DriveError;
+use crate::signal::{Signal, SignalType};
+use crate::table::SignalTable;
+use crate::value::SignalValue;
+
+/// DeviceParameter of a device.
+#[derive(Clone, PartialEq, Debug)]
+pub struct DeviceParameter {
+    /// Name in the file, unit and type; its bits are those of the parameter alone.
+    pub signal: Signal,
+    /// True if the file says that it cannot be written.
+    pub is_read_only: bool,
+    pub(crate) target: ParameterTarget,
+    /// True if numbers have their highest byte first.
+    pub(crate) is_big_endian: bool,
+}
+
+/// Place of a parameter in the device.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub(crate) enum ParameterTarget {
+    /// Attribute by its padded path.
+    Attribute(Vec<u8>),
+    /// Record by slot, subslot and index.
+    Record(u16, u16, u16),
+    /// Object by index and subindex.
+    Object(u16, u8),
+}
+
+/// Access to a parameter: a read, or a write of these bytes.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct ParameterAccess {
+    pub(crate) parameter: DeviceParameter,
+    pub(crate) written: Option<Vec<u8>>,
+}
+
+/// Answer of the device about a parameter.
+#[derive(Clone, PartialEq, Debug)]
+pub struct ParameterAnswer {
+    /// Name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// True if it was written, false if it was read.
+    pub is_write: bool,
+    /// Value read or written, with the text that the file has for it; or why not.
+    pub result: Result<(SignalValue, Option<String>), String>,
+}
+
+impl DeviceParameter {
+    /// Reads the value from bytes of the device. Those of another length than the file's are shown as bytes.
+    fn decode(&self, bytes: &[u8]) -> (SignalValue, Option<String>) {
+        if bytes.len() != self.signal.bits.div_ceil(8) || self.signal.kind == SignalType::Bytes {
+            return (SignalValue::Bytes(bytes.to_vec()), None);
+        }
+        let mut table = SignalTable::new(vec![self.signal.clone()], bytes.len(), self.is_big_endian);
+        table.copy(0, bytes);
+        let value = table.value(&self.signal);
+        let text = value.text(&self.signal).map(str::to_owned);
+        (value, text)
+    }
+
+    pub(crate) fn encode(&self, text: &str) -> Result<Vec<u8>, DriveError> {
+        // Bytes of any length where the file does not give one.
+        if self.signal.bits == 0 {
+            let bytes = crate::value::bytes(text).filter(|bytes| !bytes.is_empty());
+            return bytes.ok_or_else(|| DriveError::NotWritable {
+                kind: "parameter",
+                name: self.signal.name.clone(),
+                reason: "the value must be hexadecimal digits, two for each byte",
+            });
+        }
+        let value = SignalValue::parse(&self.signal, text)?;
+        let mut table =
+            SignalTable::new(vec![self.signal.clone()], self.signal.bits.div_ceil(8), self.is_big_endian);
+        table.set(&self.signal, &value)?;
+        Ok(table.bytes().to_vec())
+    }
+}
+
+impl ParameterAccess {
+    /// Makes the answer of what the device said.
+    pub(crate) fn answered(&self, result: Result<Vec<u8>, String>) -> ParameterAnswer {
+        let DeviceParameter { signal, .. } = &self.parameter;
+        ParameterAnswer {
+            name: signal.name.clone(),
+            unit: signal.unit.clone(),
+            is_write: self.written.is_some(),
+            result: result.map(|read| self.parameter.decode(self.written.as_deref().unwrap_or(&read))),
+        }
+    }
+}
+
+/// Finds a parameter: by its name, or by its place in the form of the bus.
+pub(crate) fn find(
+    parameters: &[DeviceParameter],
+    name: &str,
+    by_place: impl FnOnce(&str) -> Option<DeviceParameter>,
+) -> Result<DeviceParameter, DriveError> {
+    let exact = parameters.iter().find(|known| known.signal.name == name || known.signal.place == name);
+    let alike = || parameters.iter().find(|known| known.signal.name.eq_ignore_ascii_case(name));
+    exact.or_else(alike).cloned().or_else(|| by_place(name)).ok_or_else(|| {
+        DriveError::unknown("parameter", name, parameters.iter().map(|known| known.signal.name.as_str()))
+    })
+}
+
+/// Makes a parameter that the file does not name: its bytes.
+pub(crate) fn unnamed(name: &str, target: ParameterTarget) -> DeviceParameter {
+    DeviceParameter {
+        signal: Signal::new(&excerpt(name), &excerpt(name), SignalType::Bytes, 0, 0),
+        is_read_only: false,
+        target,
+        is_big_endian: false,
+    }
+}

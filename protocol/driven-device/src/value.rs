@@ -1,0 +1,231 @@
+//! Values of signals: read from bits, parsed from text, checked against the signal's type.
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+use crate::signal::{Signal, SignalType};
+
+/// Value of a signal.
+#[derive(Clone, PartialEq, Debug)]
+pub enum SignalValue {
+    /// One bit.
+    Bool(bool),
+    /// Number from 0.
+    Unsigned(u64),
+    /// Number with a sign.
+    Signed(i64),
+    /// Floating-point number.
+    Real(f64),
+    /// Bytes.
+    Bytes(Vec<u8>),
+}
+
+/// Reason why a value does not fit a signal.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("{signal}: `{value}`: must be {expected}")]
+pub struct ValueError {
+    signal: String,
+    value: String,
+    expected: String,
+}
+
+impl SignalValue {
+    /// Parses a value of a signal: a number, decimal or hexadecimal after `0x`, `true` or `false`, the text of a value in the
+    /// file, or the hexadecimal digits of bytes.
+    ///
+    /// # Errors
+    ///
+    /// It is not of the signal's type, or out of its range.
+    pub fn parse(signal: &Signal, text: &str) -> Result<Self, ValueError> {
+        let refused = || refusal(signal, text);
+        if let Some((value, _)) = signal.texts.iter().find(|(_, known)| known == text) {
+            return Self::whole(signal, i128::from(*value)).ok_or_else(refused);
+        }
+        let parsed = match signal.kind {
+            SignalType::Bool => match text {
+                "1" | "true" => Some(Self::Bool(true)),
+                "0" | "false" => Some(Self::Bool(false)),
+                _ => None,
+            },
+            SignalType::Unsigned | SignalType::Signed => {
+                whole_number(text).and_then(|number| Self::whole(signal, number))
+            }
+            SignalType::Real => {
+                let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+                number.filter(|number| signal.bits == 64 || (*number as f32).is_finite()).map(Self::Real)
+            }
+            SignalType::Bytes => {
+                bytes(text).filter(|bytes| bytes.len() == signal.bits.div_ceil(8)).map(Self::Bytes)
+            }
+        };
+        parsed.ok_or_else(refused)
+    }
+
+    /// Makes the value of a number, such as one of a script.
+    ///
+    /// # Errors
+    ///
+    /// The signal does not take it.
+    pub(crate) fn from_number(signal: &Signal, number: f64) -> Result<Self, ValueError> {
+        let made = match signal.kind {
+            SignalType::Bool => Some(Self::Bool(number != 0.0)),
+            // A number of 64 bits loses its lowest bits, as f64 has 53.
+            SignalType::Unsigned | SignalType::Signed => Self::whole(signal, number.round() as i128),
+            SignalType::Real => Some(Self::Real(number)),
+            SignalType::Bytes => None,
+        };
+        made.ok_or_else(|| refusal(signal, &number.to_string()))
+    }
+
+    /// Makes the value of a number; a whole one wraps around at the end of the signal's type.
+    ///
+    /// # Errors
+    ///
+    /// The signal takes no number.
+    pub(crate) fn wrapped(signal: &Signal, number: f64) -> Result<Self, ValueError> {
+        match (signal.kind, range(signal)) {
+            (SignalType::Unsigned | SignalType::Signed, Some((least, most))) => {
+                let whole = (number.round() as i128 - least).rem_euclid(most - least + 1) + least;
+                Self::whole(signal, whole).ok_or_else(|| refusal(signal, &number.to_string()))
+            }
+            _ => Self::from_number(signal, number),
+        }
+    }
+
+    fn whole(signal: &Signal, number: i128) -> Option<Self> {
+        let (least, most) = range(signal)?;
+        (least..=most).contains(&number).then_some(match signal.kind {
+            SignalType::Bool => Self::Bool(number != 0),
+            SignalType::Signed => Self::Signed(number as i64),
+            _ => Self::Unsigned(number as u64),
+        })
+    }
+
+    pub(crate) fn from_bits(kind: SignalType, number: u64, bits: usize) -> Self {
+        match kind {
+            SignalType::Bool => Self::Bool(number != 0),
+            SignalType::Signed => {
+                let shift = 64_usize.saturating_sub(bits) as u32;
+                Self::Signed((number.checked_shl(shift).unwrap_or(0) as i64) >> shift.min(63))
+            }
+            SignalType::Real if bits == 32 => Self::Real(f64::from(f32::from_bits(number as u32))),
+            SignalType::Real => Self::Real(f64::from_bits(number)),
+            SignalType::Unsigned | SignalType::Bytes => Self::Unsigned(number),
+        }
+    }
+
+    pub(crate) fn to_bits(&self, signal: &Signal) -> Result<u64, ValueError> {
+        match (self, signal.kind) {
+            (Self::Bool(value), SignalType::Bool) => Ok(u64::from(*value)),
+            (Self::Unsigned(value), SignalType::Unsigned) => Ok(*value),
+            (Self::Signed(value), SignalType::Signed) => Ok(*value as u64),
+            (Self::Real(value), SignalType::Real) if signal.bits == 32 => {
+                Ok(u64::from((*value as f32).to_bits()))
+            }
+            (Self::Real(value), SignalType::Real) => Ok(value.to_bits()),
+            _ => Err(refusal(signal, &self.to_string())),
+        }
+    }
+
+    /// Returns the text that the file has for this value.
+    #[must_use]
+    pub fn text<'s>(&self, signal: &'s Signal) -> Option<&'s str> {
+        let number = match self {
+            Self::Bool(value) => i64::from(*value),
+            Self::Unsigned(value) => i64::try_from(*value).ok()?,
+            Self::Signed(value) => *value,
+            Self::Real(_) | Self::Bytes(_) => return None,
+        };
+        signal.texts.iter().find(|(value, _)| *value == number).map(|(_, text)| text.as_str())
+    }
+}
+
+/// Returns the smallest and the largest whole number of a signal.
+fn range(signal: &Signal) -> Option<(i128, i128)> {
+    let bits = u32::try_from(signal.bits).ok().filter(|bits| (1..=64).contains(bits))?;
+    match signal.kind {
+        SignalType::Bool => Some((0, 1)),
+        SignalType::Unsigned => Some((0, (1_i128 << bits) - 1)),
+        SignalType::Signed => Some((-(1_i128 << (bits - 1)), (1_i128 << (bits - 1)) - 1)),
+        SignalType::Real | SignalType::Bytes => None,
+    }
+}
+
+fn refusal(signal: &Signal, value: &str) -> ValueError {
+    let expected = match (signal.kind, range(signal)) {
+        (SignalType::Bool, _) => "0 or 1".to_owned(),
+        (_, Some((least, most))) => format!("{}, {least} to {most}", signal.type_name()),
+        (SignalType::Bytes, None) => format!("{} in hexadecimal digits", signal.type_name()),
+        (_, None) => signal.type_name(),
+    };
+    let known: Vec<_> = signal.texts.iter().take(6).map(|(_, text)| format!("`{text}`")).collect();
+    let expected = if known.is_empty() { expected } else { format!("{expected}, or {}", known.join(", ")) };
+    ValueError { signal: signal.name.clone(), value: device_files::excerpt(value), expected }
+}
+
+fn whole_number(text: &str) -> Option<i128> {
+    match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+        Some(digits) => u64::from_str_radix(digits, 16).ok().map(i128::from),
+        None => text.parse().ok(),
+    }
+}
+
+/// Parses hexadecimal digits, two for each byte.
+pub(crate) fn bytes(text: &str) -> Option<Vec<u8>> {
+    let digits = text.strip_prefix("0x").unwrap_or(text);
+    let pair = |at: usize| digits.get(at..at + 2).and_then(|pair| u8::from_str_radix(pair, 16).ok());
+    digits.len().is_multiple_of(2).then(|| (0..digits.len()).step_by(2).map(pair).collect())?
+}
+
+impl fmt::Display for SignalValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool(value) => write!(f, "{}", u8::from(*value)),
+            Self::Unsigned(value) => write!(f, "{value}"),
+            Self::Signed(value) => write!(f, "{value}"),
+            Self::Real(value) => write!(f, "{value}"),
+            Self::Bytes(bytes) => bytes.iter().try_for_each(|byte| write!(f, "{byte:02x}")),
+        }
+    }
+}
+
+impl Serialize for SignalValue {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Bool(value) => serializer.serialize_bool(*value),
+            Self::Unsigned(value) => serializer.serialize_u64(*value),
+            Self::Signed(value) => serializer.serialize_i64(*value),
+            Self::Real(value) => serializer.serialize_f64(*value),
+            Self::Bytes(_) => serializer.collect_str(self),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_of_another_type_or_range_is_refused_with_what_the_signal_takes() {
+        let signal = |kind, bits| Signal::new("Speed", "1", kind, 0, bits);
+        for (kind, bits, text, said) in [
+            (SignalType::Unsigned, 16, "65536", "Speed: `65536`: must be uint16, 0 to 65535"),
+            (SignalType::Unsigned, 16, "-1", "Speed: `-1`: must be uint16, 0 to 65535"),
+            (SignalType::Signed, 8, "fast", "Speed: `fast`: must be int8, -128 to 127"),
+            (SignalType::Bool, 1, "2", "Speed: `2`: must be 0 or 1"),
+            (SignalType::Real, 32, "1e39", "Speed: `1e39`: must be real32"),
+            (SignalType::Real, 64, "nan", "Speed: `nan`: must be real64"),
+            (SignalType::Bytes, 32, "0102", "Speed: `0102`: must be 4 bytes in hexadecimal digits"),
+            (SignalType::Bytes, 16, "01é", "Speed: `01é`: must be 2 bytes in hexadecimal digits"),
+        ] {
+            assert_eq!(SignalValue::parse(&signal(kind, bits), text).unwrap_err().to_string(), said);
+        }
+        let mut named = signal(SignalType::Unsigned, 8);
+        named.texts = vec![(0, "Off".to_owned()), (8, "On".to_owned())];
+        assert_eq!(SignalValue::parse(&named, "On"), Ok(SignalValue::Unsigned(8)));
+        assert_eq!(SignalValue::Unsigned(8).text(&named), Some("On"));
+        let said = SignalValue::parse(&named, "on").unwrap_err().to_string();
+        assert_eq!(said, "Speed: `on`: must be uint8, 0 to 255, or `Off`, `On`");
+    }
+}

@@ -1,0 +1,156 @@
+//! Attributes, records and objects by name; alarms and emergencies in words; what is written at the start.
+
+use device_files::{DeviceChoice, DeviceFile, choose_found, choose_head};
+use driven_device::{DriveEvent, MODULES_RECORD, SignalValue, found_modules};
+
+use crate::cell::{Chosen, DrivenPair, EDS, ESI, GSDML, chosen, devices, drive_config, driven, emulated};
+
+/// Returns the answers so far, as text.
+fn answers(cell: &DrivenPair) -> Vec<String> {
+    cell.texts().into_iter().filter(|text| text.starts_with("answer ")).collect()
+}
+
+#[test]
+fn attributes_are_read_and_written_by_the_names_of_the_eds() {
+    let parameters = "[Params]\n Param2 = 0,,\"20 01 24 01 30 01\",0x0010,0xC7,2,\"Vendor\",\"\",\"\",0,65535,0,,,,,,,,,;\n\
+         Param3 = 0,,\"20 F5 24 01 30 03\",0x0000,0xC8,4,\"Configuration\",\"\",\"\",0,5,0,,,,,,,,,;\n";
+    let chosen = chosen("a.eds", &EDS.replace("[Params]", parameters), "");
+    let mut cell = DrivenPair::of(&chosen, "", "", &drive_config());
+    cell.pair.command_a(|device, _| {
+        device.read_parameter("Vendor").unwrap();
+        device.read_parameter("1/1/2").unwrap();
+        device.read_parameter("1/1/99").unwrap();
+        device.write_parameter("Configuration", "4").unwrap();
+        let said = device.write_parameter("Vendor", "1").unwrap_err().to_string();
+        assert_eq!(said, "parameter `Vendor`: the file says that it is read-only; read it");
+    });
+    cell.run_to(3_000);
+    let answers = answers(&cell);
+    assert_eq!(answers[..2], ["answer Vendor = 65534", "answer 1/1/2 = 0c00"], "{answers:?}");
+    assert!(answers[2].contains("(status 0x14)") && answers.len() == 4, "{answers:?}");
+    assert!(cell.pair.a().is_up());
+}
+
+#[test]
+fn configuration_data_of_the_edss_defaults_reach_the_adapter() {
+    let text = EDS
+        .replace(
+            "[Params]",
+            "[Params]\n Param2 = 0,,,0x0000,0xC7,2,\"Filter\",\"ms\",\"\",0,65535,770,,,,,,,,,;\n",
+        )
+        .replace(
+            "[Assembly]",
+            "[Assembly]\n Assem103 = \"Configuration\",,6,0x0000,,,16,Param2,16,,16,Param2;\n",
+        )
+        .replace("6,,\n", "6,Assem103,\n");
+    let chosen = chosen("a.eds", &text, "");
+    let mut cell = DrivenPair::of(&chosen, "", "", &drive_config());
+    cell.pair.command_a(|device, _| device.read_parameter("4/103/3")).unwrap();
+    cell.run_to(3_000);
+    assert_eq!(answers(&cell), ["answer 4/103/3 = 020300000203"]);
+}
+
+#[test]
+fn alarms_come_in_the_words_of_the_gsdml_with_their_end() {
+    let text = GSDML.replace(
+        "<ExternalTextList><PrimaryLanguage>",
+        "<ChannelDiagList><ChannelDiagItem ErrorType='256'><Name TextId='T_E'/><Help TextId='T_H'/></ChannelDiagItem></ChannelDiagList>\
+         <ExternalTextList><PrimaryLanguage><Text TextId='T_E' Value='encoder dirty'/><Text TextId='T_H' Value='clean it'/>",
+    );
+    let chosen = chosen("GSDML-V2.35-a.xml", &text, "[modules]\n1 = \"M_8DI\"\n2 = \"M_2AO\"\n");
+    let script = "[[faults]]\nat = 3\nseconds = 1\nkind = \"alarm\"\nslot = 2\nchannel = 5\ncode = 256\n\
+                  [[faults]]\nat = 5\nkind = \"alarm\"\nslot = 1\ncode = 6\n";
+    let mut cell = DrivenPair::of(&chosen, script, "", &drive_config());
+    cell.run_to(6_000);
+    let alarms: Vec<_> = cell.texts().into_iter().filter(|text| text.starts_with("alarm ")).collect();
+    assert_eq!(
+        alarms,
+        [
+            "alarm diagnosis alarm of subslot 2.1; channel 5: encoder dirty (0x0100; clean it) appears",
+            "alarm end of diagnosis alarm of subslot 2.1; channel 5: encoder dirty (0x0100; clean it) disappears",
+            "alarm diagnosis alarm of subslot 1.1; submodule: line break (0x0006) appears",
+        ]
+    );
+}
+
+#[test]
+fn without_a_choice_the_modules_are_those_that_the_device_reports() {
+    let there = devices()[1].clone();
+    let DeviceFile::Gsdml(gsdml) = &there.file else { panic!("a GSDML") };
+    let head = choose_head(gsdml, &DeviceChoice::default()).unwrap();
+    let head = Chosen { file: there.file.clone(), device: device_files::ChosenDevice::Gsdml(head) };
+    let mut cell =
+        DrivenPair::between(driven(&head, "", &drive_config()), emulated(there.device.clone(), ""));
+    cell.pair.command_a(|device, _| device.read_parameter(MODULES_RECORD)).unwrap();
+    cell.run_to(4_000);
+    let record = cell.events.iter().find_map(|event| match event {
+        DriveEvent::Answer(answer) => match &answer.result {
+            Ok((SignalValue::Bytes(record), _)) => Some(record.clone()),
+            _ => None,
+        },
+        _ => None,
+    });
+    let found = found_modules(&record.unwrap()).unwrap();
+    let (device, unknown) = choose_found(gsdml, &DeviceChoice::default(), &found).unwrap();
+    assert_eq!((device_files::ChosenDevice::Gsdml(device), unknown), (there.device, Vec::new()));
+    assert!(!cell.pair.a().differs());
+}
+
+#[test]
+fn records_are_read_by_index_and_refusals_are_said() {
+    let mut cell = DrivenPair::of(&devices()[1], "", "", &drive_config());
+    cell.pair.command_a(|device, _| {
+        device.read_parameter("0.1:0xAFF0").unwrap();
+        device.write_parameter("2.1:100", "0304").unwrap();
+        device.read_parameter("2.1:7").unwrap();
+        let said = device.write_parameter("2.1:100", "03").unwrap_err().to_string();
+        assert!(said.ends_with("must be 2 bytes in hexadecimal digits"), "{said}");
+    });
+    cell.run_to(4_000);
+    let answers = answers(&cell);
+    assert!(answers[0].starts_with("answer 0.1:0xAFF0 = 00200038"), "{answers:?}");
+    assert_eq!(answers[1], "answer 2.1/2 analog outputs = 0304");
+    assert!(answers[2].contains("the device refuses it (status 0x"), "{answers:?}");
+}
+
+#[test]
+fn objects_are_read_and_written_by_the_names_of_the_esi_and_emergencies_are_said() {
+    let script = "[[faults]]\nat = 3\nkind = \"emergency\"\ncode = 16912\n";
+    let mut cell = DrivenPair::of(&devices()[2], script, "", &drive_config());
+    cell.pair.command_a(|device, _| {
+        device.read_parameter("Filter").unwrap();
+        device.write_parameter("Filter", "0x0102").unwrap();
+        device.read_parameter("0x8000:00:2").unwrap();
+        device.read_parameter("0x9999:01").unwrap();
+    });
+    cell.run_to(5_000);
+    let texts = cell.texts();
+    let answers = answers(&cell);
+    assert_eq!(
+        answers[..3],
+        ["answer Filter = 4660", "answer Filter = 258", "answer 0x8000:00:2 = 258"],
+        "{texts:?}"
+    );
+    assert!(answers[3].starts_with("answer 0x9999:01: the device refuses it"), "{answers:?}");
+    let said = "alarm emergency 0x4210: temperature; error register 0x01, data 0000000000";
+    assert!(texts.iter().any(|text| text == said), "{texts:?}");
+    assert!(cell.pair.a().is_up());
+}
+
+#[test]
+fn assigned_pdos_and_init_commands_are_written_before_the_data_run() {
+    let coe = "<Mailbox><CoE SdoInfo=\"1\" PdoAssign=\"1\"><InitCmd><Transition>PS</Transition><Index>#x8000</Index>\
+               <SubIndex>0</SubIndex><Data>2A00</Data></InitCmd></CoE></Mailbox>";
+    let text = ESI.replace("<Mailbox><CoE SdoInfo=\"1\"/></Mailbox>", coe);
+    let whole = chosen("a.xml", &text, "device_name = \"MU1002\"");
+    let compact = chosen("a.xml", &text, "device_name = \"MU1002\"\npdos = [\"0x1600\", \"0x1A01\"]");
+    for chosen in [&whole, &compact] {
+        let mut cell = DrivenPair::of(chosen, "", "", &drive_config());
+        cell.pair.command_a(|device, _| device.read_parameter("Filter")).unwrap();
+        cell.run_to(4_000);
+        assert!(cell.pair.a().is_up(), "{:?}", cell.texts());
+        assert_eq!(answers(&cell), ["answer Filter = 42"]);
+    }
+    let start = driven(&compact, "", &drive_config());
+    assert_eq!(start.signals().0.len(), 1);
+}
