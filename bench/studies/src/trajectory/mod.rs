@@ -22,6 +22,7 @@ use planning::ToStart;
 use plc_node::{ExecutionType, MotionList};
 use protocol::image::{Motion, MotionKind};
 use records::exit::{Exit, Failure};
+use records::run_directory::{Durability, check_replaceable, replace};
 use records::schedule::Step;
 use records::trace::Recording;
 use report::{errln, outln};
@@ -170,6 +171,7 @@ pub fn run(options: &TrajectoryOptions) -> Result<Exit, Failure> {
     ];
     let read = [("the path", Some(options.file.as_path())), ("the setup", options.setup.file())];
     outputs::check(&asked, &read, Own::default())?;
+    asked.iter().filter_map(|(_, file)| *file).try_for_each(check_replaceable)?;
     let usage = |error| Failure::new(Exit::Usage, error);
     let (setup, _) = setup::setup_with_directory(options.setup.name())?;
     let setup = options.vary(setup);
@@ -219,12 +221,15 @@ pub fn run(options: &TrajectoryOptions) -> Result<Exit, Failure> {
 }
 
 fn write(file: &Path, text: &str) -> anyhow::Result<()> {
-    fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))
+    replace(file, text, Durability::Written)
 }
+
+/// Columns of `--export-csv`.
+pub const CSV_HEADER: &str = "t_ms,x_mm,y_mm,z_mm,path_speed_mm_s,executed,accepted,blends_suppressed";
 
 /// Returns the robot's cycles on the path as CSV.
 fn rows(recording: &Recording) -> String {
-    let mut text = "at_ms,x,y,z,path_speed_mm_s,executed,accepted,blends_suppressed\n".to_owned();
+    let mut text = format!("{CSV_HEADER}\n");
     for tick in figures::on_path(recording.robot_ticks()) {
         let [x, y, z, ..] = tick.sample.pose;
         let sample = &tick.sample;
