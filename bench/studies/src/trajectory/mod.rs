@@ -12,7 +12,6 @@ mod picture;
 mod points;
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -224,6 +223,9 @@ fn write(file: &Path, text: &str) -> anyhow::Result<()> {
     replace(file, text, Durability::Written)
 }
 
+/// Largest file of a path in bytes: some five million points, more than the recorded time has room for.
+const MOST_BYTES: u64 = 256 << 20;
+
 /// Columns of `--export-csv`.
 pub const CSV_HEADER: &str = "t_ms,x_mm,y_mm,z_mm,path_speed_mm_s,executed,accepted,blends_suppressed";
 
@@ -268,11 +270,14 @@ impl TrajectoryOptions {
 
     fn read(&self) -> anyhow::Result<PathPoints> {
         let file = &self.file;
-        let text = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         let extension = file.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let text = || {
+            setup::read_plain_text_within(file, MOST_BYTES)
+                .with_context(|| format!("cannot read {}", file.display()))
+        };
         let points = match extension.as_str() {
-            "csv" => PathPoints::from_csv(&text),
-            "ngc" | "nc" | "gcode" | "tap" => gcode::read(&text, self.spacing),
+            "csv" => PathPoints::from_csv(&text()?),
+            "ngc" | "nc" | "gcode" | "tap" => gcode::read(&text()?, self.spacing),
             _ => anyhow::bail!("{}: must end with .csv, .ngc, .nc, .gcode or .tap", file.display()),
         };
         let spaced = points.and_then(|points| match self.spacing {
