@@ -95,7 +95,7 @@ impl Reserved {
 pub struct SavedRun<'a> {
     /// The directory.
     pub directory: &'a Path,
-    /// Whether it gets a report.
+    /// Presence of a report once the run has ended.
     pub has_report: bool,
 }
 
