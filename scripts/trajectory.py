@@ -82,8 +82,8 @@ def main():
         cycles = list(csv.DictReader(file))
     with open(asked.figures, encoding="utf-8") as file:
         figures = json.load(file)
-    places = [tuple(float(cycle[axis]) for axis in "xyz") for cycle in cycles]
-    times = [float(cycle["at_ms"]) / 1e3 for cycle in cycles]
+    places = [tuple(float(cycle[f"{axis}_mm"]) for axis in "xyz") for cycle in cycles]
+    times = [float(cycle["t_ms"]) / 1e3 for cycle in cycles]
     ways = [0.0]
     for one, other in zip(places, places[1:]):
         ways.append(ways[-1] + math.dist(one, other))

@@ -229,12 +229,6 @@ impl StationFile {
 mod tests {
     use super::*;
 
-    fn directory(name: &str) -> PathBuf {
-        let directory = std::env::temp_dir().join(format!("skillbench-{name}-{}", std::process::id()));
-        let _ = fs::remove_dir_all(&directory);
-        directory
-    }
-
     fn robot() -> Station {
         let address = Address {
             ip: Ipv4Addr::new(192, 168, 64, 7),
@@ -253,7 +247,8 @@ mod tests {
 
     #[test]
     fn what_the_operator_wrote_is_read_again_byte_for_byte() {
-        let directory = directory("maintenance");
+        let place = tempfile::tempdir().unwrap();
+        let directory = place.path();
         let file = StationFile::at(directory.join("robot.json"));
         for maintenance in [maintenance(), Maintenance { date: [0xFF; 16], ..Maintenance::default() }] {
             let record =
@@ -266,12 +261,12 @@ mod tests {
         let texts =
             MaintenanceTexts { date: "\u{20AC}".repeat(20), ..MaintenanceTexts::from(&maintenance()) };
         assert_eq!(Maintenance::from(&texts).date, [b'?'; 16]);
-        fs::remove_dir_all(directory).unwrap();
     }
 
     #[test]
     fn what_was_stored_is_read_again_and_nothing_leaves_no_file() {
-        let directory = directory("station-file");
+        let place = tempfile::tempdir().unwrap();
+        let directory = place.path();
         let file = StationFile::at(directory.join("deep/er/robot.json"));
         assert_eq!(file.load().unwrap(), Station::default());
         file.save(&robot()).unwrap();
@@ -283,21 +278,19 @@ mod tests {
         assert!(!file.path().exists());
         file.save(&Station::default()).unwrap();
         assert_eq!(fs::read_dir(directory.join("deep/er")).unwrap().count(), 0, "no file is left behind");
-        fs::remove_dir_all(directory).unwrap();
     }
 
     #[test]
     fn a_damaged_file_and_a_directory_in_its_place_are_named() {
-        let directory = directory("damaged-station-file");
-        fs::create_dir_all(&directory).unwrap();
+        let place = tempfile::tempdir().unwrap();
+        let directory = place.path();
         let file = StationFile::at(directory.join("robot.json"));
         fs::write(file.path(), "{\"name\": 5}").unwrap();
         let error = file.load().unwrap_err().to_string();
         assert!(error.contains("robot.json") && error.contains("remove it"), "{error}");
-        let in_place = StationFile::at(directory.clone());
+        let in_place = StationFile::at(directory.to_owned());
         assert!(matches!(in_place.load(), Err(StationFileError::Read { .. })));
         assert!(in_place.save(&robot()).is_err());
-        fs::remove_dir_all(directory).unwrap();
     }
 
     #[test]

@@ -157,7 +157,8 @@ mod tests {
 
     #[test]
     fn each_cycle_is_a_line_once_while_it_is_recorded_in_the_file_of_each_station() {
-        let path = std::env::temp_dir().join(format!("trace-file-{}.rows", std::process::id()));
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("trace-file.rows");
         let names = ["left".to_owned(), "right".to_owned()];
         let paths = of_stations(&path, &names);
         let (mut ring, writer) = start(&paths).unwrap();
@@ -171,7 +172,6 @@ mod tests {
         writer.finish().unwrap();
         let texts = paths.iter().map(|path| std::fs::read_to_string(path).unwrap()).collect::<Vec<_>>();
         assert_eq!(texts, ["20,2\n30,3\n", "20,102\n30,103\n"]);
-        paths.iter().for_each(|path| std::fs::remove_file(path).unwrap());
     }
 
     #[test]

@@ -3,6 +3,7 @@
 #![cfg(all(feature = "real", target_os = "linux"))]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Runs the node of a setup with these options; returns its exit code and what it says. Its interface does not exist.
@@ -30,18 +31,19 @@ fn a_setup_of_several_robots_needs_the_name_of_one_of_them() {
     }
 }
 
-/// A setup in which both robots of F are on EtherCAT, in a file.
-fn line() -> std::path::PathBuf {
+/// Writes a setup in which both robots of F are on EtherCAT into a directory.
+fn line(directory: &Path) -> PathBuf {
     let (mut cell, _) = setup::cell("F").unwrap();
     cell.stations[0].bus = cell.stations[1].bus.clone();
-    let path = std::env::temp_dir().join(format!("line-{}.toml", std::process::id()));
+    let path = directory.join("line.toml");
     std::fs::write(&path, setup::cell_to_toml(&cell).unwrap()).unwrap();
     path
 }
 
 #[test]
 fn a_robot_that_leads_on_to_another_one_of_an_ethercat_line_needs_two_ports() {
-    let path = line();
+    let place = tempfile::tempdir().unwrap();
+    let path = line(place.path());
     let setup = path.to_str().unwrap();
     let (code, said) = run(setup, &["--station", "left"]);
     assert_eq!(code, Some(5), "its interface does not exist: {said}");
@@ -61,7 +63,6 @@ fn a_robot_that_leads_on_to_another_one_of_an_ethercat_line_needs_two_ports() {
         let (code, said) = node(interface, station);
         assert!(code == Some(2) && said.contains(reason), "{interface} {station}: {code:?}: {said}");
     }
-    std::fs::remove_file(path).unwrap();
 }
 
 #[test]

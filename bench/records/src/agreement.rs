@@ -1,7 +1,6 @@
 //! Whether what is saved of a run agrees: derived figures with the samples, `results.json` with `samples.csv`, and all of it
 //! with its digests. It detects accidents, not forgers.
 
-use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -258,7 +257,7 @@ fn agrees(row: &Row, result: &TypeResult, index: usize) -> Result<(), String> {
 /// Compares the names in results without digests with those of the files beside them.
 fn names(directory: &Path, results: &Results) -> Result<(), String> {
     // A file that this version cannot read is named by the report.
-    let text = |name: &str| fs::read_to_string(directory.join(name)).ok();
+    let text = |name: &str| setup::read_plain_text(&directory.join(name)).ok();
     let setup = text("setup.toml").and_then(|text| setup::setup_from_text("setup.toml", &text).ok());
     let application = text("application.toml")
         .and_then(|text| planning::Application::parse("application.toml", &text).ok())

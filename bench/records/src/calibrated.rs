@@ -8,7 +8,7 @@ use setup::{Provenance, Setup, Sourced};
 pub const VELOCITY: &str = "motions.velocity_percent";
 /// Key of the cost of a skill call, which is calibrated to SM's AET.
 pub const SKILL_OVERHEAD: &str = "robot.skill_overhead_us";
-/// Key of the robot cycles before the first motion of a MoveContinuousSkill, which are calibrated to CM's AET less RC's.
+/// Key of the robot cycles before the first motion of a MoveContinuousSkill, which are calibrated to CM's AET minus RC's AET.
 pub const START_CYCLES: &str = "robot.continuous_start_cycles";
 /// Key of the controller's time quantum, which is calibrated to the MADs.
 pub const QUANTUM: &str = "robot.interpreter_quantum_us";
@@ -75,7 +75,7 @@ pub fn figure(key: &str, all: &[Calibrated]) -> &'static str {
     match key {
         VELOCITY => "RC's AET",
         SKILL_OVERHEAD => "SM's AET",
-        START_CYCLES => "CM's AET less RC's",
+        START_CYCLES => "CM's AET minus RC's AET",
         START_QUANTUM => "RC's MAD",
         _ if has_start => "SM's MAD",
         _ => "the MADs of RC and SM",

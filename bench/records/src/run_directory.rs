@@ -278,13 +278,23 @@ fn parse<T: serde::de::DeserializeOwned>(path: &Path, text: &str) -> anyhow::Res
 /// Returns how many repetitions the samples of a run directory have.
 fn repetitions(directory: &Path) -> usize {
     // The first line names the columns.
-    fs::read_to_string(directory.join(SAMPLES)).map_or(0, |text| text.lines().skip(1).count())
+    read_text(&directory.join(SAMPLES)).map_or(0, |text| text.lines().skip(1).count())
+}
+
+/// Reads a text file of a run directory.
+///
+/// # Errors
+///
+/// The system's error, or the file is not a plain one, too large or not UTF-8.
+pub fn read_text(path: &Path) -> anyhow::Result<String> {
+    setup::read_plain_text_within(path, MOST_RUN_BYTES)
+        .with_context(|| format!("cannot read {}", path.display()))
 }
 
 /// Reads a run directory's description of the computer, key by key; `None` if there is none.
 #[must_use]
 pub fn host(directory: &Path) -> Option<serde_json::Map<String, serde_json::Value>> {
-    let text = fs::read_to_string(directory.join("host.json")).ok()?;
+    let text = read_text(&directory.join("host.json")).ok()?;
     serde_json::from_str(&text).ok()
 }
 

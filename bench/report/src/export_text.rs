@@ -4,7 +4,8 @@ use crate::figures::CALIBRATED;
 use records::results::Status;
 
 /// Formats a field of a CSV file, in quotes if necessary (RFC 4180).
-pub(super) fn quoted(field: &str) -> String {
+#[must_use]
+pub fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))
     } else {

@@ -185,9 +185,15 @@ pub(super) fn millis(value: f64) -> String {
     format!("{:.1}", rounded(value, 1))
 }
 
+/// Formats a number for people to this many digits after the point, with its sign as U+2212; never a negative zero.
+#[must_use]
+pub fn signed_to(value: f64, digits: usize) -> String {
+    format!("{:+.digits$}", rounded(value, digits)).replace('-', "−")
+}
+
 /// Formats a number to a tenth, with its sign; never a negative zero.
 pub fn signed(value: f64) -> String {
-    format!("{:+.1}", rounded(value, 1)).replace('-', "−")
+    signed_to(value, 1)
 }
 
 /// Formats a percentage to a hundredth, with its sign.

@@ -19,7 +19,7 @@ mod cell_export;
 pub mod cell_files;
 pub mod cell_table;
 pub mod export;
-mod export_text;
+pub mod export_text;
 pub mod figures;
 pub mod html;
 pub mod live;

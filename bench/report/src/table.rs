@@ -276,7 +276,7 @@ mod tests {
         * calibrated on the paper's figure beside it, so no prediction:
             motions.velocity_percent = 1 from RC's AET
             robot.skill_overhead_us = 1 from SM's AET
-            robot.continuous_start_cycles = 1 from CM's AET less RC's
+            robot.continuous_start_cycles = 1 from CM's AET minus RC's AET
             robot.interpreter_quantum_us = 1 from the MADs of RC and SM
           CM's AET is RC's by construction, but for the one robot cycle of robot.continuous_start_cycles:
           the same motions by the same law, and one call each. The model predicts only that the PLC sends

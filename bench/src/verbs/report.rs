@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
 use clap::Args;
 
 use records::exit::{Exit, Failure};
@@ -10,7 +9,7 @@ use records::run_directory::{Durability, replace};
 use report::errln;
 use report::outln;
 use report::pages::{self, Comparison, Pages, WantedPages};
-use studies::outputs::{self, Own, location};
+use studies::outputs::{self, FigureExports, Own, location};
 
 /// Options of a report that is drawn again.
 #[derive(Args, Debug)]
@@ -65,12 +64,9 @@ pub struct CompareOptions {
     /// Write a page with the samples of all runs to this file as well.
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
-    /// Write the figures of each type of each run to this file as well, as JSON.
-    #[arg(long, value_name = "FILE")]
-    pub export_json: Option<PathBuf>,
-    /// Write the figures of each type of each run to this file as well, as CSV.
-    #[arg(long, value_name = "FILE")]
-    pub export_csv: Option<PathBuf>,
+    /// Files for other programs.
+    #[command(flatten)]
+    pub exports: FigureExports,
 }
 
 /// Prints runs side by side, and writes a page if requested.
@@ -79,18 +75,12 @@ pub struct CompareOptions {
 ///
 /// A directory contains no run, or the page cannot be written.
 pub fn compare(options: &CompareOptions) -> Result<Exit, Failure> {
-    let CompareOptions { html, export_json, export_csv, .. } = options;
-    let asked = [("--html", html), ("--export-json", export_json), ("--export-csv", export_csv)];
-    outputs::check(&asked.map(|(option, file)| (option, file.as_deref())), &[], Own::default())?;
+    let CompareOptions { html, exports, .. } = options;
+    let [json, csv] = exports.files();
+    outputs::check(&[("--html", html.as_deref()), json, csv], &[], Own::default())?;
     let comparison = Comparison::load(&options.runs)?;
     outln!("{}", comparison.table());
-    if let Some(path) = export_json {
-        let json = comparison.json().context("cannot write the comparison as JSON")?;
-        replace(path, &json, Durability::Written)?;
-    }
-    if let Some(path) = export_csv {
-        replace(path, comparison.csv(), Durability::Written)?;
-    }
+    exports.write(&outputs::json(&comparison.figures())?, &comparison.csv())?;
     if let Some(path) = html {
         replace(path, &comparison.page()?, Durability::Written)?;
         outln!("\n{}", path.display());

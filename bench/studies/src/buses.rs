@@ -9,6 +9,7 @@ use clap::Args;
 use node::screen;
 use planning::Application;
 use plc_node::ExecutionType;
+use serde::Serialize;
 use setup::Setup;
 
 use crate::each_bus::over_each_bus;
@@ -16,9 +17,11 @@ use crate::engine::job::{JobRows, ListedJob};
 use crate::engine::listed::{ListedStudy, RowsOrigin};
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::jobs;
+use crate::outputs::{self, FigureExports, Own, csv_number};
 use crate::setup_option::SetupOption;
 use records::exit::{Exit, Failure};
 use records::schedule::{Schedule, repetitions};
+use report::export_text::quoted;
 use report::outln;
 use stands::planned_cell::PlannedCell;
 use stands::reaction_limits::reaction_limits;
@@ -34,6 +37,7 @@ const REACTIONS: usize = 20;
 Examples:
   bench buses                                 the arm of Setup A over each bus
   bench buses --setup B --reps 3              another arm
+  bench buses --export-csv buses.csv --quiet  a line for each bus, for other programs
 
 The setup's own bus gives cycle, watchdog and cable; PROFINET's and EtherNet/IP's other settings are those of Setup A and B.")]
 pub struct BusesOptions {
@@ -49,10 +53,19 @@ pub struct BusesOptions {
     /// Directory for the rows; given again, a comparison that ended early goes on.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Files for other programs.
+    #[command(flatten)]
+    pub exports: FigureExports,
     /// Print the table only: no progress.
     #[arg(long, short)]
     pub quiet: bool,
 }
+
+/// Columns of `--export-csv`.
+pub const CSV_HEADER: &str = "bus,rc_ms,sm_ms,cm_ms,reaction_min_ms,reaction_mean_ms,reaction_max_ms";
+
+/// Version of the format of `--export-json`.
+const SCHEMA_VERSION: u32 = 1;
 
 /// Figures of one bus.
 struct Row {
@@ -61,6 +74,55 @@ struct Row {
     aet_ms: [f64; 3],
     /// Shortest, mean and longest reaction.
     reaction: [Duration; 3],
+}
+
+/// Comparison of the buses for other programs.
+#[derive(Serialize)]
+struct BusesExport<'a> {
+    schema_version: u32,
+    setup: &'a str,
+    application: &'a str,
+    reps: u32,
+    seed: u64,
+    /// Number of reactions of each bus.
+    reactions: usize,
+    /// Shortest and longest reaction that the cycles allow.
+    reaction_limits_ms: [f64; 2],
+    /// Number of buses of the whole comparison; an interrupt leaves out the last ones.
+    planned: usize,
+    buses: Vec<BusFigures>,
+}
+
+/// Figures of one bus for other programs; JSON has null and CSV an empty field for a figure without a value.
+#[derive(Serialize)]
+struct BusFigures {
+    bus: &'static str,
+    rc_ms: Option<f64>,
+    sm_ms: Option<f64>,
+    cm_ms: Option<f64>,
+    reaction_min_ms: f64,
+    reaction_mean_ms: f64,
+    reaction_max_ms: f64,
+}
+
+impl BusFigures {
+    fn of(row: &Row) -> Self {
+        let [rc_ms, sm_ms, cm_ms] = row.aet_ms.map(|aet| Some(aet).filter(|aet| aet.is_finite()));
+        let [reaction_min_ms, reaction_mean_ms, reaction_max_ms] = row.reaction.map(millis);
+        Self { bus: row.bus, rc_ms, sm_ms, cm_ms, reaction_min_ms, reaction_mean_ms, reaction_max_ms }
+    }
+
+    fn line(&self) -> String {
+        let Self { bus, rc_ms, sm_ms, cm_ms, reaction_min_ms, reaction_mean_ms, reaction_max_ms } = self;
+        let aets = [rc_ms, sm_ms, cm_ms].map(|aet| csv_number(*aet, 4));
+        let reactions = [reaction_min_ms, reaction_mean_ms, reaction_max_ms];
+        let reactions = reactions.map(|reaction| csv_number(Some(*reaction), 6));
+        format!("{},{},{}\n", quoted(bus), aets.join(","), reactions.join(","))
+    }
+}
+
+fn millis(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
 }
 
 /// Runs the setup over each bus and prints the table.
@@ -74,6 +136,9 @@ pub fn run(options: &BusesOptions, commit: &str) -> Result<Exit, Failure> {
     for (_, variant) in &variants {
         setup::check(variant)?;
     }
+    let read = [("the setup", options.setup.file()), ("the application", found.path.as_deref())];
+    outputs::check(&options.exports.files(), &read, Own { directory: options.out.as_deref(), files: &[] })?;
+    options.exports.check_writable()?;
     let is_interrupted = watch_for_interrupt()?;
     let mut study = ListedStudy::in_memory("buses", options.quiet, &is_interrupted);
     if let Some(directory) = &options.out {
@@ -95,6 +160,7 @@ pub fn run(options: &BusesOptions, commit: &str) -> Result<Exit, Failure> {
     let rows: Vec<Row> = rows.into_iter().flatten().collect();
     if !rows.is_empty() {
         outln!("{}", render(&setup, &found.application.name, options, &rows));
+        export(&setup, &found.application.name, options, (&rows, variants.len()))?;
     }
     if is_interrupted.load(Ordering::Relaxed) {
         return Ok(interrupted(rows.len(), variants.len(), "buses"));
@@ -121,10 +187,33 @@ fn row(bus: &'static str, setup: &Setup, rows: &JobRows, options: &BusesOptions)
     Ok(Row { bus, aet_ms, reaction: [shortest, mean, longest] })
 }
 
+/// Writes the requested files.
+fn export(
+    setup: &Setup,
+    application: &str,
+    options: &BusesOptions,
+    (rows, planned): (&[Row], usize),
+) -> anyhow::Result<()> {
+    let (shortest, longest) = reaction_limits(setup);
+    let export = BusesExport {
+        schema_version: SCHEMA_VERSION,
+        setup: &setup.name,
+        application,
+        reps: options.reps,
+        seed: options.seed,
+        reactions: DRAWINGS as usize * REACTIONS,
+        reaction_limits_ms: [shortest, longest].map(millis),
+        planned,
+        buses: rows.iter().map(BusFigures::of).collect(),
+    };
+    let lines: String = export.buses.iter().map(BusFigures::line).collect();
+    options.exports.write(&outputs::json(&export)?, &format!("{CSV_HEADER}\n{lines}"))
+}
+
 fn render(setup: &Setup, application: &str, options: &BusesOptions, rows: &[Row]) -> String {
     let mut table = screen::ruled();
     table.set_header(["bus", "RC\nms", "SM\nms", "CM\nms", "reaction\nleast ms", "mean\nms", "most\nms"]);
-    let ms = |time: Duration| format!("{:.3}", time.as_secs_f64() * 1e3);
+    let ms = |time: Duration| format!("{:.3}", millis(time));
     for Row { bus, aet_ms, reaction } in rows {
         let [rc, sm, cm] = aet_ms.map(|aet| format!("{aet:.1}"));
         let [least, mean, most] = reaction.map(ms);

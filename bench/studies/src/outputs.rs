@@ -2,10 +2,70 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
+use clap::Args;
+use serde::Serialize;
 
 use records::exit::{Exit, Failure};
 use records::occupied::{self, holds_run};
+use records::run_directory::{Durability, check_replaceable, replace};
+
+/// Options of a verb that writes its figures for other programs, too.
+#[derive(Args, Clone, Debug, Default)]
+pub struct FigureExports {
+    /// Write the figures to this file as well, as JSON.
+    #[arg(long = "export-json", value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Write the figures to this file as well, as CSV.
+    #[arg(long = "export-csv", value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+}
+
+impl FigureExports {
+    /// Returns the options that ask for files, each with its file if it is given.
+    #[must_use]
+    pub fn files(&self) -> [Named<'_>; 2] {
+        [("--export-json", self.json.as_deref()), ("--export-csv", self.csv.as_deref())]
+    }
+
+    /// Rejects requested files that cannot be written, before a verb that may take an hour.
+    ///
+    /// # Errors
+    ///
+    /// A file is a directory, or its directory does not exist or does not take files.
+    pub fn check_writable(&self) -> anyhow::Result<()> {
+        self.files().into_iter().filter_map(|(_, file)| file).try_for_each(check_replaceable)
+    }
+
+    /// Writes each requested file.
+    ///
+    /// # Errors
+    ///
+    /// A file cannot be written; its old content is kept.
+    pub fn write(&self, json: &str, csv: &str) -> anyhow::Result<()> {
+        let write =
+            |file: Option<&Path>, text| file.map_or(Ok(()), |file| replace(file, text, Durability::Written));
+        write(self.json.as_deref(), json)?;
+        write(self.csv.as_deref(), csv)
+    }
+}
+
+/// Formats figures as JSON, with a line break at the end.
+///
+/// # Errors
+///
+/// Never: figures are numbers and texts.
+pub fn json(figures: &impl Serialize) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(figures).context("cannot write the figures as JSON")? + "\n")
+}
+
+/// Formats a number for CSV, to the given digits after the point; nothing where there is none.
+#[must_use]
+pub fn csv_number(value: Option<f64>, digits: usize) -> String {
+    // Negative zero would be shown with a sign.
+    let shown = |value: f64| format!("{:.digits$}", if value == 0.0 { 0.0 } else { value });
+    value.filter(|value| value.is_finite()).map_or_else(String::new, shown)
+}
 
 /// A file, if there is one, with what it is in messages: the option that asks for it, or what the verb reads from it.
 pub type Named<'a> = (&'static str, Option<&'a Path>);

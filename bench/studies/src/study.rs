@@ -8,11 +8,11 @@ use setup::Setup;
 
 use crate::engine::listed::{ListedStudy, RowsOrigin};
 use crate::event_loop;
-use crate::outputs::{self, Named, Own};
+use crate::outputs::{self, FigureExports, Own};
 use crate::setup_option::SetupOption;
 use records::exit::{Exit, Failure};
 use records::occupied::Files;
-use records::run_directory::{self, Durability, check_replaceable, replace};
+use records::run_directory::{self, Durability, replace};
 
 /// Options of every study.
 #[derive(Args, Debug)]
@@ -26,12 +26,9 @@ pub struct StudyOptions {
     /// Directory for the figures as CSV and JSON, and for the page if there is one [default: runs/TIME-SETUP-STUDY].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write the figures to this file as well, as JSON.
-    #[arg(long, value_name = "FILE")]
-    pub export_json: Option<PathBuf>,
-    /// Write the figures to this file as well, as CSV.
-    #[arg(long, value_name = "FILE")]
-    pub export_csv: Option<PathBuf>,
+    /// Files for other programs.
+    #[command(flatten)]
+    pub exports: FigureExports,
     /// Print the table only: no progress.
     #[arg(long, short)]
     pub quiet: bool,
@@ -63,9 +60,7 @@ impl StudyOptions {
             results: &[&page, &json, &csv],
         };
         run_directory::make_for_study(&directory, files)?;
-        for file in self.exports().into_iter().filter_map(|(_, file)| file) {
-            check_replaceable(file)?;
-        }
+        self.exports.check_writable()?;
         Ok(directory)
     }
 
@@ -89,15 +84,10 @@ impl StudyOptions {
         study.saved_in(RowsOrigin { directory, options: &options, results: &[&page, &json, &csv], commit })
     }
 
-    /// Returns the requested files with the options that ask for them.
-    fn exports(&self) -> [Named<'_>; 2] {
-        [("--export-json", self.export_json.as_deref()), ("--export-csv", self.export_csv.as_deref())]
-    }
-
     /// Rejects requested files that replace what the study reads or writes anyway.
     fn check_exports(&self, found: &planning::Found, own: Own<'_>) -> Result<(), Failure> {
         let read = [("the setup", self.setup.file()), ("the application", found.path.as_deref())];
-        outputs::check(&self.exports(), &read, own)
+        outputs::check(&self.exports.files(), &read, own)
     }
 
     /// Saves the results of the study `name` into its directory, and to the other requested files.
@@ -114,8 +104,7 @@ impl StudyOptions {
         }
         write(&here("json"), json)?;
         write(&here("csv"), csv)?;
-        self.export_json.as_deref().map_or(Ok(()), |path| write(path, json))?;
-        self.export_csv.as_deref().map_or(Ok(()), |path| write(path, csv))
+        self.exports.write(json, csv)
     }
 }
 

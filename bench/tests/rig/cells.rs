@@ -82,10 +82,10 @@ pub(crate) fn a_killed_robot_of_a_cell_fails_the_run_and_its_station_is_named() 
     assert!(ended.samples.lines().count() > 2, "the samples so far are gone");
 }
 
-pub(crate) fn ctrl_c_ends_a_cell_in_order_and_keeps_the_repetitions() {
+pub(crate) fn a_closed_terminal_ends_a_cell_in_order_and_keeps_the_repetitions() {
     let mut bench = Bench::start_setup("E", &["--reps", "1000"]);
     let networks = networks(bench.nodes());
-    kill_process(bench.pid(), Signal::INT).unwrap();
+    kill_process(bench.pid(), Signal::HUP).unwrap();
     let ended = bench.wait();
     assert_eq!(ended.status.code(), Some(130), "{}", ended.stderr);
     assert_eq!(ended.results["status"], "interrupted");

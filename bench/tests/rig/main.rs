@@ -43,7 +43,7 @@ fn main() -> ExitCode {
         cells::a_cell_with_a_lossy_cable_to_one_station_passes_and_counts_what_was_lost,
         cells::a_killed_robot_of_a_cell_fails_the_run_and_its_station_is_named,
         cells::the_live_view_of_a_cell_shows_both_arms_their_marks_and_the_figures_of_every_node,
-        cells::ctrl_c_ends_a_cell_in_order_and_keeps_the_repetitions,
+        cells::a_closed_terminal_ends_a_cell_in_order_and_keeps_the_repetitions,
         a_run_of_setup_b_survives_a_lossy_real_cable,
         the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept,
         an_interrupted_measurement_of_the_cost_of_recording_prints_the_pairs_so_far,

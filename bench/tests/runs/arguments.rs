@@ -44,6 +44,7 @@ fn a_list_of_motions_that_the_disk_does_not_take_is_no_wrong_argument() {
 fn a_device_in_place_of_a_file_is_refused_before_it_is_read() {
     let directory = tempfile::tempdir().unwrap();
     let device = "/dev/zero";
+    std::os::unix::fs::symlink(device, directory.path().join("path.csv")).unwrap();
     for arguments in [
         &["--mode", "virtual", "--setup", device][..],
         &["--mode", "virtual", "--application", device],
@@ -51,6 +52,8 @@ fn a_device_in_place_of_a_file_is_refused_before_it_is_read() {
         &["study", "run", device],
         &["gate", "--baseline", device],
         &["import-samples", device],
+        &["trajectory", "path.csv"],
+        &["long", "--motions", "3", "--from", device],
         &["--attach", "plc=127.0.0.1:9", "--control-token", device],
     ] {
         let finished = bench(directory.path(), arguments);

@@ -67,7 +67,7 @@ fn the_numbers_go_into_the_setups_file_and_everything_else_in_it_stays() {
     );
     let line = |name: &str| finished.stdout.lines().find(|line| line.contains(name)).unwrap_or_default();
     assert!(line("# SM AET").contains("paper 6477.0 ± 2.9"), "{}", finished.stdout);
-    assert!(line("# RC's AET changes by -").contains("1 % more velocity_percent"), "{}", finished.stdout);
+    assert!(line("# RC's AET changes by −").contains("1 % more velocity_percent"), "{}", finished.stdout);
 }
 
 #[test]

@@ -1,16 +1,21 @@
-//! `docs/columns.md` lists every column of the tables that a run writes: names and order from the files, meaning and unit from here.
+//! `docs/columns.md` lists every column of the tables of runs and of verbs: names and order from the files and the code, meaning and unit
+//! from here.
 
 use std::fmt::Write as _;
 use std::fs;
 
+use bench::verbs::gate;
+use report::pages::COMPARED_CSV_HEADER;
+use studies::{buses, calibrate, sensitivity, sweep, trajectory};
+
 use crate::program::bench;
 
 const HEAD: &str = "\
-# Columns of the tables of a run
+# Columns of tables
 
-Made from the files of runs: `INSTA_UPDATE=always cargo test -p bench --test runs columns`. A number has a point as decimal
-separator; an empty field has no value. Times of the traces count from the start edge of the repetition. JSON has schemas
-instead: [results](../bench/schemas/results.schema.json), [cell results](../bench/schemas/cell-results.schema.json),
+Made from the files of runs and from the code: `INSTA_UPDATE=always cargo test -p bench --test runs columns`. A number has a point as
+decimal separator; an empty field has no value. Times of the traces count from the start edge of the repetition. The unit 1 is that of
+counts and ratios. `--export-json` of the same verb has the same names; runs have schemas: [results](../bench/schemas/results.schema.json), [cell results](../bench/schemas/cell-results.schema.json),
 [control port](../node/schemas/control.schema.json).
 ";
 
@@ -88,7 +93,89 @@ const MEANINGS: &[(&str, &str, &str)] = &[
     ("joint_6", "° or mm", "joint 6; 0 where the arm has none"),
     ("positions", "", "source of joints, pose and speed: `set-points` or `drives`"),
     ("progress", "µs", "law time of the skill that the arm has driven"),
+    ("run", "1", "number of the run in the order of the command line, from 1"),
+    ("name", "", "name of the run's directory"),
+    ("repetitions", "1", "repetitions that ended as wanted"),
+    ("difference_ms", "ms", "AET minus that of run 1"),
+    ("difference_low_ms", "ms", "lower end of the 95 % interval of this difference"),
+    ("difference_high_ms", "ms", "upper end of this interval"),
+    ("difference_percent", "%", "the difference as a share of run 1's AET"),
+    ("other_conditions", "", "conditions that differ from those of run 1"),
+    ("figure", "", "name of the figure"),
+    ("unit", "", "unit of the row's numbers; none for counts"),
+    ("baseline", "unit of the row", "value in the baseline"),
+    ("now", "unit of the row", "value of this run"),
+    ("difference", "unit of the row", "value of this run minus that of the baseline"),
+    ("tolerance", "unit of the row", "largest difference that passes"),
+    ("is_within", "", "`true` if the difference passes"),
+    ("ratio", "", "the two types whose AETs are divided"),
+    ("low", "unit of the row", "lower end of the range in which the figures stay within their errors"),
+    ("high", "unit of the row", "upper end of this range"),
+    ("at_most", "1", "ratio above which the gate fails"),
+    ("verdict", "", "`within`, `beyond` or `inconclusive`"),
+    ("bus", "", "the bus"),
+    ("rc_ms", "ms", "AET of RC"),
+    ("sm_ms", "ms", "AET of SM"),
+    ("cm_ms", "ms", "AET of CM"),
+    (
+        "reaction_min_ms",
+        "ms",
+        "shortest reaction: from the scan that writes a number to the scan that reads it back from the robot",
+    ),
+    ("reaction_mean_ms", "ms", "mean reaction"),
+    ("reaction_max_ms", "ms", "longest reaction"),
+    ("value", "unit of the row", "value of the setup's number, or of the figure with the calibrated setup"),
+    ("best", "unit of the row", "value with which the figures are met best, before it is rounded"),
+    ("from", "", "source of the number in the setup; only a `calibrated` one is changed"),
+    ("error", "unit of the row", "standard error of the figure over the seeds"),
+    ("paper", "unit of the row", "the paper's figure"),
+    ("paper_error", "unit of the row", "its standard error"),
+    ("distance", "1", "difference in standard errors of both"),
+    ("queue_depth", "1", "slots of the image in use"),
+    ("bus_cycle_ms", "ms", "bus cycle"),
+    ("length_mm", "mm", "length of every motion"),
+    ("loss_percent", "%", "CM's time minus RC's, as a share of RC's"),
+    ("round_trip_ms", "ms", "longest time from a free slot to the next motion in it"),
+    ("predicted", "", "`keeps-up`, `starves`, or `open` where only the run decides"),
+    ("varied", "", "the varied number; `none` for the unchanged setup"),
+    ("times", "1", "its multiplier; for motions the number of pieces"),
+    ("rc_ms_h0", "ms", "AET of RC if a skill call costs no time besides its motion"),
+    ("sm_ms_h0", "ms", "AET of SM in that case"),
+    ("cm_ms_h0", "ms", "AET of CM in that case"),
+    ("aeti_h0", "share of 1", "AETi in that case"),
+    ("rc_ms_uncalibrated", "ms", "AET of RC without any calibrated number"),
+    ("sm_ms_uncalibrated", "ms", "AET of SM in that case"),
+    ("cm_ms_uncalibrated", "ms", "AET of CM in that case"),
+    ("aeti_uncalibrated", "share of 1", "AETi in that case"),
+    ("refused", "", "why the case cannot be run"),
 ];
+
+/// Columns that mean something else in the table of a verb.
+const EXCEPTIONS: &[(&str, &str, &str, &str)] = &[
+    ("bench gate --run", "baseline", "1", "ratio in the baseline"),
+    ("bench gate --run", "now", "1", "ratio of this run"),
+    ("bench gate --run", "low", "1", "lower end of the 95 % interval of the ratio"),
+    ("bench gate --run", "high", "1", "upper end of this interval"),
+    ("bench calibrate", "name", "", "key of a number of the setup, or name of a figure"),
+    ("bench calibrate", "difference", "unit of the row", "the figure minus the paper's"),
+    ("bench calibrate", "error", "unit of the row", "standard error of the figure over the seeds"),
+    ("bench sensitivity", "value", "unit of the row", "the resulting value of the varied number"),
+    ("bench trajectory", "t_ms", "ms", "time of the robot cycle since the start edge"),
+];
+
+/// Returns the verbs that write figures for other programs, with the columns of their CSV.
+fn tables_of_verbs() -> [(&'static str, String); 8] {
+    [
+        ("bench compare", COMPARED_CSV_HEADER.to_owned()),
+        ("bench gate", gate::CSV_HEADER.to_owned()),
+        ("bench gate --run", gate::RATIO_CSV_HEADER.to_owned()),
+        ("bench buses", buses::CSV_HEADER.to_owned()),
+        ("bench sweep", sweep::CSV_HEADER.to_owned()),
+        ("bench sensitivity", sensitivity::csv_header()),
+        ("bench calibrate", calibrate::CSV_HEADER.to_owned()),
+        ("bench trajectory", trajectory::CSV_HEADER.to_owned()),
+    ]
+}
 
 /// Names the tables in the directory of the runs.
 const TABLES: &[(&str, &str)] = &[
@@ -113,15 +200,24 @@ fn every_column_of_every_table_of_a_run_is_explained_with_its_unit() {
         let finished = bench(place.path(), [&virtual_run[..], &files].concat());
         assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     }
+    let of_runs = TABLES.iter().map(|(title, file)| {
+        let text = fs::read_to_string(place.path().join(file)).unwrap();
+        ("", (*title).to_owned(), text.lines().next().unwrap().to_owned())
+    });
+    let of_verbs = tables_of_verbs()
+        .into_iter()
+        .map(|(verb, header)| (verb, format!("`{verb}`: `--export-csv`"), header));
     let mut page = HEAD.to_owned();
     let mut known: Vec<&str> = Vec::new();
-    for (title, file) in TABLES {
+    for (verb, title, header) in of_runs.chain(of_verbs) {
         write!(page, "\n## {title}\n\n| column | unit | meaning |\n|---|---|---|\n").unwrap();
-        let text = fs::read_to_string(place.path().join(file)).unwrap();
-        for column in text.lines().next().unwrap().split(',') {
-            let found = MEANINGS.iter().find(|(name, ..)| *name == column);
+        for column in header.split(',') {
+            let exception = EXCEPTIONS.iter().find(|(of, name, ..)| *of == verb && *name == column);
+            let exception = exception.map(|(_, name, unit, meaning)| (name, unit, meaning));
+            let usual = MEANINGS.iter().find(|(name, ..)| *name == column);
+            let found = exception.or(usual.map(|(name, unit, meaning)| (name, unit, meaning)));
             let (name, unit, meaning) =
-                found.unwrap_or_else(|| panic!("{file}: explain the column {column}"));
+                found.unwrap_or_else(|| panic!("{title}: explain the column {column}"));
             known.push(name);
             writeln!(page, "| `{name}` | {unit} | {meaning} |").unwrap();
         }

@@ -34,4 +34,5 @@ mod studies;
 mod study_engine;
 mod study_report;
 mod sweep;
+mod verb_exports;
 mod virtual_run;

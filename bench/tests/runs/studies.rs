@@ -157,14 +157,16 @@ fn interrupted(directory: &Path, arguments: &str, jobs: u32, signal: Signal) -> 
 #[test]
 fn an_interrupted_study_prints_what_it_measured_so_far_and_how_much_that_is() {
     let place = tempfile::tempdir().unwrap();
+    // A closed terminal sends the third one.
+    let hang_up = if cfg!(feature = "real") { Signal::HUP } else { Signal::INT };
     let cases = [
-        ("sweep --cycles 1 --reps 60", "points", " slot"),
-        ("sensitivity --reps 60", "cases", " as it is "),
-        ("calibrate --seeds 2 --reps 5", "numbers", "# robot.interpreter_quantum_us: "),
-        ("explore --types cm --kinds lose --out explored", "runs", "to go on"),
+        ("sweep --cycles 1 --reps 60", Signal::INT, "points", " slot"),
+        ("sensitivity --reps 60", hang_up, "cases", " as it is "),
+        ("calibrate --seeds 2 --reps 5", Signal::TERM, "numbers", "# robot.interpreter_quantum_us: "),
+        ("explore --types cm --kinds lose --out explored", hang_up, "runs", "to go on"),
     ];
-    for (arguments, things, figure) in cases {
-        let Finished { code, stdout, stderr } = interrupted(place.path(), arguments, 0, Signal::INT);
+    for (arguments, signal, things, figure) in cases {
+        let Finished { code, stdout, stderr } = interrupted(place.path(), arguments, 0, signal);
         assert_eq!(code, Some(130), "{arguments}: {stderr}");
         let line = stderr.lines().find(|line| line.starts_with("interrupted, ")).unwrap();
         let (done, all) = line.strip_prefix("interrupted, ").unwrap().split_once(" of ").unwrap();
@@ -203,6 +205,39 @@ fn an_interrupted_soak_prints_what_it_lived_through_so_far() {
     assert_eq!(code, Some(130), "{stderr}");
     assert!(stderr.contains("interrupted, ") && stderr.contains(" of 60000 lives\n"), "{stderr}");
     assert!(summary.contains(" hours of the plant in ") && summary.contains("0 altered."), "{summary}");
+}
+
+#[cfg(feature = "real")]
+#[test]
+fn a_closed_terminal_ends_a_measurement_in_order_and_its_part_can_be_read() {
+    let place = tempfile::tempdir().unwrap();
+    let arguments = "--mode virtual --reps 10000 --types rc,cm --out run --without race";
+    let Finished { code, stdout, stderr } = interrupted(place.path(), arguments, 3, Signal::HUP);
+    assert_eq!(code, Some(130), "{stderr}");
+    assert!(stdout.contains("Interrupted, ") && stdout.contains(" of 20000 "), "{stdout}");
+    let results: serde_json::Value = serde_json::from_str(&read(place.path(), "run/results.json")).unwrap();
+    assert_eq!(results["status"], "interrupted");
+    assert!(read(place.path(), "run/samples.csv").lines().count() > 3);
+    let report = study(place.path(), "report run");
+    assert_eq!(report.code, Some(0), "{}", report.stderr);
+}
+
+#[cfg(feature = "real")]
+#[test]
+fn a_file_beyond_the_limit_of_the_shell_is_refused_in_words_and_no_signal_ends_the_bench() {
+    let place = tempfile::tempdir().unwrap();
+    for arguments in ["--mode virtual --types rc --reps 300 --out run", "buses --reps 30 --out buses"] {
+        let script = format!("ulimit -f 12; exec \"$BENCH\" {arguments}");
+        let ended = Command::new("sh")
+            .args(["-c", &script])
+            .env("BENCH", env!("CARGO_BIN_EXE_bench"))
+            .current_dir(place.path())
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(1), "{arguments}: {stderr}");
+        assert!(stderr.contains("File too large"), "{arguments}: {stderr}");
+    }
 }
 
 #[cfg(feature = "real")]

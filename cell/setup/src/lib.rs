@@ -44,7 +44,9 @@ pub use model::{
 };
 pub use nearest::{meant_or_all, nearest};
 pub use peer::Peer;
-pub use plain_file::{MOST_FILE_BYTES, read_plain_file, read_plain_text, read_plain_text_within};
+pub use plain_file::{
+    MOST_FILE_BYTES, open_plain_file, read_plain_file, read_plain_text, read_plain_text_within,
+};
 pub use shared_zone::SharedZone;
 pub use sourced::{Provenance, Sourced};
 pub use supply::{LookAhead, MOST_QUEUE_MOTIONS, Refill, SplineBlock};

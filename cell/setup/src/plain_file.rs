@@ -13,20 +13,32 @@ pub const MOST_FILE_BYTES: u64 = 16 << 20;
 ///
 /// The system's error, or [`ErrorKind::InvalidInput`] for what is not a plain file or is too large.
 pub fn read_plain_file(path: &Path, most: u64) -> Result<Vec<u8>> {
-    let refused = |reason: String| Err(Error::new(ErrorKind::InvalidInput, reason));
+    let file = open_plain_file(path)?;
+    let len = file.metadata()?.len();
+    let mut bytes = Vec::new();
+    // Some files of the system say that they are empty, and are not.
+    file.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        let megabytes = len.max(bytes.len() as u64).div_ceil(1 << 20);
+        let reason = format!("it has {megabytes} MiB; such a file has {} MiB at most", most >> 20);
+        return Err(Error::new(ErrorKind::InvalidInput, reason));
+    }
+    Ok(bytes)
+}
+
+/// Opens a file that is read part by part, and more than once.
+///
+/// # Errors
+///
+/// The system's error, or [`ErrorKind::InvalidInput`] for what is not a plain file.
+pub fn open_plain_file(path: &Path) -> Result<fs::File> {
     let about = fs::metadata(path)?;
     // Opening a pipe or a device could wait for ever.
     if !about.is_file() && !about.is_dir() {
-        return refused("it is a pipe or a device; give the path of a file".to_owned());
+        let reason = "it is a pipe or a device; give the path of a file";
+        return Err(Error::new(ErrorKind::InvalidInput, reason));
     }
-    let mut bytes = Vec::new();
-    // Some files of the system say that they are empty, and are not.
-    fs::File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > most {
-        let megabytes = about.len().max(bytes.len() as u64).div_ceil(1 << 20);
-        return refused(format!("it has {megabytes} MiB; such a file has {} MiB at most", most >> 20));
-    }
-    Ok(bytes)
+    fs::File::open(path)
 }
 
 /// Reads a text file of at most [`MOST_FILE_BYTES`].

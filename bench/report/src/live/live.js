@@ -307,10 +307,7 @@ class Now {
     if (part.ended) {
       say(part.ended.text, part.ended.is_problem);
       if (part.ended.report) {
-        // A browser may not follow a link from here to a file, but it copies it.
-        const link = element("a", part.ended.report);
-        link.href = part.ended.report;
-        find("#state").append(" Report: ", link);
+        find("#state").append(" Open the report: ", element("code", part.ended.report));
       }
       document.body.classList.add("is-ended");
       source.close();

@@ -90,6 +90,15 @@ impl Reserved {
     }
 }
 
+/// Directory in which a run is saved.
+#[derive(Clone, Copy, Debug)]
+pub struct SavedRun<'a> {
+    /// The directory.
+    pub directory: &'a Path,
+    /// Presence of a report once the run has ended.
+    pub has_report: bool,
+}
+
 /// The served view.
 #[derive(Debug)]
 pub struct Live {
@@ -149,8 +158,8 @@ impl Live {
         self.end_with(Part::default());
     }
 
-    /// Tells the pages how the run ended, and stops serving. `saved` is the run directory.
-    pub fn end(self, results: Result<&Results, &anyhow::Error>, saved: &Path) {
+    /// Sends the pages how the run ended, and stops serving.
+    pub fn end(self, results: Result<&Results, &anyhow::Error>, saved: SavedRun<'_>) {
         let of_results = |results: &Results| Part {
             ended: Some(ended(results.status, results.saved_of_all(), saved)),
             ..parts::table(results)
@@ -159,7 +168,7 @@ impl Live {
     }
 
     /// Does the same with the results of a cell with several stations.
-    pub fn end_cell(self, results: Result<&CellResults, &anyhow::Error>, saved: &Path) {
+    pub fn end_cell(self, results: Result<&CellResults, &anyhow::Error>, saved: SavedRun<'_>) {
         let of_results = |results: &CellResults| Part {
             ended: Some(ended(results.status, results.saved_of_all(), saved)),
             ..parts::cell_table(results)
@@ -177,14 +186,11 @@ impl Live {
     }
 }
 
-/// Returns the address of the report in the directory of a run, for a link. It is written just after the end of the run. A browser may
-/// only let the user copy it, since this page comes from a server.
-fn report_address(saved: &Path) -> Option<String> {
+/// Returns the path of the report in the directory of a run. It is written just after the end of the run, when this page has no server any
+/// more; and a browser follows no link from a served page to a file.
+fn report_path(saved: &Path) -> Option<String> {
     let path = saved.canonicalize().ok()?.join(crate::pages::FILE);
-    let bytes = path.to_str()?.bytes();
-    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/-._~".contains(&byte);
-    let encoded = |byte: u8| if plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") };
-    Some(format!("file://{}", bytes.map(encoded).collect::<String>()))
+    Some(path.display().to_string())
 }
 
 /// Returns the last part of a run that an error ended.
@@ -193,14 +199,14 @@ fn broke_off(error: &anyhow::Error) -> Part {
     Part { ended: Some(ended), ..Part::default() }
 }
 
-fn ended(status: Status, (done, all): (usize, usize), saved: &Path) -> Ended {
-    let shown = saved.display();
+fn ended(status: Status, (done, all): (usize, usize), saved: SavedRun<'_>) -> Ended {
+    let shown = saved.directory.display();
     let (is_problem, text) = match status {
         Status::Complete | Status::Running => (false, format!("Done: {all} repetitions, saved in {shown}.")),
         Status::Failed => (true, format!("A repetition failed; {done} of {all} are saved in {shown}.")),
         Status::Interrupted => (true, format!("Interrupted, {done} of {all} repetitions saved in {shown}.")),
     };
-    Ended { is_problem, text, report: report_address(saved) }
+    Ended { is_problem, text, report: saved.has_report.then(|| report_path(saved.directory)).flatten() }
 }
 
 /// What the view's thread has.

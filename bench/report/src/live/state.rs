@@ -118,7 +118,7 @@ pub(super) struct Line {
 pub(super) struct Ended {
     pub(super) is_problem: bool,
     pub(super) text: String,
-    /// Address of the report; none without one.
+    /// Path of the report; none without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) report: Option<String>,
 }

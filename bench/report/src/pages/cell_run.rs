@@ -7,6 +7,7 @@ use planning::PlannedCell;
 use setup::Cell;
 
 use records::cell_results::CellResults;
+use records::run_directory;
 use records::schedule::repetitions;
 use records::trace::{CellTrace, Trace, tables};
 
@@ -32,7 +33,7 @@ impl CellFiles {
             .ok();
         let read = |file: &str, station: &str| {
             let path = directory.join(tables::of_station(file, Some(station)));
-            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
+            run_directory::read_text(&path)
         };
         let of_station = |station: &str| -> anyhow::Result<Trace> {
             Ok(Trace::from_csv(&read(tables::ROBOT_FILE, station)?, &read(tables::PLC_FILE, station)?)?)

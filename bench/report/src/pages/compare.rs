@@ -91,13 +91,10 @@ impl Comparison {
         compared::csv(&self.figures)
     }
 
-    /// Returns the figures of each type of each run as JSON.
-    ///
-    /// # Errors
-    ///
-    /// Never: the figures are numbers and texts.
-    pub fn json(&self) -> Result<String, serde_json::Error> {
-        serde_json::to_string_pretty(&self.figures).map(|json| json + "\n")
+    /// Returns the figures of each type of each run, for JSON.
+    #[must_use]
+    pub const fn figures(&self) -> &impl Serialize {
+        &self.figures
     }
 
     /// Returns the page as HTML.

@@ -33,8 +33,9 @@ pub(super) struct ComparedFigure {
     other_conditions: Option<String>,
 }
 
-const HEADER: &str = "run,name,type,repetitions,aet_ms,mad_ms,difference_ms,difference_low_ms,difference_high_ms,\
-    difference_percent,other_conditions\n";
+/// Columns of a comparison as CSV.
+pub const CSV_HEADER: &str = "run,name,type,repetitions,aet_ms,mad_ms,difference_ms,difference_low_ms,difference_high_ms,\
+    difference_percent,other_conditions";
 
 /// Returns the figures of each type of each run, in order; `other_conditions` has an entry for each run.
 pub(super) fn compared(runs: &[Run], other_conditions: &[Option<String>]) -> Vec<ComparedFigure> {
@@ -127,7 +128,7 @@ pub(super) fn csv(figures: &[ComparedFigure]) -> String {
         ];
         fields.join(",") + "\n"
     };
-    HEADER.to_owned() + &figures.iter().map(line).collect::<String>()
+    format!("{CSV_HEADER}\n{}", figures.iter().map(line).collect::<String>())
 }
 
 #[cfg(test)]

@@ -33,6 +33,7 @@ mod speed;
 use std::path::{Path, PathBuf};
 
 pub use compare::Comparison;
+pub use compared::CSV_HEADER as COMPARED_CSV_HEADER;
 
 use records::exit::Failure;
 use records::run_directory::{self, Durability, SavedResults, replace};

@@ -36,7 +36,7 @@ impl Run {
         let mut or_missing = |error: anyhow::Error| missing.push(format!("{error:#}"));
         let read = |name: &str| {
             let path = directory.join(name);
-            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
+            run_directory::read_text(&path)
         };
         let (setup, application) =
             match planning::setup_with_application(&directory.join("setup.toml").to_string_lossy()) {

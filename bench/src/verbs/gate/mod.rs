@@ -16,7 +16,8 @@ use plc_node::ExecutionType;
 use setup::Setup;
 
 pub use baseline::{BASELINES, Baseline, Expected, Refusal};
-pub use verdict::{Change, Verdict};
+pub use real::CSV_HEADER as RATIO_CSV_HEADER;
+pub use verdict::{CSV_HEADER, Change, Verdict};
 
 use crate::verbs::measure::cell::whole;
 use records::exit::{Exit, Failure};
@@ -25,7 +26,7 @@ use records::run_directory::{Durability, replace};
 use records::schedule::Schedule;
 use report::{out, outln};
 use stands::virtual_run;
-use studies::outputs::{self, Own};
+use studies::outputs::{self, FigureExports, Own};
 use studies::setup_option::SetupOption;
 
 /// Where the committed baselines lie, from the repository's root.
@@ -41,17 +42,14 @@ pub struct GateOptions {
     #[arg(long, value_name = "FILE")]
     pub baseline: Option<PathBuf>,
     /// Take this run's figures as the new baseline, and print what changes.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["json", "csv"])]
     pub update: bool,
     /// Compare the ratios of an existing real run, with that run's own setup.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["update", "setup"])]
     pub run: Option<PathBuf>,
-    /// Write each figure with its baseline to this file as well, as JSON.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["update", "run"])]
-    pub export_json: Option<PathBuf>,
-    /// Write each figure with its baseline to this file as well, as CSV.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["update", "run"])]
-    pub export_csv: Option<PathBuf>,
+    /// Files for other programs.
+    #[command(flatten)]
+    pub exports: FigureExports,
 }
 
 /// Runs the setup in virtual time and prints how it compares with its baseline.
@@ -60,23 +58,34 @@ pub struct GateOptions {
 ///
 /// The setup or the baseline cannot be used, the run fails, or a new baseline cannot be written.
 pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
-    let files = [("--export-json", &options.export_json), ("--export-csv", &options.export_csv)];
-    let read = [("the baseline", options.baseline.as_deref())];
-    outputs::check(&files.map(|(option, file)| (option, file.as_deref())), &read, Own::default())?;
     if let Some(directory) = &options.run {
         return real::run(options, directory);
     }
     if options.setup.of_several().is_some() {
         let (cell, found) = planning::cell_with_applications(options.setup.name())?;
         let application = cell.application.as_deref().unwrap_or_default();
+        check_exports(options, &cell.name, None)?;
         return compare(options, &cell.name, application, |schedule| {
             Ok(baseline::figures_of_cell(&whole(&cell, &found, schedule)?))
         });
     }
     let (setup, found) = options.setup.load()?;
+    check_exports(options, &setup.name, found.path.as_deref())?;
     compare(options, &setup.name, &found.application.name, |schedule| {
         Ok(baseline::figures(&virtual_results(&setup, &found.application, schedule)?))
     })
+}
+
+/// Rejects exports that replace the baseline, the setup with this name or its application, or that cannot be written.
+fn check_exports(options: &GateOptions, setup: &str, application: Option<&Path>) -> Result<(), Failure> {
+    let baseline = options.baseline.clone().unwrap_or_else(|| default_path(setup));
+    let read = [
+        ("the baseline", Some(baseline.as_path())),
+        ("the setup", options.setup.file()),
+        ("the application", application),
+    ];
+    outputs::check(&options.exports.files(), &read, Own::default())?;
+    Ok(options.exports.check_writable()?)
 }
 
 /// Compares the figures of a run with their baseline and prints the verdict, or makes them the new baseline.
@@ -115,13 +124,7 @@ fn compare(
         Origin::BuiltIn => "the one built in".to_owned(),
     };
     out!("{}", verdict.render(&baseline, &origin));
-    if let Some(path) = &options.export_json {
-        let json = verdict.json().context("cannot write the figures as JSON")?;
-        replace(path, &json, Durability::Written)?;
-    }
-    if let Some(path) = &options.export_csv {
-        replace(path, verdict.csv(), Durability::Written)?;
-    }
+    options.exports.write(&outputs::json(&verdict.rows())?, &verdict.csv())?;
     Ok(if verdict.is_pass() { Exit::Pass } else { Exit::TimingRegression })
 }
 

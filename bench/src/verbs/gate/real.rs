@@ -14,6 +14,7 @@ use records::results::Results;
 use records::run_directory;
 use report::out;
 use report::progress::label;
+use studies::outputs::{self, Own};
 
 /// How much higher than in virtual time a ratio may be. Host and wire may cost that much; a scan more a skill call is
 /// 0.2 % of SM, a lost blend 1 % of CM.
@@ -51,13 +52,56 @@ pub(super) fn run(options: &GateOptions, directory: &Path) -> Result<Exit, Failu
         return Err(usage(anyhow!("there is no baseline {} for setup {setup}", path.display())));
     };
     baseline.is_for(setup, application).map_err(|refusal| refusal.at(&path))?;
+    outputs::check(&options.exports.files(), &[("the baseline", Some(&path))], Own::default())?;
+    options.exports.check_writable()?;
     let compared = compare(&baseline, &results).map_err(usage)?;
     out!("{}", render(&results, &compared));
+    let rows: Vec<_> = compared.iter().map(Compared::row).collect();
+    options.exports.write(&outputs::json(&rows)?, &csv(&rows))?;
     let is_beyond = compared.iter().any(|compared| compared.verdict() == RatioVerdict::Beyond);
     Ok(if is_beyond { Exit::TimingRegression } else { Exit::Pass })
 }
 
+/// A ratio for other programs.
+#[derive(serde::Serialize)]
+struct RatioRow<'a> {
+    ratio: &'a str,
+    baseline: f64,
+    now: f64,
+    low: f64,
+    high: f64,
+    at_most: f64,
+    verdict: &'static str,
+}
+
+/// Columns of `--export-csv` with `--run`.
+pub const CSV_HEADER: &str = "ratio,baseline,now,low,high,at_most,verdict";
+
+/// Formats each ratio as a line of CSV.
+fn csv(rows: &[RatioRow<'_>]) -> String {
+    let line = |RatioRow { ratio, baseline, now, low, high, at_most, verdict }: &RatioRow<'_>| {
+        format!("{ratio},{baseline:.6},{now:.6},{low:.6},{high:.6},{at_most:.6},{verdict}\n")
+    };
+    format!("{CSV_HEADER}\n{}", rows.iter().map(line).collect::<String>())
+}
+
 impl Compared {
+    fn row(&self) -> RatioRow<'_> {
+        RatioRow {
+            ratio: &self.name,
+            baseline: self.expected,
+            now: self.found.ratio,
+            low: self.found.low,
+            high: self.found.high,
+            at_most: self.limit(),
+            verdict: match self.verdict() {
+                RatioVerdict::Within => "within",
+                RatioVerdict::Beyond => "beyond",
+                RatioVerdict::Inconclusive => "inconclusive",
+            },
+        }
+    }
+
     fn limit(&self) -> f64 {
         self.expected * (1.0 + TOLERANCE)
     }

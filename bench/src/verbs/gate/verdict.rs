@@ -5,6 +5,9 @@ use std::fmt::Write as _;
 use super::baseline::{self, Baseline, Expected};
 use records::results::Results;
 use records::schedule::repetitions;
+use report::export_text::quoted;
+use report::figures::signed_to;
+use studies::outputs::csv_number;
 
 /// How one figure compares.
 #[derive(Clone, PartialEq, Debug)]
@@ -36,7 +39,7 @@ impl Change {
         };
         let name =
             self.expected.as_ref().or(self.found.as_ref()).map_or(("", ""), |any| (&any.figure, &any.unit));
-        let difference = self.difference().map_or_else(|| "–".to_owned(), |by| format!("{by:+.3}"));
+        let difference = self.difference().map_or_else(|| "–".to_owned(), |by| signed_to(by, 3));
         let tolerance = self.expected.as_ref().map_or_else(String::new, |any| format!("± {}", any.tolerance));
         let verdict = if self.is_within() { "ok" } else { "CHANGED" };
         format!(
@@ -68,7 +71,7 @@ impl Change {
 
 /// A figure for other programs. Values, difference and tolerance are in the unit.
 #[derive(serde::Serialize)]
-struct GateRow<'a> {
+pub(super) struct GateRow<'a> {
     figure: &'a str,
     unit: &'a str,
     baseline: Option<f64>,
@@ -77,6 +80,9 @@ struct GateRow<'a> {
     tolerance: Option<f64>,
     is_within: bool,
 }
+
+/// Columns of `--export-csv`.
+pub const CSV_HEADER: &str = "figure,unit,baseline,now,difference,tolerance,is_within";
 
 /// How a run compares with its baseline.
 #[derive(Clone, PartialEq, Debug)]
@@ -111,7 +117,8 @@ impl Verdict {
         self.changes.iter().all(Change::is_within)
     }
 
-    fn rows(&self) -> Vec<GateRow<'_>> {
+    /// Returns each figure with its baseline.
+    pub(super) fn rows(&self) -> Vec<GateRow<'_>> {
         fn row(change: &Change) -> GateRow<'_> {
             let any = change.expected.as_ref().or(change.found.as_ref());
             GateRow {
@@ -127,27 +134,18 @@ impl Verdict {
         self.changes.iter().map(row).collect()
     }
 
-    /// Returns each figure with its baseline as JSON.
-    ///
-    /// # Errors
-    ///
-    /// Never: the figures are numbers and texts.
-    pub fn json(&self) -> Result<String, serde_json::Error> {
-        serde_json::to_string_pretty(&self.rows()).map(|json| json + "\n")
-    }
-
     /// Formats each figure with its baseline as a line of CSV.
     #[must_use]
     pub fn csv(&self) -> String {
-        let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.3}"));
         let line = |row: GateRow<'_>| {
             let GateRow { figure, unit, baseline, now, difference, tolerance, is_within } = row;
-            let [baseline, now, difference] = [baseline, now, difference].map(number);
+            let [baseline, now, difference] = [baseline, now, difference].map(|value| csv_number(value, 3));
             let tolerance = tolerance.map_or_else(String::new, |it| it.to_string());
-            format!("\"{figure}\",{unit},{baseline},{now},{difference},{tolerance},{is_within}\n")
+            let [figure, unit] = [figure, unit].map(quoted);
+            format!("{figure},{unit},{baseline},{now},{difference},{tolerance},{is_within}\n")
         };
         let lines: String = self.rows().into_iter().map(line).collect();
-        format!("figure,unit,baseline,now,difference,tolerance,is_within\n{lines}")
+        format!("{CSV_HEADER}\n{lines}")
     }
 
     /// Formats the comparison as the gate prints it.

@@ -23,7 +23,7 @@ use records::results::{Results, Status};
 use records::run_directory::{self, Durability, RunDirectory, replace};
 use records::schedule::Schedule;
 use records::trace::Trace;
-use report::live::{About, AboutArms, Live, Reserved};
+use report::live::{About, AboutArms, Live, Reserved, SavedRun};
 #[cfg(feature = "mcap")]
 use report::playback;
 use report::progress::Progress;
@@ -113,7 +113,8 @@ impl Measurement<'_> {
             Mode::Real => Err(super::no_real_mode()),
         };
         if let Some(live) = session.live.take() {
-            live.end(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), &path);
+            let saved = SavedRun { directory: &path, has_report: !self.options.leaves_out(RunPart::Report) };
+            live.end(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), saved);
         }
         let ended = match ran {
             Ok(ended) => ended,

@@ -167,10 +167,15 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
     rig::enter_user_namespace()?;
     let (setup, found) = options.setup.load()?;
     found.plan(&setup)?;
-    let kept = options.out.clone();
-    let directory = kept
-        .clone()
-        .unwrap_or_else(|| std::env::temp_dir().join(format!("bench-overhead-{}", std::process::id())));
+    let (directory, temporary) = match &options.out {
+        Some(kept) => (kept.clone(), None),
+        None => {
+            // Its name cannot be foreseen by other users, and only this one can read it.
+            let made = tempfile::Builder::new().prefix("bench-overhead-").tempdir();
+            let made = made.context("cannot make a directory for the recordings")?;
+            (made.path().to_owned(), Some(made))
+        }
+    };
     directory::make(&directory)?;
     let runtime = event_loop()?;
     let mut seen = Seen::default();
@@ -184,9 +189,8 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
     });
     // Printed even after an error: an hour of pairs must not be lost because of the last one.
     let costs = seen.print(options, &setup);
-    if kept.is_none() {
-        let removed = std::fs::remove_dir_all(&directory);
-        removed.with_context(|| format!("cannot remove {}", directory.display()))?;
+    if let Some(temporary) = temporary {
+        temporary.close().context("cannot remove the recordings")?;
     }
     if ended? {
         return Ok(interrupted(seen.pairs(), options.pairs as usize, "pairs"));

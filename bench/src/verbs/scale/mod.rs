@@ -38,7 +38,7 @@ use plant::{MOST_STATIONS, ScaledBus};
 
 pub use real::run_as_robots;
 
-/// Version of the format of `--json`.
+/// Version of the format of `--export-json`.
 const SCHEMA_VERSION: u32 = 1;
 
 /// Options of a measurement.
@@ -56,8 +56,8 @@ pub struct ScaleOptions {
     /// Seconds that each bus is measured with each number of stations; in virtual time seconds of the plant.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=3_600))]
     pub seconds: u32,
-    /// Write the figures as JSON into this file.
-    #[arg(long, value_name = "FILE")]
+    /// Write the figures to this file as well, as JSON.
+    #[arg(long = "export-json", alias = "json", value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// Write a page with the tables and a picture into this file.
     #[arg(long, value_name = "FILE")]
@@ -82,7 +82,7 @@ fn stations(text: &str) -> Result<u32, String> {
 
 /// Measures, prints the tables and writes the files.
 pub fn run(options: &ScaleOptions) -> Result<Exit, Failure> {
-    let asked = [("--json", options.json.as_deref()), ("--html", options.html.as_deref())];
+    let asked = [("--export-json", options.json.as_deref()), ("--html", options.html.as_deref())];
     outputs::check(&asked, &[], Own::default())?;
     let unusable = |error| Failure::new(Exit::EnvironmentUnusable, error);
     if options.mode == Mode::Real {

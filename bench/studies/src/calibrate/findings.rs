@@ -11,6 +11,7 @@ use super::parameter::Parameter;
 use records::distance::Estimate;
 use records::schedule::REPETITIONS;
 use records::statistics::error_of_mad;
+use report::figures::signed;
 
 /// A number, and the value that follows from the figures.
 #[derive(Clone, PartialEq, Debug)]
@@ -28,8 +29,8 @@ pub struct Found {
 /// The conditions of a calibration.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Conditions {
-    seeds: u32,
-    reps: u32,
+    pub(super) seeds: u32,
+    pub(super) reps: u32,
 }
 
 impl Conditions {
@@ -55,7 +56,7 @@ pub struct Calibration {
 
 impl Found {
     /// Returns the range in which the figures stay within their errors.
-    fn range(&self) -> (f64, f64) {
+    pub(super) fn range(&self) -> (f64, f64) {
         let Fit { value, known_to, .. } = self.fit;
         let (lowest, highest, _) = self.number.range();
         ((value - known_to).max(lowest), (value + known_to).min(highest))
@@ -111,7 +112,7 @@ impl Calibration {
             Parameter::StartQuantum => "RC's MAD",
             Parameter::Velocity => "RC's AET",
             Parameter::Overhead => "SM's AET",
-            Parameter::StartCycles => "CM's AET less RC's",
+            Parameter::StartCycles => "CM's AET minus RC's AET",
         };
         let assumed = match found.number {
             Parameter::Velocity => format!(" at the assumed acceleration, {}", self.beside_acceleration()),
@@ -158,21 +159,23 @@ impl Calibration {
             let difference = model.less(paper);
             let _ = writeln!(
                 text,
-                "# {:<8} {:>8.1} ± {:.1}   paper {:>6.1} ± {:.1}   {:>+6.1}   {:>+5.1}",
+                "# {:<8} {:>8.1} ± {:.1}   paper {:>6.1} ± {:.1}   {:>6}   {:>5}",
                 figure.name(),
                 model.ms,
                 model.error_ms,
                 paper.ms,
                 paper.error_ms,
-                difference.ms,
-                difference.ms / difference.error_ms,
+                signed(difference.ms),
+                signed(difference.ms / difference.error_ms),
             );
         }
         let Speed { by_velocity_ms, by_acceleration_ms, at_full_speed_ms } = self.speed;
         let _ = writeln!(
             text,
-            "# RC's AET changes by {by_velocity_ms:+.1} ms for 1 % more velocity_percent, by {by_acceleration_ms:+.1} ms for 1 % more\n\
+            "# RC's AET changes by {} ms for 1 % more velocity_percent, by {} ms for 1 % more\n\
              # acceleration_percent, which is {}; at 100 % of speed it is {at_full_speed_ms:.0} ms.",
+            signed(by_velocity_ms),
+            signed(by_acceleration_ms),
             self.setup.motions.acceleration_percent.from
         );
         text
@@ -195,14 +198,14 @@ impl Calibration {
 
     /// Returns the paper's figure. The error of its MAD is that of the model's MAD at the paper's number of repetitions,
     /// as in a run's report.
-    fn of_paper(&self, figure: Metric, model: Estimate) -> Estimate {
+    pub(super) fn of_paper(&self, figure: Metric, model: Estimate) -> Estimate {
         let paper = figure.of_paper(&self.paper);
         match figure {
             Metric::Mad(_) => {
                 let error = error_of_mad(model.ms, self.conditions.reps, REPETITIONS);
                 Estimate { error_ms: error.unwrap_or(paper.error_ms), ..paper }
             }
-            Metric::Aet(_) | Metric::CmLessRc => paper,
+            Metric::Aet(_) | Metric::CmMinusRc => paper,
         }
     }
 }

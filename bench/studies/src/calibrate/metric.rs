@@ -19,7 +19,7 @@ pub enum Metric {
     /// Mean absolute deviation of a type.
     Mad(ExecutionType),
     /// AET of CM less that of RC.
-    CmLessRc,
+    CmMinusRc,
 }
 
 impl Metric {
@@ -31,7 +31,7 @@ impl Metric {
         Self::Mad(ExecutionType::Rc),
         Self::Mad(ExecutionType::Sm),
         Self::Mad(ExecutionType::Cm),
-        Self::CmLessRc,
+        Self::CmMinusRc,
     ];
 
     /// Returns its name, such as `RC AET`.
@@ -40,7 +40,7 @@ impl Metric {
         match self {
             Self::Aet(execution_type) => format!("{} AET", execution_type.to_string().to_uppercase()),
             Self::Mad(execution_type) => format!("{} MAD", execution_type.to_string().to_uppercase()),
-            Self::CmLessRc => "CM − RC".to_owned(),
+            Self::CmMinusRc => "CM − RC".to_owned(),
         }
     }
 
@@ -61,7 +61,7 @@ impl Metric {
                 let ms = row(execution_type).mad_ms;
                 Estimate { ms, error_ms: error_of_mad(ms, REPETITIONS, REPETITIONS).unwrap_or(0.0) }
             }
-            Self::CmLessRc => {
+            Self::CmMinusRc => {
                 let [cm, rc] = [ExecutionType::Cm, ExecutionType::Rc]
                     .map(|execution_type| Self::Aet(execution_type).of_paper(paper));
                 cm.less(rc)
@@ -75,7 +75,7 @@ impl Metric {
             Self::Aet(ExecutionType::Rc) | Self::Mad(ExecutionType::Rc) => &[ExecutionType::Rc],
             Self::Aet(ExecutionType::Sm) | Self::Mad(ExecutionType::Sm) => &[ExecutionType::Sm],
             Self::Aet(ExecutionType::Cm) | Self::Mad(ExecutionType::Cm) => &[ExecutionType::Cm],
-            Self::CmLessRc => &[ExecutionType::Rc, ExecutionType::Cm],
+            Self::CmMinusRc => &[ExecutionType::Rc, ExecutionType::Cm],
         }
     }
 
@@ -132,7 +132,7 @@ impl Seeds<'_> {
                 match *figure {
                     Metric::Aet(execution_type) => measured(execution_type).map(|found| found.aet_ms),
                     Metric::Mad(execution_type) => measured(execution_type).map(|found| found.mad_ms),
-                    Metric::CmLessRc => measured(ExecutionType::Cm)
+                    Metric::CmMinusRc => measured(ExecutionType::Cm)
                         .zip(measured(ExecutionType::Rc))
                         .map(|(cm, rc)| cm.aet_ms - rc.aet_ms),
                 }

@@ -6,11 +6,13 @@
 //! fit        finds the value with which a figure is met, and how well it is known
 //! findings   the result in words and as lines of a setup
 //! write      writes these lines into a setup's file
+//! export     the result as JSON and CSV
 //! ```
 //!
 //! Each figure depends on one number more than on the others, so the numbers are found one after another. Only numbers
 //! that the setup marks as calibrated are changed; for the others the value that the figures suggest is printed.
 
+mod export;
 mod findings;
 mod fit;
 mod metric;
@@ -23,6 +25,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args;
 use setup::{Paper, Provenance, Setup};
 
+pub use export::CSV_HEADER;
 pub use findings::{Calibration, Found};
 pub use fit::Fit;
 pub use metric::{Metric, Seeds};
@@ -30,6 +33,7 @@ pub use parameter::Parameter;
 
 use crate::engine::listed::{ListedStudy, RowsOrigin};
 use crate::event_loop::{interrupted, watch_for_interrupt};
+use crate::outputs::{self, FigureExports, Own};
 use crate::setup_option::SetupOption;
 use findings::Conditions;
 use fit::Target;
@@ -74,6 +78,9 @@ pub struct CalibrateOptions {
     /// Write the numbers into the setup's file, with a note on how well each is known. The file's comments stay.
     #[arg(long)]
     pub write: bool,
+    /// Files for other programs.
+    #[command(flatten)]
+    pub exports: FigureExports,
 }
 
 /// Calibrates a setup and prints the numbers that were found, or writes them into its file.
@@ -101,6 +108,9 @@ pub fn run(options: &CalibrateOptions, commit: &str) -> Result<Exit, Failure> {
         );
         return Err(Failure::new(Exit::Usage, error));
     }
+    let read = [("the setup", options.setup.file()), ("the application", found.path.as_deref())];
+    outputs::check(&options.exports.files(), &read, Own { directory: options.out.as_deref(), files: &[] })?;
+    options.exports.check_writable()?;
     let is_interrupted = watch_for_interrupt()?;
     let mut study = ListedStudy::in_memory("seeds", true, &is_interrupted);
     if let Some(directory) = &options.out {
@@ -130,6 +140,8 @@ pub fn run(options: &CalibrateOptions, commit: &str) -> Result<Exit, Failure> {
         ended => ended?,
     };
     out!("{}", calibration.report());
+    let export = export::CalibrationExport::of(&calibration, &found.application.name, options.seed);
+    options.exports.write(&outputs::json(&export)?, &export.csv())?;
     if let Some(file) = file {
         write::into_file(file, &calibration)?;
         errln!("{} has the new numbers.", file.display());
@@ -217,7 +229,7 @@ impl<P: FnMut(Parameter, String)> Search<'_, P> {
         let cycle_ms = f64::from(self.setup.robot.cycle_us.value) / 1e3;
         let error_ms = match figure {
             Metric::Aet(_) => libm::hypot(error_ms, cycle_ms / 12.0_f64.sqrt()),
-            Metric::Mad(_) | Metric::CmLessRc => error_ms,
+            Metric::Mad(_) | Metric::CmMinusRc => error_ms,
         };
         Target { figure, wanted: Estimate { ms, error_ms } }
     }

@@ -82,7 +82,7 @@ impl Parameter {
             Self::StartQuantum => &[Metric::Mad(ExecutionType::Rc)],
             Self::Velocity => &[Metric::Aet(ExecutionType::Rc)],
             Self::Overhead => &[Metric::Aet(ExecutionType::Sm)],
-            Self::StartCycles => &[Metric::CmLessRc],
+            Self::StartCycles => &[Metric::CmMinusRc],
         }
     }
 

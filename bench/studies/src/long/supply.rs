@@ -1,7 +1,6 @@
 //! Motions for a run that is too long for a list in memory: a thread plans or reads them, a few thousand ahead of the
 //! PLC.
 
-use std::fs::File;
 use std::io::{BufRead as _, BufReader, BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -14,7 +13,7 @@ use anyhow::{Context, anyhow};
 use planning::{Application, MotionLines, ToStart};
 use plc_node::MotionSource;
 use protocol::image::{Digest, Motion, Sum};
-use setup::Setup;
+use setup::{Setup, open_plain_file};
 
 use records::replacement::{Durability, Replacement};
 
@@ -122,7 +121,8 @@ impl Origin {
                 }
             }
             Self::List(path) => {
-                let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+                let file =
+                    open_plain_file(path).with_context(|| format!("cannot read {}", path.display()))?;
                 let lines = MotionLines::new(BufReader::new(file), path.display().to_string());
                 for motion in lines.take(most) {
                     if take(motion?).is_break() {
@@ -137,7 +137,7 @@ impl Origin {
 
 /// Returns the line of a list, counted from 1, in which a motion stands, counted from 0; `None` if there is none.
 pub(super) fn line_of(path: &Path, motion: u32) -> Option<usize> {
-    let lines = BufReader::new(File::open(path).ok()?).lines();
+    let lines = BufReader::new(open_plain_file(path).ok()?).lines();
     let is_content = |line: &str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
     let content = lines.map_while(Result::ok).enumerate().filter(|(_, line)| is_content(line));
     // The first one names the columns.

@@ -22,7 +22,7 @@ use setup::Setup;
 
 use factor::Job;
 pub use factor::{Case, Factor};
-pub use table::{csv, render};
+pub use table::{csv, csv_header, render};
 
 use crate::engine::job::{JobRows, ListedJob};
 use crate::engine::listed::ListedStudy;

@@ -107,14 +107,17 @@ pub(super) fn percent(figures: &Figures) -> String {
     figures.aet_improvement.map_or_else(|| NONE.to_owned(), |share| format!("{:.1} %", share * 100.0))
 }
 
+/// Returns the columns of the rows as CSV.
+#[must_use]
+pub fn csv_header() -> String {
+    let figures = |variant| format!("rc_ms{variant},sm_ms{variant},cm_ms{variant},aeti{variant}");
+    format!("varied,times,value,unit,{},refused", ["", "_h0", "_uncalibrated"].map(figures).join(","))
+}
+
 /// Formats all rows, one per line.
 #[must_use]
 pub fn csv(study: &Sensitivity) -> String {
-    let mut text = String::from("varied,times,value,unit");
-    for variant in ["", "_h0", "_uncalibrated"] {
-        let _ = write!(text, ",rc_ms{variant},sm_ms{variant},cm_ms{variant},aeti{variant}");
-    }
-    text.push_str(",refused\n");
+    let mut text = csv_header() + "\n";
     for row in &study.rows {
         let factor = row.factor.map_or_else(|| "none".to_owned(), |factor| factor.to_string());
         let (value, unit) = row.value.split_once(' ').unwrap_or((&row.value, "motions"));

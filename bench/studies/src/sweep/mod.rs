@@ -26,7 +26,7 @@ use setup::Setup;
 pub use found::sentences;
 pub use grid::{Grid, Point, Predicted};
 pub use round_trip::RoundTrip;
-pub use table::{csv, render};
+pub use table::{CSV_HEADER, csv, render};
 
 use crate::engine::listed::ListedStudy;
 use crate::event_loop::watch_for_interrupt;

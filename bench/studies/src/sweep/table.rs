@@ -96,12 +96,14 @@ pub(crate) fn percent(share: f64) -> String {
     if percent.abs() < 1.0 { format!("{percent:.1} %") } else { format!("{percent:.0} %") }
 }
 
+/// Columns of the points as CSV.
+pub const CSV_HEADER: &str =
+    "queue_depth,bus_cycle_ms,length_mm,rc_ms,cm_ms,loss_percent,blends_suppressed,round_trip_ms,predicted";
+
 /// Formats all points, one per line.
 #[must_use]
 pub fn csv(sweep: &Sweep) -> String {
-    let mut text = String::from(
-        "queue_depth,bus_cycle_ms,length_mm,rc_ms,cm_ms,loss_percent,blends_suppressed,round_trip_ms,predicted\n",
-    );
+    let mut text = format!("{CSV_HEADER}\n");
     for point in &sweep.points {
         let Point {
             depth,

@@ -12,7 +12,6 @@ mod picture;
 mod points;
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -22,6 +21,7 @@ use planning::ToStart;
 use plc_node::{ExecutionType, MotionList};
 use protocol::image::{Motion, MotionKind};
 use records::exit::{Exit, Failure};
+use records::run_directory::{Durability, check_replaceable, replace};
 use records::schedule::Step;
 use records::trace::Recording;
 use report::{errln, outln};
@@ -170,6 +170,7 @@ pub fn run(options: &TrajectoryOptions) -> Result<Exit, Failure> {
     ];
     let read = [("the path", Some(options.file.as_path())), ("the setup", options.setup.file())];
     outputs::check(&asked, &read, Own::default())?;
+    asked.iter().filter_map(|(_, file)| *file).try_for_each(check_replaceable)?;
     let usage = |error| Failure::new(Exit::Usage, error);
     let (setup, _) = setup::setup_with_directory(options.setup.name())?;
     let setup = options.vary(setup);
@@ -219,12 +220,18 @@ pub fn run(options: &TrajectoryOptions) -> Result<Exit, Failure> {
 }
 
 fn write(file: &Path, text: &str) -> anyhow::Result<()> {
-    fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))
+    replace(file, text, Durability::Written)
 }
+
+/// Largest file of a path in bytes: some five million points, more than the recorded time has room for.
+const MOST_BYTES: u64 = 256 << 20;
+
+/// Columns of `--export-csv`.
+pub const CSV_HEADER: &str = "t_ms,x_mm,y_mm,z_mm,path_speed_mm_s,executed,accepted,blends_suppressed";
 
 /// Returns the robot's cycles on the path as CSV.
 fn rows(recording: &Recording) -> String {
-    let mut text = "at_ms,x,y,z,path_speed_mm_s,executed,accepted,blends_suppressed\n".to_owned();
+    let mut text = format!("{CSV_HEADER}\n");
     for tick in figures::on_path(recording.robot_ticks()) {
         let [x, y, z, ..] = tick.sample.pose;
         let sample = &tick.sample;
@@ -263,11 +270,14 @@ impl TrajectoryOptions {
 
     fn read(&self) -> anyhow::Result<PathPoints> {
         let file = &self.file;
-        let text = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         let extension = file.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let text = || {
+            setup::read_plain_text_within(file, MOST_BYTES)
+                .with_context(|| format!("cannot read {}", file.display()))
+        };
         let points = match extension.as_str() {
-            "csv" => PathPoints::from_csv(&text),
-            "ngc" | "nc" | "gcode" | "tap" => gcode::read(&text, self.spacing),
+            "csv" => PathPoints::from_csv(&text()?),
+            "ngc" | "nc" | "gcode" | "tap" => gcode::read(&text()?, self.spacing),
             _ => anyhow::bail!("{}: must end with .csv, .ngc, .nc, .gcode or .tap", file.display()),
         };
         let spaced = points.and_then(|points| match self.spacing {

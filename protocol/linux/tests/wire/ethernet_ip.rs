@@ -141,7 +141,8 @@ pub(crate) fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_
 {
     let network = TestNetwork::new();
     let robot = network.start(1, adapter);
-    let place = std::env::temp_dir().join(format!("skillbench-dscp-{}.pcapng", std::process::id()));
+    let directory = tempfile::tempdir().unwrap();
+    let place = directory.path().join("dscp.pcapng");
     let start = || Recorder::start(&Interface::open("left0").unwrap(), &place, "", Retention::All).unwrap();
     let recorder = network.ends[0].0.run(start).unwrap();
     exchange(&network, false);
@@ -150,7 +151,6 @@ pub(crate) fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_
     recorder.stop().unwrap();
     robot.stop();
     let capture = File::open(&place).unwrap();
-    std::fs::remove_file(&place).unwrap();
 
     let packets = packets(capture);
     let of_kind = |packets: &[Packet], kind| {

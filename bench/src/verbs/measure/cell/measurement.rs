@@ -22,7 +22,7 @@ use records::results::Status;
 use records::run_directory::{self, Durability};
 use records::schedule::Schedule;
 use records::trace::CellTrace;
-use report::live::{About, AboutArms, Live, Reserved};
+use report::live::{About, AboutArms, Live, Reserved, SavedRun};
 use report::progress::Progress;
 use report::{cell_files, errln};
 use stands::cell_stand::{CellConfig, CellFinished, CellStand};
@@ -81,7 +81,8 @@ impl CellMeasurement<'_> {
             Mode::Real => Err(super::super::no_real_mode()),
         };
         if let Some(live) = session.live.take() {
-            live.end_cell(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), &path);
+            let saved = SavedRun { directory: &path, has_report: !self.options.leaves_out(RunPart::Report) };
+            live.end_cell(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), saved);
         }
         let mut ended = match ran {
             Ok(ended) => ended,
