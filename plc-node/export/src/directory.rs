@@ -5,6 +5,7 @@ use std::{fs, io};
 
 use crate::br::br;
 use crate::codesys::codesys;
+use crate::parts::Parts;
 use crate::siemens::siemens;
 use crate::{Application, FILE, Maker, Refused, VECTORS, VectorsError, structured_text, vectors};
 
@@ -47,7 +48,10 @@ pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>,
     let text = structured_text(application)?;
     let vectors = ExportFile { path: VECTORS.into(), text: vectors(&text, application)? };
     let mut files = match maker {
-        Maker::St => vec![ExportFile { path: FILE.into(), text }],
+        Maker::St => {
+            Parts::split(&text, "Structured Text", &[])?;
+            vec![ExportFile { path: FILE.into(), text }]
+        }
         Maker::Siemens => siemens(application, &text)?,
         Maker::Codesys => codesys(application, &text)?,
         Maker::Br => br(application, &text)?,

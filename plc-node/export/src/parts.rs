@@ -67,11 +67,7 @@ impl<'a> Parts<'a> {
         while let Some(part) = found.next_part(&mut rest).map_err(&fault)? {
             found.parts.push(part);
         }
-        for name in found.names() {
-            if words.iter().any(|word| word.eq_ignore_ascii_case(name)) {
-                return Err(Refused::Word { name: name.into(), maker });
-            }
-        }
+        crate::names::check(&found, maker, words)?;
         Ok(found)
     }
 
@@ -118,22 +114,6 @@ impl<'a> Parts<'a> {
         Ok(Some(CodePart::Unit(unit)))
     }
 
-    /// Returns all names that the code declares.
-    fn names(&self) -> impl Iterator<Item = &'a str> {
-        self.parts.iter().flat_map(|part| match part {
-            CodePart::Type { name, body, .. } => {
-                let mut names = declared(body);
-                names.push(name);
-                names
-            }
-            CodePart::Unit(unit) => {
-                let mut names = unit.variables();
-                names.push(unit.name);
-                names
-            }
-        })
-    }
-
     /// Returns whether a type's name stands for an array.
     pub(crate) fn is_array(&self, name: &str) -> bool {
         self.arrays.contains_key(name)
@@ -163,6 +143,16 @@ impl<'a> Parts<'a> {
                 }
                 _ => text.push_str(piece.text),
             }
+        }
+    }
+}
+
+impl<'a> CodePart<'a> {
+    /// Returns its name, and the names of its members or variables.
+    pub(crate) fn declared_names(&self) -> (&'a str, Vec<&'a str>) {
+        match self {
+            Self::Type { name, body, .. } => (name, declared(body)),
+            Self::Unit(unit) => (unit.name, unit.variables()),
         }
     }
 }
