@@ -5,7 +5,6 @@ use std::{fs, io};
 
 use crate::br::br;
 use crate::codesys::codesys;
-use crate::parts::Parts;
 use crate::siemens::siemens;
 use crate::{Application, FILE, Maker, Refused, VECTORS, VectorsError, structured_text, vectors};
 
@@ -49,7 +48,7 @@ pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>,
     let vectors = ExportFile { path: VECTORS.into(), text: vectors(&text, application)? };
     let mut files = match maker {
         Maker::St => {
-            Parts::split(&text, "Structured Text", &[])?;
+            crate::names::checked_parts(&text, "Structured Text", &[])?;
             vec![ExportFile { path: FILE.into(), text }]
         }
         Maker::Siemens => siemens(application, &text)?,

@@ -12,11 +12,25 @@ const STANDARD: &str = "ABS ACOS ADD ADD_TIME ASIN ATAN ATAN2 CHAR CLASS CONCAT 
     REF_TO REPLACE RIGHT ROL ROR RS RTC R_TRIG SEL SEMA SHL SHR SIN SQRT SR STRING SUB TAN THIS TIME TOD TOF TON TP TRUNC ULINT USING \
     WSTRING XOR";
 
+/// Splits a maker's code and checks its names.
+///
+/// # Errors
+/// It is not in the form of the templates, or has a name that the maker's compiler would not take.
+pub(crate) fn checked_parts<'a>(
+    text: &'a str,
+    maker: &'static str,
+    words: &[&str],
+) -> Result<Parts<'a>, Refused> {
+    let parts = Parts::split(text, maker)?;
+    check(&parts, maker, words)?;
+    Ok(parts)
+}
+
 /// Checks the names of a maker's code.
 ///
 /// # Errors
 /// The first name that is a word, or that stands for two things.
-pub(crate) fn check(parts: &Parts<'_>, maker: &'static str, words: &[&str]) -> Result<(), Refused> {
+fn check(parts: &Parts<'_>, maker: &'static str, words: &[&str]) -> Result<(), Refused> {
     let is_word = |name: &str| {
         words
             .iter()

@@ -53,8 +53,8 @@ impl<'a> Parts<'a> {
     /// Splits the code.
     ///
     /// # Errors
-    /// It is not in the form of the templates, or a name is a word of the maker's language.
-    pub(crate) fn split(text: &'a str, maker: &'static str, words: &[&str]) -> Result<Self, Refused> {
+    /// It is not in the form of the templates.
+    pub(crate) fn split(text: &'a str, maker: &'static str) -> Result<Self, Refused> {
         let fault = |text: String| Refused::Rewrite { maker, text };
         let all = pieces(text).map_err(|mistake| fault(mistake.to_string()))?;
         let mut found = Self {
@@ -67,7 +67,6 @@ impl<'a> Parts<'a> {
         while let Some(part) = found.next_part(&mut rest).map_err(&fault)? {
             found.parts.push(part);
         }
-        crate::names::check(&found, maker, words)?;
         Ok(found)
     }
 

@@ -41,7 +41,7 @@ pub(super) mod test {
     pub(crate) const WORD: i64 = 13;
     /// Four bytes in the order of the bus.
     pub(crate) const DOUBLE_WORD: i64 = 14;
-    /// What is not a number is found.
+    /// Infinities and NaN are found.
     pub(crate) const FINITE: i64 = 15;
     /// A stopwatch that was just started has not passed its limit.
     pub(crate) const CLOCK_STARTS: i64 = 16;
