@@ -136,7 +136,7 @@ fn io_controller(
 }
 
 fn io_device(bus: &Bus, addresses: &Addresses, profinet: &Profinet) -> ArConfig {
-    let description = profinet.device.as_ref().map_or(PROFINET_ROBOT, described);
+    let description = expected_device(profinet);
     // Devices may refuse a record for a subslot that they do not have.
     let has_interface = description.submodule(0, INTERFACE_SUBSLOT).is_some();
     ArConfig {
@@ -153,6 +153,12 @@ fn io_device(bus: &Bus, addresses: &Addresses, profinet: &Profinet) -> ArConfig 
         // More than fits is more than PROFINET allows, and the controller says so.
         watchdog_cycles: u16::try_from(bus.watchdog_cycles.value).unwrap_or(u16::MAX),
     }
+}
+
+/// Returns the device that a setup expects at its robot's station name.
+#[must_use]
+pub fn expected_device(profinet: &Profinet) -> Description {
+    profinet.device.as_ref().map_or(PROFINET_ROBOT, described)
 }
 
 /// Returns the description of a setup's device, for a controller that expects it.

@@ -58,7 +58,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     match cli.command {
         Subcommand::Plan(plan) => node::exit_code(plan.execute(), |_| false),
         Subcommand::Describe(file) => node::exit_code(file.execute(), node::device_options::is_usage),
-        Subcommand::Export(export) => node::exit_code(export.execute(), |_| false),
+        Subcommand::Export(export) => node::exit_code(export.execute(), crate::export_command::is_usage),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Subcommand::Io(io) => node::exit_code(io.execute(), is_usage_of_io),
         #[cfg(all(feature = "real", target_os = "linux"))]

@@ -2,12 +2,15 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use node::Outcome;
+use node::device_options::{self, read_device_file};
 use node::errln;
 use plc_export::{Application, Maker, br};
 use setup::{BusKind, Refill};
 
 use crate::PlcConfig;
+use crate::robot_file::{UnfitRobotFile, ways_to_plug};
 
 /// A maker's language.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
@@ -42,6 +45,11 @@ enum Check {
     Off,
 }
 
+/// Returns true for an error that another robot's file corrects.
+pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
+    error.is::<UnfitRobotFile>() || device_options::is_usage(error)
+}
+
 /// What to export.
 #[derive(clap::Args, Debug)]
 pub(crate) struct ExportCommand {
@@ -54,6 +62,9 @@ pub(crate) struct ExportCommand {
     /// The application, instead of that of the setup.
     #[arg(long, value_name = "NAME|FILE")]
     application: Option<String>,
+    /// The robot's device file, a GSDML or an EDS: refuses one that does not carry the image, and prints the modules to plug.
+    #[arg(long, value_name = "FILE")]
+    device: Option<PathBuf>,
     /// The directory for the files, new or empty.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -78,6 +89,13 @@ impl ExportCommand {
         }
         let plan = application.plan(&setup)?;
         application.reach(&plan, &setup)?;
+        let ways = match &self.device {
+            Some(path) => {
+                let file = read_device_file(path)?;
+                ways_to_plug(&file, &setup.bus.kind).with_context(|| path.display().to_string())?
+            }
+            None => Vec::new(),
+        };
         let memory = self.memory.map_or(maker.memory_kib(), |memory| memory as usize);
         let exported = Application {
             big_endian: matches!(setup.bus.kind, BusKind::Profinet(..)),
@@ -87,6 +105,10 @@ impl ExportCommand {
         plc_export::export(&exported, maker, &self.out)?;
         let (count, out) = (exported.motions.len(), self.out.display());
         errln!("{count} motions in {out}; compare your PLC with {}", plc_export::VECTORS);
+        if !ways.is_empty() {
+            errln!("Plug for the robot, in one of these ways:");
+            ways.iter().for_each(|way| errln!("  {way}"));
+        }
         if maker == Maker::Br {
             errln!("Add these lines to the configuration's Cpu.sw:\n{}", br::CPU_SW);
         }

@@ -33,7 +33,7 @@ pub enum OriginKind {
 
 /// A PLC or a robot, as far as it is known.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 pub struct MeasuredPeer {
     /// Address of its cyclic frames.
     pub address: Option<String>,

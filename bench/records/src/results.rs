@@ -129,7 +129,7 @@ pub enum Status {
 
 /// One value per execution type.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(any(test, feature = "schema"), derive(schemars::JsonSchema))]
 pub struct PerType<T> {
     /// Programmed in the robot controller.
     #[serde(skip_serializing_if = "Option::is_none")]

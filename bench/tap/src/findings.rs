@@ -18,9 +18,15 @@ use crate::station::WatchedRobot;
 use crate::traffic::{PacketCounts, Traffic};
 use crate::unmeasurable::Unmeasurable;
 
+/// Version of the format of [`Findings`] as JSON.
+pub const FINDINGS_VERSION: u32 = 1;
+
 /// All that a capture shows of a PLC and a robot. Times are by the clock of the capture.
 #[derive(Clone, PartialEq, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Findings {
+    /// Version of this format.
+    pub schema_version: u32,
     /// The bus that carries the cyclic frames.
     pub bus: String,
     /// The PLC.
@@ -53,6 +59,7 @@ pub struct Findings {
 
 /// Frames of one direction.
 #[derive(Clone, PartialEq, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct DirectionFindings {
     /// Frames, each once.
     pub frames: u64,
@@ -74,6 +81,7 @@ pub struct DirectionFindings {
 
 /// Results of one type.
 #[derive(Clone, PartialEq, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct TypeFindings {
     /// Mean of the execution times, in ms; null without repetitions.
     pub aet_ms: Option<f64>,
@@ -97,6 +105,7 @@ pub struct TypeFindings {
 
 /// A repetition.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct RepetitionFindings {
     /// Time from the first packet to its command, in ms.
     pub begin_ms: f64,
@@ -112,6 +121,7 @@ pub struct RepetitionFindings {
 
 /// Reaction times in ms, over all skills of the type.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Reaction {
     /// Median.
     pub median_ms: f64,
@@ -165,6 +175,7 @@ pub(crate) fn of_station(
         *results.entry(execution_type) = of_type(&station.repetitions, execution_type);
     }
     let findings = Findings {
+        schema_version: FINDINGS_VERSION,
         bus: station.bus.to_string(),
         plc: peer(traffic, ImageDirection::Command, plc),
         robot: peer(traffic, ImageDirection::Feedback, station.robot),
@@ -192,11 +203,12 @@ pub(crate) fn of_station(
 fn peer(traffic: &Traffic, direction: ImageDirection, address: EndAddress) -> MeasuredPeer {
     let traits = traffic.relations.traits_of(direction, address);
     let mac = traffic.macs.get(&address).copied().or(traits.mac);
+    let seen = traffic.seen.traits_of(address, mac);
     MeasuredPeer {
         address: Some(address.to_string()),
         mac: mac.map(|mac| mac.to_string()),
-        name: traits.name.filter(|name| !name.is_empty()),
-        identity: traits.identity,
+        name: traits.name.filter(|name| !name.is_empty()).or(seen.name),
+        identity: seen.identity.or(traits.identity),
     }
 }
 
@@ -321,4 +333,23 @@ fn remarks(traffic: &Traffic, station: &WatchedRobot, connections: usize) -> Vec
     let unknown = traffic.flows.values().filter(|flow| flow.is_unknown()).count();
     add(unknown > 0, format!("{} without the process image", counted(unknown, "cyclic connection")));
     remarks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `INSTA_UPDATE=always` writes it again, as for snapshots.
+    #[test]
+    fn the_committed_schema_matches_the_findings() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../schemas/findings.schema.json");
+        let schema = serde_json::to_string_pretty(&schemars::schema_for!(Findings)).unwrap() + "\n";
+        if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
+            std::fs::write(path, &schema).unwrap();
+        }
+        assert!(
+            std::fs::read_to_string(path).unwrap_or_default() == schema,
+            "the findings changed: count FINDINGS_VERSION up where a reader breaks, then INSTA_UPDATE=always cargo test -p tap"
+        );
+    }
 }

@@ -7,6 +7,7 @@
 //! packet       a frame down to UDP, TCP or PROFINET
 //! relation     what Connect and Forward_Open say of cyclic frames: direction, place of the image, cycle
 //! cyclic       the cyclic frames of PROFINET and EtherNet/IP
+//! seen         stations by name and identity: DCP, LLDP, ARP, ListIdentity, records, the endpoint mapper
 //! content      direction and place of the image, from the bytes alone
 //! flow         the frames of one connection in one direction: doubled, missing; pace: their intervals and lateness
 //! skill        the skills of one PLC and one robot
@@ -29,6 +30,7 @@ mod packet;
 mod pattern;
 mod relation;
 mod repetition;
+mod seen;
 mod skill;
 mod station;
 mod traffic;
@@ -36,6 +38,8 @@ mod unmeasurable;
 
 pub use address::{CyclicBus, EndAddress};
 pub use expected::ExpectedRun;
-pub use findings::{DirectionFindings, Findings, Reaction, RepetitionFindings, TypeFindings};
+pub use findings::{
+    DirectionFindings, FINDINGS_VERSION, Findings, Reaction, RepetitionFindings, TypeFindings,
+};
 pub use observer::{CaptureObserver, TapConfig};
 pub use unmeasurable::Unmeasurable;

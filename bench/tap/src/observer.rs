@@ -64,6 +64,7 @@ impl CaptureObserver {
         // Captures of two interfaces that were joined may go back by some µs. Time never does.
         self.last_ns = self.last_ns.max(u64::try_from(nanos - *base).unwrap_or_default());
         let Ok(packet) = EthernetPacket::parse(frame) else { return };
+        self.traffic.seen.read(&packet);
         if self.traffic.relations.read(&packet) {
             self.traffic.agree();
         }

@@ -41,6 +41,10 @@ pub(crate) enum Payload<'a> {
     Udp { from: SocketAddrV4, to: SocketAddrV4, data: &'a [u8] },
     /// A piece of a stream.
     Tcp { from: SocketAddrV4, to: SocketAddrV4, data: &'a [u8] },
+    /// The names of a neighbour, LLDP.
+    Lldp(&'a [u8]),
+    /// Addresses of a station, ARP.
+    Arp(&'a [u8]),
     /// Anything else, fragments of datagrams included.
     Other,
 }
@@ -59,6 +63,8 @@ impl<'a> EthernetPacket<'a> {
         }
         let payload = match ether_type {
             ETHER_TYPE_PROFINET => Payload::Profinet(reader.rest()),
+            profinet::lldp::ETHER_TYPE => Payload::Lldp(reader.rest()),
+            machine::arp::ETHER_TYPE => Payload::Arp(reader.rest()),
             ETHER_TYPE_IPV4 => parse_ipv4(reader.rest())?,
             _ => Payload::Other,
         };

@@ -8,6 +8,7 @@ use crate::address::EndAddress;
 use crate::cyclic::FlowKey;
 use crate::flow::Flow;
 use crate::relation::Relations;
+use crate::seen::SeenStations;
 
 /// Packets of a capture, by what became of them.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
@@ -26,6 +27,8 @@ pub(crate) struct PacketCounts {
 #[derive(Default, Debug)]
 pub(crate) struct Traffic {
     pub(crate) relations: Relations,
+    /// Stations by what they and others say of them.
+    pub(crate) seen: SeenStations,
     pub(crate) flows: BTreeMap<FlowKey, Flow>,
     /// Interfaces of the senders of cyclic frames.
     pub(crate) macs: BTreeMap<EndAddress, Mac>,

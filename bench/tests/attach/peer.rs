@@ -52,6 +52,11 @@ pub(crate) fn the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus() {
         let (code, steps) = wire.doctor(0, "robot", setup);
         assert_eq!(code, Some(0), "{setup}: {steps:#?}");
         assert!(found(&steps, "state").1.starts_with("Halted"), "{steps:#?}");
+        if setup == "A" {
+            let (verdict, modules) = found(&steps, "plugged modules");
+            assert!(verdict == "good" && modules.contains("slot 1 0x00000100"), "{modules}");
+            assert!(found(&steps, "version").1.contains("firmware V"), "{steps:#?}");
+        }
         let said = robot.end();
         assert!(!said.iter().any(|line| line.contains("command ")), "nothing was commanded: {said:#?}");
     }

@@ -89,6 +89,26 @@ pub enum Refused {
         /// The maker.
         maker: &'static str,
     },
+    /// Two names that a maker's compiler takes for one.
+    #[error("`{name}` and `{other}` are one name in {maker}'s language; rename one in the code's templates")]
+    SameName {
+        /// The name.
+        name: String,
+        /// The name before it.
+        other: String,
+        /// The maker.
+        maker: &'static str,
+    },
+    /// A name with more characters than a maker's target takes.
+    #[error("`{name}`: {maker} takes at most {most} characters; shorten it in the code's templates")]
+    LongName {
+        /// The name.
+        name: String,
+        /// Most characters.
+        most: usize,
+        /// The maker.
+        maker: &'static str,
+    },
     /// The text could not be rewritten.
     #[error("the code cannot be rewritten for {maker}: {text}")]
     Rewrite {

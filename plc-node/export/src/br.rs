@@ -2,6 +2,7 @@
 
 use ::structured_text::pieces;
 
+use crate::names::check_length;
 use crate::parts::{CodePart, Parts, Unit, joined};
 use crate::{Application, ExportFile, Refused};
 
@@ -149,7 +150,8 @@ pub(crate) fn br(application: &Application, text: &str) -> Result<Vec<ExportFile
 /// It is not in the form of the templates, or a name is a word of Automation Studio.
 pub fn library(text: &str) -> Result<Vec<ExportFile>, Refused> {
     let text = with_short_names(text)?;
-    let parts = Parts::split(&text, MAKER, &WORDS)?;
+    let parts = crate::names::checked_parts(&text, MAKER, &WORDS)?;
+    check_length(&parts, MAKER, LONGEST_NAME)?;
     let (mut types, mut declarations, mut bodies) =
         (String::from(HEAD), String::from(HEAD), String::from(HEAD));
     for part in &parts.parts {

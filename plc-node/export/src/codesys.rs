@@ -93,7 +93,7 @@ pub fn xml_of(text: &str) -> Result<String, Refused> {
 }
 
 fn document(text: &str, adapter: &str, has_io: bool) -> Result<String, Refused> {
-    let parts = Parts::split(text, MAKER, &WORDS)?;
+    let parts = crate::names::checked_parts(text, MAKER, &WORDS)?;
     let (mut types, mut blocks) = (String::new(), String::new());
     for part in &parts.parts {
         match part {

@@ -47,7 +47,10 @@ pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>,
     let text = structured_text(application)?;
     let vectors = ExportFile { path: VECTORS.into(), text: vectors(&text, application)? };
     let mut files = match maker {
-        Maker::St => vec![ExportFile { path: FILE.into(), text }],
+        Maker::St => {
+            crate::names::checked_parts(&text, "Structured Text", &[])?;
+            vec![ExportFile { path: FILE.into(), text }]
+        }
         Maker::Siemens => siemens(application, &text)?,
         Maker::Codesys => codesys(application, &text)?,
         Maker::Br => br(application, &text)?,

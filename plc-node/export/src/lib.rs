@@ -8,6 +8,7 @@
 //! vectors         what the code gets and answers in each scan, for other compilers
 //! structured_text the code with an application's numbers, as one file
 //! parts           the same in its parts, for those that rewrite it
+//! names           what must hold of the names in them
 //! siemens, codesys, br  the dialects of makers, each with an adapter
 //! maker           who they are, and how much their PLCs hold
 //! ```
@@ -19,6 +20,7 @@ pub mod br;
 pub mod codesys;
 mod directory;
 mod maker;
+mod names;
 mod parts;
 pub mod siemens;
 mod structured_text;

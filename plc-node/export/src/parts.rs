@@ -53,8 +53,8 @@ impl<'a> Parts<'a> {
     /// Splits the code.
     ///
     /// # Errors
-    /// It is not in the form of the templates, or a name is a word of the maker's language.
-    pub(crate) fn split(text: &'a str, maker: &'static str, words: &[&str]) -> Result<Self, Refused> {
+    /// It is not in the form of the templates.
+    pub(crate) fn split(text: &'a str, maker: &'static str) -> Result<Self, Refused> {
         let fault = |text: String| Refused::Rewrite { maker, text };
         let all = pieces(text).map_err(|mistake| fault(mistake.to_string()))?;
         let mut found = Self {
@@ -66,11 +66,6 @@ impl<'a> Parts<'a> {
         let mut rest = all.as_slice();
         while let Some(part) = found.next_part(&mut rest).map_err(&fault)? {
             found.parts.push(part);
-        }
-        for name in found.names() {
-            if words.iter().any(|word| word.eq_ignore_ascii_case(name)) {
-                return Err(Refused::Word { name: name.into(), maker });
-            }
         }
         Ok(found)
     }
@@ -118,22 +113,6 @@ impl<'a> Parts<'a> {
         Ok(Some(CodePart::Unit(unit)))
     }
 
-    /// Returns all names that the code declares.
-    fn names(&self) -> impl Iterator<Item = &'a str> {
-        self.parts.iter().flat_map(|part| match part {
-            CodePart::Type { name, body, .. } => {
-                let mut names = declared(body);
-                names.push(name);
-                names
-            }
-            CodePart::Unit(unit) => {
-                let mut names = unit.variables();
-                names.push(unit.name);
-                names
-            }
-        })
-    }
-
     /// Returns whether a type's name stands for an array.
     pub(crate) fn is_array(&self, name: &str) -> bool {
         self.arrays.contains_key(name)
@@ -163,6 +142,16 @@ impl<'a> Parts<'a> {
                 }
                 _ => text.push_str(piece.text),
             }
+        }
+    }
+}
+
+impl<'a> CodePart<'a> {
+    /// Returns its name, and the names of its members or variables.
+    pub(crate) fn declared_names(&self) -> (&'a str, Vec<&'a str>) {
+        match self {
+            Self::Type { name, body, .. } => (name, declared(body)),
+            Self::Unit(unit) => (unit.name, unit.variables()),
         }
     }
 }

@@ -69,7 +69,7 @@ pub(crate) fn siemens(application: &Application, text: &str) -> Result<Vec<Expor
 /// # Errors
 /// It is not in the form of the templates, or a name is a word of SCL.
 pub fn rewritten(text: &str) -> Result<Vec<ExportFile>, Refused> {
-    let parts = Parts::split(text, MAKER, &WORDS)?;
+    let parts = crate::names::checked_parts(text, MAKER, &WORDS)?;
     let (mut files, mut scl) = (Vec::new(), String::from(HEAD));
     for part in &parts.parts {
         match part {

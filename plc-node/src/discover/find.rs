@@ -1,10 +1,13 @@
 //! The devices on one bus, for whoever looks for one of them.
 
+use std::net::Ipv4Addr;
+
 use anyhow::bail;
 use ethercat_maindevice::Found;
 use ethernet_ip::FoundDevice;
 use machine::Duration;
-use profinet::FoundStation;
+use profinet::description::Identity;
+use profinet::{FoundStation, RecordPlace, RecordReadError, RecordReader, RecordReaderConfig, Uuid};
 use protocol::search::Search;
 use protocol_linux::{Interface, clock};
 use setup::BusKind;
@@ -60,4 +63,24 @@ pub(crate) fn find_adapters(interface: &Interface, length: Duration) -> anyhow::
     let (search, _) = searched(search, interface, UntilEnd)?;
     let devices = search.ethernet_ip().map(|search| search.answers().devices().to_vec());
     Ok(devices.unwrap_or_default())
+}
+
+/// Reads records of a PROFINET device without a connection.
+///
+/// # Errors
+///
+/// Nothing can be sent on the interface. A record that the device does not give is an error in its place.
+pub fn read_records(
+    interface: &Interface,
+    address: Ipv4Addr,
+    identity: Identity,
+    records: &[RecordPlace],
+) -> anyhow::Result<Vec<Result<Vec<u8>, RecordReadError>>> {
+    let start = clock::now();
+    // No two readers of a host begin in the same nanosecond.
+    let activity = Uuid((u128::from(start.as_nanos()) << 64 | 0x8001).to_be_bytes());
+    // The kernel chooses the port.
+    let config = RecordReaderConfig { address, identity, local_port: 0, activity, records: records.to_vec() };
+    let (reader, _) = searched(RecordReader::new(config, start), interface, UntilEnd)?;
+    Ok(reader.answers().to_vec())
 }

@@ -13,10 +13,11 @@ use machine::{Duration, Instant, Machine, PortRequest};
 use node::Outcome;
 use node::errln;
 use node::output::to_stdout;
+use profinet::RecordReader;
 use protocol::search::Search;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
-pub use find::{FoundDevices, find_devices};
+pub use find::{FoundDevices, find_devices, read_records};
 pub(crate) use find::{find_adapters, find_stations};
 use listing::{Bus, Listing, Skipped};
 use sub_device::SubDevices;
@@ -194,6 +195,16 @@ impl Owner<Search> for UntilEnd {
     }
 
     fn event(&mut self, _: Instant, _: &mut Search, _: SearchEnded) -> ControlFlow<()> {
+        ControlFlow::Break(())
+    }
+}
+
+impl Owner<RecordReader> for UntilEnd {
+    fn wake(&mut self, _: Instant, _: &mut RecordReader, _: &Statistics) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: Instant, _: &mut RecordReader, _: SearchEnded) -> ControlFlow<()> {
         ControlFlow::Break(())
     }
 }

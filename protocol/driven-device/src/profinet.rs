@@ -326,7 +326,7 @@ pub const MODULES_RECORD: &str = "0.1:0xF000";
 /// Reads the modules of a device from that record; `None` if it is another one.
 #[must_use]
 pub fn found_modules(record: &[u8]) -> Option<Vec<FoundModule>> {
-    let modules = profinet::record::parse_real_identification(record).ok()?;
+    let modules = profinet::record::parse_real_identification(record)?;
     let found = modules.into_iter();
     Some(found.map(|it| FoundModule { slot: it.slot, ident: it.ident, submodules: it.submodules }).collect())
 }

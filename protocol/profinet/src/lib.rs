@@ -16,6 +16,7 @@ pub mod lldp;
 mod mau;
 mod provided;
 pub mod record;
+mod record_reader;
 mod requests;
 pub mod rpc;
 pub mod rt;
@@ -31,6 +32,7 @@ pub use controller::{
 pub use device::{AlarmError, Device, DeviceConfig};
 pub use mau::MauType;
 pub use provided::DataError;
+pub use record_reader::{RecordPlace, RecordReadError, RecordReader, RecordReaderConfig};
 pub use search::{FoundStation, Search, SearchConfig};
 pub use station::{Permanent, is_station_name};
 pub use uuid::Uuid;

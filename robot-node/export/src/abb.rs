@@ -4,7 +4,7 @@
 //! holds 32 bits exactly; `num` does not.
 
 use crate::application::{HEAD, RobotApplication, frame_numbers};
-use crate::form::{Driven, Field, FormOperation, Kit, Routine, Sense, Statement, WatchTimer};
+use crate::form::{AdapterTest, Driven, Field, FormOperation, Kit, Routine, Sense, Statement, WatchTimer};
 use crate::layer::fields;
 use crate::printed::{ExportFile, PrintedLines, Words, real, sign};
 use crate::registers::COUNT;
@@ -33,6 +33,7 @@ impl Words for Rapid {
             Sense::Expired(WatchTimer::Count) => "(ClkRead(sb_count_clock)*1000>=sb_cycle_ms)".into(),
             Sense::NotFinite(name) => format!("sb_not_finite({})", self.name(name)),
             Sense::Reach => "sb_reach()".into(),
+            Sense::Passes(test) => passes(test),
         }
     }
 
@@ -44,6 +45,25 @@ impl Words for Rapid {
             FormOperation::BitAnd => format!("BitAndDnum({one},{other})"),
             FormOperation::BitXor => format!("BitXOrDnum({one},{other})"),
             other_operation => format!("({one} {} {other})", sign(other_operation).unwrap_or("+")),
+        }
+    }
+}
+
+/// Returns a test of the adapter. All numbers are without a sign.
+fn passes(test: AdapterTest) -> String {
+    let swaps = |function: &str, value: u32, swapped: u32| {
+        format!(
+            "((sb_swap AND ({function}({value})={swapped})) OR ((NOT sb_swap) AND ({function}({value})={value})))"
+        )
+    };
+    match test {
+        AdapterTest::Word(value) => swaps("sb_word", value.into(), value.swap_bytes().into()),
+        AdapterTest::DoubleWord(value) => swaps("sb_dword", value, value.swap_bytes()),
+        AdapterTest::BitsOfReal(literal, bits) => format!("(sb_bits({literal})={bits})"),
+        AdapterTest::RealOfBits(bits, literal) => format!("(sb_real({bits})={literal})"),
+        AdapterTest::Finite(bits, is_finite) => {
+            let not = if is_finite { "NOT " } else { "" };
+            format!("({not}sb_not_finite({bits}))")
         }
     }
 }
@@ -115,6 +135,10 @@ impl Rapid {
             Statement::Move(Driven::Registers, _) => lines.line("sb_move;"),
             Statement::Move(Driven::Stored(motions), _) => self.stored(motions, lines),
             Statement::Pause | Statement::Yield => lines.line("WaitTime 0.004;"),
+            Statement::ShowFault => {
+                lines.line("ErrWrite \"skillbench\",\"The self-test failed: look at sb_test.\";");
+                lines.line("WaitTime 10;");
+            }
             Statement::Hold(ms) => lines.line(format!("WaitTime {};", real(f64::from(*ms) / 1_000.0))),
             Statement::Restart(watch) => {
                 let clock = if *watch == WatchTimer::Life { "sb_life_clock" } else { "sb_count_clock" };

@@ -28,7 +28,7 @@ pub enum Maker {
 
 impl Maker {
     /// Returns the name of the language.
-    const fn language(self) -> &'static str {
+    pub(crate) const fn language(self) -> &'static str {
         match self {
             Self::Kuka => "KRL",
             Self::Abb => "RAPID",

@@ -8,6 +8,7 @@ use crate::application::{Maker, Refused, RobotApplication};
 use crate::krl_check;
 use crate::kuka::kuka;
 use crate::layer::kit;
+use crate::names::{NameFault, check_names};
 use crate::printed::ExportFile;
 
 /// Why nothing was exported.
@@ -24,6 +25,9 @@ pub enum ExportError {
         /// The first fault.
         fault: krl_check::KrlFault,
     },
+    /// A name that the controller would take for something else.
+    #[error("{0} in the kit's templates or layer")]
+    Name(#[from] NameFault),
     /// The directory contains something.
     #[error("{}: not empty; name a new or an empty directory", .0.display())]
     NotEmpty(PathBuf),
@@ -40,20 +44,21 @@ pub enum ExportError {
 /// Returns the files for a maker's robot.
 ///
 /// # Errors
-/// The first motion that the language lacks.
+/// The first motion that the language lacks, or the first name that it takes for something else.
 pub fn files(application: &RobotApplication, maker: Maker) -> Result<Vec<ExportFile>, ExportError> {
     let kit = kit(&application.served(maker)?, None);
-    Ok(match maker {
+    let files = match maker {
         Maker::Abb => abb(application, &kit),
-        Maker::Kuka => {
-            let files = kuka(application, &kit);
-            for file in &files {
-                krl_check::check(&file.text)
-                    .map_err(|fault| ExportError::Krl { file: file.path.clone(), fault })?;
-            }
-            files
+        Maker::Kuka => kuka(application, &kit),
+    };
+    check_names(&files, maker)?;
+    if maker == Maker::Kuka {
+        for file in &files {
+            krl_check::check(&file.text)
+                .map_err(|fault| ExportError::Krl { file: file.path.clone(), fault })?;
         }
-    })
+    }
+    Ok(files)
 }
 
 /// Writes the export into a directory that is new or empty. The files are written beside it first, and then renamed.

@@ -74,6 +74,23 @@ pub enum Sense {
     NotFinite(Variable),
     /// Error number of the motion in the registers, by the inverse kinematics of the controller: 0, 14 or 15.
     Reach,
+    /// The adapter does with this value as it must.
+    Passes(AdapterTest),
+}
+
+/// A test of the adapter, in which each language has its own way of doing the same. Literals are numbers that a REAL has exactly.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum AdapterTest {
+    /// The bytes of two are swapped for a bus with the most significant byte first, and kept for others.
+    Word(u16),
+    /// The same for four bytes.
+    DoubleWord(u32),
+    /// The REAL of the literal has these bits.
+    BitsOfReal(&'static str, u32),
+    /// These bits are the REAL of the literal.
+    RealOfBits(u32, &'static str),
+    /// These bits are a finite REAL, or else are not.
+    Finite(u32, bool),
 }
 
 /// An expression.
@@ -140,6 +157,8 @@ pub enum Statement {
     Pause,
     /// Gives the processor to others for a moment. The advance run does not wait.
     Yield,
+    /// Shows that a test of the adapter failed; the number of the test is in `test`.
+    ShowFault,
     /// Waits at a stop of a stored program, in ms.
     Hold(u32),
     /// Starts a stopwatch anew.

@@ -4,7 +4,7 @@
 //! runs in the submit interpreter, which has no advance run.
 
 use crate::application::{HEAD, RobotApplication, frame_numbers};
-use crate::form::{Driven, Field, FormOperation, Kit, Routine, Sense, Statement, WatchTimer, walk};
+use crate::form::{AdapterTest, Driven, Field, FormOperation, Kit, Routine, Sense, Statement, WatchTimer};
 use crate::layer::fields;
 use crate::printed::{ExportFile, PrintedLines, Words, real, sign};
 use crate::registers::COUNT;
@@ -33,6 +33,7 @@ impl Words for Krl {
             Sense::Expired(watch) => format!("$TIMER_FLAG[{}]", timer(watch)),
             Sense::NotFinite(name) => format!("SB_NOT_FINITE({})", self.name(name)),
             Sense::Reach => "SB_REACH()".into(),
+            Sense::Passes(test) => passes(test),
         }
     }
 
@@ -45,6 +46,27 @@ impl Words for Krl {
             FormOperation::BitAnd => format!("({one} B_AND {other})"),
             FormOperation::BitXor => format!("({one} B_EXOR {other})"),
             other_operation => format!("({one} {} {other})", sign(other_operation).unwrap_or("+")),
+        }
+    }
+}
+
+/// Returns a test of the adapter. INT has a sign.
+fn passes(test: AdapterTest) -> String {
+    let swaps = |function: &str, value: i32, swapped: i32| {
+        format!(
+            "((SB_SWAP AND ({function}({value})=={swapped})) OR ((NOT SB_SWAP) AND ({function}({value})=={value})))"
+        )
+    };
+    match test {
+        AdapterTest::Word(value) => swaps("SB_WORD", value.into(), value.swap_bytes().into()),
+        AdapterTest::DoubleWord(value) => {
+            swaps("SB_DWORD", value.cast_signed(), value.swap_bytes().cast_signed())
+        }
+        AdapterTest::BitsOfReal(literal, bits) => format!("(SB_BITS({literal})=={})", bits.cast_signed()),
+        AdapterTest::RealOfBits(bits, literal) => format!("(SB_REAL({})=={literal})", bits.cast_signed()),
+        AdapterTest::Finite(bits, is_finite) => {
+            let not = if is_finite { "NOT " } else { "" };
+            format!("({not}SB_NOT_FINITE({}))", bits.cast_signed())
         }
     }
 }
@@ -132,6 +154,7 @@ impl Krl {
             Statement::Move(Driven::Stored(motions), _) => self.stored(motions, lines),
             Statement::Pause => lines.line("WAIT SEC 0.004"),
             Statement::Yield => lines.line("; the advance run looks again, and waits for nothing"),
+            Statement::ShowFault => lines.line("; SB_TEST shows the number of the test, and nothing is sent"),
             Statement::Hold(ms) => lines.line(format!("WAIT SEC {}", real(f64::from(*ms) / 1_000.0))),
             Statement::Restart(watch) => {
                 let limit = if *watch == WatchTimer::Life { "SB_LIFE_MS" } else { "SB_CYCLE_MS" };
@@ -243,7 +266,6 @@ pub(crate) fn kuka(application: &RobotApplication, kit: &Kit) -> Vec<ExportFile>
     let cyclic = source("SB_SUBMIT.sub", |lines| {
         lines.open("DEF SB_SUBMIT( )");
         head(lines);
-        lines.line("SB_SELF_TEST()");
         if let Some(first) = kit.cyclic.first() {
             submit.statements(&first.body, lines);
         }
@@ -279,8 +301,6 @@ fn data(application: &RobotApplication, kit: &Kit) -> ExportFile {
             lines.line(format!("DECL GLOBAL INT {name}={}", 61 + at));
         }
         lines.line("DECL GLOBAL INT SB_FIRST_OUTPUT=0");
-        lines.line("; number of the first test that failed; 0: all passed");
-        lines.line("DECL GLOBAL INT SB_TEST=1");
         for (name, frames) in [("SB_TOOLS", &application.tools), ("SB_BASES", &application.bases)] {
             lines.line(format!("DECL GLOBAL FRAME {name}[16]"));
             for number in frame_numbers() {
@@ -309,22 +329,4 @@ fn signals(kit: &Kit) -> ExportFile {
         }
         lines.close("ENDDAT");
     })
-}
-
-/// Returns the longest name that the files declare, in characters: KRL takes 24.
-#[must_use]
-pub fn longest_name(kit: &Kit) -> usize {
-    let (inputs, outputs) = fields(kit);
-    let fields = inputs.iter().chain(&outputs).map(|field| field.name.len() + 4);
-    let variables = kit.variables.iter().map(|variable| variable.name.len() + 3);
-    let routines = kit.motion.iter().chain(&kit.cyclic).map(|routine| routine.name.len() + 3);
-    let mut called = 0;
-    for routine in kit.motion.iter().chain(&kit.cyclic) {
-        walk(&routine.body, &mut |statement| {
-            if let Statement::Call(name) | Statement::Guarded(name) = statement {
-                called = called.max(name.len() + 3);
-            }
-        });
-    }
-    fields.chain(variables).chain(routines).chain([called]).max().unwrap_or(0)
 }

@@ -8,6 +8,7 @@
 //! application what an export is made of, and what a language cannot say of it
 //! kuka, abb   the printers, each with an adapter in templates/ for what depends on the maker
 //! krl_check   a tokenizer and block checker of KRL
+//! names       the names of the files, none of which is a word of a language or stands for two things
 //! directory   the files, written whole or not at all
 //! ```
 //!
@@ -21,11 +22,12 @@ pub mod form;
 pub mod krl_check;
 mod kuka;
 pub mod layer;
+mod names;
 mod printed;
 pub mod registers;
 
 pub use application::{Maker, Refused, RobotApplication, StoredProgram};
 pub use directory::{ExportError, export, files};
-pub use kuka::longest_name;
+pub use names::{NameFault, check_names};
 pub use printed::ExportFile;
 pub use protocol::image::ErrorNumber;

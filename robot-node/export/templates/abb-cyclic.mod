@@ -6,23 +6,19 @@
   CONST string sb_robot_task:="T_ROB1";
 
   PROC sb_background()
-    WHILE sb_self_test()<>0 DO
-      ErrWrite "skillbench","SB_SelfTest failed: look at sb_self_test.";
-      WaitTime 10;
-    ENDWHILE
     ClkStart sb_life_clock;
     ClkStart sb_count_clock;
-    sb_cyclic;
+    sb_exchange;
   ENDPROC
 
   ! Whether no joint has moved since the last call.
   FUNC bool sb_at_rest()
-    VAR jointtarget present;
+    VAR jointtarget now_joints;
     VAR num way;
-    present:=CJointT(\TaskName:=sb_robot_task);
-    way:=Abs(present.robax.rax_1-sb_joints_before.robax.rax_1)+Abs(present.robax.rax_2-sb_joints_before.robax.rax_2);
-    way:=way+Abs(present.robax.rax_3-sb_joints_before.robax.rax_3)+Abs(present.robax.rax_4-sb_joints_before.robax.rax_4);
-    way:=way+Abs(present.robax.rax_5-sb_joints_before.robax.rax_5)+Abs(present.robax.rax_6-sb_joints_before.robax.rax_6);
+    now_joints:=CJointT(\TaskName:=sb_robot_task);
+    way:=Abs(now_joints.robax.rax_1-sb_joints_before.robax.rax_1)+Abs(now_joints.robax.rax_2-sb_joints_before.robax.rax_2);
+    way:=way+Abs(now_joints.robax.rax_3-sb_joints_before.robax.rax_3)+Abs(now_joints.robax.rax_4-sb_joints_before.robax.rax_4);
+    way:=way+Abs(now_joints.robax.rax_5-sb_joints_before.robax.rax_5)+Abs(now_joints.robax.rax_6-sb_joints_before.robax.rax_6);
     sb_joints_before:=present;
     RETURN way<0.001;
   ENDFUNC
@@ -30,7 +26,7 @@
   ! Writes joints and pose. A background task does not see the path speed.
   PROC sb_pose()
     VAR jointtarget joints;
-    VAR robtarget pose;
+    VAR robtarget reached;
     joints:=CJointT(\TaskName:=sb_robot_task);
     SetGO sbo_joint_1,sb_dword(sb_bits(joints.robax.rax_1));
     SetGO sbo_joint_2,sb_dword(sb_bits(joints.robax.rax_2));
@@ -38,12 +34,12 @@
     SetGO sbo_joint_4,sb_dword(sb_bits(joints.robax.rax_4));
     SetGO sbo_joint_5,sb_dword(sb_bits(joints.robax.rax_5));
     SetGO sbo_joint_6,sb_dword(sb_bits(joints.robax.rax_6));
-    pose:=CRobT(\TaskName:=sb_robot_task);
-    SetGO sbo_pose_1,sb_dword(sb_bits(pose.trans.x));
-    SetGO sbo_pose_2,sb_dword(sb_bits(pose.trans.y));
-    SetGO sbo_pose_3,sb_dword(sb_bits(pose.trans.z));
-    SetGO sbo_pose_4,sb_dword(sb_bits(EulerZYX(\Z,pose.rot)));
-    SetGO sbo_pose_5,sb_dword(sb_bits(EulerZYX(\Y,pose.rot)));
-    SetGO sbo_pose_6,sb_dword(sb_bits(EulerZYX(\X,pose.rot)));
+    reached:=CRobT(\TaskName:=sb_robot_task);
+    SetGO sbo_pose_1,sb_dword(sb_bits(reached.trans.x));
+    SetGO sbo_pose_2,sb_dword(sb_bits(reached.trans.y));
+    SetGO sbo_pose_3,sb_dword(sb_bits(reached.trans.z));
+    SetGO sbo_pose_4,sb_dword(sb_bits(EulerZYX(\Z,reached.rot)));
+    SetGO sbo_pose_5,sb_dword(sb_bits(EulerZYX(\Y,reached.rot)));
+    SetGO sbo_pose_6,sb_dword(sb_bits(EulerZYX(\X,reached.rot)));
     SetGO sbo_path_speed,0;
   ENDPROC

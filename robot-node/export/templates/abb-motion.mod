@@ -13,7 +13,6 @@
   PERS wobjdata sb_base_now:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
 
   PROC sb_robot()
-    IF sb_self_test()<>0 Stop;
     BookErrNo SB_STOPPED;
     IDelete sb_stop_number;
     CONNECT sb_stop_number WITH sb_brake;
@@ -180,8 +179,4 @@
     IF fault=ERR_ROBLIMIT RETURN 15;
     IF fault<>0 RETURN 14;
     RETURN 0;
-  ENDFUNC
-
-  FUNC bool sb_not_finite(dnum bits)
-    RETURN BitAndDnum(bits,2139095040)=2139095040;
   ENDFUNC

@@ -2,12 +2,13 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on stops")]
 #![expect(clippy::disallowed_methods, reason = "the files of an export are what is tested")]
 
-use std::collections::BTreeSet;
 use std::fs;
 
 use protocol::image::{Configuration, Motion, MotionKind};
 use robot_export::layer::kit;
-use robot_export::{ExportError, Maker, RobotApplication, export, files, krl_check, longest_name};
+use robot_export::{
+    ExportError, ExportFile, Maker, NameFault, RobotApplication, check_names, export, files, krl_check,
+};
 
 static MAKERS: [Maker; 2] = [Maker::Kuka, Maker::Abb];
 
@@ -74,20 +75,80 @@ fn a_motion_that_the_language_lacks_is_refused_with_its_index_and_leaves_nothing
     }
 }
 
+/// Declares one more name in a file: a routine, a variable of a routine or a signal, as the maker writes them.
+fn with_name(files: &[ExportFile], maker: Maker, kind: &str, name: &str) -> Vec<ExportFile> {
+    let mut files = files.to_vec();
+    let (at, line) = match (maker, kind) {
+        (Maker::Kuka, "routine") => {
+            ("SB_MAIN.src", format!("GLOBAL DEFFCT INT {name}(VALUE:IN)\n  DECL INT VALUE\nENDFCT\n"))
+        }
+        (Maker::Kuka, "local") => {
+            ("SB_MAIN.src", format!("GLOBAL DEF SB_OTHER( )\n  DECL INT {name}\nEND\n"))
+        }
+        (Maker::Kuka, _) => ("SB_SIGNALS.dat", format!("GLOBAL SIGNAL {name} $IN[1] TO $IN[8]\n")),
+        (Maker::Abb, "routine") => ("SB_Motion.mod", format!("  FUNC num {name}(num value)\n  ENDFUNC\n")),
+        (Maker::Abb, "local") => ("SB_Cyclic.mod", format!("  PROC sb_other(dnum {name})\n  ENDPROC\n")),
+        (Maker::Abb, _) => ("EIO.cfg", format!("      -Name \"{name}\" -SignalType \"DO\"\n")),
+    };
+    files.iter_mut().find(|file| file.path == at).unwrap().text.push_str(&line);
+    files
+}
+
 #[test]
-fn names_fit_krl_and_no_name_stands_for_two_things() {
+fn a_name_that_a_controller_takes_for_something_else_is_refused_with_its_file() {
+    let a = application("A", None);
+    let words = [
+        (Maker::Kuka, ["AXIS", "while", "Inverse", "USER_GRP", "tool_data"]),
+        (Maker::Abb, ["pose", "WHILE", "Present", "TriggL", "tool0"]),
+    ];
+    for (maker, words) in words {
+        let files = files(&a, maker).unwrap();
+        assert_eq!(check_names(&files, maker), Ok(()));
+        let most = if maker == Maker::Kuka { 24 } else { 32 };
+        let longest = "SB_".to_owned() + &"A".repeat(most - 3);
+        for kind in ["routine", "local", "signal"] {
+            for word in words {
+                let fault = check_names(&with_name(&files, maker, kind, word), maker).unwrap_err();
+                assert!(
+                    matches!(&fault, NameFault::Word { name, .. } if name == word),
+                    "{kind} {word}: {fault}"
+                );
+            }
+            assert_eq!(check_names(&with_name(&files, maker, kind, &longest), maker), Ok(()));
+            let long = longest.clone() + "A";
+            let fault = check_names(&with_name(&files, maker, kind, &long), maker).unwrap_err();
+            assert!(matches!(&fault, NameFault::Long { len, .. } if *len == most + 1), "{kind}: {fault}");
+        }
+        // Both languages ignore case.
+        for (kind, name) in
+            [("routine", "Sb_Main"), ("signal", "SBO_state"), ("routine", "SB_test"), ("signal", "sb_Stop")]
+        {
+            let fault = check_names(&with_name(&files, maker, kind, name), maker).unwrap_err();
+            assert!(
+                matches!(&fault, NameFault::Twice { name: found, first, .. } if [found, first].contains(&&name.to_owned())),
+                "{kind} {name}: {fault}"
+            );
+        }
+        assert_eq!(check_names(&with_name(&files, maker, "local", "sb_main"), maker), Ok(()));
+    }
+}
+
+#[test]
+fn a_program_with_the_number_of_another_one_is_refused() {
+    let mut a = application("A", None);
+    let again = a.programs[0].clone();
+    a.programs.push(again);
+    for maker in MAKERS {
+        let error = files(&a, maker).unwrap_err();
+        assert!(matches!(error, ExportError::Name(NameFault::Twice { .. })), "{error}");
+    }
+}
+
+#[test]
+fn the_form_declares_all_names_and_each_statement_is_one_instant() {
     let a = application("A", None);
     for maker in MAKERS {
-        let kit = kit(&a.served(maker).unwrap(), None);
-        assert!(longest_name(&kit) <= 24, "{}", longest_name(&kit));
-        let mut names = BTreeSet::new();
-        let routines = kit.motion.iter().chain(&kit.cyclic).chain([&kit.on_trigger]);
-        for name in
-            routines.map(|routine| routine.name.as_str()).chain(kit.variables.iter().map(|one| one.name))
-        {
-            assert!(names.insert(name.to_owned()), "{name} stands for two things");
-        }
-        assert_eq!(kit.faults(), Vec::<String>::new());
+        assert_eq!(kit(&a.served(maker).unwrap(), None).faults(), Vec::<String>::new());
     }
 }
 

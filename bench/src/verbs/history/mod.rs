@@ -18,7 +18,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 pub use entry::Entry;
 
@@ -27,6 +27,7 @@ use records::comparable::Conditions;
 use records::exit::{Exit, Failure};
 use records::mode::Mode;
 use records::occupied::{SAMPLES, holds_run};
+use records::origin::OriginKind;
 use records::run_directory::{self, Durability, replace};
 use report::outln;
 use report::{errln, in_shell};
@@ -41,15 +42,40 @@ pub struct HistoryOptions {
     /// Only runs of the setup with this name.
     #[arg(long, value_name = "NAME")]
     pub setup: Option<String>,
-    /// Only runs on this clock.
+    /// Only runs that were measured in this way.
     #[arg(long, value_enum)]
-    pub mode: Option<Mode>,
+    pub mode: Option<ListedMode>,
     /// Print JSON instead of a table.
     #[arg(long)]
     pub json: bool,
     /// Write a page with the figures over time, and links to the reports, to this file as well.
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
+}
+
+/// Mode of a run of the list: on a clock of the bench, or measured elsewhere.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum ListedMode {
+    /// On the host's clock.
+    Real,
+    /// In virtual time.
+    Virtual,
+    /// From a capture.
+    Captured,
+    /// Read out of a PLC.
+    Imported,
+}
+
+impl ListedMode {
+    /// Returns the mode's name in results.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Real => Mode::Real.name(),
+            Self::Virtual => Mode::Virtual.name(),
+            Self::Captured => OriginKind::Capture.mode(),
+            Self::Imported => OriginKind::Import.mode(),
+        }
+    }
 }
 
 /// The runs of a directory.
@@ -150,7 +176,7 @@ impl History {
 
     /// Leaves out what the options do not ask for.
     fn keep(&mut self, options: &HistoryOptions) {
-        let (setup, mode) = (options.setup.as_deref(), options.mode.map(Mode::name));
+        let (setup, mode) = (options.setup.as_deref(), options.mode.map(ListedMode::name));
         let mut others = Vec::new();
         self.entries.retain(|entry| {
             let is_kept =
@@ -402,7 +428,7 @@ mod tests {
         history.keep(&HistoryOptions {
             directory: place.path().to_owned(),
             setup: Some("B".to_owned()),
-            mode: Some(Mode::Real),
+            mode: Some(ListedMode::Captured),
             json: false,
             html: None,
         });
@@ -414,7 +440,7 @@ mod tests {
         exit 2: cannot list the runs in RUNS/none; name the directory that holds them, or make a run: `bench --setup A --mode virtual`: No such file or directory (os error 2)
         exit 2: RUNS/a is a run; name the directory that holds it, or `bench report RUNS/a` draws it
         exit 2: cannot list the runs in RUNS/a/samples.csv; name the directory that holds them, or make a run: `bench --setup A --mode virtual`: Not a directory (os error 20)
-        No run in RUNS of setup B in real mode; there are: A (virtual).
+        No run in RUNS of setup B in captured mode; there are: A (virtual).
         No run in RUNS can be read.
         ");
     }

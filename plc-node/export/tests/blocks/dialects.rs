@@ -137,18 +137,50 @@ fn the_adapter_for_br_calls_blocks_by_the_names_that_the_library_has() {
     }
 }
 
+/// Returns why a dialect refuses the code with one of its names replaced.
+fn refused(maker: &str, from: &str, to: &str) -> Option<Refused> {
+    let text = structured_text(&exported_a()).unwrap();
+    let changed = text.replace(from, to);
+    assert_ne!(text, changed, "{from} is not there");
+    match maker {
+        "Siemens" => siemens::rewritten(&changed).err(),
+        "CODESYS" => codesys::xml_of(&changed).err(),
+        _ => br::library(&changed).err(),
+    }
+}
+
 #[test]
 fn a_name_that_is_a_word_of_the_maker_is_refused() {
-    let text = structured_text(&exported_a()).unwrap();
-    for (maker, word) in [("Siemens", "region"), ("CODESYS", "Method"), ("B&R", "volatile")] {
-        let text = text.replace("begins_way", word);
-        let refused = match maker {
-            "Siemens" => siemens::rewritten(&text).err(),
-            "CODESYS" => codesys::xml_of(&text).err(),
-            _ => br::library(&text).err(),
-        };
-        assert_eq!(refused, Some(Refused::Word { name: word.into(), maker }));
+    let own = [
+        ("Siemens", ["region", "Variant", "DATA_BLOCK"]),
+        ("CODESYS", ["Method", "super", "BITADR"]),
+        ("B&R", ["volatile", "Signed", "TASKNAME"]),
+    ];
+    for (maker, words) in own {
+        // Of a variable, and standard functions, which every compiler has.
+        for word in words.into_iter().chain(["limit", "Ton", "LREAL"]) {
+            assert_eq!(refused(maker, "begins_way", word), Some(Refused::Word { name: word.into(), maker }));
+        }
     }
+}
+
+#[test]
+fn two_names_that_differ_in_case_or_become_equal_when_shortened_are_refused() {
+    for maker in ["Siemens", "CODESYS", "B&R"] {
+        let found = refused(maker, "SB_TestWords", "sb_selftest");
+        assert!(matches!(found, Some(Refused::SameName { .. })), "{maker}: {found:?}");
+        // Two variables of one block.
+        let found = refused(maker, "begins_way", "Feedback_Bytes");
+        assert!(matches!(found, Some(Refused::SameName { .. })), "{maker}: {found:?}");
+    }
+    // It is what another name is shortened to.
+    let found = refused("B&R", "SB_Core", "SB_SelfTst");
+    assert!(matches!(&found, Some(Refused::SameName { name, .. }) if name == "SB_SelfTst"), "{found:?}");
+    let found = refused("B&R", "SB_Core", "SB_CoreMain");
+    assert!(
+        matches!(&found, Some(Refused::LongName { name, most: 10, .. }) if name == "SB_CoreMain"),
+        "{found:?}"
+    );
 }
 
 #[test]

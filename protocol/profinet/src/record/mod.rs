@@ -25,7 +25,7 @@ pub use contents::{
     IM0_LEN, emit_api_data, emit_expected_identification, emit_im0, emit_im0_filter_data,
     emit_real_identification,
 };
-pub use identification::{RealModule, parse_real_identification};
+pub use identification::{Identification, RealModule, parse_real_identification};
 pub use io_data::IoData;
 pub use log_book::{LogBook, LogEntry};
 pub use maintenance::Maintenance;

@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 
 use crate::form::{
-    Declaration, Driven, Expression, Field, FormOperation, Kit, Routine, Sense, Statement, Trigger,
-    WatchTimer,
+    AdapterTest, Declaration, Driven, Expression, Field, FormOperation, Kit, Routine, Sense, Statement,
+    Trigger, WatchTimer,
 };
 use crate::registers::{COUNT, REGISTERS};
 
@@ -20,6 +20,7 @@ pub(super) enum Value {
     Expired(WatchTimer),
     NotFinite(usize),
     Reach,
+    Passes(AdapterTest),
 }
 
 /// One step of a task. Targets are numbers of steps.
@@ -150,6 +151,7 @@ impl<'a> TaskTranslation<'a> {
             Expression::Ask(Sense::Expired(stopwatch)) => Value::Expired(*stopwatch),
             Expression::Ask(Sense::NotFinite(name)) => Value::NotFinite(self.index(name)?),
             Expression::Ask(Sense::Reach) => Value::Reach,
+            Expression::Ask(Sense::Passes(test)) => Value::Passes(*test),
         })
     }
 
@@ -224,7 +226,8 @@ impl<'a> TaskTranslation<'a> {
             Statement::EndGuard => FormStep::EndGuard,
             Statement::Move(driven, trigger) => FormStep::Move(driven.clone(), *trigger),
             Statement::Pause => FormStep::Pause,
-            Statement::Yield => FormStep::Yield,
+            // Only people see the fault.
+            Statement::Yield | Statement::ShowFault => FormStep::Yield,
             Statement::Hold(ms) => FormStep::Hold(*ms),
             Statement::Restart(stopwatch) => FormStep::Restart(*stopwatch),
             Statement::Speed(name) => FormStep::Speed(self.index(name)?),

@@ -3,11 +3,13 @@
 //! Who owns a [`FormController`] decides what happens next: a step of one of the tasks, or a step of the arm. Between any two of them
 //! the images may change. Nothing here draws at random or reads a clock.
 
+mod adapter;
 mod arm;
 mod code;
 
 use protocol::image::{ErrorNumber, IMAGE_LEN, Image, Order};
 
+pub use adapter::AdapterFunctions;
 pub use arm::Begun;
 use arm::ExecutedArm;
 pub use code::{FormCode, FormError};
@@ -50,6 +52,7 @@ pub struct FormController<'a> {
     /// Steps that the arm takes to brake.
     braking: u32,
     reach: fn(&[u32; COUNT]) -> ErrorNumber,
+    adapter: AdapterFunctions,
 }
 
 impl<'a> FormController<'a> {
@@ -74,6 +77,7 @@ impl<'a> FormController<'a> {
             cycle_ms: 4,
             braking: 3,
             reach,
+            adapter: AdapterFunctions::default(),
         }
     }
 
@@ -98,6 +102,11 @@ impl<'a> FormController<'a> {
     /// Lets 1 ms pass.
     pub const fn pass_ms(&mut self) {
         self.now += 1;
+    }
+
+    /// Replaces the functions of the adapter, for tests that plant a fault there.
+    pub const fn set_adapter(&mut self, adapter: AdapterFunctions) {
+        self.adapter = adapter;
     }
 
     /// Lets the arm brake for so many of its steps from now on.
@@ -189,7 +198,7 @@ impl<'a> FormController<'a> {
                     place.held_until = None;
                 }
             }
-            FormStep::Restart(watch) => self.watches[*watch as usize] = self.now,
+            FormStep::Restart(watch) => self.watches[*watch as usize] = (self.adapter.clock_ms)(self.now),
             FormStep::Speed(name) => self.arm.speed = self.values[*name],
         }
         place.step = next;
@@ -208,23 +217,23 @@ impl<'a> FormController<'a> {
 
     fn number(&self, image: &Image, field: &Field) -> i64 {
         let bytes = image.get(field.at..field.at + field.len).unwrap_or(&[]);
-        let add = |sum: i64, byte: &u8| sum << 8 | i64::from(*byte);
-        let number = match self.order {
-            Order::BigEndian => bytes.iter().fold(0, add),
-            Order::LittleEndian => bytes.iter().rev().fold(0, add),
-        };
+        // A controller's signals are of the least significant byte first; its adapter swaps them.
+        let raw = bytes.iter().rev().fold(0, |sum: u32, byte: &u8| sum << 8 | u32::from(*byte));
+        let number = i64::from(self.adapter.in_order(self.order, field.len, raw));
         if self.code.has_sign && field.len == 4 { i64::from(number as i32) } else { number }
     }
 
     fn write(&mut self, field: &Field, number: i64) {
-        let mut bytes = number.to_le_bytes();
-        let Some(bytes) = bytes.get_mut(..field.len) else { return };
-        if self.order == Order::BigEndian {
-            bytes.reverse();
-        }
+        let bytes = self.adapter.in_order(self.order, field.len, number as u32).to_le_bytes();
+        let Some(bytes) = bytes.get(..field.len) else { return };
         for (place, byte) in self.image.iter_mut().skip(field.at).zip(bytes) {
             *place = *byte;
         }
+    }
+
+    /// Returns the reading of a stopwatch in ms.
+    fn since(&self, watch: usize) -> u64 {
+        (self.adapter.clock_ms)(self.now).saturating_sub(self.watches[watch])
     }
 
     fn evaluate(&self, value: &Value) -> i64 {
@@ -234,9 +243,10 @@ impl<'a> FormController<'a> {
             Value::Not(inner) => (self.evaluate(inner) == 0).into(),
             Value::AtRest => self.arm.is_at_rest().into(),
             Value::DrivesOn => 1,
-            Value::Expired(WatchTimer::Life) => (self.now - self.watches[0] > LIFE_MS).into(),
-            Value::Expired(WatchTimer::Count) => (self.now - self.watches[1] >= self.cycle_ms).into(),
-            Value::NotFinite(index) => (!f32::from_bits(self.values[*index] as u32).is_finite()).into(),
+            Value::Expired(WatchTimer::Life) => (self.since(0) > LIFE_MS).into(),
+            Value::Expired(WatchTimer::Count) => (self.since(1) >= self.cycle_ms).into(),
+            Value::NotFinite(index) => (self.adapter.is_not_finite)(self.values[*index] as u32).into(),
+            Value::Passes(test) => self.adapter.passes(self.order, *test).into(),
             Value::Reach => u16::from((self.reach)(&self.registers())).into(),
             Value::Pair(operation, operands) => {
                 let [one, other] = &**operands;

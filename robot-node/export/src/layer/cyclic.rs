@@ -56,7 +56,11 @@ fn routine(name: &str, purpose: &'static str, body: Vec<Statement>) -> Routine {
 /// Returns the routines of the task, the one that runs first.
 pub(super) fn routines(flaw: Option<Flaw>) -> Vec<Routine> {
     vec![
-        routine("cyclic", "Exchanges the image, for ever.", vec![Statement::Loop(vec![call("cycle")])]),
+        routine(
+            "exchange",
+            "Exchanges the image, for ever.",
+            vec![call("self_test"), Statement::Loop(vec![call("cycle")])],
+        ),
         routine(
             "cycle",
             "Reads the command, follows it, answers the other task and writes the feedback.",

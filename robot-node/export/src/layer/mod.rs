@@ -11,6 +11,7 @@
 mod cyclic;
 mod judge;
 mod motion;
+mod self_test;
 mod words;
 
 use std::collections::BTreeSet;
@@ -19,6 +20,7 @@ use protocol::image::Motion;
 
 use crate::form::{Declaration, Driven, Field, Kit, Routine, Statement, Trigger};
 use crate::registers::REGISTERS;
+pub use self_test::REALS;
 use words::{call, number, set, value};
 
 /// Digits of the requests that the motion task makes to the cyclic task.
@@ -115,7 +117,8 @@ pub fn kit(served: &ServedSkills, flaw: Option<Flaw>) -> Kit {
     let mut motion = motion::routines(served, flaw);
     motion.push(judge::routine(served));
     motion.extend(served.programs.iter().map(|(number, parts)| program(*number, parts, flaw)));
-    let cyclic = cyclic::routines(flaw);
+    let mut cyclic = cyclic::routines(flaw);
+    cyclic.push(self_test::routine());
     let variables = variables();
     Kit { motion, on_trigger, cyclic, variables }
 }
@@ -208,8 +211,8 @@ fn variables() -> Vec<Declaration> {
         "plc_outputs",
         "changed",
     ];
-    const MORE: [&str; 7] =
-        ["why", "stopping", "plc_last", "status_word", "shown_number", "seen_again", "old_number"];
+    const MORE: [&str; 8] =
+        ["why", "stopping", "plc_last", "status_word", "shown_number", "seen_again", "old_number", "test"];
     const TRUTHS: [&str; 9] = [
         "stop",
         "switch_on",
@@ -222,7 +225,12 @@ fn variables() -> Vec<Declaration> {
         "defined",
     ];
     let numbers = NUMBERS.into_iter().chain(MORE).chain(REGISTERS.map(|(name, ..)| name));
-    let first = |name| if name == "speed" { 100 } else { 0 };
+    let first = |name| match name {
+        "speed" => 100,
+        // Until the self-test has passed.
+        "test" => 1,
+        _ => 0,
+    };
     let numbers = numbers.map(|name| Declaration { name, number: Some(first(name)) });
     numbers.chain(TRUTHS.map(|name| Declaration { name, number: None })).collect()
 }

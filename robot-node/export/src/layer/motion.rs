@@ -74,11 +74,13 @@ fn main() -> Vec<Statement> {
         ),
         when(is_new, execute),
     ];
-    vec![Statement::Loop(vec![
+    let cycle = vec![
         Statement::Pause,
         set("link", value("links")),
         when(is_not("link", 0), [vec![call("take")], steps].concat()),
-    ])]
+    ];
+    // Nothing moves before the self-test has passed.
+    vec![Statement::While(is_not("test", 0), vec![Statement::Pause]), Statement::Loop(cycle)]
 }
 
 fn pair_bits_set(name: &'static str) -> Expression {

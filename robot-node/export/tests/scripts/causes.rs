@@ -160,7 +160,14 @@ impl Causes {
                 ErrorNumber::Unreachable => has_bad && motion == BAD_MOTION,
                 // The program did not see `Ready`, or what ends it came after that image.
                 ErrorNumber::NotReady => {
-                    let ends_ready = [last.halt, last.no_enable, last.lost, self.other_failure(start.number)];
+                    // A suspend that meets a skill at its end leaves the robot halted after DONE, without an error.
+                    let ends_ready = [
+                        last.halt,
+                        last.no_enable,
+                        last.lost,
+                        last.suspend,
+                        self.other_failure(start.number),
+                    ];
                     !start.is_ready || ends_ready.into_iter().any(since_view)
                 }
                 ErrorNumber::Disabled => since_view(last.no_enable),

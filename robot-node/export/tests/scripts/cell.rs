@@ -42,6 +42,31 @@ pub(crate) fn code(flaw: Option<Flaw>, has_sign: bool) -> FormCode {
     FormCode::of(&kit, has_sign).unwrap()
 }
 
+/// Returns a robot whose self-test has passed.
+pub(crate) fn tested(
+    code: &FormCode,
+    order: Order,
+    advance: usize,
+    reach: fn(&[u32; COUNT]) -> ErrorNumber,
+) -> FormController<'_> {
+    let mut robot = FormController::new(code, order, advance, reach);
+    let image = [0; IMAGE_LEN];
+    for _ in 0..10_000 {
+        match robot.value("test") {
+            Some(0) => break,
+            // The stopwatch runs.
+            Some(17) => robot.pass_ms(),
+            _ => {}
+        }
+        robot.step_cyclic(&image);
+    }
+    assert_eq!(robot.value("test"), Some(0));
+    // Both tasks leave it.
+    robot.step_cyclic(&image);
+    robot.step_motion(&image);
+    robot
+}
+
 fn reach(registers: &[u32; COUNT]) -> ErrorNumber {
     if f32::from_bits(registers[2]) < LOWEST { ErrorNumber::Unreachable } else { ErrorNumber::None }
 }
@@ -85,7 +110,7 @@ impl<'a> ScriptCell<'a> {
     pub(crate) fn new(code: &'a FormCode, order: Order, advance: usize) -> Self {
         Self {
             plc: PlcBlocks::new(),
-            robot: FormController::new(code, order, advance, reach),
+            robot: tested(code, order, advance, reach),
             order,
             execute: [false; BLOCKS],
             pulses: [false; BLOCKS],

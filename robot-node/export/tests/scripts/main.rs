@@ -8,3 +8,4 @@ mod plc;
 mod random;
 mod rules;
 mod scripts;
+mod self_test;

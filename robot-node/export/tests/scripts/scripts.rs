@@ -2,7 +2,7 @@ use protocol::image::{Command, Control, IMAGE_LEN, Order, Skill};
 use robot_export::execution::FormController;
 use robot_export::layer::Flaw;
 
-use crate::cell::code;
+use crate::cell::{code, tested};
 use crate::random::script;
 use crate::rules::Rule;
 
@@ -50,8 +50,7 @@ fn each_flaw_of_the_layer_breaks_the_rule_that_it_violates() {
 /// first one starts.
 fn starts_after_its_withdrawal(flaw: Option<Flaw>) -> bool {
     let code = code(flaw, true);
-    let mut robot =
-        FormController::new(&code, Order::LittleEndian, 1, |_| protocol::image::ErrorNumber::None);
+    let mut robot = tested(&code, Order::LittleEndian, 1, |_| protocol::image::ErrorNumber::None);
     let image = |number, more: Control| {
         let control = Control::ENABLE | more;
         let mut image = [0; IMAGE_LEN];

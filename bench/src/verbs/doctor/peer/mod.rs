@@ -5,6 +5,7 @@
 //! look       a machine that is one end of the bus and exchanges images without a command
 //!   robot    the foreign robot, seen from an idle PLC
 //!   plc      the foreign PLC, seen from a robot without an arm
+//! plugged    the modules and the version that a PROFINET robot reports without a connection
 //!   images   what the images that arrive show
 //! ```
 //!
@@ -13,6 +14,7 @@
 mod images;
 mod look;
 mod plc;
+mod plugged;
 mod robot;
 mod stations;
 
@@ -175,9 +177,10 @@ fn look_at(role: PeerRole, place: &PeerStation, name: &str, wait: Duration) -> a
             return Ok(findings);
         }
     }
-    match (role, find_devices(&interface, &bus.kind, SEARCH)) {
-        (PeerRole::Robot, Ok(found)) => findings.extend(stations::robot(&found, bus, place.id.0.into())),
-        (PeerRole::Plc, Ok(found)) => findings.extend(stations::plc(&found, bus)),
+    let searched = find_devices(&interface, &bus.kind, SEARCH);
+    match (role, &searched) {
+        (PeerRole::Robot, Ok(found)) => findings.extend(stations::robot(found, bus, place.id.0.into())),
+        (PeerRole::Plc, Ok(found)) => findings.extend(stations::plc(found, bus)),
         (_, Err(error)) => findings.push(Finding::not_seen(
             "search",
             format!("{error:#}"),
@@ -194,6 +197,9 @@ fn look_at(role: PeerRole, place: &PeerStation, name: &str, wait: Duration) -> a
         PeerRole::Robot => driven(idle_plc(place, &interface, start)?, &interface, deadline)?,
         PeerRole::Plc => driven(robot_without_arm(place, &interface, start), &interface, deadline)?,
     });
+    if let (PeerRole::Robot, Ok(found)) = (role, &searched) {
+        findings.extend(plugged::findings(found, bus, &interface, &findings));
+    }
     Ok(findings)
 }
 
