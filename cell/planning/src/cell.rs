@@ -11,7 +11,7 @@ use crate::application::Application;
 use crate::arms::{ArmsApplication, Mark};
 use crate::error::Error;
 use crate::load::{ARMS_APPLICATIONS, Found, application};
-use crate::mark_signal;
+use crate::mark_outputs;
 use crate::motion::Motion;
 use crate::plan::Plan;
 use crate::reach::Reached;
@@ -169,7 +169,7 @@ impl FoundCell {
             key: found.key(),
             found: Box::new(found),
         })?;
-        mark_signal::assign(&mut stations.iter_mut().map(|station| &mut station.plan).collect::<Vec<_>>());
+        mark_outputs::assign(&mut stations.iter_mut().map(|station| &mut station.plan).collect::<Vec<_>>());
         let zones = cell.shared_zones.iter().map(|zone| zone.name.clone()).collect();
         Ok(PlannedCell { marks: self.marks.clone(), zones, stations })
     }

@@ -32,6 +32,7 @@ mod file;
 mod geometry;
 mod list;
 mod load;
+mod mark_outputs;
 mod mark_signal;
 mod meeting;
 mod motion;
@@ -66,7 +67,8 @@ pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
 pub use load::{
     APPLICATIONS, ARMS_APPLICATIONS, Found, application, setup_and_application, setup_with_application,
 };
-pub use mark_signal::{MarkSignal, assign_mark_signals};
+pub use mark_outputs::assign_mark_signals;
+pub use mark_signal::MarkSignal;
 pub use meeting::NoMeeting;
 pub use motion::{Motion, Role};
 pub use out_of_reach::{OrBase, OutOfReach, SwingsTooNear};

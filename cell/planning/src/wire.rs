@@ -41,7 +41,7 @@ pub struct ProgramSection {
 pub struct Meeting {
     /// Motions of the program before it.
     pub after: u32,
-    /// Whether the action at this stop comes first, and not after the wait.
+    /// Set where the action at this stop comes first, and not after the wait.
     pub after_action: bool,
     /// Outputs by which the arms meet.
     pub signal: MarkSignal,

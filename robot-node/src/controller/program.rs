@@ -13,7 +13,7 @@ use crate::motion::Segment;
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Program {
     motions: Vec<Motion>,
-    /// What it does at its stops, in order, each with the number of motions before it.
+    /// Its actions at its stops, in order, each with the number of motions before it.
     stops: Vec<(u32, StopStatement)>,
     /// Outputs that it clears before it begins.
     clears: u16,
@@ -21,7 +21,7 @@ pub struct Program {
     checked: CheckedProgram,
 }
 
-/// What a program does at a stop.
+/// Action of a program at a stop.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum StopStatement {
     /// Switches an output, and waits until that has taken effect.
