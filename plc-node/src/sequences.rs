@@ -11,13 +11,15 @@ mod exploration;
 mod in_step;
 mod signals;
 mod turns;
+mod work;
 #[cfg(test)]
 mod zone_exploration;
 
 pub use turns::ZoneWait;
+pub use work::{MarkPassage, StationWork};
 
 use machine::{Duration, Instant};
-use planning::{MarkSignal, StationZones, Stop, WaitAt, ZoneSet, ZoneVisit};
+use planning::{MarkSignal, Stop, WaitAt, ZoneSet};
 use protocol::image::{Digest, Services, Sum};
 use setup::Refill;
 
@@ -31,46 +33,6 @@ use crate::sequence::{Reach, Sequence, SkillProgress};
 use crate::zones::Zones;
 use crate::{ExecutionType, FailureCause, MotionSource, StartError, Station};
 use turns::ZoneTurns;
-
-/// What a station runs.
-#[derive(Debug)]
-pub struct StationWork {
-    /// The program in the robot controller that RC runs.
-    pub program: u16,
-    /// How many motions MoveContinuous writes ahead of those that are executed, 1..=5.
-    pub queue_depth: u32,
-    /// The count of the robot by which it refills slots.
-    pub refill: Refill,
-    /// The motions that SM and CM run.
-    pub motions: Box<dyn MotionSource>,
-    /// Where their continuous motions end, in order, and what the PLC switches there.
-    pub stops: Vec<Stop>,
-    /// Where the arm waits for others, in order; none where it works alone.
-    pub waits: Vec<WaitAt>,
-    /// Visits of the arm in shared zones, in order.
-    pub visits: Vec<ZoneVisit>,
-    /// Volume of its arm in the cell; `None` in a cell without shared zones.
-    pub zones: Option<StationZones>,
-}
-
-impl StationWork {
-    /// Returns this work in a cell with shared zones.
-    #[must_use]
-    pub fn in_zones(self, visits: &[ZoneVisit], zones: Option<&StationZones>) -> Self {
-        Self { visits: visits.to_vec(), zones: zones.cloned(), ..self }
-    }
-}
-
-/// When an arm came to a mark, and when it went on, by the scans of the PLC.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct MarkPassage {
-    /// Number of the mark.
-    pub mark: u32,
-    /// The first scan in which the PLC saw the arm stand there.
-    pub came: Instant,
-    /// The scan that let it pass; `None` while it waits.
-    pub passed: Option<Instant>,
-}
 
 /// The program that runs the sequences of all stations.
 #[derive(Debug)]
@@ -176,6 +138,13 @@ impl Part {
             None => self.sequence.has_come_to(self.reach_of_marks()),
         };
         (self.state != PartState::Lost && stands).then_some(wait.mark)
+    }
+
+    /// Returns the mark that the stored program has passed before the others came, by the motions that it counts.
+    fn ignored_mark(&self, is_done: bool) -> Option<u32> {
+        let wait = self.waits.get(self.passed).filter(|wait| self.signal_at(wait).is_some())?;
+        let after = u32::try_from(wait.after).unwrap_or(u32::MAX);
+        (is_done || self.sequence.executed() > after).then_some(wait.mark)
     }
 
     /// Notes that the arm has come to a mark.
@@ -379,8 +348,17 @@ impl PlcProgram for Sequences {
             let reach = part.reach();
             let stops = if part.is_rc { &part.stops_of_rc } else { &part.stops };
             match part.sequence.scan(now, &mut part.motions, stops, reach, station.group_mut()) {
-                SkillProgress::Running => is_running = true,
-                SkillProgress::Done => part.state = PartState::Done,
+                progress @ (SkillProgress::Running | SkillProgress::Done) => {
+                    let is_done = progress == SkillProgress::Done;
+                    match part.ignored_mark(is_done) {
+                        Some(mark) => {
+                            let cause = FailureCause::MarkIgnored { mark };
+                            part.trouble = Some(Progress::Ended { station: index, cause });
+                        }
+                        None if is_done => part.state = PartState::Done,
+                        None => is_running = true,
+                    }
+                }
                 SkillProgress::Aborted => part.trouble = Some(Progress::Aborted { station: index }),
                 SkillProgress::Failed { motion, error } => {
                     part.trouble = Some(Progress::Failed { station: index, motion, error });

@@ -196,3 +196,53 @@ fn the_plc_passes_on_what_a_robot_shows_at_a_mark_within_its_next_scan_and_nothi
     cell.run(Cm);
     assert!(cell.robot(RIGHT, |robot| robot.outputs.iter().all(|(_, outputs)| *outputs == 0)));
 }
+
+#[test]
+fn an_arm_that_never_comes_to_its_mark_is_given_up_by_name_and_the_one_that_waits_is_halted() {
+    for execution_type in ExecutionType::ALL {
+        let mut cell = cell(marked(&[(7, 2)], &[(7, 6)]));
+        cell.robot(RIGHT, |robot| robot.motion_cycles = 1_000_000);
+        cell.start(execution_type);
+        let (station, failure) = cell.failure();
+        assert_eq!(station, Some(RIGHT), "{execution_type}: {failure}");
+        assert!(matches!(failure.cause, FailureCause::NoProgress { .. }), "{execution_type}: {failure}");
+        let _ = cell.reports(MS * 50);
+        // With SM no skill is under way at a mark.
+        let halts = u32::from(execution_type != Sm);
+        assert_eq!(cell.robot(LEFT, |robot| robot.halts), halts, "{execution_type}");
+    }
+}
+
+#[test]
+fn a_run_that_is_aborted_while_an_arm_waits_leaves_nothing_to_the_next_one() {
+    let mut cell = cell(marked(&[(7, 2)], &[(7, 6)]));
+    cell.robot(RIGHT, |robot| robot.motion_cycles = 40);
+    cell.start(Rc);
+    let _ = cell.reports(MS * 300);
+    assert_ne!(cell.robot(LEFT, |robot| robot.feedback.inputs), 0, "it stands at its mark");
+    cell.plc(|plc, now| plc.abort(now));
+    assert_eq!(cell.failure().1.cause, FailureCause::Aborted);
+    assert_eq!(cell.run(Rc), [4, 8]);
+    assert_met(&mut cell, 2, 6, "after an abort");
+}
+
+#[test]
+fn a_robot_whose_program_does_not_wait_at_its_mark_fails_the_run_by_its_name() {
+    let places: [(Waits, usize); 3] = [(&[(7, 2)], RIGHT), (&[(7, 4)], RIGHT), (&[(7, 2)], LEFT)];
+    for (left, slow) in places {
+        let mut cell = cell(marked(left, &[(7, 6)]));
+        cell.robot(slow, |robot| robot.motion_cycles = 40);
+        // A robot that knows nothing of marks sends 0.
+        let other = LEFT + RIGHT - slow;
+        cell.robot(other, |robot| robot.meetings.clear());
+        cell.start(Rc);
+        let (station, failure) = cell.failure();
+        assert_eq!(
+            (station, failure.cause),
+            (Some(other), FailureCause::MarkIgnored { mark: 7 }),
+            "{failure}"
+        );
+        let _ = cell.reports(MS * 200);
+        assert_eq!(cell.robot(slow, |robot| robot.halts), 1);
+    }
+}
