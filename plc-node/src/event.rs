@@ -292,6 +292,14 @@ pub enum FailureCause {
         /// Time without progress, in s.
         seconds: u32,
     },
+    /// A stored program went beyond a mark before the other arms had come.
+    #[error(
+        "the robot's program did not wait at mark {mark}: compare the digital outputs and inputs of its program with `plc-node plan`"
+    )]
+    MarkIgnored {
+        /// Number of the mark.
+        mark: u32,
+    },
     /// The owner of the PLC gave the run up.
     #[error("the run was aborted on the PLC")]
     Aborted,

@@ -144,6 +144,11 @@ impl Sequence {
         self
     }
 
+    /// Returns whether a block was called in this run.
+    pub(crate) const fn was_called(&self) -> bool {
+        self.is_called || self.step > 0
+    }
+
     /// Returns whether the program itself waits, at a stop of the plan.
     pub(crate) const fn waits(&self) -> bool {
         matches!(self.stage, Stage::Wait { .. })

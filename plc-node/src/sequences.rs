@@ -1,26 +1,30 @@
 //! The paper's sequences as a PLC program: each station's motions as RC, SM or CM.
 //!
 //! Arms wait for each other at marks. No motion beyond a mark is given to a robot before all arms of the mark have come to it: with
-//! CM the PLC writes no slot beyond, and the arm stops there as at any last motion that it knows, without losing its skill.
-
+//! CM the PLC writes no slot beyond, and the arm stops there as at any last motion that it knows, without losing its skill. With RC the stored
+//! programs wait themselves: each robot switches an output, and the PLC passes it on to the inputs of the others.
 //!
 //! In shared zones they take turns: no motion that leads into a zone is given to a robot before the zone is granted to its arm.
 
 #[cfg(test)]
 mod exploration;
 mod in_step;
+mod signals;
 mod turns;
+mod work;
 #[cfg(test)]
 mod zone_exploration;
 
 pub use turns::ZoneWait;
+pub use work::{MarkPassage, StationWork};
 
 use machine::{Duration, Instant};
-use planning::{StationZones, Stop, WaitAt, ZoneSet, ZoneVisit};
+use planning::{MarkSignal, Stop, WaitAt, ZoneSet};
 use protocol::image::{Digest, Services, Sum};
 use setup::Refill;
 
 use in_step::{ArmPlace, InStep};
+use signals::MarkOutputs;
 
 use crate::arm_in_step::ArmInStep;
 use crate::motion_source::Digested;
@@ -29,46 +33,6 @@ use crate::sequence::{Reach, Sequence, SkillProgress};
 use crate::zones::Zones;
 use crate::{ExecutionType, FailureCause, MotionSource, StartError, Station};
 use turns::ZoneTurns;
-
-/// What a station runs.
-#[derive(Debug)]
-pub struct StationWork {
-    /// The program in the robot controller that RC runs.
-    pub program: u16,
-    /// How many motions MoveContinuous writes ahead of those that are executed, 1..=5.
-    pub queue_depth: u32,
-    /// The count of the robot by which it refills slots.
-    pub refill: Refill,
-    /// The motions that SM and CM run.
-    pub motions: Box<dyn MotionSource>,
-    /// Where their continuous motions end, in order, and what the PLC switches there.
-    pub stops: Vec<Stop>,
-    /// Where the arm waits for others, in order; none where it works alone.
-    pub waits: Vec<WaitAt>,
-    /// Visits of the arm in shared zones, in order.
-    pub visits: Vec<ZoneVisit>,
-    /// Volume of its arm in the cell; `None` in a cell without shared zones.
-    pub zones: Option<StationZones>,
-}
-
-impl StationWork {
-    /// Returns this work in a cell with shared zones.
-    #[must_use]
-    pub fn in_zones(self, visits: &[ZoneVisit], zones: Option<&StationZones>) -> Self {
-        Self { visits: visits.to_vec(), zones: zones.cloned(), ..self }
-    }
-}
-
-/// When an arm came to a mark, and when it went on, by the scans of the PLC.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub struct MarkPassage {
-    /// Number of the mark.
-    pub mark: u32,
-    /// The first scan in which the PLC saw the arm stand there.
-    pub came: Instant,
-    /// The scan that let it pass; `None` while it waits.
-    pub passed: Option<Instant>,
-}
 
 /// The program that runs the sequences of all stations.
 #[derive(Debug)]
@@ -88,7 +52,11 @@ struct Part {
     refill: Refill,
     motions: Digested,
     stops: Vec<Stop>,
+    /// Those of them whose action is the PLC's with RC, too: where no stored program meets others.
+    stops_of_rc: Vec<Stop>,
     waits: Vec<WaitAt>,
+    outputs: MarkOutputs,
+    is_rc: bool,
     /// Marks that were passed in this run.
     passed: usize,
     /// Marks that the arm came to in this run; its capacity is taken at the start.
@@ -109,8 +77,15 @@ enum PartState {
 impl Part {
     fn new(work: StationWork) -> Self {
         let StationWork { program, queue_depth, refill, motions, stops, waits, visits, zones } = work;
+        let meets = |stop: &Stop| {
+            let mut waits = waits.iter().filter(|wait| wait.signal.is_some());
+            waits.any(|wait| u32::try_from(wait.after) == Ok(stop.after))
+        };
         Self {
             turns: ZoneTurns::new(visits, &stops, zones),
+            stops_of_rc: stops.iter().filter(|stop| !meets(stop)).copied().collect(),
+            outputs: MarkOutputs::of(&waits),
+            is_rc: true,
             sequence: Sequence::new(ExecutionType::Rc, program, queue_depth),
             program,
             queue_depth,
@@ -127,8 +102,10 @@ impl Part {
 
     fn begin(&mut self, execution_type: ExecutionType) {
         let sequence = Sequence::new(execution_type, self.program, self.queue_depth).refilled_by(self.refill);
-        let is_whole = self.waits.is_empty() && !self.turns.has_visits();
+        let is_whole = self.waits.iter().all(|wait| wait.signal.is_some()) && !self.turns.has_visits();
         self.sequence = if is_whole { sequence } else { sequence.in_sections() };
+        self.is_rc = execution_type == ExecutionType::Rc;
+        self.outputs.begin();
         self.turns.begin();
         self.motions.restart();
         self.passed = 0;
@@ -136,24 +113,38 @@ impl Part {
         (self.state, self.trouble) = (PartState::Running, None);
     }
 
-    /// Returns how far the arm may go: to the next mark that it has not passed, and not into a zone that it was not granted.
+    /// Returns how far the arm may go: to the next mark that it has not passed, and not into a zone that it was not granted. At a mark with
+    /// outputs its stored program waits itself.
     fn reach(&self) -> Reach {
-        self.turns.limit(self.reach_of_marks())
+        let mut waits = self.waits.iter().skip(self.passed);
+        self.turns.limit(reach_to(waits.find(|wait| self.signal_at(wait).is_none())))
     }
 
-    /// Returns how far the arm may go for its marks.
+    /// Returns how far the arm is to go before it meets others.
     fn reach_of_marks(&self) -> Reach {
-        self.waits.get(self.passed).map_or(Reach::END, |wait| Reach {
-            motions: u32::try_from(wait.after).unwrap_or(u32::MAX),
-            with_action: wait.after_action,
-        })
+        reach_to(self.waits.get(self.passed))
+    }
+
+    /// Returns the outputs by which the stored program of this run meets others at a mark.
+    fn signal_at(&self, wait: &WaitAt) -> Option<MarkSignal> {
+        wait.signal.filter(|_| self.is_rc)
     }
 
     /// Returns the mark at which the arm stands and waits.
     fn stands_at(&self) -> Option<u32> {
         let wait = self.waits.get(self.passed)?;
-        (self.state != PartState::Lost && self.sequence.has_come_to(self.reach_of_marks()))
-            .then_some(wait.mark)
+        let stands = match self.signal_at(wait) {
+            Some(signal) => signal.is_shown_by(self.outputs.shown()),
+            None => self.sequence.has_come_to(self.reach_of_marks()),
+        };
+        (self.state != PartState::Lost && stands).then_some(wait.mark)
+    }
+
+    /// Returns the mark that the stored program has passed before the others came, by the motions that it counts.
+    fn ignored_mark(&self, is_done: bool) -> Option<u32> {
+        let wait = self.waits.get(self.passed).filter(|wait| self.signal_at(wait).is_some())?;
+        let after = u32::try_from(wait.after).unwrap_or(u32::MAX);
+        (is_done || self.sequence.executed() > after).then_some(wait.mark)
     }
 
     /// Notes that the arm has come to a mark.
@@ -194,6 +185,14 @@ impl Part {
     fn shares_mark_with(&self, other: &Self) -> bool {
         self.waits.iter().skip(self.passed).any(|wait| other.comes_to(wait.mark))
     }
+}
+
+/// Returns how far an arm goes to this wait.
+fn reach_to(wait: Option<&WaitAt>) -> Reach {
+    wait.map_or(Reach::END, |wait| Reach {
+        motions: u32::try_from(wait.after).unwrap_or(u32::MAX),
+        with_action: wait.after_action,
+    })
 }
 
 impl Sequences {
@@ -264,6 +263,19 @@ impl Sequences {
         }
     }
 
+    /// Passes the outputs on by which stored programs meet; without such programs it clears them.
+    fn pass_outputs_on(&mut self, stations: &mut [Station]) {
+        if self.execution_type == ExecutionType::Rc {
+            let running =
+                self.parts.iter_mut().zip(&*stations).filter(|(part, _)| part.state != PartState::Lost);
+            running.for_each(|(part, station)| part.outputs.read(&part.sequence, station));
+        }
+        let shown = self.parts.iter().fold(0, |all, part| all | part.outputs.shown());
+        for (part, station) in self.parts.iter().zip(stations) {
+            part.outputs.pass_on(shown, station);
+        }
+    }
+
     /// Notes where all arms are that rest, as far as the PLC knows.
     fn locate_arms(&mut self, stations: &[Station]) {
         for (arm, (part, station)) in self.parts.iter().zip(stations).enumerate() {
@@ -325,6 +337,7 @@ impl PlcProgram for Sequences {
 
     /// Runs all parts also where one has trouble: the others may go on.
     fn scan(&mut self, now: Instant, stations: &mut [Station]) -> Progress {
+        self.pass_outputs_on(stations);
         self.pass_marks(now);
         self.take_turns(now);
         let mut is_running = false;
@@ -333,9 +346,19 @@ impl PlcProgram for Sequences {
                 continue;
             }
             let reach = part.reach();
-            match part.sequence.scan(now, &mut part.motions, &part.stops, reach, station.group_mut()) {
-                SkillProgress::Running => is_running = true,
-                SkillProgress::Done => part.state = PartState::Done,
+            let stops = if part.is_rc { &part.stops_of_rc } else { &part.stops };
+            match part.sequence.scan(now, &mut part.motions, stops, reach, station.group_mut()) {
+                progress @ (SkillProgress::Running | SkillProgress::Done) => {
+                    let is_done = progress == SkillProgress::Done;
+                    match part.ignored_mark(is_done) {
+                        Some(mark) => {
+                            let cause = FailureCause::MarkIgnored { mark };
+                            part.trouble = Some(Progress::Ended { station: index, cause });
+                        }
+                        None if is_done => part.state = PartState::Done,
+                        None => is_running = true,
+                    }
+                }
                 SkillProgress::Aborted => part.trouble = Some(Progress::Aborted { station: index }),
                 SkillProgress::Failed { motion, error } => {
                     part.trouble = Some(Progress::Failed { station: index, motion, error });

@@ -94,7 +94,7 @@ fn with_two_stations() -> PlcNode<OneStation<Direct>> {
         refill: setup::Refill::Executed,
         motions: Box::new(MotionList::from(vec![MOTION; 13])),
         stops: stops(),
-        waits: vec![WaitAt { mark: 1, after, after_action: false }],
+        waits: vec![WaitAt { mark: 1, after, after_action: false, signal: None }],
         visits: vec![ZoneVisit { zone: 0, after: after + 2, until: after + 4 }],
         zones: None,
     };

@@ -218,11 +218,18 @@ impl<B: Fieldbus> RobotNode<B> {
         } else if is_still {
             Some(WaitingFor::Life { life: self.command.life })
         } else {
-            WaitingFor::of(&self.command, self.controller.feedback())
+            WaitingFor::of(&self.command, self.controller.feedback()).or_else(|| self.waits_for_arms())
         };
         if let Some((for_what, seconds)) = self.wait.see(at, for_what) {
             self.push(RobotEvent::Waiting { for_what, seconds });
         }
+    }
+
+    /// Returns the other arms, if the stored program waits for them at a mark.
+    fn waits_for_arms(&self) -> Option<WaitingFor> {
+        let signal = self.controller.meets()?;
+        let number = self.controller.feedback().number;
+        Some(WaitingFor::OtherArms { number, inputs: signal.inputs, set: signal.set })
     }
 
     /// Runs the controller for one cycle, and the drives.

@@ -39,6 +39,18 @@ pub struct Rehearsed {
     pub end_pose: [f32; 6],
 }
 
+impl Rehearsed {
+    /// Returns what the arm did here and then there.
+    #[must_use]
+    pub fn then(self, other: Self) -> Self {
+        Self {
+            account: self.account.then(other.account),
+            quality: self.quality.then(other.quality),
+            end_pose: other.end_pose,
+        }
+    }
+}
+
 /// A motion that the arm does not execute.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("the arm alone does not get beyond motion {motion}, counted from 0: {ending:?}")]
@@ -101,6 +113,22 @@ pub fn rehearse_watched(
             }
         }
     }
+    Ok(stage.done)
+}
+
+/// Executes a stored program as [`Calls::Program`] does. At its marks it waits for nobody.
+///
+/// # Errors
+///
+/// The same as for [`rehearse`].
+pub fn rehearse_program(
+    config: &RobotConfig,
+    start: Joints,
+    program: Program,
+    override_percent: u8,
+) -> Result<Rehearsed, RehearsalError> {
+    let mut stage = Stage::new(at_once(config, start), program.alone(), override_percent);
+    stage.call(0, &[], Skill::RunProgram, &mut |_| {})?;
     Ok(stage.done)
 }
 

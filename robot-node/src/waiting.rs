@@ -40,6 +40,15 @@ pub enum WaitingFor {
         /// Number of the command.
         number: u16,
     },
+    /// The other arms of a mark of the stored program.
+    OtherArms {
+        /// Number of the command.
+        number: u16,
+        /// Inputs for which the program waits.
+        inputs: u16,
+        /// State in which they let it go on.
+        set: bool,
+    },
     /// The master that the arm follows.
     Master {
         /// Number of the command.
@@ -105,6 +114,11 @@ impl fmt::Display for WaitingFor {
             Self::StartTime { number } => write!(
                 f,
                 "the start time of command {number}, bytes 20..28: it is ahead of the robot's clock; a halt or a cancel ends the wait"
+            ),
+            Self::OtherArms { number, inputs, set } => write!(
+                f,
+                "the other arms of a mark in command {number}: the PLC has to {} bits {inputs:#06x} of its digital outputs",
+                if *set { "set" } else { "clear" }
             ),
             Self::Master { number } => write!(
                 f,

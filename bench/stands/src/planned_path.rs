@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use anyhow::Context as _;
 use plc_node::ExecutionType;
 use robot_node::Controller;
 use robot_node::arm::Joints;
-use robot_node::rehearsal::{Calls, Rehearsed, rehearse_watched};
+use robot_node::rehearsal::{Calls, rehearse_watched};
 
 use crate::planned_station::PlannedStation;
 
@@ -25,15 +24,6 @@ struct PlannedSection {
     pub points: Vec<(u64, Joints)>,
 }
 
-/// A repetition of the arm alone: its path, and all that it does.
-#[derive(Clone, Debug)]
-pub struct RehearsedStation {
-    /// Its path.
-    pub path: PlannedPath,
-    /// All of it.
-    pub total: Rehearsed,
-}
-
 impl PlannedPath {
     /// Has the arm of a station execute its motions alone from these joints, at an override in %.
     ///
@@ -45,7 +35,7 @@ impl PlannedPath {
         execution_type: ExecutionType,
         start: Joints,
         override_percent: u8,
-    ) -> anyhow::Result<RehearsedStation> {
+    ) -> anyhow::Result<Self> {
         let planned = &station.planned;
         let calls = match execution_type {
             ExecutionType::Rc => Calls::Program,
@@ -53,9 +43,9 @@ impl PlannedPath {
             ExecutionType::Cm => Calls::Continuous,
         };
         let mut path = Self::default();
-        let mut total: Option<Rehearsed> = None;
+        let mut end = start;
         for section in &station.sections {
-            let from = total.map_or(start, |before| before.account.end);
+            let from = end;
             let motions = planned.motions.get(section.motions.clone()).unwrap_or_default();
             let mut points = SectionPoints::new(from);
             let rehearsed = rehearse_watched(
@@ -67,16 +57,9 @@ impl PlannedPath {
                 &mut |controller| points.add(controller),
             )?;
             path.sections.push(PlannedSection { motions: section.motions.clone(), points: points.points });
-            total = Some(match total {
-                None => rehearsed,
-                Some(before) => Rehearsed {
-                    account: before.account.then(rehearsed.account),
-                    quality: before.quality.then(rehearsed.quality),
-                    end_pose: rehearsed.end_pose,
-                },
-            });
+            end = rehearsed.account.end;
         }
-        Ok(RehearsedStation { path, total: total.context("the plan has no motions")? })
+        Ok(path)
     }
 
     /// Returns the joints at a share of the law's time between two numbers of executed motions, which are the ends of sections.

@@ -23,6 +23,8 @@ pub struct PlannedStation {
     pub visits: Vec<ZoneVisit>,
     /// Volume of its arm; `None` in a cell without shared zones.
     pub zones: Option<StationZones>,
+    /// Programs that its robot stores for RC.
+    pub programs: Vec<ProgramSection>,
     /// What it executes between these.
     pub sections: Vec<ProgramSection>,
     /// Properties by which the PLC has its arm start and move together with others; `None` where
@@ -48,7 +50,8 @@ impl PlannedStation {
                 waits: plan.waits.clone(),
                 visits: plan.visits.clone(),
                 zones: zones.clone(),
-                sections: plan.sections(),
+                programs: plan.sections(),
+                sections: plan.sections_between_rests(),
                 in_step: Some(in_step),
             })
         };

@@ -121,7 +121,7 @@ impl MeasuredArm {
         if self.paths.iter().any(|(of, from, _)| *of == execution_type && is_near(from)) {
             return Ok(());
         }
-        let path = PlannedPath::rehearse(&self.station, execution_type, *start, 100)?.path;
+        let path = PlannedPath::rehearse(&self.station, execution_type, *start, 100)?;
         self.paths.retain(|(of, ..)| *of != execution_type);
         self.paths.push((execution_type, *start, path));
         Ok(())

@@ -11,6 +11,7 @@ use crate::application::Application;
 use crate::arms::{ArmsApplication, Mark};
 use crate::error::Error;
 use crate::load::{ARMS_APPLICATIONS, Found, application};
+use crate::mark_outputs;
 use crate::motion::Motion;
 use crate::plan::Plan;
 use crate::reach::Reached;
@@ -168,6 +169,7 @@ impl FoundCell {
             key: found.key(),
             found: Box::new(found),
         })?;
+        mark_outputs::assign(&mut stations.iter_mut().map(|station| &mut station.plan).collect::<Vec<_>>());
         let zones = cell.shared_zones.iter().map(|zone| zone.name.clone()).collect();
         Ok(PlannedCell { marks: self.marks.clone(), zones, stations })
     }
@@ -316,6 +318,23 @@ impl PlannedCell {
 }
 
 impl PlannedCell {
+    /// Says by which outputs the stored programs of RC meet.
+    fn show_signals(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of_station = |station: &PlannedStation| {
+            let signals = station.plan.waits.iter().filter_map(|wait| wait.signal);
+            let mut outputs: Vec<u8> = signals.map(|signal| signal.output).collect();
+            outputs.sort_unstable();
+            outputs.dedup();
+            let outputs: Vec<_> = outputs.iter().map(ToString::to_string).collect();
+            (!outputs.is_empty()).then(|| format!("{} {}", station.name, outputs.join(" and ")))
+        };
+        let listed: Vec<_> = self.stations.iter().filter_map(of_station).collect();
+        if listed.is_empty() {
+            return Ok(());
+        }
+        writeln!(f, "  RC: programs meet by digital outputs: {}", listed.join(", "))
+    }
+
     /// Lists the shared zones, with the motions of each station in them.
     fn show_zones(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.zones.is_empty() {
@@ -360,6 +379,7 @@ impl fmt::Display for PlannedCell {
             let together = if mark.together { "; together from here to the next" } else { "" };
             writeln!(f, "  {:>4}  {:width$}  {waiting}{together}", mark.number, mark.name)?;
         }
+        self.show_signals(f)?;
         self.show_zones(f)
     }
 }

@@ -32,6 +32,8 @@ mod file;
 mod geometry;
 mod list;
 mod load;
+mod mark_outputs;
+mod mark_signal;
 mod meeting;
 mod motion;
 mod out_of_reach;
@@ -65,6 +67,8 @@ pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
 pub use load::{
     APPLICATIONS, ARMS_APPLICATIONS, Found, application, setup_and_application, setup_with_application,
 };
+pub use mark_outputs::assign_mark_signals;
+pub use mark_signal::MarkSignal;
 pub use meeting::NoMeeting;
 pub use motion::{Motion, Role};
 pub use out_of_reach::{OrBase, OutOfReach, SwingsTooNear};
@@ -76,5 +80,5 @@ pub use shared_zone::{ArmVolume, MOST_ZONES, NoTurns, StationZones, Waited, Zone
 pub use source::Source;
 pub use stopped::{Stopped, Unfit};
 pub use stream::{Stream, Streamed, count, stream, to_start};
-pub use wire::{PROGRAM, ProgramSection, Stop, Switch};
+pub use wire::{Meeting, PROGRAM, ProgramSection, Stop, Switch};
 pub use zone::Why;

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::application::{Action, Application, Labels};
+use crate::mark_signal::MarkSignal;
 use crate::motion::Motion;
 use crate::zone::Why;
 use setup::Setup;
@@ -48,6 +49,8 @@ pub struct WaitAt {
     pub after: usize,
     /// Whether the action at this stop comes first, and not after the wait.
     pub after_action: bool,
+    /// Outputs by which the robot's stored program waits there itself; without them the PLC starts another program after the mark.
+    pub signal: Option<MarkSignal>,
 }
 
 /// A part of a plan in which the arm may be in a shared zone.

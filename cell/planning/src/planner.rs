@@ -96,7 +96,7 @@ impl<'a> Planner<'a> {
         let after = plan.motions.len();
         let mut action = None;
         for wait in self.application.waits_after(steps) {
-            plan.waits.push(WaitAt { mark: wait.mark, after, after_action: acted });
+            plan.waits.push(WaitAt { mark: wait.mark, after, after_action: acted, signal: None });
             if let Some(then) = &wait.then {
                 acted = true;
                 action.get_or_insert_with(|| then.clone());

@@ -6,6 +6,7 @@ use core::time::Duration;
 use protocol::image;
 use setup::Setup;
 
+use crate::mark_signal::MarkSignal;
 use crate::motion::Motion;
 use crate::plan::{Continuous, Plan, ToStart};
 
@@ -26,8 +27,24 @@ pub struct Stop {
 pub struct ProgramSection {
     /// Indices of its motions.
     pub motions: Range<usize>,
-    /// Its stops, counted from its first motion. What happens at the section's end is not part of it, if there are several.
+    /// Its stops, counted from its first motion. Of several sections the stop at the end belongs to it only where arms meet by outputs:
+    /// elsewhere what happens there is the PLC's.
     pub stops: Vec<Stop>,
+    /// Marks at which it meets others by outputs, in order, counted from its first motion.
+    pub meetings: Vec<Meeting>,
+    /// Outputs that it clears before it begins: those by which arms meet, once in a run.
+    pub clears: u16,
+}
+
+/// A mark in a stored program.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Meeting {
+    /// Motions of the program before it.
+    pub after: u32,
+    /// Set where the action at this stop comes first, and not after the wait.
+    pub after_action: bool,
+    /// Outputs by which the arms meet.
+    pub signal: MarkSignal,
 }
 
 /// A digital output that is set or cleared, and the time until that has taken effect.
@@ -68,28 +85,58 @@ impl Plan {
         self.continuous.iter().map(stop).collect()
     }
 
-    /// Returns the sections between the waits and before the visits of shared zones, in order, none of them empty. Without any the
-    /// plan is one section with all its stops.
+    /// Returns the sections that a robot stores as programs, in order, none of them empty: from one visit of a shared zone to the next.
+    /// Marks at which arms meet by outputs are within them; at others a section ends.
     #[must_use]
     pub fn sections(&self) -> Vec<ProgramSection> {
-        let (stops, total) = (self.stops(), self.motions.len());
-        if self.waits.is_empty() && self.visits.is_empty() {
-            return vec![ProgramSection { motions: 0..total, stops }];
+        let waits = self.waits.iter().filter(|wait| wait.signal.is_none()).map(|wait| wait.after);
+        let mut sections = self.sections_to(waits);
+        for wait in &self.waits {
+            let Some(signal) = wait.signal else { continue };
+            // The mark before the first motion is part of the first program.
+            let is_in = |section: &&mut ProgramSection| wait.after <= section.motions.end;
+            let Some(section) = sections.iter_mut().find(is_in) else { continue };
+            let after = u32::try_from(wait.after - section.motions.start.min(wait.after)).unwrap_or(u32::MAX);
+            section.meetings.push(Meeting { after, after_action: wait.after_action, signal });
+            let at_end = self.stops().into_iter().find(|stop| usize::try_from(stop.after) == Ok(wait.after));
+            if let Some(stop) = at_end.filter(|_| section.stops.iter().all(|stop| stop.after < after)) {
+                section.stops.push(Stop { after, ..stop });
+            }
         }
-        let waits = self.waits.iter().map(|wait| wait.after);
+        let clears = self.waits.iter().filter_map(|wait| wait.signal);
+        if let Some(first) = sections.first_mut() {
+            first.clears = clears.fold(0, |all, signal| all | signal.mask());
+        }
+        sections
+    }
+
+    /// Returns the sections from one rest of the arm at a mark or before a shared zone to the next, in order, none of them empty. What
+    /// happens at their ends is not part of them. Without any rest the plan is one section with all its stops.
+    #[must_use]
+    pub fn sections_between_rests(&self) -> Vec<ProgramSection> {
+        self.sections_to(self.waits.iter().map(|wait| wait.after))
+    }
+
+    fn sections_to(&self, waits: impl Iterator<Item = usize>) -> Vec<ProgramSection> {
+        let (stops, total) = (self.stops(), self.motions.len());
         let visits = self.visits.iter().map(|visit| visit.after);
-        let mut bounds: Vec<_> = waits.chain(visits).chain([0, total]).collect();
+        let mut bounds: Vec<_> = waits.chain(visits).collect();
+        let section = |motions, stops| ProgramSection { motions, stops, meetings: Vec::new(), clears: 0 };
+        if bounds.is_empty() {
+            return vec![section(0..total, stops)];
+        }
+        bounds.extend([0, total]);
         bounds.sort_unstable();
         bounds.dedup();
-        let section = |(start, end): (usize, usize)| {
+        let between = |(start, end): (usize, usize)| {
             let within = stops.iter().filter_map(|stop| {
                 let after = usize::try_from(stop.after).ok()?;
                 let in_section = u32::try_from(after.checked_sub(start)?).ok()?;
                 (0 < in_section && after < end).then_some(Stop { after: in_section, ..*stop })
             });
-            ProgramSection { motions: start..end, stops: within.collect() }
+            section(start..end, within.collect())
         };
-        bounds.iter().copied().zip(bounds.iter().copied().skip(1)).map(section).collect()
+        bounds.iter().copied().zip(bounds.iter().copied().skip(1)).map(between).collect()
     }
 
     /// Returns the motions in the units of the wire, as this setup programs them.

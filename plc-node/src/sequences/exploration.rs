@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 
 use machine::{Duration, Instant};
-use planning::WaitAt;
+use planning::{WaitAt, assign_mark_signals};
 use protocol::image::{Control, Feedback, Motion, MotionKind, Order, Skill, State, Status};
 
 use super::{Sequences, StationWork};
@@ -31,18 +31,25 @@ struct Robot {
     feedback: Feedback,
     skills: usize,
     executed: usize,
+    /// Marks that its program has passed.
+    met: usize,
     is_lost: bool,
 }
 
 /// An arm of a cell: how many motions it has, and its waits by mark and place.
 type Arm = (usize, &'static [(u32, usize)]);
 
-/// What makes a state another one: of each arm motions executed, skills, motions written, whether it executes and whether it is
-/// lost; the marks met, and whether the run has ended.
-type Key = (Vec<(usize, usize, u32, bool, bool)>, Vec<u32>, bool);
+/// An execution type, and whether stored programs meet by outputs.
+type Kind = (ExecutionType, bool);
+
+/// What makes a state another one: of each arm motions executed, skills, motions written or marks passed by its program, whether it executes
+/// and whether it is lost; the marks met, whether the run has ended, and the outputs of both robots.
+type Key = (Vec<(usize, usize, u32, bool, bool)>, Vec<u32>, bool, [u16; 2]);
 
 struct Cell {
     arms: [Arm; 2],
+    /// The waits of each arm.
+    waits: [Vec<WaitAt>; 2],
     execution_type: ExecutionType,
     program: Sequences,
     stations: Vec<Station>,
@@ -56,29 +63,41 @@ struct Cell {
 
 fn station(index: usize) -> Station {
     let config = StationConfig::patient(1_000);
-    Station::new(index, config, Order::BigEndian, Duration::from_millis(1))
+    let mut station = Station::new(index, config, Order::BigEndian, Duration::from_millis(1));
+    station.connect();
+    station
 }
 
 impl Cell {
-    fn new(arms: [Arm; 2], execution_type: ExecutionType) -> Self {
+    /// Creates the cell. With RC its programs meet by outputs, or end at each mark.
+    fn new(arms: [Arm; 2], (execution_type, by_outputs): Kind) -> Self {
         let motion = Motion { kind: MotionKind::LinCartesian, ..Motion::EMPTY };
-        let work = |(motions, waits): Arm| StationWork {
+        let at = |(mark, after): &(u32, usize)| WaitAt {
+            mark: *mark,
+            after: *after,
+            after_action: false,
+            signal: None,
+        };
+        let mut waits = arms.map(|(_, waits)| waits.iter().map(at).collect::<Vec<_>>());
+        if by_outputs {
+            let [one, other] = &mut waits;
+            assert!(assign_mark_signals(&mut [one, other], 0));
+        }
+        let work = |((motions, _), waits): (Arm, &Vec<WaitAt>)| StationWork {
             program: 1,
             queue_depth: 5,
             refill: setup::Refill::Executed,
             motions: Box::new(MotionList::from(vec![motion; motions])),
             stops: Vec::new(),
-            waits: waits
-                .iter()
-                .map(|(mark, after)| WaitAt { mark: *mark, after: *after, after_action: false })
-                .collect(),
+            waits: waits.clone(),
             visits: Vec::new(),
             zones: None,
         };
         let mut cell = Self {
             arms,
             execution_type,
-            program: Sequences::new(arms.map(work).into()),
+            program: Sequences::new(arms.into_iter().zip(&waits).map(work).collect()),
+            waits,
             stations: vec![station(0), station(1)],
             robots: Default::default(),
             now: Instant::ZERO,
@@ -105,7 +124,8 @@ impl Cell {
             let stands = |arm: usize, mark: u32| {
                 let mut open = self.places(arm).filter(|(mark, _)| !self.met.contains(mark));
                 open.next().is_some_and(|(at, after)| at == mark && after <= self.robots[arm].executed)
-                    && !self.robots[arm].is_lost
+                    // What it has shown before it was lost, the other has.
+                    && (self.meets(arm) || !self.robots[arm].is_lost)
             };
             let Some((mark, _)) = self.places(0).find(|(mark, _)| stands(0, *mark) && stands(1, *mark))
             else {
@@ -119,6 +139,7 @@ impl Cell {
         match step {
             Step::Begin => {
                 for (robot, station) in self.robots.iter_mut().zip(&mut self.stations) {
+                    // Its outputs stay as they were.
                     *robot = Robot { feedback: robot.feedback, ..Robot::default() };
                     robot.feedback.state = State::Ready;
                     robot.feedback.status = Status::ENABLED | Status::AT_REST;
@@ -139,24 +160,63 @@ impl Cell {
 
     fn execute(&mut self, arm: usize) {
         let command = *self.stations[arm].group().command();
+        let meets = self.meets(arm);
         let robot = &mut self.robots[arm];
         let is_running = robot.feedback.state == State::Running;
         let total = match command.skill {
+            Skill::RunProgram if meets => self.arms[arm].0 as u32,
             Skill::RunProgram => sections(self.arms[arm])[robot.skills - usize::from(robot.skills > 0)],
             _ => command.total,
         };
-        let has_one = command.skill == Skill::RunProgram || robot.feedback.executed < command.written;
+        let has_one = match command.skill {
+            Skill::RunProgram if meets => {
+                let next = self.waits[arm].get(robot.met);
+                next.is_none_or(|wait| wait.after > robot.executed) && robot.feedback.executed < total
+            }
+            Skill::RunProgram => true,
+            _ => robot.feedback.executed < command.written,
+        };
         if !is_running || !has_one || robot.is_lost {
             return;
         }
         robot.feedback.executed += 1;
         robot.executed += 1;
-        if robot.feedback.executed == total {
+        if robot.feedback.executed == total && !meets {
             (robot.feedback.state, robot.feedback.status) =
                 (State::Ready, Status::DONE | Status::ENABLED | Status::AT_REST);
         }
         assert!(robot.executed <= self.limit(arm), "arm {arm} goes beyond a mark");
         self.meet();
+    }
+
+    /// Returns whether the program of an arm meets others by outputs.
+    fn meets(&self, arm: usize) -> bool {
+        let is_rc = self.execution_type == ExecutionType::Rc;
+        is_rc && self.waits[arm].first().is_some_and(|wait| wait.signal.is_some())
+    }
+
+    /// Has the program of an arm show the mark at which it stands, pass it if the other has come, or end.
+    fn follow_marks(&mut self, arm: usize) {
+        let (inputs, meets) = (self.stations[arm].group().command().outputs, self.meets(arm));
+        let robot = &mut self.robots[arm];
+        if !meets || robot.is_lost || robot.feedback.state != State::Running {
+            return;
+        }
+        match self.waits[arm].get(robot.met).filter(|wait| wait.after <= robot.executed) {
+            Some(wait) => {
+                let signal = wait.signal.unwrap();
+                robot.feedback.inputs = signal.applied_to(robot.feedback.inputs);
+                if signal.is_met_by(inputs) {
+                    assert!(self.met.contains(&wait.mark), "arm {arm} passes mark {}", wait.mark);
+                    robot.met += 1;
+                }
+            }
+            None if robot.executed == self.arms[arm].0 => {
+                (robot.feedback.state, robot.feedback.status) =
+                    (State::Ready, Status::DONE | Status::ENABLED | Status::AT_REST);
+            }
+            None => {}
+        }
     }
 
     fn lose(&mut self, arm: usize) {
@@ -181,6 +241,7 @@ impl Cell {
 
     fn scan(&mut self, with_program: bool) {
         self.now += Duration::from_millis(1);
+        (0..self.arms.len()).for_each(|arm| self.follow_marks(arm));
         for (robot, station) in self.robots.iter_mut().zip(&mut self.stations) {
             let command = *station.group().command();
             let feedback = &mut robot.feedback;
@@ -190,6 +251,8 @@ impl Cell {
                 (feedback.number, feedback.executed) = (command.number, 0);
                 (feedback.state, feedback.status) = (State::Running, Status::BUSY | Status::ENABLED);
                 robot.skills += 1;
+                // It clears what it showed in the last run, as each program that meets others does.
+                feedback.inputs = 0;
             }
             feedback.accepted = command.written;
             station.group_mut().read(Some(*feedback));
@@ -205,10 +268,12 @@ impl Cell {
         let station = |(robot, station): (&Robot, &Station)| {
             let command = station.group().command();
             let executes = command.control.contains(Control::EXECUTE);
-            (robot.executed, robot.skills, command.written, executes, robot.is_lost)
+            let written = command.written + robot.met as u32;
+            (robot.executed, robot.skills, written, executes, robot.is_lost)
         };
         let stations = self.robots.iter().zip(&self.stations).map(station).collect();
-        (stations, self.met.iter().copied().collect(), self.is_ended)
+        let outputs = [0, 1].map(|arm: usize| self.robots[arm].feedback.inputs);
+        (stations, self.met.iter().copied().collect(), self.is_ended, outputs)
     }
 
     /// Checks that the run ends when the arms that are left execute what they get.
@@ -226,31 +291,33 @@ fn sections((motions, waits): Arm) -> Vec<u32> {
     ends.map(|end| (end - std::mem::replace(&mut begin, end)) as u32).filter(|motions| *motions > 0).collect()
 }
 
-fn replayed(arms: [Arm; 2], execution_type: ExecutionType, path: &[Step]) -> Cell {
-    let mut cell = Cell::new(arms, execution_type);
+fn replayed(arms: [Arm; 2], kind: Kind, path: &[Step]) -> Cell {
+    let mut cell = Cell::new(arms, kind);
     path.iter().for_each(|step| cell.step(*step));
     cell
 }
 
 #[test]
 fn no_order_of_motions_losses_and_new_runs_lets_an_arm_beyond_a_mark_or_leaves_a_run_without_end() {
-    let cells: [[Arm; 2]; 4] = [
+    let cells: [[Arm; 2]; 5] = [
+        [(3, &[(1, 1), (2, 1), (3, 2), (4, 3)]), (3, &[(1, 0), (2, 2), (3, 3), (4, 3)])],
         [(3, &[(1, 2)]), (4, &[(1, 1)])],
         [(2, &[(1, 0), (2, 2)]), (3, &[(1, 0), (2, 3)])],
         [(3, &[(1, 1), (2, 1)]), (2, &[(1, 0), (2, 2)])],
         [(2, &[]), (3, &[])],
     ];
     for arms in cells {
-        for execution_type in ExecutionType::ALL {
+        let kinds = ExecutionType::ALL.map(|execution_type| (execution_type, true));
+        for kind in kinds.into_iter().chain([(ExecutionType::Rc, false)]) {
             let mut known = BTreeSet::new();
             // The shortest orders first: each is replayed from the start.
             let mut open = VecDeque::from([Vec::new()]);
             while let Some(path) = open.pop_front() {
-                let mut cell = replayed(arms, execution_type, &path);
+                let mut cell = replayed(arms, kind, &path);
                 if !known.insert(cell.key()) {
                     continue;
                 }
-                assert!(cell.ends(), "{execution_type} {arms:?}: {path:?}");
+                assert!(cell.ends(), "{kind:?} {arms:?}: {path:?}");
                 open.extend(STEPS.iter().map(|step| path.iter().copied().chain([*step]).collect::<Vec<_>>()));
             }
             assert!(known.len() > 20, "{} states", known.len());

@@ -39,7 +39,8 @@ impl VisitingWork {
             after: usize::from(*after),
             until: usize::from(*until),
         };
-        let wait = |after: &u8| WaitAt { mark: 1, after: usize::from(*after), after_action: false };
+        let wait =
+            |after: &u8| WaitAt { mark: 1, after: usize::from(*after), after_action: false, signal: None };
         Plan {
             visits: self.visits.iter().map(visit).collect(),
             waits: self.mark.iter().map(wait).collect(),

@@ -1,7 +1,7 @@
 //! A PLC with two scripted robots, each on a cable without a protocol.
 
 use machine::{Duration, Instant, InterfaceId};
-use planning::{Stop, ToStart, WaitAt};
+use planning::{MarkSignal, Stop, ToStart, WaitAt, assign_mark_signals};
 use plc_node::{
     ArmInStep, ExecutionType, MotionList, PlacedStation, PlcEvent, PlcNode, PlcProgram, PlcReport, Scan,
     Sequences, StationConfig, StationWork, WaitLimits,
@@ -47,7 +47,7 @@ pub(crate) fn work(motions: Vec<Motion>, waits: Vec<WaitAt>, stops: Vec<Stop>) -
 }
 
 pub(crate) const fn wait(mark: u32, after: usize, after_action: bool) -> WaitAt {
-    WaitAt { mark, after, after_action }
+    WaitAt { mark, after, after_action, signal: None }
 }
 
 pub(crate) fn placed(bus: usize, id: u16, name: &str) -> PlacedStation {
@@ -82,15 +82,29 @@ fn end(first_us: u64) -> Direct {
 
 /// Returns a cell whose stations have this work.
 pub(crate) fn cell(work: [StationWork; 2]) -> Cell {
-    let programs = [LEFT, RIGHT].map(|station| sections(&work[station]));
+    let programs = [LEFT, RIGHT].map(|station| stored(&work[station]));
     let mut cell = cell_with(Sequences::new(work.into()), [placed(0, 0, "left"), placed(1, 0, "right")]);
     for (station, programs) in programs.into_iter().enumerate() {
-        cell.robot(station, |robot| robot.programs = programs);
+        cell.robot(station, |robot| (robot.programs, robot.meetings) = programs);
     }
     cell
 }
 
-/// Returns the number of motions of each program for RC.
+/// Gives the waits of both arms the outputs by which their stored programs meet.
+pub(crate) fn meeting_by_outputs(mut work: [StationWork; 2]) -> [StationWork; 2] {
+    let [left, right] = &mut work;
+    assert!(assign_mark_signals(&mut [&mut left.waits, &mut right.waits], 1));
+    work
+}
+
+/// Returns the number of motions of each program for RC, and the marks of the first one.
+fn stored(work: &StationWork) -> (Vec<u32>, Vec<(u32, MarkSignal)>) {
+    let meetings: Vec<_> =
+        work.waits.iter().filter_map(|wait| Some((wait.after as u32, wait.signal?))).collect();
+    if meetings.is_empty() { (sections(work), meetings) } else { (vec![work.motions.total()], meetings) }
+}
+
+/// Returns the number of motions of each program between two marks.
 fn sections(work: &StationWork) -> Vec<u32> {
     let ends = work.waits.iter().map(|wait| wait.after as u32).chain([work.motions.total()]);
     let mut begin = 0;
@@ -100,12 +114,12 @@ fn sections(work: &StationWork) -> Vec<u32> {
 
 /// Returns a cell whose stations have this work, with arms in step, on cables that do this to frames; the robots' clocks drift.
 pub(crate) fn cell_in_step(work: [StationWork; 2], arms: Vec<ArmInStep>, link: Impairment) -> Cell {
-    let programs = [LEFT, RIGHT].map(|station| sections(&work[station]));
+    let programs = [LEFT, RIGHT].map(|station| stored(&work[station]));
     let plc = plc(Sequences::new(work.into()), [placed(0, 0, "left"), placed(1, 0, "right")]);
     let clocks = CLOCKS.map(|(offset_ns, drift_ppb)| Clock { offset_ns, drift_ppb });
     let mut cell = cell_of(plc.in_step(arms), clocks, link);
     for (station, programs) in programs.into_iter().enumerate() {
-        cell.robot(station, |robot| robot.programs = programs);
+        cell.robot(station, |robot| (robot.programs, robot.meetings) = programs);
     }
     cell
 }

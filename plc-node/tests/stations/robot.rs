@@ -2,6 +2,7 @@
 
 use machine::ethernet::Mac;
 use machine::{Cycle, Duration, Instant, Machine, Source, StreamChange, StreamId, Transmit};
+use planning::MarkSignal;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::{
     Command, Control, ErrorNumber, Feedback, FeedbackSealer, IMAGE_LEN, Image, Motion, Order, Skill, State,
@@ -19,6 +20,10 @@ pub(crate) struct Script {
     pub(crate) motion_cycles: u32,
     /// Number of motions of each stored program, from number 1.
     pub(crate) programs: Vec<u32>,
+    /// Marks of the first program, each with the motions before it.
+    pub(crate) meetings: Vec<(u32, MarkSignal)>,
+    /// Marks that it has passed.
+    met: usize,
     /// The motion of all at which it gives up with an error.
     pub(crate) error_at: Option<usize>,
     pub(crate) feedback: Feedback,
@@ -44,6 +49,8 @@ impl Script {
             cycle: Cycle::new(first, CYCLE),
             motion_cycles: 5,
             programs: vec![4],
+            meetings: Vec::new(),
+            met: 0,
             error_at: None,
             feedback: Feedback::default(),
             seen: 0,
@@ -130,6 +137,11 @@ impl Script {
         (self.feedback.number, self.feedback.state) = (command.number, State::Running);
         self.feedback.status = Status::BUSY | Status::ENABLED;
         (self.feedback.accepted, self.feedback.executed, self.left) = (0, 0, 0);
+        if command.skill == Skill::RunProgram {
+            let own = self.meetings.iter().fold(0, |own, (_, signal)| own | signal.mask());
+            self.feedback.inputs &= !own;
+            self.met = 0;
+        }
         self.accept(command);
         self.begin_motion(now, command);
     }
@@ -141,8 +153,30 @@ impl Script {
         }
     }
 
+    /// Passes the marks at which it stands, if the others have come. Returns whether it still waits at one.
+    fn waits_at_mark(&mut self, command: &Command) -> bool {
+        if command.skill != Skill::RunProgram || self.left > 0 {
+            return false;
+        }
+        while let Some((_, signal)) =
+            self.meetings.get(self.met).filter(|(after, _)| *after == self.feedback.executed)
+        {
+            // It switches its output in one cycle, and looks at the inputs in the next one.
+            let before = self.feedback.inputs;
+            self.feedback.inputs = signal.applied_to(before);
+            if before != self.feedback.inputs || !signal.is_met_by(command.outputs) {
+                return true;
+            }
+            self.met += 1;
+        }
+        false
+    }
+
     /// Begins the next motion, if it has it.
     fn begin_motion(&mut self, now: Instant, command: &Command) {
+        if self.waits_at_mark(command) || self.feedback.executed == self.total {
+            return;
+        }
         let has_it = command.skill == Skill::RunProgram || self.feedback.accepted > self.feedback.executed;
         if self.left == 0 && has_it {
             self.left = self.motion_cycles;
@@ -157,6 +191,9 @@ impl Script {
             return self.end(Status::ABORTED, State::Halted);
         }
         self.accept(command);
+        if self.feedback.executed == self.total && !self.waits_at_mark(command) {
+            return self.end(Status::DONE, State::Ready);
+        }
         self.begin_motion(now, command);
         if self.left == 0 || command.override_percent == 0 {
             return;
@@ -176,7 +213,7 @@ impl Script {
             self.feedback.error = ErrorNumber::AxisLimit;
             self.feedback.error_motion = self.feedback.executed - 1;
             self.end(Status::ERROR, State::Halted);
-        } else if self.feedback.executed == self.total {
+        } else if self.feedback.executed == self.total && !self.waits_at_mark(command) {
             self.end(Status::DONE, State::Ready);
         } else {
             self.begin_motion(now, command);

@@ -26,12 +26,16 @@ pub struct Account {
     /// Lowest and highest override that was in effect while the arm followed a master axis, in %; 255 and 0 if there was none.
     #[serde(default = "no_override")]
     pub led_override_percent: [u8; 2],
-    /// Time from the first motion's start to the end of the skill: what no phase of the interpreter changes.
+    /// Time from the first motion's start to the end of the skill, without `at_marks`: what neither a phase of the interpreter nor other arms
+    /// change.
     #[serde(default)]
     pub motion_time: Duration,
     /// Time of this for which set-points were at rest, and drives had not arrived.
     #[serde(default)]
     pub waited: Duration,
+    /// Time for which the program stood at marks and the other arms had not come.
+    #[serde(default)]
+    pub at_marks: Duration,
     /// When the first motion started.
     #[serde(skip)]
     pub(super) began: Option<Instant>,
@@ -52,6 +56,7 @@ impl Default for Account {
             led_override_percent: no_override(),
             motion_time: Duration::ZERO,
             waited: Duration::ZERO,
+            at_marks: Duration::ZERO,
             began: None,
             start: [0.0; AXES],
             end: [0.0; AXES],
@@ -80,7 +85,8 @@ impl Account {
     /// Returns the account of the skill as it ended at `at`.
     pub(super) fn close(self, skill: Skill, accepted: Sum, end: Joints, at: Instant) -> Self {
         let digest = join(accepted.value, u64::from(u8::from(skill)));
-        let motion_time = self.began.map_or(Duration::ZERO, |began| at.since(began));
+        let motion_time =
+            self.began.map_or(Duration::ZERO, |began| at.since(began).saturating_sub(self.at_marks));
         Self { motions: accepted.motions, digest, motion_time, began: None, end, ..self }
     }
 
@@ -98,6 +104,7 @@ impl Account {
             led_override_percent: both(self.led_override_percent, other.led_override_percent),
             motion_time: self.motion_time.saturating_add(other.motion_time),
             waited: self.waited.saturating_add(other.waited),
+            at_marks: self.at_marks.saturating_add(other.at_marks),
             began: None,
             start: self.start,
             end: other.end,

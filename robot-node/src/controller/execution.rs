@@ -3,11 +3,11 @@
 use core::time::Duration;
 
 use machine::Instant;
-use planning::Switch;
+use planning::MarkSignal;
 use protocol::image::{Command, Control, ErrorNumber, Motion, MotionKind, SLOTS, Skill};
 
 use super::event::Ending;
-use super::program::Programs;
+use super::program::{Programs, StopStatement};
 use super::{HIGHEST_OVERRIDE, press};
 use crate::RobotConfig;
 use crate::arm::{Count, Joints, Violation};
@@ -47,6 +47,8 @@ pub(super) enum Phase {
         /// When the program goes on.
         until: Instant,
     },
+    /// At a mark of the program, after its output was switched, until the inputs are there.
+    Meeting(MarkSignal),
     /// At the end of the path, waiting until the arm has settled.
     Settling {
         /// When it has.
@@ -68,7 +70,7 @@ pub(super) struct Execution {
     pub(super) accepted: u32,
     /// Motions that were executed before the present path began.
     pub(super) executed_before: u32,
-    /// Stops of the program that are passed.
+    /// Statements of the program at its stops that are done.
     stops_passed: usize,
     /// The highest `written` seen: it only grows.
     written: u32,
@@ -200,8 +202,8 @@ impl Execution {
         programs.get(program)?.1.loaded(self.check.next, &self.check.from)
     }
 
-    /// Returns the place of the program's next stop, and what the program switches there.
-    fn stop(&self, programs: &Programs) -> Option<(u32, Switch)> {
+    /// Returns the place of the program's next stop, and what the program does there.
+    fn stop(&self, programs: &Programs) -> Option<(u32, StopStatement)> {
         let Source::Program(program) = self.source else { return None };
         programs.get(program)?.1.stop(self.stops_passed)
     }
@@ -211,16 +213,22 @@ impl Execution {
         self.stop(programs).map_or(self.total, |(after, _)| after.min(self.total))
     }
 
-    /// Returns whether the program stops after all accepted motions, to switch something.
+    /// Returns whether the program stops after all accepted motions, to do something.
     pub(super) fn stops_here(&self, programs: &Programs) -> bool {
         self.stop(programs).is_some_and(|(after, _)| after == self.accepted)
     }
 
-    /// Returns what the program switches now that all accepted motions are executed; only once for each stop.
-    pub(super) fn take_switch(&mut self, programs: &Programs) -> Option<Switch> {
-        let (_, switch) = self.stop(programs).filter(|(after, _)| *after == self.accepted)?;
+    /// Returns what the program does now that all accepted motions are executed; each statement only once.
+    pub(super) fn take_statement(&mut self, programs: &Programs) -> Option<StopStatement> {
+        let (_, statement) = self.stop(programs).filter(|(after, _)| *after == self.accepted)?;
         self.stops_passed += 1;
-        Some(switch)
+        Some(statement)
+    }
+
+    /// Returns the outputs that the program clears before it begins.
+    pub(super) fn clears(&self, programs: &Programs) -> u16 {
+        let Source::Program(program) = self.source else { return 0 };
+        programs.get(program).map_or(0, |(_, program)| program.clears())
     }
 
     /// Continues the check with the motion after the last accepted one, which ends at these joints.
@@ -259,6 +267,14 @@ impl Execution {
             }
         }
         false
+    }
+
+    /// Returns whether motions are put on the path in this phase.
+    pub(super) const fn takes_motions(&self) -> bool {
+        !matches!(
+            self.phase,
+            Phase::Stopping(_) | Phase::Waiting { .. } | Phase::Meeting(_) | Phase::Arriving
+        )
     }
 
     /// Returns whether all motions are on the path.

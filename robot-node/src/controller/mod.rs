@@ -16,6 +16,9 @@
 //! program or a MoveContinuous have neither. A MoveContinuous may need some cycles more than a program before its first
 //! motion.
 //!
+//! At a mark a stored program switches an output of its own, and waits until the inputs from the other arms are as it; the PLC passes
+//! them on. Before it begins it clears its own.
+//!
 //! Both a program of the robot and the PLC, by a change of a bit of its own outputs, switch the robot's digital outputs,
 //! which the PLC reads as inputs. The last change counts. A lost connection switches nothing: a gripper must not drop its
 //! part.
@@ -37,6 +40,7 @@ mod taking;
 use std::collections::VecDeque;
 
 use machine::Instant;
+use planning::MarkSignal;
 use protocol::image::{Command, Control, Digest, ErrorNumber, Feedback, Finding, Skill, State, Status};
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -394,6 +398,7 @@ impl Controller {
                 }
                 self.interpolator.clear();
                 self.begin_master(at, command);
+                self.outputs &= !execution.clears(&self.programs);
                 execution.law_before_s = self.interpolator.path().driven_s();
                 self.progress_s = 0.0;
                 self.accepted = Digest::default();
@@ -407,6 +412,15 @@ impl Controller {
                 (self.state, self.press) = (State::Halted, None);
                 self.refuse(command.number, 0, violation);
             }
+        }
+    }
+
+    /// Returns the outputs by which the stored program meets others, while it stands at a mark.
+    #[must_use]
+    pub fn meets(&self) -> Option<MarkSignal> {
+        match self.execution?.phase {
+            execution::Phase::Meeting(signal) => Some(signal),
+            _ => None,
         }
     }
 

@@ -6,6 +6,7 @@ use super::Controller;
 use super::event::Ending;
 use super::execution::{Execution, Phase};
 use super::press::{self, Outcome};
+use super::program::StopStatement;
 
 impl Controller {
     pub(super) fn is_pressing(&self, phase: press::Phase) -> bool {
@@ -93,10 +94,14 @@ impl Controller {
             execution.phase = Phase::Arriving;
             return;
         }
-        match execution.take_switch(&self.programs) {
-            Some(switch) => {
+        match execution.take_statement(&self.programs) {
+            Some(StopStatement::Switch(switch)) => {
                 self.outputs = switch.applied_to(self.outputs);
                 execution.phase = Phase::Waiting { until: ended_at + switch.wait };
+            }
+            Some(StopStatement::Meet(signal)) => {
+                self.outputs = signal.applied_to(self.outputs);
+                execution.phase = Phase::Meeting(signal);
             }
             None => self.go_on(ended_at, execution),
         }

@@ -15,8 +15,9 @@ impl Controller {
         let Some(mut execution) = self.execution else { return };
         self.account.note_override(self.feedback.override_percent, self.master.is_some());
         let waited_for_motions = self.interpolator.path().is_finished();
-        let takes = !matches!(execution.phase, Phase::Stopping(_) | Phase::Waiting { .. } | Phase::Arriving);
-        let took_one = takes && execution.bad.is_none() && self.take_motions(&mut execution, command);
+        let took_one = execution.takes_motions()
+            && execution.bad.is_none()
+            && self.take_motions(&mut execution, command);
         if let Phase::Dispatch { until } = execution.phase {
             if let Some(ending) = self.dispatch(at, until, took_one, command, &mut execution) {
                 return self.finish(at, &execution, ending);
@@ -28,8 +29,15 @@ impl Controller {
         } else if let Phase::Waiting { until } = execution.phase {
             self.rest();
             if at >= until && !self.hold {
-                self.go_on(until, &mut execution);
-                self.take_motions(&mut execution, command);
+                self.leave_stop(until, &mut execution, command);
+            }
+        } else if let Phase::Meeting(signal) = execution.phase {
+            self.rest();
+            let inputs = self.plc_outputs.unwrap_or_default();
+            if signal.is_met_by(inputs) && !self.hold {
+                self.leave_stop(at, &mut execution, command);
+            } else {
+                self.account.at_marks += self.config.cycle;
             }
         } else if self.is_pressing(press::Phase::Pressing)
             && !matches!(execution.phase, Phase::Settling { .. })
@@ -69,6 +77,14 @@ impl Controller {
         }
     }
 
+    /// Goes on after a statement of the program: with the next one at the same place, or with the motions that follow.
+    fn leave_stop(&mut self, at: Instant, execution: &mut Execution, command: Option<&Command>) {
+        self.path_ended(at, execution);
+        if execution.takes_motions() {
+            self.take_motions(execution, command);
+        }
+    }
+
     /// Checks all motions that are written, and begins to drive when the time `until` has come. Returns how the skill ends if a
     /// motion is wrong.
     fn dispatch(
@@ -85,7 +101,9 @@ impl Controller {
             self.refuse(execution.number, motion, violation);
             return Some(Ending::of(violation, motion));
         }
-        let there = !self.interpolator.path().is_finished() || self.is_pressing(press::Phase::Waiting);
+        let meets_first = execution.accepted == 0 && execution.stops_here(&self.programs);
+        let there =
+            meets_first || !self.interpolator.path().is_finished() || self.is_pressing(press::Phase::Waiting);
         // All that is written is checked before anything moves.
         let may_be_more = execution.may_start_with_more(took_one, &self.config, &self.programs);
         if checked && there && !may_be_more && at >= until && !self.hold {
@@ -94,6 +112,9 @@ impl Controller {
                 None if at >= execution.start => {
                     execution.phase = Phase::Driving;
                     self.account.began = Some(at);
+                    if meets_first {
+                        self.path_ended(at, execution);
+                    }
                 }
                 None => {}
             }
@@ -149,9 +170,11 @@ impl Controller {
                 self.execution = Some(execution);
             }
             Phase::Stopping(_) => {}
-            Phase::Dispatch { .. } | Phase::Arriving | Phase::Waiting { .. } | Phase::Settling { .. } => {
-                self.finish(at, &execution, ending);
-            }
+            Phase::Dispatch { .. }
+            | Phase::Arriving
+            | Phase::Waiting { .. }
+            | Phase::Meeting(_)
+            | Phase::Settling { .. } => self.finish(at, &execution, ending),
             Phase::Driving => {
                 execution.phase = Phase::Stopping(ending);
                 self.execution = Some(execution);

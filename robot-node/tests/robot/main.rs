@@ -34,6 +34,7 @@ mod force_limits;
 mod frames;
 mod in_line;
 mod limits;
+mod meeting;
 mod moving_together;
 mod old_images;
 mod optimum;

@@ -14,36 +14,36 @@ fn a_robot_that_works_alone_stores_the_plan_as_one_program() {
 }
 
 #[test]
-fn an_arm_that_waits_for_others_stores_a_program_for_each_section_between_marks_and_before_each_visit_of_a_zone()
- {
-    for name in ["E", "F", "G"] {
+fn an_arm_that_meets_others_stores_one_program_with_its_marks_and_a_new_one_before_each_visit_of_a_zone() {
+    for (name, programs) in [("E", 1), ("F", 1), ("G", 3)] {
         let (cell, found) = planning::cell_with_applications(name).unwrap();
         for station in found.plan(&cell).unwrap().stations {
-            let (plan, setup) = (&station.plan, &station.setup);
-            let (motions, stops) = (plan.wire_motions(setup), plan.stops());
-            let waits = plan.waits.iter().map(|wait| wait.after);
-            let visits = plan.visits.iter().map(|visit| visit.after);
-            let mut bounds: Vec<_> = [0, motions.len()].into_iter().chain(waits).chain(visits).collect();
-            bounds.sort_unstable();
-            bounds.dedup();
-            assert!(bounds.len() > 2, "setup {name}: {} waits within its motions", station.name);
-            let expected: Vec<_> = (PROGRAM..)
-                .zip(bounds.windows(2))
-                .map(|(number, bounds)| {
-                    // The action at a section's end is the PLC's.
-                    let within = stops.iter().copied().filter(|stop| {
-                        let after = stop.after as usize;
-                        bounds[0] < after && after < bounds[1]
-                    });
-                    let shifted =
-                        within.map(|stop| planning::Stop { after: stop.after - bounds[0] as u32, ..stop });
-                    (
-                        number,
-                        Program::new(motions[bounds[0]..bounds[1]].to_vec(), &shifted.collect::<Vec<_>>()),
-                    )
+            let (plan, sections) = (&station.plan, station.plan.sections());
+            assert_eq!(sections.len(), programs, "setup {name}, {}", station.name);
+            assert_eq!(Program::stored(plan, &station.setup).len(), programs);
+            let bounds: Vec<_> = sections.iter().map(|section| section.motions.clone()).collect();
+            assert!(bounds.windows(2).all(|pair| pair[0].end == pair[1].start));
+            assert_eq!(bounds.last().unwrap().end, plan.motions.len());
+            let meetings: Vec<_> = sections
+                .iter()
+                .flat_map(|section| {
+                    let first = section.motions.start;
+                    section
+                        .meetings
+                        .iter()
+                        .map(move |meeting| (first + meeting.after as usize, meeting.signal))
                 })
                 .collect();
-            assert_eq!(Program::stored(plan, setup), expected, "setup {name}, {}", station.name);
+            let waits: Vec<_> = plan.waits.iter().map(|wait| (wait.after, wait.signal.unwrap())).collect();
+            assert_eq!(meetings, waits, "setup {name}, {}", station.name);
+            // Each action of the plan is once in a program, or the PLC's at the end of one.
+            let acts = |stops: &[planning::Stop]| stops.iter().filter(|stop| stop.then.is_some()).count();
+            let of_plc = plan.stops().into_iter().filter(|stop| {
+                let ends = bounds.iter().any(|motions| motions.end == stop.after as usize);
+                ends && programs > 1 && stop.then.is_some()
+            });
+            let of_programs: usize = sections.iter().map(|section| acts(&section.stops)).sum();
+            assert_eq!(of_programs + of_plc.count(), acts(&plan.stops()), "setup {name}, {}", station.name);
         }
     }
 }

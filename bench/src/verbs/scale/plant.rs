@@ -107,7 +107,8 @@ impl ScalePlant {
             waits: Vec::new(),
             visits: Vec::new(),
             zones: None,
-            sections: self.plan.sections(),
+            programs: self.plan.sections(),
+            sections: self.plan.sections_between_rests(),
             in_step: None,
         }
     }

@@ -4,15 +4,14 @@
 use anyhow::Context as _;
 use plc_node::{ExecutionType, TogetherSection};
 use protocol::image::{Digest, Sum};
-use robot_node::Account;
 use robot_node::arm::Joints;
-use robot_node::rehearsal::{Calls, Rehearsed, rehearse};
+use robot_node::rehearsal::{Calls, Rehearsed, rehearse, rehearse_program};
+use robot_node::{Account, Program};
 
 use super::{
     Difference, JOINT_TOLERANCE, SLOW_PERCENT, check_ends, check_executed, check_override, check_sent,
     drives, largest_difference, length_tolerance_mm,
 };
-use crate::planned_path::PlannedPath;
 use crate::planned_station::PlannedStation;
 use records::conditions::Measured;
 
@@ -165,10 +164,23 @@ impl StationVerification {
         percent: u8,
     ) -> anyhow::Result<Rehearsed> {
         if execution_type == ExecutionType::Rc {
-            return Ok(PlannedPath::rehearse(&self.station, execution_type, start, percent)?.total);
+            return self.rehearse_programs(start, percent);
         }
         let planned = &self.station.planned;
         let calls = if execution_type == ExecutionType::Sm { Calls::Singles } else { Calls::Continuous };
         Ok(rehearse(&planned.robot, start, &planned.motions, &planned.stops, calls, percent)?)
+    }
+
+    /// Has the arm alone execute its stored programs.
+    fn rehearse_programs(&self, start: Joints, percent: u8) -> anyhow::Result<Rehearsed> {
+        let planned = &self.station.planned;
+        let mut total: Option<Rehearsed> = None;
+        for section in &self.station.programs {
+            let from = total.map_or(start, |before| before.account.end);
+            let program = Program::of_section(&planned.motions, section);
+            let rehearsed = rehearse_program(&planned.robot, from, program, percent)?;
+            total = Some(total.map_or(rehearsed, |before| before.then(rehearsed)));
+        }
+        total.context("the plan has no motions")
     }
 }

@@ -204,7 +204,7 @@ fn new_robot(
     }
     let mut config = station.planned.robot.clone();
     config.home = joints.unwrap_or(config.home);
-    let store = Program::of_sections(&station.planned.motions, &station.sections);
+    let store = Program::of_sections(&station.planned.motions, &station.programs);
     RobotNode::new(config, store, of_robot, seed, start(station.setup.robot.cycle_us.value))
 }
 

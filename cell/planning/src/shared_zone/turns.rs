@@ -295,7 +295,12 @@ mod tests {
 
     /// A plan with these waits (mark, after) and visits (zone, after, until).
     fn plan(waits: &[(u32, usize)], visits: &[(usize, usize, usize)]) -> Plan {
-        let wait = |(mark, after): &(u32, usize)| WaitAt { mark: *mark, after: *after, after_action: false };
+        let wait = |(mark, after): &(u32, usize)| WaitAt {
+            mark: *mark,
+            after: *after,
+            after_action: false,
+            signal: None,
+        };
         let visit = |(zone, after, until): &(usize, usize, usize)| ZoneVisit {
             zone: *zone,
             after: *after,

@@ -130,7 +130,7 @@ impl LedCell {
             stops: Vec::new(),
             waits: (1..)
                 .zip(MARKS[arm])
-                .map(|(mark, after)| WaitAt { mark, after, after_action: false })
+                .map(|(mark, after)| WaitAt { mark, after, after_action: false, signal: None })
                 .collect(),
             visits: Vec::new(),
             zones: None,

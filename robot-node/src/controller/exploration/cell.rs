@@ -152,6 +152,7 @@ impl Explored {
                 Phase::Settling { .. } => 3,
                 Phase::Stopping(Ending::Halted) => 4,
                 Phase::Stopping(Ending::Cancelled) => 6,
+                Phase::Meeting(_) => 7,
                 Phase::Stopping(_) => 5,
             };
             (execution.number == number, execution.accepted, phase, execution.bad.is_some())

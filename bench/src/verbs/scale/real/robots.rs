@@ -127,7 +127,7 @@ fn robot(plant: &ScalePlant, number: u8, mac: Mac) -> Robot {
     let station = plant.station(number);
     let seed = SEED + u64::from(number);
     let bus = robot_node::bus::open(&station.setup.bus, mac, Some(address(number)), seed, clock::now);
-    let store = Program::of_sections(&station.planned.motions, &station.sections);
+    let store = Program::of_sections(&station.planned.motions, &station.programs);
     RobotNode::new(station.planned.robot, store, bus, seed, clock::now())
 }
 
