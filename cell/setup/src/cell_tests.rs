@@ -101,12 +101,12 @@ fn names_of_stations_are_short_and_plain_and_each_is_there_once() {
         ["name = \"left\"", "name = \"Right\"", "name = \"\"", "name = \"-r\"", "name = \"plc\"", &long];
     let said = cases.map(|name| refused("E", 0, "name = \"right\"", name));
     insta::assert_snapshot!(said.join("\n"), @"
-    my.toml:94: `station[1].name`: stations 1 and 2 are both `left`
-    my.toml:94: `station[1].name`: `Right`: write a to z, 0 to 9 and hyphens, such as `left`
-    my.toml:94: `station[1].name`: ``: write a to z, 0 to 9 and hyphens, such as `left`
-    my.toml:94: `station[1].name`: `-r`: write a to z, 0 to 9 and hyphens, such as `left`
-    my.toml:94: `station[1].name`: `plc` names the PLC in commands and files: choose another name
-    my.toml:94: `station[1].name`: 33 characters; a station's name has up to 32
+    my.toml:95: `station[1].name`: stations 1 and 2 are both `left`
+    my.toml:95: `station[1].name`: `Right`: write a to z, 0 to 9 and hyphens, such as `left`
+    my.toml:95: `station[1].name`: ``: write a to z, 0 to 9 and hyphens, such as `left`
+    my.toml:95: `station[1].name`: `-r`: write a to z, 0 to 9 and hyphens, such as `left`
+    my.toml:95: `station[1].name`: `plc` names the PLC in commands and files: choose another name
+    my.toml:95: `station[1].name`: 33 characters; a station's name has up to 32
     ");
     let longest = "E".repeat(31);
     assert!(cell_from_text("my", &text("E").replacen("\"E\"", &format!("\"{longest}\""), 1)).is_ok());
@@ -162,11 +162,11 @@ fn stations_that_clash_are_refused() {
     ];
     insta::assert_snapshot!(said.join("\n"), @"
     my.toml:97: `station.right.root_mm_deg`: the arms of `left` and `right` stand at one place; move one
-    my.toml:105: `station.right.bus.robot_address`: 192.168.64.2 is the address of station `left` too
-    my.toml:104: `station.right.bus.plc_address`: 192.168.64.9: beside `left` the PLC has 192.168.64.1 in the same subnet; use one address, or two subnets
-    my.toml:104: `station.right.bus.plc_address`: 192.168.64.2 is the address of station `left`
-    my.toml:106: `station.right.bus.subnet_mask`: 255.255.0.0 overlaps the subnet of `left` with its mask 255.255.255.0: use one mask
-    my.toml:105: `station.right.bus.robot_address`: 192.168.64.3 is the PLC's address beside `left`
+    my.toml:106: `station.right.bus.robot_address`: 192.168.64.2 is the address of station `left` too
+    my.toml:105: `station.right.bus.plc_address`: 192.168.64.9: beside `left` the PLC has 192.168.64.1 in the same subnet; use one address, or two subnets
+    my.toml:105: `station.right.bus.plc_address`: 192.168.64.2 is the address of station `left`
+    my.toml:107: `station.right.bus.subnet_mask`: 255.255.0.0 overlaps the subnet of `left` with its mask 255.255.255.0: use one mask
+    my.toml:106: `station.right.bus.robot_address`: 192.168.64.3 is the PLC's address beside `left`
     ");
 }
 
@@ -219,11 +219,11 @@ fn two_stations_on_one_profinet_bus_share_its_controller_and_nothing_else() {
         both(1),
     ];
     insta::assert_snapshot!(refusals.map(|text| said(&text)).join("\n"), @"
-    my.toml:109: `station.right.bus.profinet.robot_station_name`: `skillbench-left` is the name of `left` too
-    my.toml:108: `station.right.bus.profinet.plc_station_name`: `another-plc`, but `skillbench-plc` at station `left`; the IO-Controller has one name
-    my.toml:98: `station.right.bus.cycle_us`: 4000 µs, but 2000 µs at station `left` on the same bus; one bus has one value, write it at both
-    my.toml:102: `station.right.bus.plc_address`: 192.168.65.1, but 192.168.64.1 at station `left` on the same bus; one bus has one value, write it at both
-    my.toml:104: `station.right.bus.robot`: 02:00:00:00:00:01 is the MAC address of station `left` too
+    my.toml:110: `station.right.bus.profinet.robot_station_name`: `skillbench-left` is the name of `left` too
+    my.toml:109: `station.right.bus.profinet.plc_station_name`: `another-plc`, but `skillbench-plc` at station `left`; the IO-Controller has one name
+    my.toml:99: `station.right.bus.cycle_us`: 4000 µs, but 2000 µs at station `left` on the same bus; one bus has one value, write it at both
+    my.toml:103: `station.right.bus.plc_address`: 192.168.65.1, but 192.168.64.1 at station `left` on the same bus; one bus has one value, write it at both
+    my.toml:105: `station.right.bus.robot`: 02:00:00:00:00:01 is the MAC address of station `left` too
     ");
 }
 
@@ -244,8 +244,8 @@ fn stations_on_ethercat_have_places_in_a_line() {
     assert_eq!(cell("F").map(|(cell, _)| cell.ethercat_position(&cell.stations[0])).unwrap(), None);
     let refusals = [at("position = 1", ""), at("position = 0", "position = 2"), text_of_f_with_a_position()];
     insta::assert_snapshot!(refusals.map(|text| said(&text)).join("\n"), @"
-    my.toml:84: `station.right.position`: 1 is the place of station `left` too
-    my.toml:86: `station.right.position`: 2: the line has 2 stations, so 0 to 1
+    my.toml:85: `station.right.position`: 1 is the place of station `left` too
+    my.toml:87: `station.right.position`: 2: the line has 2 stations, so 0 to 1
     my.toml:17: `station.left.position`: 0: only stations on EtherCAT have a position; `left` is on profinet
     ");
 }

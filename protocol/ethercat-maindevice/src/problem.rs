@@ -135,6 +135,10 @@ impl Problem {
                 0,
                 "ethercrab cannot read what a device says of itself; is its EEPROM damaged?",
             ),
+            // A device answers a repeated request otherwise than a first one whose answer was lost: its mailbox is empty by then.
+            Self::Other(Error::WorkingCounter { .. }) => {
+                (DownCause::NoAnswer, 0, "a device did not process a datagram while it was brought up")
+            }
             Self::Other(Error::Timeout(_)) => (DownCause::NoAnswer, 0, "the devices could not be brought up"),
             Self::Other(_) => (DownCause::Refused, 0, "the devices could not be brought up"),
         };
