@@ -60,9 +60,9 @@ fn main() -> ExitCode {
         Some(Command::Study(verb)) => study::run(verb),
         Some(Command::Sweep(options)) => sweep::run(options, bench::COMMIT),
         Some(Command::Sensitivity(options)) => sensitivity::run(options, bench::COMMIT),
-        Some(Command::Judge(options)) => judge::run(options),
-        Some(Command::Explore(options)) => explore::run(options),
-        Some(Command::Soak(options)) => soak::run(options),
+        Some(Command::Judge(options)) => judge::run(options, bench::COMMIT),
+        Some(Command::Explore(options)) => explore::run(options, bench::COMMIT),
+        Some(Command::Soak(options)) => soak::run(options, bench::COMMIT),
         Some(Command::Completions(options)) => install::completions(options, Cli::command()),
         Some(Command::Man(options)) => install::man(options, Cli::command()),
     };

@@ -13,8 +13,10 @@ use serde::Serialize;
 use setup::Setup;
 
 use crate::each_bus::over_each_bus;
+use crate::engine::claim::{RowsOrigin, StudyClaim};
 use crate::engine::job::{JobRows, ListedJob};
-use crate::engine::listed::{ListedStudy, RowsOrigin};
+use crate::engine::listed::ListedStudy;
+use crate::engine::{JOBS, ROWS};
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::jobs;
 use crate::outputs::{self, FigureExports, Own, csv_number};
@@ -149,7 +151,9 @@ pub fn run(options: &BusesOptions, commit: &str) -> Result<Exit, Failure> {
             options.reps,
             options.seed
         );
-        study = study.saved_in(RowsOrigin { directory, options: &claim, results: &[], commit })?;
+        let (options, command, results) = (claim.as_str(), "", &[ROWS, JOBS]);
+        let origin = RowsOrigin { directory, options, command, results, commit };
+        study = study.saved_in(&StudyClaim::checked(origin)?)?;
     }
     let listed = variants.iter().map(|(_, setup)| listed(setup, &found.application, options));
     let executed = study.measured(&listed.collect::<anyhow::Result<Vec<_>>>()?)?;

@@ -115,7 +115,7 @@ impl Pool<'_> {
 
 /// Progress on standard error: a live line on a terminal, plain lines elsewhere.
 #[derive(Debug)]
-struct Progress {
+pub struct Progress {
     view: View,
     name: String,
     started: Instant,
@@ -131,7 +131,9 @@ enum View {
 }
 
 impl Progress {
-    fn start(name: &str, quiet: bool, all: u64) -> Self {
+    /// Starts a line that begins with `name`.
+    #[must_use]
+    pub fn start(name: &str, quiet: bool, all: u64) -> Self {
         let started = Instant::now();
         let view = if quiet {
             View::Quiet
@@ -147,7 +149,12 @@ impl Progress {
     }
 
     fn step(&mut self) {
-        self.done += 1;
+        self.set(self.done + 1);
+    }
+
+    /// Shows how many are done.
+    pub fn set(&mut self, done: u64) {
+        self.done = done.clamp(1, self.all);
         let left = self.started.elapsed().as_secs_f64() / self.done as f64 * (self.all - self.done) as f64;
         let left = if left < 1.0 { String::new() } else { format!("{left:.0} s left") };
         match &mut self.view {
@@ -165,7 +172,17 @@ impl Progress {
         }
     }
 
-    fn end(&self) {
+    /// Prints a line besides, unless there is no progress.
+    pub fn line(&self, text: &str) {
+        match &self.view {
+            View::Live(bar) => bar.println(node::output::shown(text)),
+            View::Plain { .. } => errln!("{text}"),
+            View::Quiet => {}
+        }
+    }
+
+    /// Removes a live line.
+    pub fn end(&self) {
         if let View::Live(bar) = &self.view {
             bar.finish_and_clear();
         }

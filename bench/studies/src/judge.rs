@@ -1,24 +1,33 @@
 //! `bench judge`: random motion lists on the robot, each robot cycle held against laws and kinematics that are not its own.
 
+mod tally;
+
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use ::judge::{Case, Class, Outcome, Tally, Violation, generator, hunt, shrink};
+use ::judge::{Case, Class, Outcome, Violation, generator, hunt, shrink};
 use anyhow::Context;
 use clap::Args;
 use node::list::{List, flat, list};
 use setup::Setup;
 
 use crate::directory;
+use crate::engine::claim::{RowsOrigin, StudyClaim};
+use crate::engine::numbered::NumberedJobs;
 use crate::event_loop::{interrupted, watch_for_interrupt};
-use crate::jobs;
+use crate::jobs::{self, Pool};
 use records::exit::{Exit, Failure};
-use report::errln;
-use report::outln;
+use report::{errln, in_shell, outln};
+use tally::{Broken, ListsTally};
+
+/// Directory for cases where none is given.
+const JUDGED: &str = "judged";
+
+/// The file with the counts of each job of [`CHUNK`] lists.
+const LISTS_FILE: &str = "lists.csv";
 
 /// Default number of lists.
 const LISTS: u64 = 10_000;
@@ -32,7 +41,7 @@ const CASES: usize = 3;
 const EXAMPLES: &str = "\
 Examples:
   bench judge --setup B                        10000 lists in some seconds
-  bench judge --lists 1000000 --seed 7 --out found
+  bench judge --lists 1000000 --seed 7 --out found    given again, it goes on after an interrupt or a kill
   bench judge --case found/A-joint-jerk-4421.toml
   bench judge --ignore press-speed             all but one law";
 
@@ -53,15 +62,31 @@ pub struct JudgeOptions {
     /// Run this case instead: a file that a run with violations wrote.
     #[arg(long, value_name = "FILE")]
     pub case: Option<PathBuf>,
-    /// Directory for cases that break a law: three of each law, written when they are found, and shrunk to what is needed at the end.
-    #[arg(long, value_name = "DIR", default_value = "judged")]
-    pub out: PathBuf,
+    /// Directory for cases that break a law: three of each law, written when they are found, and shrunk to what is needed at the end
+    /// [default: judged]. Where it is given, it also keeps what was judged, and an interrupted call goes on.
+    #[arg(long, value_name = "DIR", conflicts_with = "case")]
+    pub out: Option<PathBuf>,
     /// Laws that are not checked; commas or blanks between them.
     #[arg(long, value_name = "LAW", num_args = 1.., value_parser = list(law))]
     pub ignore: Vec<List<Class>>,
+    /// Jobs of 250 lists at a time [default: one a core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
     /// Print the result only: no progress.
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+impl JudgeOptions {
+    /// Returns the directory for cases.
+    fn directory(&self) -> &Path {
+        self.out.as_deref().unwrap_or(Path::new(JUDGED))
+    }
+
+    /// Returns the lists of a job.
+    fn numbers(&self, job: u64) -> Range<u64> {
+        job * CHUNK..((job + 1) * CHUNK).min(self.lists)
+    }
 }
 
 fn law(name: &str) -> Result<Class, String> {
@@ -76,12 +101,12 @@ fn law(name: &str) -> Result<Class, String> {
 /// # Errors
 ///
 /// The setup or the case cannot be used, or the disk does not take a file.
-pub fn run(options: &JudgeOptions) -> Result<Exit, Failure> {
+pub fn run(options: &JudgeOptions, commit: &str) -> Result<Exit, Failure> {
     let ignored = flat(&options.ignore);
     let classes: Vec<Class> = Class::ALL.into_iter().filter(|class| !ignored.contains(class)).collect();
     match &options.case {
         Some(path) => run_case(path, &classes),
-        None => run_lists(options, &setup::setup(&options.setup)?, &classes),
+        None => Judged { options, setup: &setup::setup(&options.setup)?, classes: &classes }.run(commit),
     }
 }
 
@@ -106,28 +131,135 @@ fn run_case(path: &Path, classes: &[Class]) -> Result<Exit, Failure> {
     }
 }
 
-fn run_lists(options: &JudgeOptions, setup: &Setup, classes: &[Class]) -> Result<Exit, Failure> {
-    let started = Instant::now();
-    let is_interrupted = watch_for_interrupt()?;
-    let chunks: Vec<Range<u64>> = (0..options.lists.div_ceil(CHUNK))
-        .map(|chunk| chunk * CHUNK..((chunk + 1) * CHUNK).min(options.lists))
-        .collect();
-    let written = Mutex::new(Vec::new());
-    let tallies = jobs::run("judge", options.quiet, &is_interrupted, &chunks, |numbers| {
-        let tally = hunt(generator::any_case, setup, options.seed, numbers.clone(), classes)
-            .context("a random arm makes no sense")?;
-        tally.found.iter().try_for_each(|found| write_as_drawn(options, setup, found, &written))?;
-        Ok(tally)
-    })?;
-    let mut tally = Tally::default();
-    tallies.into_iter().flatten().for_each(|one| tally.add(one));
-    print(&tally, options, setup, started);
-    let written = written.into_inner().unwrap_or_default();
-    write_shrunk(options, setup, classes, &written)?;
-    if is_interrupted.load(Ordering::Relaxed) {
-        return Ok(interrupted(tally.cases as usize, options.lists as usize, "lists"));
+/// What lists are drawn and judged by.
+#[derive(Clone, Copy)]
+struct Judged<'a> {
+    options: &'a JudgeOptions,
+    setup: &'a Setup,
+    classes: &'a [Class],
+}
+
+impl Judged<'_> {
+    fn run(self, commit: &str) -> Result<Exit, Failure> {
+        let Self { options, setup, .. } = self;
+        let started = Instant::now();
+        let is_interrupted = watch_for_interrupt()?;
+        let mut tally = ListsTally::default();
+        let (quiet, threads) = (options.quiet, options.threads);
+        let pool = Pool { name: "judge", quiet, threads, interrupted: &is_interrupted };
+        let mut jobs = NumberedJobs::in_memory(pool, options.lists.div_ceil(CHUNK));
+        if let Some(directory) = &options.out {
+            let claim = self.claim(directory, commit)?;
+            jobs = jobs.saved_in(&claim, LISTS_FILE, ListsTally::HEAD, |_, fields| {
+                tally.add(ListsTally::of_fields(fields)?);
+                Some(())
+            })?;
+        }
+        let known = tally.lists;
+        jobs.each(
+            |job| {
+                let drawn = generator::any_case;
+                let found = hunt(drawn, setup, options.seed, options.numbers(job), self.classes);
+                found.context("a random arm makes no sense")
+            },
+            |_, judged| {
+                let (before, judged) = (tally.broken.len(), ListsTally::of(judged));
+                let line = judged.line();
+                tally.add(judged);
+                // Before the line: a case whose writing was cut off is found again.
+                for index in before..tally.broken.len() {
+                    self.write_as_drawn(&tally.broken, index)?;
+                }
+                Ok(Some(line))
+            },
+        )?;
+        print(&tally, options, setup);
+        let took_s = started.elapsed().as_secs_f64();
+        errln!("took {took_s:.1} s: {:.0} lists/s", (tally.lists - known) as f64 / took_s);
+        print_laws(&tally);
+        self.write_shrunk(&tally.broken)?;
+        if is_interrupted.load(Ordering::Relaxed) && tally.lists < options.lists {
+            return Ok(interrupted(tally.lists as usize, options.lists as usize, "lists"));
+        }
+        Ok(if tally.broken.is_empty() { Exit::Pass } else { Exit::RunFailed })
     }
-    Ok(if tally.found.is_empty() { Exit::Pass } else { Exit::RunFailed })
+
+    /// Claims the directory for these lists. Cases without a claim are of an older version.
+    fn claim(self, directory: &Path, commit: &str) -> Result<StudyClaim, Failure> {
+        let Self { options, setup, classes } = self;
+        let names: Vec<&str> = classes.iter().map(|class| class.name()).collect();
+        let ignored: Vec<&str> = flat(&options.ignore).iter().map(|class| class.name()).collect();
+        let ignored =
+            if ignored.is_empty() { String::new() } else { format!(" --ignore {}", ignored.join(",")) };
+        let (lists, seed) = (options.lists, options.seed);
+        let command = format!("--setup {}{ignored} --lists {lists} --seed {seed}", in_shell(&options.setup));
+        let described = setup::setup_to_toml(setup)?;
+        let jobs = format!("judge {lists} {seed} {CHUNK} {}\n{described}", names.join(","));
+        let entries = fs::read_dir(directory).into_iter().flatten().flatten();
+        let entries: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+        let is_case = |name: &&str| {
+            let of_class = |class: Class| name.contains(&format!("-{}-", class.name()));
+            name.ends_with(".toml") && Class::ALL.into_iter().any(of_class)
+        };
+        let mut results: Vec<&str> = entries.iter().map(String::as_str).filter(is_case).collect();
+        results.push(LISTS_FILE);
+        StudyClaim::checked(RowsOrigin {
+            directory,
+            options: &jobs,
+            command: &command,
+            results: &results,
+            commit,
+        })
+    }
+
+    /// Writes one of the first cases of each class as soon as it is found, as it was drawn: what comes later takes its time.
+    fn write_as_drawn(self, broken: &[Broken], index: usize) -> anyhow::Result<()> {
+        let Some(one) = first_of_each_class(broken).find(|(at, _)| *at == index).map(|(_, one)| one) else {
+            return Ok(());
+        };
+        directory::make(self.options.directory()).map_err(|failure| failure.error)?;
+        let (case, violation) = self.again(one)?;
+        let path = write(self.options, self.setup, case, one.number, &violation)?;
+        errln!("{}: {violation}", path.display());
+        Ok(())
+    }
+
+    /// Draws and runs a list that broke a law once more; returns it with what it breaks.
+    fn again(self, one: &Broken) -> anyhow::Result<(Case, Violation)> {
+        let case = generator::any_case(self.setup, self.options.seed, one.number);
+        let outcome = ::judge::run(&case, self.setup, self.classes).context("a random arm makes no sense")?;
+        let violation = outcome.violation.filter(|violation| violation.class == one.class);
+        let violation = violation.with_context(|| {
+            format!("list {} broke {} and does not again; use another --out", one.number, one.class.name())
+        })?;
+        Ok((case, violation))
+    }
+
+    /// Shrinks the first cases of each class.
+    fn write_shrunk(self, broken: &[Broken]) -> Result<(), Failure> {
+        let Self { options, setup, classes } = self;
+        let first: Vec<&Broken> = first_of_each_class(broken).map(|(_, one)| one).collect();
+        if !first.is_empty() {
+            directory::make(options.directory())?;
+        }
+        let shrink = |one: &&Broken| {
+            let (case, violation) = self.again(one)?;
+            let (case, least) = shrink::shrink(&case, &violation, setup, classes);
+            let path = write(options, setup, case, one.number, &least)?;
+            Ok(format!("{}: {least}", path.display()))
+        };
+        let lines = jobs::run("shrink", options.quiet, &AtomicBool::new(false), &first, shrink)?;
+        lines.iter().flatten().for_each(|line| outln!("{line}"));
+        Ok(())
+    }
+}
+
+/// Returns the first [`CASES`] lists of each class that broke a law, each with its index.
+fn first_of_each_class(broken: &[Broken]) -> impl Iterator<Item = (usize, &Broken)> {
+    let is_first = move |(index, one): &(usize, &Broken)| {
+        broken.iter().take(*index).filter(|before| before.class == one.class).count() < CASES
+    };
+    broken.iter().enumerate().filter(is_first)
 }
 
 /// Returns a plant's time in hours, or in seconds where that is no tenth of an hour.
@@ -138,68 +270,26 @@ fn in_words(plant: Duration) -> String {
     }
 }
 
-fn print(tally: &Tally, options: &JudgeOptions, setup: &Setup, started: Instant) {
-    let Tally { cases, cycles, plant, motions, ended: [done, given_up, failed], .. } = *tally;
+fn print(tally: &ListsTally, options: &JudgeOptions, setup: &Setup) {
+    let ListsTally { lists, cycles, plant, motions, ended: [done, given_up, failed], .. } = *tally;
     outln!("Setup {}: {}", setup.name, setup.title);
     outln!(
-        "{cases} lists of seed {}, {motions} motions, {cycles} robot cycles: {}",
+        "{lists} lists of seed {}, {motions} motions, {cycles} robot cycles: {}",
         options.seed,
         in_words(plant)
     );
     outln!("skills: {done} done, {given_up} given up, {failed} ended by an error");
-    let took_s = started.elapsed().as_secs_f64();
-    errln!("took {took_s:.1} s: {:.0} lists/s", cases as f64 / took_s);
-    if tally.found.is_empty() {
+}
+
+fn print_laws(tally: &ListsTally) {
+    if tally.broken.is_empty() {
         outln!("no law broken");
         return;
     }
-    outln!("{} lists broke a law:", tally.found.len());
+    outln!("{} lists broke a law:", tally.broken.len());
     for (class, lists) in tally.by_class() {
         outln!("{lists:>8}  {}", class.name());
     }
-}
-
-/// A list that broke a law: its number, and the first law that it broke.
-type Found = (u64, Violation);
-
-/// Writes one of the first cases of each class as soon as it is found, as it was drawn: what comes later takes its time.
-fn write_as_drawn(
-    options: &JudgeOptions,
-    setup: &Setup,
-    found: &Found,
-    written: &Mutex<Vec<Found>>,
-) -> anyhow::Result<()> {
-    let (number, violation) = found;
-    {
-        let Ok(mut written) = written.lock() else { return Ok(()) };
-        if written.iter().filter(|(_, other)| other.class == violation.class).count() >= CASES {
-            return Ok(());
-        }
-        written.push(found.clone());
-    }
-    directory::make(&options.out).map_err(|failure| failure.error)?;
-    let case = generator::any_case(setup, options.seed, *number);
-    let path = write(options, setup, case, *number, violation)?;
-    errln!("{}: {violation}", path.display());
-    Ok(())
-}
-
-/// Shrinks the cases that were written.
-fn write_shrunk(
-    options: &JudgeOptions,
-    setup: &Setup,
-    classes: &[Class],
-    written: &[Found],
-) -> Result<(), Failure> {
-    let shrink = |(number, violation): &Found| {
-        let case = generator::any_case(setup, options.seed, *number);
-        let (case, least) = shrink::shrink(&case, violation, setup, classes);
-        let path = write(options, setup, case, *number, &least)?;
-        Ok(format!("{}: {least}", path.display()))
-    };
-    let lines = jobs::run("shrink", options.quiet, &AtomicBool::new(false), written, shrink)?;
-    lines.iter().flatten().for_each(|line| outln!("{line}"));
-    Ok(())
 }
 
 /// Writes a case with what it breaks, in place of the same list's case that was written before. Returns the path.
@@ -212,7 +302,7 @@ fn write(
 ) -> anyhow::Result<PathBuf> {
     case.setup.clone_from(&options.setup);
     case.found = format!("{violation} (list {number} of seed {})", options.seed);
-    let path = options.out.join(format!("{}-{}-{number}.toml", setup.name, violation.class.name()));
+    let path = options.directory().join(format!("{}-{}-{number}.toml", setup.name, violation.class.name()));
     let text = case.to_toml().context("cannot write a case as TOML")?;
     fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
     Ok(path)

@@ -2,13 +2,15 @@
 //! repetition, and checks that memory and descriptors of this process do not grow.
 
 mod cell;
+mod counts;
+mod growth;
 mod never_ready;
 
-use std::fmt;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use clap::Args;
 use node::list::{List, flat};
 use plc_node::ExecutionType;
@@ -17,18 +19,20 @@ use rand_pcg::Pcg64Mcg;
 use setup::Setup;
 
 use cell::SoakedCell;
+use counts::{Counts, HEAD};
+use growth::{Growth, Held};
 use never_ready::NeverReady;
 
+use super::engine::claim::{RowsOrigin, StudyClaim};
+use super::engine::numbered::NumberedJobs;
 use super::event_loop::{interrupted, watch_for_interrupt};
 use super::jobs::Pool;
 use super::setup_option::{DrivesOption, SetupOption};
-use records::counted::counted;
 use records::exit::{Exit, Failure};
 use records::faults::{self, Fault};
 use records::mode::Mode;
-use records::own_memory::OwnMemory;
 use records::schedule::Schedule;
-use report::outln;
+use report::{in_shell, outln};
 use stands::planned_cell::PlannedCell;
 use stands::verification::{Difference, DriveDeviation, Verification};
 use stands::virtual_run::{Extras, VirtualRun};
@@ -43,15 +47,16 @@ const DRIVE_FAULT_EVERY: Duration = Duration::from_secs(30);
 /// Longest soak, which is about eleven years.
 const MOST_HOURS: f64 = 100_000.0;
 
-/// Growth of resident memory in MiB that is reported as growth. The allocator keeps freed memory, so less means nothing.
-const GROWTH_MIB: f64 = 8.0;
+/// The file with the counts of each life.
+const LIVES: &str = "lives.csv";
 
 /// Options of the soak.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Examples:
   bench soak                                  an hour of the plant, a minute or less here
-  bench soak --setup B --hours 100 --threads 1")]
+  bench soak --setup B --hours 100 --threads 1
+  bench soak --hours 1000 --out soaked        given again, it goes on after an interrupt or a kill")]
 pub struct SoakOptions {
     /// Which setup.
     #[command(flatten)]
@@ -73,6 +78,9 @@ pub struct SoakOptions {
     /// Seed of the first life.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+    /// Directory that keeps the counts of each life; given again, an interrupted soak goes on [default: nothing is kept].
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Lives at a time [default: one a core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
@@ -99,34 +107,12 @@ fn minutes(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Counts of one cell, or of all.
-#[derive(Clone, Default, Debug)]
-struct Counts {
-    plant: Duration,
-    passed: u64,
-    /// Repetitions that failed with a reason, and the first reason.
-    refused: u64,
-    reason: Option<String>,
-    /// Repetitions that ended, but differ from the plan, and the first difference.
-    altered: u64,
-    difference: Option<String>,
-}
-
-/// Memory and descriptors of this process.
-#[derive(Clone, Copy, PartialEq, Debug)]
-struct Held {
-    /// Resident memory in MiB.
-    memory_mib: f64,
-    /// Open descriptors.
-    descriptors: usize,
-}
-
 /// Runs all cells one after another and prints their results.
 ///
 /// # Errors
 ///
 /// The setup cannot be read, a cell is not ready again after a failed run, or the kernel does not say what this process has.
-pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
+pub fn run(options: &SoakOptions, commit: &str) -> Result<Exit, Failure> {
     let faults = flat(&options.fault);
     check_kills(&faults)?;
     if let Some(cell) = options.setup.of_several() {
@@ -138,14 +124,20 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
         }
         let (_, found) = planning::cell_with_applications(options.setup.name())?;
         let cell = SoakedCell::new(&cell, &found, &faults)?;
-        return soak(options, &cell.name, |seed, life, interrupted| cell.live(seed, life, interrupted));
+        let described = (cell.name.as_str(), cell.described());
+        let claim = options.claim(described, &faults, commit)?;
+        return soak(options, &cell.name, claim.as_ref(), |seed, life, interrupted| {
+            cell.live(seed, life, interrupted)
+        });
     }
     let (setup, found) = options.setup.load()?;
     let setup = options.drives.applied_to(setup)?;
     faults::check_one_robot(&faults, &setup.name).map_err(|error| Failure::new(Exit::Usage, error))?;
     faults::check(&faults, &setup).map_err(|error| Failure::new(Exit::Usage, error))?;
     let planned = PlannedCell::of_plan(&setup, &found.application, &found.plan(&setup)?)?;
-    soak(options, &setup.name, |seed, life, interrupted| {
+    let described = (setup.name.as_str(), setup::setup_to_toml(&setup)? + &found.text);
+    let claim = options.claim(described, &faults, commit)?;
+    soak(options, &setup.name, claim.as_ref(), |seed, life, interrupted| {
         live(&setup, &planned, &faults, seed, life, interrupted)
     })
 }
@@ -154,29 +146,37 @@ pub fn run(options: &SoakOptions) -> Result<Exit, Failure> {
 fn soak(
     options: &SoakOptions,
     name: &str,
+    claim: Option<&StudyClaim>,
     live: impl Fn(u64, Duration, &AtomicBool) -> anyhow::Result<Counts> + Sync,
 ) -> Result<Exit, Failure> {
     let started = Instant::now();
     let (lives, life) = options.lives();
-    let seeds: Vec<u64> = (0..lives).map(|life| options.seed.wrapping_add(life)).collect();
+    let seed = |number| options.seed.wrapping_add(number);
     let (mut all, mut held) = (Counts::default(), Vec::new());
     let is_interrupted = watch_for_interrupt()?;
     let pool =
         Pool { name: "soak", quiet: options.quiet, threads: options.threads, interrupted: &is_interrupted };
-    pool.each(
-        &seeds,
-        |seed| live(*seed, life, &is_interrupted),
-        |_, counts| {
+    let mut jobs = NumberedJobs::in_memory(pool, lives);
+    if let Some(claim) = claim {
+        jobs = jobs.saved_in(claim, LIVES, HEAD, |_, fields| {
+            all.add(Counts::of_fields(fields)?);
+            Some(())
+        })?;
+    }
+    let lived = jobs.each(
+        |number| live(seed(number), life, &is_interrupted),
+        |number, counts| {
+            let line = counts.line(seed(number));
             all.add(counts);
             held.push(Held::now()?);
-            Ok(())
+            Ok(line)
         },
-    )
-    .map_err(failure)?;
+    );
+    let lived = lived.map_err(failure)?;
     let growth = Growth::of(&held);
-    outln!("Setup {name}, {} {growth}", all.summary(held.len(), started.elapsed()));
+    outln!("Setup {name}, {} {growth}", all.summary(lived, started.elapsed()));
     if is_interrupted.load(Ordering::Relaxed) {
-        let exit = interrupted(held.len(), seeds.len(), "lives");
+        let exit = interrupted(lived as usize, lives as usize, "lives");
         return Ok(if all.altered == 0 { exit } else { Exit::RunFailed });
     }
     let is_well = all.altered == 0 && all.passed > 0 && growth.is_none();
@@ -220,8 +220,8 @@ fn check_kills(faults: &[Fault]) -> Result<(), Failure> {
 }
 
 /// Returns the failure of a soak: a cell that never gets ready again is one of its faults.
-fn failure(error: anyhow::Error) -> Failure {
-    if error.is::<NeverReady>() { Failure::new(Exit::RunFailed, error) } else { error.into() }
+fn failure(failure: Failure) -> Failure {
+    if failure.error.is::<NeverReady>() { Failure::new(Exit::RunFailed, failure.error) } else { failure }
 }
 
 /// Runs a cell with these faults for this time, or until an interrupt: one repetition of each type after the other.
@@ -257,7 +257,11 @@ fn live(
                 run.recover().map_err(|then| NeverReady::new(seed, &error, &then, faults))?;
             }
         }
-        if run.plant_time() >= life || is_interrupted.load(Ordering::Relaxed) {
+        if run.plant_time() >= life {
+            break;
+        }
+        if is_interrupted.load(Ordering::Relaxed) {
+            counts.is_cut = true;
             break;
         }
     }
@@ -272,85 +276,27 @@ impl SoakOptions {
         let life = self.life_minutes.min(minutes);
         ((minutes / life).ceil() as u64, Duration::from_secs_f64(life * 60.0))
     }
-}
 
-impl Counts {
-    /// Counts a repetition that differs from the plan.
-    fn differ(&mut self, seed: u64, error: &anyhow::Error) {
-        self.altered += 1;
-        self.difference.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
-    }
-
-    /// Counts a repetition that failed with a reason.
-    fn refuse(&mut self, seed: u64, error: &anyhow::Error) {
-        self.refused += 1;
-        self.reason.get_or_insert_with(|| format!("seed {seed}: {error:#}"));
-    }
-
-    fn add(&mut self, other: Self) {
-        self.plant += other.plant;
-        self.passed += other.passed;
-        self.refused += other.refused;
-        self.altered += other.altered;
-        self.reason = self.reason.take().or(other.reason);
-        self.difference = self.difference.take().or(other.difference);
-    }
-
-    fn summary(&self, lives: usize, host: Duration) -> String {
-        let Self { plant, passed, refused, reason, altered, difference } = self;
-        let hours = plant.as_secs_f64() / 3_600.0;
-        let first =
-            |text: &Option<String>| text.as_ref().map_or_else(String::new, |text| format!(" ({text})"));
-        let lives = if lives == 1 { "1 life".to_owned() } else { format!("{lives} lives") };
-        let were = if *refused == 1 { "was" } else { "were" };
-        format!(
-            "{hours:.1} hours of the plant in {lives}, {:.0} s here: {} passed, {refused} {were} refused{}, {altered} altered{}.",
-            host.as_secs_f64(),
-            counted(*passed, "repetition"),
-            first(reason),
-            first(difference)
-        )
-    }
-}
-
-impl Held {
-    /// Reads it from the kernel.
-    fn now() -> anyhow::Result<Self> {
-        let memory_mib = OwnMemory::Resident.kib()? as f64 / 1_024.0;
-        let open = std::fs::read_dir("/proc/self/fd").context("cannot read /proc/self/fd")?;
-        Ok(Self { memory_mib, descriptors: open.count() })
-    }
-}
-
-/// Growth of this process from the first tenth of the cells to the last cell.
-#[derive(Clone, Copy, Debug)]
-struct Growth {
-    from: Held,
-    to: Held,
-}
-
-impl Growth {
-    fn of(held: &[Held]) -> Self {
-        let nothing = Held { memory_mib: 0.0, descriptors: 0 };
-        // By then every thread has run a cell.
-        let from = held.get(held.len() / 10).copied().unwrap_or(nothing);
-        Self { from, to: held.last().copied().unwrap_or(nothing) }
-    }
-
-    fn is_none(&self) -> bool {
-        let Self { from, to } = self;
-        to.memory_mib <= from.memory_mib + GROWTH_MIB && to.descriptors <= from.descriptors
-    }
-}
-
-impl fmt::Display for Growth {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { from, to } = self;
-        write!(
-            f,
-            "Memory {:.1} MiB at first and {:.1} MiB at last, descriptors {} and {}.",
-            from.memory_mib, to.memory_mib, from.descriptors, to.descriptors
-        )
+    /// Claims the directory that keeps the lives, if there is one, for a setup with its applications and these faults.
+    fn claim(
+        &self,
+        (name, described): (&str, String),
+        faults: &[Fault],
+        commit: &str,
+    ) -> Result<Option<StudyClaim>, Failure> {
+        let Some(directory) = self.out.as_deref() else { return Ok(None) };
+        let Self { hours, life_minutes, seed, .. } = self;
+        let faults = faults::listed(faults);
+        let command = format!(
+            "--setup {}{} --hours {hours} --life-minutes {life_minutes} --seed {seed} --fault {}",
+            in_shell(self.setup.name()),
+            self.drives.in_command(),
+            in_shell(&faults)
+        );
+        let (lives, life) = self.lives();
+        let jobs = format!("soak {name} {lives} {life:?} {seed} {faults}\n{described}");
+        let (options, command, results) = (jobs.as_str(), command.as_str(), &[LIVES]);
+        StudyClaim::checked(RowsOrigin { directory, options, command, results, commit }).map(Some)
     }
 }
 
@@ -358,15 +304,6 @@ impl fmt::Display for Growth {
 mod tests {
     use super::*;
     use clap::FromArgMatches as _;
-
-    #[test]
-    fn memory_or_descriptors_that_grow_from_life_to_life_are_found() {
-        let held = |memory_mib, descriptors| Held { memory_mib, descriptors };
-        let flat = [held(20.0, 9), held(21.0, 9), held(24.0, 9)];
-        assert!(Growth::of(&flat).is_none());
-        assert!(!Growth::of(&[held(20.0, 9), held(29.0, 9)]).is_none());
-        assert!(!Growth::of(&[held(20.0, 9), held(20.0, 10)]).is_none());
-    }
 
     fn options(arguments: &[&str]) -> Result<SoakOptions, clap::Error> {
         let command = SoakOptions::augment_args(clap::Command::new("soak").no_binary_name(true));
@@ -410,14 +347,7 @@ mod tests {
         let said = error.to_string();
         assert!(said.starts_with("seed 7: no connection to the robot: "), "{said}");
         assert!(said.ends_with("; the faults of every life are loss=1"), "{said}");
-        assert_eq!(failure(error).exit, Exit::RunFailed);
-    }
-
-    #[test]
-    fn one_is_counted_as_one() {
-        let counts = Counts { passed: 1, refused: 1, altered: 0, ..Counts::default() };
-        insta::assert_snapshot!(counts.summary(1, Duration::ZERO), @"0.0 hours of the plant in 1 life, 0 s here: 1 repetition passed, 1 was refused, 0 altered.");
-        insta::assert_snapshot!(Counts::default().summary(2, Duration::ZERO), @"0.0 hours of the plant in 2 lives, 0 s here: 0 repetitions passed, 0 were refused, 0 altered.");
+        assert_eq!(failure(error.into()).exit, Exit::RunFailed);
     }
 
     #[test]

@@ -6,7 +6,9 @@ use std::time::SystemTime;
 use clap::Args;
 use setup::Setup;
 
-use crate::engine::listed::{ListedStudy, RowsOrigin};
+use crate::engine::claim::{RowsOrigin, StudyClaim};
+use crate::engine::listed::ListedStudy;
+use crate::engine::{JOBS, ROWS};
 use crate::event_loop;
 use crate::outputs::{self, FigureExports, Own};
 use crate::setup_option::SetupOption;
@@ -81,7 +83,9 @@ impl StudyOptions {
         let name = study.name;
         let options = [name, &setup::setup_to_toml(setup)?, &found.text, options].join("\n");
         let [page, json, csv] = ["html", "json", "csv"].map(|extension| format!("{name}.{extension}"));
-        study.saved_in(RowsOrigin { directory, options: &options, results: &[&page, &json, &csv], commit })
+        let results = [ROWS, JOBS, &page, &json, &csv];
+        let origin = RowsOrigin { directory, options: &options, command: "", results: &results, commit };
+        study.saved_in(&StudyClaim::checked(origin)?)
     }
 
     /// Rejects requested files that replace what the study reads or writes anyway.

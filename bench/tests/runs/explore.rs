@@ -12,7 +12,8 @@ fn bench(place: &Path, args: &[&str]) -> (Option<i32>, String) {
 
 /// Runs an exploration into the directory `out` of this place.
 fn explore(place: &Path, options: &str) -> (Option<i32>, String) {
-    let args: Vec<_> = ["explore", "--quiet", "--out", "out"].into_iter().chain(options.split(' ')).collect();
+    let out = if options.contains("--out") { &[][..] } else { &["--out", "out"] };
+    let args: Vec<_> = ["explore", "--quiet"].iter().chain(out).copied().chain(options.split(' ')).collect();
     bench(place, &args)
 }
 
@@ -48,7 +49,7 @@ fn no_single_fault_of_any_kind_lets_an_altered_run_pass_or_keeps_the_next_one_fr
 #[test]
 fn an_exploration_that_was_interrupted_goes_on_and_says_the_same_in_the_end() {
     let place = tempfile::tempdir().unwrap();
-    let options = "--types rc --every 150 --kinds lose,restart-plc --threads 1";
+    let options = "--types rc --every 150 --kinds lose,restart-plc";
     let (_, whole) = explore(place.path(), options);
     let outcomes = place.path().join("out/outcomes.csv");
     let all = fs::read_to_string(&outcomes).unwrap();
@@ -56,8 +57,10 @@ fn an_exploration_that_was_interrupted_goes_on_and_says_the_same_in_the_end() {
     fs::write(&outcomes, &all[..cut]).unwrap();
     assert_eq!(explore(place.path(), options), (Some(0), whole));
     assert_eq!(fs::read_to_string(&outcomes).unwrap(), all);
-    let (code, said) = explore(place.path(), "--types rc --every 150 --kinds lose --threads 1");
-    assert!(code != Some(0) && said.contains("has an exploration with other options"), "{said}");
+    let one = explore(place.path(), &format!("{options} --threads 1 --out one"));
+    assert_eq!(fs::read_to_string(place.path().join("one/outcomes.csv")).unwrap(), all, "{one:?}");
+    let (code, said) = explore(place.path(), "--types rc --every 150 --kinds lose");
+    assert!(code != Some(0) && said.contains("out: has jobs of other options; use another --out"), "{said}");
 }
 
 #[test]
@@ -147,7 +150,7 @@ fn no_single_fault_at_any_station_of_a_cell_breaks_its_laws_or_lets_an_altered_r
 #[test]
 fn the_command_of_a_refused_run_of_a_cell_is_refused_for_the_same_reason_and_an_exploration_of_one_goes_on() {
     let place = tempfile::tempdir().unwrap();
-    let options = "--setup E --types sm --every 4001 --kinds restart-robot,restart-plc --threads 1";
+    let options = "--setup E --types sm --every 4001 --kinds restart-robot,restart-plc";
     let (code, said) = explore(place.path(), options);
     assert_eq!(code, Some(0), "{said}");
     for words in ["station left: sm failed", "station right: sm failed"] {

@@ -60,7 +60,10 @@ fn the_directory_of_a_cell_or_of_another_study_is_refused_and_left_as_it_is() {
             ("--mode virtual --out explored", holds_setup),
             (&sweep.replace("swept", "explored"), "holds another setup.toml"),
             (&format!("{sweep} --setup B"), holds_setup),
-            (&explore.replace("400", "300"), "has an exploration with other options"),
+            (
+                &explore.replace("400", "300"),
+                "has jobs of other options; use another --out, or these: --setup A --types cm",
+            ),
         ],
     );
 }

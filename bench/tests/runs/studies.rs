@@ -207,6 +207,54 @@ fn an_interrupted_soak_prints_what_it_lived_through_so_far() {
     assert!(summary.contains(" hours of the plant in ") && summary.contains("0 altered."), "{summary}");
 }
 
+/// Returns the figures of a call: its output up to the seconds that it took here.
+fn figures(finished: &Finished) -> String {
+    let before = |line: &str| {
+        line.split(" s here")
+            .next()
+            .and_then(|text| text.rsplit_once(' '))
+            .map_or_else(|| line.to_owned(), |(figures, _)| figures.to_owned())
+    };
+    finished.stdout.lines().map(before).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn a_soak_and_a_judge_that_were_killed_go_on_to_the_same_file_and_refuse_other_options() {
+    let place = tempfile::tempdir().unwrap();
+    let cases = [
+        ("soak --hours 0.1 --life-minutes 1 --quiet", "lives.csv", "--seed 2", "--seed 1 "),
+        ("judge --lists 1500 --quiet", "lists.csv", "--ignore stuck", "--setup A --lists 1500 --seed 1"),
+    ];
+    for (verb, file, other, known) in cases {
+        let call = |options: &str| study(place.path(), &format!("{verb} {options}"));
+        let read = |out: &str| std::fs::read_to_string(place.path().join(out).join(file)).unwrap();
+        let one = call(&format!("--threads 1 --out one-{file}"));
+        assert_eq!(one.code, Some(0), "{}", one.stderr);
+        let whole = read(&format!("one-{file}"));
+        assert_eq!(whole.lines().count(), 7, "{whole}");
+        // Killed while it wrote the fourth line.
+        let cut = whole.match_indices('\n').nth(3).unwrap().0 + 9;
+        let path = place.path().join(format!("one-{file}")).join(file);
+        std::fs::write(&path, &whole[..cut]).unwrap();
+        let again = call(&format!("--threads 2 --out one-{file}"));
+        assert_eq!((again.code, figures(&again)), (Some(0), figures(&one)), "{}", again.stderr);
+        assert_eq!(read(&format!("one-{file}")), whole);
+        let refused = call(&format!("{other} --out one-{file}"));
+        assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+        assert!(
+            refused.stderr.contains("other options; use another --out") && refused.stderr.contains(known),
+            "{}",
+            refused.stderr
+        );
+        assert_eq!(read(&format!("one-{file}")), whole);
+    }
+    std::fs::create_dir(place.path().join("old")).unwrap();
+    std::fs::write(place.path().join("old/A-stuck-7.toml"), "").unwrap();
+    let old = study(place.path(), "judge --lists 5 --quiet --out old");
+    assert_eq!(old.code, Some(2), "{}", old.stderr);
+    assert!(old.stderr.contains("A-stuck-7.toml of an older version"), "{}", old.stderr);
+}
+
 #[cfg(feature = "real")]
 #[test]
 fn a_closed_terminal_ends_a_measurement_in_order_and_its_part_can_be_read() {

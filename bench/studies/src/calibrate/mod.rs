@@ -31,7 +31,9 @@ pub use fit::Fit;
 pub use metric::{Metric, Seeds};
 pub use parameter::Parameter;
 
-use crate::engine::listed::{ListedStudy, RowsOrigin};
+use crate::engine::claim::{RowsOrigin, StudyClaim};
+use crate::engine::listed::ListedStudy;
+use crate::engine::{JOBS, ROWS};
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::outputs::{self, FigureExports, Own};
 use crate::setup_option::SetupOption;
@@ -116,7 +118,9 @@ pub fn run(options: &CalibrateOptions, commit: &str) -> Result<Exit, Failure> {
     if let Some(directory) = &options.out {
         // The jobs follow from the figures: whatever seeds are asked for, those that are saved are used.
         let claim = format!("calibrate\n{}\n{}", setup::setup_to_toml(&setup)?, found.text);
-        study = study.saved_in(RowsOrigin { directory, options: &claim, results: &[], commit })?;
+        let (options, command, results) = (claim.as_str(), "", &[ROWS, JOBS]);
+        let origin = RowsOrigin { directory, options, command, results, commit };
+        study = study.saved_in(&StudyClaim::checked(origin)?)?;
     }
     let seeds = Seeds {
         application: &found.application,

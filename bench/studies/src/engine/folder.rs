@@ -46,6 +46,9 @@ pub(super) struct Manifest {
     pub jobs: u64,
     /// Rows of each job.
     pub rows_per_job: u64,
+    /// Options of the verb that has these jobs; empty for the study of a file.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub command: String,
 }
 
 impl Manifest {
@@ -59,14 +62,15 @@ impl Manifest {
             shard,
             jobs,
             rows_per_job: plan.rows_per_job(),
+            command: String::new(),
         }
     }
 
     /// Returns the description of jobs that a verb lists itself.
     #[must_use]
-    pub(super) const fn of_listed(study: String, program: String) -> Self {
+    pub(super) const fn of_listed(study: String, command: String, program: String) -> Self {
         let (schema_version, shard) = (SCHEMA_VERSION, Shard::WHOLE);
-        Self { schema_version, study, program, shard, jobs: 0, rows_per_job: Columns::ANY }
+        Self { schema_version, study, program, shard, jobs: 0, rows_per_job: Columns::ANY, command }
     }
 
     /// Reads the description of a directory; `None` if it has none.
@@ -108,6 +112,10 @@ impl Manifest {
     /// Compares with the description that a directory has already.
     pub(super) fn check_same(&self, known: &Self, directory: &Path) -> anyhow::Result<()> {
         let shown = directory.display();
+        let has_other_options = known.command != self.command && !known.command.is_empty();
+        if known.study != self.study && has_other_options {
+            bail!("{shown}: has jobs of other options; use another --out, or these: {}", known.command);
+        }
         if known.study != self.study {
             bail!("{shown}: has rows of another study; use another --out");
         }

@@ -3,20 +3,20 @@
 
 use std::collections::HashMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::anyhow;
-use records::exit::{Exit, Failure};
-use records::run_directory::{Durability, replace};
+use records::exit::Failure;
 use sha2::{Digest as _, Sha256};
 
+use super::claim::StudyClaim;
 use super::file::RowFigure;
-use super::folder::{self, MANIFEST, Manifest, of_host, of_journal};
+use super::folder::{MANIFEST, of_journal};
 use super::job::{JobInputs, JobRow, JobRows, ListedJob, RowStatus};
-use super::plan::{JobAddress, hex};
-use super::rows::{Columns, JOBS, ROWS, RowsJournal, SavedJob, fields};
+use super::lines::fields;
+use super::plan::JobAddress;
+use super::rows::{Columns, JOBS, ROWS, RowsJournal, SavedJob};
 use crate::jobs::Pool;
 
 /// The jobs of a verb that lists them, with those that are saved already.
@@ -37,19 +37,6 @@ struct SavedRows {
     known: Mutex<HashMap<JobAddress, JobRows>>,
 }
 
-/// Origin of the rows of a verb.
-#[derive(Clone, Copy, Debug)]
-pub struct RowsOrigin<'a> {
-    /// Directory for the rows.
-    pub directory: &'a Path,
-    /// The verb with everything that determines its jobs besides the program.
-    pub options: &'a str,
-    /// Results of the verb; a directory that has them without rows is of an older version.
-    pub results: &'a [&'a str],
-    /// Commit that this program was built from.
-    pub commit: &'a str,
-}
-
 impl<'a> ListedStudy<'a> {
     /// Returns jobs that are not saved.
     #[must_use]
@@ -61,33 +48,17 @@ impl<'a> ListedStudy<'a> {
     ///
     /// # Errors
     ///
-    /// The directory has rows of other options or of another program, results of an older version, or cannot be written.
-    pub fn saved_in(self, origin: RowsOrigin<'_>) -> Result<Self, Failure> {
-        let RowsOrigin { directory, options, results, commit } = origin;
-        let usage = |error| Failure::new(Exit::Usage, error);
-        let program = folder::program(commit)?;
-        let manifest = Manifest::of_listed(hex(&Sha256::digest(options)), program.clone());
-        match Manifest::read(directory).map_err(usage)? {
-            Some(known) => manifest.check_same(&known, directory).map_err(usage)?,
-            None => {
-                let others = results.iter().chain(&[ROWS, JOBS]);
-                if let Some(name) = others.copied().find(|name| directory.join(name).exists()) {
-                    return Err(usage(anyhow!(
-                        "{}: has {name} of an older version, which saved no jobs; use another --out",
-                        directory.display()
-                    )));
-                }
-            }
-        }
-        crate::directory::make(directory)?;
-        manifest.write(directory).map_err(of_host)?;
+    /// The rows are broken, or cannot be written.
+    pub fn saved_in(self, claim: &StudyClaim) -> Result<Self, Failure> {
+        claim.make()?;
+        let directory = claim.directory();
         let mut known = HashMap::new();
         let journal = RowsJournal::open(directory, columns(), |job| {
             known.insert(job.address, read_back(job));
         });
         let saved = SavedRows {
             directory: directory.to_owned(),
-            program,
+            program: claim.program().to_owned(),
             journal: Mutex::new(journal.map_err(of_journal)?),
             known: Mutex::new(known),
         };
@@ -203,20 +174,14 @@ fn read_back(job: &SavedJob<'_>) -> JobRows {
     JobRows { rows: job.rows.iter().filter_map(row).collect(), reason }
 }
 
-impl Manifest {
-    /// Writes the description into a directory.
-    fn write(&self, directory: &Path) -> anyhow::Result<()> {
-        let text = serde_json::to_string_pretty(self)? + "\n";
-        replace(&directory.join(MANIFEST), text, Durability::Written)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::claim::RowsOrigin;
     use plc_node::ExecutionType;
     use records::schedule::Schedule;
     use stands::planned_cell::PlannedCell;
+    use std::path::Path;
 
     fn jobs() -> Vec<ListedJob> {
         let (setup, found) = planning::setup_with_application("A").unwrap();
@@ -234,8 +199,10 @@ mod tests {
         options: &str,
         interrupted: &'a AtomicBool,
     ) -> Result<ListedStudy<'a>, String> {
-        let origin = RowsOrigin { directory: place, options, results: &["sweep.json"], commit: "c0ffee" };
-        let study = ListedStudy::in_memory("jobs", true, interrupted).saved_in(origin);
+        let (command, results, commit) = ("", &["sweep.json"], "c0ffee");
+        let claim = StudyClaim::checked(RowsOrigin { directory: place, options, command, results, commit });
+        let study =
+            claim.and_then(|claim| ListedStudy::in_memory("jobs", true, interrupted).saved_in(&claim));
         study.map_err(|failure| failure.error.to_string().replace(&place.display().to_string(), "DIR"))
     }
 
@@ -260,15 +227,10 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_other_options_and_results_of_an_older_version_are_refused_and_kept() {
+    fn rows_of_other_options_are_refused() {
         let (place, go_on) = (tempfile::tempdir().unwrap(), AtomicBool::new(false));
         drop(opened(place.path(), "options", &go_on).unwrap_or_else(|error| panic!("{error}")));
         let refused = opened(place.path(), "other options", &go_on).err().unwrap();
         insta::assert_snapshot!(refused, @"DIR: has rows of another study; use another --out");
-        let old = tempfile::tempdir().unwrap();
-        fs::write(old.path().join("sweep.json"), "{}").unwrap();
-        let refused = opened(old.path(), "options", &go_on).err().unwrap();
-        insta::assert_snapshot!(refused, @"DIR: has sweep.json of an older version, which saved no jobs; use another --out");
-        assert_eq!(fs::read_dir(old.path()).unwrap().count(), 1);
     }
 }

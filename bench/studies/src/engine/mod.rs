@@ -12,12 +12,16 @@
 //! estimate   how long a study takes, and how much disk
 //! observations  the rows as figures of each job
 //! report     each factor against each figure; identify: the parameters that the paper's figures point to
+//! claim      the study and the program that a verb's directory belongs to
+//! lines      files of whole lines, which one process appends to
 //! listed     the jobs of verbs that list them: sweep, sensitivity, buses, calibrate
+//! numbered   the jobs of verbs that number them: explore, judge, soak, long
 //! run, merge, status, submit, report    the verbs
 //! ```
 
 mod axis;
 mod checks;
+pub mod claim;
 mod estimate;
 pub mod file;
 mod finding;
@@ -25,8 +29,10 @@ mod folder;
 mod identify;
 pub mod job;
 pub mod key;
+pub(crate) mod lines;
 pub mod listed;
 mod merge;
+pub mod numbered;
 mod observations;
 pub mod plan;
 mod report;
@@ -43,6 +49,7 @@ use clap::{Args, Subcommand};
 use records::exit::{Exit, Failure};
 
 pub use folder::RerunJob;
+pub(crate) use rows::{JOBS, ROWS};
 pub use shard::Shard;
 pub use submit::Engine;
 

@@ -7,8 +7,9 @@ use plc_node::ExecutionType;
 use records::statistics::{AetMad, aet_improvement};
 
 use super::file::RowFigure;
+use super::lines::fields;
 use super::plan::StudyPlan;
-use super::rows::{Columns, SavedJob, Tail, fields, read};
+use super::rows::{Columns, SavedJob, Tail, read};
 
 /// Fields of a row before its figures.
 const BEFORE_FIGURES: usize = 4;

@@ -6,22 +6,19 @@
 mod reading;
 
 use std::fmt::Write as _;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context as _, bail};
+use std::path::Path;
 
 use super::file::{RowFigure, Scalar};
 use super::job::{JobRow, JobRows};
+use super::lines::{Appended, field, locked};
 use super::plan::{JobAddress, StudyPlan};
-pub(super) use reading::{SavedJob, Tail, fields, read};
+pub(super) use reading::{SavedJob, Tail, read};
 
 /// The file of all repetitions.
-pub(super) const ROWS: &str = "rows.csv";
+pub(crate) const ROWS: &str = "rows.csv";
 
 /// The file of all jobs.
-pub(super) const JOBS: &str = "jobs.csv";
+pub(crate) const JOBS: &str = "jobs.csv";
 
 /// Names and order of the columns.
 #[derive(Clone, PartialEq, Debug)]
@@ -95,44 +92,6 @@ impl Columns {
     }
 }
 
-/// Returns a text as a field of CSV.
-fn field(text: &str) -> String {
-    let text = text.replace(['\n', '\r'], " ");
-    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
-}
-
-/// A file that whole lines are appended to.
-struct Appended {
-    path: PathBuf,
-    file: File,
-    len: u64,
-}
-
-impl Appended {
-    fn open(path: PathBuf, head: &str, whole: u64) -> anyhow::Result<Self> {
-        let about = || format!("cannot write {}", path.display());
-        let file = OpenOptions::new().create(true).append(true).open(&path).with_context(about)?;
-        file.set_len(whole).with_context(about)?;
-        let mut appended = Self { file, len: whole, path };
-        if whole == 0 {
-            appended.add(head)?;
-        }
-        Ok(appended)
-    }
-
-    /// Appends lines, all or none of them.
-    fn add(&mut self, lines: &str) -> anyhow::Result<()> {
-        let saved = self.file.write_all(lines.as_bytes());
-        if saved.is_err() {
-            // If even this fails, the next start removes the part.
-            let _ = self.file.set_len(self.len);
-        } else {
-            self.len += lines.len() as u64;
-        }
-        saved.with_context(|| format!("cannot write {}", self.path.display()))
-    }
-}
-
 /// The rows of a study's directory, which one process at a time appends to.
 pub(super) struct RowsJournal {
     columns: Columns,
@@ -152,22 +111,11 @@ impl RowsJournal {
         known: impl FnMut(&SavedJob<'_>),
     ) -> anyhow::Result<Self> {
         let (rows_path, jobs_path) = (directory.join(ROWS), directory.join(JOBS));
-        let lock = OpenOptions::new().create(true).append(true).open(&rows_path);
-        let lock = lock.with_context(|| format!("cannot write {}", rows_path.display()))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => bail!(
-                "{}: another process writes here; give each shard a directory of its own",
-                directory.display()
-            ),
-            // Not every file system has locks; the claim of the directory still keeps other studies away.
-            Err(TryLockError::Error(_)) => {}
-        }
+        let lock = locked(&rows_path)?;
         let [rows_len, jobs_len] = read(directory, &columns, Tail::MayBeCut, known)?;
         let jobs = Appended::open(jobs_path, &columns.jobs_head(), jobs_len)?;
         let mut rows = Appended::open(rows_path, &columns.rows_head(), rows_len)?;
-        // The lock belongs to this handle.
-        rows.file = lock;
+        rows.hold(lock);
         Ok(Self { columns, rows, jobs })
     }
 
@@ -191,13 +139,9 @@ impl RowsJournal {
             line.push_str(&field(&value.to_string()));
         }
         let _ = writeln!(line, ",{}", field(&job.reason));
-        let before = self.rows.len;
+        let before = self.rows.len();
         self.rows.add(&lines)?;
-        self.jobs.add(&line).inspect_err(|_| {
-            if self.rows.file.set_len(before).is_ok() {
-                self.rows.len = before;
-            }
-        })
+        self.jobs.add(&line).inspect_err(|_| self.rows.shorten(before))
     }
 }
 
@@ -240,13 +184,6 @@ mod tests {
         let text = |name| fs::read_to_string(place.path().join(name)).unwrap();
         let (rows, jobs) = (text(ROWS), text(JOBS));
         (place, rows, jobs)
-    }
-
-    #[test]
-    fn the_fields_of_a_line_are_those_that_were_written() {
-        let texts = ["0000000000000001", "loss=0.1, \"x\"", "", "a\"b"];
-        let line = texts.map(field).join(",") + "\n";
-        assert_eq!(fields(&line), texts);
     }
 
     #[test]

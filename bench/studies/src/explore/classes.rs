@@ -77,6 +77,13 @@ impl Outcome {
     pub(super) const fn new(class: Class, reason: String) -> Self {
         Self { class, later_ns: 0, reason }
     }
+
+    /// Returns the outcome of a saved run, whose fields are type, faults, class, time and reason.
+    pub(super) fn of_fields(fields: &[String]) -> Option<Self> {
+        let [_, _, class, later_ns, reason] = fields else { return None };
+        let (class, later_ns) = (Class::of_name(class)?, later_ns.parse().ok()?);
+        Some(Self { class, later_ns, reason: reason.clone() })
+    }
 }
 
 /// Counts of one type and one kind of fault, or of two kinds.

@@ -8,7 +8,6 @@
 //! explored   the nodes with faults: a robot that works alone, or a cell
 //! clean_run  the run without faults, and runs with faults, which are compared with it
 //! classes    counts of the outcomes
-//! journal    the outcomes in a file
 //! table      the counts and the reasons on screen
 //! page       explore.html
 //! ```
@@ -17,13 +16,12 @@ mod classes;
 mod clean_run;
 mod explored;
 mod fault;
-mod journal;
 mod page;
 mod runs;
 mod subject;
 mod table;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
@@ -32,14 +30,16 @@ use clap::Args;
 use node::list::{List, flat};
 use plc_node::ExecutionType;
 
+use super::engine::claim::StudyClaim;
+use super::engine::lines::field;
+use super::engine::numbered::NumberedJobs;
 use super::event_loop::{interrupted, watch_for_interrupt};
-use super::jobs;
+use super::jobs::Pool;
 use super::setup_option::{DrivesOption, SetupOption};
-use classes::Classes;
+use classes::{Classes, Outcome};
 use clean_run::CleanRun;
 pub use fault::What;
 use fault::{Extent, FaultTexts, LONGEST_HOLD_MS, Lengths};
-use journal::Journal;
 use records::exit::{Exit, Failure};
 use records::run_directory::{self, Durability, replace};
 use report::in_shell;
@@ -50,6 +50,11 @@ use subject::Subject;
 
 /// The page with the counts.
 const PAGE: &str = "explore.html";
+
+/// The file with the outcomes, a line for each run in the order of the runs.
+const OUTCOMES: &str = "outcomes.csv";
+
+const HEAD: &str = "run,type,faults,class,later_ns,reason";
 
 /// Options of the exploration.
 #[derive(Args, Debug)]
@@ -139,9 +144,8 @@ impl ExploreOptions {
         }
     }
 
-    /// Returns everything that determines the jobs: an exploration can only be continued if this is the same. The first
-    /// line has the options, as a shell takes them; after it comes the text of the application.
-    fn claim(&self, text: &str, kinds: &[What]) -> String {
+    /// Returns the options that determine the jobs, as a shell takes them.
+    fn command(&self, kinds: &[What]) -> String {
         let Self {
             setup,
             drives,
@@ -171,7 +175,7 @@ impl ExploreOptions {
             application.map_or_else(String::new, |name| format!(" --application {}", in_shell(name)));
         format!(
             "--setup {}{drives}{application} --types {types} --kinds {kinds} {jobs} --seed {seed} --hold-ms {hold_ms} --cut-ms {cut_ms} \
-             --restart-ms {restart_ms} --late-ms {late_ms}\n\n{text}",
+             --restart-ms {restart_ms} --late-ms {late_ms}",
             in_shell(setup.name())
         )
     }
@@ -197,11 +201,12 @@ struct Exploration<'a> {
 /// # Errors
 ///
 /// The setup cannot be read, a run without faults does not pass, or the outcomes cannot be written.
-pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
+pub fn run(options: &ExploreOptions, commit: &str) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let default = || run_directory::default_path(options.setup.name(), "explore", started);
     let directory = options.out.clone().unwrap_or_else(default);
-    let Subject { name, title, explored, texts, kinds, application } = Subject::prepare(options, &directory)?;
+    let (subject, claim) = Subject::prepare(options, &directory, commit)?;
+    let Subject { name, title, explored, texts, kinds, application } = subject;
     let longest_ms = if kinds.contains(&What::HoldOld) { LONGEST_HOLD_MS } else { 0 };
     let clean = |execution_type| {
         CleanRun::of(execution_type, &*explored, options.seed, &texts, options.late_ms, longest_ms)
@@ -218,7 +223,7 @@ pub fn run(options: &ExploreOptions) -> Result<Exit, Failure> {
         kinds: &kinds,
     };
     let is_interrupted = watch_for_interrupt()?;
-    let runs = exploration.run(&directory, &is_interrupted)?;
+    let runs = exploration.run(&claim, &is_interrupted)?;
     outln!("{}", exploration.table());
     exploration.tell_reasons();
     if is_interrupted.load(Ordering::Relaxed) {
@@ -247,41 +252,35 @@ impl Exploration<'_> {
     }
 
     /// Makes the runs that the directory does not have yet. Returns how many there are in all.
-    fn run(&mut self, directory: &Path, is_interrupted: &AtomicBool) -> anyhow::Result<usize> {
+    fn run(&mut self, claim: &StudyClaim, is_interrupted: &AtomicBool) -> Result<usize, Failure> {
         let jobs = self.jobs();
         let Self { clean_runs, classes, options, texts, .. } = self;
-        let mut is_done = vec![false; jobs.len()];
-        let mut journal = Journal::open(directory, |run, outcome| {
-            let (job, done) =
-                jobs.get(run).zip(is_done.get_mut(run)).context("a run that is none of these")?;
-            *done = true;
-            classes.count(job, &outcome);
-            Ok(())
+        let (quiet, threads) = (options.quiet, options.threads);
+        let job = |run: u64| jobs.get(usize::try_from(run).ok()?);
+        let clean = |run| clean_runs.get(job(run)?.type_index).zip(job(run));
+        let pool = Pool { name: "explore", quiet, threads, interrupted: is_interrupted };
+        let numbered = NumberedJobs::in_memory(pool, jobs.len() as u64);
+        let numbered = numbered.saved_in(claim, OUTCOMES, HEAD, |run, fields| {
+            classes.count(job(run)?, &Outcome::of_fields(fields)?);
+            Some(())
         })?;
-        let left: Vec<_> = jobs.iter().zip(&is_done).enumerate().filter(|(_, (_, done))| !**done).collect();
-        let clean = |job: &Job| clean_runs.get(job.type_index).context("a job without its run");
-        let pool = jobs::Pool {
-            name: "explore",
-            quiet: options.quiet,
-            threads: options.threads,
-            interrupted: is_interrupted,
-        };
-        pool.each(
-            &left,
-            |(_, (job, _))| Ok(clean(job)?.with(&job.faults)),
-            |index, outcome| {
-                let Some((run, (job, _))) = left.get(index) else { return Ok(()) };
+        numbered.each(
+            |run| clean(run).map(|(clean, job)| clean.with(&job.faults)).context("a job without its run"),
+            |run, outcome| {
+                let (clean, job) = clean(run).context("a job without its run")?;
                 classes.count(job, &outcome);
                 let faults: Vec<_> = job.faults.iter().map(|fault| texts.of(fault)).collect();
-                journal.add(*run, &label(clean(job)?.execution_type()), &faults.join(" "), &outcome)
+                let Outcome { class, later_ns, reason } = &outcome;
+                let [faults, reason] = [&faults.join(" "), reason].map(|text| field(text));
+                let name = label(clean.execution_type());
+                Ok(Some(format!("{name},{faults},{},{later_ns},{reason}", class.name())))
             },
         )?;
-        journal.end()?;
         Ok(jobs.len())
     }
 
     /// Returns the command that makes a run again.
-    fn command(&self, clean: &CleanRun<'_>, faults: &[fault::Injected]) -> String {
+    fn command_of(&self, clean: &CleanRun<'_>, faults: &[fault::Injected]) -> String {
         let (execution_type, repetitions) = (clean.execution_type(), clean.repetitions(faults));
         let faults: String =
             faults.iter().map(|fault| format!(" --fault {}", self.texts.of(fault))).collect();

@@ -112,7 +112,7 @@ impl Exploration<'_> {
     pub(super) fn smallest(&self, Reason { class, first, .. }: &Reason) -> String {
         self.clean_runs
             .get(first.type_index)
-            .map_or_else(String::new, |clean| self.command(clean, &clean.shrunk(&first.faults, *class)))
+            .map_or_else(String::new, |clean| self.command_of(clean, &clean.shrunk(&first.faults, *class)))
     }
 }
 

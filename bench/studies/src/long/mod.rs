@@ -12,18 +12,19 @@ mod run;
 mod supply;
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use setup::Setup;
 
 pub use memory::PeakResident;
 pub use run::{Finished, LongRun, Mismatch};
 pub use supply::{Origin, SuppliedMotions, SupplyThread};
 
-use crate::event_loop::{event_loop, interrupt};
+use crate::event_loop::watch_for_interrupt;
+use crate::jobs::Progress;
 use crate::outputs::{self, Own};
 use crate::setup_option::SetupOption;
 use records::exit::{Exit, Failure};
@@ -91,8 +92,7 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
     }
     outln!("Setup {}: {}", setup.name, setup.title);
     outln!("MoveContinuous of {total} motions of {}, virtual mode, seed {}\n", origin.name(), options.seed);
-    let runtime = event_loop()?;
-    runtime.block_on(drive(options, &setup, origin, total))
+    drive(options, &setup, origin, total)
 }
 
 impl LongOptions {
@@ -134,21 +134,17 @@ fn origin(
 }
 
 /// Runs until the end, an error or an interrupt.
-async fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32) -> Result<Exit, Failure> {
-    let mut interrupt = std::pin::pin!(interrupt()?);
+fn drive(options: &LongOptions, setup: &Setup, origin: Origin, total: u32) -> Result<Exit, Failure> {
+    let is_interrupted = watch_for_interrupt()?;
     let started = Instant::now();
     let at_start = PeakResident::now()?;
     let failed = |error| Failure::new(Exit::RunFailed, error);
     let mut run = LongRun::start(setup, origin, total, options.seed).map_err(failed)?;
-    let progress = Progress::start(total, options.quiet);
+    let mut progress = Progress::start("motions", options.quiet, total.into());
     let mut milestones = Milestones { total, started, tenths: 0, peak_at_a_tenth: None };
     let ended = loop {
-        // A virtual run never waits, so signals are handled here.
-        tokio::task::yield_now().await;
-        tokio::select! {
-            biased;
-            () = &mut interrupt => break None,
-            () = std::future::ready(()) => {}
+        if is_interrupted.load(Ordering::Relaxed) {
+            break None;
         }
         match run.advance(SLICE) {
             Ok(None) => {}
@@ -231,36 +227,5 @@ impl Milestones {
             sent.mark().value,
             accepted.mark().value,
         )))
-    }
-}
-
-/// Progress on standard error: a bar on a terminal, lines elsewhere.
-struct Progress {
-    bar: ProgressBar,
-    quiet: bool,
-}
-
-impl Progress {
-    fn start(total: u32, quiet: bool) -> Self {
-        let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        let style = ProgressStyle::with_template("{bar:25} {human_pos}/{human_len} motions  {eta} left");
-        let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-        Self { bar: ProgressBar::with_draw_target(Some(total.into()), target).with_style(style), quiet }
-    }
-
-    fn set(&self, motions: u64) {
-        self.bar.set_position(motions);
-    }
-
-    fn line(&self, text: &str) {
-        match (self.quiet, self.bar.is_hidden()) {
-            (true, _) => {}
-            (false, true) => errln!("{text}"),
-            (false, false) => self.bar.println(node::output::shown(text)),
-        }
-    }
-
-    fn end(&self) {
-        self.bar.finish_and_clear();
     }
 }

@@ -38,6 +38,11 @@ impl SoakedCell {
         Ok(Self { name: cell.name.clone(), stations, faults })
     }
 
+    /// Describes everything that its lives depend on besides their seeds.
+    pub(super) fn described(&self) -> String {
+        format!("{:?}\n{:?}", self.stations, self.faults)
+    }
+
     /// Runs a life, or until an interrupt: one repetition of each type after the other.
     pub(super) fn live(
         &self,
@@ -80,7 +85,11 @@ impl SoakedCell {
                     run.recover().map_err(|then| NeverReady::new(seed, &error, &then, &self.faults))?;
                 }
             }
-            if run.plant_time() >= life || is_interrupted.load(Ordering::Relaxed) {
+            if run.plant_time() >= life {
+                break;
+            }
+            if is_interrupted.load(Ordering::Relaxed) {
+                counts.is_cut = true;
                 break;
             }
         }
