@@ -1,6 +1,6 @@
 //! Devices of files, emulated and driven in virtual time: what one end sets the other end shows.
 
-#![expect(clippy::unwrap_used, clippy::panic, reason = "a test")]
+#![expect(clippy::unwrap_used, reason = "a test")]
 mod bad_input;
 mod cell;
 mod exchange;
