@@ -21,7 +21,7 @@ use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::jobs::{self, Pool};
 use records::exit::{Exit, Failure};
 use report::{errln, in_shell, outln};
-use tally::{Broken, ListsTally};
+use tally::{BrokenList, ListsTally};
 
 /// Directory for cases where none is given.
 const JUDGED: &str = "judged";
@@ -213,7 +213,7 @@ impl Judged<'_> {
     }
 
     /// Writes one of the first cases of each class as soon as it is found, as it was drawn: what comes later takes its time.
-    fn write_as_drawn(self, broken: &[Broken], index: usize) -> anyhow::Result<()> {
+    fn write_as_drawn(self, broken: &[BrokenList], index: usize) -> anyhow::Result<()> {
         let Some(one) = first_of_each_class(broken).find(|(at, _)| *at == index).map(|(_, one)| one) else {
             return Ok(());
         };
@@ -225,7 +225,7 @@ impl Judged<'_> {
     }
 
     /// Draws and runs a list that broke a law once more; returns it with what it breaks.
-    fn again(self, one: &Broken) -> anyhow::Result<(Case, Violation)> {
+    fn again(self, one: &BrokenList) -> anyhow::Result<(Case, Violation)> {
         let case = generator::any_case(self.setup, self.options.seed, one.number);
         let outcome = ::judge::run(&case, self.setup, self.classes).context("a random arm makes no sense")?;
         let violation = outcome.violation.filter(|violation| violation.class == one.class);
@@ -236,13 +236,13 @@ impl Judged<'_> {
     }
 
     /// Shrinks the first cases of each class.
-    fn write_shrunk(self, broken: &[Broken]) -> Result<(), Failure> {
+    fn write_shrunk(self, broken: &[BrokenList]) -> Result<(), Failure> {
         let Self { options, setup, classes } = self;
-        let first: Vec<&Broken> = first_of_each_class(broken).map(|(_, one)| one).collect();
+        let first: Vec<&BrokenList> = first_of_each_class(broken).map(|(_, one)| one).collect();
         if !first.is_empty() {
             directory::make(options.directory())?;
         }
-        let shrink = |one: &&Broken| {
+        let shrink = |one: &&BrokenList| {
             let (case, violation) = self.again(one)?;
             let (case, least) = shrink::shrink(&case, &violation, setup, classes);
             let path = write(options, setup, case, one.number, &least)?;
@@ -255,8 +255,8 @@ impl Judged<'_> {
 }
 
 /// Returns the first [`CASES`] lists of each class that broke a law, each with its index.
-fn first_of_each_class(broken: &[Broken]) -> impl Iterator<Item = (usize, &Broken)> {
-    let is_first = move |(index, one): &(usize, &Broken)| {
+fn first_of_each_class(broken: &[BrokenList]) -> impl Iterator<Item = (usize, &BrokenList)> {
+    let is_first = move |(index, one): &(usize, &BrokenList)| {
         broken.iter().take(*index).filter(|before| before.class == one.class).count() < CASES
     };
     broken.iter().enumerate().filter(is_first)

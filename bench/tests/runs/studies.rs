@@ -229,7 +229,7 @@ fn a_soak_and_a_judge_that_were_killed_go_on_to_the_same_file_and_refuse_other_o
         let call = |options: &str| study(place.path(), &format!("{verb} {options}"));
         let read = |out: &str| std::fs::read_to_string(place.path().join(out).join(file)).unwrap();
         let one = call(&format!("--threads 1 --out one-{file}"));
-        assert_eq!(one.code, Some(0), "{}", one.stderr);
+        assert_eq!(one.code, Some(0), "{}{}", one.stdout, one.stderr);
         let whole = read(&format!("one-{file}"));
         assert_eq!(whole.lines().count(), 7, "{whole}");
         // Killed while it wrote the fourth line.

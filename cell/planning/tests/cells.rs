@@ -58,6 +58,7 @@ fn the_plans_of_two_arms_show_where_they_wait() {
          2  gripped   left after motion 5, right after motion 2
          3  released  left after motion 5, right after motion 2
          4  clear     left after motion 5, right after motion 3
+      RC: programs meet by digital outputs: left 14 and 15, right 12 and 13
     ");
     insta::assert_snapshot!(format!("{:60}", cell.stations[0].plan), @"
     hand-over-giver on setup E-left: one arm picks a part, hands

@@ -9,8 +9,8 @@ use robot_node::rehearsal::{Calls, Rehearsed, rehearse, rehearse_program};
 use robot_node::{Account, Program};
 
 use super::{
-    Difference, JOINT_TOLERANCE, SLOW_PERCENT, check_ends, check_executed, check_override, check_sent,
-    drives, largest_difference, length_tolerance_mm,
+    Difference, DriveDeviation, JOINT_TOLERANCE, SLOW_PERCENT, check_ends, check_executed, check_override,
+    check_sent, drives, largest_difference, length_tolerance_mm,
 };
 use crate::planned_station::PlannedStation;
 use records::conditions::Measured;
@@ -48,7 +48,13 @@ impl StationVerification {
 
     fn compare(&mut self, measured: &Measured) -> anyhow::Result<()> {
         if let Some(quality) = &measured.quality {
-            quality.check_ratings()?;
+            // What moves a drive moves its joint too.
+            match quality.check_ratings() {
+                Err(exceeded) if self.station.planned.robot.drives.is_some() => {
+                    return Err(DriveDeviation::Rating(exceeded).into());
+                }
+                checked => checked?,
+            }
         }
         let execution = &measured.execution;
         check_sent(measured, self.sent)?;

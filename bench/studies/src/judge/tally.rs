@@ -6,7 +6,7 @@ use ::judge::{Class, Tally};
 
 /// A list that broke a law.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) struct Broken {
+pub(super) struct BrokenList {
     /// Number of the list.
     pub(super) number: u64,
     /// The first law that it broke.
@@ -23,7 +23,7 @@ pub(super) struct ListsTally {
     /// Skills that are done, were aborted, ended by an error.
     pub(super) ended: [u64; 3],
     /// Lists that broke a law, by number.
-    pub(super) broken: Vec<Broken>,
+    pub(super) broken: Vec<BrokenList>,
 }
 
 impl ListsTally {
@@ -34,7 +34,7 @@ impl ListsTally {
     pub(super) fn of(tally: Tally) -> Self {
         let Tally { cases: lists, cycles, plant, motions, ended, found } = tally;
         let broken =
-            |(number, violation): (u64, ::judge::Violation)| Broken { number, class: violation.class };
+            |(number, violation): (u64, ::judge::Violation)| BrokenList { number, class: violation.class };
         Self { lists, cycles, plant, motions, ended, broken: found.into_iter().map(broken).collect() }
     }
 
@@ -73,7 +73,7 @@ impl ListsTally {
         let one = |text: &str| {
             let (number, law) = text.split_once(':')?;
             let class = Class::ALL.into_iter().find(|class| class.name() == law)?;
-            Some(Broken { number: number.parse().ok()?, class })
+            Some(BrokenList { number: number.parse().ok()?, class })
         };
         Some(Self {
             lists: count(lists)?,
@@ -99,7 +99,7 @@ mod tests {
             plant: Duration::from_millis(36),
             motions: 7,
             ended: [3, 2, 1],
-            broken: broken.map(|(number, class)| Broken { number, class }).into(),
+            broken: broken.map(|(number, class)| BrokenList { number, class }).into(),
         };
         let line = tally.line();
         insta::assert_snapshot!(line, @"250,9,36000000,7,3,2,1,4421:joint-jerk 4477:stuck");

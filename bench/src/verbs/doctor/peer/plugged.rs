@@ -157,10 +157,12 @@ mod tests {
         buf[..len].to_vec()
     }
 
+    /// Replaces the number of what is in slot 1 or in subslot 1.
     fn replaced(record: &[u8], from: u32, to: u32) -> Vec<u8> {
-        let at = record.windows(4).position(|four| *four == from.to_be_bytes()).unwrap();
+        let from = [&[0, 1], &from.to_be_bytes()[..]].concat();
+        let at = record.windows(6).position(|six| *six == from).unwrap();
         let mut changed = record.to_vec();
-        changed[at..at + 4].copy_from_slice(&to.to_be_bytes());
+        changed[at + 2..at + 6].copy_from_slice(&to.to_be_bytes());
         changed
     }
 
