@@ -9,7 +9,7 @@ use crate::al::{self, REQUEST_OP, REQUEST_SAFE_OP, Status};
 use crate::commissioning::StartupWrite;
 use crate::config::{Config, MAX_DEVICES, MAX_PROCESS_DATA};
 use crate::problem::{FoundDevice, Problem};
-use crate::process::PROCESS;
+use crate::process::{PROCESS, Process};
 use crate::recovery::TO_OP;
 use crate::time;
 
@@ -59,7 +59,7 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
     for index in 0..group.len() {
         wait_for_safe_op(main, config, index, until).await?;
     }
-    if PROCESS.with_borrow(|process| process.commissioning.holds_safe_op) {
+    if PROCESS.with_borrow(Process::holds_safe_op) {
         return Ok(group);
     }
     // Devices come to OP only once outputs reach them.
@@ -71,7 +71,7 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
 
 /// Writes what the owner wants in PRE-OP to the first device.
 async fn write_startup(main: &MainDevice<'_>, group: &GroupIn<PreOp>) -> Result<(), Problem> {
-    let writes = PROCESS.with_borrow(|process| process.commissioning.startup.clone());
+    let writes = PROCESS.with_borrow_mut(|process| process.commissioning().startup.clone());
     for StartupWrite { index, subindex, data } in writes {
         let refused = |error| match error {
             // A lost frame is not an answer of the device.

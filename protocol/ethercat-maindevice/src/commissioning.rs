@@ -31,7 +31,7 @@ pub struct SdoRequest {
 pub type SdoAnswer = Result<Vec<u8>, String>;
 
 /// Wishes of the owner, and what came of them.
-#[derive(Debug)]
+#[derive(Default, Debug)]
 pub(crate) struct Commissioning {
     pub(crate) startup: Vec<StartupWrite>,
     pub(crate) holds_safe_op: bool,
@@ -43,18 +43,6 @@ pub(crate) struct Commissioning {
 }
 
 impl Commissioning {
-    pub(crate) const fn none() -> Self {
-        Self {
-            startup: Vec::new(),
-            holds_safe_op: false,
-            mailbox: None,
-            request: None,
-            is_asked: false,
-            answer: None,
-            emergencies: VecDeque::new(),
-        }
-    }
-
     pub(crate) fn ask(&mut self, request: SdoRequest) -> bool {
         if self.is_asked || self.answer.is_some() {
             return false;

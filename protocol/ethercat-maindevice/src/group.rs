@@ -95,8 +95,8 @@ impl GroupMainDevice {
     }
 
     /// Returns what a tool for commissioning wants.
-    pub(crate) const fn commissioning_mut(&mut self) -> &mut Commissioning {
-        &mut self.process.commissioning
+    pub(crate) fn commissioning_mut(&mut self) -> &mut Commissioning {
+        self.process.commissioning()
     }
 
     /// Returns whether all devices are in OP and exchange process data.

@@ -10,7 +10,7 @@ use machine::Duration;
 
 use crate::bring_up::Group;
 use crate::commissioning::{SdoAnswer, SdoRequest};
-use crate::process::PROCESS;
+use crate::process::{PROCESS, Process};
 use crate::time;
 
 /// Time between two looks at requests and at the mailbox.
@@ -35,7 +35,7 @@ pub(crate) async fn serve_while<T>(
     group: &Group,
     mut exchange: Pin<&mut impl Future<Output = T>>,
 ) -> T {
-    let is_wanted = PROCESS.with_borrow(|process| process.commissioning.mailbox.is_some());
+    let is_wanted = PROCESS.with_borrow(|process| process.mailbox().is_some());
     if !is_wanted {
         return exchange.await;
     }
@@ -54,15 +54,16 @@ pub(crate) async fn serve_while<T>(
 async fn serve(main: &MainDevice<'_>, group: &Group) {
     PROCESS.with_borrow_mut(|process| {
         // A request of an earlier connection has ended with it.
-        process.commissioning.is_asked = process.commissioning.request.is_some();
+        let wishes = process.commissioning();
+        wishes.is_asked = wishes.request.is_some();
     });
     loop {
-        let request = PROCESS.with_borrow_mut(|process| process.commissioning.request.take());
+        let request = PROCESS.with_borrow_mut(|process| process.commissioning().request.take());
         if let Some(request) = request {
             let answer = access(main, group, &request).await;
             PROCESS.with_borrow_mut(|process| {
-                process.commissioning.is_asked = false;
-                process.commissioning.answer = Some(answer);
+                let wishes = process.commissioning();
+                (wishes.is_asked, wishes.answer) = (false, Some(answer));
             });
         } else {
             // A frame that is lost shows in the cyclic exchange.
@@ -98,7 +99,7 @@ async fn access(main: &MainDevice<'_>, group: &Group, request: &SdoRequest) -> S
 
 /// Reads the mailbox if it is full, and keeps an emergency in it (ETG.1000.6, 5.6.4: mailbox type CoE, service 1).
 async fn read_emergency(main: &MainDevice<'_>, group: &Group) -> Result<(), Error> {
-    let Some((start, len)) = PROCESS.with_borrow(|process| process.commissioning.mailbox) else {
+    let Some((start, len)) = PROCESS.with_borrow(Process::mailbox) else {
         return Ok(());
     };
     let station = group.subdevice(main, 0)?.configured_address();
@@ -115,8 +116,9 @@ async fn read_emergency(main: &MainDevice<'_>, group: &Group) -> Result<(), Erro
         && let Some(emergency) = rest.first_chunk::<8>()
     {
         PROCESS.with_borrow_mut(|process| {
-            if process.commissioning.emergencies.len() < MOST_EMERGENCIES {
-                process.commissioning.emergencies.push_back(*emergency);
+            let emergencies = &mut process.commissioning().emergencies;
+            if emergencies.len() < MOST_EMERGENCIES {
+                emergencies.push_back(*emergency);
             }
         });
     }

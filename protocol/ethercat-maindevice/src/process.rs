@@ -40,8 +40,8 @@ pub(crate) struct Process {
     up: bool,
     /// Whether the owner wants to end the connection.
     pub(crate) leaving: bool,
-    /// Wishes of a tool for commissioning.
-    pub(crate) commissioning: Commissioning,
+    /// Wishes of a tool for commissioning. They are elsewhere, since a process is moved in each cycle.
+    commissioning: Option<Box<Commissioning>>,
     events: VecDeque<LinkEvent>,
     /// Last problem that was reported since the connection was up.
     reported: Option<Problem>,
@@ -67,7 +67,7 @@ impl Process {
             },
             up: false,
             leaving: false,
-            commissioning: Commissioning::none(),
+            commissioning: None,
             events: VecDeque::new(),
             reported: None,
             failing_since: None,
@@ -82,6 +82,21 @@ impl Process {
             events: VecDeque::with_capacity(EVENTS),
             ..Self::none()
         }
+    }
+
+    /// Returns the wishes of a tool for commissioning.
+    pub(crate) fn commissioning(&mut self) -> &mut Commissioning {
+        self.commissioning.get_or_insert_default()
+    }
+
+    /// Returns whether a tool holds the device in SAFE-OP.
+    pub(crate) fn holds_safe_op(&self) -> bool {
+        self.commissioning.as_ref().is_some_and(|wishes| wishes.holds_safe_op)
+    }
+
+    /// Returns where the device's mailbox is, if it is to be read: start and length in bytes.
+    pub(crate) fn mailbox(&self) -> Option<(u16, u16)> {
+        self.commissioning.as_ref()?.mailbox
     }
 
     pub(crate) const fn is_up(&self) -> bool {

@@ -1,5 +1,6 @@
 //! Explicit requests of the owner over the session of a running connection: attributes that are read and written.
 
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::dialogue::{self, ScannerMessage};
@@ -88,7 +89,7 @@ impl Connection {
         if len > LONGEST_REQUEST {
             return Err(ExplicitError::TooLong(len));
         }
-        self.explicit = Some(Explicit {
+        self.explicit = Some(Box::new(Explicit {
             service,
             path: path.0.to_vec(),
             data: data.to_vec(),
@@ -96,7 +97,7 @@ impl Connection {
             number: None,
             status: None,
             answer: Vec::with_capacity(LONGEST_ANSWER),
-        });
+        }));
         self.queue(ScannerMessage::Explicit);
         Ok(())
     }

@@ -119,7 +119,7 @@ pub struct Connection {
     input: Box<[u8]>,
     found: Option<Identity>,
     /// Explicit request of the owner, until its answer is taken.
-    explicit: Option<Explicit>,
+    explicit: Option<Box<Explicit>>,
     refusal: Option<Refusal>,
     /// The intervals O→T and T→O in µs that the adapter granted.
     granted_us: (u32, u32),
@@ -367,7 +367,7 @@ impl Connection {
             let text = "the adapter sent nothing for as long as the timeout allows";
             self.fail(now, Down { cause: DownCause::Watchdog, code: 0, text });
         }
-        if self.explicit_until().is_some_and(|until| now >= until) {
+        if self.explicit.is_some() && self.explicit_until().is_some_and(|until| now >= until) {
             self.give_up_explicit();
         }
         if self.keep_alive_at.is_some_and(|at| now >= at) {
@@ -426,8 +426,10 @@ impl Connection {
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
         let io = self.io.as_ref().map(Io::next_timeout);
         let question = self.target.as_ref().and_then(|target| target.holders.poll_timeout());
-        let deadlines =
-            Instant::earlier(Instant::earlier(self.deadline, self.keep_alive_at), self.explicit_until());
+        let mut deadlines = Instant::earlier(self.deadline, self.keep_alive_at);
+        if self.explicit.is_some() {
+            deadlines = Instant::earlier(deadlines, self.explicit_until());
+        }
         Instant::earlier(Instant::earlier(deadlines, question), io)
     }
 }
