@@ -76,7 +76,7 @@ impl Ar {
         self.write_output();
     }
 
-    /// Releases the AR as the standard requires, or gives up the attempt to connect. [`LinkEvent::Down`] reports the end;
+    /// Releases the AR as the standard requires, or gives up the attempt to connect. [`LinkEvent::Down`](machine::LinkEvent::Down) reports the end;
     /// nothing is sent afterwards.
     pub fn disconnect(&mut self, now: Instant) {
         self.acyclic = Acyclic::Active;
