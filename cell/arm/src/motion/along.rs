@@ -12,9 +12,8 @@ use super::node::{Node, Ratings};
 use super::nodes::{Nodes, PIECES, points_of};
 use crate::{Arm, Joints, SINGULAR_SHARE, TURN_SHARE, TURNED_OVER_DEG, Violation, distance, length};
 
-/// Shares of the limits of axes and tool that a law may use. The rest is a reserve for the error of the samples: where the error
-/// is larger, the curve is cut. A joint's speed is known better than its acceleration and its jerk.
-pub(super) const SPEED_RESERVE: f64 = 0.98;
+/// Share of the limits of axes and tool that is kept in reserve for the error of the samples. Where the error is
+/// larger, the curve is cut.
 pub(super) const AXIS_RESERVE: f64 = 0.955;
 pub(super) const TOOL_RESERVE: f64 = 0.965;
 
@@ -241,10 +240,10 @@ pub(super) fn is_resolved(
     let allowed = nodes.iter().map(|node| node.most_along(ratings));
     let allowed = allowed.fold([0.0; 2], |most: [f64; 2], node| [most[0].max(node[0]), most[1].max(node[1])]);
     let [acceleration, jerk] = [most[0].min(allowed[0]), most[1].min(allowed[1])];
-    let [of_speed, reserve] = [SPEED_RESERVE, AXIS_RESERVE].map(|used| AXIS_LEFT_OUT * (1.0 - used));
+    let reserve = AXIS_LEFT_OUT * (1.0 - AXIS_RESERVE);
     let of_joints = piece.joints().iter().enumerate().take(axes).all(|(axis, joint)| {
         let [slope, bend, twist] = joint.off;
-        slope * speed <= of_speed * ratings.speed[axis]
+        slope * speed <= reserve * ratings.speed[axis]
             && slope * acceleration + bend * square <= reserve * ratings.acceleration[axis]
             && slope * jerk + 3.0 * bend * speed * acceleration + twist * speed * square
                 <= reserve * jerks[axis]

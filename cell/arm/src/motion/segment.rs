@@ -2,7 +2,7 @@
 
 use protocol::image::{ErrorNumber, Motion, MotionKind, PathForm};
 
-use super::along::{AXIS_RESERVE, Followed, SPEED_RESERVE, TOOL_RESERVE, along};
+use super::along::{AXIS_RESERVE, Followed, TOOL_RESERVE, along};
 use super::arc::Arc;
 use super::chebyshev::POINT_SHARES;
 use super::curve::{AxisLine, Curve, Line};
@@ -358,11 +358,7 @@ fn path_ratings(programmed: &Programmed, arm: &Arm) -> Ratings {
     let Programmed { acceleration, deceleration, jerk, .. } = *programmed;
     let ratings =
         Ratings::of_axes(arm.limits(), 1.0, AXIS_RESERVE).with_tool(acceleration, jerk, TOOL_RESERVE);
-    Ratings {
-        speed: arm.limits().speed.map(|speed| SPEED_RESERVE * speed),
-        tool_deceleration: deceleration / acceleration,
-        ..ratings
-    }
+    Ratings { tool_deceleration: deceleration / acceleration, ..ratings }
 }
 
 /// Returns the limits of the joints point to point, and the nodes: the slowest axis determines the speed of all.
