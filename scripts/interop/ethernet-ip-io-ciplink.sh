@@ -13,7 +13,8 @@ start io at_plc "$NODES/plc-node" io --device "$PWD"/scripts/interop/files/cipli
 ends io 30
 says peer 'opened: .*input_size: 256.*output_size: 256'
 says io 'up: data are exchanged'
-says io 'input Status = [0-9]+'
+# Bit 4 is ready, and bit 5 is the peer's answer to bit 0 of Control.
+says io 'input Status = 48$'
 says io 'read Product code = 1'
 says io 'ended: [0-9]+ received'
 says peer closed

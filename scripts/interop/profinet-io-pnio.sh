@@ -12,7 +12,8 @@ start io at_plc "$NODES/plc-node" io --device "$PWD"/scripts/interop/files/GSDML
     --module 1=M_IN --module 3=M_OUT --run --set Control=1 --read 0.1:0xF000 --for 2s
 ends io 30
 says io 'up: data are exchanged'
-says io 'input 1.1/Status = [0-9]+'
+# Bit 4 is ready, and bit 5 is the peer's answer to bit 0 of Control.
+says io 'input 1.1/Status = 48$'
 says io 'not read 0.1:0xF000: the device refuses it'
 says io 'ended: [0-9]+ received'
 says peer released
