@@ -7,7 +7,7 @@
 
 use anyhow::Context as _;
 use planning::{FoundCell, PlannedCell};
-use protocol_linux::{Interface, StopSignals};
+use protocol_linux::{FormerAddress, Interface, StopSignals};
 use setup::{Cell, CellBus};
 
 use crate::cell_run_error::CellRunError;
@@ -31,6 +31,7 @@ pub struct PreparedCell {
     /// Texts of the applications.
     applications: String,
     signals: StopSignals,
+    former_addresses: Vec<FormerAddress>,
 }
 
 impl RunOptions {
@@ -53,9 +54,9 @@ impl RunOptions {
         let names: Vec<_> = buses.iter().map(|bus| bus.name).collect();
         let interfaces = self.find_interfaces(&names)?;
         check_interfaces(&cell, &buses, &interfaces.iter().map(Interface::name).collect::<Vec<_>>())?;
-        set_up(&interfaces)?;
+        let former_addresses = set_up(&interfaces)?;
         let applications = found.text(&cell);
-        Ok(PreparedCell { cell, planned, buses, interfaces, applications, signals })
+        Ok(PreparedCell { cell, planned, buses, interfaces, applications, signals, former_addresses })
     }
 
     /// Prepares a node of one robot: of the station named so, or of a setup with one robot only. Call it while the process has
@@ -85,9 +86,9 @@ impl RunOptions {
         let mut planned = found.plan(&cell)?;
         let (planned, application) = (planned.stations.swap_remove(index), found.stations[index].clone());
         let interfaces = self.find_ports(&cell, index)?;
-        set_up(&interfaces)?;
+        let former_addresses = set_up(&interfaces)?;
         let (setup, plan) = (planned.setup, planned.plan);
-        Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })
+        Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals, former_addresses })
     }
 
     /// Finds the interfaces of a station: one, or on EtherCAT the two of a SubDevice between two others.
@@ -187,11 +188,13 @@ impl PreparedCell {
         node: N,
         mode: &mut C,
     ) -> anyhow::Result<Outcome> {
-        let Self { cell, interfaces, applications, signals, .. } = self;
+        let Self { cell, interfaces, applications, signals, former_addresses, .. } = self;
         let text = CellText { setup: setup::cell_to_toml(&cell)?, application: applications };
         let several = Some(names(&cell)).filter(|stations| stations.len() > 1);
         let (stations, setup) = (several.unwrap_or_default(), cell.name);
-        let start = NodeStart { setup, cell: text, stations, interfaces, station_file: None, signals };
+        let station_file = None;
+        let start =
+            NodeStart { setup, cell: text, stations, interfaces, station_file, signals, former_addresses };
         start.supervise(options, NodeRole::Plc, endpoint, node, mode)
     }
 }

@@ -16,7 +16,7 @@ use anyhow::Context as _;
 use machine::{Duration, Instant};
 use planning::{Found, Plan};
 use protocol::direct::Direct;
-use protocol_linux::{Interface, StopSignals, capabilities, clock};
+use protocol_linux::{FormerAddress, Interface, StopSignals, capabilities, clock};
 use setup::{Cyclic, Setup};
 
 use crate::Outcome;
@@ -94,6 +94,7 @@ pub struct Prepared {
     /// Where it keeps the name and the address that its bus sets permanently; `None` if it cannot.
     pub station_file: Option<StationFile>,
     pub(crate) signals: StopSignals,
+    pub(crate) former_addresses: Vec<FormerAddress>,
 }
 
 /// A node's interfaces, and what it says of itself.
@@ -106,6 +107,7 @@ pub(crate) struct NodeStart {
     pub(crate) interfaces: Vec<Interface>,
     pub(crate) station_file: Option<StationFile>,
     pub(crate) signals: StopSignals,
+    pub(crate) former_addresses: Vec<FormerAddress>,
 }
 
 impl RunOptions {
@@ -133,8 +135,8 @@ impl RunOptions {
         setup::check(&setup)?;
         let plan = application.plan(&setup)?;
         let interfaces = interfaces(setup.bus.kind.name())?;
-        set_up(&interfaces)?;
-        Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals })
+        let former_addresses = set_up(&interfaces)?;
+        Ok(Prepared { setup, application, plan, interfaces, station_file: None, signals, former_addresses })
     }
 
     /// Checks the control port, takes over the signals and raises the capabilities. Threads inherit both.
@@ -224,10 +226,11 @@ impl Prepared {
         node: N,
         mode: &mut C,
     ) -> anyhow::Result<Outcome> {
-        let Self { setup, application, interfaces, station_file, signals, .. } = self;
+        let Self { setup, application, interfaces, station_file, signals, former_addresses, .. } = self;
         let cell = CellText { setup: setup::setup_to_toml(&setup)?, application: application.text };
         let stations = Vec::new();
-        let start = NodeStart { setup: setup.name, cell, stations, interfaces, station_file, signals };
+        let setup = setup.name;
+        let start = NodeStart { setup, cell, stations, interfaces, station_file, signals, former_addresses };
         start.supervise(options, role, endpoint, node, mode)
     }
 }
@@ -242,7 +245,7 @@ impl NodeStart {
         node: N,
         mode: &mut C,
     ) -> anyhow::Result<Outcome> {
-        let Self { setup, cell, stations, interfaces, station_file, signals } = self;
+        let Self { setup, cell, stations, interfaces, station_file, signals, former_addresses } = self;
         let listed =
             |what: fn(&Interface) -> String| interfaces.iter().map(what).collect::<Vec<_>>().join(", ");
         let hello = Hello {
@@ -266,13 +269,16 @@ impl NodeStart {
         };
         let traces = options.trace_file.as_deref().map(|path| trace_file::of_stations(path, &stations));
         let process = NodeProcess::start(node, interfaces, signals, commands, &traces.unwrap_or_default())?;
-        Ok(supervise(process, mode, Supervised { console, hello, stations, station_file }))
+        let outcome = supervise(process, mode, Supervised { console, hello, stations, station_file });
+        drop(former_addresses);
+        Ok(outcome)
     }
 }
 
-/// Switches each interface on.
-pub(crate) fn set_up(interfaces: &[Interface]) -> anyhow::Result<()> {
-    Ok(interfaces.iter().try_for_each(Interface::set_up)?)
+/// Switches each interface on. Returns the addresses that they have, for the end of the node.
+pub(crate) fn set_up(interfaces: &[Interface]) -> anyhow::Result<Vec<FormerAddress>> {
+    interfaces.iter().try_for_each(Interface::set_up)?;
+    Ok(interfaces.iter().map(FormerAddress::of).collect())
 }
 
 /// Gives an interface the IP address that a setup has for it under `key`.

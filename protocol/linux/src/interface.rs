@@ -7,6 +7,7 @@ mod status;
 use std::net::Ipv4Addr;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, netdevice, socket_with};
@@ -104,6 +105,8 @@ pub struct Interface {
     mac: Mac,
     /// Socket for interface requests; its kind does not matter.
     control: Arc<OwnedFd>,
+    /// The last address that [`set_address`](Self::set_address) gave it; 0 for none.
+    given: Arc<AtomicU32>,
 }
 
 impl Interface {
@@ -148,8 +151,13 @@ impl Interface {
             }
             Err(error) => return Err(refused("reading the index")(error)),
         };
-        let mut interface =
-            Self { name: name.to_owned(), index, mac: Mac::default(), control: Arc::new(control) };
+        let mut interface = Self {
+            name: name.to_owned(),
+            index,
+            mac: Mac::default(),
+            control: Arc::new(control),
+            given: Arc::default(),
+        };
         interface.mac = interface.read_mac().map_err(refused("reading the hardware address"))?;
         Ok(interface)
     }
@@ -202,6 +210,7 @@ impl Interface {
         }
         self.write_ipv4(libc::SIOCSIFADDR, address)
             .map_err(|e| self.refused("setting the IPv4 address", e))?;
+        self.given.store(address.to_bits(), Ordering::Relaxed);
         if address.is_unspecified() {
             return Ok(());
         }
@@ -225,6 +234,11 @@ impl Interface {
             }
             None => self.set_address(wanted, mask),
         }
+    }
+
+    /// Returns whether its address is the one that [`set_address`](Self::set_address) gave it, and nobody changed it since.
+    pub(crate) fn has_given_address(&self) -> bool {
+        self.address().is_some_and(|address| address.to_bits() == self.given.load(Ordering::Relaxed))
     }
 
     /// Returns whether a route leads through it to a gateway; also where the kernel does not show its routes.

@@ -20,7 +20,7 @@ use node::address_check::{AddressCheckError, check_address};
 use node::device_options::{DeviceOptions, is_usage as is_of_file, read_bytes};
 use node::errln;
 use node::output::to_stdout;
-use protocol_linux::{Driver, Interface, Notifier, clock};
+use protocol_linux::{Driver, FormerAddress, Interface, Notifier, StopSignals, clock};
 
 use self::owner::{EmulationInstruction, EmulationOwner, Report};
 
@@ -91,6 +91,9 @@ impl EmulateCommand {
             None => DeviceScript::default(),
         };
         let interface = Interface::find(self.interface.as_deref().unwrap_or_default())?;
+        // Other threads inherit that the signals are blocked.
+        let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
+        let former_address = FormerAddress::of(&interface);
         let start = clock::now();
         let config = EmulationConfig {
             mac: interface.mac(),
@@ -117,10 +120,18 @@ impl EmulateCommand {
             std::thread::spawn(move || read_instructions(&instructions, &errors));
         }
         let end = self.length.map(|length| clock::now() + length);
-        let mut owner = EmulationOwner { interface: interface.clone(), reports, instructions: taken, end };
+        let mut owner = EmulationOwner {
+            interface: interface.clone(),
+            reports,
+            instructions: taken,
+            signals,
+            outcome: Outcome::Done,
+            end,
+        };
         let mut driver = Driver::new(device, interface, Notifier::new()?)?;
         driver.run(&mut owner)?;
-        Ok(Outcome::Done)
+        drop(former_address);
+        Ok(owner.outcome)
     }
 }
 

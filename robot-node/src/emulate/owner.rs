@@ -8,7 +8,8 @@ use std::sync::mpsc::{Receiver, SyncSender};
 use arrayvec::ArrayVec;
 use emulated_device::{DeviceEvent, EmulatedDevice, ScriptedFault, ScriptedInput};
 use machine::{Instant, LinkEvent};
-use protocol_linux::{Interface, Owner, Statistics};
+use node::Outcome;
+use protocol_linux::{Interface, Owner, Statistics, StopSignals};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -43,6 +44,9 @@ pub(super) struct EmulationOwner {
     pub(super) interface: Interface,
     pub(super) reports: SyncSender<Report>,
     pub(super) instructions: Receiver<EmulationInstruction>,
+    pub(super) signals: StopSignals,
+    /// How the device ended.
+    pub(super) outcome: Outcome,
     pub(super) end: Option<Instant>,
 }
 
@@ -63,6 +67,10 @@ impl Owner<EmulatedDevice> for EmulationOwner {
             if let Err(error) = done {
                 self.report(Report::Refused(error.to_string()));
             }
+        }
+        if self.signals.take().is_some() {
+            self.outcome = Outcome::Interrupted;
+            return ControlFlow::Break(());
         }
         match self.end {
             Some(end) if end <= now => ControlFlow::Break(()),
@@ -89,7 +97,7 @@ impl Owner<EmulatedDevice> for EmulationOwner {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        // The device's own tick wakes the thread for instructions.
+        // The device's own tick wakes the thread for instructions and signals.
         self.end
     }
 }

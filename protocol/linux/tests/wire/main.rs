@@ -8,6 +8,7 @@ mod batches;
 mod bridge;
 mod destinations;
 mod ethernet_ip;
+mod former_address;
 mod gateway;
 mod interfaces;
 mod machines;
@@ -54,6 +55,9 @@ fn main() -> ExitCode {
         batches::frames_wait_in_as_large_a_buffer_as_datagrams,
         ethernet_ip::cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_from_the_next_connection_on,
         ethernet_ip::a_machine_knows_which_datagrams_went_to_everybody_and_receives_multicasts_of_its_group_only,
+        former_address::an_interface_gets_back_the_address_that_it_had,
+        former_address::an_interface_without_an_address_is_left_without_one,
+        former_address::an_address_that_another_program_set_meanwhile_stays,
         gateway::a_gateway_replaces_the_one_that_was_set_before_and_no_route_of_others,
         gateway::the_interfaces_own_address_and_the_unspecified_one_are_no_gateway,
         gateway::a_gateway_that_no_network_of_the_interface_has_is_refused,
