@@ -148,7 +148,7 @@ impl Judged<'_> {
         if let Some(directory) = &options.out {
             let claim = self.claim(directory, commit)?;
             jobs = jobs.saved_in(&claim, LISTS_FILE, ListsTally::HEAD, |_, fields| {
-                let _ = tally.add(ListsTally::of_fields(fields)?);
+                tally.add(ListsTally::of_fields(fields)?);
                 Some(())
             })?;
         }
