@@ -103,14 +103,10 @@ pub enum ScheduleError {
         error: OverrideError,
     },
     /// The percent are not whole, as the process image carries them.
-    #[error(
-        "`{0}` is no whole percent, and the robot takes only these; write one without a fraction, such as 50"
-    )]
+    #[error("`{0}`: must be a whole percentage, 0 to 100, such as 50")]
     Fraction(String),
     /// A time is none.
-    #[error(
-        "`{0}` has no time behind its @ that a run takes; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s"
-    )]
+    #[error("`{0}`: invalid time after @; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s")]
     Time(String),
     /// A step comes too early.
     #[error("`{0}` does not come after the step before it; write the steps in the order of their times")]
@@ -270,11 +266,11 @@ mod tests {
             .collect();
         insta::assert_snapshot!(told.join("\n"), @"
         `fast` is no override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s
-        `50@2` has no time behind its @ that a run takes; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
-        `50@1h` has no time behind its @ that a run takes; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
-        `50@3601s` has no time behind its @ that a run takes; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
-        `50.4` is no whole percent, and the robot takes only these; write one without a fraction, such as 50
-        `0.1@2s` is no whole percent, and the robot takes only these; write one without a fraction, such as 50
+        `50@2`: invalid time after @; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
+        `50@1h`: invalid time after @; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
+        `50@3601s`: invalid time after @; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
+        `50.4`: must be a whole percentage, 0 to 100, such as 50
+        `0.1@2s`: must be a whole percentage, 0 to 100, such as 50
         `120`: an override of 120 % was asked for; it is 0 (the arm stops on its path) to 100 %
         `1e308`: an override of 1e308 % was asked for; it is 0 (the arm stops on its path) to 100 %
         `-1@2s`: an override of -1 % was asked for; it is 0 (the arm stops on its path) to 100 %

@@ -20,7 +20,7 @@ pub struct Tally {
     pub plant: Duration,
     /// Motions that were executed.
     pub motions: u64,
-    /// Skills that ended as wanted, were given up, ended by an error.
+    /// Skills that are done, were aborted, ended by an error.
     pub ended: [u64; 3],
     /// The cases that broke a law, by number, with the first law that each broke.
     pub found: Vec<(u64, Violation)>,
@@ -37,14 +37,6 @@ impl Tally {
             *sum += other;
         }
         self.found.extend(other.found);
-    }
-
-    /// How many cases broke each law first; those that none broke are left out.
-    #[must_use]
-    pub fn by_class(&self) -> Vec<(Class, usize)> {
-        let count = |class| self.found.iter().filter(|(_, violation)| violation.class == class).count();
-        let counts = Class::ALL.into_iter().map(|class| (class, count(class)));
-        counts.filter(|(_, count)| *count > 0).collect()
     }
 }
 

@@ -1,6 +1,5 @@
 //! `bench from-capture`: measures a PLC and a robot of any make from a capture of their frames.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -106,8 +105,7 @@ pub fn run(options: &FromCaptureOptions) -> Result<Exit, Failure> {
     };
     let exit = measured.save(options.out.as_deref(), results)?;
     if let Some(path) = &options.export_json {
-        let json = serde_json::to_string_pretty(&findings).context("cannot format the findings")?;
-        replace(path, &(json + "\n"), Durability::Written)?;
+        replace(path, outputs::json(&findings)?, Durability::Written)?;
     }
     Ok(exit)
 }
@@ -115,7 +113,7 @@ pub fn run(options: &FromCaptureOptions) -> Result<Exit, Failure> {
 /// Reads a capture to its end. One that is cut or damaged is measured up to there.
 fn observe(path: &Path, config: TapConfig) -> anyhow::Result<(Findings, FileRemarks)> {
     let shown = path.display();
-    let file = File::open(path).with_context(|| format!("cannot read {shown}"))?;
+    let file = setup::open_plain_file(path).with_context(|| format!("cannot read {shown}"))?;
     let reader = CaptureReader::new(BufReader::with_capacity(BUFFER, file));
     let mut reader = reader.map_err(|error| anyhow!("{shown}: {error}"))?;
     let mut observer = CaptureObserver::new(config);

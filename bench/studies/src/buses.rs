@@ -13,10 +13,9 @@ use serde::Serialize;
 use setup::Setup;
 
 use crate::each_bus::over_each_bus;
-use crate::engine::claim::{RowsOrigin, StudyClaim};
+use crate::engine::claim::{CLAIMED_FILES, RowsOrigin, StudyClaim};
 use crate::engine::job::{JobRows, ListedJob};
 use crate::engine::listed::ListedStudy;
-use crate::engine::{JOBS, ROWS};
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::jobs;
 use crate::outputs::{self, FigureExports, Own, csv_number};
@@ -139,7 +138,8 @@ pub fn run(options: &BusesOptions, commit: &str) -> Result<Exit, Failure> {
         setup::check(variant)?;
     }
     let read = [("the setup", options.setup.file()), ("the application", found.path.as_deref())];
-    outputs::check(&options.exports.files(), &read, Own { directory: options.out.as_deref(), files: &[] })?;
+    let own = Own { directory: options.out.as_deref(), files: &CLAIMED_FILES };
+    outputs::check(&options.exports.files(), &read, own)?;
     options.exports.check_writable()?;
     let is_interrupted = watch_for_interrupt()?;
     let mut study = ListedStudy::in_memory("buses", options.quiet, &is_interrupted);
@@ -151,7 +151,7 @@ pub fn run(options: &BusesOptions, commit: &str) -> Result<Exit, Failure> {
             options.reps,
             options.seed
         );
-        let (options, command, results) = (claim.as_str(), "", &[ROWS, JOBS]);
+        let (options, command, results) = (claim.as_str(), "", &[]);
         let origin = RowsOrigin { directory, options, command, results, commit };
         study = study.saved_in(&StudyClaim::checked(origin)?)?;
     }

@@ -154,7 +154,7 @@ impl Progress {
 
     /// Shows how many are done.
     pub fn set(&mut self, done: u64) {
-        self.done = done.clamp(1, self.all);
+        let before = std::mem::replace(&mut self.done, done.clamp(1, self.all));
         let left = self.started.elapsed().as_secs_f64() / self.done as f64 * (self.all - self.done) as f64;
         let left = if left < 1.0 { String::new() } else { format!("{left:.0} s left") };
         match &mut self.view {
@@ -163,7 +163,7 @@ impl Progress {
                 bar.set_message(left);
             }
             View::Plain { last_line } => {
-                if last_line.elapsed() >= PLAIN_LINE_EVERY || self.done == self.all {
+                if is_due(last_line.elapsed(), before, self.done, self.all) {
                     *last_line = Instant::now();
                     errln!("{} {:>4}/{}  {left}", self.name, self.done, self.all);
                 }
@@ -189,9 +189,21 @@ impl Progress {
     }
 }
 
+/// Returns whether a plain line is printed this long after the last one: once for each count, and always for the last count.
+fn is_due(since_last: Duration, before: u64, done: u64, all: u64) -> bool {
+    done != before && (since_last >= PLAIN_LINE_EVERY || done == all)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_count_that_stays_prints_no_second_line_also_when_it_is_the_last() {
+        let (soon, late) = (Duration::ZERO, PLAIN_LINE_EVERY);
+        assert!(!is_due(soon, 7, 8, 10) && is_due(late, 7, 8, 10) && !is_due(late, 8, 8, 10));
+        assert!(is_due(soon, 9, 10, 10) && !is_due(soon, 10, 10, 10) && !is_due(late, 10, 10, 10));
+    }
 
     #[test]
     fn results_have_the_order_of_the_jobs_and_an_error_ends_the_rest() {

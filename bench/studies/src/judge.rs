@@ -21,7 +21,7 @@ use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::jobs::{self, Pool};
 use records::exit::{Exit, Failure};
 use report::{errln, in_shell, outln};
-use tally::{BrokenList, ListsTally};
+use tally::{BrokenList, ListsTally, TotalTally};
 
 /// Directory for cases where none is given.
 const JUDGED: &str = "judged";
@@ -34,9 +34,6 @@ const LISTS: u64 = 10_000;
 
 /// Number of lists that a core executes in one job.
 const CHUNK: u64 = 250;
-
-/// Number of cases of each class that are written, and then shrunk.
-const CASES: usize = 3;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -144,7 +141,7 @@ impl Judged<'_> {
         let Self { options, setup, .. } = self;
         let started = Instant::now();
         let is_interrupted = watch_for_interrupt()?;
-        let mut tally = ListsTally::default();
+        let mut tally = TotalTally::default();
         let (quiet, threads) = (options.quiet, options.threads);
         let pool = Pool { name: "judge", quiet, threads, interrupted: &is_interrupted };
         let mut jobs = NumberedJobs::in_memory(pool, options.lists.div_ceil(CHUNK));
@@ -163,13 +160,10 @@ impl Judged<'_> {
                 found.context("a random arm makes no sense")
             },
             |_, judged| {
-                let (before, judged) = (tally.broken.len(), ListsTally::of(judged));
+                let judged = ListsTally::of(judged);
                 let line = judged.line();
-                tally.add(judged);
                 // Before the line: a case whose writing was cut off is found again.
-                for index in before..tally.broken.len() {
-                    self.write_as_drawn(&tally.broken, index)?;
-                }
+                tally.add(judged).iter().try_for_each(|one| self.write_as_drawn(one))?;
                 Ok(Some(line))
             },
         )?;
@@ -177,14 +171,14 @@ impl Judged<'_> {
         let took_s = started.elapsed().as_secs_f64();
         errln!("took {took_s:.1} s: {:.0} lists/s", (tally.lists - known) as f64 / took_s);
         print_laws(&tally);
-        self.write_shrunk(&tally.broken)?;
+        self.write_shrunk(&tally.first)?;
         if is_interrupted.load(Ordering::Relaxed) && tally.lists < options.lists {
             return Ok(interrupted(tally.lists as usize, options.lists as usize, "lists"));
         }
-        Ok(if tally.broken.is_empty() { Exit::Pass } else { Exit::RunFailed })
+        Ok(if tally.first.is_empty() { Exit::Pass } else { Exit::RunFailed })
     }
 
-    /// Claims the directory for these lists. Cases without a claim are of an older version.
+    /// Claims the directory for these lists. Cases without a claim are of a call without `--out`, or of an older version.
     fn claim(self, directory: &Path, commit: &str) -> Result<StudyClaim, Failure> {
         let Self { options, setup, classes } = self;
         let names: Vec<&str> = classes.iter().map(|class| class.name()).collect();
@@ -213,10 +207,7 @@ impl Judged<'_> {
     }
 
     /// Writes one of the first cases of each class as soon as it is found, as it was drawn: what comes later takes its time.
-    fn write_as_drawn(self, broken: &[BrokenList], index: usize) -> anyhow::Result<()> {
-        let Some(one) = first_of_each_class(broken).find(|(at, _)| *at == index).map(|(_, one)| one) else {
-            return Ok(());
-        };
+    fn write_as_drawn(self, one: &BrokenList) -> anyhow::Result<()> {
         directory::make(self.options.directory()).map_err(|failure| failure.error)?;
         let (case, violation) = self.again(one)?;
         let path = write(self.options, self.setup, case, one.number, &violation)?;
@@ -236,30 +227,21 @@ impl Judged<'_> {
     }
 
     /// Shrinks the first cases of each class.
-    fn write_shrunk(self, broken: &[BrokenList]) -> Result<(), Failure> {
+    fn write_shrunk(self, first: &[BrokenList]) -> Result<(), Failure> {
         let Self { options, setup, classes } = self;
-        let first: Vec<&BrokenList> = first_of_each_class(broken).map(|(_, one)| one).collect();
         if !first.is_empty() {
             directory::make(options.directory())?;
         }
-        let shrink = |one: &&BrokenList| {
+        let shrink = |one: &BrokenList| {
             let (case, violation) = self.again(one)?;
             let (case, least) = shrink::shrink(&case, &violation, setup, classes);
             let path = write(options, setup, case, one.number, &least)?;
             Ok(format!("{}: {least}", path.display()))
         };
-        let lines = jobs::run("shrink", options.quiet, &AtomicBool::new(false), &first, shrink)?;
+        let lines = jobs::run("shrink", options.quiet, &AtomicBool::new(false), first, shrink)?;
         lines.iter().flatten().for_each(|line| outln!("{line}"));
         Ok(())
     }
-}
-
-/// Returns the first [`CASES`] lists of each class that broke a law, each with its index.
-fn first_of_each_class(broken: &[BrokenList]) -> impl Iterator<Item = (usize, &BrokenList)> {
-    let is_first = move |(index, one): &(usize, &BrokenList)| {
-        broken.iter().take(*index).filter(|before| before.class == one.class).count() < CASES
-    };
-    broken.iter().enumerate().filter(is_first)
 }
 
 /// Returns a plant's time in hours, or in seconds where that is no tenth of an hour.
@@ -270,8 +252,8 @@ fn in_words(plant: Duration) -> String {
     }
 }
 
-fn print(tally: &ListsTally, options: &JudgeOptions, setup: &Setup) {
-    let ListsTally { lists, cycles, plant, motions, ended: [done, given_up, failed], .. } = *tally;
+fn print(tally: &TotalTally, options: &JudgeOptions, setup: &Setup) {
+    let TotalTally { lists, cycles, plant, motions, ended: [done, given_up, failed], .. } = *tally;
     outln!("Setup {}: {}", setup.name, setup.title);
     outln!(
         "{lists} lists of seed {}, {motions} motions, {cycles} robot cycles: {}",
@@ -281,13 +263,13 @@ fn print(tally: &ListsTally, options: &JudgeOptions, setup: &Setup) {
     outln!("skills: {done} done, {given_up} given up, {failed} ended by an error");
 }
 
-fn print_laws(tally: &ListsTally) {
-    if tally.broken.is_empty() {
+fn print_laws(tally: &TotalTally) {
+    if tally.first.is_empty() {
         outln!("no law broken");
         return;
     }
-    outln!("{} lists broke a law:", tally.broken.len());
-    for (class, lists) in tally.by_class() {
+    outln!("{} lists broke a law:", tally.broken());
+    for (class, lists) in &tally.by_class {
         outln!("{lists:>8}  {}", class.name());
     }
 }

@@ -1,4 +1,4 @@
-//! Files that the user asks for, checked before the verb begins: they replace none of what it reads and nothing of a run.
+//! Files that the user asks for, checked before the verb begins: they replace none of what it reads and nothing of a run or study.
 
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,9 @@ use serde::Serialize;
 use records::exit::{Exit, Failure};
 use records::occupied::{self, holds_run};
 use records::run_directory::{Durability, check_replaceable, replace};
+
+use crate::engine::claim::CLAIMED_FILES;
+use crate::engine::folder::MANIFEST;
 
 /// Options of a verb that writes its figures for other programs, too.
 #[derive(Args, Clone, Debug, Default)]
@@ -62,9 +65,13 @@ pub fn json(figures: &impl Serialize) -> anyhow::Result<String> {
 /// Formats a number for CSV, to the given digits after the point; nothing where there is none.
 #[must_use]
 pub fn csv_number(value: Option<f64>, digits: usize) -> String {
-    // Negative zero would be shown with a sign.
-    let shown = |value: f64| format!("{:.digits$}", if value == 0.0 { 0.0 } else { value });
-    value.filter(|value| value.is_finite()).map_or_else(String::new, shown)
+    let shown = value.filter(|value| value.is_finite()).map(|value| format!("{value:.digits$}"));
+    // A zero has no sign, whether it was one or is rounded to one.
+    let unsigned = |text: String| match text.strip_prefix('-') {
+        Some(digits) if digits.trim_matches(['0', '.']).is_empty() => digits.to_owned(),
+        _ => text,
+    };
+    shown.map_or_else(String::new, unsigned)
 }
 
 /// A file, if there is one, with what it is in messages: the option that asks for it, or what the verb reads from it.
@@ -80,7 +87,7 @@ pub struct Own<'a> {
 }
 
 /// Rejects requested files that are the same, that replace what the verb reads or writes itself, or that replace a file of
-/// a run.
+/// a run or of a study.
 ///
 /// # Errors
 ///
@@ -109,6 +116,10 @@ pub fn check(asked: &[Named<'_>], read: &[Named<'_>], own: Own<'_>) -> Result<()
         }
         if file.parent().is_some_and(|parent| holds_run(parent) && is_in(parent, occupied::RUN.results)) {
             return refuse("a file of the run there");
+        }
+        let is_of_study = |parent: &Path| parent.join(MANIFEST).exists() && is_in(parent, &CLAIMED_FILES);
+        if file.parent().is_some_and(is_of_study) {
+            return refuse("a file of the study there");
         }
         before.push(file);
     }
@@ -144,13 +155,23 @@ mod tests {
     }
 
     #[test]
+    fn a_number_for_csv_has_a_minus_only_if_a_digit_of_it_is_above_zero() {
+        let shown =
+            [-0.0, -0.000_4, -0.000_6, 0.000_4, -10.0, f64::NAN].map(|value| csv_number(Some(value), 3));
+        assert_eq!(shown, ["0.000", "0.000", "-0.001", "0.000", "-10.000", ""]);
+        assert_eq!([Some(-0.4), None].map(|value| csv_number(value, 0)), ["0", ""]);
+    }
+
+    #[test]
     fn an_export_replaces_neither_what_is_read_nor_a_file_of_a_run() {
         let place = tempfile::tempdir().unwrap();
         let place = place.path();
-        for directory in ["cell", "run", "empty"] {
+        for directory in ["cell", "run", "empty", "rows"] {
             fs::create_dir(place.join(directory)).unwrap();
         }
-        for file in ["cell/setup.toml", "run/samples.csv", "run/results.json"] {
+        for file in
+            ["cell/setup.toml", "run/samples.csv", "run/results.json", "rows/study.json", "empty/rows.csv"]
+        {
             fs::write(place.join(file), "").unwrap();
         }
         std::os::unix::fs::symlink("cell", place.join("link")).unwrap();
@@ -158,9 +179,15 @@ mod tests {
         insta::assert_snapshot!(refused(place, "a", "link/../cell/./setup.toml").unwrap(), @"--export-csv would replace link/../cell/./setup.toml, the setup; name another file");
         insta::assert_snapshot!(refused(place, "run/results.json", "b").unwrap(), @"--export-json would replace run/results.json, a file of the run there; name another file");
         insta::assert_snapshot!(refused(place, "a", "run/samples.csv").unwrap(), @"--export-csv would replace run/samples.csv, a file of the run there; name another file");
+        insta::assert_snapshot!(refused(place, "a", "rows/jobs.csv").unwrap(), @"--export-csv would replace rows/jobs.csv, a file of the study there; name another file");
         insta::assert_snapshot!(refused(place, "a", "study/study.csv").unwrap(), @"--export-csv would replace study/study.csv, which is written there anyway; name another file");
         insta::assert_snapshot!(refused(place, "a", "empty/../a").unwrap(), @"two exports go to empty/../a; give each a file of its own");
-        for (json, csv) in [("a", "b"), ("run/table.json", "empty/samples.csv"), ("study/a", "cell/b")] {
+        for (json, csv) in [
+            ("a", "b"),
+            ("run/table.json", "empty/samples.csv"),
+            ("study/a", "cell/b"),
+            ("empty/rows.csv", "rows/a"),
+        ] {
             assert_eq!(refused(place, json, csv), None);
         }
     }

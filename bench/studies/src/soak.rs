@@ -123,8 +123,9 @@ pub fn run(options: &SoakOptions, commit: &str) -> Result<Exit, Failure> {
             return Err(Failure::new(Exit::Usage, error));
         }
         let (_, found) = planning::cell_with_applications(options.setup.name())?;
+        let described = setup::cell_to_toml(&cell)? + &found.text(&cell);
         let cell = SoakedCell::new(&cell, &found, &faults)?;
-        let described = (cell.name.as_str(), cell.described());
+        let described = (cell.name.as_str(), described);
         let claim = options.claim(described, &faults, commit)?;
         return soak(options, &cell.name, claim.as_ref(), |seed, life, interrupted| {
             cell.live(seed, life, interrupted)

@@ -6,9 +6,8 @@ use std::time::SystemTime;
 use clap::Args;
 use setup::Setup;
 
-use crate::engine::claim::{RowsOrigin, StudyClaim};
+use crate::engine::claim::{CLAIMED_FILES, RowsOrigin, StudyClaim};
 use crate::engine::listed::ListedStudy;
-use crate::engine::{JOBS, ROWS};
 use crate::event_loop;
 use crate::outputs::{self, FigureExports, Own};
 use crate::setup_option::SetupOption;
@@ -53,10 +52,8 @@ impl StudyOptions {
         let default = || run_directory::default_path(&setup.name, name, started);
         let directory = self.out.clone().unwrap_or_else(default);
         let [page, json, csv] = ["html", "json", "csv"].map(|extension| format!("{name}.{extension}"));
-        self.check_exports(
-            found,
-            Own { directory: Some(&directory), files: &["setup.toml", &page, &json, &csv] },
-        )?;
+        let own = [&["setup.toml", &page, &json, &csv], CLAIMED_FILES.as_slice()].concat();
+        self.check_exports(found, Own { directory: Some(&directory), files: &own })?;
         let files = Files {
             inputs: &[("setup.toml", &setup::setup_to_toml(setup)?)],
             results: &[&page, &json, &csv],
@@ -70,7 +67,7 @@ impl StudyOptions {
     ///
     /// # Errors
     ///
-    /// The directory has rows of other options or of another program, or results of an older version.
+    /// The directory has rows of other options or of another program, or files of the study without a claim.
     pub fn with_rows<'a>(
         &self,
         study: ListedStudy<'a>,
@@ -83,7 +80,7 @@ impl StudyOptions {
         let name = study.name;
         let options = [name, &setup::setup_to_toml(setup)?, &found.text, options].join("\n");
         let [page, json, csv] = ["html", "json", "csv"].map(|extension| format!("{name}.{extension}"));
-        let results = [ROWS, JOBS, &page, &json, &csv];
+        let results = [page.as_str(), &json, &csv];
         let origin = RowsOrigin { directory, options: &options, command: "", results: &results, commit };
         study.saved_in(&StudyClaim::checked(origin)?)
     }

@@ -203,12 +203,12 @@ pub(crate) fn of_station(
 fn peer(traffic: &Traffic, direction: ImageDirection, address: EndAddress) -> MeasuredPeer {
     let traits = traffic.relations.traits_of(direction, address);
     let mac = traffic.macs.get(&address).copied().or(traits.mac);
-    let seen = traffic.seen.traits_of(address, mac);
+    let seen = traffic.seen.traits_of(address, mac, traits.identity);
     MeasuredPeer {
         address: Some(address.to_string()),
         mac: mac.map(|mac| mac.to_string()),
         name: traits.name.filter(|name| !name.is_empty()).or(seen.name),
-        identity: seen.identity.or(traits.identity),
+        identity: seen.identity,
     }
 }
 

@@ -17,7 +17,7 @@ use machine::ethernet::Mac;
 use profinet::block::BlockReader;
 use profinet::dcp::{self, Content, Service};
 use profinet::lldp;
-use profinet::record::{Identification, ReadResponse, index};
+use profinet::record::{Address, Identification, ReadResponse, index};
 use profinet::rpc::{DEVICE_INTERFACE, ENDPOINT_MAPPER_INTERFACE, Header, Kind, Operation, ResponseArgs};
 
 use crate::address::EndAddress;
@@ -32,6 +32,12 @@ const MAX_TEXT: usize = 240;
 
 /// Subtype of a chassis ID and of a port ID that is a name (IEEE 802.1AB, 8.5.2, 8.5.3).
 const LOCALLY_ASSIGNED: u8 = 7;
+
+/// Slot of a device's access point, its subslot there, and the subslots of its interface (IEC 61158-6-10, 5.2.3.9): their I&M0 is that
+/// of the device. Modules have their own.
+const ACCESS_POINT_SLOT: u16 = 0;
+const ACCESS_POINT_SUBSLOT: u16 = 1;
+const INTERFACE_SUBSLOTS: std::ops::RangeInclusive<u16> = 0x8000..=0x8F00;
 
 /// Place and length in bytes of the annotation in the answer of an endpoint mapper (C706, ept_lookup): handle, counts, object and
 /// tower pointer come before it.
@@ -91,8 +97,14 @@ impl SeenStations {
         }
     }
 
-    /// Returns what was said of the station with this address, or with this interface.
-    pub(crate) fn traits_of(&self, address: EndAddress, mac: Option<Mac>) -> PeerTraits {
+    /// Returns what was said of the station with this address, or with this interface; `identity` is that of its connection, for a
+    /// station that said none of vendor and device itself.
+    pub(crate) fn traits_of(
+        &self,
+        address: EndAddress,
+        mac: Option<Mac>,
+        identity: Option<String>,
+    ) -> PeerTraits {
         let mac = match address {
             EndAddress::Mac(mac) => Some(mac),
             EndAddress::Ip(_) => mac,
@@ -101,8 +113,11 @@ impl SeenStations {
             EndAddress::Ip(ip) if station.ip.is_some() => station.ip == Some(ip),
             EndAddress::Ip(_) | EndAddress::Mac(_) => Some(station.mac) == mac,
         };
-        let Some(station) = self.stations.iter().find(is_of) else { return PeerTraits::default() };
-        let identity: Vec<_> = station.identity.iter().chain(&station.details).cloned().collect();
+        let Some(station) = self.stations.iter().find(is_of) else {
+            return PeerTraits { identity, ..PeerTraits::default() };
+        };
+        let identity = station.identity.clone().or(identity);
+        let identity: Vec<_> = identity.iter().chain(&station.details).cloned().collect();
         PeerTraits {
             mac: Some(station.mac),
             ip: station.ip,
@@ -195,14 +210,14 @@ impl SeenStations {
         };
         let Some(details) = details else { return };
         let Some(station) = self.station(source) else { return };
-        if has_record || !station.has_record {
+        if !station.has_record {
             station.ip = Some(ip);
             (station.details, station.has_record) = (Some(details), has_record);
         }
     }
 }
 
-/// Returns I&M0 in words, if this is the answer to its Read.
+/// Returns the device's I&M0 in words, if this is the answer to its Read.
 fn identification(header: &Header, body: &[u8]) -> Option<String> {
     let is_read = [Operation::Read, Operation::ReadImplicit].map(u16::from).contains(&header.operation);
     if !is_read {
@@ -210,8 +225,11 @@ fn identification(header: &Header, body: &[u8]) -> Option<String> {
     }
     let blocks = ResponseArgs::parse(header, body).ok()?.blocks;
     let response = ReadResponse::parse(&mut BlockReader::new(blocks)).ok()?;
-    let is_of_index = response.address.index == index::IDENTIFICATION_AND_MAINTENANCE_0;
-    Some(Identification::parse(response.record).filter(|_| is_of_index)?.to_string())
+    let Address { slot, subslot, index, .. } = response.address;
+    let is_of_device = index == index::IDENTIFICATION_AND_MAINTENANCE_0
+        && slot == ACCESS_POINT_SLOT
+        && (subslot == ACCESS_POINT_SUBSLOT || INTERFACE_SUBSLOTS.contains(&subslot));
+    Some(Identification::parse(response.record).filter(|_| is_of_device)?.to_string())
 }
 
 #[cfg(test)]

@@ -159,8 +159,14 @@ fn the_pages_of_studies_are_laid_out_on_every_screen() {
     bench(directory.path(), &["sensitivity", "--reps", "1", "--quiet", "--out", "s"]);
     bench(directory.path(), &["sweep", "--depths", "1,5", "--reps", "1", "--quiet", "--out", "w"]);
     bench(directory.path(), &["explore", "--types", "rc,cm", "--every", "200", "--quiet", "--out", "e"]);
+    let study = "[study]\nsetup = \"A\"\nreps = 1\nseeds = \"1..=8\"\n\
+                 [[vary]]\nkey = \"robot.path_acceleration_mm_s2\"\nvalues = [2000.0, 2500.0]\n\
+                 [[vary]]\nkey = \"robot.skill_overhead_us\"\nuniform = { min = 100000.0, max = 140000.0 }\n";
+    std::fs::write(directory.path().join("study.toml"), study).unwrap();
+    bench(directory.path(), &["study", "run", "study.toml", "--quiet", "--out", "rows"]);
+    bench(directory.path(), &["study", "report", "rows"]);
     let mut browser = Browser::new(Graphics::None);
-    for page in ["s/sensitivity.html", "w/sweep.html", "e/explore.html"] {
+    for page in ["s/sensitivity.html", "w/sweep.html", "e/explore.html", "rows/report.html"] {
         for screen in Screen::all() {
             browser.open(&directory.path().join(page), "", screen);
             assert_eq!(browser.eval(LAYOUT), json!([]), "{page} {screen:?}");

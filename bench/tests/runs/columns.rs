@@ -127,7 +127,6 @@ const MEANINGS: &[(&str, &str, &str)] = &[
     ("value", "unit of the row", "value of the setup's number, or of the figure with the calibrated setup"),
     ("best", "unit of the row", "value with which the figures are met best, before it is rounded"),
     ("from", "", "source of the number in the setup; only a `calibrated` one is changed"),
-    ("error", "unit of the row", "standard error of the figure over the seeds"),
     ("paper", "unit of the row", "the paper's figure"),
     ("paper_error", "unit of the row", "its standard error"),
     ("distance", "1", "difference in standard errors of both"),
@@ -224,6 +223,8 @@ fn every_column_of_every_table_of_a_run_is_explained_with_its_unit() {
     }
     for (name, ..) in MEANINGS {
         assert!(known.contains(name), "no table has the column {name} any more");
+        let meanings = MEANINGS.iter().filter(|(other, ..)| other == name).count();
+        assert_eq!(meanings, 1, "{name}: give the other meaning among the exceptions");
     }
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/columns.md");
     if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {

@@ -257,3 +257,14 @@ fn a_capture_that_is_cut_is_measured_up_to_there_and_a_robot_of_several_can_be_c
         assert_eq!(finished.code, Some(code), "{}", finished.stderr);
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_in_place_of_a_capture_is_refused_before_anything_waits_for_its_writer() {
+    let place = tempfile::tempdir().unwrap();
+    assert!(Command::new("mkfifo").arg(place.path().join("tap.pcap")).status().unwrap().success());
+    let refused = bench(place.path(), ["from-capture", "tap.pcap", "--setup", "A"]);
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    insta::assert_snapshot!(refused.stderr, @"error: cannot read tap.pcap: it is a pipe or a device; give the path of a file");
+    assert!(!place.path().join("runs").exists());
+}

@@ -132,3 +132,20 @@ fn the_error_for_an_update_that_cannot_be_written_says_where_to_run_it() {
     assert_eq!((finished.code, finished.stdout.as_str()), (Some(1), ""));
     insta::assert_snapshot!(finished.stderr, @"error: no baseline was changed; run this from the repository's root, or name a file that can be written by --baseline: cannot write bench/baselines/A.json: No such file or directory (os error 2)");
 }
+
+#[test]
+fn an_export_of_a_cell_replaces_none_of_its_applications() {
+    let place = tempfile::tempdir().unwrap();
+    let place = place.path();
+    let application = include_str!("../../../cell/applications/carry-plate.toml");
+    let setup = include_str!("../../../cell/setups/F.toml");
+    std::fs::write(place.join("cell.toml"), setup.replacen("\"carry-plate\"", "\"task.toml\"", 1)).unwrap();
+    std::fs::write(place.join("task.toml"), application).unwrap();
+    for option in ["--export-json", "--export-csv"] {
+        let refused = gate(place, &["--setup", "cell.toml", option, "task.toml"]);
+        assert_eq!(refused.code, Some(2), "{}", refused.stdout);
+        let said = format!("{option} would replace task.toml, the application");
+        assert!(refused.stderr.contains(&said), "{}", refused.stderr);
+    }
+    assert_eq!(std::fs::read_to_string(place.join("task.toml")).unwrap(), application);
+}

@@ -44,6 +44,12 @@ const MAX_APPROXIMATION_MM: f64 = 655.35;
 /// Largest length of an arm's part, and distance of a frame, in mm.
 const MAX_LENGTH_MM: f64 = 10_000.0;
 
+/// Largest force in N, and stiffness in N/mm.
+const MAX_FORCE: f64 = 1e6;
+
+/// Speeds, accelerations and jerks of a joint or of the tool, in degrees or mm per s, s² and s³: far beyond those of every arm.
+const RATES: std::ops::RangeInclusive<f64> = 1e-3..=1e9;
+
 /// Highest number of robot cycles before the first motion of a MoveContinuousSkill.
 const MAX_START_CYCLES: u32 = 1_000;
 
@@ -156,16 +162,20 @@ fn robot(setup: &Setup) -> Check {
     let acceleration = robot.path_acceleration_mm_s2.value;
     above_zero("robot.path_acceleration_mm_s2", acceleration)?;
     at_most("robot.path_acceleration_mm_s2", acceleration, MAX_ACCELERATION_MM_S2, "mm/s²")?;
-    above_zero("robot.path_jerk_mm_s3", robot.path_jerk_mm_s3.value)?;
+    rate("robot.path_jerk_mm_s3", robot.path_jerk_mm_s3.value)?;
     if let Some(force) = &robot.force {
         for (key, value) in [
             ("robot.force.max_n", &force.max_n),
             ("robot.force.stiffest_n_per_mm", &force.stiffest_n_per_mm),
             ("robot.force.tolerance_n", &force.tolerance_n),
-            ("robot.force.jerk_mm_s3", &force.jerk_mm_s3),
         ] {
             above_zero(key, value.value)?;
+            if value.value > MAX_FORCE {
+                let text = format!("{}: must be at most {MAX_FORCE}", Figure(value.value));
+                return Err(problem(key, text));
+            }
         }
+        rate("robot.force.jerk_mm_s3", force.jerk_mm_s3.value)?;
         at_most("robot.force.settling_ms", f64::from(force.settling_ms.value), 60_000.0, "ms")?;
     }
     if let Some(radius) = &robot.link_radius_mm {
@@ -313,7 +323,7 @@ fn axes(setup: &Setup, joints: usize) -> Check {
         }
         finite(&key, &values.value)?;
         if name.contains("_s") {
-            values.value.iter().try_for_each(|value| above_zero(&key, *value))?;
+            values.value.iter().try_for_each(|value| rate(&key, *value))?;
         }
     }
     let home = axes.home_deg.as_ref().map(|home| home.value.as_slice()).unwrap_or_default();
@@ -352,6 +362,16 @@ fn share(key: &str, percent: f64) -> Check {
 fn above_zero(key: &str, value: f64) -> Check {
     finite(key, &[value])?;
     if value > 0.0 { Ok(()) } else { Err(problem(key, format!("{} is not above 0", Figure(value)))) }
+}
+
+/// Checks a speed, an acceleration or a jerk.
+fn rate(key: &str, value: f64) -> Check {
+    above_zero(key, value)?;
+    if RATES.contains(&value) {
+        return Ok(());
+    }
+    let (least, most) = (RATES.start(), RATES.end());
+    Err(problem(key, format!("{}: must be {least} to {most}", Figure(value))))
 }
 
 /// Checks the length of a link.

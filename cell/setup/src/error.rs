@@ -98,10 +98,12 @@ impl Error {
             line,
             text: broken.to_owned()
                 + &mark_in_inline_table(broken, span.end.saturating_sub(start_of_line), &key),
-            expectation: brackets(source.message(), broken, before).unwrap_or_else(|| {
-                in_words(source.message())
-                    + &decimal_comma(source.message(), text.get(span.clone()).unwrap_or_default())
-            }),
+            expectation: brackets(source.message(), broken, before)
+                .or_else(|| bare_address(broken))
+                .unwrap_or_else(|| {
+                    in_words(source.message())
+                        + &decimal_comma(source.message(), text.get(span.clone()).unwrap_or_default())
+                }),
             key,
         }
     }
@@ -131,6 +133,15 @@ fn brackets(message: &str, line: &str, before: &str) -> Option<String> {
         }
         _ => None,
     }
+}
+
+/// Returns the advice for a line whose value is an IP address without quotes.
+fn bare_address(line: &str) -> Option<String> {
+    let (key, value) = line.split_once('=')?;
+    let value = value.split('#').next()?.trim();
+    let (address, _) = value.split_once('/').unwrap_or((value, ""));
+    let _: std::net::Ipv4Addr = address.parse().ok()?;
+    Some(format!("{value} is a text: write `{} = \"{value}\"`", key.trim()))
 }
 
 /// Returns the beginning of an answer if one of the known names was probably meant.

@@ -8,7 +8,7 @@ use crate::cell::CELL_SCHEMA;
 use crate::check::{self, Problem, check_setup};
 use crate::exact::Exact;
 use crate::place::line_of;
-use crate::plain_file::{MOST_FILE_BYTES, read_plain_file};
+use crate::plain_file::{MOST_FILE_BYTES, read_plain_file, text_of};
 use crate::{Cell, Error, Setup};
 
 /// Setups compiled in: name and text.
@@ -185,19 +185,7 @@ pub fn find(
 fn read_text(what: &'static str, path: &Path) -> Result<String, Error> {
     let unreadable = |reason| Error::Unreadable { what, path: path.to_owned(), reason };
     let not_text = |problem: String| Error::NotText { path: path.to_owned(), problem };
-    let bytes = read_plain_file(path, MOST_FILE_BYTES).map_err(unreadable)?;
-    String::from_utf8(bytes)
-        .map_err(|error| not_text(not_utf_8(error.as_bytes(), error.utf8_error().valid_up_to())))
-}
-
-/// Returns what is wrong with bytes that are UTF-8 only up to this place.
-fn not_utf_8(bytes: &[u8], valid: usize) -> String {
-    if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
-        return "is in UTF-16: save it as UTF-8".to_owned();
-    }
-    let line = 1 + bytes.iter().take(valid).filter(|byte| **byte == b'\n').count();
-    let byte = bytes.get(valid).copied().unwrap_or_default();
-    format!("line {line} has the byte 0x{byte:02X}, which is not UTF-8: save the file as UTF-8")
+    text_of(read_plain_file(path, MOST_FILE_BYTES).map_err(unreadable)?).map_err(not_text)
 }
 
 /// Reads a file of a format of ours from its text, which `origin` names in messages. A list of fixed length must have

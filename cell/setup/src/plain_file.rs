@@ -56,9 +56,36 @@ pub fn read_plain_text(path: &Path) -> Result<String> {
 ///
 /// Those of [`read_plain_text`].
 pub fn read_plain_text_within(path: &Path, most: u64) -> Result<String> {
-    let bytes = read_plain_file(path, most)?;
-    String::from_utf8(bytes)
-        .map_err(|_| Error::new(ErrorKind::InvalidData, "it is not text in UTF-8: save it as UTF-8"))
+    text_of(read_plain_file(path, most)?).map_err(|fault| Error::new(ErrorKind::InvalidData, fault))
+}
+
+/// Bytes from which the encoding of a file is recognized.
+const ENCODING_BYTES: usize = 64;
+
+/// Decodes the text of a file.
+///
+/// # Errors
+///
+/// The fault in the encoding, with the line and the remedy. UTF-16 without a byte order mark is mostly valid UTF-8, with a NUL beside each
+/// letter.
+pub(crate) fn text_of(bytes: Vec<u8>) -> std::result::Result<String, String> {
+    let start = bytes.get(..ENCODING_BYTES).unwrap_or(&bytes);
+    let nuls = start.iter().filter(|byte| **byte == 0).count();
+    let has_mark = start.starts_with(&[0xFF, 0xFE]) || start.starts_with(&[0xFE, 0xFF]);
+    if has_mark || nuls > start.len() / 4 {
+        return Err("the file is in UTF-16: save it as UTF-8".to_owned());
+    }
+    let at_fault = |bytes: &[u8], at: usize, what: &str| {
+        let line = 1 + bytes.iter().take(at).filter(|byte| **byte == b'\n').count();
+        let byte = bytes.get(at).copied().unwrap_or_default();
+        format!("line {line} has the byte 0x{byte:02X}, which is not {what}: save the file as UTF-8")
+    };
+    let text = String::from_utf8(bytes)
+        .map_err(|error| at_fault(error.as_bytes(), error.utf8_error().valid_up_to(), "UTF-8"))?;
+    match text.find('\0') {
+        Some(at) => Err(at_fault(text.as_bytes(), at, "text")),
+        None => Ok(text),
+    }
 }
 
 #[cfg(test)]
@@ -73,7 +100,14 @@ mod tests {
         fs::write(&path, "text").unwrap();
         assert_eq!(read_plain_text(&path).unwrap(), "text");
         fs::write(&path, b"sp\xe4ter").unwrap();
-        assert_eq!(said(&path), "it is not text in UTF-8: save it as UTF-8");
+        assert_eq!(said(&path), "line 1 has the byte 0xE4, which is not UTF-8: save the file as UTF-8");
+        for to_bytes in [u16::to_le_bytes, u16::to_be_bytes] {
+            let wide: Vec<u8> = "schema = 1\n# 15 mm²\n".encode_utf16().flat_map(to_bytes).collect();
+            fs::write(&path, wide).unwrap();
+            assert_eq!(said(&path), "the file is in UTF-16: save it as UTF-8");
+        }
+        fs::write(&path, "schema = 1\nname = \"A\0\"\n").unwrap();
+        assert_eq!(said(&path), "line 2 has the byte 0x00, which is not text: save the file as UTF-8");
         fs::File::create(&path).unwrap().set_len(MOST_FILE_BYTES + 1).unwrap();
         assert_eq!(said(&path), "it has 17 MiB; such a file has 16 MiB at most");
         #[cfg(unix)]

@@ -467,10 +467,35 @@ fn a_file_that_is_not_utf_8_or_not_a_file_is_refused_with_its_place() {
     let latin_1 = b"schema = 1\nname = \"Gr\xFCn\"\n";
     insta::assert_snapshot!(said("latin.toml", latin_1), @"DIR/latin.toml: line 2 has the byte 0xFC, which is not UTF-8: save the file as UTF-8");
     let utf_16: Vec<u8> = "\u{FEFF}schema = 1".encode_utf16().flat_map(u16::to_le_bytes).collect();
-    insta::assert_snapshot!(said("wide.toml", &utf_16), @"DIR/wide.toml: is in UTF-16: save it as UTF-8");
+    insta::assert_snapshot!(said("wide.toml", &utf_16), @"DIR/wide.toml: the file is in UTF-16: save it as UTF-8");
+    insta::assert_snapshot!(said("bare.toml", &utf_16[2..]), @"DIR/bare.toml: the file is in UTF-16: save it as UTF-8");
     insta::assert_snapshot!(said("large.toml", &vec![b' '; 17 << 20]), @"cannot read the setup file DIR/large.toml: it has 17 MiB; such a file has 16 MiB at most");
     #[cfg(unix)]
     insta::assert_snapshot!(setup("/dev/null").unwrap_err(), @"cannot read the setup file /dev/null: it is a pipe or a device; give the path of a file");
+}
+
+#[test]
+fn an_address_without_quotes_is_refused_with_the_line_to_write() {
+    let said = |to: &str| refusal(&changed("plc_address = \"192.168.64.1\"", to));
+    insta::assert_snapshot!(said("plc_address = 192.168.64.1"), @"
+    DIR/my.toml:25: 192.168.64.1 is a text: write `plc_address = \"192.168.64.1\"`
+       25 | plc_address = 192.168.64.1
+    ");
+    insta::assert_snapshot!(said("plc_address = 10.0.0.1 # of the PLC"), @"
+    DIR/my.toml:25: 10.0.0.1 is a text: write `plc_address = \"10.0.0.1\"`
+       25 | plc_address = 10.0.0.1 # of the PLC
+    ");
+}
+
+#[test]
+fn forces_and_rates_that_no_arm_has_are_refused() {
+    let said = |from, to| refusal(&changed(from, to));
+    insta::assert_snapshot!(said("path_jerk_mm_s3 = { value = 500000.0", "path_jerk_mm_s3 = { value = 1e300"), @"DIR/my.toml:44: `robot.path_jerk_mm_s3`: 1e300: must be 0.001 to 1000000000");
+    insta::assert_snapshot!(said("path_jerk_mm_s3 = { value = 500000.0", "path_jerk_mm_s3 = { value = 1e-300"), @"DIR/my.toml:44: `robot.path_jerk_mm_s3`: 1e-300: must be 0.001 to 1000000000");
+    insta::assert_snapshot!(said("max_n = { value = 100.0", "max_n = { value = 1e300"), @"DIR/my.toml:47: `robot.force.max_n`: 1e300: must be at most 1000000");
+    insta::assert_snapshot!(said("tolerance_n = { value = 0.5", "tolerance_n = { value = 1e300"), @"DIR/my.toml:49: `robot.force.tolerance_n`: 1e300: must be at most 1000000");
+    insta::assert_snapshot!(said("\njerk_mm_s3 = { value = 50000.0", "\njerk_mm_s3 = { value = 1e300"), @"DIR/my.toml:51: `robot.force.jerk_mm_s3`: 1e300: must be 0.001 to 1000000000");
+    insta::assert_snapshot!(said("jerk_deg_s3 = { value = [150000.0", "jerk_deg_s3 = { value = [1e300"), @"DIR/my.toml:73: `robot.axes.jerk_deg_s3`: 1e300: must be 0.001 to 1000000000");
 }
 
 #[test]

@@ -120,15 +120,17 @@ impl Live {
         let served = Served::new(&page);
         let (feed, events) = Feed::new();
         let (last, ended) = oneshot::channel();
-        let arm = |(index, (axes, station)): (usize, (&usize, String))| ViewedArm {
-            rows: directory.map(|directory| Rows::of_station(directory, &station)),
+        let stations = about.arms.stations();
+        let is_only = stations.len() == 1;
+        let arm = |(index, (axes, station)): (usize, (&usize, &String))| ViewedArm {
+            rows: directory.map(|directory| Rows::of_station(directory, station, is_only)),
             frames: Frames::new(index, *axes),
         };
         let view = View {
             events,
             ended,
             served,
-            arms: axes.iter().zip(about.arms.stations()).enumerate().map(arm).collect(),
+            arms: axes.iter().zip(&stations).enumerate().map(arm).collect(),
             reps: about.reps,
             repetition: None,
             started_ns: None,

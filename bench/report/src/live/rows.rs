@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use machine::Instant;
 use node::trace_row::{TraceSample, read_rows};
-use records::trace::tables::{PLC_ROWS, ROBOT_ROWS, plc_rows, robot_rows};
+use records::trace::tables::{ROBOT_ROWS, plc_rows, robot_rows};
 
 /// Bytes that are read at once at most: some seconds of a node.
 const AT_ONCE: u64 = 1 << 18;
@@ -34,12 +34,11 @@ impl Rows {
         Self { path: path.to_owned(), file: None, begun: String::new() }
     }
 
-    /// Returns the rows of the PLC and of the robot at a station, which has no name where it is the only one.
-    pub(super) fn of_station(directory: &Path, station: &str) -> [Self; 2] {
-        let names = match station {
-            "" => [PLC_ROWS.to_owned(), ROBOT_ROWS.to_owned()],
-            station => [plc_rows(station, false), robot_rows(station)],
-        };
+    /// Returns the rows of the PLC and of the robot at a station. The robot of a setup without stations has no name; the PLC names
+    /// its rows by station only where it serves several.
+    pub(super) fn of_station(directory: &Path, station: &str, is_only: bool) -> [Self; 2] {
+        let robot = if station.is_empty() { ROBOT_ROWS.to_owned() } else { robot_rows(station) };
+        let names = [plc_rows(station, is_only), robot];
         names.map(|name| Self::new(&directory.join(name)))
     }
 
@@ -83,6 +82,17 @@ mod tests {
         assert_eq!(read(), []);
         file.write_all(b",4,5,0\n30,3,2,3,4,5,0\n").unwrap();
         assert_eq!(read(), [(20, 2), (30, 3)]);
+    }
+
+    #[test]
+    fn the_rows_are_those_that_the_nodes_of_one_robot_of_one_station_and_of_several_write() {
+        let names = |station, is_only| {
+            let rows = Rows::of_station(Path::new("run"), station, is_only);
+            rows.map(|rows| rows.path.display().to_string())
+        };
+        assert_eq!(names("", true), ["run/trace-plc.rows", "run/trace-robot.rows"]);
+        assert_eq!(names("left", true), ["run/trace-plc.rows", "run/trace-robot-left.rows"]);
+        assert_eq!(names("left", false), ["run/trace-plc-left.rows", "run/trace-robot-left.rows"]);
     }
 
     #[test]

@@ -64,26 +64,27 @@ pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
     if options.setup.of_several().is_some() {
         let (cell, found) = planning::cell_with_applications(options.setup.name())?;
         let application = cell.application.as_deref().unwrap_or_default();
-        check_exports(options, &cell.name, None)?;
+        check_exports(options, &cell.name, found.stations.iter().map(|station| station.path.as_deref()))?;
         return compare(options, &cell.name, application, |schedule| {
             Ok(baseline::figures_of_cell(&whole(&cell, &found, schedule)?))
         });
     }
     let (setup, found) = options.setup.load()?;
-    check_exports(options, &setup.name, found.path.as_deref())?;
+    check_exports(options, &setup.name, [found.path.as_deref()])?;
     compare(options, &setup.name, &found.application.name, |schedule| {
         Ok(baseline::figures(&virtual_results(&setup, &found.application, schedule)?))
     })
 }
 
-/// Rejects exports that replace the baseline, the setup with this name or its application, or that cannot be written.
-fn check_exports(options: &GateOptions, setup: &str, application: Option<&Path>) -> Result<(), Failure> {
+/// Rejects exports that replace the baseline, the setup with this name or an application, or that cannot be written.
+fn check_exports<'a>(
+    options: &'a GateOptions,
+    setup: &str,
+    applications: impl IntoIterator<Item = Option<&'a Path>>,
+) -> Result<(), Failure> {
     let baseline = options.baseline.clone().unwrap_or_else(|| default_path(setup));
-    let read = [
-        ("the baseline", Some(baseline.as_path())),
-        ("the setup", options.setup.file()),
-        ("the application", application),
-    ];
+    let mut read = vec![("the baseline", Some(baseline.as_path())), ("the setup", options.setup.file())];
+    read.extend(applications.into_iter().map(|application| ("the application", application)));
     outputs::check(&options.exports.files(), &read, Own::default())?;
     Ok(options.exports.check_writable()?)
 }

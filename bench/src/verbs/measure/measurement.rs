@@ -1,7 +1,7 @@
 //! A measurement on the stand of its mode, from the run directory to the last file in it.
 
 use std::future::Future;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::SystemTime;
 
 use ::node::token::ControlToken;
@@ -9,6 +9,7 @@ use planning::Found;
 use plc_node::ExportedCode;
 use setup::Setup;
 
+use super::live_view;
 use super::reference_runs::ReferenceRuns;
 use super::session::{Ended, Session};
 use super::{Capture, RunOptions, RunPart};
@@ -23,12 +24,12 @@ use records::results::{Results, Status};
 use records::run_directory::{self, Durability, RunDirectory, replace};
 use records::schedule::Schedule;
 use records::trace::Trace;
-use report::live::{About, AboutArms, Live, Reserved, SavedRun};
+use report::in_shell;
+use report::live::{AboutArms, Live, Reserved, SavedRun};
 #[cfg(feature = "mcap")]
 use report::playback;
 use report::progress::Progress;
 use report::timeline;
-use report::{errln, in_shell};
 #[cfg(all(feature = "real", target_os = "linux"))]
 use stands::rig::{Rig, RigError};
 use stands::verification::Verification;
@@ -38,10 +39,6 @@ use studies::event_loop::interrupt;
 
 /// Warnings of a plan that are shown before a run.
 const WARNINGS: usize = 5;
-
-/// Why a live view of attached nodes has no arm.
-pub(super) const NO_ROWS: &str = "No arm is drawn: nodes that the bench did not start write their cycles nowhere that it could read. Leave out --attach \
-     to see it. Table, lateness, frames and alarms follow the run.";
 
 /// Returns whether the rig says by this error that a capture lacks something.
 #[cfg(all(feature = "real", target_os = "linux"))]
@@ -91,7 +88,14 @@ impl Measurement<'_> {
             )?,
             exports: self.options.exports.clone().of_run(host::date(started)),
             progress: Progress::start(&self.schedule, self.options.quiet),
-            live: self.live.take().map(|address| self.serve(address, &path)).transpose()?,
+            live: self
+                .live
+                .take()
+                .map(|address| {
+                    let arms = AboutArms::One(&self.setup, &self.found.application);
+                    live_view::start(address, arms, &self.schedule, self.options, &path)
+                })
+                .transpose()?,
         };
         self.warn(&session.progress);
         let host = Host::read(started, COMMIT);
@@ -139,21 +143,6 @@ impl Measurement<'_> {
         let saved = session.finish(&ended.results);
         let saved = if ended.exit == Exit::Internal { Ok(()) } else { saved };
         Ok((ended.and_saved(saved), path))
-    }
-
-    /// Starts the live view of a run in `directory`, and prints its address.
-    fn serve(&self, address: Reserved, directory: &Path) -> Result<Live, Failure> {
-        let about = About {
-            arms: AboutArms::One(&self.setup, &self.found.application),
-            types: &self.schedule.types,
-            reps: self.schedule.reps,
-            no_rows: self.options.attach.as_ref().map(|_| NO_ROWS),
-        };
-        let rows = self.options.attach.is_none().then_some(directory);
-        let live = Live::start(address, &about, rows)?;
-        // Even with `--quiet`: without the address the user cannot find the page.
-        errln!("Live at http://{}/", live.address());
-        Ok(live)
     }
 
     fn empty_results(&self) -> Results {

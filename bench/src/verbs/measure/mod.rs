@@ -2,6 +2,7 @@
 
 pub mod alone;
 pub mod cell;
+mod live_view;
 mod measurement;
 mod options;
 mod reference_runs;
@@ -24,7 +25,6 @@ use records::faults;
 use records::mode::Mode;
 use records::occupied;
 use records::schedule::Schedule;
-use report::live::{LiveAddress, Reserved};
 use report::outln;
 use report::pages::{self, Pages, WantedPages};
 use report::table;
@@ -53,7 +53,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     check_faults(options, &setup)?;
     let code = options.plc_program.as_deref().map(plc_node::read_program).transpose();
     let code = code.map_err(|error| Failure::new(Exit::Usage, error))?;
-    let live = options.live.map(|address| reserve(address, options.mode)).transpose()?;
+    let live = options.live.map(|address| live_view::reserve(address, options.mode)).transpose()?;
     let mut token = None;
     if let Some(attach) = &options.attach {
         check_attach(options)?;
@@ -195,18 +195,6 @@ fn print_where(ended: &Ended, directory: &Path, wanted: WantedPages) {
         }
         Err(Failure { error, .. }) => warn_of_report(&error, directory),
     }
-}
-
-/// Reserves the address of the live view.
-fn reserve(address: LiveAddress, mode: Mode) -> Result<Reserved, Failure> {
-    if mode == Mode::Virtual {
-        let error = anyhow!(
-            "--live shows a run in real time, and a virtual one is over in seconds: leave out `--mode virtual`, or open the \
-             race.html that every run writes"
-        );
-        return Err(Failure::new(Exit::Usage, error));
-    }
-    Reserved::open(address).map_err(|error| Failure::new(Exit::EnvironmentUnusable, error))
 }
 
 /// Checks that the setup describes a robot, that it can stand where the application starts, and that its arm reaches

@@ -125,9 +125,7 @@ fn measure(options: &ScaleOptions, is_interrupted: &AtomicBool) -> anyhow::Resul
 
 fn write(options: &ScaleOptions, measured: &ScaleFigures) -> anyhow::Result<()> {
     if let Some(file) = &options.json {
-        let mut json = serde_json::to_string_pretty(measured).context("cannot write the figures as JSON")?;
-        json.push('\n');
-        replace(file, &json, Durability::Written)?;
+        replace(file, outputs::json(measured)?, Durability::Written)?;
     }
     if let Some(file) = &options.html {
         replace(file, &chart::page(measured)?, Durability::Written)?;

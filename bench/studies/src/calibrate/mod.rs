@@ -31,9 +31,8 @@ pub use fit::Fit;
 pub use metric::{Metric, Seeds};
 pub use parameter::Parameter;
 
-use crate::engine::claim::{RowsOrigin, StudyClaim};
+use crate::engine::claim::{CLAIMED_FILES, RowsOrigin, StudyClaim};
 use crate::engine::listed::ListedStudy;
-use crate::engine::{JOBS, ROWS};
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::outputs::{self, FigureExports, Own};
 use crate::setup_option::SetupOption;
@@ -111,14 +110,15 @@ pub fn run(options: &CalibrateOptions, commit: &str) -> Result<Exit, Failure> {
         return Err(Failure::new(Exit::Usage, error));
     }
     let read = [("the setup", options.setup.file()), ("the application", found.path.as_deref())];
-    outputs::check(&options.exports.files(), &read, Own { directory: options.out.as_deref(), files: &[] })?;
+    let own = Own { directory: options.out.as_deref(), files: &CLAIMED_FILES };
+    outputs::check(&options.exports.files(), &read, own)?;
     options.exports.check_writable()?;
     let is_interrupted = watch_for_interrupt()?;
     let mut study = ListedStudy::in_memory("seeds", true, &is_interrupted);
     if let Some(directory) = &options.out {
         // The jobs follow from the figures: whatever seeds are asked for, those that are saved are used.
         let claim = format!("calibrate\n{}\n{}", setup::setup_to_toml(&setup)?, found.text);
-        let (options, command, results) = (claim.as_str(), "", &[ROWS, JOBS]);
+        let (options, command, results) = (claim.as_str(), "", &[]);
         let origin = RowsOrigin { directory, options, command, results, commit };
         study = study.saved_in(&StudyClaim::checked(origin)?)?;
     }

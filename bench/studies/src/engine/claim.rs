@@ -9,6 +9,11 @@ use sha2::{Digest as _, Sha256};
 
 use super::folder::{self, MANIFEST, Manifest, of_host};
 use super::plan::hex;
+use super::rows::{JOBS, ROWS};
+use crate::outputs;
+
+/// Files of every directory in which jobs are saved by address.
+pub(crate) const CLAIMED_FILES: [&str; 3] = [MANIFEST, ROWS, JOBS];
 
 /// Origin of the jobs of a verb.
 #[derive(Clone, Copy, Debug)]
@@ -19,7 +24,7 @@ pub struct RowsOrigin<'a> {
     pub options: &'a str,
     /// The same as a user gives it, for the refusal of other options; may be empty.
     pub command: &'a str,
-    /// Files of the verb; a directory that has them without a claim is of an older version.
+    /// Files of the verb besides the rows; a directory that has one of them without a claim is refused.
     pub results: &'a [&'a str],
     /// Commit that this program was built from.
     pub commit: &'a str,
@@ -37,7 +42,7 @@ impl StudyClaim {
     ///
     /// # Errors
     ///
-    /// It has jobs of other options or of another program, or files of an older version.
+    /// It has jobs of other options or of another program, or files of the verb without a claim.
     pub fn checked(origin: RowsOrigin<'_>) -> Result<Self, Failure> {
         let RowsOrigin { directory, options, command, results, commit } = origin;
         let usage = |error| Failure::new(Exit::Usage, error);
@@ -46,9 +51,10 @@ impl StudyClaim {
         match Manifest::read(directory).map_err(usage)? {
             Some(known) => manifest.check_same(&known, directory).map_err(usage)?,
             None => {
-                if let Some(name) = results.iter().find(|name| directory.join(name).exists()) {
+                let mut results = results.iter().chain(&[ROWS, JOBS]);
+                if let Some(name) = results.find(|name| directory.join(name).exists()) {
                     return Err(usage(anyhow!(
-                        "{}: has {name} of an older version, which cannot go on; use another --out",
+                        "{}: has {name} without {MANIFEST}, so its options are not known; use another --out",
                         directory.display()
                     )));
                 }
@@ -64,7 +70,7 @@ impl StudyClaim {
     /// It is a file, or the disk does not take it.
     pub(super) fn make(&self) -> Result<(), Failure> {
         crate::directory::make(&self.directory)?;
-        let text = serde_json::to_string_pretty(&self.manifest).map_err(anyhow::Error::from)? + "\n";
+        let text = outputs::json(&self.manifest)?;
         replace(&self.directory.join(MANIFEST), text, Durability::Written).map_err(of_host)
     }
 
@@ -104,10 +110,15 @@ mod tests {
     }
 
     #[test]
-    fn the_directory_of_an_older_version_is_refused_and_left_as_it_is() {
-        let old = tempfile::tempdir().unwrap();
-        fs::write(old.path().join("lives.csv"), "old").unwrap();
-        insta::assert_snapshot!(refused(old.path(), "a", "", "c0ffee").unwrap(), @"DIR: has lives.csv of an older version, which cannot go on; use another --out");
-        assert_eq!(fs::read_dir(old.path()).unwrap().count(), 1);
+    fn a_directory_with_files_of_the_verb_and_no_claim_is_refused_and_left_as_it_is() {
+        for name in ["lives.csv", ROWS, JOBS] {
+            let old = tempfile::tempdir().unwrap();
+            fs::write(old.path().join(name), "old").unwrap();
+            let expected = format!(
+                "DIR: has {name} without study.json, so its options are not known; use another --out"
+            );
+            assert_eq!(refused(old.path(), "a", "", "c0ffee").unwrap(), expected);
+            assert_eq!(fs::read_dir(old.path()).unwrap().count(), 1);
+        }
     }
 }

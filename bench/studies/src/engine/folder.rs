@@ -18,12 +18,13 @@ use super::file::StudyFile;
 use super::plan::{JobAddress, StudyPlan, hex};
 use super::rows::{Columns, JOBS, ROWS};
 use super::shard::Shard;
+use crate::outputs;
 
 /// Version of `study.json` and of the rows.
 const SCHEMA_VERSION: u32 = 1;
 
 /// Description of the directory.
-pub(super) const MANIFEST: &str = "study.json";
+pub(crate) const MANIFEST: &str = "study.json";
 /// The study as it is executed.
 pub(super) const STUDY: &str = "study.toml";
 const SETUP: &str = "setup.toml";
@@ -156,7 +157,7 @@ pub(super) fn prepare(directory: &Path, plan: &StudyPlan, manifest: &Manifest) -
     };
     let setup = setup::setup_to_toml(&base)?;
     let schema = format!("{:#}\n", frictionless(&Columns::of(plan)));
-    let described = serde_json::to_string_pretty(manifest).context("cannot describe the study")? + "\n";
+    let described = outputs::json(manifest)?;
     let mut inputs = vec![(SETUP, setup.as_str()), (ROWS_SCHEMA, &schema), (MANIFEST, &described)];
     inputs.extend(application.map(|text| (APPLICATION, text)));
     let varied = plan.varied_applications();

@@ -5,11 +5,11 @@ use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
+use report::export_text::quoted;
 
-/// Returns a text as a field of CSV.
+/// Formats a field of a file that is read line by line: without line breaks, in quotes if necessary.
 pub(crate) fn field(text: &str) -> String {
-    let text = text.replace(['\n', '\r'], " ");
-    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+    quoted(&text.replace(['\n', '\r'], " "))
 }
 
 /// Returns the fields of a line of CSV.
@@ -180,5 +180,6 @@ mod tests {
         let texts = ["0000000000000001", "loss=0.1, \"x\"", "", "a\"b"];
         let line = texts.map(field).join(",") + "\n";
         assert_eq!(fields(&line), texts);
+        assert_eq!(field("two\nlines"), "two lines");
     }
 }

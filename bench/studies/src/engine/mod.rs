@@ -25,7 +25,7 @@ pub mod claim;
 mod estimate;
 pub mod file;
 mod finding;
-mod folder;
+pub(crate) mod folder;
 mod identify;
 pub mod job;
 pub mod key;
@@ -49,7 +49,6 @@ use clap::{Args, Subcommand};
 use records::exit::{Exit, Failure};
 
 pub use folder::RerunJob;
-pub(crate) use rows::{JOBS, ROWS};
 pub use shard::Shard;
 pub use submit::Engine;
 

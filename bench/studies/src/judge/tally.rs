@@ -1,5 +1,6 @@
 //! The counts of judged lists, and their line in the file of the jobs.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use ::judge::{Class, Tally};
@@ -13,7 +14,10 @@ pub(super) struct BrokenList {
     pub(super) class: Class,
 }
 
-/// The counts of some lists.
+/// Number of lists that are kept of each law: their cases are written, and then shrunk.
+pub(super) const CASES: usize = 3;
+
+/// The counts of one job.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub(super) struct ListsTally {
     pub(super) lists: u64,
@@ -36,25 +40,6 @@ impl ListsTally {
         let broken =
             |(number, violation): (u64, ::judge::Violation)| BrokenList { number, class: violation.class };
         Self { lists, cycles, plant, motions, ended, broken: found.into_iter().map(broken).collect() }
-    }
-
-    /// Adds the counts of later lists.
-    pub(super) fn add(&mut self, later: Self) {
-        self.lists += later.lists;
-        self.cycles += later.cycles;
-        self.plant += later.plant;
-        self.motions += later.motions;
-        for (sum, later) in self.ended.iter_mut().zip(later.ended) {
-            *sum += later;
-        }
-        self.broken.extend(later.broken);
-    }
-
-    /// Returns how many lists broke each law first, for the laws that were broken.
-    pub(super) fn by_class(&self) -> Vec<(Class, usize)> {
-        let count = |class| self.broken.iter().filter(|one| one.class == class).count();
-        let counts = Class::ALL.into_iter().map(|class| (class, count(class)));
-        counts.filter(|(_, count)| *count > 0).collect()
     }
 
     /// Returns the line of a job without its number; a broken list is `NUMBER:LAW`.
@@ -86,9 +71,69 @@ impl ListsTally {
     }
 }
 
+/// The sums of all jobs. Its size does not grow with the lists that break a law.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub(super) struct TotalTally {
+    pub(super) lists: u64,
+    pub(super) cycles: u64,
+    pub(super) plant: Duration,
+    pub(super) motions: u64,
+    /// Skills that are done, were aborted, ended by an error.
+    pub(super) ended: [u64; 3],
+    /// Lists that broke each law first, for the laws that were broken.
+    pub(super) by_class: BTreeMap<Class, u64>,
+    /// The first [`CASES`] lists of each law, in the order of the lists.
+    pub(super) first: Vec<BrokenList>,
+}
+
+impl TotalTally {
+    /// Adds the counts of the next job; returns those of its broken lists that are among the first of their law.
+    pub(super) fn add(&mut self, job: ListsTally) -> &[BrokenList] {
+        self.lists += job.lists;
+        self.cycles += job.cycles;
+        self.plant += job.plant;
+        self.motions += job.motions;
+        for (sum, of_job) in self.ended.iter_mut().zip(job.ended) {
+            *sum += of_job;
+        }
+        let before = self.first.len();
+        for broken in job.broken {
+            let count = self.by_class.entry(broken.class).or_default();
+            *count += 1;
+            if *count <= CASES as u64 {
+                self.first.push(broken);
+            }
+        }
+        self.first.get(before..).unwrap_or_default()
+    }
+
+    /// Returns how many lists broke a law.
+    pub(super) fn broken(&self) -> u64 {
+        self.by_class.values().sum()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn three_lists_of_each_law_are_kept_however_many_break_it() {
+        let mut total = TotalTally::default();
+        let mut kept = Vec::new();
+        for job in 0..1_000 {
+            let class = |number| if number % 250 == 7 { Class::Stuck } else { Class::JointJerk };
+            let broken =
+                (job * 250..(job + 1) * 250).map(|number| BrokenList { number, class: class(number) });
+            let job = ListsTally { lists: 250, broken: broken.collect(), ..ListsTally::default() };
+            kept.extend(total.add(job).iter().map(|one| one.number));
+        }
+        assert_eq!(kept, [0, 1, 2, 7, 257, 507]);
+        assert_eq!(total.first.iter().map(|one| one.number).collect::<Vec<_>>(), kept);
+        let counts: Vec<_> = total.by_class.iter().map(|(class, count)| (class.name(), *count)).collect();
+        assert_eq!(counts, [("joint-jerk", 249_000), ("stuck", 1_000)]);
+        assert_eq!((total.lists, total.broken()), (250_000, 250_000));
+    }
 
     #[test]
     fn the_counts_of_a_job_are_read_back_from_its_line() {

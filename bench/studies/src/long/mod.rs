@@ -6,6 +6,8 @@
 //! run      both nodes, which execute them; digests of the motions sent and of the motions accepted
 //! memory   memory of this process
 //! ```
+//!
+//! It is one job: there is nothing to divide between threads, and no point between two jobs at which a killed run could go on.
 
 mod memory;
 mod run;

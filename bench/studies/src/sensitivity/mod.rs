@@ -27,6 +27,7 @@ pub use table::{csv, csv_header, render};
 use crate::engine::job::{JobRows, ListedJob};
 use crate::engine::listed::ListedStudy;
 use crate::event_loop::watch_for_interrupt;
+use crate::outputs;
 use crate::study::{Found, StudyOptions, ended, interrupted};
 use records::exit::{Exit, Failure};
 use records::paper::PaperComparison;
@@ -155,11 +156,7 @@ pub fn run(options: &SensitivityOptions, commit: &str) -> Result<Exit, Failure> 
         return Ok(interrupted(&directory, study.planned, "cases"));
     }
     outln!("{}", render(&study));
-    let found = Found {
-        json: &(serde_json::to_string_pretty(&study).map_err(anyhow::Error::from)? + "\n"),
-        csv: &csv(&study),
-        page: Some(&page::page(&study)?),
-    };
+    let found = Found { json: &outputs::json(&study)?, csv: &csv(&study), page: Some(&page::page(&study)?) };
     options.study.save(&directory, "sensitivity", &setup, found)?;
     outln!("  Saved in {}.", directory.display());
     Ok(ended(study.rows.len(), study.planned, "cases"))

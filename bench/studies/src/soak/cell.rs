@@ -38,11 +38,6 @@ impl SoakedCell {
         Ok(Self { name: cell.name.clone(), stations, faults })
     }
 
-    /// Describes everything that its lives depend on besides their seeds.
-    pub(super) fn described(&self) -> String {
-        format!("{:?}\n{:?}", self.stations, self.faults)
-    }
-
     /// Runs a life, or until an interrupt: one repetition of each type after the other.
     pub(super) fn live(
         &self,

@@ -30,6 +30,7 @@ pub use table::{CSV_HEADER, csv, render};
 
 use crate::engine::listed::ListedStudy;
 use crate::event_loop::watch_for_interrupt;
+use crate::outputs;
 use crate::study::{Found, StudyOptions, ended, interrupted};
 use records::exit::{Exit, Failure};
 use report::outln;
@@ -177,11 +178,7 @@ pub fn run(options: &SweepOptions, commit: &str) -> Result<Exit, Failure> {
         return Ok(interrupted(&directory, sweep.planned, "points"));
     }
     outln!("{}", render(&sweep));
-    let found = Found {
-        json: &(serde_json::to_string_pretty(&sweep).map_err(anyhow::Error::from)? + "\n"),
-        csv: &csv(&sweep),
-        page: Some(&page::page(&sweep)?),
-    };
+    let found = Found { json: &outputs::json(&sweep)?, csv: &csv(&sweep), page: Some(&page::page(&sweep)?) };
     options.study.save(&directory, "sweep", &setup, found)?;
     outln!("  Saved in {}.\n  Page: {}.", directory.display(), directory.join("sweep.html").display());
     Ok(ended(sweep.points.len(), sweep.planned, "points"))

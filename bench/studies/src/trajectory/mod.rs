@@ -208,7 +208,7 @@ pub fn run(options: &TrajectoryOptions) -> Result<Exit, Failure> {
         digits_needed: digits,
     };
     if let Some(file) = &options.export_json {
-        write(file, &(serde_json::to_string_pretty(&export).map_err(anyhow::Error::from)? + "\n"))?;
+        write(file, &outputs::json(&export)?)?;
     }
     if let Some(file) = &options.export_csv {
         write(file, &rows(&recording))?;

@@ -39,7 +39,7 @@ pub(crate) struct Agreement {
 pub(crate) struct PeerTraits {
     pub(crate) mac: Option<Mac>,
     pub(crate) ip: Option<std::net::Ipv4Addr>,
-    /// WatchedRobot name.
+    /// Name of the station, or of the product.
     pub(crate) name: Option<String>,
     /// Vendor, device and the like, in words.
     pub(crate) identity: Option<String>,

@@ -5,7 +5,7 @@ use machine::arp::Operation as ArpOperation;
 use machine::wire::{BigEndian, Writer};
 use profinet::Uuid;
 use profinet::description::Identity;
-use profinet::record::{Address, ReadResponse};
+use profinet::record::ReadResponse;
 use profinet::rpc::RequestArgs;
 use profinet::status::Status;
 
@@ -28,7 +28,7 @@ fn written(write: impl FnOnce(&mut Writer<'_, BigEndian>)) -> Vec<u8> {
 }
 
 fn of_robot(seen: &SeenStations) -> (Option<String>, Option<String>) {
-    let by_mac = seen.traits_of(EndAddress::Mac(ROBOT), None);
+    let by_mac = seen.traits_of(EndAddress::Mac(ROBOT), None, None);
     (by_mac.name, by_mac.identity)
 }
 
@@ -36,11 +36,17 @@ fn some(text: &str) -> Option<String> {
     Some(text.to_owned())
 }
 
-/// Returns the answer to a Read of I&M0.
+/// Returns the answer to a Read of the device's I&M0.
 fn version_answer() -> Vec<u8> {
+    version_answer_of((0, 1), b"6ES7 517-3AP00-0AB0 ")
+}
+
+/// Returns the answer to a Read of I&M0 at a slot and subslot, with this order number.
+fn version_answer_of((slot, subslot): (u16, u16), order_number: &[u8; 20]) -> Vec<u8> {
     let im0 = written(|w| {
         w.bytes(&[0, 0x20, 0, 56, 1, 0, 0x00, 0x2A]);
-        w.bytes(b"6ES7 517-3AP00-0AB0 S C-1234        ");
+        w.bytes(order_number);
+        w.bytes(b"S C-1234        ");
         w.bytes(&[0, 5, b'V', 3, 1, 2]);
         w.bytes(&[0; 16]);
     });
@@ -48,8 +54,8 @@ fn version_answer() -> Vec<u8> {
         sequence: 1,
         ar: Uuid::NIL,
         api: 0,
-        slot: 0,
-        subslot: 1,
+        slot,
+        subslot,
         index: index::IDENTIFICATION_AND_MAINTENANCE_0,
     };
     let identity = Identity { vendor: 0x2A, device: 1 };
@@ -111,13 +117,57 @@ fn a_robot_is_named_by_dcp_lldp_arp_and_its_version_whatever_comes_first() {
             seen.read(&packet((ROBOT, PLC), all[(first + at) % all.len()]));
         }
         assert_eq!(of_robot(&seen), (some("kuka-7"), some(expected)), "beginning with {first}");
-        let by_ip = seen.traits_of(EndAddress::Ip(ROBOT_IP), Some(ROBOT));
+        let by_ip = seen.traits_of(EndAddress::Ip(ROBOT_IP), Some(ROBOT), None);
         assert_eq!(by_ip.name, some("kuka-7"));
-        assert_eq!(seen.traits_of(EndAddress::Mac(PLC), None), PeerTraits::default());
+        assert_eq!(seen.traits_of(EndAddress::Mac(PLC), None, None), PeerTraits::default());
     }
     let mut seen = SeenStations::default();
     seen.read(&packet((ROBOT, PLC), Payload::Lldp(&lldp)));
     assert_eq!(of_robot(&seen), (some("kuka-7"), some("KR C5 micro")));
+}
+
+#[test]
+fn the_version_of_a_device_is_that_of_its_access_point_and_not_of_a_module() {
+    let from = SocketAddrV4::new(ROBOT_IP, 49_152);
+    let device = [(0, 1), (0, 0x8000)].map(|place| version_answer_of(place, b"ROBOT CONTROLLER    "));
+    let modules =
+        [(1, 1), (0, 2), (5, 0x8000)].map(|place| version_answer_of(place, b"DIGITAL INPUTS      "));
+    for of_device in &device {
+        for of_module in &modules {
+            for answers in [[of_device, of_module], [of_module, of_device]] {
+                let mut seen = SeenStations::default();
+                for data in answers {
+                    seen.read(&packet((ROBOT, PLC), Payload::Udp { from, to: from, data }));
+                }
+                let identity = of_robot(&seen).1.unwrap();
+                assert!(identity.contains("`ROBOT CONTROLLER`"), "{identity}");
+            }
+        }
+    }
+}
+
+#[test]
+fn vendor_and_device_of_the_connection_stand_before_a_description_that_lacks_them() {
+    let lldp = written(|w| {
+        let port = lldp::Id { subtype: LOCALLY_ASSIGNED, value: b"port-001.kuka-7" };
+        let chassis = lldp::Id { subtype: 4, value: &[2, 0, 0, 0, 0, 2] };
+        let mut pdu = lldp::Pdu::new(chassis, port, 20);
+        (pdu.chassis_mac, pdu.system_description) = (Some(ROBOT), Some(&b"KR C5 micro"[..]));
+        pdu.emit(w);
+    });
+    let mut seen = SeenStations::default();
+    let of_connection = || some("vendor 0x0493, device 0x0007");
+    let identity =
+        |seen: &SeenStations| seen.traits_of(EndAddress::Mac(ROBOT), None, of_connection()).identity.unwrap();
+    assert_eq!(identity(&seen), "vendor 0x0493, device 0x0007");
+    seen.read(&packet((ROBOT, PLC), Payload::Lldp(&lldp)));
+    assert_eq!(identity(&seen), "vendor 0x0493, device 0x0007, KR C5 micro");
+    let dcp = written(|w| {
+        let device_id = Content::DeviceId { vendor: 0x0493, device: 8 };
+        dcp::emit(w, Service::IdentifyResponse, 1, 0, [device_id.into()]);
+    });
+    seen.read(&packet((ROBOT, PLC), Payload::Profinet(&dcp)));
+    assert_eq!(identity(&seen), "vendor 0x0493, device 0x0008, KR C5 micro");
 }
 
 #[test]
@@ -128,7 +178,7 @@ fn a_name_that_is_set_belongs_to_the_station_that_gets_it() {
     let mut seen = SeenStations::default();
     seen.read(&packet((PLC, ROBOT), Payload::Profinet(&set)));
     assert_eq!(of_robot(&seen).0, some("left-arm"));
-    assert_eq!(seen.traits_of(EndAddress::Mac(PLC), None), PeerTraits::default());
+    assert_eq!(seen.traits_of(EndAddress::Mac(PLC), None, None), PeerTraits::default());
 }
 
 #[test]
@@ -147,7 +197,7 @@ fn an_adapter_is_named_by_its_answer_to_list_identity() {
     let to = SocketAddrV4::new(Ipv4Addr::new(10, 0, 0, 1), 50_000);
     let mut seen = SeenStations::default();
     seen.read(&packet((ROBOT, PLC), Payload::Udp { from, to, data }));
-    let found = seen.traits_of(EndAddress::Ip(ROBOT_IP), None);
+    let found = seen.traits_of(EndAddress::Ip(ROBOT_IP), None, None);
     assert_eq!(found.name, some("IRC"));
     let expected = "vendor 0x0058, device type 0x2B, product code 2, revision 3.4, serial number 0x12345678";
     assert_eq!(found.identity, some(expected));

@@ -1,6 +1,6 @@
 //! A measurement of a cell on the stand of its mode, from the run directory to the last file in it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::SystemTime;
 
 use ::node::token::ControlToken;
@@ -8,8 +8,7 @@ use planning::PlannedCell;
 use setup::Cell;
 
 use super::super::alone::add_alone;
-use super::super::measurement::NO_ROWS;
-use super::super::{Capture, RunOptions, RunPart};
+use super::super::{Capture, RunOptions, RunPart, live_view};
 use super::session::{CellEnded, CellSession, Judge};
 use crate::COMMIT;
 use records::cell_directory::CellDirectory;
@@ -22,9 +21,9 @@ use records::results::Status;
 use records::run_directory::{self, Durability};
 use records::schedule::Schedule;
 use records::trace::CellTrace;
-use report::live::{About, AboutArms, Live, Reserved, SavedRun};
+use report::cell_files;
+use report::live::{AboutArms, Live, Reserved, SavedRun};
 use report::progress::Progress;
-use report::{cell_files, errln};
 use stands::cell_stand::{CellConfig, CellFinished, CellStand};
 use stands::planned_station::PlannedStation;
 #[cfg(all(feature = "real", target_os = "linux"))]
@@ -68,7 +67,12 @@ impl CellMeasurement<'_> {
             directory: CellDirectory::create(&path, cell, &self.texts, durability)?,
             exports: options.exports.clone().of_run(host::date(started)),
             progress: Progress::start(schedule, options.quiet),
-            live: address.map(|address| self.serve(address, &path, &results.application)).transpose()?,
+            live: address
+                .map(|address| {
+                    let arms = AboutArms::Several(cell, &self.planned, &results.application);
+                    live_view::start(address, arms, schedule, options, &path)
+                })
+                .transpose()?,
         };
         let host = Host::read(started, COMMIT);
         session.write_host(&host)?;
@@ -99,21 +103,6 @@ impl CellMeasurement<'_> {
             ended.and_failure(error, Exit::Internal);
         }
         Ok((ended, path))
-    }
-
-    /// Starts the live view of a run in `directory`, and prints its address.
-    fn serve(&self, address: Reserved, directory: &Path, application: &str) -> Result<Live, Failure> {
-        let about = About {
-            arms: AboutArms::Several(&self.cell, &self.planned, application),
-            types: &self.schedule.types,
-            reps: self.schedule.reps,
-            no_rows: self.options.attach.as_ref().map(|_| NO_ROWS),
-        };
-        let rows = self.options.attach.is_none().then_some(directory);
-        let live = Live::start(address, &about, rows)?;
-        // Even with `--quiet`: without the address the user cannot find the page.
-        errln!("Live at http://{}/", live.address());
-        Ok(live)
     }
 
     /// Executes the schedule on a stand, from its start to its end.

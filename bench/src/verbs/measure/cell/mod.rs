@@ -48,7 +48,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
     check_outputs(options, &found)?;
     let faults = flat(&options.fault);
     check_faults(&faults, &cell, options.mode)?;
-    let live = options.live.map(|address| super::reserve(address, options.mode)).transpose()?;
+    let live = options.live.map(|address| super::live_view::reserve(address, options.mode)).transpose()?;
     let mut token = None;
     if let Some(attach) = &options.attach {
         super::check_attach(options)?;

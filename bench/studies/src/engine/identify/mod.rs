@@ -138,7 +138,7 @@ impl Identification {
         let paper = paper.ok_or("Not compared with the paper: its Table 2 has no figures for this setup.")?;
         if plan.file.study.reps != REPETITIONS {
             return Err(format!(
-                "Not compared with the paper: a job has {} repetitions, and the paper measured {REPETITIONS}; set `reps = {REPETITIONS}`.",
+                "Not compared with the paper: a job has {} repetitions, and the paper measured {REPETITIONS}; set reps = {REPETITIONS}.",
                 plan.file.study.reps
             ));
         }

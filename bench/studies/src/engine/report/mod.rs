@@ -26,6 +26,7 @@ use super::merge::check_same_study;
 use super::observations::Observations;
 use super::plan::StudyPlan;
 use super::status::shards;
+use crate::outputs;
 use effects::KeyEffects;
 
 /// Version of the report's JSON.
@@ -80,7 +81,7 @@ pub(super) fn run(directory: &Path) -> Result<Exit, Failure> {
     let directories: Vec<PathBuf> = shards.iter().map(|(path, _)| path.clone()).collect();
     let observations = Observations::read(&plan, &directories).map_err(usage)?;
     let report = StudyReport::of(&plan, manifest, &observations);
-    let json = serde_json::to_string_pretty(&report).map_err(anyhow::Error::from)? + "\n";
+    let json = outputs::json(&report)?;
     replace(&directory.join(JSON), &json, Durability::Written).map_err(of_host)?;
     replace(&directory.join(PAGE), &page::page(&report)?, Durability::Written).map_err(of_host)?;
     for sentence in page::sentences(&report) {

@@ -283,10 +283,22 @@ fn predicted_table(variant: &ModelVariant) -> PageTable {
 }
 
 fn with_margin(value: &WithMargin) -> String {
-    match value.margin {
-        Some(margin) => format!("{} ± {}", number(value.value), number(margin)),
-        None => number(value.value),
+    let Some(margin) = value.margin else { return number(value.value) };
+    // Both have the same form, so that they can be compared.
+    if value.value.abs() < 1.0 && (is_tiny(value.value) || is_tiny(margin)) {
+        return format!("{} ± {}", in_powers(value.value), in_powers(margin));
     }
+    format!("{} ± {}", number(value.value), number(margin))
+}
+
+/// Returns whether three decimal places show too few digits of a number.
+fn is_tiny(value: f64) -> bool {
+    value != 0.0 && value.abs() < 0.001
+}
+
+/// Formats a number as a power of ten with two digits.
+fn in_powers(value: f64) -> String {
+    if value == 0.0 { "0".to_owned() } else { format!("{value:.1e}").replace('-', "−") }
 }
 
 /// Formats a number with four digits, or as a whole one.
@@ -301,7 +313,5 @@ fn number(value: f64) -> String {
     } else {
         3
     };
-    let text = format!("{value:.places$}").replace('-', "−");
-    let is_tiny = size > 0.0 && size < 0.001;
-    if is_tiny { format!("{value:.1e}").replace('-', "−") } else { text }
+    if is_tiny(value) { in_powers(value) } else { format!("{value:.places$}").replace('-', "−") }
 }
