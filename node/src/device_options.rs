@@ -82,9 +82,7 @@ impl ChoiceOptions {
     pub fn to_choice(&self) -> anyhow::Result<DeviceChoice> {
         let of_file = match &self.config {
             Some(path) => {
-                let text =
-                    String::from_utf8(read_bytes(path)?).with_context(|| format!("{}", path.display()))?;
-                DeviceChoice::from_toml(&text).with_context(|| format!("{}", path.display()))?
+                DeviceChoice::from_toml(&read_text(path)?).with_context(|| path.display().to_string())?
             }
             None => DeviceChoice::default(),
         };
@@ -109,12 +107,31 @@ pub fn read_device_file(path: &Path) -> anyhow::Result<DeviceFile> {
     Ok(device_files::read(&path.display().to_string(), read_bytes(path)?)?)
 }
 
-/// Reads a file of at most the bytes that a reader accepts.
+/// A file that is not text.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error("{file}: byte {at} is not UTF-8; save the file as UTF-8 text")]
+pub struct NotText {
+    /// The file.
+    pub file: String,
+    /// Number of the first byte that is not, from 0.
+    pub at: usize,
+}
+
+/// Reads a text file: a choice or a script.
 ///
 /// # Errors
 ///
-/// It cannot be read.
-pub fn read_bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
+/// It cannot be read, or is not UTF-8 ([`NotText`]).
+pub fn read_text(path: &Path) -> anyhow::Result<String> {
+    let text = String::from_utf8(read_bytes(path)?);
+    Ok(text.map_err(|error| NotText {
+        file: path.display().to_string(),
+        at: error.utf8_error().valid_up_to(),
+    })?)
+}
+
+/// Reads a file of at most the bytes that a reader accepts.
+fn read_bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
     setup::read_plain_file(path, MOST_BYTES as u64).with_context(|| format!("cannot read {}", path.display()))
 }
 
@@ -125,5 +142,6 @@ pub fn is_usage(error: &anyhow::Error) -> bool {
     error.is::<ReadError>()
         || error.is::<ChoiceError>()
         || error.is::<ChoiceFileError>()
+        || error.is::<NotText>()
         || missing.is_some_and(|error| error.kind() == io::ErrorKind::NotFound)
 }

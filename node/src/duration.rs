@@ -2,6 +2,15 @@
 
 use machine::Duration;
 
+/// Parses the time of an option.
+///
+/// # Errors
+///
+/// The text does not give a time with its unit.
+pub fn duration_argument(text: &str) -> Result<Duration, String> {
+    parse_duration(text).ok_or_else(|| "must be a time such as 30s or 500ms".to_owned())
+}
+
 /// Parses a time with its unit, such as 100us, 2.5ms or 2s, up to a day.
 #[must_use]
 pub fn parse_duration(text: &str) -> Option<Duration> {

@@ -68,7 +68,7 @@ mod version;
 pub use control::{ControlError, ControlPort};
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use cyclic_task::CyclicTask;
-pub use duration::parse_duration;
+pub use duration::{duration_argument, parse_duration};
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use inbox::{Commands, Inbox};
 #[cfg(all(feature = "real", target_os = "linux"))]

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use node::Outcome;
 use node::device_options::{self, read_device_file};
 use node::errln;
-use plc_export::{Application, Maker, br};
+use plc_export::{Application, ExportError, Maker, br};
 use setup::{BusKind, Refill};
 
 use crate::PlcConfig;
@@ -47,8 +47,18 @@ enum Check {
 
 /// Returns true for an error that another robot's file corrects.
 pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
-    error.is::<UnfitRobotFile>() || device_options::is_usage(error)
+    error.is::<UnfitRobotFile>()
+        || error.is::<RefillsByAccepted>()
+        || error.downcast_ref::<ExportError>().is_some_and(ExportError::is_usage)
+        || device_options::is_usage(error)
 }
+
+/// A setup whose PLC refills slots by another count than the exported code.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "plc.refill = \"accepted\": exported code refills slots by `executed` only; set it to \"executed\", or leave it out"
+)]
+struct RefillsByAccepted;
 
 /// What to export.
 #[derive(clap::Args, Debug)]
@@ -83,9 +93,7 @@ impl ExportCommand {
         let maker = Maker::from(self.dialect);
         let (setup, application) = planning::setup_and_application(&self.setup, self.application.as_deref())?;
         if setup.plc.refills_by() == Refill::Accepted {
-            anyhow::bail!(
-                "plc.refill = \"accepted\": exported code refills slots by `executed` only; set it to \"executed\", or leave it out"
-            );
+            return Err(RefillsByAccepted.into());
         }
         let plan = application.plan(&setup)?;
         application.reach(&plan, &setup)?;

@@ -1,12 +1,10 @@
 //! Modules or connections of a robot's device file that carry the process image: 256 bytes each way.
 
-use std::fmt;
-
 use device_files::{AccessPoint, ConnectionUse, DeviceFile, Eds, Gsdml, GsdmlModule, Placement};
 use protocol::image::IMAGE_LEN;
 use setup::BusKind;
 
-use crate::printable::printable;
+use crate::printable::FileText;
 
 /// Most ways that are listed: a catalogue may have hundreds of modules that fit.
 const MOST_LISTED: usize = 20;
@@ -49,32 +47,18 @@ pub(crate) enum UnfitRobotFile {
     },
 }
 
-/// Text of a file in one line.
-struct Plain<'a>(&'a str);
-
-impl fmt::Display for Plain<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let line = self.0.split_whitespace().collect::<Vec<_>>().join(" ");
-        f.write_str(&printable(line.as_bytes()))
-    }
-}
-
 /// Returns what to plug or to choose in the engineering project, one way a line.
 ///
 /// # Errors
 ///
 /// The file is of another bus, or nothing in it carries the image.
 pub(crate) fn ways_to_plug(file: &DeviceFile, bus: &BusKind) -> Result<Vec<String>, UnfitRobotFile> {
-    let wanted = bus.name();
-    let found = match (file, bus) {
-        (DeviceFile::Gsdml(gsdml), BusKind::Profinet(..)) => return of_gsdml(gsdml).map(listed),
-        (DeviceFile::Eds(eds), BusKind::EthernetIp(..)) => return of_eds(eds).map(listed),
-        (DeviceFile::Esi(_), BusKind::Ethercat(_)) => return Err(UnfitRobotFile::Esi),
-        (DeviceFile::Gsdml(_), _) => "PROFINET",
-        (DeviceFile::Eds(_), _) => "EtherNet/IP",
-        (DeviceFile::Esi(_), _) => "EtherCAT",
-    };
-    Err(UnfitRobotFile::OtherBus { found, wanted })
+    match (file, bus) {
+        (DeviceFile::Gsdml(gsdml), BusKind::Profinet(..)) => of_gsdml(gsdml).map(listed),
+        (DeviceFile::Eds(eds), BusKind::EthernetIp(..)) => of_eds(eds).map(listed),
+        (DeviceFile::Esi(_), BusKind::Ethercat(_)) => Err(UnfitRobotFile::Esi),
+        _ => Err(UnfitRobotFile::OtherBus { found: file.bus(), wanted: bus.name() }),
+    }
 }
 
 fn listed(mut ways: Vec<String>) -> Vec<String> {
@@ -119,7 +103,7 @@ fn carrying(gsdml: &Gsdml, module: &GsdmlModule, slots: &str) -> Vec<CarryingSub
             outputs: submodule.outputs.length,
             names: format!(
                 "`{}` (module 0x{:08X}, submodule 0x{:08X}{subslot})",
-                Plain(&module.name),
+                FileText(&module.name),
                 module.ident,
                 submodule.ident
             ),
@@ -142,7 +126,7 @@ fn of_gsdml(gsdml: &Gsdml) -> Result<Vec<String>, UnfitRobotFile> {
         if exceeds(point) {
             continue;
         }
-        let name = Plain(&point.module.name);
+        let name = FileText(&point.module.name);
         ways.extend(ways_of(&all).into_iter().map(|way| format!("{name}: {way}")));
     }
     if ways.is_empty() { Err(UnfitRobotFile::ShortModules { inputs, outputs }) } else { Ok(ways) }
@@ -194,8 +178,8 @@ fn of_eds(eds: &Eds) -> Result<Vec<String>, UnfitRobotFile> {
             ways.push(format!(
                 "connection {} `{}`, path {}: {} bytes from and {} to the robot",
                 connection.number,
-                Plain(&connection.name),
-                Plain(&connection.path),
+                FileText(&connection.name),
+                FileText(&connection.path),
                 bytes(from),
                 bytes(to)
             ));

@@ -132,6 +132,11 @@ impl Sequence {
         }
     }
 
+    /// Returns whether the robot's stored program runs.
+    pub(crate) fn is_rc(&self) -> bool {
+        self.execution_type == ExecutionType::Rc
+    }
+
     /// Has CM refill slots by this count of the robot.
     pub(crate) const fn refilled_by(mut self, refill: Refill) -> Self {
         self.blocks.move_continuous = self.blocks.move_continuous.refilled_by(refill);
@@ -167,7 +172,7 @@ impl Sequence {
     pub(crate) fn executed(&self) -> u32 {
         let executed = self.step.saturating_add(self.current.executed);
         // Whatever a robot counts, a section ends where it ends.
-        let is_in_section = self.is_in_sections && self.is_called && self.execution_type == ExecutionType::Rc;
+        let is_in_section = self.is_in_sections && self.is_called && self.is_rc();
         if is_in_section { executed.min(self.section_end) } else { executed }
     }
 

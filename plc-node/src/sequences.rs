@@ -56,7 +56,6 @@ struct Part {
     stops_of_rc: Vec<Stop>,
     waits: Vec<WaitAt>,
     outputs: MarkOutputs,
-    is_rc: bool,
     /// Marks that were passed in this run.
     passed: usize,
     /// Marks that the arm came to in this run; its capacity is taken at the start.
@@ -85,7 +84,6 @@ impl Part {
             turns: ZoneTurns::new(visits, &stops, zones),
             stops_of_rc: stops.iter().filter(|stop| !meets(stop)).copied().collect(),
             outputs: MarkOutputs::of(&waits),
-            is_rc: true,
             sequence: Sequence::new(ExecutionType::Rc, program, queue_depth),
             program,
             queue_depth,
@@ -104,7 +102,6 @@ impl Part {
         let sequence = Sequence::new(execution_type, self.program, self.queue_depth).refilled_by(self.refill);
         let is_whole = self.waits.iter().all(|wait| wait.signal.is_some()) && !self.turns.has_visits();
         self.sequence = if is_whole { sequence } else { sequence.in_sections() };
-        self.is_rc = execution_type == ExecutionType::Rc;
         self.outputs.begin();
         self.turns.begin();
         self.motions.restart();
@@ -127,7 +124,7 @@ impl Part {
 
     /// Returns the outputs by which the stored program of this run meets others at a mark.
     fn signal_at(&self, wait: &WaitAt) -> Option<MarkSignal> {
-        wait.signal.filter(|_| self.is_rc)
+        wait.signal.filter(|_| self.sequence.is_rc())
     }
 
     /// Returns the mark at which the arm stands and waits.
@@ -346,7 +343,7 @@ impl PlcProgram for Sequences {
                 continue;
             }
             let reach = part.reach();
-            let stops = if part.is_rc { &part.stops_of_rc } else { &part.stops };
+            let stops = if part.sequence.is_rc() { &part.stops_of_rc } else { &part.stops };
             match part.sequence.scan(now, &mut part.motions, stops, reach, station.group_mut()) {
                 progress @ (SkillProgress::Running | SkillProgress::Done) => {
                     let is_done = progress == SkillProgress::Done;

@@ -1,4 +1,4 @@
-//! `plc-node describe`: what goes to which stream, and how a refused file ends.
+//! `plc-node describe` and files of `plc-node io`: what goes to which stream, and how a refused file ends.
 
 #![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
 
@@ -33,4 +33,23 @@ fn a_file_that_is_refused_prints_the_reason_alone() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.contains("a.eds:0: file: an EDS of CANopen; expected one of EtherNet/IP"), "{said}");
     assert_eq!(describe(&["no-such-file.xml"]).status.code(), Some(2));
+}
+
+#[test]
+fn a_script_or_choice_that_is_not_text_ends_with_the_exit_code_of_usage_and_its_byte() {
+    let directory = tempfile::tempdir().unwrap();
+    let (name, text) = devices::files().into_iter().find(|(name, _)| name.ends_with(".eds")).unwrap();
+    let [device, other] = [name.as_str(), "other.toml"].map(|name| directory.path().join(name));
+    std::fs::write(&device, text).unwrap();
+    std::fs::write(&other, b"# \xE9").unwrap();
+    for option in ["--script", "--config"] {
+        let output = Command::new(env!("CARGO_BIN_EXE_plc-node"))
+            .args(["io", "--interface", "lo", "--at", "127.0.0.1", "--device"])
+            .args([device.as_path(), option.as_ref(), &other])
+            .output()
+            .unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains("other.toml: byte 2 is not UTF-8; save the file as UTF-8 text"), "{said}");
+        assert_eq!(output.status.code(), Some(2), "{said}");
+    }
 }

@@ -54,6 +54,32 @@ fn the_modules_to_plug_are_printed_where_a_module_carries_the_image() {
 }
 
 #[test]
+fn what_the_user_corrects_ends_with_the_exit_code_of_usage_and_writes_nothing() {
+    let place = tempfile::tempdir().unwrap();
+    let filled = place.path().join("filled");
+    std::fs::create_dir(&filled).unwrap();
+    std::fs::write(filled.join("a"), "").unwrap();
+    let new = place.path().join("kit");
+    for (out, options, reason) in [
+        (&new, ["--for", "twincat"], "possible values: st, siemens, codesys, br"),
+        (&new, ["--application", "nothing"], "nothing"),
+        (&new, ["--memory", "1"], "the PLC's memory holds at most"),
+        (&filled, ["--setup", "A"], "not empty; name a new or an empty directory"),
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_plc-node"));
+        command.args(["export", "--out"]).arg(out).args(options);
+        if options[0] != "--for" {
+            command.args(["--for", "st"]);
+        }
+        let output = command.output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains(reason), "{options:?}: {said}");
+        assert_eq!(output.status.code(), Some(2), "{options:?}: {said}");
+        assert_eq!(std::fs::read_dir(place.path()).unwrap().count(), 1, "{options:?}");
+    }
+}
+
+#[test]
 fn a_pair_of_modules_carries_the_image_where_no_module_has_both_directions() {
     let place = tempfile::tempdir().unwrap();
     let (name, text) = file_of("GSDML");

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use node::Outcome;
 use node::errln;
-use robot_export::{Maker, RobotApplication};
+use robot_export::{ExportError, Maker, RobotApplication};
 
 /// A maker's language.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
@@ -13,6 +13,11 @@ enum Language {
     Kuka,
     /// RAPID, for IRC5 and OmniCore.
     Abb,
+}
+
+/// Returns true for an error that the user corrects in application or options.
+pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<ExportError>().is_some_and(ExportError::is_usage)
 }
 
 /// The export.

@@ -29,7 +29,7 @@ use setup::BusKind;
 
 use crate::controller::Ending;
 use crate::emulate::{self, EmulateCommand};
-use crate::export_command::ExportCommand;
+use crate::export_command::{self, ExportCommand};
 use crate::{
     Account, ConfigError, Disturbance, ImageFault, Program, Quality, RobotConfig, RobotEvent, RobotInLine,
     RobotNode, Sample, StartOutOfReach, WaitingFor, bus,
@@ -169,7 +169,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let run = match cli.command {
         Subcommand::Run(run) => run,
         Subcommand::Emulate(emulate) => return node::exit_code(emulate.execute(), emulate::is_usage),
-        Subcommand::Export(export) => return node::exit_code(export.execute(), |_| false),
+        Subcommand::Export(export) => return node::exit_code(export.execute(), export_command::is_usage),
     };
     let is_usage = |error: &anyhow::Error| {
         error.is::<ConfigError>() || error.is::<StartOutOfReach>() || error.is::<StationFileError>()

@@ -42,7 +42,7 @@ fn an_export_goes_into_a_new_or_an_empty_directory_and_two_are_equal() {
         assert_eq!(written, contents(&empty));
         let (code, message) = export(&["--for", maker, "--setup", "A"], &new);
         assert!(
-            code != Some(0) && message.contains("not empty; name a new or an empty directory"),
+            code == Some(2) && message.contains("not empty; name a new or an empty directory"),
             "{message}"
         );
         assert_eq!(written, contents(&new), "the files of before are left alone");
@@ -70,7 +70,7 @@ fn what_cannot_be_exported_is_refused_in_words_and_nothing_is_written() {
         ),
     ] {
         let (code, message) = export(options, &out);
-        assert!(code != Some(0), "{options:?} is not refused");
+        assert_eq!(code, Some(2), "{options:?}: {message}");
         for reason in reasons {
             assert!(message.contains(reason), "{options:?}: {message}");
         }

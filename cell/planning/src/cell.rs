@@ -11,7 +11,8 @@ use crate::application::Application;
 use crate::arms::{ArmsApplication, Mark};
 use crate::error::Error;
 use crate::load::{ARMS_APPLICATIONS, Found, application};
-use crate::mark_outputs;
+use crate::mark_outputs::{self, outputs_of_waits};
+use crate::mark_signal::{OUTPUTS, output_bit};
 use crate::motion::Motion;
 use crate::plan::Plan;
 use crate::reach::Reached;
@@ -222,13 +223,16 @@ impl FoundCell {
 /// Finds the visits of all arms in shared zones, and checks that they can take turns there. Without zones it only checks that the
 /// arms start beside each other.
 fn share_zones(cell: &Cell, stations: &mut [PlannedStation]) -> Result<(), NoTurns> {
-    check_starts(cell, stations)?;
+    let volume =
+        |(planned, station): (&PlannedStation, &Station)| ArmVolume::new(cell, station, &planned.tools());
+    let volumes: Vec<_> = stations.iter().zip(&cell.stations).map(volume).collect();
+    check_starts(stations, &volumes)?;
     if cell.shared_zones.is_empty() {
         return Ok(());
     }
-    for (planned, station) in stations.iter_mut().zip(&cell.stations) {
-        // The check of the setup has found the radius, and planning the arm.
-        let Some(volume) = ArmVolume::new(cell, station, &planned.tools()) else { continue };
+    for (planned, volume) in stations.iter_mut().zip(volumes) {
+        // The check of the setup has found a radius of each arm, and planning the arm.
+        let Some(volume) = volume else { continue };
         let start = planned.reached.start;
         // With its joints the way there is known, wherever the arm comes from.
         if let Some(motion) = &mut planned.plan.to_start.from_anywhere {
@@ -245,16 +249,10 @@ fn share_zones(cell: &Cell, stations: &mut [PlannedStation]) -> Result<(), NoTur
     shared_zone::check_turns(&arms, &zones)
 }
 
-/// Checks that no two arms are in each other at their starts. An arm whose setup gives no radius counts as
-/// a line.
-fn check_starts(cell: &Cell, stations: &[PlannedStation]) -> Result<(), NoTurns> {
-    let volume = |(planned, station): (&PlannedStation, &Station)| {
-        let radius_mm = station.robot.link_radius_mm.as_ref().map_or(0.0, |radius| radius.value);
-        ArmVolume::with_radius(cell, station, &planned.tools(), radius_mm)
-    };
-    let volumes: Vec<_> = stations.iter().zip(&cell.stations).map(volume).collect();
+/// Checks that no two arms are in each other at their starts.
+fn check_starts(stations: &[PlannedStation], volumes: &[Option<ArmVolume>]) -> Result<(), NoTurns> {
     let placed: Vec<_> =
-        stations.iter().zip(&volumes).filter_map(|(it, volume)| Some((it, volume.as_ref()?))).collect();
+        stations.iter().zip(volumes).filter_map(|(it, volume)| Some((it, volume.as_ref()?))).collect();
     for (index, (station, volume)) in placed.iter().enumerate() {
         for (other, others) in placed.iter().take(index) {
             let distance_mm = volume.distance_mm(&station.reached.start, others, &other.reached.start);
@@ -321,11 +319,9 @@ impl PlannedCell {
     /// Says by which outputs the stored programs of RC meet.
     fn show_signals(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let of_station = |station: &PlannedStation| {
-            let signals = station.plan.waits.iter().filter_map(|wait| wait.signal);
-            let mut outputs: Vec<u8> = signals.map(|signal| signal.output).collect();
-            outputs.sort_unstable();
-            outputs.dedup();
-            let outputs: Vec<_> = outputs.iter().map(ToString::to_string).collect();
+            let bits = outputs_of_waits(&station.plan.waits);
+            let outputs = (0..OUTPUTS).filter(|output| bits & output_bit(*output) != 0);
+            let outputs: Vec<_> = outputs.map(|output| output.to_string()).collect();
             (!outputs.is_empty()).then(|| format!("{} {}", station.name, outputs.join(" and ")))
         };
         let listed: Vec<_> = self.stations.iter().filter_map(of_station).collect();

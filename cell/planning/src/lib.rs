@@ -67,7 +67,7 @@ pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
 pub use load::{
     APPLICATIONS, ARMS_APPLICATIONS, Found, application, setup_and_application, setup_with_application,
 };
-pub use mark_outputs::assign_mark_signals;
+pub use mark_outputs::{assign_mark_signals, outputs_of_waits};
 pub use mark_signal::MarkSignal;
 pub use meeting::NoMeeting;
 pub use motion::{Motion, Role};

@@ -5,11 +5,8 @@
 //! the second mark the second one, at the third it clears the first one, and so on. It goes on once the others' outputs of that mark are
 //! as its own. So an output changes again only after all have passed the mark, and no arm takes an old state for a new one.
 
-use crate::mark_signal::MarkSignal;
+use crate::mark_signal::{MarkSignal, OUTPUTS, output_bit};
 use crate::plan::{Plan, WaitAt};
-
-/// Digital outputs of an image.
-const OUTPUTS: u8 = 16;
 
 /// Outputs of an arm in a group: each mark uses the one that the mark before did not use.
 const IN_TURN: usize = 2;
@@ -18,7 +15,7 @@ const IN_TURN: usize = 2;
 /// them no wait gets one; returns whether all have one.
 pub fn assign_mark_signals(arms: &mut [&mut [WaitAt]], taken: u16) -> bool {
     let groups = groups(arms);
-    let mut free = (0..OUTPUTS).rev().filter(|output| taken & 1 << output == 0);
+    let mut free = (0..OUTPUTS).rev().filter(|output| taken & output_bit(*output) == 0);
     let mut outputs: Vec<Vec<[u8; IN_TURN]>> = Vec::with_capacity(groups.len());
     for group in &groups {
         let mut of_group = Vec::with_capacity(group.len());
@@ -43,7 +40,7 @@ pub fn assign_mark_signals(arms: &mut [&mut [WaitAt]], taken: u16) -> bool {
                 if *member == arm {
                     signal.output = *output;
                 } else {
-                    signal.inputs |= 1 << output;
+                    signal.inputs |= output_bit(*output);
                 }
             }
             wait.signal = Some(signal);
@@ -62,9 +59,15 @@ pub(crate) fn assign(plans: &mut [&mut Plan]) {
         return;
     }
     let actions = plans.iter().flat_map(|plan| &plan.continuous).filter_map(|it| it.then.as_ref());
-    let taken = actions.fold(0, |taken, action| taken | 1_u16.checked_shl(action.output.into()).unwrap_or(0));
+    let taken = actions.fold(0, |taken, action| taken | output_bit(action.output));
     let mut waits: Vec<&mut [WaitAt]> = plans.iter_mut().map(|plan| plan.waits.as_mut_slice()).collect();
     assign_mark_signals(&mut waits, taken);
+}
+
+/// Returns the outputs by which an arm with these waits meets others, as bits.
+#[must_use]
+pub fn outputs_of_waits(waits: &[WaitAt]) -> u16 {
+    waits.iter().filter_map(|wait| wait.signal).fold(0, |outputs, signal| outputs | signal.mask())
 }
 
 /// Returns the arms that have a mark.

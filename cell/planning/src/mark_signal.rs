@@ -1,5 +1,16 @@
 //! The digital signal by which a stored program meets others at a mark.
 
+/// Digital outputs of an image.
+pub(crate) const OUTPUTS: u8 = 16;
+
+/// Returns a digital output as a bit; none for one that the image does not have.
+pub(crate) const fn output_bit(output: u8) -> u16 {
+    match 1_u16.checked_shl(output as u32) {
+        Some(bit) => bit,
+        None => 0,
+    }
+}
+
 /// Action of a stored program at a mark: it switches an output of its robot, and waits for inputs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct MarkSignal {
@@ -15,10 +26,7 @@ impl MarkSignal {
     /// Returns the output as a bit.
     #[must_use]
     pub const fn mask(self) -> u16 {
-        match 1_u16.checked_shl(self.output as u32) {
-            Some(bit) => bit,
-            None => 0,
-        }
+        output_bit(self.output)
     }
 
     /// Switches the output in `outputs` and returns the result.

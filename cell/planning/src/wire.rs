@@ -6,7 +6,8 @@ use core::time::Duration;
 use protocol::image;
 use setup::Setup;
 
-use crate::mark_signal::MarkSignal;
+use crate::mark_outputs::outputs_of_waits;
+use crate::mark_signal::{MarkSignal, output_bit};
 use crate::motion::Motion;
 use crate::plan::{Continuous, Plan, ToStart};
 
@@ -62,10 +63,7 @@ impl Switch {
     /// Applies the change to `outputs` and returns the result.
     #[must_use]
     pub const fn applied_to(self, outputs: u16) -> u16 {
-        let bit = match 1_u16.checked_shl(self.output as u32) {
-            Some(bit) => bit,
-            None => 0,
-        };
+        let bit = output_bit(self.output);
         if self.set { outputs | bit } else { outputs & !bit }
     }
 }
@@ -91,6 +89,7 @@ impl Plan {
     pub fn sections(&self) -> Vec<ProgramSection> {
         let waits = self.waits.iter().filter(|wait| wait.signal.is_none()).map(|wait| wait.after);
         let mut sections = self.sections_to(waits);
+        let stops = self.stops();
         for wait in &self.waits {
             let Some(signal) = wait.signal else { continue };
             // The mark before the first motion is part of the first program.
@@ -98,14 +97,13 @@ impl Plan {
             let Some(section) = sections.iter_mut().find(is_in) else { continue };
             let after = u32::try_from(wait.after - section.motions.start.min(wait.after)).unwrap_or(u32::MAX);
             section.meetings.push(Meeting { after, after_action: wait.after_action, signal });
-            let at_end = self.stops().into_iter().find(|stop| usize::try_from(stop.after) == Ok(wait.after));
+            let at_end = stops.iter().copied().find(|stop| usize::try_from(stop.after) == Ok(wait.after));
             if let Some(stop) = at_end.filter(|_| section.stops.iter().all(|stop| stop.after < after)) {
                 section.stops.push(Stop { after, ..stop });
             }
         }
-        let clears = self.waits.iter().filter_map(|wait| wait.signal);
         if let Some(first) = sections.first_mut() {
-            first.clears = clears.fold(0, |all, signal| all | signal.mask());
+            first.clears = outputs_of_waits(&self.waits);
         }
         sections
     }

@@ -39,6 +39,14 @@ pub enum ExportError {
     },
 }
 
+impl ExportError {
+    /// Returns true for an error that another application, setup or directory corrects.
+    #[must_use]
+    pub const fn is_usage(&self) -> bool {
+        matches!(self, Self::Refused(_) | Self::NotEmpty(_))
+    }
+}
+
 /// Returns the files for a maker's PLC, with the vectors that its code has to answer.
 ///
 /// # Errors

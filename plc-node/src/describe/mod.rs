@@ -13,7 +13,7 @@ use node::device_options::read_device_file;
 use node::errln;
 use node::output::to_stdout;
 
-use crate::printable::printable;
+use crate::printable::{FileText, printable};
 
 /// A device file.
 #[derive(clap::Args, Debug)]
@@ -65,16 +65,6 @@ fn listing(device: &DeviceFile) -> String {
         DeviceFile::Esi(esi) => esi::list(&mut text, esi),
     };
     text
-}
-
-/// Text of a file, as a terminal may show it: in one line and without control characters.
-struct FileText<'a>(&'a str);
-
-impl fmt::Display for FileText<'_> {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let line = self.0.split_whitespace().collect::<Vec<_>>().join(" ");
-        formatter.pad(&printable(line.as_bytes()))
-    }
 }
 
 /// Bytes as hexadecimal digits; long ones end with their number.

@@ -13,7 +13,6 @@ use machine::{Duration, Instant, Machine, PortRequest};
 use node::Outcome;
 use node::errln;
 use node::output::to_stdout;
-use profinet::RecordReader;
 use protocol::search::Search;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
@@ -189,22 +188,12 @@ fn ethernet_ip_search(interface: &Interface, length: Duration) -> anyhow::Result
 /// Waits for the search to end.
 struct UntilEnd;
 
-impl Owner<Search> for UntilEnd {
-    fn wake(&mut self, _: Instant, _: &mut Search, _: &Statistics) -> ControlFlow<()> {
+impl<M: Machine<Event = SearchEnded>> Owner<M> for UntilEnd {
+    fn wake(&mut self, _: Instant, _: &mut M, _: &Statistics) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
 
-    fn event(&mut self, _: Instant, _: &mut Search, _: SearchEnded) -> ControlFlow<()> {
-        ControlFlow::Break(())
-    }
-}
-
-impl Owner<RecordReader> for UntilEnd {
-    fn wake(&mut self, _: Instant, _: &mut RecordReader, _: &Statistics) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-
-    fn event(&mut self, _: Instant, _: &mut RecordReader, _: SearchEnded) -> ControlFlow<()> {
+    fn event(&mut self, _: Instant, _: &mut M, _: SearchEnded) -> ControlFlow<()> {
         ControlFlow::Break(())
     }
 }

@@ -6,6 +6,7 @@
     reason = "this is the process that drives a device, with its threads and the file of its record"
 )]
 
+mod answers;
 mod owner;
 mod report;
 mod target;
@@ -16,11 +17,11 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::Context as _;
-use device_files::{ChosenDevice, DeviceFile, choose};
+use device_files::{ChosenDevice, choose};
 use driven_device::{DriveConfig, DriveError, DrivenDevice, OutputScript};
 use machine::Duration;
 use node::Outcome;
-use node::device_options::{ChoiceOptions, is_usage as is_of_file, read_bytes, read_device_file};
+use node::device_options::{ChoiceOptions, is_usage as is_of_file, read_device_file, read_text};
 use node::errln;
 use node::output::to_stdout;
 use protocol_linux::{Driver, Interface, Notifier, clock};
@@ -53,7 +54,7 @@ pub struct IoCommand {
     /// Outputs over time, a TOML file.
     #[arg(long, value_name = "FILE.toml")]
     script: Option<PathBuf>,
-    /// Start the outputs at once. Without it they are 0 and marked as such, until `run` on standard input.
+    /// Run the outputs from the start. Without it the device gets zeros, marked as not valid, until the line `run` on standard input.
     #[arg(long)]
     run: bool,
     /// Read a parameter by its name. Repeat it for each.
@@ -63,13 +64,13 @@ pub struct IoCommand {
     #[arg(long = "write", value_name = "NAME=VALUE", value_parser = assignment)]
     writes: Vec<(String, String)>,
     /// The interval of the cyclic data; without it, that of the file.
-    #[arg(long, value_name = "TIME", value_parser = time)]
+    #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
     interval: Option<Duration>,
     /// Write each event to this file too, as JSON, one per line.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// End after this time.
-    #[arg(long = "for", value_name = "TIME", value_parser = time)]
+    #[arg(long = "for", value_name = "TIME", value_parser = node::duration_argument)]
     length: Option<Duration>,
     /// Print events as JSON, one per line.
     #[arg(long)]
@@ -84,10 +85,6 @@ Examples:
 
 Standard input takes `run`, `stop`, `set NAME=VALUE`, `read NAME` and `write NAME=VALUE`, one per line.
 Exit codes: 4 if the device differs from the file or refuses, or the connection is lost at the end; 5 if it does not answer.";
-
-fn time(text: &str) -> Result<Duration, String> {
-    node::parse_duration(text).ok_or_else(|| "must be a time such as 30s or 500ms".to_owned())
-}
 
 fn assignment(text: &str) -> Result<(String, String), String> {
     let (name, value) = text.split_once('=').ok_or("must be NAME=VALUE")?;
@@ -112,8 +109,9 @@ impl IoCommand {
     /// File, choice, script or names fit no device, or the network cannot be used.
     pub fn execute(self) -> anyhow::Result<Outcome> {
         let file = read_device_file(&self.device)?;
+        let choice = self.choice.to_choice()?;
         if self.choice.print_config {
-            let chosen = choose(&file, &self.choice.to_choice()?)?;
+            let chosen = choose(&file, &choice)?;
             to_stdout(format_args!("{}", chosen.choice().to_toml()))?;
             return Ok(Outcome::Done);
         }
@@ -122,7 +120,7 @@ impl IoCommand {
         interface.set_up()?;
         let target = DeviceTarget::find(&file, &interface, self.at.as_deref(), self.address)?;
         let config = self.config(&interface, &target);
-        let (chosen, unknown) = target::choose_device(&file, &self.choice.to_choice()?, &interface, &config)?;
+        let (chosen, unknown) = target::choose_device(&file, &choice, &interface, &config)?;
         unknown.iter().for_each(|difference| errln!("warning: {difference}"));
         let mut device = DrivenDevice::new(file, chosen, script, &config, clock::now())?;
         for (name, value) in &self.sets {
@@ -135,8 +133,7 @@ impl IoCommand {
 
     fn read_script(&self) -> anyhow::Result<OutputScript> {
         let Some(path) = &self.script else { return Ok(OutputScript::default()) };
-        let text = String::from_utf8(read_bytes(path)?).with_context(|| path.display().to_string())?;
-        OutputScript::from_toml(&text).with_context(|| path.display().to_string())
+        OutputScript::from_toml(&read_text(path)?).with_context(|| path.display().to_string())
     }
 
     fn config(&self, interface: &Interface, target: &DeviceTarget) -> DriveConfig {
@@ -218,15 +215,6 @@ fn read_instructions(instructions: &SyncSender<IoInstruction>, refusals: &SyncSe
         if !sent {
             return;
         }
-    }
-}
-
-/// Returns the bus of a file, in words.
-fn bus_of(file: &DeviceFile) -> &'static str {
-    match file {
-        DeviceFile::Gsdml(_) => "PROFINET",
-        DeviceFile::Eds(_) => "EtherNet/IP",
-        DeviceFile::Esi(_) => "EtherCAT",
     }
 }
 

@@ -13,7 +13,7 @@ use super::report::{ConnectionFigures, MOST_INPUTS, Report};
 /// Time for the device to confirm the end of the connection.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
-/// IoInstruction from standard input.
+/// Instruction from standard input.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) enum IoInstruction {
     /// Starts or stops the outputs.

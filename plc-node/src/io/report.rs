@@ -16,7 +16,7 @@ use crate::printable::printable;
 /// Most bytes of inputs that a report carries: those of a frame.
 pub(super) const MOST_INPUTS: usize = 1500;
 
-/// ConnectionFigures of a connection.
+/// Figures of a connection from its start to its end.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ConnectionFigures {
     pub(super) counters: Counters,
@@ -96,10 +96,11 @@ impl Printer {
             Report::Refused(reason) => (json!({ "refused": reason }), format!("refused: {reason}")),
             Report::Ended(figures) => (figures.to_json(), figures.to_string()),
         };
-        self.keep(&value);
+        // Inputs that did not change, and events without words, are no lines.
         if text.is_empty() {
             return Ok(());
         }
+        self.keep(&value);
         if self.is_json { to_stdout(format_args!("{value}\n")) } else { to_stdout(format_args!("{text}\n")) }
     }
 
@@ -126,19 +127,15 @@ impl Printer {
     }
 }
 
-fn with_unit(value: &SignalValue, unit: &str) -> String {
+fn with_unit(value: &impl std::fmt::Display, unit: &str) -> String {
     if unit.is_empty() { value.to_string() } else { format!("{value} {}", printable(unit.as_bytes())) }
 }
 
 fn line(kind: &str, signal: &Signal) -> String {
-    let unit = if signal.unit.is_empty() {
-        String::new()
-    } else {
-        format!(" {}", printable(signal.unit.as_bytes()))
-    };
+    let type_name = with_unit(&signal.type_name(), &signal.unit);
     let safety = if signal.is_safety { ", safety: shown only" } else { "" };
     let name = printable(signal.name.as_bytes());
-    format!("{kind} {name}: {}{unit}{safety}\n", signal.type_name())
+    format!("{kind} {name}: {type_name}{safety}\n")
 }
 
 fn in_words(event: &DriveEvent) -> String {
@@ -212,7 +209,7 @@ impl std::fmt::Display for ConnectionFigures {
         let Self { counters, arrivals, lateness, most_late } = self;
         write!(
             f,
-            "ended: {} received, {} lost; every {:.3} ms, {:.3} to {:.3}; own frames late by {:.3} ms at 99 %, at most {:.3}",
+            "ended: {} received, {} lost; interval {:.3} ms on average, {:.3} to {:.3} ms; lateness of sent frames {:.3} ms at p99, at most {:.3} ms",
             counters.received,
             counters.lost,
             millis(arrivals.mean()),
@@ -221,5 +218,43 @@ impl std::fmt::Display for ConnectionFigures {
             millis(*lateness),
             millis(*most_late),
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_has_the_lines_that_are_printed_and_no_others() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("record.jsonl");
+        let record = Some(File::create(&path).unwrap());
+        let mut printer =
+            Printer { inputs: SignalTable::default(), shown: Vec::new(), is_json: true, record };
+        printer.print(&Report::Event(DriveEvent::Inputs)).unwrap();
+        printer.print(&Report::Inputs(ArrayVec::new())).unwrap();
+        printer.print(&Report::Event(DriveEvent::Up)).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "{\"up\":true}\n");
+    }
+
+    #[test]
+    fn the_figures_of_the_end_have_their_units() {
+        let millis = Duration::from_millis;
+        let mut arrivals = Arrivals::default();
+        (arrivals.shortest, arrivals.longest) = (millis(1), millis(3));
+        let counters = Counters { received: 12, lost: 1, ..Counters::default() };
+        let figures = ConnectionFigures {
+            counters,
+            arrivals,
+            lateness: Duration::from_micros(40),
+            most_late: millis(2),
+        };
+        let text = figures.to_string();
+        assert!(text.starts_with("ended: 12 received, 1 lost; interval "), "{text}");
+        assert!(
+            text.ends_with("1.000 to 3.000 ms; lateness of sent frames 0.040 ms at p99, at most 2.000 ms"),
+            "{text}"
+        );
     }
 }

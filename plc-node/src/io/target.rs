@@ -7,13 +7,14 @@ use device_files::{
     ChosenDevice, DeviceChoice, DeviceFile, FoundModule, Gsdml, choose, choose_found, choose_head,
 };
 use driven_device::{
-    DriveConfig, DriveEvent, DrivenDevice, MODULES_RECORD, OutputScript, SignalValue, found_modules,
+    DriveConfig, DriveEvent, DrivenDevice, MODULES_RECORD, OutputScript, ParameterAnswer, SignalValue,
+    found_modules,
 };
 use machine::{Duration, Instant};
-use profinet::FoundStation;
 use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock};
 
-use super::{Choice, bus_of};
+use super::Choice;
+use super::answers::{adapter_among, alone_at_its_address, station_among};
 use crate::discover::{find_adapters, find_stations};
 use crate::printable::printable;
 
@@ -50,6 +51,9 @@ pub(super) enum TargetError {
     /// Several stations have the name.
     #[error("{0} stations are called `{1}`: {2}; rename one of them")]
     Twins(usize, String, String),
+    /// Several devices have the address.
+    #[error("{0} devices have the address {1}: {2}; give each an address of its own")]
+    SharedAddress(usize, Ipv4Addr, String),
     /// The station has no address.
     #[error("station `{0}` has no IP address; give it one with --address")]
     NoStationAddress(String),
@@ -81,20 +85,8 @@ impl DeviceTarget {
             }
             (DeviceFile::Eds(eds), None) => {
                 let found = find_adapters(interface, SEARCH)?;
-                let is_its = |key: &ethernet_ip::cip::ElectronicKey| {
-                    (key.vendor, key.product_code) == (eds.vendor_id, eds.product_code)
-                };
-                let mut its: Vec<_> =
-                    found.iter().filter(|it| is_its(&it.identity.key)).map(|it| it.address).collect();
-                its.dedup();
-                match its.as_slice() {
-                    [only] => Ok(Self { address: Some(*only), ..Self::default() }),
-                    [] => Err(TargetError::None(bus_of(file)).into()),
-                    several => {
-                        let list: Vec<_> = several.iter().map(Ipv4Addr::to_string).collect();
-                        Err(TargetError::Several(several.len(), list.join(", ")).into())
-                    }
-                }
+                let address = adapter_among(&found, eds.vendor_id, eds.product_code)?;
+                Ok(Self { address: Some(address), ..Self::default() })
             }
             // The MainDevice names other devices on the cable itself.
             (DeviceFile::Esi(_), None | Some("1")) => Ok(Self::default()),
@@ -112,41 +104,13 @@ impl DeviceTarget {
         address: Option<Ipv4Addr>,
     ) -> anyhow::Result<Self> {
         let found = find_stations(interface, SEARCH)?;
-        let name = |station: &FoundStation| printable(&station.name);
-        let list = |stations: &[&FoundStation], text: fn(&FoundStation) -> String| {
-            let texts: Vec<_> = stations.iter().take(12).map(|it| text(it)).collect();
-            if texts.is_empty() { "none".to_owned() } else { texts.join(", ") }
-        };
-        let all: Vec<_> = found.iter().collect();
-        let its: Vec<_> = match at {
-            Some(at) => all.iter().copied().filter(|it| &*it.name == at.as_bytes()).collect(),
-            None => {
-                let identity = Some((gsdml.vendor_id, gsdml.device_id));
-                all.iter().copied().filter(|it| it.identity == identity).collect()
-            }
-        };
-        let station = match (its.as_slice(), at) {
-            ([only], _) => *only,
-            ([], Some(at)) => {
-                return Err(TargetError::NoStation(
-                    printable(at.as_bytes()),
-                    list(&all, |it| printable(&it.name)),
-                )
-                .into());
-            }
-            ([], None) => return Err(TargetError::None("PROFINET").into()),
-            (several, Some(at)) => {
-                let macs = list(several, |it| it.mac.to_string());
-                return Err(TargetError::Twins(several.len(), printable(at.as_bytes()), macs).into());
-            }
-            (several, None) => {
-                return Err(
-                    TargetError::Several(several.len(), list(several, |it| printable(&it.name))).into()
-                );
-            }
-        };
+        let station = station_among(&found, (gsdml.vendor_id, gsdml.device_id), at)?;
         let its_address = station.ip.map(|ip| ip.address).filter(|address| !address.is_unspecified());
-        let address = address.or(its_address).ok_or_else(|| TargetError::NoStationAddress(name(station)))?;
+        if address.is_none() {
+            alone_at_its_address(&found, station)?;
+        }
+        let no_address = || TargetError::NoStationAddress(printable(&station.name));
+        let address = address.or(its_address).ok_or_else(no_address)?;
         let station_name = String::from_utf8(station.name.to_vec()).ok();
         Ok(Self { address: Some(address), station_name })
     }
@@ -200,6 +164,16 @@ struct ModuleReader {
     is_answered: bool,
 }
 
+/// Returns the modules of the answer, or why there are none.
+fn modules_in(answer: ParameterAnswer) -> Result<Vec<FoundModule>, String> {
+    let (value, _) = answer.result?;
+    let SignalValue::Bytes(record) = value else {
+        return Err(format!("{MODULES_RECORD} is {value}, not bytes"));
+    };
+    let malformed = || format!("its record {MODULES_RECORD} of {} bytes lists no modules", record.len());
+    found_modules(&record).ok_or_else(malformed)
+}
+
 impl Owner<DrivenDevice> for ModuleReader {
     fn wake(&mut self, now: Instant, _: &mut DrivenDevice, _: &Statistics) -> ControlFlow<()> {
         if self.until <= now { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -208,9 +182,8 @@ impl Owner<DrivenDevice> for ModuleReader {
     fn event(&mut self, now: Instant, device: &mut DrivenDevice, event: DriveEvent) -> ControlFlow<()> {
         match event {
             DriveEvent::Answer(answer) => {
-                match answer.result {
-                    Ok((SignalValue::Bytes(record), _)) => self.found = found_modules(&record),
-                    Ok(_) => {}
+                match modules_in(answer) {
+                    Ok(modules) => self.found = Some(modules),
                     Err(reason) => self.last = reason,
                 }
                 self.is_answered = true;
@@ -225,5 +198,26 @@ impl Owner<DrivenDevice> for ModuleReader {
 
     fn deadline(&self) -> Option<Instant> {
         Some(self.until)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_that_lists_no_modules_is_told_as_such_and_not_as_silence() {
+        let answered = |value| {
+            let result = Ok((value, None));
+            modules_in(ParameterAnswer {
+                name: MODULES_RECORD.into(),
+                unit: String::new(),
+                is_write: false,
+                result,
+            })
+        };
+        let reason = answered(SignalValue::Bytes(vec![0x00, 0xF0, 0x00])).unwrap_err();
+        assert_eq!(reason, "its record 0.1:0xF000 of 3 bytes lists no modules");
+        assert_eq!(answered(SignalValue::Unsigned(7)).unwrap_err(), "0.1:0xF000 is 7, not bytes");
     }
 }

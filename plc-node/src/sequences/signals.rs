@@ -1,6 +1,6 @@
 //! Outputs by which robots meet at the marks of their stored programs: the PLC passes those of each robot on to the others.
 
-use planning::WaitAt;
+use planning::{WaitAt, outputs_of_waits};
 
 use crate::Station;
 use crate::sequence::Sequence;
@@ -19,9 +19,9 @@ pub(super) struct MarkOutputs {
 impl MarkOutputs {
     /// Takes the outputs of an arm's waits.
     pub(super) fn of(waits: &[WaitAt]) -> Self {
-        let signals = || waits.iter().filter_map(|wait| wait.signal);
-        let own = signals().fold(0, |own, signal| own | signal.mask());
-        Self { own, all: signals().fold(own, |all, signal| all | signal.inputs), shown: 0 }
+        let own = outputs_of_waits(waits);
+        let signals = waits.iter().filter_map(|wait| wait.signal);
+        Self { own, all: signals.fold(own, |all, signal| all | signal.inputs), shown: 0 }
     }
 
     /// Begins a run: what an output still shows of the last run is not passed on.

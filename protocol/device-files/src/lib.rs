@@ -76,6 +76,16 @@ pub enum DeviceFile {
 }
 
 impl DeviceFile {
+    /// Returns the name of the device's bus.
+    #[must_use]
+    pub const fn bus(&self) -> &'static str {
+        match self {
+            Self::Gsdml(_) => "PROFINET",
+            Self::Eds(_) => "EtherNet/IP",
+            Self::Esi(_) => "EtherCAT",
+        }
+    }
+
     /// Returns the faults that do not keep the file from being used.
     #[must_use]
     pub fn warnings(&self) -> &[FileFault] {

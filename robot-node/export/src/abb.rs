@@ -184,7 +184,7 @@ impl Rapid {
 
 fn head(lines: &mut PrintedLines) {
     HEAD.lines().for_each(|line| lines.line(format!("! {line}").trim_end()));
-    lines.line("! RAPID: the syntax was checked by rapidchecker, a grammar that others wrote; names and types were not.");
+    lines.line("! RAPID: the syntax was checked by rapidchecker, a grammar that others wrote; that names are declared, by a program of the same authors.");
 }
 
 fn module(path: &str, name: &str, rest: impl FnOnce(&mut PrintedLines)) -> ExportFile {

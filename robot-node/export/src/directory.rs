@@ -25,8 +25,8 @@ pub enum ExportError {
         /// The first fault.
         fault: krl_check::KrlFault,
     },
-    /// A name that the controller would take for something else.
-    #[error("{0} in the kit's templates or layer")]
+    /// A name that the controller would not take, or would take for something else.
+    #[error("{0}; please report this export")]
     Name(#[from] NameFault),
     /// The directory contains something.
     #[error("{}: not empty; name a new or an empty directory", .0.display())]
@@ -39,6 +39,14 @@ pub enum ExportError {
         /// Message of the system.
         error: io::Error,
     },
+}
+
+impl ExportError {
+    /// Returns true for an error that another application, setup or directory corrects.
+    #[must_use]
+    pub const fn is_usage(&self) -> bool {
+        matches!(self, Self::Refused(_) | Self::NotEmpty(_))
+    }
 }
 
 /// Returns the files for a maker's robot.

@@ -244,7 +244,7 @@ fn source(name: &str, rest: impl FnOnce(&mut PrintedLines)) -> ExportFile {
 
 fn head(lines: &mut PrintedLines) {
     HEAD.lines().for_each(|line| lines.line(format!("; {line}").trim_end()));
-    lines.line("; KRL: tokens and blocks were checked by a program of the same authors; no grammar of KRL is public.");
+    lines.line("; KRL: tokens, blocks and that names are declared were checked by a program of the same authors; no grammar of KRL is public.");
 }
 
 /// Returns the files for a KUKA robot.

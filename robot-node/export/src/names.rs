@@ -1,6 +1,9 @@
-//! Names in the files of an export: none is a word of the maker's language, none is too long, none stands for two things.
+//! Names in the files of an export: none is a word of the maker's language, none is too long, none stands for two things, and each
+//! that is used is declared.
 //!
 //! Read from the text, so the names of the adapters count as well. Both languages ignore case.
+
+mod words;
 
 use std::collections::BTreeMap;
 
@@ -11,7 +14,7 @@ use crate::printed::ExportFile;
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum NameFault {
     /// A keyword, a type, a standard function or a variable of the controller.
-    #[error("{file}: `{name}` is a word of {language}; rename it")]
+    #[error("{file}: `{name}` is a word of {language}")]
     Word {
         /// The file.
         file: String,
@@ -21,7 +24,7 @@ pub enum NameFault {
         language: &'static str,
     },
     /// More characters than the language takes.
-    #[error("{file}: `{name}` has {len} characters, {language} takes {most}; shorten it")]
+    #[error("{file}: `{name}` has {len} characters, {language} takes {most}")]
     Long {
         /// The file.
         file: String,
@@ -35,7 +38,7 @@ pub enum NameFault {
         language: &'static str,
     },
     /// Two declarations that the language takes for one.
-    #[error("{file}: `{name}` is declared in {other} as `{first}`; {language} ignores case: rename one")]
+    #[error("{file}: `{name}` is declared in {other} as `{first}`; {language} ignores case")]
     Twice {
         /// The file.
         file: String,
@@ -48,33 +51,17 @@ pub enum NameFault {
         /// The language.
         language: &'static str,
     },
+    /// A use of a name that neither the files of its task nor the controller declare.
+    #[error("{file}, line {line}: `{name}` is used, and no file of its task declares it")]
+    Undeclared {
+        /// The file.
+        file: String,
+        /// Number of the line, from 1.
+        line: usize,
+        /// The name.
+        name: String,
+    },
 }
-
-/// Words that no name may be: keywords, types, standard functions, and names that a new project has already.
-const KRL_WORDS: &str = "ABS ACOS AND ANIN ANOUT ASC ATAN2 AXIS BAS BASE_DATA BASE_NAME BASISTECH BIN BOOL BRAKE BREAK B_AND B_EXOR B_NOT B_OR \
-    CASE CAST_FROM CAST_TO CCLOSE CHANNEL CHAR CIRC CIRC_REL CLEAR_KRLMSG CONFIRM CONST CONST_KEY CONTINUE COPEN COS CREAD CWRITE C_DIS \
-    C_ORI C_PTP C_SPL C_VEL DECL DEF DEFAULT DEFDAT DEFFCT DELAY DIGIN DISTANCE DO E3AXIS E3POS E6AXIS E6POS ELSE ENABLE END ENDDAT \
-    ENDFCT ENDFOR ENDIF ENDLOOP ENDSPLINE ENDSWITCH ENDWHILE ENUM EOF EXIT EXT EXTFCT EXTFCTP EXTP FALSE FDAT FDAT_ACT FIN FOR FORWARD \
-    FRAME GET_SIG_INF GLOBAL GOTO HALT IF IMPORT INI INT INTERRUPT INVERSE INV_POS IR_STOPM IS KEY_REAL LAST_BASIS LAST_TP_PARAMS LDAT \
-    LDAT_ACT LIN LIN_REL LOAD_DATA LOOP MACHINE_DATA MAXIMIZE MBX_REC MINIMIZE NOT OFF ON ONPATH OPTION OR OUT P00 PATH PDAT PDAT_ACT \
-    POS PRIO PROC PTP PTP_REL PUBLIC PULSE REAL REF REPEAT RESUME RETURN SCIRC SEC SET_KRLMSG SIGNAL SIN SLIN SPL SPLINE SPTP SQRT SREAD \
-    SRT STRADD STRCLEAR STRCOMP STRCOPY STRDECLLEN STRFIND STRLEN STRUC STRUCT SWITCH SWRITE TAN THEN TIMER TIME_BLOCK TO TOOL_DATA \
-    TOOL_NAME TRIGGER TRUE TYPE UNTIL USERSPOT USER_GRP VAR VARSTATE WAIT WHEN WHILE WITH XHOME XOR";
-
-/// The same for RAPID.
-const RAPID_WORDS: &str = "ABS ACCSET ACOS ACTUNIT ADD ALIAS ALIASIO AND ASIN ATAN ATAN2 BACKWARD BITAND BITANDDNUM BITOR BITXOR BITXORDNUM \
-    BOOKERRNO BOOL BREAK BYTE BYTETOSTR CALCJOINTT CALCROBT CALLBYVAR CASE CDATE CJOINTT CLEAR CLEARPATH CLKREAD CLKRESET CLKSTART \
-    CLKSTOP CLOCK CLOSE CONFDATA CONFJ CONFL CONNECT CONST COS CPOS CROBT CTIME CTOOL CWOBJ DEACTUNIT DECR DEFAULT DIM DIV DNUM \
-    DNUMTONUM DNUMTOSTR DO DOUTPUT ELSE ELSEIF ENDFOR ENDFUNC ENDIF ENDMODULE ENDPROC ENDRECORD ENDTEST ENDTRAP ENDWHILE ERRLOG ERRNO \
-    ERRNUM ERROR ERRWRITE EULERZYX EXIT EXITCYCLE EXTJOINT FALSE FINE FOR FROM FUNC GINPUT GINPUTDNUM GOTO GOUTPUT IDELETE IDISABLE \
-    IENABLE IF INCR INOUT INTNUM INVERTDO INVERSE IODEV IPERS ISIGNALDI ISIGNALDO ISLEEP ITIMER IWATCH JOINTTARGET LABEL LOAD \
-    LOADDATA LOADID LOCAL MAIN MAXROBSPEED MOD MODULE MOTSETDATA MOVEABSJ MOVEC MOVEJ MOVEL NOSTEPIN NOT NOVIEW NUM NUMTODNUM OFFS \
-    OPEN OR ORIENT ORIENTZYX ORROBTARGET PACKRAWBYTES PATHACCLIM PERS POS POSE POSEINV POSEMULT PRESENT PROC PULSEDO RAISE RAWBYTES \
-    READBIN READNUM READONLY RECORD RELTOOL RESET RESTOPATH RETRY RETURN ROBJOINT ROBTARGET ROUND SEARCHL SET SETAO SETDO SETGO \
-    SHAREDOBJECT SIGNALAI SIGNALAO SIGNALDI SIGNALDO SIGNALGI SIGNALGO SIN SINGAREA SOCKETDEV SPEEDDATA SPEEDREFRESH SQRT STARTMOVE \
-    STEP STOP STOPMOVE STOREPATH STRING STRLEN STRTOBYTE SYMNUM SYSMODULE TAN TASK TASKNAME TASKS TESTDI TEST TEXTGET THEN TO TOOL0 \
-    TOOLDATA TPERASE TPREADFK TPWRITE TRAP TRIGGC TRIGGDATA TRIGGINT TRIGGIO TRIGGJ TRIGGL TRIGGIOS TRUE TRUNC TRYNEXT UNDO UNLOAD \
-    UNPACKRAWBYTES VAR VELSET VIEWONLY WAITDI WAITTIME WAITUNTIL WHILE WITH WOBJ0 WOBJDATA WRITE XOR ZONEDATA";
 
 /// Most characters of a name: KRL, as `$config.dat` takes them; RAPID and its I/O configuration.
 const fn most_characters(maker: Maker) -> usize {
@@ -94,19 +81,16 @@ struct DeclaredName<'a> {
 /// Checks the names in the files of an export.
 ///
 /// # Errors
-/// The first name that collides with a word of the language or with another name, or is too long.
+/// The first name that collides with a word of the language or with another name, is too long, or is used and not declared.
 pub fn check_names(files: &[ExportFile], maker: Maker) -> Result<(), NameFault> {
     let (language, most) = (maker.language(), most_characters(maker));
-    let words = match maker {
-        Maker::Kuka => KRL_WORDS,
-        Maker::Abb => RAPID_WORDS,
-    };
+    let words = words::reserved(maker);
     let declared: Vec<(&ExportFile, Vec<DeclaredName<'_>>)> =
         files.iter().map(|file| (file, declared_in(file, maker))).collect();
     for (file, names) in &declared {
         for DeclaredName { name, .. } in names {
             let (file, owned) = (file.path.clone(), (*name).to_owned());
-            if words.split_ascii_whitespace().any(|word| word.eq_ignore_ascii_case(name)) {
+            if words.contains(name.to_ascii_uppercase().as_str()) {
                 return Err(NameFault::Word { file, name: owned, language });
             }
             if name.len() > most {
@@ -130,6 +114,48 @@ pub fn check_names(files: &[ExportFile], maker: Maker) -> Result<(), NameFault> 
                 }
             }
         }
+        for (file, _) in declared.iter().filter(|(file, _)| task.is_none_or(|task| task != file.path)) {
+            check_uses(file, &seen, maker)?;
+        }
+    }
+    Ok(())
+}
+
+/// Names of a task by the routine that declares them, both in upper case.
+type TaskNames<'a> = BTreeMap<(&'a String, String), (&'a String, &'a str)>;
+
+/// Checks that each name in a file is one that its task or its routine declares, or one that the controller has.
+fn check_uses(file: &ExportFile, declared: &TaskNames<'_>, maker: Maker) -> Result<(), NameFault> {
+    if file.path.ends_with(".cfg") {
+        return Ok(()); // it declares signals and uses none
+    }
+    let (used, components) = (words::used(maker), words::components(maker));
+    let is_declared = |scope: &String, name: &str| {
+        [scope, &String::new()].iter().any(|scope| declared.contains_key(&(*scope, name.to_owned())))
+    };
+    let mut scope = String::new();
+    for (number, line) in (1..).zip(file.text.lines()) {
+        let mut here = Vec::new();
+        // A routine's first line belongs to it, and so does its last one.
+        let before = scope.clone();
+        declare(file, line, &mut scope, &mut here, maker);
+        let scope = if scope.is_empty() { &before } else { &scope };
+        for word in line_words(line, maker)
+            .into_iter()
+            .filter(|word| !word.starts_with(|first: char| first.is_ascii_digit()))
+        {
+            let mut parts = word.split('.').map(str::to_ascii_uppercase);
+            let is_name_known =
+                parts.next().is_none_or(|name| used.contains(name.as_str()) || is_declared(scope, &name));
+            let are_components_known = parts.all(|part| components.contains(part.as_str()));
+            if !(is_name_known && are_components_known) {
+                return Err(NameFault::Undeclared {
+                    file: file.path.clone(),
+                    line: number,
+                    name: word.to_owned(),
+                });
+            }
+        }
     }
     Ok(())
 }
@@ -145,29 +171,54 @@ const fn tasks(maker: Maker) -> &'static [Option<&'static str>] {
 fn declared_in(file: &ExportFile, maker: Maker) -> Vec<DeclaredName<'_>> {
     let mut names = Vec::new();
     let mut scope = String::new();
-    for line in file.text.lines() {
-        match maker {
-            Maker::Abb if file.path.ends_with(".cfg") => {
-                let quoted = line.split_once("-Name \"").and_then(|(_, rest)| rest.split_once('"'));
-                names.extend(quoted.map(|(name, _)| DeclaredName { scope: String::new(), name }));
-            }
-            Maker::Abb => rapid_line(line, &mut scope, &mut names),
-            Maker::Kuka => krl_line(line, &mut scope, &mut names),
-        }
-    }
+    file.text.lines().for_each(|line| declare(file, line, &mut scope, &mut names, maker));
     names
 }
 
-/// Returns the words of a line up to its comment.
-fn line_words(line: &str, comment: char) -> Vec<&str> {
-    let line = line.split(comment).next().unwrap_or_default();
+/// Adds the names that a line declares, and follows in which routine the next line is.
+fn declare<'a>(
+    file: &ExportFile,
+    line: &'a str,
+    scope: &mut String,
+    names: &mut Vec<DeclaredName<'a>>,
+    maker: Maker,
+) {
+    match maker {
+        Maker::Abb if file.path.ends_with(".cfg") => {
+            let quoted = line.split_once("-Name \"").and_then(|(_, rest)| rest.split_once('"'));
+            names.extend(quoted.map(|(name, _)| DeclaredName { scope: String::new(), name }));
+        }
+        Maker::Abb => rapid_line(line, scope, names),
+        Maker::Kuka => krl_line(line, scope, names),
+    }
+}
+
+/// Returns the words of a line up to its comment, without what is quoted.
+fn line_words(line: &str, maker: Maker) -> Vec<&str> {
+    let (comment, quote) = match maker {
+        // An attribute of the file: it has no names of the program.
+        Maker::Kuka if line.starts_with('&') => return Vec::new(),
+        Maker::Kuka => (';', '\''),
+        Maker::Abb => ('!', '"'),
+    };
     let is_of_word =
         |character: char| character.is_ascii_alphanumeric() || matches!(character, '_' | '$' | '.' | '#');
-    line.split(|character| !is_of_word(character)).filter(|word| !word.is_empty()).collect()
+    let unquoted = line
+        .split(quote)
+        .step_by(2)
+        .map(|part| part.split_once(comment).map_or((part, false), |(part, _)| (part, true)));
+    let mut words = Vec::new();
+    for (part, is_last) in unquoted {
+        words.extend(part.split(|character| !is_of_word(character)).filter(|word| !word.is_empty()));
+        if is_last {
+            break;
+        }
+    }
+    words
 }
 
 fn krl_line<'a>(line: &'a str, scope: &mut String, names: &mut Vec<DeclaredName<'a>>) {
-    let words: Vec<_> = line_words(line, ';').into_iter().filter(|word| *word != "GLOBAL").collect();
+    let words: Vec<_> = line_words(line, Maker::Kuka).into_iter().filter(|word| *word != "GLOBAL").collect();
     let (mut of_file, mut of_routine) = (None, None);
     match words.as_slice() {
         ["DEF", name, ..] | ["DEFFCT", _, name, ..] => {
@@ -184,7 +235,7 @@ fn krl_line<'a>(line: &'a str, scope: &mut String, names: &mut Vec<DeclaredName<
 }
 
 fn rapid_line<'a>(line: &'a str, scope: &mut String, names: &mut Vec<DeclaredName<'a>>) {
-    let words = line_words(line, '!');
+    let words = line_words(line, Maker::Abb);
     let words = words.strip_prefix(&["LOCAL"]).unwrap_or(&words);
     let (mut of_module, mut of_routine): (Option<&str>, &[&str]) = (None, &[]);
     let parameters;

@@ -19,7 +19,7 @@
     way:=Abs(now_joints.robax.rax_1-sb_joints_before.robax.rax_1)+Abs(now_joints.robax.rax_2-sb_joints_before.robax.rax_2);
     way:=way+Abs(now_joints.robax.rax_3-sb_joints_before.robax.rax_3)+Abs(now_joints.robax.rax_4-sb_joints_before.robax.rax_4);
     way:=way+Abs(now_joints.robax.rax_5-sb_joints_before.robax.rax_5)+Abs(now_joints.robax.rax_6-sb_joints_before.robax.rax_6);
-    sb_joints_before:=present;
+    sb_joints_before:=now_joints;
     RETURN way<0.001;
   ENDFUNC
 

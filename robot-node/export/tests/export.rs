@@ -134,6 +134,41 @@ fn a_name_that_a_controller_takes_for_something_else_is_refused_with_its_file() 
 }
 
 #[test]
+fn a_name_that_no_file_of_the_task_declares_is_refused_with_its_line() {
+    let a = application("A", None);
+    let cases = [
+        // A name that is misspelt, one of another routine, one that is a word of the language, a component, and one of the other task.
+        (Maker::Abb, "SB_Cyclic.mod", "sb_joints_before:=now_joints;", "sb_joints_before:=present;"),
+        (Maker::Abb, "SB_Cyclic.mod", "RETURN way<", "RETURN share<"),
+        (Maker::Abb, "SB_Cyclic.mod", "sb_self_test;", "sb_selftest;"),
+        (Maker::Abb, "SB_Cyclic.mod", "reached.trans.x", "reached.trans.e"),
+        (Maker::Abb, "SB_Cyclic.mod", "sb_self_test;", "sb_main;"),
+        (Maker::Abb, "SB_Cyclic.mod", "SetGO sbo_echo", "SetGO sbo_echoes"),
+        (Maker::Abb, "SB_Shared.sys", "IF sb_swap", "IF sb_again"),
+        (Maker::Abb, "SB_Motion.mod", "frame.trans.x:=sb_row", "frames.trans.x:=sb_row"),
+        (Maker::Kuka, "SB_MAIN.src", "SB_TAKE()", "SB_TAKES()"),
+        (Maker::Kuka, "SB_MAIN.src", "AXES=INVERSE(", "AXES=INVERTED("),
+        (Maker::Kuka, "SB_MAIN.src", "POINT=GOAL", "POINT=AT"),
+        (Maker::Kuka, "SB_MAIN.src", "$AXIS_ACT.A1", "$AXIS_ACT.A7"),
+        (Maker::Kuka, "SB_MAIN.src", "$VEL_ACT", "$VELOCITY"),
+        (Maker::Kuka, "SB_SUBMIT.sub", "SBO_ECHO=", "SBO_ECHOES="),
+    ];
+    for (maker, path, from, to) in cases {
+        let mut files = files(&a, maker).unwrap();
+        let changed = files.iter_mut().find(|file| file.path == path).unwrap();
+        let right = changed.text.clone();
+        changed.text = right.replacen(from, to, 1);
+        assert_ne!(right, changed.text, "{from} is not there");
+        let expected = 1 + right[..right.find(from).unwrap()].matches('\n').count();
+        let fault = check_names(&files, maker).unwrap_err();
+        assert!(
+            matches!(&fault, NameFault::Undeclared { file, line, name } if file == path && *line == expected && to.contains(name.as_str())),
+            "{to}: {fault}"
+        );
+    }
+}
+
+#[test]
 fn a_program_with_the_number_of_another_one_is_refused() {
     let mut a = application("A", None);
     let again = a.programs[0].clone();

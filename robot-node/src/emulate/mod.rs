@@ -17,7 +17,7 @@ use emulated_device::{
 use machine::Duration;
 use node::Outcome;
 use node::address_check::{AddressCheckError, check_address};
-use node::device_options::{DeviceOptions, is_usage as is_of_file, read_bytes};
+use node::device_options::{DeviceOptions, is_usage as is_of_file, read_text};
 use node::errln;
 use node::output::to_stdout;
 use protocol_linux::{Driver, FormerAddress, Interface, Notifier, StopSignals, clock};
@@ -43,7 +43,7 @@ pub struct EmulateCommand {
     #[arg(long, value_name = "N", default_value_t = 1)]
     serial_number: u32,
     /// End after this time.
-    #[arg(long = "for", value_name = "TIME", value_parser = time)]
+    #[arg(long = "for", value_name = "TIME", value_parser = node::duration_argument)]
     length: Option<Duration>,
     /// Print events as JSON, one per line, and take inputs and faults as JSON lines from standard input.
     #[arg(long)]
@@ -56,10 +56,6 @@ Examples:
   robot-node emulate GSDML-V2.35-Maker-Device-20230101.xml --module 1=ID_8DI --print-config >device.toml
   robot-node emulate GSDML-V2.35-Maker-Device-20230101.xml --config device.toml --interface eth1 --script script.toml
   echo '{\"set\": {\"place\": \"100\", \"type\": \"uint16\", \"value\": 5}}' | robot-node emulate device.eds --interface eth1 --json";
-
-fn time(text: &str) -> Result<Duration, String> {
-    node::parse_duration(text).ok_or_else(|| "must be a time such as 30s or 500ms".to_owned())
-}
 
 /// Returns true for an error that the user corrects in file, choice or script.
 pub fn is_usage(error: &anyhow::Error) -> bool {
@@ -84,9 +80,7 @@ impl EmulateCommand {
         }
         let script = match &self.script {
             Some(path) => {
-                let text =
-                    String::from_utf8(read_bytes(path)?).with_context(|| path.display().to_string())?;
-                DeviceScript::from_toml(&text).with_context(|| path.display().to_string())?
+                DeviceScript::from_toml(&read_text(path)?).with_context(|| path.display().to_string())?
             }
             None => DeviceScript::default(),
         };

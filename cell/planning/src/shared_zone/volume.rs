@@ -131,15 +131,10 @@ impl fmt::Debug for ArmVolume {
 }
 
 impl ArmVolume {
-    /// Creates the volume of the arm of a station with the tools of these numbers; `None` if its setup gives no radius, or
-    /// describes no arm.
+    /// Creates the volume of the arm of a station with the tools of these numbers; `None` if its setup describes no arm. An arm whose
+    /// setup gives no radius counts as a line.
     #[must_use]
     pub fn new(cell: &Cell, station: &Station, tools: &[u8]) -> Option<Self> {
-        Self::with_radius(cell, station, tools, station.robot.link_radius_mm.as_ref()?.value)
-    }
-
-    /// Creates the same with this radius; `None` if the setup describes no arm.
-    pub(crate) fn with_radius(cell: &Cell, station: &Station, tools: &[u8], radius_mm: f64) -> Option<Self> {
         let Installation { arm, tools: listed, .. } =
             Installation::from_setup(&cell.setup_of(station)).ok()?;
         let tools = tools.iter().filter_map(|number| listed.get(usize::from(*number)).copied().flatten());
@@ -147,7 +142,7 @@ impl ArmVolume {
             arm,
             root: Frame::from_mm_deg(station.root_mm_deg.value),
             tools: tools.take(MOST_TOOLS).collect(),
-            radius_mm,
+            radius_mm: station.robot.link_radius_mm.as_ref().map_or(0.0, |radius| radius.value),
             zones: cell.shared_zones.iter().map(space).take(MOST_ZONES).collect(),
         })
     }
