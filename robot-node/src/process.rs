@@ -169,7 +169,9 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let run = match cli.command {
         Subcommand::Run(run) => run,
         Subcommand::Emulate(emulate) => return node::exit_code(emulate.execute(), emulate::is_usage),
-        Subcommand::Export(export) => return node::exit_code(export.execute(), |_| false),
+        Subcommand::Export(export) => {
+            return node::exit_code(export.execute(), crate::export_command::is_usage);
+        }
     };
     let is_usage = |error: &anyhow::Error| {
         error.is::<ConfigError>() || error.is::<StartOutOfReach>() || error.is::<StationFileError>()
