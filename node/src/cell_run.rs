@@ -3,12 +3,13 @@
 //! ```text
 //! RunOptions::prepare_cell     the PLC's: all stations planned, the buses that they are on, an interface for each bus
 //! RunOptions::prepare_station  a robot's: its station as a setup of its own
+//! plan_station                 a station for an export
 //! ```
 
 use anyhow::Context as _;
-use planning::{FoundCell, PlannedCell};
+use planning::{FoundCell, Plan, PlannedCell};
 use protocol_linux::{FormerAddress, Interface, StopSignals};
-use setup::{Cell, CellBus};
+use setup::{Cell, CellBus, Setup};
 
 use crate::cell_run_error::CellRunError;
 use crate::message::CellText;
@@ -74,15 +75,7 @@ impl RunOptions {
         }
         let signals = self.prepare_process()?;
         let (cell, found) = self.find_cell()?;
-        let index = match (name, cell.stations.len()) {
-            (Some(name), _) => find_station(&cell, name)?,
-            (None, 1) => 0,
-            (None, _) => {
-                return Err(
-                    CellRunError::NoStation { setup: cell.name.clone(), stations: names(&cell) }.into()
-                );
-            }
-        };
+        let index = choose_station(&cell, name)?;
         let mut planned = found.plan(&cell)?;
         let (planned, application) = (planned.stations.swap_remove(index), found.stations[index].clone());
         let interfaces = self.find_ports(&cell, index)?;
@@ -126,6 +119,42 @@ impl RunOptions {
 
 fn names(cell: &Cell) -> Vec<String> {
     cell.names().map(str::to_owned).collect()
+}
+
+/// Plans one station of a setup: the named one, or the only one. Returns it as a setup, and its motions. `application` replaces that
+/// of a setup with one robot.
+///
+/// # Errors
+///
+/// [`CellRunError`], and those of finding and planning setup and application.
+pub fn plan_station(
+    setup: &str,
+    name: Option<&str>,
+    application: Option<&str>,
+) -> anyhow::Result<(Setup, Plan)> {
+    let (cell, _) = setup::cell(setup)?;
+    let index = choose_station(&cell, name)?;
+    if cell.is_one() {
+        let (setup, found) = planning::setup_and_application(setup, application)?;
+        let plan = found.plan(&setup)?;
+        found.reach(&plan, &setup)?;
+        return Ok((setup, plan));
+    }
+    if application.is_some() {
+        return Err(CellRunError::Application(cell.name).into());
+    }
+    let (cell, found) = planning::cell_with_applications(setup)?;
+    let planned = found.plan(&cell)?.stations.swap_remove(index);
+    Ok((planned.setup, planned.plan))
+}
+
+/// Returns the index of the named station, or of the only one.
+fn choose_station(cell: &Cell, name: Option<&str>) -> Result<usize, CellRunError> {
+    match (name, cell.stations.len()) {
+        (Some(name), _) => find_station(cell, name),
+        (None, 1) => Ok(0),
+        (None, _) => Err(CellRunError::NoStation { setup: cell.name.clone(), stations: names(cell) }),
+    }
 }
 
 /// Returns the index of the station that a robot node can be.

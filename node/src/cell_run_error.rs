@@ -1,4 +1,4 @@
-//! Why a node does not run a setup of several stations, in words.
+//! Why a node does not run a setup of several stations, or export one of them, in words.
 
 use std::net::Ipv4Addr;
 
@@ -9,7 +9,7 @@ use crate::interface_option::BusName;
 /// Why a node does not run a setup of several stations.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum CellRunError {
-    /// A robot node is one robot.
+    /// A robot node is one robot, and an export is for one.
     #[error("setup {setup} has {} robots: choose one with --station {}", stations.len(), stations.join(" or --station "))]
     NoStation {
         /// The setup's name.

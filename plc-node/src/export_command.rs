@@ -3,11 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use node::Outcome;
+use node::cell_run::plan_station;
+use node::cell_run_error::CellRunError;
 use node::device_options::{self, read_device_file};
-use node::errln;
+use node::{Outcome, errln};
+use planning::Plan;
 use plc_export::{Application, ExportError, Maker, br};
-use setup::{BusKind, Refill};
+use setup::{BusKind, Refill, Setup};
 
 use crate::PlcConfig;
 use crate::robot_file::{UnfitRobotFile, ways_to_plug};
@@ -48,9 +50,30 @@ enum Check {
 /// Returns true for an error that another robot's file corrects.
 pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
     error.is::<UnfitRobotFile>()
+        || error.is::<CellRunError>()
+        || error.is::<NeedsOthers>()
         || error.is::<RefillsByAccepted>()
         || error.downcast_ref::<ExportError>().is_some_and(ExportError::is_usage)
         || device_options::is_usage(error)
+}
+
+/// Why the motions of a station are not exported: its arm waits for others, which exported code does not know.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(
+    "{setup} {needs}: marks between arms, start together and shared zones are not exported; give the station an application of its own"
+)]
+struct NeedsOthers {
+    setup: String,
+    needs: String,
+}
+
+fn check_works_alone(setup: &Setup, plan: &Plan) -> Result<(), NeedsOthers> {
+    let needs = match (plan.waits.first(), plan.visits.first()) {
+        (Some(wait), _) => format!("waits for other arms at mark {} after {} motions", wait.mark, wait.after),
+        (None, Some(visit)) => format!("waits for a shared zone after {} motions", visit.after),
+        (None, None) => return Ok(()),
+    };
+    Err(NeedsOthers { setup: setup.name.clone(), needs })
 }
 
 /// A setup whose PLC refills slots by another count than the exported code.
@@ -69,6 +92,9 @@ pub(crate) struct ExportCommand {
     /// The setup: a built-in one's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     setup: String,
+    /// Which robot of a setup with several stations: its motions alone.
+    #[arg(long, value_name = "NAME")]
+    station: Option<String>,
     /// The application, instead of that of the setup.
     #[arg(long, value_name = "NAME|FILE")]
     application: Option<String>,
@@ -91,12 +117,11 @@ impl ExportCommand {
     /// Plans the application and writes the files.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
         let maker = Maker::from(self.dialect);
-        let (setup, application) = planning::setup_and_application(&self.setup, self.application.as_deref())?;
+        let (setup, plan) = plan_station(&self.setup, self.station.as_deref(), self.application.as_deref())?;
+        check_works_alone(&setup, &plan)?;
         if setup.plc.refills_by() == Refill::Accepted {
             return Err(RefillsByAccepted.into());
         }
-        let plan = application.plan(&setup)?;
-        application.reach(&plan, &setup)?;
         let ways = match &self.device {
             Some(path) => {
                 let file = read_device_file(path)?;
@@ -113,6 +138,11 @@ impl ExportCommand {
         plc_export::export(&exported, maker, &self.out)?;
         let (count, out) = (exported.motions.len(), self.out.display());
         errln!("{count} motions in {out}; compare your PLC with {}", plc_export::VECTORS);
+        if self.station.is_some() {
+            errln!(
+                "The code commands this robot alone: it has no marks between arms, start together or shared zones"
+            );
+        }
         if !ways.is_empty() {
             errln!("Plug for the robot, in one of these ways:");
             ways.iter().for_each(|way| errln!("  {way}"));

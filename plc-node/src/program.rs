@@ -90,7 +90,8 @@ pub trait PlcProgram: Debug + Send {
         [0; 2]
     }
 
-    /// Decides whether an arm sets out for where a run starts. Asked outside of a run, in each scan until it sets out.
+    /// Decides whether an arm sets out for where a run starts. Asked outside of a run while all robots are connected, in each scan
+    /// until it sets out.
     fn set_out(&mut self, _station: usize, _stations: &[Station]) -> SetOut {
         SetOut::Now
     }
@@ -170,7 +171,7 @@ pub enum Led {
 pub enum SetOut {
     /// It sets out in this scan.
     Now,
-    /// It waits for another arm that is on its way.
+    /// It waits for another arm that is on its way, or for a robot that is not connected.
     Wait,
     /// It waits, and no arm is on its way that could make room: its wait has a limit.
     Blocked,

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use node::Outcome;
-use node::errln;
+use node::cell_run::plan_station;
+use node::cell_run_error::CellRunError;
+use node::{Outcome, errln};
 use robot_export::{ExportError, Maker, RobotApplication};
 
 /// A maker's language.
@@ -17,7 +18,7 @@ enum Language {
 
 /// Returns true for an error that the user corrects in application or options.
 pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
-    error.downcast_ref::<ExportError>().is_some_and(ExportError::is_usage)
+    error.is::<CellRunError>() || error.downcast_ref::<ExportError>().is_some_and(ExportError::is_usage)
 }
 
 /// The export.
@@ -29,6 +30,9 @@ pub(crate) struct ExportCommand {
     /// The setup: a built-in one's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|PATH", default_value = "A")]
     setup: String,
+    /// Which robot of a setup with several stations.
+    #[arg(long, value_name = "NAME")]
+    station: Option<String>,
     /// The application, instead of that of the setup.
     #[arg(long, value_name = "NAME|FILE")]
     application: Option<String>,
@@ -44,13 +48,17 @@ impl ExportCommand {
             Language::Kuka => Maker::Kuka,
             Language::Abb => Maker::Abb,
         };
-        let (setup, found) = planning::setup_and_application(&self.setup, self.application.as_deref())?;
-        let plan = found.plan(&setup)?;
-        found.reach(&plan, &setup)?;
+        let (setup, plan) = plan_station(&self.setup, self.station.as_deref(), self.application.as_deref())?;
         let application = RobotApplication::of_plan(&setup, &plan);
         robot_export::export(&application, maker, &self.out)?;
         let count: usize = application.programs.iter().map(|program| program.motions.len()).sum();
         errln!("{count} motions in {}; not tried on a controller: begin at 10 % speed", self.out.display());
+        if let Some(last) = application.programs.last().filter(|_| application.programs.len() > 1) {
+            errln!(
+                "programs 1 to {}: between them the arm waits for others, at a mark or before a shared zone; the PLC starts each",
+                last.number
+            );
+        }
         Ok(Outcome::Done)
     }
 }

@@ -77,3 +77,33 @@ fn what_cannot_be_exported_is_refused_in_words_and_nothing_is_written() {
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0, "{options:?}");
     }
 }
+
+#[test]
+fn a_station_of_a_cell_is_exported_with_a_program_for_each_section_between_its_waits() {
+    let directory = tempfile::tempdir().unwrap();
+    for (setup, station, maker, programs) in
+        [("E", "left", "kuka", "programs 1 to "), ("G", "right", "abb", "programs 1 to ")]
+    {
+        let out = directory.path().join(format!("{setup}-{station}"));
+        let (code, message) = export(&["--for", maker, "--setup", setup, "--station", station], &out);
+        assert!(code == Some(0) && message.contains(programs), "{code:?}: {message}");
+        assert!(message.contains("between them the arm waits for others"), "{message}");
+        assert!(!contents(&out).is_empty());
+    }
+}
+
+#[test]
+fn an_export_of_a_cell_without_a_station_or_with_a_wrong_one_names_the_stations() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("kit");
+    for (options, reason) in [
+        (&["--setup", "E"][..], "setup E has 2 robots: choose one with --station left or --station right"),
+        (&["--setup", "E", "--station", "middle"], "setup E has no station `middle`: there is left, right"),
+        (&["--setup", "A", "--station", "left"], "setup A has no station `left`"),
+        (&["--setup", "E", "--station", "left", "--application", "gluing"], "leave --application out"),
+    ] {
+        let (code, message) = export(&[&["--for", "kuka"], options].concat(), &out);
+        assert!(code == Some(2) && message.contains(reason), "{code:?}: {message}");
+        assert!(!out.exists());
+    }
+}

@@ -90,6 +90,94 @@ pub(crate) fn a_plc_that_sends_json_names_the_station_of_each_message() {
     left.end();
 }
 
+/// Setup E's right station as a robot on PROFINET: its end of another bus than the PLC's.
+const RIGHT_ON_PROFINET: &str = "kind = \"profinet\"";
+const ITS_SECTION: &str = "[station.bus.profinet]
+cyclic = \"udp\"
+plc_station_name = \"skillbench-plc\"
+robot_station_name = \"skillbench-right\"
+
+[station.robot]
+";
+/// An IO-Device of another vendor, and an adapter of another electronic key.
+const OTHER_DEVICE: &str = "robot_station_name = \"skillbench-left\"
+
+[station.bus.profinet.device]
+vendor = 0x2A
+device = 0x314
+modules = [
+  { slot = 0, ident = 1, submodules = [{ subslot = 1, ident = 1 }] },
+  { slot = 1, ident = 0x22, submodules = [{ subslot = 1, ident = 1, input_bytes = 64, output_bytes = 64 }] },
+]
+";
+const OTHER_ADAPTER: &str = "[station.bus.ethernet_ip.adapter]
+consumed_assembly = 100
+consumed_bytes = 64
+produced_assembly = 101
+produced_bytes = 64
+key = { vendor = 1, device_type = 43, product_code = 7, major_revision = 1, minor_revision = 1 }
+
+[station.robot]
+";
+
+/// Writes Setup E with parts of its right station, or of its left one, replaced.
+fn other_e(place: &Path, file: &str, is_right: bool, replaced: &[(&str, &str)]) -> String {
+    let e = setup::CELLS.iter().find(|(name, _)| *name == "E").unwrap().1;
+    let right = e.find("name = \"right\"").unwrap();
+    let (mut left, mut right) = (e[..right].to_owned(), e[right..].to_owned());
+    let station = if is_right { &mut right } else { &mut left };
+    for (before, after) in replaced {
+        assert!(station.contains(before), "{before}");
+        *station = station.replacen(before, after, 1);
+    }
+    let path = place.join(file);
+    fs::write(&path, left + &right).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+pub(crate) fn a_robot_that_is_missing_or_another_than_described_is_named_and_the_other_arm_does_not_move() {
+    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+    let place = tempfile::tempdir().unwrap();
+    let on_profinet = [("kind = \"ethernet-ip\"", RIGHT_ON_PROFINET), ("[station.robot]\n", ITS_SECTION)];
+    let other_bus = other_e(place.path(), "other-bus.toml", true, &on_profinet);
+    let name = "robot_station_name = \"skillbench-left\"\n";
+    let other_device = other_e(place.path(), "other-device.toml", false, &[(name, OTHER_DEVICE)]);
+    let other_adapter =
+        other_e(place.path(), "other-adapter.toml", true, &[("[station.robot]\n", OTHER_ADAPTER)]);
+    let no_adapter = "TCP port 44818 of the adapter does not answer";
+    // The PLC's setup, that of the right robot, the station that is not connected, and why.
+    let cases = [
+        ("E", None, "right", no_adapter),
+        ("E", Some(other_bus.as_str()), "right", no_adapter),
+        (&other_device, Some("E"), "left", "the station of this name is another device than described"),
+        (&other_adapter, Some("E"), "right", "the electronic key does not fit the device"),
+    ];
+    for (setup, right, missing, why) in cases {
+        let switch = Switch::new();
+        let robot = |end, setup, station| {
+            let mut robot = switch.node(end, "__robot-node", setup, &["--station", station]);
+            robot.read_to(" on eth0 ");
+            robot
+        };
+        let robots = [Some(robot(1, "E", STATIONS[0])), right.map(|setup| robot(2, setup, STATIONS[1]))];
+        let mut plc = Node::start(switch.command(0, "__plc-node", setup, BOTH_BUSES));
+        let mut said = plc.read_to(&format!("{missing}: not connected: "));
+        assert!(said.last().unwrap().contains(why), "{said:?}");
+        let other = if missing == "left" { "right" } else { "left" };
+        if !said.iter().any(|line| *line == format!("{other}: connected")) {
+            said.extend(plc.read_to(&format!("{other}: connected")));
+        }
+        // The PLC goes on to connect: longer than the other robot needs to be ready.
+        said.extend(plc.read_to(&format!("{missing}: waited 10 s so far for the connection: ")));
+        said.extend(plc.end());
+        assert!(!said.iter().any(|line| line.contains("moving the arm")), "{said:?}");
+        for robot in robots.into_iter().flatten() {
+            let said = robot.end();
+            assert!(!said.iter().any(|line| line.starts_with("command ")), "{said:?}");
+        }
+    }
+}
+
 /// The nodes of Setup E on a switch, and the network of their controllers.
 struct Attachable {
     control: NetworkNamespace,

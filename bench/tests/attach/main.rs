@@ -54,6 +54,7 @@ fn main() -> ExitCode {
         nodes_end_with_130_at_ctrl_c_and_sigterm_whatever_they_do,
         cell::two_robots_on_two_buses_and_one_switch_work_with_one_plc,
         cell::a_plc_that_sends_json_names_the_station_of_each_message,
+        cell::a_robot_that_is_missing_or_another_than_described_is_named_and_the_other_arm_does_not_move,
         cell::a_bench_measures_on_the_nodes_of_a_cell_that_run_already,
         cell::attached_nodes_of_a_cell_that_are_others_or_missing_are_named_before_anything_moves,
         peer::the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus,

@@ -342,23 +342,26 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         self.stations.iter_mut().for_each(Station::emit);
     }
 
-    /// Moves on each arm that moves to where a run starts.
+    /// Moves on each arm that moves to where a run starts. None sets out before all robots are connected.
     fn go_on_to_start(&mut self, now: Instant) {
         for index in 0..self.stations.len() {
             let Some(station) = self.stations.get(index) else { return };
             if self.mode == Mode::Running || station.state != StationState::MovingToStart {
                 continue;
             }
-            let set_out = if station.is_to_set_out() {
+            let set_out = if !station.is_to_set_out() {
+                SetOut::Now
+            } else if self.is_connected() {
                 self.program.set_out(index, &self.stations)
             } else {
-                SetOut::Now
+                // The missing robot is reported by its own station.
+                SetOut::Wait
             };
             let Some(station) = self.stations.get_mut(index) else { return };
             if station.keep(set_out) {
                 continue;
             }
-            match station.go_on_to_start(now) {
+            match station.go_on_to_start(now, &mut self.events) {
                 WayToStart::UnderWay => {}
                 WayToStart::Reached => {
                     station.state = StationState::Ready;
@@ -395,7 +398,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             }
             let was_ready = station.is_ready();
             // An arm that the run has lost stands where it is while others move.
-            let is_new = station.prepare(!is_lost, &mut self.events);
+            let is_new = station.prepare(!is_lost);
             if is_new {
                 self.report_ready();
             } else if let (true, false, Mode::Starting(_)) =

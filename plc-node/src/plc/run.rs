@@ -86,7 +86,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         let leads = self.program.leads();
         for station in self.stations.iter_mut().filter(|station| station.is_ready()) {
             if !leads && !station.is_at_start() {
-                station.move_to_start(false, &mut self.events);
+                station.move_to_start(false);
             }
         }
         if self.stations.iter().all(Station::is_ready) && self.knows_clocks(now) {
@@ -212,7 +212,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             if station.is_at_start() {
                 station.state = StationState::Ready;
             } else {
-                station.move_to_start(true, &mut self.events);
+                station.move_to_start(true);
             }
         }
         self.report_ready();
@@ -246,7 +246,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             if !is_lost {
                 station.prepare_again(false);
             } else if station.is_ready() && !station.is_at_start() {
-                station.move_to_start(false, &mut self.events);
+                station.move_to_start(false);
             }
         }
         // The first station that was lost is why the run cannot be done, whatever ended it.

@@ -203,7 +203,7 @@ mod tests {
 
     fn to_move(index: usize, joints: [f64; 6]) -> Station {
         let mut station = resting(index, joints, StationState::Ready);
-        station.move_to_start(false, &mut Events::for_stations(2));
+        station.move_to_start(false);
         station
     }
 
@@ -228,7 +228,7 @@ mod tests {
         assert_eq!(is(&mut program, 0, [to_move(0, put(0)), ready()]), SetOut::Now);
         // Now this one is on its way through the zone, and keeps it until it rests.
         let mut on_way = to_move(0, put(0));
-        on_way.go_on_to_start(machine::Instant::ZERO);
+        on_way.go_on_to_start(machine::Instant::ZERO, &mut Events::for_stations(2));
         assert!(on_way.is_on_its_way());
         assert_eq!(is(&mut program, 1, [on_way, to_move(1, put(1))]), SetOut::Wait);
         let arrived = resting(0, start(0), StationState::Ready);

@@ -73,11 +73,10 @@ impl Station {
         self.start_position.is_reached(self.group.feedback())
     }
 
-    /// Begins to move the arm to where a run starts.
-    pub(crate) fn move_to_start(&mut self, is_at_end: bool, events: &mut Events) {
+    /// Has the arm move to where a run starts, once it may set out.
+    pub(crate) fn move_to_start(&mut self, is_at_end: bool) {
         self.start_position.begin(is_at_end);
         self.state = StationState::MovingToStart;
-        events.push(self.index, PlcEvent::MovingToStart);
     }
 
     /// Returns whether the arm is to set out for the start and has not yet.
@@ -92,8 +91,11 @@ impl Station {
         self.kept.is_some()
     }
 
-    /// Runs one scan of the way to the start.
-    pub(crate) fn go_on_to_start(&mut self, now: Instant) -> WayToStart {
+    /// Runs one scan of the way to the start; the first one reports that the arm sets out.
+    pub(crate) fn go_on_to_start(&mut self, now: Instant, events: &mut Events) -> WayToStart {
+        if self.is_to_set_out() {
+            events.push(self.index, PlcEvent::MovingToStart);
+        }
         match self.start_position.scan(now, &mut self.group) {
             SkillProgress::Running => WayToStart::UnderWay,
             SkillProgress::Done => WayToStart::Reached,
@@ -115,7 +117,7 @@ impl Station {
 
     /// Does the work of a scan outside of a run. Returns whether the station has become ready in it. An arm that may not move
     /// to where a run starts gets ready where it stands.
-    pub(crate) fn prepare(&mut self, may_move: bool, events: &mut Events) -> bool {
+    pub(crate) fn prepare(&mut self, may_move: bool) -> bool {
         if self.state == StationState::Ready && Readiness::holds(&self.group) {
             return false;
         }
@@ -128,7 +130,7 @@ impl Station {
             self.state = StationState::Ready;
             return true;
         }
-        self.move_to_start(false, events);
+        self.move_to_start(false);
         false
     }
 

@@ -109,7 +109,7 @@ impl Station {
         let is_commanded = is_running || self.state == StationState::MovingToStart;
         let is_progress = match (work, self.state) {
             (Work::Run { waits: true }, _) => true,
-            // Another arm is on its way, which is watched itself.
+            // Another arm is on its way, or its robot is not connected, which is watched itself.
             (Work::None, StationState::MovingToStart) if self.kept == Some(SetOut::Wait) => true,
             (Work::Run { waits: false }, _) | (Work::None, StationState::MovingToStart) => {
                 self.silence.see(&self.group)

@@ -106,6 +106,23 @@ fn without_one_of_two_robots_nothing_starts_and_the_other_gets_ready() {
 }
 
 #[test]
+fn without_one_of_two_robots_the_other_does_not_move_and_only_the_missing_one_is_reported() {
+    let mut cell = away_from_their_starts();
+    cell.set_cut(RIGHT, true);
+    let reports = cell.reports(MS * 15_000);
+    let link_up = PlcReport { station: Some(LEFT), event: PlcEvent::Link(LinkEvent::Up) };
+    assert!(reports.contains(&link_up), "{reports:?}");
+    let waits = |report: &&PlcReport| matches!(report.event, PlcEvent::Waiting { .. });
+    assert!(reports.iter().filter(waits).count() > 0, "{reports:?}");
+    assert!(reports.iter().filter(waits).all(|report| report.station == Some(RIGHT)), "{reports:?}");
+    assert_eq!(cell.robot(LEFT, |robot| robot.taken.len()), 0, "the left arm was moved");
+    cell.set_cut(RIGHT, false);
+    cell.until_ready();
+    assert_eq!([LEFT, RIGHT].map(|station| cell.robot(station, |robot| robot.taken.len())), [1, 1]);
+    assert_eq!(cell.run(ExecutionType::Cm), [4, 8]);
+}
+
+#[test]
 fn an_abort_and_a_disconnect_end_the_run_of_both() {
     for disconnects in [false, true] {
         let mut cell = alone();
@@ -145,15 +162,20 @@ fn the_override_is_that_of_both_robots() {
     }
 }
 
-#[test]
-fn a_run_starts_once_both_arms_are_at_their_start() {
+/// Returns a cell whose arms have to move to their starts before the first run.
+fn away_from_their_starts() -> Cell {
     let work = [work(motions(LEFT, 4), vec![], vec![]), work(motions(RIGHT, 8), vec![], vec![])];
     let mut stations = [placed(0, 0, "left"), placed(1, 0, "right")];
     for (station, placed) in stations.iter_mut().enumerate() {
         let start = Motion { target: [7.0 + station as f32; 6], ..motions(station, 1)[0] };
         placed.config.to_start = ToStart { from_anywhere: Some(start), from_end: vec![] };
     }
-    let mut cell = cell_with(Sequences::new(work.into()), stations);
+    cell_with(Sequences::new(work.into()), stations)
+}
+
+#[test]
+fn a_run_starts_once_both_arms_are_at_their_start() {
+    let mut cell = away_from_their_starts();
     cell.until_ready();
     cell.robot(RIGHT, |robot| (robot.feedback.joints, robot.motion_cycles) = ([0.0; 6], 50));
     let _ = cell.reports(MS * 10);

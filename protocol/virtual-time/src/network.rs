@@ -6,6 +6,7 @@ mod frames;
 mod hosts;
 mod ids;
 mod in_flight;
+mod learned;
 mod nodes;
 mod stream;
 mod switch;

@@ -88,7 +88,8 @@ pub(crate) fn frame_numbers() -> impl Iterator<Item = u8> {
 }
 
 impl RobotApplication {
-    /// Takes the robot of a setup and the programs of a plan.
+    /// Takes the robot of a setup and the programs of a plan: one for each section between two rests, at marks and before shared
+    /// zones, since an exported program meets no other arm.
     #[must_use]
     pub fn of_plan(setup: &Setup, plan: &Plan) -> Self {
         let robot = &setup.robot;
@@ -97,7 +98,7 @@ impl RobotApplication {
             listed.chain([(0, [0.0; 6])]).collect()
         };
         let motions = plan.wire_motions(setup);
-        let sections = plan.sections();
+        let sections = plan.sections_between_rests();
         let programs = (PROGRAM..).zip(&sections).map(|(number, section)| StoredProgram {
             number,
             motions: motions.get(section.motions.clone()).unwrap_or_default().to_vec(),

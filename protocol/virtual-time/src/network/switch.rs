@@ -1,12 +1,13 @@
 //! A switch: it stores each frame, looks its destination up, and forwards it, by a queue at each port.
 
-use alloc::collections::{BTreeMap, VecDeque};
+use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
 use super::Network;
 use super::hosts::is_arp;
 use super::ids::{CableId, NicId, Plug, SwitchId};
 use super::in_flight::Frame;
+use super::learned::LearnedPorts;
 use super::tap::{Carrier, Label};
 use crate::link::LinkEffect;
 use crate::side::Side;
@@ -24,10 +25,6 @@ const AROUND_DATAGRAM: usize = 42;
 
 /// Headers of a TCP segment: Ethernet 14, IPv4 20, TCP 20 bytes.
 const AROUND_SEGMENT: usize = 54;
-
-/// Most MAC addresses that a switch remembers; frames to further ones go to all ports. Small industrial switches have 1 K
-/// to 8 K places.
-const MOST_ADDRESSES: usize = 4096;
 
 /// How a switch forwards.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -105,10 +102,9 @@ pub(super) struct Switch {
     config: SwitchConfig,
     forwarding: Forwarding,
     ports: Vec<SwitchPort>,
-    /// The port of each cable.
-    port_of_cable: BTreeMap<CableId, usize>,
-    /// The port behind which each station was last seen.
-    learned: BTreeMap<Mac, usize>,
+    /// The port of each cable, by the cable's number.
+    port_of_cable: Vec<Option<usize>>,
+    learned: LearnedPorts,
 }
 
 impl Switch {
@@ -117,15 +113,24 @@ impl Switch {
             config,
             forwarding,
             ports: Vec::new(),
-            port_of_cable: BTreeMap::new(),
-            learned: BTreeMap::new(),
+            port_of_cable: Vec::new(),
+            learned: LearnedPorts::new(),
         }
     }
 
     pub(super) fn add_port(&mut self, cable: CableId, side: Side) {
-        self.port_of_cable.insert(cable, self.ports.len());
+        if cable.0 >= self.port_of_cable.len() {
+            self.port_of_cable.resize(cable.0 + 1, None);
+        }
+        if let Some(port) = self.port_of_cable.get_mut(cable.0) {
+            *port = Some(self.ports.len());
+        }
         let (queue, counters) = (VecDeque::new(), SwitchCounters::default());
         self.ports.push(SwitchPort { cable, side, queue, counters });
+    }
+
+    fn port_of(&self, cable: CableId) -> Option<usize> {
+        self.port_of_cable.get(cable.0).copied().flatten()
     }
 
     /// Returns how long a frame of this length takes through the switch if it waits for no other.
@@ -140,10 +145,10 @@ impl Switch {
 
     /// Learns where the sender of a frame is, and returns the port of its receiver; `None` if every port may be.
     fn learn(&mut self, by: usize, [source, destination]: [Mac; 2]) -> Option<usize> {
-        if !source.is_group() && (self.learned.len() < MOST_ADDRESSES || self.learned.contains_key(&source)) {
+        if !source.is_group() {
             self.learned.insert(source, by);
         }
-        if destination.is_group() { None } else { self.learned.get(&destination).copied() }
+        if destination.is_group() { None } else { self.learned.get(destination) }
     }
 }
 
@@ -154,7 +159,7 @@ impl<M: Multihomed> Network<M> {
         let port = self
             .switches
             .get(switch.0)
-            .and_then(|switch| switch.port_of_cable.get(&cable).and_then(|port| switch.ports.get(*port)));
+            .and_then(|switch| switch.port_of(cable).and_then(|port| switch.ports.get(port)));
         port.map(|port| port.counters).unwrap_or_default()
     }
 
@@ -170,7 +175,7 @@ impl<M: Multihomed> Network<M> {
     /// Passes a frame on to the next port, or from the last one that has a link to the first.
     fn forward_to_next_port(&mut self, id: SwitchId, by: CableId, frame: Frame) {
         let Some(switch) = self.switches.get(id.0) else { return };
-        let Some(by) = switch.port_of_cable.get(&by).copied() else { return };
+        let Some(by) = switch.port_of(by) else { return };
         let next = switch.ports.get(by + 1).filter(|port| self.has_link(port)).map_or(0, |_| by + 1);
         self.send_from_switch(id, next, frame);
     }
@@ -193,7 +198,7 @@ impl<M: Multihomed> Network<M> {
             (_, None) => return self.spare_bufs.push(frame.buf),
         };
         let Some(switch) = self.switches.get_mut(id.0) else { return };
-        let Some(by) = switch.port_of_cable.get(&by).copied() else { return };
+        let Some(by) = switch.port_of(by) else { return };
         let ports = match switch.learn(by, macs) {
             Some(port) => port..port + 1,
             None => 0..switch.ports.len(),
