@@ -154,3 +154,36 @@ fn assigned_pdos_and_init_commands_are_written_before_the_data_run() {
     let start = driven(&compact, "", &drive_config());
     assert_eq!(start.signals().0.len(), 1);
 }
+
+#[test]
+fn after_a_connection_that_was_lost_during_an_access_parameters_are_read_again() {
+    for (chosen, name) in devices().iter().zip(["1/1/1", "0.1:0xAFF0", "Filter"]) {
+        let mut cell = DrivenPair::of(chosen, "", "", &drive_config());
+        cell.run_to(3_000);
+        assert!(cell.pair.a().is_up());
+        cell.pair.set_cut(true);
+        cell.pair.command_a(|device, _| device.read_parameter(name)).unwrap();
+        cell.run_to(8_000);
+        let bus = cell.pair.a().bus();
+        let lost = answers(&cell);
+        assert!(lost.len() == 1 && lost[0].contains("again"), "{bus}: {lost:?}");
+        cell.pair.set_cut(false);
+        cell.run_to(25_000);
+        assert!(cell.pair.a().is_up(), "{bus}: {:?}", cell.texts());
+        cell.pair.command_a(|device, _| device.read_parameter(name)).unwrap();
+        cell.run_to(27_000);
+        let after = answers(&cell);
+        assert!(after.len() == 2 && after[1].starts_with(&format!("answer {name} = ")), "{bus}: {after:?}");
+    }
+}
+
+#[test]
+fn an_object_of_a_terminal_without_a_mailbox_is_refused_at_once() {
+    let without = chosen("a.xml", ESI, "device_name = \"MU2004\"");
+    let mut cell = DrivenPair::of(&without, "", "", &drive_config());
+    cell.pair.command_a(|device, _| device.read_parameter("0x1018:01")).unwrap();
+    cell.run_to(4_000);
+    assert!(cell.pair.a().is_up(), "{:?}", cell.texts());
+    let said = "answer 0x1018:01: the device has no mailbox, so it has no objects; use its process data";
+    assert_eq!(answers(&cell), [said]);
+}
