@@ -94,14 +94,17 @@ impl ParameterAccess {
     }
 }
 
-/// Finds a parameter: by its name, or by its place in the form of the bus.
+/// Finds a parameter: by its name, in other case where only one parameter has it, or by its place in the form of the bus.
 pub(crate) fn find(
     parameters: &[DeviceParameter],
     name: &str,
     by_place: impl FnOnce(&str) -> Option<DeviceParameter>,
 ) -> Result<DeviceParameter, DriveError> {
     let exact = parameters.iter().find(|known| known.signal.name == name || known.signal.place == name);
-    let alike = || parameters.iter().find(|known| known.signal.name.eq_ignore_ascii_case(name));
+    let alike = || {
+        let mut alike = parameters.iter().filter(|known| known.signal.name.eq_ignore_ascii_case(name));
+        alike.next().filter(|_| alike.next().is_none())
+    };
     exact.or_else(alike).cloned().or_else(|| by_place(name)).ok_or_else(|| {
         DriveError::unknown("parameter", name, parameters.iter().map(|known| known.signal.name.as_str()))
     })

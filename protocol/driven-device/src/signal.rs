@@ -1,5 +1,7 @@
 //! Signal: a named value in the inputs or outputs of a device.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use serde::Serialize;
 
 /// Named value in the data of one direction.
@@ -21,7 +23,7 @@ pub struct Signal {
     /// Texts of its values.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<(i64, String)>,
-    /// True for data of PROFIsafe, CIP Safety or FSoE, which are shown as bytes and never sent.
+    /// True for data of PROFIsafe or FSoE, which are shown as bytes and never sent.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_safety: bool,
 }
@@ -63,6 +65,11 @@ impl Signal {
         }
     }
 
+    /// Returns whether it has bits, and all of them are in data of this many bytes.
+    pub(crate) fn fits(&self, bytes: usize) -> bool {
+        self.bits > 0 && self.bit.checked_add(self.bits).is_some_and(|end| end <= 8 * bytes)
+    }
+
     /// Returns the type in words, such as `uint16`.
     #[must_use]
     pub fn type_name(&self) -> String {
@@ -73,5 +80,24 @@ impl Signal {
             SignalType::Real => format!("real{}", self.bits),
             SignalType::Bytes => format!("{} bytes", self.bits.div_ceil(8)),
         }
+    }
+}
+
+/// Appends a number to each name that an earlier signal has, as in `Speed#2`.
+pub(crate) fn number_duplicates<'s>(signals: impl Iterator<Item = &'s mut Signal>) {
+    let mut names = BTreeSet::new();
+    let mut counts = BTreeMap::<String, u32>::new();
+    for signal in signals {
+        if names.contains(&signal.name) {
+            let count = counts.entry(signal.name.clone()).or_insert(1);
+            signal.name = loop {
+                *count += 1;
+                let name = format!("{}#{count}", signal.name);
+                if !names.contains(&name) {
+                    break name;
+                }
+            };
+        }
+        names.insert(signal.name.clone());
     }
 }

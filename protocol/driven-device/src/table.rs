@@ -1,6 +1,6 @@
 //! Inputs or outputs of a device as bytes, and the signals in them.
 
-use crate::signal::{Signal, SignalType};
+use crate::signal::{Signal, SignalType, number_duplicates};
 use crate::value::{SignalValue, ValueError};
 
 /// Inputs or outputs of a device, and the signals in them.
@@ -28,15 +28,8 @@ const LONGEST_NUMBER: usize = 8;
 impl SignalTable {
     /// Makes a table of zeros of this length. Signals of one name get numbers after it.
     pub(crate) fn new(mut signals: Vec<Signal>, len: usize, is_big_endian: bool) -> Self {
-        signals.retain(|signal| signal.bits > 0 && signal.bit + signal.bits <= 8 * len);
-        let mut seen = std::collections::BTreeMap::<String, u32>::new();
-        for signal in &mut signals {
-            let count = seen.entry(signal.name.clone()).or_default();
-            *count += 1;
-            if *count > 1 {
-                signal.name = format!("{}#{count}", signal.name);
-            }
-        }
+        signals.retain(|signal| signal.fits(len));
+        number_duplicates(signals.iter_mut());
         Self { signals, bytes: vec![0; len].into_boxed_slice(), is_big_endian }
     }
 

@@ -187,3 +187,36 @@ fn an_object_of_a_terminal_without_a_mailbox_is_refused_at_once() {
     let said = "answer 0x1018:01: the device has no mailbox, so it has no objects; use its process data";
     assert_eq!(answers(&cell), [said]);
 }
+
+#[test]
+fn a_member_of_the_configuration_without_a_default_keeps_its_place_as_zeros() {
+    let parameters = "[Params]\n Param2 = 0,,,0x0000,0xC7,2,\"Filter\",\"\",\"\",0,65535,,,,,,,,,,;\n\
+         Param3 = 0,,,0x0000,0xC6,1,\"Filter\",\"\",\"\",0,255,7,,,,,,,,,;\n\
+         Param4 = 0,,,0x0000,0xC7,2,\"Limit\",\"\",\"\",0,65535,770,,,,,,,,,;\n";
+    let assembly = "[Assembly]\n Assem103 = \"Configuration\",,6,0x0000,,,0,Param2,16,Param2,8,Param3,,param4,64,Param4;\n";
+    let text =
+        EDS.replace("[Params]", parameters).replace("[Assembly]", assembly).replace("6,,\n", "6,Assem103,\n");
+    let mut cell = DrivenPair::of(&chosen("a.eds", &text, ""), "", "", &drive_config());
+    cell.pair.command_a(|device, _| device.read_parameter("4/103/3")).unwrap();
+    cell.run_to(3_000);
+    assert_eq!(answers(&cell), ["answer 4/103/3 = 000007020300"]);
+}
+
+#[test]
+fn parameters_of_one_name_are_read_by_the_name_with_a_number() {
+    let parameters = "[Params]\n Param2 = 0,,\"20 01 24 01 30 01\",0x0010,0xC7,2,\"ID\",\"\",\"\",0,65535,0,,,,,,,,,;\n\
+         Param3 = 0,,\"20 01 24 01 30 03\",0x0010,0xC7,2,\"ID\",\"\",\"\",0,65535,0,,,,,,,,,;\n\
+         Param4 = 0,,\"20 01 24 01 30 02\",0x0010,0xC7,2,\"id\",\"\",\"\",0,65535,0,,,,,,,,,;\n";
+    let chosen = chosen("a.eds", &EDS.replace("[Params]", parameters), "");
+    let mut cell = DrivenPair::of(&chosen, "", "", &drive_config());
+    cell.pair.command_a(|device, _| {
+        for name in ["ID", "ID#2", "id", "Param3"] {
+            device.read_parameter(name).unwrap();
+        }
+        let said = device.read_parameter("Id").unwrap_err().to_string();
+        assert_eq!(said, "parameter `Id` is not in the file; choose from ID, ID#2, id");
+    });
+    cell.run_to(3_000);
+    let expected = ["ID = 65534", "ID#2 = 77", "id = 12", "ID#2 = 77"].map(|it| format!("answer {it}"));
+    assert_eq!(answers(&cell), expected);
+}
