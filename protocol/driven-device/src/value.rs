@@ -86,7 +86,8 @@ impl SignalValue {
     pub(crate) fn wrapped(signal: &Signal, number: f64) -> Result<Self, ValueError> {
         match (signal.kind, range(signal)) {
             (SignalType::Unsigned | SignalType::Signed, Some((least, most))) => {
-                let whole = (number.round() as i128 - least).rem_euclid(most - least + 1) + least;
+                let range = most - least + 1;
+                let whole = (number.round() as i128).saturating_sub(least).rem_euclid(range) + least;
                 Self::whole(signal, whole).ok_or_else(|| refusal(signal, &number.to_string()))
             }
             _ => Self::from_number(signal, number),
@@ -227,5 +228,18 @@ mod tests {
         assert_eq!(SignalValue::Unsigned(8).text(&named), Some("On"));
         let said = SignalValue::parse(&named, "on").unwrap_err().to_string();
         assert_eq!(said, "Speed: `on`: must be uint8, 0 to 255, or `Off`, `On`");
+    }
+    #[test]
+    fn a_number_of_any_size_wraps_into_the_type() {
+        for kind in [SignalType::Unsigned, SignalType::Signed] {
+            for bits in [1, 8, 63, 64] {
+                let signal = Signal::new("Count", "1", kind, 0, bits);
+                for number in [f64::MAX, f64::MIN, f64::INFINITY, f64::NAN, -1.0, 1e18] {
+                    assert!(SignalValue::wrapped(&signal, number).is_ok(), "{kind:?} {bits} {number}");
+                }
+            }
+        }
+        let signal = Signal::new("Count", "1", SignalType::Signed, 0, 8);
+        assert_eq!(SignalValue::wrapped(&signal, 130.0), Ok(SignalValue::Signed(-126)));
     }
 }
