@@ -7,8 +7,18 @@ use crate::value::{SignalValue, ValueError};
 #[derive(Clone, Default, Debug)]
 pub struct SignalTable {
     signals: Vec<Signal>,
+    parts: Box<[TablePart]>,
     bytes: Box<[u8]>,
     is_big_endian: bool,
+}
+
+/// Part of the data that the bus marks as good or bad by itself: a submodule of PROFINET.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct TablePart {
+    /// Bytes.
+    pub(crate) len: usize,
+    /// True for data of PROFIsafe.
+    pub(crate) is_safety: bool,
 }
 
 /// Change of the inputs.
@@ -30,7 +40,17 @@ impl SignalTable {
     pub(crate) fn new(mut signals: Vec<Signal>, len: usize, is_big_endian: bool) -> Self {
         signals.retain(|signal| signal.fits(len));
         number_duplicates(signals.iter_mut());
-        Self { signals, bytes: vec![0; len].into_boxed_slice(), is_big_endian }
+        Self { signals, parts: Box::default(), bytes: vec![0; len].into_boxed_slice(), is_big_endian }
+    }
+
+    /// Sets the parts of the data, in their order.
+    pub(crate) fn with_parts(self, parts: Vec<TablePart>) -> Self {
+        Self { parts: parts.into_boxed_slice(), ..self }
+    }
+
+    /// Returns the parts of the data.
+    pub(crate) const fn parts(&self) -> &[TablePart] {
+        &self.parts
     }
 
     /// Returns the signals by their places.

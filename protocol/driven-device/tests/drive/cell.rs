@@ -83,6 +83,16 @@ pub(crate) fn driven(chosen: &Chosen, script: &str, config: &DriveConfig) -> Dri
     DrivenDevice::new(chosen.file.clone(), chosen.device.clone(), script, config, Instant::ZERO).unwrap()
 }
 
+/// Returns a cable that loses nothing.
+pub(crate) fn pair_config() -> PairConfig {
+    PairConfig {
+        seed: 1,
+        clocks: [Clock::default(); 2],
+        links: [Impairment::default(); 2],
+        addresses: [Some(CONTROLLER), Some(DEVICE)],
+    }
+}
+
 impl DrivenPair {
     /// Connects a device to its own controller.
     pub(crate) fn of(chosen: &Chosen, device_script: &str, script: &str, config: &DriveConfig) -> Self {
@@ -90,13 +100,7 @@ impl DrivenPair {
     }
 
     pub(crate) fn between(driven: DrivenDevice, emulated: EmulatedDevice) -> Self {
-        let cable = PairConfig {
-            seed: 1,
-            clocks: [Clock::default(); 2],
-            links: [Impairment::default(); 2],
-            addresses: [Some(CONTROLLER), Some(DEVICE)],
-        };
-        Self { pair: Pair::new(driven, emulated, cable), events: Vec::new() }
+        Self { pair: Pair::new(driven, emulated, pair_config()), events: Vec::new() }
     }
 
     /// Runs until so many milliseconds after the start.
