@@ -1,7 +1,9 @@
 //! The options by which a command takes a device from its file: the file, and what is chosen from it.
 
+use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::string::FromUtf8Error;
 
 use anyhow::Context as _;
 use device_files::{
@@ -80,14 +82,7 @@ impl ChoiceOptions {
     ///
     /// The file cannot be read or is refused.
     pub fn to_choice(&self) -> anyhow::Result<DeviceChoice> {
-        let of_file = match &self.config {
-            Some(path) => {
-                let text =
-                    String::from_utf8(read_bytes(path)?).with_context(|| format!("{}", path.display()))?;
-                DeviceChoice::from_toml(&text).with_context(|| format!("{}", path.display()))?
-            }
-            None => DeviceChoice::default(),
-        };
+        let of_file = read_toml(self.config.as_deref(), DeviceChoice::from_toml)?;
         let options = DeviceChoice {
             access_point: self.access_point.clone(),
             connection: self.connection.clone(),
@@ -118,6 +113,21 @@ pub fn read_bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
     setup::read_plain_file(path, MOST_BYTES as u64).with_context(|| format!("cannot read {}", path.display()))
 }
 
+/// Reads a TOML file, such as a choice or a script; the default without one.
+///
+/// # Errors
+///
+/// It cannot be read, is not UTF-8, or is refused; the error names the file.
+pub fn read_toml<T, E>(path: Option<&Path>, from_toml: fn(&str) -> Result<T, E>) -> anyhow::Result<T>
+where
+    T: Default,
+    E: Error + Send + Sync + 'static,
+{
+    let Some(path) = path else { return Ok(T::default()) };
+    let text = String::from_utf8(read_bytes(path)?).with_context(|| path.display().to_string())?;
+    from_toml(&text).with_context(|| path.display().to_string())
+}
+
 /// Returns true for an error that another file or choice corrects.
 #[must_use]
 pub fn is_usage(error: &anyhow::Error) -> bool {
@@ -125,5 +135,6 @@ pub fn is_usage(error: &anyhow::Error) -> bool {
     error.is::<ReadError>()
         || error.is::<ChoiceError>()
         || error.is::<ChoiceFileError>()
+        || error.is::<FromUtf8Error>()
         || missing.is_some_and(|error| error.kind() == io::ErrorKind::NotFound)
 }
