@@ -12,7 +12,7 @@ pub struct SignalTable {
     is_big_endian: bool,
 }
 
-/// Part of the data that the bus marks as good or bad by itself: a submodule of PROFINET.
+/// Part of the data with its own provider status: a submodule of PROFINET.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct TablePart {
     /// Bytes.

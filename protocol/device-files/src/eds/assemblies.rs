@@ -34,7 +34,7 @@ pub struct EdsMember {
     pub target: String,
 }
 
-/// What a member, or the format of a connection's data, names.
+/// Parameter or assembly that a member, or the format of a connection's data, names.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum EdsReference {
     /// Parameter of this number.
