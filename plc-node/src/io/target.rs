@@ -7,7 +7,8 @@ use device_files::{
     ChosenDevice, DeviceChoice, DeviceFile, FoundModule, Gsdml, choose, choose_found, choose_head,
 };
 use driven_device::{
-    DriveConfig, DriveEvent, DrivenDevice, MODULES_RECORD, OutputScript, SignalValue, found_modules,
+    DriveConfig, DriveEvent, DrivenDevice, MODULES_RECORD, OutputScript, ParameterValue, SignalValue,
+    found_modules,
 };
 use machine::{Duration, Instant};
 use profinet::FoundStation;
@@ -209,7 +210,9 @@ impl Owner<DrivenDevice> for ModuleReader {
         match event {
             DriveEvent::Answer(answer) => {
                 match answer.result {
-                    Ok((SignalValue::Bytes(record), _)) => self.found = found_modules(&record),
+                    Ok(ParameterValue { raw: SignalValue::Bytes(record), .. }) => {
+                        self.found = found_modules(&record)
+                    }
                     Ok(_) => {}
                     Err(reason) => self.last = reason,
                 }

@@ -190,7 +190,7 @@ fn table(eds: &Eds, end: &ConnectionEnd, chosen: Option<&ChosenAssembly>) -> Res
     let is_parameter = matches!(reference, Some(EdsReference::Parameter(_)));
     let by_format = reference.filter(|_| assembly.is_some() || is_parameter);
     let members = members(eds, by_format.unwrap_or(EdsReference::Assembly(chosen.instance)), &place)?;
-    signals.extend(members.into_iter().map(|member| member.signal));
+    signals.extend(members.into_iter().map(|PlacedMember { parameter, signal }| scaled(signal, parameter)));
     Ok(SignalTable::new(signals, chosen.size.into(), false))
 }
 
@@ -203,6 +203,12 @@ fn signal(parameter: &EdsParameter, place: &str, bit: usize, bits: usize) -> Sig
     signal.unit.clone_from(&parameter.unit);
     signal.texts = parameter.texts.iter().map(|text| (text.value, text.text.clone())).collect();
     signal
+}
+
+/// Adds the scale of its parameter to a signal. Defaults of the file are raw values, so theirs have none.
+fn scaled(signal: Signal, parameter: &EdsParameter) -> Signal {
+    let is_number = matches!(signal.kind, SignalType::Unsigned | SignalType::Signed | SignalType::Real);
+    Signal { scale: parameter.scale().filter(|_| is_number), ..signal }
 }
 
 /// Returns the type of a CIP data type (volume 1, table C-6.1).
@@ -221,11 +227,14 @@ pub(crate) fn parameters(eds: &Eds) -> Vec<DeviceParameter> {
     let with_path = eds.parameters.iter().filter_map(|parameter| Some((parameter, path(&parameter.path)?)));
     with_path
         .map(|(parameter, path)| DeviceParameter {
-            signal: signal(
+            signal: scaled(
+                signal(
+                    parameter,
+                    &format!("Param{}", parameter.number),
+                    0,
+                    8 * parameter.size.unwrap_or(0) as usize,
+                ),
                 parameter,
-                &format!("Param{}", parameter.number),
-                0,
-                8 * parameter.size.unwrap_or(0) as usize,
             ),
             is_read_only: parameter.descriptor & READ_ONLY != 0,
             target: ParameterTarget::Attribute(path),

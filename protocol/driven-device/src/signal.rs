@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use device_files::EdsScale;
 use serde::Serialize;
 
 /// Named value in the data of one direction.
@@ -23,6 +24,9 @@ pub struct Signal {
     /// Texts of its values.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<(i64, String)>,
+    /// Scale of its numbers into engineering units, if the file gives one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<EdsScale>,
     /// True for data of PROFIsafe or FSoE, which are shown as bytes and never sent.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_safety: bool,
@@ -61,6 +65,7 @@ impl Signal {
             bits,
             bit,
             texts: Vec::new(),
+            scale: None,
             is_safety: false,
         }
     }

@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 
 use device_files::{ChosenDevice, DeviceChoice, DeviceFile, choose, read};
-use driven_device::{DriveConfig, DriveEvent, DrivenDevice, OutputScript};
+use driven_device::{DriveConfig, DriveEvent, DrivenDevice, OutputScript, ParameterValue};
 use emulated_device::{DeviceScript, EmulatedDevice, EmulationConfig};
 use machine::ethernet::Mac;
 use machine::{Duration, Instant, LinkEvent};
@@ -141,7 +141,10 @@ impl DrivenPair {
             DriveEvent::Down(down, details) => Some(format!("down {down}; {details}")),
             DriveEvent::Conflict(conflict) => Some(format!("conflict {conflict}")),
             DriveEvent::Answer(answer) => Some(match &answer.result {
-                Ok((value, _)) => format!("answer {} = {value}", answer.name),
+                Ok(ParameterValue { raw, scaled: Some(scaled), .. }) => {
+                    format!("answer {} = {scaled} {} (raw {raw})", answer.name, answer.unit)
+                }
+                Ok(value) => format!("answer {} = {}", answer.name, value.raw),
                 Err(error) => format!("answer {}: {error}", answer.name),
             }),
             _ => None,

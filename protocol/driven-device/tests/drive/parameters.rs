@@ -1,7 +1,7 @@
 //! Attributes, records and objects by name; alarms and emergencies in words; what is written at the start.
 
 use device_files::{DeviceChoice, DeviceFile, choose_found, choose_head};
-use driven_device::{DriveEvent, MODULES_RECORD, SignalValue, found_modules};
+use driven_device::{DriveEvent, MODULES_RECORD, ParameterValue, SignalValue, found_modules};
 
 use crate::cell::{Chosen, DrivenPair, EDS, ESI, GSDML, chosen, devices, drive_config, driven, emulated};
 
@@ -85,7 +85,7 @@ fn without_a_choice_the_modules_are_those_that_the_device_reports() {
     cell.run_to(4_000);
     let record = cell.events.iter().find_map(|event| match event {
         DriveEvent::Answer(answer) => match &answer.result {
-            Ok((SignalValue::Bytes(record), _)) => Some(record.clone()),
+            Ok(ParameterValue { raw: SignalValue::Bytes(record), .. }) => Some(record.clone()),
             _ => None,
         },
         _ => None,
@@ -219,4 +219,28 @@ fn parameters_of_one_name_are_read_by_the_name_with_a_number() {
     cell.run_to(3_000);
     let expected = ["ID = 65534", "ID#2 = 77", "id = 12", "ID#2 = 77"].map(|it| format!("answer {it}"));
     assert_eq!(answers(&cell), expected);
+}
+
+#[test]
+fn scaled_members_and_parameters_are_shown_and_set_in_engineering_units() {
+    // Descriptor bit 2; then multiplier, divisor, base, offset, their links, and decimal places.
+    let parameters = "[Params]\n Param2 = 0,,\"20 01 24 01 30 01\",0x0004,0xC7,2,\"Control\",\"rpm\",\"\",0,65535,7,1,1,1,0,,,,,1;\n\
+         Param3 = 0,,,0x0004,0xC7,2,\"Linked\",\"\",\"\",0,65535,0,1,10,1,0,Param2,,,,0;\n\
+         Param4 = 0,,,0x0000,0xC7,2,\"Plain\",\"\",\"\",0,65535,0,1,10,1,0,,,,,0;\n\
+         Param5 = 0,,,0x0004,0xC3,2,\"Speed\",\"rpm\",\"\",0,65535,0,1,4,1,-8,,,,,0;\n";
+    let text = EDS
+        .replace("[Params]", parameters)
+        .replace("\"Outputs\",,4,0x0000,,,32,", "\"Outputs\",,4,0x0000,,,16,Param5,16,Param3");
+    assert_ne!(text, EDS.replace("[Params]", parameters), "the outputs have members");
+    let mut cell = DrivenPair::of(&chosen("a.eds", &text, ""), "", "", &drive_config());
+    cell.pair.command_a(|device, _| {
+        device.set("Speed", "2.5").unwrap();
+        device.set("Linked", "3").unwrap();
+        device.read_parameter("Control").unwrap();
+        let said = device.write_parameter("Control", "6553.6").unwrap_err().to_string();
+        assert_eq!(said, "Control: `6553.6`: must be 0.0 to 6553.5 (raw uint16, 0 to 65535)");
+    });
+    assert_eq!(cell.pair.a().outputs().bytes(), [18, 0, 3, 0]);
+    cell.run_to(3_000);
+    assert_eq!(answers(&cell), ["answer Control = 6553.4 rpm (raw 65534)"]);
 }
