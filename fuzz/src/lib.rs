@@ -26,7 +26,7 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 19] = [
+pub const TARGETS: [(&str, Target); 22] = [
     ("device", profinet::device),
     ("controller", profinet::controller),
     ("adapter", ethernet_ip::adapter),
@@ -34,6 +34,7 @@ pub const TARGETS: [(&str, Target); 19] = [
     ("subdevice", ethercat::subdevice),
     ("dcp", lone::dcp),
     ("discovery", lone::discovery),
+    ("reader", lone::reader),
     ("robot", robot::robot),
     ("setup", files::setup),
     ("application", files::application),
@@ -44,6 +45,8 @@ pub const TARGETS: [(&str, Target); 19] = [
     ("eds", device_files::eds),
     ("esi", device_files::esi),
     ("choice", device_files::choice),
+    ("found", device_files::found),
+    ("driven", device_files::driven),
     ("capture", capture::capture),
     ("samples", files::samples),
 ];

@@ -5,7 +5,8 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use machine::ethernet::Mac;
 use machine::wire::FRAME_CAPACITY;
 use machine::{Allowed, Duration, Instant, Machine, Port, Source};
-use profinet::{Device, DeviceConfig};
+use profinet::rpc::{self, Header, Kind, Operation};
+use profinet::{Device, DeviceConfig, RPC_PORT, RecordPlace, RecordReader, RecordReaderConfig, Uuid, record};
 use protocol::search::Search;
 use virtual_time::hostile::{Choices as _, Script};
 
@@ -60,6 +61,34 @@ pub(crate) fn discovery(data: &[u8]) {
         }
         let peer = Some(SocketAddrV4::new(Ipv4Addr::new(192, 168, 64, host), 44_818));
         (Source { port: Port::Udp(0), peer }, script.take(len))
+    });
+}
+
+/// Answers a tool that reads records without a connection. The header of an answer is mostly that of a call.
+pub(crate) fn reader(data: &[u8]) {
+    const PORT: u16 = 50_000;
+    let activity = Uuid([7; 16]);
+    let place = |index| RecordPlace { slot: 0, subslot: 1, index };
+    let records = vec![
+        place(record::index::REAL_IDENTIFICATION_API),
+        place(record::index::IDENTIFICATION_AND_MAINTENANCE_0),
+    ];
+    let address = STATIONS[1].1;
+    let identity = DEVICE.identity;
+    let config = RecordReaderConfig { address, identity, local_port: PORT, activity, records };
+    feed(RecordReader::new(config, Instant::ZERO), data, |script| {
+        let object = rpc::object(rpc::INSTANCE, identity);
+        let sequence = script.below(4) as u32;
+        let call =
+            Header::request(Operation::ReadImplicit, object, rpc::DEVICE_INTERFACE, activity, sequence);
+        let kind = [Kind::Response, Kind::Fault, Kind::Reject, Kind::Working][script.below(4)];
+        let flags = script.below(256) as u8;
+        let len = script.below(256);
+        let body = script.take(len);
+        let mut frame = vec![0; FRAME_CAPACITY];
+        let written = Header { kind, flags, ..call }.emit(&body, &mut frame);
+        frame.truncate(written.unwrap_or(0));
+        (Source { port: Port::Udp(PORT), peer: Some(SocketAddrV4::new(address, RPC_PORT)) }, frame)
     });
 }
 

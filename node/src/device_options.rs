@@ -1,5 +1,6 @@
 //! The options by which a command takes a device from its file: the file, and what is chosen from it.
 
+use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -80,12 +81,7 @@ impl ChoiceOptions {
     ///
     /// The file cannot be read or is refused.
     pub fn to_choice(&self) -> anyhow::Result<DeviceChoice> {
-        let of_file = match &self.config {
-            Some(path) => {
-                DeviceChoice::from_toml(&read_text(path)?).with_context(|| path.display().to_string())?
-            }
-            None => DeviceChoice::default(),
-        };
+        let of_file = read_toml(self.config.as_deref(), DeviceChoice::from_toml)?;
         let options = DeviceChoice {
             access_point: self.access_point.clone(),
             connection: self.connection.clone(),
@@ -117,12 +113,8 @@ pub struct NotText {
     pub at: usize,
 }
 
-/// Reads a text file: a choice or a script.
-///
-/// # Errors
-///
-/// It cannot be read, or is not UTF-8 ([`NotText`]).
-pub fn read_text(path: &Path) -> anyhow::Result<String> {
+/// Reads a text file of at most the bytes that a reader accepts.
+fn read_text(path: &Path) -> anyhow::Result<String> {
     let text = String::from_utf8(read_bytes(path)?);
     Ok(text.map_err(|error| NotText {
         file: path.display().to_string(),
@@ -133,6 +125,20 @@ pub fn read_text(path: &Path) -> anyhow::Result<String> {
 /// Reads a file of at most the bytes that a reader accepts.
 fn read_bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
     setup::read_plain_file(path, MOST_BYTES as u64).with_context(|| format!("cannot read {}", path.display()))
+}
+
+/// Reads a TOML file, such as a choice or a script; the default without one.
+///
+/// # Errors
+///
+/// It cannot be read, is not UTF-8 ([`NotText`]), or is refused; the error names the file.
+pub fn read_toml<T, E>(path: Option<&Path>, from_toml: fn(&str) -> Result<T, E>) -> anyhow::Result<T>
+where
+    T: Default,
+    E: Error + Send + Sync + 'static,
+{
+    let Some(path) = path else { return Ok(T::default()) };
+    from_toml(&read_text(path)?).with_context(|| path.display().to_string())
 }
 
 /// Returns true for an error that another file or choice corrects.

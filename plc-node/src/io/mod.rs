@@ -18,10 +18,10 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::Context as _;
 use device_files::{ChosenDevice, choose};
-use driven_device::{DriveConfig, DriveError, DrivenDevice, OutputScript};
+use driven_device::{DriveConfig, DriveError, DrivenDevice, OutputScript, ScriptError};
 use machine::Duration;
 use node::Outcome;
-use node::device_options::{ChoiceOptions, is_usage as is_of_file, read_device_file, read_text};
+use node::device_options::{ChoiceOptions, is_usage as is_of_file, read_device_file, read_toml};
 use node::errln;
 use node::output::to_stdout;
 use protocol_linux::{Driver, Interface, Notifier, clock};
@@ -94,6 +94,7 @@ fn assignment(text: &str) -> Result<(String, String), String> {
 /// Returns true for an error that the user corrects in file, choice, script or options.
 pub fn is_usage(error: &anyhow::Error) -> bool {
     is_of_file(error)
+        || error.is::<ScriptError>()
         || error.downcast_ref::<DriveError>().is_some_and(|error| *error != DriveError::NoAddress)
         || error.downcast_ref::<TargetError>().is_some_and(TargetError::is_usage)
 }
@@ -115,7 +116,7 @@ impl IoCommand {
             to_stdout(format_args!("{}", chosen.choice().to_toml()))?;
             return Ok(Outcome::Done);
         }
-        let script = self.read_script()?;
+        let script = read_toml(self.script.as_deref(), OutputScript::from_toml)?;
         let interface = Interface::find(self.interface.as_deref().unwrap_or_default())?;
         interface.set_up()?;
         let target = DeviceTarget::find(&file, &interface, self.at.as_deref(), self.address)?;
@@ -129,11 +130,6 @@ impl IoCommand {
         self.reads.iter().try_for_each(|name| device.read_parameter(name))?;
         self.writes.iter().try_for_each(|(name, value)| device.write_parameter(name, value))?;
         self.drive(device, &interface, !unknown.is_empty())
-    }
-
-    fn read_script(&self) -> anyhow::Result<OutputScript> {
-        let Some(path) = &self.script else { return Ok(OutputScript::default()) };
-        OutputScript::from_toml(&read_text(path)?).with_context(|| path.display().to_string())
     }
 
     fn config(&self, interface: &Interface, target: &DeviceTarget) -> DriveConfig {

@@ -5,7 +5,8 @@ use std::io::Write as _;
 
 use arrayvec::ArrayVec;
 use driven_device::{
-    Arrivals, DeviceParameter, DriveEvent, DrivenDevice, ParameterAnswer, Signal, SignalTable, SignalValue,
+    Arrivals, DeviceParameter, DriveEvent, DrivenDevice, ParameterAnswer, ParameterValue, ScaledValue,
+    Signal, SignalTable, SignalValue,
 };
 use machine::{Counters, Duration};
 use node::output::to_stdout;
@@ -114,13 +115,10 @@ impl Printer {
             if shown.as_ref() == Some(&value) {
                 continue;
             }
-            let text = value.text(signal).map(|text| format!(" ({})", printable(text.as_bytes())));
-            let name = printable(signal.name.as_bytes());
-            lines.push(format!(
-                "input {name} = {}",
-                with_unit(&value, &signal.unit) + &text.unwrap_or_default()
-            ));
-            values.insert(signal.name.clone(), json!(value));
+            let scaled = value.scaled(signal);
+            let shown_value = in_units(&value, scaled, value.text(signal), &signal.unit);
+            lines.push(format!("input {} = {shown_value}", printable(signal.name.as_bytes())));
+            values.insert(signal.name.clone(), value_json(&value, scaled));
             *shown = Some(value);
         }
         (json!({ "inputs": values }), lines.join("\n"))
@@ -129,6 +127,19 @@ impl Printer {
 
 fn with_unit(value: &impl std::fmt::Display, unit: &str) -> String {
     if unit.is_empty() { value.to_string() } else { format!("{value} {}", printable(unit.as_bytes())) }
+}
+
+/// Returns a value with its unit, and after it the raw value of a scaled one and the text of the file.
+fn in_units(raw: &SignalValue, scaled: Option<ScaledValue>, text: Option<&str>, unit: &str) -> String {
+    let number = scaled.map_or_else(|| with_unit(raw, unit), |scaled| with_unit(&scaled, unit));
+    let beside = scaled.map(|_| format!(" (raw {raw})")).unwrap_or_default();
+    let text = text.map(|text| format!(" ({})", printable(text.as_bytes()))).unwrap_or_default();
+    format!("{number}{beside}{text}")
+}
+
+/// Returns a value as JSON; a scaled one as an object with the raw value.
+fn value_json(raw: &SignalValue, scaled: Option<ScaledValue>) -> Value {
+    scaled.map_or_else(|| json!(raw), |scaled| json!({ "value": scaled.value, "raw": raw }))
 }
 
 fn line(kind: &str, signal: &Signal) -> String {
@@ -160,9 +171,8 @@ fn answered(answer: &ParameterAnswer) -> String {
     let ParameterAnswer { name, unit, is_write, result } = answer;
     let verb = if *is_write { "written" } else { "read" };
     match result {
-        Ok((value, text)) => {
-            let text = text.as_ref().map(|text| format!(" ({text})")).unwrap_or_default();
-            format!("{verb} {name} = {}{text}", with_unit(value, unit))
+        Ok(ParameterValue { raw, scaled, text }) => {
+            format!("{verb} {name} = {}", in_units(raw, *scaled, text.as_deref(), unit))
         }
         Err(reason) => format!("not {verb} {name}: {reason}"),
     }
@@ -181,7 +191,7 @@ fn of_event(event: &DriveEvent) -> Value {
         DriveEvent::Running(is_running) => json!({ "running": is_running }),
         DriveEvent::Answer(answer) => {
             let (value, error) = match &answer.result {
-                Ok((value, _)) => (json!(value), Value::Null),
+                Ok(ParameterValue { raw, scaled, .. }) => (value_json(raw, *scaled), Value::Null),
                 Err(reason) => (Value::Null, json!(reason)),
             };
             let (name, is_write) = (&answer.name, answer.is_write);

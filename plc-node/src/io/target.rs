@@ -166,9 +166,9 @@ struct ModuleReader {
 
 /// Returns the modules of the answer, or why there are none.
 fn modules_in(answer: ParameterAnswer) -> Result<Vec<FoundModule>, String> {
-    let (value, _) = answer.result?;
-    let SignalValue::Bytes(record) = value else {
-        return Err(format!("{MODULES_RECORD} is {value}, not bytes"));
+    let record = match answer.result?.raw {
+        SignalValue::Bytes(record) => record,
+        value => return Err(format!("{MODULES_RECORD} is {value}, not bytes")),
     };
     let malformed = || format!("its record {MODULES_RECORD} of {} bytes lists no modules", record.len());
     found_modules(&record).ok_or_else(malformed)

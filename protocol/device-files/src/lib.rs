@@ -32,7 +32,7 @@ pub use crate::choice::{
 };
 pub use crate::eds::{
     CapacityLimit, ConnectionEnd, ConnectionUse, Eds, EdsAssembly, EdsConnection, EdsMember, EdsParameter,
-    EdsPort, ParameterText, RealTimeFormat,
+    EdsPort, EdsReference, EdsScale, ParameterText, RealTimeFormat,
 };
 pub use crate::encoding::MOST_BYTES;
 pub use crate::esi::{

@@ -2,6 +2,7 @@
 
 use std::net::Ipv4Addr;
 
+use emulated_device::ScriptError;
 use machine::Duration;
 use machine::ethernet::Mac;
 
@@ -69,8 +70,8 @@ pub enum DriveError {
         reason: &'static str,
     },
     /// The script does not fit the device.
-    #[error("script: {0}")]
-    Script(String),
+    #[error(transparent)]
+    Script(#[from] ScriptError),
 }
 
 /// Names that a message lists.

@@ -9,7 +9,7 @@ use crate::arrivals::Arrivals;
 use crate::config::{DriveConfig, DriveError};
 use crate::parameter::{self, DeviceParameter, ParameterAccess, ParameterAnswer};
 use crate::script::{OutputScript, ScriptedOutput};
-use crate::signal::Signal;
+use crate::signal::{Signal, number_duplicates};
 use crate::stack::{Stack, open};
 use crate::table::SignalTable;
 use crate::value::SignalValue;
@@ -90,7 +90,8 @@ impl DrivenDevice {
         config: &DriveConfig,
         now: Instant,
     ) -> Result<Self, DriveError> {
-        let opened = open(&file, &chosen, config, now)?;
+        let mut opened = open(&file, &chosen, config, now)?;
+        number_duplicates(opened.parameters.iter_mut().map(|parameter| &mut parameter.signal));
         let mut device = Self {
             file,
             chosen,
@@ -201,7 +202,7 @@ impl DrivenDevice {
     fn queue(&mut self, access: ParameterAccess) -> Result<(), DriveError> {
         if self.accesses.len() >= MOST_ACCESSES {
             return Err(DriveError::Bus(format!(
-                "{MOST_ACCESSES} accesses wait for the device; wait for it"
+                "{MOST_ACCESSES} accesses wait for the device; ask again after its next answer"
             )));
         }
         self.accesses.push_back(access);

@@ -2,7 +2,8 @@
 
 use device_files::{ChosenPdo, ChosenSubDevice};
 use ethercat_maindevice::{
-    Config, ExpectedDevice, MAX_PROCESS_DATA, MainDevice, SdoRequest, StartupWrite, SubDeviceId,
+    Config, ExpectedDevice, LONGEST_WRITE, MAX_PROCESS_DATA, MainDevice, SdoRequest, StartupWrite,
+    SubDeviceId,
 };
 use machine::{Duration, Instant};
 
@@ -48,7 +49,7 @@ pub(crate) fn open(
         Config { mac: config.mac, devices: vec![expected], cycle, watchdog: WATCHDOG.max(4 * cycle) };
     let mut machine = MainDevice::new(settings, now).map_err(|error| DriveError::Bus(error.to_string()))?;
     let id = SubDeviceId(0);
-    machine.set_startup(id, startup(chosen));
+    machine.set_startup(id, startup(chosen)?);
     machine.hold_safe_op(id, !config.is_running);
     if let Some(mailbox) = chosen.sync_managers.iter().find(|it| it.usage == "MBoxIn") {
         machine.set_mailbox(id, mailbox.start_address, mailbox.default_size.unwrap_or(0));
@@ -57,8 +58,8 @@ pub(crate) fn open(
 }
 
 /// Returns what is written in PRE-OP: the init commands of the ESI, and the assignment of PDOs where it can be written.
-fn startup(chosen: &ChosenSubDevice) -> Vec<StartupWrite> {
-    let Some(coe) = chosen.mailbox.as_ref().and_then(|it| it.coe.as_ref()) else { return Vec::new() };
+fn startup(chosen: &ChosenSubDevice) -> Result<Vec<StartupWrite>, DriveError> {
+    let Some(coe) = chosen.mailbox.as_ref().and_then(|it| it.coe.as_ref()) else { return Ok(Vec::new()) };
     let to_safe_op = |transitions: &[String]| transitions.iter().any(|it| it == "PS");
     let commands =
         coe.init_commands.iter().filter(|it| to_safe_op(&it.transitions) && !it.is_complete_access);
@@ -70,7 +71,14 @@ fn startup(chosen: &ChosenSubDevice) -> Vec<StartupWrite> {
             writes.extend(assignment(pdos));
         }
     }
-    writes
+    match writes.iter().find(|write| write.data.len() > LONGEST_WRITE) {
+        None => Ok(writes),
+        Some(StartupWrite { index, subindex, data }) => Err(DriveError::File(format!(
+            "init command 0x{index:04X}:{subindex:02X} has {} bytes: at most {LONGEST_WRITE} can be written; remove it from a copy \
+             of the file, and write the object with the maker's tool",
+            data.len()
+        ))),
+    }
 }
 
 /// Assigns PDOs to their sync managers: the count is 0 while they are written (ETG.1000.6, 5.6.7.4.9).
@@ -180,11 +188,7 @@ pub(crate) fn access(
     };
     let len = access.parameter.signal.bits.div_ceil(8);
     let request = SdoRequest { index, subindex, len, data: access.written.clone() };
-    if machine.request_sdo(id, request) {
-        Ok(())
-    } else {
-        Err("the device is not ready; try again".to_owned())
-    }
+    machine.request_sdo(id, request).map_err(|refusal| refusal.to_string())
 }
 
 /// Returns the answer to an access once it is there.

@@ -1,25 +1,25 @@
 //! EtherNet/IP: from an EDS and the chosen connection to a scanner's connection, its signals and its parameters.
 
-use device_files::{ChosenAdapter, ChosenAssembly, ConnectionEnd, Eds, EdsConnection, EdsParameter};
+mod members;
+
+use device_files::{
+    ChosenAdapter, ChosenAssembly, ConnectionEnd, Eds, EdsConnection, EdsParameter, EdsReference,
+};
 use ethernet_ip::cip::{ElectronicKey, Path, Revision, service};
 use ethernet_ip::connection::{RealTimeFormat, TimeoutMultiplier};
 use ethernet_ip::scanner::ExplicitAnswer;
 use ethernet_ip::{Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig};
 use machine::{Duration, Instant};
 
+use self::members::{PlacedMember, members};
 use crate::config::{DriveConfig, DriveError};
 use crate::parameter::{DeviceParameter, ParameterAccess, ParameterTarget};
 use crate::signal::{Signal, SignalType};
 use crate::table::SignalTable;
+use crate::value::SignalValue;
 
 /// Interval where neither the user nor the file gives one, in µs.
 const DEFAULT_RPI_US: u32 = 10_000;
-
-/// Signals of one direction: those of assemblies within assemblies may be many.
-const MOST_SIGNALS: usize = 8192;
-
-/// Assemblies within assemblies.
-const MOST_DEPTH: usize = 16;
 
 /// ODVA vendor number of tools without one of their own, as our PLC has it.
 const VENDOR: u16 = 0xFFFF;
@@ -79,8 +79,8 @@ pub(crate) fn open(
         retry_after: Duration::from_secs(1),
     };
     let id = scanner.connect(settings, now).map_err(|error| DriveError::Bus(error.to_string()))?;
-    let inputs = table(eds, &connection.t_to_o, Some(&chosen.produced));
-    let outputs = table(eds, &connection.o_to_t, chosen.consumed.as_ref());
+    let inputs = table(eds, &connection.t_to_o, Some(&chosen.produced))?;
+    let outputs = table(eds, &connection.o_to_t, chosen.consumed.as_ref())?;
     if let Some(connection) = scanner.connection_mut(id) {
         connection.set_run(config.is_running);
     }
@@ -160,75 +160,41 @@ fn configuration(
         );
         return Err(DriveError::File(fault));
     }
-    let mut signals = Vec::new();
-    let mut bit = 0;
-    if let Some(number) = numbered(&connection.configuration_format, "Assem") {
-        members(eds, number, "", &mut bit, 0, &mut signals);
-    } else if let Some(parameter) = named_parameter(eds, &connection.configuration_format) {
-        add(parameter, None, "", &mut bit, &mut signals);
-    }
-    let defaults: Vec<_> = signals.iter().map(|signal| default_of(eds, &signal.name)).collect();
-    let mut table = SignalTable::new(signals, assembly.size.into(), false);
-    for (signal, default) in table.signals().to_vec().iter().zip(defaults) {
-        if let Some(value) = default.and_then(|text| crate::SignalValue::parse(signal, &text).ok()) {
+    let len = usize::from(assembly.size);
+    let mut table = SignalTable::new(Vec::new(), len, false);
+    let members = match EdsReference::parse(&connection.configuration_format) {
+        Some(reference) => members(eds, reference, "")?,
+        None => Vec::new(),
+    };
+    // A member without a default, or with one that its type does not take, keeps its place as zeros.
+    for PlacedMember { parameter, signal } in members.iter().filter(|member| member.signal.fits(len)) {
+        if let Ok(value) = SignalValue::parse(signal, &parameter.default) {
             table.set(signal, &value)?;
         }
     }
     Ok(table.bytes().to_vec())
 }
 
-fn default_of(eds: &Eds, name: &str) -> Option<String> {
-    let parameter = eds.parameters.iter().find(|parameter| parameter.name == name)?;
-    (!parameter.default.is_empty()).then(|| parameter.default.clone())
-}
-
 /// Makes the signals of an assembly: the whole of it by its name, and its members.
-fn table(eds: &Eds, end: &ConnectionEnd, chosen: Option<&ChosenAssembly>) -> SignalTable {
-    let Some(chosen) = chosen else { return SignalTable::default() };
+fn table(eds: &Eds, end: &ConnectionEnd, chosen: Option<&ChosenAssembly>) -> Result<SignalTable, DriveError> {
+    let Some(chosen) = chosen else { return Ok(SignalTable::default()) };
     let place = chosen.instance.to_string();
+    let reference = EdsReference::parse(&end.format);
+    let assembly = match reference {
+        Some(EdsReference::Assembly(number)) => eds.assembly(number),
+        _ => None,
+    };
+    let name = assembly.map(|assembly| assembly.name.as_str()).filter(|name| !name.is_empty());
     let bits = 8 * usize::from(chosen.size);
-    let mut signals = vec![Signal::new(&chosen.name, &place, SignalType::Bytes, 0, bits)];
-    let by_format = numbered(&end.format, "Assem").filter(|number| eds.assembly(*number).is_some());
-    let mut bit = 0;
-    members(eds, by_format.unwrap_or(chosen.instance), &place, &mut bit, 0, &mut signals);
-    if let Some(whole) = signals.first_mut() {
-        let assembly = by_format.and_then(|number| eds.assembly(number)).map(|it| it.name.as_str());
-        whole.name = assembly.filter(|name| !name.is_empty()).unwrap_or(&chosen.name).to_owned();
-    }
-    SignalTable::new(signals, chosen.size.into(), false)
+    let mut signals = vec![Signal::new(name.unwrap_or(&chosen.name), &place, SignalType::Bytes, 0, bits)];
+    let is_parameter = matches!(reference, Some(EdsReference::Parameter(_)));
+    let by_format = reference.filter(|_| assembly.is_some() || is_parameter);
+    let members = members(eds, by_format.unwrap_or(EdsReference::Assembly(chosen.instance)), &place)?;
+    signals.extend(members.into_iter().map(|PlacedMember { parameter, signal }| scaled(signal, parameter)));
+    Ok(SignalTable::new(signals, chosen.size.into(), false))
 }
 
-fn members(eds: &Eds, number: u32, place: &str, bit: &mut usize, depth: usize, signals: &mut Vec<Signal>) {
-    let Some(assembly) = eds.assembly(number).filter(|_| depth <= MOST_DEPTH) else { return };
-    for member in &assembly.members {
-        if signals.len() >= MOST_SIGNALS {
-            return;
-        }
-        let bits = member.bits.map(|bits| bits as usize);
-        if let Some(parameter) = named_parameter(eds, &member.target) {
-            add(parameter, bits, place, bit, signals);
-        } else if let Some(number) = numbered(&member.target, "Assem") {
-            let from = *bit;
-            members(eds, number, place, bit, depth + 1, signals);
-            *bit = bits.map_or(*bit, |bits| from.saturating_add(bits));
-        } else {
-            *bit = bit.saturating_add(bits.unwrap_or(0));
-        }
-    }
-}
-
-fn add(
-    parameter: &EdsParameter,
-    bits: Option<usize>,
-    place: &str,
-    bit: &mut usize,
-    signals: &mut Vec<Signal>,
-) {
-    let bits = bits.unwrap_or_else(|| 8 * parameter.size.unwrap_or(0) as usize);
-    signals.push(signal(parameter, place, *bit, bits));
-    *bit = bit.saturating_add(bits);
-}
-
+/// Makes the signal of a parameter at a place.
 fn signal(parameter: &EdsParameter, place: &str, bit: usize, bits: usize) -> Signal {
     let mut signal = Signal::new(&parameter.name, place, kind(parameter.data_type), bit, bits);
     if signal.kind == SignalType::Bytes && !(bit.is_multiple_of(8) && bits.is_multiple_of(8)) {
@@ -237,6 +203,12 @@ fn signal(parameter: &EdsParameter, place: &str, bit: usize, bits: usize) -> Sig
     signal.unit.clone_from(&parameter.unit);
     signal.texts = parameter.texts.iter().map(|text| (text.value, text.text.clone())).collect();
     signal
+}
+
+/// Adds the scale of its parameter to a signal. Defaults of the file are raw values, so theirs have none.
+fn scaled(signal: Signal, parameter: &EdsParameter) -> Signal {
+    let is_number = matches!(signal.kind, SignalType::Unsigned | SignalType::Signed | SignalType::Real);
+    Signal { scale: parameter.scale().filter(|_| is_number), ..signal }
 }
 
 /// Returns the type of a CIP data type (volume 1, table C-6.1).
@@ -250,25 +222,19 @@ const fn kind(data_type: u16) -> SignalType {
     }
 }
 
-fn named_parameter<'e>(eds: &'e Eds, target: &str) -> Option<&'e EdsParameter> {
-    eds.parameter(numbered(target, "Param")?)
-}
-
-/// Returns the number after a word, as in `Param3`.
-fn numbered(text: &str, word: &str) -> Option<u32> {
-    text.trim().strip_prefix(word)?.parse().ok()
-}
-
 /// Lists the parameters that have a path.
 pub(crate) fn parameters(eds: &Eds) -> Vec<DeviceParameter> {
     let with_path = eds.parameters.iter().filter_map(|parameter| Some((parameter, path(&parameter.path)?)));
     with_path
         .map(|(parameter, path)| DeviceParameter {
-            signal: signal(
+            signal: scaled(
+                signal(
+                    parameter,
+                    &format!("Param{}", parameter.number),
+                    0,
+                    8 * parameter.size.unwrap_or(0) as usize,
+                ),
                 parameter,
-                &format!("Param{}", parameter.number),
-                0,
-                8 * parameter.size.unwrap_or(0) as usize,
             ),
             is_read_only: parameter.descriptor & READ_ONLY != 0,
             target: ParameterTarget::Attribute(path),

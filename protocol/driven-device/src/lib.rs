@@ -12,7 +12,7 @@
 //! ```
 //!
 //! Outputs are zeros that the device is to ignore until the owner starts them: provider status bad, idle or SAFE-OP. Data of
-//! PROFIsafe, CIP Safety and FSoE are shown as bytes and never set.
+//! PROFIsafe and FSoE are shown as bytes and never set; a connection of CIP Safety is refused.
 
 mod arrivals;
 mod config;
@@ -31,9 +31,10 @@ mod value;
 pub use arrivals::Arrivals;
 pub use config::{DriveConfig, DriveError};
 pub use device::{DriveEvent, DrivenDevice};
-pub use parameter::{DeviceParameter, ParameterAnswer};
+pub use emulated_device::ScriptError;
+pub use parameter::{DeviceParameter, ParameterAnswer, ParameterValue};
 pub use profinet::{MODULES_RECORD, found_modules};
 pub use script::{OutputScript, ScriptedOutput};
 pub use signal::{Signal, SignalType};
 pub use table::SignalTable;
-pub use value::{SignalValue, ValueError};
+pub use value::{ScaledValue, SignalValue, ValueError};

@@ -5,7 +5,7 @@ use device_files::excerpt;
 use crate::config::DriveError;
 use crate::signal::{Signal, SignalType};
 use crate::table::SignalTable;
-use crate::value::SignalValue;
+use crate::value::{ScaledValue, SignalValue};
 
 /// DeviceParameter of a device.
 #[derive(Clone, PartialEq, Debug)]
@@ -46,21 +46,32 @@ pub struct ParameterAnswer {
     pub unit: String,
     /// True if it was written, false if it was read.
     pub is_write: bool,
-    /// Value read or written, with the text that the file has for it; or why not.
-    pub result: Result<(SignalValue, Option<String>), String>,
+    /// Value read or written, or why not.
+    pub result: Result<ParameterValue, String>,
+}
+
+/// Value of a parameter.
+#[derive(Clone, PartialEq, Debug)]
+pub struct ParameterValue {
+    /// Value as the device has it.
+    pub raw: SignalValue,
+    /// Value in the parameter's unit, if the file scales it.
+    pub scaled: Option<ScaledValue>,
+    /// Text that the file has for it.
+    pub text: Option<String>,
 }
 
 impl DeviceParameter {
     /// Reads the value from bytes of the device. Those of another length than the file's are shown as bytes.
-    fn decode(&self, bytes: &[u8]) -> (SignalValue, Option<String>) {
+    fn decode(&self, bytes: &[u8]) -> ParameterValue {
         if bytes.len() != self.signal.bits.div_ceil(8) || self.signal.kind == SignalType::Bytes {
-            return (SignalValue::Bytes(bytes.to_vec()), None);
+            return ParameterValue { raw: SignalValue::Bytes(bytes.to_vec()), scaled: None, text: None };
         }
         let mut table = SignalTable::new(vec![self.signal.clone()], bytes.len(), self.is_big_endian);
         table.copy(0, bytes);
-        let value = table.value(&self.signal);
-        let text = value.text(&self.signal).map(str::to_owned);
-        (value, text)
+        let raw = table.value(&self.signal);
+        let text = raw.text(&self.signal).map(str::to_owned);
+        ParameterValue { scaled: raw.scaled(&self.signal), raw, text }
     }
 
     pub(crate) fn encode(&self, text: &str) -> Result<Vec<u8>, DriveError> {
@@ -94,14 +105,17 @@ impl ParameterAccess {
     }
 }
 
-/// Finds a parameter: by its name, or by its place in the form of the bus.
+/// Finds a parameter: by its name, in other case where only one parameter has it, or by its place in the form of the bus.
 pub(crate) fn find(
     parameters: &[DeviceParameter],
     name: &str,
     by_place: impl FnOnce(&str) -> Option<DeviceParameter>,
 ) -> Result<DeviceParameter, DriveError> {
     let exact = parameters.iter().find(|known| known.signal.name == name || known.signal.place == name);
-    let alike = || parameters.iter().find(|known| known.signal.name.eq_ignore_ascii_case(name));
+    let alike = || {
+        let mut alike = parameters.iter().filter(|known| known.signal.name.eq_ignore_ascii_case(name));
+        alike.next().filter(|_| alike.next().is_none())
+    };
     exact.or_else(alike).cloned().or_else(|| by_place(name)).ok_or_else(|| {
         DriveError::unknown("parameter", name, parameters.iter().map(|known| known.signal.name.as_str()))
     })

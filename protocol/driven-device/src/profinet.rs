@@ -13,7 +13,7 @@ use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Parameter as Re
 use crate::config::{DriveConfig, DriveError};
 use crate::parameter::{DeviceParameter, ParameterAccess, ParameterTarget};
 use crate::signal::{Signal, SignalType};
-use crate::table::{InputChange, SignalTable};
+use crate::table::{InputChange, SignalTable, TablePart};
 
 pub(crate) use alarm::describe;
 
@@ -144,7 +144,7 @@ fn table(
     length: impl Fn(&ChosenSubmodule) -> u16,
     direction: impl Fn(&device_files::GsdmlSubmodule) -> &IoDirection,
 ) -> SignalTable {
-    let mut signals = Vec::new();
+    let (mut signals, mut parts) = (Vec::new(), Vec::new());
     let mut at = 0;
     for module in &chosen.modules {
         for submodule in module.submodules.iter().filter(|submodule| length(submodule) > 0) {
@@ -153,6 +153,7 @@ fn table(
             let mut whole = Signal::new(&place, &place, SignalType::Bytes, 8 * at, 8 * len);
             whole.is_safety = submodule.is_safety;
             signals.push(whole);
+            parts.push(TablePart { len, is_safety: submodule.is_safety });
             let file = file_submodule(gsdml, chosen, &module.id, submodule);
             if let Some(file) = file.filter(|_| !submodule.is_safety) {
                 items(&direction(file).items, &place, 8 * at, &mut signals);
@@ -160,7 +161,7 @@ fn table(
             at += len;
         }
     }
-    SignalTable::new(signals, at, true)
+    SignalTable::new(signals, at, true).with_parts(parts)
 }
 
 /// Finds a submodule in the file: among those of its module, or among the pluggable ones.
@@ -210,11 +211,10 @@ pub(crate) fn read_inputs(ar: &Ar, inputs: &mut SignalTable) -> InputChange {
     if !ar.is_up() {
         return InputChange::Invalid;
     }
-    let lens: Vec<_> =
-        inputs.signals().iter().filter(|it| it.name == it.place).map(|it| it.bits / 8).collect();
     let mut at = 0;
     let mut is_changed = false;
-    for ((_, data), len) in ar.inputs().zip(lens) {
+    for (index, (_, data)) in ar.inputs().enumerate() {
+        let Some(TablePart { len, .. }) = inputs.parts().get(index).copied() else { break };
         is_changed |= match data {
             Some(data) if data.len() == len => inputs.copy(at, data),
             _ => inputs.clear(at, len),
@@ -230,11 +230,12 @@ pub(crate) fn write_outputs(ar: &mut Ar, outputs: &SignalTable, is_running: bool
         return ar.withdraw_outputs();
     }
     let mut rest = outputs.bytes();
-    let mut safety = outputs.signals().iter().filter(|it| it.name == it.place).map(|it| it.is_safety);
+    let mut parts = outputs.parts().iter();
     ar.set_outputs_of(|_, _, place| {
         let (own, others) = rest.split_at(place.len().min(rest.len()));
         rest = others;
-        let is_set = !safety.next().unwrap_or(false) && own.len() == place.len();
+        let is_safety = parts.next().is_some_and(|part| part.is_safety);
+        let is_set = !is_safety && own.len() == place.len();
         if is_set {
             place.copy_from_slice(own);
         }

@@ -109,8 +109,10 @@ impl DrivenDevice {
                 self.has_inputs = false;
                 self.arrivals.pause();
                 if let Some(asked) = self.asked.take() {
-                    let lost = Err("the connection ended before the answer".to_owned());
-                    self.report(DriveEvent::Answer(asked.answered(lost)));
+                    // Taken also without a use for it, so that the stack accepts the next access.
+                    let lost = || Err("the connection ended before the answer; ask again".to_owned());
+                    let result = self.stack.answer().unwrap_or_else(lost);
+                    self.report(DriveEvent::Answer(asked.answered(result)));
                 }
                 self.report(DriveEvent::Down(down, details));
             }

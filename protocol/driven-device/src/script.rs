@@ -8,10 +8,8 @@
 //! ramp = { from = 0, to = 100, seconds = 2 }
 //! ```
 
-use emulated_device::{CounterSource, RampSource, SourceOverTime};
+use emulated_device::{CounterSource, RampSource, ScriptError, SourceOverTime, read_script};
 use serde::{Deserialize, Serialize};
-
-use crate::config::DriveError;
 
 /// Outputs to a device over time.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -47,26 +45,17 @@ pub struct ScriptedOutput {
     pub table: Option<Vec<(f64, f64)>>,
 }
 
-/// Longest script in bytes.
-const MOST_BYTES: usize = 1 << 20;
-
 impl OutputScript {
     /// Reads a script from a TOML file.
     ///
     /// # Errors
     ///
     /// It is longer than 1 MiB, is not TOML, or has a key or value that a script does not have.
-    pub fn from_toml(text: &str) -> Result<Self, DriveError> {
-        if text.len() > MOST_BYTES {
-            return Err(DriveError::Script(format!("{} bytes: must be at most {MOST_BYTES}", text.len())));
-        }
-        let script: Self = toml::from_str(text)
-            .map_err(|error| DriveError::Script(error.to_string().trim_end().to_owned()))?;
+    pub fn from_toml(text: &str) -> Result<Self, ScriptError> {
+        let script: Self = read_script(text)?;
         // A year, as other times of scripts.
         if script.run.is_some_and(|run| !(0.0..=366.0 * 86_400.0).contains(&run)) {
-            return Err(DriveError::Script(
-                "run: must be seconds after the start, at most a year".to_owned(),
-            ));
+            return Err(ScriptError::new("run: must be seconds after the start, at most a year".to_owned()));
         }
         script.outputs.iter().try_for_each(ScriptedOutput::check)?;
         Ok(script)
@@ -79,11 +68,11 @@ impl ScriptedOutput {
         SourceOverTime { value: *value, ramp: *ramp, counter: *counter, table: table.as_deref() }
     }
 
-    fn check(&self) -> Result<(), DriveError> {
+    fn check(&self) -> Result<(), ScriptError> {
         let name = device_files::excerpt(&self.name);
         match self.source().count() {
-            1 => self.source().check(&name).map_err(|error| DriveError::Script(error.to_string())),
-            count => Err(DriveError::Script(format!(
+            1 => self.source().check(&name),
+            count => Err(ScriptError::new(format!(
                 "output `{name}` has {count} sources: give one of value, ramp, counter, table"
             ))),
         }
@@ -110,14 +99,17 @@ mod tests {
     #[test]
     fn a_script_that_nothing_could_follow_is_refused_with_its_key() {
         for (text, expected) in [
-            ("[[outputs]]\nname = \"a\"", "has 0 sources"),
+            ("[[outputs]]\nname = \"a\"", "script: output `a` has 0 sources"),
             ("[[outputs]]\nname = \"a\"\nvalue = 1\ntable = [[0, 1]]", "has 2 sources"),
-            ("[[outputs]]\nname = \"a\"\ntable = [[1, 2], [1, 3]]", "ascending"),
+            (
+                "[[outputs]]\nname = \"a\"\ntable = [[1, 2], [1, 3]]",
+                "script: table of `a`: must have rows with ascending seconds",
+            ),
             ("run = -1", "run: must be"),
             ("[[inputs]]\nname = \"a\"\nvalue = 1", "unknown field `inputs`"),
         ] {
             let error = OutputScript::from_toml(text).unwrap_err().to_string();
-            assert!(error.contains(expected), "{text}: {error}");
+            assert!(error.contains(expected) && error.matches("script").count() == 1, "{text}: {error}");
         }
     }
 }

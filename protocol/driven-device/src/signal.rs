@@ -1,5 +1,8 @@
 //! Signal: a named value in the inputs or outputs of a device.
 
+use std::collections::{BTreeMap, BTreeSet};
+
+use device_files::EdsScale;
 use serde::Serialize;
 
 /// Named value in the data of one direction.
@@ -21,7 +24,10 @@ pub struct Signal {
     /// Texts of its values.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<(i64, String)>,
-    /// True for data of PROFIsafe, CIP Safety or FSoE, which are shown as bytes and never sent.
+    /// Scale of its numbers into engineering units, if the file gives one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<EdsScale>,
+    /// True for data of PROFIsafe or FSoE, which are shown as bytes and never sent.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub is_safety: bool,
 }
@@ -59,8 +65,14 @@ impl Signal {
             bits,
             bit,
             texts: Vec::new(),
+            scale: None,
             is_safety: false,
         }
+    }
+
+    /// Returns whether it has bits, and all of them are in data of this many bytes.
+    pub(crate) fn fits(&self, bytes: usize) -> bool {
+        self.bits > 0 && self.bit.checked_add(self.bits).is_some_and(|end| end <= 8 * bytes)
     }
 
     /// Returns the type in words, such as `uint16`.
@@ -73,5 +85,24 @@ impl Signal {
             SignalType::Real => format!("real{}", self.bits),
             SignalType::Bytes => format!("{} bytes", self.bits.div_ceil(8)),
         }
+    }
+}
+
+/// Appends a number to each name that an earlier signal has, as in `Speed#2`.
+pub(crate) fn number_duplicates<'s>(signals: impl Iterator<Item = &'s mut Signal>) {
+    let mut names = BTreeSet::new();
+    let mut counts = BTreeMap::<String, u32>::new();
+    for signal in signals {
+        if names.contains(&signal.name) {
+            let count = counts.entry(signal.name.clone()).or_insert(1);
+            signal.name = loop {
+                *count += 1;
+                let name = format!("{}#{count}", signal.name);
+                if !names.contains(&name) {
+                    break name;
+                }
+            };
+        }
+        names.insert(signal.name.clone());
     }
 }

@@ -1,14 +1,24 @@
 //! Inputs or outputs of a device as bytes, and the signals in them.
 
-use crate::signal::{Signal, SignalType};
+use crate::signal::{Signal, SignalType, number_duplicates};
 use crate::value::{SignalValue, ValueError};
 
 /// Inputs or outputs of a device, and the signals in them.
 #[derive(Clone, Default, Debug)]
 pub struct SignalTable {
     signals: Vec<Signal>,
+    parts: Box<[TablePart]>,
     bytes: Box<[u8]>,
     is_big_endian: bool,
+}
+
+/// Part of the data with its own provider status: a submodule of PROFINET.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) struct TablePart {
+    /// Bytes.
+    pub(crate) len: usize,
+    /// True for data of PROFIsafe.
+    pub(crate) is_safety: bool,
 }
 
 /// Change of the inputs.
@@ -28,16 +38,19 @@ const LONGEST_NUMBER: usize = 8;
 impl SignalTable {
     /// Makes a table of zeros of this length. Signals of one name get numbers after it.
     pub(crate) fn new(mut signals: Vec<Signal>, len: usize, is_big_endian: bool) -> Self {
-        signals.retain(|signal| signal.bits > 0 && signal.bit + signal.bits <= 8 * len);
-        let mut seen = std::collections::BTreeMap::<String, u32>::new();
-        for signal in &mut signals {
-            let count = seen.entry(signal.name.clone()).or_default();
-            *count += 1;
-            if *count > 1 {
-                signal.name = format!("{}#{count}", signal.name);
-            }
-        }
-        Self { signals, bytes: vec![0; len].into_boxed_slice(), is_big_endian }
+        signals.retain(|signal| signal.fits(len));
+        number_duplicates(signals.iter_mut());
+        Self { signals, parts: Box::default(), bytes: vec![0; len].into_boxed_slice(), is_big_endian }
+    }
+
+    /// Sets the parts of the data, in their order.
+    pub(crate) fn with_parts(self, parts: Vec<TablePart>) -> Self {
+        Self { parts: parts.into_boxed_slice(), ..self }
+    }
+
+    /// Returns the parts of the data.
+    pub(crate) const fn parts(&self) -> &[TablePart] {
+        &self.parts
     }
 
     /// Returns the signals by their places.

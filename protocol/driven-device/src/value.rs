@@ -21,6 +21,20 @@ pub enum SignalValue {
     Bytes(Vec<u8>),
 }
 
+/// Value in the engineering units of the file.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct ScaledValue {
+    /// Value in the signal's unit.
+    pub value: f64,
+    decimal_places: usize,
+}
+
+impl fmt::Display for ScaledValue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.*}", self.decimal_places, self.value)
+    }
+}
+
 /// Reason why a value does not fit a signal.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("{signal}: `{value}`: must be {expected}")]
@@ -32,7 +46,8 @@ pub struct ValueError {
 
 impl SignalValue {
     /// Parses a value of a signal: a number, decimal or hexadecimal after `0x`, `true` or `false`, the text of a value in the
-    /// file, or the hexadecimal digits of bytes.
+    /// file, or the hexadecimal digits of bytes. A decimal number of a scaled signal is in its unit and is rounded to the nearest
+    /// raw value; after `0x` it is the raw value itself.
     ///
     /// # Errors
     ///
@@ -49,10 +64,16 @@ impl SignalValue {
                 _ => None,
             },
             SignalType::Unsigned | SignalType::Signed => {
-                whole_number(text).and_then(|number| Self::whole(signal, number))
+                let is_scaled = signal.scale.is_some() && !text.starts_with("0x") && !text.starts_with("0X");
+                let number = match is_scaled {
+                    true => finite(text).map(|number| raw(signal, number).round() as i128),
+                    false => whole_number(text),
+                };
+                number.and_then(|number| Self::whole(signal, number))
             }
             SignalType::Real => {
-                let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+                let number =
+                    finite(text).map(|number| raw(signal, number)).filter(|number| number.is_finite());
                 number.filter(|number| signal.bits == 64 || (*number as f32).is_finite()).map(Self::Real)
             }
             SignalType::Bytes => {
@@ -68,6 +89,10 @@ impl SignalValue {
     ///
     /// The signal does not take it.
     pub(crate) fn from_number(signal: &Signal, number: f64) -> Result<Self, ValueError> {
+        Self::from_raw(signal, raw(signal, number)).map_err(|_| refusal(signal, &number.to_string()))
+    }
+
+    fn from_raw(signal: &Signal, number: f64) -> Result<Self, ValueError> {
         let made = match signal.kind {
             SignalType::Bool => Some(Self::Bool(number != 0.0)),
             // A number of 64 bits loses its lowest bits, as f64 has 53.
@@ -84,12 +109,14 @@ impl SignalValue {
     ///
     /// The signal takes no number.
     pub(crate) fn wrapped(signal: &Signal, number: f64) -> Result<Self, ValueError> {
+        let number = raw(signal, number);
         match (signal.kind, range(signal)) {
             (SignalType::Unsigned | SignalType::Signed, Some((least, most))) => {
-                let whole = (number.round() as i128 - least).rem_euclid(most - least + 1) + least;
+                let range = most - least + 1;
+                let whole = (number.round() as i128).saturating_sub(least).rem_euclid(range) + least;
                 Self::whole(signal, whole).ok_or_else(|| refusal(signal, &number.to_string()))
             }
-            _ => Self::from_number(signal, number),
+            _ => Self::from_raw(signal, number),
         }
     }
 
@@ -128,6 +155,20 @@ impl SignalValue {
         }
     }
 
+    /// Returns the value in the signal's unit, if the file scales it.
+    #[must_use]
+    pub fn scaled(&self, signal: &Signal) -> Option<ScaledValue> {
+        let scale = signal.scale?;
+        let raw = match self {
+            Self::Unsigned(value) => *value as f64,
+            Self::Signed(value) => *value as f64,
+            Self::Real(value) => *value,
+            Self::Bool(_) | Self::Bytes(_) => return None,
+        };
+        let value = (raw + scale.offset) * scale.factor / scale.divisor;
+        Some(ScaledValue { value, decimal_places: scale.decimal_places.into() })
+    }
+
     /// Returns the text that the file has for this value.
     #[must_use]
     pub fn text<'s>(&self, signal: &'s Signal) -> Option<&'s str> {
@@ -139,6 +180,15 @@ impl SignalValue {
         };
         signal.texts.iter().find(|(value, _)| *value == number).map(|(_, text)| text.as_str())
     }
+}
+
+/// Returns the raw value of a number in the signal's unit.
+fn raw(signal: &Signal, number: f64) -> f64 {
+    signal.scale.map_or(number, |scale| number * scale.divisor / scale.factor - scale.offset)
+}
+
+fn finite(text: &str) -> Option<f64> {
+    text.parse::<f64>().ok().filter(|number| number.is_finite())
 }
 
 /// Returns the smallest and the largest whole number of a signal.
@@ -155,7 +205,17 @@ fn range(signal: &Signal) -> Option<(i128, i128)> {
 fn refusal(signal: &Signal, value: &str) -> ValueError {
     let expected = match (signal.kind, range(signal)) {
         (SignalType::Bool, _) => "0 or 1".to_owned(),
-        (_, Some((least, most))) => format!("{}, {least} to {most}", signal.type_name()),
+        (_, Some((least, most))) => {
+            let raw = format!("{}, {least} to {most}", signal.type_name());
+            let ends = [least, most].map(|end| SignalValue::Real(end as f64).scaled(signal));
+            match ends {
+                [Some(one), Some(other)] if one.value <= other.value => {
+                    format!("{one} to {other} (raw {raw})")
+                }
+                [Some(one), Some(other)] => format!("{other} to {one} (raw {raw})"),
+                _ => raw,
+            }
+        }
         (SignalType::Bytes, None) => format!("{} in hexadecimal digits", signal.type_name()),
         (_, None) => signal.type_name(),
     };
@@ -204,6 +264,8 @@ impl Serialize for SignalValue {
 
 #[cfg(test)]
 mod tests {
+    use device_files::EdsScale;
+
     use super::*;
 
     #[test]
@@ -227,5 +289,38 @@ mod tests {
         assert_eq!(SignalValue::Unsigned(8).text(&named), Some("On"));
         let said = SignalValue::parse(&named, "on").unwrap_err().to_string();
         assert_eq!(said, "Speed: `on`: must be uint8, 0 to 255, or `Off`, `On`");
+    }
+    #[test]
+    fn a_scaled_signal_takes_values_in_its_unit_and_raw_values_after_0x() {
+        let mut signal = Signal::new("Speed", "1", SignalType::Signed, 0, 16);
+        // (raw + 100) x 3 x 2 / (4 x 10)
+        signal.scale = Some(EdsScale { offset: 100.0, factor: 6.0, divisor: 40.0, decimal_places: 1 });
+        for (text, raw, shown) in
+            [("15", 0, "15.0"), ("-0.3", -102, "-0.3"), ("15.08", 1, "15.2"), ("0x10", 16, "17.4")]
+        {
+            let value = SignalValue::parse(&signal, text).unwrap();
+            assert_eq!(value, SignalValue::Signed(raw), "{text}");
+            assert_eq!(value.scaled(&signal).unwrap().to_string(), shown);
+        }
+        assert_eq!(SignalValue::from_number(&signal, 15.15), Ok(SignalValue::Signed(1)));
+        let said = SignalValue::parse(&signal, "5000").unwrap_err().to_string();
+        assert_eq!(said, "Speed: `5000`: must be -4900.2 to 4930.1 (raw int16, -32768 to 32767)");
+        signal.scale = Some(EdsScale { factor: -6.0, ..signal.scale.unwrap() });
+        let said = SignalValue::parse(&signal, "x").unwrap_err().to_string();
+        assert_eq!(said, "Speed: `x`: must be -4930.1 to 4900.2 (raw int16, -32768 to 32767)");
+    }
+
+    #[test]
+    fn a_number_of_any_size_wraps_into_the_type() {
+        for kind in [SignalType::Unsigned, SignalType::Signed] {
+            for bits in [1, 8, 63, 64] {
+                let signal = Signal::new("Count", "1", kind, 0, bits);
+                for number in [f64::MAX, f64::MIN, f64::INFINITY, f64::NAN, -1.0, 1e18] {
+                    assert!(SignalValue::wrapped(&signal, number).is_ok(), "{kind:?} {bits} {number}");
+                }
+            }
+        }
+        let signal = Signal::new("Count", "1", SignalType::Signed, 0, 8);
+        assert_eq!(SignalValue::wrapped(&signal, 130.0), Ok(SignalValue::Signed(-126)));
     }
 }

@@ -119,22 +119,24 @@ impl EmulatedDevice {
             _ => None,
         };
         if let Some(bus) = bus.filter(|bus| *bus != self.bus()) {
-            return Err(ScriptError(format!("fault {kind:?} is only on {bus}; leave it out")));
+            return Err(ScriptError::new(format!("fault {kind:?} is only on {bus}; leave it out")));
         }
         if kind == FaultKind::WrongSize && self.inputs.bytes.is_empty() {
-            return Err(ScriptError("fault WrongSize: the device has no inputs; leave it out".to_owned()));
+            return Err(ScriptError::new(
+                "fault WrongSize: the device has no inputs; leave it out".to_owned(),
+            ));
         }
         if let ChosenDevice::Gsdml(device) = &self.chosen {
             let is_missing = |slot| device.modules.iter().all(|module| module.slot != slot);
             if kind == FaultKind::ModuleGone && (fault.slot == 0 || is_missing(fault.slot)) {
-                return Err(ScriptError(format!(
+                return Err(ScriptError::new(format!(
                     "fault ModuleGone: slot {} has no module; correct it",
                     fault.slot
                 )));
             }
             if kind == FaultKind::Alarm && idents(device, fault).is_none() {
                 let (slot, subslot) = (fault.slot, fault.subslot);
-                return Err(ScriptError(format!(
+                return Err(ScriptError::new(format!(
                     "fault Alarm: subslot {slot}.{subslot} is empty; correct it"
                 )));
             }

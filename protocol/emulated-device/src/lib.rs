@@ -31,5 +31,5 @@ pub use device::{DeviceEvent, EmulatedDevice};
 pub use image::DataPlace;
 pub use script::{
     CounterSource, DeviceScript, EchoSource, FaultKind, RampSource, ScriptError, ScriptedFault,
-    ScriptedInput, SourceOverTime, ValueType,
+    ScriptedInput, SourceOverTime, ValueType, read_script,
 };

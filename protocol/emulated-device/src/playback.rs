@@ -30,7 +30,7 @@ impl PlacedInput {
             if names.is_empty() { "none".to_owned() } else { names.join(", ") }
         };
         let unknown = |name: &str, image: &Image| {
-            ScriptError(format!("place `{name}` is not in the device; choose from {}", list(image)))
+            ScriptError::new(format!("place `{name}` is not in the device; choose from {}", list(image)))
         };
         let place = inputs.place(&input.place).ok_or_else(|| unknown(&input.place, inputs))?;
         let offset = 8 * input.byte as usize + usize::from(input.bit);
@@ -48,7 +48,7 @@ impl PlacedInput {
                 "{bits} bits from byte {byte} of `{name}`, which has {} bits; correct the byte",
                 place.bits
             );
-            return Err(ScriptError(fault));
+            return Err(ScriptError::new(fault));
         }
         let (bit, mut bits) = (place.bit + offset, bits);
         let echo = match &input.echo {
@@ -65,7 +65,7 @@ impl PlacedInput {
                         "byte {byte} of outputs `{name}`, which has {} bits; correct the byte",
                         source.bits
                     );
-                    return Err(ScriptError(fault));
+                    return Err(ScriptError::new(fault));
                 }
                 Some(from)
             }

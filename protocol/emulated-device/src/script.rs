@@ -13,6 +13,7 @@
 //! kind = "silent"
 //! ```
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Inputs of a device over time, and its faults.
@@ -228,13 +229,33 @@ pub enum FaultKind {
 /// Reason why a text is not a script, or does not fit the device.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("script: {0}")]
-pub struct ScriptError(pub(crate) String);
+pub struct ScriptError(String);
+
+impl ScriptError {
+    /// Makes the error of this fault and remedy.
+    #[must_use]
+    pub const fn new(fault: String) -> Self {
+        Self(fault)
+    }
+}
 
 /// Longest script in bytes.
 const MOST_BYTES: usize = 1 << 20;
 
 /// Longest time in seconds: a year.
 const MOST_SECONDS: f64 = 366.0 * 86_400.0;
+
+/// Reads a script of any form from TOML.
+///
+/// # Errors
+///
+/// It is longer than 1 MiB, is not TOML, or has a key that this form does not have.
+pub fn read_script<S: DeserializeOwned>(text: &str) -> Result<S, ScriptError> {
+    if text.len() > MOST_BYTES {
+        return Err(ScriptError(format!("{} bytes: must be at most {MOST_BYTES}", text.len())));
+    }
+    toml::from_str(text).map_err(|error| ScriptError(error.to_string().trim_end().to_owned()))
+}
 
 impl DeviceScript {
     /// Reads a script from a TOML file.
@@ -243,11 +264,7 @@ impl DeviceScript {
     ///
     /// It is longer than 1 MiB, is not TOML, or has a key or value that a script does not have.
     pub fn from_toml(text: &str) -> Result<Self, ScriptError> {
-        if text.len() > MOST_BYTES {
-            return Err(ScriptError(format!("{} bytes: must be at most {MOST_BYTES}", text.len())));
-        }
-        let script: Self =
-            toml::from_str(text).map_err(|error| ScriptError(error.to_string().trim_end().to_owned()))?;
+        let script: Self = read_script(text)?;
         script.faults.iter().try_for_each(ScriptedFault::check)?;
         script.inputs.iter().try_for_each(ScriptedInput::check)?;
         Ok(script)

@@ -8,6 +8,7 @@ use machine::{Duration, Instant};
 use crate::al::{self, REQUEST_OP, REQUEST_SAFE_OP, Status};
 use crate::commissioning::StartupWrite;
 use crate::config::{Config, MAX_DEVICES, MAX_PROCESS_DATA};
+use crate::held::HeldStage;
 use crate::problem::{FoundDevice, Problem};
 use crate::process::{PROCESS, Process};
 use crate::recovery::TO_OP;
@@ -25,10 +26,11 @@ type GroupIn<S> = SubDeviceGroup<MAX_DEVICES, MAX_PROCESS_DATA, DefaultLock, S>;
 /// The devices, with their places in the process data.
 pub(crate) type Group = GroupIn<PreOpPdi>;
 
-/// Finds the devices, checks that they are the expected ones, brings them to SAFE-OP and requests OP.
+/// Finds the devices, checks that they are the expected ones, brings them to SAFE-OP and requests OP, unless they are held.
+/// Returns which of the two it was: the owner may hold them while OP is being requested.
 ///
 /// The group stays in ethercrab's state for PRE-OP: ethercrab waits to the end for a device that has refused SAFE-OP.
-pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<Group, Problem> {
+pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<(Group, HeldStage), Problem> {
     let mut found = Vec::new();
     let group = main
         .init::<MAX_DEVICES, GroupIn<PreOp>>(time::now_ns, GroupIn::default(), |group, device| {
@@ -60,13 +62,13 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<G
         wait_for_safe_op(main, config, index, until).await?;
     }
     if PROCESS.with_borrow(Process::holds_safe_op) {
-        return Ok(group);
+        return Ok((group, HeldStage::Held));
     }
     // Devices come to OP only once outputs reach them.
     for index in 0..group.len() {
         al::request(main, index, REQUEST_OP).await.map_err(in_words)?;
     }
-    Ok(group)
+    Ok((group, HeldStage::Op))
 }
 
 /// Writes what the owner wants in PRE-OP to the first device.

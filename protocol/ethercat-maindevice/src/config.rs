@@ -56,4 +56,9 @@ impl Config {
         };
         self.devices.iter().map(contribution).sum()
     }
+
+    /// Returns the working counter of an exchange in which the devices send inputs and take no outputs.
+    pub(crate) fn inputs_working_counter(&self) -> u16 {
+        self.devices.iter().map(|device| u16::from(device.input_bytes > 0)).sum()
+    }
 }

@@ -20,11 +20,6 @@ pub(crate) enum HeldStage {
 }
 
 impl HeldStage {
-    pub(crate) fn of_start() -> Self {
-        let holds = PROCESS.with_borrow(|process| process.holds_safe_op());
-        if holds { Self::Held } else { Self::Op }
-    }
-
     /// Follows what the owner wants. Returns whether OP was requested just now.
     pub(crate) async fn follow(&mut self, main: &MainDevice<'_>, devices: usize) -> bool {
         let holds = PROCESS.with_borrow(|process| process.holds_safe_op());

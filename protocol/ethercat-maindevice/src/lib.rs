@@ -24,7 +24,7 @@ mod slot;
 mod survey;
 pub mod time;
 
-pub use commissioning::{SdoAnswer, SdoRequest, StartupWrite};
+pub use commissioning::{LONGEST_WRITE, SdoAnswer, SdoRefusal, SdoRequest, StartupWrite};
 pub use config::{Config, ExpectedDevice, MAX_PROCESS_DATA};
 pub use ethercrab;
 pub use group::GroupMainDevice;

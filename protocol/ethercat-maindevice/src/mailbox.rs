@@ -26,9 +26,6 @@ const FULL: u8 = 0x08;
 /// Longest mailbox that is read.
 const LONGEST_MAILBOX: u16 = 1486;
 
-/// Longest data that are written: ethercrab writes expedited SDOs only.
-const LONGEST_WRITE: usize = 4;
-
 /// Runs the cyclic exchange, and serves the owner's requests meanwhile.
 pub(crate) async fn serve_while<T>(
     main: &MainDevice<'_>,
@@ -52,19 +49,11 @@ pub(crate) async fn serve_while<T>(
 
 /// Answers requests, and looks for emergencies between them; it never ends.
 async fn serve(main: &MainDevice<'_>, group: &Group) {
-    PROCESS.with_borrow_mut(|process| {
-        // A request of an earlier connection has ended with it.
-        let wishes = process.commissioning();
-        wishes.is_asked = wishes.request.is_some();
-    });
     loop {
-        let request = PROCESS.with_borrow_mut(|process| process.commissioning().request.take());
+        let request = PROCESS.with_borrow_mut(|process| process.commissioning().next_request());
         if let Some(request) = request {
             let answer = access(main, group, &request).await;
-            PROCESS.with_borrow_mut(|process| {
-                let wishes = process.commissioning();
-                (wishes.is_asked, wishes.answer) = (false, Some(answer));
-            });
+            PROCESS.with_borrow_mut(|process| process.commissioning().answered(answer));
         } else {
             // A frame that is lost shows in the cyclic exchange.
             let _ = read_emergency(main, group).await;
@@ -78,9 +67,6 @@ async fn access(main: &MainDevice<'_>, group: &Group, request: &SdoRequest) -> S
     let device = group.subdevice(main, 0).map_err(refused)?;
     let (index, subindex) = (request.index, request.subindex);
     if let Some(data) = &request.data {
-        if data.len() > LONGEST_WRITE {
-            return Err(format!("{} bytes: only up to {LONGEST_WRITE} can be written", data.len()));
-        }
         return device
             .sdo_write(index, subindex, data.as_slice())
             .await

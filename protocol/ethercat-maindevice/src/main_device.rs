@@ -17,7 +17,7 @@ use machine::{
 
 use crate::ETHER_TYPE;
 use crate::cable::{Cable, Reply};
-use crate::commissioning::{SdoAnswer, SdoRequest, StartupWrite};
+use crate::commissioning::{SdoAnswer, SdoRefusal, SdoRequest, StartupWrite};
 use crate::config::Config;
 use crate::foreign::{self, Foreign};
 use crate::group::GroupMainDevice;
@@ -163,21 +163,29 @@ impl MainDevice {
     }
 
     /// Sets where a device's mailbox for the MainDevice is, in bytes from address 0; it is read for emergencies while no SDO
-    /// is under way.
+    /// is under way. Call it at the start.
     pub fn set_mailbox(&mut self, id: SubDeviceId, start: u16, len: u16) {
         self.serve(id.0, |main| main.commissioning_mut().mailbox = Some((start, len)));
     }
 
-    /// Reads or writes an object of a device while it is up. Returns whether the request was taken: one waits at a time.
-    pub fn request_sdo(&mut self, id: SubDeviceId, request: SdoRequest) -> bool {
-        let mut is_taken = false;
-        self.serve(id.0, |main| is_taken = main.is_up() && main.commissioning_mut().ask(request));
-        is_taken
+    /// Reads or writes an object of a device while it is up, one at a time. [`take_sdo`](Self::take_sdo) returns the answer.
+    ///
+    /// # Errors
+    ///
+    /// The device is not up, its mailbox is not known, an earlier request has not ended, or the data are too long.
+    pub fn request_sdo(&mut self, id: SubDeviceId, request: SdoRequest) -> Result<(), SdoRefusal> {
+        let mut result = Err(SdoRefusal::NotConnected);
+        self.serve(id.0, |main| {
+            if main.is_up() {
+                result = main.commissioning_mut().ask(request);
+            }
+        });
+        result
     }
 
-    /// Returns the answer to the request once.
+    /// Returns the answer to the request once. If the connection ends before, this is the answer.
     pub fn take_sdo(&mut self, id: SubDeviceId) -> Option<SdoAnswer> {
-        self.devices.get_mut(usize::from(id.0))?.main.commissioning_mut().answer.take()
+        self.devices.get_mut(usize::from(id.0))?.main.commissioning_mut().take_answer()
     }
 
     /// Returns the next emergency of a device: error code, error register and data, as CoE carries them.

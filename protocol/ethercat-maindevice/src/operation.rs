@@ -105,8 +105,8 @@ async fn start_over_and_over(
 }
 
 async fn drive(main: &ethercrab::MainDevice<'_>, config: &Config, slot: Option<Slot>) -> Result<(), Problem> {
-    let group = bring_up(main, config).await?;
-    let exchange = pin!(Exchange::new(config, slot).run(main, &group));
+    let (group, stage) = bring_up(main, config).await?;
+    let exchange = pin!(Exchange::new(config, slot, stage).run(main, &group));
     mailbox::serve_while(main, &group, exchange).await
 }
 
@@ -126,6 +126,8 @@ struct Exchange<'a> {
     slot: Option<Slot>,
     cycle: Cycle,
     working_counter: u16,
+    /// Working counter of a good exchange with devices that do not take outputs in SAFE-OP.
+    inputs_working_counter: u16,
     /// Whether the last frame did not come back.
     frame_lost: bool,
     /// The last frame that came back; before there was one, the start.
@@ -140,7 +142,7 @@ struct Exchange<'a> {
 }
 
 impl<'a> Exchange<'a> {
-    fn new(config: &'a Config, slot: Option<Slot>) -> Self {
+    fn new(config: &'a Config, slot: Option<Slot>, stage: HeldStage) -> Self {
         let now = time::now();
         // The devices of one cable have their cycles together, so that they share wake-ups and frames.
         let first = slot.map_or(now, |slot| slot.grid.next_on_grid(config.cycle, now).0);
@@ -149,12 +151,13 @@ impl<'a> Exchange<'a> {
             slot,
             cycle: Cycle::new(first, config.cycle),
             working_counter: config.working_counter(),
+            inputs_working_counter: config.inputs_working_counter(),
             frame_lost: false,
             answered_at: now,
             good_at: now,
             was_up: false,
             recovery: Recovery::of_start(config.devices.len(), now),
-            stage: HeldStage::of_start(),
+            stage,
         }
     }
 
@@ -214,10 +217,8 @@ impl<'a> Exchange<'a> {
     /// Returns whether all devices reported Operational, without an error. It does not use ethercrab's `all_op`, which is
     /// also true if a device does not report its state.
     fn is_good(&self, response: &Response) -> bool {
-        let inputs = self.config.devices.iter().filter(|device| device.input_bytes > 0).count();
-        // Some devices do not take outputs in SAFE-OP.
         let is_counted = response.working_counter == self.working_counter
-            || self.stage.takes_safe_op() && usize::from(response.working_counter) == inputs;
+            || self.stage.takes_safe_op() && response.working_counter == self.inputs_working_counter;
         is_counted
             && response.subdevice_states.len() == self.config.devices.len()
             && response.subdevice_states.iter().all(|state| self.stage.is_good(*state))

@@ -116,6 +116,7 @@ impl Process {
     /// Notes why there is no connection, or no longer one. Reports the reason unless it was the last one reported.
     pub(crate) fn fail(&mut self, now: Instant, problem: Problem) {
         let was_up = std::mem::take(&mut self.up);
+        self.end_request();
         let down = problem.down(self.slot);
         if !was_up {
             let is_known = self.reported.as_ref() == Some(&problem);
@@ -132,7 +133,14 @@ impl Process {
     /// Notes that the owner ended the connection.
     pub(crate) fn closed(&mut self) {
         self.up = false;
+        self.end_request();
         self.push(LinkEvent::Down(Down { cause: DownCause::ClosedHere, code: 0, text: "" }));
+    }
+
+    fn end_request(&mut self) {
+        if let Some(wishes) = &mut self.commissioning {
+            wishes.end_request();
+        }
     }
 
     pub(crate) fn poll_event(&mut self) -> Option<LinkEvent> {

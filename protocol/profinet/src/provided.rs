@@ -66,10 +66,10 @@ impl Provided {
 
     /// Calls `write` with the place of each submodule's data.
     pub(crate) fn set_all(&mut self, mut write: impl FnMut(u16, u16, &mut [u8])) {
-        for Part { slot, subslot, data, is_set } in &mut self.parts {
-            write(*slot, *subslot, data);
-            *is_set = true;
-        }
+        self.set_some(|slot, subslot, data| {
+            write(slot, subslot, data);
+            true
+        });
     }
 
     /// Calls `write` with the place of each submodule's data; they count where it returns true.

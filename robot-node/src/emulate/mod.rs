@@ -9,7 +9,6 @@ use std::net::Ipv4Addr;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use anyhow::Context as _;
 use device_files::ChosenDevice;
 use emulated_device::{
     DataPlace, DeviceScript, EmulatedDevice, EmulationConfig, EmulationError, ScriptError,
@@ -17,7 +16,7 @@ use emulated_device::{
 use machine::Duration;
 use node::Outcome;
 use node::address_check::{AddressCheckError, check_address};
-use node::device_options::{DeviceOptions, is_usage as is_of_file, read_text};
+use node::device_options::{DeviceOptions, is_usage as is_of_file, read_toml};
 use node::errln;
 use node::output::to_stdout;
 use protocol_linux::{Driver, FormerAddress, Interface, Notifier, StopSignals, clock};
@@ -78,12 +77,7 @@ impl EmulateCommand {
             to_stdout(format_args!("{}", chosen.choice().to_toml()))?;
             return Ok(Outcome::Done);
         }
-        let script = match &self.script {
-            Some(path) => {
-                DeviceScript::from_toml(&read_text(path)?).with_context(|| path.display().to_string())?
-            }
-            None => DeviceScript::default(),
-        };
+        let script = read_toml(self.script.as_deref(), DeviceScript::from_toml)?;
         let interface = Interface::find(self.interface.as_deref().unwrap_or_default())?;
         // Other threads inherit that the signals are blocked.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;

@@ -1,9 +1,11 @@
 //! The IO-Device by what the wire shows: its modules are those that it reports.
 
+use std::collections::BTreeSet;
+
 use super::config::{DeviceChoice, ModulePlace};
 use super::error::ChoiceError;
 use super::gsdml::{ChosenIoDevice, find_access_point, make};
-use crate::gsdml::{AccessPoint, Gsdml, GsdmlModule};
+use crate::gsdml::{AccessPoint, Gsdml, GsdmlModule, Placement};
 
 /// Module that a device reports.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -26,18 +28,44 @@ const FIRST_SYSTEM_SUBSLOT: u16 = 0x8000;
 /// The access point is not in the file, or there are several and none is chosen.
 pub fn choose_head(gsdml: &Gsdml, choice: &DeviceChoice) -> Result<ChosenIoDevice, ChoiceError> {
     let access_point = find_access_point(gsdml, choice.access_point.as_deref())?;
-    let mut head = DeviceChoice { access_point: choice.access_point.clone(), ..DeviceChoice::default() };
-    for slot in preset_slots(access_point) {
-        head.modules.insert(ModulePlace { slot, subslot: None }, DeviceChoice::EMPTY.to_owned());
-    }
-    make(gsdml, &head, false)
+    make(gsdml, &head_alone(access_point, choice), false)
 }
 
-/// Slots that a new configuration fills and the user may empty.
-fn preset_slots(access_point: &AccessPoint) -> Vec<u16> {
-    let used = access_point.modules.iter().flat_map(|it| it.used.iter().take(4096));
-    let is_fixed = |slot: &u16| access_point.modules.iter().any(|it| it.fixed.contains(*slot));
-    used.filter(|slot| !is_fixed(slot)).collect()
+/// Returns the slot of the access point itself.
+fn head_slot(access_point: &AccessPoint) -> u16 {
+    access_point.fixed_in_slots.iter().next().unwrap_or(0)
+}
+
+/// Returns the choice of the access point with nothing plugged but what is fixed there.
+fn head_alone(access_point: &AccessPoint, choice: &DeviceChoice) -> DeviceChoice {
+    let mut head = DeviceChoice { access_point: choice.access_point.clone(), ..DeviceChoice::default() };
+    for slot in preset_places(&access_point.modules) {
+        head.modules.insert(ModulePlace { slot, subslot: None }, DeviceChoice::EMPTY.to_owned());
+    }
+    leave_subslots_empty(&access_point.module, head_slot(access_point), &mut head);
+    head
+}
+
+/// Leaves those subslots of a module empty that a new configuration fills.
+fn leave_subslots_empty(module: &GsdmlModule, slot: u16, wanted: &mut DeviceChoice) {
+    let preset = preset_places(&module.pluggable);
+    for subslot in preset.into_iter().filter(|subslot| *subslot < FIRST_SYSTEM_SUBSLOT) {
+        let place = ModulePlace { slot, subslot: Some(subslot) };
+        wanted.modules.insert(place, DeviceChoice::EMPTY.to_owned());
+    }
+}
+
+/// Places that one placement may take of a file whose ranges have up to 65,536.
+const MOST_PLACES: usize = 4096;
+
+/// Returns the places that a new configuration fills and the user may empty.
+fn preset_places(placements: &[Placement]) -> BTreeSet<u16> {
+    let mut places: BTreeSet<u16> =
+        placements.iter().flat_map(|placement| placement.used.iter().take(MOST_PLACES)).collect();
+    for fixed in placements.iter().flat_map(|placement| placement.fixed.iter().take(MOST_PLACES)) {
+        places.remove(&fixed);
+    }
+    places
 }
 
 /// Makes the device of the modules that it reports, and says which of them the file does not have; these are left out.
@@ -51,12 +79,9 @@ pub fn choose_found(
     found: &[FoundModule],
 ) -> Result<(ChosenIoDevice, Vec<String>), ChoiceError> {
     let access_point = find_access_point(gsdml, choice.access_point.as_deref())?;
-    let head_slot = access_point.fixed_in_slots.iter().next().unwrap_or(0);
-    let mut wanted = DeviceChoice { access_point: choice.access_point.clone(), ..DeviceChoice::default() };
+    let head_slot = head_slot(access_point);
+    let mut wanted = head_alone(access_point, choice);
     let mut unknown = Vec::new();
-    for slot in preset_slots(access_point) {
-        wanted.modules.insert(ModulePlace { slot, subslot: None }, DeviceChoice::EMPTY.to_owned());
-    }
     for FoundModule { slot, ident, submodules } in found {
         let module = match *slot == head_slot {
             true => Some(&access_point.module),
@@ -70,6 +95,7 @@ pub fn choose_found(
         };
         if *slot != head_slot {
             wanted.modules.insert(ModulePlace { slot: *slot, subslot: None }, module.id.clone());
+            leave_subslots_empty(module, *slot, &mut wanted);
         }
         for (subslot, ident) in submodules.iter().filter(|(subslot, _)| *subslot < FIRST_SYSTEM_SUBSLOT) {
             add_submodule(gsdml, module, (*slot, *subslot), *ident, &mut wanted, &mut unknown);
@@ -156,5 +182,34 @@ mod tests {
         );
         let head = choose_head(&gsdml(), &DeviceChoice::default()).unwrap();
         assert_eq!(head.modules.len(), 1);
+    }
+    #[test]
+    fn submodules_that_the_device_does_not_report_are_not_expected() {
+        let text = include_str!("../../../../scripts/interop/files/GSDML-V2.35-made-up-io-20260101.xml");
+        let item = |id: &str, ident: u8| {
+            format!(
+                "<SubmoduleItem ID='{id}' SubmoduleIdentNumber='{ident}'><IOData><Input>\
+                 <DataItem DataType='Unsigned8' TextId='T_8DI'/></Input></IOData>\
+                 <ModuleInfo><Name TextId='T_8DI'/></ModuleInfo></SubmoduleItem>"
+            )
+        };
+        let usable = "<UseableSubmodules><SubmoduleItemRef SubmoduleItemTarget='A' UsedInSubslots='2 3'/>\
+                      <SubmoduleItemRef SubmoduleItemTarget='B' AllowedInSubslots='2..4' FixedInSubslots='4'/>\
+                      </UseableSubmodules>";
+        let text = text.replace(
+            "</ModuleList>",
+            &format!("</ModuleList><SubmoduleList>{}{}</SubmoduleList>", item("A", 7), item("B", 8)),
+        );
+        let module = "<ModuleInfo><Name TextId=\"T_8DI\"/></ModuleInfo>\n          <VirtualSubmoduleList>";
+        assert!(text.contains(module));
+        let text = text.replace(module, &module.replace("<Virtual", &format!("{usable}<Virtual")));
+        let DeviceFile::Gsdml(gsdml) = crate::read("GSDML-V2.35-a.xml", text.into()).unwrap() else {
+            unreachable!("the file is a GSDML")
+        };
+        let reported = vec![(1, 1), (3, 8), (4, 8)];
+        let found = [FoundModule { slot: 1, ident: 0x21, submodules: reported.clone() }];
+        let (device, unknown) = choose_found(&gsdml, &DeviceChoice::default(), &found).unwrap();
+        let expected: Vec<_> = device.modules[1].submodules.iter().map(|it| (it.subslot, it.ident)).collect();
+        assert_eq!((expected, unknown), (reported, Vec::new()));
     }
 }

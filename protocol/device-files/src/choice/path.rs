@@ -1,6 +1,6 @@
 //! Connection paths of an EDS, such as `20 04 24 97 2C 96 2C 64` (CIP volume 1, C-1.4).
 
-use crate::eds::EdsParameter;
+use crate::eds::{EdsParameter, EdsReference};
 use crate::fault::excerpt;
 
 /// Connection points that a path names.
@@ -75,7 +75,7 @@ fn bytes(path: &str, parameters: &[EdsParameter]) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     for word in path.split_whitespace() {
         let word = word.trim_matches(['[', ']']);
-        if let Some(number) = word.strip_prefix("Param").and_then(|digits| digits.parse::<u32>().ok()) {
+        if let Some(EdsReference::Parameter(number)) = EdsReference::parse(word) {
             let parameter = parameters.iter().find(|parameter| parameter.number == number);
             let default = parameter.and_then(EdsParameter::default_number);
             let byte = default.and_then(|value| u8::try_from(value).ok());

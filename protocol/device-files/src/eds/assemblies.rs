@@ -34,6 +34,24 @@ pub struct EdsMember {
     pub target: String,
 }
 
+/// Parameter or assembly that a member, or the format of a connection's data, names.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum EdsReference {
+    /// Parameter of this number.
+    Parameter(u32),
+    /// Assembly of this number.
+    Assembly(u32),
+}
+
+impl EdsReference {
+    /// Parses a reference such as `Param3` or `Assem101`, in any case; `None` for other texts.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        let parameter = numbered(text, "Param").map(Self::Parameter);
+        parameter.or_else(|| numbered(text, "Assem").map(Self::Assembly))
+    }
+}
+
 /// Reads the assemblies (CIP volume 1, 7-3.6.8).
 pub(super) fn read(
     sheet: &Sheet<'_>,

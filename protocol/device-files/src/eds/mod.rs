@@ -9,9 +9,9 @@ mod syntax;
 
 use serde::Serialize;
 
-pub use self::assemblies::{EdsAssembly, EdsMember};
+pub use self::assemblies::{EdsAssembly, EdsMember, EdsReference};
 pub use self::connections::{ConnectionEnd, ConnectionUse, EdsConnection, RealTimeFormat};
-pub use self::parameters::{EdsParameter, ParameterText};
+pub use self::parameters::{EdsParameter, EdsScale, ParameterText};
 pub(crate) use self::read::{is_canopen, read};
 
 use crate::fault::FileFault;

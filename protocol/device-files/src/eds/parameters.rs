@@ -31,9 +31,12 @@ pub struct EdsParameter {
     pub maximum: String,
     /// Default as the file writes it.
     pub default: String,
-    /// Scale: value = (raw + base) × multiplier ÷ divisor, with these three; a 0 means none.
+    /// Multiplier, divisor, base and offset of the scale; a 0 is a field that the file leaves out.
     pub scaling: Option<[i64; 4]>,
-    /// Decimal places that are shown.
+    /// True if another parameter gives one of these numbers.
+    #[serde(skip)]
+    pub has_scaling_links: bool,
+    /// Decimal places of the scaled value.
     pub decimal_places: u8,
     /// Texts of its values.
     pub texts: Vec<ParameterText>,
@@ -49,7 +52,41 @@ pub struct ParameterText {
     pub text: String,
 }
 
+/// Scale of a parameter: value = (raw + offset) × factor ÷ divisor (CIP volume 1, 5-14).
+#[derive(Clone, Copy, PartialEq, Debug, Serialize)]
+pub struct EdsScale {
+    /// Added to the raw value.
+    pub offset: f64,
+    /// Multiplier times base; not 0.
+    pub factor: f64,
+    /// Divisor times ten to the power of the decimal places; not 0.
+    pub divisor: f64,
+    /// Decimal places of the scaled value.
+    pub decimal_places: u8,
+}
+
+/// Bit of a parameter's descriptor: it is scaled (CIP volume 1, table 7-3.14).
+const IS_SCALED: u32 = 0x04;
+
+/// Most decimal places that a double-precision number has.
+const MOST_DECIMAL_PLACES: u8 = 15;
+
 impl EdsParameter {
+    /// Returns the scale; `None` if the parameter is not scaled, other parameters give its numbers, or it has more than 15
+    /// decimal places.
+    #[must_use]
+    pub fn scale(&self) -> Option<EdsScale> {
+        let is_scaled = self.descriptor & IS_SCALED != 0 && !self.has_scaling_links;
+        let [multiplier, divisor, base, offset] = self.scaling.filter(|_| is_scaled)?;
+        let factor_of = |number: i64| if number == 0 { 1.0 } else { number as f64 };
+        (self.decimal_places <= MOST_DECIMAL_PLACES).then(|| EdsScale {
+            offset: offset as f64,
+            factor: factor_of(multiplier) * factor_of(base),
+            divisor: factor_of(divisor) * 10_f64.powi(i32::from(self.decimal_places)),
+            decimal_places: self.decimal_places,
+        })
+    }
+
     /// Returns the default as a whole number, if it is one.
     #[must_use]
     pub fn default_number(&self) -> Option<u32> {
@@ -77,6 +114,7 @@ pub(super) fn read(sheet: &Sheet<'_>, section: &SheetSection<'_>) -> Result<Vec<
             maximum: keep(10)?,
             default: keep(11)?,
             scaling: scaling.iter().any(Option::is_some).then(|| scaling.map(|it| it.unwrap_or(0))),
+            has_scaling_links: (16..20).any(|index| !matches!(entry.field(index), "" | "0")),
             decimal_places: entry.number(20).ok().flatten().unwrap_or(0),
             texts: Vec::new(),
         });

@@ -146,3 +146,17 @@ fn a_file_of_one_bus_is_not_chosen_for_another() {
     assert_eq!(made.unwrap_err().to_string(), "the chosen device is of another file");
     assert!(DeviceChoice::from_toml("modules = 1").is_err());
 }
+
+#[test]
+fn an_init_command_that_is_too_long_to_be_written_is_refused_when_the_file_is_opened() {
+    let command = "<Mailbox><CoE><InitCmd><Transition>PS</Transition><Index>#x8000</Index><SubIndex>1</SubIndex>\
+                   <Data>0102030405</Data></InitCmd></CoE></Mailbox>";
+    let text = ESI.replace("<Mailbox><CoE SdoInfo=\"1\"/></Mailbox>", command);
+    let Chosen { file, device } = chosen("a.xml", &text, "device_name = \"MU1002\"");
+    let made = DrivenDevice::new(file, device, OutputScript::default(), &drive_config(), Instant::ZERO);
+    assert_eq!(
+        made.unwrap_err().to_string(),
+        "init command 0x8000:01 has 5 bytes: at most 4 can be written; remove it from a copy of the file, and write the object \
+         with the maker's tool"
+    );
+}

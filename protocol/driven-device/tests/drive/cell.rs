@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 
 use device_files::{ChosenDevice, DeviceChoice, DeviceFile, choose, read};
-use driven_device::{DriveConfig, DriveEvent, DrivenDevice, OutputScript};
+use driven_device::{DriveConfig, DriveEvent, DrivenDevice, OutputScript, ParameterValue};
 use emulated_device::{DeviceScript, EmulatedDevice, EmulationConfig};
 use machine::ethernet::Mac;
 use machine::{Duration, Instant, LinkEvent};
@@ -83,6 +83,16 @@ pub(crate) fn driven(chosen: &Chosen, script: &str, config: &DriveConfig) -> Dri
     DrivenDevice::new(chosen.file.clone(), chosen.device.clone(), script, config, Instant::ZERO).unwrap()
 }
 
+/// Returns a cable that loses nothing.
+pub(crate) fn pair_config() -> PairConfig {
+    PairConfig {
+        seed: 1,
+        clocks: [Clock::default(); 2],
+        links: [Impairment::default(); 2],
+        addresses: [Some(CONTROLLER), Some(DEVICE)],
+    }
+}
+
 impl DrivenPair {
     /// Connects a device to its own controller.
     pub(crate) fn of(chosen: &Chosen, device_script: &str, script: &str, config: &DriveConfig) -> Self {
@@ -90,13 +100,7 @@ impl DrivenPair {
     }
 
     pub(crate) fn between(driven: DrivenDevice, emulated: EmulatedDevice) -> Self {
-        let cable = PairConfig {
-            seed: 1,
-            clocks: [Clock::default(); 2],
-            links: [Impairment::default(); 2],
-            addresses: [Some(CONTROLLER), Some(DEVICE)],
-        };
-        Self { pair: Pair::new(driven, emulated, cable), events: Vec::new() }
+        Self { pair: Pair::new(driven, emulated, pair_config()), events: Vec::new() }
     }
 
     /// Runs until so many milliseconds after the start.
@@ -137,7 +141,10 @@ impl DrivenPair {
             DriveEvent::Down(down, details) => Some(format!("down {down}; {details}")),
             DriveEvent::Conflict(conflict) => Some(format!("conflict {conflict}")),
             DriveEvent::Answer(answer) => Some(match &answer.result {
-                Ok((value, _)) => format!("answer {} = {value}", answer.name),
+                Ok(ParameterValue { raw, scaled: Some(scaled), .. }) => {
+                    format!("answer {} = {scaled} {} (raw {raw})", answer.name, answer.unit)
+                }
+                Ok(value) => format!("answer {} = {}", answer.name, value.raw),
                 Err(error) => format!("answer {}: {error}", answer.name),
             }),
             _ => None,

@@ -1,7 +1,7 @@
 //! Attributes, records and objects by name; alarms and emergencies in words; what is written at the start.
 
 use device_files::{DeviceChoice, DeviceFile, choose_found, choose_head};
-use driven_device::{DriveEvent, MODULES_RECORD, SignalValue, found_modules};
+use driven_device::{DriveEvent, MODULES_RECORD, ParameterValue, SignalValue, found_modules};
 
 use crate::cell::{Chosen, DrivenPair, EDS, ESI, GSDML, chosen, devices, drive_config, driven, emulated};
 
@@ -85,7 +85,7 @@ fn without_a_choice_the_modules_are_those_that_the_device_reports() {
     cell.run_to(4_000);
     let record = cell.events.iter().find_map(|event| match event {
         DriveEvent::Answer(answer) => match &answer.result {
-            Ok((SignalValue::Bytes(record), _)) => Some(record.clone()),
+            Ok(ParameterValue { raw: SignalValue::Bytes(record), .. }) => Some(record.clone()),
             _ => None,
         },
         _ => None,
@@ -153,4 +153,94 @@ fn assigned_pdos_and_init_commands_are_written_before_the_data_run() {
     }
     let start = driven(&compact, "", &drive_config());
     assert_eq!(start.signals().0.len(), 1);
+}
+
+#[test]
+fn after_a_connection_that_was_lost_during_an_access_parameters_are_read_again() {
+    for (chosen, name) in devices().iter().zip(["1/1/1", "0.1:0xAFF0", "Filter"]) {
+        let mut cell = DrivenPair::of(chosen, "", "", &drive_config());
+        cell.run_to(3_000);
+        assert!(cell.pair.a().is_up());
+        cell.pair.set_cut(true);
+        cell.pair.command_a(|device, _| device.read_parameter(name)).unwrap();
+        cell.run_to(8_000);
+        let bus = cell.pair.a().bus();
+        let lost = answers(&cell);
+        assert!(lost.len() == 1 && lost[0].contains("again"), "{bus}: {lost:?}");
+        cell.pair.set_cut(false);
+        cell.run_to(25_000);
+        assert!(cell.pair.a().is_up(), "{bus}: {:?}", cell.texts());
+        cell.pair.command_a(|device, _| device.read_parameter(name)).unwrap();
+        cell.run_to(27_000);
+        let after = answers(&cell);
+        assert!(after.len() == 2 && after[1].starts_with(&format!("answer {name} = ")), "{bus}: {after:?}");
+    }
+}
+
+#[test]
+fn an_object_of_a_terminal_without_a_mailbox_is_refused_at_once() {
+    let without = chosen("a.xml", ESI, "device_name = \"MU2004\"");
+    let mut cell = DrivenPair::of(&without, "", "", &drive_config());
+    cell.pair.command_a(|device, _| device.read_parameter("0x1018:01")).unwrap();
+    cell.run_to(4_000);
+    assert!(cell.pair.a().is_up(), "{:?}", cell.texts());
+    let said = "answer 0x1018:01: the device has no mailbox, so it has no objects; use its process data";
+    assert_eq!(answers(&cell), [said]);
+}
+
+#[test]
+fn a_member_of_the_configuration_without_a_default_keeps_its_place_as_zeros() {
+    let parameters = "[Params]\n Param2 = 0,,,0x0000,0xC7,2,\"Filter\",\"\",\"\",0,65535,,,,,,,,,,;\n\
+         Param3 = 0,,,0x0000,0xC6,1,\"Filter\",\"\",\"\",0,255,7,,,,,,,,,;\n\
+         Param4 = 0,,,0x0000,0xC7,2,\"Limit\",\"\",\"\",0,65535,770,,,,,,,,,;\n";
+    let assembly = "[Assembly]\n Assem103 = \"Configuration\",,6,0x0000,,,0,Param2,16,Param2,8,Param3,,param4,64,Param4;\n";
+    let text =
+        EDS.replace("[Params]", parameters).replace("[Assembly]", assembly).replace("6,,\n", "6,Assem103,\n");
+    let mut cell = DrivenPair::of(&chosen("a.eds", &text, ""), "", "", &drive_config());
+    cell.pair.command_a(|device, _| device.read_parameter("4/103/3")).unwrap();
+    cell.run_to(3_000);
+    assert_eq!(answers(&cell), ["answer 4/103/3 = 000007020300"]);
+}
+
+#[test]
+fn parameters_of_one_name_are_read_by_the_name_with_a_number() {
+    let parameters = "[Params]\n Param2 = 0,,\"20 01 24 01 30 01\",0x0010,0xC7,2,\"ID\",\"\",\"\",0,65535,0,,,,,,,,,;\n\
+         Param3 = 0,,\"20 01 24 01 30 03\",0x0010,0xC7,2,\"ID\",\"\",\"\",0,65535,0,,,,,,,,,;\n\
+         Param4 = 0,,\"20 01 24 01 30 02\",0x0010,0xC7,2,\"id\",\"\",\"\",0,65535,0,,,,,,,,,;\n";
+    let chosen = chosen("a.eds", &EDS.replace("[Params]", parameters), "");
+    let mut cell = DrivenPair::of(&chosen, "", "", &drive_config());
+    cell.pair.command_a(|device, _| {
+        for name in ["ID", "ID#2", "id", "Param3"] {
+            device.read_parameter(name).unwrap();
+        }
+        let said = device.read_parameter("Id").unwrap_err().to_string();
+        assert_eq!(said, "parameter `Id` is not in the file; choose from ID, ID#2, id");
+    });
+    cell.run_to(3_000);
+    let expected = ["ID = 65534", "ID#2 = 77", "id = 12", "ID#2 = 77"].map(|it| format!("answer {it}"));
+    assert_eq!(answers(&cell), expected);
+}
+
+#[test]
+fn scaled_members_and_parameters_are_shown_and_set_in_engineering_units() {
+    // Descriptor bit 2; then multiplier, divisor, base, offset, their links, and decimal places.
+    let parameters = "[Params]\n Param2 = 0,,\"20 01 24 01 30 01\",0x0004,0xC7,2,\"Control\",\"rpm\",\"\",0,65535,7,1,1,1,0,,,,,1;\n\
+         Param3 = 0,,,0x0004,0xC7,2,\"Linked\",\"\",\"\",0,65535,0,1,10,1,0,Param2,,,,0;\n\
+         Param4 = 0,,,0x0000,0xC7,2,\"Plain\",\"\",\"\",0,65535,0,1,10,1,0,,,,,0;\n\
+         Param5 = 0,,,0x0004,0xC3,2,\"Speed\",\"rpm\",\"\",0,65535,0,1,4,1,-8,,,,,0;\n";
+    let text = EDS
+        .replace("[Params]", parameters)
+        .replace("\"Outputs\",,4,0x0000,,,32,", "\"Outputs\",,4,0x0000,,,16,Param5,16,Param3");
+    assert_ne!(text, EDS.replace("[Params]", parameters), "the outputs have members");
+    let mut cell = DrivenPair::of(&chosen("a.eds", &text, ""), "", "", &drive_config());
+    cell.pair.command_a(|device, _| {
+        device.set("Speed", "2.5").unwrap();
+        device.set("Linked", "3").unwrap();
+        device.read_parameter("Control").unwrap();
+        let said = device.write_parameter("Control", "6553.6").unwrap_err().to_string();
+        assert_eq!(said, "Control: `6553.6`: must be 0.0 to 6553.5 (raw uint16, 0 to 65535)");
+    });
+    assert_eq!(cell.pair.a().outputs().bytes(), [18, 0, 3, 0]);
+    cell.run_to(3_000);
+    assert_eq!(answers(&cell), ["answer Control = 6553.4 rpm (raw 65534)"]);
 }

@@ -8,7 +8,8 @@ mod line;
 use ethercat_maindevice::SubDeviceId;
 use ethercat_subdevice::{AlState, AlStatusCode, DeviceId};
 use line::*;
-use machine::{DownCause, LinkEvent};
+use machine::{DownCause, Duration, Instant, LinkEvent};
+use virtual_time::Event;
 
 #[test]
 fn each_device_has_its_own_data_and_all_share_one_frame_a_cycle() {
@@ -164,4 +165,28 @@ fn process_data_of_64_devices_of_256_bytes_each_way_are_spread_over_frames() {
     assert_eq!(cell.b().frames - before, 100 * 32, "two devices a frame");
     assert!(cell.b().longest <= 1514);
     assert!(all.iter().all(|device| lost(&cell, *device) == 0));
+}
+
+#[test]
+fn a_device_that_is_held_while_op_is_being_requested_goes_back_to_safe_op() {
+    for micros in (0..400).step_by(10) {
+        let mut cell = cell_of(&[expected(&DEVICE, BYTES)], &[&DEVICE]);
+        let is_safe_op = |event: &Event<_, (DeviceId, ethercat_subdevice::Event)>| {
+            matches!(
+                event,
+                Event::B((_, ethercat_subdevice::Event::StateChanged { state: AlState::SafeOp, .. }))
+            )
+        };
+        while !is_safe_op(&cell.next_event(Instant::from_millis(1_000)).unwrap()) {}
+        let held_at = cell.now() + Duration::from_micros(micros);
+        while cell.next_event(held_at).is_some() {}
+        cell.command_a(|main, _| main.hold_safe_op(SubDeviceId(0), true));
+        events(&mut cell, MS * 100);
+        let state = cell.b().segment.state(DeviceId(0)).unwrap().0;
+        assert_eq!(
+            (state, cell.a().inputs(SubDeviceId(0)).is_some()),
+            (AlState::SafeOp, true),
+            "{micros} us"
+        );
+    }
 }

@@ -2,8 +2,10 @@
 
 use std::net::Ipv4Addr;
 
+use ethernet_ip::cip::Path;
 use ethernet_ip::connection::{CloseRequest, OpenReply, OpenRequest, RealTimeFormat, Triad};
 use ethernet_ip::encapsulation::{Command, HEADER_LEN, Header, Status};
+use ethernet_ip::scanner::ExplicitAnswer;
 use ethernet_ip::{ConnectionConfig, ConnectionId, IO_PORT, Scanner, class1};
 use machine::wire::{FRAME_CAPACITY, LittleEndian, Writer};
 use machine::{
@@ -90,6 +92,7 @@ type Sent = (Command, u8);
 
 const IDENTIFY: Sent = (Command::SendRRData, 0x01);
 const OPEN: Sent = (Command::SendRRData, 0x54);
+const EXPLICIT: Sent = (Command::SendRRData, 0x0E);
 const CLOSE: Sent = (Command::SendRRData, 0x4E);
 
 impl Dialogue {
@@ -573,5 +576,26 @@ fn an_adapter_whose_outputs_are_owned_is_asked_once_by_whom_and_its_silence_chan
         assert_eq!(said.contains("; the owner is "), !expected.is_empty(), "{what}: {said}");
         // There is nothing to close.
         assert_eq!(dialogue.sent(), [(Command::UnRegisterSession, 0)], "{what}");
+    }
+}
+
+#[test]
+fn a_late_answer_to_an_explicit_request_does_not_end_the_cyclic_data() {
+    for status in [Status::Success, Status::InsufficientMemory] {
+        let mut dialogue = Dialogue::opening();
+        dialogue.open(1_000);
+        let (id, now) = (dialogue.id, dialogue.now);
+        let connection = dialogue.scanner.connection_mut(id).unwrap();
+        connection.request(now, 0x0E, Path(&[0x20, 1, 0x24, 1, 0x30, 1]), &[]).unwrap();
+        assert_eq!(dialogue.sent(), [EXPLICIT]);
+        dialogue.advance(SECOND);
+        let connection = dialogue.scanner.connection_mut(id).unwrap();
+        assert_eq!(connection.take_answer().map(|(answer, _)| answer), Some(ExplicitAnswer::NoAnswer));
+        let before = dialogue.counters().foreign;
+        let mut buf = [0; HEADER_LEN];
+        let header = Header { context: dialogue.context, status, ..Header::request(Command::SendRRData, 7) };
+        header.emit(&mut buf, |_| {}).unwrap();
+        dialogue.receive(&buf);
+        assert_eq!((dialogue.down(), dialogue.counters().foreign), (None, before + 1), "{status:?}");
     }
 }

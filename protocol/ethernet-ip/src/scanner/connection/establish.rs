@@ -89,7 +89,10 @@ impl Connection {
             (Step::Running, Command::SendRRData) if self.is_explicit(header) => {
                 self.handle_explicit(header, data);
             }
-            (_, Command::SendRRData) if dialogue::number_of(header) == self.request => {
+            // An answer to an explicit request whose time is over concerns no cyclic data.
+            (step, Command::SendRRData)
+                if step != Step::Running && dialogue::number_of(header) == self.request =>
+            {
                 if header.status != Status::Success && self.step == Step::AskingOwner {
                     return self.report_refusal(now);
                 }

@@ -44,10 +44,10 @@ pub enum ExplicitAnswer {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum ExplicitError {
     /// The connection has not got a session.
-    #[error("the device is not connected; wait until it is")]
+    #[error("the device is not connected; ask again once it is")]
     NotConnected,
     /// Another request waits for its answer.
-    #[error("another request waits for its answer; wait for it")]
+    #[error("the device is answering an earlier request; ask again after that answer")]
     Busy,
     /// The request is too long.
     #[error("{0} bytes of path and data: a request has at most 480")]

@@ -41,10 +41,10 @@ pub struct ReceivedAlarm {
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum RecordError {
     /// No data are exchanged.
-    #[error("the device is not connected; wait until it is")]
+    #[error("the device is not connected; ask again once it is")]
     NotConnected,
     /// Another call waits for its answer.
-    #[error("another request waits for its answer; wait for it")]
+    #[error("the device is answering an earlier request; ask again after that answer")]
     Busy,
     /// The record is too long.
     #[error("{0} bytes: a record has at most 4000")]
