@@ -5,7 +5,7 @@
 
 use core::cell::Cell;
 
-use machine::Instant;
+use machine::{Instant, Pending};
 
 /// Frames, requests and events that a bus may have, and when it wants to be called.
 #[derive(Clone, Debug)]
@@ -24,6 +24,19 @@ impl BusPolls {
     #[must_use]
     pub const fn called() -> Self {
         Self { may_send: true, may_connect: true, may_report: true, timeout: Cell::new(None) }
+    }
+
+    /// Takes over what the bus says that it may have.
+    pub const fn narrow(&mut self, pending: Pending) {
+        self.may_send &= pending.frame;
+        self.may_connect &= pending.request;
+        self.may_report &= pending.event;
+    }
+
+    /// Returns whether the bus may have an event, which leaves the question open.
+    #[must_use]
+    pub const fn may_report(&self) -> bool {
+        self.may_report
     }
 
     /// Returns whether the bus may have an event. It has none afterwards: the caller takes all of them.

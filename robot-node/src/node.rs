@@ -2,7 +2,9 @@
 
 use std::collections::VecDeque;
 
-use machine::{Cycle, Duration, Instant, Lateness, Machine, Source, StreamChange, StreamId, Transmit};
+use machine::{
+    Cycle, Duration, Instant, Lateness, Machine, Pending, Source, StreamChange, StreamId, Transmit,
+};
 use protocol::bus_polls::BusPolls;
 use protocol::fieldbus::{Fieldbus, LinkEvent};
 use protocol::image::{
@@ -342,6 +344,7 @@ impl<B: Fieldbus> RobotNode<B> {
 
     /// Handles what the bus has received and reported.
     fn after_bus(&mut self, now: Instant) {
+        self.polled.narrow(self.bus.pending(now));
         self.life.note_arrival(now, self.bus.received());
         self.take_link_events();
     }
@@ -375,13 +378,19 @@ impl<B: Fieldbus> Machine for RobotNode<B> {
         self.tick(now);
     }
 
+    fn pending(&self, _now: Instant) -> Pending {
+        let event = self.polled.may_report() || !self.link_events.is_empty() || self.controller.has_event();
+        Pending { frame: self.polled.may_send, request: self.polled.may_connect, event }
+    }
+
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         if !self.polled.may_send {
             return None;
         }
         let transmit = self.bus_mut().poll_transmit(now, buf);
-        if transmit.is_none() {
-            self.polled.end_sending();
+        match transmit {
+            Some(_) => self.polled.narrow(self.bus.pending(now)),
+            None => self.polled.end_sending(),
         }
         transmit
     }

@@ -4,7 +4,7 @@ use core::fmt;
 
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice, SubDeviceId};
 use machine::ethernet::Mac;
-use machine::{Counters, Duration, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
+use machine::{Counters, Duration, Instant, LinkEvent, Machine, Pending, PortRequest, Source, Transmit};
 use protocol::buses::Stations;
 use protocol::fieldbus::{ControllerBus, StationId};
 use protocol::image::{IMAGE_LEN, Image, Order};
@@ -68,6 +68,10 @@ impl Machine for EthercatMainDevice {
 
     fn handle_timeout(&mut self, now: Instant) {
         self.main.handle_timeout(now);
+    }
+
+    fn pending(&self, now: Instant) -> Pending {
+        self.main.pending(now)
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

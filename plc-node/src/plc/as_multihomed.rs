@@ -4,7 +4,7 @@ use std::net::Ipv4Addr;
 
 use machine::ethernet::Mac;
 use machine::{
-    Instant, InterfaceId, Machine, Multihomed, Port, PortRequest, Source, StreamChange, StreamId,
+    Instant, InterfaceId, Machine, Multihomed, Pending, Port, PortRequest, Source, StreamChange, StreamId,
     StreamRequest, Transmit,
 };
 use protocol::fieldbus::ControllerBus;
@@ -99,6 +99,10 @@ impl<B: ControllerBus, P: PlcProgram> Multihomed for PlcNode<B, P> {
                 self.drain_bus(bus);
             }
         }
+    }
+
+    fn pending(&self, _now: Instant) -> Pending {
+        self.all_pending()
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<(InterfaceId, Transmit)> {

@@ -20,6 +20,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 station.note_stamp(now, || self.buses.get(bus)?.input(id));
             }
         }
+        self.note_pending(now, bus);
         self.drain_bus(bus);
     }
 

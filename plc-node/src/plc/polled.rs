@@ -1,6 +1,6 @@
 //! Calls of the buses, and questions to those that may have something ([`BusPolls`]).
 
-use machine::{Instant, InterfaceId, StreamRequest, Transmit};
+use machine::{Instant, InterfaceId, Pending, StreamRequest, Transmit};
 use protocol::bus_polls::BusPolls;
 use protocol::fieldbus::ControllerBus;
 
@@ -21,6 +21,22 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         self.polled.get_mut(bus).is_some_and(BusPolls::take_may_report)
     }
 
+    /// Asks a bus that was just called what it may have.
+    pub(super) fn note_pending(&mut self, now: Instant, bus: usize) {
+        if let (Some(polled), Some(bus)) = (self.polled.get_mut(bus), self.buses.get(bus)) {
+            polled.narrow(bus.pending(now));
+        }
+    }
+
+    /// Returns what the PLC may have. Events of its buses are already its own.
+    pub(super) fn all_pending(&self) -> Pending {
+        Pending {
+            frame: self.polled.iter().any(|polled| polled.may_send),
+            request: self.polled.iter().any(|polled| polled.may_connect),
+            event: !self.events.is_empty(),
+        }
+    }
+
     /// Returns when a bus wants to be called.
     pub(super) fn timeout_of(&self, bus: usize) -> Option<Instant> {
         let (polled, bus) = (self.polled.get(bus)?, self.buses.get(bus)?);
@@ -35,8 +51,8 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                 continue;
             }
             if let Some(transmit) = bus.poll_transmit(now, buf) {
-                // What follows a frame may be anything.
                 *polled = BusPolls::called();
+                polled.narrow(bus.pending(now));
                 return Some((on, transmit));
             }
             polled.end_sending();

@@ -12,7 +12,8 @@
 use std::fmt;
 
 use machine::{
-    Counters, Deadlines, Instant, LinkEvent, Machine, Numbers, Port, PortRequest, Source, Transmit, Turns,
+    Counters, Deadlines, Instant, LinkEvent, Machine, Numbers, Pending, Port, PortRequest, Source, Transmit,
+    Turns,
 };
 
 use crate::ETHER_TYPE;
@@ -285,6 +286,14 @@ impl Machine for MainDevice {
         while let Some(index) = self.due.take_first() {
             self.serve(index, |main| main.handle_timeout(now));
         }
+    }
+
+    fn pending(&self, _now: Instant) -> Pending {
+        let frame = match self.devices.as_slice() {
+            [device] => device.main.next_frame().is_some(),
+            _ => !self.sending.is_empty(),
+        };
+        Pending { frame, request: false, event: !self.reporting.is_empty() }
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

@@ -6,7 +6,7 @@ use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
-use machine::{Duration, Instant, Machine, PortRequest, Source, Transmit};
+use machine::{Duration, Instant, Machine, Pending, PortRequest, Source, Transmit};
 
 pub use frames::SegmentEnd;
 
@@ -296,6 +296,11 @@ impl Machine for Segment {
                 device.advance(now, &mut Sink { id: DeviceId(index), events: &mut self.events });
             }
         }
+    }
+
+    fn pending(&self, now: Instant) -> Pending {
+        let frame = self.under_way.front().is_some_and(|next| next.departs <= now);
+        Pending { frame, request: false, event: !self.events.is_empty() }
     }
 
     /// Returns the next frame by whichever end: the owner of a segment that leads on carries it further.

@@ -68,6 +68,10 @@ impl OwnAddress {
         })
     }
 
+    pub(super) const fn may_send(&self) -> bool {
+        self.claim.may_send()
+    }
+
     /// Writes the next frame; returns its length in bytes.
     pub(super) fn poll_frame(&mut self, now: Instant, buf: &mut [u8]) -> Option<usize> {
         self.claim.poll_frame(now, buf)

@@ -91,6 +91,22 @@ pub enum StreamRequest {
     Close(StreamId),
 }
 
+/// Frame, request and event that a machine may have for its driver. It has none of a kind that is not set.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Pending {
+    /// A frame for [`Machine::poll_transmit`].
+    pub frame: bool,
+    /// A request for [`Machine::poll_stream`].
+    pub request: bool,
+    /// An event for [`Machine::poll_event`].
+    pub event: bool,
+}
+
+impl Pending {
+    /// It may have anything.
+    pub const ANYTHING: Self = Self { frame: true, request: true, event: true };
+}
+
 /// A protocol endpoint, a PLC or a robot: plain state without clock, socket, thread or async.
 ///
 /// There are four kinds of methods. *Getters* change nothing. *Handlers* (`handle_*`) report what happened to the
@@ -165,6 +181,12 @@ pub trait Machine {
     /// Handles the timeout: the instant of [`poll_timeout`](Self::poll_timeout) has come, or passed if the driver is
     /// late.
     fn handle_timeout(&mut self, now: Instant);
+
+    /// Returns what the machine may have for the polls below. A driver may leave out those of what it does not have; this costs less
+    /// than asking. By default it may have anything.
+    fn pending(&self, _now: Instant) -> Pending {
+        Pending::ANYTHING
+    }
 
     /// Writes the next frame to send into `buf`, which holds at least [`crate::wire::FRAME_CAPACITY`] bytes.
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit>;

@@ -23,7 +23,7 @@ pub mod wire;
 
 pub use allowed::{Allowed, Peer};
 pub use contract::{
-    Attempt, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
+    Attempt, Machine, Pending, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
 };
 pub use cycle::{Cycle, Tick};
 pub use foreign::{ForeignRequest, ForeignRequests, Requested, Sender};

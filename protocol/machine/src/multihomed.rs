@@ -3,7 +3,9 @@
 use core::net::Ipv4Addr;
 
 use crate::ethernet::Mac;
-use crate::{Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use crate::{
+    Instant, Machine, Pending, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
+};
 
 /// An interface of a multihomed machine: its number from 0, in the order in which the driver was given the interfaces.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Debug)]
@@ -58,6 +60,11 @@ pub trait Multihomed {
 
     /// Handles the timeout, as [`Machine::handle_timeout`].
     fn handle_timeout(&mut self, now: Instant);
+
+    /// Returns what the machine may have for the polls below, as [`Machine::pending`].
+    fn pending(&self, _now: Instant) -> Pending {
+        Pending::ANYTHING
+    }
 
     /// Writes the next frame to send into `buf`, as [`Machine::poll_transmit`].
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<(InterfaceId, Transmit)>;
@@ -118,6 +125,10 @@ impl<M: Machine> Multihomed for M {
 
     fn handle_timeout(&mut self, now: Instant) {
         Machine::handle_timeout(self, now);
+    }
+
+    fn pending(&self, now: Instant) -> Pending {
+        Machine::pending(self, now)
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<(InterfaceId, Transmit)> {

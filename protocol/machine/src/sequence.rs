@@ -1,6 +1,7 @@
 //! The position of a receiver in a stream of numbered frames: which frames are newer than all before, and how the
 //! receiver finds its position again after a single frame with a wrong number.
 
+use crate::time::nanos;
 use crate::{Duration, Instant};
 
 /// How a bus numbers its frames.
@@ -19,12 +20,14 @@ pub struct Numbering {
 }
 
 /// A frame that comes late moves the instant at which the next one is due by at most this share of a cycle.
-const LATE_SHARE: u32 = 64;
+const LATE_SHARE: u64 = 64;
 
 /// The receiver's place.
 #[derive(Clone, Copy, Debug)]
 pub struct Sequence {
     numbering: Numbering,
+    /// Time from one frame to the next, in ns: this is computed for each frame.
+    cycle_ns: u64,
     last: Option<Last>,
     elsewhere: Option<Elsewhere>,
 }
@@ -41,14 +44,16 @@ struct Last {
 
 impl Last {
     /// Returns the place after an accepted frame that is so far ahead.
-    fn next(&self, numbering: &Numbering, now: Instant, ahead: u32) -> Self {
-        let Numbering { mask, step, cycle, .. } = *numbering;
+    fn next(&self, numbering: &Numbering, cycle_ns: u64, now: Instant, ahead: u32) -> Self {
+        let Numbering { mask, step, .. } = *numbering;
         // Nearly always it is the next one, and a division takes as long as all the rest here.
         let cycles = if ahead == step { 1 } else { ahead.div_ceil(step.max(1)) };
-        let due = self.due + cycle.saturating_mul(cycles);
-        let is_timely = due.since(now).saturating_mul(2) <= cycle;
+        let (now_ns, before_ns) = (now.as_nanos(), self.due.as_nanos());
+        let due_ns = before_ns.saturating_add(cycle_ns.saturating_mul(cycles.into()));
+        let is_timely = due_ns.saturating_sub(now_ns).saturating_mul(2) <= cycle_ns;
         // One late frame says little about those behind it; a sender that is slower or stood still shifts all of them.
-        let due = if now < due { now } else { due + now.since(due).min(cycle / LATE_SHARE) };
+        let due_ns = now_ns.min(due_ns.saturating_add(cycle_ns / LATE_SHARE));
+        let due = Instant::from_nanos(due_ns);
         Self { number: self.number.wrapping_add(ahead) & mask, at: now, due, is_timely }
     }
 }
@@ -64,7 +69,7 @@ impl Sequence {
     /// Creates a receiver that accepts the first frame at any number.
     #[must_use]
     pub const fn new(numbering: Numbering) -> Self {
-        Self { numbering, last: None, elsewhere: None }
+        Self { numbering, cycle_ns: nanos(numbering.cycle), last: None, elsewhere: None }
     }
 
     /// Returns whether a frame was accepted.
@@ -96,7 +101,7 @@ impl Sequence {
         let ahead = number.wrapping_sub(last.number) & mask;
         let is_newer = (1..=newer).contains(&ahead);
         if ahead == step || is_newer && is_plausible(&self.numbering, ahead, now.since(last.at)) {
-            *last = last.next(&self.numbering, now, ahead);
+            *last = last.next(&self.numbering, self.cycle_ns, now, ahead);
             self.elsewhere = None;
             return Some(ahead);
         }

@@ -69,7 +69,8 @@ impl Instant {
     }
 }
 
-const fn nanos(duration: Duration) -> u64 {
+/// Returns a time in ns, at most the largest number.
+pub(crate) const fn nanos(duration: Duration) -> u64 {
     duration.as_secs().saturating_mul(1_000_000_000).saturating_add(duration.subsec_nanos() as u64)
 }
 

@@ -5,8 +5,8 @@ use core::net::Ipv4Addr;
 
 use machine::ethernet::Mac;
 use machine::{
-    Counters, Instant, LinkStatus, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
-    Transmit,
+    Counters, Instant, LinkStatus, Machine, Pending, Port, PortRequest, Source, StreamChange, StreamId,
+    StreamRequest, Transmit,
 };
 
 use crate::fieldbus::{ControllerBus, Fieldbus, StationId, ToStore};
@@ -84,6 +84,10 @@ where
 
     fn handle_timeout(&mut self, now: Instant) {
         on!(self, bus => bus.handle_timeout(now));
+    }
+
+    fn pending(&self, now: Instant) -> Pending {
+        on!(self, bus => bus.pending(now))
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

@@ -51,6 +51,10 @@ macro_rules! machine_with_stations {
                 self.$machine.handle_timeout(now);
             }
 
+            fn pending(&self, now: machine::Instant) -> machine::Pending {
+                self.$machine.pending(now)
+            }
+
             fn poll_transmit(&mut self, now: machine::Instant, buf: &mut [u8]) -> Option<machine::Transmit> {
                 self.$machine.poll_transmit(now, buf)
             }

@@ -3,7 +3,9 @@
 use core::fmt;
 
 use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment, SegmentEnd};
-use machine::{Counters, Down, DownCause, Instant, LinkEvent, Machine, PortRequest, Source, Transmit};
+use machine::{
+    Counters, Down, DownCause, Instant, LinkEvent, Machine, Pending, PortRequest, Source, Transmit,
+};
 
 use crate::fieldbus::Fieldbus;
 use crate::image::{IMAGE_LEN, Image, Order};
@@ -91,6 +93,10 @@ impl Machine for EthercatSubDevice {
 
     fn handle_timeout(&mut self, now: Instant) {
         self.segment.handle_timeout(now);
+    }
+
+    fn pending(&self, now: Instant) -> Pending {
+        self.segment.pending(now)
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

@@ -4,8 +4,8 @@ use core::net::Ipv4Addr;
 
 use machine::ethernet::Mac;
 use machine::{
-    Instant, InterfaceId, Multihomed, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest,
-    Transmit,
+    Instant, InterfaceId, Multihomed, Pending, Port, PortRequest, Source, StreamChange, StreamId,
+    StreamRequest, Transmit,
 };
 
 /// An event of a machine of one of two types.
@@ -85,6 +85,10 @@ impl<A: Multihomed, B: Multihomed> Multihomed for Either<A, B> {
 
     fn handle_timeout(&mut self, now: Instant) {
         either!(self, machine => machine.handle_timeout(now));
+    }
+
+    fn pending(&self, now: Instant) -> Pending {
+        either!(self, machine => machine.pending(now))
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<(InterfaceId, Transmit)> {

@@ -92,8 +92,8 @@ impl<A: Machine, B: Machine, C: Choices> Machine for Member<A, B, C> {
 
     fn poll_stream(&mut self) -> Option<StreamRequest> {
         match self {
-            Self::A(watched) => watched.machine.poll_stream(),
-            Self::B(watched) => watched.machine.poll_stream(),
+            Self::A(watched) => watched.poll_stream(),
+            Self::B(watched) => watched.poll_stream(),
             Self::Stranger(stranger) => stranger.poll_stream(),
         }
     }
@@ -124,8 +124,8 @@ impl<A: Machine, B: Machine, C: Choices> Machine for Member<A, B, C> {
 
     fn poll_event(&mut self) -> Option<Self::Event> {
         match self {
-            Self::A(watched) => watched.machine.poll_event().map(MemberEvent::A),
-            Self::B(watched) => watched.machine.poll_event().map(MemberEvent::B),
+            Self::A(watched) => watched.poll_event().map(MemberEvent::A),
+            Self::B(watched) => watched.poll_event().map(MemberEvent::B),
             Self::Stranger(_) => None,
         }
     }

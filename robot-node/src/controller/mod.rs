@@ -221,6 +221,12 @@ impl Controller {
         self.interpolator.joints()
     }
 
+    /// Returns whether an event is waiting.
+    #[must_use]
+    pub fn has_event(&self) -> bool {
+        !self.events.is_empty()
+    }
+
     /// Returns the next event.
     pub fn poll_event(&mut self) -> Option<RobotEvent> {
         self.events.pop_front()

@@ -365,6 +365,11 @@ impl IoConnections {
         self.open.iter_mut().find_map(|connection| connection.producer.produce(now))
     }
 
+    /// Returns when the next frame is due.
+    pub(super) fn next_frame(&self) -> Option<Instant> {
+        self.open.iter().filter_map(|connection| connection.producer.next()).min()
+    }
+
     /// Returns whether a connection was opened over this TCP connection.
     pub(super) fn was_opened_over(&self, stream: StreamId) -> bool {
         self.open.iter().any(|connection| connection.stream == Some(stream))

@@ -37,7 +37,9 @@ use super::{ENCAPSULATION_PORT, IO_PORT};
 use machine::arp::ArpPacket;
 use machine::ethernet::Mac;
 use machine::{Allowed, Counters, DownCause, LinkEvent, LinkStatus, Peer, Requested};
-use machine::{Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit};
+use machine::{
+    Instant, Machine, Pending, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
+};
 
 /// Configuration of an adapter.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -245,6 +247,19 @@ impl Machine for Adapter {
         self.end_unused();
         self.sessions.check_inactivity(now, self.state.device.network.inactivity());
         self.drop_orphans();
+    }
+
+    fn pending(&self, now: Instant) -> Pending {
+        let is_due = |at: Option<Instant>| at.is_some_and(|at| at <= now);
+        Pending {
+            frame: is_due(self.state.io.next_frame())
+                || self.own.as_ref().is_some_and(OwnAddress::may_send)
+                || self.waiting.is_some()
+                || is_due(self.delayed.next_timeout())
+                || self.sessions.has_messages(),
+            request: self.sessions.has_ended(),
+            event: !self.state.events.is_empty(),
+        }
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

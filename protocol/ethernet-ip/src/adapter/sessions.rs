@@ -146,6 +146,16 @@ impl Sessions {
         self.find_oldest();
     }
 
+    /// Returns whether a connection is to be closed.
+    pub(super) fn has_ended(&self) -> bool {
+        !self.closing.is_empty()
+    }
+
+    /// Returns whether messages may wait for their answers.
+    pub(super) const fn has_messages(&self) -> bool {
+        self.pending
+    }
+
     pub(super) fn poll_close(&mut self) -> Option<StreamId> {
         self.closing.pop_front()
     }

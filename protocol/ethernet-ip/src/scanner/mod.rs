@@ -24,8 +24,8 @@ use core::net::Ipv4Addr;
 use machine::arp::ArpPacket;
 use machine::ethernet::Mac;
 use machine::{
-    Attempt, Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, StreamChange, StreamId,
-    StreamRequest, Transmit,
+    Attempt, Counters, Instant, LinkEvent, Machine, Pending, Port, PortRequest, Source, StreamChange,
+    StreamId, StreamRequest, Transmit,
 };
 
 use self::conflict::{Asker, Conflict};
@@ -275,6 +275,12 @@ impl Machine for Scanner {
         self.follow(now, change);
         self.connections.settle();
         self.connections.handle_timeout(now);
+    }
+
+    fn pending(&self, now: Instant) -> Pending {
+        let is_own = self.own.as_ref().is_some_and(|(own, _)| own.may_send());
+        let Pending { frame, request, event } = self.connections.pending(now);
+        Pending { frame: frame || is_own, request: request || !self.to_close.is_empty(), event }
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

@@ -4,7 +4,9 @@
 use alloc::vec::Vec;
 use core::net::Ipv4Addr;
 
-use machine::{Deadlines, Directory, Instant, LinkEvent, Numbers, StreamId, StreamRequest, Transmit, Turns};
+use machine::{
+    Deadlines, Directory, Instant, LinkEvent, Numbers, Pending, StreamId, StreamRequest, Transmit, Turns,
+};
 
 use super::TooManyConnections;
 use super::connection::Connection;
@@ -266,6 +268,19 @@ impl Roster {
             }
         }
         None
+    }
+
+    /// Returns what the connections may have. Those that the owner may have changed may have anything.
+    pub(super) fn pending(&self, now: Instant) -> Pending {
+        if !self.touched.is_empty() {
+            return Pending::ANYTHING;
+        }
+        let is_due = self.deadlines.first().is_some_and(|due| due <= now);
+        Pending {
+            frame: is_due || !(self.cyclic.is_empty() && self.messages.is_empty()),
+            request: !self.streams.is_empty(),
+            event: !self.reporting.is_empty(),
+        }
     }
 
     /// Writes the next other frame.

@@ -178,6 +178,12 @@ impl AddressClaim {
         ArpPacket::announcement(self.mac, address).emit_frame(buf).ok()
     }
 
+    /// Returns whether there may be a frame for [`poll_frame`](Self::poll_frame).
+    #[must_use]
+    pub const fn may_send(&self) -> bool {
+        self.send || self.is_probing()
+    }
+
     /// Writes the next frame; returns its length in bytes. For a stack that contains the claim.
     pub fn poll_frame(&mut self, now: Instant, buf: &mut [u8]) -> Option<usize> {
         self.announce(now, buf).or_else(|| self.probes.poll_transmit(now, buf))

@@ -23,7 +23,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use machine::arp::{self, AddressClaim, ArpPacket, ClaimEvent};
 use machine::ethernet::{EthernetHeader, Mac};
-use machine::{Counters, Instant, LinkEvent, Machine, Port, PortRequest, Source, Transmit};
+use machine::{Counters, Instant, LinkEvent, Machine, Pending, Port, PortRequest, Source, Transmit};
 
 use super::dcp::{self, IpSuite, Pdu};
 use super::lldp::Neighbour;
@@ -306,6 +306,11 @@ impl Machine for Controller {
             self.has_answers = true;
         }
         self.ars.handle_timeout(now);
+    }
+
+    fn pending(&self, _now: Instant) -> Pending {
+        let (frame, event) = (self.has_answers || self.ars.may_send(), self.ars.may_report());
+        Pending { frame, request: false, event }
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

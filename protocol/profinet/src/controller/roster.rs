@@ -230,6 +230,21 @@ impl Roster {
         }
     }
 
+    /// Returns whether an AR may have a frame to send.
+    pub(super) fn may_send(&self) -> bool {
+        !(self.cyclic.is_empty() && self.acyclic.is_empty()) || self.has_changed(Ar::has_acyclic)
+    }
+
+    /// Returns whether an AR may have an event.
+    pub(super) fn may_report(&self) -> bool {
+        !self.reporting.is_empty() || self.has_changed(Ar::has_event)
+    }
+
+    /// Returns whether this holds for an AR that the owner may have changed.
+    fn has_changed(&self, holds: impl Fn(&Ar) -> bool) -> bool {
+        self.touched.iter().any(|number| self.get(number).is_some_and(&holds))
+    }
+
     /// Writes the next frame. The cyclic frames of all ARs go before all other frames.
     pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
         while let Some(number) = self.cyclic.pop() {

@@ -57,7 +57,7 @@ use crate::lldp::Naming;
 use machine::arp::{self, AddressClaim};
 use machine::ethernet::{EthernetHeader, Mac};
 use machine::{Allowed, Counters, Down, DownCause, ForeignRequests, LinkEvent, Peer, Requested, Sender};
-use machine::{Instant, Machine, Port, PortRequest, Source, Transmit};
+use machine::{Instant, Machine, Pending, Port, PortRequest, Source, Transmit};
 
 /// Largest number of events that wait. The owner polls after every call, and no call makes as many.
 const MOST_EVENTS: usize = 8;
@@ -415,6 +415,12 @@ impl Machine for Device {
             core.acyclic = true;
             core.call.repeat();
         }
+    }
+
+    fn pending(&self, _now: Instant) -> Pending {
+        let Core { relation, acyclic, events, .. } = &self.core;
+        let is_due = relation.as_ref().is_some_and(|relation| relation.sender.is_due());
+        Pending { frame: is_due || *acyclic, request: false, event: !events.is_empty() }
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {

@@ -4,7 +4,7 @@ use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
 use core::net::SocketAddrV4;
 
-use machine::{Instant, Machine, Port, Source, StreamChange, StreamId, Transmit};
+use machine::{Instant, Machine, Port, Source, StreamChange, StreamId, StreamRequest, Transmit};
 
 use super::{STRANGER, STRANGER_MAC};
 
@@ -34,12 +34,22 @@ pub struct RecordedStation<M> {
     pub foreign: u64,
     count: fn() -> u64,
     streams: BTreeSet<StreamId>,
+    /// When it was polled last.
+    polled_at: Instant,
 }
 
 impl<M: Machine> RecordedStation<M> {
     /// Watches a station. `count` returns the heap allocations so far.
     pub const fn new(machine: M, count: fn() -> u64) -> Self {
-        Self { machine, sent: Vec::new(), allocations: 0, foreign: 0, count, streams: BTreeSet::new() }
+        Self {
+            machine,
+            sent: Vec::new(),
+            allocations: 0,
+            foreign: 0,
+            count,
+            streams: BTreeSet::new(),
+            polled_at: Instant::ZERO,
+        }
     }
 
     fn measured(&mut self, is_foreign: bool, handle: impl FnOnce(&mut M)) {
@@ -72,8 +82,15 @@ impl<M: Machine> RecordedStation<M> {
         self.measured(is_foreign, |machine| machine.handle_stream(now, stream, change));
     }
 
+    /// Polls the station for a frame.
+    ///
+    /// # Panics
+    /// It has one although it says that it has none; so have the other polls.
     pub(super) fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        self.polled_at = now;
+        let is_pending = self.machine.pending(now).frame;
         let transmit = self.machine.poll_transmit(now, buf)?;
+        assert!(is_pending, "a station that says that it has no frame has {transmit:?}");
         let frame = buf.get(..transmit.len).unwrap_or_default();
         let to_stranger = match (transmit.port, transmit.to) {
             (Port::Stream(stream), _) => self.streams.contains(&stream),
@@ -87,5 +104,19 @@ impl<M: Machine> RecordedStation<M> {
             self.sent.push(SentFrame { at: now, port, to: transmit.to, frame: frame.to_vec() });
         }
         Some(transmit)
+    }
+
+    pub(super) fn poll_stream(&mut self) -> Option<StreamRequest> {
+        let is_pending = self.machine.pending(self.polled_at).request;
+        let request = self.machine.poll_stream()?;
+        assert!(is_pending, "a station that says that it has no request has {request:?}");
+        Some(request)
+    }
+
+    pub(super) fn poll_event(&mut self) -> Option<M::Event> {
+        let is_pending = self.machine.pending(self.polled_at).event;
+        let event = self.machine.poll_event()?;
+        assert!(is_pending, "a station that says that it has no event has one");
+        Some(event)
     }
 }

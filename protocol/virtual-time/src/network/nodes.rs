@@ -3,7 +3,7 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use machine::{Instant, InterfaceId, Multihomed};
+use machine::{Instant, InterfaceId, Multihomed, Pending};
 
 use super::Network;
 use super::ids::{NicId, NodeId};
@@ -147,20 +147,34 @@ impl<M: Multihomed> Network<M> {
             return;
         }
         let mut polls = 1;
-        while let Some(node) = self.nodes.get_mut(id.0)
-            && let Some((on, transmit)) = node.machine.poll_transmit(local, &mut self.buf)
-        {
-            polls += 1;
-            self.watch_endless(id, polls);
-            self.send(id, on, transmit);
+        let mut pending = self.pending(id, local);
+        // Each poll may change what else there is.
+        while pending.frame {
+            let Some(node) = self.nodes.get_mut(id.0) else { return };
+            let frame = node.machine.poll_transmit(local, &mut self.buf);
+            if let Some((on, transmit)) = frame {
+                polls += 1;
+                self.watch_endless(id, polls);
+                self.send(id, on, transmit);
+            }
+            pending = self.pending(id, local);
+            pending.frame &= frame.is_some();
         }
-        while let Some((on, request)) = self.nodes.get_mut(id.0).and_then(|node| node.machine.poll_stream()) {
-            polls += 1;
-            self.watch_endless(id, polls);
-            self.request_stream(id, on, request);
+        while pending.request {
+            let Some(node) = self.nodes.get_mut(id.0) else { return };
+            let request = node.machine.poll_stream();
+            if let Some((on, request)) = request {
+                polls += 1;
+                self.watch_endless(id, polls);
+                self.request_stream(id, on, request);
+            }
+            pending = self.pending(id, local);
+            pending.request &= request.is_some();
         }
         let Some(node) = self.nodes.get_mut(id.0) else { return };
-        while let Some(event) = node.machine.poll_event() {
+        while pending.event
+            && let Some(event) = node.machine.poll_event()
+        {
             polls += 1;
             if polls > MOST_POLLS {
                 break;
@@ -177,6 +191,11 @@ impl<M: Multihomed> Network<M> {
         if node.count_polls(self.now, polls) {
             self.time_stands(id);
         }
+    }
+
+    /// Returns what a node's machine may have.
+    fn pending(&self, id: NodeId, local: Instant) -> Pending {
+        self.nodes.get(id.0).map_or(Pending::ANYTHING, |node| node.machine.pending(local))
     }
 
     fn watch_endless(&self, id: NodeId, polls: u32) {

@@ -26,6 +26,8 @@ pub(super) struct Direction {
     pub(super) c_sdu_len: u16,
     /// Where the data are; the byte behind each is its IOPS.
     data: Vec<Range<usize>>,
+    /// The same of the submodules that have data, with slot and subslot: these are read in each cycle.
+    read: Vec<((u16, u16), Range<usize>)>,
     end: usize,
 }
 
@@ -69,6 +71,9 @@ impl Direction {
         self.objects.push(self.object(place));
         let end = self.end + usize::from(len);
         self.data.push(self.end..end);
+        if len > 0 {
+            self.read.push((place, self.end..end));
+        }
         self.end = end + 1;
     }
 
@@ -121,10 +126,9 @@ impl Direction {
         &self,
         c_sdu: &'a [u8],
     ) -> impl Iterator<Item = ((u16, u16), Option<&'a [u8]>)> {
-        let with_data = self.objects.iter().zip(&self.data).filter(|(_, range)| !range.is_empty());
-        with_data.map(move |(object, range)| {
+        self.read.iter().map(move |(place, range)| {
             let good = c_sdu.get(range.end).is_some_and(|iops| IoxStatus(*iops).is_good());
-            ((object.slot, object.subslot), c_sdu.get(range.clone()).filter(|_| good))
+            (*place, c_sdu.get(range.clone()).filter(|_| good))
         })
     }
 }
