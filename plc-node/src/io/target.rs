@@ -203,12 +203,14 @@ impl Owner<DrivenDevice> for ModuleReader {
 
 #[cfg(test)]
 mod tests {
+    use driven_device::ParameterValue;
+
     use super::*;
 
     #[test]
     fn a_record_that_lists_no_modules_is_told_as_such_and_not_as_silence() {
         let answered = |value| {
-            let result = Ok((value, None));
+            let result = Ok(ParameterValue { raw: value, scaled: None, text: None });
             modules_in(ParameterAnswer {
                 name: MODULES_RECORD.into(),
                 unit: String::new(),

@@ -9,6 +9,7 @@ use std::net::Ipv4Addr;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
+use anyhow::Context as _;
 use device_files::ChosenDevice;
 use emulated_device::{
     DataPlace, DeviceScript, EmulatedDevice, EmulationConfig, EmulationError, ScriptError,
