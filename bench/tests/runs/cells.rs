@@ -97,6 +97,24 @@ fn what_cells_do_not_have_yet_is_refused_by_its_name() {
 }
 
 #[test]
+fn what_a_cell_does_not_have_in_real_mode_is_refused_before_any_node_starts() {
+    let directory = tempfile::tempdir().unwrap();
+    let virtual_only = "is for virtual time only: add --mode virtual";
+    for (more, named) in [
+        (["--plc-program", "."], "exported code commands one robot, and setup E has several"),
+        (["--fault", "left/to-robot:restart-robot=17@100ms"], virtual_only),
+        (["--fault", "right/to-robot:restart-plc=17@100ms"], virtual_only),
+        (["--fault", "left/to-plc:cut-frame=17@10ms"], virtual_only),
+    ] {
+        let arguments = ["--setup", "E", "--mode", "real", "--reps", "1", "--out", "refused"];
+        let finished = bench(directory.path(), arguments.iter().chain(&more));
+        assert_eq!(finished.code, Some(2), "{more:?}: {}", finished.stderr);
+        assert!(finished.stderr.contains(named), "{}", finished.stderr);
+        assert!(!directory.path().join("refused").exists());
+    }
+}
+
+#[test]
 fn cyclic_sets_the_transport_of_each_profinet_station_and_is_refused_where_there_is_none() {
     let directory = tempfile::tempdir().unwrap();
     let more = ["--cyclic", "rt1", "--types", "cm", "--capture", "always"];

@@ -1,6 +1,6 @@
 //! Arms in step, by true time: where the left tool is in the right tool's frame, and how far apart arms start.
 
-use plc_node::{ExecutionType, Override, TogetherLeg};
+use plc_node::{ExecutionType, MarkPassage, Override, TogetherLeg};
 use robot_node::arm::{Frame, Joints, distance};
 use virtual_time::Impairment;
 
@@ -195,6 +195,37 @@ fn without_a_master_the_plate_would_be_torn() {
     assert!(undisturbed > 0.4, "{undisturbed} mm");
     let suspended = worst(Some((0, MS * 1_500)), 1);
     assert!(suspended > 50.0, "{suspended} mm");
+}
+
+#[test]
+fn an_arm_that_is_cut_off_while_both_carry_the_plate_fails_the_run_by_name_and_both_come_to_rest() {
+    for (lost, name) in ["left", "right"].into_iter().enumerate() {
+        let mut pair = pair("F", 1);
+        pair.run.begin(&step(ExecutionType::Cm)).unwrap();
+        let mut together: Option<Instant> = None;
+        let (mut is_cut, mut failed) = (false, None);
+        while failed.is_none() {
+            let now = pair.run.cell.now();
+            let carries = |passage: &MarkPassage| passage.mark == 2 && passage.passed.is_some();
+            if pair.run.cell.plc().program().passages(0).iter().any(carries) {
+                let since = now.since(*together.get_or_insert(now));
+                assert!(since < MS * 10_000, "the run goes on without the {name} arm");
+                if since > MS * 800 && !std::mem::replace(&mut is_cut, true) {
+                    pair.run.cell.set_cut(RobotId(lost), true);
+                }
+            }
+            failed = match pair.run.next_event(now + MS / 2) {
+                Some(PlcReport { station, event: PlcEvent::Failed(failure) }) => Some((station, failure)),
+                _ => None,
+            };
+        }
+        let (station, failure) = failed.unwrap();
+        assert_eq!(station, Some(lost), "{failure}");
+        let until = pair.run.cell.now() + MS * 2_000;
+        while pair.run.next_event(until).is_some() {}
+        let rests = |arm: usize| pair.run.cell.robot(RobotId(arm)).sample().path_speed_mm_s < 1.0;
+        assert!(rests(0) && rests(1), "without the {name} arm");
+    }
 }
 
 /// The plate's right arm is slower, has another number of motions, and a stop among them.
