@@ -6,6 +6,7 @@ use machine::Instant;
 use planning::MarkSignal;
 use protocol::image::{Command, Control, ErrorNumber, Motion, MotionKind, SLOTS, Skill};
 
+use super::compact::TakenPoints;
 use super::event::Ending;
 use super::program::{Programs, StopStatement};
 use super::{HIGHEST_OVERRIDE, press};
@@ -26,6 +27,8 @@ pub(super) enum Source {
     Single(MotionKind),
     /// The slots of the command image, which the PLC refills.
     Slots,
+    /// The compact points of the command image, which the PLC refills.
+    Points,
     /// The program store: the index of a program in it.
     Program(usize),
 }
@@ -112,6 +115,7 @@ impl Execution {
                 (Source::Program(index), motions)
             }
             Skill::MoveContinuous => (Source::Slots, command.total),
+            Skill::MoveTrajectory => (Source::Points, command.total),
             skill => {
                 let kind = skill.motion_kind().ok_or(ErrorNumber::UnknownSkill)?;
                 // Slot 0 holds the motion of the skill before until `written` says that this one's is there.
@@ -142,7 +146,10 @@ impl Execution {
             executed_before: 0,
             stops_passed: 0,
             written: 0,
-            written_at_start: if source == Source::Slots { command.written } else { total },
+            written_at_start: match source {
+                Source::Slots | Source::Points => command.written,
+                Source::Single(_) | Source::Program(_) => total,
+            },
             phase: Phase::Dispatch { until },
             start,
             law_before_s: 0.0,
@@ -159,13 +166,19 @@ impl Execution {
         executed: u32,
         room: u32,
         programs: &Programs,
+        points: &mut Option<TakenPoints>,
     ) -> Result<Option<Motion>, Violation> {
         // The image holds the motions of the command that it names; another one was refused.
         let command = command.filter(|command| command.number == self.number);
         let held = self.accepted.saturating_sub(executed);
-        if let (Source::Slots, Some(command)) = (self.source, command) {
+        let places = match self.source {
+            Source::Slots => Some(SLOTS as u32),
+            Source::Points => points.as_ref().map(TakenPoints::capacity),
+            Source::Single(_) | Source::Program(_) => None,
+        };
+        if let (Some(places), Some(command)) = (places, command) {
             let ahead = command.written.checked_sub(self.accepted);
-            let lost = ahead.is_none_or(|ahead| ahead as usize > SLOTS);
+            let lost = ahead.is_none_or(|ahead| ahead > places);
             if lost || command.written < self.written || command.written > self.total {
                 return Err(ErrorNumber::QueueOverrun.into());
             }
@@ -178,6 +191,9 @@ impl Execution {
             (Source::Program(_), _) => self.programmed(self.accepted, programs),
             (Source::Slots, Some(command)) if self.accepted < command.written => {
                 Some(*command.slot(self.accepted))
+            }
+            (Source::Points, Some(command)) if self.accepted < command.written => {
+                points.as_mut().and_then(|points| points.take(command, self.accepted))
             }
             (Source::Single(kind), Some(command)) => {
                 let motion = *command.slot(0);

@@ -1,7 +1,7 @@
 //! Taking motions: from the slots that the PLC writes, or from a program.
 //!
 //! With a queue of five motions one a cycle is taken: checking it is what takes longest in a cycle, and motions last longer. With a
-//! deeper one a cycle takes all that the slots hold, and plans once after the last.
+//! deeper one a cycle takes all that the slots hold, or ten compact points, and plans once after the last.
 
 use arrayvec::ArrayVec;
 use protocol::image::{Command, Motion, MotionKind, SLOTS, Services};
@@ -15,6 +15,9 @@ use crate::arm::Violation;
 use crate::motion::{Appended, MOST_MOTIONS, Segment};
 
 const _: () = assert!(MOST_MOTIONS == MOST_QUEUE_MOTIONS as usize);
+
+/// Motions that a cycle takes at most: more points than slots, since points are short.
+const MOST_TAKEN: usize = 2 * SLOTS;
 
 /// A motion that has passed the checks of its geometry.
 type Prepared = (Motion, Segment, Option<press::Press>);
@@ -35,7 +38,9 @@ pub(super) fn served(config: &RobotConfig) -> (u16, Services) {
         return (0, Services::SYNC);
     }
     let depth = u16::try_from(config.queue_motions).unwrap_or(u16::MAX);
-    (depth, Services(Services::SYNC.0 | Services::KEEPS_ACCEPTED.0))
+    let mut services = Services::SYNC | Services::KEEPS_ACCEPTED;
+    services.set(Services::COMPACT, config.compact_points);
+    (depth, services)
 }
 
 impl Execution {
@@ -43,7 +48,7 @@ impl Execution {
     pub(super) fn look_ahead(&self, config: &RobotConfig, programs: &Programs) -> u32 {
         match (self.source, config.program_look_ahead) {
             (Source::Single(_), _) => SLOTS as u32,
-            (Source::Slots, _) => config.queue_motions,
+            (Source::Slots | Source::Points, _) => config.queue_motions,
             (Source::Program(_), LookAhead::Motions(motions)) => motions,
             (Source::Program(_), LookAhead::Block(_)) => {
                 let is_spline = |index: u32| {
@@ -69,7 +74,8 @@ impl Execution {
         config: &RobotConfig,
         programs: &Programs,
     ) -> bool {
-        let came = self.written_at_start.min(SLOTS as u32).min(self.total);
+        let most = if self.source == Source::Points { config.queue_motions } else { SLOTS as u32 };
+        let came = self.written_at_start.min(most).min(self.total);
         let waits = !self.takes_many(config, programs) || self.accepted < came;
         took_one && waits && !self.is_complete()
     }
@@ -95,11 +101,12 @@ impl Controller {
 
     /// Takes all that the slots hold, and plans once after the last. Returns whether there was one.
     fn take_all(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
-        let accepted_before = execution.accepted;
-        let mut taken = ArrayVec::<(Motion, bool), SLOTS>::new();
+        let (accepted_before, points_before) = (execution.accepted, self.points);
+        let most = if execution.source == Source::Points { MOST_TAKEN } else { SLOTS };
+        let mut taken = ArrayVec::<(Motion, bool), MOST_TAKEN>::new();
         let mut ended = None;
         self.interpolator.begin_batch();
-        while !taken.is_full() && ended.is_none() {
+        while taken.len() < most && ended.is_none() {
             match self.next_prepared(execution, command) {
                 Ok(Some((motion, segment, None))) => {
                     execution.accepted += 1;
@@ -118,6 +125,7 @@ impl Controller {
             if !self.interpolator.path().rests() {
                 // No law leads on from here: from a later place one may, and at the end of the known motions the arm rests. To try one
                 // motion after another would take longer than a cycle.
+                self.points = points_before;
                 return false;
             }
             for (motion, _) in &taken {
@@ -140,7 +148,7 @@ impl Controller {
 
     /// Returns the next motion with its geometry, if it has arrived and the queue has room for it.
     fn next_prepared(
-        &self,
+        &mut self,
         execution: &mut Execution,
         command: Option<&Command>,
     ) -> Result<Option<Prepared>, Violation> {
@@ -149,7 +157,7 @@ impl Controller {
             true => 0,
             false => execution.look_ahead(&self.config, &self.programs),
         };
-        let next = execution.next_motion(command, executed, room, &self.programs)?;
+        let next = execution.next_motion(command, executed, room, &self.programs, &mut self.points)?;
         next.map(|motion| self.prepare(&motion)).transpose()
     }
 
