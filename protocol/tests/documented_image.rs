@@ -236,7 +236,8 @@ fn the_tables_from_which_other_programs_are_made_have_the_rows_of_the_page() {
 
 /// Returns the bytes of a line of the page's example of compact points.
 fn example_bytes(range: &str) -> Vec<u8> {
-    let line = PAGE.lines().find_map(|line| line.strip_prefix(range)).expect("the example has the line");
+    let line = PAGE.lines().find_map(|line| line.strip_prefix(range));
+    let line = line.unwrap_or_else(|| panic!("the example has no line `{range}`"));
     let hexadecimal = line.split_whitespace().map_while(|word| match word.len() {
         2 => u8::from_str_radix(word, 16).ok(),
         _ => None,

@@ -4,8 +4,8 @@
 //! all frames, only what one of the two images may hold.
 
 use protocol::image::{
-    Command, CommandChecker, Feedback, FeedbackChecker, IMAGE_LEN, Image, MotionKind, Order, Skill, State,
-    Verdict,
+    Command, CommandChecker, CompactPoints, Feedback, FeedbackChecker, IMAGE_LEN, Image, MotionKind, Order,
+    Skill, Slots, State, Verdict,
 };
 
 /// ImageDirection of images.
@@ -138,11 +138,18 @@ fn command_life(order: Order, image: &Image) -> Option<u16> {
     let command = order.parse_command(image).ok()?;
     let Command { control, life, skill, override_percent, total, written, slots, .. } = command;
     let is_known = |kind: MotionKind| !matches!(kind, MotionKind::Unknown(_));
-    let is_command = control.0 <= 0xFF
+    let is_point_finite = |target: &[f32; 6]| target.iter().all(|value| value.is_finite());
+    let hold = match &slots {
+        Slots::Motions(slots) => {
+            slots.iter().all(|slot| is_known(slot.kind) && is_point_finite(&slot.target))
+        }
+        Slots::Points(CompactPoints { head, .. }) => head.check().is_ok() && is_point_finite(&head.origin),
+    };
+    let is_command = control.0 <= 0x1FF
         && !matches!(skill, Skill::Unknown(_))
         && override_percent <= 100
         && written <= total
-        && slots.iter().all(|slot| is_known(slot.kind) && slot.target.iter().all(|value| value.is_finite()));
+        && hold;
     is_command.then_some(life)
 }
 

@@ -293,10 +293,6 @@ impl core::error::Error for PointMisfit {}
 
 /// What bytes 36..256 of a command hold.
 #[derive(Clone, Copy, PartialEq, Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "both fill the same bytes of the image, and a command is not boxed"
-)]
 pub enum Slots {
     /// Five motions: motion `k` in slot `k mod 5`.
     Motions([Motion; super::SLOTS]),

@@ -55,7 +55,7 @@ fn circle(points: u32, spacing_mm: f64) -> CompactPath {
 }
 
 /// A PLC with a block of compact points on a robot: four scans in a robot cycle.
-struct Cell {
+struct PointCell {
     controller: Controller,
     group: AxesGroup,
     block: MoveTrajectory,
@@ -66,7 +66,7 @@ struct Cell {
     outputs: Outputs,
 }
 
-impl Cell {
+impl PointCell {
     /// A cell whose arm stands at the origin of the path.
     fn at_origin(path: CompactPath, queue: u32, refill: Refill) -> Self {
         let mut controller = Controller::new(config(queue), Vec::new(), 1);
@@ -156,7 +156,7 @@ impl Cell {
 #[test]
 fn points_of_a_quarter_millimetre_are_driven_at_a_mean_of_three_hundred_mm_per_s_and_each_once() {
     let points = (2.0 * 60.0 * TAU / 0.25) as u32;
-    let mut cell = Cell::at_origin(circle(points, 0.25), 128, Refill::Accepted);
+    let mut cell = PointCell::at_origin(circle(points, 0.25), 128, Refill::Accepted);
     let speeds = cell.run();
     cell.all_arrived();
     assert_eq!(cell.feedback().blends_suppressed, 0);
@@ -179,7 +179,7 @@ fn every_point_is_driven_once_by_either_count_and_with_lines_and_angles_too() {
     };
     for refill in [Refill::Executed, Refill::Accepted] {
         for path in [circle(100, 0.25), with_angles.clone()] {
-            let mut cell = Cell::at_origin(path, 64, refill);
+            let mut cell = PointCell::at_origin(path, 64, refill);
             cell.run();
             cell.all_arrived();
             let [x, y, ..] = cell.feedback().pose;
@@ -194,7 +194,7 @@ fn every_point_is_driven_once_by_either_count_and_with_lines_and_angles_too() {
 fn no_point_runs_after_a_halt_a_cancel_or_a_lost_connection() {
     for (stop, is_connected) in [(Control::HALT, true), (Control::CANCEL, true), (Control::default(), false)]
     {
-        let mut cell = Cell::at_origin(circle(1_200, 0.25), 128, Refill::Accepted);
+        let mut cell = PointCell::at_origin(circle(1_200, 0.25), 128, Refill::Accepted);
         (0..150).for_each(|_| cell.cycle(true));
         let moving = *cell.feedback();
         assert!(moving.path_speed > 50.0, "{moving:?}");
@@ -217,7 +217,7 @@ fn no_point_runs_after_a_halt_a_cancel_or_a_lost_connection() {
 
 #[test]
 fn an_empty_ring_stops_the_arm_at_its_last_point_and_it_goes_on_when_more_come() {
-    let mut cell = Cell::at_origin(circle(1_200, 0.25), 64, Refill::Accepted);
+    let mut cell = PointCell::at_origin(circle(1_200, 0.25), 64, Refill::Accepted);
     (0..150).for_each(|_| cell.cycle(true));
     (0..250).for_each(|_| cell.cycle(false));
     let starved = *cell.feedback();
@@ -280,7 +280,7 @@ fn a_robot_says_that_it_takes_compact_points_only_if_its_setup_does() {
     let has = |config| Controller::new(config, Vec::new(), 1).feedback().services.contains(Services::COMPACT);
     assert!(has(config(30)));
     assert!(!has(RobotConfig { compact_points: false, ..config(64) }));
-    let mut cell = Cell::at_origin(circle(100, 0.25), 64, Refill::Accepted);
+    let mut cell = PointCell::at_origin(circle(100, 0.25), 64, Refill::Accepted);
     cell.controller = Controller::new(RobotConfig { compact_points: false, ..config(64) }, Vec::new(), 1);
     cell.cycle(true);
     assert_eq!(cell.block.error(), Some(BlockError::CompactNotServed));

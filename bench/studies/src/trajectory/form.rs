@@ -168,7 +168,6 @@ mod tests {
         assert_eq!(ticks.last().map(|tick| tick.sample.executed), Some(3_000));
         assert!(figures.mean_mm_s >= 300.0 && figures.suppressed == 0, "{figures:?}");
         assert!(figures.deviation_mm < 0.02, "{figures:?}");
-        println!("{figures:#?}");
     }
 
     #[test]

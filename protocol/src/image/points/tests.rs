@@ -120,8 +120,9 @@ proptest! {
             command(points).emit::<LittleEndian>(&mut image);
             let read = Command::parse::<LittleEndian>(&image).unwrap();
             let read = *read.slots.points().unwrap();
-            for known in index.saturating_sub(capacity - 1)..=index {
-                let mut expected = differences[known];
+            let in_ring = differences.iter().enumerate().take(index + 1).skip((index + 1).saturating_sub(capacity));
+            for (known, written) in in_ring {
+                let mut expected = *written;
                 if coordinates == 3 {
                     expected[3..].fill(0);
                 }
