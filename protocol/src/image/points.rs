@@ -215,18 +215,22 @@ impl PointSum {
         sums.for_each(|(sum, steps)| *sum = sum.saturating_add(i64::from(steps)));
     }
 
-    /// Returns the motion to the last point that was added.
+    /// Returns the last point that was added: x, y, z in mm, a, b, c in degrees.
+    #[must_use]
+    pub fn target(&self, head: &PointHead) -> [f64; 6] {
+        let mut target = head.origin.map(f64::from);
+        for (coordinate, steps) in target.iter_mut().zip(self.0) {
+            *coordinate += steps.saturating_mul(head.resolution.into()) as f64 / STEPS_PER_UNIT;
+        }
+        target
+    }
+
+    /// Returns the motion to the last point that was added, with its [target](Self::target) rounded to single precision.
     #[must_use]
     pub fn motion(&self, head: &PointHead) -> Motion {
-        let mut target = head.origin;
-        for (coordinate, steps) in target.iter_mut().zip(self.0) {
-            // One rounding for the way from the origin, and one for the target.
-            let way = steps.saturating_mul(head.resolution.into()) as f64 / STEPS_PER_UNIT;
-            *coordinate = (f64::from(*coordinate) + way) as f32;
-        }
         Motion {
             kind: head.kind,
-            target,
+            target: self.target(head).map(|coordinate| coordinate as f32),
             velocity: head.velocity,
             acceleration: head.acceleration,
             deceleration: head.deceleration,

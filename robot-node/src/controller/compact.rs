@@ -1,7 +1,8 @@
 //! The compact points of a MoveTrajectorySkill: the head with which it began, and the sum of the points taken so far.
 
-use protocol::image::{Command, ErrorNumber, Finding, Motion, PointHead, PointSum, Skill};
+use protocol::image::{Command, ErrorNumber, Finding, PointHead, PointSum, Skill};
 
+use super::taking::Aimed;
 use crate::RobotConfig;
 use crate::arm::Violation;
 
@@ -40,9 +41,9 @@ impl TakenPoints {
     }
 
     /// Takes the next point, number `index`, from the image; `None` where it holds none.
-    pub(super) fn take(&mut self, command: &Command, index: u32) -> Option<Motion> {
+    pub(super) fn take(&mut self, command: &Command, index: u32) -> Option<Aimed> {
         let points = command.slots.points()?;
         self.sum.add(self.head.difference_in(&points.ring, index));
-        Some(self.sum.motion(&self.head))
+        Some((self.sum.motion(&self.head), self.sum.target(&self.head)))
     }
 }

@@ -9,6 +9,7 @@ use protocol::image::{Command, Control, ErrorNumber, Motion, MotionKind, SLOTS, 
 use super::compact::TakenPoints;
 use super::event::Ending;
 use super::program::{Programs, StopStatement};
+use super::taking::Aimed;
 use super::{HIGHEST_OVERRIDE, press};
 use crate::RobotConfig;
 use crate::arm::{Count, Joints, Violation};
@@ -167,7 +168,7 @@ impl Execution {
         room: u32,
         programs: &Programs,
         points: &mut Option<TakenPoints>,
-    ) -> Result<Option<Motion>, Violation> {
+    ) -> Result<Option<Aimed>, Violation> {
         // The image holds the motions of the command that it names; another one was refused.
         let command = command.filter(|command| command.number == self.number);
         let held = self.accepted.saturating_sub(executed);
@@ -187,13 +188,13 @@ impl Execution {
         if self.accepted >= self.section_end(programs) || held >= room {
             return Ok(None);
         }
-        Ok(match (self.source, command) {
+        let motion = match (self.source, command) {
             (Source::Program(_), _) => self.programmed(self.accepted, programs),
             (Source::Slots, Some(command)) if self.accepted < command.written => {
                 Some(*command.slot(self.accepted))
             }
             (Source::Points, Some(command)) if self.accepted < command.written => {
-                points.as_mut().and_then(|points| points.take(command, self.accepted))
+                return Ok(points.as_mut().and_then(|points| points.take(command, self.accepted)));
             }
             (Source::Single(kind), Some(command)) => {
                 let motion = *command.slot(0);
@@ -203,7 +204,8 @@ impl Execution {
                 Some(motion)
             }
             _ => None,
-        })
+        };
+        Ok(motion.map(|motion| (motion, motion.target.map(f64::from))))
     }
 
     pub(super) fn programmed(&self, index: u32, programs: &Programs) -> Option<Motion> {

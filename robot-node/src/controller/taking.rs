@@ -19,6 +19,9 @@ const _: () = assert!(MOST_MOTIONS == MOST_QUEUE_MOTIONS as usize);
 /// Motions that a cycle takes at most: more points than slots, since points are short.
 const MOST_TAKEN: usize = 2 * SLOTS;
 
+/// A motion with its target in double precision: where points are counted in steps, single precision is coarser than they are.
+pub(super) type Aimed = (Motion, [f64; 6]);
+
 /// A motion that has passed the checks of its geometry.
 type Prepared = (Motion, Segment, Option<press::Press>);
 
@@ -93,7 +96,7 @@ impl Controller {
         }
         match self.next_prepared(execution, command) {
             Ok(None) => return false,
-            Ok(Some(prepared)) => self.take_one(execution, prepared),
+            Ok(Some((_, prepared))) => self.take_one(execution, prepared),
             Err(violation) => self.reject(execution, violation),
         }
         true
@@ -103,18 +106,19 @@ impl Controller {
     fn take_all(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
         let (accepted_before, points_before) = (execution.accepted, self.points);
         let most = if execution.source == Source::Points { MOST_TAKEN } else { SLOTS };
-        let mut taken = ArrayVec::<(Motion, bool), MOST_TAKEN>::new();
+        let mut taken = ArrayVec::<Aimed, MOST_TAKEN>::new();
         let mut ended = None;
         self.interpolator.begin_batch();
         while taken.len() < most && ended.is_none() {
             match self.next_prepared(execution, command) {
-                Ok(Some((motion, segment, None))) => {
+                Ok(Some((aimed, (_, segment, None)))) => {
                     execution.accepted += 1;
                     let last = execution.accepted == execution.section_end(&self.programs);
                     self.interpolator.append_to_batch(segment, last);
-                    taken.push((motion, last));
+                    taken.push(aimed);
                 }
-                other => ended = Some(other),
+                Ok(next) => ended = Some(Ok(next.map(|(_, prepared)| prepared))),
+                Err(violation) => ended = Some(Err(violation)),
             }
         }
         if self.interpolator.end_batch() {
@@ -128,8 +132,8 @@ impl Controller {
                 self.points = points_before;
                 return false;
             }
-            for (motion, _) in &taken {
-                match self.prepare(motion) {
+            for aimed in &taken {
+                match self.prepare(aimed) {
                     Ok(prepared) => self.take_one(execution, prepared),
                     Err(violation) => {
                         self.reject(execution, violation);
@@ -151,18 +155,18 @@ impl Controller {
         &mut self,
         execution: &mut Execution,
         command: Option<&Command>,
-    ) -> Result<Option<Prepared>, Violation> {
+    ) -> Result<Option<(Aimed, Prepared)>, Violation> {
         let executed = self.executed(execution);
         let room = match self.interpolator.path().is_full() {
             true => 0,
             false => execution.look_ahead(&self.config, &self.programs),
         };
         let next = execution.next_motion(command, executed, room, &self.programs, &mut self.points)?;
-        next.map(|motion| self.prepare(&motion)).transpose()
+        next.map(|aimed| Ok((aimed, self.prepare(&aimed)?))).transpose()
     }
 
-    fn prepare(&self, motion: &Motion) -> Result<Prepared, Violation> {
-        let segment = self.interpolator.path().prepare(motion, &self.config)?;
+    fn prepare(&self, (motion, target): &Aimed) -> Result<Prepared, Violation> {
+        let segment = self.interpolator.path().prepare_to(*target, motion, &self.config)?;
         let press = press::of(motion, &segment, &self.config)?;
         Ok((*motion, segment, press))
     }
