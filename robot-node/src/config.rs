@@ -42,7 +42,7 @@ pub struct RobotConfig {
     pub continuous_start_cycles: u32,
     /// Motions of a MoveContinuousSkill that it knows at most, from 5.
     pub queue_motions: u32,
-    /// Whether it takes compact points.
+    /// If true, it takes compact points.
     pub compact_points: bool,
     /// The count by which its PLC refills slots, for rehearsals.
     pub refill: Refill,

@@ -4,8 +4,8 @@
 //! all frames, only what one of the two images may hold.
 
 use protocol::image::{
-    Command, CommandChecker, CompactPoints, Feedback, FeedbackChecker, IMAGE_LEN, Image, MotionKind, Order,
-    Skill, Slots, State, Verdict,
+    Command, CommandChecker, CompactPoints, Control, Feedback, FeedbackChecker, IMAGE_LEN, Image, MotionKind,
+    Order, Skill, Slots, State, Verdict,
 };
 
 /// ImageDirection of images.
@@ -136,6 +136,8 @@ fn checked(order: Order, image: &Image) -> Option<ImageDirection> {
 /// Returns the life counter of what may be a command.
 fn command_life(order: Order, image: &Image) -> Option<u16> {
     let command = order.parse_command(image).ok()?;
+    // Elsewhere the bit would let an image begin one byte too early.
+    let high_bits = if command.is_compact() { Control::COMPACT.0 } else { 0 };
     let Command { control, life, skill, override_percent, total, written, slots, .. } = command;
     let is_known = |kind: MotionKind| !matches!(kind, MotionKind::Unknown(_));
     let is_point_finite = |target: &[f32; 6]| target.iter().all(|value| value.is_finite());
@@ -145,7 +147,7 @@ fn command_life(order: Order, image: &Image) -> Option<u16> {
         }
         Slots::Points(CompactPoints { head, .. }) => head.check().is_ok() && is_point_finite(&head.origin),
     };
-    let is_command = control.0 <= 0x1FF
+    let is_command = control.0 & !high_bits <= 0xFF
         && !matches!(skill, Skill::Unknown(_))
         && override_percent <= 100
         && written <= total
@@ -170,7 +172,7 @@ fn feedback_life(order: Order, image: &Image) -> Option<u16> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::image::{CommandSealer, Control, Motion, Status};
+    use protocol::image::{CommandSealer, Motion, Status};
 
     fn body(image: &Image) -> Vec<u8> {
         // Statuses of three modules before it, and of one after it.

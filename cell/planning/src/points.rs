@@ -5,7 +5,7 @@ use protocol::image::{ErrorNumber, PointDifference, PointHead, PointMisfit, Poin
 /// Points of a trajectory in the form in which the PLC sends them.
 #[derive(Clone, PartialEq, Debug)]
 pub struct CompactPath {
-    /// What all points have in common, with the origin.
+    /// Head of all points, with the origin.
     pub head: PointHead,
     /// Differences of each point from the one before it, the first one from the origin.
     pub differences: Vec<PointDifference>,

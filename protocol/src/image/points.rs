@@ -36,7 +36,7 @@ const STEPS_PER_UNIT: f64 = 100_000.0;
 /// Differences of one point from the one before, in steps: x, y, z, a, b, c.
 pub type PointDifference = [i16; 6];
 
-/// What all points of a trajectory have in common: bytes 36..76.
+/// Head of the points of a trajectory, which holds for all of them: bytes 36..76.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PointHead {
     /// Place from which the first difference counts: x, y, z in mm, a, b, c in degrees, of the tool in the base.
@@ -164,7 +164,7 @@ impl PointHead {
 /// The second form of bytes 36..256.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct CompactPoints {
-    /// What all points have in common.
+    /// Head of all points.
     pub head: PointHead,
     /// Differences in the order of the image: point `k` in place `k mod 30`, or `k mod 15`.
     pub ring: [i16; RING_DIFFERENCES],
@@ -295,7 +295,7 @@ impl fmt::Display for PointMisfit {
 
 impl core::error::Error for PointMisfit {}
 
-/// What bytes 36..256 of a command hold.
+/// Content of bytes 36..256 of a command.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Slots {
     /// Five motions: motion `k` in slot `k mod 5`.

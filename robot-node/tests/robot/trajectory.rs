@@ -16,6 +16,8 @@ use protocol::image::{
 use robot_node::{Controller, RobotConfig};
 use setup::Refill;
 
+use crate::plc::Cell;
+
 /// Setup A's robot with compact points and a queue of this many, whose calls take no time.
 fn config(queue: u32) -> RobotConfig {
     let setup = setup::setup("A").unwrap().with_queue_motions(queue).with_compact_points();
@@ -284,4 +286,26 @@ fn a_robot_says_that_it_takes_compact_points_only_if_its_setup_does() {
     cell.controller = Controller::new(RobotConfig { compact_points: false, ..config(64) }, Vec::new(), 1);
     cell.cycle(true);
     assert_eq!(cell.block.error(), Some(BlockError::CompactNotServed));
+}
+
+#[test]
+fn the_form_follows_the_control_bit_where_the_bytes_of_the_slots_stay_the_same() {
+    let mut cell = Cell::with(config(64), Vec::new(), 1);
+    let origin = cell.feedback().pose;
+    let mut points = CompactPoints::new(PointHead { origin, base: 0, resolution: 100, ..HEAD });
+    (0..4).for_each(|point| points.set_difference(point, [0, 1_000, 0, 0, 0, 0]));
+    let mut ends = Vec::new();
+    for form in [Control::default(), Control::COMPACT, Control::default(), Control::COMPACT] {
+        cell.control(Control::ENABLE | Control::RESET);
+        cell.run_ms(20);
+        cell.call(Skill::MoveTrajectory, Vec::new());
+        cell.command(|command| {
+            command.control.set(form, true);
+            (command.total, command.written, command.slots) = (4, 4, Slots::Points(points));
+        });
+        cell.wait_for_end();
+        ends.push((cell.feedback().error, cell.feedback().executed));
+    }
+    let [refused, driven] = [(ErrorNumber::PointHead, 0), (ErrorNumber::None, 4)];
+    assert_eq!(ends, [refused, driven, refused, driven]);
 }

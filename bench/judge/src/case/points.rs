@@ -10,7 +10,7 @@ const RESOLUTION: u16 = 625;
 /// The compact points of a run.
 #[derive(Clone, PartialEq, Debug)]
 pub struct RunPoints {
-    /// What they have in common. The first point is the origin.
+    /// Head of all points; the first one is the origin.
     pub head: PointHead,
     /// Each point's difference from the one before it.
     pub differences: Vec<PointDifference>,

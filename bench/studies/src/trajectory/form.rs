@@ -20,11 +20,11 @@ pub enum SentForm {
     Compact,
 }
 
-/// What the PLC sends.
+/// Path that the PLC sends.
 #[derive(Debug)]
 pub(super) struct SentPath {
     pub(super) source: Box<dyn MotionSource>,
-    /// What comes before: with compact points the way to the first one.
+    /// Motions before it: with compact points the way to the first one.
     pub(super) to_start: ToStart<Motion>,
     /// Length of a step of compact points, in µm (1e-3 degrees).
     pub(super) resolution_um: Option<f64>,
