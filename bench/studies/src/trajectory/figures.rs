@@ -236,6 +236,10 @@ impl SpeedLimits {
                 SpeedLimit::Resolution
             }
             Some((limit, speed)) if mean_mm_s >= REACHED * speed => limit,
+            // Bends by rounding slow the arm down before the mean error does.
+            _ if self.resolution.is_some_and(|speed| mean_mm_s >= REACHED_BY_ROUNDING * speed) => {
+                SpeedLimit::Resolution
+            }
             _ if is_lines => SpeedLimit::Corner,
             _ => SpeedLimit::Joint,
         }
