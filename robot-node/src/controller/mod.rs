@@ -406,8 +406,7 @@ impl Controller {
         let joints = *self.interpolator.joints();
         self.feedback = Feedback { number: command.number, ..self.cleared_feedback() };
         let started = TakenPoints::begin(command, &self.config).and_then(|points| {
-            let execution = Execution::new(command, pending.seen_at, until, &joints, &self.programs)?;
-            Ok((execution, points))
+            Ok((Execution::new(command, pending.seen_at, until, &joints, &self.programs)?, points))
         });
         match started {
             Ok((mut execution, points)) => {
