@@ -26,7 +26,7 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 22] = [
+pub const TARGETS: [(&str, Target); 23] = [
     ("device", profinet::device),
     ("controller", profinet::controller),
     ("adapter", ethernet_ip::adapter),
@@ -36,6 +36,7 @@ pub const TARGETS: [(&str, Target); 22] = [
     ("discovery", lone::discovery),
     ("reader", lone::reader),
     ("robot", robot::robot),
+    ("trajectory", robot::trajectory),
     ("setup", files::setup),
     ("application", files::application),
     ("control", files::control),

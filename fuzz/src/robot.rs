@@ -3,7 +3,9 @@
 use std::sync::LazyLock;
 
 use machine::Instant;
-use protocol::image::{Command, Control, Image, Motion, Order, SLOTS, Skill};
+use protocol::image::{
+    Command, CompactPoints, Control, Image, Motion, MotionKind, Order, PointHead, SLOTS, Skill, Slots,
+};
 use robot_node::{Controller, RobotConfig};
 use virtual_time::hostile::{Choices as _, Script};
 
@@ -21,9 +23,56 @@ static CELL: LazyLock<(RobotConfig, Vec<Motion>)> = LazyLock::new(|| {
     (robot, plan.wire_motions(&setup))
 });
 
+/// The same robot with compact points.
+static CELL_OF_POINTS: LazyLock<RobotConfig> = LazyLock::new(|| {
+    let setup = setup::setup("A").unwrap_or_else(|error| panic!("Setup A: {error}"));
+    let setup = setup.with_queue_motions(64).with_compact_points();
+    RobotConfig::from_setup(&setup).unwrap_or_else(|error| panic!("Setup A: {error}"))
+});
+
+/// Compact points of a trajectory.
+const POINTS: u32 = 200;
+
 /// Commands a continuous motion, and alters bytes of the image between the cycles.
 pub(crate) fn robot(data: &[u8]) {
     let (config, motions) = &*CELL;
+    let call = |command: &mut Command| {
+        (command.skill, command.total) = (Skill::MoveContinuous, motions.len() as u32);
+    };
+    drive(data, config, call, |command, executed| supply(command, executed, motions));
+}
+
+/// Commands a trajectory of compact points, and alters bytes of the image between the cycles.
+pub(crate) fn trajectory(data: &[u8]) {
+    let call = |command: &mut Command| {
+        let head = PointHead {
+            origin: [300.0, 0.0, 100.0, 0.0, 0.0, 180.0],
+            velocity: 2_000,
+            acceleration: 2_000,
+            deceleration: 0,
+            jerk: 0,
+            approximation: 50,
+            kind: MotionKind::Spline,
+            tool: 0,
+            base: 1,
+            resolution: 10,
+            coordinates: 3,
+            content: 0,
+        };
+        (command.skill, command.total) = (Skill::MoveTrajectory, POINTS);
+        command.control.set(Control::COMPACT, true);
+        command.slots = Slots::Points(CompactPoints::new(head));
+    };
+    drive(data, &CELL_OF_POINTS, call, supply_points);
+}
+
+/// Drives the skill that `call` writes into the command and that `supply` supplies with motions.
+fn drive(
+    data: &[u8],
+    config: &RobotConfig,
+    call: impl FnOnce(&mut Command),
+    mut supply: impl FnMut(&mut Command, u32),
+) {
     let mut script = Script::new(data);
     let mut controller = Controller::new(config.clone(), Vec::new(), 0);
     let mut command = Command { control: Control::ENABLE | Control::RESET, ..Command::default() };
@@ -31,10 +80,11 @@ pub(crate) fn robot(data: &[u8]) {
     let mut left = AFTERWARDS;
     controller.tick(at, Some(&command));
     command.control = Control::ENABLE | Control::EXECUTE;
-    (command.number, command.skill, command.total) = (1, Skill::MoveContinuous, motions.len() as u32);
+    command.number = 1;
+    call(&mut command);
     let rated = &config.arm.limits().speed;
     while left > 0 {
-        supply(&mut command, controller.feedback().executed, motions);
+        supply(&mut command, controller.feedback().executed);
         let joints = *controller.joints();
         let sent = if script.is_over() { Some(command) } else { altered(&mut command, &mut script) };
         at += config.cycle;
@@ -53,6 +103,16 @@ fn supply(command: &mut Command, executed: u32, motions: &[Motion]) {
     let written = command.total.min(executed.saturating_add(SLOTS as u32)).min(motions.len() as u32);
     for index in command.written..written {
         motions.get(index as usize).into_iter().for_each(|motion| command.set_slot(index, *motion));
+    }
+    command.written = command.written.max(written);
+}
+
+/// Writes the points that have room, as the PLC's function block does: 5 mm each, in a bend.
+fn supply_points(command: &mut Command, executed: u32) {
+    let Slots::Points(points) = &mut command.slots else { return };
+    let written = command.total.min(executed.saturating_add(points.head.capacity())).min(POINTS);
+    for index in command.written..written {
+        points.set_difference(index, [-20 * index as i16, 10_000, 0, 0, 0, 0]);
     }
     command.written = command.written.max(written);
 }

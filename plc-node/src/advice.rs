@@ -25,6 +25,8 @@ pub(crate) const fn advice(number: ErrorNumber) -> Option<&'static str> {
         | ErrorNumber::DriveStopped
         | ErrorNumber::DrivesLost
         | ErrorNumber::DriveNotOn => "see to the robot's drives",
+        ErrorNumber::CompactNotServed => "set robot.compact_points, or send the motions by MoveContinuous",
+        ErrorNumber::PointHead => "correct the head of the compact points",
         ErrorNumber::NotServed => "leave out the start time, and do not suspend this robot",
         ErrorNumber::FollowingError | ErrorNumber::DriveNotArrived => {
             "look for what holds the axis, reset, and start again"

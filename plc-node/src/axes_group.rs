@@ -217,6 +217,8 @@ impl AxesGroup {
         }
         (self.command.number, self.command.start_time_ns) = (number, 0);
         self.command.control.set(Control::EXECUTE, true);
+        // Only MoveTrajectory sets it again.
+        self.command.control.set(Control::COMPACT, false);
         self.commanded = true;
         Ok(number)
     }

@@ -441,9 +441,9 @@ mod tests {
             let cause = FailureCause::Robot { number: number.into(), motion: 0, finding: Finding::NONE };
             cause.to_string()
         };
-        let of_motions = (0..=43).filter(|number| words(*number).ends_with("; correct that motion"));
+        let of_motions = (0..=45).filter(|number| words(*number).ends_with("; correct that motion"));
         assert_eq!(of_motions.count(), 23);
-        let others = (0..=43).map(words).filter(|words| !words.ends_with("; correct that motion"));
+        let others = (0..=45).map(words).filter(|words| !words.ends_with("; correct that motion"));
         insta::assert_snapshot!(others.collect::<Vec<_>>().join("\n"), @"
         the robot ended the skill at motion 1 of the plan with an error but without its number: look at its node
         the robot reports error 1 at motion 1 of the plan: the robot does not have this skill; use skills that this robot has
@@ -465,7 +465,9 @@ mod tests {
         the robot reports error 40 at motion 1 of the plan: an axis did not arrive at its set-point within the settling time; look for what holds the axis, reset, and start again
         the robot reports error 41 at motion 1 of the plan: the drives did not switch on after a reset; see to the robot's drives
         the robot reports error 42 at motion 1 of the plan: the robot does not serve a suspend or a start time; leave out the start time, and do not suspend this robot
-        the robot reports error 43 at motion 1 of the plan: error number 43; look the number up in the robot's manual
+        the robot reports error 43 at motion 1 of the plan: the robot does not take compact points; set robot.compact_points, or send the motions by MoveContinuous
+        the robot reports error 44 at motion 1 of the plan: the head of the compact points cannot be used; correct the head of the compact points
+        the robot reports error 45 at motion 1 of the plan: error number 45; look the number up in the robot's manual
         ");
     }
 

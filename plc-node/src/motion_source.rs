@@ -2,7 +2,8 @@
 
 use core::fmt::Debug;
 
-use protocol::image::{Digest, Motion};
+use planning::CompactPath;
+use protocol::image::{Digest, Motion, PointDifference, PointHead, PointSum};
 
 /// The motions of one sequence, in order.
 ///
@@ -20,6 +21,17 @@ pub trait MotionSource: Debug + Send {
     /// for others.
     fn available(&self) -> u32 {
         self.total()
+    }
+
+    /// Returns what all points have in common, if the motions go to the robot as compact points.
+    fn point_head(&self) -> Option<PointHead> {
+        None
+    }
+
+    /// Returns the differences of point `index`, counted from 0, of a source with a [head](Self::point_head): that is asked for in place
+    /// of the motion.
+    fn difference(&mut self, _index: u32) -> Option<PointDifference> {
+        None
     }
 }
 
@@ -53,6 +65,45 @@ impl MotionSource for MotionList {
     }
 }
 
+/// Compact points that are all in memory.
+#[derive(Clone, PartialEq, Debug)]
+pub struct PointList {
+    path: CompactPath,
+    /// Number of the point that follows the sum, and the sum of those before it.
+    reached: (u32, PointSum),
+}
+
+impl From<CompactPath> for PointList {
+    fn from(path: CompactPath) -> Self {
+        Self { path, reached: (0, PointSum::default()) }
+    }
+}
+
+impl MotionSource for PointList {
+    fn total(&self) -> u32 {
+        u32::try_from(self.path.differences.len()).unwrap_or(u32::MAX)
+    }
+
+    /// Returns the motion to point `index`. Motions that are asked for in order take the same time each.
+    fn get(&mut self, index: u32) -> Option<Motion> {
+        let mut reached = if self.reached.0 <= index { self.reached } else { (0, PointSum::default()) };
+        while reached.0 <= index {
+            reached.1.add(self.difference(reached.0)?);
+            reached.0 += 1;
+        }
+        self.reached = reached;
+        Some(reached.1.motion(&self.path.head))
+    }
+
+    fn point_head(&self) -> Option<PointHead> {
+        Some(self.path.head)
+    }
+
+    fn difference(&mut self, index: u32) -> Option<PointDifference> {
+        self.path.differences.get(usize::try_from(index).ok()?).copied()
+    }
+}
+
 /// Motions `from` to `end` of a source, as a source of their own: one continuous motion of several.
 #[derive(Debug)]
 pub(crate) struct Section<'a> {
@@ -76,6 +127,15 @@ impl MotionSource for Section<'_> {
     fn available(&self) -> u32 {
         self.available.min(self.end).saturating_sub(self.from)
     }
+
+    /// Returns the head for the whole source only: a later part begins at another origin, so its motions go as they are.
+    fn point_head(&self) -> Option<PointHead> {
+        self.source.point_head().filter(|_| self.from == 0 && self.end == self.source.total())
+    }
+
+    fn difference(&mut self, index: u32) -> Option<PointDifference> {
+        self.source.difference(index)
+    }
 }
 
 /// A source with the digest of what it gave away since the last start.
@@ -83,16 +143,18 @@ impl MotionSource for Section<'_> {
 pub(crate) struct Digested {
     source: Box<dyn MotionSource>,
     given: Digest,
+    /// Sum of the points that it gave away as differences.
+    sum: PointSum,
 }
 
 impl Digested {
     pub(crate) fn new(source: Box<dyn MotionSource>) -> Self {
-        Self { source, given: Digest::default() }
+        Self { source, given: Digest::default(), sum: PointSum::default() }
     }
 
     /// Starts a run, which asks for the motions from the first one on.
     pub(crate) fn restart(&mut self) {
-        self.given = Digest::default();
+        (self.given, self.sum) = (Digest::default(), PointSum::default());
     }
 
     pub(crate) const fn given(&self) -> &Digest {
@@ -109,5 +171,17 @@ impl MotionSource for Digested {
         let motion = self.source.get(index);
         motion.iter().for_each(|motion| self.given.add(motion));
         motion
+    }
+
+    fn point_head(&self) -> Option<PointHead> {
+        self.source.point_head()
+    }
+
+    fn difference(&mut self, index: u32) -> Option<PointDifference> {
+        let head = self.source.point_head()?;
+        let difference = self.source.difference(index)?;
+        self.sum.add(difference);
+        self.given.add(&self.sum.motion(&head));
+        Some(difference)
     }
 }

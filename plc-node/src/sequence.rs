@@ -7,7 +7,8 @@ use setup::Refill;
 
 use crate::function_blocks::{
     BlockError, BufferMode, MotionInputs, MoveCircular, MoveContinuous, MoveLinCartesian,
-    MoveLinForceCartesian, MovePtpCartesian, MovePtpJoint, MoveSpline, Outputs, RunProgram, Tally,
+    MoveLinForceCartesian, MovePtpCartesian, MovePtpJoint, MoveSpline, MoveTrajectory, Outputs, RunProgram,
+    Tally,
 };
 use crate::motion_source::Section;
 use crate::program::Totals;
@@ -21,6 +22,7 @@ const MODE: BufferMode = BufferMode::Aborting;
 struct Blocks {
     run_program: RunProgram,
     move_continuous: MoveContinuous,
+    move_trajectory: MoveTrajectory,
     lin: MoveLinCartesian,
     ptp_cartesian: MovePtpCartesian,
     ptp_joint: MovePtpJoint,
@@ -140,6 +142,7 @@ impl Sequence {
     /// Has CM refill slots by this count of the robot.
     pub(crate) const fn refilled_by(mut self, refill: Refill) -> Self {
         self.blocks.move_continuous = self.blocks.move_continuous.refilled_by(refill);
+        self.blocks.move_trajectory = self.blocks.move_trajectory.refilled_by(refill);
         self
     }
 
@@ -326,6 +329,13 @@ impl Sequence {
 
     /// Calls the block of the current continuous motion; if it ran the previous one, with a falling edge first.
     fn continuous_motion(&mut self, motions: &mut Section<'_>, group: &mut AxesGroup) -> Answer {
+        if motions.point_head().is_some() {
+            // It is the only one of its run.
+            self.is_called = true;
+            let block = &mut self.blocks.move_trajectory;
+            let outputs = block.call(true, motions, MODE, group);
+            return Answer { outputs, error: block.error(), tally: block.tally() };
+        }
         let block = &mut self.blocks.move_continuous;
         if self.step > 0 && !self.is_called {
             block.call(false, motions, MODE, group);

@@ -4,7 +4,7 @@
 
 use hot_path::HotPaths;
 use machine::wire::{BigEndian, ByteOrder, LittleEndian};
-use protocol::image::{Command, Feedback, IMAGE_LEN, Motion, MotionKind, SLOTS};
+use protocol::image::{Command, Feedback, IMAGE_LEN, Motion, MotionKind, SLOTS, Slots};
 
 const GROUP: &str = "process image";
 
@@ -42,5 +42,5 @@ fn add<O: ByteOrder>(paths: &mut HotPaths, bus: &str) {
 
 fn command() -> Command {
     let motion = Motion { kind: MotionKind::LinCartesian, target: [300.0; 6], ..Motion::EMPTY };
-    Command { total: 13, written: 5, slots: [motion; SLOTS], ..Command::default() }
+    Command { total: 13, written: 5, slots: Slots::Motions([motion; SLOTS]), ..Command::default() }
 }

@@ -25,6 +25,7 @@ local COMMAND_CODES = {
     [6] = "MoveLinForceCartesian",
     [16] = "MoveContinuous",
     [17] = "RunProgram",
+    [18] = "MoveTrajectory",
 }
 local FEEDBACK_CODES = {
     [0] = "Halted",
@@ -85,9 +86,11 @@ local ERRORS = {
     [40] = "DriveNotArrived",
     [41] = "DriveNotOn",
     [42] = "NotServed",
+    [43] = "CompactNotServed",
+    [44] = "PointHead",
 }
 local COMMAND = {
-    { first = 0, len = 2, name = "control", unit = "bits", form = "word", bits = { "ENABLE", "EXECUTE", "HALT", "SUSPEND", "RESUME", "RESET", "CANCEL", "SYNC" } },
+    { first = 0, len = 2, name = "control", unit = "bits", form = "word", bits = { "ENABLE", "EXECUTE", "HALT", "SUSPEND", "RESUME", "RESET", "CANCEL", "SYNC", "COMPACT" } },
     { first = 2, len = 2, name = "life counter", unit = "", form = "uint" },
     { first = 4, len = 2, name = "command number", unit = "", form = "uint" },
     { first = 6, len = 1, name = "skill", unit = "", form = "code", codes = COMMAND_CODES },
@@ -151,6 +154,21 @@ local OPTIONS = {
     { first = 28, len = 2, name = "jerk", unit = "10 mm/s³ or 0.01 %", form = "uint" },
     { first = 30, len = 6, name = "reserved", unit = "", form = "reserved" },
 }
+local COMPACT = {
+    { first = 36, len = 24, name = "origin", unit = "mm, degrees", form = "real" },
+    { first = 60, len = 2, name = "velocity", unit = "0.1 mm/s", form = "uint" },
+    { first = 62, len = 2, name = "acceleration", unit = "1 mm/s²", form = "uint" },
+    { first = 64, len = 2, name = "deceleration", unit = "1 mm/s²", form = "uint" },
+    { first = 66, len = 2, name = "jerk", unit = "10 mm/s³", form = "uint" },
+    { first = 68, len = 2, name = "zone", unit = "0.01 mm", form = "uint" },
+    { first = 70, len = 1, name = "kind", unit = "", form = "code", codes = KINDS_OF_MOTION },
+    { first = 71, len = 1, name = "tool and base", unit = "", form = "usint" },
+    { first = 72, len = 2, name = "resolution", unit = "0.01 µm, 0.00001 degrees", form = "uint" },
+    { first = 74, len = 1, name = "coordinates", unit = "", form = "usint" },
+    { first = 75, len = 1, name = "content", unit = "", form = "usint" },
+    { first = 76, len = 180, name = "ring", unit = "steps", form = "int" },
+}
+local SKILL_AT, COMPACT_SKILL, COMPACT_BIT = 6, 18, 256
 local POINT = {
     { first = 24, len = 12, name = "point", unit = "mm", form = "real" },
 }
@@ -184,6 +202,8 @@ local function field_of(row, filter)
         return ProtoField.uint64(filter, text, base.DEC)
     elseif row.form == "real" then
         return ProtoField.float(filter, text)
+    elseif row.form == "int" then
+        return ProtoField.int16(filter, text, base.DEC)
     elseif row.form == "word" then
         return ProtoField.uint16(filter, text, base.HEX)
     elseif row.form == "check" then
@@ -212,6 +232,7 @@ prepare(FEEDBACK, "skillbench.feedback")
 prepare(MOTION, "skillbench.motion")
 prepare(OPTIONS, "skillbench.motion")
 prepare(POINT, "skillbench.motion")
+prepare(COMPACT, "skillbench.points")
 prepare(FORCE, "skillbench.motion")
 local check_state = register(ProtoField.uint8("skillbench.check_state", "State of the check", base.DEC, CHECK_STATES))
 image.fields = registered
@@ -333,6 +354,10 @@ local function show_rows(tree, rows, tvb, at, is_little)
             for index = 0, row.len / 4 - 1 do
                 add(tree, row.field, tvb(first + 4 * index, 4))
             end
+        elseif row.form == "int" then
+            for index = 0, row.len / 2 - 1 do
+                add(tree, row.field, tvb(first + 2 * index, 2))
+            end
         elseif row.form ~= "reserved" then
             local item = add(tree, row.field, tvb(first, row.len))
             for _, bit_field in ipairs(row.bit_fields) do
@@ -353,13 +378,26 @@ show_motion = function(tree, tvb, at, is_little, name)
     end
 end
 
+-- The fields of a command with compact points in place of motions.
+local COMMAND_WITH_POINTS = {}
+for _, row in ipairs(COMMAND) do
+    if row.form ~= "motion" then COMMAND_WITH_POINTS[#COMMAND_WITH_POINTS + 1] = row end
+end
+for _, row in ipairs(COMPACT) do COMMAND_WITH_POINTS[#COMMAND_WITH_POINTS + 1] = row end
+
+-- Returns whether an image is a command with compact points: by its skill and the control bit.
+local function is_compact(data, kind, is_little)
+    if kind.rows ~= COMMAND or data:byte(SKILL_AT + 1) ~= COMPACT_SKILL then return false end
+    return math.floor(number(data, 0, 2, is_little) / COMPACT_BIT) % 2 == 1
+end
+
 local function show(tvb, pinfo, tree, place, is_little)
     local at, kind = place.at, place.kind
     local data = tvb:raw(at, LEN)
     local given = number(data, kind.check, 4, is_little)
     local state = given == 0 and 0 or given == check_of(data, 0, kind) and 1 or 2
     local branch = tree:add(image, tvb(at, LEN), "Skill process image, " .. kind.name)
-    show_rows(branch, kind.rows, tvb, at, is_little)
+    show_rows(branch, is_compact(data, kind, is_little) and COMMAND_WITH_POINTS or kind.rows, tvb, at, is_little)
     local item = branch:add(check_state, tvb(at + kind.check, 4), state):set_generated()
     if state == 2 then item:add_proto_expert_info(wrong_check) end
     local count = is_little and tvb(at + 8, 4):le_uint() or tvb(at + 8, 4):uint()

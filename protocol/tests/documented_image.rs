@@ -4,9 +4,9 @@
 
 use machine::wire::{BigEndian, Reader, Writer};
 use protocol::image::{
-    COMMAND_FIELDS, Command, CommandSealer, Control, ErrorNumber, FEEDBACK_FIELDS, Feedback, FeedbackSealer,
-    FieldType, IMAGE_LEN, ImageField, MOTION_FIELDS, MOTION_LEN, Motion, MotionKind, OPTION_FIELDS, Order,
-    Services, Skill, State, Status,
+    COMMAND_FIELDS, Command, CommandSealer, CompactPoints, Control, ErrorNumber, FEEDBACK_FIELDS, Feedback,
+    FeedbackSealer, FieldType, IMAGE_LEN, ImageField, MOTION_FIELDS, MOTION_LEN, Motion, MotionKind,
+    OPTION_FIELDS, Order, POINT_FIELDS, PointHead, PointSum, Services, Skill, Slots, State, Status,
 };
 
 const PAGE: &str = include_str!("../../docs/process-image.md");
@@ -30,9 +30,9 @@ fn bytes(cell: &str) -> (usize, usize) {
     }
 }
 
-/// Returns whether a row gives no meaning to its bytes or bits: they are reserved, or reserved for what the page allots them to.
+/// Returns whether a row gives no meaning to its bytes or bits.
 fn is_reserved(row: &[&str]) -> bool {
-    row[1] == "reserved" || row[1].starts_with("reserved: ")
+    row[1] == "reserved"
 }
 
 /// Returns for each byte whether the table gives it a meaning. The table must have every byte once.
@@ -45,62 +45,6 @@ fn documented(heading: &str, len: usize) -> Vec<bool> {
     }
     assert_eq!(has_meaning.len(), len, "the table below `{heading}` ends early or late");
     has_meaning
-}
-
-/// Returns the ranges of bytes that a table reserves for a field, with the field.
-fn allotted_in(heading: &str) -> Vec<(&'static str, &'static str)> {
-    let reserved_for = |row: Vec<&'static str>| Some((row[0], row[1].strip_prefix("reserved: ")?));
-    table(heading).into_iter().filter_map(reserved_for).collect()
-}
-
-#[test]
-fn what_is_allotted_is_reserved_in_the_tables_of_the_images_and_the_other_way_round() {
-    let allotted = |image: &str| -> Vec<_> {
-        let rows = table("## Allotted bytes").into_iter().filter(|row| row[0] == image);
-        rows.map(|row| (row[1], row[2])).collect()
-    };
-    let bits =
-        allotted_in("### Control bits").into_iter().map(|(bit, name)| format!("control bit {bit} {name}"));
-    let (in_control, in_command): (Vec<_>, Vec<_>) =
-        allotted("command").into_iter().partition(|(bytes, _)| *bytes == "0..2");
-    assert_eq!(
-        in_control.into_iter().map(|(_, field)| field.to_owned()).collect::<Vec<_>>(),
-        bits.collect::<Vec<_>>()
-    );
-    assert_eq!(in_command, allotted_in("## Command: from the PLC to the robot"));
-    assert_eq!(allotted("feedback"), allotted_in("## Feedback: from the robot to the PLC"));
-}
-
-#[test]
-fn allotted_bytes_that_a_peer_sets_change_nothing_that_is_read_today() {
-    for image in ["command", "feedback"] {
-        for row in table("## Allotted bytes").into_iter().filter(|row| row[0] == image) {
-            let mut bytes = [0; IMAGE_LEN];
-            match row[2]
-                .strip_prefix("control bit ")
-                .and_then(|rest| rest.split(' ').next()?.parse::<u16>().ok())
-            {
-                // Big-endian: bit 8 is the lowest of the first byte.
-                Some(bit) => bytes[..2].copy_from_slice(&(1_u16 << bit).to_be_bytes()),
-                None => {
-                    let (from, to) = self::bytes(row[1]);
-                    bytes[from..to].fill(0xFF);
-                }
-            }
-            let zeros = [0; IMAGE_LEN];
-            if image == "command" {
-                let parsed = |bytes: &[u8]| Command::parse::<BigEndian>(bytes).unwrap();
-                let known = Control(0xFF);
-                let (mut today, told) = (parsed(&zeros), parsed(&bytes));
-                assert_eq!(told.control.0 & known.0, 0, "{row:?}");
-                today.control = told.control;
-                assert_eq!(told, today, "{row:?}");
-            } else {
-                let parsed = |bytes: &[u8]| Feedback::parse::<BigEndian>(bytes).unwrap();
-                assert_eq!(parsed(&bytes), parsed(&zeros), "{row:?}");
-            }
-        }
-    }
 }
 
 /// Returns which bytes of an image of ones are left after it was read and written.
@@ -251,6 +195,7 @@ fn row_of(field: &ImageField) -> [String; 3] {
         FieldType::Code(_) => (if field.form.len() == 1 { "USINT" } else { "UINT" }).to_owned(),
         FieldType::Real(1) => "REAL".to_owned(),
         FieldType::Real(count) => format!("{count} × REAL"),
+        FieldType::Int(count) => format!("{count} × INT"),
         FieldType::Motion => "motion".to_owned(),
         FieldType::Reserved(_) => String::new(),
     };
@@ -264,9 +209,10 @@ fn the_tables_from_which_other_programs_are_made_have_the_rows_of_the_page() {
         ("## Feedback: from the robot to the PLC", FEEDBACK_FIELDS),
         ("## One motion", MOTION_FIELDS),
         ("### Auxiliary bytes", OPTION_FIELDS),
+        ("## Compact points", POINT_FIELDS),
     ];
     for (heading, fields) in tables {
-        let has_units = heading.starts_with("## ") && heading.contains("from the");
+        let has_units = heading.contains("from the") || heading == "## Compact points";
         let documented: Vec<_> = table(heading)
             .iter()
             .map(|row| {
@@ -286,4 +232,48 @@ fn the_tables_from_which_other_programs_are_made_have_the_rows_of_the_page() {
             );
         }
     }
+}
+
+/// Returns the bytes of a line of the page's example of compact points.
+fn example_bytes(range: &str) -> Vec<u8> {
+    let line = PAGE.lines().find_map(|line| line.strip_prefix(range));
+    let line = line.unwrap_or_else(|| panic!("the example has no line `{range}`"));
+    let hexadecimal = line.split_whitespace().map_while(|word| match word.len() {
+        2 => u8::from_str_radix(word, 16).ok(),
+        _ => None,
+    });
+    hexadecimal.collect()
+}
+
+#[test]
+fn the_example_of_compact_points_is_what_its_words_say() {
+    let head = PointHead {
+        origin: [400.0, 0.0, 100.0, 0.0, 0.0, 180.0],
+        velocity: 5_000,
+        acceleration: 5_000,
+        deceleration: 0,
+        jerk: 0,
+        approximation: 50,
+        kind: MotionKind::Spline,
+        tool: 0,
+        base: 1,
+        resolution: 5,
+        coordinates: 3,
+        content: 0,
+    };
+    let (mut points, mut sum) = (CompactPoints::new(head), PointSum::default());
+    for (index, [x, y]) in (0..).zip([[400.0, 0.25], [399.99, 0.5]]) {
+        let difference = sum.advance(&head, [x, y, 100.0, 0.0, 0.0, 180.0]).unwrap();
+        points.set_difference(index, difference);
+    }
+    let (control, skill) = (Control::EXECUTE | Control::COMPACT, Skill::MoveTrajectory);
+    let command = Command { control, skill, slots: Slots::Points(points), ..Command::default() };
+    let mut image = [0; IMAGE_LEN];
+    command.emit::<BigEndian>(&mut image);
+    for (range, from, until) in
+        [("36..60", 36, 60), ("60..70", 60, 70), ("70..76", 70, 76), ("76..82", 76, 82), ("82..88", 82, 88)]
+    {
+        assert_eq!(example_bytes(range), &image[from..until], "{range}");
+    }
+    assert_eq!(sum.motion(&head).target, [399.99, 0.5, 100.0, 0.0, 0.0, 180.0]);
 }

@@ -42,6 +42,8 @@ pub struct RobotConfig {
     pub continuous_start_cycles: u32,
     /// Motions of a MoveContinuousSkill that it knows at most, from 5.
     pub queue_motions: u32,
+    /// If true, it takes compact points.
+    pub compact_points: bool,
     /// The count by which its PLC refills slots, for rehearsals.
     pub refill: Refill,
     /// Look-ahead over a program.
@@ -159,6 +161,7 @@ impl RobotConfig {
             start_quantum: micros(robot.start_quantum_us.as_ref().map_or(0, |quantum| quantum.value)),
             continuous_start_cycles: robot.continuous_start_cycles.as_ref().map_or(0, |cycles| cycles.value),
             queue_motions: robot.queue_holds(),
+            compact_points: robot.takes_compact_points(),
             refill: setup.plc.refills_by(),
             program_look_ahead: robot.looks_ahead(),
             skill_overhead: micros(robot.skill_overhead_us.value),

@@ -257,13 +257,20 @@ impl<B: Fieldbus> RobotNode<B> {
             return self.refuse(at, ImageFault::Altered);
         }
         // Every scan changes the head, but the slots only change with the motions.
-        let command = if self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
-            let slots = self.command.slots;
-            self.bus.byte_order().parse_command_head(&image).map(|head| Command { slots, ..head })
-        } else {
-            self.bus.byte_order().parse_command(&image)
+        let order = self.bus.byte_order();
+        let slots = self.command.slots;
+        let has_same_form = |head: &Command| head.is_compact() == slots.points().is_some();
+        let head = match self.image.get(HEAD_LEN..) == image.get(HEAD_LEN..) {
+            true => order.parse_command_head(&image).ok().filter(has_same_form),
+            false => None,
         };
-        let Ok(command) = command else { return };
+        let command = match head {
+            Some(head) => Command { slots, ..head },
+            None => match order.parse_command(&image) {
+                Ok(command) => command,
+                Err(_) => return,
+            },
+        };
         // Without a reset no skill can start: until then a late image may set the start.
         if self.controller.feedback().state != State::Halted {
             self.life.act();

@@ -2,6 +2,7 @@
 //! again, to the bit.
 
 mod arm;
+mod points;
 mod robot;
 
 use protocol::image::{Motion, MotionKind};
@@ -10,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::kinematics::Vector;
 pub use arm::{Arm, by_joint};
+pub use points::RunPoints;
 
 /// Version of the file format.
 pub const SCHEMA: u32 = 1;
@@ -94,6 +96,9 @@ pub struct Surface {
 pub enum Execution {
     /// As one MoveContinuousSkill.
     Continuous,
+    /// As one MoveTrajectorySkill of compact points: on a robot that takes them, a list that has [this form](Run::points); else as
+    /// a MoveContinuousSkill.
+    Trajectory,
     /// Each as a skill of its own.
     Single,
     /// As a program of the robot.

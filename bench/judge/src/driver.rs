@@ -1,11 +1,11 @@
 //! Runs a case: the robot's controller in virtual time, fed every robot cycle as a PLC would, and judged.
 
 use machine::{Duration, Instant};
-use protocol::image::{Command, Control, Feedback, Motion, SLOTS, Skill, State, Status};
+use protocol::image::{Command, Control, Feedback, Motion, SLOTS, Skill, Slots, State, Status};
 use robot_node::{ConfigError, Controller, Program};
 use setup::{Refill, Setup};
 
-use crate::case::{Case, Event, Execution, Intervention, Programmed, Run};
+use crate::case::{Case, Event, Execution, Intervention, Programmed, Run, RunPoints};
 use crate::law::{Law, Seen};
 use crate::violation::{Class, Violation};
 
@@ -46,6 +46,8 @@ pub fn run(case: &Case, setup: &Setup, classes: &[Class]) -> Result<Outcome, Con
     let mut driver = Driver {
         cycle: config.cycle,
         refill: config.refill,
+        takes_points: config.compact_points,
+        points: None,
         controller: Controller::new(config, programs, case.seed),
         command: Command::default(),
         law: Law::new(case, setup, classes),
@@ -77,6 +79,9 @@ struct Driver {
     at: Instant,
     cycle: Duration,
     refill: Refill,
+    takes_points: bool,
+    /// The points of the run, if it has that form.
+    points: Option<RunPoints>,
     /// Cycles since the run began.
     run_cycle: u32,
     is_connected: bool,
@@ -161,9 +166,11 @@ impl Driver {
     fn perform(&mut self, number: u16, run: &Run) {
         self.run_cycle = 0;
         let mut events = run.events.as_slice();
+        self.points = run.points().filter(|_| self.takes_points);
         match run.execution {
-            Execution::Continuous => {
-                self.call(Skill::MoveContinuous, number, Execution::Continuous, &run.motions);
+            Execution::Continuous | Execution::Trajectory => {
+                let skill = if self.points.is_some() { Skill::MoveTrajectory } else { Skill::MoveContinuous };
+                self.call(skill, number, run.execution, &run.motions);
                 self.wait(&run.motions, &mut events);
             }
             Execution::Program => {
@@ -196,6 +203,12 @@ impl Driver {
         }
         self.command.skill = skill;
         self.command.program = program;
+        // The slots of the skill before stay, unless the form changes.
+        if let Some(points) = &self.points {
+            self.command.slots = Slots::Points(points.empty());
+        } else if self.command.slots.points().is_some() {
+            self.command.slots = Slots::EMPTY;
+        }
         (self.command.total, self.command.written) = (motions.len() as u32, 0);
         self.law.start(self.command.number, execution, motions);
     }
@@ -241,6 +254,7 @@ impl Driver {
         if waited > PATIENCE {
             control.set(Control::HALT, true);
         }
+        control.set(Control::COMPACT, self.points.is_some());
         control.set(Control::SUSPEND, self.is_suspended);
         control.set(Control::RESUME, !self.is_suspended);
         for bit in [Control::HALT, Control::ENABLE] {
@@ -290,12 +304,18 @@ impl Driver {
             Refill::Executed => feedback.executed,
             Refill::Accepted => feedback.accepted,
         };
+        let places = self.points.as_ref().map_or(SLOTS, |points| points.head.capacity() as usize);
         while let Some(motion) = motions.get(self.command.written as usize) {
-            let is_free = (self.command.written as usize) < free as usize + SLOTS;
+            let is_free = (self.command.written as usize) < free as usize + places;
             if !is_free || motion.written_in_cycle > self.run_cycle {
                 break;
             }
-            self.command.set_slot(self.command.written, motion.motion());
+            let written = self.command.written;
+            let difference = self.points.as_ref().and_then(|run| run.differences.get(written as usize));
+            match (&mut self.command.slots, difference) {
+                (Slots::Points(points), Some(difference)) => points.set_difference(written, *difference),
+                _ => self.command.set_slot(written, motion.motion()),
+            }
             self.command.written += 1;
         }
     }

@@ -7,7 +7,7 @@ use std::fs;
 
 use judge::{Case, Class, generator, hunt, run};
 use protocol::image::MotionKind;
-use setup::Setup;
+use setup::{Refill, Setup};
 
 /// Lists for each setup.
 const LISTS: u64 = 5_000;
@@ -48,6 +48,20 @@ fn no_list_breaks_a_law_on_the_scara() {
 #[test]
 fn no_list_breaks_a_law_on_the_six_axis_arm() {
     no_list_breaks_a_law("B", 1);
+}
+
+/// Lists on each robot with compact points.
+const LISTS_OF_POINTS: u64 = 1_000;
+
+#[test]
+fn no_list_breaks_a_law_where_points_are_compact_on_any_arm_and_by_either_count() {
+    for (name, refill) in [("A", Refill::Executed), ("A", Refill::Accepted), ("B", Refill::Accepted)] {
+        let setup = setup::setup(name).unwrap().with_queue_motions(64).with_compact_points();
+        let setup = setup.with_refill(refill);
+        let runs = (0..100).flat_map(|number| generator::any_case(&setup, 7, number).runs);
+        assert!(runs.filter(|run| run.points().is_some()).count() > 20);
+        no_list_of(&setup, 7, LISTS_OF_POINTS);
+    }
 }
 
 #[test]

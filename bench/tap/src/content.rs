@@ -4,8 +4,8 @@
 //! all frames, only what one of the two images may hold.
 
 use protocol::image::{
-    Command, CommandChecker, Feedback, FeedbackChecker, IMAGE_LEN, Image, MotionKind, Order, Skill, State,
-    Verdict,
+    Command, CommandChecker, CompactPoints, Control, Feedback, FeedbackChecker, IMAGE_LEN, Image, MotionKind,
+    Order, Skill, Slots, State, Verdict,
 };
 
 /// ImageDirection of images.
@@ -136,13 +136,22 @@ fn checked(order: Order, image: &Image) -> Option<ImageDirection> {
 /// Returns the life counter of what may be a command.
 fn command_life(order: Order, image: &Image) -> Option<u16> {
     let command = order.parse_command(image).ok()?;
+    // Elsewhere the bit would let an image begin one byte too early.
+    let high_bits = if command.is_compact() { Control::COMPACT.0 } else { 0 };
     let Command { control, life, skill, override_percent, total, written, slots, .. } = command;
     let is_known = |kind: MotionKind| !matches!(kind, MotionKind::Unknown(_));
-    let is_command = control.0 <= 0xFF
+    let is_point_finite = |target: &[f32; 6]| target.iter().all(|value| value.is_finite());
+    let hold = match &slots {
+        Slots::Motions(slots) => {
+            slots.iter().all(|slot| is_known(slot.kind) && is_point_finite(&slot.target))
+        }
+        Slots::Points(CompactPoints { head, .. }) => head.check().is_ok() && is_point_finite(&head.origin),
+    };
+    let is_command = control.0 & !high_bits <= 0xFF
         && !matches!(skill, Skill::Unknown(_))
         && override_percent <= 100
         && written <= total
-        && slots.iter().all(|slot| is_known(slot.kind) && slot.target.iter().all(|value| value.is_finite()));
+        && hold;
     is_command.then_some(life)
 }
 
@@ -163,7 +172,7 @@ fn feedback_life(order: Order, image: &Image) -> Option<u16> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::image::{CommandSealer, Control, Motion, Status};
+    use protocol::image::{CommandSealer, Motion, Status};
 
     fn body(image: &Image) -> Vec<u8> {
         // Statuses of three modules before it, and of one after it.

@@ -234,7 +234,7 @@ impl Repetitions {
 const fn type_of(skill: Skill) -> Option<ExecutionType> {
     match skill {
         Skill::RunProgram => Some(ExecutionType::Rc),
-        Skill::MoveContinuous => Some(ExecutionType::Cm),
+        Skill::MoveContinuous | Skill::MoveTrajectory => Some(ExecutionType::Cm),
         Skill::None | Skill::Unknown(_) => None,
         _ => Some(ExecutionType::Sm),
     }

@@ -6,7 +6,7 @@ mod feedback;
 
 use core::fmt;
 
-use protocol::image::{Configuration, ErrorNumber};
+use protocol::image::{Configuration, ErrorNumber, Finding};
 
 /// Largest turn of a joint, in degrees, from one sample of a curve's finest piece to the next. If a joint would turn
 /// farther, the arm cannot follow the curve: it would turn over into another configuration there.
@@ -282,6 +282,9 @@ pub enum Violation {
         /// As the PLC wrote it.
         value: u32,
     },
+    /// A head of compact points with a field that it cannot have.
+    #[error("{}", .0.in_words(ErrorNumber::PointHead))]
+    PointHead(Finding),
     /// A contact force to be reached, in N.
     #[error("the force is {value_n} N, allowed is above 0 up to {limit_n} N")]
     Force {

@@ -105,6 +105,8 @@ pub struct Robot {
     /// Motions of a MoveContinuousSkill that the controller knows at most: those that it has accepted and not yet executed. If left
     /// out, five.
     pub queue_motions: Option<Sourced<u32>>,
+    /// If true, the controller takes the compact points of a MoveTrajectorySkill. If left out, it does not.
+    pub compact_points: Option<bool>,
     /// Motions of a stored program that the controller knows at most while it runs: a number, or `whole-spline`. If left out, five.
     pub program_look_ahead: Option<Sourced<LookAhead>>,
     /// Time of one skill call in the robot controller besides the motion, in µs: the paper's SM needs it per motion,

@@ -47,6 +47,12 @@ impl Robot {
         self.queue_motions.as_ref().map_or(SLOTS as u32, |depth| depth.value)
     }
 
+    /// Returns whether the controller takes compact points.
+    #[must_use]
+    pub fn takes_compact_points(&self) -> bool {
+        self.compact_points.unwrap_or_default()
+    }
+
     /// Returns the look-ahead over a stored program.
     #[must_use]
     pub fn looks_ahead(&self) -> LookAhead {

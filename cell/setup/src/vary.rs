@@ -47,6 +47,13 @@ impl Setup {
         self
     }
 
+    /// Returns the setup with a robot that takes compact points.
+    #[must_use]
+    pub const fn with_compact_points(mut self) -> Self {
+        self.robot.compact_points = Some(true);
+        self
+    }
+
     /// Returns the setup with a PLC that refills slots by this count.
     #[must_use]
     pub const fn with_refill(mut self, refill: Refill) -> Self {

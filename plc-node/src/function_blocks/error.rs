@@ -44,6 +44,11 @@ pub enum BlockError {
         "this robot does not keep the motions that it accepts (services bit 2 is 0); set plc.refill to `executed`"
     )]
     RefillNotServed,
+    /// The robot does not take compact points.
+    #[error(
+        "this robot does not take compact points (services bit 1 is 0); send the motions by MoveContinuous"
+    )]
+    CompactNotServed,
     /// No single-motion skill has this kind of motion.
     #[error("no skill moves this kind of motion ({0:?}); correct the motion's kind")]
     NoSkillForKind(MotionKind),
@@ -237,6 +242,7 @@ impl BlockError {
             Self::InputOutOfRange { .. } => 0x8014,
             Self::InputNotSupported { .. } => 0x8015,
             Self::RefillNotServed => 0x8016,
+            Self::CompactNotServed => 0x8017,
         }
     }
 }

@@ -29,6 +29,7 @@ mod execute_interface;
 mod group;
 mod inputs;
 mod move_continuous;
+mod move_trajectory;
 mod run_program;
 mod set_override;
 mod single_motion;
@@ -41,6 +42,7 @@ pub use group::{GroupContinue, GroupDisable, GroupEnable, GroupHalt, GroupInterr
 pub(crate) use group::{is_at_rest, is_executing, is_ready};
 pub use inputs::{Dynamics, MotionInputs};
 pub use move_continuous::MoveContinuous;
+pub use move_trajectory::MoveTrajectory;
 pub use run_program::RunProgram;
 pub use set_override::{EnableOutputs, GroupSetOverride, OverrideFactors};
 pub use single_motion::{

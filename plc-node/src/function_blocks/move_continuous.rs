@@ -1,6 +1,6 @@
 //! A sequence of motions without stops: the paper's MoveContinuousSkill and its FIFO update logic.
 
-use protocol::image::{Command, Feedback, Motion, SLOTS, Services, Skill};
+use protocol::image::{Command, Feedback, SLOTS, Services, Skill, Slots};
 use setup::Refill;
 
 use super::skill::{SkillCall, skill_outputs};
@@ -95,7 +95,7 @@ impl MoveContinuous {
         };
         self.call.call(execute, mode, group, read, |command, total| {
             command.skill = Skill::MoveContinuous;
-            command.slots = [Motion::EMPTY; SLOTS];
+            command.slots = Slots::EMPTY;
             (command.total, command.written) = (total, 0);
             fill(command, depth, motions)?;
             Ok(true)
@@ -112,7 +112,7 @@ impl MoveContinuous {
 skill_outputs!(MoveContinuous: call);
 
 /// Returns whether the robot keeps the motions that it has accepted.
-const fn keeps_accepted(feedback: &Feedback) -> bool {
+pub(super) const fn keeps_accepted(feedback: &Feedback) -> bool {
     feedback.services.contains(Services::KEEPS_ACCEPTED)
 }
 
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
     use crate::{MotionList, WaitLimits};
     use proptest::prelude::*;
-    use protocol::image::{MotionKind, State, Status};
+    use protocol::image::{Motion, MotionKind, State, Status};
 
     /// What happens between two scans: what gets through, and what the robot does.
     #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 //! A program that is stored in the robot controller: the paper's RC.
 
-use protocol::image::{Motion, SLOTS, Skill};
+use protocol::image::{Skill, Slots};
 
 use super::skill::{SkillCall, skill_outputs};
 use super::{BufferMode, Outputs};
@@ -23,7 +23,7 @@ impl RunProgram {
             |command, program| {
                 command.skill = Skill::RunProgram;
                 command.program = program;
-                command.slots = [Motion::EMPTY; SLOTS];
+                command.slots = Slots::EMPTY;
                 (command.total, command.written) = (0, 0);
                 Ok(false)
             },

@@ -3,7 +3,7 @@
 use core::hash::{Hash, Hasher};
 
 use machine::wire::{BigEndian, Writer};
-use protocol::image::{Command, MOTION_LEN, Motion, MotionKind, SLOTS, Skill};
+use protocol::image::{Command, MOTION_LEN, Motion, MotionKind, Skill, Slots};
 
 use super::skill::{SkillCall, skill_outputs};
 use super::{BufferMode, MotionInputs, Outputs};
@@ -61,7 +61,7 @@ impl SingleMotion {
 
 fn write(command: &mut Command, skill: Skill, motion: Motion) {
     command.skill = skill;
-    command.slots = [Motion::EMPTY; SLOTS];
+    command.slots = Slots::EMPTY;
     command.set_slot(0, motion);
     (command.total, command.written) = (1, 1);
 }
@@ -122,7 +122,7 @@ mod tests {
         let inputs = MotionInputs::from(&blended);
         let mut block = MoveLinCartesian::default();
         assert!(block.call(true, &inputs, BufferMode::Aborting, &mut group).busy);
-        let sent = group.command.slots[0];
+        let sent = *group.command.slot(0);
         assert_eq!((sent.kind, sent.approximation), (MotionKind::LinCartesian, 0));
         assert_eq!(inputs.motion(MotionKind::LinCartesian).unwrap().approximation, 50);
     }

@@ -71,6 +71,9 @@ fn members(fields: &[ImageField], prefix: &str) -> Vec<ImageMember> {
                     unit: if number <= 3 { units.0 } else { units.1 },
                 }));
             }
+            FieldType::Int(count) => {
+                (0..*count).for_each(|number| add(format!("{name} {number}"), MemberType::Unsigned(16)))
+            }
             FieldType::Word(bits) => add(name, MemberType::Bits(bits)),
             FieldType::Motion => members.extend(self::members(MOTION_FIELDS, &format!("{name} "))),
             FieldType::Reserved(len) => add(name, MemberType::Bytes(*len)),

@@ -4,8 +4,9 @@
 use std::fmt::{self, Write};
 
 use protocol::image::{
-    AuxiliaryForm, COMMAND_CHECK, COMMAND_FIELDS, CodeTable, FEEDBACK_CHECK, FEEDBACK_FIELDS, FieldType,
-    IMAGE_LEN, ImageField, MOTION_FIELDS, MOTION_LEN, MotionKind, OPTION_FIELDS,
+    AuxiliaryForm, COMMAND_CHECK, COMMAND_FIELDS, CodeTable, Control, FEEDBACK_CHECK, FEEDBACK_FIELDS,
+    FieldType, IMAGE_LEN, ImageField, MOTION_FIELDS, MOTION_LEN, MotionKind, OPTION_FIELDS, POINT_FIELDS,
+    Skill,
 };
 
 /// Everything that does not depend on the tables.
@@ -42,6 +43,10 @@ fn write_tables(lua: &mut String) -> fmt::Result {
     write_fields(lua, "FEEDBACK", FEEDBACK_FIELDS)?;
     write_fields(lua, "MOTION", MOTION_FIELDS)?;
     write_fields(lua, "OPTIONS", OPTION_FIELDS)?;
+    write_fields(lua, "COMPACT", POINT_FIELDS)?;
+    let (skill, bit) = (u8::from(Skill::MoveTrajectory), Control::COMPACT.0);
+    let skill_at = position(COMMAND_FIELDS, "skill");
+    writeln!(lua, "local SKILL_AT, COMPACT_SKILL, COMPACT_BIT = {skill_at}, {skill}, {bit}")?;
     let real = |name, unit| ImageField { first: 24, name, form: FieldType::Real(3), unit };
     write_fields(lua, "POINT", &[real("point", "mm")])?;
     write_fields(lua, "FORCE", &[real("force", "N")])?;
@@ -91,6 +96,7 @@ fn write_fields(lua: &mut String, name: &str, fields: &[ImageField]) -> fmt::Res
             FieldType::Udint => write!(lua, ", form = \"udint\""),
             FieldType::Ulint => write!(lua, ", form = \"ulint\""),
             FieldType::Real(_) => write!(lua, ", form = \"real\""),
+            FieldType::Int(_) => write!(lua, ", form = \"int\""),
             FieldType::Check => write!(lua, ", form = \"check\""),
             FieldType::Motion => write!(lua, ", form = \"motion\""),
             FieldType::Reserved(_) => write!(lua, ", form = \"reserved\""),

@@ -39,6 +39,8 @@ local function field_of(row, filter)
         return ProtoField.uint64(filter, text, base.DEC)
     elseif row.form == "real" then
         return ProtoField.float(filter, text)
+    elseif row.form == "int" then
+        return ProtoField.int16(filter, text, base.DEC)
     elseif row.form == "word" then
         return ProtoField.uint16(filter, text, base.HEX)
     elseif row.form == "check" then
@@ -67,6 +69,7 @@ prepare(FEEDBACK, "skillbench.feedback")
 prepare(MOTION, "skillbench.motion")
 prepare(OPTIONS, "skillbench.motion")
 prepare(POINT, "skillbench.motion")
+prepare(COMPACT, "skillbench.points")
 prepare(FORCE, "skillbench.motion")
 local check_state = register(ProtoField.uint8("skillbench.check_state", "State of the check", base.DEC, CHECK_STATES))
 image.fields = registered
@@ -188,6 +191,10 @@ local function show_rows(tree, rows, tvb, at, is_little)
             for index = 0, row.len / 4 - 1 do
                 add(tree, row.field, tvb(first + 4 * index, 4))
             end
+        elseif row.form == "int" then
+            for index = 0, row.len / 2 - 1 do
+                add(tree, row.field, tvb(first + 2 * index, 2))
+            end
         elseif row.form ~= "reserved" then
             local item = add(tree, row.field, tvb(first, row.len))
             for _, bit_field in ipairs(row.bit_fields) do
@@ -208,13 +215,26 @@ show_motion = function(tree, tvb, at, is_little, name)
     end
 end
 
+-- The fields of a command with compact points in place of motions.
+local COMMAND_WITH_POINTS = {}
+for _, row in ipairs(COMMAND) do
+    if row.form ~= "motion" then COMMAND_WITH_POINTS[#COMMAND_WITH_POINTS + 1] = row end
+end
+for _, row in ipairs(COMPACT) do COMMAND_WITH_POINTS[#COMMAND_WITH_POINTS + 1] = row end
+
+-- Returns whether an image is a command with compact points: by its skill and the control bit.
+local function is_compact(data, kind, is_little)
+    if kind.rows ~= COMMAND or data:byte(SKILL_AT + 1) ~= COMPACT_SKILL then return false end
+    return math.floor(number(data, 0, 2, is_little) / COMPACT_BIT) % 2 == 1
+end
+
 local function show(tvb, pinfo, tree, place, is_little)
     local at, kind = place.at, place.kind
     local data = tvb:raw(at, LEN)
     local given = number(data, kind.check, 4, is_little)
     local state = given == 0 and 0 or given == check_of(data, 0, kind) and 1 or 2
     local branch = tree:add(image, tvb(at, LEN), "Skill process image, " .. kind.name)
-    show_rows(branch, kind.rows, tvb, at, is_little)
+    show_rows(branch, is_compact(data, kind, is_little) and COMMAND_WITH_POINTS or kind.rows, tvb, at, is_little)
     local item = branch:add(check_state, tvb(at + kind.check, 4), state):set_generated()
     if state == 2 then item:add_proto_expert_info(wrong_check) end
     local count = is_little and tvb(at + 8, 4):le_uint() or tvb(at + 8, 4):uint()

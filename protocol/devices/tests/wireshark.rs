@@ -5,8 +5,8 @@
 use std::path::PathBuf;
 
 use protocol::image::{
-    Command, CommandSealer, Configuration, Control, Feedback, FeedbackSealer, Finding, IMAGE_LEN, Image,
-    Motion, MotionKind, Order, Services, Skill, State, Status,
+    Command, CommandSealer, CompactPoints, Configuration, Control, Feedback, FeedbackSealer, Finding,
+    IMAGE_LEN, Image, Motion, MotionKind, Order, PointHead, Services, Skill, Slots, State, Status,
 };
 
 /// FrameForm of one bus: what stands around an image.
@@ -129,7 +129,37 @@ impl ImageSource {
         motion
     }
 
+    fn points(&mut self) -> CompactPoints {
+        let head = PointHead {
+            origin: self.reals(),
+            velocity: self.next() as u16,
+            acceleration: self.next() as u16,
+            deceleration: self.next() as u16,
+            jerk: self.next() as u16,
+            approximation: self.next() as u16,
+            kind: MotionKind::NAMED[self.next() as usize % MotionKind::NAMED.len()],
+            tool: self.next() as u8 % 16,
+            base: self.next() as u8 % 16,
+            resolution: self.next() as u16,
+            coordinates: self.next() as u8,
+            content: self.next() as u8,
+        };
+        CompactPoints { head, ring: std::array::from_fn(|_| self.next() as i16) }
+    }
+
     fn command(&mut self) -> Command {
+        let mut command = self.command_of_motions();
+        if self.next().is_multiple_of(4) {
+            command.skill = Skill::MoveTrajectory;
+            command.control.set(Control::COMPACT, true);
+        }
+        if command.is_compact() {
+            command.slots = Slots::Points(self.points());
+        }
+        command
+    }
+
+    fn command_of_motions(&mut self) -> Command {
         Command {
             control: Control(self.next() as u16),
             life: self.next() as u16 | 1,
@@ -142,7 +172,7 @@ impl ImageSource {
             outputs: self.next() as u16,
             start_time_ns: self.next(),
             law_time_us: self.next() as u32,
-            slots: std::array::from_fn(|_| self.motion()),
+            slots: Slots::Motions(std::array::from_fn(|_| self.motion())),
         }
     }
 
@@ -187,7 +217,13 @@ fn texts<T: ToString>(values: impl IntoIterator<Item = T>) -> Vec<String> {
 
 fn command_values(image: &Image, order: Order) -> Values {
     let command = order.parse_command(image).unwrap();
-    let motions: Vec<_> = command.slots.iter().filter(|motion| motion.kind != MotionKind::None).collect();
+    let slots = match &command.slots {
+        Slots::Motions(slots) => &slots[..],
+        Slots::Points(_) => &[],
+    };
+    let points: Vec<_> = command.slots.points().into_iter().collect();
+    let heads: Vec<_> = points.iter().map(|points| points.head).collect();
+    let motions: Vec<_> = slots.iter().filter(|motion| motion.kind != MotionKind::None).collect();
     let options: Vec<_> = motions.iter().filter(|motion| !motion.kind.has_auxiliary()).collect();
     let auxiliary = |with_force: bool| {
         let kinds = motions
@@ -226,6 +262,18 @@ fn command_values(image: &Image, order: Order) -> Values {
             "skillbench.motion.tool_and_base",
             texts(motions.iter().map(|motion| 16 * motion.tool + motion.base)),
         ),
+        ("skillbench.points.origin", texts(heads.iter().flat_map(|head| head.origin))),
+        ("skillbench.points.velocity", texts(heads.iter().map(|head| head.velocity))),
+        ("skillbench.points.acceleration", texts(heads.iter().map(|head| head.acceleration))),
+        ("skillbench.points.deceleration", texts(heads.iter().map(|head| head.deceleration))),
+        ("skillbench.points.jerk", texts(heads.iter().map(|head| head.jerk))),
+        ("skillbench.points.zone", texts(heads.iter().map(|head| head.approximation))),
+        ("skillbench.points.kind", texts(heads.iter().map(|head| u8::from(head.kind)))),
+        ("skillbench.points.tool_and_base", texts(heads.iter().map(|head| 16 * head.tool + head.base))),
+        ("skillbench.points.resolution", texts(heads.iter().map(|head| head.resolution))),
+        ("skillbench.points.coordinates", texts(heads.iter().map(|head| head.coordinates))),
+        ("skillbench.points.content", texts(heads.iter().map(|head| head.content))),
+        ("skillbench.points.ring", texts(points.iter().flat_map(|points| points.ring))),
     ]
 }
 
@@ -351,6 +399,7 @@ fn every_field_of_the_tables_is_compared() {
         ("skillbench.feedback", protocol::image::FEEDBACK_FIELDS),
         ("skillbench.motion", protocol::image::MOTION_FIELDS),
         ("skillbench.motion", protocol::image::OPTION_FIELDS),
+        ("skillbench.points", protocol::image::POINT_FIELDS),
     ] {
         for field in fields {
             let name = format!("{prefix}.{}", field.name.replace(' ', "_"));

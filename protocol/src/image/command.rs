@@ -14,10 +14,10 @@
 //!                               the law time holds, 0 as soon as it is seen
 //! 28..32 law time         u32   µs, with `SYNC`: where on its law the arm should be then
 //! 32..36 check            u32   see Checker; 0 is none. Not part of the struct below
-//! 36..256 five slots      5 × Motion
+//! 36..256 five slots      5 × Motion, or CompactPoints
 //! ```
 
-use super::{HEAD_LEN, Image, Motion, SLOTS, bits, codes};
+use super::{CompactPoints, HEAD_LEN, Image, Motion, SLOTS, Slots, bits, codes};
 use machine::wire::{ByteOrder, Reader, Truncated, Writer};
 
 bits! {
@@ -40,6 +40,8 @@ bits! {
         CANCEL = 6,
         /// The arm's law follows a master: see [`Command::law_time_us`].
         SYNC = 7,
+        /// With [`Skill::MoveTrajectory`]: the slots hold [`CompactPoints`].
+        COMPACT = 8,
     }
 }
 
@@ -64,6 +66,8 @@ codes! {
         MoveContinuous = 16,
         /// A program in the robot controller: the paper's RC.
         RunProgram = 17,
+        /// A path through [`CompactPoints`].
+        MoveTrajectory = 18,
     }
 }
 
@@ -94,8 +98,8 @@ pub struct Command {
     pub start_time_ns: u64,
     /// Time in µs on the arm's own law that it should have at the start time, with [`Control::SYNC`]: the position of the master.
     pub law_time_us: u32,
-    /// Motion `k` in slot `k mod 5`.
-    pub slots: [Motion; SLOTS],
+    /// Motion `k` in slot `k mod 5`, or compact points.
+    pub slots: Slots,
 }
 
 impl Default for Command {
@@ -112,7 +116,7 @@ impl Default for Command {
             outputs: 0,
             start_time_ns: 0,
             law_time_us: 0,
-            slots: [Motion::EMPTY; SLOTS],
+            slots: Slots::EMPTY,
         }
     }
 }
@@ -123,8 +127,12 @@ impl Command {
         let mut command = Self::parse_head::<O>(image)?;
         let mut reader = Reader::<O>::new(image);
         reader.skip(HEAD_LEN)?;
-        for slot in &mut command.slots {
-            *slot = Motion::parse(&mut reader)?;
+        if command.is_compact() {
+            command.slots = Slots::Points(CompactPoints::parse(&mut reader)?);
+        } else if let Slots::Motions(slots) = &mut command.slots {
+            for slot in slots {
+                *slot = Motion::parse(&mut reader)?;
+            }
         }
         Ok(command)
     }
@@ -145,7 +153,7 @@ impl Command {
             outputs: reader.u16()?,
             start_time_ns: reader.u64()?,
             law_time_us: reader.u32()?,
-            slots: [Motion::EMPTY; SLOTS],
+            slots: Slots::EMPTY,
         })
     }
 
@@ -154,9 +162,16 @@ impl Command {
         self.emit_head::<O>(image);
         let (_, slots) = image.split_at_mut(HEAD_LEN);
         let mut writer = Writer::<O>::new(slots);
-        for slot in &self.slots {
-            slot.emit(&mut writer);
+        match &self.slots {
+            Slots::Motions(slots) => slots.iter().for_each(|slot| slot.emit(&mut writer)),
+            Slots::Points(points) => points.emit(&mut writer),
         }
+    }
+
+    /// Returns whether bytes 36..256 hold compact points, by the head.
+    #[must_use]
+    pub fn is_compact(&self) -> bool {
+        self.control.contains(Control::COMPACT) && self.skill == Skill::MoveTrajectory
     }
 
     /// Writes the head into an image that already contains this command's slots. Every scan changes the life counter,
@@ -177,16 +192,20 @@ impl Command {
         writer.pad_to(HEAD_LEN);
     }
 
-    /// Returns the slot of motion `index`, counted from 0.
+    /// Returns the slot of motion `index`, counted from 0; an empty one where there are compact points.
     #[must_use]
     pub fn slot(&self, index: u32) -> &Motion {
-        let slot = index as usize % SLOTS;
-        self.slots.get(slot).unwrap_or(&Motion::EMPTY)
+        match &self.slots {
+            Slots::Motions(slots) => slots.get(index as usize % SLOTS).unwrap_or(&Motion::EMPTY),
+            Slots::Points(_) => &Motion::EMPTY,
+        }
     }
 
-    /// Writes motion `index`, counted from 0, into its slot.
+    /// Writes motion `index`, counted from 0, into its slot. Does nothing where there are compact points.
     pub fn set_slot(&mut self, index: u32, motion: Motion) {
-        if let Some(slot) = self.slots.get_mut(index as usize % SLOTS) {
+        if let Slots::Motions(slots) = &mut self.slots
+            && let Some(slot) = slots.get_mut(index as usize % SLOTS)
+        {
             *slot = motion;
         }
     }

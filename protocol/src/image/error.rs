@@ -93,6 +93,10 @@ codes! {
         DriveNotOn = 41,
         /// The command asks for something that this robot does not serve: a suspend, a start time.
         NotServed = 42,
+        /// The robot does not take compact points.
+        CompactNotServed = 43,
+        /// The head of the compact points has a resolution, coordinates or a content that it cannot have, or `COMPACT` is not set.
+        PointHead = 44,
     }
 }
 
@@ -142,6 +146,8 @@ impl fmt::Display for ErrorNumber {
             Self::DriveNotArrived => "an axis did not arrive at its set-point within the settling time",
             Self::DriveNotOn => "the drives did not switch on after a reset",
             Self::NotServed => "the robot does not serve a suspend or a start time",
+            Self::CompactNotServed => "the robot does not take compact points",
+            Self::PointHead => "the head of the compact points cannot be used",
             Self::Unknown(code) => return write!(f, "error number {code}"),
         })
     }

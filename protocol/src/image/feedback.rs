@@ -72,7 +72,7 @@ bits! {
     Services: u16 {
         /// It follows a master with [`Control::SYNC`](super::Control::SYNC).
         SYNC = 0,
-        /// It takes the second form of the slots. No robot does yet.
+        /// It takes [`CompactPoints`](super::CompactPoints).
         COMPACT = 1,
         /// It keeps the motions that it has accepted: their slots may be filled again at once. See [`Feedback::queue_depth`].
         KEEPS_ACCEPTED = 2,

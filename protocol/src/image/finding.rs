@@ -43,6 +43,8 @@ use super::ErrorNumber;
 /// | `FollowingError` | axis, from 1 | set-point minus actual position, in degrees (mm) | 0, following error window |
 /// | `DriveNotArrived` | axis, from 1 | set-point minus actual position, in degrees (mm) | 0, window of the exact stop |
 /// | `DriveNotOn` | axis, from 1; 0 without a connection to the drives | | |
+/// | `PointHead` | 1 resolution, in µm; 2 coordinates; 3 content | as commanded | at least, at most |
+/// | `PointHead` | 4: `COMPACT` is not set | | |
 ///
 /// The figures are kept as their bits, so that findings can be compared and hashed.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -171,6 +173,12 @@ impl fmt::Display for InWords {
                 let field = if index == 1 { "total" } else { "written" };
                 write!(f, " (`{field}` is {value})")
             }
+            ErrorNumber::PointHead => match index {
+                1 => write!(f, " (its resolution is {value} µm, allowed is {lower} to {upper} µm)"),
+                2 => write!(f, " (it has {value} coordinates, allowed are {lower} and {upper})"),
+                3 => write!(f, " (its content is {value}, only 0, positions, is known)"),
+                _ => write!(f, " (control bit 8, COMPACT, is not set)"),
+            },
             ErrorNumber::JointSpeed => finding.write_above_rating(f, "s"),
             ErrorNumber::JointAcceleration => finding.write_above_rating(f, "s²"),
             ErrorNumber::JointJerk => finding.write_above_rating(f, "s³"),

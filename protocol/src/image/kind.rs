@@ -175,7 +175,11 @@ impl Skill {
             Self::MoveCircular => MotionKind::Circular,
             Self::MoveSpline => MotionKind::Spline,
             Self::MoveLinForceCartesian => MotionKind::LinForceCartesian,
-            Self::None | Self::MoveContinuous | Self::RunProgram | Self::Unknown(_) => return None,
+            Self::None
+            | Self::MoveContinuous
+            | Self::RunProgram
+            | Self::MoveTrajectory
+            | Self::Unknown(_) => return None,
         })
     }
 }

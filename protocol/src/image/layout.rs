@@ -4,8 +4,8 @@
 //! made from them. Tests hold them against the page and against [`Command`], [`Feedback`] and [`Motion`].
 
 use super::{
-    COMMAND_CHECK, Control, ErrorNumber, FEEDBACK_CHECK, HEAD_LEN, IMAGE_LEN, MOTION_LEN, MotionKind, SLOTS,
-    Services, Skill, State, Status,
+    COMMAND_CHECK, Control, ErrorNumber, FEEDBACK_CHECK, HEAD_LEN, IMAGE_LEN, MOTION_LEN, MotionKind,
+    RING_AT, RING_DIFFERENCES, SLOTS, Services, Skill, State, Status,
 };
 
 /// Type of a field, in the terms of IEC 61131-3, and what its values mean where they have names.
@@ -23,6 +23,8 @@ pub enum FieldType {
     Word(&'static [&'static str]),
     /// So many numbers of 32 bits in the form of IEEE 754.
     Real(usize),
+    /// So many signed numbers of 16 bits.
+    Int(usize),
     /// A code.
     Code(CodeTable),
     /// A checksum of 32 bits over all other bytes, see [`Checker`](super::Checker).
@@ -56,6 +58,7 @@ impl FieldType {
             Self::Udint | Self::Check => 4,
             Self::Ulint => 8,
             Self::Real(count) => 4 * count,
+            Self::Int(count) => 2 * count,
             Self::Motion => MOTION_LEN,
             Self::Reserved(len) => len,
         }
@@ -179,6 +182,25 @@ pub const OPTION_FIELDS: &[ImageField] = {
     ]
 };
 
+/// Fields of bytes 36..256 of a command with compact points, counted from the begin of the image.
+pub const POINT_FIELDS: &[ImageField] = {
+    use FieldType::{Code, Int, Real, Uint, Usint};
+    &[
+        field(HEAD_LEN, "origin", Real(6), "mm, degrees"),
+        field(60, "velocity", Uint, "0.1 mm/s"),
+        field(62, "acceleration", Uint, "1 mm/s²"),
+        field(64, "deceleration", Uint, "1 mm/s²"),
+        field(66, "jerk", Uint, "10 mm/s³"),
+        field(68, "zone", Uint, "0.01 mm"),
+        field(70, "kind", Code(CodeTable::Kind), ""),
+        field(71, "tool and base", Usint, ""),
+        field(72, "resolution", Uint, "0.01 µm, 0.00001 degrees"),
+        field(74, "coordinates", Usint, ""),
+        field(75, "content", Usint, ""),
+        field(RING_AT, "ring", Int(RING_DIFFERENCES), "steps"),
+    ]
+};
+
 /// Returns whether each field of a table begins where the one before it ends, and the last one ends there.
 const fn is_complete(fields: &[ImageField], from: usize, until: usize) -> bool {
     let (mut at, mut index) = (from, 0);
@@ -198,6 +220,7 @@ const _: () = assert!(is_complete(COMMAND_FIELDS, 0, IMAGE_LEN) && COMMAND_FIELD
 const _: () = assert!(is_complete(FEEDBACK_FIELDS, 0, IMAGE_LEN));
 const _: () = assert!(is_complete(MOTION_FIELDS, 0, MOTION_LEN));
 const _: () = assert!(is_complete(OPTION_FIELDS, 24, 36));
+const _: () = assert!(is_complete(POINT_FIELDS, HEAD_LEN, IMAGE_LEN));
 
 impl CodeTable {
     /// Calls `each` with every code that has a name, in words of the code: `MoveLinCartesian`.

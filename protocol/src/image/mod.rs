@@ -14,6 +14,8 @@
 //! Motion `k`, counted from 0, is in slot `k mod 5`. The PLC writes the first five before the start; whenever the
 //! robot has executed one (`executed`, the paper's `curExec`), the next one goes into the slot that became free,
 //! until `total` (the paper's `totalNo`) are executed.
+//!
+//! With [`Skill::MoveTrajectory`] bytes 36..256 hold [`CompactPoints`] in place of the slots.
 
 mod check;
 mod command;
@@ -27,6 +29,7 @@ mod layout;
 mod life;
 mod motion;
 mod order;
+mod points;
 
 pub use check::{
     COMMAND_CHECK, Checker, Checks, CommandChecker, CommandSealer, FEEDBACK_CHECK, FeedbackChecker,
@@ -41,10 +44,14 @@ pub use finding::{Finding, InWords};
 pub use kind::{AuxiliaryForm, KindTraits, MotionKind, PathForm, TargetForm};
 pub use layout::{
     COMMAND_FIELDS, CodeTable, FEEDBACK_FIELDS, FieldType, ImageField, MOTION_FIELDS, OPTION_FIELDS,
+    POINT_FIELDS,
 };
 pub use life::{Age, LifeMonitor};
 pub use motion::Motion;
 pub use order::Order;
+pub use points::{
+    CompactPoints, PointDifference, PointHead, PointMisfit, PointSum, RING_AT, RING_DIFFERENCES, Slots,
+};
 
 /// Length in bytes of the image in either direction.
 pub const IMAGE_LEN: usize = 256;

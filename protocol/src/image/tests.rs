@@ -157,7 +157,8 @@ fn motion_k_is_in_slot_k_mod_5() {
     for index in 0..7 {
         command.set_slot(index, Motion { velocity: index as u16, ..sample_motion() });
     }
-    let velocities = command.slots.map(|slot| slot.velocity);
+    let Slots::Motions(slots) = command.slots else { panic!("these are motions") };
+    let velocities = slots.map(|slot| slot.velocity);
     assert_eq!(velocities, [5, 6, 2, 3, 4]);
     assert_eq!([2, 3, 4, 5, 6].map(|index| command.slot(index).velocity), [2, 3, 4, 5, 6]);
 }
@@ -221,7 +222,7 @@ fn a_findings_figures_are_those_that_it_was_made_of() {
 fn an_image_is_read_in_the_byte_order_in_which_it_was_written_and_not_in_the_other() {
     let mut command = Command { life: 0x0102, number: 0x0304, total: 7, ..Command::default() };
     command.set_slot(0, sample_motion());
-    let head = Command { slots: [Motion::EMPTY; SLOTS], ..command };
+    let head = Command { slots: Slots::EMPTY, ..command };
     let feedback = Feedback { number: 0x0304, clock_ns: 5, joints: [1.0; 6], ..Feedback::default() };
     for (order, other) in [(Order::BigEndian, Order::LittleEndian), (Order::LittleEndian, Order::BigEndian)] {
         let mut image = [0; IMAGE_LEN];
@@ -245,6 +246,9 @@ proptest! {
     #[test]
     fn any_256_bytes_survive_a_round_trip(mut bytes in proptest::collection::vec(any::<u8>(), IMAGE_LEN)) {
         let mut image = [0; IMAGE_LEN];
+        if bytes[6] == 18 {
+            bytes[0] &= !1; // the second form is in `points`
+        }
         let command = Command::parse::<BigEndian>(&bytes).unwrap();
         command.emit::<BigEndian>(&mut image);
         bytes[32..36].fill(0);

@@ -6,8 +6,10 @@ use machine::Instant;
 use planning::MarkSignal;
 use protocol::image::{Command, Control, ErrorNumber, Motion, MotionKind, SLOTS, Skill};
 
+use super::compact::TakenPoints;
 use super::event::Ending;
 use super::program::{Programs, StopStatement};
+use super::taking::Aimed;
 use super::{HIGHEST_OVERRIDE, press};
 use crate::RobotConfig;
 use crate::arm::{Count, Joints, Violation};
@@ -26,6 +28,8 @@ pub(super) enum Source {
     Single(MotionKind),
     /// The slots of the command image, which the PLC refills.
     Slots,
+    /// The compact points of the command image, which the PLC refills.
+    Points,
     /// The program store: the index of a program in it.
     Program(usize),
 }
@@ -112,6 +116,7 @@ impl Execution {
                 (Source::Program(index), motions)
             }
             Skill::MoveContinuous => (Source::Slots, command.total),
+            Skill::MoveTrajectory => (Source::Points, command.total),
             skill => {
                 let kind = skill.motion_kind().ok_or(ErrorNumber::UnknownSkill)?;
                 // Slot 0 holds the motion of the skill before until `written` says that this one's is there.
@@ -142,7 +147,10 @@ impl Execution {
             executed_before: 0,
             stops_passed: 0,
             written: 0,
-            written_at_start: if source == Source::Slots { command.written } else { total },
+            written_at_start: match source {
+                Source::Slots | Source::Points => command.written,
+                Source::Single(_) | Source::Program(_) => total,
+            },
             phase: Phase::Dispatch { until },
             start,
             law_before_s: 0.0,
@@ -159,13 +167,19 @@ impl Execution {
         executed: u32,
         room: u32,
         programs: &Programs,
-    ) -> Result<Option<Motion>, Violation> {
+        points: &mut Option<TakenPoints>,
+    ) -> Result<Option<Aimed>, Violation> {
         // The image holds the motions of the command that it names; another one was refused.
         let command = command.filter(|command| command.number == self.number);
         let held = self.accepted.saturating_sub(executed);
-        if let (Source::Slots, Some(command)) = (self.source, command) {
+        let places = match self.source {
+            Source::Slots => Some(SLOTS as u32),
+            Source::Points => points.as_ref().map(TakenPoints::capacity),
+            Source::Single(_) | Source::Program(_) => None,
+        };
+        if let (Some(places), Some(command)) = (places, command) {
             let ahead = command.written.checked_sub(self.accepted);
-            let lost = ahead.is_none_or(|ahead| ahead as usize > SLOTS);
+            let lost = ahead.is_none_or(|ahead| ahead > places);
             if lost || command.written < self.written || command.written > self.total {
                 return Err(ErrorNumber::QueueOverrun.into());
             }
@@ -174,10 +188,13 @@ impl Execution {
         if self.accepted >= self.section_end(programs) || held >= room {
             return Ok(None);
         }
-        Ok(match (self.source, command) {
+        let motion = match (self.source, command) {
             (Source::Program(_), _) => self.programmed(self.accepted, programs),
             (Source::Slots, Some(command)) if self.accepted < command.written => {
                 Some(*command.slot(self.accepted))
+            }
+            (Source::Points, Some(command)) if self.accepted < command.written => {
+                return Ok(points.as_mut().and_then(|points| points.take(command, self.accepted)));
             }
             (Source::Single(kind), Some(command)) => {
                 let motion = *command.slot(0);
@@ -187,7 +204,8 @@ impl Execution {
                 Some(motion)
             }
             _ => None,
-        })
+        };
+        Ok(motion.map(|motion| (motion, motion.target.map(f64::from))))
     }
 
     pub(super) fn programmed(&self, index: u32, programs: &Programs) -> Option<Motion> {

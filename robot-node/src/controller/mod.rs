@@ -24,6 +24,7 @@
 //! part.
 
 mod account;
+mod compact;
 mod drives;
 mod event;
 mod execution;
@@ -47,6 +48,7 @@ use rand_pcg::Pcg64Mcg;
 use setup::Drives;
 
 pub use account::Account;
+use compact::TakenPoints;
 pub use drives::{DriveError, DrivePower, DriveReport};
 pub use event::{Ending, ImageFault, RobotEvent};
 use execution::Execution;
@@ -98,6 +100,8 @@ pub struct Controller {
     outputs: u16,
     /// The PLC's digital outputs as last seen on this connection.
     plc_outputs: Option<u16>,
+    /// Compact points of the skill under way; none of another skill.
+    points: Option<TakenPoints>,
     /// The motions that the skill, or the last one, put on the path.
     accepted: Digest,
     /// What the skill did so far.
@@ -165,6 +169,7 @@ impl Controller {
             contact: [0.0; 3],
             outputs: 0,
             plc_outputs: None,
+            points: None,
             accepted: Digest::default(),
             account: Account::default(),
             reset_armed: true,
@@ -377,7 +382,10 @@ impl Controller {
                 let quantum = self.config.interpreter_quantum;
                 let mut noticed_at = at + quantum.mul_f64(f64::from(self.random.next_u32()) / RANDOM_WORDS);
                 let start = self.config.start_quantum;
-                let is_start = matches!(command.skill, Skill::RunProgram | Skill::MoveContinuous);
+                let is_start = matches!(
+                    command.skill,
+                    Skill::RunProgram | Skill::MoveContinuous | Skill::MoveTrajectory
+                );
                 if is_start && !start.is_zero() {
                     noticed_at += start.mul_f64(f64::from(self.random.next_u32()) / RANDOM_WORDS);
                 }
@@ -397,9 +405,13 @@ impl Controller {
         let until = pending.noticed_at + self.config.skill_overhead / 2;
         let joints = *self.interpolator.joints();
         self.feedback = Feedback { number: command.number, ..self.cleared_feedback() };
-        match Execution::new(command, pending.seen_at, until, &joints, &self.programs) {
-            Ok(mut execution) => {
-                if command.skill == Skill::MoveContinuous {
+        let started = TakenPoints::begin(command, &self.config).and_then(|points| {
+            Ok((Execution::new(command, pending.seen_at, until, &joints, &self.programs)?, points))
+        });
+        match started {
+            Ok((mut execution, points)) => {
+                self.points = points;
+                if matches!(command.skill, Skill::MoveContinuous | Skill::MoveTrajectory) {
                     execution.cycles_to_start = self.config.continuous_start_cycles;
                 }
                 self.interpolator.clear();

@@ -1,7 +1,7 @@
 //! Taking motions: from the slots that the PLC writes, or from a program.
 //!
 //! With a queue of five motions one a cycle is taken: checking it is what takes longest in a cycle, and motions last longer. With a
-//! deeper one a cycle takes all that the slots hold, and plans once after the last.
+//! deeper one a cycle takes all that the slots hold, or ten compact points, and plans once after the last.
 
 use arrayvec::ArrayVec;
 use protocol::image::{Command, Motion, MotionKind, SLOTS, Services};
@@ -15,6 +15,12 @@ use crate::arm::Violation;
 use crate::motion::{Appended, MOST_MOTIONS, Segment};
 
 const _: () = assert!(MOST_MOTIONS == MOST_QUEUE_MOTIONS as usize);
+
+/// Motions that a cycle takes at most: more points than slots, since points are short.
+const MOST_TAKEN: usize = 2 * SLOTS;
+
+/// A motion with its target in double precision: where points are counted in steps, single precision is coarser than they are.
+pub(super) type Aimed = (Motion, [f64; 6]);
 
 /// A motion that has passed the checks of its geometry.
 type Prepared = (Motion, Segment, Option<press::Press>);
@@ -35,7 +41,9 @@ pub(super) fn served(config: &RobotConfig) -> (u16, Services) {
         return (0, Services::SYNC);
     }
     let depth = u16::try_from(config.queue_motions).unwrap_or(u16::MAX);
-    (depth, Services(Services::SYNC.0 | Services::KEEPS_ACCEPTED.0))
+    let mut services = Services::SYNC | Services::KEEPS_ACCEPTED;
+    services.set(Services::COMPACT, config.compact_points);
+    (depth, services)
 }
 
 impl Execution {
@@ -43,7 +51,7 @@ impl Execution {
     pub(super) fn look_ahead(&self, config: &RobotConfig, programs: &Programs) -> u32 {
         match (self.source, config.program_look_ahead) {
             (Source::Single(_), _) => SLOTS as u32,
-            (Source::Slots, _) => config.queue_motions,
+            (Source::Slots | Source::Points, _) => config.queue_motions,
             (Source::Program(_), LookAhead::Motions(motions)) => motions,
             (Source::Program(_), LookAhead::Block(_)) => {
                 let is_spline = |index: u32| {
@@ -69,7 +77,8 @@ impl Execution {
         config: &RobotConfig,
         programs: &Programs,
     ) -> bool {
-        let came = self.written_at_start.min(SLOTS as u32).min(self.total);
+        let most = if self.source == Source::Points { config.queue_motions } else { SLOTS as u32 };
+        let came = self.written_at_start.min(most).min(self.total);
         let waits = !self.takes_many(config, programs) || self.accepted < came;
         took_one && waits && !self.is_complete()
     }
@@ -87,7 +96,7 @@ impl Controller {
         }
         match self.next_prepared(execution, command) {
             Ok(None) => return false,
-            Ok(Some(prepared)) => self.take_one(execution, prepared),
+            Ok(Some((_, prepared))) => self.take_one(execution, prepared),
             Err(violation) => self.reject(execution, violation),
         }
         true
@@ -95,19 +104,21 @@ impl Controller {
 
     /// Takes all that the slots hold, and plans once after the last. Returns whether there was one.
     fn take_all(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
-        let accepted_before = execution.accepted;
-        let mut taken = ArrayVec::<(Motion, bool), SLOTS>::new();
+        let (accepted_before, points_before) = (execution.accepted, self.points);
+        let most = if execution.source == Source::Points { MOST_TAKEN } else { SLOTS };
+        let mut taken = ArrayVec::<Aimed, MOST_TAKEN>::new();
         let mut ended = None;
         self.interpolator.begin_batch();
-        while !taken.is_full() && ended.is_none() {
+        while taken.len() < most && ended.is_none() {
             match self.next_prepared(execution, command) {
-                Ok(Some((motion, segment, None))) => {
+                Ok(Some((aimed, (_, segment, None)))) => {
                     execution.accepted += 1;
                     let last = execution.accepted == execution.section_end(&self.programs);
                     self.interpolator.append_to_batch(segment, last);
-                    taken.push((motion, last));
+                    taken.push(aimed);
                 }
-                other => ended = Some(other),
+                Ok(next) => ended = Some(Ok(next.map(|(_, prepared)| prepared))),
+                Err(violation) => ended = Some(Err(violation)),
             }
         }
         if self.interpolator.end_batch() {
@@ -118,10 +129,11 @@ impl Controller {
             if !self.interpolator.path().rests() {
                 // No law leads on from here: from a later place one may, and at the end of the known motions the arm rests. To try one
                 // motion after another would take longer than a cycle.
+                self.points = points_before;
                 return false;
             }
-            for (motion, _) in &taken {
-                match self.prepare(motion) {
+            for aimed in &taken {
+                match self.prepare(aimed) {
                     Ok(prepared) => self.take_one(execution, prepared),
                     Err(violation) => {
                         self.reject(execution, violation);
@@ -140,21 +152,21 @@ impl Controller {
 
     /// Returns the next motion with its geometry, if it has arrived and the queue has room for it.
     fn next_prepared(
-        &self,
+        &mut self,
         execution: &mut Execution,
         command: Option<&Command>,
-    ) -> Result<Option<Prepared>, Violation> {
+    ) -> Result<Option<(Aimed, Prepared)>, Violation> {
         let executed = self.executed(execution);
         let room = match self.interpolator.path().is_full() {
             true => 0,
             false => execution.look_ahead(&self.config, &self.programs),
         };
-        let next = execution.next_motion(command, executed, room, &self.programs)?;
-        next.map(|motion| self.prepare(&motion)).transpose()
+        let next = execution.next_motion(command, executed, room, &self.programs, &mut self.points)?;
+        next.map(|aimed| Ok((aimed, self.prepare(&aimed)?))).transpose()
     }
 
-    fn prepare(&self, motion: &Motion) -> Result<Prepared, Violation> {
-        let segment = self.interpolator.path().prepare(motion, &self.config)?;
+    fn prepare(&self, (motion, target): &Aimed) -> Result<Prepared, Violation> {
+        let segment = self.interpolator.path().prepare_to(*target, motion, &self.config)?;
         let press = press::of(motion, &segment, &self.config)?;
         Ok((*motion, segment, press))
     }

@@ -37,9 +37,23 @@ impl Path {
     ///
     /// As [`Segment::prepare`].
     pub fn prepare(&self, motion: &Motion, config: &RobotConfig) -> Result<Segment, Violation> {
+        self.prepare_to(motion.target.map(f64::from), motion, config)
+    }
+
+    /// As [`prepare`](Self::prepare), to a target in double precision.
+    ///
+    /// # Errors
+    ///
+    /// As [`Segment::prepare`].
+    pub fn prepare_to(
+        &self,
+        target: [f64; 6],
+        motion: &Motion,
+        config: &RobotConfig,
+    ) -> Result<Segment, Violation> {
         let last = self.queue.len().checked_sub(1).filter(|last| self.is_ahead(*last));
         let before = last.and_then(|last| self.queue.get(last)).filter(|planned| !planned.stops);
-        Segment::prepare_after(before.map(|planned| &planned.segment), motion, &self.end, config)
+        Segment::prepare_to(target, before.map(|planned| &planned.segment), motion, &self.end, config)
     }
 
     /// Appends a motion that starts at [`end`](Self::end). `last` says that none follows.

@@ -52,5 +52,6 @@ mod states;
 mod stored;
 mod straight_on;
 mod suspending;
+mod trajectory;
 mod waiting;
 mod zones;

@@ -7,7 +7,7 @@ use robot_node::{Program, RobotConfig};
 use crate::driven::{Driven, bare, lin, ptp};
 use crate::fed::{config, driven};
 
-/// How long lines through these places take, in s.
+/// Returns the time of lines through these places, in s.
 fn duration(places: &[[f64; 2]], limits: &Motion, zone_mm: f64, config: &RobotConfig) -> f64 {
     let motions = places.iter().map(|[x, y]| Motion {
         target: [*x as f32, *y as f32, 60.0, 0.0, 0.0, 180.0],

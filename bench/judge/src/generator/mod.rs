@@ -22,6 +22,9 @@ const OTHER_ARM: f64 = 0.35;
 /// The lowest override that moves the arm, in percent: with less, most lists would take longer than the judge waits.
 const LEAST_OVERRIDE_PERCENT: u8 = 8;
 
+/// The share of lists of compact points on a robot that takes them.
+const TRAJECTORY: f64 = 0.4;
+
 /// The share of cases with another robot controller than the setup's.
 const OTHER_CONTROLLER: f64 = 0.35;
 
@@ -81,8 +84,14 @@ fn run(dice: &mut Dice, case: &mut Case, setup: &Setup, least_override: u8) -> R
         1..4 => 6 + dice.below(6),
         _ => 1 + dice.below(6),
     };
+    // Without compact points the dice fall as they always did.
+    let is_trajectory = setup.robot.takes_compact_points() && dice.chance(TRAJECTORY);
+    let execution = if is_trajectory { Some(Execution::Trajectory) } else { execution };
     let mut walk = Walk::new(case, setup);
     let mut motions = Vec::with_capacity(count + 8);
+    if is_trajectory {
+        walk.points(dice, &mut motions, 4 * count);
+    }
     while motions.len() < count {
         walk.phrase(dice, &mut motions, count);
     }
@@ -90,6 +99,9 @@ fn run(dice: &mut Dice, case: &mut Case, setup: &Setup, least_override: u8) -> R
     case.surfaces.extend(surface);
     if dice.chance(0.25) {
         phrase::soften(dice, &mut motions, setup);
+        if is_trajectory {
+            phrase::soften_as_the_first(&mut motions);
+        }
     }
     if dice.chance(0.02) {
         phrase::spoil(dice, &mut motions);

@@ -1,5 +1,6 @@
 //! Motions that belong together.
 
+mod points;
 mod singular;
 
 use setup::Setup;
@@ -374,6 +375,14 @@ pub(super) fn soften(dice: &mut Dice, motions: &mut [Programmed], setup: &Setup)
             let most = if is_point_to_point { 1e4 } else { robot.path_jerk_mm_s3.value / 10.0 };
             motion.jerk = (most * dice.scale(SOFTEST, 1.0)).min(f64::from(u16::MAX)) as u16;
         }
+    }
+}
+
+/// Gives all motions the deceleration and the jerk of the first one.
+pub(super) fn soften_as_the_first(motions: &mut [Programmed]) {
+    let Some((first, others)) = motions.split_first_mut() else { return };
+    for motion in others {
+        (motion.deceleration, motion.jerk) = (first.deceleration, first.jerk);
     }
 }
 

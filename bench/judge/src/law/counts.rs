@@ -109,7 +109,7 @@ impl Law {
         if !self.skill.holds && !self.stands_where_it_may(self.skill.executed) {
             self.report(Class::Stand, Broken::Words("the arm stands where no motion ends"));
         }
-        let is_starved = self.skill.execution == Execution::Continuous
+        let is_starved = matches!(self.skill.execution, Execution::Continuous | Execution::Trajectory)
             && feedback.accepted == feedback.executed
             && (feedback.accepted as usize) < self.ways.len();
         if self.skill.idle > IDLE && !is_starved {

@@ -18,6 +18,9 @@ const NEAR_TICKS: usize = 8;
 const TWISTING: f64 = 0.9;
 const ROUNDED: f64 = 4.0;
 
+/// Compact points of three coordinates that an image holds.
+const POINTS: f64 = 30.0;
+
 /// Share of a limit from which on the speed counts as limited by it; of that of the rounding, which is one for a mean error.
 const REACHED: f64 = 0.8;
 const REACHED_BY_ROUNDING: f64 = 0.5;
@@ -93,6 +96,8 @@ pub(super) struct ProgrammedPath {
     pub(super) speed_mm_s: f64,
     pub(super) acceleration_mm_s2: f64,
     pub(super) is_lines: bool,
+    /// Length of a step of compact points, in µm; none in the full form.
+    pub(super) resolution_um: Option<f64>,
 }
 
 /// Returns the ticks on the path, from where the arm stands at its first point.
@@ -189,25 +194,30 @@ impl SpeedLimits {
         let robot = &setup.robot;
         let cycle_s = f64::from(robot.cycle_us.value) * 1e-6;
         let slots = f64::from(setup.plc.slots_in_use());
+        let taken = if programmed.resolution_um.is_some() { 2.0 * slots } else { slots };
         let is_deep = f64::from(robot.queue_holds()) > slots;
         let known = match setup.plc.refills_by() {
+            setup::Refill::Executed if programmed.resolution_um.is_some() => POINTS,
             setup::Refill::Executed => slots,
             setup::Refill::Accepted => f64::from(robot.queue_holds()),
         };
         let (a, jerk) = (programmed.acceleration_mm_s2, robot.path_jerk_mm_s3.value);
         // Braking takes v²/2a + v·a/2j.
         let (half, way) = (a * a / (2.0 * jerk), (known - 1.0) * spacing_mm);
+        let of_file = path.decimals.map(|decimals| libm::pow(0.1, decimals.into()));
+        let of_points = programmed.resolution_um.map(|step| step / 1_000.0);
+        let rounded_to = [of_file, of_points].into_iter().flatten().reduce(f64::max);
         Self {
             programmed: programmed.speed_mm_s,
-            taking: if is_deep { slots } else { 1.0 } * spacing_mm / cycle_s,
+            taking: if is_deep { taken } else { 1.0 } * spacing_mm / cycle_s,
             look_ahead: (half * half + 2.0 * a * way).sqrt() - half,
-            resolution: path.decimals.map(|decimals| {
+            resolution: rounded_to.map(|rounded_to| {
                 let farthest = path
                     .points
                     .iter()
                     .flat_map(|point| point.place)
                     .fold(0.0, |most: f64, x| most.max(x.abs()));
-                let step = libm::pow(0.1, decimals.into()).max(farthest * f64::from(f32::EPSILON) / 2.0);
+                let step = rounded_to.max(farthest * f64::from(f32::EPSILON) / 2.0);
                 spacing_mm * libm::cbrt(TWISTING * jerk / (ROUNDED * step))
             }),
         }
@@ -226,6 +236,10 @@ impl SpeedLimits {
                 SpeedLimit::Resolution
             }
             Some((limit, speed)) if mean_mm_s >= REACHED * speed => limit,
+            // Bends by rounding slow the arm down before the mean error does.
+            _ if self.resolution.is_some_and(|speed| mean_mm_s >= REACHED_BY_ROUNDING * speed) => {
+                SpeedLimit::Resolution
+            }
             _ if is_lines => SpeedLimit::Corner,
             _ => SpeedLimit::Joint,
         }
@@ -250,7 +264,12 @@ mod tests {
     #[test]
     fn the_digits_of_a_file_limit_the_speed_as_the_jerk_of_their_rounding_does() {
         let setup = setup::setup("A").unwrap();
-        let programmed = ProgrammedPath { speed_mm_s: 500.0, acceleration_mm_s2: 5_000.0, is_lines: false };
+        let programmed = ProgrammedPath {
+            speed_mm_s: 500.0,
+            acceleration_mm_s2: 5_000.0,
+            is_lines: false,
+            resolution_um: None,
+        };
         let path = PathPoints::from_csv("0.000,0,0\n0.250,0,0\n0.500,0,0\n").unwrap();
         let limits = SpeedLimits::of(&setup, &path, programmed, 0.25);
         let speed = limits.resolution.unwrap();

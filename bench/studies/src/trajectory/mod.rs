@@ -2,11 +2,13 @@
 //!
 //! ```text
 //! points    the path: a list of coordinates; gcode reads the other form
+//! form      motions in slots, or compact points
 //! figures   speed, deviation and what limits them, from the robot's ticks
 //! picture   the speed over the path
 //! ```
 
 mod figures;
+mod form;
 mod gcode;
 mod picture;
 mod points;
@@ -17,13 +19,12 @@ use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 use clap::{Args, ValueEnum};
-use planning::ToStart;
-use plc_node::{ExecutionType, MotionList};
+use plc_node::ExecutionType;
 use protocol::image::{Motion, MotionKind};
 use records::exit::{Exit, Failure};
 use records::run_directory::{Durability, check_replaceable, replace};
 use records::schedule::Step;
-use records::trace::Recording;
+use records::trace::{Recording, RobotTick};
 use report::{errln, outln};
 use robot_node::RobotConfig;
 use robot_node::motion::Segment;
@@ -35,9 +36,11 @@ use crate::outputs::{self, Own};
 use crate::setup_option::SetupOption;
 
 pub use figures::{AcceptedPerCycle, SpeedLimit, SpeedLimits, TrajectoryFigures};
+pub use form::SentForm;
 pub use points::{LineError, PathPoint, PathPoints};
 
 use figures::ProgrammedPath;
+use form::SentPath;
 
 /// Version of the JSON.
 const SCHEMA_VERSION: u32 = 1;
@@ -112,6 +115,12 @@ pub struct TrajectoryOptions {
     /// Motions that the robot keeps, 5 to 200 [default: that of the setup].
     #[arg(long, value_name = "N")]
     pub queue: Option<u32>,
+    /// Form of the image's bytes 36..256: motions in five slots, or compact points.
+    #[arg(long, value_name = "FORM", default_value = "full")]
+    pub form: SentForm,
+    /// Length of a step of compact points in µm, 0.01 to 10 [default: the finest that carries the longest step].
+    #[arg(long, value_name = "UM", value_parser = above_zero)]
+    pub resolution: Option<f64>,
     /// Seed of the clocks and phases.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -151,6 +160,8 @@ struct Export<'a> {
     zone_mm: f64,
     queue_motions: u32,
     refill: Refill,
+    form: SentForm,
+    resolution_um: Option<f64>,
     seed: u64,
     #[serde(flatten)]
     figures: &'a TrajectoryFigures,
@@ -176,11 +187,14 @@ pub fn run(options: &TrajectoryOptions) -> Result<Exit, Failure> {
     let setup = options.vary(setup);
     setup::check(&setup)?;
     let path = options.read().map_err(usage)?;
-    let programmed = options.programmed(&setup, &path);
+    let mut programmed = options.programmed(&setup, &path);
     let motions = options.motions(&setup, &path, programmed).map_err(usage)?;
     let failed = |error| Failure::new(Exit::RunFailed, error);
-    let recording = drive(&setup, motions, options.seed).map_err(failed)?;
-    let ticks = recording.robot_ticks();
+    let sent = options.sent(motions, &path).map_err(usage)?;
+    programmed.resolution_um = sent.resolution_um;
+    let recording = drive(&setup, sent, options.seed).map_err(failed)?;
+    let counted = programmed.resolution_um.map(|_| form::with_first_point(recording.robot_ticks()));
+    let ticks = counted.as_deref().unwrap_or_else(|| recording.robot_ticks());
     if recording.is_cut_off() {
         errln!(
             "warning: the path takes longer than the recorded time; the figures are those of its first part"
@@ -203,6 +217,8 @@ pub fn run(options: &TrajectoryOptions) -> Result<Exit, Failure> {
         zone_mm: options.zone,
         queue_motions: setup.robot.queue_holds(),
         refill: setup.plc.refills_by(),
+        form: options.form,
+        resolution_um: programmed.resolution_um,
         seed: options.seed,
         figures: &figures,
         digits_needed: digits,
@@ -211,7 +227,7 @@ pub fn run(options: &TrajectoryOptions) -> Result<Exit, Failure> {
         write(file, &outputs::json(&export)?)?;
     }
     if let Some(file) = &options.export_csv {
-        write(file, &rows(&recording))?;
+        write(file, &rows(ticks))?;
     }
     if let Some(file) = &options.export_svg {
         write(file, &picture::draw(ticks, programmed.speed_mm_s)?)?;
@@ -230,9 +246,9 @@ const MOST_BYTES: u64 = 256 << 20;
 pub const CSV_HEADER: &str = "t_ms,x_mm,y_mm,z_mm,path_speed_mm_s,executed,accepted,blends_suppressed";
 
 /// Returns the robot's cycles on the path as CSV.
-fn rows(recording: &Recording) -> String {
+fn rows(ticks: &[RobotTick]) -> String {
     let mut text = format!("{CSV_HEADER}\n");
-    for tick in figures::on_path(recording.robot_ticks()) {
+    for tick in figures::on_path(ticks) {
         let [x, y, z, ..] = tick.sample.pose;
         let sample = &tick.sample;
         let (speed, executed, accepted) = (sample.path_speed_mm_s, sample.executed, sample.accepted);
@@ -245,9 +261,9 @@ fn rows(recording: &Recording) -> String {
     text
 }
 
-/// Executes the motions as one MoveContinuousSkill.
-fn drive(setup: &Setup, motions: Vec<Motion>, seed: u64) -> anyhow::Result<Recording> {
-    let work = Work::sent(setup, Box::new(MotionList::from(motions)), ToStart::default())?;
+/// Executes the path as one skill.
+fn drive(setup: &Setup, sent: SentPath, seed: u64) -> anyhow::Result<Recording> {
+    let work = Work::sent(setup, sent.source, sent.to_start)?;
     let mut run = VirtualRun::start_on(setup, work, seed, &Extras::default())?;
     let mut recording = Recording::default();
     let step =
@@ -260,6 +276,9 @@ impl TrajectoryOptions {
     fn vary(&self, mut setup: Setup) -> Setup {
         if let Some(queue) = self.queue {
             setup = setup.with_queue_motions(queue);
+        }
+        if self.form == SentForm::Compact {
+            setup = setup.with_compact_points();
         }
         match self.refill {
             Some(RefillBy::Executed) => setup.with_refill(Refill::Executed),
@@ -294,6 +313,19 @@ impl TrajectoryOptions {
             speed_mm_s: speed,
             acceleration_mm_s2: self.acceleration.unwrap_or(setup.robot.path_acceleration_mm_s2.value),
             is_lines: self.kind == StepKind::Lin,
+            resolution_um: None,
+        }
+    }
+
+    /// Returns the motions in the form in which the PLC sends them.
+    fn sent(&self, motions: Vec<Motion>, path: &PathPoints) -> anyhow::Result<SentPath> {
+        match self.form {
+            SentForm::Full if self.resolution.is_some() => {
+                Err(anyhow!("--resolution is of compact points; add --form compact"))
+            }
+            SentForm::Full => Ok(SentPath::full(motions)),
+            SentForm::Compact => SentPath::compact(&motions, path, self.turn, self.resolution)
+                .with_context(|| format!("{}: no compact points", self.file.display())),
         }
     }
 
@@ -364,9 +396,12 @@ impl TrajectoryOptions {
             Refill::Executed => "executed",
             Refill::Accepted => "accepted",
         };
+        let form = programmed
+            .resolution_um
+            .map_or_else(String::new, |step| format!(", compact points in steps of {step} µm"));
         outln!("Setup {}: {}", setup.name, setup.title);
         outln!(
-            "{} points on {length_mm:.1} mm, {spacing_mm:.3} mm apart, as {}, {:.0} mm/s and {:.0} mm/s²; queue of {}, refill by {refill}; virtual mode, seed {}\n",
+            "{} points on {length_mm:.1} mm, {spacing_mm:.3} mm apart, as {}, {:.0} mm/s and {:.0} mm/s²; queue of {}, refill by {refill}{form}; virtual mode, seed {}\n",
             path.points.len(),
             if programmed.is_lines { "lines" } else { "a spline" },
             programmed.speed_mm_s,

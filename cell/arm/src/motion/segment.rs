@@ -131,9 +131,24 @@ impl Segment {
         from: &Joints,
         robot: impl Into<Robot<'a>>,
     ) -> Result<Self, Violation> {
+        Self::prepare_to(motion.target.map(f64::from), before, motion, from, robot)
+    }
+
+    /// As [`prepare_after`](Self::prepare_after), to a target in double precision: that of the motion is its rounding.
+    ///
+    /// # Errors
+    ///
+    /// As [`prepare`](Self::prepare).
+    pub fn prepare_to<'a>(
+        target: [f64; 6],
+        before: Option<&Self>,
+        motion: &Motion,
+        from: &Joints,
+        robot: impl Into<Robot<'a>>,
+    ) -> Result<Self, Violation> {
         let robot = robot.into();
         check(motion, &robot)?;
-        let asked = Asked::of(motion, from, &robot)?;
+        let asked = Asked { target, ..Asked::of(motion, from, &robot)? };
         if motion.kind.is_point_to_point() { asked.point_to_point() } else { asked.along_a_path(before) }
     }
 
@@ -246,6 +261,8 @@ fn check(motion: &Motion, robot: &Robot<'_>) -> Result<(), Violation> {
 /// A motion from the joints `from`, with the frames that it names.
 struct Asked<'a> {
     motion: &'a Motion,
+    /// Target of the motion.
+    target: [f64; 6],
     from: &'a Joints,
     arm: &'a Arm,
     tool: Frame,
@@ -260,16 +277,24 @@ impl<'a> Asked<'a> {
         let tool = frame(robot.tools, motion.tool).ok_or(Violation::Tool(motion.tool))?;
         let base = frame(robot.bases, motion.base).ok_or(Violation::Base(motion.base))?;
         let programmed = Programmed::of(motion, robot)?;
-        Ok(Self { motion, from, arm: robot.arm, tool, base, programmed })
+        Ok(Self {
+            motion,
+            target: motion.target.map(f64::from),
+            from,
+            arm: robot.arm,
+            tool,
+            base,
+            programmed,
+        })
     }
 
     /// The target of a motion that is not given in joints: the tool in the root.
     fn to(&self) -> Frame {
-        self.base * Frame::from_mm_deg(self.motion.target.map(f64::from))
+        self.base * Frame::from_mm_deg(self.target)
     }
 
     fn along_a_path(self, before: Option<&Segment>) -> Result<Segment, Violation> {
-        let Self { motion, from, arm, tool, base, programmed } = self;
+        let Self { motion, from, arm, tool, base, programmed, .. } = self;
         let ratings = path_ratings(&programmed, arm);
         let curve = self.curve()?;
         let most = [programmed.acceleration, programmed.jerk];
@@ -312,7 +337,7 @@ impl<'a> Asked<'a> {
     }
 
     fn point_to_point(self) -> Result<Segment, Violation> {
-        let Self { motion, from, arm, tool, base, programmed } = self;
+        let Self { motion, from, arm, tool, base, programmed, .. } = self;
         let end = self.joints_at_the_end()?;
         let axes = AxisLine::new(*from, end);
         let (ratings, nodes) = axes_ratings_and_nodes(&axes.way(), &programmed, arm);
@@ -324,9 +349,8 @@ impl<'a> Asked<'a> {
 
     /// Where a point-to-point motion ends.
     fn joints_at_the_end(&self) -> Result<Joints, Violation> {
-        let Self { motion, arm, .. } = self;
+        let Self { motion, target, arm, .. } = self;
         if motion.kind.has_joint_target() {
-            let target = motion.target.map(f64::from);
             let joints = core::array::from_fn(|axis| if axis < arm.axes() { target[axis] } else { 0.0 });
             if let Some(configuration) = motion.configuration {
                 return Err(Violation::NotCartesian(configuration));

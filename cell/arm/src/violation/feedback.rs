@@ -38,6 +38,7 @@ impl Violation {
             Self::Kind(_) => ErrorNumber::UnknownMotionKind,
             Self::Override { .. } => ErrorNumber::OverrideOutOfRange,
             Self::NotOneMotion { .. } => ErrorNumber::NotOneMotion,
+            Self::PointHead(_) => ErrorNumber::PointHead,
             Self::Force { .. } => ErrorNumber::ForceOutOfRange,
             Self::ForceDirection { .. } => ErrorNumber::ForceDirection,
             Self::ForceNotReached { .. } => ErrorNumber::ForceNotReached,
@@ -53,6 +54,7 @@ impl Violation {
         };
         match *self {
             Self::Plain(_) => Finding::NONE,
+            Self::PointHead(finding) => finding,
             Self::NotFinite(index) | Self::Tool(index) | Self::Base(index) | Self::Kind(index) => {
                 finding(index, f64::from(index), 0.0, 0.0)
             }

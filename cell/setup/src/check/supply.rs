@@ -5,6 +5,9 @@ use protocol::image::SLOTS;
 use super::{Check, problem};
 use crate::{LookAhead, MOST_QUEUE_MOTIONS, Refill, Setup};
 
+/// Fewest motions that a robot with compact points keeps: all that come with a command are checked before the start.
+const LEAST_FOR_POINTS: u32 = 30;
+
 pub(super) fn check(setup: &Setup) -> Check {
     let (plc, robot, slots) = (&setup.plc, &setup.robot, SLOTS as u32);
     let within = |key: &str, found: u32| {
@@ -16,6 +19,12 @@ pub(super) fn check(setup: &Setup) -> Check {
     within("robot.queue_motions", robot.queue_holds())?;
     if let LookAhead::Motions(motions) = robot.looks_ahead() {
         within("robot.program_look_ahead", motions)?;
+    }
+    if robot.takes_compact_points() && robot.queue_holds() < LEAST_FOR_POINTS {
+        let text = format!(
+            "needs a robot that keeps the {LEAST_FOR_POINTS} points of an image; set robot.queue_motions to {LEAST_FOR_POINTS} to {MOST_QUEUE_MOTIONS}"
+        );
+        return Err(problem("robot.compact_points", text));
     }
     if plc.refills_by() == Refill::Executed {
         return Ok(());
@@ -54,6 +63,9 @@ mod tests {
         setup A: `robot.queue_motions`: 201 motions: must be 5 to 200
         setup A: `plc.refill`: `accepted` needs a robot that keeps more than 5 motions; set robot.queue_motions to 6 to 200
         ");
+        let points = |queue: u32| check(&setup("A").unwrap().with_queue_motions(queue).with_compact_points());
+        assert!(points(30).is_ok());
+        assert!(points(29).unwrap_err().to_string().contains("robot.compact_points"));
         let few =
             setup("A").unwrap().with_queue_motions(64).with_refill(Refill::Accepted).with_queue_depth(3);
         assert!(check(&few).unwrap_err().to_string().contains("plc.queue_depth"));

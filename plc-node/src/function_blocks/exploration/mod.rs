@@ -13,7 +13,7 @@ use std::hash::Hash;
 use structured_text::Instance;
 
 use protocol::image::{
-    Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Motion, MotionKind, Order, State, Status,
+    Control, ErrorNumber, Feedback, IMAGE_LEN, Image, Motion, MotionKind, Order, Slots, State, Status,
 };
 
 use exported::ExportedBlocks;
@@ -80,7 +80,7 @@ struct Explorer<F> {
     commanded: bool,
     stops_for_error: bool,
     counts: (u32, u32),
-    slots: [Motion; 5],
+    slots: Slots,
     skill: protocol::image::Skill,
     program: u16,
 }
