@@ -13,13 +13,14 @@ use serde::Serialize;
 use setup::Setup;
 
 use crate::each_bus::over_each_bus;
-use crate::engine::claim::{CLAIMED_FILES, RowsOrigin, StudyClaim};
+use crate::engine::claim::{RowsOrigin, StudyClaim};
 use crate::engine::job::{JobRows, ListedJob};
 use crate::engine::listed::ListedStudy;
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::jobs;
 use crate::outputs::{self, FigureExports, Own, csv_number};
 use crate::setup_option::SetupOption;
+use crate::study_files::CLAIMED_FILES;
 use records::exit::{Exit, Failure};
 use records::schedule::{Schedule, repetitions};
 use report::export_text::quoted;

@@ -28,5 +28,6 @@ pub mod sensitivity;
 pub mod setup_option;
 pub mod soak;
 pub mod study;
+mod study_files;
 pub mod sweep;
 pub mod trajectory;

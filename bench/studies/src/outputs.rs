@@ -10,8 +10,7 @@ use records::exit::{Exit, Failure};
 use records::occupied::{self, holds_run};
 use records::run_directory::{Durability, check_replaceable, replace};
 
-use crate::engine::claim::CLAIMED_FILES;
-use crate::engine::folder::MANIFEST;
+use crate::study_files::{CLAIMED_FILES, MANIFEST};
 
 /// Options of a verb that writes its figures for other programs, too.
 #[derive(Args, Clone, Debug, Default)]

@@ -6,11 +6,12 @@ use std::time::SystemTime;
 use clap::Args;
 use setup::Setup;
 
-use crate::engine::claim::{CLAIMED_FILES, RowsOrigin, StudyClaim};
+use crate::engine::claim::{RowsOrigin, StudyClaim};
 use crate::engine::listed::ListedStudy;
 use crate::event_loop;
 use crate::outputs::{self, FigureExports, Own};
 use crate::setup_option::SetupOption;
+use crate::study_files::CLAIMED_FILES;
 use records::exit::{Exit, Failure};
 use records::occupied::Files;
 use records::run_directory::{self, Durability, replace};

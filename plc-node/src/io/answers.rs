@@ -5,7 +5,7 @@ use std::net::Ipv4Addr;
 use ethernet_ip::FoundDevice;
 use profinet::FoundStation;
 
-use super::target::TargetError;
+use super::target_error::TargetError;
 use crate::printable::printable;
 
 /// Most devices that a message lists.

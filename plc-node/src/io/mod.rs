@@ -10,6 +10,7 @@ mod answers;
 mod owner;
 mod report;
 mod target;
+mod target_error;
 
 use std::io::BufRead as _;
 use std::net::Ipv4Addr;
@@ -28,7 +29,8 @@ use protocol_linux::{Driver, Interface, Notifier, clock};
 
 use self::owner::{IoInstruction, IoOwner};
 use self::report::{Printer, Report};
-use self::target::{DeviceTarget, TargetError};
+use self::target::DeviceTarget;
+use self::target_error::TargetError;
 
 /// The controller of the device of a file.
 #[derive(clap::Args, Clone, Debug)]

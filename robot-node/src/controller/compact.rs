@@ -1,13 +1,15 @@
 //! The compact points of a MoveTrajectorySkill: the head with which it began, and the sum of the points taken so far.
 
-use protocol::image::{Command, ErrorNumber, Finding, PointHead, PointSum, Skill};
+use protocol::image::{Command, ErrorNumber, Finding, Motion, PointHead, PointSum, Skill};
 
-use super::taking::Aimed;
 use crate::RobotConfig;
 use crate::arm::Violation;
 
 /// Index of the finding for a command without `COMPACT`.
 const NOT_COMPACT: u8 = 4;
+
+/// A motion with its target in double precision: where points are counted in steps, single precision is coarser than they are.
+pub(super) type Aimed = (Motion, [f64; 6]);
 
 /// Points of the skill under way.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -6,10 +6,9 @@ use machine::Instant;
 use planning::MarkSignal;
 use protocol::image::{Command, Control, ErrorNumber, Motion, MotionKind, SLOTS, Skill};
 
-use super::compact::TakenPoints;
+use super::compact::{Aimed, TakenPoints};
 use super::event::Ending;
 use super::program::{Programs, StopStatement};
-use super::taking::Aimed;
 use super::{HIGHEST_OVERRIDE, press};
 use crate::RobotConfig;
 use crate::arm::{Count, Joints, Violation};

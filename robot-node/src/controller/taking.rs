@@ -7,6 +7,7 @@ use arrayvec::ArrayVec;
 use protocol::image::{Command, Motion, MotionKind, SLOTS, Services};
 use setup::{LookAhead, MOST_QUEUE_MOTIONS};
 
+use super::compact::Aimed;
 use super::execution::{Execution, Phase, Source};
 use super::program::Programs;
 use super::{Controller, press};
@@ -18,9 +19,6 @@ const _: () = assert!(MOST_MOTIONS == MOST_QUEUE_MOTIONS as usize);
 
 /// Motions that a cycle takes at most: more points than slots, since points are short.
 const MOST_TAKEN: usize = 2 * SLOTS;
-
-/// A motion with its target in double precision: where points are counted in steps, single precision is coarser than they are.
-pub(super) type Aimed = (Motion, [f64; 6]);
 
 /// A motion that has passed the checks of its geometry.
 type Prepared = (Motion, Segment, Option<press::Press>);

@@ -31,11 +31,12 @@ pub use fit::Fit;
 pub use metric::{Metric, Seeds};
 pub use parameter::Parameter;
 
-use crate::engine::claim::{CLAIMED_FILES, RowsOrigin, StudyClaim};
+use crate::engine::claim::{RowsOrigin, StudyClaim};
 use crate::engine::listed::ListedStudy;
 use crate::event_loop::{interrupted, watch_for_interrupt};
 use crate::outputs::{self, FigureExports, Own};
 use crate::setup_option::SetupOption;
+use crate::study_files::CLAIMED_FILES;
 use findings::Conditions;
 use fit::Target;
 use metric::Interrupted;

@@ -7,13 +7,10 @@ use records::exit::{Exit, Failure};
 use records::run_directory::{Durability, replace};
 use sha2::{Digest as _, Sha256};
 
-use super::folder::{self, MANIFEST, Manifest, of_host};
+use super::folder::{self, Manifest, of_host};
 use super::plan::hex;
-use super::rows::{JOBS, ROWS};
 use crate::outputs;
-
-/// Files of every directory in which jobs are saved by address.
-pub(crate) const CLAIMED_FILES: [&str; 3] = [MANIFEST, ROWS, JOBS];
+use crate::study_files::{JOBS, MANIFEST, ROWS};
 
 /// Origin of the jobs of a verb.
 #[derive(Clone, Copy, Debug)]

@@ -16,15 +16,14 @@ use setup::Setup;
 use super::RerunOptions;
 use super::file::StudyFile;
 use super::plan::{JobAddress, StudyPlan, hex};
-use super::rows::{Columns, JOBS, ROWS};
+use super::rows::Columns;
 use super::shard::Shard;
 use crate::outputs;
+use crate::study_files::{JOBS, MANIFEST, ROWS};
 
 /// Version of `study.json` and of the rows.
 const SCHEMA_VERSION: u32 = 1;
 
-/// Description of the directory.
-pub(crate) const MANIFEST: &str = "study.json";
 /// The study as it is executed.
 pub(super) const STUDY: &str = "study.toml";
 const SETUP: &str = "setup.toml";

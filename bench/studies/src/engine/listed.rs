@@ -12,12 +12,13 @@ use sha2::{Digest as _, Sha256};
 
 use super::claim::StudyClaim;
 use super::file::RowFigure;
-use super::folder::{MANIFEST, of_journal};
+use super::folder::of_journal;
 use super::job::{JobInputs, JobRow, JobRows, ListedJob, RowStatus};
 use super::lines::fields;
 use super::plan::JobAddress;
-use super::rows::{Columns, JOBS, ROWS, RowsJournal, SavedJob};
+use super::rows::{Columns, RowsJournal, SavedJob};
 use crate::jobs::Pool;
+use crate::study_files::{JOBS, MANIFEST, ROWS};
 
 /// The jobs of a verb that lists them, with those that are saved already.
 pub struct ListedStudy<'a> {

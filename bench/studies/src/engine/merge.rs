@@ -20,8 +20,9 @@ use super::MergeOptions;
 use super::finding::Findings;
 use super::folder::{self, Manifest, of_host};
 use super::plan::{JobAddress, StudyPlan, hex};
-use super::rows::{Columns, JOBS, ROWS, SavedJob, Tail, read};
+use super::rows::{Columns, SavedJob, Tail, read};
 use super::shard::Shard;
+use crate::study_files::{JOBS, ROWS};
 
 /// Bytes of rows that are sorted in memory; beyond, parts go through files.
 const IN_MEMORY: usize = 64 << 20;

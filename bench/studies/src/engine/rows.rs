@@ -12,13 +12,8 @@ use super::file::{RowFigure, Scalar};
 use super::job::{JobRow, JobRows};
 use super::lines::{Appended, field, locked};
 use super::plan::{JobAddress, StudyPlan};
+use crate::study_files::{JOBS, ROWS};
 pub(super) use reading::{SavedJob, Tail, read};
-
-/// The file of all repetitions.
-pub(crate) const ROWS: &str = "rows.csv";
-
-/// The file of all jobs.
-pub(crate) const JOBS: &str = "jobs.csv";
 
 /// Names and order of the columns.
 #[derive(Clone, PartialEq, Debug)]

@@ -9,7 +9,7 @@ use records::exit::{Exit, Failure};
 use report::outln;
 
 use super::folder::Manifest;
-use super::rows::JOBS;
+use crate::study_files::JOBS;
 
 /// Shows the progress of a directory, or of all directories in it.
 ///

@@ -4,9 +4,10 @@ use std::path::Path;
 
 use anyhow::bail;
 
-use super::{Columns, JOBS, ROWS};
+use super::Columns;
 use crate::engine::lines::CsvLines;
 use crate::engine::plan::JobAddress;
+use crate::study_files::{JOBS, ROWS};
 
 /// A job as it was saved.
 #[derive(Clone, Copy, Debug)]
