@@ -317,7 +317,7 @@ fn axes(setup: &Setup, joints: usize) -> Check {
         let key = format!("robot.axes.{name}");
         let found = values.value.len();
         if found != joints {
-            let advice = if found > joints { "; write 15.0, not 15,0" } else { "" };
+            let advice = if found > joints { "; write decimals with a point, not a comma" } else { "" };
             let text = format!("found {found} numbers, expected {joints}, one for each joint{advice}");
             return Err(problem(key, text));
         }
