@@ -200,7 +200,11 @@ mod tests {
         insta::assert_snapshot!([
             refused("400,0,100\n401,0,100\n410,0,100\n", Some(0.1)),
             refused("400,0,100\n401,0,100\n401.004,0,100\n", Some(10.0)),
-            refused("400,0,100\n401,0,100\n", Some(11.0)),
-        ].join("\n"), @"");
+            refused("400,0,100\n401,0,100\n402,0,100\n", Some(11.0)),
+        ].join("\n"), @"
+        line 3: point 1: x is 9 mm from the point before: a difference carries at most 3.2767 mm; choose a coarser resolution or a closer spacing
+        line 3: point 1 is where the point before it is, in steps of 10 µm: choose a finer resolution, or leave it out
+        --resolution: 11 µm: must be 0.01 to 10
+        ");
     }
 }
