@@ -3,16 +3,16 @@
 //! ```text
 //! RunOptions::prepare_cell     the PLC's: all stations planned, the buses that they are on, an interface for each bus
 //! RunOptions::prepare_station  a robot's: its station as a setup of its own
-//! plan_station                 a station for an export
 //! ```
 
 use anyhow::Context as _;
-use planning::{FoundCell, Plan, PlannedCell};
+use planning::{FoundCell, PlannedCell};
 use protocol_linux::{FormerAddress, Interface, StopSignals};
-use setup::{Cell, CellBus, Setup};
+use setup::{Cell, CellBus};
 
 use crate::cell_run_error::CellRunError;
 use crate::message::CellText;
+use crate::planned_station::{choose_station, find_station, names};
 use crate::role::NodeRole;
 use crate::run::{NodeStart, Prepared, RunOptions, set_up, take_address};
 use crate::supervise::OperatingMode;
@@ -117,55 +117,6 @@ impl RunOptions {
     }
 }
 
-fn names(cell: &Cell) -> Vec<String> {
-    cell.names().map(str::to_owned).collect()
-}
-
-/// Plans one station of a setup: the named one, or the only one. Returns it as a setup, and its motions. `application` replaces that
-/// of a setup with one robot.
-///
-/// # Errors
-///
-/// [`CellRunError`], and those of finding and planning setup and application.
-pub fn plan_station(
-    setup: &str,
-    name: Option<&str>,
-    application: Option<&str>,
-) -> anyhow::Result<(Setup, Plan)> {
-    let (cell, _) = setup::cell(setup)?;
-    let index = choose_station(&cell, name)?;
-    if cell.is_one() {
-        let (setup, found) = planning::setup_and_application(setup, application)?;
-        let plan = found.plan(&setup)?;
-        found.reach(&plan, &setup)?;
-        return Ok((setup, plan));
-    }
-    if application.is_some() {
-        return Err(CellRunError::Application(cell.name).into());
-    }
-    let (cell, found) = planning::cell_with_applications(setup)?;
-    let planned = found.plan(&cell)?.stations.swap_remove(index);
-    Ok((planned.setup, planned.plan))
-}
-
-/// Returns the index of the named station, or of the only one.
-fn choose_station(cell: &Cell, name: Option<&str>) -> Result<usize, CellRunError> {
-    match (name, cell.stations.len()) {
-        (Some(name), _) => find_station(cell, name),
-        (None, 1) => Ok(0),
-        (None, _) => Err(CellRunError::NoStation { setup: cell.name.clone(), stations: names(cell) }),
-    }
-}
-
-/// Returns the index of the station that a robot node can be.
-fn find_station(cell: &Cell, name: &str) -> Result<usize, CellRunError> {
-    let Some(index) = cell.names().position(|known| known == name) else {
-        let (setup, name) = (cell.name.clone(), name.to_owned());
-        return Err(CellRunError::UnknownStation { setup, name, stations: names(cell) });
-    };
-    Ok(index)
-}
-
 /// Checks that each of these interfaces, by their names, can carry the buses on it.
 fn check_interfaces(cell: &Cell, buses: &[CellBus], interfaces: &[&str]) -> Result<(), CellRunError> {
     for (index, (bus, interface)) in buses.iter().zip(interfaces).enumerate() {
@@ -258,15 +209,5 @@ mod tests {
              bus an interface"
         );
         assert_eq!(check(&e, ["eth0", "eth1"]), Ok(()));
-    }
-
-    #[test]
-    fn a_robot_is_one_station_and_a_wrong_name_is_answered_by_the_one_that_was_meant_or_by_all() {
-        let find = |cell: &Cell, name| find_station(cell, name).map_err(|error| error.to_string());
-        let e = cell("E");
-        assert_eq!((find(&e, "left"), find(&e, "right")), (Ok(0), Ok(1)));
-        assert_eq!(find(&e, "lefft").unwrap_err(), "setup E has no station `lefft`: did you mean `left`?");
-        assert_eq!(find(&e, "middle").unwrap_err(), "setup E has no station `middle`: there is left, right");
-        assert_eq!(find(&cell("A"), "robot"), Ok(0));
     }
 }

@@ -48,6 +48,7 @@ mod node;
 mod node_error;
 mod outcome;
 pub mod output;
+pub mod planned_station;
 pub mod report;
 pub mod role;
 #[cfg(all(feature = "real", target_os = "linux"))]

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use node::cell_run::plan_station;
 use node::cell_run_error::CellRunError;
 use node::device_options::{self, read_device_file};
+use node::planned_station::plan_station;
 use node::{Outcome, errln};
 use planning::Plan;
 use plc_export::{Application, ExportError, Maker, br};

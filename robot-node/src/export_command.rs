@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use node::cell_run::plan_station;
 use node::cell_run_error::CellRunError;
+use node::planned_station::plan_station;
 use node::{Outcome, errln};
 use robot_export::{ExportError, Maker, RobotApplication};
 
