@@ -45,20 +45,19 @@ pub(crate) fn robot(data: &[u8]) {
 /// Commands a trajectory of compact points, and alters bytes of the image between the cycles.
 pub(crate) fn trajectory(data: &[u8]) {
     let call = |command: &mut Command| {
-        let head = PointHead {
-            origin: [300.0, 0.0, 100.0, 0.0, 0.0, 180.0],
-            velocity: 2_000,
-            acceleration: 2_000,
-            deceleration: 0,
-            jerk: 0,
-            approximation: 50,
-            kind: MotionKind::Spline,
-            tool: 0,
-            base: 1,
-            resolution: 10,
-            coordinates: 3,
-            content: 0,
-        };
+        let head = PointHead::of(
+            &Motion {
+                kind: MotionKind::Spline,
+                target: [300.0, 0.0, 100.0, 0.0, 0.0, 180.0],
+                velocity: 2_000,
+                acceleration: 2_000,
+                approximation: 50,
+                base: 1,
+                ..Motion::EMPTY
+            },
+            10,
+            3,
+        );
         (command.skill, command.total) = (Skill::MoveTrajectory, POINTS);
         command.control.set(Control::COMPACT, true);
         command.slots = Slots::Points(CompactPoints::new(head));

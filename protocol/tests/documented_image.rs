@@ -247,20 +247,19 @@ fn example_bytes(range: &str) -> Vec<u8> {
 
 #[test]
 fn the_example_of_compact_points_is_what_its_words_say() {
-    let head = PointHead {
-        origin: [400.0, 0.0, 100.0, 0.0, 0.0, 180.0],
-        velocity: 5_000,
-        acceleration: 5_000,
-        deceleration: 0,
-        jerk: 0,
-        approximation: 50,
-        kind: MotionKind::Spline,
-        tool: 0,
-        base: 1,
-        resolution: 5,
-        coordinates: 3,
-        content: 0,
-    };
+    let head = PointHead::of(
+        &Motion {
+            kind: MotionKind::Spline,
+            target: [400.0, 0.0, 100.0, 0.0, 0.0, 180.0],
+            velocity: 5_000,
+            acceleration: 5_000,
+            approximation: 50,
+            base: 1,
+            ..Motion::EMPTY
+        },
+        5,
+        3,
+    );
     let (mut points, mut sum) = (CompactPoints::new(head), PointSum::default());
     for (index, [x, y]) in (0..).zip([[400.0, 0.25], [399.99, 0.5]]) {
         let difference = sum.advance(&head, [x, y, 100.0, 0.0, 0.0, 180.0]).unwrap();

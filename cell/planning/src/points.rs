@@ -52,7 +52,7 @@ impl CompactPath {
             let difference =
                 sum.advance(&head, target).map_err(|misfit| CompactError::Step { index, misfit })?;
             if difference == PointDifference::default() {
-                let resolution_um = f64::from(head.resolution) / 100.0;
+                let resolution_um = head.resolution_um();
                 return Err(CompactError::NoWay { index, resolution_um });
             }
             Ok(difference)
@@ -70,7 +70,7 @@ impl CompactPath {
             .flat_map(|(one, other)| std::iter::zip(one, other).map(|(one, other)| (other - one).abs()));
         let longest = steps.fold(0.0, f64::max);
         // Both ends are rounded, by at most half a step each.
-        let needed = (longest * 1e5 / f64::from(i16::MAX - 1)).ceil();
+        let needed = (longest * PointHead::STEPS_PER_UNIT / f64::from(i16::MAX - 1)).ceil();
         needed.clamp(PointHead::FINEST.into(), PointHead::COARSEST.into()) as u16
     }
 }
@@ -78,22 +78,21 @@ impl CompactPath {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::image::MotionKind;
+    use protocol::image::{Motion, MotionKind};
 
-    const HEAD: PointHead = PointHead {
-        origin: [400.0, 0.0, 100.0, 0.0, 0.0, 180.0],
-        velocity: 5_000,
-        acceleration: 5_000,
-        deceleration: 0,
-        jerk: 0,
-        approximation: 50,
-        kind: MotionKind::Spline,
-        tool: 0,
-        base: 1,
-        resolution: 5,
-        coordinates: 3,
-        content: 0,
-    };
+    const HEAD: PointHead = PointHead::of(
+        &Motion {
+            kind: MotionKind::Spline,
+            target: [400.0, 0.0, 100.0, 0.0, 0.0, 180.0],
+            velocity: 5_000,
+            acceleration: 5_000,
+            approximation: 50,
+            base: 1,
+            ..Motion::EMPTY
+        },
+        5,
+        3,
+    );
 
     fn along_y(places: &[f64]) -> Vec<[f64; 6]> {
         places.iter().map(|y| [400.0, *y, 100.0, 0.0, 0.0, 180.0]).collect()

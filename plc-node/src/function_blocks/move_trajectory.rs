@@ -92,26 +92,25 @@ fn fill(command: &mut Command, freed: u32, points: &mut dyn MotionSource) -> Res
 mod tests {
     use planning::CompactPath;
     use proptest::prelude::*;
-    use protocol::image::{Image, MotionKind, Order, PointHead, PointSum, State, Status};
+    use protocol::image::{Image, Motion, MotionKind, Order, PointHead, PointSum, State, Status};
 
     use super::*;
     use crate::{PointList, WaitLimits};
 
     fn head(coordinates: u8) -> PointHead {
-        PointHead {
-            origin: [400.0, 0.0, 100.0, 0.0, 0.0, 180.0],
-            velocity: 5_000,
-            acceleration: 5_000,
-            deceleration: 0,
-            jerk: 0,
-            approximation: 50,
-            kind: MotionKind::Spline,
-            tool: 0,
-            base: 1,
-            resolution: 5,
+        PointHead::of(
+            &Motion {
+                kind: MotionKind::Spline,
+                target: [400.0, 0.0, 100.0, 0.0, 0.0, 180.0],
+                velocity: 5_000,
+                acceleration: 5_000,
+                approximation: 50,
+                base: 1,
+                ..Motion::EMPTY
+            },
+            5,
             coordinates,
-            content: 0,
-        }
+        )
     }
 
     fn path(coordinates: u8, count: u32) -> CompactPath {

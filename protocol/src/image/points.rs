@@ -30,9 +30,6 @@ pub const RING_DIFFERENCES: usize = 90;
 
 const _: () = assert!(RING_AT + 2 * RING_DIFFERENCES == IMAGE_LEN);
 
-/// Steps of the finest resolution in 1 mm, or 1 degree.
-const STEPS_PER_UNIT: f64 = 100_000.0;
-
 /// Differences of one point from the one before, in steps: x, y, z, a, b, c.
 pub type PointDifference = [i16; 6];
 
@@ -70,17 +67,43 @@ impl PointHead {
     pub const FINEST: u16 = 1;
     /// Coarsest resolution, in 0.01 µm.
     pub const COARSEST: u16 = 1_000;
+    /// Steps of the finest resolution in 1 mm, or 1 degree.
+    pub const STEPS_PER_UNIT: f64 = 100_000.0;
+
+    /// Creates the head of points that follow on the target of a motion and are like it in all else.
+    #[must_use]
+    pub const fn of(motion: &Motion, resolution: u16, coordinates: u8) -> Self {
+        Self {
+            origin: motion.target,
+            velocity: motion.velocity,
+            acceleration: motion.acceleration,
+            deceleration: motion.deceleration,
+            jerk: motion.jerk,
+            approximation: motion.approximation,
+            kind: motion.kind,
+            tool: motion.tool,
+            base: motion.base,
+            resolution,
+            coordinates,
+            content: 0,
+        }
+    }
 
     /// Returns how many points the ring holds.
     #[must_use]
     pub const fn capacity(&self) -> u32 {
-        if self.has_angles() { 15 } else { 30 }
+        (RING_DIFFERENCES / self.differing()) as u32
     }
 
-    /// Returns whether the angles differ from point to point too.
+    /// Returns how many coordinates differ from point to point: the angles too, or the place only.
+    const fn differing(&self) -> usize {
+        if self.coordinates == 6 { 6 } else { 3 }
+    }
+
+    /// Returns the length of a step in µm (0.001°).
     #[must_use]
-    pub const fn has_angles(&self) -> bool {
-        self.coordinates == 6
+    pub fn resolution_um(&self) -> f64 {
+        f64::from(self.resolution) / 100.0
     }
 
     /// Returns the differences of point `index`, counted from 0, in a ring; those of the angles are 0 where they do not differ.
@@ -95,8 +118,7 @@ impl PointHead {
 
     /// Returns the first difference of a point in the ring, and how many it has.
     const fn place(&self, index: u32) -> (usize, usize) {
-        let coordinates = if self.has_angles() { 6 } else { 3 };
-        ((index % self.capacity()) as usize * coordinates, coordinates)
+        ((index % self.capacity()) as usize * self.differing(), self.differing())
     }
 
     /// Checks what only this form has. The robot checks the rest as that of a motion.
@@ -220,7 +242,7 @@ impl PointSum {
     pub fn target(&self, head: &PointHead) -> [f64; 6] {
         let mut target = head.origin.map(f64::from);
         for (coordinate, steps) in target.iter_mut().zip(self.0) {
-            *coordinate += steps.saturating_mul(head.resolution.into()) as f64 / STEPS_PER_UNIT;
+            *coordinate += steps.saturating_mul(head.resolution.into()) as f64 / PointHead::STEPS_PER_UNIT;
         }
         target
     }
@@ -249,17 +271,17 @@ impl PointSum {
     /// [`PointMisfit`] where a coordinate is farther from the point before than a difference reaches. Nothing is added then.
     pub fn advance(&mut self, head: &PointHead, target: [f64; 6]) -> Result<PointDifference, PointMisfit> {
         let mut difference = PointDifference::default();
-        let coordinates = if head.has_angles() { 6 } else { 3 };
+        let coordinates = head.differing();
         let places = difference.iter_mut().zip(self.0).zip(target.into_iter().zip(head.origin));
         for (index, ((difference, sum), (target, origin))) in places.enumerate() {
-            let steps = (target - f64::from(origin)) * STEPS_PER_UNIT / f64::from(head.resolution);
+            let steps = (target - f64::from(origin)) * PointHead::STEPS_PER_UNIT / f64::from(head.resolution);
             // Half a step away from zero; the sum stays far below 2^53, where numbers are whole.
             let rounded = (if steps < 0.0 { steps - 0.5 } else { steps + 0.5 }) as i64;
             let found = rounded.saturating_sub(sum);
             let most = if index < coordinates { i64::from(i16::MAX) } else { 0 };
             let least = if index < coordinates { i64::from(i16::MIN) } else { 0 };
             if !steps.is_finite() || !(least..=most).contains(&found) {
-                let unit = f64::from(head.resolution) / STEPS_PER_UNIT;
+                let unit = f64::from(head.resolution) / PointHead::STEPS_PER_UNIT;
                 let [step, reach] = [found as f64 * unit, most as f64 * unit];
                 return Err(PointMisfit { coordinate: index as u8, step, reach });
             }

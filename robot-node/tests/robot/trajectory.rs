@@ -30,20 +30,19 @@ fn config(queue: u32) -> RobotConfig {
     }
 }
 
-const HEAD: PointHead = PointHead {
-    origin: [210.0, 0.0, 100.0, 0.0, 0.0, 180.0],
-    velocity: 5_000,
-    acceleration: 5_000,
-    deceleration: 0,
-    jerk: 0,
-    approximation: 50,
-    kind: MotionKind::Spline,
-    tool: 0,
-    base: 1,
-    resolution: 1,
-    coordinates: 3,
-    content: 0,
-};
+const HEAD: PointHead = PointHead::of(
+    &Motion {
+        kind: MotionKind::Spline,
+        target: [210.0, 0.0, 100.0, 0.0, 0.0, 180.0],
+        velocity: 5_000,
+        acceleration: 5_000,
+        approximation: 50,
+        base: 1,
+        ..Motion::EMPTY
+    },
+    1,
+    3,
+);
 
 /// Points on a circle of 60 mm that begins at the origin.
 fn circle(points: u32, spacing_mm: f64) -> CompactPath {

@@ -25,21 +25,7 @@ impl Run {
     pub fn points(&self) -> Option<RunPoints> {
         let first = self.motions.first().filter(|_| self.execution == Execution::Trajectory)?;
         let turns = self.motions.iter().any(|motion| motion.target[3..] != first.target[3..]);
-        let motion = first.motion();
-        let head = PointHead {
-            origin: motion.target,
-            velocity: motion.velocity,
-            acceleration: motion.acceleration,
-            deceleration: motion.deceleration,
-            jerk: motion.jerk,
-            approximation: motion.approximation,
-            kind: motion.kind,
-            tool: motion.tool,
-            base: motion.base,
-            resolution: RESOLUTION,
-            coordinates: if turns { 6 } else { 3 },
-            content: 0,
-        };
+        let head = PointHead::of(&first.motion(), RESOLUTION, if turns { 6 } else { 3 });
         head.check().ok()?;
         let mut sum = PointSum::default();
         let difference = |programmed: &Programmed| {

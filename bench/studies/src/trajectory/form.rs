@@ -70,20 +70,8 @@ impl SentPath {
             Some(length) => resolution_of(length)?,
             None => CompactPath::finest_resolution(*origin, targets),
         };
-        let head = PointHead {
-            origin: to_first.target,
-            velocity: first.velocity,
-            acceleration: first.acceleration,
-            deceleration: first.deceleration,
-            jerk: first.jerk,
-            approximation: first.approximation,
-            kind: first.kind,
-            tool: first.tool,
-            base: first.base,
-            resolution,
-            coordinates: if turns { 6 } else { 3 },
-            content: 0,
-        };
+        let coordinates = if turns { 6 } else { 3 };
+        let head = PointHead { origin: to_first.target, ..PointHead::of(first, resolution, coordinates) };
         let compact = CompactPath::of(head, targets.iter().copied()).map_err(|error| match error {
             CompactError::Step { index, .. } | CompactError::NoWay { index, .. } => {
                 anyhow!("line {}: {error}", line_of(index))
@@ -93,7 +81,7 @@ impl SentPath {
         Ok(Self {
             source: Box::new(PointList::from(compact)),
             to_start: ToStart { from_anywhere: Some(*to_first), from_end: Vec::new() },
-            resolution_um: Some(f64::from(resolution) / 100.0),
+            resolution_um: Some(head.resolution_um()),
         })
     }
 }

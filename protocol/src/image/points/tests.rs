@@ -4,20 +4,19 @@ use machine::wire::{BigEndian, LittleEndian};
 use proptest::prelude::*;
 
 fn head() -> PointHead {
-    PointHead {
-        origin: [400.0, 0.0, 100.0, 0.0, 0.0, 180.0],
-        velocity: 5_000,
-        acceleration: 5_000,
-        deceleration: 0,
-        jerk: 0,
-        approximation: 50,
-        kind: MotionKind::Spline,
-        tool: 0,
-        base: 1,
-        resolution: 5,
-        coordinates: 3,
-        content: 0,
-    }
+    PointHead::of(
+        &Motion {
+            kind: MotionKind::Spline,
+            target: [400.0, 0.0, 100.0, 0.0, 0.0, 180.0],
+            velocity: 5_000,
+            acceleration: 5_000,
+            approximation: 50,
+            base: 1,
+            ..Motion::EMPTY
+        },
+        5,
+        3,
+    )
 }
 
 fn command(points: CompactPoints) -> Command {
