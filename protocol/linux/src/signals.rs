@@ -7,6 +7,9 @@ use std::fmt;
 use std::os::fd::{AsFd, BorrowedFd, FromRawFd, OwnedFd};
 use std::sync::atomic::{AtomicI32, Ordering};
 
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::io::retry_on_intr;
+
 /// A request to stop.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum StopSignal {
@@ -56,6 +59,20 @@ impl StopSignals {
                 return Err(std::io::Error::last_os_error());
             }
             Ok(Self(OwnedFd::from_raw_fd(fd)))
+        }
+    }
+
+    /// Waits for the next signal.
+    ///
+    /// # Errors
+    ///
+    /// The system cannot wait.
+    pub fn wait(&self) -> std::io::Result<StopSignal> {
+        loop {
+            if let Some(signal) = self.take() {
+                return Ok(signal);
+            }
+            retry_on_intr(|| poll(&mut [PollFd::new(self, PollFlags::IN)], None))?;
         }
     }
 

@@ -7,6 +7,8 @@ mod owner;
 use std::io::BufRead as _;
 use std::net::Ipv4Addr;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::Context as _;
@@ -109,15 +111,16 @@ impl EmulateCommand {
             std::thread::spawn(move || read_instructions(&instructions, &errors));
         }
         let end = self.length.map(|length| clock::now() + length);
+        let notifier = Notifier::new()?;
         let mut owner = EmulationOwner {
             interface: interface.clone(),
             reports,
             instructions: taken,
-            signals,
+            is_stopped: stop_at_signal(signals, notifier.clone()),
             outcome: Outcome::Done,
             end,
         };
-        let mut driver = Driver::new(device, interface, Notifier::new()?)?;
+        let mut driver = Driver::new(device, interface, notifier)?;
         driver.run(&mut owner)?;
         drop(former_address);
         Ok(owner.outcome)
@@ -193,6 +196,20 @@ fn print(reports: &Receiver<Report>, is_json: bool) {
             return;
         }
     }
+}
+
+/// Waits for a signal in a thread of its own: to ask for one costs a system call, and the device has each cycle to itself. Returns
+/// whether one came; `notifier` wakes the device then.
+fn stop_at_signal(signals: StopSignals, notifier: Notifier) -> Arc<AtomicBool> {
+    let is_stopped = Arc::new(AtomicBool::new(false));
+    let stopped = Arc::clone(&is_stopped);
+    std::thread::spawn(move || {
+        if signals.wait().is_ok() {
+            stopped.store(true, Ordering::Relaxed);
+            notifier.notify();
+        }
+    });
+    is_stopped
 }
 
 /// Reads instructions from standard input, one JSON object per line.

@@ -3,13 +3,15 @@
 use std::fmt;
 use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender};
 
 use arrayvec::ArrayVec;
 use emulated_device::{DeviceEvent, EmulatedDevice, ScriptedFault, ScriptedInput};
 use machine::{Instant, LinkEvent};
 use node::Outcome;
-use protocol_linux::{Interface, Owner, Statistics, StopSignals};
+use protocol_linux::{Interface, Owner, Statistics};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -44,7 +46,8 @@ pub(super) struct EmulationOwner {
     pub(super) interface: Interface,
     pub(super) reports: SyncSender<Report>,
     pub(super) instructions: Receiver<EmulationInstruction>,
-    pub(super) signals: StopSignals,
+    /// Set by a signal that asks the device to end.
+    pub(super) is_stopped: Arc<AtomicBool>,
     /// How the device ended.
     pub(super) outcome: Outcome,
     pub(super) end: Option<Instant>,
@@ -68,7 +71,7 @@ impl Owner<EmulatedDevice> for EmulationOwner {
                 self.report(Report::Refused(error.to_string()));
             }
         }
-        if self.signals.take().is_some() {
+        if self.is_stopped.load(Ordering::Relaxed) {
             self.outcome = Outcome::Interrupted;
             return ControlFlow::Break(());
         }
