@@ -1,9 +1,9 @@
 //! A sequence of motions without stops: the paper's MoveContinuousSkill and its FIFO update logic.
 
-use protocol::image::{Command, Feedback, SLOTS, Services, Skill, Slots};
+use protocol::image::{Command, SLOTS, Skill, Slots};
 use setup::Refill;
 
-use super::skill::{SkillCall, skill_outputs};
+use super::skill::{SkillCall, serves_refill, skill_outputs};
 use super::{BlockError, BufferMode, Outputs, Tally};
 use crate::{AxesGroup, MotionSource};
 
@@ -70,11 +70,7 @@ impl MoveContinuous {
 
     /// Returns up to which motion of its skill it writes, by the robot's counts.
     pub(crate) const fn writes_to(&self, tally: &Tally) -> u32 {
-        let free = match self.refill {
-            Refill::Executed => tally.executed,
-            Refill::Accepted => tally.accepted,
-        };
-        free.saturating_add(self.depth)
+        tally.freed(self.refill).saturating_add(self.depth)
     }
 
     /// Runs one scan. `mode` and the number of motions are read at the rising edge of `execute`; the motions are read
@@ -87,7 +83,7 @@ impl MoveContinuous {
         group: &mut AxesGroup,
     ) -> Outputs {
         let (depth, total) = (self.depth, motions.total());
-        let is_served = self.refill == Refill::Executed || group.feedback().is_none_or(keeps_accepted);
+        let is_served = serves_refill(group, self.refill);
         let read = || match total {
             0 => Err(BlockError::NoMotions),
             _ if !is_served => Err(BlockError::RefillNotServed),
@@ -111,11 +107,6 @@ impl MoveContinuous {
 
 skill_outputs!(MoveContinuous: call);
 
-/// Returns whether the robot keeps the motions that it has accepted.
-pub(super) const fn keeps_accepted(feedback: &Feedback) -> bool {
-    feedback.services.contains(Services::KEEPS_ACCEPTED)
-}
-
 /// Writes motions into every free slot, up to motion `end`.
 fn fill(command: &mut Command, end: u32, motions: &mut dyn MotionSource) -> Result<(), BlockError> {
     let end = end.min(command.total).min(motions.available());
@@ -133,7 +124,7 @@ mod tests {
     use super::*;
     use crate::{MotionList, WaitLimits};
     use proptest::prelude::*;
-    use protocol::image::{Motion, MotionKind, State, Status};
+    use protocol::image::{Feedback, Motion, MotionKind, Services, State, Status};
 
     /// What happens between two scans: what gets through, and what the robot does.
     #[derive(Clone, Copy, Debug)]

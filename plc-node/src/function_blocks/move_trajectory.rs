@@ -3,8 +3,7 @@
 use protocol::image::{Command, CompactPoints, Control, Feedback, Services, Skill, Slots};
 use setup::Refill;
 
-use super::move_continuous::keeps_accepted;
-use super::skill::{SkillCall, skill_outputs};
+use super::skill::{SkillCall, serves_refill, skill_outputs};
 use super::{BlockError, BufferMode, Outputs};
 use crate::{AxesGroup, MotionSource};
 
@@ -38,7 +37,7 @@ impl MoveTrajectory {
         group: &mut AxesGroup,
     ) -> Outputs {
         let (total, head) = (points.total(), points.point_head());
-        let is_kept = self.refill == Refill::Executed || group.feedback().is_none_or(keeps_accepted);
+        let is_kept = serves_refill(group, self.refill);
         let is_served = group.feedback().is_none_or(takes_points);
         let read = || match total {
             0 => Err(BlockError::NoMotions),
@@ -55,14 +54,10 @@ impl MoveTrajectory {
             fill(command, 0, points)?;
             Ok(true)
         });
-        if self.call.is_sent() {
-            let freed = match self.refill {
-                Refill::Executed => self.call.tally.executed,
-                Refill::Accepted => self.call.tally.accepted,
-            };
-            if let Err(error) = fill(&mut group.command, freed, points) {
-                self.call.fail(group, error);
-            }
+        if self.call.is_sent()
+            && let Err(error) = fill(&mut group.command, self.call.tally.freed(self.refill), points)
+        {
+            self.call.fail(group, error);
         }
         self.call.outputs()
     }

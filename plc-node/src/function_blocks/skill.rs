@@ -8,7 +8,8 @@
 //!
 //! A block whose `Execute` rises while another block's skill is under way waits for its turn first: `Busy` alone.
 
-use protocol::image::{Command, Feedback, State, Status};
+use protocol::image::{Command, Feedback, Services, State, Status};
+use setup::Refill;
 
 use super::execute_interface::{End, ExecuteInterface, SkillState};
 use super::{BlockError, BufferMode, Outputs, is_executing};
@@ -25,6 +26,22 @@ pub(crate) struct Tally {
     pub(crate) blends_suppressed: u16,
     /// The robot's own measure of the skill in ns.
     pub(crate) execution_ns: u64,
+}
+
+impl Tally {
+    /// Returns how many motions have left their places in the image by this count.
+    pub(super) const fn freed(&self, by: Refill) -> u32 {
+        match by {
+            Refill::Executed => self.executed,
+            Refill::Accepted => self.accepted,
+        }
+    }
+}
+
+/// Returns whether the robot serves places that become free by this count: by `accepted` only if it keeps what it accepts.
+pub(super) fn serves_refill(group: &AxesGroup, by: Refill) -> bool {
+    let keeps = |feedback: &Feedback| feedback.services.contains(Services::KEEPS_ACCEPTED);
+    by == Refill::Executed || group.feedback().is_none_or(keeps)
 }
 
 /// A skill call of a block with the parameters `P`, which count at the rising edge of `Execute`.
