@@ -1,6 +1,6 @@
 //! The compact points of a MoveTrajectorySkill: the head with which it began, and the sum of the points taken so far.
 
-use protocol::image::{Command, ErrorNumber, Finding, Motion, PointHead, PointSum, Skill};
+use protocol::image::{Command, ErrorNumber, Finding, Motion, PointHead, PointSum};
 
 use crate::RobotConfig;
 use crate::arm::Violation;
@@ -19,11 +19,8 @@ pub(super) struct TakenPoints {
 }
 
 impl TakenPoints {
-    /// Takes up the head of a command; `None` for another skill.
-    pub(super) fn begin(command: &Command, config: &RobotConfig) -> Result<Option<Self>, Violation> {
-        if command.skill != Skill::MoveTrajectory {
-            return Ok(None);
-        }
+    /// Takes up the head of a command.
+    pub(super) fn begin(command: &Command, config: &RobotConfig) -> Result<Self, Violation> {
         if !config.compact_points {
             return Err(ErrorNumber::CompactNotServed.into());
         }
@@ -31,7 +28,7 @@ impl TakenPoints {
             return Err(Violation::PointHead(Finding::new(NOT_COMPACT, 0.0, 0.0, 0.0)));
         };
         match points.head.check() {
-            Ok(()) => Ok(Some(Self { head: points.head, sum: PointSum::default() })),
+            Ok(()) => Ok(Self { head: points.head, sum: PointSum::default() }),
             Err((ErrorNumber::PointHead, finding)) => Err(Violation::PointHead(finding)),
             Err((number, _)) => Err(number.into()),
         }

@@ -21,14 +21,14 @@ const CHECKS_PER_CYCLE: u32 = 4;
 const CHECKS_BESIDE_A_MOTION: u32 = 2;
 
 /// Where the motions of a skill come from.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) enum Source {
     /// Slot 0 of the command image: a single motion of this kind.
     Single(MotionKind),
     /// The slots of the command image, which the PLC refills.
     Slots,
     /// The compact points of the command image, which the PLC refills.
-    Points,
+    Points(TakenPoints),
     /// The program store: the index of a program in it.
     Program(usize),
 }
@@ -106,6 +106,7 @@ impl Execution {
         until: Instant,
         joints: &Joints,
         programs: &Programs,
+        config: &RobotConfig,
     ) -> Result<Self, Violation> {
         let (source, total) = match command.skill {
             Skill::RunProgram => {
@@ -115,7 +116,7 @@ impl Execution {
                 (Source::Program(index), motions)
             }
             Skill::MoveContinuous => (Source::Slots, command.total),
-            Skill::MoveTrajectory => (Source::Points, command.total),
+            Skill::MoveTrajectory => (Source::Points(TakenPoints::begin(command, config)?), command.total),
             skill => {
                 let kind = skill.motion_kind().ok_or(ErrorNumber::UnknownSkill)?;
                 // Slot 0 holds the motion of the skill before until `written` says that this one's is there.
@@ -147,7 +148,7 @@ impl Execution {
             stops_passed: 0,
             written: 0,
             written_at_start: match source {
-                Source::Slots | Source::Points => command.written,
+                Source::Slots | Source::Points(_) => command.written,
                 Source::Single(_) | Source::Program(_) => total,
             },
             phase: Phase::Dispatch { until },
@@ -166,14 +167,13 @@ impl Execution {
         executed: u32,
         room: u32,
         programs: &Programs,
-        points: &mut Option<TakenPoints>,
     ) -> Result<Option<Aimed>, Violation> {
         // The image holds the motions of the command that it names; another one was refused.
         let command = command.filter(|command| command.number == self.number);
         let held = self.accepted.saturating_sub(executed);
-        let places = match self.source {
+        let places = match &self.source {
             Source::Slots => Some(SLOTS as u32),
-            Source::Points => points.as_ref().map(TakenPoints::capacity),
+            Source::Points(points) => Some(points.capacity()),
             Source::Single(_) | Source::Program(_) => None,
         };
         if let (Some(places), Some(command)) = (places, command) {
@@ -187,17 +187,19 @@ impl Execution {
         if self.accepted >= self.section_end(programs) || held >= room {
             return Ok(None);
         }
-        let motion = match (self.source, command) {
+        if let (Source::Points(points), Some(command)) = (&mut self.source, command)
+            && self.accepted < command.written
+        {
+            return Ok(points.take(command, self.accepted));
+        }
+        let motion = match (&self.source, command) {
             (Source::Program(_), _) => self.programmed(self.accepted, programs),
             (Source::Slots, Some(command)) if self.accepted < command.written => {
                 Some(*command.slot(self.accepted))
             }
-            (Source::Points, Some(command)) if self.accepted < command.written => {
-                return Ok(points.as_mut().and_then(|points| points.take(command, self.accepted)));
-            }
             (Source::Single(kind), Some(command)) => {
                 let motion = *command.slot(0);
-                if motion.kind != kind {
+                if motion.kind != *kind {
                     return Err(Violation::Kind(motion.kind.into()));
                 }
                 Some(motion)

@@ -48,7 +48,6 @@ use rand_pcg::Pcg64Mcg;
 use setup::Drives;
 
 pub use account::Account;
-use compact::TakenPoints;
 pub use drives::{DriveError, DrivePower, DriveReport};
 pub use event::{Ending, ImageFault, RobotEvent};
 use execution::Execution;
@@ -100,8 +99,6 @@ pub struct Controller {
     outputs: u16,
     /// The PLC's digital outputs as last seen on this connection.
     plc_outputs: Option<u16>,
-    /// Compact points of the skill under way; none of another skill.
-    points: Option<TakenPoints>,
     /// The motions that the skill, or the last one, put on the path.
     accepted: Digest,
     /// What the skill did so far.
@@ -169,7 +166,6 @@ impl Controller {
             contact: [0.0; 3],
             outputs: 0,
             plc_outputs: None,
-            points: None,
             accepted: Digest::default(),
             account: Account::default(),
             reset_armed: true,
@@ -405,12 +401,8 @@ impl Controller {
         let until = pending.noticed_at + self.config.skill_overhead / 2;
         let joints = *self.interpolator.joints();
         self.feedback = Feedback { number: command.number, ..self.cleared_feedback() };
-        let started = TakenPoints::begin(command, &self.config).and_then(|points| {
-            Ok((Execution::new(command, pending.seen_at, until, &joints, &self.programs)?, points))
-        });
-        match started {
-            Ok((mut execution, points)) => {
-                self.points = points;
+        match Execution::new(command, pending.seen_at, until, &joints, &self.programs, &self.config) {
+            Ok(mut execution) => {
                 if matches!(command.skill, Skill::MoveContinuous | Skill::MoveTrajectory) {
                     execution.cycles_to_start = self.config.continuous_start_cycles;
                 }

@@ -47,9 +47,9 @@ pub(super) fn served(config: &RobotConfig) -> (u16, Services) {
 impl Execution {
     /// Returns how many motions it may know that are not executed.
     pub(super) fn look_ahead(&self, config: &RobotConfig, programs: &Programs) -> u32 {
-        match (self.source, config.program_look_ahead) {
+        match (&self.source, config.program_look_ahead) {
             (Source::Single(_), _) => SLOTS as u32,
-            (Source::Slots | Source::Points, _) => config.queue_motions,
+            (Source::Slots | Source::Points(_), _) => config.queue_motions,
             (Source::Program(_), LookAhead::Motions(motions)) => motions,
             (Source::Program(_), LookAhead::Block(_)) => {
                 let is_spline = |index: u32| {
@@ -75,7 +75,7 @@ impl Execution {
         config: &RobotConfig,
         programs: &Programs,
     ) -> bool {
-        let most = if self.source == Source::Points { config.queue_motions } else { SLOTS as u32 };
+        let most = if matches!(self.source, Source::Points(_)) { config.queue_motions } else { SLOTS as u32 };
         let came = self.written_at_start.min(most).min(self.total);
         let waits = !self.takes_many(config, programs) || self.accepted < came;
         took_one && waits && !self.is_complete()
@@ -102,8 +102,8 @@ impl Controller {
 
     /// Takes all that the slots hold, and plans once after the last. Returns whether there was one.
     fn take_all(&mut self, execution: &mut Execution, command: Option<&Command>) -> bool {
-        let (accepted_before, points_before) = (execution.accepted, self.points);
-        let most = if execution.source == Source::Points { MOST_TAKEN } else { SLOTS };
+        let (accepted_before, source_before) = (execution.accepted, execution.source);
+        let most = if matches!(execution.source, Source::Points(_)) { MOST_TAKEN } else { SLOTS };
         let mut taken = ArrayVec::<Aimed, MOST_TAKEN>::new();
         let mut ended = None;
         self.interpolator.begin_batch();
@@ -127,7 +127,7 @@ impl Controller {
             if !self.interpolator.path().rests() {
                 // No law leads on from here: from a later place one may, and at the end of the known motions the arm rests. To try one
                 // motion after another would take longer than a cycle.
-                self.points = points_before;
+                execution.source = source_before;
                 return false;
             }
             for aimed in &taken {
@@ -150,7 +150,7 @@ impl Controller {
 
     /// Returns the next motion with its geometry, if it has arrived and the queue has room for it.
     fn next_prepared(
-        &mut self,
+        &self,
         execution: &mut Execution,
         command: Option<&Command>,
     ) -> Result<Option<(Aimed, Prepared)>, Violation> {
@@ -159,7 +159,7 @@ impl Controller {
             true => 0,
             false => execution.look_ahead(&self.config, &self.programs),
         };
-        let next = execution.next_motion(command, executed, room, &self.programs, &mut self.points)?;
+        let next = execution.next_motion(command, executed, room, &self.programs)?;
         next.map(|aimed| Ok((aimed, self.prepare(&aimed)?))).transpose()
     }
 
