@@ -1,10 +1,8 @@
-//! Refines the laws of splines, and of other motions that leave limits unused, while the arm drives: some steps in each robot
-//! cycle.
+//! Refines laws while the arm drives: some steps in each robot cycle.
 //!
 //! A law is refined when no motion can change it any more: the last motion of its stretch stops. Meanwhile the arm follows
 //! the law as it was found. When the steps are done, the refined pieces take the place of those that the arm has not reached.
 
-use super::curve::Curve;
 use super::law::{Law, MOST_STEPS, Progress};
 use super::path::Path;
 use super::refinement::{Range, State};
@@ -74,19 +72,14 @@ impl Path {
                 return None;
             }
             if next_motion > self.refinement.done {
-                let in_queue = |motion: u32| (motion - self.left_behind) as usize;
-                let mut motions = self.queue.range(in_queue(spot.motion)..in_queue(next_motion));
-                let is_spline = motions.any(|planned| matches!(planned.segment.curve, Curve::Spline(_)));
-                if is_spline || self.refinement.is_idle(spot.motion..next_motion) {
-                    let found = self.pieces.range(begin..end).map(|piece| piece.cell.duration).sum();
-                    if law.begin_to_refine(parts, pace, found).is_some() {
-                        self.refinement.note_looked_at(next_motion);
-                        return Some(State::Refining(Range { begin, end, spot }));
-                    }
-                    self.refinement.failures += 1;
-                    if !pace.is_rest() && self.refinement.failures < LATER_PIECES.len() {
-                        return Some(State::Planned);
-                    }
+                let found = self.pieces.range(begin..end).map(|piece| piece.cell.duration).sum();
+                if law.begin_to_refine(parts, pace, found).is_some() {
+                    self.refinement.note_looked_at(next_motion);
+                    return Some(State::Refining(Range { begin, end, spot }));
+                }
+                self.refinement.failures += 1;
+                if !pace.is_rest() && self.refinement.failures < LATER_PIECES.len() {
+                    return Some(State::Planned);
                 }
                 self.refinement.note_looked_at(next_motion);
             }

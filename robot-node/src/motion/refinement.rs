@@ -1,8 +1,6 @@
 //! How far the refinement of a path's law is, and which of its pieces it is about.
 
-use core::ops::{self, RangeInclusive};
-
-use super::capacity::{Capacity, MOST_MOTIONS};
+use super::capacity::Capacity;
 use super::law::Law;
 use super::piece::Spot;
 
@@ -18,8 +16,6 @@ pub(super) struct Refinement {
     pub(super) done: u32,
     /// From how many pieces of the next stretch no law went on.
     pub(super) failures: usize,
-    /// True where the law of a motion leaves limits unused, by the last bits of its number.
-    idle: [bool; IDLE_MOTIONS],
 }
 
 /// How far it is.
@@ -46,40 +42,17 @@ impl Refinement {
     }
 
     pub(super) const fn none() -> Self {
-        Self {
-            law: None,
-            state: State::Idle,
-            has_planned: false,
-            done: 0,
-            failures: 0,
-            idle: [false; IDLE_MOTIONS],
-        }
+        Self { law: None, state: State::Idle, has_planned: false, done: 0, failures: 0 }
     }
 
     /// The path is empty.
     pub(super) fn clear(&mut self) {
         (self.state, self.done, self.failures) = (State::Idle, 0, 0);
-        self.idle = [false; IDLE_MOTIONS];
     }
 
     /// The stretch that ends before this motion was looked at.
     pub(super) const fn note_looked_at(&mut self, next_motion: u32) {
         (self.done, self.failures) = (next_motion, 0);
-    }
-
-    /// A law was planned for these motions, of which the first one may begin with a part of a former law.
-    pub(super) fn note(&mut self, motions: RangeInclusive<u32>, idles: bool) {
-        let first = *motions.start();
-        for motion in motions {
-            if let Some(noted) = self.idle.get_mut(place(motion)) {
-                *noted = idles || (motion == first && *noted);
-            }
-        }
-    }
-
-    /// Returns whether the law of one of these motions leaves limits unused.
-    pub(super) fn is_idle(&self, mut motions: ops::Range<u32>) -> bool {
-        motions.any(|motion| self.idle.get(place(motion)).copied().unwrap_or_default())
     }
 
     /// All pieces of the path but the first ones are planned anew.
@@ -102,12 +75,4 @@ impl Refinement {
             }
         }
     }
-}
-
-/// More motions than are on any path: those of the deepest queue, and some whose corner is still being left.
-const IDLE_MOTIONS: usize = 256;
-const _: () = assert!(MOST_MOTIONS + 8 <= IDLE_MOTIONS);
-
-const fn place(motion: u32) -> usize {
-    motion as usize % IDLE_MOTIONS
 }

@@ -88,9 +88,6 @@ impl Path {
             }
             // Without room the arm would reach an end that is none: its axes are compared with their ratings, and it brakes.
             if found.is_some() && has_room {
-                if let [first, .., last] | [first @ last] = &parts[..] {
-                    self.refinement.note(first.motion..=last.motion, law.idles());
-                }
                 self.pieces.extend(pieces(&law, parts));
             }
             self.law = Some(law);

@@ -1,4 +1,4 @@
-//! A larger zone never makes a path slower, whatever the angle of its corners.
+//! A larger zone makes a path no slower, whatever the angle of its corners.
 
 use proptest::prelude::*;
 use protocol::image::{Motion, MotionKind};
@@ -23,6 +23,9 @@ fn corner(lengths: [f64; 2], angle_deg: f64) -> [[f64; 2]; 3] {
     [[60.0, 0.0], [60.0 + lengths[0], 0.0], [60.0 + lengths[0] + lengths[1] * cos, lengths[1] * sin]]
 }
 
+/// A law is refined only where that makes it 1 % faster: the one with the larger zone may be just below that, the other one just above.
+const ALLOWED: f64 = 1.012;
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -40,7 +43,7 @@ proptest! {
         let places = corner(lengths, angle_deg);
         let times = [zones[0].min(zones[1]), zones[0].max(zones[1])]
             .map(|zone_mm| duration(&places, &limits, zone_mm, &config));
-        prop_assert!(times[1] <= times[0] * 1.005, "{times:?} s");
+        prop_assert!(times[1] <= times[0] * ALLOWED, "{times:?} s");
     }
 }
 

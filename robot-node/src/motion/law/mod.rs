@@ -17,7 +17,6 @@
 //! parabola of the jerk added, this is a convex hull. Then the result is compared with the limits at all knots. Where
 //! it exceeds them, they are reduced and the passes are repeated.
 
-mod idle;
 mod newton;
 mod refine;
 mod round;
@@ -65,8 +64,6 @@ pub(super) struct Law {
     steps: List,
     /// Speed and acceleration at the knots.
     paces: Vec<Pace>,
-    /// The largest share of an acceleration or of a jerk that each cell uses.
-    used: List,
     /// The values of the best round so far.
     best: List,
     /// The values before the rounding of the top, those for which it was rounded, what is added to them, and the corners of the hull.
@@ -99,7 +96,6 @@ impl Law {
             tops: list(),
             steps: list(),
             paces: Vec::with_capacity(capacity.knots + 1),
-            used: list(),
             best: list(),
             corners: list(),
             assumed: list(),

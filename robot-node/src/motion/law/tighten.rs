@@ -22,15 +22,11 @@ impl Law {
         let cells = self.cells();
         let mut most = [0.0_f64; 2];
         let mut before = [0.0_f64; 2];
-        self.used.clear();
         for cell in 0..cells {
             let [start, middle, end] = self.loads_of(cell);
-            let mut here = [0.0_f64; 2];
             for loads in [start, middle, end] {
-                here = [here[0].max(loads[0]), here[1].max(loads[1])];
+                most = [most[0].max(loads[0]), most[1].max(loads[1])];
             }
-            self.used.push(here[0].max(here[1]));
-            most = [most[0].max(here[0]), most[1].max(here[1])];
             self.draw(cell..=cell, [before[0].max(start[0]), before[1].max(start[1])], power);
             self.draw(cell..=cell + 1, middle, power);
             before = end;

@@ -345,7 +345,7 @@ fn refined(bent: &Bent, what: &str) -> (Progress, usize, f64) {
             Progress::Unfinished => continue,
             Progress::Faster => {
                 is_kept(&law, &[(bent, [0.0, 1.0])], what);
-                assert!(share < 0.999, "{share} of the time, {what}");
+                assert!(share < 0.99, "{share} of the time, {what}");
             }
             Progress::Useless => {}
         }
@@ -361,7 +361,7 @@ fn a_refined_law_keeps_its_limits_and_is_nearly_optimal() {
         let (progress, steps, share) = refined(&bent, &format!("seed {seed}"));
         // Without repairs.
         assert_eq!(steps, 8, "seed {seed}");
-        assert!(progress == Progress::Faster || share > 0.999, "{share} of the time with seed {seed}");
+        assert!(progress == Progress::Faster || share >= 0.99, "{share} of the time with seed {seed}");
         let ratio = share * duration(&bent.law()) / least(&[bent.part(0.0, 1.0)]);
         assert!((0.998..1.0065).contains(&ratio), "{ratio} of the optimum with seed {seed}");
     }
