@@ -9,7 +9,7 @@ use node::planned_station::plan_station;
 use node::{Outcome, errln};
 use planning::Plan;
 use plc_export::{Application, ExportError, Maker, br};
-use setup::{BusKind, Refill, Setup};
+use setup::{BusKind, Refill, Setup, SlotForm};
 
 use crate::PlcConfig;
 use crate::robot_file::{UnfitRobotFile, ways_to_plug};
@@ -53,6 +53,7 @@ pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
         || error.is::<CellRunError>()
         || error.is::<NeedsOthers>()
         || error.is::<RefillsByAccepted>()
+        || error.is::<SendsCompactPoints>()
         || error.downcast_ref::<ExportError>().is_some_and(ExportError::is_usage)
         || device_options::is_usage(error)
 }
@@ -82,6 +83,11 @@ fn check_works_alone(setup: &Setup, plan: &Plan) -> Result<(), NeedsOthers> {
     "plc.refill = \"accepted\": exported code refills slots by `executed` only; set it to \"executed\", or leave it out"
 )]
 struct RefillsByAccepted;
+
+/// A setup whose PLC sends compact points.
+#[derive(Debug, thiserror::Error)]
+#[error("plc.form = \"compact\": exported code sends full motions; set it to \"full\", or leave it out")]
+struct SendsCompactPoints;
 
 /// What to export.
 #[derive(clap::Args, Debug)]
@@ -121,6 +127,9 @@ impl ExportCommand {
         check_works_alone(&setup, &plan)?;
         if setup.plc.refills_by() == Refill::Accepted {
             return Err(RefillsByAccepted.into());
+        }
+        if setup.plc.sends_in_form() == SlotForm::Compact {
+            return Err(SendsCompactPoints.into());
         }
         let ways = match &self.device {
             Some(path) => {

@@ -4,8 +4,8 @@
 use core::time::Duration;
 
 use machine::Instant;
-use planning::Stop;
-use protocol::image::{Command, Control, Motion, SLOTS, Skill, State};
+use planning::{CompactPath, Stop};
+use protocol::image::{Command, CompactPoints, Control, Motion, SLOTS, Skill, Slots, State};
 use setup::Refill;
 
 use crate::arm::Joints;
@@ -94,12 +94,12 @@ pub fn rehearse_watched(
     let program = Program::new(motions.to_vec(), stops);
     let mut stage = Stage::new(at_once(config, start), program, override_percent);
     match calls {
-        Calls::Program => stage.call(0, motions, Skill::RunProgram, watch)?,
+        Calls::Program => stage.call(0, Given::Motions(motions), Skill::RunProgram, watch)?,
         Calls::Singles => {
             for (index, motion) in motions.iter().enumerate() {
                 // A single motion ends in an exact stop.
                 let motion = Motion { approximation: 0, ..*motion };
-                stage.call(index, &[motion], u8::from(motion.kind).into(), watch)?;
+                stage.call(index, Given::Motions(&[motion]), u8::from(motion.kind).into(), watch)?;
             }
         }
         Calls::Continuous => {
@@ -107,12 +107,28 @@ pub fn rehearse_watched(
             let ends = stops.iter().map(|stop| stop.after as usize).chain([motions.len()]);
             for end in ends {
                 if let Some(section) = motions.get(from..end).filter(|section| !section.is_empty()) {
-                    stage.call(from, section, Skill::MoveContinuous, watch)?;
+                    stage.call(from, Given::Motions(section), Skill::MoveContinuous, watch)?;
                     from = end;
                 }
             }
         }
     }
+    Ok(stage.done)
+}
+
+/// Executes compact points as one MoveTrajectorySkill, on an arm that stands at `start` at an override in %.
+///
+/// # Errors
+///
+/// The skill did not end as commanded.
+pub fn rehearse_points(
+    config: &RobotConfig,
+    start: Joints,
+    points: &CompactPath,
+    override_percent: u8,
+) -> Result<Rehearsed, RehearsalError> {
+    let mut stage = Stage::new(at_once(config, start), Program::default(), override_percent);
+    stage.call(0, Given::Points(points), Skill::MoveTrajectory, &mut |_| {})?;
     Ok(stage.done)
 }
 
@@ -128,7 +144,7 @@ pub fn rehearse_program(
     override_percent: u8,
 ) -> Result<Rehearsed, RehearsalError> {
     let mut stage = Stage::new(at_once(config, start), program.alone(), override_percent);
-    stage.call(0, &[], Skill::RunProgram, &mut |_| {})?;
+    stage.call(0, Given::Motions(&[]), Skill::RunProgram, &mut |_| {})?;
     Ok(stage.done)
 }
 
@@ -155,7 +171,7 @@ pub fn law_times(
             times.push(Duration::ZERO);
             continue;
         }
-        stage.call(from, part, Skill::MoveContinuous, &mut |_| {})?;
+        stage.call(from, Given::Motions(part), Skill::MoveContinuous, &mut |_| {})?;
         times.push(Duration::from_micros(stage.controller.feedback().law_time_us.into()));
         from = *end;
     }
@@ -170,6 +186,46 @@ fn at_once(config: &RobotConfig, start: Joints) -> RobotConfig {
         start_quantum: Duration::ZERO,
         continuous_start_cycles: 0,
         ..config.clone()
+    }
+}
+
+/// What a skill is given.
+#[derive(Clone, Copy)]
+enum Given<'a> {
+    Motions(&'a [Motion]),
+    Points(&'a CompactPath),
+}
+
+impl Given<'_> {
+    /// Returns the number of motions.
+    fn total(self) -> u32 {
+        let total = match self {
+            Self::Motions(motions) => motions.len(),
+            Self::Points(points) => points.differences.len(),
+        };
+        u32::try_from(total).unwrap_or(u32::MAX)
+    }
+
+    /// Prepares the slots, and returns how many motions they hold.
+    fn prepare(self, command: &mut Command) -> u32 {
+        let Self::Points(points) = self else { return SLOTS as u32 };
+        command.control.set(Control::COMPACT, true);
+        command.slots = Slots::Points(CompactPoints::new(points.head));
+        points.head.capacity()
+    }
+
+    /// Writes a motion into its place.
+    fn write(self, command: &mut Command, index: u32) {
+        match (self, &mut command.slots) {
+            (Self::Motions(motions), _) => {
+                motions.get(index as usize).into_iter().for_each(|motion| command.set_slot(index, *motion));
+            }
+            (Self::Points(points), Slots::Points(image)) => {
+                let difference = points.differences.get(index as usize);
+                difference.into_iter().for_each(|it| image.set_difference(index, *it));
+            }
+            (Self::Points(_), Slots::Motions(_)) => {}
+        }
     }
 }
 
@@ -220,7 +276,7 @@ impl Stage {
     fn call(
         &mut self,
         first: usize,
-        motions: &[Motion],
+        given: Given<'_>,
         skill: Skill,
         watch: &mut dyn FnMut(&Controller),
     ) -> Result<(), RehearsalError> {
@@ -232,7 +288,8 @@ impl Stage {
         }
         command.number = command.number.wrapping_add(1).max(1);
         (command.skill, command.written) = (skill, 0);
-        command.total = u32::try_from(motions.len()).unwrap_or(u32::MAX);
+        command.total = given.total();
+        let capacity = given.prepare(command);
         let until = self.at + LONGEST * 100 / u32::from(command.override_percent.max(1));
         while self.at < until {
             let Self { controller, command, cycle, at, .. } = self;
@@ -242,9 +299,9 @@ impl Stage {
                 Refill::Executed => feedback.executed,
                 Refill::Accepted => feedback.accepted,
             };
-            let written = command.total.min(free.saturating_add(SLOTS as u32));
+            let written = command.total.min(free.saturating_add(capacity));
             for index in command.written..written {
-                motions.get(index as usize).into_iter().for_each(|motion| command.set_slot(index, *motion));
+                given.write(command, index);
             }
             command.written = written;
             *at += *cycle;

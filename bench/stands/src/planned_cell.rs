@@ -1,6 +1,6 @@
 //! A cell whose application is planned: what a virtual run executes, and what its repetitions are compared with.
 
-use planning::{Application, Plan, Stop, ToStart};
+use planning::{Application, CompactPath, Plan, Stop, ToStart};
 use protocol::image::Motion;
 use robot_node::RobotConfig;
 use setup::Setup;
@@ -14,6 +14,8 @@ pub struct PlannedCell {
     pub robot: RobotConfig,
     /// The motions of all types.
     pub motions: Vec<Motion>,
+    /// The same as compact points, where CM sends these.
+    pub points: Option<CompactPath>,
     /// Where their continuous motions end.
     pub stops: Vec<Stop>,
     /// How the arm gets to their start.
@@ -41,6 +43,7 @@ impl PlannedCell {
             name: plan.name.clone(),
             robot: RobotConfig::from_setup(setup)?.in_cell_of(application, &to_start)?,
             motions: plan.wire_motions(setup),
+            points: plan.wire_points(setup)?,
             stops: plan.stops(),
             to_start,
         })

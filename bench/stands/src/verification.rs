@@ -15,7 +15,7 @@ use plc_node::ExecutionType;
 use protocol::image::{Digest, Sum};
 use robot_node::Account;
 use robot_node::arm::{Joints, distance};
-use robot_node::rehearsal::{Calls, Rehearsed, rehearse};
+use robot_node::rehearsal::{Calls, Rehearsed, rehearse, rehearse_points};
 use setup::Setup;
 
 use crate::planned_cell::PlannedCell;
@@ -208,14 +208,18 @@ impl Verification {
         {
             return Ok(known);
         }
-        let PlannedCell { robot, motions, stops, .. } = &self.planned;
+        let PlannedCell { robot, motions, points, stops, .. } = &self.planned;
         let calls = match execution_type {
             ExecutionType::Rc => Calls::Program,
             ExecutionType::Sm => Calls::Singles,
             ExecutionType::Cm => Calls::Continuous,
         };
-        let alone = rehearse(robot, *start, motions, stops, calls, percent)
-            .context("the repetition cannot be verified: the arm alone cannot execute the plan")?;
+        let alone = match points.as_ref().filter(|_| calls == Calls::Continuous) {
+            Some(points) => rehearse_points(robot, *start, points, percent),
+            None => rehearse(robot, *start, motions, stops, calls, percent),
+        };
+        let alone =
+            alone.context("the repetition cannot be verified: the arm alone cannot execute the plan")?;
         self.rehearsed.retain(|it| !is_it(it));
         self.rehearsed.push((execution_type, percent, alone));
         Ok(alone)

@@ -305,6 +305,7 @@ impl SoakOptions {
 mod tests {
     use super::*;
     use clap::FromArgMatches as _;
+    use setup::Refill;
 
     fn options(arguments: &[&str]) -> Result<SoakOptions, clap::Error> {
         let command = SoakOptions::augment_args(clap::Command::new("soak").no_binary_name(true));
@@ -351,17 +352,32 @@ mod tests {
         assert_eq!(failure(error.into()).exit, Exit::RunFailed);
     }
 
+    /// Lives for a minute of the plant.
+    fn minute_of(setup: &Setup, application: &planning::Application) -> Counts {
+        let planned = PlannedCell::of(setup, application).unwrap();
+        let faults: Vec<Fault> = BACKGROUND.split(',').map(|fault| fault.parse().unwrap()).collect();
+        let go_on = AtomicBool::new(false);
+        let counts = live(setup, &planned, &faults, 1, Duration::from_secs(60), &go_on).unwrap();
+        assert!(counts.plant >= Duration::from_secs(60) && counts.passed > 5, "{counts:?}");
+        counts
+    }
+
     #[test]
     fn a_minute_of_the_plant_with_many_faults_passes_on_every_bus() {
         for (setup, drives) in [("A", None), ("B", None), ("C", None), ("D", Some(setup::Drives::Ethercat))] {
             let (setup, found) = planning::setup_with_application(setup).unwrap();
             let setup = drives.iter().fold(setup, |setup, drives| setup.with_drives(*drives));
-            let planned = PlannedCell::of(&setup, &found.application).unwrap();
-            let faults: Vec<Fault> = BACKGROUND.split(',').map(|fault| fault.parse().unwrap()).collect();
-            let go_on = AtomicBool::new(false);
-            let counts = live(&setup, &planned, &faults, 1, Duration::from_secs(60), &go_on).unwrap();
-            assert!(counts.plant >= Duration::from_secs(60) && counts.passed > 5, "{counts:?}");
-            assert_eq!(counts.altered, 0, "{counts:?}");
+            assert_eq!(minute_of(&setup, &found.application).altered, 0);
+        }
+    }
+
+    #[test]
+    fn a_minute_of_compact_points_with_many_faults_passes_on_every_bus() {
+        let circle = include_str!("../../../cell/planning/tests/circle.toml");
+        let application = planning::Application::parse("circle.toml", circle).unwrap();
+        for (setup, refill) in [("A", Refill::Accepted), ("B", Refill::Accepted), ("C", Refill::Executed)] {
+            let setup = setup::setup(setup).unwrap().with_queue_motions(64).with_refill(refill);
+            assert_eq!(minute_of(&setup.with_form_compact(), &application).altered, 0);
         }
     }
 }

@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use setup::Refill;
+
 fn bench(place: &Path, args: &[&str]) -> (Option<i32>, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_bench")).args(args).current_dir(place).output().unwrap();
     let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap()).concat();
@@ -23,22 +25,49 @@ fn command<'a>(said: &'a str, words: &str) -> Vec<&'a str> {
     lines.nth(1).unwrap().split_whitespace().skip(1).collect()
 }
 
+/// Explores CM with every kind of fault, and checks that each run ends as it may.
+fn explored_well(place: &Path, options: &str) -> String {
+    let (code, said) = explore(place, options);
+    assert_eq!(code, Some(0), "{said}");
+    let rows: Vec<Vec<&str>> = said
+        .lines()
+        .filter(|line| line.trim_start().starts_with("CM "))
+        .map(|line| line.split_whitespace().collect())
+        .collect();
+    assert_eq!(rows.len(), 9, "{said}");
+    for row in rows {
+        assert_eq!(row[row.len() - 4..], ["0"; 4], "too late, stuck, altered, panicked: {said}");
+    }
+    assert!(said.contains("0 ended otherwise"), "{said}");
+    said
+}
+
+/// Writes the files of a setup whose PLC sends compact points, and of a circle of sixty.
+fn write_compact(place: &Path, name: &str) {
+    let setup = setup::setup(name).unwrap().with_queue_motions(64).with_refill(Refill::Accepted);
+    fs::write(place.join("compact.toml"), setup::setup_to_toml(&setup.with_form_compact()).unwrap()).unwrap();
+    let circle = include_str!("../../../cell/planning/tests/circle.toml");
+    fs::write(place.join("circle.toml"), circle).unwrap();
+}
+
+#[test]
+fn no_single_fault_alters_a_run_of_compact_points_on_any_bus() {
+    for name in ["A", "B", "C"] {
+        let place = tempfile::tempdir().unwrap();
+        write_compact(place.path(), name);
+        let options = "--setup compact.toml --application circle.toml --types cm --every 397";
+        let said = explored_well(place.path(), options);
+        let again = command(&said, "refused: ");
+        let (code, of_run) = bench(place.path(), &again);
+        assert_eq!(code, Some(4), "{again:?}: {of_run}");
+    }
+}
+
 #[test]
 fn no_single_fault_of_any_kind_lets_an_altered_run_pass_or_keeps_the_next_one_from_passing_on_any_bus() {
     for setup in ["A", "B", "C"] {
         let place = tempfile::tempdir().unwrap();
-        let (code, said) = explore(place.path(), &format!("--setup {setup} --types cm --every 197"));
-        assert_eq!(code, Some(0), "{said}");
-        let rows: Vec<Vec<&str>> = said
-            .lines()
-            .filter(|line| line.trim_start().starts_with("CM "))
-            .map(|line| line.split_whitespace().collect())
-            .collect();
-        assert_eq!(rows.len(), 9, "{said}");
-        for row in rows {
-            assert_eq!(row[row.len() - 4..], ["0"; 4], "too late, stuck, altered, panicked: {said}");
-        }
-        assert!(said.contains("0 ended otherwise"), "{said}");
+        let said = explored_well(place.path(), &format!("--setup {setup} --types cm --every 197"));
         let sentence: Vec<_> = said.lines().skip_while(|line| !line.starts_with("Of ")).collect();
         assert!(sentence.iter().take(2).all(|line| line.chars().count() <= 100), "{said}");
         let page = fs::read_to_string(place.path().join("out/explore.html")).unwrap();

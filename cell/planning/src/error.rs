@@ -1,5 +1,6 @@
 //! Why an application cannot be read or planned.
 
+use crate::compact_form::NotCompact;
 use crate::out_of_reach::{OutOfReach, SwingsTooNear};
 use crate::refusal::Refusal;
 use crate::shared_zone::NoTurns;
@@ -32,6 +33,9 @@ pub enum Error {
         /// Which quantity is beyond which limit.
         refusal: Refusal,
     },
+    /// The motions have no compact form, in which the setup's PLC sends them.
+    #[error("plc.form = \"compact\": {0}")]
+    NotCompact(#[from] NotCompact),
     /// An application that was read cannot be planned on a setup.
     #[error("{origin} on setup {setup}: {refused}")]
     Unplannable {
@@ -39,7 +43,7 @@ pub enum Error {
         origin: String,
         /// The setup's name.
         setup: String,
-        /// [`Error::Refused`].
+        /// [`Error::Refused`] or [`Error::NotCompact`].
         refused: Box<Error>,
     },
     /// The arms of a cell cannot take turns in its shared zones.

@@ -25,6 +25,7 @@ mod arms_file;
 mod cell;
 mod check;
 mod clearance;
+mod compact_form;
 mod course;
 mod display;
 mod error;
@@ -62,6 +63,7 @@ pub use application::{
 };
 pub use arms::{ArmApplication, ArmsApplication, Mark};
 pub use cell::{FoundCell, PlannedCell, PlannedStation, cell_and_application, cell_with_applications};
+pub use compact_form::NotCompact;
 pub use error::Error;
 pub use geometry::{Cuboid, Point, Pose};
 pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};

@@ -17,7 +17,8 @@ use crate::zone::{LEAST_ZONE_MM, Sizes, Why, swallowed_point};
 /// Plans all cycles of an application on a setup: the paper's steps I to IV.
 ///
 /// # Errors
-/// [`Error::Refused`] names the step, the motion, the quantity and its limit.
+/// [`Error::Refused`] names the step, the motion, the quantity and its limit; [`Error::NotCompact`] the first motion that has no compact
+/// form on a setup whose PLC sends that.
 pub fn plan(application: &Application, setup: &Setup) -> Result<Plan, Error> {
     let mut plan = Plan::empty(application, setup);
     let mut planner = Planner::new(application, setup);
@@ -25,6 +26,7 @@ pub fn plan(application: &Application, setup: &Setup) -> Result<Plan, Error> {
         planner.cycle(cell, &mut plan)?;
     }
     plan.to_start = planner.way_to_start()?;
+    plan.wire_points(setup)?;
     Ok(plan)
 }
 

@@ -1,6 +1,6 @@
 //! A list of points as compact points: one head, and each point's difference from the one before it.
 
-use protocol::image::{ErrorNumber, PointDifference, PointHead, PointMisfit, PointSum};
+use protocol::image::{ErrorNumber, Motion, PointDifference, PointHead, PointMisfit, PointSum};
 
 /// Points of a trajectory in the form in which the PLC sends them.
 #[derive(Clone, PartialEq, Debug)]
@@ -60,6 +60,14 @@ impl CompactPath {
         Ok(Self { head, differences: differences.collect::<Result<_, _>>()? })
     }
 
+    /// Returns the motions to the points, whose targets are whole steps from the origin.
+    pub fn motions(&self) -> impl Iterator<Item = Motion> {
+        self.differences.iter().scan(PointSum::default(), |sum, difference| {
+            sum.add(*difference);
+            Some(sum.motion(&self.head))
+        })
+    }
+
     /// Returns the finest resolution, in 0.01 µm, whose differences carry the steps from each target to the next one, the first one
     /// from the origin; the coarsest one if none does.
     #[must_use]
@@ -78,7 +86,7 @@ impl CompactPath {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use protocol::image::{Motion, MotionKind};
+    use protocol::image::MotionKind;
 
     const HEAD: PointHead = PointHead::of(
         &Motion {

@@ -137,10 +137,14 @@ impl Plan {
         bounds.iter().copied().zip(bounds.iter().copied().skip(1)).map(between).collect()
     }
 
-    /// Returns the motions in the units of the wire, as this setup programs them.
+    /// Returns the motions in the units of the wire, as this setup programs them; with `plc.form = "compact"` to targets that are
+    /// whole steps of the compact points.
     #[must_use]
     pub fn wire_motions(&self, setup: &Setup) -> Vec<image::Motion> {
-        self.motions.iter().map(|motion| motion.wire(setup)).collect()
+        match self.wire_points(setup) {
+            Ok(Some(path)) => path.motions().collect(),
+            _ => self.motions.iter().map(|motion| motion.wire(setup)).collect(),
+        }
     }
 
     /// Returns the motions to the start in the units of the wire, as this setup programs them.

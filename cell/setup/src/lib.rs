@@ -49,7 +49,7 @@ pub use plain_file::{
 };
 pub use shared_zone::SharedZone;
 pub use sourced::{Provenance, Sourced};
-pub use supply::{LookAhead, MOST_QUEUE_MOTIONS, Refill, SplineBlock};
+pub use supply::{LookAhead, MOST_QUEUE_MOTIONS, Refill, SlotForm, SplineBlock};
 pub use write::{cell_to_toml, setup_to_table, setup_to_toml};
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Bus, LookAhead, Provenance, Refill, Sourced};
+use crate::{Bus, LookAhead, Provenance, Refill, SlotForm, Sourced};
 
 /// A PLC, a bus and a robot, with everything a user may change.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -68,6 +68,8 @@ pub struct Plc {
     pub queue_depth: Option<Sourced<u32>>,
     /// The count of the robot by which MoveContinuous refills slots. If left out, `executed`, as in the paper.
     pub refill: Option<Refill>,
+    /// The form of the slots in which CM sends its motions. If left out, `full`, as in the paper.
+    pub form: Option<SlotForm>,
 }
 
 impl Plc {

@@ -3,7 +3,7 @@
 use protocol::image::SLOTS;
 use serde::{Deserialize, Serialize};
 
-use crate::Robot;
+use crate::{Plc, Robot};
 
 /// Largest number of motions that our robot controller knows ahead.
 pub const MOST_QUEUE_MOTIONS: u32 = 200;
@@ -18,6 +18,18 @@ pub enum Refill {
     Executed,
     /// A slot is free when its motion is accepted. Only for robots that keep what they accept.
     Accepted,
+}
+
+/// The form of the slots in which the PLC sends the motions of CM.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Default, Debug, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum SlotForm {
+    /// Five motions, by MoveContinuous.
+    #[default]
+    Full,
+    /// Compact points, by MoveTrajectory. Only for robots that take them, and for motions that are alike but for their targets.
+    Compact,
 }
 
 /// Look-ahead of a robot controller over a program of its own.
@@ -38,6 +50,14 @@ pub enum LookAhead {
 pub enum SplineBlock {
     /// Up to its last motion, or as far as our controller plans ahead.
     WholeSpline,
+}
+
+impl Plc {
+    /// Returns the form in which the PLC sends the motions of CM.
+    #[must_use]
+    pub fn sends_in_form(&self) -> SlotForm {
+        self.form.unwrap_or_default()
+    }
 }
 
 impl Robot {

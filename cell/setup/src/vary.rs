@@ -5,7 +5,7 @@
 
 use std::fmt::Display;
 
-use crate::{Cell, Drives, Provenance, Refill, Servo, Setup, Sourced};
+use crate::{Cell, Drives, Provenance, Refill, Servo, Setup, SlotForm, Sourced};
 
 /// Fewest bus cycles without a frame that a connection must tolerate; 3 is usual.
 const LEAST_WATCHDOG_CYCLES: u32 = 3;
@@ -52,6 +52,13 @@ impl Setup {
     pub const fn with_compact_points(mut self) -> Self {
         self.robot.compact_points = Some(true);
         self
+    }
+
+    /// Returns the setup with a PLC that sends compact points to a robot that takes them.
+    #[must_use]
+    pub const fn with_form_compact(mut self) -> Self {
+        self.plc.form = Some(SlotForm::Compact);
+        self.with_compact_points()
     }
 
     /// Returns the setup with a PLC that refills slots by this count.

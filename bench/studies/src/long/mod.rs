@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
-use setup::Setup;
+use setup::{Setup, SlotForm};
 
 pub use memory::PeakResident;
 pub use run::{Finished, LongRun, Mismatch};
@@ -77,6 +77,12 @@ pub fn run(options: &LongOptions) -> Result<Exit, Failure> {
     let (setup, directory) = setup::setup_with_directory(options.setup.name())?;
     let (origin, application) = origin(options, &setup, directory.as_deref())?;
     let usage = |error| Failure::new(Exit::Usage, error);
+    if setup.plc.sends_in_form() == SlotForm::Compact {
+        return Err(usage(anyhow!(
+            "setup {}: plc.form = \"compact\": this verb sends full motions; leave it out",
+            setup.name
+        )));
+    }
     let most = match (options.motions, &origin) {
         (Some(motions), _) => motions,
         (None, Origin::List(_)) => u32::MAX,

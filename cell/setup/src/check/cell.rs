@@ -4,7 +4,7 @@ use std::net::Ipv4Addr;
 
 use super::{Check, FARTHEST_MM, MAX_NAME, Problem, problem};
 use crate::cell::{CELL_SCHEMA, ETHERCAT};
-use crate::{BusKind, Cell, Figure, Profinet, Station};
+use crate::{BusKind, Cell, Figure, Profinet, SlotForm, Station};
 
 /// Longest name of a station in characters: it is part of the names of files and of options.
 const MAX_STATION_NAME: usize = 32;
@@ -28,6 +28,9 @@ pub(crate) fn check_cell(cell: &Cell) -> Check {
         return Err(problem("name", text));
     }
     number_of_stations(cell.stations.len())?;
+    if cell.plc.sends_in_form() == SlotForm::Compact {
+        return Err(problem("plc.form", "`compact` is for setups of one station; leave it out"));
+    }
     super::shared_zone::check(cell)?;
     cell.stations.iter().enumerate().try_for_each(|(index, station)| station_name(index, &station.name))?;
     for (index, station) in cell.stations.iter().enumerate() {

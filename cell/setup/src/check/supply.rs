@@ -1,9 +1,9 @@
-//! Checks of the look-ahead of the robot and of the refill.
+//! Checks of the look-ahead of the robot, of the refill and of the form of the slots.
 
 use protocol::image::SLOTS;
 
 use super::{Check, problem};
-use crate::{LookAhead, MOST_QUEUE_MOTIONS, Refill, Setup};
+use crate::{LookAhead, MOST_QUEUE_MOTIONS, Refill, Setup, SlotForm};
 
 /// Fewest motions that a robot with compact points keeps: all that come with a command are checked before the start.
 const LEAST_FOR_POINTS: u32 = 30;
@@ -25,6 +25,10 @@ pub(super) fn check(setup: &Setup) -> Check {
             "needs a robot that keeps the {LEAST_FOR_POINTS} points of an image; set robot.queue_motions to {LEAST_FOR_POINTS} to {MOST_QUEUE_MOTIONS}"
         );
         return Err(problem("robot.compact_points", text));
+    }
+    if plc.sends_in_form() == SlotForm::Compact && !robot.takes_compact_points() {
+        let text = "`compact` needs a robot that takes compact points; set robot.compact_points = true";
+        return Err(problem("plc.form", text));
     }
     if plc.refills_by() == Refill::Executed {
         return Ok(());
@@ -66,6 +70,10 @@ mod tests {
         let points = |queue: u32| check(&setup("A").unwrap().with_queue_motions(queue).with_compact_points());
         assert!(points(30).is_ok());
         assert!(points(29).unwrap_err().to_string().contains("robot.compact_points"));
+        let mut setup_of_form = setup("A").unwrap().with_queue_motions(30).with_form_compact();
+        assert!(check(&setup_of_form).is_ok());
+        setup_of_form.robot.compact_points = None;
+        assert!(check(&setup_of_form).unwrap_err().to_string().contains("plc.form"));
         let few =
             setup("A").unwrap().with_queue_motions(64).with_refill(Refill::Accepted).with_queue_depth(3);
         assert!(check(&few).unwrap_err().to_string().contains("plc.queue_depth"));

@@ -1,0 +1,88 @@
+//! A plan as compact points, for a PLC that sends these.
+
+use protocol::image::PointHead;
+use setup::{Setup, SlotForm};
+
+use crate::plan::Plan;
+use crate::points::{CompactError, CompactPath};
+
+/// Why the motions of a plan have no compact form.
+#[derive(Clone, PartialEq, Debug, thiserror::Error)]
+pub enum NotCompact {
+    /// The points have no place to begin at.
+    #[error("compact points follow on the place where the arm stands: give the application a start")]
+    NoStart,
+    /// The plan has no motions.
+    #[error("the application has no motions")]
+    Empty,
+    /// The arm stops on the way.
+    #[error(
+        "the arm stops after motion {after} of {motions}: compact points are one continuous motion, so leave out its stops"
+    )]
+    Stops {
+        /// Motions before the stop.
+        after: usize,
+        /// Motions of the plan.
+        motions: usize,
+    },
+    /// A motion of another kind, speed or zone than the first one.
+    #[error(
+        "motion {motion} has another {what} than motion 1: compact points are alike but for their targets"
+    )]
+    Differs {
+        /// Its number, counted from 1.
+        motion: usize,
+        /// What differs.
+        what: &'static str,
+    },
+    /// A target that no difference carries.
+    #[error(transparent)]
+    Point(#[from] CompactError),
+}
+
+impl Plan {
+    /// Returns the motions as compact points, in steps as fine as the longest of them allows; `None` where the setup's PLC sends full
+    /// motions.
+    ///
+    /// # Errors
+    ///
+    /// [`NotCompact`]: the motions have no compact form.
+    pub fn wire_points(&self, setup: &Setup) -> Result<Option<CompactPath>, NotCompact> {
+        if setup.plc.sends_in_form() == SlotForm::Full {
+            return Ok(None);
+        }
+        let start = self.to_start.from_anywhere.as_ref().ok_or(NotCompact::NoStart)?;
+        let motions: Vec<_> = self.motions.iter().map(|motion| motion.wire(setup)).collect();
+        let first = motions.first().ok_or(NotCompact::Empty)?;
+        let count = motions.len();
+        if let Some(stop) = self.continuous.iter().map(|it| it.motions.end).find(|end| *end < count) {
+            return Err(NotCompact::Stops { after: stop, motions: count });
+        }
+        for (index, motion) in motions.iter().enumerate() {
+            let is_last = index + 1 == count;
+            let differing = [
+                ("kind", motion.kind != first.kind),
+                ("velocity", motion.velocity != first.velocity),
+                ("acceleration", motion.acceleration != first.acceleration),
+                ("tool", motion.tool != first.tool),
+                ("base", motion.base != first.base),
+                // The list ends at its last point whatever that one's zone.
+                ("zone", motion.approximation != first.approximation && !is_last),
+            ];
+            if let Some((what, _)) = differing.into_iter().find(|(_, differs)| *differs) {
+                return Err(NotCompact::Differs { motion: index + 1, what });
+            }
+        }
+        let [origin, targets @ ..] = &self.targets_from(start)[..] else { return Err(NotCompact::Empty) };
+        let turns = targets.iter().any(|target| target[3..] != origin[3..]);
+        let resolution = CompactPath::finest_resolution(*origin, targets);
+        let head = PointHead::of(first, resolution, if turns { 6 } else { 3 });
+        let head = PointHead { origin: origin.map(|coordinate| coordinate as f32), ..head };
+        Ok(Some(CompactPath::of(head, targets.iter().copied())?))
+    }
+
+    /// Returns the target of this motion and then those of the plan: x, y, z in mm, a, b, c in degrees.
+    fn targets_from(&self, start: &crate::motion::Motion) -> Vec<[f64; 6]> {
+        std::iter::once(start).chain(&self.motions).map(|motion| motion.target.mm_deg()).collect()
+    }
+}

@@ -1,0 +1,57 @@
+//! `plc.form = "compact"`: a plan as compact points, or why it has none.
+
+#![expect(clippy::unwrap_used, reason = "a helper of a test may panic as the test may")]
+
+use planning::{Application, plan};
+use protocol::image::Skill;
+use setup::Setup;
+
+const CIRCLE: &str = include_str!("circle.toml");
+
+fn compact() -> Setup {
+    setup::setup("A").unwrap().with_queue_motions(64).with_form_compact()
+}
+
+fn refused(text: &str) -> String {
+    let planned = plan(&Application::parse("circle.toml", text).unwrap(), &compact());
+    planned.map(|plan| plan.motions.len()).unwrap_err().to_string()
+}
+
+#[test]
+fn the_points_of_a_plan_are_its_motions_within_half_a_step() {
+    let application = Application::parse("circle.toml", CIRCLE).unwrap();
+    let planned = plan(&application, &compact()).unwrap();
+    let path = planned.wire_points(&compact()).unwrap().unwrap();
+    // 3.14 mm from point to point, in a step of 16 bits.
+    assert_eq!((path.differences.len(), path.head.coordinates, path.head.resolution), (60, 3, 10));
+    let full = planned.wire_motions(&setup::setup("A").unwrap());
+    let rounded = planned.wire_motions(&compact());
+    assert_eq!(full.len(), rounded.len());
+    for (one, other) in full.iter().zip(&rounded) {
+        let off = one.target.iter().zip(other.target).map(|(one, other)| (one - other).abs());
+        assert!(off.fold(0.0, f32::max) < 1e-4, "{one:?} and {other:?}");
+        assert_eq!(one.velocity, other.velocity);
+    }
+    assert_eq!(planned.wire_points(&setup::setup("A").unwrap()), Ok(None));
+    assert_eq!(u8::from(Skill::MoveTrajectory), 18);
+}
+
+#[test]
+fn a_plan_without_a_compact_form_is_refused_with_its_first_motion_that_differs() {
+    let begin = "path = [ { spline = [";
+    let before = |step: &str| CIRCLE.replace(begin, &format!("path = [ {step}, {{ spline = ["));
+    let frame = |line: &str| CIRCLE.replace("\nhome = ", &format!("\n{line}\nhome = "));
+    let again = "\n[[step]]\nname = \"again\"\ndoes = \"goes back\"\nlabels = [\"accurate-path\", \"accurate-stop\"]\n\
+                 from = \"home\"\npath = [ { spline = [\"p1\", \"p2\"] } ]\n";
+    let far = frame("far = { on = \"home\", shift_mm = [400.0, 0.0, 0.0] }");
+    let told = [
+        refused(&before("{ line = \"p2\" }")),
+        refused(&far.replace(begin, "path = [ { spline = [\"far\", ")),
+        refused(&format!("{CIRCLE}{again}")),
+    ];
+    insta::assert_snapshot!(told.join("\n"), @r#"
+    plc.form = "compact": motion 2 has another kind than motion 1: compact points are alike but for their targets
+    plc.form = "compact": point 0: x is 400 mm from the point before: a difference carries at most 327.67 mm; choose a coarser resolution or a closer spacing
+    plc.form = "compact": the arm stops after motion 60 of 62: compact points are one continuous motion, so leave out its stops
+    "#);
+}
