@@ -24,6 +24,7 @@ fn main() -> ExitCode {
         a_run_of_setup_b_passes_and_loses_no_frame,
         a_run_of_setup_c_passes_and_loses_no_frame,
         exported_code_runs_on_every_bus_in_the_place_of_the_function_blocks,
+        compact_points_are_driven_in_a_real_run_on_every_bus,
         a_killed_node_fails_the_run_at_once_and_is_named,
         a_node_that_hangs_fails_the_run,
         nodes_that_both_hang_fail_the_run_and_are_named_with_what_they_sent_last,
@@ -74,6 +75,14 @@ fn exported_code_runs_on_every_bus_in_the_place_of_the_function_blocks() {
         let ended = Bench::start_patient(setup, &["--reps", "1", "--plc-program", kit]).wait();
         assert!(ended.status.success(), "{setup}: {}: {}", ended.status, ended.stderr);
         assert_eq!(ended.samples.lines().count(), 2);
+    }
+}
+
+fn compact_points_are_driven_in_a_real_run_on_every_bus() {
+    for setup in ["A", "B", "C"] {
+        let ended = Bench::start_with_compact_points(setup, &["--types", "cm", "--reps", "2"]).wait();
+        assert!(ended.status.success(), "{setup}: {}: {}", ended.status, ended.stderr);
+        assert_eq!(ended.samples.lines().count(), 3);
     }
 }
 

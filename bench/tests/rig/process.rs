@@ -95,6 +95,20 @@ impl Bench {
         Self::start_in(place, &setup, args, &[])
     }
 
+    /// Starts it likewise, with a PLC that sends sixty points on a circle as compact points.
+    pub(crate) fn start_with_compact_points(setup: &str, args: &[&str]) -> Self {
+        let place = tempfile::tempdir().unwrap();
+        let setup = patient(setup, place.path());
+        let robot = "\n[robot]\ncompact_points = true\nqueue_motions = { value = 64, from = \"assumed\" }\n";
+        let text = fs::read_to_string(&setup).unwrap();
+        let text = text.replace("\n[plc]\n", "\n[plc]\nform = \"compact\"\n").replace("\n[robot]\n", robot);
+        fs::write(&setup, text).unwrap();
+        let circle = place.path().join("circle.toml");
+        fs::write(&circle, include_str!("../../../cell/planning/tests/circle.toml")).unwrap();
+        let args = [&["--application", circle.to_str().unwrap()], args].concat();
+        Self::start_in(place, &setup, &args, &[])
+    }
+
     /// Starts it likewise, it and its nodes with a UTC that steps by hours.
     pub(crate) fn start_with_a_stepping_clock(setup: &str, args: &[&str]) -> Self {
         let place = tempfile::tempdir().unwrap();
