@@ -38,7 +38,8 @@ static DEVICE: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 /// Eight bytes of inputs, so no watchdog runs in it.
