@@ -238,7 +238,8 @@ impl Cell {
 
 fn refusal(number: u8) -> String {
     format!(
-        "{:?}: another EtherCAT MainDevice ({}) sends on this cable: stop it; until then this one sends nothing",
+        "{:?}: another EtherCAT MainDevice sends on this cable, source address {} (its first byte may differ from that of \
+         the interface): stop it; until then this one sends nothing",
         DownCause::Refused,
         mac(number)
     )
