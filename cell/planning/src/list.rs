@@ -28,7 +28,7 @@ pub const COLUMNS: &str = "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,accelerat
 /// The last columns, which a list may lack.
 const OPTIONAL: &str = ",status,turn,deceleration,jerk";
 
-/// How many columns are numbers with decimals: target and auxiliary point or force.
+/// Number of columns with decimals: target and auxiliary point or force.
 const DECIMAL_COLUMNS: usize = 9;
 
 /// Highest number of a tool or base.
@@ -209,7 +209,7 @@ fn decimal_comma(header: &str, text: &str) -> String {
         _ => return String::new(),
     }
     let is_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
-    let mut advices = (0..columns.len() - 1).filter_map(|at| {
+    let mut candidates = (0..columns.len() - 1).filter_map(|at| {
         let (&[whole, fraction], before) = (columns.get(at..at + 2)?, columns.get(..at)?) else {
             return None;
         };
@@ -220,7 +220,7 @@ fn decimal_comma(header: &str, text: &str) -> String {
         let with_point = [before, &[decimal.as_str()], columns.get(at + 2..)?].concat().join(",");
         parse(header, &with_point).ok().map(|_| format!("; write {decimal}, not {whole},{fraction}"))
     });
-    match (advices.next(), advices.next()) {
+    match (candidates.next(), candidates.next()) {
         (Some(advice), None) => advice,
         (advice, _) => advice.map_or_else(String::new, |_| UNKNOWN.to_owned()),
     }

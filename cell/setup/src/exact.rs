@@ -30,7 +30,7 @@ impl<T> Exact<T> {
     }
 }
 
-/// What follows the length of a list of integers in the message about a list that is too long.
+/// Suffix of the length of a list of integers, in the message about a list that is too long.
 pub(crate) const OF_INTEGERS: &str = " of integers";
 
 /// The length of a list that was read into a type of fixed length.

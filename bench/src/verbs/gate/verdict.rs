@@ -85,7 +85,7 @@ pub(super) struct GateRow<'a> {
     difference: Option<f64>,
     /// Largest difference that passes.
     tolerance: Option<f64>,
-    /// Whether the difference passes.
+    /// True if the difference passes.
     is_within: bool,
 }
 
