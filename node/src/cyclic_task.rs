@@ -106,13 +106,14 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
                 notices.send(Notice::Explanation(words));
             }
         }
-        let mut remark = ShortText::default();
-        if N::may_remark(&event) {
+        let remark = N::may_remark(&event).then(|| {
+            let mut remark = ShortText::default();
             // Text that does not fit is cut off.
             let _ = node.remark(&event, &mut remark);
-        }
+            remark
+        });
         notices.send(Notice::Event(event));
-        if !remark.as_str().is_empty() {
+        if let Some(remark) = remark {
             notices.send(Notice::Remark(station, remark));
         }
         match link {

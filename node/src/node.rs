@@ -163,7 +163,7 @@ pub enum Notice<E, A> {
     Event(E),
     /// Why the peer refused the connection and what it offers instead; the next notice is the event itself.
     Explanation(ShortText),
-    /// What is remarkable about the connection to the station of this index.
+    /// What is remarkable about the connection to the station of this index; an empty text if nothing is.
     Remark(usize, ShortText),
     /// An answer to an order.
     Answer(A),

@@ -151,6 +151,19 @@ struct Link {
     remark: Option<String>,
 }
 
+impl Link {
+    /// Takes what is remarkable now, nothing being an empty text. Returns what is to be reported: a new remark, or the end of the
+    /// last one. The same remark again is not reported.
+    fn take_remark(&mut self, text: &str) -> Option<String> {
+        let text = Some(text).filter(|text| !text.is_empty());
+        if self.remark.as_deref() == text {
+            return None;
+        }
+        let former = std::mem::replace(&mut self.remark, text.map(str::to_owned));
+        self.remark.clone().or_else(|| former.map(|former| format!("no longer so: {former}")))
+    }
+}
+
 impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
     /// Handles events until the cyclic thread has ended.
     fn run(&mut self) -> Result<Outcome, NodeError> {
@@ -268,11 +281,8 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
                 return Next::Wait;
             }
             Notice::Remark(station, text) => {
-                let text = text.as_str().to_owned();
-                if let Some(link) = self.links.get_mut(station) {
-                    link.remark = Some(text.clone());
-                }
-                (Some(station), Some(Message::Remark { text }), Next::Wait)
+                let text = self.links.get_mut(station).and_then(|link| link.take_remark(text.as_str()));
+                (Some(station), text.map(|text| Message::Remark { text }), Next::Wait)
             }
             Notice::Answer(answer) => {
                 let station = C::answered_station(&answer);
@@ -329,7 +339,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         let message = link_message(event, self.explanation.take());
         if let Some(link) = self.links.get_mut(station) {
             match event {
-                LinkEvent::Up => (link.is_up, link.last_down, link.waiting) = (true, None, None),
+                LinkEvent::Up => *link = Link { is_up: true, ..Link::default() },
                 LinkEvent::Down(_) => {
                     (link.is_up, link.remark) = (false, None);
                     if let Some(Message::LinkDown { reason }) = &message {
@@ -420,4 +430,21 @@ fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Option<M
         LinkEvent::Conflict(conflict) => Message::Conflict { conflict: conflict.to_string() },
         LinkEvent::Store => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Link;
+
+    #[test]
+    fn a_remark_is_reported_once_and_when_it_no_longer_holds() {
+        let mut link = Link::default();
+        let mut reported = |text: &str| link.take_remark(text);
+        assert_eq!(reported(""), None);
+        assert_eq!(reported("a silent owner").as_deref(), Some("a silent owner"));
+        assert_eq!(reported("a silent owner"), None);
+        assert_eq!(reported("another owner").as_deref(), Some("another owner"));
+        assert_eq!(reported("").as_deref(), Some("no longer so: another owner"));
+        assert_eq!(reported(""), None);
+    }
 }

@@ -109,7 +109,8 @@ pub static ETHERCAT_ROBOT: ethercat_subdevice::Description = ethercat_subdevice:
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 static COMMAND_ENTRIES: [PdoEntry; entry_count(COMMAND_FIELDS)] = entries(0x7000, COMMAND_FIELDS);

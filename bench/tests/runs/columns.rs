@@ -147,7 +147,53 @@ const MEANINGS: &[(&str, &str, &str)] = &[
     ("cm_ms_uncalibrated", "ms", "AET of CM in that case"),
     ("aeti_uncalibrated", "share of 1", "AETi in that case"),
     ("refused", "", "why the case cannot be run"),
+    ("job", "", "address of the job: the first 64 bits of the SHA-256 of all that decides about it"),
+    ("execution_ns", "ns", "execution time on the PLC"),
+    ("robot_execution_ns", "ns", "execution time that the robot measured"),
+    ("status", "", "`passed`, `failed`, `not-run` or `refused`"),
+    (
+        "frames_lost",
+        "1",
+        "cyclic frames that one node sent and the other did not accept; where `[record]` names it, as those that follow",
+    ),
+    ("images_altered", "1", "images that a node refused because a byte was altered"),
+    ("path_length_mm", "mm", "length of the tool's path"),
+    ("path_deviation_mm", "mm", "largest distance of the tool from the programmed curves"),
+    ("joint_speed", "share of 1", "highest speed of a joint as a share of its rated speed"),
+    (
+        "joint_acceleration",
+        "share of 1",
+        "highest acceleration of a joint as a share of its rated acceleration",
+    ),
+    ("joint_jerk", "share of 1", "highest jerk of a joint as a share of its rated jerk"),
+    (
+        VARIED_KEY,
+        "unit of the key",
+        "value of this varied key, an example: a column for each key of `[[vary]]`, with its path",
+    ),
+    ("reason", "", "why the job did not pass"),
+    ("life", "1", "number of the life, from 0"),
+    ("plant_ns", "ns", "time of the plant that the life lasted"),
+    ("passed", "1", "repetitions that ended as wanted"),
 ];
+
+/// The varied key of the study that shows the columns.
+const VARIED_KEY: &str = "plc.scan_cycle_us";
+
+/// A study with each figure that rows may have.
+const STUDY: &str = "[study]
+setup = \"A\"
+types = [\"cm\"]
+reps = 1
+seeds = \"1\"
+
+[record]
+figures = [\"frames_lost\", \"images_altered\", \"path_length_mm\", \"path_deviation_mm\", \"joint_speed\", \"joint_acceleration\", \"joint_jerk\"]
+
+[[vary]]
+key = \"plc.scan_cycle_us\"
+values = [1000]
+";
 
 /// Columns that mean something else in the table of a verb.
 const EXCEPTIONS: &[(&str, &str, &str, &str)] = &[
@@ -160,6 +206,11 @@ const EXCEPTIONS: &[(&str, &str, &str, &str)] = &[
     ("bench calibrate", "error", "unit of the row", "standard error of the figure over the seeds"),
     ("bench sensitivity", "value", "unit of the row", "the resulting value of the varied number"),
     ("bench trajectory", "t_ms", "ms", "time of the robot cycle since the start edge"),
+    ("bench soak", "seed", "", "seed of the life"),
+    ("bench soak", "refused", "1", "repetitions that failed with a reason"),
+    ("bench soak", "altered", "1", "repetitions that ended, but differ from the plan"),
+    ("bench soak", "reason", "", "seed and reason of the first that was refused"),
+    ("bench soak", "difference", "", "seed and difference of the first that differs"),
 ];
 
 /// Returns the verbs that write figures for other programs, with the columns of their CSV.
@@ -185,6 +236,9 @@ const TABLES: &[(&str, &str)] = &[
         "`trace-robot.csv`: a row for each robot cycle of the first repetition of each type",
         "one/trace-robot.csv",
     ),
+    ("`rows.csv` of studies: a row for each repetition", "study/rows.csv"),
+    ("`jobs.csv` of studies: a row for each job, in the order in which they ended", "study/jobs.csv"),
+    ("`lives.csv` of `bench soak`: a row for each life", "soaked/lives.csv"),
     ("`--export-csv`: a row for each type", "one.csv"),
     ("`--export-csv` of several stations: a row for each type and station", "cell.csv"),
 ];
@@ -199,9 +253,15 @@ fn every_column_of_every_table_of_a_run_is_explained_with_its_unit() {
         let finished = bench(place.path(), [&virtual_run[..], &files].concat());
         assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     }
+    fs::write(place.path().join("study.toml"), STUDY).unwrap();
+    for arguments in ["study run study.toml --out study --quiet", "soak --hours 0.01 --out soaked --quiet"] {
+        let finished = bench(place.path(), arguments.split(' '));
+        assert_eq!(finished.code, Some(0), "{arguments}: {}", finished.stderr);
+    }
     let of_runs = TABLES.iter().map(|(title, file)| {
         let text = fs::read_to_string(place.path().join(file)).unwrap();
-        ("", (*title).to_owned(), text.lines().next().unwrap().to_owned())
+        let verb = if file.starts_with("soaked/") { "bench soak" } else { "" };
+        (verb, (*title).to_owned(), text.lines().next().unwrap().to_owned())
     });
     let of_verbs = tables_of_verbs()
         .into_iter()

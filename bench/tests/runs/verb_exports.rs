@@ -63,7 +63,8 @@ fn buses_gate_and_compare_write_their_figures_as_json_and_csv() {
     }
 
     let (gate, rows) = exports(place, "gate --setup D");
-    let figures = gate.as_array().unwrap();
+    assert_eq!(gate["schema_version"], 1);
+    let figures = gate["figures"].as_array().unwrap();
     assert!(figures.len() > 5 && figures.iter().all(|figure| figure["is_within"] == true), "{gate}");
     agree(figures, &rows, &[]);
 
@@ -76,7 +77,8 @@ fn buses_gate_and_compare_write_their_figures_as_json_and_csv() {
         );
     }
     let (compared, rows) = exports(place, "compare one two");
-    agree(compared.as_array().unwrap(), &rows, &[]);
+    assert_eq!(compared["schema_version"], 1);
+    agree(compared["figures"].as_array().unwrap(), &rows, &[]);
     assert_eq!(rows.len(), 6, "three types of two runs");
 }
 

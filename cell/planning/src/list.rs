@@ -28,6 +28,9 @@ pub const COLUMNS: &str = "kind,x,y,z,a,b,c,aux_x,aux_y,aux_z,velocity,accelerat
 /// The last columns, which a list may lack.
 const OPTIONAL: &str = ",status,turn,deceleration,jerk";
 
+/// Number of columns with decimals: target and auxiliary point or force.
+const DECIMAL_COLUMNS: usize = 9;
+
 /// Highest number of a tool or base.
 const HIGHEST_FRAME: u8 = 15;
 
@@ -157,7 +160,7 @@ fn parse(header: &str, text: &str) -> Result<Motion, String> {
     let columns_wanted = header.split(',').count();
     let found = text.split(',').count();
     if found != columns_wanted {
-        let advice = if found > columns_wanted { "; write 15.5, not 15,5" } else { "" };
+        let advice = decimal_comma(header, text);
         return Err(format!("found {found} columns; a motion has {columns_wanted}: {header}{advice}"));
     }
     let mut column = || columns.next().map(|(name, text)| (name, text.trim())).unwrap_or_default();
@@ -193,6 +196,34 @@ fn parse(header: &str, text: &str) -> Result<Motion, String> {
         }
     }
     Ok(motion)
+}
+
+/// Returns how a number with a decimal comma should be written, if one comma too many can be a decimal one; without the number
+/// if several can.
+fn decimal_comma(header: &str, text: &str) -> String {
+    const UNKNOWN: &str = "; write decimals with a point, not a comma";
+    let columns: Vec<_> = text.split(',').map(str::trim).collect();
+    match columns.len().saturating_sub(header.split(',').count()) {
+        1 => (),
+        2..=DECIMAL_COLUMNS => return UNKNOWN.to_owned(),
+        _ => return String::new(),
+    }
+    let is_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let mut candidates = (0..columns.len() - 1).filter_map(|at| {
+        let (&[whole, fraction], before) = (columns.get(at..at + 2)?, columns.get(..at)?) else {
+            return None;
+        };
+        if !is_digits(whole.trim_start_matches('-')) || !is_digits(fraction) {
+            return None;
+        }
+        let decimal = format!("{whole}.{fraction}");
+        let with_point = [before, &[decimal.as_str()], columns.get(at + 2..)?].concat().join(",");
+        parse(header, &with_point).ok().map(|_| format!("; write {decimal}, not {whole},{fraction}"))
+    });
+    match (candidates.next(), candidates.next()) {
+        (Some(advice), None) => advice,
+        (advice, _) => advice.map_or_else(String::new, |_| UNKNOWN.to_owned()),
+    }
 }
 
 /// Reads status and turn, of which both or the turn may be empty.
@@ -349,7 +380,20 @@ mod tests {
         );
         assert_eq!(
             with("180,0,", "179,5,0,"),
-            format!("dots.csv:2: found 20 columns; a motion has 19: {COLUMNS}; write 15.5, not 15,5")
+            format!(
+                "dots.csv:2: found 20 columns; a motion has 19: {COLUMNS}; write decimals with a point, not a comma"
+            ),
+            "the comma may be any of several"
+        );
+        let circle = "circ,7,8.5,9.5,0.5,1.5,2.5,3.5,4.5,5.5,4463,2500,1000,0,1,,,0,0";
+        assert_eq!(
+            refused(&format!("{COLUMNS}\n{}\n", circle.replacen("7,", "-7,25,", 1))),
+            format!("dots.csv:2: found 20 columns; a motion has 19: {COLUMNS}; write -7.25, not -7,25")
+        );
+        assert_eq!(
+            refused(&format!("{COLUMNS}\n{circle},1\n")),
+            format!("dots.csv:2: found 20 columns; a motion has 19: {COLUMNS}"),
+            "whole numbers have no decimals"
         );
         assert_eq!(
             with("1,2,35", "1,,35"),

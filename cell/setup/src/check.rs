@@ -317,7 +317,9 @@ fn axes(setup: &Setup, joints: usize) -> Check {
         let key = format!("robot.axes.{name}");
         let found = values.value.len();
         if found != joints {
-            let advice = if found > joints { "; write decimals with a point, not a comma" } else { "" };
+            // With a decimal comma both parts are whole numbers.
+            let may_have_comma = found > joints && values.value.iter().all(|value| value.fract() == 0.0);
+            let advice = if may_have_comma { "; write decimals with a point, not a comma" } else { "" };
             let text = format!("found {found} numbers, expected {joints}, one for each joint{advice}");
             return Err(problem(key, text));
         }

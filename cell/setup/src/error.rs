@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::exact::OF_INTEGERS;
 use crate::nearest;
 
 /// Why a setup cannot be used, or an application's file cannot be found.
@@ -222,28 +223,45 @@ fn lengths(message: &str) -> Option<(usize, usize)> {
     let expected = expected
         .strip_prefix("an array of length ")
         .or_else(|| expected.strip_suffix(" elements in sequence"))?;
+    let expected = expected.strip_suffix(OF_INTEGERS).unwrap_or(expected);
     Some((found.parse().ok()?, expected.parse().ok()?))
 }
 
-/// Returns how the first number with a decimal comma should be written, if a list has too many numbers and its text has one.
+/// Returns how the first number with a decimal comma should be written, if a list has too many numbers because of such commas.
 fn decimal_comma(message: &str, list: &str) -> String {
     match lengths(message) {
-        Some((found, expected)) if found > expected => {
-            list.match_indices(',').find_map(|(at, _)| with_point(list, at)).unwrap_or_default()
+        Some((found, expected)) if found > expected && !message.ends_with(OF_INTEGERS) => {
+            with_points(list, expected).unwrap_or_default()
         }
         _ => String::new(),
     }
 }
 
-/// Returns the advice for the comma at byte `at`, if it stands between two whole numbers without a space.
-fn with_point(list: &str, at: usize) -> Option<String> {
-    let is_number = |c: char| c.is_ascii_digit() || ['.', '_', '-'].contains(&c);
-    let (before, after) = (list.get(..at)?, list.get(at + 1..)?);
-    let whole = before.get(before.rfind(|c| !is_number(c)).map_or(0, |last| last + 1)..)?;
-    let fraction = after.get(..after.find(|c| !is_number(c)).unwrap_or(after.len()))?;
-    let is_whole = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
-    let fits = is_whole(whole.strip_prefix('-').unwrap_or(whole)) && is_whole(fraction);
-    fits.then(|| format!("; write {whole}.{fraction}, not {whole},{fraction}"))
+/// Returns the advice for a list that has the `expected` numbers if each comma between two whole numbers without a space is a
+/// decimal one. In `1,2,3,4` for three numbers none is: there is a number too many.
+fn with_points(list: &str, expected: usize) -> Option<String> {
+    let is_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let lines = list.lines().map(|line| line.split('#').next().unwrap_or_default());
+    let text = lines.collect::<Vec<_>>().join("\n");
+    let elements = text.trim_matches(['[', ']']).trim_end().trim_end_matches(',').split(',');
+    // Elements that only commas without a space join.
+    let mut groups: Vec<Vec<&str>> = Vec::new();
+    for element in elements {
+        let is_whole = |before: &&str| is_digits(before.trim_start().trim_start_matches('-'));
+        let is_joined = groups.last().and_then(|group| group.last()).is_some_and(is_whole);
+        match groups.last_mut() {
+            Some(group) if is_joined && is_digits(element.trim_end()) => group.push(element),
+            _ => groups.push(vec![element]),
+        }
+    }
+    let numbers: usize = groups.iter().map(|group| group.len().div_ceil(2)).sum();
+    let is_in_pairs = groups.iter().all(|group| group.len() == 1 || group.len() % 2 == 0);
+    let decimal = groups.iter().find(|group| group.len() > 1)?;
+    let (&[whole, fraction, ..], true) = (decimal.as_slice(), is_in_pairs && numbers == expected) else {
+        return None;
+    };
+    let (whole, fraction) = (whole.trim(), fraction.trim());
+    Some(format!("; write {whole}.{fraction}, not {whole},{fraction}"))
 }
 
 /// Returns the path of a key as a user would write it; empty if there is none.
@@ -296,7 +314,13 @@ mod tests {
         let advice = |list| decimal_comma("invalid length 4, expected an array of length 3", list);
         assert_eq!(advice("[7, -50,25, 1,5]"), "; write -50.25, not -50,25");
         assert_eq!(advice("[\n  7,\n  0,5,\n  1,\n]"), "; write 0.5, not 0,5");
+        assert_eq!(advice("[15,0,-50,5,0,0]"), "; write 15.0, not 15,0");
+        assert_eq!(advice("[ # 1,2\n 7,5, # 3,4\n 8, 9]"), "; write 7.5, not 7,5", "comments are no numbers");
         assert_eq!(advice("[7, 8, 9, 10]"), "");
+        assert_eq!(advice("[7,8,9,10]"), "", "a number too many, without spaces");
+        assert_eq!(advice("[7,8,9, 10]"), "");
+        let integers = "invalid length 4, expected an array of length 3 of integers";
+        assert_eq!(decimal_comma(integers, "[1,2, 3, 4]"), "", "an integer has no decimals");
         assert_eq!(advice("[7.5,8.5, 9.0, 10.0]"), "", "both are numbers with a point");
         let short = decimal_comma("invalid length 2, expected an array of length 3", "[7,5]");
         assert_eq!(short, "", "a list that is too short has no number too many");

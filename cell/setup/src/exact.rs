@@ -4,6 +4,7 @@
 //! `[15,0, -50,5, 0,0]` would be the point 15, 0, -50. This deserializer wraps the reader and checks every list, so that no
 //! type has to.
 
+use std::any::type_name;
 use std::fmt;
 
 use serde::de::{
@@ -29,13 +30,19 @@ impl<T> Exact<T> {
     }
 }
 
+/// Suffix of the length of a list of integers, in the message about a list that is too long.
+pub(crate) const OF_INTEGERS: &str = " of integers";
+
 /// The length of a list that was read into a type of fixed length.
-struct Length(usize);
+struct Length {
+    elements: usize,
+    are_integers: bool,
+}
 
 impl Expected for Length {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // The words of serde for a list that is too short.
-        write!(f, "an array of length {}", self.0)
+        write!(f, "an array of length {}{}", self.elements, if self.are_integers { OF_INTEGERS } else { "" })
     }
 }
 
@@ -118,14 +125,15 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for Exact<V> {
         if !self.may_be_list {
             return Err(A::Error::invalid_type(Unexpected::Seq, &self));
         }
-        let mut elements = Elements { list: &mut list, taken: 0 };
+        let mut elements = Elements { list: &mut list, taken: 0, are_integers: false };
         let value = self.inner.visit_seq(&mut elements)?;
-        let expected = elements.taken;
+        let Elements { taken: expected, are_integers, .. } = elements;
         let mut found = expected;
         while list.next_element::<IgnoredAny>()?.is_some() {
             found += 1;
         }
-        if found == expected { Ok(value) } else { Err(A::Error::invalid_length(found, &Length(expected))) }
+        let length = Length { elements: expected, are_integers };
+        if found == expected { Ok(value) } else { Err(A::Error::invalid_length(found, &length)) }
     }
 
     fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<V::Value, A::Error> {
@@ -141,6 +149,15 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for Exact<V> {
 struct Elements<A> {
     list: A,
     taken: usize,
+    are_integers: bool,
+}
+
+/// Returns whether a list of `T` is one of integers. The names are only compared with each other, so that their form, which
+/// the compiler does not promise, does not matter.
+fn is_integer<T>() -> bool {
+    let integers =
+        [type_name::<i8>(), type_name::<u8>(), type_name::<u16>(), type_name::<u32>(), type_name::<u64>()];
+    integers.contains(&type_name::<T>())
 }
 
 impl<'de, A: SeqAccess<'de>> SeqAccess<'de> for Elements<A> {
@@ -149,6 +166,7 @@ impl<'de, A: SeqAccess<'de>> SeqAccess<'de> for Elements<A> {
     fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, A::Error> {
         let element = self.list.next_element_seed(Exact::new(seed))?;
         self.taken += usize::from(element.is_some());
+        self.are_integers = is_integer::<T::Value>();
         Ok(element)
     }
 

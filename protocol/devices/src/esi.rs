@@ -3,7 +3,7 @@
 use std::fmt::{self, Write};
 use std::ops::Range;
 
-use ethercat_subdevice::description::{CLOCK_MODES, DataType, Description, Pdo};
+use ethercat_subdevice::description::{ClockMode, DataType, Description, Pdo};
 use ethercat_subdevice::{SyncManagerLayout, Usage, sii_image, sync_managers};
 
 use crate::xml::Xml;
@@ -44,8 +44,14 @@ pub const fn type_name(data_type: DataType) -> &'static str {
         DataType::Unsigned64 => "ULINT",
         DataType::Real32 => "REAL",
         DataType::Real64 => "LREAL",
+        DataType::Bit1 => "BIT1",
         DataType::Bit2 => "BIT2",
+        DataType::Bit3 => "BIT3",
         DataType::Bit4 => "BIT4",
+        DataType::Bit5 => "BIT5",
+        DataType::Bit6 => "BIT6",
+        DataType::Bit7 => "BIT7",
+        DataType::Bit8 => "BIT8",
         DataType::VisibleString => "STRING",
         DataType::OctetString | DataType::Identity | DataType::PdoMapping => "OCTET_STRING",
     }
@@ -91,11 +97,14 @@ fn write_device(xml: &mut Xml, device: &Description) -> fmt::Result {
     }
     sync_managers.iter().try_for_each(|layout| write_sync_manager(xml, *layout))?;
     let number = |usage| sync_managers.iter().position(|layout| layout.usage == usage).unwrap_or_default();
-    device.outputs.iter().try_for_each(|pdo| write_pdo(xml, "RxPdo", number(Usage::Outputs), pdo))?;
-    device.inputs.iter().try_for_each(|pdo| write_pdo(xml, "TxPdo", number(Usage::Inputs), pdo))?;
+    device
+        .outputs
+        .iter()
+        .try_for_each(|pdo| write_pdo(xml, device, ("RxPdo", number(Usage::Outputs)), pdo))?;
+    device.inputs.iter().try_for_each(|pdo| write_pdo(xml, device, ("TxPdo", number(Usage::Inputs)), pdo))?;
     write_mailbox(xml, device)?;
-    if device.distributed_clocks {
-        write_clocks(xml)?;
+    if device.has_clocks() {
+        write_clocks(xml, device.clock_modes)?;
     }
     write_eeprom(xml, device)
 }
@@ -117,7 +126,12 @@ fn write_sync_manager(xml: &mut Xml, layout: SyncManagerLayout) -> fmt::Result {
     text(xml, attributes, "Sm", usage)
 }
 
-fn write_pdo(xml: &mut Xml, element: &str, sync_manager: usize, pdo: &Pdo) -> fmt::Result {
+fn write_pdo(
+    xml: &mut Xml,
+    device: &Description,
+    (element, sync_manager): (&str, usize),
+    pdo: &Pdo,
+) -> fmt::Result {
     let attributes = format_args!("Fixed=\"1\" Mandatory=\"1\" Sm=\"{sync_manager}\"");
     xml.within(element, attributes, |xml| {
         xml.leaf("Index", &hexadecimal(pdo.index.into(), 4))?;
@@ -133,7 +147,7 @@ fn write_pdo(xml: &mut Xml, element: &str, sync_manager: usize, pdo: &Pdo) -> fm
                 if entry.index == 0 {
                     return Ok(());
                 }
-                xml.leaf("Name", &entry.full_name())?;
+                xml.leaf("Name", &device.full_name(entry))?;
                 xml.leaf("DataType", type_name(entry.data_type))
             })
         })
@@ -151,9 +165,9 @@ fn write_mailbox(xml: &mut Xml, device: &Description) -> fmt::Result {
 }
 
 /// Writes the modes of a device with distributed clocks.
-fn write_clocks(xml: &mut Xml) -> fmt::Result {
+fn write_clocks(xml: &mut Xml, modes: &[ClockMode]) -> fmt::Result {
     xml.within("Dc", "", |xml| {
-        CLOCK_MODES.into_iter().try_for_each(|mode| {
+        modes.iter().try_for_each(|mode| {
             xml.within("OpMode", "", |xml| {
                 xml.leaf("Name", mode.name)?;
                 xml.leaf("Desc", mode.description)?;

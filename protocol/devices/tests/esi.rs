@@ -6,7 +6,7 @@ use ethercat_esi::{EtherCatInfo, Pdo};
 use ethercat_maindevice::ethercrab::error::Error;
 use ethercat_maindevice::ethercrab::{MainDevice, MainDeviceConfig, Timeouts};
 use ethercat_maindevice::{Scripted, time, with_main_device};
-use ethercat_subdevice::description::{DataType, Description, Mailbox, PdoEntry};
+use ethercat_subdevice::description::{CLOCK_MODES, DataType, Description, Mailbox, PdoEntry};
 use ethercat_subdevice::{DeviceConfig, Segment, sii_image};
 use machine::{Duration, Instant};
 use protocol::stations::ETHERCAT_ROBOT;
@@ -188,7 +188,8 @@ fn the_file_is_that_of_the_running_robot() {
 static OTHER: Description = Description {
     product_code: 2,
     mailbox: Some(Mailbox { len: 256, file_capacity: 1_000 }),
-    distributed_clocks: true,
+    clock_modes: &CLOCK_MODES,
+    numbers_names: true,
     ..ETHERCAT_ROBOT
 };
 
@@ -307,7 +308,7 @@ fn group_device_and_process_data_have_the_names_of_the_eeprom() {
             assert_eq!(in_eeprom.collect::<Vec<_>>(), names);
         }
         let modes: Vec<_> = document.descendants().filter(|node| node.has_tag_name("OpMode")).collect();
-        if description.distributed_clocks {
+        if description.has_clocks() {
             let (in_eeprom, _) = category(&image, 60).as_chunks::<24>();
             let in_eeprom: Vec<_> =
                 in_eeprom.iter().map(|mode| strings[usize::from(mode[18])].clone()).collect();

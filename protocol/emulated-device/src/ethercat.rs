@@ -1,8 +1,8 @@
 //! From the SubDevice of an ESI to the description that the stack takes.
 
-use device_files::{ChosenPdo, ChosenSubDevice, DictionaryEntry, DictionaryObject, EsiSyncManager};
+use device_files::{ChosenPdo, ChosenSubDevice, DcMode, DictionaryEntry, DictionaryObject, EsiSyncManager};
 use ethercat_subdevice::description::{
-    Access, DataType, Description, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry,
+    Access, ClockMode, DataType, Description, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry,
 };
 use ethercat_subdevice::{DeviceConfig, DeviceId, PdoConfiguration, Segment, SyncManagerLayout, Usage};
 
@@ -26,17 +26,33 @@ pub(crate) fn open(
     alteration: &Alteration,
     config: &EmulationConfig,
 ) -> Result<(Segment, DeviceId, Image, Image), EmulationError> {
+    let description = describe(chosen, alteration)?;
+    let (inputs, outputs) = (description.inputs, description.outputs);
+    let sync_managers = places(chosen, byte_len(outputs), byte_len(inputs))?;
+    let (input_image, output_image) =
+        (image(&chosen.inputs, inputs, "inputs"), image(&chosen.outputs, outputs, "outputs"));
+    let assigns =
+        chosen.mailbox.as_ref().and_then(|it| it.coe.as_ref()).is_some_and(|coe| coe.has_pdo_assign);
+    let mut segment = Segment::new();
+    let id = segment.add(&DeviceConfig {
+        serial_number: config.serial_number,
+        pdo_configuration: if assigns { PdoConfiguration::Assignable } else { PdoConfiguration::Fixed },
+        sync_managers,
+        ..DeviceConfig::new(Box::leak(Box::new(description)))
+    });
+    Ok((segment, id, input_image, output_image))
+}
+
+/// Makes the description of one chosen device.
+fn describe(chosen: &ChosenSubDevice, alteration: &Alteration) -> Result<Description, EmulationError> {
     let mut inputs = pdos(&chosen.inputs)?;
     let outputs = pdos(&chosen.outputs)?;
     if alteration.extra_input_bytes() > 0 {
         inputs.push(Pdo { index: 0x1BFF, name: "Added", entries: &[GAP] });
     }
     let mailbox = mailbox(chosen)?;
-    let sync_managers = places(chosen, byte_len(&outputs), byte_len(&inputs))?;
     let text = |text: &str| leak::text(&leak::ascii(text), 255);
-    let (input_image, output_image) =
-        (image(&chosen.inputs, &inputs, "inputs"), image(&chosen.outputs, &outputs, "outputs"));
-    let description = Description {
+    Ok(Description {
         vendor_id: chosen.vendor_id,
         product_code: chosen.product_code.wrapping_add(u32::from(alteration.is_other_identity)),
         revision: chosen.revision,
@@ -52,18 +68,9 @@ pub(crate) fn open(
         optional_inputs: &[],
         mailbox,
         objects: if mailbox.is_some() { objects(chosen) } else { &[] },
-        distributed_clocks: chosen.has_clock,
-    };
-    let assigns =
-        chosen.mailbox.as_ref().and_then(|it| it.coe.as_ref()).is_some_and(|coe| coe.has_pdo_assign);
-    let mut segment = Segment::new();
-    let id = segment.add(&DeviceConfig {
-        serial_number: config.serial_number,
-        pdo_configuration: if assigns { PdoConfiguration::Assignable } else { PdoConfiguration::Fixed },
-        sync_managers,
-        ..DeviceConfig::new(Box::leak(Box::new(description)))
-    });
-    Ok((segment, id, input_image, output_image))
+        clock_modes: leak::list(chosen.dc_modes.iter().map(clock_mode).collect()),
+        numbers_names: false,
+    })
 }
 
 /// One byte without meaning.
@@ -211,7 +218,9 @@ fn objects(chosen: &ChosenSubDevice) -> &'static [Object] {
     let dictionary = chosen.dictionary.iter().flat_map(|dictionary| &dictionary.objects);
     let mut objects: Vec<Object> = Vec::new();
     for object in dictionary {
-        let is_own = OWN_OBJECTS.contains(&object.index)
+        // The device's name is that of the file, where it has one; else it is the type.
+        let is_named = object.index == 0x1008 && !object.default.is_empty();
+        let is_own = OWN_OBJECTS.contains(&object.index) && !is_named
             || matches!(object.index, 0x1600..=0x17FF | 0x1A00..=0x1BFF | 0x1C10..=0x1C33)
             || objects.iter().any(|known| known.index == object.index);
         // Entries that process data map are the stack's, with the value in the process data.
@@ -296,10 +305,28 @@ fn entry(
     })
 }
 
-/// Returns the type of a name of ETG.2000, or the one that fits the bits.
+/// Returns a mode of the clock as the EEPROM has it. A value that does not fit its field becomes the nearest one that does.
+fn clock_mode(mode: &DcMode) -> ClockMode {
+    let i16_of = |factor: Option<i32>| factor.unwrap_or(0).clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+    let i32_of = |ns: i64| ns.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+    ClockMode {
+        name: leak::text(&leak::ascii(&mode.name), 255),
+        description: leak::text(&leak::ascii(&mode.description), 255),
+        assign_activate: mode.assign_activate,
+        sync0_cycle_ns: mode.sync0_cycle_ns.clamp(0, u32::MAX.into()) as u32,
+        sync0_factor: i16_of(mode.sync0_factor),
+        sync0_shift_ns: i32_of(mode.sync0_shift_ns),
+        sync1_factor: i16_of(mode.sync1_factor),
+        sync1_shift_ns: i32_of(mode.sync1_shift_ns),
+    }
+}
+
+/// Returns the type of a name of ETG.2000, or the one that fits the bits (ETG.1020, base data types).
 fn data_type(name: &str, bits: u32) -> DataType {
     match (name, bits) {
-        ("BOOL" | "BIT", 1) => DataType::Boolean,
+        ("BOOL", 1) => DataType::Boolean,
+        ("BIT" | "BIT1", 1) => DataType::Bit1,
+        ("BIT8", 8) => DataType::Bit8,
         ("SINT", 8) => DataType::Integer8,
         ("INT", 16) => DataType::Integer16,
         ("DINT", 32) => DataType::Integer32,
@@ -309,7 +336,11 @@ fn data_type(name: &str, bits: u32) -> DataType {
         (name, _) if name.starts_with("STRING") => DataType::VisibleString,
         (_, 1) => DataType::Boolean,
         (_, 2) => DataType::Bit2,
+        (_, 3) => DataType::Bit3,
         (_, 4) => DataType::Bit4,
+        (_, 5) => DataType::Bit5,
+        (_, 6) => DataType::Bit6,
+        (_, 7) => DataType::Bit7,
         (_, 8) => DataType::Unsigned8,
         (_, 16) => DataType::Unsigned16,
         (_, 32) => DataType::Unsigned32,
@@ -334,3 +365,6 @@ fn number(bytes: &[u8]) -> u32 {
     number.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
     u32::from_le_bytes(number)
 }
+
+#[cfg(test)]
+mod tests;

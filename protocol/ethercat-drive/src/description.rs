@@ -208,5 +208,6 @@ pub static DRIVE: Description = Description {
         entry(VELOCITY, 32, DataType::Integer32, "Velocity actual value"),
         entry(TORQUE, 16, DataType::Integer16, "Torque actual value"),
     ],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };

@@ -189,7 +189,8 @@ impl Problem {
             }
             Self::OtherMainDevice { mac } => write!(
                 words,
-                "another EtherCAT MainDevice ({mac}) sends on this cable: stop it; until then this one sends nothing"
+                "another EtherCAT MainDevice sends on this cable, source address {mac} (its first byte may differ from that of \
+                 the interface): stop it; until then this one sends nothing"
             ),
             Self::SameInterface => words.write_str(
                 "another program on this host drives EtherCAT by the same interface: stop it; until then this one sends nothing",

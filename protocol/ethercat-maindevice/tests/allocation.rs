@@ -35,7 +35,8 @@ static DEVICE: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 /// Runs for 1 ms: passes frames both ways until there are none. Returns how many devices came up.

@@ -33,7 +33,8 @@ static DEVICE: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 /// Devices that send their outputs back, and the requests for a state that came for them.

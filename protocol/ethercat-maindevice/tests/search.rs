@@ -38,7 +38,8 @@ static SENSOR: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 fn sensor(serial_number: u32, alias: u16) -> DeviceConfig {

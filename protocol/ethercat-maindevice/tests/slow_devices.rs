@@ -39,7 +39,8 @@ static VALVES: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 /// The same with a mailbox.

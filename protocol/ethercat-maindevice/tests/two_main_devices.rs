@@ -38,7 +38,8 @@ static DEVICE: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 /// Eight bytes of inputs, so no watchdog runs in it.
@@ -237,7 +238,8 @@ impl Cell {
 
 fn refusal(number: u8) -> String {
     format!(
-        "{:?}: another EtherCAT MainDevice ({}) sends on this cable: stop it; until then this one sends nothing",
+        "{:?}: another EtherCAT MainDevice sends on this cable, source address {} (its first byte may differ from that of \
+         the interface): stop it; until then this one sends nothing",
         DownCause::Refused,
         mac(number)
     )

@@ -10,7 +10,7 @@ use std::error::Error;
 use std::ops::ControlFlow;
 
 use ethercat_subdevice::description::{
-    Access, DataType, Description, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry,
+    Access, CLOCK_MODES, DataType, Description, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry,
 };
 use ethercat_subdevice::{DeviceConfig, DeviceId, Event, Segment};
 use machine::Instant;
@@ -37,7 +37,8 @@ static SIMPLE: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 /// The same, with a mailbox, a gain and a text to read and to write, a file, and a clock.
@@ -74,7 +75,8 @@ static ECHO: Description = Description {
             }],
         },
     ],
-    distributed_clocks: true,
+    clock_modes: &CLOCK_MODES,
+    numbers_names: true,
     ..SIMPLE
 };
 

@@ -38,11 +38,29 @@ pub struct Description {
     pub mailbox: Option<Mailbox>,
     /// Objects of the dictionary besides those that follow from the other fields.
     pub objects: &'static [Object],
-    /// Whether the device has distributed clocks.
-    pub distributed_clocks: bool,
+    /// Modes of its distributed clocks; none for a device without these.
+    pub clock_modes: &'static [ClockMode],
+    /// Whether the names of `PdoEntry` are those of objects, so that EEPROM and dictionary add the subindex to tell the parts of
+    /// an object apart.
+    pub numbers_names: bool,
 }
 
 impl Description {
+    /// Returns whether the device has distributed clocks.
+    #[must_use]
+    pub const fn has_clocks(&self) -> bool {
+        !self.clock_modes.is_empty()
+    }
+
+    /// Returns the name of an entry that ESI file, EEPROM and dictionary have.
+    #[must_use]
+    pub fn full_name(&self, entry: &PdoEntry) -> Cow<'static, str> {
+        match entry.subindex {
+            1.. if self.numbers_names => Cow::Owned(format!("{} {}", entry.name, entry.subindex)),
+            _ => Cow::Borrowed(entry.name),
+        }
+    }
+
     /// Returns whether files can be written to the device.
     #[must_use]
     pub fn has_files(&self) -> bool {
@@ -85,18 +103,6 @@ pub struct PdoEntry {
     pub name: &'static str,
 }
 
-impl PdoEntry {
-    /// Returns the name that ESI file, EEPROM and dictionary have: that of a part of an object has its subindex, so that the
-    /// parts can be distinguished.
-    #[must_use]
-    pub fn full_name(&self) -> Cow<'static, str> {
-        match self.subindex {
-            0 => Cow::Borrowed(self.name),
-            subindex => Cow::Owned(format!("{} {subindex}", self.name)),
-        }
-    }
-}
-
 /// Mode of a device with distributed clocks, as ESI file and EEPROM list them (ETG.2000, OpMode; ETG.2010, category 60).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ClockMode {
@@ -106,14 +112,42 @@ pub struct ClockMode {
     pub description: &'static str,
     /// Value for the registers 0x0980 and 0x0981.
     pub assign_activate: u16,
+    /// Cycle of SYNC0 in ns; 0 for one of the MainDevice's task.
+    pub sync0_cycle_ns: u32,
     /// Cycle of SYNC0, in cycles of the MainDevice's task; 0 without SYNC0.
     pub sync0_factor: i16,
+    /// Shift of SYNC0 in ns.
+    pub sync0_shift_ns: i32,
+    /// Cycle of SYNC1, in cycles of SYNC0.
+    pub sync1_factor: i16,
+    /// Shift of SYNC1 in ns.
+    pub sync1_shift_ns: i32,
 }
 
-/// The modes of a device with distributed clocks: without them, and with SYNC0.
+impl ClockMode {
+    /// No SYNC signal, with names and values that all are empty.
+    pub const EMPTY: Self = Self {
+        name: "",
+        description: "",
+        assign_activate: 0,
+        sync0_cycle_ns: 0,
+        sync0_factor: 0,
+        sync0_shift_ns: 0,
+        sync1_factor: 0,
+        sync1_shift_ns: 0,
+    };
+}
+
+/// The usual modes of a device with distributed clocks: without them, and with SYNC0.
 pub const CLOCK_MODES: [ClockMode; 2] = [
-    ClockMode { name: "FreeRun", description: "without clock", assign_activate: 0, sync0_factor: 0 },
-    ClockMode { name: "DC", description: "SYNC0", assign_activate: 0x0300, sync0_factor: 1 },
+    ClockMode { name: "FreeRun", description: "without clock", ..ClockMode::EMPTY },
+    ClockMode {
+        name: "DC",
+        description: "SYNC0",
+        assign_activate: 0x0300,
+        sync0_factor: 1,
+        ..ClockMode::EMPTY
+    },
 ];
 
 /// An object of the dictionary.
@@ -205,10 +239,22 @@ pub enum DataType {
     Identity = 0x23,
     /// The type of a mapping object.
     PdoMapping = 0x21,
+    /// One bit.
+    Bit1 = 0x30,
     /// Two bits.
     Bit2 = 0x31,
+    /// Three bits.
+    Bit3 = 0x32,
     /// Four bits.
     Bit4 = 0x33,
+    /// Five bits.
+    Bit5 = 0x34,
+    /// Six bits.
+    Bit6 = 0x35,
+    /// Seven bits.
+    Bit7 = 0x36,
+    /// Eight bits.
+    Bit8 = 0x37,
 }
 
 impl DataType {

@@ -156,7 +156,10 @@ impl Dictionary {
             (0x1009, "Hardware version", description.hardware_version),
             (0x100A, "Software version", description.software_version),
         ] {
-            self.add_variable(index, name, DataType::VisibleString, text.as_bytes());
+            // The description may have an object of its own.
+            if description.objects.iter().all(|object| object.index != index) {
+                self.add_variable(index, name, DataType::VisibleString, text.as_bytes());
+            }
         }
         let identity = [
             ("Vendor ID", description.vendor_id),

@@ -16,7 +16,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::Writer;
-use crate::description::{CLOCK_MODES, Description, Pdo};
+use crate::description::{ClockMode, Description, Pdo};
 use crate::dictionary::PdoConfiguration;
 use crate::esc::checksum;
 use crate::layout::{Layout, SyncManagerLayout, Usage};
@@ -60,9 +60,10 @@ pub(crate) fn image_of(
     header(&mut writer, description, &layout, serial_number, alias);
     let mut strings = Strings::default();
     let general = general(description, pdo_configuration, &mut strings);
-    let tx = pdos(description.inputs, number(&layout, Usage::Inputs), &mut strings);
-    let rx = pdos(description.outputs, number(&layout, Usage::Outputs), &mut strings);
-    let clock = if description.distributed_clocks { clock_modes(&mut strings) } else { Vec::new() };
+    let mut pdos_of = |pdos, usage| pdo_category(description, pdos, number(&layout, usage), &mut strings);
+    let tx = pdos_of(description.inputs, Usage::Inputs);
+    let rx = pdos_of(description.outputs, Usage::Outputs);
+    let clock = clock_modes(description.clock_modes, &mut strings);
     category(&mut writer, STRINGS, &strings.bytes());
     category(&mut writer, GENERAL, &general);
     category(&mut writer, FMMU, &fmmus(&layout));
@@ -94,9 +95,9 @@ fn header(
     // with interrupt.
     let mut configuration = [0; 14];
     let mut first = Writer::new(&mut configuration);
-    first.u16(if description.distributed_clocks { 0x0408 } else { 0x0008 });
-    first.u16(if description.distributed_clocks { 0xCC00 } else { 0 });
-    first.u16(if description.distributed_clocks { 100 } else { 0 }); // pulse length in 10 ns
+    first.u16(if description.has_clocks() { 0x0408 } else { 0x0008 });
+    first.u16(if description.has_clocks() { 0xCC00 } else { 0 });
+    first.u16(if description.has_clocks() { 100 } else { 0 }); // pulse length in 10 ns
     first.u16(0);
     first.u16(alias);
     writer.bytes(&configuration);
@@ -218,11 +219,14 @@ fn fmmus(layout: &Layout) -> Vec<u8> {
 /// 18, 19  strings: name, description
 /// 20..24  reserved
 /// ```
-fn clock_modes(strings: &mut Strings) -> Vec<u8> {
-    let mut bytes = vec![0; CLOCK_MODES.len() * CLOCK_MODE];
+fn clock_modes(modes: &[ClockMode], strings: &mut Strings) -> Vec<u8> {
+    let mut bytes = vec![0; modes.len() * CLOCK_MODE];
     let mut writer = Writer::new(&mut bytes);
-    for mode in CLOCK_MODES {
-        writer.zeros(14);
+    for mode in modes {
+        writer.u32(mode.sync0_cycle_ns);
+        writer.u32(mode.sync0_shift_ns.cast_unsigned());
+        writer.u32(mode.sync1_shift_ns.cast_unsigned());
+        writer.u16(mode.sync1_factor.cast_unsigned());
         writer.u16(mode.assign_activate);
         writer.u16(mode.sync0_factor.cast_unsigned());
         writer.u8(strings.number(mode.name));
@@ -240,7 +244,12 @@ fn sync_manager(layout: SyncManagerLayout) -> [u8; 8] {
     [start_low, start_high, len_low, len_high, control, 0, enable, usage as u8]
 }
 
-fn pdos(pdos: &'static [Pdo], sync_manager: u8, strings: &mut Strings) -> Vec<u8> {
+fn pdo_category(
+    description: &Description,
+    pdos: &'static [Pdo],
+    sync_manager: u8,
+    strings: &mut Strings,
+) -> Vec<u8> {
     let mut bytes = Vec::new();
     for pdo in pdos {
         bytes.extend_from_slice(&pdo.index.to_le_bytes());
@@ -252,7 +261,7 @@ fn pdos(pdos: &'static [Pdo], sync_manager: u8, strings: &mut Strings) -> Vec<u8
         for entry in pdo.entries.iter().take(255) {
             bytes.extend_from_slice(&entry.index.to_le_bytes());
             bytes.push(entry.subindex);
-            bytes.push(strings.number(entry.full_name()));
+            bytes.push(strings.number(description.full_name(entry)));
             bytes.push(entry.data_type as u8);
             bytes.push(entry.bits);
             bytes.extend_from_slice(&[0, 0]);

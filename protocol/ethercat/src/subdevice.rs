@@ -53,7 +53,7 @@ impl SubDevice {
         let names = (config.serial_number, config.alias);
         let image = image_of(description, names, config.pdo_configuration, config.sync_managers);
         let len = |usage| layout.find(usage).map_or(0, |(_, layout)| usize::from(layout.len));
-        let clock = description.distributed_clocks.then_some(config.clock);
+        let clock = description.has_clocks().then_some(config.clock);
         let mut device = Self {
             description,
             layout,

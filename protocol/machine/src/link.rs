@@ -85,6 +85,8 @@ pub enum DownCause {
     Watchdog,
     /// The peer closed the connection.
     ClosedByPeer,
+    /// The connection is open and the peer says that it is idle: its data do not count.
+    PeerIdle,
     /// This side closed the connection.
     ClosedHere,
 }
@@ -96,6 +98,7 @@ impl fmt::Display for Down {
             DownCause::Refused => "the peer refused the connection",
             DownCause::Watchdog => "the watchdog expired: no frame from the peer in time",
             DownCause::ClosedByPeer => "the peer ended the connection",
+            DownCause::PeerIdle => "the peer is connected and idle",
             DownCause::ClosedHere => "the connection was ended on this side",
         })?;
         if self.code != 0 {

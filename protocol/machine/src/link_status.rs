@@ -1,5 +1,7 @@
 //! State and counters of a station's Ethernet interface. A machine gets them from its owner, who can ask the operating system.
 
+use core::net::Ipv4Addr;
+
 /// Cable of an interface.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
 pub enum Medium {
@@ -25,6 +27,8 @@ pub struct LinkStatus {
     pub is_negotiated: Option<bool>,
     /// The cable.
     pub medium: Medium,
+    /// Gateway to other networks through it, if there is one.
+    pub gateway: Option<Ipv4Addr>,
     /// Its counters since it exists.
     pub counters: LinkCounters,
 }

@@ -47,7 +47,9 @@ pub struct EmulateCommand {
     /// End after this time.
     #[arg(long = "for", value_name = "TIME", value_parser = node::duration_argument)]
     length: Option<Duration>,
-    /// Print events as JSON, one per line, and take inputs and faults as JSON lines from standard input.
+    /// Print events as JSON, one per line.
+    ///
+    /// Inputs and faults are JSON lines on standard input.
     #[arg(long)]
     json: bool,
 }
@@ -90,7 +92,7 @@ impl EmulateCommand {
             mac: interface.mac(),
             address: interface.address(),
             mask: interface.mask().unwrap_or(Ipv4Addr::new(255, 255, 255, 0)),
-            gateway: Ipv4Addr::UNSPECIFIED,
+            gateway: interface.gateway().unwrap_or(Ipv4Addr::UNSPECIFIED),
             station_name: self.station_name.map(String::into_bytes),
             permanent: None,
             serial_number: self.serial_number,

@@ -7,7 +7,7 @@ use node::screen;
 use plc_node::ExecutionType;
 use serde::Serialize;
 
-use super::compared::{self, ComparedFigure, headlines};
+use super::compared::{self, ComparedFigure, ComparisonExport, headlines};
 use super::run::Run;
 use super::samples;
 use crate::figures::{millis, signed};
@@ -93,8 +93,8 @@ impl Comparison {
 
     /// Returns the figures of each type of each run, for JSON.
     #[must_use]
-    pub const fn figures(&self) -> &impl Serialize {
-        &self.figures
+    pub fn figures(&self) -> impl Serialize {
+        ComparisonExport::of(&self.figures)
     }
 
     /// Returns the page as HTML.

@@ -9,23 +9,48 @@ use crate::figures::{millis, rounded};
 use crate::progress::label;
 use records::interval::Mean;
 
+/// Version of the format of `--export-json`.
+const SCHEMA_VERSION: u32 = 1;
+
+/// The figures of `bench compare` for other programs.
+#[derive(Clone, PartialEq, Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(super) struct ComparisonExport<'a> {
+    /// Version of this format; it counts changes that break a reader.
+    schema_version: u32,
+    /// Each type of each run, in the order of the runs.
+    figures: &'a [ComparedFigure],
+}
+
+impl<'a> ComparisonExport<'a> {
+    pub(super) const fn of(figures: &'a [ComparedFigure]) -> Self {
+        Self { schema_version: SCHEMA_VERSION, figures }
+    }
+}
+
 /// A type of a run, compared with that of the first run. The first run and one without samples have no difference.
 #[derive(Clone, PartialEq, Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(super) struct ComparedFigure {
     /// Number of the run in the comparison, from 1.
     run: usize,
     /// Name of the run.
     name: String,
+    /// `rc`, `sm` or `cm`.
     #[serde(rename = "type")]
+    #[cfg_attr(test, schemars(with = "String"))]
     execution_type: ExecutionType,
     /// Repetitions that ended as wanted.
     repetitions: usize,
+    /// Mean execution time in ms.
     aet_ms: Option<f64>,
+    /// Mean absolute deviation of the execution times in ms.
     mad_ms: Option<f64>,
-    /// AET minus that of the first run.
+    /// AET minus that of the first run, in ms.
     difference_ms: Option<f64>,
-    /// The 95 % interval of the difference; none with fewer than five repetitions in a run.
+    /// Lower end of the 95 % interval of the difference, in ms; none with fewer than five repetitions in a run.
     difference_low_ms: Option<f64>,
+    /// Upper end of this interval, in ms.
     difference_high_ms: Option<f64>,
     /// The difference in % of the first run's AET.
     difference_percent: Option<f64>,
@@ -134,6 +159,21 @@ pub(super) fn csv(figures: &[ComparedFigure]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// `INSTA_UPDATE=always` writes it again, as for snapshots.
+    #[test]
+    fn the_committed_schema_matches_the_export_of_a_comparison() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../schemas/comparison.schema.json");
+        let schema =
+            serde_json::to_string_pretty(&schemars::schema_for!(ComparisonExport<'_>)).unwrap() + "\n";
+        if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
+            std::fs::write(path, &schema).unwrap();
+        }
+        assert!(
+            std::fs::read_to_string(path).unwrap_or_default() == schema,
+            "the export changed: count SCHEMA_VERSION up where a reader breaks, then INSTA_UPDATE=always cargo test -p report"
+        );
+    }
 
     fn compared_figure(run: usize, ms: Option<f64>, interval: Option<(f64, f64)>) -> ComparedFigure {
         ComparedFigure {

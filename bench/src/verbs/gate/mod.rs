@@ -4,6 +4,7 @@
 //! an application. Tolerances only allow for the last digits of floating point.
 
 mod baseline;
+mod export;
 mod real;
 mod verdict;
 
@@ -19,6 +20,7 @@ pub use baseline::{BASELINES, Baseline, Expected, Refusal};
 pub use real::CSV_HEADER as RATIO_CSV_HEADER;
 pub use verdict::{CSV_HEADER, Change, Verdict};
 
+use self::export::GateExport;
 use crate::verbs::measure::cell::whole;
 use records::exit::{Exit, Failure};
 use records::results::Results;
@@ -125,7 +127,7 @@ fn compare(
         Origin::BuiltIn => "the one built in".to_owned(),
     };
     out!("{}", verdict.render(&baseline, &origin));
-    options.exports.write(&outputs::json(&verdict.rows())?, &verdict.csv())?;
+    options.exports.write(&outputs::json(&GateExport::of_figures(&verdict.rows()))?, &verdict.csv())?;
     Ok(if verdict.is_pass() { Exit::Pass } else { Exit::TimingRegression })
 }
 

@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::anyhow;
 use plc_node::ExecutionType;
 
+use super::export::GateExport;
 use super::{Baseline, GateOptions, default_path, find};
 use records::exit::{Exit, Failure};
 use records::ratio::{Ratio, RatioVerdict};
@@ -57,20 +58,28 @@ pub(super) fn run(options: &GateOptions, directory: &Path) -> Result<Exit, Failu
     let compared = compare(&baseline, &results).map_err(usage)?;
     out!("{}", render(&results, &compared));
     let rows: Vec<_> = compared.iter().map(Compared::row).collect();
-    options.exports.write(&outputs::json(&rows)?, &csv(&rows))?;
+    options.exports.write(&outputs::json(&GateExport::of_ratios(&rows))?, &csv(&rows))?;
     let is_beyond = compared.iter().any(|compared| compared.verdict() == RatioVerdict::Beyond);
     Ok(if is_beyond { Exit::TimingRegression } else { Exit::Pass })
 }
 
 /// A ratio for other programs.
 #[derive(serde::Serialize)]
-struct RatioRow<'a> {
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(super) struct RatioRow<'a> {
+    /// The two types whose AETs are divided.
     ratio: &'a str,
+    /// Ratio in the baseline.
     baseline: f64,
+    /// Ratio of this run.
     now: f64,
+    /// Lower end of the 95 % interval of the ratio.
     low: f64,
+    /// Upper end of this interval.
     high: f64,
+    /// Ratio above which the gate fails.
     at_most: f64,
+    /// `within`, `beyond` or `inconclusive`.
     verdict: &'static str,
 }
 

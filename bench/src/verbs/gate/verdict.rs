@@ -71,13 +71,21 @@ impl Change {
 
 /// A figure for other programs. Values, difference and tolerance are in the unit.
 #[derive(serde::Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(super) struct GateRow<'a> {
+    /// Name of the figure.
     figure: &'a str,
+    /// Unit; empty for a count.
     unit: &'a str,
+    /// Value in the baseline; none if the baseline does not have the figure.
     baseline: Option<f64>,
+    /// Value of this run; none if the run does not have the figure.
     now: Option<f64>,
+    /// Value of this run minus that of the baseline.
     difference: Option<f64>,
+    /// Largest difference that passes.
     tolerance: Option<f64>,
+    /// True if the difference passes.
     is_within: bool,
 }
 

@@ -53,7 +53,8 @@ pub struct Entry {
     /// The run that each AET is compared with: the last one before it with the same setup, application, mode, nodes,
     /// override and faults that has this AET, and its interval if this one has; absent if there is none.
     pub compared_with: PerType<String>,
-    /// Why it is not compared with the last run of the same setup, application and mode; null if it is.
+    /// Why it is not compared with the last run of the same setup, application and mode, each difference, separated by `; `;
+    /// null if it is.
     pub differs: Option<String>,
     /// AET minus that of the run that it is compared with, in ms.
     pub trend_ms: PerType<f64>,

@@ -221,7 +221,9 @@ fn compared(runs: Vec<(Conditions, Entry)>) -> Vec<Entry> {
         let under_the_same = entries.iter().rev().filter(|(index, _)| Some(*index) == same);
         entry.compare(under_the_same.map(|(_, earlier)| earlier));
         let last = entries.iter().rev().find(|(_, earlier)| entry.has_kind_of(earlier));
-        entry.differs = last.and_then(|(index, _)| conditions.difference((found.get(*index)?, BEFORE)));
+        let differences =
+            last.and_then(|(index, _)| Some(conditions.differences((found.get(*index)?, BEFORE))));
+        entry.differs = differences.filter(|all| !all.is_empty()).map(|all| all.join("; "));
         entries.push((same.unwrap_or(found.len()), entry));
         if same.is_none() {
             found.push(conditions);
@@ -378,8 +380,8 @@ mod tests {
         faster.motions.velocity_percent.value *= 2.0;
         let mut renamed = setup.clone();
         renamed.title = "The same cell".to_owned();
-        for (name, setup) in [("1", &setup), ("2", &faster), ("3", &renamed), ("4", &faster), ("5", &faster)]
-        {
+        let setups = [&setup, &faster, &renamed, &faster, &faster, &setup];
+        for (name, setup) in ["1", "2", "3", "4", "5", "6"].into_iter().zip(setups) {
             let date = format!("2026-11-0{name}T08:00:00Z");
             keep_setup(place.path(), name, setup, Mode::Virtual, &date, &[3_720_000]);
         }
@@ -406,6 +408,7 @@ mod tests {
         3 with 1: motions.velocity_percent is 23.3, before 46.6
         4 with 2: motions.velocity_percent is 46.6, before 23.3
         5 with –: in the application, ways.clearance_mm is 9.0, before 8.0
+        6 with 3: motions.velocity_percent is 23.3, before 46.6; in the application, ways.clearance_mm is 8.0, before 9.0
         ");
     }
 

@@ -4,7 +4,9 @@ use serde::Serialize;
 
 use super::config::DeviceChoice;
 use super::error::{ChoiceError, refuse};
-use crate::esi::{EepromContent, Esi, EsiDevice, EsiMailbox, EsiPdo, EsiSyncManager, ObjectDictionary};
+use crate::esi::{
+    DcMode, EepromContent, Esi, EsiDevice, EsiMailbox, EsiPdo, EsiSyncManager, ObjectDictionary,
+};
 use crate::fault::excerpt;
 
 /// EtherCAT SubDevice with its process data.
@@ -34,8 +36,8 @@ pub struct ChosenSubDevice {
     pub dictionary: Option<ObjectDictionary>,
     /// Content of the EEPROM, if the file describes it.
     pub eeprom: Option<EepromContent>,
-    /// True if it has a distributed clock.
-    pub has_clock: bool,
+    /// Modes of its clock; none if it has no distributed clock.
+    pub dc_modes: Vec<DcMode>,
 }
 
 /// Process data object that is assigned.
@@ -104,7 +106,7 @@ pub(super) fn choose(esi: &Esi, choice: &DeviceChoice) -> Result<ChosenSubDevice
         mailbox: device.mailbox.clone(),
         dictionary: device.dictionary.clone(),
         eeprom: device.eeprom.clone(),
-        has_clock: !device.dc_modes.is_empty(),
+        dc_modes: device.dc_modes.clone(),
     };
     check(&chosen).map_err(|fault| ChoiceError::new(PDO, fault).with(list_pdos(device)))?;
     Ok(chosen)

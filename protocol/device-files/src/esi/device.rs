@@ -85,6 +85,8 @@ pub struct DcMode {
     pub sync0_shift_ns: i64,
     /// Cycle of SYNC1 in ns.
     pub sync1_cycle_ns: i64,
+    /// Factor of the cycle of SYNC1, in cycles of SYNC0.
+    pub sync1_factor: Option<i32>,
     /// Shift of SYNC1 in ns.
     pub sync1_shift_ns: i64,
 }
@@ -179,15 +181,16 @@ impl EsiSyncManager {
 impl DcMode {
     fn read(mode: Element<'_>) -> Result<Self, FileFault> {
         let time = |name: &str| mode.child_number(name).map(Option::unwrap_or_default);
-        let sync0 = mode.child("CycleTimeSync0");
+        let factor = |name| mode.child(name).map_or(Ok(None), |cycle| cycle.number("Factor"));
         Ok(Self {
             name: name_of(mode)?,
             description: mode.keep(mode.child_text("Desc").unwrap_or_default())?,
             assign_activate: mode.child_number("AssignActivate")?.unwrap_or(0),
             sync0_cycle_ns: time("CycleTimeSync0")?,
-            sync0_factor: sync0.map_or(Ok(None), |sync0| sync0.number("Factor"))?,
+            sync0_factor: factor("CycleTimeSync0")?,
             sync0_shift_ns: time("ShiftTimeSync0")?,
             sync1_cycle_ns: time("CycleTimeSync1")?,
+            sync1_factor: factor("CycleTimeSync1")?,
             sync1_shift_ns: time("ShiftTimeSync1")?,
         })
     }

@@ -33,7 +33,8 @@ pub(crate) static DEVICE: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 /// The same with another product code.

@@ -88,10 +88,11 @@ impl Dictionary {
             return;
         }
         let own = self.store(&vec![0; bits.div_ceil(8)], 0);
+        let name = self.description().full_name(entry);
         let Some(object) = self.objects.get_mut(position) else { return };
         let mapped = DictionaryEntry {
             subindex: entry.subindex,
-            name: entry.full_name(),
+            name,
             data_type: entry.data_type,
             bits,
             access,

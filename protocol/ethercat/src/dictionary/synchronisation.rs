@@ -70,7 +70,7 @@ impl Dictionary {
     /// Adds the parameters of the directions that the device has, unless its description has objects of its own for them.
     pub(super) fn add_synchronisation(&mut self) {
         let description = self.description();
-        if !description.distributed_clocks || description.mailbox.is_none() {
+        if !description.has_clocks() || description.mailbox.is_none() {
             return;
         }
         let directions = [

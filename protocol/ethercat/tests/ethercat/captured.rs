@@ -74,7 +74,8 @@ static EL3004: Description = Description {
     }],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 /// Returns frames of safety over EtherCAT and the bits beside them, in one direction.

@@ -1,7 +1,9 @@
 //! The devices of the tests.
 
 use ethercat_subdevice::Description;
-use ethercat_subdevice::description::{Access, DataType, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry};
+use ethercat_subdevice::description::{
+    Access, CLOCK_MODES, DataType, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry,
+};
 
 const fn byte(index: u16, subindex: u8) -> PdoEntry {
     PdoEntry { index, subindex, bits: 8, data_type: DataType::Unsigned8, name: "Byte" }
@@ -28,7 +30,8 @@ pub static SIMPLE: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 const fn dwords<const N: usize>(index: u16, name: &'static str) -> [PdoEntry; N] {
@@ -91,7 +94,8 @@ pub static BRIDGE: Description = Description {
     ],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: true,
+    clock_modes: &CLOCK_MODES,
+    numbers_names: true,
 };
 
 const fn entry(
@@ -124,7 +128,8 @@ pub static SMART: Description = Description {
     order_code: "SMART",
     name: "Four bytes out, four bytes in, with a mailbox",
     mailbox: Some(Mailbox { len: 128, file_capacity: 0 }),
-    distributed_clocks: true,
+    clock_modes: &CLOCK_MODES,
+    numbers_names: true,
     ..PLAIN
 };
 
@@ -133,7 +138,8 @@ pub static TINY: Description = Description {
     product_code: 5,
     order_code: "TINY",
     mailbox: Some(Mailbox { len: 32, file_capacity: 0 }),
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
     ..SMART
 };
 

@@ -49,7 +49,8 @@ static MODULAR: Description = Description {
     objects: &[],
     optional_outputs: &[],
     optional_inputs: &[],
-    distributed_clocks: false,
+    clock_modes: &[],
+    numbers_names: true,
 };
 
 fn segment(pdo_configuration: PdoConfiguration) -> Segment {

@@ -321,6 +321,15 @@ fn the_information_service_lists_and_describes_the_objects() {
 }
 
 #[test]
+fn entries_with_names_of_their_own_have_these_without_the_subindex() {
+    static NAMED: Description = Description { numbers_names: false, ..BRIDGE };
+    let mut segment = Segment::new();
+    segment.add(&DeviceConfig::new(&NAMED));
+    let part = RawMainDevice::start_with(segment, 128).coe(8, &[5, 0, 0, 0, 0x00, 0x60, 7, 0]);
+    assert_eq!(part[16..], *b"Input");
+}
+
+#[test]
 fn an_assignment_has_the_same_type_whether_objects_are_assigned_or_not() {
     let mut segment = Segment::new();
     segment.add(&DeviceConfig::new(&SENSOR));

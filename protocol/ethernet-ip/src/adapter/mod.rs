@@ -52,7 +52,7 @@ pub struct AdapterConfig {
     pub address: Ipv4Addr,
     /// Its subnet mask.
     pub mask: Ipv4Addr,
-    /// Its gateway, [`Ipv4Addr::UNSPECIFIED`] where there is none.
+    /// Its gateway at the start, [`Ipv4Addr::UNSPECIFIED`] where there is none.
     pub gateway: Ipv4Addr,
     /// Its hardware address.
     pub mac: [u8; 6],
@@ -377,9 +377,14 @@ impl Adapter {
         self.state.device.assemblies.configuration(instance)
     }
 
-    /// Sets what the Ethernet Link object reports: state and counters of the interface. Call it about once a second; until the
-    /// first call, the object has neither speed nor counters.
+    /// Sets what the Ethernet Link object reports, state and counters of the interface, and the gateway that the TCP/IP Interface
+    /// object reports. Call it about once a second; until the first call, the Ethernet Link object has neither speed nor
+    /// counters, and the gateway is that of the configuration.
     pub const fn set_link(&mut self, status: LinkStatus) {
+        self.state.device.network.gateway = match status.gateway {
+            Some(gateway) => gateway,
+            None => Ipv4Addr::UNSPECIFIED,
+        };
         self.state.device.link.status = Some(status);
     }
 

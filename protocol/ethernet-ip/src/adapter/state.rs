@@ -241,12 +241,16 @@ impl State {
         self.events.push_back(if up {
             LinkEvent::Up
         } else {
-            let idle = "the scanner sends idle: its program does not run";
+            let idle = Down {
+                cause: DownCause::PeerIdle,
+                code: 0,
+                text: "the scanner's program does not run; set it to run",
+            };
             let owner = match down {
                 Some(_) => self.io.last_owner(),
                 None => self.io.silent_owner().map(IoConnection::owner_report),
             };
-            let down = down.unwrap_or(Down { cause: DownCause::ClosedByPeer, code: 0, text: idle });
+            let down = down.unwrap_or(idle);
             self.last_down = owner.map(|owner| (down, owner));
             LinkEvent::Down(down)
         });

@@ -217,7 +217,7 @@ fn an_idle_plc_takes_its_outputs_back_and_a_running_one_gives_them_again() {
     let mut bus = up(wanted());
     bus.command_a(|scanner, _| scanner.connection_mut().set_run(false));
     let events = run(&mut bus, 10);
-    assert_eq!(cause(&events[0].1), (Side::B, Some(DownCause::ClosedByPeer)));
+    assert_eq!(cause(&events[0].1), (Side::B, Some(DownCause::PeerIdle)));
     assert_eq!(bus.b().consumed(CONSUMED), None);
     bus.command_a(|scanner, _| scanner.connection_mut().set_run(true));
     let events = run(&mut bus, 10);

@@ -54,6 +54,7 @@ const FIBRE: LinkStatus = LinkStatus {
     is_full_duplex: Some(true),
     is_negotiated: Some(true),
     medium: Medium::Fibre,
+    gateway: None,
     counters: LinkCounters {
         in_octets: 0,
         in_unicast: 0,
@@ -135,6 +136,22 @@ fn speed_duplex_negotiation_and_medium_are_those_that_the_owner_reports() {
             );
         }
     }
+}
+
+#[test]
+fn the_gateway_is_the_one_that_the_interface_has_now() {
+    let mut rig = Rig::new();
+    let client = rig.client();
+    for last in [254, 1] {
+        let gateway = Some(Ipv4Addr::new(192, 168, 64, last));
+        rig.adapter.set_link(LinkStatus { gateway, ..FIBRE });
+        // Get_Attribute_Single of the interface configuration: address, mask, gateway.
+        let answer = rig.request(client, &[0x0E, 3, 0x20, 0xF5, 0x24, 1, 0x30, 5]);
+        assert_eq!(answer.data[8..12], [last, 64, 168, 192]);
+    }
+    rig.adapter.set_link(FIBRE);
+    let answer = rig.request(client, &[0x0E, 3, 0x20, 0xF5, 0x24, 1, 0x30, 5]);
+    assert_eq!(answer.data[8..12], [0; 4]);
 }
 
 #[test]

@@ -74,7 +74,7 @@ fn the_end_of_a_connection_names_its_owner_whatever_ended_it() {
             let (client, _) = open(rig);
             rig.request(client, &close_message(owner(1).triad, OWNER_PATH));
         }),
-        ("the peer ended the connection: the scanner sends idle", &|rig| {
+        ("the peer is connected and idle: the scanner's program does not run; set it to run", &|rig| {
             let (_, opened) = open(rig);
             rig.io(PLC, opened.o_t_id, 2, Some(false), &data(1));
         }),

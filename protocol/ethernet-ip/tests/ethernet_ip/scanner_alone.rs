@@ -477,7 +477,10 @@ fn an_identity_in_a_reply_that_is_no_success_is_not_the_adapters() {
 #[test]
 fn an_open_connection_without_data_is_reported_within_seconds_and_comes_up_when_they_come() {
     let produced_format = RealTimeFormat::RunIdleHeader;
-    for (is_idle, expected) in [(false, "has sent no frame yet"), (true, "says that it is idle")] {
+    for (is_idle, cause, expected) in [
+        (false, DownCause::NoAnswer, "has sent no frame yet"),
+        (true, DownCause::PeerIdle, "the adapter's program does not run"),
+    ] {
         let mut dialogue = Dialogue::opening_of(ConnectionConfig { produced_format, ..wanted() });
         dialogue.open(1_000);
         let mut sequence = 0;
@@ -495,10 +498,10 @@ fn an_open_connection_without_data_is_reported_within_seconds_and_comes_up_when_
                 receive(&mut dialogue, false);
             }
             dialogue.advance(Duration::from_millis(100));
-            reported.extend(dialogue.down().map(|(_, text)| (tenth, text)));
+            reported.extend(dialogue.down().map(|down| (tenth, down)));
         }
-        let [(20, text)] = reported[..] else { panic!("{reported:?}") };
-        assert!(text.contains(expected), "{text}");
+        let [(20, (found, text))] = reported[..] else { panic!("{reported:?}") };
+        assert!(found == cause && text.contains(expected), "{found:?}: {text}");
         // It is the same connection: no Forward_Close, and data bring it up.
         assert_eq!(dialogue.sent(), []);
         receive(&mut dialogue, true);

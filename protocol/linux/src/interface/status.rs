@@ -33,6 +33,7 @@ impl Interface {
         let settings = self.settings().map(|words| parse_settings(&words)).unwrap_or_default();
         LinkStatus {
             is_up: self.has_carrier().unwrap_or(false),
+            gateway: self.gateway(),
             counters: self.counters().unwrap_or_default(),
             ..settings
         }

@@ -41,11 +41,8 @@ const KEEP_ALIVE: Duration = Duration::from_secs(30);
 const DATA_WITHIN: Duration = Duration::from_secs(2);
 
 /// The adapter's frames say that it is idle.
-const IDLE: Down = Down {
-    cause: DownCause::ClosedByPeer,
-    code: 0,
-    text: "the adapter says that it is idle: set its program to run",
-};
+const IDLE: Down =
+    Down { cause: DownCause::PeerIdle, code: 0, text: "the adapter's program does not run; set it to run" };
 
 /// The adapter's frames do not come.
 const NO_FRAME: Down = Down {

@@ -1,0 +1,59 @@
+//! What `--export-json` of the gate writes.
+
+use serde::Serialize;
+
+use super::real::RatioRow;
+use super::verdict::GateRow;
+
+/// Version of the format.
+const SCHEMA_VERSION: u32 = 1;
+
+/// The comparison with a baseline, for other programs.
+#[derive(Serialize)]
+#[serde(untagged)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(super) enum GateExport<'a> {
+    /// A virtual run.
+    Virtual {
+        /// Version of this format; it counts changes that break a reader.
+        schema_version: u32,
+        /// Each figure with its baseline.
+        figures: &'a [GateRow<'a>],
+    },
+    /// A real run: `--run`.
+    Real {
+        /// Version of this format; it counts changes that break a reader.
+        schema_version: u32,
+        /// Each ratio with its baseline.
+        ratios: &'a [RatioRow<'a>],
+    },
+}
+
+impl<'a> GateExport<'a> {
+    pub(super) const fn of_figures(figures: &'a [GateRow<'a>]) -> Self {
+        Self::Virtual { schema_version: SCHEMA_VERSION, figures }
+    }
+
+    pub(super) const fn of_ratios(ratios: &'a [RatioRow<'a>]) -> Self {
+        Self::Real { schema_version: SCHEMA_VERSION, ratios }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `INSTA_UPDATE=always` writes it again, as for snapshots.
+    #[test]
+    fn the_committed_schema_matches_the_export_of_the_gate() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/schemas/gate.schema.json");
+        let schema = serde_json::to_string_pretty(&schemars::schema_for!(GateExport<'_>)).unwrap() + "\n";
+        if std::env::var("INSTA_UPDATE").is_ok_and(|update| update == "always") {
+            std::fs::write(path, &schema).unwrap();
+        }
+        assert!(
+            std::fs::read_to_string(path).unwrap_or_default() == schema,
+            "the export changed: count SCHEMA_VERSION up where a reader breaks, then INSTA_UPDATE=always cargo test -p bench"
+        );
+    }
+}
