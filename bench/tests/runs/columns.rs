@@ -56,6 +56,17 @@ const MEANINGS: &[(&str, &str, &str)] = &[
     ("robot_missed", "1", "cycles of the robot that were left out"),
     ("waiting_ms", "ms", "time at marks, waiting for another arm"),
     ("zone_waiting_ms", "ms", "time before shared zones, until they were granted"),
+    ("job", "", "address of the job, as in `jobs.csv`"),
+    ("execution_ns", "ns", "execution time on the PLC"),
+    ("robot_execution_ns", "ns", "execution time that the robot measured; with several stations the longest"),
+    ("status", "", "`passed`, `failed`, `not-run` or `refused`"),
+    ("frames_lost", "1", "cyclic frames that one node sent and the other did not accept"),
+    ("images_altered", "1", "images that a node refused because a byte was altered"),
+    ("path_length_mm", "mm", "length of the tool's path; with several stations of all paths together"),
+    ("path_deviation_mm", "mm", "farthest that a tool was from the programmed curves"),
+    ("joint_speed", "share of 1", "highest speed of a joint, of its rated speed"),
+    ("joint_acceleration", "share of 1", "highest acceleration of a joint, of its rated acceleration"),
+    ("joint_jerk", "share of 1", "highest jerk of a joint, of its rated jerk"),
     ("start_skew_us", "µs", "time between the first motions of the arms"),
     ("mark_skew_us", "µs", "longest time between the arms' motions after a mark"),
     ("relative_pose_mm", "mm", "largest deviation of the relative pose of arms that move together"),
@@ -185,9 +196,21 @@ const TABLES: &[(&str, &str)] = &[
         "`trace-robot.csv`: a row for each robot cycle of the first repetition of each type",
         "one/trace-robot.csv",
     ),
+    (
+        "`rows.csv` of `bench study`: a row for each repetition of each job, here with all figures",
+        "rows-one/rows.csv",
+    ),
+    (
+        "`rows.csv` of `bench study` of several stations: a row for each repetition of each job",
+        "rows-cell/rows.csv",
+    ),
     ("`--export-csv`: a row for each type", "one.csv"),
     ("`--export-csv` of several stations: a row for each type and station", "cell.csv"),
 ];
+
+/// Figures that the study of a setup of one robot may record.
+const ALL_FIGURES: &str = "'frames_lost', 'images_altered', 'path_length_mm', 'path_deviation_mm', 'joint_speed', \
+                           'joint_acceleration', 'joint_jerk'";
 
 #[test]
 fn every_column_of_every_table_of_a_run_is_explained_with_its_unit() {
@@ -197,6 +220,12 @@ fn every_column_of_every_table_of_a_run_is_explained_with_its_unit() {
         let virtual_run = ["--setup", setup, "--mode", "virtual", "--reps", "1", "--quiet"];
         let files = ["--without", "report,race", "--out", name, "--export-csv", &export];
         let finished = bench(place.path(), [&virtual_run[..], &files].concat());
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+        let figures = if name == "one" { ALL_FIGURES } else { "" };
+        let study = format!("[study]\nsetup = '{setup}'\nreps = 1\n[record]\nfigures = [{figures}]");
+        fs::write(place.path().join("study.toml"), study).unwrap();
+        let rows = format!("rows-{name}");
+        let finished = bench(place.path(), ["study", "run", "study.toml", "--quiet", "--out", &rows]);
         assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     }
     let of_runs = TABLES.iter().map(|(title, file)| {

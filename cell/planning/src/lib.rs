@@ -61,7 +61,9 @@ pub use application::{
     Zones,
 };
 pub use arms::{ArmApplication, ArmsApplication, Mark};
-pub use cell::{FoundCell, PlannedCell, PlannedStation, cell_and_application, cell_with_applications};
+pub use cell::{
+    FoundCell, PlannedCell, PlannedStation, applications_of, cell_and_application, cell_with_applications,
+};
 pub use error::Error;
 pub use geometry::{Cuboid, Point, Pose};
 pub use list::{COLUMNS, ListError, MotionLines, write_header, write_motion};
