@@ -9,7 +9,7 @@ use crate::relative_pose::RelativePose;
 use crate::verification::StationVerification;
 use records::trace::Recording;
 
-/// What every repetition of a cell is compared with.
+/// The plans with which every repetition of a cell is compared.
 #[derive(Clone, Debug)]
 pub struct CellVerification {
     stations: Vec<StationVerification>,

@@ -5,6 +5,7 @@
 //! key        the keys of a setup, which a study varies
 //! axis       the values of one key: a list, a range, or draws from a distribution
 //! checks     the values of the file
+//! application  of the only robot, or of all stations
 //! plan       the jobs of a study, each made from its number; point is one of its grid, job executes one
 //! figure     the value of a row's figure, of one robot or of several stations
 //! rows       rows.csv and jobs.csv, appended job by job, and read back
@@ -20,6 +21,7 @@
 //! run, merge, status, submit, report    the verbs
 //! ```
 
+mod application;
 mod axis;
 mod checks;
 pub mod claim;
@@ -37,7 +39,7 @@ mod merge;
 pub mod numbered;
 mod observations;
 pub mod plan;
-mod point;
+pub mod point;
 mod report;
 mod rows;
 mod run;

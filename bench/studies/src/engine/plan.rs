@@ -14,6 +14,7 @@ use records::exit::{Exit, Failure};
 use records::faults::Fault;
 use setup::Cell;
 
+use super::application::{application_name, nameless, text_of, with_application};
 use super::axis::Axis;
 use super::checks::{axes, check, check_faults, figures, parsed_faults, seeds};
 use super::file::{RowFigure, Scalar, StudyFile, TypeName};
@@ -286,42 +287,6 @@ fn located(name: &str, is_built_in: bool, directory: Option<&Path>) -> String {
         Some(directory) if !is_built_in => directory.join(name).display().to_string(),
         _ => name.to_owned(),
     }
-}
-
-/// Returns the setup with an application in place of its own: of the only robot, or one of all stations.
-fn with_application(mut cell: Cell, name: &str) -> Cell {
-    let is_one = cell.is_one();
-    match cell.stations.as_mut_slice() {
-        [station] if is_one => name.clone_into(&mut station.application),
-        _ => cell.application = Some(name.to_owned()),
-    }
-    cell
-}
-
-/// Returns the name of the application of the only robot, or of all stations; `None` where each station has its own.
-fn application_name(cell: &Cell) -> Option<&str> {
-    match cell.stations.as_slice() {
-        [station] if cell.is_one() => Some(&station.application),
-        _ => cell.application.as_deref(),
-    }
-}
-
-/// Returns the text of the applications.
-fn text_of(cell: &Cell, found: &FoundCell) -> String {
-    match found.stations.as_slice() {
-        [only] if cell.is_one() => only.text.clone(),
-        _ => found.text(cell),
-    }
-}
-
-/// Returns the setup without the paths of its applications, which say nothing: their texts do. An arm's name stays.
-fn nameless(base: &Cell) -> Cell {
-    let mut cell = base.clone();
-    match &mut cell.application {
-        Some(application) => application.clear(),
-        None => cell.stations.iter_mut().for_each(|station| station.application.clear()),
-    }
-    cell
 }
 
 /// Returns the digest of what all jobs have in common.
