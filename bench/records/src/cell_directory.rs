@@ -15,8 +15,8 @@ use crate::trace::CellTrace;
 /// First line of the samples: a line for each repetition and station.
 const SAMPLES_HEAD: &str = "type,repetition,station,execution_ms,robot_execution_ms,blends_suppressed,waiting_ms,start_skew_us,relative_pose_mm,error\n";
 
-/// Name of the application of all stations.
-const APPLICATION: &str = "application.toml";
+/// Name of the application of all stations, or of the only robot.
+pub const APPLICATION: &str = "application.toml";
 
 /// The directory of a run of a cell.
 #[derive(Debug)]
@@ -105,20 +105,22 @@ impl CellDirectory {
     }
 }
 
-/// Returns the files that say what a cell runs, each with its text: the setup, and the texts of its applications.
+/// Returns the files that say what a cell runs, each with its text: the setup, and the texts of its applications. A cell made from
+/// a setup of one robot has the files of that setup.
 ///
 /// # Errors
 ///
 /// The setup cannot be written as text.
 pub fn inputs(cell: &Cell, applications: &[String]) -> anyhow::Result<Vec<(String, String)>> {
-    let mut cell = cell.clone();
+    let (mut cell, is_one) = (cell.clone(), cell.is_one());
     let mut files = Vec::with_capacity(1 + applications.len());
     if cell.application.is_some() {
         cell.application = Some(APPLICATION.to_owned());
         files.extend(applications.first().map(|text| (APPLICATION.to_owned(), text.clone())));
     } else {
         for (station, text) in cell.stations.iter_mut().zip(applications) {
-            station.application = format!("application-{}.toml", station.name);
+            station.application =
+                if is_one { APPLICATION.to_owned() } else { format!("application-{}.toml", station.name) };
             files.push((station.application.clone(), text.clone()));
         }
     }

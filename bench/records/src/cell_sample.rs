@@ -32,6 +32,14 @@ pub struct StationSample {
     pub came: Vec<(u32, Duration)>,
 }
 
+impl CellSample {
+    /// Returns the longest time between the arrivals of the arms at a mark; `None` in a cell without marks.
+    #[must_use]
+    pub fn worst_mark_skew(&self) -> Option<Duration> {
+        mark_skews(&self.stations).into_iter().map(|(_, skew)| skew).max()
+    }
+}
+
 /// Returns the true time between the first motions of the arms in a repetition; `None` where an arm did not move.
 #[must_use]
 pub fn start_skew(stations: &[Recording]) -> Option<Duration> {

@@ -14,6 +14,7 @@ mod attach;
 pub mod capture;
 pub mod cell_measured;
 pub mod cell_stand;
+pub mod cell_verification;
 mod frame_name;
 pub mod planned_cell;
 pub mod planned_path;

@@ -149,7 +149,7 @@ const MEANINGS: &[(&str, &str, &str)] = &[
     ("refused", "", "why the case cannot be run"),
     ("job", "", "address of the job: the first 64 bits of the SHA-256 of all that decides about it"),
     ("execution_ns", "ns", "execution time on the PLC"),
-    ("robot_execution_ns", "ns", "execution time that the robot measured"),
+    ("robot_execution_ns", "ns", "execution time that the robot measured; with several stations the longest"),
     ("status", "", "`passed`, `failed`, `not-run` or `refused`"),
     (
         "frames_lost",
@@ -237,6 +237,7 @@ const TABLES: &[(&str, &str)] = &[
         "one/trace-robot.csv",
     ),
     ("`rows.csv` of studies: a row for each repetition", "study/rows.csv"),
+    ("`rows.csv` of studies of several stations: a row for each repetition", "rows-cell/rows.csv"),
     ("`jobs.csv` of studies: a row for each job, in the order in which they ended", "study/jobs.csv"),
     ("`lives.csv` of `bench soak`: a row for each life", "soaked/lives.csv"),
     ("`--export-csv`: a row for each type", "one.csv"),
@@ -254,7 +255,12 @@ fn every_column_of_every_table_of_a_run_is_explained_with_its_unit() {
         assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     }
     fs::write(place.path().join("study.toml"), STUDY).unwrap();
-    for arguments in ["study run study.toml --out study --quiet", "soak --hours 0.01 --out soaked --quiet"] {
+    fs::write(place.path().join("cell.toml"), "[study]\nsetup = \"G\"\nreps = 1\n").unwrap();
+    for arguments in [
+        "study run study.toml --out study --quiet",
+        "study run cell.toml --out rows-cell --quiet",
+        "soak --hours 0.01 --out soaked --quiet",
+    ] {
         let finished = bench(place.path(), arguments.split(' '));
         assert_eq!(finished.code, Some(0), "{arguments}: {}", finished.stderr);
     }

@@ -31,6 +31,7 @@ mod key_reference;
 mod list_lengths;
 mod report;
 mod studies;
+mod study_cells;
 mod study_engine;
 mod study_report;
 mod sweep;

@@ -71,7 +71,8 @@ pub struct PlannedStation {
 /// not have, and an arm without a station.
 pub fn cell_with_applications(name: &str) -> Result<(Cell, FoundCell), Error> {
     let (cell, directory) = setup::cell(name)?;
-    applications_of(name, cell, directory.as_deref())
+    let found = applications_of(name, &cell, directory.as_deref())?;
+    Ok((cell, found))
 }
 
 /// Finds a setup and its applications like [`cell_with_applications`]; `instead` replaces them by one for all arms: a built-in
@@ -83,20 +84,27 @@ pub fn cell_and_application(name: &str, instead: Option<&str>) -> Result<(Cell, 
     let Some(application) = instead else { return cell_with_applications(name) };
     let (mut cell, _) = setup::cell(name)?;
     cell.application = Some(application.to_owned());
-    applications_of(name, cell, None)
+    let found = applications_of(name, &cell, None)?;
+    Ok((cell, found))
 }
 
-fn applications_of(name: &str, cell: Cell, directory: Option<&Path>) -> Result<(Cell, FoundCell), Error> {
+/// Finds the applications that the stations of a cell run, whose paths are relative to `directory`; `name` is the setup's name or path,
+/// for messages.
+///
+/// # Errors
+/// Those of [`application()`] and of [`ArmsApplication::parse`]; a station whose arm the application does not have, and an arm
+/// without a station.
+pub fn applications_of(name: &str, cell: &Cell, directory: Option<&Path>) -> Result<FoundCell, Error> {
     let origin = setup::built_in_setup(name)
         .map_or_else(|| name.to_owned(), |(known, _)| format!("built-in setup {known}"));
     let (marks, stations) = match &cell.application {
-        Some(application) => of_one_application(&origin, &cell, application, directory)?,
+        Some(application) => of_one_application(&origin, cell, application, directory)?,
         None => {
             let own = |station: &Station| application(&station.application, directory);
             (Vec::new(), cell.stations.iter().map(own).collect::<Result<_, _>>()?)
         }
     };
-    Ok((cell, FoundCell { origin, marks, stations }))
+    Ok(FoundCell { origin, marks, stations })
 }
 
 /// Finds the application of all stations, and gives each station the part of its arm.

@@ -62,7 +62,9 @@ pub use application::{
     Zones,
 };
 pub use arms::{ArmApplication, ArmsApplication, Mark};
-pub use cell::{FoundCell, PlannedCell, PlannedStation, cell_and_application, cell_with_applications};
+pub use cell::{
+    FoundCell, PlannedCell, PlannedStation, applications_of, cell_and_application, cell_with_applications,
+};
 pub use compact_form::NotCompact;
 pub use error::Error;
 pub use geometry::{Cuboid, Point, Pose};

@@ -65,7 +65,7 @@ fn a_station_is_a_whole_setup_that_is_accepted_written_and_read_back() {
 
 #[test]
 fn a_reader_of_one_robot_refuses_several_and_says_what_is_missing() {
-    insta::assert_snapshot!(setup("E").unwrap_err(), @"built-in setup E has 2 stations (left, right), and one is served here; for several: bench --mode virtual, bench gate, plc-node, plc-node plan --setup, robot-node --station NAME");
+    insta::assert_snapshot!(setup("E").unwrap_err(), @"built-in setup E has 2 stations (left, right), and one is served here; for several: bench --mode virtual, bench gate, bench study, plc-node, plc-node plan --setup, robot-node --station NAME");
     let broken = text("F").replacen("scan_cost_us", "scan_costs_us", 1);
     let said = setup_from_text("my.toml", &broken).unwrap_err().to_string();
     assert!(said.contains("scan_costs_us"), "a mistake in it is named first: {said}");

@@ -63,7 +63,7 @@ pub enum Error {
     },
     /// A setup of several stations, where one station is served.
     #[error(
-        "{origin} has {} stations ({}), and one is served here; for several: bench --mode virtual, bench gate, plc-node, \
+        "{origin} has {} stations ({}), and one is served here; for several: bench --mode virtual, bench gate, bench study, plc-node, \
          plc-node plan --setup, robot-node --station NAME",
         stations.len(), stations.join(", ")
     )]

@@ -35,8 +35,8 @@ pub use cell_bus::CellBus;
 pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character};
 pub use load::{
-    CELLS, SETUPS, Text, built_in, built_in_setup, cell, cell_from_text, check, check_cell, find, read,
-    setup, setup_from_table, setup_from_text, setup_with_directory,
+    CELLS, SETUPS, Text, built_in, built_in_setup, cell, cell_from_table, cell_from_text, check, check_cell,
+    find, read, setup, setup_from_text, setup_with_directory,
 };
 pub use model::{
     Axes, Drives, Frame, Kinematics, Motions, Opw, Paper, PaperRow, Plc, Robot, Scara, Servo, Setup,
@@ -50,7 +50,7 @@ pub use plain_file::{
 pub use shared_zone::SharedZone;
 pub use sourced::{Provenance, Sourced};
 pub use supply::{LookAhead, MOST_QUEUE_MOTIONS, Refill, SlotForm, SplineBlock};
-pub use write::{cell_to_toml, setup_to_table, setup_to_toml};
+pub use write::{cell_to_table, cell_to_toml, setup_to_toml};
 
 #[cfg(test)]
 mod cell_tests;

@@ -53,15 +53,23 @@ pub fn setup_from_text(origin: &str, text: &str) -> Result<Setup, Error> {
     Ok(setup)
 }
 
-/// Reads a setup of one robot from a table of its keys, such as [`setup_to_table`](crate::setup_to_table) makes, and checks its
-/// values like [`setup_from_text`].
-pub fn setup_from_table(origin: &str, table: toml::Table) -> Result<Setup, Error> {
-    let problem = |key: String, text: String| refuse(origin.to_owned(), Problem { key, text });
-    let setup: Setup = serde_path_to_error::deserialize(Exact::new(toml::Value::Table(table)))
-        .map_err(|error| problem(error.path().to_string(), error.inner().message().to_owned()))?;
-    let setup = setup.with_servo();
-    check_setup(&setup).map_err(|problem| refuse(origin.to_owned(), problem))?;
-    Ok(setup)
+/// Reads a setup with any number of stations from a table of its keys, such as [`cell_to_table`](crate::cell_to_table) makes, and
+/// checks its values like [`cell_from_text`].
+pub fn cell_from_table(origin: &str, table: toml::Table) -> Result<Cell, Error> {
+    let refused = |problem: Problem| refuse(origin.to_owned(), problem);
+    if table_has_stations(&table).map_err(refused)? {
+        let cell = from_table::<Cell>(table).map_err(refused)?.with_servos();
+        check::check_cell(&cell).map_err(refused)?;
+        return Ok(cell);
+    }
+    let setup = from_table::<Setup>(table).map_err(refused)?.with_servo();
+    check_setup(&setup).map_err(refused)?;
+    Ok(setup.into())
+}
+
+fn from_table<T: DeserializeOwned>(table: toml::Table) -> Result<T, Problem> {
+    serde_path_to_error::deserialize(Exact::new(toml::Value::Table(table)))
+        .map_err(|error| Problem { key: error.path().to_string(), text: error.inner().message().to_owned() })
 }
 
 /// Finds a setup with any number of stations, and the directory to which the paths in it are relative, like
@@ -90,6 +98,10 @@ fn cell_of_several(origin: &str, text: &str) -> Result<Cell, Error> {
 /// be read at all has none: its reader says why.
 fn has_stations(origin: &str, text: &str) -> Result<bool, Error> {
     let Ok(table) = text.parse::<toml::Table>() else { return Ok(false) };
+    table_has_stations(&table).map_err(|problem| refuse_text(origin, text, problem))
+}
+
+fn table_has_stations(table: &toml::Table) -> Result<bool, Problem> {
     let schema = table.get("schema").and_then(toml::Value::as_integer);
     let mismatch = match (schema == Some(CELL_SCHEMA.into()), table.contains_key("station")) {
         (true, true) => return Ok(true),
@@ -102,7 +114,7 @@ fn has_stations(origin: &str, text: &str) -> Result<bool, Error> {
             format!("{found}: a setup with [[station]] has schema = {CELL_SCHEMA}")
         }
     };
-    Err(refuse_text(origin, text, Problem { key: "schema".to_owned(), text: mismatch }))
+    Err(Problem { key: "schema".to_owned(), text: mismatch })
 }
 
 fn find_setup(name: &str) -> Result<Text, Error> {

@@ -12,22 +12,21 @@ pub fn setup_to_toml(setup: &Setup) -> Result<String, Error> {
     Ok(text)
 }
 
-/// Returns the setup as a table of its keys, which [`crate::setup_from_table`] reads back.
-pub fn setup_to_table(setup: &Setup) -> Result<Table, Error> {
-    Ok(Table::try_from(setup)?)
+/// Returns a setup with any number of stations as a table of its keys, which [`crate::cell_from_table`] reads back: a cell made
+/// from a setup as that setup.
+pub fn cell_to_table(cell: &Cell) -> Result<Table, Error> {
+    match cell.stations.as_slice() {
+        [station] if cell.is_one() => Ok(Table::try_from(cell.setup_of(station))?),
+        _ => Ok(Table::try_from(cell)?),
+    }
 }
 
 /// Writes a setup with any number of stations as TOML that [`crate::cell()`] reads back unchanged: a cell made from a setup as
 /// that setup.
 pub fn cell_to_toml(cell: &Cell) -> Result<String, Error> {
-    match cell.stations.as_slice() {
-        [station] if cell.is_one() => setup_to_toml(&cell.setup_of(station)),
-        _ => {
-            let mut text = String::new();
-            write_table(&mut text, "", &Table::try_from(cell)?);
-            Ok(text)
-        }
-    }
+    let mut text = String::new();
+    write_table(&mut text, "", &cell_to_table(cell)?);
+    Ok(text)
 }
 
 /// Writes a table's own keys first, then its sub-tables with their headers.

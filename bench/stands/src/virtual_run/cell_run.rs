@@ -28,14 +28,16 @@ use super::nodes::{LONGEST_RUN, NeverEnded, SILENCE};
 use crate::Unreported;
 use crate::cell_measured::{CellHealth, CellMeasured};
 use crate::cell_stand::{CellConfig, CellFinished, CellStand};
+use crate::cell_verification::CellVerification;
 use crate::planned_station::PlannedStation;
 use crate::under_faults;
 use records::cell_sample::start_skew;
 use records::conditions::{Health, Interference, Measured, MotionTotals};
 use records::exit::{Exit, Failure};
 use records::faults::{Change, Fault};
-use records::schedule::Step;
+use records::schedule::{Schedule, Step};
 use records::trace::Recording;
+use setup::Cell;
 use virtual_time::Side;
 
 /// Time that is recorded after a failure: far longer than an arm needs to brake.
@@ -56,6 +58,27 @@ pub struct CellRun {
     laws: Option<CellLaws>,
     /// What makes a node once more; `None` where no fault asks for it.
     again: Option<(Vec<PlannedStation>, u64)>,
+}
+
+/// Executes a whole schedule of a planned cell, with faults, verifies each repetition and passes it to `done`.
+///
+/// # Errors
+///
+/// The stations do not connect, a repetition fails or is not that of the plan, or `done` fails. Earlier repetitions were passed on.
+pub fn execute_each_of_cell(
+    (cell, planned, stations): (&Cell, &planning::PlannedCell, &[PlannedStation]),
+    schedule: &Schedule,
+    faults: &[Fault],
+    mut done: impl FnMut(Step, &CellMeasured) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let mut verification = CellVerification::new(cell, planned, stations);
+    let mut run = CellRun::start_with(stations, schedule.seed, faults)?;
+    for step in schedule.steps() {
+        let mut measured = run.execute(step)?;
+        verification.check(step.execution_type, &mut measured, run.watch.recordings())?;
+        done(step, &measured)?;
+    }
+    Ok(())
 }
 
 impl CellStand for CellRun {

@@ -49,7 +49,7 @@ use robot_node::RobotConfig;
 use setup::Setup;
 
 pub use cell_laws::BrokenLaw;
-pub use cell_run::CellRun;
+pub use cell_run::{CellRun, execute_each_of_cell};
 pub use nodes::{NeverEnded, Nodes};
 pub use reaction::reactions;
 

@@ -267,7 +267,7 @@ mod tests {
     use super::*;
 
     fn axis(toml: &str) -> Result<Axis, InvalidVariation> {
-        Axis::of(&toml::from_str(toml).unwrap(), &SetupKeys::read().unwrap())
+        Axis::of(&toml::from_str(toml).unwrap(), &SetupKeys::of(&setup::cell("A").unwrap().0).unwrap())
     }
 
     #[test]

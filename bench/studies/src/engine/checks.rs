@@ -5,14 +5,15 @@ use anyhow::Context as _;
 use super::axis::Axis;
 use super::file::{self, RowFigure, Scalar, StudyFile};
 use super::key::SetupKeys;
-use records::faults::Fault;
+use records::faults::{self, Fault};
+use setup::Cell;
 
 /// Most repetitions of a job, as of a run.
 const MOST_REPETITIONS: u32 = 100_000;
 
 /// Checks what stands in the file alone.
 pub(super) fn check(file: &StudyFile) -> anyhow::Result<()> {
-    let StudyFile { schema, study, finding, .. } = file;
+    let StudyFile { schema, study, .. } = file;
     if *schema != file::SCHEMA {
         anyhow::bail!("`schema` = {schema}: this program reads studies of version {}", file::SCHEMA);
     }
@@ -22,8 +23,33 @@ pub(super) fn check(file: &StudyFile) -> anyhow::Result<()> {
     if study.types.is_empty() {
         anyhow::bail!("`study.types` is empty; name rc, sm or cm, or leave it out for all three");
     }
-    let columns: Vec<_> = RowFigure::USUAL.into_iter().chain(file.record.figures.iter().copied()).collect();
-    for finding in finding {
+    Ok(())
+}
+
+/// Returns the figures in the rows, the usual ones first, and checks those that are asked for and looked for.
+pub(super) fn figures(file: &StudyFile, cell: &Cell) -> anyhow::Result<Vec<RowFigure>> {
+    let (name, count) = (&cell.name, cell.stations.len());
+    let mut columns = RowFigure::USUAL.to_vec();
+    if !cell.is_one() {
+        columns.extend(RowFigure::OF_CELL);
+    }
+    for figure in &file.record.figures {
+        let column = figure.column();
+        if cell.is_one() && RowFigure::OF_CELL.contains(figure) {
+            anyhow::bail!(
+                "`record.figures` {column}: needs several stations, and setup {name} has one; remove it"
+            );
+        }
+        if !cell.is_one() && figure.is_of_one_robot() {
+            anyhow::bail!(
+                "`record.figures` {column}: needs a setup of one robot, and setup {name} has {count} stations; remove it"
+            );
+        }
+        if !columns.contains(figure) {
+            columns.push(*figure);
+        }
+    }
+    for finding in &file.finding {
         let name = finding.figure.column();
         if finding.above.is_some() == finding.below.is_some() {
             anyhow::bail!("[[finding]] `{name}`: give exactly one of `above` and `below`");
@@ -32,7 +58,15 @@ pub(super) fn check(file: &StudyFile) -> anyhow::Result<()> {
             anyhow::bail!("[[finding]] `{name}`: not in the rows; add it to `record.figures`");
         }
     }
-    Ok(())
+    Ok(columns)
+}
+
+/// Checks that the setup can have these faults, which with several stations name theirs.
+pub(super) fn check_faults(faults: &[Fault], cell: &Cell) -> anyhow::Result<()> {
+    match cell.stations.as_slice() {
+        [station] if cell.is_one() => Ok(faults::check(faults, &cell.setup_of(station))?),
+        _ => Ok(faults::check_cell(faults, cell)?),
+    }
 }
 
 /// Checks the varied keys and their values.

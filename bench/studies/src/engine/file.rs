@@ -97,7 +97,8 @@ impl From<TypeName> for ExecutionType {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Variation {
-    /// A key of the setup, such as `robot.path_acceleration_mm_s2` (docs/keys.md), or `faults`.
+    /// A key of the setup, such as `robot.path_acceleration_mm_s2` (docs/keys.md), or `faults`. A key of one of several stations has its
+    /// name: `station.left.robot.cycle_us`.
     pub key: String,
     /// These values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -204,17 +205,17 @@ pub struct Record {
 pub enum RowFigure {
     /// Execution time by the PLC in ns; always in the rows.
     ExecutionNs,
-    /// Execution time by the robot in ns; always in the rows.
+    /// Execution time by the robot in ns, with several stations the longest; always in the rows.
     RobotExecutionNs,
-    /// Motions that ended in a stop because the next one came too late; always in the rows.
+    /// Motions that ended in a stop because the next one came too late, of all stations; always in the rows.
     BlendsSuppressed,
-    /// Cyclic frames that one node sent and the other did not accept.
+    /// Cyclic frames that one node sent and the other did not accept; one robot only.
     FramesLost,
-    /// Images that a node refused because a byte was altered.
+    /// Images that a node refused because a byte was altered; one robot only.
     ImagesAltered,
-    /// Length of the tool's path in mm.
+    /// Length of the tool's path in mm, with several stations of all paths together.
     PathLengthMm,
-    /// Farthest that the tool was from the programmed curves, in mm.
+    /// Farthest that a tool was from the programmed curves, in mm.
     PathDeviationMm,
     /// Highest speed of a joint as a share of its rated speed.
     JointSpeed,
@@ -222,11 +223,27 @@ pub enum RowFigure {
     JointAcceleration,
     /// Highest jerk of a joint as a share of its rated jerk.
     JointJerk,
+    /// True time between the first motions of the arms, in µs; always in the rows of several stations.
+    StartSkewUs,
+    /// Longest time between the arrivals of the arms at a mark, in µs; always in the rows of several stations.
+    MarkSkewUs,
+    /// Largest distance of an arm's tool, seen from another arm's, from where the plan has it, in mm; always in the rows of several
+    /// stations.
+    RelativePoseMm,
 }
 
 impl RowFigure {
     /// Figures that are always in the rows.
     pub const USUAL: [Self; 3] = [Self::ExecutionNs, Self::RobotExecutionNs, Self::BlendsSuppressed];
+
+    /// Figures that are always in the rows of several stations too.
+    pub const OF_CELL: [Self; 3] = [Self::StartSkewUs, Self::MarkSkewUs, Self::RelativePoseMm];
+
+    /// Returns whether only one robot has it, and not several stations.
+    #[must_use]
+    pub const fn is_of_one_robot(self) -> bool {
+        matches!(self, Self::FramesLost | Self::ImagesAltered)
+    }
 
     /// Returns its column.
     #[must_use]
@@ -242,6 +259,9 @@ impl RowFigure {
             Self::JointSpeed => "joint_speed",
             Self::JointAcceleration => "joint_acceleration",
             Self::JointJerk => "joint_jerk",
+            Self::StartSkewUs => "start_skew_us",
+            Self::MarkSkewUs => "mark_skew_us",
+            Self::RelativePoseMm => "relative_pose_mm",
         }
     }
 
@@ -250,7 +270,8 @@ impl RowFigure {
     pub const fn unit(self) -> &'static str {
         match self {
             Self::ExecutionNs | Self::RobotExecutionNs => "ns",
-            Self::PathLengthMm | Self::PathDeviationMm => "mm",
+            Self::PathLengthMm | Self::PathDeviationMm | Self::RelativePoseMm => "mm",
+            Self::StartSkewUs | Self::MarkSkewUs => "µs",
             _ => "",
         }
     }
@@ -285,11 +306,12 @@ pub struct StudyFinding {
 }
 
 /// The commented examples, each with its name.
-pub const EXAMPLES: [(&str, &str); 6] = [
+pub const EXAMPLES: [(&str, &str); 7] = [
     ("table-2", include_str!("../../examples/table-2.toml")),
     ("approximation-zones", include_str!("../../examples/approximation-zones.toml")),
     ("buses", include_str!("../../examples/buses.toml")),
     ("fault-campaign", include_str!("../../examples/fault-campaign.toml")),
+    ("stations", include_str!("../../examples/stations.toml")),
     ("identification-a", include_str!("../../examples/identification-a.toml")),
     ("identification-b", include_str!("../../examples/identification-b.toml")),
 ];

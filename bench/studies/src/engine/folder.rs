@@ -4,14 +4,16 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
+use planning::FoundCell;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use setup::Cell;
 use sha2::{Digest as _, Sha256};
 
+use records::cell_directory::{APPLICATION, inputs};
 use records::exit::{Exit, Failure};
 use records::occupied::{Files, Occupied};
 use records::run_directory::{Durability, make_for_study, replace};
-use setup::Setup;
 
 use super::RerunOptions;
 use super::file::StudyFile;
@@ -27,7 +29,6 @@ const SCHEMA_VERSION: u32 = 1;
 /// The study as it is executed.
 pub(super) const STUDY: &str = "study.toml";
 const SETUP: &str = "setup.toml";
-const APPLICATION: &str = "application.toml";
 /// Frictionless description of the rows' columns.
 const ROWS_SCHEMA: &str = "rows.schema.json";
 
@@ -149,18 +150,15 @@ pub(super) fn prepare(directory: &Path, plan: &StudyPlan, manifest: &Manifest) -
     }
     let study = toml::to_string(&StudyFile { study: section(plan), ..plan.file.clone() });
     let study = study.context("cannot write the study as TOML")?;
-    let application = plan.application.as_ref().map(|found| found.text.as_str());
-    let base = match application {
-        Some(_) => Setup { application: APPLICATION.to_owned(), ..plan.base.clone() },
-        None => plan.base.clone(),
+    let executed = match &plan.application {
+        Some(found) => executed(&plan.base, found)?,
+        None => vec![(SETUP.to_owned(), setup::cell_to_toml(&plan.base)?)],
     };
-    let setup = setup::setup_to_toml(&base)?;
     let schema = format!("{:#}\n", frictionless(&Columns::of(plan)));
     let described = outputs::json(manifest)?;
-    let mut inputs = vec![(SETUP, setup.as_str()), (ROWS_SCHEMA, &schema), (MANIFEST, &described)];
-    inputs.extend(application.map(|text| (APPLICATION, text)));
+    let mut inputs = vec![(ROWS_SCHEMA, schema.as_str()), (MANIFEST, &described)];
     let varied = plan.varied_applications();
-    inputs.extend(varied.iter().map(|(name, text)| (name.as_str(), text.as_str())));
+    inputs.extend(executed.iter().chain(&varied).map(|(name, text)| (name.as_str(), text.as_str())));
     // What is looked for may change from call to call.
     let files = Files { inputs: &inputs, results: &[ROWS, JOBS] };
     Occupied::check(directory, files).map_err(|error| usage(error.into()))?;
@@ -188,9 +186,17 @@ pub(super) fn of_journal(error: anyhow::Error) -> Failure {
     }
 }
 
+/// Returns the setup and its applications as files, each with its name.
+fn executed(cell: &Cell, found: &FoundCell) -> anyhow::Result<Vec<(String, String)>> {
+    let texts: Vec<String> = found.stations.iter().map(|station| station.text.clone()).collect();
+    inputs(cell, &texts)
+}
+
 /// Returns what is executed, by the files beside the rows.
 fn section(plan: &StudyPlan) -> super::file::StudySection {
-    let application = plan.application.as_ref().map(|_| APPLICATION.to_owned());
+    // Where each station has an application of its own, the setup names them.
+    let is_named_here = plan.base.is_one() || plan.base.application.is_some();
+    let application = (plan.application.is_some() && is_named_here).then(|| APPLICATION.to_owned());
     super::file::StudySection { setup: SETUP.to_owned(), application, ..plan.file.study.clone() }
 }
 
@@ -272,9 +278,9 @@ pub(super) fn rerun(options: &RerunOptions, commit: &str) -> Result<RerunJob, Fa
     std::fs::create_dir_all(&cell)
         .with_context(|| format!("cannot make the directory {}", cell.display()))
         .map_err(of_host)?;
-    let setup = Setup { application: APPLICATION.to_owned(), ..made.setup.clone() };
-    replace(&cell.join(SETUP), setup::setup_to_toml(&setup)?, Durability::Written)?;
-    replace(&cell.join(APPLICATION), &made.application.text, Durability::Written)?;
+    for (name, text) in executed(&made.cell, &made.application)? {
+        replace(&cell.join(name), text, Durability::Written)?;
+    }
     let types: Vec<String> = plan.types.iter().map(ToString::to_string).collect();
     let shown = |path: PathBuf| path.display().to_string();
     let mut arguments = [

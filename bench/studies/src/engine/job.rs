@@ -5,14 +5,15 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
 use plc_node::ExecutionType;
-use records::conditions::Measured;
 use records::faults::Fault;
-use records::schedule::Schedule;
+use records::schedule::{Schedule, Step};
 use records::statistics::AetMad;
-use setup::Setup;
+use setup::{Cell, Setup};
 use stands::planned_cell::PlannedCell;
-use stands::virtual_run::execute_each;
+use stands::planned_station::PlannedStation;
+use stands::virtual_run::{execute_each, execute_each_of_cell};
 
+use super::figure;
 use super::file::RowFigure;
 
 /// End of a repetition.
@@ -58,7 +59,7 @@ pub struct JobRow {
     pub repetition: u32,
     /// End of the repetition.
     pub status: RowStatus,
-    /// Its figures, in the order in which they were asked for; none unless it passed.
+    /// Its figures, in the order in which they were asked for, not a number where one was not measured; none unless it passed.
     pub figures: Vec<f64>,
 }
 
@@ -71,13 +72,32 @@ pub struct JobRows {
     pub reason: String,
 }
 
+/// Subject of a job: one robot, or several stations.
+#[derive(Clone, Copy)]
+pub enum JobSubject<'a> {
+    /// One robot.
+    Robot {
+        /// The setup.
+        setup: &'a Setup,
+        /// The plan of its application.
+        planned: &'a PlannedCell,
+    },
+    /// The stations of a cell.
+    Cell {
+        /// The setup.
+        cell: &'a Cell,
+        /// The plan of its applications.
+        planned: &'a planning::PlannedCell,
+        /// The stations in it.
+        stations: &'a [PlannedStation],
+    },
+}
+
 /// Inputs of a job's execution.
 #[derive(Clone, Copy)]
 pub struct JobInputs<'a> {
-    /// The setup.
-    pub setup: &'a Setup,
-    /// The plan of its application.
-    pub planned: &'a PlannedCell,
+    /// The subject.
+    pub subject: JobSubject<'a>,
     /// Types, repetitions and seed.
     pub schedule: &'a Schedule,
     /// Faults.
@@ -113,17 +133,29 @@ impl JobInputs<'_> {
     }
 
     fn execute_into(&self, rows: &mut Vec<JobRow>) -> anyhow::Result<()> {
-        let Self { setup, planned, schedule, faults, figures } = self;
-        execute_each(setup, (*planned).clone(), schedule, faults, |step, measured, _| {
-            if let Some(quality) = &measured.quality {
-                quality.check_ratings()?;
-            }
-            let (execution_type, repetition) = (step.execution_type, step.repetition);
-            let figures = figures.iter().map(|figure| value(*figure, measured)).collect();
+        let Self { schedule, faults, .. } = self;
+        let mut passed = |Step { execution_type, repetition, .. }, value: &dyn Fn(RowFigure) -> f64| {
+            let figures = self.figures.iter().map(|figure| value(*figure)).collect();
             rows.push(JobRow { execution_type, repetition, status: RowStatus::Passed, figures });
-            Ok(())
-        })?;
-        Ok(())
+        };
+        match self.subject {
+            JobSubject::Robot { setup, planned } => {
+                execute_each(setup, planned.clone(), schedule, faults, |step, measured, _| {
+                    if let Some(quality) = &measured.quality {
+                        quality.check_ratings()?;
+                    }
+                    passed(step, &|figure| figure::of_robot(figure, measured));
+                    Ok(())
+                })?;
+                Ok(())
+            }
+            JobSubject::Cell { cell, planned, stations } => {
+                execute_each_of_cell((cell, planned, stations), schedule, faults, |step, measured| {
+                    passed(step, &|figure| figure::of_cell(figure, measured));
+                    Ok(())
+                })
+            }
+        }
     }
 
     /// Returns the rows of a job that cannot begin.
@@ -191,23 +223,8 @@ impl ListedJob {
     /// A repetition failed, or none could begin.
     pub fn measured(&self) -> anyhow::Result<JobRows> {
         let Self { setup, planned, schedule } = self;
-        JobInputs { setup, planned, schedule, faults: &[], figures: &RowFigure::USUAL }.measured()
-    }
-}
-
-fn value(figure: RowFigure, measured: &Measured) -> f64 {
-    let quality = measured.quality.unwrap_or_default();
-    match figure {
-        RowFigure::ExecutionNs => measured.execution.execution_time_ns as f64,
-        RowFigure::RobotExecutionNs => measured.execution.robot_execution_ns as f64,
-        RowFigure::BlendsSuppressed => measured.execution.blends_suppressed.into(),
-        RowFigure::FramesLost => measured.interference.lost as f64,
-        RowFigure::ImagesAltered => measured.interference.altered.iter().sum::<u64>() as f64,
-        RowFigure::PathLengthMm => quality.path_length_mm,
-        RowFigure::PathDeviationMm => quality.path_deviation_mm,
-        RowFigure::JointSpeed => quality.joint_speed.peak,
-        RowFigure::JointAcceleration => quality.joint_acceleration.peak,
-        RowFigure::JointJerk => quality.joint_jerk.peak,
+        let subject = JobSubject::Robot { setup, planned };
+        JobInputs { subject, schedule, faults: &[], figures: &RowFigure::USUAL }.measured()
     }
 }
 
@@ -231,8 +248,7 @@ mod tests {
         let whole = virtual_run::whole_planned(&setup, planned.clone(), &schedule).unwrap();
         let figures = RowFigure::USUAL;
         let inputs = JobInputs {
-            setup: &setup,
-            planned: &planned,
+            subject: JobSubject::Robot { setup: &setup, planned: &planned },
             schedule: &schedule,
             faults: &[],
             figures: &figures,
@@ -252,8 +268,7 @@ mod tests {
         let faults = ["cut-at=6s..9s".parse().unwrap()];
         let figures = RowFigure::USUAL;
         let inputs = JobInputs {
-            setup: &setup,
-            planned: &planned,
+            subject: JobSubject::Robot { setup: &setup, planned: &planned },
             schedule: &schedule,
             faults: &faults,
             figures: &figures,

@@ -13,7 +13,7 @@ use sha2::{Digest as _, Sha256};
 use super::claim::StudyClaim;
 use super::file::RowFigure;
 use super::folder::of_journal;
-use super::job::{JobInputs, JobRow, JobRows, ListedJob, RowStatus};
+use super::job::{JobInputs, JobRow, JobRows, JobSubject, ListedJob, RowStatus};
 use super::lines::fields;
 use super::plan::JobAddress;
 use super::rows::{Columns, RowsJournal, SavedJob};
@@ -135,7 +135,8 @@ impl SavedRows {
 impl ListedJob {
     fn inputs(&self) -> JobInputs<'_> {
         let Self { setup, planned, schedule } = self;
-        JobInputs { setup, planned, schedule, faults: &[], figures: &RowFigure::USUAL }
+        let subject = JobSubject::Robot { setup, planned };
+        JobInputs { subject, schedule, faults: &[], figures: &RowFigure::USUAL }
     }
 
     /// Returns the digest of everything that its rows depend on.

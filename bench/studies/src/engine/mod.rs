@@ -5,7 +5,9 @@
 //! key        the keys of a setup, which a study varies
 //! axis       the values of one key: a list, a range, or draws from a distribution
 //! checks     the values of the file
-//! plan       the jobs of a study, each made from its number; job executes one
+//! application  of the only robot, or of all stations
+//! plan       the jobs of a study, each made from its number; point is one of its grid, job executes one
+//! figure     the value of a row's figure, of one robot or of several stations
 //! rows       rows.csv and jobs.csv, appended job by job, and read back
 //! folder     what stands beside the rows: the study, its program, its shard
 //! finding    rows that a study looks for
@@ -19,10 +21,12 @@
 //! run, merge, status, submit, report    the verbs
 //! ```
 
+mod application;
 mod axis;
 mod checks;
 pub mod claim;
 mod estimate;
+mod figure;
 pub mod file;
 mod finding;
 pub(crate) mod folder;
@@ -35,6 +39,7 @@ mod merge;
 pub mod numbered;
 mod observations;
 pub mod plan;
+pub mod point;
 mod report;
 mod rows;
 mod run;

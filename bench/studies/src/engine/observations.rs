@@ -62,6 +62,9 @@ impl Measure {
             Self::Mean(_, RowFigure::JointSpeed) => "joint speed",
             Self::Mean(_, RowFigure::JointAcceleration) => "joint acceleration",
             Self::Mean(_, RowFigure::JointJerk) => "joint jerk",
+            Self::Mean(_, RowFigure::StartSkewUs) => "start skew",
+            Self::Mean(_, RowFigure::MarkSkewUs) => "mark skew",
+            Self::Mean(_, RowFigure::RelativePoseMm) => "relative pose",
             Self::Mad(_) => "MAD",
             Self::Improvement => "AETi",
         }
@@ -97,8 +100,9 @@ impl Measure {
             }
             Self::Mean(wanted, figure) => {
                 let index = plan.figures.iter().position(|one| *one == figure)?;
-                let values: Vec<f64> =
-                    of_type(wanted).filter_map(|row| row.figures.get(index).copied()).collect();
+                // An empty field is one that was not measured.
+                let value = |row: &PassedRow| row.figures.get(index).copied().filter(|value| !value.is_nan());
+                let values: Vec<f64> = of_type(wanted).filter_map(value).collect();
                 let scale = if figure.unit() == "ns" { 1e-6 } else { 1.0 };
                 (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64 * scale)
             }

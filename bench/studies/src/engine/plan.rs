@@ -6,19 +6,20 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context as _, anyhow};
-use planning::Found;
+use planning::{Found, FoundCell};
 use plc_node::ExecutionType;
 use sha2::{Digest as _, Sha256};
 
 use records::exit::{Exit, Failure};
-use records::faults::{self, Fault};
-use setup::Setup;
-use stands::planned_cell::PlannedCell;
+use records::faults::Fault;
+use setup::Cell;
 
+use super::application::{application_name, nameless, text_of, with_application};
 use super::axis::Axis;
-use super::checks::{axes, check, parsed_faults, seeds};
+use super::checks::{axes, check, check_faults, figures, parsed_faults, seeds};
 use super::file::{RowFigure, Scalar, StudyFile, TypeName};
 use super::key::{SetupKeys, SetupTable};
+use super::point::{GridPoint, MadePoint};
 
 /// Address of a job: the first 64 bits of the SHA-256 of everything that its rows depend on.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
@@ -47,9 +48,9 @@ pub struct StudyPlan {
     /// The file.
     pub file: StudyFile,
     /// The setup before anything is varied.
-    pub base: Setup,
-    /// The application of all jobs; `None` where it is varied.
-    pub application: Option<Found>,
+    pub base: Cell,
+    /// The applications of all jobs; `None` where they are varied.
+    pub application: Option<FoundCell>,
     /// The varied keys in the order of the file.
     pub axes: Vec<Axis>,
     /// Execution types of each job.
@@ -61,6 +62,8 @@ pub struct StudyPlan {
     /// Digest of all that determines the jobs besides the program.
     pub identity: String,
     table: SetupTable,
+    /// The setup as given, for messages.
+    name: String,
     /// Directory to which the names of varied applications are relative.
     directory: Option<PathBuf>,
     faults: Vec<Fault>,
@@ -69,31 +72,7 @@ pub struct StudyPlan {
     common: Sha256,
     /// The point of the grid that was used last: all its seeds use the same plan.
     last: Mutex<Option<Arc<GridPoint>>>,
-    varied_applications: Mutex<BTreeMap<String, Arc<Result<Found, String>>>>,
-}
-
-/// Point of the grid, which the jobs of all seeds share.
-pub struct GridPoint {
-    number: u128,
-    /// The seed of drawn values; `None` where nothing is drawn.
-    seed: Option<u64>,
-    /// Value of each varied key.
-    pub values: Vec<Scalar>,
-    /// Setup and plan, or the reason for the refusal.
-    pub made: Result<MadePoint, String>,
-    digest: Sha256,
-}
-
-/// Setup and plan of a point.
-pub struct MadePoint {
-    /// The setup with the point's values.
-    pub setup: Setup,
-    /// The application.
-    pub application: Found,
-    /// Its plan.
-    pub planned: PlannedCell,
-    /// Faults.
-    pub faults: Vec<Fault>,
+    varied_applications: Mutex<BTreeMap<String, Arc<Result<FoundCell, String>>>>,
 }
 
 /// A job, made from its number.
@@ -136,20 +115,22 @@ impl StudyPlan {
         check(&file).map_err(usage)?;
         let section = &file.study;
         let name = located(&section.setup, setup::built_in_setup(&section.setup).is_some(), directory);
-        let (base, of_setup) = setup::setup_with_directory(&name)?;
-        let keys = SetupKeys::read()?;
+        let (base, of_setup) = setup::cell(&name)?;
+        let keys = SetupKeys::of(&base)?;
         let axes = axes(&file, &keys).map_err(usage)?;
         let is_application_varied = axes.iter().any(|axis| axis.path == "application");
-        let application = match &section.application {
+        let (base, directory_of_application) = match &section.application {
             Some(_) if is_application_varied => {
                 return Err(usage(anyhow!("`study.application` is given and varied; remove one of them")));
             }
-            Some(name) => Some(planning::application(name, directory)?),
-            None if is_application_varied => None,
-            None => Some(planning::application(&base.application, of_setup.as_deref())?),
+            Some(name) => (with_application(base, name), directory),
+            None => (base, of_setup.as_deref()),
         };
+        let application = (!is_application_varied)
+            .then(|| planning::applications_of(&name, &base, directory_of_application))
+            .transpose()?;
         let faults = parsed_faults(&section.faults.join(" ")).map_err(usage)?;
-        faults::check(&faults, &base).map_err(usage)?;
+        check_faults(&faults, &base).map_err(usage)?;
         let seeds = seeds(&section.seeds).map_err(usage)?;
         let mut types: Vec<ExecutionType> = Vec::new();
         for one in section.types.iter().map(|one: &TypeName| ExecutionType::from(*one)) {
@@ -157,13 +138,7 @@ impl StudyPlan {
                 types.push(one);
             }
         }
-        let extra = file.record.figures.iter().filter(|figure| !RowFigure::USUAL.contains(figure));
-        let mut figures = RowFigure::USUAL.to_vec();
-        for figure in extra {
-            if !figures.contains(figure) {
-                figures.push(*figure);
-            }
-        }
+        let figures = figures(&file, &base).map_err(usage)?;
         let table = SetupTable::of(&base)?;
         let common = common(&file, &base, application.as_ref(), &types)?;
         let identity = identity(&file, &common)?;
@@ -176,6 +151,7 @@ impl StudyPlan {
             program,
             identity,
             table,
+            name,
             directory: directory.map(Path::to_owned),
             faults,
             seeds,
@@ -198,11 +174,12 @@ impl StudyPlan {
     pub fn varied_applications(&self) -> Vec<(String, String)> {
         let varied = self.axes.iter().filter(|axis| axis.path == "application");
         let names = varied.flat_map(|axis| (0..axis.len()).map(|number| axis.value(number, 0).to_string()));
-        let copy = |name: String| match &*self.varied_application(&name) {
-            Ok(Found { path: Some(_), text, .. }) => Some((varied_copy(&name), text.clone())),
-            // Built-in ones belong to the program; one that cannot be read is refused in its jobs.
-            _ => None,
-        };
+        let copy =
+            |name: String| match self.varied_application(&name).as_ref().as_ref().ok()?.stations.first()? {
+                Found { path: Some(_), text, .. } => Some((varied_copy(&name), text.clone())),
+                // Built-in ones belong to the program; one that cannot be read is refused in its jobs.
+                _ => None,
+            };
         names.filter_map(copy).collect()
     }
 
@@ -264,37 +241,35 @@ impl StudyPlan {
     fn made(&self, values: &[Scalar], digest: &mut Sha256) -> Result<MadePoint, String> {
         let changes = self.axes.iter().zip(values);
         let changes = changes.filter_map(|(axis, value)| Some((axis.path.as_str(), axis.key?, value)));
-        let setup = self.table.with(changes).map_err(|error| error.to_string())?;
+        let cell = self.table.with(changes).map_err(|error| error.to_string())?;
         let mut faults = self.faults.clone();
         for (axis, value) in self.axes.iter().zip(values) {
             if let (None, Some(text)) = (axis.key, value.text()) {
                 faults.extend(parsed_faults(text).map_err(|error| error.to_string())?);
             }
         }
-        faults::check(&faults, &setup).map_err(|error| error.to_string())?;
-        let application = match &self.application {
-            Some(application) => application.clone(),
-            None => {
-                let found = self.varied_application(&setup.application);
+        check_faults(&faults, &cell).map_err(|error| error.to_string())?;
+        let application = match (&self.application, application_name(&cell)) {
+            (Some(application), _) => application.clone(),
+            (None, name) => {
+                let found = self.varied_application(name.unwrap_or_default());
                 let found = found.as_ref().as_ref().map_err(Clone::clone)?;
-                digest.update(&found.text);
+                digest.update(text_of(&cell, found));
                 found.clone()
             }
         };
-        let plan = application.plan(&setup).map_err(|error| error.to_string())?;
-        let planned = PlannedCell::of_plan(&setup, &application.application, &plan);
-        let planned = planned.map_err(|error| format!("{error:#}"))?;
-        Ok(MadePoint { setup, application, planned, faults })
+        MadePoint::new(cell, application, faults)
     }
 
-    fn varied_application(&self, name: &str) -> Arc<Result<Found, String>> {
+    fn varied_application(&self, name: &str) -> Arc<Result<FoundCell, String>> {
         let mut known = self.varied_applications.lock().unwrap_or_else(PoisonError::into_inner);
         let read = || {
             let directory = self.directory.as_deref();
             // Beside rows, applications have names of their own.
             let copy = varied_copy(name);
             let is_copied = directory.is_some_and(|directory| directory.join(&copy).is_file());
-            let found = planning::application(if is_copied { &copy } else { name }, directory);
+            let cell = with_application(self.base.clone(), if is_copied { &copy } else { name });
+            let found = planning::applications_of(&self.name, &cell, directory);
             Arc::new(found.map_err(|error| error.to_string()))
         };
         Arc::clone(known.entry(name.to_owned()).or_insert_with(read))
@@ -317,19 +292,17 @@ fn located(name: &str, is_built_in: bool, directory: Option<&Path>) -> String {
 /// Returns the digest of what all jobs have in common.
 fn common(
     file: &StudyFile,
-    base: &Setup,
-    application: Option<&Found>,
+    base: &Cell,
+    application: Option<&FoundCell>,
     types: &[ExecutionType],
 ) -> anyhow::Result<Sha256> {
-    // The path of the application says nothing: its text does.
-    let nameless = Setup { application: String::new(), ..base.clone() };
     let mut options = format!("reps {}\ntypes", file.study.reps);
     types.iter().try_for_each(|one| write!(options, " {one}"))?;
     let faults = file.study.faults.join(" ");
-    let text = application.map_or("", |found| &found.text);
+    let text = application.map_or_else(String::new, |found| text_of(base, found));
     let mut digest = Sha256::new();
     digest.update("skillbench job 1\n");
-    for part in [setup::setup_to_toml(&nameless)?.as_str(), text, &options, &faults] {
+    for part in [setup::cell_to_toml(&nameless(base))?.as_str(), &text, &options, &faults] {
         digest.update(format!("{}:", part.len()));
         digest.update(part);
     }
@@ -382,8 +355,9 @@ mod tests {
         assert_eq!(of(&jobs[3]), (vec![Scalar::Number(0.0), Scalar::Integer(2_000)], 3));
         assert_eq!(of(&jobs[17]), (vec![Scalar::Number(20.0), Scalar::Integer(4_000)], 5));
         let made = jobs[17].point.made.as_ref().unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!((made.setup.motions.approximation_mm.value, made.setup.bus.cycle_us.value), (20.0, 4_000));
-        assert_eq!(made.setup.bus.cycle_us.from, setup::Provenance::Assumed);
+        let robot = &made.cell.stations[0];
+        assert_eq!((robot.motions.approximation_mm.value, robot.bus.cycle_us.value), (20.0, 4_000));
+        assert_eq!(robot.bus.cycle_us.from, setup::Provenance::Assumed);
     }
 
     #[test]
@@ -402,6 +376,11 @@ mod tests {
         }
         let found = plan(&format!("{GRID}[[finding]]\nfigure = 'blends_suppressed'\nabove = 0")).unwrap();
         assert_eq!(found.identity, all.identity, "a finding changes no row");
+    }
+
+    #[test]
+    fn the_address_of_a_job_of_one_robot_stays() {
+        insta::assert_snapshot!(plan(GRID).unwrap().job(0).address, @"0d2c4bedd1726560");
     }
 
     #[test]
@@ -424,7 +403,10 @@ mod tests {
             "[study]\nsetup = 'A'\n[[vary]]\nkey = 'plc.queue_depth'\nvalues = [1]\n[[vary]]\nkey = 'plc.queue_depth'\nvalues = [2]",
             "[study]\nsetup = 'A'\n[[finding]]\nfigure = 'joint_jerk'\nabove = 1.0",
             "[study]\nsetup = 'A'\n[[finding]]\nfigure = 'execution_ns'",
-            "[study]\nsetup = 'E'",
+            "[study]\nsetup = 'A'\n[record]\nfigures = ['start_skew_us']",
+            "[study]\nsetup = 'E'\n[record]\nfigures = ['frames_lost']",
+            "[study]\nsetup = 'E'\n[[vary]]\nkey = 'station.lft.robot.cycle_us'\nvalues = [8000]",
+            "[study]\nsetup = 'E'\nfaults = ['loss=0.1']",
         ];
         let refused = cases.map(|toml| plan(toml).err().unwrap_or_else(|| format!("taken: {toml}")));
         for (fault, said) in
@@ -442,7 +424,10 @@ mod tests {
 [[vary]] `plc.queue_depth`: varied twice; put all its values into one section
 [[finding]] `joint_jerk`: not in the rows; add it to `record.figures`
 [[finding]] `execution_ns`: give exactly one of `above` and `below`
-built-in setup E has 2 stations (left, right), and one is served here; for several: bench --mode virtual, bench gate, plc-node, plc-node plan --setup, robot-node --station NAME
+`record.figures` start_skew_us: needs several stations, and setup A has one; remove it
+`record.figures` frames_lost: needs a setup of one robot, and setup E has 2 stations; remove it
+[[vary]] `station.lft.robot.cycle_us`: setup E has no station `lft`; did you mean `left`?
+`loss=0.1` names no station: write left/loss=0.1 or right/loss=0.1
 "#);
     }
 }

@@ -74,6 +74,7 @@ impl Columns {
             }
             text.push(',');
             match figures.get(index) {
+                Some(value) if value.is_nan() => {}
                 Some(value) if figure.is_whole() => drop(write!(text, "{value:.0}")),
                 // A millionth of a mm or of a rating: more digits would only be longer.
                 Some(value) => drop(write!(text, "{value:.6}")),

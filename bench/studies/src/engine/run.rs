@@ -123,8 +123,7 @@ fn execute(plan: &StudyPlan, job: StudyJob, known: &HashSet<JobAddress>) -> Opti
     let schedule = Schedule::new(&plan.types, plan.file.study.reps, job.seed);
     let rows = match &job.point.made {
         Ok(made) => JobInputs {
-            setup: &made.setup,
-            planned: &made.planned,
+            subject: made.subject(),
             schedule: &schedule,
             faults: &made.faults,
             figures: &plan.figures,

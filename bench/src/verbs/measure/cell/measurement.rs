@@ -151,7 +151,7 @@ impl CellMeasurement<'_> {
             refused.iter().for_each(|warning| session.progress.warn(warning));
         }
         results.attached = stand.attached();
-        let mut judge = Judge::new(&self.cell, &self.planned, self.stations.clone());
+        let mut judge = Judge::new(&self.cell, &self.planned, &self.stations);
         let ended = session.run(&mut stand, &self.schedule, results, &mut judge, interrupt).await;
         let mut ended = ended?;
         let CellFinished { trace, health } = stand.finish(self.wants_capture(ended.exit)).await;

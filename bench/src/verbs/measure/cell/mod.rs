@@ -137,7 +137,7 @@ pub fn whole(cell: &Cell, found: &FoundCell, schedule: &Schedule) -> Result<Cell
     let stations = PlannedStation::all(&planned).map_err(usage)?;
     // In virtual time nothing but the setup keeps the stations from connecting.
     let mut run = CellRun::start(&stations, schedule.seed).map_err(usage)?;
-    let mut judge = Judge::new(cell, &planned, stations);
+    let mut judge = Judge::new(cell, &planned, &stations);
     for step in schedule.steps() {
         let outcome = CellRun::execute(&mut run, step);
         if let Err(error) = judge.record(&mut results, &step, outcome, run.recordings()) {

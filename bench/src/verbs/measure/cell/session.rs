@@ -17,9 +17,8 @@ use report::progress::Progress;
 use setup::Cell;
 use stands::cell_measured::CellMeasured;
 use stands::cell_stand::CellStand;
+use stands::cell_verification::CellVerification;
 use stands::planned_station::PlannedStation;
-use stands::relative_pose::RelativePose;
-use stands::verification::StationVerification;
 
 /// The files of a run of a cell, and its progress on screen.
 pub(super) struct CellSession {
@@ -159,8 +158,7 @@ fn failure(error: anyhow::Error, step: &Step, reps: u32) -> anyhow::Error {
 
 /// Comparison of every repetition with the plan, and the traces of the first ones.
 pub(super) struct Judge {
-    verifications: Vec<StationVerification>,
-    relative_pose: RelativePose,
+    verification: CellVerification,
     /// The first repetition of each type.
     pub(super) traces: CellTrace,
 }
@@ -173,19 +171,15 @@ impl Judge {
             let recordings: Option<Vec<Recording>> = recordings.collect();
             let Some(result) = results.results.entry(execution_type) else { continue };
             if let (Some(recordings), Some(first)) = (recordings, result.relative_pose_mm.first_mut()) {
-                *first = self.relative_pose.of(execution_type, &recordings)?;
+                *first = self.verification.relative_pose(execution_type, &recordings)?;
             }
         }
         self.traces = traces;
         Ok(())
     }
 
-    pub(super) fn new(cell: &Cell, planned: &PlannedCell, stations: Vec<PlannedStation>) -> Self {
-        Self {
-            relative_pose: RelativePose::new(cell, &planned.marks, &stations),
-            verifications: stations.into_iter().map(StationVerification::new).collect(),
-            traces: CellTrace::default(),
-        }
+    pub(super) fn new(cell: &Cell, planned: &PlannedCell, stations: &[PlannedStation]) -> Self {
+        Self { verification: CellVerification::new(cell, planned, stations), traces: CellTrace::default() }
     }
 
     /// Adds a repetition to the results, as failed if it is not as planned at a station.
@@ -199,14 +193,9 @@ impl Judge {
         if step.repetition == 1 && !recordings.is_empty() {
             self.traces.set(step.execution_type, recordings);
         }
-        let outcome = outcome.and_then(|CellMeasured { mut sample, stations }| {
-            for (verification, of_station) in self.verifications.iter_mut().zip(&stations) {
-                verification.check(of_station)?;
-            }
-            if !recordings.is_empty() {
-                sample.relative_pose_mm = self.relative_pose.of(step.execution_type, recordings)?;
-            }
-            Ok(sample)
+        let outcome = outcome.and_then(|mut measured| {
+            self.verification.check(step.execution_type, &mut measured, recordings)?;
+            Ok(measured.sample)
         });
         match &outcome {
             Ok(sample) => results.record(step.execution_type, sample),

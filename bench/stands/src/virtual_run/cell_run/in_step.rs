@@ -1,6 +1,7 @@
 //! Arms in step, by true time: where the left tool is in the right tool's frame, and how far apart arms start.
 
 use plc_node::{ExecutionType, MarkPassage, Override, TogetherLeg};
+use protocol::image::State;
 use robot_node::arm::{Frame, Joints, distance};
 use virtual_time::Impairment;
 
@@ -195,6 +196,48 @@ fn without_a_master_the_plate_would_be_torn() {
     assert!(undisturbed > 0.4, "{undisturbed} mm");
     let suspended = worst(Some((0, MS * 1_500)), 1);
     assert!(suspended > 50.0, "{suspended} mm");
+}
+
+/// Runs CM once, and suspends an arm for 2 s while both carry the plate; returns the relative pose of a run that is verified, in mm.
+fn carried(suspended: Option<usize>) -> f64 {
+    let (cell, found) = planning::cell_with_applications("F").unwrap();
+    let planned = found.plan(&cell).unwrap();
+    let TwoArms { stations, mut run } = pair("F", 1);
+    run.begin(&step(ExecutionType::Cm)).unwrap();
+    let (mut began, mut is_suspended, mut is_resumed) = (None, false, false);
+    let mut measured = loop {
+        let now = run.cell.now();
+        let report = run.next_event(now + MS / 2);
+        if let Some(measured) = report.and_then(|report| run.take(report).unwrap()) {
+            break measured;
+        }
+        let carries = |passage: &MarkPassage| passage.mark == 2 && passage.passed.is_some();
+        let is_carried = run.cell.plc().program().passages(0).iter().any(carries);
+        let Some(arm) = suspended.filter(|_| is_carried) else { continue };
+        let since = now.since(*began.get_or_insert(now));
+        if since > MS * 1_500 && !std::mem::replace(&mut is_suspended, true) {
+            run.cell.command_plc(|plc, _| plc.suspend(arm));
+        }
+        if since > MS * 3_500 && !std::mem::replace(&mut is_resumed, true) {
+            let [held, other] = [arm, 1 - arm].map(|arm| run.cell.robot(RobotId(arm)).sample());
+            assert_eq!((held.state, other.state), (State::Suspended, State::Running), "arm {arm}");
+            assert!(held.path_speed_mm_s < 0.1 && other.path_speed_mm_s < 0.1, "arm {arm}");
+            run.cell.command_plc(|plc, _| plc.resume(arm));
+        }
+    };
+    assert_eq!(is_resumed, suspended.is_some());
+    let mut verification = CellVerification::new(&cell, &planned, &stations);
+    verification.check(ExecutionType::Cm, &mut measured, run.watch.recordings()).unwrap();
+    measured.sample.relative_pose_mm.unwrap()
+}
+
+#[test]
+fn an_arm_that_is_suspended_between_two_marks_holds_the_other_in_step_and_both_end_the_run() {
+    let undisturbed = carried(None);
+    for arm in 0..2 {
+        let found = carried(Some(arm));
+        assert!(found <= undisturbed + 0.1, "arm {arm}: {found} mm, undisturbed {undisturbed} mm");
+    }
 }
 
 #[test]

@@ -131,7 +131,7 @@ fn a_cut_cable_and_a_killed_plc_fail_the_run_and_are_named() {
 }
 
 /// A cell whose left robot has drives on an EtherCAT segment.
-fn with_drives() -> (Vec<PlannedStation>, setup::Cell) {
+fn with_drives() -> (Vec<PlannedStation>, Cell) {
     let (cell, found) = planning::cell_with_applications("E").unwrap();
     let cell = cell.with_station("left", |setup| setup.with_drives(setup::Drives::Ethercat)).unwrap();
     (PlannedStation::all(&found.plan(&cell).unwrap()).unwrap(), cell)

@@ -1,0 +1,184 @@
+//! `bench study` of a setup with several stations: the figures of a measured run, keys of a station, shards and interruptions.
+
+use std::fs;
+use std::path::Path;
+
+use crate::program::{Finished, bench};
+
+const CYCLES: &str = "[study]
+setup = \"E\"
+reps = 2
+seeds = \"1..=2\"
+
+[[vary]]
+key = \"station.left.robot.cycle_us\"
+values = [4000, 8000]
+
+[[finding]]
+figure = \"start_skew_us\"
+above = 0.0
+";
+
+/// Columns of a row, by their place.
+const COLUMNS: &str = "job,seed,type,repetition,execution_ns,robot_execution_ns,blends_suppressed,status,\
+                       start_skew_us,mark_skew_us,relative_pose_mm";
+
+fn study(directory: &Path, arguments: &str) -> Finished {
+    bench(directory, [&["study"], arguments.split(' ').collect::<Vec<_>>().as_slice()].concat())
+}
+
+fn place(text: &str) -> tempfile::TempDir {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("study.toml"), text).unwrap();
+    place
+}
+
+fn read(directory: &Path, name: &str) -> String {
+    fs::read_to_string(directory.join(name)).unwrap()
+}
+
+/// Merges the shards in these directories, and returns the printed digest.
+fn digest(directory: &Path, parts: &str, out: &str) -> String {
+    let finished = study(directory, &format!("merge {parts} --out {out}"));
+    let digest = finished.stdout.lines().find(|line| line.starts_with("digest sha256:"));
+    digest.unwrap_or_else(|| panic!("{}{}", finished.stdout, finished.stderr)).to_owned()
+}
+
+#[test]
+fn the_rows_of_a_cell_have_the_figures_of_a_measured_run_of_the_changed_setup() {
+    let place = place(CYCLES);
+    let place = place.path();
+    let ran = study(place, "run study.toml --out rows --quiet");
+    assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+    assert!(ran.stdout.starts_with("4 jobs, 0 did not pass, 4 with a finding."), "{}", ran.stdout);
+    let (rows, jobs) = (read(place, "rows/rows.csv"), read(place, "rows/jobs.csv"));
+    assert_eq!(rows.lines().next(), Some(COLUMNS));
+    let (left, right) = include_str!("../../../cell/setups/E.toml").split_once("[station.robot]").unwrap();
+    let slower = right.replacen("cycle_us = { value = 4000", "cycle_us = { value = 8000", 1);
+    fs::write(place.join("slower.toml"), format!("{left}[station.robot]{slower}")).unwrap();
+    for (setup, cycle_us) in [("E", "4000"), ("slower.toml", "8000")] {
+        let arguments = ["--mode", "virtual", "--reps", "2", "--without", "report,race", "--quiet"];
+        let run = bench(
+            place,
+            ["--setup", setup, "--out", setup.trim_end_matches(".toml")].iter().chain(&arguments),
+        );
+        assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+        let results = read(place, &format!("{}/results.json", setup.trim_end_matches(".toml")));
+        let results: serde_json::Value = serde_json::from_str(&results).unwrap();
+        let job = |row: &str| {
+            let is_of_job = |line: &&str| line.split(',').next() == row.split(',').next();
+            jobs.lines().find(is_of_job).unwrap().split(',').nth(1).unwrap().to_owned()
+        };
+        let of_run = |row: &&str| row.split(',').nth(1) == Some("1") && job(row) == cycle_us;
+        let mut compared = 0;
+        for row in rows.lines().skip(1).filter(of_run) {
+            let fields: Vec<&str> = row.split(',').collect();
+            let (kind, repetition): (_, usize) = (fields[2], fields[3].parse().unwrap());
+            let of_type = &results["results"][kind];
+            let figure = |list: &serde_json::Value| list[repetition - 1].as_f64().unwrap();
+            let marks = of_type["marks"].as_array().unwrap().iter();
+            let mark_skew = marks.map(|mark| figure(&mark["skew_us"])).fold(0.0, f64::max);
+            let stations = of_type["stations"].as_array().unwrap().iter();
+            let longest = stations.map(|it| figure(&it["robot_samples_ms"])).fold(0.0, f64::max);
+            let wanted = [
+                (4, figure(&of_type["samples_ms"]) * 1e6),
+                (5, longest * 1e6),
+                (8, figure(&of_type["start_skew_us"])),
+                (9, mark_skew),
+                (10, figure(&of_type["relative_pose_mm"])),
+            ];
+            for (place, wanted) in wanted {
+                let found: f64 = fields[place].parse().unwrap();
+                assert!((found - wanted).abs() < 1e-5, "{setup} {row}: {wanted} in column {place}");
+            }
+            compared += 1;
+        }
+        assert_eq!(compared, 6, "{setup}");
+    }
+    let command = ran.stdout.split("bench study ").nth(1).unwrap().lines().next().unwrap();
+    let rerun = study(place, &format!("{command} --out again"));
+    assert_eq!(rerun.code, Some(0), "{}", rerun.stderr);
+    let job = command.rsplit(' ').next().unwrap();
+    let row = rows.lines().find(|row| row.starts_with(job) && row.contains(",rc,1,")).unwrap();
+    let sample = read(place, "again/run/samples.csv");
+    let ms: f64 = sample.lines().nth(1).unwrap().split(',').nth(3).unwrap().parse().unwrap();
+    assert_eq!(
+        (ms * 1e6).round().to_string(),
+        row.split(',').nth(4).unwrap(),
+        "the same time as in the study"
+    );
+}
+
+#[test]
+fn one_and_three_shards_of_a_cell_and_one_that_was_interrupted_give_one_digest() {
+    let place = place(&CYCLES.replace("reps = 2", "reps = 1"));
+    let place = place.path();
+    assert_eq!(study(place, "run study.toml --out whole --quiet").code, Some(0));
+    let whole = digest(place, "whole", "merged");
+    for index in 0..3 {
+        let ran = study(place, &format!("run study.toml --out parts/{index} --shard {index}/3 --quiet"));
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    }
+    assert_eq!(digest(place, "parts", "merged-parts"), whole);
+    // As a kill leaves it: the third job is written in part.
+    fs::create_dir(place.join("cut")).unwrap();
+    for file in fs::read_dir(place.join("whole")).unwrap() {
+        let file = file.unwrap();
+        fs::copy(file.path(), place.join("cut").join(file.file_name())).unwrap();
+    }
+    let first = |name: &str, lines: usize| {
+        read(place, &format!("whole/{name}")).split_inclusive('\n').take(lines).collect::<String>()
+    };
+    let (rows, jobs) = (first("rows.csv", 8), first("jobs.csv", 3));
+    fs::write(place.join("cut/rows.csv"), &rows[..rows.len() - 9]).unwrap();
+    fs::write(place.join("cut/jobs.csv"), &jobs).unwrap();
+    let ran = study(place, "run study.toml --out cut --quiet");
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert!(read(place, "cut/jobs.csv").starts_with(&jobs), "the finished jobs stay");
+    assert_eq!(digest(place, "cut", "merged-cut"), whole);
+    assert_eq!(study(place, "report parts").code, Some(0));
+    let report: serde_json::Value = serde_json::from_str(&read(place, "parts/report.json")).unwrap();
+    let effect = &report["effects"][0];
+    assert_eq!(effect["key"], "station.left.robot.cycle_us");
+    let figures: Vec<_> =
+        effect["figures"].as_array().unwrap().iter().map(|it| it["figure"].as_str()).collect();
+    assert!(figures.contains(&Some("AET")) && figures.contains(&Some("start skew")), "{figures:?}");
+}
+
+#[test]
+fn stations_and_keys_that_a_cell_does_not_have_are_refused_with_the_nearest_name() {
+    for (setup, key, said) in [
+        ("E", "station.lft.robot.cycle_us", "setup E has no station `lft`; did you mean `left`?"),
+        ("E", "station.left.robot.cycl_us", "did you mean `station.left.robot.cycle_us`?"),
+        ("E", "robot.cycle_us", "did you mean `station.left.robot.cycle_us`?"),
+        ("A", "station.left.robot.cycle_us", "did you mean `robot.cycle_us`?"),
+    ] {
+        let place = place(
+            &CYCLES.replace("\"E\"", &format!("\"{setup}\"")).replace("station.left.robot.cycle_us", key),
+        );
+        let ran = study(place.path(), "run study.toml --out rows --quiet");
+        assert_eq!(ran.code, Some(2), "{}{}", ran.stdout, ran.stderr);
+        assert!(ran.stderr.contains(said), "{}", ran.stderr);
+        assert!(!place.path().join("rows").exists());
+    }
+}
+
+#[test]
+fn a_varied_application_and_faults_of_a_station_give_jobs_of_a_cell() {
+    let text = "[study]\nsetup = \"E\"\ntypes = [\"cm\"]\nreps = 1\n\
+                [[vary]]\nkey = \"application\"\nvalues = [\"mine.toml\", \"carry-plate\"]\n\
+                [[vary]]\nkey = \"faults\"\nvalues = [\"\", \"left/cut-at=1s..9s\"]\n";
+    let place = place(text);
+    let place = place.path();
+    fs::write(place.join("mine.toml"), include_str!("../../../cell/applications/hand-over.toml")).unwrap();
+    let ran = study(place, "run study.toml --out rows --quiet");
+    assert_eq!(ran.code, Some(4), "{}{}", ran.stdout, ran.stderr);
+    let rows = read(place, "rows/rows.csv");
+    let count = |status: &str| rows.lines().filter(|row| row.split(',').nth(7) == Some(status)).count();
+    assert_eq!([count("passed"), count("failed"), count("refused")], [1, 1, 2], "{rows}");
+    // Beside the rows, the application is found without its file.
+    fs::remove_file(place.join("mine.toml")).unwrap();
+    let job = rows.lines().find(|row| row.contains(",passed,")).unwrap().split(',').next().unwrap();
+    let rerun = study(place, &format!("rerun rows {job}"));
+    assert_eq!(rerun.code, Some(0), "{}", rerun.stderr);
+}
