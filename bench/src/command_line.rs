@@ -229,6 +229,15 @@ mod tests {
             let mut command = if name == "bench" { with_groups(program) } else { program };
             command.build();
             check(&command, &name);
+            for verb in ["run", "io"].iter().filter_map(|verb| command.find_subcommand(verb)) {
+                let [short, long] = [verb.clone().render_help(), verb.clone().render_long_help()];
+                let [short, long] = [short, long].map(|help| help.to_string().lines().count());
+                assert!(
+                    4 * short <= 3 * long,
+                    "{name} {}: -h has {short} lines, --help {long}",
+                    verb.get_name()
+                );
+            }
         }
         let mut program = with_groups(Cli::command().term_width(80));
         let [short, long] = [program.render_help(), program.render_long_help()].map(|help| help.to_string());

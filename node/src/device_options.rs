@@ -27,7 +27,9 @@ pub struct ChoiceOptions {
     /// GSDML: the access point.
     #[arg(long, value_name = "ID")]
     access_point: Option<String>,
-    /// GSDML: a module in a slot, or a submodule in a subslot; `none` leaves it empty. Repeat it for each.
+    /// GSDML: a module in a slot, or a submodule in a subslot.
+    ///
+    /// `none` leaves it empty. Repeat it for each.
     #[arg(long = "module", value_name = "SLOT[.SUBSLOT]=ID", value_parser = module)]
     modules: Vec<(ModulePlace, String)>,
     /// EDS: the connection, by name or number.
@@ -42,7 +44,9 @@ pub struct ChoiceOptions {
     /// ESI: the process data objects that are assigned.
     #[arg(long = "pdo", value_name = "INDEX,...", value_delimiter = ',', value_parser = hex::<u16>)]
     pdos: Option<Vec<u16>>,
-    /// The choice as a TOML file, which --print-config writes; options replace what it chooses.
+    /// The choice as a TOML file.
+    ///
+    /// --print-config writes such a file; options replace what it chooses.
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
     /// Print the whole choice as TOML and end.

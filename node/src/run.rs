@@ -53,20 +53,24 @@ pub struct RunOptions {
     /// An application in place of the setup's: a built-in one's name, or the path of a .toml file.
     #[arg(long, value_name = "NAME|FILE")]
     pub application: Option<String>,
-    /// The network interface that the other node is on: its name, or the IPv4 address that it has. It gets the address
-    /// that the setup wants there; a PROFINET device gets its own from the controller. Several buses share it, or each has
-    /// one of its own: profinet=IF,ethernet-ip=IF,ethercat=IF. A robot in an EtherCAT line has two: IN,OUT, the first towards the
-    /// PLC and the second to the next robot.
+    /// The network interface that the other node is on: its name, or the IPv4 address that it has.
+    ///
+    /// It gets the address that the setup wants there; a PROFINET device gets its own from the controller. Several buses
+    /// share it, or each has one of its own: profinet=IF,ethernet-ip=IF,ethercat=IF. A robot in an EtherCAT line has two: IN,OUT,
+    /// the first towards the PLC and the second to the next robot.
     #[arg(long, value_name = "IF|ADDRESS|BUS=IF,...|IN,OUT")]
     pub interface: InterfaceOption,
     /// Transport of PROFINET's cyclic frames, in place of the setup's; a device takes what the controller asks for.
     #[arg(long, value_name = "udp|rt1")]
     pub cyclic: Option<Cyclic>,
-    /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT,robot=HOST:PORT`. Where other hosts reach the
-    /// address, the node and the bench need one --control-token.
+    /// Let a bench control this node over TCP: `bench --attach plc=HOST:PORT,robot=HOST:PORT`.
+    ///
+    /// Where other hosts reach the address, the node and the bench need one --control-token.
     #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "json", value_parser = control_address)]
     pub control: Option<SocketAddr>,
-    /// The file whose first line is the token that a bench must show; without it SKILLBENCH_CONTROL_TOKEN, if that is set.
+    /// The file whose first line is the token that a bench must show.
+    ///
+    /// Without it SKILLBENCH_CONTROL_TOKEN is the token, if that is set.
     #[arg(long, value_name = "FILE", requires = "control")]
     pub control_token: Option<PathBuf>,
     /// Take instructions from standard input and answer in JSON.

@@ -44,7 +44,9 @@ pub struct IoCommand {
     /// The network interface.
     #[arg(long, value_name = "IF", required_unless_present = "print_config")]
     interface: Option<String>,
-    /// The device: its station name on PROFINET, its address on EtherNet/IP, its position on EtherCAT; without it, the only one of the file's identity.
+    /// The device: its station name on PROFINET, its address on EtherNet/IP, its position on EtherCAT.
+    ///
+    /// Without it, the only one with the file's identity.
     #[arg(long, value_name = "NAME|ADDRESS|POSITION")]
     at: Option<String>,
     /// PROFINET: the IP address that the device gets; without it, the one that it has.
@@ -56,7 +58,9 @@ pub struct IoCommand {
     /// Outputs over time, a TOML file.
     #[arg(long, value_name = "FILE.toml")]
     script: Option<PathBuf>,
-    /// Run the outputs from the start. Without it the device gets zeros, marked as not valid, until the line `run` on standard input.
+    /// Run the outputs from the start.
+    ///
+    /// Without it the device gets zeros, marked as not valid, until the line `run` on standard input.
     #[arg(long)]
     run: bool,
     /// Read a parameter by its name. Repeat it for each.

@@ -46,8 +46,10 @@ pub(crate) struct Run {
         conflicts_with = "control"
     )]
     types: Vec<List<ExecutionType>>,
-    /// Override in % of every programmed speed, 0 to 100, and when after the start of each repetition it changes: 50,
-    /// 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its path.
+    /// Override in % of every programmed speed, 0 to 100.
+    ///
+    /// A time after the start of each repetition says when it changes: 50, 50@2s or 80,0@2s,100@3s. At 0 the arm stops on its
+    /// path.
     #[arg(long = "override", value_name = "PERCENT[@TIME],...", conflicts_with = "control")]
     overrides: Option<OverrideSchedule>,
     /// Execute exported code in the place of the PLC's function blocks: the directory that `export --for st` wrote.
