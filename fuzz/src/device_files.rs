@@ -88,6 +88,7 @@ pub(crate) fn driven(data: &[u8]) {
         mask: Ipv4Addr::new(255, 255, 255, 0),
         device_address: Some(Ipv4Addr::new(192, 168, 64, 2)),
         station_name: Some("device".to_owned()),
+        position: None,
         interval: None,
         seed: 1,
         is_running: true,

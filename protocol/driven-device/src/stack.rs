@@ -90,7 +90,7 @@ impl Stack {
             Self::EthernetIp(machine, id) => {
                 machine.connection(*id).map(ethernet_ip::Connection::counters).unwrap_or_default()
             }
-            Self::Ethercat(machine, id) => machine.counters(*id),
+            Self::Ethercat(machine, id) => machine.counters(*id) + machine.cable_counters(),
         }
     }
 

@@ -53,6 +53,7 @@ pub(crate) fn drive_config() -> DriveConfig {
         mask: MASK,
         device_address: Some(DEVICE),
         station_name: Some("made-up-io".to_owned()),
+        position: None,
         interval: None,
         seed: 0x1234_5678_9ABC,
         is_running: true,

@@ -6,3 +6,4 @@ mod bad_input;
 mod cell;
 mod exchange;
 mod parameters;
+mod positions;
