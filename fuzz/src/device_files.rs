@@ -90,6 +90,8 @@ pub(crate) fn driven(data: &[u8]) {
         station_name: Some("device".to_owned()),
         position: None,
         interval: None,
+        output_interval: None,
+        input_interval: None,
         seed: 1,
         is_running: true,
         report_every: Duration::from_millis(100),

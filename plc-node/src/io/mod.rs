@@ -68,6 +68,12 @@ pub struct IoCommand {
     /// The interval of the cyclic data; without it, that of the file.
     #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
     interval: Option<Duration>,
+    /// EtherNet/IP: the packet interval (RPI) of the outputs, in place of --interval.
+    #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
+    rpi_out: Option<Duration>,
+    /// EtherNet/IP: the packet interval (RPI) of the inputs, in place of --interval.
+    #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
+    rpi_in: Option<Duration>,
     /// Write each event to this file too, as JSON, one per line.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -143,6 +149,8 @@ impl IoCommand {
             station_name: target.station_name.clone(),
             position: target.position,
             interval: self.interval,
+            output_interval: self.rpi_out,
+            input_interval: self.rpi_in,
             // Frames of a connection from before a restart are not taken for those of a new one.
             seed: clock::now().as_nanos(),
             is_running: self.run,

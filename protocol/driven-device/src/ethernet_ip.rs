@@ -52,7 +52,7 @@ pub(crate) fn open(
         Some(consumed) => (format(&connection.o_to_t), consumed.size),
         None => (RealTimeFormat::Heartbeat, 0),
     };
-    let rpi_us = interval(connection, chosen, config)?;
+    let (o_t_rpi_us, t_o_rpi_us) = intervals(connection, chosen, config)?;
     let types = &connection.t_to_o.types;
     let settings = ConnectionConfig {
         target,
@@ -69,10 +69,10 @@ pub(crate) fn open(
         t_o_size: chosen.produced.size,
         consumed_format,
         produced_format: format(&connection.t_to_o),
-        o_t_rpi_us: rpi_us,
-        t_o_rpi_us: rpi_us,
+        o_t_rpi_us,
+        t_o_rpi_us,
         // At least 100 ms without a frame: hosts stall for 10 to 20 ms.
-        multiplier: TimeoutMultiplier::at_least(100_000_u32.div_ceil(rpi_us))
+        multiplier: TimeoutMultiplier::at_least(100_000_u32.div_ceil(o_t_rpi_us.min(t_o_rpi_us).max(1)))
             .unwrap_or(TimeoutMultiplier::CODE_5),
         request_timeout: Duration::from_secs(1),
         open_timeout: Duration::from_secs(5),
@@ -116,23 +116,40 @@ pub(crate) fn differences(connection: &Connection, chosen: &ChosenAdapter) -> Ve
     )]
 }
 
-fn interval(
+/// Returns the packet intervals O→T and T→O in µs: those that the user gives for each direction, or one for both.
+fn intervals(
     connection: &EdsConnection,
     chosen: &ChosenAdapter,
     config: &DriveConfig,
-) -> Result<u32, DriveError> {
+) -> Result<(u32, u32), DriveError> {
     let (least, most) = (chosen.min_rpi_us.unwrap_or(1), chosen.max_rpi_us.unwrap_or(u32::MAX));
-    if let Some(interval) = config.interval {
-        let micros = u32::try_from(interval.as_micros()).unwrap_or(u32::MAX);
-        if !(least..=most).contains(&micros) {
-            return Err(DriveError::Bus(format!(
-                "interval {micros} us: the file allows {least} to {most} us"
-            )));
+    let (o_to_t, t_to_o) = (&connection.o_to_t, &connection.t_to_o);
+    let both = match config.interval {
+        Some(interval) => allowed(interval, "both directions", (least, most))?,
+        None => {
+            let proposed = o_to_t.rpi_us.max(t_to_o.rpi_us).filter(|micros| *micros > 0);
+            proposed.unwrap_or(DEFAULT_RPI_US).clamp(least, most)
         }
+    };
+    let of = |interval: Option<Duration>, direction, end: &ConnectionEnd| match interval {
+        Some(interval) => {
+            let limits = end.rpi_limits_us.filter(|(least, most)| 0 < *least && least <= most);
+            allowed(interval, direction, limits.unwrap_or((1, u32::MAX)))
+        }
+        None => Ok(both),
+    };
+    Ok((of(config.output_interval, "the outputs", o_to_t)?, of(config.input_interval, "the inputs", t_to_o)?))
+}
+
+/// Returns an interval in µs if the file allows it.
+fn allowed(interval: Duration, direction: &str, (least, most): (u32, u32)) -> Result<u32, DriveError> {
+    let micros = u32::try_from(interval.as_micros()).unwrap_or(u32::MAX);
+    if (least..=most).contains(&micros) {
         return Ok(micros);
     }
-    let proposed = connection.o_to_t.rpi_us.max(connection.t_to_o.rpi_us).filter(|micros| *micros > 0);
-    Ok(proposed.unwrap_or(DEFAULT_RPI_US).clamp(least, most))
+    Err(DriveError::Bus(format!(
+        "interval {micros} us of {direction}: the file allows {least} to {most} us; give one of these"
+    )))
 }
 
 const fn format(end: &ConnectionEnd) -> RealTimeFormat {

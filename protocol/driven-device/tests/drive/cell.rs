@@ -55,6 +55,8 @@ pub(crate) fn drive_config() -> DriveConfig {
         station_name: Some("made-up-io".to_owned()),
         position: None,
         interval: None,
+        output_interval: None,
+        input_interval: None,
         seed: 0x1234_5678_9ABC,
         is_running: true,
         report_every: Duration::from_millis(100),
