@@ -42,6 +42,14 @@ pub(crate) fn open(
     let connection = eds.connections.iter().find(|it| it.number == chosen.connection);
     let connection =
         connection.ok_or_else(|| DriveError::File("the chosen connection is not in the file".to_owned()))?;
+    if is_null(&connection.t_to_o) || chosen.consumed.is_some() && is_null(&connection.o_to_t) {
+        let fault = format!(
+            "connection `{}`: the file allows it as a null connection only, which carries no data; choose another one with \
+             --connection",
+            device_files::excerpt(&connection.name)
+        );
+        return Err(DriveError::File(fault));
+    }
     let mut scanner = Scanner::new(ScannerConfig {
         vendor: VENDOR,
         serial_number: config.seed as u32 ^ serial_number(config),
@@ -85,6 +93,11 @@ pub(crate) fn open(
         connection.set_run(config.is_running);
     }
     Ok((scanner, id, inputs, outputs))
+}
+
+/// Returns whether a direction has no other connection type than null.
+fn is_null(end: &ConnectionEnd) -> bool {
+    !end.types.is_empty() && end.types.iter().all(|kind| *kind == "null")
 }
 
 /// Returns a number that no other scanner of the network has: it is made of the MAC address.

@@ -111,6 +111,20 @@ fn a_long_record_goes_in_fragments_and_one_that_fits_into_no_call_is_refused_wit
 }
 
 #[test]
+fn a_connection_that_the_file_allows_as_null_only_is_refused() {
+    for types in ["0x44110405", "0x44140405", "0x44610405"] {
+        let Chosen { file, device } = chosen("a.eds", &EDS.replace("0x44640405", types), "");
+        let made = DrivenDevice::new(file, device, OutputScript::default(), &drive_config(), Instant::ZERO);
+        assert_eq!(
+            made.unwrap_err().to_string(),
+            "connection `Exclusive Owner`: the file allows it as a null connection only, which carries no data; choose another \
+             one with --connection",
+            "{types}"
+        );
+    }
+}
+
+#[test]
 fn names_and_values_that_the_device_does_not_have_are_refused_with_what_it_has() {
     for chosen in devices() {
         let mut device = driven(&chosen, "", &drive_config());
