@@ -16,7 +16,9 @@ use protocol::buses::EthercatSubDevice;
 use protocol::fieldbus::LinkEvent;
 use protocol::stations::{ETHERCAT_ROBOT, ETHERNET_IP_ROBOT, PROFINET_ROBOT};
 use protocol_linux::namespace::NetworkNamespace;
-use protocol_linux::{CyclicThread, Driver, Interface, NoticeSender, Notifier, OpenPort, Task, clock};
+use protocol_linux::{
+    CyclicThread, Driver, Interface, NoticeSender, Notifier, OpenPort, Task, bridge, clock,
+};
 use serde_json::{Value, json};
 
 const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
@@ -30,6 +32,7 @@ fn main() -> ExitCode {
         a_cable_without_devices_is_no_failure,
         an_interface_that_cannot_be_used_is_named_with_what_to_do,
         a_search_beside_a_node_that_has_the_ports_of_the_bus_works,
+        twins_on_one_switch_are_named_with_their_mac_addresses,
     ])
 }
 
@@ -61,18 +64,11 @@ impl Cable {
         &self,
         device: impl FnOnce(&Interface) -> M + Send,
     ) -> Attached<M> {
-        let start = || {
-            let interface = Interface::open("robot0").unwrap();
-            let machine = device(&interface);
-            let (waker, reader) = (Notifier::new().unwrap(), Notifier::new().unwrap());
-            let driver = Driver::new(machine, interface, waker.clone()).unwrap();
-            CyclicThread::start(driver, Idle, waker, reader).unwrap()
-        };
-        Attached(Some(self.robot.run(start).unwrap()))
+        attach(&self.robot, device)
     }
 
     fn discover(&self, arguments: &[&str]) -> Finished {
-        self.discover_by(Command::new(env!("CARGO_BIN_EXE_plc-node")), arguments)
+        discover_by(&self.plc, Command::new(env!("CARGO_BIN_EXE_plc-node")), arguments)
     }
 
     /// Runs `discover` as a user who may not open raw sockets.
@@ -80,16 +76,57 @@ impl Cable {
         let mut command = Command::new("setpriv");
         command.args(["--bounding-set", "-net_raw", "--inh-caps", "-net_raw"]);
         command.arg(env!("CARGO_BIN_EXE_plc-node"));
-        self.discover_by(command, arguments)
+        discover_by(&self.plc, command, arguments)
     }
+}
 
-    fn discover_by(&self, mut command: Command, arguments: &[&str]) -> Finished {
-        command.arg("discover").args(arguments);
-        self.plc.confine(&mut command).unwrap();
-        let output = command.output().unwrap();
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        Finished { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+/// A switch with the PLC and two robots of one IP address.
+struct TwinSwitch {
+    _network: NetworkNamespace,
+    plc: NetworkNamespace,
+    robots: [NetworkNamespace; 2],
+}
+
+impl TwinSwitch {
+    fn new() -> Self {
+        let network = NetworkNamespace::new().unwrap();
+        let open = |name: &str| Interface::open(name).unwrap();
+        network.run(|| bridge::new("br0")).unwrap().unwrap();
+        network.run(|| open("br0").set_up()).unwrap().unwrap();
+        let [plc, one, other] = [(); 3].map(|()| NetworkNamespace::new().unwrap());
+        let ends =
+            [(&plc, "s0", "plc0", PLC), (&one, "s1", "robot0", ROBOT), (&other, "s2", "robot0", ROBOT)];
+        for (end, port, name, address) in ends {
+            networked_tests::cable([
+                End { network: &network, name: port, address: None },
+                End { network: end, name, address: Some(address) },
+            ]);
+            network.run(|| bridge::add_port(&open("br0"), &open(port))).unwrap().unwrap();
+        }
+        Self { _network: network, plc, robots: [one, other] }
     }
+}
+
+fn attach<M: Machine<Event = LinkEvent> + Send + 'static>(
+    network: &NetworkNamespace,
+    device: impl FnOnce(&Interface) -> M + Send,
+) -> Attached<M> {
+    let start = || {
+        let interface = Interface::open("robot0").unwrap();
+        let machine = device(&interface);
+        let (waker, reader) = (Notifier::new().unwrap(), Notifier::new().unwrap());
+        let driver = Driver::new(machine, interface, waker.clone()).unwrap();
+        CyclicThread::start(driver, Idle, waker, reader).unwrap()
+    };
+    Attached(Some(network.run(start).unwrap()))
+}
+
+fn discover_by(network: &NetworkNamespace, mut command: Command, arguments: &[&str]) -> Finished {
+    command.arg("discover").args(arguments);
+    network.confine(&mut command).unwrap();
+    let output = command.output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    Finished { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
 /// A device on its thread, until it is dropped.
@@ -173,9 +210,10 @@ fn a_robot_of_each_bus_on_one_cable_is_found() {
     let sub_device = &sub_devices[0];
     assert_eq!(sub_device["order_code"], ETHERCAT_ROBOT.order_code);
     assert_eq!(sub_device["product_code"], ETHERCAT_ROBOT.product_code);
-    assert_eq!((&sub_device["serial_number"], &sub_device["position"]), (&json!(77), &json!(0)));
+    assert_eq!((&sub_device["serial_number"], &sub_device["position"]), (&json!(77), &json!(1)));
     assert_eq!((&sub_device["station_address"], &sub_device["state"]), (&json!(0), &json!("INIT")));
-    assert_eq!(found["ignored_answers"], 0);
+    assert_eq!((&found["ignored_answers"], &found["conflicts"]), (&json!(0), &json!([])));
+    assert_eq!(device["mac_addresses"], json!([station["mac"]]));
 
     let finished = cable.discover(&["--interface", "plc0", "--bus", "profinet"]);
     assert!(finished.stdout.starts_with("PROFINET: 1 station\n"), "{}", finished.stdout);
@@ -194,6 +232,9 @@ fn who_may_not_open_raw_sockets_still_finds_ethernet_ip_devices() {
     );
     assert!(finished.stderr.contains("setcap"), "{}", finished.stderr);
     assert!(finished.stdout.starts_with("EtherNet/IP: 1 device\n"), "{}", finished.stdout);
+    let finished = cable.discover_without_privilege(&["--interface", "plc0", "--json"]);
+    let found: Value = serde_json::from_str(&finished.stdout).unwrap();
+    assert_eq!(found["ethernet_ip"][0]["mac_addresses"], Value::Null);
 
     let finished = cable.discover_without_privilege(&["--interface", "plc0", "--bus", "profinet"]);
     assert_eq!((finished.code, finished.stdout.as_str()), (Some(5), ""));
@@ -250,4 +291,39 @@ fn a_search_beside_a_node_that_has_the_ports_of_the_bus_works() {
     let finished = cable.discover(&["--interface", "plc0", "--bus", "ethernet-ip"]);
     assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     assert!(finished.stdout.starts_with("EtherNet/IP: 1 device\n"), "{}", finished.stdout);
+}
+
+fn twins_on_one_switch_are_named_with_their_mac_addresses() {
+    let switch = TwinSwitch::new();
+    let _stations = switch.robots.each_ref().map(|robot| attach(robot, profinet_robot));
+    let _adapters = switch.robots.each_ref().map(|robot| attach(robot, ethernet_ip_robot));
+    let discover = |arguments: &[&str]| {
+        discover_by(&switch.plc, Command::new(env!("CARGO_BIN_EXE_plc-node")), arguments)
+    };
+    let finished = discover(&["--interface", "plc0", "--json"]);
+    assert_eq!((finished.code, finished.stderr.as_str()), (Some(0), ""));
+    let found: Value = serde_json::from_str(&finished.stdout).unwrap();
+    let macs: Vec<_> = found["profinet"].as_array().unwrap().iter().map(|it| it["mac"].clone()).collect();
+    assert_eq!(macs.len(), 2, "{found}");
+    let conflicts = found["conflicts"].as_array().unwrap();
+    let shared: Vec<_> = conflicts.iter().map(|it| (&it["shared"], &it["value"])).collect();
+    assert_eq!(
+        shared,
+        [
+            (&json!("station-name"), &json!("skillbench-robot")),
+            (&json!("ip-address"), &json!("192.168.64.2"))
+        ]
+    );
+    for conflict in conflicts {
+        let named: Vec<_> =
+            conflict["devices"].as_array().unwrap().iter().map(|it| it["mac"].clone()).collect();
+        assert_eq!(named, macs, "{conflict}");
+    }
+
+    // ListIdentity shows one device, since both have the same address and serial number; ARP shows two.
+    let finished = discover(&["--interface", "plc0", "--bus", "ethernet-ip"]);
+    assert!(finished.stdout.starts_with("EtherNet/IP: 1 device\n"), "{}", finished.stdout);
+    let line = "! 2 devices have the IP address 192.168.64.2: ";
+    assert!(finished.stdout.contains(line), "{}", finished.stdout);
+    assert!(macs.iter().all(|mac| finished.stdout.contains(mac.as_str().unwrap())), "{}", finished.stdout);
 }

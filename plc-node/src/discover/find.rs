@@ -34,14 +34,17 @@ pub fn find_devices(interface: &Interface, bus: &BusKind, length: Duration) -> a
     Ok(match bus {
         BusKind::Profinet(..) => FoundDevices::Profinet(find_stations(interface, length)?),
         BusKind::EthernetIp(..) => FoundDevices::EthernetIp(find_adapters(interface, length)?),
-        BusKind::Ethercat(_) => {
-            let search = ethercat_maindevice::search(clock::now(), length).on_interface(interface.mac());
-            match searched(search, interface, UntilFound(None))?.1 {
-                UntilFound(Some(found)) => FoundDevices::Ethercat(found),
-                UntilFound(None) => bail!("the search on `{}` ended without a result", interface.name()),
-            }
-        }
+        BusKind::Ethercat(_) => FoundDevices::Ethercat(find_sub_devices(interface, length)?),
     })
+}
+
+/// Looks for at most `length` which SubDevices are on EtherCAT. They stay in their states.
+pub(crate) fn find_sub_devices(interface: &Interface, length: Duration) -> anyhow::Result<Found> {
+    let search = ethercat_maindevice::search(clock::now(), length).on_interface(interface.mac());
+    match searched(search, interface, UntilFound(None))?.1 {
+        UntilFound(Some(found)) => Ok(found),
+        UntilFound(None) => bail!("the search on `{}` ended without a result", interface.name()),
+    }
 }
 
 /// Asks for `length` which stations are on PROFINET.

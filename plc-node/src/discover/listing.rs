@@ -2,10 +2,12 @@
 //!
 //! Names come from devices: whatever their bytes, they must not reach a terminal as control sequences.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::net::Ipv4Addr;
 
 use ethernet_ip::FoundDevice;
+use machine::ethernet::Mac;
 use machine::search::{Answers, REQUESTS, SearchCounters};
 use node::screen;
 use profinet::FoundStation;
@@ -13,12 +15,17 @@ use profinet::dcp::IpSuite;
 use protocol::search::Search;
 use serde::Serialize;
 
+use super::conflict::{Conflict, SharedProperty, conflicts};
 use super::sub_device::SubDevices;
 use crate::printable::printable;
+
+/// The stations that answered ARP for each address.
+pub(super) type Hosts = BTreeMap<Ipv4Addr, Vec<Mac>>;
 
 /// A bus that can be searched.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(super) enum Bus {
     Profinet,
     EthernetIp,
@@ -37,6 +44,7 @@ impl fmt::Display for Bus {
 
 /// A requested bus that could not be searched.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(super) struct Skipped {
     pub(super) bus: Bus,
     pub(super) reason: String,
@@ -44,6 +52,7 @@ pub(super) struct Skipped {
 
 /// The search's parameters and results.
 #[derive(Clone, PartialEq, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(super) struct Listing {
     interface: String,
     timeout_ms: u32,
@@ -53,16 +62,19 @@ pub(super) struct Listing {
     ethernet_ip: Option<Vec<Device>>,
     /// Null if EtherCAT was not searched.
     ethercat: Option<SubDevices>,
+    /// Names, addresses and serial numbers that several devices have.
+    conflicts: Vec<Conflict>,
     skipped: Vec<Skipped>,
     /// Answers that were broken, foreign or too many.
     ignored_answers: u64,
 }
 
 #[derive(Clone, PartialEq, Debug, Serialize)]
-struct Station {
-    name: String,
-    mac: String,
-    ip_address: Option<Ipv4Addr>,
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(super) struct Station {
+    pub(super) name: String,
+    pub(super) mac: String,
+    pub(super) ip_address: Option<Ipv4Addr>,
     subnet_mask: Option<Ipv4Addr>,
     gateway: Option<Ipv4Addr>,
     type_of_station: String,
@@ -72,26 +84,31 @@ struct Station {
 }
 
 #[derive(Clone, PartialEq, Debug, Serialize)]
-struct Device {
-    ip_address: Ipv4Addr,
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(super) struct Device {
+    pub(super) ip_address: Ipv4Addr,
+    /// Stations that answer ARP for the address; null if ARP could not be asked.
+    pub(super) mac_addresses: Option<Vec<String>>,
     /// The address that the device reports.
     listens_at: String,
     product_name: String,
-    vendor_id: u16,
+    pub(super) vendor_id: u16,
     device_type: u16,
     product_code: u16,
     revision: String,
-    serial_number: u32,
+    pub(super) serial_number: u32,
     status: u16,
     state: u8,
 }
 
 impl Listing {
-    /// Collects the results of the searches; a bus that was not requested or not available is left out.
+    /// Collects the results of the searches; a bus that was not requested or not available is left out. `hosts` are the stations
+    /// that answered ARP for the devices' addresses; `None` if they could not be asked.
     pub(super) fn new(
         interface: String,
         timeout_ms: u32,
         search: Option<&Search>,
+        hosts: Option<&Hosts>,
         ethercat: Option<SubDevices>,
         skipped: Vec<Skipped>,
     ) -> Self {
@@ -105,17 +122,35 @@ impl Listing {
             stations.sort_by(|one, other| (&one.name, &one.mac).cmp(&(&other.name, &other.mac)));
             stations
         };
+        let hosts: Option<BTreeMap<Ipv4Addr, Vec<String>>> = hosts.map(|hosts| {
+            hosts
+                .iter()
+                .map(|(address, macs)| (*address, macs.iter().map(Mac::to_string).collect()))
+                .collect()
+        });
         let devices = |answers: &Answers<FoundDevice>| {
             let mut devices: Vec<_> = answers.devices().iter().map(Device::from).collect();
+            for device in &mut devices {
+                let macs =
+                    |hosts: &BTreeMap<_, Vec<_>>| hosts.get(&device.ip_address).cloned().unwrap_or_default();
+                device.mac_addresses = hosts.as_ref().map(macs);
+            }
             devices.sort_by_key(|device| (device.ip_address, device.serial_number));
             devices
         };
+        let (profinet, ethernet_ip) = (profinet.map(stations), ethernet_ip.map(devices));
+        let conflicts = conflicts(
+            profinet.as_deref().unwrap_or_default(),
+            ethernet_ip.as_deref().unwrap_or_default(),
+            &hosts.unwrap_or_default(),
+        );
         Self {
             interface,
             timeout_ms,
-            profinet: profinet.map(stations),
-            ethernet_ip: ethernet_ip.map(devices),
+            profinet,
+            ethernet_ip,
             ethercat,
+            conflicts,
             skipped,
             ignored_answers: tallies.into_iter().flatten().map(ignored).sum(),
         }
@@ -166,7 +201,7 @@ impl fmt::Display for Listing {
                     "DeviceID",
                     "Roles",
                 ],
-                Station::row,
+                |station| station.row(&self.conflicts),
             )?;
         }
         if let Some(devices) = &self.ethernet_ip {
@@ -179,6 +214,7 @@ impl fmt::Display for Listing {
                 ["EtherNet/IP", "device", "ListIdentity"],
                 &[
                     "IP address",
+                    "MAC address",
                     "Product",
                     "Vendor",
                     "Type",
@@ -188,7 +224,7 @@ impl fmt::Display for Listing {
                     "Status",
                     "State",
                 ],
-                Device::row,
+                |device| device.row(&self.conflicts),
             )?;
         }
         if let Some(sub_devices) = &self.ethercat {
@@ -197,6 +233,12 @@ impl fmt::Display for Listing {
             }
             sub_devices.write(f, &self.interface)?;
         }
+        if !self.conflicts.is_empty() {
+            writeln!(f)?;
+        }
+        for conflict in &self.conflicts {
+            writeln!(f, "! {conflict}")?;
+        }
         if self.ignored_answers > 0 {
             writeln!(f, "\n{} broken or foreign answers were ignored.", self.ignored_answers)?;
         }
@@ -204,13 +246,23 @@ impl fmt::Display for Listing {
     }
 }
 
+/// Returns a value for a table, with a mark if several devices have it.
+fn marked(conflicts: &[Conflict], shared: SharedProperty, value: String) -> String {
+    // The value of a conflict of names is in lower case.
+    let compared = if shared == SharedProperty::StationName { value.to_lowercase() } else { value.clone() };
+    if conflicts.iter().any(|conflict| conflict.is_of(shared, &compared)) { value + " !" } else { value }
+}
+
 impl Station {
-    fn row(&self) -> Vec<String> {
+    fn row(&self, conflicts: &[Conflict]) -> Vec<String> {
         let number = |id: Option<u16>| id.map_or_else(|| "–".to_owned(), |id| format!("0x{id:04X}"));
+        let address = |address: Ipv4Addr| marked(conflicts, SharedProperty::IpAddress, address.to_string());
+        let none = || "(none)".to_owned();
+        let name = marked(conflicts, SharedProperty::StationName, self.name.clone());
         vec![
-            if self.name.is_empty() { "(none)".to_owned() } else { self.name.clone() },
+            if self.name.is_empty() { none() } else { name },
             self.mac.clone(),
-            self.ip_address.map_or_else(|| "(none)".to_owned(), |address| address.to_string()),
+            self.ip_address.map_or_else(none, address),
             self.type_of_station.clone(),
             number(self.vendor_id),
             number(self.device_id),
@@ -238,15 +290,18 @@ impl From<&FoundStation> for Station {
 }
 
 impl Device {
-    fn row(&self) -> Vec<String> {
+    fn row(&self, conflicts: &[Conflict]) -> Vec<String> {
+        let macs = self.mac_addresses.as_ref().filter(|macs| !macs.is_empty());
+        let serial_number = format!("0x{:08X}", self.serial_number);
         vec![
-            self.ip_address.to_string(),
+            marked(conflicts, SharedProperty::IpAddress, self.ip_address.to_string()),
+            macs.map_or_else(|| "–".to_owned(), |macs| macs.join(", ")),
             self.product_name.clone(),
             self.vendor_id.to_string(),
             self.device_type.to_string(),
             self.product_code.to_string(),
             self.revision.clone(),
-            format!("0x{:08X}", self.serial_number),
+            marked(conflicts, SharedProperty::SerialNumber, serial_number),
             format!("0x{:04X}", self.status),
             state(self.state),
         ]
@@ -258,6 +313,7 @@ impl From<&FoundDevice> for Device {
         let key = device.identity.key;
         Self {
             ip_address: device.address,
+            mac_addresses: None,
             listens_at: device.listens_at.to_string(),
             product_name: printable(&device.product_name),
             vendor_id: key.vendor,

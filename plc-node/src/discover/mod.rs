@@ -1,13 +1,16 @@
 //! `plc-node discover`: lists the devices on a cable, for commissioning. [`find_devices`] finds those on one bus.
 
+mod conflict;
 mod find;
 mod listing;
 mod sub_device;
 
+use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
 use anyhow::Context as _;
 use ethercat_maindevice::Found;
+use machine::arp::{self, HolderSearch};
 use machine::search::SearchEnded;
 use machine::{Duration, Instant, Machine, PortRequest};
 use node::Outcome;
@@ -17,8 +20,8 @@ use protocol::search::Search;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
 pub use find::{FoundDevices, find_devices, read_records};
-pub(crate) use find::{find_adapters, find_stations};
-use listing::{Bus, Listing, Skipped};
+pub(crate) use find::{find_adapters, find_stations, find_sub_devices};
+use listing::{Bus, Hosts, Listing, Skipped};
 use sub_device::SubDevices;
 
 /// A cable and how to search it.
@@ -47,7 +50,7 @@ Examples:
 
 PROFINET and EtherCAT need raw sockets (root, or the capability CAP_NET_RAW); EtherNet/IP needs an IPv4 address on the
 interface. SubDevices of EtherCAT stay in their states; do not search where a MainDevice of this host uses the interface.
-A bus that cannot be asked is skipped with a warning. A search that finds nothing is no failure: exit code 0.";
+A bus that cannot be asked is skipped with a warning. `!` marks names, addresses and serial numbers that several devices have. A search that finds nothing is no failure: exit code 0.";
 
 /// Which devices to look for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
@@ -86,6 +89,7 @@ impl DiscoverCommand {
         let length = Duration::from_millis(self.timeout.into());
         let mut skipped = Vec::new();
         let search = self.search_by_questions(&interface, length, &mut skipped)?;
+        let hosts = search.as_ref().map(|search| ask_hosts(&interface, search)).transpose()?.flatten();
         let ethercat = self.search_ethercat(&interface, length, &mut skipped)?;
         if ethercat.is_none() && search.is_none() {
             let reasons: Vec<_> = skipped.iter().map(|skipped| skipped.reason.as_str()).collect();
@@ -94,7 +98,8 @@ impl DiscoverCommand {
         for Skipped { bus, reason } in &skipped {
             errln!("warning: {bus} was not searched: {reason}");
         }
-        let listing = Listing::new(self.interface, self.timeout, search.as_ref(), ethercat, skipped);
+        let listing =
+            Listing::new(self.interface, self.timeout, search.as_ref(), hosts.as_ref(), ethercat, skipped);
         let text = if self.json { listing.to_json()? } else { listing.to_string() };
         to_stdout(format_args!("{text}"))?;
         Ok(Outcome::Done)
@@ -153,6 +158,31 @@ impl DiscoverCommand {
         let (_, UntilFound(found)) = searched(search, interface, UntilFound(None))?;
         Ok(found.map(SubDevices::from))
     }
+}
+
+/// Asks by ARP which stations have the addresses of the devices that were found; `None` if that may not be asked.
+fn ask_hosts(interface: &Interface, search: &Search) -> anyhow::Result<Option<Hosts>> {
+    let stations = search.profinet().map(|search| search.answers().devices()).unwrap_or_default();
+    let devices = search.ethernet_ip().map(|search| search.answers().devices()).unwrap_or_default();
+    let of_stations = stations.iter().filter_map(|station| station.ip.map(|ip| ip.address));
+    let addresses: BTreeSet<_> = of_stations.chain(devices.iter().map(|device| device.address)).collect();
+    let addresses: Vec<_> = addresses.into_iter().filter(|address| !address.is_unspecified()).collect();
+    if addresses.is_empty() {
+        return Ok(Some(Hosts::new()));
+    }
+    // The warning about PROFINET, or the column of the table, says that raw sockets are not allowed.
+    if OpenPort::open(interface, arp::ETHERNET).is_err() {
+        return Ok(None);
+    }
+    let (mac, own) = (interface.mac(), interface.address());
+    let search = HolderSearch::new(mac, own, addresses, clock::now());
+    let (search, _) = searched(search, interface, UntilEnd)?;
+    let mut hosts: Hosts = search.found().collect();
+    // A device may have the address of this interface.
+    if let Some(macs) = own.and_then(|own| hosts.get_mut(&own)) {
+        macs.push(mac);
+    }
+    Ok(Some(hosts))
 }
 
 /// Runs a search until its owner ends it, and returns both.

@@ -10,6 +10,7 @@ use crate::printable::printable;
 
 /// What a search on EtherCAT found.
 #[derive(Clone, PartialEq, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(super) struct SubDevices {
     /// Whether any frame came back.
     frames_return: bool,
@@ -19,8 +20,9 @@ pub(super) struct SubDevices {
 }
 
 #[derive(Clone, PartialEq, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 struct SubDevice {
-    /// The device next to the MainDevice has 0.
+    /// The device next to the MainDevice has 1, as for `plc-node io --at`.
     position: u16,
     /// Given by a MainDevice; 0 before.
     station_address: u16,
@@ -55,7 +57,7 @@ impl From<&FoundSubDevice> for SubDevice {
         // A string takes every character.
         let _ = device.write_state(&mut state);
         Self {
-            position: device.position,
+            position: device.position.saturating_add(1),
             station_address: device.station_address,
             alias: device.alias,
             order_code: text(|identity| &identity.order_code),
@@ -182,8 +184,8 @@ mod tests {
         ───────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────
          Position   Address   Alias    Order code                             Vendor       Product      Revision     Serial number   State
         ───────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────
-         0          0x1000    –        EK1100                                 0x00000002   0x044C2C52   0x00110000   0x00000000      OP
-         1          –         0x0007   (the device itself holds its EEPROM)   –            –            –            –               SAFE-OP, AL status code 0x001b: Sync manager watchdog
+         1          0x1000    –        EK1100                                 0x00000002   0x044C2C52   0x00110000   0x00000000      OP
+         2          –         0x0007   (the device itself holds its EEPROM)   –            –            –            –               SAFE-OP, AL status code 0x001b: Sync manager watchdog
         ───────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────────
         The time was over before the end of the cable: a longer --timeout may find more.
         ");
@@ -201,6 +203,6 @@ mod tests {
     fn the_json_has_the_numbers_of_the_standard_and_null_for_what_is_not_known() {
         let unreadable = FoundSubDevice { identity: Err(Unreadable::Failed), ..running() };
         let listing = SubDevices::from(found(vec![unreadable]));
-        insta::assert_snapshot!(serde_json::to_string(&listing).unwrap(), @r#"{"frames_return":true,"complete":true,"devices":[{"position":0,"station_address":4096,"alias":0,"order_code":null,"name":null,"vendor_id":null,"product_code":null,"revision":null,"serial_number":null,"unreadable":"its EEPROM cannot be read","state":"OP","al_status":8,"al_status_code":0}]}"#);
+        insta::assert_snapshot!(serde_json::to_string(&listing).unwrap(), @r#"{"frames_return":true,"complete":true,"devices":[{"position":1,"station_address":4096,"alias":0,"order_code":null,"name":null,"vendor_id":null,"product_code":null,"revision":null,"serial_number":null,"unreadable":"its EEPROM cannot be read","state":"OP","al_status":8,"al_status_code":0}]}"#);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::net::Ipv4Addr;
 
+use ethercat_maindevice::FoundSubDevice;
 use ethernet_ip::FoundDevice;
 use profinet::FoundStation;
 
@@ -42,6 +43,38 @@ pub(super) fn adapter_among(
             }
             let with_serial = |it: &FoundDevice| format!("{} ({})", it.address, serial(it));
             Err(TargetError::Several(its.len(), list(&its, with_serial)))
+        }
+    }
+}
+
+/// Returns the position, from 1, of the only device of an identity among several on an EtherCAT cable. Without another device,
+/// or without one of the identity, it is `None`: the MainDevice names what it finds in the device's place.
+///
+/// # Errors
+///
+/// There are several.
+pub(super) fn position_among(
+    found: &[FoundSubDevice],
+    vendor: u32,
+    product: u32,
+) -> Result<Option<u16>, TargetError> {
+    let serial = |it: &FoundSubDevice| {
+        let identity = it.identity.as_ref().ok()?;
+        ((identity.vendor, identity.product) == (vendor, product)).then_some(identity.serial_number)
+    };
+    let its: Vec<_> = found.iter().filter(|it| serial(it).is_some()).collect();
+    match its.as_slice() {
+        [] => Ok(None),
+        [only] => Ok((found.len() > 1).then(|| only.position.saturating_add(1))),
+        several => {
+            let text = |it: &FoundSubDevice| {
+                format!(
+                    "position {} (serial number 0x{:08X})",
+                    it.position.saturating_add(1),
+                    serial(it).unwrap_or(0)
+                )
+            };
+            Err(TargetError::Several(several.len(), list(several, text)))
         }
     }
 }
@@ -99,6 +132,7 @@ pub(super) fn alone_at_its_address(
 mod tests {
     use std::net::SocketAddrV4;
 
+    use ethercat_maindevice::{Identity as SubDeviceIdentity, Unreadable};
     use ethernet_ip::cip::{ElectronicKey, Revision};
     use ethernet_ip::description::Identity;
     use machine::ethernet::Mac;
@@ -149,6 +183,42 @@ mod tests {
         }
         let error = adapter_among(&[adapter(2, 7, 1), adapter(3, 7, 2)], 5, 7).unwrap_err();
         assert!(error.is_usage() && error.to_string().ends_with("choose one with --at"), "{error}");
+    }
+
+    fn sub_device(position: u16, product: u32) -> FoundSubDevice {
+        let identity = SubDeviceIdentity {
+            vendor: 2,
+            product,
+            revision: 1,
+            serial_number: u32::from(position) + 0x10,
+            order_code: Vec::new(),
+            name: Vec::new(),
+        };
+        FoundSubDevice {
+            position,
+            station_address: 0,
+            alias: 0,
+            status: 1,
+            status_code: 0,
+            identity: Ok(identity),
+        }
+    }
+
+    #[test]
+    fn the_only_sub_device_of_an_identity_is_taken_by_its_position_and_of_several_one_must_be_chosen() {
+        let found = [sub_device(0, 7), sub_device(1, 8), sub_device(2, 9), sub_device(3, 9)];
+        assert_eq!(position_among(&found, 2, 8), Ok(Some(2)));
+        assert_eq!(position_among(&found[..1], 2, 7), Ok(None), "it is alone");
+        assert_eq!(position_among(&found, 2, 6), Ok(None), "the MainDevice names the others");
+        let unreadable = FoundSubDevice { identity: Err(Unreadable::Failed), ..sub_device(0, 8) };
+        assert_eq!(position_among(&[unreadable, sub_device(1, 8)], 2, 8), Ok(Some(2)));
+        let error = position_among(&found, 2, 9).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "2 devices of the file's identity answer: position 3 (serial number 0x00000012), position 4 (serial number \
+             0x00000013); choose one with --at"
+        );
+        assert!(error.is_usage());
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub struct IoCommand {
     /// The network interface.
     #[arg(long, value_name = "IF", required_unless_present = "print_config")]
     interface: Option<String>,
-    /// The device: its station name on PROFINET, its address on EtherNet/IP, its position on EtherCAT.
+    /// The device: its station name on PROFINET, its address on EtherNet/IP, its position on EtherCAT, from 1.
     ///
     /// Without it, the only one with the file's identity.
     #[arg(long, value_name = "NAME|ADDRESS|POSITION")]
@@ -72,6 +72,12 @@ pub struct IoCommand {
     /// The interval of the cyclic data; without it, that of the file.
     #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
     interval: Option<Duration>,
+    /// EtherNet/IP: the packet interval (RPI) of the outputs, in place of --interval.
+    #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
+    rpi_out: Option<Duration>,
+    /// EtherNet/IP: the packet interval (RPI) of the inputs, in place of --interval.
+    #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
+    rpi_in: Option<Duration>,
     /// Write each event to this file too, as JSON, one per line.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -87,7 +93,7 @@ const EXAMPLES: &str = "\
 Examples:
   plc-node io --device device.eds --interface eth1 --at 192.168.0.2
   plc-node io --device GSDML-V2.35-Maker-Device-20230101.xml --interface eth1 --at valves --run --set 2.1/Valve=1
-  plc-node io --device terminal.xml --interface eth1 --for 30s --json
+  plc-node io --device terminal.xml --interface eth1 --at 3 --for 30s --json   the third device on the cable
 
 Standard input takes `run`, `stop`, `set NAME=VALUE`, `read NAME` and `write NAME=VALUE`, one per line.
 Exit codes: 4 if the device differs from the file or refuses, or the connection is lost at the end; 5 if it does not answer.";
@@ -125,7 +131,7 @@ impl IoCommand {
         let script = read_toml(self.script.as_deref(), OutputScript::from_toml)?;
         let interface = Interface::find(self.interface.as_deref().unwrap_or_default())?;
         interface.set_up()?;
-        let target = DeviceTarget::find(&file, &interface, self.at.as_deref(), self.address)?;
+        let target = DeviceTarget::find(&file, &choice, &interface, self.at.as_deref(), self.address)?;
         let config = self.config(&interface, &target);
         let (chosen, unknown) = target::choose_device(&file, &choice, &interface, &config)?;
         unknown.iter().for_each(|difference| errln!("warning: {difference}"));
@@ -145,7 +151,10 @@ impl IoCommand {
             mask: interface.mask().unwrap_or(Ipv4Addr::new(255, 255, 255, 0)),
             device_address: target.address,
             station_name: target.station_name.clone(),
+            position: target.position,
             interval: self.interval,
+            output_interval: self.rpi_out,
+            input_interval: self.rpi_in,
             // Frames of a connection from before a restart are not taken for those of a new one.
             seed: clock::now().as_nanos(),
             is_running: self.run,

@@ -248,6 +248,79 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "{\"up\":true}\n");
     }
 
+    const EDS: &str = include_str!("../../../scripts/interop/files/made-up-adapter.eds");
+
+    /// Returns an adapter whose first 16 bits of inputs are a speed: (raw - 100) / 10 rpm.
+    fn scaled_device() -> DrivenDevice {
+        let parameters = "[Params]\n Param5 = 0,,\"20 01 24 01 30 01\",0x0004,0xC3,2,\"Speed\",\"rpm\",\"\",-32768,32767,0,1,1,1,-100,,,,,1;\n\
+             Enum5 = 1125,\"nominal\";\n Param6 = 0,,,0x0000,0xC7,2,\"Delay\",\"ms\",\"\",0,65535,0,,,,,,,,,;\n";
+        let text = EDS
+            .replace("[Params]", parameters)
+            .replace("\"Inputs\",,8,0x0000,,,64,", "\"Inputs\",,8,0x0000,,,16,Param5,16,Param6,32,");
+        let file = device_files::read("a.eds", text.into()).unwrap();
+        let chosen = device_files::choose(&file, &device_files::DeviceChoice::default()).unwrap();
+        let address = std::net::Ipv4Addr::new(192, 168, 64, 1);
+        let config = driven_device::DriveConfig {
+            mac: machine::ethernet::Mac([2, 0, 0, 0, 0, 1]),
+            address: Some(address),
+            mask: std::net::Ipv4Addr::new(255, 255, 255, 0),
+            device_address: Some(std::net::Ipv4Addr::new(192, 168, 64, 2)),
+            station_name: None,
+            position: None,
+            interval: None,
+            output_interval: None,
+            input_interval: None,
+            seed: 1,
+            is_running: false,
+            report_every: Duration::from_millis(100),
+        };
+        let script = driven_device::OutputScript::default();
+        DrivenDevice::new(file, chosen, script, &config, machine::Instant::ZERO).unwrap()
+    }
+
+    #[test]
+    fn scaled_inputs_have_their_unit_and_the_raw_value_in_words_and_in_json() {
+        let device = scaled_device();
+        let mut printer = Printer::new(&device, false, None);
+        let (json, text) = printer.changed(&[0x65, 0x04, 7, 0, 0, 0, 0, 0]);
+        assert_eq!(
+            text,
+            "input Inputs = 6504070000000000\ninput Speed = 102.5 rpm (raw 1125) (nominal)\ninput Delay = 7 ms"
+        );
+        assert_eq!(json["inputs"]["Speed"], json!({ "value": 102.5, "raw": 1125 }));
+        assert_eq!(json["inputs"]["Delay"], json!(7));
+
+        // Only what changed; the raw value has its sign.
+        let (json, text) = printer.changed(&[0xFF, 0xFF, 7, 0, 0, 0, 0, 0]);
+        assert_eq!(text, "input Inputs = ffff070000000000\ninput Speed = -10.1 rpm (raw -1)");
+        assert_eq!(json["inputs"]["Speed"], json!({ "value": -10.1, "raw": -1 }));
+        assert_eq!(json["inputs"].get("Delay"), None);
+        assert_eq!(printer.changed(&[0xFF, 0xFF, 7, 0, 0, 0, 0, 0]).1, "");
+        let speed = device.signals().0.iter().find(|signal| signal.name == "Speed").unwrap();
+        assert_eq!(line("input", speed), "input Speed: int16 rpm\n");
+    }
+
+    #[test]
+    fn scaled_parameters_are_answered_with_their_unit_and_the_raw_value() {
+        let device = scaled_device();
+        let speed = &device.parameters()[0].signal;
+        let raw = SignalValue::Signed(1125);
+        let (scaled, text) = (raw.scaled(speed), raw.text(speed).map(str::to_owned));
+        let answer = |is_write, result| {
+            let (name, unit) = (speed.name.clone(), speed.unit.clone());
+            DriveEvent::Answer(ParameterAnswer { name, unit, is_write, result })
+        };
+        let read = answer(false, Ok(ParameterValue { raw, scaled, text }));
+        assert_eq!(in_words(&read), "read Speed = 102.5 rpm (raw 1125) (nominal)");
+        let expected = json!({ "parameter": {
+            "name": "Speed", "is_write": false, "value": { "value": 102.5, "raw": 1125 }, "error": null,
+        } });
+        assert_eq!(of_event(&read), expected);
+        let refused = answer(true, Err("too fast".to_owned()));
+        assert_eq!(in_words(&refused), "not written Speed: too fast");
+        assert_eq!(of_event(&refused)["parameter"]["value"], Value::Null);
+    }
+
     #[test]
     fn the_figures_of_the_end_have_their_units() {
         let millis = Duration::from_millis;

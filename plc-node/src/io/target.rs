@@ -14,9 +14,9 @@ use machine::{Duration, Instant};
 use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock};
 
 use super::Choice;
-use super::answers::{adapter_among, alone_at_its_address, station_among};
+use super::answers::{adapter_among, alone_at_its_address, position_among, station_among};
 use super::target_error::TargetError;
-use crate::discover::{find_adapters, find_stations};
+use crate::discover::{find_adapters, find_stations, find_sub_devices};
 use crate::printable::printable;
 
 /// Time for the answers of devices to a question to all of them.
@@ -30,11 +30,14 @@ const MODULES_WITHIN: Duration = Duration::from_secs(15);
 pub(super) struct DeviceTarget {
     pub(super) address: Option<Ipv4Addr>,
     pub(super) station_name: Option<String>,
+    /// Position on an EtherCAT cable with other devices, from 1.
+    pub(super) position: Option<u16>,
 }
 
 impl DeviceTarget {
     pub(super) fn find(
         file: &DeviceFile,
+        choice: &DeviceChoice,
         interface: &Interface,
         at: Option<&str>,
         address: Option<Ipv4Addr>,
@@ -51,11 +54,17 @@ impl DeviceTarget {
                 let address = adapter_among(&found, eds.vendor_id, eds.product_code)?;
                 Ok(Self { address: Some(address), ..Self::default() })
             }
-            // The MainDevice names other devices on the cable itself.
-            (DeviceFile::Esi(_), None | Some("1")) => Ok(Self::default()),
             (DeviceFile::Esi(_), Some(at)) => {
-                let must = "1: the device must be alone on the cable";
-                Err(TargetError::At(printable(at.as_bytes()), must).into())
+                let must = "a position on the cable, from 1, as `plc-node discover` lists them";
+                let wrong = || TargetError::At(printable(at.as_bytes()), must);
+                let position = at.parse().ok().filter(|position| *position > 0).ok_or_else(wrong)?;
+                Ok(Self { position: Some(position), ..Self::default() })
+            }
+            (DeviceFile::Esi(_), None) => {
+                let ChosenDevice::Esi(chosen) = choose(file, choice)? else { return Ok(Self::default()) };
+                let found = find_sub_devices(interface, SEARCH)?;
+                let position = position_among(&found.devices, chosen.vendor_id, chosen.product_code)?;
+                Ok(Self { position, ..Self::default() })
             }
         }
     }
@@ -75,7 +84,7 @@ impl DeviceTarget {
         let no_address = || TargetError::NoStationAddress(printable(&station.name));
         let address = address.or(its_address).ok_or_else(no_address)?;
         let station_name = String::from_utf8(station.name.to_vec()).ok();
-        Ok(Self { address: Some(address), station_name })
+        Ok(Self { address: Some(address), station_name, position: None })
     }
 }
 

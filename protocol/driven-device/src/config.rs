@@ -21,8 +21,15 @@ pub struct DriveConfig {
     pub device_address: Option<Ipv4Addr>,
     /// Station name of the device on PROFINET.
     pub station_name: Option<String>,
+    /// Position of the device on an EtherCAT cable, from 1; the other devices are left as they are. Without one, the device must
+    /// be alone there.
+    pub position: Option<u16>,
     /// Interval of the cyclic data; none for that of the file.
     pub interval: Option<Duration>,
+    /// Requested packet interval of the outputs on EtherNet/IP (O→T), in place of `interval`.
+    pub output_interval: Option<Duration>,
+    /// Requested packet interval of the inputs on EtherNet/IP (T→O), in place of `interval`.
+    pub input_interval: Option<Duration>,
     /// Seed of connection numbers; choose another one at each start.
     pub seed: u64,
     /// True if outputs count from the start on. Before, they are zeros that the device is to ignore.

@@ -21,7 +21,7 @@ const WATCHDOG: Duration = Duration::from_millis(100);
 /// First object by which PDOs are assigned: that of sync manager 0 (ETG.1000.6, 5.6.7.4.9).
 const ASSIGNMENT: u16 = 0x1C10;
 
-/// Opens the MainDevice with one device.
+/// Opens the MainDevice with one device: the one at its position, or the only one on the cable.
 pub(crate) fn open(
     chosen: &ChosenSubDevice,
     config: &DriveConfig,
@@ -47,7 +47,14 @@ pub(crate) fn open(
     };
     let settings =
         Config { mac: config.mac, devices: vec![expected], cycle, watchdog: WATCHDOG.max(4 * cycle) };
-    let mut machine = MainDevice::new(settings, now).map_err(|error| DriveError::Bus(error.to_string()))?;
+    let machine = match config.position.map(|position| position.checked_sub(1)) {
+        None => MainDevice::new(settings, now),
+        Some(Some(index)) => MainDevice::from_position(index, settings, now),
+        Some(None) => {
+            return Err(DriveError::Bus("position 0: positions on the cable count from 1".to_owned()));
+        }
+    };
+    let mut machine = machine.map_err(|error| DriveError::Bus(error.to_string()))?;
     let id = SubDeviceId(0);
     machine.set_startup(id, startup(chosen)?);
     machine.hold_safe_op(id, !config.is_running);

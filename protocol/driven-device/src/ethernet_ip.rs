@@ -42,6 +42,14 @@ pub(crate) fn open(
     let connection = eds.connections.iter().find(|it| it.number == chosen.connection);
     let connection =
         connection.ok_or_else(|| DriveError::File("the chosen connection is not in the file".to_owned()))?;
+    if is_null(&connection.t_to_o) || chosen.consumed.is_some() && is_null(&connection.o_to_t) {
+        let fault = format!(
+            "connection `{}`: the file allows it as a null connection only, which carries no data; choose another one with \
+             --connection",
+            device_files::excerpt(&connection.name)
+        );
+        return Err(DriveError::File(fault));
+    }
     let mut scanner = Scanner::new(ScannerConfig {
         vendor: VENDOR,
         serial_number: config.seed as u32 ^ serial_number(config),
@@ -52,7 +60,7 @@ pub(crate) fn open(
         Some(consumed) => (format(&connection.o_to_t), consumed.size),
         None => (RealTimeFormat::Heartbeat, 0),
     };
-    let rpi_us = interval(connection, chosen, config)?;
+    let (o_t_rpi_us, t_o_rpi_us) = intervals(connection, chosen, config)?;
     let types = &connection.t_to_o.types;
     let settings = ConnectionConfig {
         target,
@@ -69,10 +77,10 @@ pub(crate) fn open(
         t_o_size: chosen.produced.size,
         consumed_format,
         produced_format: format(&connection.t_to_o),
-        o_t_rpi_us: rpi_us,
-        t_o_rpi_us: rpi_us,
+        o_t_rpi_us,
+        t_o_rpi_us,
         // At least 100 ms without a frame: hosts stall for 10 to 20 ms.
-        multiplier: TimeoutMultiplier::at_least(100_000_u32.div_ceil(rpi_us))
+        multiplier: TimeoutMultiplier::at_least(100_000_u32.div_ceil(o_t_rpi_us.min(t_o_rpi_us).max(1)))
             .unwrap_or(TimeoutMultiplier::CODE_5),
         request_timeout: Duration::from_secs(1),
         open_timeout: Duration::from_secs(5),
@@ -85,6 +93,11 @@ pub(crate) fn open(
         connection.set_run(config.is_running);
     }
     Ok((scanner, id, inputs, outputs))
+}
+
+/// Returns whether a direction has no other connection type than null.
+fn is_null(end: &ConnectionEnd) -> bool {
+    !end.types.is_empty() && end.types.iter().all(|kind| *kind == "null")
 }
 
 /// Returns a number that no other scanner of the network has: it is made of the MAC address.
@@ -116,23 +129,40 @@ pub(crate) fn differences(connection: &Connection, chosen: &ChosenAdapter) -> Ve
     )]
 }
 
-fn interval(
+/// Returns the packet intervals O→T and T→O in µs: those that the user gives for each direction, or one for both.
+fn intervals(
     connection: &EdsConnection,
     chosen: &ChosenAdapter,
     config: &DriveConfig,
-) -> Result<u32, DriveError> {
+) -> Result<(u32, u32), DriveError> {
     let (least, most) = (chosen.min_rpi_us.unwrap_or(1), chosen.max_rpi_us.unwrap_or(u32::MAX));
-    if let Some(interval) = config.interval {
-        let micros = u32::try_from(interval.as_micros()).unwrap_or(u32::MAX);
-        if !(least..=most).contains(&micros) {
-            return Err(DriveError::Bus(format!(
-                "interval {micros} us: the file allows {least} to {most} us"
-            )));
+    let (o_to_t, t_to_o) = (&connection.o_to_t, &connection.t_to_o);
+    let both = match config.interval {
+        Some(interval) => allowed(interval, "both directions", (least, most))?,
+        None => {
+            let proposed = o_to_t.rpi_us.max(t_to_o.rpi_us).filter(|micros| *micros > 0);
+            proposed.unwrap_or(DEFAULT_RPI_US).clamp(least, most)
         }
+    };
+    let of = |interval: Option<Duration>, direction, end: &ConnectionEnd| match interval {
+        Some(interval) => {
+            let limits = end.rpi_limits_us.filter(|(least, most)| 0 < *least && least <= most);
+            allowed(interval, direction, limits.unwrap_or((1, u32::MAX)))
+        }
+        None => Ok(both),
+    };
+    Ok((of(config.output_interval, "the outputs", o_to_t)?, of(config.input_interval, "the inputs", t_to_o)?))
+}
+
+/// Returns an interval in µs if the file allows it.
+fn allowed(interval: Duration, direction: &str, (least, most): (u32, u32)) -> Result<u32, DriveError> {
+    let micros = u32::try_from(interval.as_micros()).unwrap_or(u32::MAX);
+    if (least..=most).contains(&micros) {
         return Ok(micros);
     }
-    let proposed = connection.o_to_t.rpi_us.max(connection.t_to_o.rpi_us).filter(|micros| *micros > 0);
-    Ok(proposed.unwrap_or(DEFAULT_RPI_US).clamp(least, most))
+    Err(DriveError::Bus(format!(
+        "interval {micros} us of {direction}: the file allows {least} to {most} us; give one of these"
+    )))
 }
 
 const fn format(end: &ConnectionEnd) -> RealTimeFormat {

@@ -45,6 +45,11 @@ pub(crate) fn open(
     config: &DriveConfig,
     now: Instant,
 ) -> Result<Opened, DriveError> {
+    let has_two_intervals = config.output_interval.is_some() || config.input_interval.is_some();
+    if has_two_intervals && !matches!(file, DeviceFile::Eds(_)) {
+        let fault = "an interval for each direction: only EtherNet/IP has it; give one interval for both";
+        return Err(DriveError::Bus(fault.to_owned()));
+    }
     match (file, chosen) {
         (DeviceFile::Gsdml(gsdml), ChosenDevice::Gsdml(chosen)) => {
             let (machine, id, inputs, outputs) = controller::open(gsdml, chosen, config, now)?;
@@ -90,7 +95,7 @@ impl Stack {
             Self::EthernetIp(machine, id) => {
                 machine.connection(*id).map(ethernet_ip::Connection::counters).unwrap_or_default()
             }
-            Self::Ethercat(machine, id) => machine.counters(*id),
+            Self::Ethercat(machine, id) => machine.counters(*id) + machine.cable_counters(),
         }
     }
 

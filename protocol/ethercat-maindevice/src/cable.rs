@@ -44,7 +44,7 @@ pub(crate) struct UnderWay {
 /// The datagrams of one device in a frame.
 #[derive(Clone, Copy, Debug)]
 struct Part {
-    device: u16,
+    slot: Slot,
     datagrams: u16,
     /// Length in bytes.
     len: usize,
@@ -68,6 +68,8 @@ pub(crate) struct Cable {
     under_way: Vec<UnderWay>,
     /// A device's reply, as ethercrab expects it.
     part: Vec<u8>,
+    /// Number of devices that the last datagram by position passed.
+    passed: Option<u16>,
 }
 
 impl Cable {
@@ -83,7 +85,14 @@ impl Cable {
             number: 0,
             under_way: std::iter::repeat_with(slot).take(UNDER_WAY).collect(),
             part: vec![0; LONGEST],
+            passed: None,
         }
+    }
+
+    /// Returns the number of devices on the cable, as the last datagram by position counted them: each device adds 1 to its
+    /// position (ETG.1000.4).
+    pub(crate) const fn devices(&self) -> Option<u16> {
+        self.passed
     }
 
     fn place(number: u32) -> usize {
@@ -129,7 +138,7 @@ impl Cable {
             under_way.headers.push(original);
             (at, count) = (at + size, count + 1);
         }
-        under_way.parts.push(Part { device: slot.index, datagrams: count, len: datagrams.len() });
+        under_way.parts.push(Part { slot, datagrams: count, len: datagrams.len() });
         Some(end)
     }
 
@@ -172,10 +181,10 @@ impl Cable {
         is_nop.then(|| rest.first_chunk().copied().map(u32::from_le_bytes))?
     }
 
-    /// Returns part `part` of the reply in this place: the device, and its reply as ethercrab expects it.
+    /// Returns part `part` of the reply in this place: the device among the driven ones, and its reply as ethercrab expects it.
     pub(crate) fn part(&mut self, place: usize, part: usize, frame: &[u8]) -> Option<(u16, &[u8])> {
         let UnderWay { parts, headers, .. } = self.under_way.get(place)?;
-        let Part { device, datagrams, len } = *parts.get(part)?;
+        let Part { slot, datagrams, len } = *parts.get(part)?;
         let before = parts.get(..part)?;
         let (at, first) = before.iter().fold((HEADERS + NOP, 0), |(at, first), part| {
             (at + part.len, first + usize::from(part.datagrams))
@@ -188,9 +197,13 @@ impl Cable {
         let mut at = HEADERS;
         for header in headers.get(first..)?.iter().take(datagrams.into()) {
             let [.., low, high] = *header;
-            self.part.get_mut(at..at + header.len())?.copy_from_slice(header);
+            let received = self.part.get_mut(at..at + header.len())?;
+            if let (Some(sent), [_, _, a, b, ..]) = (slot.sent_position(header), &*received) {
+                self.passed = Some(u16::from_le_bytes([*a, *b]).wrapping_sub(sent));
+            }
+            received.copy_from_slice(header);
             at += HEADER + usize::from(u16::from_le_bytes([low, high]) & LENGTH) + 2;
         }
-        self.part.get(..end).map(|part| (device, part))
+        self.part.get(..end).map(|part| (slot.driven_index(), part))
     }
 }

@@ -94,6 +94,11 @@ impl GroupMainDevice {
         self.process.explain(words)
     }
 
+    /// Returns whether the last event `Down` was about a device that is not there.
+    pub(crate) fn is_missing(&self) -> bool {
+        self.process.is_missing()
+    }
+
     /// Returns what a tool for commissioning wants.
     pub(crate) fn commissioning_mut(&mut self) -> &mut Commissioning {
         self.process.commissioning()

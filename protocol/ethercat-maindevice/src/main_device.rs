@@ -49,9 +49,12 @@ impl std::error::Error for TooManyDevices {}
 /// another MainDevice drives the devices.
 ///
 /// Devices after the last expected one are left as they are, unless there is only one expected device: then they are refused.
+/// [`from_position`](Self::from_position) leaves all others as they are.
 #[derive(Debug)]
 pub struct MainDevice {
     devices: Vec<Device>,
+    /// True if the only device has the cable for itself: then its ethercrab's frames go out as they are.
+    is_alone: bool,
     cable: Cable,
     deadlines: Deadlines,
     /// Devices whose deadline is over.
@@ -80,14 +83,26 @@ struct Device {
 impl MainDevice {
     /// Creates a MainDevice that looks for its devices from `start` on.
     pub fn new(config: Config, start: Instant) -> Result<Self, TooManyDevices> {
+        let is_alone = config.devices.len() == 1;
+        Self::of(config, 0, is_alone, start)
+    }
+
+    /// Creates a MainDevice whose first device is at this position on the cable, from 0. It changes nothing at the devices before
+    /// that one and after its last one.
+    pub fn from_position(position: u16, config: Config, start: Instant) -> Result<Self, TooManyDevices> {
+        Self::of(config, position, false, start)
+    }
+
+    fn of(config: Config, first: u16, is_alone: bool, start: Instant) -> Result<Self, TooManyDevices> {
         let count = config.devices.len();
+        let last = usize::from(first) + count;
         let number =
-            u16::try_from(count).ok().filter(|_| count <= MOST_DEVICES).ok_or(TooManyDevices(count))?;
+            u16::try_from(count).ok().filter(|_| last <= MOST_DEVICES).ok_or(TooManyDevices(last))?;
         let mut deadlines = Deadlines::new();
         let device = |(index, device)| {
-            let slot = Slot { index, count: number, grid: start };
+            let slot = Slot { index: first + index, first, count: number, grid: start };
             let config = Config { devices: vec![device], ..config.clone() };
-            let main = GroupMainDevice::at((count > 1).then_some(slot), config, start);
+            let main = GroupMainDevice::at((!is_alone).then_some(slot), config, start);
             deadlines.set(index, main.poll_timeout());
             Device { main, slot, is_up: false }
         };
@@ -99,8 +114,9 @@ impl MainDevice {
             turns.reserve(count);
         }
         Ok(Self {
-            cable: Cable::new(if count > 1 { count } else { 0 }),
+            cable: Cable::new(if is_alone { 0 } else { count }),
             devices,
+            is_alone,
             deadlines,
             due,
             sending,
@@ -140,8 +156,8 @@ impl MainDevice {
         self.received.pop().map(SubDeviceId)
     }
 
-    /// Returns the counters of frames that concern no device: late replies, and frames of other MainDevices. With one device,
-    /// its own counters have them.
+    /// Returns the counters of frames that concern no device: late replies, and frames of other MainDevices. With one device
+    /// that has the cable for itself, its own counters have them.
     #[must_use]
     pub fn cable_counters(&self) -> Counters {
         Counters { late: self.late, foreign: self.foreign.heard(), ..Counters::default() }
@@ -196,7 +212,13 @@ impl MainDevice {
 
     /// Writes details that the last event `Down` of a device does not contain: what was expected and what was found.
     pub fn explain(&self, id: SubDeviceId, words: &mut dyn fmt::Write) -> fmt::Result {
-        self.devices.get(usize::from(id.0)).map_or(Ok(()), |device| device.main.explain(words))
+        let Some(Device { main, .. }) = self.devices.get(usize::from(id.0)) else { return Ok(()) };
+        main.explain(words)?;
+        match self.cable.devices().filter(|_| main.is_missing()) {
+            Some(1) => words.write_str("; the cable has 1 device"),
+            Some(count) => write!(words, "; the cable has {count} devices"),
+            None => Ok(()),
+        }
     }
 
     /// Calls a device, and notes what it has to send and to report, and when it is due next.
@@ -265,7 +287,7 @@ impl Machine for MainDevice {
     }
 
     fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
-        if self.devices.len() == 1 {
+        if self.is_alone {
             return self.serve(0, |main| main.handle_frame(now, from, frame));
         }
         if !self.is_own(frame) {
@@ -290,14 +312,14 @@ impl Machine for MainDevice {
 
     fn pending(&self, _now: Instant) -> Pending {
         let frame = match self.devices.as_slice() {
-            [device] => device.main.next_frame().is_some(),
+            [device] if self.is_alone => device.main.next_frame().is_some(),
             _ => !self.sending.is_empty(),
         };
         Pending { frame, request: false, event: !self.reporting.is_empty() }
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        if let [device] = self.devices.as_mut_slice() {
+        if let ([device], true) = (self.devices.as_mut_slice(), self.is_alone) {
             return device.main.poll_transmit(now, buf);
         }
         let mut len = None;

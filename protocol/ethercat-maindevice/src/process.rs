@@ -155,6 +155,11 @@ impl Process {
         self.reported.as_ref().map_or(Ok(()), |problem| problem.explain(self.slot, words))
     }
 
+    /// Returns whether the last problem that was reported is a device that is not there.
+    pub(crate) fn is_missing(&self) -> bool {
+        self.reported == Some(Problem::NoDevice)
+    }
+
     fn push(&mut self, event: LinkEvent) {
         if self.events.len() < EVENTS {
             self.events.push_back(event);

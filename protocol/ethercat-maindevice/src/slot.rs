@@ -38,11 +38,13 @@ const FMMU_ACTIVE: usize = 12;
 /// Bytes of a datagram's header.
 pub(crate) const HEADER: usize = 10;
 
-/// The place of a device among `count` devices of a cable.
+/// The place of a device among `count` driven devices of a cable.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Slot {
     /// Its position, from 0.
     pub(crate) index: u16,
+    /// Position of the first driven device, from 0.
+    pub(crate) first: u16,
     pub(crate) count: u16,
     /// An instant of the grid on which all devices exchange process data.
     pub(crate) grid: Instant,
@@ -54,10 +56,16 @@ impl Slot {
         usize::from(self.index) + 1
     }
 
-    /// Returns the number of the device that has this station address, if it is another one of this cable.
+    /// Returns the place of the device among the driven ones, from 0.
+    pub(crate) const fn driven_index(self) -> u16 {
+        self.index.wrapping_sub(self.first)
+    }
+
+    /// Returns the number of the device that has this station address, if it is another driven one of this cable.
     pub(crate) fn other_with_station(self, station: u16) -> Option<usize> {
         let index = station.checked_sub(FIRST_STATION)?;
-        (index < self.count && index != self.index).then(|| usize::from(index) + 1)
+        let is_driven = index.checked_sub(self.first).is_some_and(|driven| driven < self.count);
+        (is_driven && index != self.index).then(|| usize::from(index) + 1)
     }
 
     /// Writes that the device is missing, and where to look.
@@ -104,6 +112,17 @@ impl Slot {
             && let Some(start) = rest.first_chunk_mut::<4>()
         {
             *start = self.logical(*start);
+        }
+    }
+
+    /// Returns the position with which a datagram of this header goes out; `None` if it does not go by position.
+    pub(crate) const fn sent_position(self, header: &[u8; 8]) -> Option<u16> {
+        let [command, _, a, b, ..] = *header;
+        match command {
+            APRD..=APRW | ARMW => Some(u16::from_le_bytes([a, b]).wrapping_sub(self.index)),
+            // See `place`.
+            BRD..=BRW => Some(0_u16.wrapping_sub(self.index)),
+            _ => None,
         }
     }
 

@@ -90,6 +90,41 @@ fn a_record_that_the_device_refuses_is_said_and_the_data_run() {
 }
 
 #[test]
+fn a_long_record_goes_in_fragments_and_one_that_fits_into_no_call_is_refused_with_its_length() {
+    let of_length = |len: usize| {
+        let text = GSDML.replace("Index=\"100\" Length=\"2\"", &format!("Index=\"100\" Length=\"{len}\""));
+        chosen("GSDML-V2.35-a.xml", &text, "[modules]\n1 = \"M_8DI\"\n2 = \"M_2AO\"\n")
+    };
+    // Longer than three datagrams.
+    let long = of_length(4_096);
+    let mut cell = between(&long, &long);
+    cell.run_to(5_000);
+    let texts = cell.texts();
+    assert!(cell.pair.a().is_up() && !texts.iter().any(|text| text.starts_with("alarm")), "{texts:?}");
+    let Chosen { file, device } = of_length(4_097);
+    let made = DrivenDevice::new(file, device, OutputScript::default(), &drive_config(), Instant::ZERO);
+    let said = made.unwrap_err().to_string();
+    assert_eq!(
+        said,
+        "parameter record 100 of slot 2 has 4097 bytes, more than the 4096 that fit: shorten it"
+    );
+}
+
+#[test]
+fn a_connection_that_the_file_allows_as_null_only_is_refused() {
+    for types in ["0x44110405", "0x44140405", "0x44610405"] {
+        let Chosen { file, device } = chosen("a.eds", &EDS.replace("0x44640405", types), "");
+        let made = DrivenDevice::new(file, device, OutputScript::default(), &drive_config(), Instant::ZERO);
+        assert_eq!(
+            made.unwrap_err().to_string(),
+            "connection `Exclusive Owner`: the file allows it as a null connection only, which carries no data; choose another \
+             one with --connection",
+            "{types}"
+        );
+    }
+}
+
+#[test]
 fn names_and_values_that_the_device_does_not_have_are_refused_with_what_it_has() {
     for chosen in devices() {
         let mut device = driven(&chosen, "", &drive_config());

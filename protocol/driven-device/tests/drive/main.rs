@@ -5,4 +5,6 @@ mod allocation;
 mod bad_input;
 mod cell;
 mod exchange;
+mod intervals;
 mod parameters;
+mod positions;

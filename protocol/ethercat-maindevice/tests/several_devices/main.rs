@@ -4,6 +4,7 @@
 
 mod disturbed;
 mod line;
+mod one_place;
 
 use ethercat_maindevice::SubDeviceId;
 use ethercat_subdevice::{AlState, AlStatusCode, DeviceId};
@@ -58,7 +59,7 @@ fn a_device_missing_from_the_start_is_named_and_found_later_while_the_others_run
     assert_eq!(causes(&start, &[0, 1, 2]), [(2, vec![DownCause::NoAnswer])].into());
     assert_eq!(
         explained(&cell, 2),
-        "device 3 is missing: check its power and the cable between devices 2 and 3"
+        "device 3 is missing: check its power and the cable between devices 2 and 3; the cable has 2 devices"
     );
     assert_eq!(echoing(&mut cell, &[0, 1, 2], 50), [0, 1]);
     cell.command_b(|echo, _| echo.segment.set_cut(DeviceId(2), false));

@@ -114,6 +114,17 @@ fn a_refused_interval_and_the_path_that_is_left_stand_where_the_dissector_looks_
 }
 
 #[test]
+fn the_interval_of_each_direction_and_the_one_that_is_granted_stand_where_the_dissector_looks_for_them() {
+    let mut rig = Rig::new();
+    let client = rig.client();
+    let request = OpenRequest { o_t_rpi_us: 4_000, t_o_rpi_us: 20_000, ..owner(0x77) };
+    let exchanges = [exchange(&mut rig, client, &open_message(&request, false))];
+    let fields = ["cip.cm.otrpi", "cip.cm.torpi", "cip.cm.otapi", "cip.cm.toapi", "cip.cm.conn_serial_num"];
+    let read: Vec<_> = dissected(&exchanges, &fields).iter().map(|values| values.join(" ")).collect();
+    assert_eq!(read, ["4000 20000   0x0077  ", "  4000 20000 0x0077  "]);
+}
+
+#[test]
 fn a_question_along_a_route_is_an_unconnected_send_to_the_identity_behind_it() {
     let config = ConnectionConfig { route: vec![1, 3], ..wanted() };
     let (_, question) = asked_for_identity_by(config);

@@ -23,9 +23,11 @@
 //! only asks, announces and listens.
 
 mod address_claim;
+mod holder_search;
 mod holders;
 
 pub use address_claim::{AddressClaim, AddressConflict, ClaimEvent};
+pub use holder_search::HolderSearch;
 pub use holders::{Holders, MOST_HOLDERS};
 
 use core::net::Ipv4Addr;

@@ -240,7 +240,7 @@ impl Controller {
                 return self.responder.acknowledge(from, &header);
             }
             Received::Part => return,
-            Received::Refused => {
+            Received::Refused | Received::TooLong => {
                 self.counters.malformed += 1;
                 return;
             }

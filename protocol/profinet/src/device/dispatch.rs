@@ -38,6 +38,11 @@ impl Device {
                 }
                 Received::Part => {}
                 Received::Refused => core.counters.malformed += 1,
+                // Without an answer the controller would repeat the call until it gives up.
+                Received::TooLong => {
+                    core.counters.malformed += 1;
+                    core.reply(&header, Kind::Reject, Some(rpc_status::UNSPECIFIED_REJECT), from);
+                }
             },
             Kind::Ping => {
                 if !core.answers.look_up_ping(&header, from) {

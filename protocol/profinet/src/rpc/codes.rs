@@ -143,6 +143,8 @@ pub mod rpc_status {
     pub const OPERATION_RANGE: u32 = 0x1C01_0002;
     /// The interface is not offered here.
     pub const UNKNOWN_INTERFACE: u32 = 0x1C01_0003;
+    /// The call cannot be executed, for a reason without a code of its own (C706, appendix E).
+    pub const UNSPECIFIED_REJECT: u32 = 0x1C00_0009;
     /// The protocol was violated.
     pub const PROTOCOL_ERROR: u32 = 0x1C01_000B;
     /// The server does not have the called object.

@@ -94,9 +94,10 @@ pub enum Received<'a> {
     Whole(&'a [u8]),
     /// More fragments follow.
     Part,
-    /// The fragment does not follow the previous one, or the body is too long: the call is dropped until the caller
-    /// repeats it.
+    /// The fragment does not follow the previous one: the call is dropped until the caller repeats it.
     Refused,
+    /// The body is longer than [`BODY_CAPACITY`]: the call is dropped, and its repetition will not fit either.
+    TooLong,
 }
 
 /// Reassembles the fragments of one call, in their order. A new call replaces an unfinished one.
@@ -159,9 +160,16 @@ impl Reassembly {
         }
         let end = self.len.saturating_add(body.len());
         let room = self.body.get_mut(self.len..end);
-        let (true, Some(room)) = (fragment == call.next && order == call.order, room) else {
-            self.call = None;
-            return Received::Refused;
+        let room = match room {
+            _ if fragment != call.next || order != call.order => Err(Received::Refused),
+            room => room.ok_or(Received::TooLong),
+        };
+        let room = match room {
+            Ok(room) => room,
+            Err(received) => {
+                self.call = None;
+                return received;
+            }
         };
         room.copy_from_slice(body);
         self.len = end;

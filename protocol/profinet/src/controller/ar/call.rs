@@ -138,7 +138,7 @@ impl Caller {
                         self.request.clear();
                         AnswerOutcome::Answer(*header, whole)
                     }
-                    Received::Part | Received::Refused => AnswerOutcome::Pending,
+                    Received::Part | Received::Refused | Received::TooLong => AnswerOutcome::Pending,
                 }
             }
             Kind::Fault | Kind::Reject => match read_rpc_status(header, body).unwrap_or_default() {

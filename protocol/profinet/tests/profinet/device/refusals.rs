@@ -335,6 +335,27 @@ fn an_unknown_operation_or_interface_is_rejected_in_the_terms_of_rpc() {
 }
 
 #[test]
+fn a_write_of_more_records_than_fit_into_a_call_is_rejected_and_the_connection_stays() {
+    let mut rig = Rig::connected(RtClass::Class1);
+    let header = rig.header(Operation::Write);
+    let mut answers = Vec::new();
+    // A MultipleWrite of 10 kB, and the same once more.
+    for fragment in (0..8).chain(0..8) {
+        let last = if fragment == 7 { flags::LAST_FRAGMENT } else { 0 };
+        let flags = header.flags | flags::FRAGMENT | flags::NO_FRAGMENT_ACK | last;
+        let mut buf = [0; 1500];
+        let len = Header { fragment, flags, ..header }.emit(&[0; 1312], &mut buf).unwrap();
+        for (_, datagram) in rig.receive(Port::Udp(RPC_PORT), &buf[..len]) {
+            let Ok((answer, body)) = Header::parse(&datagram) else { continue };
+            answers.push((fragment, answer.kind, profinet::rpc::read_rpc_status(&answer, body)));
+        }
+    }
+    let reject = (6, Kind::Reject, Some(rpc_status::UNSPECIFIED_REJECT));
+    assert_eq!(answers, [reject, reject], "the seventh fragment does not fit into 8192 bytes");
+    assert!(rig.device.has_controller());
+}
+
+#[test]
 fn block_lengths_of_zero_or_past_the_end_name_their_block() {
     let blocks = emitted(|w| connect_request(RtClass::Class1, true).emit(w));
     let mut starts = Vec::new();

@@ -1,0 +1,152 @@
+//! A device among others on one EtherCAT cable, each of its own ESI file.
+
+use driven_device::{DriveConfig, DriveEvent, DrivenDevice, OutputScript};
+use emulated_device::{DeviceEvent, EmulatedDevice};
+use machine::{Instant, Machine, PortRequest, Source, Transmit};
+use virtual_time::{Event, Pair};
+
+use crate::cell::{Chosen, ESI, chosen, devices, drive_config, driven, emulated, pair_config};
+
+/// Devices one after another: a frame passes each of them, and comes back after the last one.
+struct DeviceLine {
+    devices: Vec<EmulatedDevice>,
+    /// Frame that comes back next.
+    returned: Option<Vec<u8>>,
+}
+
+impl Machine for DeviceLine {
+    type Event = (usize, DeviceEvent);
+
+    fn ports(&self) -> &[PortRequest] {
+        self.devices[0].ports()
+    }
+
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        let mut passing = frame.to_vec();
+        for device in &mut self.devices {
+            device.handle_frame(now, from, &passing);
+            let mut buf = [0; 1514];
+            let Some(Transmit { len, .. }) = device.poll_transmit(now, &mut buf) else { return };
+            passing = buf[..len].to_vec();
+        }
+        self.returned = Some(passing);
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        self.devices.iter_mut().for_each(|device| device.handle_timeout(now));
+    }
+
+    fn poll_transmit(&mut self, _: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let frame = self.returned.take()?;
+        buf[..frame.len()].copy_from_slice(&frame);
+        Some(Transmit { port: machine::Port::Ethernet, to: None, len: frame.len() })
+    }
+
+    fn poll_event(&mut self) -> Option<Self::Event> {
+        let mut devices = self.devices.iter_mut().enumerate();
+        devices.find_map(|(index, device)| device.poll_event().map(|event| (index, event)))
+    }
+
+    fn poll_timeout(&self) -> Option<Instant> {
+        self.devices.iter().filter_map(Machine::poll_timeout).min()
+    }
+}
+
+/// Three devices: four digital outputs, an analog terminal, and one of another maker's file.
+fn on_cable() -> [Chosen; 3] {
+    let other = ESI
+        .replace("<Id>#xFFFE</Id>", "<Id>#xFFFD</Id>")
+        .replace("ProductCode=\"#x77\"", "ProductCode=\"#x99\"")
+        .replace("<BitLen>15</BitLen>", "<BitLen>31</BitLen>");
+    [
+        chosen("made-up-terminal.xml", ESI, "device_name = \"MU2004\""),
+        chosen("made-up-terminal.xml", ESI, "device_name = \"MU1002\""),
+        chosen("other.xml", &other, "device_name = \"MU1002\""),
+    ]
+}
+
+/// Drives a device at this position, from 1, of the cable of three.
+fn drive(device: &Chosen, position: u16) -> (Pair<DrivenDevice, DeviceLine>, Vec<DriveEvent>) {
+    let config = DriveConfig { position: Some(position), ..drive_config() };
+    let devices = on_cable().map(|it| {
+        let is_echo = it.device == device.device && position > 1;
+        let echo = "[[inputs]]\nplace = \"0x6000:11\"\necho = { place = \"0x7000:01\" }\n";
+        let script = if is_echo { echo } else { "" };
+        emulated(it.device, script)
+    });
+    let line = DeviceLine { devices: devices.into(), returned: None };
+    let mut pair = Pair::new(driven(device, "", &config), line, pair_config());
+    let events = run_to(&mut pair, 3_000);
+    (pair, events)
+}
+
+fn run_to(pair: &mut Pair<DrivenDevice, DeviceLine>, millis: u64) -> Vec<DriveEvent> {
+    let mut events = Vec::new();
+    while let Some(event) = pair.next_event(Instant::from_millis(millis)) {
+        if let Event::A(event) = event {
+            events.push(event);
+        }
+    }
+    events
+}
+
+/// Returns whether a device has process data of a MainDevice.
+fn is_driven(device: &EmulatedDevice) -> bool {
+    device.output("outputs").is_some()
+}
+
+#[test]
+fn a_device_at_any_position_of_a_cable_is_driven_and_the_others_get_no_process_data() {
+    let [digital, analog, other] = on_cable();
+    let places = [
+        (digital, "Channels/Channel 2", "1"),
+        (analog, "Outputs/Output", "258"),
+        (other, "Outputs/Output", "258"),
+    ];
+    for (index, (device, output, value)) in places.iter().enumerate() {
+        let (mut pair, events) = drive(device, index as u16 + 1);
+        assert!(pair.a().is_up() && !pair.a().differs(), "{index}: {events:?}");
+        pair.command_a(|device, _| device.set(output, value)).unwrap();
+        let events = run_to(&mut pair, 3_500);
+        assert_eq!(pair.b().devices[index].output("outputs"), Some(pair.a().outputs().bytes()), "{events:?}");
+        let driven: Vec<_> = pair.b().devices.iter().map(is_driven).collect();
+        assert_eq!(driven, [0, 1, 2].map(|it| it == index));
+        if index > 0 {
+            assert_eq!(pair.a().input("Inputs/Value").map(|it| it.to_string()).as_deref(), Some("258"));
+        }
+        let counters = pair.a().counters();
+        assert_eq!((counters.lost, counters.foreign, counters.malformed), (0, 0, 0));
+    }
+}
+
+#[test]
+fn a_cable_with_fewer_devices_is_said_with_their_number_and_none_is_driven() {
+    let (pair, events) = drive(&on_cable()[1], 5);
+    let said = events.iter().find_map(|event| match event {
+        DriveEvent::Down(down, details) => Some(format!("{down}; {details}")),
+        _ => None,
+    });
+    let said = said.unwrap();
+    assert!(
+        said.ends_with("device 5 is missing: check its power and the cable between devices 4 and 5; the cable has 3 devices"),
+        "{said}"
+    );
+    assert!(!pair.a().has_been_up() && !pair.b().devices.iter().any(is_driven));
+}
+
+#[test]
+fn a_device_of_another_file_at_the_position_is_named_and_refused() {
+    let (pair, events) = drive(&on_cable()[1], 3);
+    let is_named = |event: &DriveEvent| matches!(event, DriveEvent::Down(_, details) if details.starts_with("device 3 is another one: expected vendor 0x0000FFFE"));
+    assert!(events.iter().any(is_named), "{events:?}");
+    assert!(pair.a().differs() && !pair.a().has_been_up());
+}
+
+#[test]
+fn positions_count_from_1() {
+    let Chosen { file, device } = devices()[2].clone();
+    let config = DriveConfig { position: Some(0), ..drive_config() };
+    let refused =
+        DrivenDevice::new(file, device, OutputScript::default(), &config, Instant::ZERO).unwrap_err();
+    assert_eq!(refused.to_string(), "position 0: positions on the cable count from 1");
+}
