@@ -189,7 +189,7 @@ fn at_once(config: &RobotConfig, start: Joints) -> RobotConfig {
     }
 }
 
-/// What a skill is given.
+/// Motions or points of a skill.
 #[derive(Clone, Copy)]
 enum Given<'a> {
     Motions(&'a [Motion]),

@@ -32,7 +32,7 @@ pub enum NotCompact {
     Differs {
         /// Its number, counted from 1.
         motion: usize,
-        /// What differs.
+        /// The field that differs.
         what: &'static str,
     },
     /// A target that no difference carries.

@@ -44,12 +44,12 @@ fn a_plan_without_a_compact_form_is_refused_with_its_first_motion_that_differs()
     let again = "\n[[step]]\nname = \"again\"\ndoes = \"goes back\"\nlabels = [\"accurate-path\", \"accurate-stop\"]\n\
                  from = \"home\"\npath = [ { spline = [\"p1\", \"p2\"] } ]\n";
     let far = frame("far = { on = \"home\", shift_mm = [400.0, 0.0, 0.0] }");
-    let told = [
+    let refusals = [
         refused(&before("{ line = \"p2\" }")),
         refused(&far.replace(begin, "path = [ { spline = [\"far\", ")),
         refused(&format!("{CIRCLE}{again}")),
     ];
-    insta::assert_snapshot!(told.join("\n"), @r#"
+    insta::assert_snapshot!(refusals.join("\n"), @r#"
     plc.form = "compact": motion 2 has another kind than motion 1: compact points are alike but for their targets
     plc.form = "compact": point 0: x is 400 mm from the point before: a difference carries at most 327.67 mm; choose a coarser resolution or a closer spacing
     plc.form = "compact": the arm stops after motion 60 of 62: compact points are one continuous motion, so leave out its stops
