@@ -6,7 +6,7 @@ use std::net::Ipv4Addr;
 
 use serde::Serialize;
 
-use super::listing::{Device, Station};
+use super::found_device::{Device, Station};
 
 /// Most devices that a line lists. JSON has all.
 const MOST_LISTED: usize = 12;

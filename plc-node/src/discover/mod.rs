@@ -2,6 +2,7 @@
 
 mod conflict;
 mod find;
+mod found_device;
 mod listing;
 mod sub_device;
 

@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use super::real::RatioRow;
 use super::verdict::GateRow;
 
 /// Version of the format.
@@ -27,6 +26,26 @@ pub(super) enum GateExport<'a> {
         /// Each ratio with its baseline.
         ratios: &'a [RatioRow<'a>],
     },
+}
+
+/// A ratio for other programs.
+#[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(super) struct RatioRow<'a> {
+    /// The two types whose AETs are divided.
+    pub(super) ratio: &'a str,
+    /// Ratio in the baseline.
+    pub(super) baseline: f64,
+    /// Ratio of this run.
+    pub(super) now: f64,
+    /// Lower end of the 95 % interval of the ratio.
+    pub(super) low: f64,
+    /// Upper end of this interval.
+    pub(super) high: f64,
+    /// Ratio above which the gate fails.
+    pub(super) at_most: f64,
+    /// `within`, `beyond` or `inconclusive`.
+    pub(super) verdict: &'static str,
 }
 
 impl<'a> GateExport<'a> {

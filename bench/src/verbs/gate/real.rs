@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::anyhow;
 use plc_node::ExecutionType;
 
-use super::export::GateExport;
+use super::export::{GateExport, RatioRow};
 use super::{Baseline, GateOptions, default_path, find};
 use records::exit::{Exit, Failure};
 use records::ratio::{Ratio, RatioVerdict};
@@ -61,26 +61,6 @@ pub(super) fn run(options: &GateOptions, directory: &Path) -> Result<Exit, Failu
     options.exports.write(&outputs::json(&GateExport::of_ratios(&rows))?, &csv(&rows))?;
     let is_beyond = compared.iter().any(|compared| compared.verdict() == RatioVerdict::Beyond);
     Ok(if is_beyond { Exit::TimingRegression } else { Exit::Pass })
-}
-
-/// A ratio for other programs.
-#[derive(serde::Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub(super) struct RatioRow<'a> {
-    /// The two types whose AETs are divided.
-    ratio: &'a str,
-    /// Ratio in the baseline.
-    baseline: f64,
-    /// Ratio of this run.
-    now: f64,
-    /// Lower end of the 95 % interval of the ratio.
-    low: f64,
-    /// Upper end of this interval.
-    high: f64,
-    /// Ratio above which the gate fails.
-    at_most: f64,
-    /// `within`, `beyond` or `inconclusive`.
-    verdict: &'static str,
 }
 
 /// Columns of `--export-csv` with `--run`.

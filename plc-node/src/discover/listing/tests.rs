@@ -1,3 +1,4 @@
+use super::super::found_device::roles;
 use super::*;
 
 fn listing() -> Listing {
