@@ -5,7 +5,8 @@ use planning::{PROGRAM, Plan, PlannedStation, Stop, ToStart, WaitAt};
 use protocol::image;
 use setup::{Refill, Setup};
 
-use crate::{MotionList, MotionSource, PointList, StationConfig, StationWork, WaitLimits};
+use crate::motion_source::motion_source;
+use crate::{MotionList, MotionSource, StationConfig, StationWork, WaitLimits};
 
 /// Time that a working robot may take to accept a command, in addition to the time in its setup. Assumed, since no source
 /// states it: long enough for any controller, short enough for a person who waits.
@@ -78,13 +79,14 @@ impl PlcConfig {
     /// Creates the configuration of a PLC that executes this plan, with the program [`PROGRAM`] for RC.
     #[must_use]
     pub fn of_plan(setup: &Setup, plan: &Plan) -> Self {
-        let of_motions = Self::from_setup(setup, plan.wire_motions(setup), PROGRAM);
         // What has no compact form was refused when it was planned.
-        let motions: Box<dyn MotionSource> = match plan.wire_points(setup) {
-            Ok(Some(path)) => Box::new(PointList::from(path)),
-            _ => of_motions.motions,
-        };
-        Self { to_start: plan.wire_to_start(setup), stops: plan.stops(), motions, ..of_motions }
+        let points = plan.wire_points(setup).unwrap_or_default();
+        Self {
+            to_start: plan.wire_to_start(setup),
+            stops: plan.stops(),
+            motions: motion_source(plan.wire_motions(setup), points),
+            ..Self::from_setup(setup, Vec::new(), PROGRAM)
+        }
     }
 
     /// Returns what the PLC knows of the station, which has this name in messages, and what it runs there with these waits for other

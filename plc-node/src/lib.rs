@@ -66,7 +66,7 @@ pub use event::{
     UnknownExecutionType,
 };
 pub use exported_program::{CodeError, ExportedCode, ExportedProgram, ProgramTrap};
-pub use motion_source::{MotionList, MotionSource, PointList};
+pub use motion_source::{MotionList, MotionSource, PointList, motion_source};
 pub use plc::{PlacedStation, PlcNode};
 pub use program::{AfterLoss, Led, PlcProgram, Progress, SetOut, Totals};
 pub use program_file::{ProgramFileError, read_program};

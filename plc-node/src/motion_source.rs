@@ -104,6 +104,15 @@ impl MotionSource for PointList {
     }
 }
 
+/// Returns the source of motions, which go as compact points where they are given as these too.
+#[must_use]
+pub fn motion_source(motions: Vec<Motion>, points: Option<CompactPath>) -> Box<dyn MotionSource> {
+    match points {
+        Some(points) => Box::new(PointList::from(points)),
+        None => Box::new(MotionList::from(motions)),
+    }
+}
+
 /// Motions `from` to `end` of a source, as a source of their own: one continuous motion of several.
 #[derive(Debug)]
 pub(crate) struct Section<'a> {

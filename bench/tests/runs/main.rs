@@ -6,6 +6,7 @@
 
 mod failure;
 mod program;
+mod study_calls;
 
 mod altered_image;
 mod altered_run;

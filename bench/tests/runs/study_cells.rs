@@ -1,9 +1,9 @@
 //! `bench study` of a setup with several stations: the figures of a measured run, keys of a station, shards and interruptions.
 
 use std::fs;
-use std::path::Path;
 
-use crate::program::{Finished, bench};
+use crate::program::bench;
+use crate::study_calls::{merged, place, read, study};
 
 const CYCLES: &str = "[study]
 setup = \"E\"
@@ -22,27 +22,6 @@ above = 0.0
 /// Columns of a row, by their place.
 const COLUMNS: &str = "job,seed,type,repetition,execution_ns,robot_execution_ns,blends_suppressed,status,\
                        start_skew_us,mark_skew_us,relative_pose_mm";
-
-fn study(directory: &Path, arguments: &str) -> Finished {
-    bench(directory, [&["study"], arguments.split(' ').collect::<Vec<_>>().as_slice()].concat())
-}
-
-fn place(text: &str) -> tempfile::TempDir {
-    let place = tempfile::tempdir().unwrap();
-    fs::write(place.path().join("study.toml"), text).unwrap();
-    place
-}
-
-fn read(directory: &Path, name: &str) -> String {
-    fs::read_to_string(directory.join(name)).unwrap()
-}
-
-/// Merges the shards in these directories, and returns the printed digest.
-fn digest(directory: &Path, parts: &str, out: &str) -> String {
-    let finished = study(directory, &format!("merge {parts} --out {out}"));
-    let digest = finished.stdout.lines().find(|line| line.starts_with("digest sha256:"));
-    digest.unwrap_or_else(|| panic!("{}{}", finished.stdout, finished.stderr)).to_owned()
-}
 
 #[test]
 fn the_rows_of_a_cell_have_the_figures_of_a_measured_run_of_the_changed_setup() {
@@ -114,12 +93,12 @@ fn one_and_three_shards_of_a_cell_and_one_that_was_interrupted_give_one_digest()
     let place = place(&CYCLES.replace("reps = 2", "reps = 1"));
     let place = place.path();
     assert_eq!(study(place, "run study.toml --out whole --quiet").code, Some(0));
-    let whole = digest(place, "whole", "merged");
+    let whole = merged(place, "whole", "merged");
     for index in 0..3 {
         let ran = study(place, &format!("run study.toml --out parts/{index} --shard {index}/3 --quiet"));
         assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     }
-    assert_eq!(digest(place, "parts", "merged-parts"), whole);
+    assert_eq!(merged(place, "parts", "merged-parts"), whole);
     // As a kill leaves it: the third job is written in part.
     fs::create_dir(place.join("cut")).unwrap();
     for file in fs::read_dir(place.join("whole")).unwrap() {
@@ -135,7 +114,7 @@ fn one_and_three_shards_of_a_cell_and_one_that_was_interrupted_give_one_digest()
     let ran = study(place, "run study.toml --out cut --quiet");
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     assert!(read(place, "cut/jobs.csv").starts_with(&jobs), "the finished jobs stay");
-    assert_eq!(digest(place, "cut", "merged-cut"), whole);
+    assert_eq!(merged(place, "cut", "merged-cut"), whole);
     assert_eq!(study(place, "report parts").code, Some(0));
     let report: serde_json::Value = serde_json::from_str(&read(place, "parts/report.json")).unwrap();
     let effect = &report["effects"][0];

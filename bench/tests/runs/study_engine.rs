@@ -1,10 +1,9 @@
 //! `bench study`: rows that depend on nothing but the jobs, studies that go on after a kill, and the input that it refuses.
 
-use std::path::Path;
 use std::process::{Command, Stdio};
 use std::{fs, thread, time};
 
-use crate::program::{Finished, bench};
+use crate::study_calls::{merged, place, read, study};
 
 const SMALL: &str = "[study]
 setup = \"A\"
@@ -24,31 +23,6 @@ normal = { mean = 133000.0, sd = 500.0, min = 130000.0, max = 136000.0 }
 figure = \"execution_ns\"
 above = 4e9
 ";
-
-fn study(directory: &Path, arguments: &str) -> Finished {
-    bench(directory, [&["study"], arguments.split(' ').collect::<Vec<_>>().as_slice()].concat())
-}
-
-fn place(text: &str) -> tempfile::TempDir {
-    let place = tempfile::tempdir().unwrap();
-    fs::write(place.path().join("study.toml"), text).unwrap();
-    place
-}
-
-fn read(directory: &Path, name: &str) -> String {
-    fs::read_to_string(directory.join(name)).unwrap()
-}
-
-/// Returns the digest that a merge of these directories prints.
-fn merged(directory: &Path, parts: &str, out: &str) -> String {
-    let finished = study(directory, &format!("merge {parts} --out {out}"));
-    let digest =
-        finished.stdout.lines().find_map(|line| line.strip_prefix("digest sha256:").map(str::to_owned));
-    let digest = digest.unwrap_or_else(|| panic!("{}{}", finished.stdout, finished.stderr));
-    let summed = Command::new("sha256sum").arg(directory.join(out).join("rows.csv")).output().unwrap();
-    assert_eq!(String::from_utf8(summed.stdout).unwrap().split(' ').next(), Some(digest.as_str()));
-    digest
-}
 
 #[test]
 fn one_seven_and_sixty_four_shards_give_one_digest() {

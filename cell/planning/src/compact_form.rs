@@ -1,6 +1,6 @@
 //! A plan as compact points, for a PLC that sends these.
 
-use protocol::image::PointHead;
+use protocol::image::Motion;
 use setup::{Setup, SlotForm};
 
 use crate::plan::Plan;
@@ -35,6 +35,12 @@ pub enum NotCompact {
         /// The field that differs.
         what: &'static str,
     },
+    /// A motion that is to end in a configuration of the arm.
+    #[error("motion {motion} has a configuration, which compact points do not carry: leave it out")]
+    Configuration {
+        /// Its number, counted from 1.
+        motion: usize,
+    },
     /// A target that no difference carries.
     #[error(transparent)]
     Point(#[from] CompactError),
@@ -60,6 +66,9 @@ impl Plan {
         }
         for (index, motion) in motions.iter().enumerate() {
             let is_last = index + 1 == count;
+            if motion.configuration != Motion::EMPTY.configuration {
+                return Err(NotCompact::Configuration { motion: index + 1 });
+            }
             let differing = [
                 ("kind", motion.kind != first.kind),
                 ("velocity", motion.velocity != first.velocity),
@@ -73,16 +82,7 @@ impl Plan {
                 return Err(NotCompact::Differs { motion: index + 1, what });
             }
         }
-        let [origin, targets @ ..] = &self.targets_from(start)[..] else { return Err(NotCompact::Empty) };
-        let turns = targets.iter().any(|target| target[3..] != origin[3..]);
-        let resolution = CompactPath::finest_resolution(*origin, targets);
-        let head = PointHead::of(first, resolution, if turns { 6 } else { 3 });
-        let head = PointHead { origin: origin.map(|coordinate| coordinate as f32), ..head };
-        Ok(Some(CompactPath::of(head, targets.iter().copied())?))
-    }
-
-    /// Returns the target of this motion and then those of the plan: x, y, z in mm, a, b, c in degrees.
-    fn targets_from(&self, start: &crate::motion::Motion) -> Vec<[f64; 6]> {
-        std::iter::once(start).chain(&self.motions).map(|motion| motion.target.mm_deg()).collect()
+        let targets: Vec<_> = self.motions.iter().map(|motion| motion.target.mm_deg()).collect();
+        Ok(Some(CompactPath::like(first, start.target.mm_deg(), &targets, None)?))
     }
 }

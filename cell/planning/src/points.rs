@@ -60,6 +60,25 @@ impl CompactPath {
         Ok(Self { head, differences: differences.collect::<Result<_, _>>()? })
     }
 
+    /// Converts targets that follow on this origin, reached by motions that are like this one in all else. Angles differ from point to
+    /// point only where a target turns the tool. Without a resolution, in 0.01 µm, the steps are the finest that carry the longest way.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`of`](Self::of).
+    pub fn like(
+        motion: &Motion,
+        origin: [f64; 6],
+        targets: &[[f64; 6]],
+        resolution: Option<u16>,
+    ) -> Result<Self, CompactError> {
+        let turns = targets.iter().any(|target| target[3..] != origin[3..]);
+        let resolution = resolution.unwrap_or_else(|| Self::finest_resolution(origin, targets));
+        let motion = Motion { target: origin.map(|coordinate| coordinate as f32), ..*motion };
+        let head = PointHead::of(&motion, resolution, if turns { 6 } else { 3 });
+        Self::of(head, targets.iter().copied())
+    }
+
     /// Returns the motions to the points, whose targets are whole steps from the origin.
     pub fn motions(&self) -> impl Iterator<Item = Motion> {
         self.differences.iter().scan(PointSum::default(), |sum, difference| {

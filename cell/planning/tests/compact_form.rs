@@ -48,10 +48,12 @@ fn a_plan_without_a_compact_form_is_refused_with_its_first_motion_that_differs()
         refused(&before("{ line = \"p2\" }")),
         refused(&far.replace(begin, "path = [ { spline = [\"far\", ")),
         refused(&format!("{CIRCLE}{again}")),
+        refused(&CIRCLE.replace("p2 = { on", "p2 = { configuration = { status = 2 }, on")),
     ];
     insta::assert_snapshot!(refusals.join("\n"), @r#"
     plc.form = "compact": motion 2 has another kind than motion 1: compact points are alike but for their targets
     plc.form = "compact": point 0: x is 400 mm from the point before: a difference carries at most 327.67 mm; choose a coarser resolution or a closer spacing
     plc.form = "compact": the arm stops after motion 60 of 62: compact points are one continuous motion, so leave out its stops
+    plc.form = "compact": motion 2 has a configuration, which compact points do not carry: leave it out
     "#);
 }

@@ -43,7 +43,7 @@ use capture_file::Retention;
 use machine::Instant;
 use machine::ethernet::Mac;
 use planning::{Application, Stop, ToStart};
-use plc_node::{ExecutionType, ExportedCode, MotionList, MotionSource, PlcEvent, PointList};
+use plc_node::{ExecutionType, ExportedCode, MotionSource, PlcEvent, motion_source};
 use protocol::image::{Digest, Motion};
 use robot_node::RobotConfig;
 use setup::Setup;
@@ -100,10 +100,7 @@ pub struct Work {
 
 impl Work {
     fn of(PlannedCell { robot, motions, points, stops, to_start, .. }: PlannedCell) -> Self {
-        let source: Box<dyn MotionSource> = match points {
-            Some(points) => Box::new(PointList::from(points)),
-            None => Box::new(MotionList::from(motions.clone())),
-        };
+        let source = motion_source(motions.clone(), points);
         Self { source, program: motions, stops, to_start, robot, code: None, again: None }
     }
 

@@ -65,23 +65,19 @@ impl SentPath {
             })
             .collect();
         let [origin, targets @ ..] = &targets[..] else { return Err(anyhow!("the path has no points")) };
-        let turns = targets.iter().any(|target| target[3..] != origin[3..]);
-        let resolution = match resolution_um {
-            Some(length) => resolution_of(length)?,
-            None => CompactPath::finest_resolution(*origin, targets),
-        };
-        let coordinates = if turns { 6 } else { 3 };
-        let head = PointHead { origin: to_first.target, ..PointHead::of(first, resolution, coordinates) };
-        let compact = CompactPath::of(head, targets.iter().copied()).map_err(|error| match error {
-            CompactError::Step { index, .. } | CompactError::NoWay { index, .. } => {
-                anyhow!("line {}: {error}", line_of(index))
-            }
-            CompactError::Head(_) => anyhow!("{error}"),
-        })?;
+        let resolution = resolution_um.map(resolution_of).transpose()?;
+        let compact =
+            CompactPath::like(first, *origin, targets, resolution).map_err(|error| match error {
+                CompactError::Step { index, .. } | CompactError::NoWay { index, .. } => {
+                    anyhow!("line {}: {error}", line_of(index))
+                }
+                CompactError::Head(_) => anyhow!("{error}"),
+            })?;
+        let resolution_um = Some(compact.head.resolution_um());
         Ok(Self {
             source: Box::new(PointList::from(compact)),
             to_start: ToStart { from_anywhere: Some(*to_first), from_end: Vec::new() },
-            resolution_um: Some(head.resolution_um()),
+            resolution_um,
         })
     }
 }
