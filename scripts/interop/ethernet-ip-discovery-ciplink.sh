@@ -10,5 +10,5 @@ says peer listening
 start search at_plc "$NODES/plc-node" discover --interface plc --bus ethernet-ip
 ends search
 says search '^EtherNet/IP: 1 device$'
-says search "^ *$ROBOT_ADDRESS +ciplink robot +65535 "
+says search "^ *$ROBOT_ADDRESS +([0-9a-f]{2}:){5}[0-9a-f]{2} +ciplink robot +65535 "
 recorded
