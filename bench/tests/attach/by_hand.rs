@@ -7,7 +7,7 @@ use std::process::{Child, Stdio};
 use protocol_linux::namespace::NetworkNamespace;
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::{Cell, HOST, PoisonError, TOKEN, cable, node};
+use crate::{Cell, TOKEN, cable, node};
 
 /// Reads up to a line with this text and returns it.
 #[track_caller]
@@ -62,7 +62,6 @@ fn end(node: &mut Child, signal: Signal) -> Option<i32> {
 }
 
 pub(crate) fn nodes_end_with_130_at_ctrl_c_and_sigterm_whatever_they_do() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     for signal in [Signal::INT, Signal::TERM] {
         let [plc, robot] = [(); 2].map(|()| NetworkNamespace::new().unwrap());
         cable((&plc, "plc0", None), (&robot, "robot0", None));

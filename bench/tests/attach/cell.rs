@@ -9,7 +9,7 @@ use protocol_linux::namespace::NetworkNamespace;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::stations::{Node, Switch};
-use crate::{HOST, MutexGuard, PoisonError, TOKEN, bench, cable, results, text};
+use crate::{TOKEN, bench, cable, results, text};
 
 const STATIONS: [&str; 2] = ["left", "right"];
 /// Both buses of the PLC are on its one interface.
@@ -22,7 +22,6 @@ fn robots(switch: &Switch) -> [Node; 2] {
 }
 
 pub(crate) fn two_robots_on_two_buses_and_one_switch_work_with_one_plc() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let switch = Switch::new();
     let robots = robots(&switch);
     let mut plc = switch.command(0, "__plc-node", "E", BOTH_BUSES);
@@ -48,7 +47,6 @@ pub(crate) fn two_robots_on_two_buses_and_one_switch_work_with_one_plc() {
 }
 
 pub(crate) fn a_plc_that_sends_json_names_the_station_of_each_message() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let switch = Switch::new();
     let [left, right] = robots(&switch);
     let mut plc = switch.command(0, "__plc-node", "E", BOTH_BUSES);
@@ -136,7 +134,6 @@ fn other_e(place: &Path, file: &str, is_right: bool, replaced: &[(&str, &str)]) 
 }
 
 pub(crate) fn a_robot_that_is_missing_or_another_than_described_is_named_and_the_other_arm_does_not_move() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
     let on_profinet = [("kind = \"ethernet-ip\"", RIGHT_ON_PROFINET), ("[station.robot]\n", ITS_SECTION)];
     let other_bus = other_e(place.path(), "other-bus.toml", true, &on_profinet);
@@ -185,14 +182,12 @@ struct Attachable {
     nodes: [Child; 3],
     place: tempfile::TempDir,
     _switch: Switch,
-    _host: MutexGuard<'static, ()>,
 }
 
 const ALL: &str = "plc=10.77.0.1:7700,left=10.77.1.1:7700,right=10.77.2.1:7700";
 
 impl Attachable {
     fn start() -> Self {
-        let host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
         let (switch, control) = (Switch::new(), NetworkNamespace::new().unwrap());
         let start = |end: u8, name: &str, interface: &str, station: &[&str]| {
             let of_control = format!("c{end}");
@@ -208,7 +203,7 @@ impl Attachable {
             start(1, "__robot-node", "eth0", &["--station", "left"]),
             start(2, "__robot-node", "eth0", &["--station", "right"]),
         ];
-        Self { control, nodes, place: tempfile::tempdir().unwrap(), _switch: switch, _host: host }
+        Self { control, nodes, place: tempfile::tempdir().unwrap(), _switch: switch }
     }
 
     fn measure(&self, run: &str, setup: &Path, attach: &str) -> Output {

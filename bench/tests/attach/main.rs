@@ -16,7 +16,6 @@ use std::fs;
 use std::net::Ipv4Addr;
 use std::path::Path;
 use std::process::{Child, Command, ExitCode, Output, Stdio};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -28,9 +27,6 @@ use by_hand::{
     a_wrong_value_in_an_instruction_is_refused_and_the_run_goes_on,
     nodes_end_with_130_at_ctrl_c_and_sigterm_whatever_they_do,
 };
-
-/// Real-time tests need the host for themselves: one test at a time.
-static HOST: Mutex<()> = Mutex::new(());
 
 const PLC: &str = "plc=10.77.0.1:7700";
 /// The token of the nodes and of the bench.
@@ -70,7 +66,6 @@ struct Cell {
     control: NetworkNamespace,
     nodes: [Child; 2],
     place: tempfile::TempDir,
-    _host: MutexGuard<'static, ()>,
 }
 
 impl Cell {
@@ -80,7 +75,6 @@ impl Cell {
 
     /// Starts a cell whose robot node gets further arguments.
     fn start_with(robot_args: &[&str]) -> Self {
-        let host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
         let [plc, robot, control] = [(); 3].map(|()| NetworkNamespace::new().unwrap());
         cable((&plc, "plc0", None), (&robot, "robot0", None));
         cable((&plc, "plc", Some([10, 77, 0, 1])), (&control, "c0", Some([10, 77, 0, 2])));
@@ -94,7 +88,7 @@ impl Cell {
             node(&plc, "__plc-node", "plc0", "10.77.0.1:7700", &[]),
             node(&robot, "__robot-node", "robot0", "10.77.1.1:7700", robot_args),
         ];
-        Self { control, nodes, place: tempfile::tempdir().unwrap(), _host: host }
+        Self { control, nodes, place: tempfile::tempdir().unwrap() }
     }
 
     /// Starts a bench that is attached like this, with further `args`; it runs CM if these name no types.

@@ -6,7 +6,7 @@ use protocol_linux::namespace::NetworkNamespace;
 use serde_json::Value;
 
 use crate::stations::Node;
-use crate::{HOST, PoisonError, bench, cable};
+use crate::{bench, cable};
 
 /// Two hosts and the cable between them.
 struct DirectCable([NetworkNamespace; 2]);
@@ -44,7 +44,6 @@ fn found<'a>(steps: &'a [Value], what: &str) -> (&'a str, &'a str) {
 }
 
 pub(crate) fn the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     for setup in ["A", "B", "C"] {
         let wire = DirectCable::new();
         let mut robot = Node::start(wire.command(1, &["__robot-node", "run", "--setup", setup]));
@@ -63,7 +62,6 @@ pub(crate) fn the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus() {
 }
 
 pub(crate) fn the_doctor_sees_every_step_of_a_plc_up_to_its_first_command_on_each_bus() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     for setup in ["A", "B", "C"] {
         let wire = DirectCable::new();
         let plc = Node::start(wire.command(0, &["__plc-node", "run", "--setup", setup]));
@@ -75,7 +73,6 @@ pub(crate) fn the_doctor_sees_every_step_of_a_plc_up_to_its_first_command_on_eac
 }
 
 pub(crate) fn the_doctor_names_the_first_step_that_a_missing_peer_lacks() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     for (setup, first) in [("A", "name"), ("B", "address"), ("C", "identity")] {
         let wire = DirectCable::new();
         let (code, steps) = wire.doctor(0, "robot", setup);

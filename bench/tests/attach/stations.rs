@@ -7,7 +7,7 @@ use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{Interface, bridge};
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::{HOST, PoisonError, bench, cable};
+use crate::{bench, cable};
 
 const OLD: &str = "old-robot";
 /// The address of the robot in Setup A.
@@ -103,7 +103,6 @@ fn setup(place: &tempfile::TempDir, file: &str, name: &str) -> String {
 }
 
 pub(crate) fn a_robot_that_kept_the_address_of_another_one_is_not_connected_to() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
     let (old, new) = (setup(&place, "old.toml", OLD), setup(&place, "new.toml", "arm-7"));
     for cyclic in ["udp", "rt1"] {
@@ -131,7 +130,6 @@ pub(crate) fn a_robot_that_kept_the_address_of_another_one_is_not_connected_to()
 }
 
 pub(crate) fn a_stranger_that_takes_the_address_of_the_robot_is_named_by_both_nodes() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
     let new = setup(&place, "new.toml", "arm-7");
     let switch = Switch::new();

@@ -3,11 +3,10 @@
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::TcpStream;
 use std::process::{Command, Stdio};
-use std::sync::PoisonError;
 
 use rustix::process::{Signal, kill_process};
 
-use crate::process::{Bench, HOST, networks};
+use crate::process::{Bench, networks};
 
 pub(crate) fn a_cell_runs_on_a_switch_or_on_cables_and_every_node_has_a_capture() {
     let captures = ["plc-left.pcapng", "plc-right.pcapng", "robot-left.pcapng", "robot-right.pcapng"];
@@ -94,7 +93,6 @@ pub(crate) fn a_closed_terminal_ends_a_cell_in_order_and_keeps_the_repetitions()
 }
 
 pub(crate) fn the_live_view_of_a_cell_shows_both_arms_their_marks_and_the_figures_of_every_node() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
     let mut bench = Command::new(env!("CARGO_BIN_EXE_bench"))
         .args(["--setup", "E", "--types", "cm", "--reps", "1", "--live", "127.0.0.1:0", "--out"])

@@ -9,13 +9,12 @@ use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Command, ExitCode, Stdio};
-use std::sync::PoisonError;
 use std::thread;
 use std::time::Duration;
 
 use pcap_file::pcapng::blocks::enhanced_packet::EnhancedPacketOption;
 use pcap_file::pcapng::{Block, PcapNgReader};
-use process::{Bench, Ended, HOST, networks, patient};
+use process::{Bench, Ended, networks, patient};
 use rustix::process::{Pid, Signal, kill_process};
 
 fn main() -> ExitCode {
@@ -395,7 +394,6 @@ fn a_run_of_setup_b_survives_a_lossy_real_cable() {
 }
 
 fn the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
     let ended = Command::new(env!("CARGO_BIN_EXE_bench"))
         .args(["overhead", "--pairs", "5", "--setup"])
@@ -420,7 +418,6 @@ fn the_cost_of_recording_is_printed_for_both_nodes_and_the_recordings_are_kept()
 }
 
 fn an_interrupted_measurement_of_the_cost_of_recording_prints_the_pairs_so_far() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
     let mut bench = Command::new(env!("CARGO_BIN_EXE_bench"))
         .args(["overhead", "--pairs", "1000", "--setup"])

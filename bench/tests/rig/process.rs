@@ -5,14 +5,10 @@ use std::fs;
 use std::io::Read as _;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use rustix::process::Pid;
-
-/// Real-time tests need the host for themselves: one test at a time.
-pub(crate) static HOST: Mutex<()> = Mutex::new(());
 
 /// Time in which the bench has to notice an error and end, on a host that runs it at once.
 const NOTICE: Duration = Duration::from_secs(2);
@@ -31,7 +27,6 @@ pub(crate) struct Bench {
     started: Instant,
     /// Time from the start until the first repetition was saved, without that repetition; set once it is known.
     prepared: Duration,
-    _host: MutexGuard<'static, ()>,
 }
 
 /// Returns the path of a shipped setup whose connection is changed to tolerate stalls of the host of almost two
@@ -126,7 +121,6 @@ impl Bench {
         args: &[&str],
         environment: &[(&str, &OsStr)],
     ) -> Self {
-        let host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
         let started = Instant::now();
         let child = Command::new(env!("CARGO_BIN_EXE_bench"))
             .args(["--setup", setup, "--types", "cm", "--out"])
@@ -138,7 +132,7 @@ impl Bench {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        Self { child, place, started, prepared: Duration::ZERO, _host: host }
+        Self { child, place, started, prepared: Duration::ZERO }
     }
 
     /// Returns both nodes, the PLC first, as soon as a run is in progress: then the first repetition is saved.

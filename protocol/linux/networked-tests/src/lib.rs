@@ -20,6 +20,7 @@
 mod cable;
 
 use std::process::ExitCode;
+use std::thread::available_parallelism;
 
 use libtest_mimic::{Arguments, Trial};
 use protocol_linux::namespace::{NamespaceError, NetworkNamespace, enter_user_namespace};
@@ -28,6 +29,9 @@ pub use cable::{End, cable};
 
 /// Environment variable: if set, tests that cannot make networks fail for an ordinary user too.
 pub const REQUIRED: &str = "NETWORKED_TESTS_REQUIRED";
+
+/// Tests that run at once for each core: they wait for frames most of the time, each in networks of its own.
+const TESTS_FOR_EACH_CORE: usize = 2;
 
 /// A test with its name.
 pub type Test = (&'static str, fn());
@@ -46,7 +50,9 @@ pub fn run(tests: impl IntoIterator<Item = Test>) -> ExitCode {
 
 /// Runs tests like [`run`], and `others` that need no network and so run everywhere.
 pub fn run_beside(tests: impl IntoIterator<Item = Test>, others: impl IntoIterator<Item = Test>) -> ExitCode {
-    let arguments = Arguments::from_args();
+    let mut arguments = Arguments::from_args();
+    let cores = available_parallelism().map_or(1, usize::from);
+    arguments.test_threads.get_or_insert(TESTS_FOR_EACH_CORE * cores);
     let is_root = rustix::process::getuid().is_root();
     let refusal = if arguments.list { None } else { make_networks().err() };
     if let Some(reason) = &refusal
