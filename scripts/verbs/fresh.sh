@@ -2,7 +2,7 @@
 # The README's commands on a new Debian.
 
 verb_fresh() { #: the README's commands on a new Debian with what the README says to install (as root)
-    local root packages
+    local root packages promised megabytes
     # shellcheck disable=SC2016 # the backticks are Markdown's
     packages=$(sed -n 's/.*`apt install \([a-z0-9. -]*\)`.*/\1/p' README.md)
     root=$(mktemp -d)
@@ -30,5 +30,9 @@ verb_fresh() { #: the README's commands on a new Debian with what the README say
         exec chroot "$1" env -i HOME=/root PATH=/rust/bin:/usr/sbin:/usr/bin:/sbin:/bin CARGO_HOME=/cargo \
             CARGO_NET_OFFLINE=true bash -euc "cd /skillbench; . /commands"
     ' - "$root"
-    du --summarize --human-readable "$root/skillbench/target"
+    promised=$(sed -n 's/^You need Linux, \([0-9]*\) GB of disk space .*/\1/p' README.md)
+    megabytes=$(du --summarize --block-size=1MB "$root/skillbench" | cut -f 1)
+    echo "$megabytes MB of disk space"
+    [ "$megabytes" -le $((promised * 1000)) ] ||
+        { echo "README.md says that $promised GB of disk space are enough" >&2; return 1; }
 }
