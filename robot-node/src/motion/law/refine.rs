@@ -28,6 +28,12 @@ const SHARPER: f64 = 1.7;
 /// What it counts after the steps, if the law exceeds limits between the places that the steps look at.
 const BLUNTER: f64 = 0.1;
 
+/// Steps after which it is known of most laws that nothing is to be gained: their time grows at first, because the barriers push
+/// them away from their limits, and in the second step by at least this share of the growth in the first. Of 36,000 laws of random
+/// lists this ended 79 %, and 2 of the 3,755 that would have become faster by a hundredth, both by less than 1.2 %.
+const TRIED_STEPS: usize = 2;
+const GROWS_ON: f64 = 0.7;
+
 /// Least share of the time by which a refined law is to be faster. The laws that the passes find are mostly nearer than that to the
 /// fastest ones, and stay.
 const LEAST_GAIN: f64 = 1e-2;
@@ -39,6 +45,9 @@ pub(super) struct Refinement {
     weight: f64,
     /// The duration that it is to fall below, in s.
     duration: f64,
+    /// The duration after the last one of the tried steps, and by how much it grew in that step, in s.
+    tried: f64,
+    grown: f64,
 }
 
 /// What has come of a step.
@@ -78,7 +87,8 @@ impl Law {
             self.values[cell] = self.values[cell].min((1.0 - LEAST_LEFT) * self.tops[cell]);
         }
         let weight = WEIGHT * self.cells() as f64 / self.duration();
-        self.refinement = Refinement { steps: 0, weight, duration };
+        self.find_paces();
+        self.refinement = Refinement { steps: 0, weight, duration, tried: self.duration(), grown: 0.0 };
         Some(())
     }
 
@@ -88,6 +98,9 @@ impl Law {
         self.step(FIRST, weight);
         self.refinement.steps += 1;
         let steps = self.refinement.steps;
+        if steps <= TRIED_STEPS && self.grows_on() && steps == TRIED_STEPS {
+            return Progress::Useless;
+        }
         if steps < STEPS {
             self.refinement.weight *= SHARPER;
             return Progress::Unfinished;
@@ -103,6 +116,16 @@ impl Law {
             return if steps < MOST_STEPS { Progress::Unfinished } else { Progress::Useless };
         }
         if self.duration() < (1.0 - LEAST_GAIN) * duration { Progress::Faster } else { Progress::Useless }
+    }
+
+    /// Whether the law is slower than it is to be, and the last step made it slower by about as much as the one before.
+    fn grows_on(&mut self) -> bool {
+        self.find_paces();
+        let now = self.duration();
+        let Refinement { duration, tried, grown, .. } = &mut self.refinement;
+        let before = core::mem::replace(grown, now - *tried);
+        *tried = now;
+        now > *duration && before > 0.0 && *grown >= GROWS_ON * before
     }
 
     /// Returns the square of the highest speed that is programmed for a cell, and that the joints reach in its middle. Where a
