@@ -294,7 +294,7 @@ verb_ci() { #: all of it but setup, timing and release; ends with the seconds of
     CI_SECONDS=$(realpath "${CARGO_TARGET_DIR:-target}")/ci-seconds.txt
     : >"$CI_SECONDS"
     trap ci_seconds EXIT
-    for verb in format spelling words unused lint modules purity portable package test docs grammars browser vendor gate bits instructions; do
+    for verb in format spelling words unused lint modules purity portable package test docs grammars browser vendor gate optimum bits instructions; do
         ci_begin "$verb"
         ("verb_$verb")
         ci_end
