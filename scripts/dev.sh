@@ -216,6 +216,12 @@ verb_gate() { #: fail where the virtual figures of a setup left their committed 
     done
     for setup in E F G; do built bench --setup "$setup" --mode virtual --reps 1 --out "$out/$setup" --quiet && python3 scripts/relative_pose.py "$out/$setup" --check || status=$?; done
     python3 scripts/trajectory.py --circle "$out/circle.csv" && built bench trajectory "$out/circle.csv" --speed 500 --acceleration 5000 --queue 64 --refill accepted --export-csv "$out/cycles.csv" --export-json "$out/figures.json" && python3 scripts/trajectory.py "$out/circle.csv" "$out/cycles.csv" "$out/figures.json" --mean 480 --lowest 450 --deviation 0.02 || status=$?
+    local coordinates
+    for setup in A B C; do
+        coordinates=$([ "$setup" = B ] && echo 6 || echo 3)
+        mkdir "$out/points-$setup"
+        python3 scripts/compact_points.py --write "$coordinates" "$setup" "$out/points-$setup" && built bench --setup "$out/points-$setup/setup.toml" --application "$out/points-$setup/points.toml" --mode virtual --types cm --reps 1 --capture always --out "$out/points-$setup/run" --quiet && python3 scripts/compact_points.py "$out/points-$setup/run/plc.pcapng" "$out/points-$setup/points.csv" --planted || status=$?
+    done
     built bench --setup A --types rc,cm --reps 8 --out "$out/real" --quiet
     built bench gate --run "$out/real" >"$out/real.txt" || status=$?
     summarise "$out/real.txt"
@@ -288,7 +294,7 @@ verb_ci() { #: all of it but setup, timing and release; ends with the seconds of
     CI_SECONDS=$(realpath "${CARGO_TARGET_DIR:-target}")/ci-seconds.txt
     : >"$CI_SECONDS"
     trap ci_seconds EXIT
-    for verb in format spelling words unused lint modules purity portable package test docs grammars browser vendor gate bits instructions; do
+    for verb in format spelling words unused lint modules purity portable package test docs grammars browser vendor gate optimum bits instructions; do
         ci_begin "$verb"
         ("verb_$verb")
         ci_end

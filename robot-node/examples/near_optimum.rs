@@ -1,11 +1,12 @@
 //! The times of random single motions, over those of the time optimum on the same path within the same limits.
 //!
 //! ```text
-//! cargo run --release -p robot-node --example near_optimum -- SETUP COUNT SEED [FILE]
+//! cargo run --release -p robot-node --example near_optimum -- SETUP COUNT SEED [FILE [PERCENT]]
 //! ```
 //!
 //! prints a table by kind of motion. The times are those of the robot's own cycle. A file gets the paths and limits of the first
-//! motions of each kind, a line of JSON each, for another reference: `scripts/optimum.py`.
+//! motions of each kind, a line of JSON each, for another reference: `scripts/optimum.py`. With a percentage the robot is given so much of the
+//! acceleration only, which a reference must find.
 
 #![expect(
     clippy::unwrap_used,
@@ -43,9 +44,10 @@ const WRITTEN: usize = 40;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [name, count, seed, ..] = &arguments[..] else { panic!("SETUP COUNT SEED [FILE]") };
+    let [name, count, seed, ..] = &arguments[..] else { panic!("SETUP COUNT SEED [FILE [PERCENT]]") };
     let (count, seed): (usize, u64) = (count.parse().unwrap(), seed.parse().unwrap());
     let mut file = arguments.get(3).map(|name| std::fs::File::create(name).unwrap());
+    let percent: u32 = arguments.get(4).map_or(100, |percent| percent.parse().unwrap());
     let setup = setup::setup(name).unwrap();
     let config = RobotConfig::from_setup(&setup).unwrap();
     let has_wrist = config.arm.axes() > 4;
@@ -64,7 +66,8 @@ fn main() {
             let steps = ((section.duration / STEP_S) as usize).clamp(STEPS[0], STEPS[1]);
             let (points, half) = section.points(steps, &[motion], &config);
             let least = fastest(&points, half).duration;
-            let took = recorded::seconds(&motion, &from, &config);
+            let acceleration = (u32::from(motion.acceleration) * percent / 100) as u16;
+            let took = recorded::seconds(&Motion { acceleration, ..motion }, &from, &config);
             if let Some(file) = file.as_mut().filter(|_| ratios.len() < WRITTEN) {
                 write(file, &format!("{label} on {name}"), [took, least, half], &points);
             }

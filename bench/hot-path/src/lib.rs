@@ -115,6 +115,12 @@ impl Steps {
         result
     }
 
+    /// Returns the fastest time of each step.
+    #[must_use]
+    pub fn fastest(&self) -> &[Duration] {
+        &self.fastest
+    }
+
     /// Returns the index of the step whose fastest time is the longest; `None` before the first step.
     #[must_use]
     pub fn slowest(&self) -> Option<usize> {

@@ -82,6 +82,7 @@ fn compact_points_are_driven_in_a_real_run_on_every_bus() {
         let ended = Bench::start_with_compact_points(setup, &["--types", "cm", "--reps", "2"]).wait();
         assert!(ended.status.success(), "{setup}: {}: {}", ended.status, ended.stderr);
         assert_eq!(ended.samples.lines().count(), 3);
+        assert_eq!(ended.most_accepted_in_a_cycle(), 10, "{setup}");
     }
 }
 

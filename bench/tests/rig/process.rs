@@ -71,6 +71,7 @@ pub(crate) struct Ended {
     pub(crate) timeline: serde_json::Value,
     pub(crate) files: Vec<String>,
     pub(crate) captures: Vec<(String, Vec<u8>)>,
+    robot_trace: String,
 }
 
 impl Bench {
@@ -218,6 +219,8 @@ impl Bench {
             timeline,
             files,
             captures,
+            robot_trace: fs::read_to_string(self.place.path().join("run/trace-robot.csv"))
+                .unwrap_or_default(),
         }
     }
 }
@@ -240,6 +243,15 @@ impl Ended {
     /// Returns the time in which the bench has to notice an error on this host.
     fn limit(&self) -> Duration {
         NOTICE + self.prepared * SLOWNESS
+    }
+
+    /// Returns the largest number of motions that the robot accepted in one cycle, by its trace.
+    pub(crate) fn most_accepted_in_a_cycle(&self) -> u64 {
+        let mut lines = self.robot_trace.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let header = lines.next().unwrap();
+        let accepted = header.iter().position(|name| *name == "accepted").unwrap();
+        let counts: Vec<u64> = lines.map(|line| line[accepted].parse().unwrap()).collect();
+        counts.windows(2).map(|two| two[1].saturating_sub(two[0])).max().unwrap()
     }
 
     pub(crate) fn at_once(&self) {

@@ -35,7 +35,7 @@ impl Controller {
             self.measure_contact_force();
         }
         self.warn();
-        let busy = self.execution.is_some_and(|execution| execution.number == self.feedback.number);
+        let busy = self.execution.is_some_and(|execution| self.shows(execution.number));
         let enabled = command.is_some_and(|command| command.control.contains(Control::ENABLE));
         let feedback = &mut self.feedback;
         feedback.state = self.state;
@@ -49,6 +49,12 @@ impl Controller {
         if let Some(command) = command {
             feedback.life_echo = command.life;
         }
+    }
+
+    /// Returns whether the image shows the running skill, which has this number, and not a command that was refused meanwhile: a PLC
+    /// that restarts may choose the number once more.
+    pub(super) const fn shows(&self, number: u16) -> bool {
+        self.feedback.number == number && !self.feedback.status.contains(Status::ERROR)
     }
 
     /// Shows what the robot does not take over while nothing worse is wrong.

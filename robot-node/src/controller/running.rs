@@ -53,7 +53,7 @@ impl Controller {
         let actual = self.drives.as_ref().map(|drives| &drives.joints);
         self.observer.look(&self.config.arm, &self.interpolator, actual);
         // The image shows a command that was refused meanwhile.
-        if self.feedback.number == execution.number {
+        if self.shows(execution.number) {
             self.feedback.executed = self.executed(&execution);
             self.feedback.accepted = execution.accepted;
         }
@@ -62,7 +62,12 @@ impl Controller {
                 self.finish(at, &execution, Ending::Done)
             }
             Phase::Stopping(ending) if self.interpolator.is_at_rest() => self.finish(at, &execution, ending),
-            Phase::Driving if execution.bad.is_some() && waited_for_motions => {
+            // A wrong motion may come together with good ones, which are driven first.
+            Phase::Driving
+                if execution.bad.is_some()
+                    && waited_for_motions
+                    && self.interpolator.path().is_finished() =>
+            {
                 let (motion, violation) = execution.bad.unwrap_or((0, ErrorNumber::None.into()));
                 self.finish(at, &execution, Ending::of(violation, motion));
             }
@@ -193,7 +198,7 @@ impl Controller {
         if ending != Ending::Done {
             self.press = None;
         }
-        if self.feedback.number == number {
+        if self.shows(number) {
             self.feedback.executed = executed;
             self.feedback.execution_ns = u64::try_from(execution_time.as_nanos()).unwrap_or(u64::MAX);
             match ending {

@@ -6,6 +6,7 @@ use super::capacity::Capacity;
 use super::knot::{Knot, Rates};
 use super::node::{Node, Pace, Ratings};
 use super::slopes::Slopes;
+use super::thinning::Thinning;
 
 /// Number of parts of a stretch from which on short ones have as few cells as their length needs: the planning of a deep queue must
 /// not take longer because its motions are short.
@@ -142,8 +143,9 @@ impl Grid {
         for part in parts {
             let rates = Rates::of(part.ratings);
             self.begin_part(part.knot(part.from, begin, &rates)?)?;
-            let stride = if parts.len() > MANY_PARTS { stride * few(part, length) } else { stride };
-            self.take_part((part, &rates), begin, length, stride)?;
+            let is_thinned = parts.len() > MANY_PARTS;
+            let stride = if is_thinned { stride * few(part, length) } else { stride };
+            self.take_part((part, &rates), begin, length, (stride, is_thinned))?;
             begin += part.length();
         }
         if self.rough.len() < 2 {
@@ -171,38 +173,50 @@ impl Grid {
         push(&mut self.begins, self.rough.len() - 1, self.capacity.parts)
     }
 
-    /// Takes what is behind the first knot of a part that begins at `begin`. No cell is longer than [`LONGEST`] of the
-    /// whole `length`.
+    /// Takes the nodes of a part that begins at `begin`, after its first knot. No cell is longer than [`LONGEST`] of the whole
+    /// `length`. Where nodes are `thinned`, those stay in which a limit peaks.
     fn take_part(
         &mut self,
         (part, rates): (&Part<'_>, &Rates),
         begin: f64,
         length: f64,
-        stride: usize,
+        (stride, is_thinned): (usize, bool),
     ) -> Option<()> {
         let (longest, least) = (LONGEST * length, 1e-9 * length);
         let end = begin + part.length();
-        let inner = part
-            .nodes
-            .iter()
-            .step_by(stride)
-            .map(|node| (begin + (node.way - part.from) / part.unit, Some(node)));
-        let inner = inner.filter(|(way, _)| *way > begin + least && *way < end - least);
-        for (way, node) in inner.chain(core::iter::once((end, None))) {
-            let before = self.rough.last()?.way;
-            let cells = ((way - before) / longest).ceil().max(1.0);
-            for cell in 1..cells as usize {
-                let between = before + (way - before) * cell as f64 / cells;
-                let own = part.from + (between - begin) * part.unit;
-                push(&mut self.rough, part.knot(own, between, rates)?, self.capacity.knots)?;
-            }
-            let knot = match node {
-                Some(node) => Knot::new(node, rates, way, part.unit),
-                None => part.knot(part.from + (way - begin) * part.unit, way, rates)?,
-            };
-            push(&mut self.rough, knot, self.capacity.knots)?;
+        let add_node = |node: &Node| {
+            let way = begin + (node.way - part.from) / part.unit;
+            let is_inner = way > begin + least && way < end - least;
+            if is_inner { self.add_place((part, rates), begin, longest, (way, Some(node))) } else { Some(()) }
+        };
+        if is_thinned {
+            Thinning::new(part.nodes, stride, [part.from, part.to]).each(add_node)?;
+        } else {
+            part.nodes.iter().step_by(stride).try_for_each(add_node)?;
         }
-        Some(())
+        self.add_place((part, rates), begin, longest, (end, None))
+    }
+
+    /// Adds a knot at a node or a place of a part that begins at `begin`, and cuts a cell before it that is too long.
+    fn add_place(
+        &mut self,
+        (part, rates): (&Part<'_>, &Rates),
+        begin: f64,
+        longest: f64,
+        (way, node): (f64, Option<&Node>),
+    ) -> Option<()> {
+        let before = self.rough.last()?.way;
+        let cells = ((way - before) / longest).ceil().max(1.0);
+        for cell in 1..cells as usize {
+            let between = before + (way - before) * cell as f64 / cells;
+            let own = part.from + (between - begin) * part.unit;
+            push(&mut self.rough, part.knot(own, between, rates)?, self.capacity.knots)?;
+        }
+        let knot = match node {
+            Some(node) => Knot::new(node, rates, way, part.unit),
+            None => part.knot(part.from + (way - begin) * part.unit, way, rates)?,
+        };
+        push(&mut self.rough, knot, self.capacity.knots)
     }
 
     /// The knot at the end of a cell with the limits of the part that ends there, if one does.

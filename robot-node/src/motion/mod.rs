@@ -26,6 +26,7 @@ mod refinement;
 mod replan;
 mod settle;
 mod slopes;
+mod thinning;
 mod time_scale;
 
 use ::arm::motion::{blend, curve, nodes, segment, spline};

@@ -3,6 +3,7 @@
 use std::f32::consts::TAU;
 use std::time::Duration;
 
+use hot_path::Steps;
 use machine::Instant;
 use proptest::prelude::*;
 use protocol::image::{
@@ -168,6 +169,56 @@ fn a_cycle_takes_all_that_the_slots_hold_until_the_queue_is_full() {
     assert_eq!(taken.iter().max(), Some(&(SLOTS as u32)));
     let feedback = fed.controller.feedback();
     assert_eq!(feedback.accepted - feedback.executed, 64, "{accepted:?}");
+}
+
+/// Returns the longest time of a cycle that takes `taken` motions of a path and knows at least `known` then, where its fastest time in
+/// several passes counts.
+fn slowest_cycle(path: &[Motion], queue: u32, [taken, known]: [u32; 2]) -> Duration {
+    let mut steps = Steps::default();
+    let mut is_meant = Vec::new();
+    for _ in 0..4 {
+        let mut fed = Fed::ready(queue);
+        fed.call(path.to_vec());
+        steps.begin();
+        is_meant.clear();
+        while fed.controller.feedback().executed + 200 < path.len() as u32 {
+            fed.at += fed.cycle;
+            let before = *fed.controller.feedback();
+            steps.time(|| fed.controller.tick(fed.at, Some(&fed.command)));
+            let after = *fed.controller.feedback();
+            let takes = after.accepted.saturating_sub(before.accepted) == taken;
+            is_meant.push(takes && after.accepted - after.executed >= known && after.path_speed > 0.0);
+            if after.number == fed.command.number {
+                fed.refill(if queue as usize > SLOTS { after.accepted } else { after.executed });
+            }
+        }
+    }
+    let meant = is_meant.iter().zip(steps.fastest()).filter(|(is_meant, _)| **is_meant);
+    let (count, slowest) =
+        meant.fold((0, Duration::ZERO), |(count, most), (_, took)| (count + 1, most.max(*took)));
+    assert!(count > 20, "{count} cycles take {taken} motions and know {known}");
+    slowest
+}
+
+#[test]
+fn a_cycle_that_takes_five_motions_of_a_deep_queue_costs_at_most_eight_times_one_that_takes_one_of_five() {
+    let apart = circle(MotionKind::Spline, 500);
+    // A quarter of a millimetre apart, so that a cycle at 300 mm/s takes nearly five.
+    let close = (0..1_000).map(|index| {
+        let angle = index as f32 / 240.0;
+        let target = [150.0 + 60.0 * libm::cosf(angle), 60.0 * libm::sinf(angle), 100.0, 0.0, 0.0, 180.0];
+        Motion { target, velocity: 3_000, ..apart[1] }
+    });
+    let close: Vec<_> = std::iter::once(apart[0]).chain(close.skip(1)).collect();
+    // In turns, so that a busy host slows both.
+    let ratios = (0..3).map(|_| {
+        let one = slowest_cycle(&apart, 5, [1, 5]);
+        let five = slowest_cycle(&close, 128, [5, 110]);
+        println!("{one:?} for one motion of five, {five:?} for five of 128");
+        five.as_secs_f64() / one.as_secs_f64()
+    });
+    let least = ratios.fold(f64::INFINITY, f64::min);
+    assert!(least <= 8.0, "{least:.1} times");
 }
 
 #[test]

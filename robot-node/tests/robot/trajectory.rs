@@ -169,6 +169,20 @@ fn points_of_a_quarter_millimetre_are_driven_at_a_mean_of_three_hundred_mm_per_s
 }
 
 #[test]
+fn a_cycle_takes_ten_points_and_never_more() {
+    let mut cell = PointCell::at_origin(circle(300, 0.25), 128, Refill::Accepted);
+    let mut taken = Vec::new();
+    while !cell.outputs.done {
+        let before = cell.feedback().accepted;
+        cell.cycle(true);
+        taken.push(cell.feedback().accepted.saturating_sub(before));
+    }
+    cell.all_arrived();
+    assert_eq!(taken.iter().max(), Some(&10));
+    assert!(taken.iter().filter(|taken| **taken == 10).count() >= 10, "{taken:?}");
+}
+
+#[test]
 fn every_point_is_driven_once_by_either_count_and_with_lines_and_angles_too() {
     let with_angles = {
         let head = PointHead { coordinates: 6, resolution: 5, kind: MotionKind::LinCartesian, ..HEAD };

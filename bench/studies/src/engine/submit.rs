@@ -161,7 +161,9 @@ impl Shards {
         if super::status::is_complete(&self.out) {
             return Ok(Exit::RunFailed);
         }
-        Err(of_host(anyhow!("the engine refused or lost a shard; it needs {what}")))
+        Err(of_host(anyhow!(
+            "the engine refused or lost a shard, as said above; it needs {what}, and a server that it reaches"
+        )))
     }
 
     /// Returns a batch script with a job array.

@@ -2,7 +2,7 @@
 
 use plc_node::function_blocks::{
     EnableOutputs, GroupContinue, GroupHalt, GroupInterrupt, GroupReset, GroupSetOverride, GroupStop,
-    MoveContinuous, Outputs, OverrideFactors, SkillState,
+    MoveContinuous, MoveTrajectory, Outputs, OverrideFactors, SkillState,
 };
 use plc_node::{AxesGroup, WaitLimits};
 
@@ -11,10 +11,11 @@ use super::*;
 #[derive(Clone)]
 pub(super) struct Explored {
     pub(super) controller: Controller,
-    at: Instant,
+    pub(super) at: Instant,
     pub(super) group: AxesGroup,
     motion: MoveContinuous,
     second: MoveContinuous,
+    points: MoveTrajectory,
     stop: GroupStop,
     reset: GroupReset,
     interrupt: GroupInterrupt,
@@ -30,19 +31,21 @@ pub(super) struct Explored {
     busy: [u32; BLOCKS],
     enabled: bool,
     pub(super) connected: bool,
-    /// The image that the robot had last.
+    /// The image that the robot had last, and the one before.
     pub(super) seen: Command,
+    pub(super) seen_before: Command,
     pub(super) skills: Skills,
 }
 
 impl Explored {
     pub(super) fn new(skills: Skills) -> Self {
         Self {
-            controller: Controller::new(config(), Vec::new(), 1),
+            controller: Controller::new(skills.config(), Vec::new(), 1),
             at: Instant::ZERO,
             group: AxesGroup::new(WaitLimits { answer_scans: PATIENCE, silent_scans: u32::MAX }),
             motion: MoveContinuous::default(),
             second: MoveContinuous::default(),
+            points: skills.trajectory(),
             stop: GroupStop::default(),
             reset: GroupReset::default(),
             interrupt: GroupInterrupt::default(),
@@ -58,6 +61,7 @@ impl Explored {
             enabled: true,
             connected: true,
             seen: Command::default(),
+            seen_before: Command::default(),
             skills,
         }
     }
@@ -67,10 +71,12 @@ impl Explored {
     }
 
     /// Runs one scan and one robot cycle, and checks the rules.
-    pub(super) fn step(&self, change: Change, source: &mut MotionList) -> Self {
+    pub(super) fn step(&self, change: Change, source: &mut dyn MotionSource) -> Self {
         let mut next = self.clone();
         match change {
-            Change::Nothing | Change::LostFrame => {}
+            Change::Nothing | Change::LostFrame | Change::OldFrame => {}
+            Change::RestartPlc => next.restart_plc(),
+            Change::RestartRobot => next.restart_robot(),
             Change::Execute(block) => next.execute[block] = true,
             Change::Override(velocity) => next.velocity = velocity,
             Change::Master(lead) => next.lead = lead,
@@ -79,13 +85,17 @@ impl Explored {
         }
         if !next.connected {
             next.group.disarm();
+            next.seen_before = Command::default();
         }
         next.group.read(next.connected.then_some(*next.controller.feedback()));
         next.group.set_control(Control::ENABLE, next.enabled && next.connected);
         let [execute_move, stop, reset, interrupt, resume, halt, second] = next.execute;
         let mode = next.skills.mode();
         next.outputs = [
-            next.motion.call(execute_move, source, mode, &mut next.group),
+            match next.skills {
+                Skills::Points(..) => next.points.call(execute_move, source, mode, &mut next.group),
+                _ => next.motion.call(execute_move, source, mode, &mut next.group),
+            },
             next.stop.call(stop, &mut next.group),
             next.reset.call(reset, &mut next.group),
             next.interrupt.call(interrupt, &mut next.group),
@@ -99,8 +109,15 @@ impl Explored {
             // The next scan takes it back.
             *execute &= outputs.busy;
         }
-        if change != Change::LostFrame {
+        if change == Change::OldFrame {
+            // One of another command the node refuses by its life counter.
+            if next.seen_before.number == next.seen.number {
+                next.seen = next.seen_before;
+            }
+        } else if change != Change::LostFrame {
+            next.seen_before = next.seen;
             next.seen = *next.group.command();
+            next.plant_fault(source);
             if next.velocity == Velocity::Wrong {
                 next.seen.override_percent = 200;
             }
@@ -118,13 +135,19 @@ impl Explored {
     fn overrides(&mut self) {
         let velocity = if self.velocity == Velocity::Stop { 0.0 } else { 1.0 };
         let factors = OverrideFactors { velocity, ..OverrideFactors::default() };
-        let is_called = self.connected && self.velocity != Velocity::Wrong;
+        // Old images would make it fail for no fault of its own.
+        let meets_old_images = matches!(self.skills, Skills::Points(..));
+        let is_called = self.connected && self.velocity != Velocity::Wrong && !meets_old_images;
         self.overriding = self.set_override.call(is_called, &factors, &mut self.group);
     }
 
     /// Returns the state of a block's skill.
     pub(super) const fn state(&self, block: usize) -> SkillState {
-        if block == SECOND { self.second.state() } else { self.motion.state() }
+        match (block, self.skills) {
+            (SECOND, _) => self.second.state(),
+            (_, Skills::Points(..)) => self.points.state(),
+            _ => self.motion.state(),
+        }
     }
 
     /// Returns everything that decides what can follow, without running numbers and small differences of place and speed.
@@ -162,8 +185,8 @@ impl Explored {
             last_number.map(|last| last == number),
             (pending.is_some(), *reset_armed, *hold, *factor == 0.0, *wrong_override),
             (skill, self.controller.press.as_ref().map(|press| press.phase as u8)),
-            (feedback.status.0, feedback.number == number, feedback.executed, u16::from(feedback.error)),
-            (interpolator.path().is_finished(), interpolator.path().executed(), interpolator.is_held()),
+            (feedback.status.0, feedback.number == number, self.executed_key(), u16::from(feedback.error)),
+            (interpolator.path().is_finished(), self.executed_on_path_key(), interpolator.is_held()),
             ((self.joint_3() / self.skills.place_mm()).round() as i64, interpolator.is_at_rest()),
         );
         let command = self.group.command();
@@ -173,12 +196,13 @@ impl Explored {
             (self.velocity, self.overriding, self.seen.override_percent, command.override_percent),
             (self.enabled, self.connected, seen, self.seen.control.0),
             (self.lead, self.seen.law_time_us, self.controller.master.map(|master| master.asks_for_rest())),
+            self.points_key(),
         );
         (robot, plc)
     }
 
     /// Withdraws all requests, halts and resets: from every state the arm must come to rest and the robot become ready.
-    pub(super) fn leads_back_to_ready(&self, source: &mut MotionList) -> Self {
+    pub(super) fn leads_back_to_ready(&self, source: &mut dyn MotionSource) -> Self {
         let mut now = self.clone();
         (now.connected, now.enabled, now.execute) = (true, true, [false; BLOCKS]);
         for _ in 0..3 {
@@ -195,7 +219,7 @@ impl Explored {
         now
     }
 
-    fn reaches_done(mut self, block: usize, source: &mut MotionList) -> Self {
+    fn reaches_done(mut self, block: usize, source: &mut dyn MotionSource) -> Self {
         for _ in 0..4 * PATIENCE {
             self = self.step(Change::Execute(block), source);
             for _ in 0..40 {

@@ -3,7 +3,7 @@
 //! A step is one scan of the PLC's function blocks (two of a skill where one waits for the other), and one robot cycle on
 //! the image that they wrote. Before each, one thing may change: `Execute` of a block rises, and falls when the block has
 //! ended; the override, to 0, to 100 % or to one that is none; a master; `enable`; the connection; or the robot gets an old image
-//! again, which is the effect of a lost frame. From every state all of them are tried. (The blocks' own exploration tries
+//! again, which is the effect of a lost frame. With compact points also one that is older than that, and PLC or robot restarts. From every state all of them are tried. (The blocks' own exploration tries
 //! all orders of `Execute` alone.)
 //!
 //! States count as one when they differ in running numbers, or by less than [`Skills::place_mm`] in place and not in whether
@@ -11,22 +11,25 @@
 //! over places.
 
 mod cell;
+mod points;
 mod rules;
 
 use std::collections::HashSet;
 
 use core::time::Duration;
 
-use plc_node::MotionList;
 use plc_node::function_blocks::{BufferMode, Outputs};
+use plc_node::{MotionList, MotionSource, PointList};
 use protocol::image::{Motion, MotionKind};
 
 use cell::Explored;
+use points::PlantedFault;
 
 use super::execution::Phase;
 use super::*;
 use crate::ForceControl;
 use crate::arm::Surface;
+use setup::Refill;
 
 /// Scans that the PLC waits for an answer.
 const PATIENCE: u32 = 4;
@@ -55,6 +58,12 @@ enum Change {
     Enable,
     Connection,
     LostFrame,
+    /// The robot gets the image before the last one that it had.
+    OldFrame,
+    /// The PLC forgets all.
+    RestartPlc,
+    /// The robot forgets all and is where it was.
+    RestartRobot,
 }
 
 /// What the PLC wants of the override.
@@ -77,7 +86,7 @@ enum Lead {
     Ahead,
 }
 
-const CHANGES: [Change; 17] = [
+const CHANGES: [Change; 20] = [
     Change::Nothing,
     Change::Execute(MOVE),
     Change::Execute(STOP),
@@ -95,6 +104,9 @@ const CHANGES: [Change; 17] = [
     Change::Enable,
     Change::Connection,
     Change::LostFrame,
+    Change::OldFrame,
+    Change::RestartPlc,
+    Change::RestartRobot,
 ];
 
 /// What MoveContinuous runs.
@@ -110,6 +122,8 @@ enum Skills {
     Led,
     /// Two motions, by two blocks in one buffer mode.
     Two(BufferMode),
+    /// Compact points, more than an image holds, from a PLC with a fault or without one.
+    Points(Refill, Option<PlantedFault>),
 }
 
 /// Joint 3 at power-on, in mm.
@@ -123,6 +137,21 @@ impl Skills {
             Self::Bad => &[HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME - 0.12, HOME - 0.06, HOME + 100.0],
             Self::Pressing => &[HOME - 0.1, HOME - 1.0, HOME - 0.05],
             Self::Two(_) => &[HOME - 0.1, HOME - 0.2],
+            Self::Points(..) => &points::TARGETS,
+        }
+    }
+
+    fn source(self) -> Box<dyn MotionSource> {
+        match self {
+            Self::Points(..) => Box::new(PointList::from(points::path())),
+            _ => Box::new(MotionList::from(self.motions())),
+        }
+    }
+
+    fn config(self) -> RobotConfig {
+        match self {
+            Self::Points(..) => RobotConfig { queue_motions: 30, compact_points: true, ..config() },
+            _ => config(),
         }
     }
 
@@ -151,7 +180,17 @@ impl Skills {
     const fn place_mm(self) -> f64 {
         match self {
             Self::Good | Self::Bad | Self::Led | Self::Two(_) => 0.02,
+            // How many of them are executed says where the arm is.
+            Self::Points(..) => 1.0,
             Self::Pressing => 0.15,
+        }
+    }
+
+    /// Returns for which share of the states, one in so many, the way back to `Ready` is tried. With a deep queue it takes long.
+    const fn steps_between_ways_back(self) -> usize {
+        match self {
+            Self::Points(..) => 8,
+            _ => 1,
         }
     }
 
@@ -159,6 +198,11 @@ impl Skills {
     /// and that of a wrong override not on the motion.
     fn meets(self, change: Change) -> bool {
         match (self, change) {
+            // What overrides, masters, suspends and cancels do does not depend on the form of the motions.
+            (Self::Points(..), Change::Execute(block)) => matches!(block, MOVE | STOP | RESET),
+            (Self::Points(..), Change::Override(_) | Change::Master(_) | Change::Enable) => false,
+            (Self::Points(..), _) => true,
+            (_, Change::OldFrame | Change::RestartPlc | Change::RestartRobot) => false,
             (Self::Led, Change::Master(_)) => true,
             (_, Change::Master(_)) | (Self::Led | Self::Two(_), Change::Override(_)) => false,
             (Self::Two(_), _) | (Self::Good, Change::Override(_)) => true,
@@ -214,15 +258,18 @@ struct Found {
 
 /// Explores everything that can happen.
 fn explore(skills: Skills) -> Found {
-    let mut source = MotionList::from(skills.motions());
+    let mut source = skills.source();
+    let source = source.as_mut();
     let start = Explored::new(skills);
     let mut known = HashSet::from([start.key()]);
     let mut found = Found::default();
     let mut open = vec![start];
     while let Some(state) = open.pop() {
-        state.leads_back_to_ready(&mut source);
+        if known.len() % skills.steps_between_ways_back() == 0 {
+            state.leads_back_to_ready(source);
+        }
         for change in CHANGES.into_iter().filter(|change| skills.meets(*change)) {
-            let next = state.step(change, &mut source);
+            let next = state.step(change, source);
             found.ends.insert(next.outputs[MOVE]);
             found.states.insert(u8::from(next.controller.state));
             found.turns +=

@@ -81,9 +81,14 @@ pub(in crate::engine) fn read(
         rows => rows,
     };
     let most = most.saturating_mul(LONGEST_ROW);
-    if (tail == Tail::IsWhole && rows_left + jobs_left > 0) || rows_left > most || jobs_left > LONGEST_JOB {
+    let is_one_job = rows_left <= most && jobs_left <= LONGEST_JOB;
+    if (tail == Tail::IsWhole && rows_left + jobs_left > 0) || !is_one_job {
+        let remedy = match is_one_job {
+            true => "run the study with this --out again, which goes on from there",
+            false => "use a copy of these files that is whole, or another --out",
+        };
         bail!(
-            "{}: broken after {} in {ROWS} and {} in {JOBS}; use a copy of these files that is whole, or another --out",
+            "{}: broken after {} in {ROWS} and {} in {JOBS}; {remedy}",
             directory.display(),
             bytes(broken[0]),
             bytes(broken[1])
