@@ -6,5 +6,8 @@ mod bad_input;
 mod cell;
 mod exchange;
 mod intervals;
+mod mailbox;
 mod parameters;
 mod positions;
+mod records;
+mod several;
