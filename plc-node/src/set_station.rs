@@ -33,7 +33,7 @@ struct StationOptions {
     at: String,
 }
 
-/// How a station is changed.
+/// Options of a change.
 #[derive(clap::Args, Clone, Debug)]
 struct ChangeOptions {
     /// The station loses it when it is switched off.

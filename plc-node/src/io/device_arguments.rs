@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[derive(Parser)]
-    struct Line {
+    struct TestCommandLine {
         #[command(flatten)]
         devices: AllDevices,
         #[arg(long)]
@@ -151,7 +151,7 @@ mod tests {
 
     fn parsed(line: &str) -> Result<Vec<DeviceArguments>, String> {
         let words = std::iter::once("io").chain(line.split_whitespace());
-        Line::try_parse_from(words).map(|line| line.devices.0).map_err(|error| error.to_string())
+        TestCommandLine::try_parse_from(words).map(|line| line.devices.0).map_err(|error| error.to_string())
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub struct FileDevice {
     pub name: String,
     /// Its file.
     pub file: DeviceFile,
-    /// What is chosen from the file.
+    /// Choice from the file.
     pub chosen: ChosenDevice,
     /// Its outputs over time.
     pub script: OutputScript,

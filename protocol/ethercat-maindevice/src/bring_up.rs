@@ -6,7 +6,7 @@ use ethercrab::{DefaultLock, MainDevice, RegisterAddress, SubDevice, SubDeviceGr
 use machine::{Duration, Instant};
 
 use crate::al::{self, REQUEST_OP, REQUEST_SAFE_OP, Status};
-use crate::coe::Object;
+use crate::coe::SdoObject;
 use crate::commissioning::StartupWrite;
 use crate::config::{Config, MAX_DEVICES, MAX_PROCESS_DATA};
 use crate::held::HeldStage;
@@ -86,7 +86,7 @@ async fn write_startup(main: &MainDevice<'_>, group: &GroupIn<PreOp>) -> Result<
             fault => Problem::Startup { index, subindex, fault },
         };
         let device = group.subdevice(main, 0).map_err(|error| refused(error.into()))?;
-        let object = Object { index, subindex, is_complete };
+        let object = SdoObject { index, subindex, is_complete };
         access(main, device.configured_address(), object, Some(&data)).await.map_err(refused)?;
     }
     Ok(())

@@ -37,7 +37,7 @@ const ABORT: u8 = 0x80;
 
 /// Object that is read or written.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) struct Object {
+pub(crate) struct SdoObject {
     pub(crate) index: u16,
     pub(crate) subindex: u8,
     /// True for all entries from the subindex on, 0 or 1, at once.
@@ -55,7 +55,7 @@ pub(crate) enum Mail<'m> {
     Other,
 }
 
-/// What a device says of an access.
+/// Answer of a device to an access.
 #[derive(PartialEq, Eq, Debug)]
 pub(crate) enum Sdo<'m> {
     Aborted {
@@ -95,7 +95,7 @@ fn mail(sdo: &[u8]) -> Vec<u8> {
     mail
 }
 
-fn head(command: u8, object: Object) -> Vec<u8> {
+fn head(command: u8, object: SdoObject) -> Vec<u8> {
     let [low, high] = object.index.to_le_bytes();
     let complete = if object.is_complete { COMPLETE } else { 0 };
     vec![command | complete, low, high, object.subindex]
@@ -106,7 +106,7 @@ const fn toggle_bit(toggle: bool) -> u8 {
 }
 
 /// Makes the request to read an object.
-pub(crate) fn upload(object: Object) -> Vec<u8> {
+pub(crate) fn upload(object: SdoObject) -> Vec<u8> {
     let mut sdo = head(2 << 5, object);
     sdo.extend([0; 4]);
     mail(&sdo)
@@ -119,7 +119,7 @@ pub(crate) fn upload_segment(toggle: bool) -> Vec<u8> {
 
 /// Makes the request to write an object by a mailbox of so many bytes. Returns it with the number of bytes of data in it; others
 /// follow in segments.
-pub(crate) fn download(object: Object, data: &[u8], room: usize) -> (Vec<u8>, usize) {
+pub(crate) fn download(object: SdoObject, data: &[u8], room: usize) -> (Vec<u8>, usize) {
     if let Some(unused @ 0..4) = 4_usize.checked_sub(data.len()) {
         let mut sdo = head(1 << 5 | EXPEDITED | HAS_SIZE | (unused as u8) << 2, object);
         sdo.extend(data);
@@ -147,8 +147,8 @@ pub(crate) fn download_segment(toggle: bool, data: &[u8], room: usize) -> (Vec<u
 }
 
 /// Makes the message that ends an access.
-pub(crate) fn abort(object: Object, code: u32) -> Vec<u8> {
-    let mut sdo = head(ABORT, Object { is_complete: false, ..object });
+pub(crate) fn abort(object: SdoObject, code: u32) -> Vec<u8> {
+    let mut sdo = head(ABORT, SdoObject { is_complete: false, ..object });
     sdo.extend(code.to_le_bytes());
     mail(&sdo)
 }
@@ -215,12 +215,12 @@ fn parse_sdo(sdo: &[u8]) -> Option<Sdo<'_>> {
 mod tests {
     use super::*;
 
-    const OBJECT: Object = Object { index: 0x1018, subindex: 1, is_complete: false };
+    const OBJECT: SdoObject = SdoObject { index: 0x1018, subindex: 1, is_complete: false };
 
     #[test]
     fn requests_are_those_of_the_specification() {
         assert_eq!(upload(OBJECT), [10, 0, 0, 0, 0, 3, 0, 0x20, 0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
-        let complete = Object { subindex: 0, is_complete: true, ..OBJECT };
+        let complete = SdoObject { subindex: 0, is_complete: true, ..OBJECT };
         assert_eq!(upload(complete)[8..12], [0x50, 0x18, 0x10, 0]);
         let (expedited, taken) = download(OBJECT, &[7, 8], 128);
         assert_eq!((&expedited[8..], taken), (&[0x2B, 0x18, 0x10, 1, 7, 8, 0, 0][..], 2));

@@ -9,7 +9,7 @@ use ethercrab::{Command, MainDevice};
 use machine::Duration;
 
 use crate::bring_up::Group;
-use crate::coe::{self, Mail, Object};
+use crate::coe::{self, Mail, SdoObject};
 use crate::commissioning::{SdoAnswer, SdoRequest};
 use crate::process::{PROCESS, Process};
 use crate::sdo::{FULL, IN_STATUS, LONGEST_MAILBOX, access, keep};
@@ -59,7 +59,7 @@ async fn answer(main: &MainDevice<'_>, group: &Group, request: &SdoRequest) -> S
     let in_words = |fault: SdoFault| fault.to_string();
     let device = group.subdevice(main, 0).map_err(|error| in_words(error.into()))?;
     let object =
-        Object { index: request.index, subindex: request.subindex, is_complete: request.is_complete };
+        SdoObject { index: request.index, subindex: request.subindex, is_complete: request.is_complete };
     access(main, device.configured_address(), object, request.data.as_deref()).await.map_err(in_words)
 }
 

@@ -4,7 +4,7 @@ use ethercrab::error::CoeAbortCode;
 use ethercrab::{Command, MainDevice};
 use machine::{Duration, Instant};
 
-use crate::coe::{self, Mail, Object, Sdo};
+use crate::coe::{self, Mail, Sdo, SdoObject};
 use crate::commissioning::LONGEST_OBJECT;
 use crate::process::PROCESS;
 use crate::sdo_fault::{ANSWER_WITHIN, SdoFault};
@@ -35,7 +35,7 @@ const ABORT_TIMEOUT: u32 = 0x0504_0000;
 pub(crate) async fn access(
     main: &MainDevice<'_>,
     station: u16,
-    object: Object,
+    object: SdoObject,
     data: Option<&[u8]>,
 ) -> Result<Vec<u8>, SdoFault> {
     let client = SdoClient::open(main, station).await?;
@@ -133,7 +133,7 @@ impl<'a> SdoClient<'a> {
     async fn ask<T>(
         &self,
         request: &[u8],
-        object: Object,
+        object: SdoObject,
         mut accept: impl FnMut(&Sdo<'_>) -> Option<T>,
     ) -> Result<T, SdoFault> {
         self.send(request).await?;
@@ -161,7 +161,7 @@ impl<'a> SdoClient<'a> {
         Err(SdoFault::NoAnswer)
     }
 
-    async fn read(&self, object: Object) -> Result<Vec<u8>, SdoFault> {
+    async fn read(&self, object: SdoObject) -> Result<Vec<u8>, SdoFault> {
         self.drain().await?;
         let (whole, mut read) = self
             .ask(&coe::upload(object), object, |sdo| match *sdo {
@@ -201,7 +201,7 @@ impl<'a> SdoClient<'a> {
         Ok(read)
     }
 
-    async fn write(&self, object: Object, data: &[u8]) -> Result<(), SdoFault> {
+    async fn write(&self, object: SdoObject, data: &[u8]) -> Result<(), SdoFault> {
         self.drain().await?;
         let room = usize::from(self.out.1);
         let (request, mut done) = coe::download(object, data, room);
