@@ -100,8 +100,11 @@ impl Several {
     }
 }
 
-/// Returns for each bus two devices of different files or choices, the script of each, and an output and its place of each.
-fn pairs() -> [([Chosen; 2], [&'static str; 2], [(&'static str, &'static str); 2]); 3] {
+/// Two devices, the script of each, and an output of each with its place at the device.
+type TwoDevices = ([Chosen; 2], [&'static str; 2], [(&'static str, &'static str); 2]);
+
+/// Returns for each bus two devices of different files or choices.
+fn pairs() -> [TwoDevices; 3] {
     let [adapter, io_device, terminal] = devices();
     let small = chosen("GSDML-V2.35-a.xml", GSDML, "[modules]\n2 = \"M_2AO\"\n");
     let other = EDS.replace("\"Outputs\"", "\"Commands\"");
