@@ -5,7 +5,7 @@ use std::net::Ipv4Addr;
 use ::device_files::{
     ChosenDevice, DeviceChoice, DeviceFile, FoundModule, choose, choose_found, choose_head, read,
 };
-use driven_device::{DriveConfig, DrivenDevice, OutputScript, found_modules};
+use driven_device::{BusConfig, DriveConfig, DrivenBus, FileDevice, OutputScript, found_modules};
 use machine::ethernet::Mac;
 use machine::wire::FRAME_CAPACITY;
 use machine::{Duration, Instant, Machine as _};
@@ -82,43 +82,47 @@ pub(crate) fn driven(data: &[u8]) {
     {
         return;
     }
-    let config = DriveConfig {
+    let bus = BusConfig {
         mac: Mac([2, 0, 0, 0, 0, 1]),
         address: Some(Ipv4Addr::new(192, 168, 64, 1)),
         mask: Ipv4Addr::new(255, 255, 255, 0),
+        seed: 1,
+    };
+    let config = DriveConfig {
         device_address: Some(Ipv4Addr::new(192, 168, 64, 2)),
         station_name: Some("device".to_owned()),
         position: None,
         interval: None,
         output_interval: None,
         input_interval: None,
-        seed: 1,
         is_running: true,
         report_every: Duration::from_millis(100),
     };
-    let made = DrivenDevice::new(file, chosen, OutputScript::default(), &config, Instant::ZERO);
-    let mut device = match made {
-        Ok(device) => device,
+    let device =
+        FileDevice { name: "device".to_owned(), file, chosen, script: OutputScript::default(), config };
+    let mut bus = match DrivenBus::new(vec![device], &bus, Instant::ZERO) {
+        Ok(bus) => bus,
         Err(error) => return assert!(!error.to_string().is_empty()),
     };
+    let Some(device) = bus.devices().first() else { return };
     let (inputs, outputs) = device.signals();
     let names: Vec<_> = outputs.iter().map(|signal| signal.name.clone()).collect();
     assert!(inputs.iter().chain(outputs).all(|signal| signal.bits > 0), "a signal without bits");
-    for name in &names {
-        let _ = device.set(name, "1");
-    }
     let parameters: Vec<_> = device.parameters().iter().map(|it| it.signal.name.clone()).collect();
+    for name in &names {
+        let _ = bus.set(name, "1");
+    }
     for name in parameters.iter().take(16) {
-        assert!(device.read_parameter(name).is_ok(), "{name}");
+        assert!(bus.read_parameter(name).is_ok(), "{name}");
     }
     let mut buf = vec![0; FRAME_CAPACITY];
     let mut now = Instant::ZERO;
-    while let Some(due) = device.poll_timeout().filter(|due| *due <= Instant::from_millis(20)) {
+    while let Some(due) = bus.poll_timeout().filter(|due| *due <= Instant::from_millis(20)) {
         now = now.max(due);
-        device.handle_timeout(now);
-        while device.poll_transmit(now, &mut buf).is_some() {}
-        while device.poll_stream().is_some() {}
-        while device.poll_event().is_some() {}
+        bus.handle_timeout(now);
+        while bus.poll_transmit(now, &mut buf).is_some() {}
+        while bus.poll_stream().is_some() {}
+        while bus.poll_event().is_some() {}
     }
 }
 

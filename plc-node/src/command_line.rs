@@ -15,6 +15,8 @@ use crate::io::{IoCommand, is_usage as is_usage_of_io};
 use crate::plan_command::PlanCommand;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::process::Run;
+#[cfg(all(feature = "real", target_os = "linux"))]
+use crate::set_station::{FlashCommand, SetIpCommand, SetNameCommand, is_usage as is_usage_of_station};
 
 /// The PLC of a setup on a real bus: connects to the robot and runs the application.
 #[derive(Parser, Debug)]
@@ -38,6 +40,15 @@ enum Subcommand {
     /// Drive the device of a GSDML, EDS or ESI: its inputs, outputs and parameters by name.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Io(Box<IoCommand>),
+    /// Give a PROFINET station another name.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    SetName(SetNameCommand),
+    /// Give a PROFINET station another IP address.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    SetIp(SetIpCommand),
+    /// Let a PROFINET station flash its lamp.
+    #[cfg(all(feature = "real", target_os = "linux"))]
+    Flash(FlashCommand),
     /// List the PROFINET, EtherNet/IP and EtherCAT devices on a network interface.
     #[cfg(all(feature = "real", target_os = "linux"))]
     Discover(DiscoverCommand),
@@ -61,6 +72,12 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Subcommand::Export(export) => node::exit_code(export.execute(), crate::export_command::is_usage),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Subcommand::Io(io) => node::exit_code(io.execute(), is_usage_of_io),
+        #[cfg(all(feature = "real", target_os = "linux"))]
+        Subcommand::SetName(command) => node::exit_code(command.execute(), is_usage_of_station),
+        #[cfg(all(feature = "real", target_os = "linux"))]
+        Subcommand::SetIp(command) => node::exit_code(command.execute(), is_usage_of_station),
+        #[cfg(all(feature = "real", target_os = "linux"))]
+        Subcommand::Flash(command) => node::exit_code(command.execute(), is_usage_of_station),
         #[cfg(all(feature = "real", target_os = "linux"))]
         Subcommand::Run(run) => {
             node::run::exit_code(run.execute(), |error| error.is::<crate::bus::BusError>())

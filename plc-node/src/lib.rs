@@ -51,6 +51,8 @@ mod sample;
 mod scan;
 mod sequence;
 mod sequences;
+#[cfg(all(feature = "real", target_os = "linux"))]
+mod set_station;
 mod speed_override;
 mod station;
 mod waiting;

@@ -7,7 +7,10 @@ use ethercat_maindevice::Found;
 use ethernet_ip::FoundDevice;
 use machine::Duration;
 use profinet::description::Identity;
-use profinet::{FoundStation, RecordPlace, RecordReadError, RecordReader, RecordReaderConfig, Uuid};
+use profinet::{
+    FoundStation, RecordPlace, RecordReadError, RecordReader, RecordReaderConfig, StationSetError,
+    StationSetter, Uuid,
+};
 use protocol::search::Search;
 use protocol_linux::{Interface, clock};
 use setup::BusKind;
@@ -66,6 +69,15 @@ pub(crate) fn find_adapters(interface: &Interface, length: Duration) -> anyhow::
     let (search, _) = searched(search, interface, UntilEnd)?;
     let devices = search.ethernet_ip().map(|search| search.answers().devices().to_vec());
     Ok(devices.unwrap_or_default())
+}
+
+/// Changes a PROFINET station, and returns what it answered.
+pub(crate) fn set_station(
+    setter: StationSetter,
+    interface: &Interface,
+) -> anyhow::Result<Result<(), StationSetError>> {
+    let (setter, _) = searched(setter, interface, UntilEnd)?;
+    Ok(setter.result().unwrap_or(Err(StationSetError::NoAnswer)))
 }
 
 /// Reads records of a PROFINET device without a connection.

@@ -21,7 +21,7 @@ use protocol::search::Search;
 use protocol_linux::{Driver, Interface, Notifier, OpenPort, Owner, Statistics, clock};
 
 pub use find::{FoundDevices, find_devices, read_records};
-pub(crate) use find::{find_adapters, find_stations, find_sub_devices};
+pub(crate) use find::{find_adapters, find_stations, find_sub_devices, set_station};
 use listing::{Bus, Hosts, Listing, Skipped};
 use sub_device::SubDevices;
 

@@ -1,4 +1,4 @@
-//! `plc-node io`: drives the device of a GSDML, EDS or ESI on a real network.
+//! `plc-node io`: drives the devices of GSDML, EDS or ESI files on a real network.
 
 #![expect(
     clippy::disallowed_methods,
@@ -7,6 +7,7 @@
 )]
 
 mod answers;
+mod device_arguments;
 mod owner;
 mod report;
 mod target;
@@ -19,45 +20,34 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::Context as _;
 use device_files::{ChosenDevice, choose};
-use driven_device::{DriveConfig, DriveError, DrivenDevice, OutputScript, ScriptError};
+use driven_device::{
+    BusConfig, DriveConfig, DriveError, DrivenBus, DrivenDevice, FileDevice, OutputScript, ScriptError,
+};
 use machine::Duration;
 use node::Outcome;
-use node::device_options::{ChoiceOptions, is_usage as is_of_file, read_device_file, read_toml};
+use node::device_options::{is_usage as is_of_file, read_device_file, read_toml};
 use node::errln;
 use node::output::to_stdout;
 use protocol_linux::{Driver, Interface, Notifier, clock};
 
+use self::device_arguments::{AllDevices, DeviceArguments};
 use self::owner::{IoInstruction, IoOwner};
 use self::report::{Printer, Report};
 use self::target::DeviceTarget;
 use self::target_error::TargetError;
 
-/// The controller of the device of a file.
+/// The controller of devices of files.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct IoCommand {
-    /// The file: a GSDML (PROFINET), an EDS (EtherNet/IP) or an ESI (EtherCAT).
-    #[arg(long, value_name = "FILE")]
-    device: PathBuf,
     #[command(flatten)]
-    choice: ChoiceOptions,
+    devices: AllDevices,
     /// The network interface.
     #[arg(long, value_name = "IF", required_unless_present = "print_config")]
     interface: Option<String>,
-    /// The device: its station name on PROFINET, its address on EtherNet/IP, its position on EtherCAT, from 1.
-    ///
-    /// Without it, the only one with the file's identity.
-    #[arg(long, value_name = "NAME|ADDRESS|POSITION")]
-    at: Option<String>,
-    /// PROFINET: the IP address that the device gets; without it, the one that it has.
-    #[arg(long, value_name = "ADDRESS")]
-    address: Option<Ipv4Addr>,
-    /// Set an output. Repeat it for each.
+    /// Set an output, with the name of its device in front where several have one: `valves/2.1/Valve=1`. Repeat it for each.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     sets: Vec<(String, String)>,
-    /// Outputs over time, a TOML file.
-    #[arg(long, value_name = "FILE.toml")]
-    script: Option<PathBuf>,
     /// Run the outputs from the start.
     ///
     /// Without it the device gets zeros, marked as not valid, until the line `run` on standard input.
@@ -72,12 +62,6 @@ pub struct IoCommand {
     /// The interval of the cyclic data; without it, that of the file.
     #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
     interval: Option<Duration>,
-    /// EtherNet/IP: the packet interval (RPI) of the outputs, in place of --interval.
-    #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
-    rpi_out: Option<Duration>,
-    /// EtherNet/IP: the packet interval (RPI) of the inputs, in place of --interval.
-    #[arg(long, value_name = "TIME", value_parser = node::duration_argument)]
-    rpi_in: Option<Duration>,
     /// Write each event to this file too, as JSON, one per line.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -94,9 +78,11 @@ Examples:
   plc-node io --device device.eds --interface eth1 --at 192.168.0.2
   plc-node io --device GSDML-V2.35-Maker-Device-20230101.xml --interface eth1 --at valves --run --set 2.1/Valve=1
   plc-node io --device terminal.xml --interface eth1 --at 3 --for 30s --json   the third device on the cable
+  plc-node io --interface eth1 --device valve.eds --at 192.168.0.2 --name left --device valve.eds --at 192.168.0.3 --name right --set left/Valve=1
 
-Standard input takes `run`, `stop`, `set NAME=VALUE`, `read NAME` and `write NAME=VALUE`, one per line.
-Exit codes: 4 if the device differs from the file or refuses, or the connection is lost at the end; 5 if it does not answer.";
+Standard input takes `run`, `stop`, `set NAME=VALUE`, `read NAME` and `write NAME=VALUE`, one per line; `run NAME` and `stop NAME`
+are for one of several devices.
+Exit codes: 4 if a device differs from its file or refuses, or a connection is lost at the end; 5 if a device does not answer.";
 
 fn assignment(text: &str) -> Result<(String, String), String> {
     let (name, value) = text.split_once('=').ok_or("must be NAME=VALUE")?;
@@ -107,7 +93,7 @@ fn assignment(text: &str) -> Result<(String, String), String> {
 pub fn is_usage(error: &anyhow::Error) -> bool {
     is_of_file(error)
         || error.is::<ScriptError>()
-        || error.downcast_ref::<DriveError>().is_some_and(|error| *error != DriveError::NoAddress)
+        || error.downcast_ref::<DriveError>().is_some_and(|error| !error.is_without_address())
         || error.downcast_ref::<TargetError>().is_some_and(TargetError::is_usage)
 }
 
@@ -115,67 +101,79 @@ pub fn is_usage(error: &anyhow::Error) -> bool {
 const REPORTS: usize = 256;
 
 impl IoCommand {
-    /// Drives the device until the time is over or the program is ended.
+    /// Drives the devices until the time is over or the program is ended.
     ///
     /// # Errors
     ///
     /// File, choice, script or names fit no device, or the network cannot be used.
     pub fn execute(self) -> anyhow::Result<Outcome> {
-        let file = read_device_file(&self.device)?;
-        let choice = self.choice.to_choice()?;
-        if self.choice.print_config {
-            let chosen = choose(&file, &choice)?;
-            to_stdout(format_args!("{}", chosen.choice().to_toml()))?;
-            return Ok(Outcome::Done);
+        if self.devices.0.iter().any(|device| device.choice.print_config) {
+            return self.print_config();
         }
-        let script = read_toml(self.script.as_deref(), OutputScript::from_toml)?;
         let interface = Interface::find(self.interface.as_deref().unwrap_or_default())?;
         interface.set_up()?;
-        let target = DeviceTarget::find(&file, &choice, &interface, self.at.as_deref(), self.address)?;
-        let config = self.config(&interface, &target);
-        let (chosen, unknown) = target::choose_device(&file, &choice, &interface, &config)?;
-        unknown.iter().for_each(|difference| errln!("warning: {difference}"));
-        let mut device = DrivenDevice::new(file, chosen, script, &config, clock::now())?;
-        for (name, value) in &self.sets {
-            device.set(name, value)?;
+        let bus = bus_config(&interface);
+        let (mut devices, mut has_unknown) = (Vec::new(), false);
+        for of in &self.devices.0 {
+            let (device, unknown) = self.find_device(of, &interface, &bus, &devices)?;
+            let name = device_files::excerpt(&device.name);
+            unknown.iter().for_each(|difference| errln!("warning: {name}: {difference}"));
+            has_unknown |= !unknown.is_empty();
+            devices.push(device);
         }
-        self.reads.iter().try_for_each(|name| device.read_parameter(name))?;
-        self.writes.iter().try_for_each(|(name, value)| device.write_parameter(name, value))?;
-        self.drive(device, &interface, !unknown.is_empty())
+        let mut bus = DrivenBus::new(devices, &bus, clock::now())?;
+        self.sets.iter().try_for_each(|(name, value)| bus.set(name, value))?;
+        self.reads.iter().try_for_each(|name| bus.read_parameter(name))?;
+        self.writes.iter().try_for_each(|(name, value)| bus.write_parameter(name, value))?;
+        self.drive(bus, &interface, has_unknown)
     }
 
-    fn config(&self, interface: &Interface, target: &DeviceTarget) -> DriveConfig {
-        DriveConfig {
-            mac: interface.mac(),
-            address: interface.address(),
-            mask: interface.mask().unwrap_or(Ipv4Addr::new(255, 255, 255, 0)),
+    /// Prints the whole choice of the device.
+    fn print_config(&self) -> anyhow::Result<Outcome> {
+        let [of] = self.devices.0.as_slice() else {
+            return Err(TargetError::SeveralConfigs.into());
+        };
+        let chosen = choose(&read_device_file(&of.device)?, &of.choice.to_choice()?)?;
+        to_stdout(format_args!("{}", chosen.choice().to_toml()))?;
+        Ok(Outcome::Done)
+    }
+
+    /// Finds a device on the wire, and makes its choice. Returns it with what the wire has beside the file.
+    fn find_device(
+        &self,
+        of: &DeviceArguments,
+        interface: &Interface,
+        bus: &BusConfig,
+        before: &[FileDevice],
+    ) -> anyhow::Result<(FileDevice, Vec<String>)> {
+        let file = read_device_file(&of.device)?;
+        let choice = of.choice.to_choice()?;
+        let script = read_toml(of.script.as_deref(), OutputScript::from_toml)?;
+        let target = DeviceTarget::find(&file, &choice, interface, of.at.as_deref(), of.address)?;
+        let config = DriveConfig {
             device_address: target.address,
             station_name: target.station_name.clone(),
             position: target.position,
             interval: self.interval,
-            output_interval: self.rpi_out,
-            input_interval: self.rpi_in,
-            // Frames of a connection from before a restart are not taken for those of a new one.
-            seed: clock::now().as_nanos(),
+            output_interval: of.rpi_out,
+            input_interval: of.rpi_in,
             is_running: self.run,
             report_every: Duration::from_millis(100),
-        }
+        };
+        let (chosen, unknown) = target::choose_device(&file, &choice, interface, bus, &config)?;
+        let name = of.name.clone().unwrap_or_else(|| target.name(before));
+        Ok((FileDevice { name, file, chosen, script, config }, unknown))
     }
 
-    fn drive(
-        &self,
-        device: DrivenDevice,
-        interface: &Interface,
-        has_unknown: bool,
-    ) -> anyhow::Result<Outcome> {
+    fn drive(&self, bus: DrivenBus, interface: &Interface, has_unknown: bool) -> anyhow::Result<Outcome> {
         let record = match &self.record {
             Some(path) => Some(
                 std::fs::File::create(path).with_context(|| format!("cannot write {}", path.display()))?,
             ),
             None => None,
         };
-        let mut printer = Printer::new(&device, self.json, record);
-        printer.list(&device)?;
+        let mut printer = Printer::new(&bus, self.json, record);
+        printer.list(&bus)?;
         let (reports, printed) = sync_channel(REPORTS);
         let (instructions, taken) = sync_channel(REPORTS);
         let printing = std::thread::spawn(move || print(&printed, printer));
@@ -183,23 +181,37 @@ impl IoCommand {
         std::thread::spawn(move || read_instructions(&instructions, &refusals));
         let end = self.length.map(|length| clock::now() + length);
         let mut owner = IoOwner::new(reports, taken, end);
-        let mut driver = Driver::new(device, interface.clone(), Notifier::new()?)?;
+        let mut driver = Driver::new(bus, interface.clone(), Notifier::new()?)?;
         driver.run(&mut owner)?;
-        let device = driver.machine();
-        owner.finish(device, driver.statistics());
+        let bus = driver.machine();
+        owner.finish(bus, driver.statistics());
         drop(owner);
         // The thread of standard input may wait for a line for ever; the printer ends with the last report.
         let _ = printing.join();
-        Ok(outcome(device, has_unknown))
+        Ok(outcome(bus, has_unknown))
     }
 }
 
-fn outcome(device: &DrivenDevice, has_unknown: bool) -> Outcome {
-    match (device.differs() || has_unknown, device.has_been_up()) {
-        (true, _) => Outcome::RunFailed,
-        (false, false) => Outcome::EnvironmentUnusable,
-        (false, true) if device.was_lost() => Outcome::RunFailed,
-        (false, true) => Outcome::Done,
+fn bus_config(interface: &Interface) -> BusConfig {
+    BusConfig {
+        mac: interface.mac(),
+        address: interface.address(),
+        mask: interface.mask().unwrap_or(Ipv4Addr::new(255, 255, 255, 0)),
+        // Frames of a connection from before a restart are not taken for those of a new one.
+        seed: clock::now().as_nanos(),
+    }
+}
+
+fn outcome(bus: &DrivenBus, has_unknown: bool) -> Outcome {
+    let has = |what: fn(&DrivenDevice) -> bool| bus.devices().iter().any(what);
+    if has_unknown || has(DrivenDevice::differs) {
+        Outcome::RunFailed
+    } else if has(|device| !device.has_been_up()) {
+        Outcome::EnvironmentUnusable
+    } else if has(DrivenDevice::was_lost) {
+        Outcome::RunFailed
+    } else {
+        Outcome::Done
     }
 }
 

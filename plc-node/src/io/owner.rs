@@ -1,10 +1,10 @@
-//! The owner of a driven device: passes its events to the printer, and instructions to the device.
+//! The owner of driven devices: passes their events to the printer, and instructions to the devices.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, SyncSender};
 
 use arrayvec::ArrayVec;
-use driven_device::{DriveEvent, DrivenDevice};
+use driven_device::{DriveEvent, DrivenBus, DrivenDevice};
 use machine::{Duration, Instant};
 use protocol_linux::{Owner, Statistics};
 
@@ -16,8 +16,8 @@ const END_WITHIN: Duration = Duration::from_secs(2);
 /// Instruction from standard input.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) enum IoInstruction {
-    /// Starts or stops the outputs.
-    Run(bool),
+    /// Starts or stops the outputs of the device of this name, or of all.
+    Run(bool, Option<String>),
     /// Sets an output.
     Set(String, String),
     /// Reads a parameter.
@@ -35,12 +35,16 @@ impl IoInstruction {
             Ok::<_, String>((name.trim().to_owned(), value.trim().to_owned()))
         };
         match (word, rest.trim()) {
-            ("run", "") => Ok(Self::Run(true)),
-            ("stop", "") => Ok(Self::Run(false)),
+            ("run" | "stop", name) => {
+                Ok(Self::Run(word == "run", (!name.is_empty()).then(|| name.to_owned())))
+            }
             ("set", _) => assigned().map(|(name, value)| Self::Set(name, value)),
             ("write", _) => assigned().map(|(name, value)| Self::Write(name, value)),
             ("read", name) if !name.is_empty() => Ok(Self::Read(name.to_owned())),
-            _ => Err("must be run, stop, set NAME=VALUE, read NAME or write NAME=VALUE".to_owned()),
+            _ => {
+                Err("must be run [NAME], stop [NAME], set NAME=VALUE, read NAME or write NAME=VALUE"
+                    .to_owned())
+            }
         }
     }
 }
@@ -67,29 +71,26 @@ impl IoOwner {
         let _ = self.reports.try_send(report);
     }
 
-    /// Reports the figures of the whole connection.
-    pub(super) fn finish(&self, device: &DrivenDevice, statistics: &Statistics) {
-        let figures = ConnectionFigures {
+    /// Reports the figures of the whole connections.
+    pub(super) fn finish(&self, bus: &DrivenBus, statistics: &Statistics) {
+        let figures = bus.devices().iter().map(|device| ConnectionFigures {
             counters: device.counters(),
             arrivals: *device.arrivals(),
             lateness: statistics.lateness.quantile(0.99),
             most_late: statistics.lateness.max(),
-        };
-        let _ = self.reports.send(Report::Ended(figures));
+        });
+        let _ = self.reports.send(Report::Ended(figures.collect()));
     }
 }
 
-impl Owner<DrivenDevice> for IoOwner {
-    fn wake(&mut self, now: Instant, device: &mut DrivenDevice, _: &Statistics) -> ControlFlow<()> {
+impl Owner<DrivenBus> for IoOwner {
+    fn wake(&mut self, now: Instant, bus: &mut DrivenBus, _: &Statistics) -> ControlFlow<()> {
         while let Ok(instruction) = self.instructions.try_recv() {
             let done = match instruction {
-                IoInstruction::Run(is_running) => {
-                    device.run(is_running);
-                    Ok(())
-                }
-                IoInstruction::Set(name, value) => device.set(&name, &value),
-                IoInstruction::Read(name) => device.read_parameter(&name),
-                IoInstruction::Write(name, value) => device.write_parameter(&name, &value),
+                IoInstruction::Run(is_running, name) => bus.run(name.as_deref(), is_running),
+                IoInstruction::Set(name, value) => bus.set(&name, &value),
+                IoInstruction::Read(name) => bus.read_parameter(&name),
+                IoInstruction::Write(name, value) => bus.write_parameter(&name, &value),
             };
             if let Err(error) = done {
                 self.report(Report::Refused(error.to_string()));
@@ -98,7 +99,7 @@ impl Owner<DrivenDevice> for IoOwner {
         if self.end.is_some_and(|end| end <= now) && self.gone_at.is_none() {
             self.gone_at = Some(now + END_WITHIN);
             self.end = None;
-            device.disconnect(now);
+            bus.disconnect(now);
         }
         match self.gone_at {
             Some(gone_at) if gone_at <= now => ControlFlow::Break(()),
@@ -106,16 +107,23 @@ impl Owner<DrivenDevice> for IoOwner {
         }
     }
 
-    fn event(&mut self, _: Instant, device: &mut DrivenDevice, event: DriveEvent) -> ControlFlow<()> {
-        let is_end = self.gone_at.is_some() && matches!(event, DriveEvent::Down(..));
+    fn event(
+        &mut self,
+        _: Instant,
+        bus: &mut DrivenBus,
+        (number, event): (usize, DriveEvent),
+    ) -> ControlFlow<()> {
+        let is_down = matches!(event, DriveEvent::Down(..));
         match event {
             DriveEvent::Inputs => {
-                let bytes = device.inputs().map_or(&[][..], |inputs| inputs.bytes());
+                let inputs = bus.devices().get(number).and_then(DrivenDevice::inputs);
+                let bytes = inputs.map_or(&[][..], |inputs| inputs.bytes());
                 let shown: ArrayVec<u8, MOST_INPUTS> = bytes.iter().copied().take(MOST_INPUTS).collect();
-                self.report(Report::Inputs(shown));
+                self.report(Report::Inputs(number, shown));
             }
-            event => self.report(Report::Event(event)),
+            event => self.report(Report::Event(number, event)),
         }
+        let is_end = self.gone_at.is_some() && is_down && !bus.devices().iter().any(DrivenDevice::is_up);
         if is_end { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
@@ -134,9 +142,11 @@ mod tests {
         let pair = |name: &str, value: &str| (name.to_owned(), value.to_owned());
         let (name, value) = pair("2.1/Valve 3", "0x10");
         assert_eq!(IoInstruction::parse(" set 2.1/Valve 3 = 0x10 "), Ok(IoInstruction::Set(name, value)));
-        assert_eq!(IoInstruction::parse("run"), Ok(IoInstruction::Run(true)));
+        assert_eq!(IoInstruction::parse("run"), Ok(IoInstruction::Run(true, None)));
+        let left = Some("left".to_owned());
+        assert_eq!(IoInstruction::parse("stop left"), Ok(IoInstruction::Run(false, left)));
         assert_eq!(IoInstruction::parse("read Filter"), Ok(IoInstruction::Read("Filter".to_owned())));
-        for wrong in ["", "go", "read", "set Valve", "run now"] {
+        for wrong in ["", "go", "read", "set Valve"] {
             assert!(IoInstruction::parse(wrong).is_err(), "{wrong}");
         }
     }

@@ -1,12 +1,12 @@
-//! Lines that are printed of a driven device, in words or as JSON.
+//! Lines that are printed of driven devices, in words or as JSON.
 
 use std::fs::File;
 use std::io::Write as _;
 
 use arrayvec::ArrayVec;
 use driven_device::{
-    Arrivals, DeviceParameter, DriveEvent, DrivenDevice, ParameterAnswer, ParameterValue, ScaledValue,
-    Signal, SignalTable, SignalValue,
+    Arrivals, DeviceParameter, DriveEvent, DrivenBus, ParameterAnswer, ParameterValue, ScaledValue, Signal,
+    SignalTable, SignalValue,
 };
 use machine::{Counters, Duration};
 use node::output::to_stdout;
@@ -31,53 +31,97 @@ pub(super) struct ConnectionFigures {
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "a report of inputs is made without an allocation")]
 pub(super) enum Report {
-    /// An event of the device.
-    Event(DriveEvent),
-    /// The bytes of all inputs.
-    Inputs(ArrayVec<u8, MOST_INPUTS>),
+    /// An event of the device of a number.
+    Event(usize, DriveEvent),
+    /// The bytes of all inputs of a device.
+    Inputs(usize, ArrayVec<u8, MOST_INPUTS>),
     /// An instruction that was refused.
     Refused(String),
-    /// The end, with the figures of the connection.
-    Ended(ConnectionFigures),
+    /// The end, with the figures of each connection.
+    Ended(Vec<ConnectionFigures>),
 }
 
 /// Prints reports, inputs only where they changed.
 pub(super) struct Printer {
-    inputs: SignalTable,
-    /// Values printed last, by the place of the signal.
-    shown: Vec<Option<SignalValue>>,
+    devices: Vec<ShownDevice>,
     is_json: bool,
     record: Option<File>,
 }
 
+/// Inputs of a device as they were printed last.
+#[derive(Default)]
+struct ShownDevice {
+    /// Its name; empty for the only device, of which no line needs a name.
+    name: String,
+    inputs: SignalTable,
+    /// Values printed last, by the place of the signal.
+    shown: Vec<Option<SignalValue>>,
+}
+
 impl Printer {
-    pub(super) fn new(device: &DrivenDevice, is_json: bool, record: Option<File>) -> Self {
-        let inputs = device.input_table();
-        let shown = vec![None; inputs.signals().len()];
-        Self { inputs, shown, is_json, record }
+    pub(super) fn new(bus: &DrivenBus, is_json: bool, record: Option<File>) -> Self {
+        let is_alone = bus.devices().len() == 1;
+        let devices = bus.devices().iter().map(|device| {
+            let inputs = device.input_table();
+            let name = if is_alone { String::new() } else { device.name().to_owned() };
+            ShownDevice { name, shown: vec![None; inputs.signals().len()], inputs }
+        });
+        Self { devices: devices.collect(), is_json, record }
     }
 
     /// Lists signals and parameters by name.
-    pub(super) fn list(&mut self, device: &DrivenDevice) -> anyhow::Result<()> {
-        let (inputs, outputs) = device.signals();
-        let parameters: Vec<&Signal> =
-            device.parameters().iter().map(|parameter| &parameter.signal).collect();
-        let started = json!({ "started": {
-            "bus": device.bus(), "inputs": inputs, "outputs": outputs, "parameters": parameters,
-        } });
-        self.keep(&started);
-        if self.is_json {
-            return Ok(to_stdout(format_args!("{started}\n"))?);
-        }
+    pub(super) fn list(&mut self, bus: &DrivenBus) -> anyhow::Result<()> {
         let mut text = String::new();
-        for (direction, signals) in [("input", inputs), ("output", outputs)] {
-            signals.iter().for_each(|signal| text.push_str(&line(direction, signal)));
+        for (number, device) in bus.devices().iter().enumerate() {
+            let (inputs, outputs) = device.signals();
+            let parameters: Vec<&Signal> =
+                device.parameters().iter().map(|parameter| &parameter.signal).collect();
+            let started = json!({ "started": {
+                "bus": bus.bus(), "inputs": inputs, "outputs": outputs, "parameters": parameters,
+            } });
+            let started = self.named(number, started);
+            self.keep(&started);
+            if self.is_json {
+                to_stdout(format_args!("{started}\n"))?;
+                continue;
+            }
+            let prefix = self.prefix(number);
+            for (direction, signals) in [("input", inputs), ("output", outputs)] {
+                signals.iter().for_each(|signal| text.push_str(&line(direction, &prefix, signal)));
+            }
+            device
+                .parameters()
+                .iter()
+                .for_each(|it: &DeviceParameter| text.push_str(&line("parameter", &prefix, &it.signal)));
         }
-        device
-            .parameters()
-            .iter()
-            .for_each(|it: &DeviceParameter| text.push_str(&line("parameter", &it.signal)));
-        Ok(to_stdout(format_args!("{text}{}: connects\n", device.bus()))?)
+        if self.is_json {
+            return Ok(());
+        }
+        Ok(to_stdout(format_args!("{text}{}: connects\n", bus.bus()))?)
+    }
+
+    /// Returns what is in front of the names of a device's signals: its own name, where there are several devices.
+    fn prefix(&self, number: usize) -> String {
+        let name = self.devices.get(number).map_or("", |device| &device.name);
+        if name.is_empty() { String::new() } else { format!("{}/", printable(name.as_bytes())) }
+    }
+
+    /// Adds the name of the device, where there are several.
+    fn named(&self, number: usize, mut value: Value) -> Value {
+        let name = self.devices.get(number).map_or("", |device| &device.name);
+        if let (false, Some(object)) = (name.is_empty(), value.as_object_mut()) {
+            object.insert("device".to_owned(), json!(name));
+        }
+        value
+    }
+
+    /// Puts the name of the device in front of words that name no signal, where there are several.
+    fn said(&self, number: usize, words: String) -> String {
+        let name = self.devices.get(number).map_or("", |device| &device.name);
+        if name.is_empty() || words.is_empty() {
+            return words;
+        }
+        format!("{}: {words}", printable(name.as_bytes()))
     }
 
     fn keep(&mut self, value: &Value) {
@@ -91,22 +135,39 @@ impl Printer {
 
     /// Prints a report.
     pub(super) fn print(&mut self, report: &Report) -> std::io::Result<()> {
-        let (value, text) = match report {
-            Report::Inputs(bytes) => self.changed(bytes),
-            Report::Event(event) => (of_event(event), in_words(event)),
-            Report::Refused(reason) => (json!({ "refused": reason }), format!("refused: {reason}")),
-            Report::Ended(figures) => (figures.to_json(), figures.to_string()),
-        };
+        match report {
+            Report::Inputs(number, bytes) => {
+                let prefix = self.prefix(*number);
+                let Some(device) = self.devices.get_mut(*number) else { return Ok(()) };
+                let (value, text) = device.changed(&prefix, bytes);
+                self.write(&self.named(*number, value), &text)
+            }
+            Report::Event(number, event) => {
+                self.write(&self.named(*number, of_event(event)), &self.said(*number, in_words(event)))
+            }
+            Report::Refused(reason) => {
+                self.write(&json!({ "refused": reason }), &format!("refused: {reason}"))
+            }
+            Report::Ended(figures) => figures.iter().enumerate().try_for_each(|(number, figures)| {
+                let text = self.said(number, figures.to_string());
+                self.write(&self.named(number, figures.to_json()), &text)
+            }),
+        }
+    }
+
+    fn write(&mut self, value: &Value, text: &str) -> std::io::Result<()> {
         // Inputs that did not change, and events without words, are no lines.
         if text.is_empty() {
             return Ok(());
         }
-        self.keep(&value);
+        self.keep(value);
         if self.is_json { to_stdout(format_args!("{value}\n")) } else { to_stdout(format_args!("{text}\n")) }
     }
+}
 
+impl ShownDevice {
     /// Returns the inputs that changed since the last report.
-    fn changed(&mut self, bytes: &[u8]) -> (Value, String) {
+    fn changed(&mut self, prefix: &str, bytes: &[u8]) -> (Value, String) {
         self.inputs.replace(bytes);
         let mut values = Map::new();
         let mut lines = Vec::new();
@@ -117,7 +178,7 @@ impl Printer {
             }
             let scaled = value.scaled(signal);
             let shown_value = in_units(&value, scaled, value.text(signal), &signal.unit);
-            lines.push(format!("input {} = {shown_value}", printable(signal.name.as_bytes())));
+            lines.push(format!("input {prefix}{} = {shown_value}", printable(signal.name.as_bytes())));
             values.insert(signal.name.clone(), value_json(&value, scaled));
             *shown = Some(value);
         }
@@ -142,11 +203,11 @@ fn value_json(raw: &SignalValue, scaled: Option<ScaledValue>) -> Value {
     scaled.map_or_else(|| json!(raw), |scaled| json!({ "value": scaled.value, "raw": raw }))
 }
 
-fn line(kind: &str, signal: &Signal) -> String {
+fn line(kind: &str, prefix: &str, signal: &Signal) -> String {
     let type_name = with_unit(&signal.type_name(), &signal.unit);
     let safety = if signal.is_safety { ", safety: shown only" } else { "" };
     let name = printable(signal.name.as_bytes());
-    format!("{kind} {name}: {type_name}{safety}\n")
+    format!("{kind} {prefix}{name}: {type_name}{safety}\n")
 }
 
 fn in_words(event: &DriveEvent) -> String {
@@ -155,6 +216,9 @@ fn in_words(event: &DriveEvent) -> String {
         DriveEvent::Identity(identity) => format!("device: {identity}"),
         DriveEvent::Difference(difference) => format!("difference: {difference}"),
         DriveEvent::Up => "up: data are exchanged".to_owned(),
+        DriveEvent::Configured => {
+            "null connection: the device took its configuration; no data are exchanged".to_owned()
+        }
         DriveEvent::Down(down, details) if details.is_empty() => format!("down: {down}"),
         DriveEvent::Down(down, details) => format!("down: {down}; {details}"),
         DriveEvent::Conflict(conflict) => format!("conflict: {conflict}"),
@@ -163,6 +227,7 @@ fn in_words(event: &DriveEvent) -> String {
         DriveEvent::Running(false) => "outputs are stopped".to_owned(),
         DriveEvent::Answer(answer) => answered(answer),
         DriveEvent::Alarm(alarm) => alarm.clone(),
+        DriveEvent::Earlier(earlier) => format!("from before the connection: {earlier}"),
     };
     printable(text.as_bytes())
 }
@@ -183,6 +248,7 @@ fn of_event(event: &DriveEvent) -> Value {
         DriveEvent::Identity(identity) => json!({ "identity": identity }),
         DriveEvent::Difference(difference) => json!({ "difference": difference }),
         DriveEvent::Up => json!({ "up": true }),
+        DriveEvent::Configured => json!({ "configured": true }),
         DriveEvent::Down(down, details) => {
             json!({ "up": false, "reason": down.to_string(), "details": details })
         }
@@ -198,6 +264,7 @@ fn of_event(event: &DriveEvent) -> Value {
             json!({ "parameter": { "name": name, "is_write": is_write, "value": value, "error": error } })
         }
         DriveEvent::Alarm(alarm) => json!({ "alarm": alarm }),
+        DriveEvent::Earlier(earlier) => json!({ "earlier": earlier }),
     }
 }
 
@@ -240,18 +307,17 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("record.jsonl");
         let record = Some(File::create(&path).unwrap());
-        let mut printer =
-            Printer { inputs: SignalTable::default(), shown: Vec::new(), is_json: true, record };
-        printer.print(&Report::Event(DriveEvent::Inputs)).unwrap();
-        printer.print(&Report::Inputs(ArrayVec::new())).unwrap();
-        printer.print(&Report::Event(DriveEvent::Up)).unwrap();
+        let mut printer = Printer { devices: vec![ShownDevice::default()], is_json: true, record };
+        printer.print(&Report::Event(0, DriveEvent::Inputs)).unwrap();
+        printer.print(&Report::Inputs(0, ArrayVec::new())).unwrap();
+        printer.print(&Report::Event(0, DriveEvent::Up)).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "{\"up\":true}\n");
     }
 
     const EDS: &str = include_str!("../../../scripts/interop/files/made-up-adapter.eds");
 
     /// Returns an adapter whose first 16 bits of inputs are a speed: (raw - 100) / 10 rpm.
-    fn scaled_device() -> DrivenDevice {
+    fn scaled_device() -> DrivenBus {
         let parameters = "[Params]\n Param5 = 0,,\"20 01 24 01 30 01\",0x0004,0xC3,2,\"Speed\",\"rpm\",\"\",-32768,32767,0,1,1,1,-100,,,,,1;\n\
              Enum5 = 1125,\"nominal\";\n Param6 = 0,,,0x0000,0xC7,2,\"Delay\",\"ms\",\"\",0,65535,0,,,,,,,,,;\n";
         let text = EDS
@@ -261,28 +327,31 @@ mod tests {
         let chosen = device_files::choose(&file, &device_files::DeviceChoice::default()).unwrap();
         let address = std::net::Ipv4Addr::new(192, 168, 64, 1);
         let config = driven_device::DriveConfig {
-            mac: machine::ethernet::Mac([2, 0, 0, 0, 0, 1]),
-            address: Some(address),
-            mask: std::net::Ipv4Addr::new(255, 255, 255, 0),
             device_address: Some(std::net::Ipv4Addr::new(192, 168, 64, 2)),
             station_name: None,
             position: None,
             interval: None,
             output_interval: None,
             input_interval: None,
-            seed: 1,
             is_running: false,
             report_every: Duration::from_millis(100),
         };
+        let bus = driven_device::BusConfig {
+            mac: machine::ethernet::Mac([2, 0, 0, 0, 0, 1]),
+            address: Some(address),
+            mask: std::net::Ipv4Addr::new(255, 255, 255, 0),
+            seed: 1,
+        };
         let script = driven_device::OutputScript::default();
-        DrivenDevice::new(file, chosen, script, &config, machine::Instant::ZERO).unwrap()
+        let device = driven_device::FileDevice { name: "adapter".to_owned(), file, chosen, script, config };
+        DrivenBus::new(vec![device], &bus, machine::Instant::ZERO).unwrap()
     }
 
     #[test]
     fn scaled_inputs_have_their_unit_and_the_raw_value_in_words_and_in_json() {
         let device = scaled_device();
         let mut printer = Printer::new(&device, false, None);
-        let (json, text) = printer.changed(&[0x65, 0x04, 7, 0, 0, 0, 0, 0]);
+        let (json, text) = printer.devices[0].changed("", &[0x65, 0x04, 7, 0, 0, 0, 0, 0]);
         assert_eq!(
             text,
             "input Inputs = 6504070000000000\ninput Speed = 102.5 rpm (raw 1125) (nominal)\ninput Delay = 7 ms"
@@ -291,19 +360,19 @@ mod tests {
         assert_eq!(json["inputs"]["Delay"], json!(7));
 
         // Only what changed; the raw value has its sign.
-        let (json, text) = printer.changed(&[0xFF, 0xFF, 7, 0, 0, 0, 0, 0]);
+        let (json, text) = printer.devices[0].changed("", &[0xFF, 0xFF, 7, 0, 0, 0, 0, 0]);
         assert_eq!(text, "input Inputs = ffff070000000000\ninput Speed = -10.1 rpm (raw -1)");
         assert_eq!(json["inputs"]["Speed"], json!({ "value": -10.1, "raw": -1 }));
         assert_eq!(json["inputs"].get("Delay"), None);
-        assert_eq!(printer.changed(&[0xFF, 0xFF, 7, 0, 0, 0, 0, 0]).1, "");
-        let speed = device.signals().0.iter().find(|signal| signal.name == "Speed").unwrap();
-        assert_eq!(line("input", speed), "input Speed: int16 rpm\n");
+        assert_eq!(printer.devices[0].changed("", &[0xFF, 0xFF, 7, 0, 0, 0, 0, 0]).1, "");
+        let speed = device.devices()[0].signals().0.iter().find(|signal| signal.name == "Speed").unwrap();
+        assert_eq!(line("input", "left/", speed), "input left/Speed: int16 rpm\n");
     }
 
     #[test]
     fn scaled_parameters_are_answered_with_their_unit_and_the_raw_value() {
         let device = scaled_device();
-        let speed = &device.parameters()[0].signal;
+        let speed = &device.devices()[0].parameters()[0].signal;
         let raw = SignalValue::Signed(1125);
         let (scaled, text) = (raw.scaled(speed), raw.text(speed).map(str::to_owned));
         let answer = |is_write, result| {

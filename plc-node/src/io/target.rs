@@ -7,8 +7,8 @@ use device_files::{
     ChosenDevice, DeviceChoice, DeviceFile, FoundModule, Gsdml, choose, choose_found, choose_head,
 };
 use driven_device::{
-    DriveConfig, DriveEvent, DrivenDevice, MODULES_RECORD, OutputScript, ParameterAnswer, SignalValue,
-    found_modules,
+    BusConfig, DriveConfig, DriveEvent, DrivenBus, FileDevice, MODULES_RECORD, OutputScript, ParameterAnswer,
+    SignalValue, found_modules,
 };
 use machine::{Duration, Instant};
 use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock};
@@ -69,6 +69,16 @@ impl DeviceTarget {
         }
     }
 
+    /// Returns the name of a device that the user did not name, beside those before it.
+    pub(super) fn name(&self, before: &[FileDevice]) -> String {
+        let position = self.position.map(|position| position.to_string());
+        let address = self.address.map(|address| address.to_string());
+        let name = self.station_name.clone().or(position).or(address).unwrap_or_else(|| "1".to_owned());
+        let is_taken = |name: &str| before.iter().any(|it| it.name.eq_ignore_ascii_case(name));
+        let numbered = (2..).map(|number| format!("{name}#{number}"));
+        std::iter::once(name.clone()).chain(numbered).find(|name| !is_taken(name)).unwrap_or(name)
+    }
+
     fn station(
         gsdml: &Gsdml,
         interface: &Interface,
@@ -93,12 +103,13 @@ pub(super) fn choose_device(
     file: &DeviceFile,
     choice: &DeviceChoice,
     interface: &Interface,
+    bus: &BusConfig,
     config: &DriveConfig,
 ) -> anyhow::Result<Choice> {
     match file {
         DeviceFile::Gsdml(gsdml) if choice.modules.is_empty() => {
             let head = ChosenDevice::Gsdml(choose_head(gsdml, choice)?);
-            let found = read_modules(file, head, interface, config)?;
+            let found = read_modules(file, head, interface, (bus, config))?;
             let (device, unknown) = choose_found(gsdml, choice, &found)?;
             Ok((ChosenDevice::Gsdml(device), unknown))
         }
@@ -111,10 +122,16 @@ fn read_modules(
     file: &DeviceFile,
     head: ChosenDevice,
     interface: &Interface,
-    config: &DriveConfig,
+    (bus, config): (&BusConfig, &DriveConfig),
 ) -> anyhow::Result<Vec<FoundModule>> {
-    let config = DriveConfig { is_running: false, ..config.clone() };
-    let mut device = DrivenDevice::new(file.clone(), head, OutputScript::default(), &config, clock::now())?;
+    let device = FileDevice {
+        name: config.station_name.clone().unwrap_or_default(),
+        file: file.clone(),
+        chosen: head,
+        script: OutputScript::default(),
+        config: DriveConfig { is_running: false, ..config.clone() },
+    };
+    let mut device = DrivenBus::new(vec![device], bus, clock::now())?;
     device.read_parameter(MODULES_RECORD)?;
     let mut reader = ModuleReader {
         until: clock::now() + MODULES_WITHIN,
@@ -146,12 +163,17 @@ fn modules_in(answer: ParameterAnswer) -> Result<Vec<FoundModule>, String> {
     found_modules(&record).ok_or_else(malformed)
 }
 
-impl Owner<DrivenDevice> for ModuleReader {
-    fn wake(&mut self, now: Instant, _: &mut DrivenDevice, _: &Statistics) -> ControlFlow<()> {
+impl Owner<DrivenBus> for ModuleReader {
+    fn wake(&mut self, now: Instant, _: &mut DrivenBus, _: &Statistics) -> ControlFlow<()> {
         if self.until <= now { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    fn event(&mut self, now: Instant, device: &mut DrivenDevice, event: DriveEvent) -> ControlFlow<()> {
+    fn event(
+        &mut self,
+        now: Instant,
+        device: &mut DrivenBus,
+        (_, event): (usize, DriveEvent),
+    ) -> ControlFlow<()> {
         match event {
             DriveEvent::Answer(answer) => {
                 match modules_in(answer) {

@@ -31,11 +31,14 @@ pub(super) enum TargetError {
     /// The device does not report its modules.
     #[error("the device does not report its modules: {0}; give them with --module")]
     NoModules(String),
+    /// The choice of several devices is to be printed.
+    #[error("--print-config: several --device; print the choice of one device at a time")]
+    SeveralConfigs,
 }
 
 impl TargetError {
     /// Returns true for an error of the command line.
     pub(super) const fn is_usage(&self) -> bool {
-        matches!(self, Self::At(..) | Self::NoStationAddress(_) | Self::Several(..))
+        matches!(self, Self::At(..) | Self::NoStationAddress(_) | Self::Several(..) | Self::SeveralConfigs)
     }
 }

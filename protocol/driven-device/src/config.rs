@@ -8,15 +8,22 @@ use machine::ethernet::Mac;
 
 use crate::value::ValueError;
 
-/// Settings for one device.
+/// Settings of the controller on its bus.
 #[derive(Clone, Debug)]
-pub struct DriveConfig {
+pub struct BusConfig {
     /// MAC address of the own interface.
     pub mac: Mac,
     /// Own IP address; EtherCAT needs none.
     pub address: Option<Ipv4Addr>,
     /// Subnet mask.
     pub mask: Ipv4Addr,
+    /// Seed of connection numbers; choose another one at each start.
+    pub seed: u64,
+}
+
+/// Settings for one device.
+#[derive(Clone, Debug)]
+pub struct DriveConfig {
     /// IP address of the device; on PROFINET the one that it gets.
     pub device_address: Option<Ipv4Addr>,
     /// Station name of the device on PROFINET.
@@ -30,8 +37,6 @@ pub struct DriveConfig {
     pub output_interval: Option<Duration>,
     /// Requested packet interval of the inputs on EtherNet/IP (T→O), in place of `interval`.
     pub input_interval: Option<Duration>,
-    /// Seed of connection numbers; choose another one at each start.
-    pub seed: u64,
     /// True if outputs count from the start on. Before, they are zeros that the device is to ignore.
     pub is_running: bool,
     /// Shortest time between two reports of changed inputs.
@@ -79,12 +84,45 @@ pub enum DriveError {
     /// The script does not fit the device.
     #[error(transparent)]
     Script(#[from] ScriptError),
+    /// Several devices have the name, or none of several.
+    #[error("{kind} `{name}`: {fault}; put the name of a device in front: {examples}")]
+    WhichDevice {
+        /// Kind of the name, such as `output`.
+        kind: &'static str,
+        /// Name found.
+        name: String,
+        /// Fault of the name.
+        fault: &'static str,
+        /// Names with that of a device.
+        examples: String,
+    },
+    /// One of several devices cannot be driven.
+    #[error("device `{device}`: {error}")]
+    Device {
+        /// Name of the device.
+        device: String,
+        /// Reason.
+        error: Box<DriveError>,
+    },
+    /// Two devices have one name, or are one.
+    #[error("{0}")]
+    Twice(String),
 }
 
 /// Names that a message lists.
 const MOST_LISTED: usize = 12;
 
 impl DriveError {
+    /// Returns true if the own interface has no address, which no other file or setting of a device mends.
+    #[must_use]
+    pub fn is_without_address(&self) -> bool {
+        match self {
+            Self::NoAddress => true,
+            Self::Device { error, .. } => error.is_without_address(),
+            _ => false,
+        }
+    }
+
     /// Makes the error of a name that is not among these.
     pub(crate) fn unknown<'a>(
         kind: &'static str,

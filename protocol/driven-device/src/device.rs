@@ -1,4 +1,4 @@
-//! The device as its owner has it: signals and parameters by name.
+//! A device as its owner has it: signals and parameters by name.
 
 use std::collections::VecDeque;
 
@@ -6,11 +6,12 @@ use device_files::{ChosenDevice, DeviceFile};
 use machine::{Counters, Down, Duration, Instant, StationConflict};
 
 use crate::arrivals::Arrivals;
-use crate::config::{DriveConfig, DriveError};
+use crate::config::DriveError;
+use crate::file_device::{FileDevice, OpenedDevice};
 use crate::parameter::{self, DeviceParameter, ParameterAccess, ParameterAnswer};
-use crate::script::{OutputScript, ScriptedOutput};
+use crate::script::ScriptedOutput;
 use crate::signal::{Signal, number_duplicates};
-use crate::stack::{Stack, open};
+use crate::stack::parameter_at;
 use crate::table::SignalTable;
 use crate::value::SignalValue;
 
@@ -23,6 +24,8 @@ pub enum DriveEvent {
     Difference(String),
     /// Data are exchanged.
     Up,
+    /// A null connection of EtherNet/IP: the device took its configuration, and no data are exchanged.
+    Configured,
     /// No data are exchanged, and details.
     Down(Down, String),
     /// Another station has the name or address.
@@ -35,6 +38,8 @@ pub enum DriveEvent {
     Answer(ParameterAnswer),
     /// Alarm, diagnosis or emergency in the file's words.
     Alarm(String),
+    /// Fault of the device from before its connection, in the file's words.
+    Earlier(String),
 }
 
 /// Output of the script whose signal is known.
@@ -47,16 +52,18 @@ pub(crate) struct PlacedOutput {
 /// Accesses to parameters that wait.
 const MOST_ACCESSES: usize = 64;
 
-/// The device of a file, driven.
+/// The device of a file, driven by a [`DrivenBus`](crate::DrivenBus).
 #[derive(Debug)]
 pub struct DrivenDevice {
+    pub(crate) name: String,
     pub(crate) file: DeviceFile,
     pub(crate) chosen: ChosenDevice,
-    pub(crate) stack: Stack,
     pub(crate) inputs: SignalTable,
     pub(crate) has_inputs: bool,
     pub(crate) outputs: SignalTable,
     pub(crate) is_running: bool,
+    /// True once the stack has the outputs.
+    pub(crate) is_written: bool,
     /// Seconds after the start from which outputs count.
     pub(crate) run_at: Option<Instant>,
     pub(crate) scripted: Vec<PlacedOutput>,
@@ -65,11 +72,12 @@ pub struct DrivenDevice {
     pub(crate) asked: Option<ParameterAccess>,
     pub(crate) arrivals: Arrivals,
     pub(crate) start: Instant,
-    pub(crate) next_tick: Instant,
     pub(crate) report_every: Duration,
     pub(crate) reported_at: Option<Instant>,
     pub(crate) is_changed: bool,
     pub(crate) is_leaving: bool,
+    pub(crate) is_up: bool,
+    pub(crate) counters: Counters,
     pub(crate) differs: bool,
     pub(crate) has_been_up: bool,
     /// True while the connection is down and its owner did not end it.
@@ -78,40 +86,33 @@ pub struct DrivenDevice {
 }
 
 impl DrivenDevice {
-    /// Makes the controller, which looks for the device from now on.
-    ///
-    /// # Errors
-    ///
-    /// The bus does not carry what file or settings say, or the script does not fit the device.
-    pub fn new(
-        file: DeviceFile,
-        chosen: ChosenDevice,
-        script: OutputScript,
-        config: &DriveConfig,
-        now: Instant,
-    ) -> Result<Self, DriveError> {
-        let mut opened = open(&file, &chosen, config, now)?;
-        number_duplicates(opened.parameters.iter_mut().map(|parameter| &mut parameter.signal));
+    /// Makes the state of a device before its connection.
+    pub(crate) fn new(of: FileDevice, opened: OpenedDevice, now: Instant) -> Result<Self, DriveError> {
+        let FileDevice { name, file, chosen, script, config } = of;
+        let OpenedDevice { inputs, outputs, mut parameters } = opened;
+        number_duplicates(parameters.iter_mut().map(|parameter| &mut parameter.signal));
         let mut device = Self {
+            name,
             file,
             chosen,
-            stack: opened.stack,
-            inputs: opened.inputs,
+            inputs,
             has_inputs: false,
-            outputs: opened.outputs,
+            outputs,
             is_running: config.is_running,
+            is_written: false,
             run_at: script.run.map(|seconds| now + Duration::from_secs_f64(seconds)),
             scripted: Vec::new(),
-            parameters: opened.parameters,
+            parameters,
             accesses: VecDeque::new(),
             asked: None,
             arrivals: Arrivals::default(),
             start: now,
-            next_tick: now,
             report_every: config.report_every,
             reported_at: None,
             is_changed: false,
             is_leaving: false,
+            is_up: false,
+            counters: Counters::default(),
             differs: false,
             has_been_up: false,
             was_lost: false,
@@ -153,7 +154,7 @@ impl DrivenDevice {
         self.outputs.set(&signal, &value)?;
         let (first, last) = (signal.bit, signal.bit + signal.bits);
         self.scripted.retain(|it| it.signal.bit + it.signal.bits <= first || last <= it.signal.bit);
-        self.write_outputs();
+        self.is_written = false;
         Ok(())
     }
 
@@ -164,11 +165,7 @@ impl DrivenDevice {
             self.is_running = is_running;
             self.events.push_back(DriveEvent::Running(is_running));
         }
-        self.write_outputs();
-    }
-
-    pub(crate) fn write_outputs(&mut self) {
-        self.stack.write_outputs(&self.outputs, self.is_running);
+        self.is_written = false;
     }
 
     /// Reads a parameter. [`DriveEvent::Answer`] has its value.
@@ -177,8 +174,8 @@ impl DrivenDevice {
     ///
     /// The file does not have it, or too many accesses wait.
     pub fn read_parameter(&mut self, name: &str) -> Result<(), DriveError> {
-        let parameter = parameter::find(&self.parameters, name, |name| self.stack.parameter_at(name))?;
-        self.queue(ParameterAccess { parameter, written: None })
+        let parameter = parameter::find(&self.parameters, name, |name| parameter_at(&self.file, name))?;
+        self.queue(ParameterAccess { parameter, written: None, is_diagnosis: false })
     }
 
     /// Writes a parameter. [`DriveEvent::Answer`] has the device's answer.
@@ -187,7 +184,7 @@ impl DrivenDevice {
     ///
     /// The file does not have it or says that it is read-only, the value does not fit, or too many accesses wait.
     pub fn write_parameter(&mut self, name: &str, value: &str) -> Result<(), DriveError> {
-        let parameter = parameter::find(&self.parameters, name, |name| self.stack.parameter_at(name))?;
+        let parameter = parameter::find(&self.parameters, name, |name| parameter_at(&self.file, name))?;
         if parameter.is_read_only {
             return Err(DriveError::NotWritable {
                 kind: "parameter",
@@ -196,7 +193,7 @@ impl DrivenDevice {
             });
         }
         let written = Some(parameter.encode(value)?);
-        self.queue(ParameterAccess { parameter, written })
+        self.queue(ParameterAccess { parameter, written, is_diagnosis: false })
     }
 
     fn queue(&mut self, access: ParameterAccess) -> Result<(), DriveError> {
@@ -209,16 +206,20 @@ impl DrivenDevice {
         Ok(())
     }
 
-    /// Ends the connection as the bus requires; [`DriveEvent::Down`] reports the end.
-    pub fn disconnect(&mut self, now: Instant) {
-        self.is_leaving = true;
-        self.stack.disconnect(now);
+    /// Returns its name among the devices of the bus.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
-    /// Returns the name of the bus.
-    #[must_use]
-    pub const fn bus(&self) -> &'static str {
-        self.stack.bus()
+    /// Returns whether an output has this name.
+    pub(crate) fn has_output(&self, name: &str) -> bool {
+        self.outputs.find(name).is_some()
+    }
+
+    /// Returns whether a parameter has this name or place.
+    pub(crate) fn has_parameter(&self, name: &str) -> bool {
+        parameter::find(&self.parameters, name, |name| parameter_at(&self.file, name)).is_ok()
     }
 
     /// Returns the inputs; `None` while none come that count.
@@ -258,10 +259,10 @@ impl DrivenDevice {
         &self.parameters
     }
 
-    /// Returns whether data are exchanged.
+    /// Returns whether data are exchanged, as of the last millisecond.
     #[must_use]
-    pub fn is_up(&self) -> bool {
-        self.stack.is_up()
+    pub const fn is_up(&self) -> bool {
+        self.is_up
     }
 
     /// Returns whether data were ever exchanged.
@@ -282,10 +283,10 @@ impl DrivenDevice {
         self.differs
     }
 
-    /// Returns the counters of the cyclic data.
+    /// Returns the counters of the cyclic data, at most a millisecond old.
     #[must_use]
-    pub fn counters(&self) -> Counters {
-        self.stack.counters()
+    pub const fn counters(&self) -> Counters {
+        self.counters
     }
 
     /// Returns the intervals between cyclic data of the device.

@@ -12,7 +12,8 @@ use ethernet_ip::{Connection, ConnectionConfig, ConnectionId, Scanner, ScannerCo
 use machine::{Duration, Instant};
 
 use self::members::{PlacedMember, members};
-use crate::config::{DriveConfig, DriveError};
+use crate::config::{BusConfig, DriveConfig, DriveError};
+use crate::file_device::OpenedDevice;
 use crate::parameter::{DeviceParameter, ParameterAccess, ParameterTarget};
 use crate::signal::{Signal, SignalType};
 use crate::table::SignalTable;
@@ -30,32 +31,39 @@ const READ_ONLY: u32 = 0x10;
 /// Longest configuration data in bytes, so that the Forward_Open fits into an unconnected message.
 const MOST_CONFIGURATION: u16 = 400;
 
-/// Opens the scanner with one connection.
-pub(crate) fn open(
+/// Opens the scanner without a connection.
+pub(crate) fn open(bus: &BusConfig, now: Instant) -> Result<Scanner, DriveError> {
+    let own = bus.address.ok_or(DriveError::NoAddress)?;
+    let scanner = Scanner::new(ScannerConfig {
+        vendor: VENDOR,
+        serial_number: bus.seed as u32 ^ serial_number(bus),
+        first_id: (bus.seed >> 16) as u32,
+    });
+    Ok(scanner.with_conflict_detection(bus.mac, own, bus.mask, now))
+}
+
+/// Adds the connection of a device.
+pub(crate) fn connect(
+    scanner: &mut Scanner,
     eds: &Eds,
     chosen: &ChosenAdapter,
     config: &DriveConfig,
     now: Instant,
-) -> Result<(Scanner, ConnectionId, SignalTable, SignalTable), DriveError> {
-    let own = config.address.ok_or(DriveError::NoAddress)?;
+) -> Result<(ConnectionId, OpenedDevice), DriveError> {
     let target = config.device_address.ok_or(DriveError::NoDeviceAddress)?;
     let connection = eds.connections.iter().find(|it| it.number == chosen.connection);
     let connection =
         connection.ok_or_else(|| DriveError::File("the chosen connection is not in the file".to_owned()))?;
-    if is_null(&connection.t_to_o) || chosen.consumed.is_some() && is_null(&connection.o_to_t) {
+    let is_null_each = (is_null(&connection.o_to_t), is_null(&connection.t_to_o));
+    let is_null = is_null_each == (true, true);
+    if !is_null && (is_null_each.1 || chosen.consumed.is_some() && is_null_each.0) {
         let fault = format!(
-            "connection `{}`: the file allows it as a null connection only, which carries no data; choose another one with \
+            "connection `{}`: the file allows null in one direction only, which no connection has; choose another one with \
              --connection",
             device_files::excerpt(&connection.name)
         );
         return Err(DriveError::File(fault));
     }
-    let mut scanner = Scanner::new(ScannerConfig {
-        vendor: VENDOR,
-        serial_number: config.seed as u32 ^ serial_number(config),
-        first_id: (config.seed >> 16) as u32,
-    })
-    .with_conflict_detection(config.mac, own, config.mask, now);
     let (consumed_format, o_t_size) = match &chosen.consumed {
         Some(consumed) => (format(&connection.o_to_t), consumed.size),
         None => (RealTimeFormat::Heartbeat, 0),
@@ -87,12 +95,17 @@ pub(crate) fn open(
         retry_after: Duration::from_secs(1),
     };
     let id = scanner.connect(settings, now).map_err(|error| DriveError::Bus(error.to_string()))?;
-    let inputs = table(eds, &connection.t_to_o, Some(&chosen.produced))?;
-    let outputs = table(eds, &connection.o_to_t, chosen.consumed.as_ref())?;
+    let produced = Some(&chosen.produced).filter(|_| !is_null);
+    let consumed = chosen.consumed.as_ref().filter(|_| !is_null);
+    let inputs = table(eds, &connection.t_to_o, produced)?;
+    let outputs = table(eds, &connection.o_to_t, consumed)?;
     if let Some(connection) = scanner.connection_mut(id) {
         connection.set_run(config.is_running);
+        if is_null {
+            connection.make_null();
+        }
     }
-    Ok((scanner, id, inputs, outputs))
+    Ok((id, OpenedDevice { inputs, outputs, parameters: parameters(eds) }))
 }
 
 /// Returns whether a direction has no other connection type than null.
@@ -101,8 +114,8 @@ fn is_null(end: &ConnectionEnd) -> bool {
 }
 
 /// Returns a number that no other scanner of the network has: it is made of the MAC address.
-fn serial_number(config: &DriveConfig) -> u32 {
-    let [.., a, b, c] = config.mac.0;
+fn serial_number(bus: &BusConfig) -> u32 {
+    let [.., a, b, c] = bus.mac.0;
     u32::from_be_bytes([2, a, b, c])
 }
 
@@ -253,7 +266,7 @@ const fn kind(data_type: u16) -> SignalType {
 }
 
 /// Lists the parameters that have a path.
-pub(crate) fn parameters(eds: &Eds) -> Vec<DeviceParameter> {
+fn parameters(eds: &Eds) -> Vec<DeviceParameter> {
     let with_path = eds.parameters.iter().filter_map(|parameter| Some((parameter, path(&parameter.path)?)));
     with_path
         .map(|(parameter, path)| DeviceParameter {
@@ -293,6 +306,36 @@ pub(crate) fn by_place(name: &str) -> Option<DeviceParameter> {
         }
     }
     Some(crate::parameter::unnamed(name, ParameterTarget::Attribute(path)))
+}
+
+/// Place of the status of the Identity object.
+pub(crate) const STATUS: &str = "1/1/5";
+
+/// Says what the status of the Identity object reports (volume 1, table 5-2.4): faults in bits 8 to 11, and states in bits 4 to 7
+/// that are faults.
+#[must_use]
+pub fn identity_status(status: u16) -> Option<String> {
+    let faults = [
+        (1 << 8, "minor recoverable fault"),
+        (1 << 9, "minor unrecoverable fault"),
+        (1 << 10, "major recoverable fault"),
+        (1 << 11, "major unrecoverable fault"),
+    ];
+    let mut found: Vec<&str> =
+        faults.iter().filter(|(bit, _)| status & bit != 0).map(|(_, name)| *name).collect();
+    match status >> 4 & 0xF {
+        2 => found.push("an I/O connection has failed"),
+        4 => found.push("its stored configuration is bad"),
+        5 => found.push("its state is major fault"),
+        _ => {}
+    }
+    (!found.is_empty()).then(|| format!("identity status 0x{status:04X}: {}", found.join(", ")))
+}
+
+/// Says what the answer to a read of that status reports.
+pub(crate) fn earlier(bytes: &[u8]) -> Vec<String> {
+    let status = bytes.first_chunk().copied().map(u16::from_le_bytes);
+    status.and_then(identity_status).into_iter().collect()
 }
 
 pub(crate) fn number(text: &str) -> Option<u16> {

@@ -28,6 +28,8 @@ pub(crate) enum ParameterTarget {
     Record(u16, u16, u16),
     /// Object by index and subindex.
     Object(u16, u8),
+    /// All entries of an object, by complete access.
+    WholeObject(u16),
 }
 
 /// Access to a parameter: a read, or a write of these bytes.
@@ -35,6 +37,21 @@ pub(crate) enum ParameterTarget {
 pub(crate) struct ParameterAccess {
     pub(crate) parameter: DeviceParameter,
     pub(crate) written: Option<Vec<u8>>,
+    /// True for a read of the controller's own, which looks for what was wrong before the connection.
+    pub(crate) is_diagnosis: bool,
+}
+
+/// Faults that an answer to a read of the controller's own reports, and the reads that follow it.
+#[derive(Default, Debug)]
+pub(crate) struct Earlier {
+    pub(crate) words: Vec<String>,
+    pub(crate) reads: Vec<ParameterAccess>,
+}
+
+impl From<Vec<String>> for Earlier {
+    fn from(words: Vec<String>) -> Self {
+        Self { words, reads: Vec::new() }
+    }
 }
 
 /// Answer of the device about a parameter.
@@ -93,6 +110,11 @@ impl DeviceParameter {
 }
 
 impl ParameterAccess {
+    /// Makes a read of the controller's own, of a parameter by its place.
+    pub(crate) fn of_diagnosis(parameter: DeviceParameter) -> Self {
+        Self { parameter, written: None, is_diagnosis: true }
+    }
+
     /// Makes the answer of what the device said.
     pub(crate) fn answered(&self, result: Result<Vec<u8>, String>) -> ParameterAnswer {
         let DeviceParameter { signal, .. } = &self.parameter;

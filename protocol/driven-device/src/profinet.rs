@@ -10,12 +10,13 @@ use profinet::rt::Transport;
 use profinet::status::Status;
 use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Parameter as Record};
 
-use crate::config::{DriveConfig, DriveError};
+use crate::config::{BusConfig, DriveConfig, DriveError};
+use crate::file_device::OpenedDevice;
 use crate::parameter::{DeviceParameter, ParameterAccess, ParameterTarget};
 use crate::signal::{Signal, SignalType};
 use crate::table::{InputChange, SignalTable, TablePart};
 
-pub(crate) use alarm::describe;
+pub(crate) use alarm::{describe, earlier};
 
 /// Interval where neither the user nor the file gives a longer one.
 const DEFAULT_INTERVAL: Duration = Duration::from_millis(4);
@@ -35,25 +36,32 @@ const OWN: Description = Description {
     modules: &[],
 };
 
-/// Opens the controller with one AR.
-pub(crate) fn open(
+/// Opens the controller without an AR.
+pub(crate) fn open(bus: &BusConfig) -> Result<Controller, DriveError> {
+    let controller = Controller::new(ControllerConfig {
+        mac: bus.mac,
+        station_name: "skillbench-io".to_owned(),
+        address: bus.address.ok_or(DriveError::NoAddress)?,
+        mask: bus.mask,
+        description: OWN,
+        seed: bus.seed,
+    });
+    controller.map_err(refused)
+}
+
+fn refused(error: profinet::ConfigError) -> DriveError {
+    DriveError::Bus(error.to_string())
+}
+
+/// Adds the AR of a device.
+pub(crate) fn connect(
+    controller: &mut Controller,
     gsdml: &Gsdml,
     chosen: &ChosenIoDevice,
     config: &DriveConfig,
     now: Instant,
-) -> Result<(Controller, ArId, SignalTable, SignalTable), DriveError> {
-    let address = config.address.ok_or(DriveError::NoAddress)?;
+) -> Result<(ArId, OpenedDevice), DriveError> {
     let device_address = config.device_address.ok_or(DriveError::NoDeviceAddress)?;
-    let refused = |error: profinet::ConfigError| DriveError::Bus(error.to_string());
-    let mut controller = Controller::new(ControllerConfig {
-        mac: config.mac,
-        station_name: "skillbench-io".to_owned(),
-        address,
-        mask: config.mask,
-        description: OWN,
-        seed: config.seed,
-    })
-    .map_err(refused)?;
     let description = description(chosen)?;
     // MinDeviceInterval is in units of 31.25 us.
     let shortest = Duration::from_nanos(31_250 * u64::from(chosen.min_device_interval));
@@ -72,14 +80,18 @@ pub(crate) fn open(
     let id = controller.connect(settings, now).map_err(refused)?;
     if let Some(ar) = controller.ar_mut(id) {
         ar.keep_alarms();
+        ar.accept_long_records();
+        if gsdml.access_point(&chosen.access_point).is_some_and(|it| it.has_multiple_write) {
+            ar.write_together();
+        }
         ar.accept_differences();
     }
     let inputs = table(gsdml, chosen, |it| it.input_length, |it| &it.inputs);
     let outputs = table(gsdml, chosen, |it| it.output_length, |it| &it.outputs);
-    Ok((controller, id, inputs, outputs))
+    Ok((id, OpenedDevice { inputs, outputs, parameters: parameters(chosen) }))
 }
 
-/// Makes the description that the stack takes. It lives as long as the program, which drives one device.
+/// Makes the description that the stack takes. It lives as long as the program, which drives the same devices from its start to its end.
 fn description(chosen: &ChosenIoDevice) -> Result<Description, DriveError> {
     let mut modules = Vec::new();
     for module in &chosen.modules {
@@ -290,7 +302,7 @@ pub(crate) fn refused_record(ar: &mut Ar) -> Option<String> {
 }
 
 /// Lists the records of the chosen submodules.
-pub(crate) fn parameters(chosen: &ChosenIoDevice) -> Vec<DeviceParameter> {
+fn parameters(chosen: &ChosenIoDevice) -> Vec<DeviceParameter> {
     let mut parameters = Vec::new();
     for (slot, submodule) in submodules(chosen) {
         for record in submodule.records.iter().filter(|record| !record.is_safety) {
@@ -323,6 +335,9 @@ pub(crate) fn by_place(name: &str) -> Option<DeviceParameter> {
 
 /// Place of the record that lists the modules of a device: RealIdentificationData of API 0.
 pub const MODULES_RECORD: &str = "0.1:0xF000";
+
+/// Place of the record with the diagnosis of the whole device.
+pub(crate) const DIAGNOSIS_RECORD: &str = "0.1:0xF80C";
 
 /// Reads the modules of a device from that record; `None` if it is another one.
 #[must_use]

@@ -1,4 +1,4 @@
-//! The device as time passes: script, reports and frames.
+//! The devices as time passes: script, reports and frames.
 
 use std::net::Ipv4Addr;
 
@@ -8,7 +8,10 @@ use machine::{
     StreamRequest, Transmit,
 };
 
+use crate::bus::DrivenBus;
 use crate::device::{DriveEvent, DrivenDevice};
+use crate::earlier;
+use crate::parameter::ParameterAccess;
 use crate::stack::{Stack, stack};
 use crate::table::InputChange;
 use crate::value::SignalValue;
@@ -26,13 +29,9 @@ impl DrivenDevice {
         }
     }
 
-    /// Takes over cyclic data that have arrived.
-    fn follow(&mut self, now: Instant) {
-        if !self.stack.poll_received() {
-            return;
-        }
-        while self.stack.poll_received() {}
-        let change = self.stack.read_inputs(&mut self.inputs);
+    /// Takes over cyclic data that have arrived for the device of this number.
+    fn follow(&mut self, now: Instant, stack: &Stack, number: usize) {
+        let change = stack.read_inputs(number, &mut self.inputs);
         self.is_changed |= change == InputChange::Changed || !self.has_inputs;
         self.has_inputs = change != InputChange::Invalid;
         if self.has_inputs {
@@ -40,7 +39,13 @@ impl DrivenDevice {
         }
     }
 
-    fn tick(&mut self, now: Instant) {
+    /// Gives the outputs to the stack.
+    pub(crate) fn write_outputs(&mut self, stack: &mut Stack, number: usize) {
+        self.is_written = true;
+        stack.write_outputs(number, &self.outputs, self.is_running);
+    }
+
+    fn tick(&mut self, now: Instant, stack: &mut Stack, number: usize) {
         if self.run_at.is_some_and(|at| at <= now) {
             self.run(true);
         }
@@ -52,11 +57,14 @@ impl DrivenDevice {
                 let _ = self.outputs.set(&placed.signal, &value);
             }
         }
-        if !self.scripted.is_empty() {
-            self.write_outputs();
+        if !self.scripted.is_empty() || !self.is_written {
+            self.write_outputs(stack, number);
         }
-        self.follow_accesses(now);
-        self.follow_alarms();
+        (self.is_up, self.counters) = (stack.is_up(number), stack.counters(number));
+        self.follow_accesses(now, stack, number);
+        while let Some(words) = stack.poll_alarm(number, &self.file) {
+            self.report(DriveEvent::Alarm(words));
+        }
         let is_due = self.reported_at.is_none_or(|at| at + self.report_every <= now);
         if self.is_changed && self.has_inputs && is_due {
             (self.is_changed, self.reported_at) = (false, Some(now));
@@ -64,54 +72,65 @@ impl DrivenDevice {
         }
     }
 
-    fn follow_accesses(&mut self, now: Instant) {
+    fn follow_accesses(&mut self, now: Instant, stack: &mut Stack, number: usize) {
         if let Some(asked) = self.asked.take() {
-            match self.stack.answer() {
+            match stack.answer(number) {
+                Some(result) if asked.is_diagnosis => self.note_earlier(&asked, result),
                 Some(result) => self.report(DriveEvent::Answer(asked.answered(result))),
                 None => self.asked = Some(asked),
             }
         }
-        if self.asked.is_some() || !self.stack.is_up() {
+        if self.asked.is_some() || !self.is_up {
             return;
         }
         let Some(access) = self.accesses.pop_front() else { return };
-        match self.stack.access(now, &access) {
+        match stack.access(now, number, &access) {
             Ok(()) => self.asked = Some(access),
+            Err(_) if access.is_diagnosis => {}
             Err(reason) => self.report(DriveEvent::Answer(access.answered(Err(reason)))),
         }
     }
 
-    fn follow_alarms(&mut self) {
-        while let Some(words) = self.stack.poll_alarm(&self.file) {
-            self.report(DriveEvent::Alarm(words));
-        }
+    /// Notes the answer to a read of what was wrong before the connection. A device need not have it, so a refusal is nothing.
+    fn note_earlier(&mut self, asked: &ParameterAccess, result: Result<Vec<u8>, String>) {
+        let Ok(bytes) = result else { return };
+        let earlier = earlier::read(&self.file, &asked.parameter.target, &bytes);
+        earlier.words.into_iter().for_each(|words| self.report(DriveEvent::Earlier(words)));
+        earlier.reads.into_iter().rev().for_each(|read| self.accesses.push_front(read));
     }
 
     /// Notes an event of the connection, and what is known with it.
-    fn note(&mut self, event: LinkEvent) {
+    fn note(&mut self, event: LinkEvent, stack: &mut Stack, number: usize) {
         match event {
             LinkEvent::Up => {
                 (self.has_been_up, self.was_lost) = (true, false);
-                let identity = self.stack.identity(&self.chosen);
+                let identity = stack.identity(number, &self.chosen);
                 self.report(DriveEvent::Identity(identity));
-                for difference in self.stack.differences(&self.chosen) {
+                for difference in stack.differences(number, &self.chosen) {
                     self.differs = true;
                     self.report(DriveEvent::Difference(difference));
                 }
-                self.write_outputs();
-                self.report(DriveEvent::Up);
+                self.write_outputs(stack, number);
+                self.accesses.retain(|access| !access.is_diagnosis);
+                let first = earlier::first(&self.chosen);
+                first.into_iter().rev().for_each(|read| self.accesses.push_front(read));
+                self.report(if stack.is_null(number) { DriveEvent::Configured } else { DriveEvent::Up });
             }
             LinkEvent::Down(down) => {
-                let details = self.stack.explain();
+                let details = stack.explain(number);
                 self.was_lost |= !self.is_leaving;
                 // A device that is not that of the file refuses, or is refused.
                 self.differs |= down.cause == DownCause::Refused;
                 self.has_inputs = false;
                 self.arrivals.pause();
+                if let Some(asked) = self.asked.take_if(|asked| asked.is_diagnosis) {
+                    // Taken, so that the stack accepts the next access; it is asked again after the next connection.
+                    drop((asked, stack.answer(number)));
+                }
                 if let Some(asked) = self.asked.take() {
                     // Taken also without a use for it, so that the stack accepts the next access.
                     let lost = || Err("the connection ended before the answer; ask again".to_owned());
-                    let result = self.stack.answer().unwrap_or_else(lost);
+                    let result = stack.answer(number).unwrap_or_else(lost);
                     self.report(DriveEvent::Answer(asked.answered(result)));
                 }
                 self.report(DriveEvent::Down(down, details));
@@ -120,11 +139,26 @@ impl DrivenDevice {
             LinkEvent::SetAddress { .. } | LinkEvent::Store | LinkEvent::Foreign(_) | LinkEvent::Owner(_) => {
             }
         }
+        (self.is_up, self.counters) = (stack.is_up(number), stack.counters(number));
     }
 }
 
-impl Machine for DrivenDevice {
-    type Event = DriveEvent;
+impl DrivenBus {
+    /// Takes over cyclic data that have arrived.
+    fn follow(&mut self, now: Instant) {
+        let mut received = self.stack.poll_received();
+        while let Some(number) = received {
+            received = self.stack.poll_received();
+            // A device whose data came twice has only the newer ones.
+            if let Some(device) = self.devices.get_mut(number).filter(|_| received != Some(number)) {
+                device.follow(now, &self.stack, number);
+            }
+        }
+    }
+}
+
+impl Machine for DrivenBus {
+    type Event = (usize, DriveEvent);
 
     fn ports(&self) -> &[PortRequest] {
         stack!(&self.stack, machine => machine.ports())
@@ -166,7 +200,9 @@ impl Machine for DrivenDevice {
 
     fn handle_timeout(&mut self, now: Instant) {
         if self.next_tick <= now {
-            self.tick(now);
+            for (number, device) in self.devices.iter_mut().enumerate() {
+                device.tick(now, &mut self.stack, number);
+            }
             self.next_tick = now + TICK;
         }
         stack!(&mut self.stack, machine => machine.handle_timeout(now));
@@ -174,15 +210,26 @@ impl Machine for DrivenDevice {
     }
 
     fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        if std::mem::take(&mut self.is_touched) {
+            for (number, device) in self.devices.iter_mut().enumerate().filter(|(_, it)| !it.is_written) {
+                device.write_outputs(&mut self.stack, number);
+            }
+        }
         stack!(&mut self.stack, machine => machine.poll_transmit(now, buf))
     }
 
-    fn poll_event(&mut self) -> Option<DriveEvent> {
-        while self.events.is_empty() {
-            let event = self.stack.poll_link()?;
-            self.note(event);
+    fn poll_event(&mut self) -> Option<(usize, DriveEvent)> {
+        loop {
+            let mut devices = self.devices.iter_mut().enumerate();
+            let event = devices.find_map(|(number, device)| Some((number, device.events.pop_front()?)));
+            if event.is_some() {
+                return event;
+            }
+            let (number, event) = self.stack.poll_link()?;
+            if let Some(device) = self.devices.get_mut(number) {
+                device.note(event, &mut self.stack, number);
+            }
         }
-        self.events.pop_front()
     }
 
     fn poll_timeout(&self) -> Option<Instant> {

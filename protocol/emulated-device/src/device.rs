@@ -116,6 +116,7 @@ impl EmulatedDevice {
         let bus = match kind {
             FaultKind::Alarm | FaultKind::ModuleGone => Some("PROFINET"),
             FaultKind::Emergency | FaultKind::OutOfOp | FaultKind::WorkingCounter => Some("EtherCAT"),
+            kind if kind.mail_fault().is_some() => Some("EtherCAT"),
             _ => None,
         };
         if let Some(bus) = bus.filter(|bus| *bus != self.bus()) {

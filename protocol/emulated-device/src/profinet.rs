@@ -54,7 +54,7 @@ pub(crate) fn open(
     };
     let (inputs, outputs) = (image(|it| it.input_len), image(|it| it.output_len));
     let station_name = station_name(chosen, config);
-    let device = Device::new(
+    let mut device = Device::new(
         DeviceConfig {
             mac: config.mac,
             station_name,
@@ -67,6 +67,7 @@ pub(crate) fn open(
         },
         now,
     );
+    device.accept_long_records();
     Ok((device, inputs, outputs))
 }
 

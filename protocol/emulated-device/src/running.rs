@@ -12,7 +12,7 @@ use crate::device::{DeviceEvent, EmulatedDevice};
 use crate::faults::{Alteration, FaultPhase};
 use crate::playback::PlacedInput;
 use crate::script::FaultKind;
-use crate::stack::{Stack, open, raise, stack};
+use crate::stack::{Stack, diagnosis, open, raise, stack};
 
 /// Time between two values of the script.
 const TICK: Duration = Duration::from_millis(1);
@@ -53,13 +53,18 @@ impl EmulatedDevice {
     }
 
     fn follow_faults(&mut self, now: Instant) {
+        let mut is_changed = false;
         for at in 0..self.faults.len() {
             let Some(fault) = self.faults.get_mut(at) else { return };
             if fault.follow(now) {
+                is_changed = true;
                 let event = DeviceEvent::Fault(fault.fault.kind, fault.phase == FaultPhase::Active);
                 self.report(event);
             }
             self.apply(at);
+        }
+        if is_changed {
+            self.keep_lasting();
         }
         let active = |kind| self.faults.iter().any(move |fault| fault.is_active(kind));
         let missing = self.faults.iter().find(|fault| fault.is_active(FaultKind::ModuleGone));
@@ -72,6 +77,22 @@ impl EmulatedDevice {
         };
         if wanted != self.alteration {
             self.restart(now, wanted);
+        }
+    }
+
+    /// Gives the stack what lasts: the alarms that are active as the diagnosis of an IO-Device, for controllers that connect later,
+    /// and the fault of a mailbox.
+    fn keep_lasting(&mut self) {
+        match &mut self.stack {
+            Stack::Profinet(device) => {
+                let active = self.faults.iter().filter(|fault| fault.is_active(FaultKind::Alarm));
+                device.set_diagnosis(active.map(|timed| diagnosis(&timed.fault)).collect());
+            }
+            Stack::Ethercat(segment, id) => {
+                let active = self.faults.iter().filter(|fault| fault.phase == FaultPhase::Active);
+                segment.set_mail_fault(*id, active.filter_map(|fault| fault.fault.kind.mail_fault()).next());
+            }
+            Stack::EthernetIp(_) => {}
         }
     }
 
@@ -135,6 +156,7 @@ impl EmulatedDevice {
         // The changed device has the form of the first one.
         let Ok((stack, inputs, outputs)) = open(&self.chosen, &wanted, &self.config, now) else { return };
         self.stack = stack;
+        self.keep_lasting();
         self.closing.extend(self.streams.drain(..));
         self.alteration = wanted;
         let kept: Vec<_> = self.playback.drain(..).map(|placed| placed.input).collect();

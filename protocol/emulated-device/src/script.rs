@@ -13,6 +13,7 @@
 //! kind = "silent"
 //! ```
 
+use ethercat_subdevice::MailFault;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -224,6 +225,39 @@ pub enum FaultKind {
     OutOfOp,
     /// EtherCAT: its process data do not count in the working counter.
     WorkingCounter,
+    /// EtherCAT: no answer comes by the mailbox.
+    MailboxLost,
+    /// EtherCAT: the answer to a request by the mailbox comes after the next request.
+    MailboxLate,
+    /// EtherCAT: each answer by the mailbox comes twice.
+    MailboxDoubled,
+    /// EtherCAT: all answers by the mailbox have the same counter.
+    MailboxCounter,
+    /// EtherCAT: the header of answers by the mailbox has a length beyond it.
+    MailboxLength,
+    /// EtherCAT: the header of answers by the mailbox names another protocol.
+    MailboxProtocol,
+    /// EtherCAT: segments of objects have the wrong toggle bit.
+    MailboxToggle,
+    /// EtherCAT: requests by the mailbox are answered by an error of the mailbox.
+    MailboxError,
+}
+
+impl FaultKind {
+    /// Returns the fault of a mailbox that it is.
+    pub(crate) const fn mail_fault(self) -> Option<MailFault> {
+        Some(match self {
+            Self::MailboxLost => MailFault::Lost,
+            Self::MailboxLate => MailFault::Late,
+            Self::MailboxDoubled => MailFault::Doubled,
+            Self::MailboxCounter => MailFault::Counter,
+            Self::MailboxLength => MailFault::Length,
+            Self::MailboxProtocol => MailFault::Protocol,
+            Self::MailboxToggle => MailFault::Toggle,
+            Self::MailboxError => MailFault::Error,
+            _ => return None,
+        })
+    }
 }
 
 /// Reason why a text is not a script, or does not fit the device.

@@ -6,6 +6,7 @@ use ethernet_ip::Adapter;
 use machine::Instant;
 use profinet::Device;
 use profinet::alarm::{AlarmHead, Notification, Priority};
+use profinet::record::Diagnosis;
 
 use crate::config::{EmulationConfig, EmulationError};
 use crate::faults::Alteration;
@@ -139,6 +140,27 @@ pub(crate) fn idents(device: &ChosenIoDevice, fault: &ScriptedFault) -> Option<(
     Some((module.ident, submodule.ident))
 }
 
+/// UserStructureIdentifier of ChannelDiagnosisData.
+const CHANNEL_DIAGNOSIS: u16 = 0x8000;
+
+/// ChannelProperties.Specifier, bits 11 and 12.
+const APPEARING: u16 = 1 << 11;
+const DISAPPEARING: u16 = 2 << 11;
+
+/// Returns the diagnosis of a channel as the device keeps it.
+pub(crate) fn diagnosis(fault: &ScriptedFault) -> Diagnosis {
+    let words = [fault.channel, APPEARING, fault.code].map(u16::to_be_bytes);
+    Diagnosis {
+        api: 0,
+        slot: fault.slot,
+        subslot: fault.subslot,
+        channel: fault.channel,
+        properties: APPEARING,
+        identifier: CHANNEL_DIAGNOSIS,
+        data: words.as_flattened().to_vec(),
+    }
+}
+
 /// Sends a diagnosis of a channel, appearing or disappearing (IEC 61158-6-10, ChannelDiagnosisData). Returns whether it is on its
 /// way.
 pub(crate) fn raise(
@@ -149,10 +171,7 @@ pub(crate) fn raise(
 ) -> bool {
     const APPEARS: u16 = 1;
     const DISAPPEARS: u16 = 0x0C;
-    // UserStructureIdentifier of ChannelDiagnosisData.
-    const CHANNEL_DIAGNOSIS: u16 = 0x8000;
-    // ChannelProperties.Specifier, bits 11 and 12.
-    let specifier: u16 = if appears { 1 << 11 } else { 2 << 11 };
+    let specifier = if appears { APPEARING } else { DISAPPEARING };
     // AlarmSpecifier: channel diagnosis, state of the submodule, state of the AR.
     let pending: u16 = if appears { 1 << 11 | 1 << 13 | 1 << 15 } else { 0 };
     let ChosenDevice::Gsdml(chosen) = chosen else { return false };

@@ -6,12 +6,15 @@ use ethercrab::{DefaultLock, MainDevice, RegisterAddress, SubDevice, SubDeviceGr
 use machine::{Duration, Instant};
 
 use crate::al::{self, REQUEST_OP, REQUEST_SAFE_OP, Status};
+use crate::coe::SdoObject;
 use crate::commissioning::StartupWrite;
 use crate::config::{Config, MAX_DEVICES, MAX_PROCESS_DATA};
 use crate::held::HeldStage;
 use crate::problem::{FoundDevice, Problem};
 use crate::process::{PROCESS, Process};
 use crate::recovery::TO_OP;
+use crate::sdo::access;
+use crate::sdo_fault::SdoFault;
 use crate::time;
 
 /// Watchdog divider (register 0x0400) for steps of 100 µs: 2 + 2498 periods of 25 MHz.
@@ -74,14 +77,17 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<(
 /// Writes what the owner wants in PRE-OP to the first device.
 async fn write_startup(main: &MainDevice<'_>, group: &GroupIn<PreOp>) -> Result<(), Problem> {
     let writes = PROCESS.with_borrow_mut(|process| process.commissioning().startup.clone());
-    for StartupWrite { index, subindex, data } in writes {
-        let refused = |error| match error {
+    for StartupWrite { index, subindex, is_complete, data } in writes {
+        let refused = |fault| match fault {
             // A lost frame is not an answer of the device.
-            Error::Timeout(_) | Error::WorkingCounter { .. } => Problem::of_start(error, 1),
-            error => Problem::Startup { index, subindex, error },
+            SdoFault::Cable(error @ (Error::Timeout(_) | Error::WorkingCounter { .. })) => {
+                Problem::of_start(error, 1)
+            }
+            fault => Problem::Startup { index, subindex, fault },
         };
-        let device = group.subdevice(main, 0).map_err(refused)?;
-        device.sdo_write(index, subindex, data.as_slice()).await.map_err(refused)?;
+        let device = group.subdevice(main, 0).map_err(|error| refused(error.into()))?;
+        let object = SdoObject { index, subindex, is_complete };
+        access(main, device.configured_address(), object, Some(&data)).await.map_err(refused)?;
     }
     Ok(())
 }

@@ -204,6 +204,6 @@ impl Cable {
             received.copy_from_slice(header);
             at += HEADER + usize::from(u16::from_le_bytes([low, high]) & LENGTH) + 2;
         }
-        self.part.get(..end).map(|part| (slot.driven_index(), part))
+        self.part.get(..end).map(|part| (slot.driven, part))
     }
 }

@@ -11,7 +11,9 @@ pub struct StartupWrite {
     pub index: u16,
     /// Subindex.
     pub subindex: u8,
-    /// Data in the byte order of the wire, at most [`LONGEST_WRITE`] bytes.
+    /// True for all entries from the subindex on, 0 or 1, at once: complete access.
+    pub is_complete: bool,
+    /// Data in the byte order of the wire, at most [`LONGEST_OBJECT`] bytes.
     pub data: Vec<u8>,
 }
 
@@ -22,17 +24,17 @@ pub struct SdoRequest {
     pub index: u16,
     /// Subindex.
     pub subindex: u8,
-    /// Bytes to read: 1, 2, 4 or 8.
-    pub len: usize,
-    /// Data to write, at most [`LONGEST_WRITE`] bytes; none for a read.
+    /// True for all entries from the subindex on, 0 or 1, at once: complete access.
+    pub is_complete: bool,
+    /// Data to write, at most [`LONGEST_OBJECT`] bytes; none for a read.
     pub data: Option<Vec<u8>>,
 }
 
 /// Data read, nothing of a write, or why not.
 pub type SdoAnswer = Result<Vec<u8>, String>;
 
-/// Longest data in bytes that can be written to an object: ethercrab writes expedited SDOs only.
-pub const LONGEST_WRITE: usize = 4;
+/// Longest data in bytes that are read from an object or written to it.
+pub const LONGEST_OBJECT: usize = 65_536;
 
 /// Reason why a request for an object is not sent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -43,7 +45,7 @@ pub enum SdoRefusal {
     NoMailbox,
     /// An earlier request is being answered, or its answer was not taken.
     Busy,
-    /// More bytes than [`LONGEST_WRITE`] are to be written.
+    /// More bytes than [`LONGEST_OBJECT`] are to be written.
     TooLong(usize),
 }
 
@@ -60,7 +62,7 @@ impl fmt::Display for SdoRefusal {
             Self::TooLong(len) => {
                 write!(
                     f,
-                    "{len} bytes: at most {LONGEST_WRITE} can be written; use the maker's tool for longer objects"
+                    "{len} bytes: at most {LONGEST_OBJECT} can be written; use the maker's tool for longer objects"
                 )
             }
         }
@@ -101,7 +103,7 @@ impl Commissioning {
             return Err(SdoRefusal::Busy);
         }
         let written = request.data.as_ref().map_or(0, Vec::len);
-        if written > LONGEST_WRITE {
+        if written > LONGEST_OBJECT {
             return Err(SdoRefusal::TooLong(written));
         }
         self.sdo = SdoAccess::Waiting(request);

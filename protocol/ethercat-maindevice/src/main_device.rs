@@ -43,13 +43,32 @@ impl fmt::Display for TooManyDevices {
 
 impl std::error::Error for TooManyDevices {}
 
+/// Error: positions that devices cannot have.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+pub enum PositionError {
+    /// Another number of positions than of devices.
+    #[error("{positions} positions for {devices} devices: give each device its position")]
+    Number {
+        /// Number of positions.
+        positions: usize,
+        /// Number of devices.
+        devices: usize,
+    },
+    /// A position of two devices, from 0.
+    #[error("position {} is that of two devices; give each its own", .0 + 1)]
+    Twice(u16),
+    /// A position beyond the last one.
+    #[error(transparent)]
+    TooMany(#[from] TooManyDevices),
+}
+
 /// A MainDevice that drives the devices of its [`Config`], each on its own: it brings them to OP and exchanges process data
 /// with each cycle. When a device leaves OP, is cut off, missing or another one than expected, the MainDevice reports this for
 /// the device and brings it to OP as soon as possible; the others exchange their data meanwhile. It changes nothing while
 /// another MainDevice drives the devices.
 ///
 /// Devices after the last expected one are left as they are, unless there is only one expected device: then they are refused.
-/// [`from_position`](Self::from_position) leaves all others as they are.
+/// [`at_positions`](Self::at_positions) leaves all others as they are.
 #[derive(Debug)]
 pub struct MainDevice {
     devices: Vec<Device>,
@@ -84,29 +103,42 @@ impl MainDevice {
     /// Creates a MainDevice that looks for its devices from `start` on.
     pub fn new(config: Config, start: Instant) -> Result<Self, TooManyDevices> {
         let is_alone = config.devices.len() == 1;
-        Self::of(config, 0, is_alone, start)
+        let positions: Vec<_> = (0..=u16::MAX).take(config.devices.len()).collect();
+        Self::of(config, &positions, is_alone, start)
     }
 
-    /// Creates a MainDevice whose first device is at this position on the cable, from 0. It changes nothing at the devices before
-    /// that one and after its last one.
-    pub fn from_position(position: u16, config: Config, start: Instant) -> Result<Self, TooManyDevices> {
-        Self::of(config, position, false, start)
+    /// Creates a MainDevice whose devices are at these positions on the cable, from 0: one for each device of the config. It
+    /// changes nothing at other devices.
+    pub fn at_positions(positions: &[u16], config: Config, start: Instant) -> Result<Self, PositionError> {
+        if positions.len() != config.devices.len() {
+            return Err(PositionError::Number { positions: positions.len(), devices: config.devices.len() });
+        }
+        let mut sorted = positions.to_vec();
+        sorted.sort_unstable();
+        match sorted.windows(2).find(|pair| pair.first() == pair.last()).and_then(<[u16]>::first) {
+            Some(position) => Err(PositionError::Twice(*position)),
+            None => Ok(Self::of(config, positions, false, start)?),
+        }
     }
 
-    fn of(config: Config, first: u16, is_alone: bool, start: Instant) -> Result<Self, TooManyDevices> {
+    fn of(config: Config, positions: &[u16], is_alone: bool, start: Instant) -> Result<Self, TooManyDevices> {
         let count = config.devices.len();
-        let last = usize::from(first) + count;
-        let number =
-            u16::try_from(count).ok().filter(|_| last <= MOST_DEVICES).ok_or(TooManyDevices(last))?;
+        let range =
+            (positions.iter().min().copied().unwrap_or(0), positions.iter().max().copied().unwrap_or(0));
+        let last = count.max(usize::from(range.1) + usize::from(count > 0));
+        if last > MOST_DEVICES {
+            return Err(TooManyDevices(last));
+        }
         let mut deadlines = Deadlines::new();
-        let device = |(index, device)| {
-            let slot = Slot { index: first + index, first, count: number, grid: start };
+        let device = |(driven, (index, device))| {
+            let slot = Slot { index, driven, range, grid: start };
             let config = Config { devices: vec![device], ..config.clone() };
             let main = GroupMainDevice::at((!is_alone).then_some(slot), config, start);
-            deadlines.set(index, main.poll_timeout());
+            deadlines.set(driven, main.poll_timeout());
             Device { main, slot, is_up: false }
         };
-        let devices: Vec<_> = (0..).zip(config.devices.iter().copied()).map(device).collect();
+        let devices = positions.iter().copied().zip(config.devices.iter().copied());
+        let devices: Vec<_> = (0..).zip(devices).map(device).collect();
         let [mut sending, mut reporting, mut received] = [const { Turns::new() }; 3];
         let mut due = Numbers::new();
         due.reserve(count);

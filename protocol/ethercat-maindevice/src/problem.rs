@@ -8,6 +8,7 @@ use machine::ethernet::Mac;
 use machine::{Down, DownCause};
 
 use crate::config::{ExpectedDevice, MAX_DEVICES};
+use crate::sdo_fault::SdoFault;
 use crate::slot::Slot;
 
 /// A device on the cable.
@@ -63,7 +64,7 @@ pub(crate) enum Problem {
     /// ethercrab panicked.
     Panic,
     /// A device refused what is written to it in PRE-OP.
-    Startup { index: u16, subindex: u8, error: Error },
+    Startup { index: u16, subindex: u8, fault: SdoFault },
     /// Any other error of ethercrab.
     Other(Error),
 }
@@ -206,8 +207,8 @@ impl Problem {
                 "place {} on the cable has device {driven_as}, which runs: restore the order of the devices",
                 of_cable(1)
             ),
-            Self::Startup { index, subindex, error } => {
-                write!(words, "start-up command 0x{index:04X}:{subindex:02X}: {error}; look whether the file is of this device")
+            Self::Startup { index, subindex, fault } => {
+                write!(words, "start-up command 0x{index:04X}:{subindex:02X}: {fault}; look whether the file is of this device")
             }
             Self::Other(error) => write!(words, "the EtherCAT devices could not be brought up: {error}"),
         }

@@ -38,14 +38,15 @@ const FMMU_ACTIVE: usize = 12;
 /// Bytes of a datagram's header.
 pub(crate) const HEADER: usize = 10;
 
-/// The place of a device among `count` driven devices of a cable.
+/// The place of a device among the driven devices of a cable.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Slot {
     /// Its position, from 0.
     pub(crate) index: u16,
-    /// Position of the first driven device, from 0.
-    pub(crate) first: u16,
-    pub(crate) count: u16,
+    /// Its number among the driven devices, from 0.
+    pub(crate) driven: u16,
+    /// Positions of the first and the last driven device, from 0.
+    pub(crate) range: (u16, u16),
     /// An instant of the grid on which all devices exchange process data.
     pub(crate) grid: Instant,
 }
@@ -56,16 +57,12 @@ impl Slot {
         usize::from(self.index) + 1
     }
 
-    /// Returns the place of the device among the driven ones, from 0.
-    pub(crate) const fn driven_index(self) -> u16 {
-        self.index.wrapping_sub(self.first)
-    }
-
-    /// Returns the number of the device that has this station address, if it is another driven one of this cable.
+    /// Returns the number of the device that has this station address, if it is another one from the first to the last driven
+    /// one of this cable.
     pub(crate) fn other_with_station(self, station: u16) -> Option<usize> {
         let index = station.checked_sub(FIRST_STATION)?;
-        let is_driven = index.checked_sub(self.first).is_some_and(|driven| driven < self.count);
-        (is_driven && index != self.index).then(|| usize::from(index) + 1)
+        let (first, last) = self.range;
+        ((first..=last).contains(&index) && index != self.index).then(|| usize::from(index) + 1)
     }
 
     /// Writes that the device is missing, and where to look.

@@ -26,7 +26,7 @@ pub use dictionary::PdoConfiguration;
 pub use esc::LocalClock;
 pub use event::{DeviceId, Event};
 pub use layout::{SyncManagerLayout, Usage, sync_managers};
-pub use mailbox::Emergency;
+pub use mailbox::{Emergency, MailFault};
 pub use segment::{Counters, DataError, Segment, SegmentEnd};
 pub use sii_image::sii_image;
 

@@ -17,7 +17,7 @@ use crate::al::{AlState, AlStatusCode};
 use crate::cabling::{Cabling, End, Place};
 use crate::config::DeviceConfig;
 use crate::event::{DeviceId, Event, Sink};
-use crate::mailbox::Emergency;
+use crate::mailbox::{Emergency, MailFault};
 use crate::subdevice::SubDevice;
 
 /// Ports that a segment needs. A chip ignores the destination address: MainDevices send to broadcast, to a group or to the
@@ -203,6 +203,13 @@ impl Segment {
     /// Reports an error to the MainDevice by CoE. Returns whether the device's mailbox runs and had room for it.
     pub fn raise(&mut self, id: DeviceId, emergency: Emergency) -> bool {
         self.devices.get_mut(id.0).is_some_and(|device| device.raise(emergency))
+    }
+
+    /// Sets the fault of the answers that a device gives by its mailbox; none for a good one. Emergencies have none.
+    pub fn set_mail_fault(&mut self, id: DeviceId, fault: Option<MailFault>) {
+        if let Some(device) = self.devices.get_mut(id.0) {
+            device.set_mail_fault(fault);
+        }
     }
 
     /// Returns name and content of the file that the MainDevice wrote.

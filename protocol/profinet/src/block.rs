@@ -48,6 +48,8 @@ block_types! {
     WriteRequest = 0x0008,
     /// Header of a Read.
     ReadRequest = 0x0009,
+    /// DiagnosisData.
+    DiagnosisData = 0x0010,
     /// I&M0: identification.
     IdentificationAndMaintenance0 = 0x0020,
     /// ARData.

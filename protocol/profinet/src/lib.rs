@@ -22,6 +22,7 @@ pub mod rpc;
 pub mod rt;
 mod search;
 mod station;
+mod station_setter;
 pub mod status;
 pub mod tag;
 mod uuid;
@@ -35,6 +36,7 @@ pub use provided::DataError;
 pub use record_reader::{RecordPlace, RecordReadError, RecordReader, RecordReaderConfig};
 pub use search::{FoundStation, Search, SearchConfig};
 pub use station::{Permanent, is_station_name};
+pub use station_setter::{StationChange, StationSetError, StationSetter, StationSetterConfig};
 pub use uuid::Uuid;
 
 use machine::ethernet::Mac;

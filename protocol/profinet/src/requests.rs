@@ -2,7 +2,7 @@
 
 use core::net::Ipv4Addr;
 
-use crate::rpc::{Header, Reassembly, Received};
+use crate::rpc::{BODY_CAPACITY, Header, Reassembly, Received};
 
 /// Largest number of stations whose requests are unfinished at the same time.
 const STATIONS: usize = 4;
@@ -24,7 +24,12 @@ struct Place {
 impl Requests {
     /// Allocates the memory of all places; nothing later allocates.
     pub(crate) fn new() -> Self {
-        let place = |_| Place { from: None, last_use: 0, reassembly: Reassembly::new() };
+        Self::with_capacity(BODY_CAPACITY)
+    }
+
+    /// Allocates the memory of all places for requests of at most this number of bytes.
+    pub(crate) fn with_capacity(capacity: usize) -> Self {
+        let place = |_| Place { from: None, last_use: 0, reassembly: Reassembly::with_capacity(capacity) };
         Self { places: core::array::from_fn(place), uses: 0 }
     }
 

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use device_files::Gsdml;
 use profinet::ReceivedAlarm;
+use profinet::record::{Diagnosis, parse_diagnosis};
 
 /// UserStructureIdentifiers of diagnosis by channel, and of the same with more values.
 const CHANNEL: u16 = 0x8000;
@@ -22,12 +23,33 @@ pub(crate) fn describe(gsdml: &Gsdml, alarm: &ReceivedAlarm) -> String {
     let mut words = format!("{} alarm of subslot {}.{}", kind(head.alarm_type), head.slot, head.subslot);
     let mut rest = alarm.items.as_slice();
     if let Some(identifier) = word(&mut rest) {
-        match identifier {
-            CHANNEL | EXTENDED_CHANNEL | QUALIFIED_CHANNEL => channels(gsdml, identifier, rest, &mut words),
-            _ => unit(gsdml, identifier, rest, &mut words),
-        }
+        structure(gsdml, identifier, rest, &mut words);
     }
     words
+}
+
+/// Says what a record of DiagnosisData has, in the words of the file.
+pub(crate) fn earlier(gsdml: &Gsdml, record: &[u8]) -> Vec<String> {
+    let Some(found) = parse_diagnosis(record) else {
+        return vec![format!("its diagnosis record of {} bytes cannot be read", record.len())];
+    };
+    let describe = |it: Diagnosis| {
+        let mut words = format!("diagnosis of subslot {}.{}", it.slot, it.subslot);
+        structure(gsdml, it.identifier, &it.data, &mut words);
+        words
+    };
+    found.into_iter().take(MOST_EARLIER).map(describe).collect()
+}
+
+/// Diagnoses of a device that are said.
+const MOST_EARLIER: usize = 64;
+
+/// Says data of a UserStructureIdentifier.
+fn structure(gsdml: &Gsdml, identifier: u16, data: &[u8], words: &mut String) {
+    match identifier {
+        CHANNEL | EXTENDED_CHANNEL | QUALIFIED_CHANNEL => channels(gsdml, identifier, data, words),
+        _ => unit(gsdml, identifier, data, words),
+    }
 }
 
 fn channels(gsdml: &Gsdml, identifier: u16, mut rest: &[u8], words: &mut String) {

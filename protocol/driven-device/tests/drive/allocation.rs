@@ -2,7 +2,7 @@
 
 use std::net::Ipv4Addr;
 
-use driven_device::{DriveEvent, DrivenDevice};
+use driven_device::{DriveEvent, DrivenBus};
 use emulated_device::{DeviceEvent, EmulatedDevice};
 use machine::ethernet::Mac;
 use machine::{
@@ -18,12 +18,12 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 
 /// Driven device with the number of allocations that its calls made.
 struct Counted {
-    device: DrivenDevice,
+    device: DrivenBus,
     allocations: u64,
 }
 
 impl Counted {
-    fn call<T>(&mut self, call: impl FnOnce(&mut DrivenDevice) -> T) -> T {
+    fn call<T>(&mut self, call: impl FnOnce(&mut DrivenBus) -> T) -> T {
         let before = allocation::count();
         let result = call(&mut self.device);
         self.allocations += allocation::count() - before;
@@ -32,7 +32,7 @@ impl Counted {
 }
 
 impl Machine for Counted {
-    type Event = DriveEvent;
+    type Event = (usize, DriveEvent);
 
     fn ports(&self) -> &[PortRequest] {
         self.device.ports()
@@ -78,7 +78,7 @@ impl Machine for Counted {
         self.call(|device| device.poll_transmit(now, buf))
     }
 
-    fn poll_event(&mut self) -> Option<DriveEvent> {
+    fn poll_event(&mut self) -> Option<(usize, DriveEvent)> {
         self.call(Machine::poll_event)
     }
 
@@ -112,12 +112,12 @@ fn ten_seconds_of_cyclic_data_and_of_scripted_outputs_allocate_nothing() {
         let mut pair = Pair::new(Counted { device, allocations: 0 }, emulated, pair_config());
         run_to(&mut pair, 5_000);
         let bus = pair.a().device.bus();
-        assert!(pair.a().device.is_up(), "{bus}");
-        let before = pair.a().device.counters().received;
+        assert!(pair.a().device.devices()[0].is_up(), "{bus}");
+        let before = pair.a().device.devices()[0].counters().received;
         assert!(allocation::arm(), "the counter is installed");
         pair.command_a(|counted, _| counted.allocations = 0);
         run_to(&mut pair, 15_000);
-        assert!(pair.a().device.counters().received - before > 900, "{bus}");
+        assert!(pair.a().device.devices()[0].counters().received - before > 900, "{bus}");
         assert_eq!(pair.a().allocations, 0, "{bus}");
         allocation::disarm();
     }

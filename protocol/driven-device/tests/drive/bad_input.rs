@@ -1,10 +1,13 @@
 //! Another device than the file's at the other end, and names and values that the device does not have.
 
 use device_files::DeviceChoice;
-use driven_device::{DriveConfig, DrivenDevice, OutputScript};
+use driven_device::{BusConfig, DrivenBus, OutputScript};
 use machine::Instant;
 
-use crate::cell::{Chosen, DrivenPair, EDS, ESI, GSDML, chosen, devices, drive_config, driven, emulated};
+use crate::cell::{
+    Chosen, DrivenPair, EDS, ESI, GSDML, bus_config, chosen, devices, drive_config, drive_file, driven,
+    emulated, file_device,
+};
 
 /// Drives one device by the file of another.
 fn between(expected: &Chosen, there: &Chosen) -> DrivenPair {
@@ -28,7 +31,10 @@ fn a_device_of_another_identity_is_refused_in_words() {
         cell.run_to(8_000);
         let texts = cell.texts();
         let bus = cell.pair.a().bus();
-        assert!(!cell.pair.a().is_up() && cell.pair.a().differs(), "{bus}: {texts:?}");
+        assert!(
+            !cell.pair.a().devices()[0].is_up() && cell.pair.a().devices()[0].differs(),
+            "{bus}: {texts:?}"
+        );
         let found = match bus {
             "EtherNet/IP" => "product code 78",
             "PROFINET" => "device",
@@ -47,7 +53,8 @@ fn a_device_with_other_sizes_is_refused_with_both() {
     cell.run_to(8_000);
     let texts = cell.texts();
     assert!(
-        cell.pair.a().differs() && texts.iter().any(|text| text.contains('8') && text.contains('9')),
+        cell.pair.a().devices()[0].differs()
+            && texts.iter().any(|text| text.contains('8') && text.contains('9')),
         "{texts:?}"
     );
     let esi = ESI.replace("<BitLen>15</BitLen>", "<BitLen>31</BitLen>");
@@ -67,7 +74,7 @@ fn one_wrong_submodule_is_said_and_the_rest_runs() {
         DrivenPair::between(driven(expected, "", &drive_config()), emulated(there.device.clone(), script));
     cell.run_to(5_000);
     let texts = cell.texts();
-    assert!(cell.pair.a().is_up() && cell.pair.a().differs(), "{texts:?}");
+    assert!(cell.pair.a().devices()[0].is_up() && cell.pair.a().devices()[0].differs(), "{texts:?}");
     let said =
         "difference slot 2: expected 2 analog outputs (0x00000042), found module 0x00000021; choose that one";
     assert!(texts.iter().any(|text| text == said), "{texts:?}");
@@ -84,7 +91,7 @@ fn a_record_that_the_device_refuses_is_said_and_the_data_run() {
     let mut cell = between(&devices()[1], &there);
     cell.run_to(5_000);
     let texts = cell.texts();
-    assert!(cell.pair.a().is_up(), "{texts:?}");
+    assert!(cell.pair.a().devices()[0].is_up(), "{texts:?}");
     let said = "alarm record 100 of subslot 2.1, 2 bytes: the device refuses it";
     assert!(texts.iter().any(|text| text.starts_with(said)), "{texts:?}");
 }
@@ -95,29 +102,32 @@ fn a_long_record_goes_in_fragments_and_one_that_fits_into_no_call_is_refused_wit
         let text = GSDML.replace("Index=\"100\" Length=\"2\"", &format!("Index=\"100\" Length=\"{len}\""));
         chosen("GSDML-V2.35-a.xml", &text, "[modules]\n1 = \"M_8DI\"\n2 = \"M_2AO\"\n")
     };
-    // Longer than three datagrams.
-    let long = of_length(4_096);
+    // Fifty datagrams.
+    let long = of_length(65_452);
     let mut cell = between(&long, &long);
     cell.run_to(5_000);
     let texts = cell.texts();
-    assert!(cell.pair.a().is_up() && !texts.iter().any(|text| text.starts_with("alarm")), "{texts:?}");
-    let Chosen { file, device } = of_length(4_097);
-    let made = DrivenDevice::new(file, device, OutputScript::default(), &drive_config(), Instant::ZERO);
+    assert!(
+        cell.pair.a().devices()[0].is_up() && !texts.iter().any(|text| text.starts_with("alarm")),
+        "{texts:?}"
+    );
+    let Chosen { file, device } = of_length(65_453);
+    let made = drive_file(file, device, OutputScript::default(), &drive_config());
     let said = made.unwrap_err().to_string();
     assert_eq!(
         said,
-        "parameter record 100 of slot 2 has 4097 bytes, more than the 4096 that fit: shorten it"
+        "parameter record 100 of slot 2 has 65453 bytes, more than the 65,452 that fit: shorten it"
     );
 }
 
 #[test]
-fn a_connection_that_the_file_allows_as_null_only_is_refused() {
-    for types in ["0x44110405", "0x44140405", "0x44610405"] {
+fn a_connection_that_the_file_allows_as_null_in_one_direction_only_is_refused() {
+    for types in ["0x44140405", "0x44610405"] {
         let Chosen { file, device } = chosen("a.eds", &EDS.replace("0x44640405", types), "");
-        let made = DrivenDevice::new(file, device, OutputScript::default(), &drive_config(), Instant::ZERO);
+        let made = drive_file(file, device, OutputScript::default(), &drive_config());
         assert_eq!(
             made.unwrap_err().to_string(),
-            "connection `Exclusive Owner`: the file allows it as a null connection only, which carries no data; choose another \
+            "connection `Exclusive Owner`: the file allows null in one direction only, which no connection has; choose another \
              one with --connection",
             "{types}"
         );
@@ -128,7 +138,7 @@ fn a_connection_that_the_file_allows_as_null_only_is_refused() {
 fn names_and_values_that_the_device_does_not_have_are_refused_with_what_it_has() {
     for chosen in devices() {
         let mut device = driven(&chosen, "", &drive_config());
-        let known = device.signals().1[0].name.clone();
+        let known = device.devices()[0].signals().1[0].name.clone();
         let said = device.set("nowhere", "1").unwrap_err().to_string();
         assert!(
             said.starts_with("output `nowhere` is not in the file; choose from ") && said.contains(&known),
@@ -140,18 +150,11 @@ fn names_and_values_that_the_device_does_not_have_are_refused_with_what_it_has()
         assert!(said.starts_with("parameter `nowhere` is not in the file; choose from "), "{said}");
         let script = |text: &str| OutputScript::from_toml(text).unwrap();
         let config = drive_config();
-        let made = |script| {
-            DrivenDevice::new(chosen.file.clone(), chosen.device.clone(), script, &config, Instant::ZERO)
-        };
+        let made = |script| drive_file(chosen.file.clone(), chosen.device.clone(), script, &config);
         assert!(made(script("[[outputs]]\nname = \"nowhere\"\nvalue = 1")).is_err());
-        let without = DriveConfig { address: None, ..drive_config() };
-        let made = DrivenDevice::new(
-            chosen.file.clone(),
-            chosen.device.clone(),
-            OutputScript::default(),
-            &without,
-            Instant::ZERO,
-        );
+        let without = BusConfig { address: None, ..bus_config() };
+        let device_without = file_device(&chosen, "device", drive_config());
+        let made = DrivenBus::new(vec![device_without], &without, Instant::ZERO);
         assert_eq!(made.is_ok(), device.bus() == "EtherCAT", "without an address");
     }
     let mut terminal = driven(&devices()[2], "", &drive_config());
@@ -167,7 +170,8 @@ fn data_of_a_safety_protocol_are_shown_as_bytes_and_never_set() {
     );
     let chosen = chosen("GSDML-V2.35-a.xml", &text, "[modules]\n1 = \"M_8DI\"\n2 = \"M_2AO\"\n");
     let mut device = driven(&chosen, "", &drive_config());
-    let outputs: Vec<_> = device.signals().1.iter().map(|it| (it.name.clone(), it.is_safety)).collect();
+    let outputs: Vec<_> =
+        device.devices()[0].signals().1.iter().map(|it| (it.name.clone(), it.is_safety)).collect();
     assert_eq!(outputs, [("2.1".to_owned(), true)]);
     let said = device.set("2.1", "01020304").unwrap_err().to_string();
     assert_eq!(said, "output `2.1`: data of a safety protocol are never set; use the maker's tool");
@@ -176,8 +180,7 @@ fn data_of_a_safety_protocol_are_shown_as_bytes_and_never_set() {
 #[test]
 fn a_file_of_one_bus_is_not_chosen_for_another() {
     let [eds, gsdml, _] = devices();
-    let made =
-        DrivenDevice::new(eds.file, gsdml.device, OutputScript::default(), &drive_config(), Instant::ZERO);
+    let made = drive_file(eds.file, gsdml.device, OutputScript::default(), &drive_config());
     assert_eq!(made.unwrap_err().to_string(), "the chosen device is of another file");
     assert!(DeviceChoice::from_toml("modules = 1").is_err());
 }
@@ -185,13 +188,14 @@ fn a_file_of_one_bus_is_not_chosen_for_another() {
 #[test]
 fn an_init_command_that_is_too_long_to_be_written_is_refused_when_the_file_is_opened() {
     let command = "<Mailbox><CoE><InitCmd><Transition>PS</Transition><Index>#x8000</Index><SubIndex>1</SubIndex>\
-                   <Data>0102030405</Data></InitCmd></CoE></Mailbox>";
-    let text = ESI.replace("<Mailbox><CoE SdoInfo=\"1\"/></Mailbox>", command);
+                   <Data>@</Data></InitCmd></CoE></Mailbox>";
+    let command = command.replace('@', &"01".repeat(65_537));
+    let text = ESI.replace("<Mailbox><CoE SdoInfo=\"1\"/></Mailbox>", &command);
     let Chosen { file, device } = chosen("a.xml", &text, "device_name = \"MU1002\"");
-    let made = DrivenDevice::new(file, device, OutputScript::default(), &drive_config(), Instant::ZERO);
+    let made = drive_file(file, device, OutputScript::default(), &drive_config());
     assert_eq!(
         made.unwrap_err().to_string(),
-        "init command 0x8000:01 has 5 bytes: at most 4 can be written; remove it from a copy of the file, and write the object \
+        "init command 0x8000:01 has 65537 bytes: at most 65536 can be written; remove it from a copy of the file, and write the object \
          with the maker's tool"
     );
 }

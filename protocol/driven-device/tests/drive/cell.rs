@@ -3,7 +3,10 @@
 use std::net::Ipv4Addr;
 
 use device_files::{ChosenDevice, DeviceChoice, DeviceFile, choose, read};
-use driven_device::{DriveConfig, DriveEvent, DrivenDevice, OutputScript, ParameterValue};
+use driven_device::{
+    BusConfig, DriveConfig, DriveError, DriveEvent, DrivenBus, DrivenDevice, FileDevice, OutputScript,
+    ParameterValue,
+};
 use emulated_device::{DeviceScript, EmulatedDevice, EmulationConfig};
 use machine::ethernet::Mac;
 use machine::{Duration, Instant, LinkEvent};
@@ -20,7 +23,7 @@ pub(crate) const ESI: &str = include_str!("../../../../scripts/interop/files/mad
 
 /// A cable with a driven device at side A and an emulated one at side B.
 pub(crate) struct DrivenPair {
-    pub(crate) pair: Pair<DrivenDevice, EmulatedDevice>,
+    pub(crate) pair: Pair<DrivenBus, EmulatedDevice>,
     pub(crate) events: Vec<DriveEvent>,
 }
 
@@ -46,18 +49,18 @@ pub(crate) fn devices() -> [Chosen; 3] {
     ]
 }
 
+pub(crate) fn bus_config() -> BusConfig {
+    BusConfig { mac: Mac([2, 0, 0, 0, 0, 1]), address: Some(CONTROLLER), mask: MASK, seed: 0x1234_5678_9ABC }
+}
+
 pub(crate) fn drive_config() -> DriveConfig {
     DriveConfig {
-        mac: Mac([2, 0, 0, 0, 0, 1]),
-        address: Some(CONTROLLER),
-        mask: MASK,
         device_address: Some(DEVICE),
         station_name: Some("made-up-io".to_owned()),
         position: None,
         interval: None,
         output_interval: None,
         input_interval: None,
-        seed: 0x1234_5678_9ABC,
         is_running: true,
         report_every: Duration::from_millis(100),
     }
@@ -81,9 +84,26 @@ pub(crate) fn emulated(device: ChosenDevice, script: &str) -> EmulatedDevice {
     EmulatedDevice::new(device, script, emulation_config(), Instant::ZERO).unwrap()
 }
 
-pub(crate) fn driven(chosen: &Chosen, script: &str, config: &DriveConfig) -> DrivenDevice {
+pub(crate) fn driven(chosen: &Chosen, script: &str, config: &DriveConfig) -> DrivenBus {
     let script = OutputScript::from_toml(script).unwrap();
-    DrivenDevice::new(chosen.file.clone(), chosen.device.clone(), script, config, Instant::ZERO).unwrap()
+    drive_file(chosen.file.clone(), chosen.device.clone(), script, config).unwrap()
+}
+
+/// Returns a device of a file under a name.
+pub(crate) fn file_device(chosen: &Chosen, name: &str, config: DriveConfig) -> FileDevice {
+    let Chosen { file, device } = chosen.clone();
+    FileDevice { name: name.to_owned(), file, chosen: device, script: OutputScript::default(), config }
+}
+
+/// Makes a bus of one device.
+pub(crate) fn drive_file(
+    file: DeviceFile,
+    chosen: ChosenDevice,
+    script: OutputScript,
+    config: &DriveConfig,
+) -> Result<DrivenBus, DriveError> {
+    let device = FileDevice { name: "device".to_owned(), file, chosen, script, config: config.clone() };
+    DrivenBus::new(vec![device], &bus_config(), Instant::ZERO)
 }
 
 /// Returns a cable that loses nothing.
@@ -102,7 +122,7 @@ impl DrivenPair {
         Self::between(driven(chosen, script, config), emulated(chosen.device.clone(), device_script))
     }
 
-    pub(crate) fn between(driven: DrivenDevice, emulated: EmulatedDevice) -> Self {
+    pub(crate) fn between(driven: DrivenBus, emulated: EmulatedDevice) -> Self {
         Self { pair: Pair::new(driven, emulated, pair_config()), events: Vec::new() }
     }
 
@@ -110,7 +130,7 @@ impl DrivenPair {
     pub(crate) fn run_to(&mut self, millis: u64) {
         while let Some(event) = self.pair.next_event(Instant::from_millis(millis)) {
             match event {
-                Event::A(event) => self.events.push(event),
+                Event::A((_, event)) => self.events.push(event),
                 Event::B(emulated_device::DeviceEvent::Link(LinkEvent::SetAddress {
                     address, mask, ..
                 })) => {
@@ -123,12 +143,12 @@ impl DrivenPair {
     }
 
     pub(crate) fn device(&mut self) -> &DrivenDevice {
-        self.pair.a()
+        &self.pair.a().devices()[0]
     }
 
     /// Returns the value of an input as text.
     pub(crate) fn input(&self, name: &str) -> Option<String> {
-        self.pair.a().input(name).map(|value| value.to_string())
+        self.pair.a().devices()[0].input(name).map(|value| value.to_string())
     }
 
     /// Returns the bytes of an output place at the device.
@@ -140,7 +160,9 @@ impl DrivenPair {
         let text = |event: &DriveEvent| match event {
             DriveEvent::Difference(text) => Some(format!("difference {text}")),
             DriveEvent::Alarm(text) => Some(format!("alarm {text}")),
+            DriveEvent::Earlier(text) => Some(format!("earlier {text}")),
             DriveEvent::Up => Some("up".to_owned()),
+            DriveEvent::Configured => Some("configured".to_owned()),
             DriveEvent::Down(down, details) => Some(format!("down {down}; {details}")),
             DriveEvent::Conflict(conflict) => Some(format!("conflict {conflict}")),
             DriveEvent::Answer(answer) => Some(match &answer.result {

@@ -32,28 +32,28 @@ fn for_30_seconds_each_device_shows_what_its_controller_sets_without_a_gap() {
     for (chosen, (device_script, output, place)) in devices().iter().zip(scripts()) {
         let mut cell = DrivenPair::of(chosen, device_script, "", &drive_config());
         cell.run_to(3_000);
-        assert!(cell.pair.a().is_up(), "{}: {:?}", cell.pair.a().bus(), cell.events);
-        let before = cell.pair.a().counters();
+        assert!(cell.pair.a().devices()[0].is_up(), "{}: {:?}", cell.pair.a().bus(), cell.events);
+        let before = cell.pair.a().devices()[0].counters();
         let mut compared = 0;
         for step in 0..300_u64 {
             let digits = format!("{:04x}", step * 37 % 65_536);
-            let is_bytes = cell.pair.a().outputs().find(output).unwrap().bits == 32;
+            let is_bytes = cell.pair.a().devices()[0].outputs().find(output).unwrap().bits == 32;
             let value =
                 if is_bytes { format!("{digits}{digits}") } else { format!("{}", step * 37 % 32_768) };
             cell.pair.command_a(|device, _| device.set(output, &value)).unwrap();
             // Longer than the interval of each bus, both ways and the device's tick.
             cell.run_to(3_000 + 100 * (step + 1));
             let at_device = cell.output(place).unwrap();
-            let bytes = cell.pair.a().outputs().bytes().to_vec();
+            let bytes = cell.pair.a().devices()[0].outputs().bytes().to_vec();
             assert_eq!(at_device, bytes, "{} at step {step}", cell.pair.a().bus());
-            let inputs = cell.pair.a().inputs().unwrap().bytes().to_vec();
+            let inputs = cell.pair.a().devices()[0].inputs().unwrap().bytes().to_vec();
             let echoed = inputs.windows(2).any(|pair| pair == &at_device[..2]);
             assert!(echoed, "{}: {at_device:02x?} is not in {inputs:02x?}", cell.pair.a().bus());
             compared += 1;
         }
-        let counters = cell.pair.a().counters().since(&before);
+        let counters = cell.pair.a().devices()[0].counters().since(&before);
         assert_eq!((compared, counters.lost, counters.late, counters.malformed), (300, 0, 0, 0));
-        let arrivals = *cell.pair.a().arrivals();
+        let arrivals = *cell.pair.a().devices()[0].arrivals();
         assert!(counters.received > 2_900 && arrivals.longest < 2 * arrivals.mean(), "{arrivals:?}");
     }
 }
@@ -63,24 +63,36 @@ fn outputs_count_only_once_they_run() {
     for (chosen, (device_script, output, place)) in devices().iter().zip(scripts()) {
         let config = DriveConfig { is_running: false, ..drive_config() };
         let mut cell = DrivenPair::of(chosen, device_script, "", &config);
-        let is_bytes = cell.pair.a().outputs().find(output).unwrap().bits == 32;
+        let is_bytes = cell.pair.a().devices()[0].outputs().find(output).unwrap().bits == 32;
         let value = if is_bytes { "01020304" } else { "258" };
         cell.pair.command_a(|device, _| device.set(output, value)).unwrap();
         cell.run_to(3_000);
         let bus = cell.pair.a().bus();
-        assert!(cell.pair.a().is_up() && cell.pair.a().inputs().is_some(), "{bus}: {:?}", cell.events);
+        assert!(
+            cell.pair.a().devices()[0].is_up() && cell.pair.a().devices()[0].inputs().is_some(),
+            "{bus}: {:?}",
+            cell.events
+        );
         let ignored = cell.output(place).is_none_or(|bytes| bytes.iter().all(|byte| *byte == 0));
         assert!(ignored, "{bus}: {:?}", cell.output(place));
-        cell.pair.command_a(|device, _| device.run(true));
+        cell.pair.command_a(|device, _| device.run(None, true)).unwrap();
         cell.run_to(4_000);
-        assert_eq!(cell.output(place).as_deref(), Some(cell.pair.a().outputs().bytes()), "{bus}");
-        assert!(cell.events.contains(&DriveEvent::Running(true)) && cell.pair.a().is_up());
+        assert_eq!(
+            cell.output(place).as_deref(),
+            Some(cell.pair.a().devices()[0].outputs().bytes()),
+            "{bus}"
+        );
+        assert!(cell.events.contains(&DriveEvent::Running(true)) && cell.pair.a().devices()[0].is_up());
         let downs = cell.events.iter().filter(|event| matches!(event, DriveEvent::Down(..))).count();
         assert_eq!(downs, 0, "{bus}: {:?}", cell.events);
-        cell.pair.command_a(|device, _| device.run(false));
+        cell.pair.command_a(|device, _| device.run(None, false)).unwrap();
         cell.run_to(5_000);
         let ignored = cell.output(place).is_none_or(|bytes| bytes.iter().all(|byte| *byte == 0));
-        assert!(ignored && cell.pair.a().is_up(), "{bus} after the stop: {:?}", cell.output(place));
+        assert!(
+            ignored && cell.pair.a().devices()[0].is_up(),
+            "{bus} after the stop: {:?}",
+            cell.output(place)
+        );
     }
 }
 
@@ -93,8 +105,8 @@ fn a_script_drives_outputs_over_time_and_starts_them() {
         cell.run_to(1_900);
         assert!(cell.output(place).is_none_or(|bytes| bytes.iter().all(|byte| *byte == 0)));
         cell.run_to(3_500);
-        assert_eq!(cell.output(place).as_deref(), Some(cell.pair.a().outputs().bytes()));
-        let set = cell.pair.a().outputs();
+        assert_eq!(cell.output(place).as_deref(), Some(cell.pair.a().devices()[0].outputs().bytes()));
+        let set = cell.pair.a().devices()[0].outputs();
         assert_eq!(set.value(set.find(output).unwrap()).to_string(), "770", "{}", cell.pair.a().bus());
     }
 }
@@ -107,11 +119,18 @@ fn a_device_that_goes_away_is_reported_and_connected_again_when_it_returns() {
         cell.pair.set_cut(true);
         cell.run_to(5_000);
         let bus = cell.pair.a().bus();
-        assert!(!cell.pair.a().is_up() && cell.pair.a().inputs().is_none(), "{bus}");
+        assert!(
+            !cell.pair.a().devices()[0].is_up() && cell.pair.a().devices()[0].inputs().is_none(),
+            "{bus}"
+        );
         assert!(cell.events.iter().any(|event| matches!(event, DriveEvent::Down(..))), "{bus}");
         cell.pair.set_cut(false);
         cell.run_to(20_000);
-        assert!(cell.pair.a().is_up() && cell.pair.a().inputs().is_some(), "{bus}: {:?}", cell.texts());
+        assert!(
+            cell.pair.a().devices()[0].is_up() && cell.pair.a().devices()[0].inputs().is_some(),
+            "{bus}: {:?}",
+            cell.texts()
+        );
     }
 }
 

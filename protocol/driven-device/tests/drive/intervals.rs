@@ -1,9 +1,9 @@
 //! Packet intervals of EtherNet/IP, for each direction.
 
-use driven_device::{DriveConfig, DriveError, DrivenDevice, OutputScript};
-use machine::{Duration, Instant};
+use driven_device::{DriveConfig, DriveError, OutputScript};
+use machine::Duration;
 
-use crate::cell::{Chosen, DrivenPair, EDS, chosen, devices, drive_config};
+use crate::cell::{Chosen, DrivenPair, EDS, chosen, devices, drive_config, drive_file};
 
 const fn millis(millis: u64) -> Option<Duration> {
     Some(Duration::from_millis(millis))
@@ -13,17 +13,17 @@ const fn millis(millis: u64) -> Option<Duration> {
 fn frames_in_ten_seconds(config: &DriveConfig) -> (u64, u64) {
     let mut cell = DrivenPair::of(&devices()[0], "", "", config);
     cell.run_to(3_000);
-    assert!(cell.pair.a().is_up(), "{:?}", cell.texts());
-    let before = cell.pair.a().counters();
+    assert!(cell.pair.a().devices()[0].is_up(), "{:?}", cell.texts());
+    let before = cell.pair.a().devices()[0].counters();
     cell.run_to(13_000);
-    let counters = cell.pair.a().counters().since(&before);
+    let counters = cell.pair.a().devices()[0].counters().since(&before);
     assert_eq!((counters.lost, counters.late), (0, 0));
     (counters.sent, counters.received)
 }
 
 /// Returns why these settings are refused.
 fn refusal(device: Chosen, config: &DriveConfig) -> DriveError {
-    DrivenDevice::new(device.file, device.device, OutputScript::default(), config, Instant::ZERO).unwrap_err()
+    drive_file(device.file, device.device, OutputScript::default(), config).unwrap_err()
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn an_interval_outside_of_the_range_of_its_direction_is_refused_with_the_range()
     assert_eq!(refusal(device.clone(), &both).to_string(), of_both);
     // What only the inputs may have, they get.
     let config = DriveConfig { output_interval: millis(5), input_interval: millis(500), ..drive_config() };
-    let made = DrivenDevice::new(device.file, device.device, OutputScript::default(), &config, Instant::ZERO);
+    let made = drive_file(device.file, device.device, OutputScript::default(), &config);
     assert!(made.is_ok(), "{made:?}");
 }
 

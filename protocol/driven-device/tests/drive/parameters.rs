@@ -28,7 +28,7 @@ fn attributes_are_read_and_written_by_the_names_of_the_eds() {
     let answers = answers(&cell);
     assert_eq!(answers[..2], ["answer Vendor = 65534", "answer 1/1/2 = 0c00"], "{answers:?}");
     assert!(answers[2].contains("(status 0x14)") && answers.len() == 4, "{answers:?}");
-    assert!(cell.pair.a().is_up());
+    assert!(cell.pair.a().devices()[0].is_up());
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn without_a_choice_the_modules_are_those_that_the_device_reports() {
     let found = found_modules(&record.unwrap()).unwrap();
     let (device, unknown) = choose_found(gsdml, &DeviceChoice::default(), &found).unwrap();
     assert_eq!((device_files::ChosenDevice::Gsdml(device), unknown), (there.device, Vec::new()));
-    assert!(!cell.pair.a().differs());
+    assert!(!cell.pair.a().devices()[0].differs());
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn objects_are_read_and_written_by_the_names_of_the_esi_and_emergencies_are_said
     assert!(answers[3].starts_with("answer 0x9999:01: the device refuses it"), "{answers:?}");
     let said = "alarm emergency 0x4210: temperature; error register 0x01, data 0000000000";
     assert!(texts.iter().any(|text| text == said), "{texts:?}");
-    assert!(cell.pair.a().is_up());
+    assert!(cell.pair.a().devices()[0].is_up());
 }
 
 #[test]
@@ -148,11 +148,11 @@ fn assigned_pdos_and_init_commands_are_written_before_the_data_run() {
         let mut cell = DrivenPair::of(chosen, "", "", &drive_config());
         cell.pair.command_a(|device, _| device.read_parameter("Filter")).unwrap();
         cell.run_to(4_000);
-        assert!(cell.pair.a().is_up(), "{:?}", cell.texts());
+        assert!(cell.pair.a().devices()[0].is_up(), "{:?}", cell.texts());
         assert_eq!(answers(&cell), ["answer Filter = 42"]);
     }
     let start = driven(&compact, "", &drive_config());
-    assert_eq!(start.signals().0.len(), 1);
+    assert_eq!(start.devices()[0].signals().0.len(), 1);
 }
 
 #[test]
@@ -160,7 +160,7 @@ fn after_a_connection_that_was_lost_during_an_access_parameters_are_read_again()
     for (chosen, name) in devices().iter().zip(["1/1/1", "0.1:0xAFF0", "Filter"]) {
         let mut cell = DrivenPair::of(chosen, "", "", &drive_config());
         cell.run_to(3_000);
-        assert!(cell.pair.a().is_up());
+        assert!(cell.pair.a().devices()[0].is_up());
         cell.pair.set_cut(true);
         cell.pair.command_a(|device, _| device.read_parameter(name)).unwrap();
         cell.run_to(8_000);
@@ -169,7 +169,7 @@ fn after_a_connection_that_was_lost_during_an_access_parameters_are_read_again()
         assert!(lost.len() == 1 && lost[0].contains("again"), "{bus}: {lost:?}");
         cell.pair.set_cut(false);
         cell.run_to(25_000);
-        assert!(cell.pair.a().is_up(), "{bus}: {:?}", cell.texts());
+        assert!(cell.pair.a().devices()[0].is_up(), "{bus}: {:?}", cell.texts());
         cell.pair.command_a(|device, _| device.read_parameter(name)).unwrap();
         cell.run_to(27_000);
         let after = answers(&cell);
@@ -183,7 +183,7 @@ fn an_object_of_a_terminal_without_a_mailbox_is_refused_at_once() {
     let mut cell = DrivenPair::of(&without, "", "", &drive_config());
     cell.pair.command_a(|device, _| device.read_parameter("0x1018:01")).unwrap();
     cell.run_to(4_000);
-    assert!(cell.pair.a().is_up(), "{:?}", cell.texts());
+    assert!(cell.pair.a().devices()[0].is_up(), "{:?}", cell.texts());
     let said = "answer 0x1018:01: the device has no mailbox, so it has no objects; use its process data";
     assert_eq!(answers(&cell), [said]);
 }
@@ -240,7 +240,39 @@ fn scaled_members_and_parameters_are_shown_and_set_in_engineering_units() {
         let said = device.write_parameter("Control", "6553.6").unwrap_err().to_string();
         assert_eq!(said, "Control: `6553.6`: must be 0.0 to 6553.5 (raw uint16, 0 to 65535)");
     });
-    assert_eq!(cell.pair.a().outputs().bytes(), [18, 0, 3, 0]);
+    assert_eq!(cell.pair.a().devices()[0].outputs().bytes(), [18, 0, 3, 0]);
     cell.run_to(3_000);
     assert_eq!(answers(&cell), ["answer Control = 6553.4 rpm (raw 65534)"]);
+}
+
+#[test]
+fn a_null_connection_gives_the_device_its_configuration_and_exchanges_no_data() {
+    let parameters = "[Params]\n Param2 = 0,,,0x0000,0xC7,2,\"Limit\",\"\",\"\",0,65535,770,,,,,,,,,;\n";
+    let assembly = "[Assembly]\n Assem103 = \"Configuration\",,6,0x0000,,,16,Param2,32,;\n";
+    let text =
+        EDS.replace("[Params]", parameters).replace("[Assembly]", assembly).replace("6,,\n", "6,Assem103,\n");
+    let there = chosen("a.eds", &text, "");
+    let null = chosen("a.eds", &text.replace("0x44640405", "0x44110405"), "");
+    let emulated = emulated(there.device, "");
+    let mut cell = DrivenPair::between(driven(&null, "", &drive_config()), emulated);
+    cell.pair.command_a(|device, _| device.read_parameter("4/103/3")).unwrap();
+    cell.run_to(40_000);
+    let texts = cell.texts();
+    assert!(
+        texts.iter().any(|text| text == "configured") && !texts.iter().any(|text| text == "up"),
+        "{texts:?}"
+    );
+    assert_eq!(answers(&cell), ["answer 4/103/3 = 020300000000"], "{texts:?}");
+    let device = &cell.pair.a().devices()[0];
+    assert!(device.is_up() && device.inputs().is_none() && device.signals().1.is_empty());
+    assert_eq!(device.counters().sent, 0, "no cyclic frame");
+    assert_eq!(cell.output("102"), None, "no owner");
+    // It ends without a Forward_Close, and starts over when the adapter ends the session.
+    cell.pair.set_cut(true);
+    cell.run_to(45_000);
+    cell.pair.set_cut(false);
+    cell.pair.command_a(|bus, now| bus.disconnect(now));
+    cell.run_to(50_000);
+    assert!(cell.texts().last().is_some_and(|text| text.starts_with("down")), "{:?}", cell.texts());
+    assert!(!cell.pair.a().devices()[0].is_up() && !cell.pair.a().devices()[0].was_lost());
 }

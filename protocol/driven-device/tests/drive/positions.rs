@@ -1,11 +1,11 @@
 //! A device among others on one EtherCAT cable, each of its own ESI file.
 
-use driven_device::{DriveConfig, DriveEvent, DrivenDevice, OutputScript};
+use driven_device::{DriveConfig, DriveEvent, DrivenBus, OutputScript};
 use emulated_device::{DeviceEvent, EmulatedDevice};
 use machine::{Instant, Machine, PortRequest, Source, Transmit};
 use virtual_time::{Event, Pair};
 
-use crate::cell::{Chosen, ESI, chosen, devices, drive_config, driven, emulated, pair_config};
+use crate::cell::{Chosen, ESI, chosen, devices, drive_config, drive_file, driven, emulated, pair_config};
 
 /// Devices one after another: a frame passes each of them, and comes back after the last one.
 struct DeviceLine {
@@ -66,7 +66,7 @@ fn on_cable() -> [Chosen; 3] {
 }
 
 /// Drives a device at this position, from 1, of the cable of three.
-fn drive(device: &Chosen, position: u16) -> (Pair<DrivenDevice, DeviceLine>, Vec<DriveEvent>) {
+fn drive(device: &Chosen, position: u16) -> (Pair<DrivenBus, DeviceLine>, Vec<DriveEvent>) {
     let config = DriveConfig { position: Some(position), ..drive_config() };
     let devices = on_cable().map(|it| {
         let is_echo = it.device == device.device && position > 1;
@@ -80,10 +80,10 @@ fn drive(device: &Chosen, position: u16) -> (Pair<DrivenDevice, DeviceLine>, Vec
     (pair, events)
 }
 
-fn run_to(pair: &mut Pair<DrivenDevice, DeviceLine>, millis: u64) -> Vec<DriveEvent> {
+fn run_to(pair: &mut Pair<DrivenBus, DeviceLine>, millis: u64) -> Vec<DriveEvent> {
     let mut events = Vec::new();
     while let Some(event) = pair.next_event(Instant::from_millis(millis)) {
-        if let Event::A(event) = event {
+        if let Event::A((_, event)) = event {
             events.push(event);
         }
     }
@@ -105,16 +105,23 @@ fn a_device_at_any_position_of_a_cable_is_driven_and_the_others_get_no_process_d
     ];
     for (index, (device, output, value)) in places.iter().enumerate() {
         let (mut pair, events) = drive(device, index as u16 + 1);
-        assert!(pair.a().is_up() && !pair.a().differs(), "{index}: {events:?}");
+        assert!(pair.a().devices()[0].is_up() && !pair.a().devices()[0].differs(), "{index}: {events:?}");
         pair.command_a(|device, _| device.set(output, value)).unwrap();
         let events = run_to(&mut pair, 3_500);
-        assert_eq!(pair.b().devices[index].output("outputs"), Some(pair.a().outputs().bytes()), "{events:?}");
+        assert_eq!(
+            pair.b().devices[index].output("outputs"),
+            Some(pair.a().devices()[0].outputs().bytes()),
+            "{events:?}"
+        );
         let driven: Vec<_> = pair.b().devices.iter().map(is_driven).collect();
         assert_eq!(driven, [0, 1, 2].map(|it| it == index));
         if index > 0 {
-            assert_eq!(pair.a().input("Inputs/Value").map(|it| it.to_string()).as_deref(), Some("258"));
+            assert_eq!(
+                pair.a().devices()[0].input("Inputs/Value").map(|it| it.to_string()).as_deref(),
+                Some("258")
+            );
         }
-        let counters = pair.a().counters();
+        let counters = pair.a().devices()[0].counters();
         assert_eq!((counters.lost, counters.foreign, counters.malformed), (0, 0, 0));
     }
 }
@@ -131,7 +138,7 @@ fn a_cable_with_fewer_devices_is_said_with_their_number_and_none_is_driven() {
         said.ends_with("device 5 is missing: check its power and the cable between devices 4 and 5; the cable has 3 devices"),
         "{said}"
     );
-    assert!(!pair.a().has_been_up() && !pair.b().devices.iter().any(is_driven));
+    assert!(!pair.a().devices()[0].has_been_up() && !pair.b().devices.iter().any(is_driven));
 }
 
 #[test]
@@ -139,14 +146,13 @@ fn a_device_of_another_file_at_the_position_is_named_and_refused() {
     let (pair, events) = drive(&on_cable()[1], 3);
     let is_named = |event: &DriveEvent| matches!(event, DriveEvent::Down(_, details) if details.starts_with("device 3 is another one: expected vendor 0x0000FFFE"));
     assert!(events.iter().any(is_named), "{events:?}");
-    assert!(pair.a().differs() && !pair.a().has_been_up());
+    assert!(pair.a().devices()[0].differs() && !pair.a().devices()[0].has_been_up());
 }
 
 #[test]
 fn positions_count_from_1() {
     let Chosen { file, device } = devices()[2].clone();
     let config = DriveConfig { position: Some(0), ..drive_config() };
-    let refused =
-        DrivenDevice::new(file, device, OutputScript::default(), &config, Instant::ZERO).unwrap_err();
+    let refused = drive_file(file, device, OutputScript::default(), &config).unwrap_err();
     assert_eq!(refused.to_string(), "position 0: positions on the cable count from 1");
 }

@@ -9,7 +9,7 @@ use crate::line::*;
 /// Expects one device at this position, from 0, among three.
 fn cell_from(position: u16) -> Cell {
     let main =
-        MainDevice::from_position(position, config(&[expected(&OTHER, BYTES)]), Instant::ZERO).unwrap();
+        MainDevice::at_positions(&[position], config(&[expected(&OTHER, BYTES)]), Instant::ZERO).unwrap();
     let mut cell = connected(main, &[&DEVICE, &OTHER, &DEVICE], 1, good_cable());
     cell.command_b(|echo, _| echo.kept = Some(Vec::new()));
     cell
@@ -88,7 +88,7 @@ fn another_device_at_the_position_is_named_and_left_in_its_state() {
 #[test]
 fn positions_beyond_the_largest_number_of_devices_are_refused() {
     let made =
-        |position| MainDevice::from_position(position, config(&[expected(&DEVICE, BYTES)]), Instant::ZERO);
+        |position| MainDevice::at_positions(&[position], config(&[expected(&DEVICE, BYTES)]), Instant::ZERO);
     assert!(made(1_023).is_ok());
     let refused = made(1_024).unwrap_err();
     assert_eq!(refused.to_string(), "1025 devices on one EtherCAT cable: use at most 1024");

@@ -9,6 +9,7 @@
 
 mod coe;
 mod emergency;
+mod faults;
 mod foe;
 mod info;
 mod sdo;
@@ -17,6 +18,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 
 pub use emergency::Emergency;
+pub use faults::MailFault;
 pub(crate) use foe::File;
 
 use crate::al::AlState;
@@ -24,6 +26,7 @@ use crate::dictionary::{Dictionary, ProcessData};
 use crate::event::{Event, Sink};
 use crate::{Reader, Writer};
 use emergency::Emergencies;
+use faults::MailFaults;
 use foe::FileAccess;
 use info::Listing;
 use sdo::Transfer;
@@ -131,6 +134,7 @@ pub(crate) struct Mailbox {
     listing: Listing,
     files: FileAccess,
     emergencies: Emergencies,
+    faults: MailFaults,
 }
 
 impl Mailbox {
@@ -146,6 +150,14 @@ impl Mailbox {
             listing: Listing::default(),
             files: FileAccess::default(),
             emergencies: Emergencies::default(),
+            faults: MailFaults::default(),
+        }
+    }
+
+    /// Sets the fault of its answers from now on; none for a good mailbox.
+    pub(crate) fn set_fault(&mut self, fault: Option<MailFault>) {
+        if self.faults.fault != fault {
+            self.faults = MailFaults::of(fault);
         }
     }
 
@@ -171,6 +183,13 @@ impl Mailbox {
 
     /// Returns the message that goes to the MainDevice next.
     pub(crate) fn outgoing(&mut self, dictionary: &Dictionary) -> Option<&[u8]> {
+        if self.next.is_empty()
+            && let Some(message) = self.faults.next()
+            && let Some(place) = self.next.buf.get_mut(..message.len())
+        {
+            place.copy_from_slice(&message);
+            self.next.len = message.len();
+        }
         if self.next.is_empty() {
             let Self { next, listing, emergencies, .. } = self;
             let _ = listing.continue_with(dictionary, next) || emergencies.write(next);
@@ -242,6 +261,7 @@ impl Mailbox {
                 writer.u16(error as u16);
             });
         }
+        self.next.len = self.faults.apply(&mut self.next.buf, self.next.len);
     }
 
     fn receive_coe(&mut self, body: &[u8], context: &mut Context<'_, '_>) -> Result<(), MailboxError> {

@@ -7,7 +7,7 @@ use crate::al::AlState;
 use crate::dictionary::ProcessData;
 use crate::event::Sink;
 use crate::layout::Usage;
-use crate::mailbox::{Context, Mailbox};
+use crate::mailbox::{Context, MailFault, Mailbox};
 
 impl SubDevice {
     /// Serves the message in the mailbox, if the answer to the one before has left.
@@ -82,6 +82,12 @@ impl SubDevice {
             self.esc.put(index, message);
         }
         self.esc.acknowledge_repeat(index, request);
+    }
+
+    pub(crate) fn set_mail_fault(&mut self, fault: Option<MailFault>) {
+        if let Some(mailbox) = &mut self.mailbox {
+            mailbox.set_fault(fault);
+        }
     }
 
     pub(super) fn reset_mailbox(&mut self) {

@@ -131,7 +131,7 @@ pub enum ConfigError {
     TooMuchData(usize),
     /// A parameter record is longer than one Write carries.
     #[error(
-        "parameter record {index} of slot {slot} has {len} bytes, more than the 4096 that fit: shorten it"
+        "parameter record {index} of slot {slot} has {len} bytes, more than the 65,452 that fit: shorten it"
     )]
     Parameter {
         /// Slot number.

@@ -46,7 +46,7 @@ use super::alarm::{FRAME_ID_HIGH, FRAME_ID_LOW, Priority};
 use super::dcp::{self, IpSuite};
 use super::description::Description;
 use super::provided::Provided;
-use super::record::{LogBook, LogEntry};
+use super::record::{Diagnosis, LogBook, LogEntry};
 use super::requests::Requests;
 use super::rpc::Message;
 use super::rt::{Received, Transport, UDP_PORT};
@@ -115,6 +115,8 @@ struct Core {
     events: VecDeque<LinkEvent>,
     foreign: ForeignRequests,
     log_book: LogBook,
+    /// Diagnosis of the device.
+    diagnosis: Vec<Diagnosis>,
     /// The last Connect of a controller that could have the AR.
     last_connect: Option<ConnectReport>,
     /// Counters, without the cyclic frames of the present AR.
@@ -164,6 +166,7 @@ impl Device {
             events: VecDeque::with_capacity(MOST_EVENTS),
             foreign: ForeignRequests::default(),
             log_book: LogBook::default(),
+            diagnosis: Vec::new(),
             last_connect: None,
             counters: Counters::default(),
             acyclic: true,

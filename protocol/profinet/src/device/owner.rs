@@ -1,17 +1,26 @@
 //! The methods for the owner of a device: data of the submodules, counters, the end of the connection.
 
+use alloc::vec::Vec;
+
 use machine::{Counters, Instant, LinkEvent};
 
 use super::super::alarm::Notification;
 use super::super::dcp::IpSuite;
 use super::super::lldp::{Naming, Neighbour};
 use super::super::provided::DataError;
-use super::super::record::Maintenance;
+use super::super::record::{Diagnosis, Maintenance};
+use super::super::requests::Requests;
+use super::super::rpc::LONGEST_BODY;
 use super::super::status::Violation;
 use super::relation::Relation;
 use super::{AlarmError, Core, Device};
 
 impl Device {
+    /// Takes records of up to 64 KiB, also several in a MultipleWrite; without this, requests of up to 8 KiB. Call it at the start.
+    pub fn accept_long_records(&mut self) {
+        self.requests = Requests::with_capacity(LONGEST_BODY);
+    }
+
     /// Returns whether a controller has an AR with this device, whether or not data are exchanged yet.
     #[must_use]
     pub const fn has_controller(&self) -> bool {
@@ -43,6 +52,11 @@ impl Device {
     pub fn set_inputs(&mut self, write: impl FnMut(u16, u16, &mut [u8])) {
         self.core.inputs.set_all(write);
         self.core.write_inputs();
+    }
+
+    /// Sets the diagnosis of the device, for controllers that read its diagnosis. An alarm tells the connected one of a change.
+    pub fn set_diagnosis(&mut self, diagnosis: Vec<Diagnosis>) {
+        self.core.diagnosis = diagnosis;
     }
 
     /// Sends an alarm to the controller: one at a time for each priority, repeated until it is received. The device numbers it:

@@ -5,7 +5,7 @@ use crate::block::BlockWriter;
 use crate::connect::{API, emit_module_diff};
 use crate::description::{Description, INTERFACE_SUBSLOT, Submodule};
 use crate::record::{
-    Address, LogBook, Maintenance, PhysicalDevice, PhysicalParameters, ReadRequest, WriteRequest,
+    Address, Diagnosis, LogBook, Maintenance, PhysicalDevice, PhysicalParameters, ReadRequest, WriteRequest,
     WriteResponse, emit_api_data, emit_ar_data, emit_expected_identification, emit_im0, emit_im0_filter_data,
     emit_real_identification, index, is_port,
 };
@@ -146,8 +146,7 @@ impl Scope {
     }
 }
 
-/// Returns whether an index is that of diagnosis or maintenance data, whatever it is about. There is never any: such a record
-/// is empty.
+/// Returns whether an index is that of diagnosis or maintenance data, whatever it is about. Without any, such a record is empty.
 const fn is_diagnosis(index: u16) -> bool {
     const OF_DEVICE: u16 = 0xF80C;
     // The same numbers of subslot, slot, AR and API.
@@ -165,6 +164,7 @@ pub(super) struct Records<'a> {
     pub(super) relation: Option<&'a Relation>,
     pub(super) physical: PhysicalDevice<'a>,
     pub(super) log_book: &'a LogBook,
+    pub(super) diagnosis: &'a [Diagnosis],
     pub(super) now: Instant,
 }
 
@@ -242,7 +242,10 @@ impl Records<'_> {
             index::LOG_BOOK => log_book.emit(now, &mut writer),
             index::IM0_FILTER_DATA => emit_im0_filter_data(description, &mut writer),
             index::CONNECTION_MONITORING_TRIGGER => {}
-            index if is_diagnosis(index) => {}
+            index if is_diagnosis(index) => {
+                let wanted = |it: &&Diagnosis| it.is_in(index) && wanted(it.slot, it.subslot);
+                self.diagnosis.iter().filter(wanted).for_each(|it| it.emit(&mut writer));
+            }
             _ => return Err(Violation::InvalidIndex),
         }
         let len = writer.finish().map_err(|_| Violation::OutOfMemory)?;

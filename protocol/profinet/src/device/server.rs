@@ -379,6 +379,7 @@ impl Core {
                 neighbour: self.station.neighbour(),
             },
             log_book: &self.log_book,
+            diagnosis: &self.diagnosis,
             now,
         }
     }

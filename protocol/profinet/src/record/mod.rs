@@ -13,6 +13,7 @@
 
 mod ar_data;
 mod contents;
+mod diagnosis;
 mod identification;
 mod io_data;
 mod log_book;
@@ -25,6 +26,7 @@ pub use contents::{
     IM0_LEN, emit_api_data, emit_expected_identification, emit_im0, emit_im0_filter_data,
     emit_real_identification,
 };
+pub use diagnosis::{Diagnosis, parse_diagnosis};
 pub use identification::{Identification, RealModule, parse_real_identification};
 pub use io_data::IoData;
 pub use log_book::{LogBook, LogEntry};
@@ -65,6 +67,8 @@ pub mod index {
     pub const EXPECTED_IDENTIFICATION_AR: u16 = 0xE000;
     /// RealIdentificationData of one AR.
     pub const REAL_IDENTIFICATION_AR: u16 = 0xE001;
+    /// Diagnosis, maintenance and status of the device.
+    pub const DIAGNOSIS: u16 = 0xF80C;
     /// ModuleDiffBlock of one AR.
     pub const MODULE_DIFF: u16 = 0xE002;
     /// RealIdentificationData of one API.
@@ -209,6 +213,38 @@ impl<'a> WriteRequest<'a> {
     }
 }
 
+/// Writes a MultipleWrite of these Writes: each begins at a multiple of four bytes. It concerns no submodule, so its place is all
+/// ones (IEC 61158-6-10, IODWriteMultipleReq).
+pub fn emit_multiple_write<'a>(
+    sequence: u16,
+    ar: Uuid,
+    parts: impl Iterator<Item = WriteRequest<'a>>,
+    writer: &mut BlockWriter<'_>,
+) {
+    let start = writer.len();
+    let address = Address {
+        sequence,
+        ar,
+        api: u32::MAX,
+        slot: u16::MAX,
+        subslot: u16::MAX,
+        index: index::MULTIPLE_WRITE,
+    };
+    WriteRequest { address, record: &[] }.emit(writer);
+    let first = writer.len();
+    for part in parts {
+        let fill = (writer.len() - first).next_multiple_of(4) - (writer.len() - first);
+        writer.zeros(fill);
+        part.emit(writer);
+    }
+    let length = u32::try_from(writer.len() - first).unwrap_or(u32::MAX);
+    writer.patch_u32(start + RECORD_LENGTH_AT, length);
+}
+
+/// Place of RecordDataLength in the head of a record PDU: after block head, SeqNumber, ARUUID, API, slot, subslot, padding and
+/// index.
+const RECORD_LENGTH_AT: usize = 6 + 2 + 16 + 4 + 2 + 2 + 2 + 2;
+
 /// The answer to a Write.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct WriteResponse {
@@ -344,6 +380,15 @@ mod tests {
             .map(|write| write.map(|write| (write.address.index, write.record.len())))
             .collect();
         assert_eq!(writes, [Ok((0x8071, 12)), Ok((0x7B, 4)), Ok((0x7C, 4)), Ok((0x7D, 4))]);
+    }
+
+    #[test]
+    fn the_captured_multiple_write_is_written_again_from_its_writes() {
+        let blocks = request(captured::WRITE_REQ);
+        let write = WriteRequest::parse(&mut BlockReader::new(&blocks)).unwrap();
+        let Address { sequence, ar, .. } = write.address;
+        let again = emitted(|w| emit_multiple_write(sequence, ar, write.writes().flatten(), w));
+        assert_eq!(again, blocks);
     }
 
     #[test]

@@ -21,7 +21,13 @@ impl Message {
     /// Creates an empty message. Its memory is allocated here; nothing later allocates.
     #[must_use]
     pub fn new() -> Self {
-        Self { header: None, body: vec![0; BODY_CAPACITY].into_boxed_slice(), len: 0, next: None }
+        Self::with_capacity(BODY_CAPACITY)
+    }
+
+    /// Creates an empty message for bodies of at most this number of bytes.
+    #[must_use]
+    pub fn with_capacity(capacity: usize) -> Self {
+        Self { header: None, body: vec![0; capacity].into_boxed_slice(), len: 0, next: None }
     }
 
     /// Replaces the message by what `write` puts into the body, and queues it. Nothing is queued if it overflows.
@@ -35,6 +41,12 @@ impl Message {
         self.header = Some(header);
         self.next = Some(0);
         Ok(())
+    }
+
+    /// Returns the largest number of bytes of a body.
+    #[must_use]
+    pub const fn capacity(&self) -> usize {
+        self.body.len()
     }
 
     /// Returns the header of the message, if there is one.
@@ -96,7 +108,7 @@ pub enum Received<'a> {
     Part,
     /// The fragment does not follow the previous one: the call is dropped until the caller repeats it.
     Refused,
-    /// The body is longer than [`BODY_CAPACITY`]: the call is dropped, and its repetition will not fit either.
+    /// The body is longer than there is room: the call is dropped, and its repetition will not fit either.
     TooLong,
 }
 
@@ -125,7 +137,13 @@ impl Reassembly {
     /// Creates an empty reassembly. The memory is allocated here; nothing later allocates.
     #[must_use]
     pub fn new() -> Self {
-        Self { body: vec![0; BODY_CAPACITY].into_boxed_slice(), len: 0, call: None, complete: None }
+        Self::with_capacity(BODY_CAPACITY)
+    }
+
+    /// Creates an empty reassembly of bodies of at most this number of bytes.
+    #[must_use]
+    pub fn with_capacity(capacity: usize) -> Self {
+        Self { body: vec![0; capacity].into_boxed_slice(), len: 0, call: None, complete: None }
     }
 
     /// Drops the call.

@@ -35,6 +35,12 @@ pub const FRAGMENT_LEN: usize = 1312;
 /// Length of the longest body in bytes that is reassembled from fragments or sent in fragments.
 pub const BODY_CAPACITY: usize = 8192;
 
+/// Longest record in bytes that a call carries: with its heads the body has 64 KiB.
+pub const LONGEST_RECORD: usize = LONGEST_BODY - ARGS_LEN - crate::record::HEADER_LEN;
+
+/// Largest body in bytes of a call with a long record.
+pub const LONGEST_BODY: usize = 65_536;
+
 /// InterfaceUUID of an IO-Device.
 pub const DEVICE_INTERFACE: Uuid = interface(1);
 

@@ -8,11 +8,13 @@ use super::{
     Step,
 };
 use crate::cip::{Extended, General, KeyMismatch, Path, Reply, service};
-use crate::connection::{CloseRequest, ConnectionData, OpenReply, OpenRequest, Transport};
+use crate::connection::{
+    CloseRequest, ConnectionData, ConnectionType, OpenReply, OpenRequest, Parameters, Transport,
+};
 use crate::encapsulation::{Command, Header, Status};
 use core::net::SocketAddrV4;
 use machine::Instant;
-use machine::{Down, DownCause};
+use machine::{Down, DownCause, LinkEvent};
 
 /// The shortest interval that is accepted from an adapter: its reply alone decides how often the scanner sends.
 const LEAST_INTERVAL_US: u32 = 100;
@@ -138,6 +140,7 @@ impl Connection {
                     return self.refused(now, reply);
                 }
                 match OpenReply::parse(reply.data) {
+                    Ok(opened) if opened.triad == self.numbers.triad && self.is_null => self.opened_null(now),
                     Ok(opened) if opened.triad == self.numbers.triad => self.opened(now, &opened, sockets),
                     _ => self.counters.malformed += 1,
                 }
@@ -188,6 +191,23 @@ impl Connection {
         self.deadline = Some(now + DATA_WITHIN);
         self.keep_alive_at = Some(now + KEEP_ALIVE);
         self.io = Some(io);
+    }
+
+    /// Handles the answer to a null Forward_Open: the adapter took its configuration.
+    fn opened_null(&mut self, now: Instant) {
+        (self.refusal, self.conflict, self.reported) = (None, None, None);
+        (self.step, self.deadline, self.up) = (Step::Running, None, true);
+        self.keep_alive_at = Some(now + KEEP_ALIVE);
+        self.events.push_back(LinkEvent::Up);
+    }
+
+    /// Returns the parameters of a direction: those of a null connection have no type and no size.
+    const fn parameters(&self, parameters: Parameters) -> Parameters {
+        if self.is_null {
+            Parameters { kind: ConnectionType::Null, size: 0, ..parameters }
+        } else {
+            parameters
+        }
     }
 
     /// Checks the packet intervals and the receiver that the adapter names; returns a status and what is wrong.
@@ -270,13 +290,13 @@ impl Connection {
                     triad: self.numbers.triad,
                     multiplier: config.multiplier.code(),
                     o_t_rpi_us: config.o_t_rpi_us,
-                    o_t: config.o_t(),
+                    o_t: self.parameters(config.o_t()),
                     t_o_rpi_us: config.t_o_rpi_us,
-                    t_o: config.t_o(),
+                    t_o: self.parameters(config.t_o()),
                     transport: Transport::CYCLIC,
                     path,
                 };
-                dialogue::emit_open(buf, numbers, &request, config.is_large())
+                dialogue::emit_open(buf, numbers, &request, config.is_large() && !self.is_null)
             }
             ScannerMessage::AskOwner => dialogue::emit_ask_owner(buf, numbers, &path),
             ScannerMessage::AskOwnerData => {

@@ -111,6 +111,8 @@ pub struct Connection {
     /// came, or could not close it. Until the adapter's watchdog expires, it occupies a place that the next attempt may need.
     unreleased: bool,
     io: Option<Io>,
+    /// True for a null connection: its Forward_Open configures the adapter and opens nothing.
+    is_null: bool,
     run: bool,
     output: Box<[u8]>,
     input: Box<[u8]>,
@@ -156,6 +158,7 @@ impl Connection {
             numbers,
             unreleased: false,
             io: None,
+            is_null: false,
             run: true,
             output: zeros(config.o_t_size),
             input: zeros(config.t_o_size),
@@ -194,7 +197,7 @@ impl Connection {
 
     /// Closes the connection and the session without waiting for answers, so that the adapter need not wait for its timeout.
     fn abandon(&mut self) {
-        if matches!(self.step, Step::Opening | Step::Running) {
+        if matches!(self.step, Step::Opening | Step::Running) && !self.is_null {
             self.queue(ScannerMessage::Close);
         }
         if self.session != 0 {
@@ -211,7 +214,7 @@ impl Connection {
     fn fail(&mut self, now: Instant, down: Down) {
         let ended = self.leaving;
         let may_be_open = self.step == Step::Opening || self.step == Step::Running && self.stream.is_none();
-        if may_be_open && !ended {
+        if may_be_open && !ended && !self.is_null {
             self.unreleased = true;
         } else if self.step == Step::Releasing {
             // An adapter that cannot close it must not stop each later attempt; its own watchdog ends the connection.
@@ -333,7 +336,7 @@ impl Connection {
         self.session = 0;
         match self.step {
             // Cyclic data does not need the session: the watchdog tells whether the adapter is gone.
-            Step::Running => {
+            Step::Running if !self.is_null => {
                 self.keep_alive_at = None;
                 self.give_up_explicit();
             }

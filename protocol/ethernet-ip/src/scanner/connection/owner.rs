@@ -91,6 +91,18 @@ impl Connection {
         self.run = run;
     }
 
+    /// Makes it a null connection (volume 1, 3-5.5.2): its Forward_Open gives the adapter its configuration, and no data are
+    /// exchanged. It is up from then on for explicit requests, as long as its session lasts. Call it before the scanner runs.
+    pub const fn make_null(&mut self) {
+        self.is_null = true;
+    }
+
+    /// Returns whether it is a null connection.
+    #[must_use]
+    pub const fn is_null(&self) -> bool {
+        self.is_null
+    }
+
     /// Closes the connection by a Forward_Close, and then the session; over a new TCP connection if the old one is gone.
     /// [`LinkEvent::Down`](machine::LinkEvent::Down) reports the end.
     pub fn disconnect(&mut self, now: Instant) {
@@ -101,6 +113,9 @@ impl Connection {
         self.up = false;
         self.keep_alive_at = None;
         match (self.step, self.stream) {
+            (Step::Running, _) if self.is_null => {
+                self.fail(now, Down { cause: DownCause::ClosedHere, code: 0, text: "" });
+            }
             (Step::Running, Some(_)) => {
                 self.io = None;
                 self.enter(now, Step::Closing, ScannerMessage::Close);

@@ -63,11 +63,11 @@ struct Wait {
 }
 
 impl Caller {
-    /// Creates a caller without a call. It allocates its memory here; nothing allocates later.
-    pub(super) fn new(interface: Uuid) -> Self {
+    /// Creates a caller without a call, for requests and answers whose bodies have at most this number of bytes. It allocates its memory here; nothing allocates later.
+    pub(super) fn new(interface: Uuid, capacity: usize) -> Self {
         Self {
-            request: Message::new(),
-            answer: Reassembly::new(),
+            request: Message::with_capacity(capacity),
+            answer: Reassembly::with_capacity(capacity),
             object: Uuid::NIL,
             interface,
             activity: Uuid::NIL,
@@ -76,6 +76,11 @@ impl Caller {
             patience: UNHEARD_FOR,
             reply: None,
         }
+    }
+
+    /// Returns the largest number of bytes of a request's body.
+    pub(super) fn capacity(&self) -> usize {
+        self.request.capacity()
     }
 
     /// Expects answers as soon as at the start again: the device answers in time.
@@ -214,12 +219,12 @@ impl Wait {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rpc::{DEVICE_INTERFACE, DataRepresentation, FRAGMENT_LEN};
+    use crate::rpc::{BODY_CAPACITY, DEVICE_INTERFACE, DataRepresentation, FRAGMENT_LEN};
 
     const ACTIVITY: Uuid = Uuid([7; 16]);
 
     fn calling() -> Caller {
-        let mut caller = Caller::new(DEVICE_INTERFACE);
+        let mut caller = Caller::new(DEVICE_INTERFACE, BODY_CAPACITY);
         caller.begin(ACTIVITY, Uuid([1; 16]));
         caller
             .call(Instant::ZERO, Operation::Connect, |body| {

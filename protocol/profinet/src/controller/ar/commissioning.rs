@@ -4,13 +4,13 @@
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
-use super::call::LONGEST_ANSWER;
+use super::call::{Caller, LONGEST_ANSWER};
 use super::{Ar, Phase, Refusal, link};
 use crate::alarm::{Alarm, AlarmHead, Rta};
 use crate::block::BlockReader;
 use crate::connect;
-use crate::record::{Address, ReadRequest, ReadResponse, WriteRequest, WriteResponse};
-use crate::rpc::{Operation, RequestArgs, ResponseArgs};
+use crate::record::{Address, HEADER_LEN, ReadRequest, ReadResponse, WriteRequest, WriteResponse};
+use crate::rpc::{ARGS_LEN, DEVICE_INTERFACE, LONGEST_BODY, Operation, RequestArgs, ResponseArgs};
 use crate::status::Status;
 use crate::{Parameter, Uuid};
 use machine::Instant;
@@ -20,9 +20,6 @@ const MOST_ALARMS: usize = 32;
 
 /// Longest data of an alarm that the controller accepts (MaxAlarmDataLength of its Connect).
 const LONGEST_ITEMS: usize = 256;
-
-/// Longest record that is read or written, in bytes: with its head it fits into one call.
-const LONGEST_RECORD: usize = 4000;
 
 /// Alarm of the device.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -47,14 +44,16 @@ pub enum RecordError {
     #[error("the device is answering an earlier request; ask again after that answer")]
     Busy,
     /// The record is too long.
-    #[error("{0} bytes: a record has at most 4000")]
-    TooLong(usize),
+    #[error("{0} bytes: a record has at most {1}")]
+    TooLong(usize, usize),
 }
 
 /// State of what a tool asks for.
 #[derive(Default, Debug)]
 pub(super) struct Commissioning {
     keeps_alarms: bool,
+    /// True if the device takes several parameter records at once.
+    pub(super) writes_together: bool,
     accepts_differences: bool,
     alarms: VecDeque<ReceivedAlarm>,
     refused_records: Vec<(Parameter, Status)>,
@@ -102,6 +101,23 @@ impl Ar {
         self.commissioning.accepts_differences = true;
     }
 
+    /// Writes the parameter records of the startup together, in MultipleWrites, as devices want it whose GSDML file says
+    /// MultipleWriteSupported. A device that refuses this gets each record on its own.
+    pub fn write_together(&mut self) {
+        self.commissioning.writes_together = true;
+    }
+
+    /// Reads and writes records of up to 64 KiB from now on; without this, of about 8 KiB. Call it before the device connects.
+    pub fn accept_long_records(&mut self) {
+        self.caller = Caller::new(DEVICE_INTERFACE, LONGEST_BODY);
+    }
+
+    /// Returns the length in bytes of the longest record that can be read or written.
+    #[must_use]
+    pub fn longest_record(&self) -> usize {
+        self.caller.capacity().saturating_sub(ARGS_LEN + HEADER_LEN)
+    }
+
     /// Returns the next alarm.
     pub fn poll_alarm(&mut self) -> Option<ReceivedAlarm> {
         self.commissioning.alarms.pop_front()
@@ -124,11 +140,13 @@ impl Ar {
         index: u16,
     ) -> Result<(), RecordError> {
         let address = self.record_address(slot, subslot, index)?;
-        let request = ReadRequest { address, most: LONGEST_RECORD as u32, target_ar: Uuid([0; 16]) };
+        let most = self.longest_record();
+        let request = ReadRequest { address, most: most as u32, target_ar: Uuid([0; 16]) };
+        let longest_answer = (most + HEADER_LEN) as u32;
         let called = self.caller.call(now, Operation::Read, |body| {
-            RequestArgs::emit(LONGEST_ANSWER, body, |writer| request.emit(writer))
+            RequestArgs::emit(longest_answer, body, |writer| request.emit(writer))
         });
-        called.map_err(|_| RecordError::TooLong(0))?;
+        called.map_err(|_| RecordError::TooLong(0, most))?;
         self.record_called();
         Ok(())
     }
@@ -145,15 +163,16 @@ impl Ar {
         index: u16,
         record: &[u8],
     ) -> Result<(), RecordError> {
-        if record.len() > LONGEST_RECORD {
-            return Err(RecordError::TooLong(record.len()));
+        let most = self.longest_record();
+        if record.len() > most {
+            return Err(RecordError::TooLong(record.len(), most));
         }
         let address = self.record_address(slot, subslot, index)?;
         let request = WriteRequest { address, record };
         let called = self.caller.call(now, Operation::Write, |body| {
             RequestArgs::emit(LONGEST_ANSWER, body, |writer| request.emit(writer))
         });
-        called.map_err(|_| RecordError::TooLong(record.len()))?;
+        called.map_err(|_| RecordError::TooLong(record.len(), most))?;
         self.record_called();
         Ok(())
     }
@@ -226,9 +245,8 @@ impl Ar {
         })
     }
 
-    /// Keeps a record that the device refuses at startup, if the owner accepts differences. Returns whether it does.
-    pub(super) fn notes_refused_record(&mut self, refusal: Refusal) -> bool {
-        let Phase::Writing { parameter } = self.phase else { return false };
+    /// Keeps the record of an index that the device refuses at startup, if the owner accepts differences. Returns whether it does.
+    pub(super) fn notes_refused_record(&mut self, parameter: usize, refusal: Refusal) -> bool {
         let Some(record) = self.config.parameters.get(parameter) else { return false };
         // One of each record is enough, however often the device is connected.
         let refused = &mut self.commissioning.refused_records;

@@ -21,9 +21,6 @@ use machine::ethernet::Mac;
 /// long.
 const ACTIVITY_TIMEOUT: u16 = 200;
 
-/// The longest parameter record in bytes: with its head it fits [`rpc::BODY_CAPACITY`].
-const MAX_PARAMETER_LEN: usize = 4096;
-
 /// First FrameID of RT_CLASS_1.
 const FIRST_FRAME_ID: u16 = *FRAME_IDS_RT_CLASS_2.start();
 /// First FrameID of RT_CLASS_1 in its former numbering, and of RT_CLASS_UDP.
@@ -61,7 +58,7 @@ impl ConnectPlan {
     ) -> Result<Self, ConfigError> {
         check_name(&config.station_name)?;
         if let Some(Parameter { slot, index, data, .. }) =
-            config.parameters.iter().find(|parameter| parameter.data.len() > MAX_PARAMETER_LEN)
+            config.parameters.iter().find(|parameter| parameter.data.len() > rpc::LONGEST_RECORD)
         {
             return Err(ConfigError::Parameter { slot: *slot, index: *index, len: data.len() });
         }

@@ -20,6 +20,7 @@ mod discovery;
 mod down_reasons;
 mod layout;
 mod link;
+mod multiple_write;
 mod object;
 mod obstacle;
 mod owner;
@@ -89,8 +90,8 @@ enum Phase {
     Searching,
     /// Connect is called.
     Connecting,
-    /// The parameter record of this index is being written.
-    Writing { parameter: usize },
+    /// The parameter records from this index on are being written, up to `end` together.
+    Writing { parameter: usize, end: usize },
     /// PrmEnd is called. `ready`: ApplicationReady has already arrived.
     EndingParameters { ready: bool },
     /// The device prepares itself until it calls ApplicationReady. `silent_until`: how long it may do so without a cyclic frame.
@@ -157,6 +158,7 @@ impl Ar {
             mac: config.mac,
             address: IpSuite { address: config.address, mask: own.mask, gateway: config.address },
         });
+        let capacity = multiple_write::capacity(&config.parameters);
         let outputs = config.description.submodules();
         let output =
             Provided::new(outputs.map(|(slot, submodule)| (slot, submodule.subslot, submodule.output_len)));
@@ -167,7 +169,7 @@ impl Ar {
             phase: Phase::Pausing { until: start },
             pause: PAUSE,
             discovery,
-            caller: Caller::new(DEVICE_INTERFACE),
+            caller: Caller::new(DEVICE_INTERFACE, capacity),
             instance: Instance::new(),
             changes: Changes::default(),
             link: None,

@@ -1,5 +1,7 @@
 //! The steps from the search to data exchange, and the Release.
 
+use alloc::vec::Vec;
+
 use rand_core::Rng;
 
 use super::acyclic::Acyclic;
@@ -8,14 +10,14 @@ use super::connect_plan::Changes;
 use super::link::Link;
 use super::{
     Ar, PAUSE, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, SILENT_READY_WITHIN, commissioning,
-    down_reasons, random_uuid,
+    down_reasons, multiple_write, random_uuid,
 };
 use crate::Uuid;
 use crate::block::{BlockReader, BlockWriter};
 use crate::connect::{self, ConnectResponse};
 use crate::control::{Command, Control};
 use crate::dcp::Pdu;
-use crate::record::{Address, PhysicalParameters, WriteRequest, WriteResponse};
+use crate::record::{Address, PhysicalParameters, WriteRequest, WriteResponse, index};
 use crate::rpc::{self, Header, Operation, RequestArgs, ResponseArgs};
 use crate::status::{Service, Status, Violation};
 use machine::Instant;
@@ -134,9 +136,7 @@ impl Ar {
             Ok(answer) => self.continue_startup(now, answer),
             // A device that is ready has executed PrmEnd. It refuses a repetition, since its answer was lost.
             Err(_) if self.phase == (Phase::EndingParameters { ready: true }) => self.exchange(now),
-            Err(Some(refusal)) if self.can_do_without(refusal) || self.notes_refused_record(refusal) => {
-                self.continue_startup(now, Answer::Done)
-            }
+            Err(Some(refusal)) if self.goes_on_without_record(now, refusal) => {}
             Err(refusal) => {
                 let unfit = Refusal { code: 0, text: down_reasons::UNFIT_ANSWER };
                 self.counters.malformed += u64::from(refusal.is_none());
@@ -150,7 +150,13 @@ impl Ar {
     fn continue_startup(&mut self, now: Instant, answer: Answer) {
         match (self.phase, answer) {
             (Phase::Connecting, Answer::Connected(granted)) => self.connected(now, granted),
-            (Phase::Writing { parameter }, Answer::Done) => self.write(now, parameter + 1),
+            (Phase::Writing { end, .. }, Answer::Done) => self.write(now, end),
+            (Phase::Writing { parameter, end }, Answer::Written(statuses)) => {
+                match self.refused_of_several(parameter, end, &statuses) {
+                    None => self.write(now, end),
+                    Some(refusal) => self.refuse(now, refusal),
+                }
+            }
             (Phase::EndingParameters { ready: true }, Answer::Done) => self.exchange(now),
             (Phase::EndingParameters { ready: false }, Answer::Done) => self.await_ready(now),
             _ => {}
@@ -186,16 +192,38 @@ impl Ar {
             self.phase = Phase::EndingParameters { ready: false };
             return self.control(now, Operation::Control, Command::PrmEnd);
         }
-        self.phase = Phase::Writing { parameter: index };
-        if self.call_write(now, index).is_err() {
+        let end = self.together_from(index);
+        self.phase = Phase::Writing { parameter: index, end };
+        let called = if end > index + 1 {
+            self.call_multiple_write(now, index, end)
+        } else {
+            self.call_write(now, index)
+        };
+        if called.is_err() {
             self.refuse(now, Refusal { code: 0, text: down_reasons::TOO_LONG });
         }
     }
 
-    /// Returns whether the device refuses a record that only describes how its interface is used: older stacks do not have
+    /// Goes on after a Write that the device refused as a whole, if it can: records that were written together are written one by
+    /// one, and a single one may not be needed.
+    fn goes_on_without_record(&mut self, now: Instant, refusal: Refusal) -> bool {
+        let Phase::Writing { parameter, end } = self.phase else { return false };
+        if end > parameter + 1 {
+            self.commissioning.writes_together = false;
+            self.write(now, parameter);
+            return true;
+        }
+        let goes_on =
+            self.is_dispensable(parameter, refusal) || self.notes_refused_record(parameter, refusal);
+        if goes_on {
+            self.write(now, end);
+        }
+        goes_on
+    }
+
+    /// Returns whether the device refuses a record of an index that only describes how its interface is used: older stacks do not have
     /// PDInterfaceAdjust, and exchange data all the same.
-    fn can_do_without(&self, Refusal { code, .. }: Refusal) -> bool {
-        let Phase::Writing { parameter } = self.phase else { return false };
+    pub(super) fn is_dispensable(&self, parameter: usize, Refusal { code, .. }: Refusal) -> bool {
         let record = self.config.parameters.get(parameter);
         record.is_some_and(|record| PhysicalParameters::has(record.subslot, record.index))
             && Status(code).is_access_error()
@@ -330,6 +358,8 @@ impl Ar {
 enum Answer {
     Connected(ConnectResponse),
     Done,
+    /// The status of each record of a MultipleWrite.
+    Written(Vec<Status>),
 }
 
 /// Reads the blocks of an answer in this phase, and checks that they are about this AR.
@@ -345,6 +375,9 @@ fn read(phase: Phase, blocks: &[u8], ar: &connect::Ar) -> Result<Answer, Refusal
         Phase::Connecting => ConnectResponse::parse(blocks).map(Answer::Connected).map_err(|_| unfit),
         Phase::Writing { .. } => match WriteResponse::parse(&mut BlockReader::new(blocks)) {
             Ok(written) if written.address.ar != ar.uuid => Err(unfit),
+            Ok(written) if written.status.is_ok() && written.address.index == index::MULTIPLE_WRITE => {
+                multiple_write::statuses(blocks, ar.uuid).map(Answer::Written).ok_or(unfit)
+            }
             Ok(written) if written.status.is_ok() => Ok(Answer::Done),
             Ok(written) => Err(Refusal { code: written.status.0, text: written.status.text() }),
             Err(_) => Err(unfit),

@@ -1,0 +1,327 @@
+//! `plc-node set-name`, `set-ip` and `flash`: name, address and lamp of a PROFINET station, for commissioning.
+
+use std::io::{BufRead as _, IsTerminal as _};
+use std::net::Ipv4Addr;
+
+use machine::Duration;
+use machine::ethernet::Mac;
+use node::Outcome;
+use node::output::to_stdout;
+use profinet::dcp::IpSuite;
+use profinet::{
+    FoundStation, StationChange, StationSetError, StationSetter, StationSetterConfig, is_station_name,
+};
+use protocol_linux::{Interface, clock};
+
+use crate::discover::{find_stations, set_station};
+use crate::printable::printable;
+
+/// Time for the answers of stations to a question to all of them.
+const SEARCH: Duration = Duration::from_millis(1_000);
+
+/// Stations that a message lists.
+const MOST_LISTED: usize = 12;
+
+/// Station that is meant.
+#[derive(clap::Args, Clone, Debug)]
+struct StationOptions {
+    /// The network interface.
+    #[arg(long, value_name = "IF")]
+    interface: String,
+    /// The station: its name, its IP address or its MAC address.
+    #[arg(long, value_name = "NAME|ADDRESS|MAC")]
+    at: String,
+}
+
+/// Options of a change.
+#[derive(clap::Args, Clone, Debug)]
+struct ChangeOptions {
+    /// The station loses it when it is switched off.
+    #[arg(long)]
+    temporary: bool,
+    /// Do not ask.
+    #[arg(long)]
+    yes: bool,
+}
+
+/// A new name for a PROFINET station.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct SetNameCommand {
+    #[command(flatten)]
+    station: StationOptions,
+    /// The new name.
+    name: String,
+    #[command(flatten)]
+    change: ChangeOptions,
+}
+
+/// A new IP address for a PROFINET station.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct SetIpCommand {
+    #[command(flatten)]
+    station: StationOptions,
+    /// The new IP address.
+    address: Ipv4Addr,
+    /// Subnet mask; without it, that of the interface.
+    #[arg(long, value_name = "MASK")]
+    mask: Option<Ipv4Addr>,
+    /// Gateway; without it, none.
+    #[arg(long, value_name = "ADDRESS")]
+    gateway: Option<Ipv4Addr>,
+    #[command(flatten)]
+    change: ChangeOptions,
+}
+
+/// A flashing lamp of a PROFINET station.
+#[derive(clap::Args, Clone, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct FlashCommand {
+    #[command(flatten)]
+    station: StationOptions,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  plc-node set-name --interface eth1 --at 28:63:36:00:00:07 valve-7
+  plc-node set-ip --interface eth1 --at valve-7 192.168.0.7 --mask 255.255.255.0
+  plc-node flash --interface eth1 --at valve-7
+
+For PROFINET only. EtherNet/IP has neither names nor lamps for this, and addresses are set by DHCP or the maker's tool; devices on
+EtherCAT have a position on the cable in their place. Needs raw sockets (root, or the capability CAP_NET_RAW).
+Exit codes: 2 if no station or several are meant, or nobody said yes; 4 if the station refuses; 5 if it does not answer.";
+
+/// Reason why no station is changed.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub(crate) enum StationError {
+    /// No station is meant.
+    #[error("no station is `{0}`; stations that answer: {1}")]
+    None(String, String),
+    /// Several stations are meant.
+    #[error("{0} stations are `{1}`: {2}; give the MAC address of one with --at")]
+    Several(usize, String, String),
+    /// The name is not one of a station.
+    #[error(
+        "`{0}` is not a station name: allowed are lower-case letters, digits and hyphens, in parts of up to 63 characters separated by \
+         dots, 240 in all"
+    )]
+    Name(String),
+    /// Another station has the name or the address.
+    #[error("station {1} already has {0}; rename it or choose another one")]
+    Taken(String, String),
+    /// The address is none of a station.
+    #[error("{0} is not an address of a station: choose one of the subnet")]
+    Address(Ipv4Addr),
+    /// Nobody agreed.
+    #[error("nothing was changed: nobody said yes; give --yes to change without a question")]
+    NotAgreed,
+}
+
+/// Returns true for an error that the user corrects on the command line.
+pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
+    error.is::<StationError>()
+}
+
+impl SetNameCommand {
+    /// Gives a station its name, and says what it has then.
+    pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
+        let name = self.name.to_lowercase();
+        if !is_station_name(name.as_bytes()) {
+            return Err(StationError::Name(printable(self.name.as_bytes())).into());
+        }
+        let (interface, found) = self.station.search()?;
+        let station = station_among(&found, &self.station.at)?;
+        if let Some(other) =
+            found.iter().find(|other| other.mac != station.mac && *other.name == *name.as_bytes())
+        {
+            return Err(StationError::Taken(format!("the name {name}"), other.mac.to_string()).into());
+        }
+        self.change.ask(&format!("Rename {} to {name}?", describe(station)))?;
+        let change = StationChange::Name(name.into_bytes());
+        set(&interface, station, change, !self.change.temporary)
+    }
+}
+
+impl SetIpCommand {
+    /// Gives a station its address, and says what it has then.
+    pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
+        let address = self.address;
+        if address.is_unspecified()
+            || address.is_multicast()
+            || address.is_broadcast()
+            || address.is_loopback()
+        {
+            return Err(StationError::Address(address).into());
+        }
+        let (interface, found) = self.station.search()?;
+        let station = station_among(&found, &self.station.at)?;
+        let is_its = |other: &&FoundStation| {
+            other.mac != station.mac && other.ip.is_some_and(|ip| ip.address == address)
+        };
+        if let Some(other) = found.iter().find(is_its) {
+            return Err(StationError::Taken(format!("the address {address}"), describe(other)).into());
+        }
+        if interface.address() == Some(address) {
+            let own = format!("this computer ({})", interface.name());
+            return Err(StationError::Taken(format!("the address {address}"), own).into());
+        }
+        let mask = self.mask.or_else(|| interface.mask()).unwrap_or(Ipv4Addr::new(255, 255, 255, 0));
+        // A station without a gateway has its own address there (IEC 61158-6-10, IPParameter).
+        let suite = IpSuite { address, mask, gateway: self.gateway.unwrap_or(address) };
+        self.change.ask(&format!("Give {} the address {address}, mask {mask}?", describe(station)))?;
+        set(&interface, station, StationChange::Address(suite), !self.change.temporary)
+    }
+}
+
+impl FlashCommand {
+    /// Lets a station flash its lamp for three seconds.
+    pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
+        let (interface, found) = self.station.search()?;
+        set(&interface, station_among(&found, &self.station.at)?, StationChange::Flash, false)
+    }
+}
+
+impl StationOptions {
+    fn search(&self) -> anyhow::Result<(Interface, Vec<FoundStation>)> {
+        let interface = Interface::find(&self.interface)?;
+        let found = find_stations(&interface, SEARCH)?;
+        Ok((interface, found))
+    }
+}
+
+impl ChangeOptions {
+    /// Asks on a terminal whether to go on.
+    fn ask(&self, question: &str) -> anyhow::Result<()> {
+        if self.yes {
+            return Ok(());
+        }
+        if !std::io::stdin().is_terminal() {
+            return Err(StationError::NotAgreed.into());
+        }
+        to_stdout(format_args!("{question} A running connection to it may end. [yes/no] "))?;
+        let mut answer = String::new();
+        std::io::stdin().lock().read_line(&mut answer)?;
+        match answer.trim() {
+            "y" | "yes" => Ok(()),
+            _ => Err(StationError::NotAgreed.into()),
+        }
+    }
+}
+
+fn describe(station: &FoundStation) -> String {
+    let name = if station.name.is_empty() { "without a name".to_owned() } else { printable(&station.name) };
+    let address = station.ip.map(|ip| ip.address).filter(|address| !address.is_unspecified());
+    let address = address.map_or_else(|| "no address".to_owned(), |address| address.to_string());
+    format!("{name} ({}, {address})", station.mac)
+}
+
+/// Returns the station that is meant: by name, IP address or MAC address.
+fn station_among<'f>(found: &'f [FoundStation], at: &str) -> Result<&'f FoundStation, StationError> {
+    let lower = at.to_lowercase();
+    let is_meant = |station: &&FoundStation| {
+        let ip = station.ip.map(|ip| ip.address.to_string());
+        *station.name == *lower.as_bytes()
+            || ip.as_deref() == Some(at)
+            || station.mac.to_string().to_lowercase() == lower.replace('-', ":")
+    };
+    let meant: Vec<_> = found.iter().filter(is_meant).collect();
+    match meant.as_slice() {
+        [station] => Ok(station),
+        [] => Err(StationError::None(printable(at.as_bytes()), list(found.iter()))),
+        several => {
+            Err(StationError::Several(several.len(), printable(at.as_bytes()), list(several.iter().copied())))
+        }
+    }
+}
+
+fn list<'f>(stations: impl Iterator<Item = &'f FoundStation>) -> String {
+    let listed: Vec<_> = stations.take(MOST_LISTED).map(describe).collect();
+    if listed.is_empty() { "none".to_owned() } else { listed.join(", ") }
+}
+
+/// Changes a station, and prints what it answered and what it has then.
+fn set(
+    interface: &Interface,
+    station: &FoundStation,
+    change: StationChange,
+    is_permanent: bool,
+) -> anyhow::Result<Outcome> {
+    let start = clock::now();
+    let is_flash = change == StationChange::Flash;
+    let config = StationSetterConfig {
+        mac: interface.mac(),
+        station: station.mac,
+        // The clock gives each request its own number.
+        xid: (start.as_nanos() >> 10) as u32,
+        change,
+        is_permanent,
+    };
+    let result = set_station(StationSetter::new(config, start), interface)?;
+    if let Err(error) = result {
+        node::errln!("{}: {error}", describe(station));
+        return Ok(match error {
+            StationSetError::NoAnswer => Outcome::EnvironmentUnusable,
+            _ => Outcome::RunFailed,
+        });
+    }
+    if is_flash {
+        to_stdout(format_args!("{}: it confirms; its lamp flashes for 3 s\n", describe(station)))?;
+        return Ok(Outcome::Done);
+    }
+    to_stdout(format_args!("{}: it confirms\n", describe(station)))?;
+    confirm(interface, station.mac)
+}
+
+/// Asks the station again what it has, since an address may be refused after the confirmation.
+fn confirm(interface: &Interface, mac: Mac) -> anyhow::Result<Outcome> {
+    match find_stations(interface, SEARCH)?.iter().find(|station| station.mac == mac) {
+        Some(station) => {
+            to_stdout(format_args!("now {}\n", describe(station)))?;
+            Ok(Outcome::Done)
+        }
+        None => {
+            node::errln!(
+                "{mac}: does not answer any more; look at its lamps, and search with `plc-node discover`"
+            );
+            Ok(Outcome::EnvironmentUnusable)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn station(last: u8, name: &str, address: u8) -> FoundStation {
+        let address = Ipv4Addr::new(192, 168, 0, address);
+        let mask = Ipv4Addr::new(255, 255, 255, 0);
+        FoundStation {
+            mac: Mac([2, 0, 0, 0, 0, last]),
+            name: name.as_bytes().into(),
+            type_of_station: Box::default(),
+            identity: None,
+            ip: Some(IpSuite { address, mask, gateway: address }),
+            roles: 1,
+        }
+    }
+
+    #[test]
+    fn a_station_is_meant_by_name_address_or_mac_address_and_twins_by_the_last_one_only() {
+        let found = [station(1, "valve", 7), station(2, "drive", 8), station(3, "drive", 9)];
+        for at in ["valve", "VALVE", "192.168.0.7", "02:00:00:00:00:01", "02-00-00-00-00-01"] {
+            assert_eq!(station_among(&found, at).unwrap().mac, found[0].mac, "{at}");
+        }
+        let said = station_among(&found, "drive").unwrap_err().to_string();
+        assert!(
+            said.starts_with("2 stations are `drive`: drive (02:00:00:00:00:02, 192.168.0.8), "),
+            "{said}"
+        );
+        assert_eq!(station_among(&found, "02:00:00:00:00:03").unwrap().mac, found[2].mac);
+        let said = station_among(&found[..1], "pump").unwrap_err().to_string();
+        assert_eq!(
+            said,
+            "no station is `pump`; stations that answer: valve (02:00:00:00:00:01, 192.168.0.7)"
+        );
+    }
+}
