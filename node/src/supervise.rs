@@ -147,6 +147,8 @@ struct Link {
     last_down: Option<String>,
     /// The last wait that was reported and has not ended.
     waiting: Option<Waiting>,
+    /// Identity that the device at the other end reports.
+    identity: Option<String>,
     /// What is remarkable about the connection.
     remark: Option<String>,
 }
@@ -251,6 +253,8 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         let about = |station: usize, message: Message<C::Message>| self.about(Some(station), message);
         for (station, link) in self.links.iter().enumerate() {
             state.extend(link.is_up.then(|| about(station, Message::LinkUp)));
+            let identity = link.identity.clone();
+            state.extend(identity.map(|text| about(station, Message::Identity { text })));
             state.extend(link.remark.clone().map(|text| about(station, Message::Remark { text })));
         }
         state.extend(self.mode.greeting().map(|greeting| Message::Node(greeting).into()));
@@ -279,6 +283,13 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             Notice::Explanation(words) => {
                 self.explanation = Some(words);
                 return Next::Wait;
+            }
+            Notice::Identity(station, text) => {
+                let text = text.as_str().to_owned();
+                if let Some(link) = self.links.get_mut(station) {
+                    link.identity = Some(text.clone());
+                }
+                (Some(station), Some(Message::Identity { text }), Next::Wait)
             }
             Notice::Remark(station, text) => {
                 let text = self.links.get_mut(station).and_then(|link| link.take_remark(text.as_str()));
@@ -341,7 +352,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             match event {
                 LinkEvent::Up => *link = Link { is_up: true, ..Link::default() },
                 LinkEvent::Down(_) => {
-                    (link.is_up, link.remark) = (false, None);
+                    (link.is_up, link.remark, link.identity) = (false, None, None);
                     if let Some(Message::LinkDown { reason }) = &message {
                         link.last_down = Some(reason.clone());
                     }

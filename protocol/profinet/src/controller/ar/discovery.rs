@@ -135,6 +135,11 @@ impl Discovery {
         self.answer.map(|answer| answer.mac)
     }
 
+    /// Returns the name, the MAC address and the VendorID with the DeviceID that the station reported.
+    pub(super) fn reported(&self) -> Option<(&[u8], Mac, Option<(u16, u16)>)> {
+        self.answer.map(|answer| (&*self.wanted.name, answer.mac, answer.identity))
+    }
+
     /// Returns whether the station reported that another one has its address.
     pub(super) fn has_conflict(&self) -> bool {
         self.answer.is_some_and(|answer| answer.has_conflict)
