@@ -308,7 +308,7 @@ fn compact_points_need_every_robot_of_a_cell_to_take_them() {
     let (shipped, _) = cell("F").unwrap();
     let compact = shipped.with_each_station(|setup| setup.with_queue_motions(30).with_form_compact());
     crate::check_cell(&compact).unwrap();
-    let written = crate::cell_from_text("my", &cell_to_toml(&compact).unwrap()).unwrap();
+    let written = cell_from_text("my", &cell_to_toml(&compact).unwrap()).unwrap();
     assert_eq!(written, compact);
     let mut one = compact;
     one.stations[1].robot.compact_points = None;

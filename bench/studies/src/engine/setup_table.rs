@@ -54,11 +54,7 @@ fn set(table: &mut toml::Table, path: &str, key: SetupKey, value: &Scalar) {
         Some((section, rest)) => {
             let section = table.entry(section).or_insert_with(|| toml::Value::Table(toml::Table::new()));
             match section {
-                toml::Value::Table(section) => {
-                    if !set_component(section, rest, &value) {
-                        set(section, rest, key, &Scalar::from(value));
-                    }
-                }
+                toml::Value::Table(section) => set_within(section, rest, key, value),
                 toml::Value::Array(stations) => {
                     if let Some((station, rest)) = station_of(stations, rest) {
                         set(station, rest, key, &Scalar::from(value));
@@ -76,6 +72,13 @@ fn set(table: &mut toml::Table, path: &str, key: SetupKey, value: &Scalar) {
         None => {
             table.insert(path.to_owned(), value);
         }
+    }
+}
+
+/// Changes a key of a section, or a component of a place.
+fn set_within(section: &mut toml::Table, path: &str, key: SetupKey, value: toml::Value) {
+    if !set_component(section, path, &value) {
+        set(section, path, key, &Scalar::from(value));
     }
 }
 
