@@ -135,9 +135,14 @@ impl Discovery {
         self.answer.map(|answer| answer.mac)
     }
 
-    /// Returns the name, the MAC address and the VendorID with the DeviceID that the station reported.
-    pub(super) fn reported(&self) -> Option<(&[u8], Mac, Option<(u16, u16)>)> {
-        self.answer.map(|answer| (&*self.wanted.name, answer.mac, answer.identity))
+    /// Returns the name to which the station answered.
+    pub(super) fn name(&self) -> &[u8] {
+        &self.wanted.name
+    }
+
+    /// Returns the VendorID and the DeviceID that the station reported, if it did.
+    pub(super) fn identity(&self) -> Option<(u16, u16)> {
+        self.answer?.identity
     }
 
     /// Returns whether the station reported that another one has its address.

@@ -29,9 +29,9 @@ impl Ar {
     ///
     /// That of the writer.
     pub fn write_identity(&self, words: &mut dyn fmt::Write) -> fmt::Result {
-        let Some((name, mac, identity)) = self.discovery.reported() else { return Ok(()) };
-        write!(words, "`{}` ({mac})", name.escape_ascii())?;
-        match identity {
+        let Some(mac) = self.discovery.device() else { return Ok(()) };
+        write!(words, "`{}` ({mac})", self.discovery.name().escape_ascii())?;
+        match self.discovery.identity() {
             Some((vendor, device)) => {
                 write!(words, ", VendorID 0x{vendor:04X}, DeviceID 0x{device:04X}")
             }
