@@ -112,7 +112,16 @@ impl<N: Node> Task<N> for CyclicTask<N::Sample> {
             let _ = node.remark(&event, &mut remark);
             remark
         });
+        let identity = matches!(link, Some(LinkEvent::Up)).then(|| {
+            let mut identity = ShortText::default();
+            // Text that does not fit is cut off.
+            let _ = node.write_identity(&event, &mut identity);
+            identity
+        });
         notices.send(Notice::Event(event));
+        if let Some(identity) = identity.filter(|identity| !identity.as_str().is_empty()) {
+            notices.send(Notice::Identity(station, identity));
+        }
         if let Some(remark) = remark {
             notices.send(Notice::Remark(station, remark));
         }

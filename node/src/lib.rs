@@ -3,7 +3,8 @@
 //! ```text
 //! run         the command `run`: its options, and what happens before and after a node runs on its bus; cell_run
 //!             prepares the nodes of a setup with several stations
-//! supervise   the thread beside the cyclic one: notices become messages, instructions become commands
+//! supervise   the thread beside the cyclic one: notices become messages, instructions become commands; link_state is what it
+//!             knows of a connection
 //! ├─ message  the messages and instructions, one JSON line each; report has their figures, station_message
 //! │           names the station of a message where a node has several
 //! ├─ inbox    waits for instructions, signals and notices at once; input lists them, carrier_report is one
@@ -40,6 +41,8 @@ mod inbox;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod input;
 pub mod interface_option;
+#[cfg(all(feature = "real", target_os = "linux"))]
+mod link_state;
 pub mod list;
 pub mod message;
 #[cfg(all(feature = "real", target_os = "linux"))]

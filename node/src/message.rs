@@ -43,6 +43,11 @@ pub enum Message<M> {
         /// Whether somebody owes progress. Without this, it may last as long as it likes, as at an override of 0 %.
         is_owed: bool,
     },
+    /// Identity that the device at the other end reports: name, vendor, device, version, as its bus has them.
+    Identity {
+        /// The identity, as text.
+        text: String,
+    },
     /// Something is remarkable about the connection: it is slower than asked, or a station holds it and sends nothing.
     Remark {
         /// What, as text.
@@ -185,6 +190,7 @@ impl<M: fmt::Display> fmt::Display for Message<M> {
                 write!(f, "the peer wants the address {address}, but: {problem}")
             }
             Self::Waiting { seconds, reason, .. } => write!(f, "waited {seconds} s so far for {reason}"),
+            Self::Identity { text } => write!(f, "the device at the other end: {text}"),
             Self::Remark { text } => write!(f, "warning: {text}"),
             Self::Report(report) => report.fmt(f),
             Self::Farewell { report, problem } => {

@@ -103,6 +103,11 @@ pub trait Node: Multihomed<Event: Send + Debug> + Send + 'static {
         matches!(Self::link_event(event), Some(LinkEvent::Up))
     }
 
+    /// Writes what the device at the other end of the connection of an event says of itself: `write_identity` of its bus.
+    fn write_identity(&self, _event: &Self::Event, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
+
     /// Closes the connection as its standard demands.
     fn disconnect(&mut self, now: Instant);
 
@@ -165,6 +170,8 @@ pub enum Notice<E, A> {
     Explanation(ShortText),
     /// What is remarkable about the connection to the station of this index; an empty text if nothing is.
     Remark(usize, ShortText),
+    /// Identity that the device at the other end of the connection to the station of this index reports.
+    Identity(usize, ShortText),
     /// An answer to an order.
     Answer(A),
     /// The interface refused the address that the bus set.

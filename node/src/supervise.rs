@@ -10,13 +10,12 @@ use machine::LinkEvent;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use crate::link_state::Link;
 use crate::message::{Hello, Instruction, Message};
 use crate::output::to_stdout;
 use crate::station_file::{Station, StationFile};
 use crate::station_message::{Console, StationMessage};
-use crate::{
-    Command, Input, Node, NodeError, NodeProcess, Notice, Outcome, ProcessEvent, ShortText, Waiting, errln,
-};
+use crate::{Command, Input, Node, NodeError, NodeProcess, Notice, Outcome, ProcessEvent, ShortText, errln};
 
 /// What one kind of node adds to the supervision of a node, with or without instructions.
 pub trait OperatingMode<N: Node> {
@@ -139,31 +138,6 @@ struct Supervisor<'a, N: Node, C: OperatingMode<N>> {
     explanation: Option<ShortText>,
 }
 
-/// The connection to a station, as a new controller has to know it.
-#[derive(Default)]
-struct Link {
-    is_up: bool,
-    /// Why it is down, as text.
-    last_down: Option<String>,
-    /// The last wait that was reported and has not ended.
-    waiting: Option<Waiting>,
-    /// What is remarkable about the connection.
-    remark: Option<String>,
-}
-
-impl Link {
-    /// Takes what is remarkable now, nothing being an empty text. Returns what is to be reported: a new remark, or the end of the
-    /// last one. The same remark again is not reported.
-    fn take_remark(&mut self, text: &str) -> Option<String> {
-        let text = Some(text).filter(|text| !text.is_empty());
-        if self.remark.as_deref() == text {
-            return None;
-        }
-        let former = std::mem::replace(&mut self.remark, text.map(str::to_owned));
-        self.remark.clone().or_else(|| former.map(|former| format!("no longer so: {former}")))
-    }
-}
-
 impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
     /// Handles events until the cyclic thread has ended.
     fn run(&mut self) -> Result<Outcome, NodeError> {
@@ -251,6 +225,8 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
         let about = |station: usize, message: Message<C::Message>| self.about(Some(station), message);
         for (station, link) in self.links.iter().enumerate() {
             state.extend(link.is_up.then(|| about(station, Message::LinkUp)));
+            let identity = link.identity.clone();
+            state.extend(identity.map(|text| about(station, Message::Identity { text })));
             state.extend(link.remark.clone().map(|text| about(station, Message::Remark { text })));
         }
         state.extend(self.mode.greeting().map(|greeting| Message::Node(greeting).into()));
@@ -279,6 +255,13 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             Notice::Explanation(words) => {
                 self.explanation = Some(words);
                 return Next::Wait;
+            }
+            Notice::Identity(station, text) => {
+                let text = text.as_str().to_owned();
+                if let Some(link) = self.links.get_mut(station) {
+                    link.identity = Some(text.clone());
+                }
+                (Some(station), Some(Message::Identity { text }), Next::Wait)
             }
             Notice::Remark(station, text) => {
                 let text = self.links.get_mut(station).and_then(|link| link.take_remark(text.as_str()));
@@ -341,7 +324,7 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
             match event {
                 LinkEvent::Up => *link = Link { is_up: true, ..Link::default() },
                 LinkEvent::Down(_) => {
-                    (link.is_up, link.remark) = (false, None);
+                    (link.is_up, link.remark, link.identity) = (false, None, None);
                     if let Some(Message::LinkDown { reason }) = &message {
                         link.last_down = Some(reason.clone());
                     }
@@ -385,18 +368,6 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
     }
 }
 
-impl Link {
-    /// Returns the message about a wait. A node that waits for its connection gives the last reason of the bus.
-    fn waiting_message<M>(&self, waiting: &Waiting) -> Message<M> {
-        let Waiting { seconds, for_what, is_for_connection, is_owed } = waiting;
-        let reason = match &self.last_down {
-            Some(down) if *is_for_connection => format!("the connection: {down}"),
-            _ => for_what.clone(),
-        };
-        Message::Waiting { seconds: *seconds, reason, is_owed: *is_owed }
-    }
-}
-
 /// Returns whether the line is one JSON value.
 fn is_json(line: &str) -> bool {
     serde_json::from_str::<serde::de::IgnoredAny>(line).is_ok()
@@ -430,21 +401,4 @@ fn link_message<M>(event: LinkEvent, explanation: Option<ShortText>) -> Option<M
         LinkEvent::Conflict(conflict) => Message::Conflict { conflict: conflict.to_string() },
         LinkEvent::Store => return None,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Link;
-
-    #[test]
-    fn a_remark_is_reported_once_and_when_it_no_longer_holds() {
-        let mut link = Link::default();
-        let mut reported = |text: &str| link.take_remark(text);
-        assert_eq!(reported(""), None);
-        assert_eq!(reported("a silent owner").as_deref(), Some("a silent owner"));
-        assert_eq!(reported("a silent owner"), None);
-        assert_eq!(reported("another owner").as_deref(), Some("another owner"));
-        assert_eq!(reported("").as_deref(), Some("no longer so: another owner"));
-        assert_eq!(reported(""), None);
-    }
 }

@@ -2,7 +2,7 @@
 
 use machine::Instant;
 use planning::{Stop, Switch};
-use protocol::image::MotionKind;
+use protocol::image::{MotionKind, PointHead};
 use setup::Refill;
 
 use crate::function_blocks::{
@@ -110,6 +110,8 @@ pub(crate) struct Sequence {
     is_called: bool,
     /// RC in sections: motions before the end of the section that the robot's program runs.
     section_end: u32,
+    /// CM: points that an image holds, where they go as compact points.
+    points: Option<u32>,
     stage: Stage,
     /// Skills before the current one.
     ended: Totals,
@@ -128,6 +130,7 @@ impl Sequence {
             motion: None,
             is_called: false,
             section_end: 0,
+            points: None,
             stage: Stage::Skill,
             ended: Totals::default(),
             current: Tally::default(),
@@ -143,6 +146,12 @@ impl Sequence {
     pub(crate) const fn refilled_by(mut self, refill: Refill) -> Self {
         self.blocks.move_continuous = self.blocks.move_continuous.refilled_by(refill);
         self.blocks.move_trajectory = self.blocks.move_trajectory.refilled_by(refill);
+        self
+    }
+
+    /// Tells CM what its points have in common, if they go as compact points.
+    pub(crate) fn with_points(mut self, head: Option<PointHead>) -> Self {
+        self.points = head.map(|head| head.capacity());
         self
     }
 
@@ -188,7 +197,10 @@ impl Sequence {
         let next = stops.partition_point(|stop| stop.after <= self.step);
         let end = stops.get(next).map_or(u32::MAX, |stop| stop.after);
         let is_continuous = self.execution_type == ExecutionType::Cm && self.stage == Stage::Skill;
-        let written = self.blocks.move_continuous.writes_to(&self.current);
+        let written = match self.points {
+            Some(capacity) => self.blocks.move_trajectory.writes_to(&self.current, capacity),
+            None => self.blocks.move_continuous.writes_to(&self.current),
+        };
         is_continuous && motion < end && motion < self.step.saturating_add(written)
     }
 

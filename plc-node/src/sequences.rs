@@ -100,6 +100,7 @@ impl Part {
 
     fn begin(&mut self, execution_type: ExecutionType) {
         let sequence = Sequence::new(execution_type, self.program, self.queue_depth).refilled_by(self.refill);
+        let sequence = sequence.with_points(self.motions.point_head());
         let is_whole = self.waits.iter().all(|wait| wait.signal.is_some()) && !self.turns.has_visits();
         self.sequence = if is_whole { sequence } else { sequence.in_sections() };
         self.outputs.begin();

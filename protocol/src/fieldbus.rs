@@ -122,6 +122,11 @@ pub trait ControllerBus: Machine<Event = (StationId, LinkEvent)> {
         Ok(())
     }
 
+    /// Writes what the device of a station says of itself; nothing where it said nothing, or was not asked.
+    fn write_identity(&self, _station: StationId, _words: &mut dyn fmt::Write) -> fmt::Result {
+        Ok(())
+    }
+
     /// Returns the frame counters of a station since the start. Frames that belong to no station count with the first one.
     fn counters(&self, station: StationId) -> Counters;
 

@@ -7,7 +7,7 @@ use plc_node::ExecutionType;
 use serde::{Deserialize, Serialize};
 use setup::Cell;
 
-use crate::attached::AttachedAt;
+pub use crate::attached::CellAttached;
 use crate::cell_marks::waits;
 pub use crate::cell_marks::{CellMark, CellWait};
 use crate::cell_sample::{CellSample, mark_skews};
@@ -91,16 +91,6 @@ pub struct CellAllocations {
     pub plc: u64,
     /// Allocations of the robots, in the order of the stations.
     pub robots: Vec<u64>,
-}
-
-/// The nodes of a cell that the bench was attached to.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct CellAttached {
-    /// The PLC.
-    pub plc: AttachedAt,
-    /// The robots, in the order of the stations.
-    pub robots: Vec<AttachedAt>,
 }
 
 /// A station of the cell.
@@ -236,15 +226,6 @@ impl CellResults {
     /// Creates the results of a run that is about to start.
     #[must_use]
     pub fn new(cell: &Cell, planned: &PlannedCell, mode: Mode, schedule: &Schedule) -> Self {
-        let own = || cell.stations.iter().map(|station| station.application.as_str()).collect::<Vec<_>>();
-        // The plan of an arm is named by the application and the arm.
-        let of_all = || {
-            let (station, planned) = (cell.stations.first()?, planned.stations.first()?);
-            let name = planned.application.name.strip_suffix(station.application.as_str())?;
-            Some(name.trim_end_matches('-').to_owned())
-        };
-        let application = cell.application.as_ref().and_then(|_| of_all());
-        let application = application.unwrap_or_else(|| own().join(", "));
         let mut results = PerType::default();
         let of_type = CellTypeResult {
             stations: vec![StationResult::default(); cell.stations.len()],
@@ -276,7 +257,7 @@ impl CellResults {
             schema_version: CELL_SCHEMA_VERSION,
             setup: cell.name.clone(),
             title: cell.title.clone(),
-            application,
+            application: planned.application_name(cell),
             mode: mode.name().to_owned(),
             seed: schedule.seed,
             reps: schedule.reps,

@@ -65,8 +65,13 @@ impl Conditions {
         let [setup, application, mode] =
             [&results.setup, &results.application, &results.mode].map(Clone::clone);
         let peers = results.origin.as_ref().map(|origin| [&origin.plc, &origin.robot]);
-        let [plc, robot] =
-            peers.map_or_else(|| ["ours"; 2].map(str::to_owned), |peers| peers.map(ToString::to_string));
+        // A robot that is not ours is the one that its bus shows.
+        let foreign = results.attached.as_ref().filter(|attached| attached.robot.is_none());
+        let foreign = foreign.and_then(|attached| attached.identity.clone());
+        let [plc, robot] = match peers {
+            Some(peers) => peers.map(ToString::to_string),
+            None => ["ours".to_owned(), foreign.unwrap_or_else(|| "ours".to_owned())],
+        };
         let texts = [setup, application, mode, overrides, faults, plc, robot];
         Self { nodes, texts, cell: RunContent::read(directory) }
     }

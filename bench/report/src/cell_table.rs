@@ -69,6 +69,10 @@ pub(crate) fn conditions(results: &CellResults) -> Vec<String> {
             allocations(results).unwrap_or_default()
         ));
     }
+    sentences.extend(results.attached.as_ref().map(|attached| {
+        let names = results.stations.iter().map(|station| station.name.as_str());
+        format!("Measured on nodes that ran already: {}.", attached.shown(names))
+    }));
     sentences.extend(results.remarks.iter().map(|remark| format!("Connection: {remark}.")));
     sentences.extend(
         results

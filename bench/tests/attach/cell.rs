@@ -239,6 +239,11 @@ pub(crate) fn a_bench_measures_on_the_nodes_of_a_cell_that_run_already() {
         let results = results(cell.place.path(), run);
         assert_eq!((&results["schema_version"], &results["mode"]), (&2.into(), &"real".into()));
         assert_eq!(results["attached"]["robots"][1]["address"], "10.77.2.1:7700");
+        let identity = |station: usize| results["attached"]["identities"][station].as_str().unwrap();
+        assert!(identity(0).contains("VendorID 0x"), "{}", results["attached"]);
+        assert!(identity(1).contains("serial number 0x"), "{}", results["attached"]);
+        let table = text(&output.stdout).replace("\n ", "");
+        assert!(table.contains("on the bus right is vendor"), "{table}");
         assert_eq!(results["results"]["cm"]["samples_ms"].as_array().unwrap().len(), 1);
     }
 }

@@ -55,6 +55,7 @@ fn main() -> ExitCode {
         cell::attached_nodes_of_a_cell_that_are_others_or_missing_are_named_before_anything_moves,
         peer::the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus,
         peer::the_doctor_sees_every_step_of_a_plc_up_to_its_first_command_on_each_bus,
+        peer::the_doctor_names_assemblies_whose_size_or_number_is_not_that_of_the_setup,
         peer::the_doctor_names_the_first_step_that_a_missing_peer_lacks,
         stations::a_robot_that_kept_the_address_of_another_one_is_not_connected_to,
         stations::a_stranger_that_takes_the_address_of_the_robot_is_named_by_both_nodes,
@@ -212,7 +213,8 @@ fn the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours() {
         told.contains("Measured on nodes that ran already: PLC at 10.77.0.1:7700, skillbench"),
         "{table}"
     );
-    assert!(told.contains("robot not attached."), "{table}");
+    let on_the_bus = "robot not attached; on the bus the robot is `skillbench-robot` (";
+    assert!(told.contains(on_the_bus) && told.contains("VendorID 0xFFFF, DeviceID 0x0001."), "{table}");
     let not_verified = "Not verified: path, speed, override, ratings of the joints";
     assert!(told.replace("  ", " ").contains(not_verified), "{table}");
     assert!(
@@ -220,8 +222,10 @@ fn the_plc_alone_is_enough_where_the_robot_is_no_node_of_ours() {
     );
     let attached = &results(cell.place.path(), "run")["attached"];
     assert_eq!(attached["plc"]["version"], env!("CARGO_PKG_VERSION"));
+    assert!(attached["identity"].as_str().unwrap().starts_with("`skillbench-robot` ("), "{attached}");
     assert!(attached["plc"]["host"].as_str().unwrap().contains("Linux") && attached["robot"].is_null());
     let report = fs::read_to_string(cell.place.path().join("run/report.html")).unwrap();
+    assert!(report.contains("on the bus the robot is `skillbench-robot`"), "the report's line on the nodes");
     assert!(report.contains("Measured on nodes that ran already") && !report.contains("h = 0"));
     assert!(report.contains(not_verified));
     let history = bench().arg("history").arg(cell.place.path()).output().unwrap();

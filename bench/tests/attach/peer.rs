@@ -56,9 +56,33 @@ pub(crate) fn the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus() {
             assert!(verdict == "good" && modules.contains("slot 1 0x00000100"), "{modules}");
             assert!(found(&steps, "version").1.contains("firmware V"), "{steps:#?}");
         }
+        if setup == "B" {
+            let (verdict, sizes) = found(&steps, "assembly sizes");
+            assert!(verdict == "good" && sizes.contains("assembly 150 (command) has 256 bytes"), "{sizes}");
+        }
         let said = robot.end();
         assert!(!said.iter().any(|line| line.contains("command ")), "nothing was commanded: {said:#?}");
     }
+}
+
+pub(crate) fn the_doctor_names_assemblies_whose_size_or_number_is_not_that_of_the_setup() {
+    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("other.toml");
+    // The image, and 8 bytes more; and an assembly that our robot does not have.
+    let adapter = "[bus.ethernet_ip.adapter]\nconsumed_assembly = 150\nconsumed_bytes = 264\n\
+                   produced_assembly = 101\nproduced_bytes = 256\n";
+    let setup = include_str!("../../../cell/setups/B.toml");
+    std::fs::write(&path, format!("{setup}\n{adapter}")).unwrap();
+    let wire = DirectCable::new();
+    let mut robot = Node::start(wire.command(1, &["__robot-node", "run", "--setup", "B"]));
+    robot.read_to("robot");
+    let (code, steps) = wire.doctor(0, "robot", path.to_str().unwrap());
+    assert_eq!((code, found(&steps, "assembly sizes").0), (Some(5), "missing"), "{steps:#?}");
+    let said = found(&steps, "assembly sizes").1;
+    assert!(said.contains("assembly 150 (command) has 256 bytes, the setup 264"), "{said}");
+    assert!(said.contains("no assembly 101 (feedback)"), "{said}");
+    robot.end();
 }
 
 pub(crate) fn the_doctor_sees_every_step_of_a_plc_up_to_its_first_command_on_each_bus() {

@@ -63,6 +63,32 @@ fn no_single_fault_alters_a_run_of_compact_points_on_any_bus() {
     }
 }
 
+/// Writes the files of Setup F with two arms on circles of sixty points, whose PLC sends compact points.
+fn write_compact_cell(place: &Path) {
+    let (mut cell, _) = setup::cell("F").unwrap();
+    cell.application = Some("circles.toml".to_owned());
+    for station in &mut cell.stations {
+        station.application = format!("{}-circle", station.name);
+    }
+    let cell = cell.with_each_station(|setup| {
+        setup.with_queue_motions(64).with_refill(Refill::Accepted).with_form_compact()
+    });
+    fs::write(place.join("cell.toml"), setup::cell_to_toml(&cell).unwrap()).unwrap();
+    let circles = include_str!("../../../cell/planning/tests/two-circles.toml");
+    fs::write(place.join("circles.toml"), circles).unwrap();
+}
+
+#[test]
+fn no_single_fault_alters_a_run_of_two_arms_that_get_compact_points() {
+    let place = tempfile::tempdir().unwrap();
+    write_compact_cell(place.path());
+    let (code, said) = explore(place.path(), "--setup cell.toml --types cm --every 997");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("0 ended otherwise"), "{said}");
+    let (code, said) = bench(place.path(), &["soak", "--setup", "cell.toml", "--hours", "0.02", "--quiet"]);
+    assert_eq!(code, Some(0), "{said}");
+}
+
 #[test]
 fn no_single_fault_of_any_kind_lets_an_altered_run_pass_or_keeps_the_next_one_from_passing_on_any_bus() {
     for setup in ["A", "B", "C"] {

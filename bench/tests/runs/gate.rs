@@ -149,3 +149,75 @@ fn an_export_of_a_cell_replaces_none_of_its_applications() {
     }
     assert_eq!(std::fs::read_to_string(place.join("task.toml")).unwrap(), application);
 }
+
+/// Measures a cell of several stations in virtual time, and lets its results say that it was a real run.
+fn as_real_run(place: &Path, setup: &str, run: &str) {
+    let options = ["--mode", "virtual", "--reps", "5", "--without", "report,race,traces", "--quiet"];
+    let measured = bench(place, ["--setup", setup, "--out", run].iter().chain(&options));
+    assert_eq!(measured.code, Some(0), "{}", measured.stderr);
+    let path = place.join(run).join("results.json");
+    let mut results: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    results["mode"] = "real".into();
+    // As an older version writes it: without the digest of the mode.
+    results.as_object_mut().unwrap().remove("digests");
+    std::fs::write(path, results.to_string()).unwrap();
+}
+
+#[test]
+fn the_ratios_of_a_real_run_of_several_stations_are_those_of_the_whole_cell() {
+    let directory = tempfile::tempdir().unwrap();
+    let place = directory.path();
+    for setup in ["E", "F", "G"] {
+        as_real_run(place, setup, setup);
+        let passed = gate(place, &["--run", setup]);
+        assert_eq!(passed.code, Some(0), "{setup}: {}{}", passed.stdout, passed.stderr);
+        assert!(passed.stdout.contains("CM / RC") && passed.stdout.contains("SM / RC"), "{}", passed.stdout);
+    }
+    // A robot that takes 100 ms longer for each call of a skill, which CM makes once and SM for each motion.
+    let slower = include_str!("../../../cell/setups/E.toml");
+    let (head, left) = slower.split_once("skill_overhead_us = { value = ").unwrap();
+    let (value, tail) = left.split_once(',').unwrap();
+    let value = value.replace('_', "").parse::<u32>().unwrap() + 100_000;
+    std::fs::write(place.join("slower.toml"), format!("{head}skill_overhead_us = {{ value = {value},{tail}"))
+        .unwrap();
+    as_real_run(place, "slower.toml", "slower");
+    let failed = gate(place, &["--run", "slower", "--export-csv", "ratios.csv"]);
+    assert_eq!(failed.code, Some(3), "{}{}", failed.stdout, failed.stderr);
+    assert!(failed.stdout.contains("SLOWER") && failed.stdout.contains("Fail: "), "{}", failed.stdout);
+    let ratios = std::fs::read_to_string(place.join("ratios.csv")).unwrap();
+    assert!(ratios.lines().any(|line| line.starts_with("SM / RC,") && line.ends_with(",beyond")), "{ratios}");
+}
+
+#[test]
+fn a_baseline_of_a_cell_is_found_by_the_name_of_its_application_and_not_by_its_path() {
+    let directory = tempfile::tempdir().unwrap();
+    let place = directory.path();
+    let setup = include_str!("../../../cell/setups/F.toml");
+    std::fs::write(place.join("cell.toml"), setup.replacen("\"carry-plate\"", "\"task.toml\"", 1)).unwrap();
+    std::fs::write(place.join("task.toml"), include_str!("../../../cell/applications/carry-plate.toml"))
+        .unwrap();
+    // Each arm does its own work, without marks, and far from the other one.
+    let own = setup.replacen("application = \"carry-plate\"\n", "", 1);
+    let own = own.replacen("root_mm_deg = { value = [1200.0", "root_mm_deg = { value = [5000.0", 1);
+    let mut applications = ["gluing", "gluing"].into_iter();
+    let own: Vec<String> = own
+        .lines()
+        .map(|line| match line.strip_prefix("application = ") {
+            Some(_) => format!("application = \"{}\"", applications.next().unwrap()),
+            None => line.to_owned(),
+        })
+        .collect();
+    std::fs::write(place.join("own.toml"), own.join("\n")).unwrap();
+    for (setup, application) in [("cell.toml", "carry-plate"), ("own.toml", "gluing, gluing")] {
+        let baseline = format!("{setup}.json");
+        let made = gate(place, &["--setup", setup, "--baseline", &baseline, "--update"]);
+        assert_eq!(made.code, Some(0), "{setup}: {}", made.stderr);
+        let saved = Baseline::parse(&std::fs::read_to_string(place.join(&baseline)).unwrap()).unwrap();
+        assert_eq!(saved.application, application);
+        as_real_run(place, setup, "run");
+        let passed = gate(place, &["--run", "run", "--baseline", &baseline]);
+        assert_eq!(passed.code, Some(0), "{setup}: {}{}", passed.stdout, passed.stderr);
+        std::fs::remove_dir_all(place.join("run")).unwrap();
+    }
+}

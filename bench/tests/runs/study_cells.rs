@@ -161,3 +161,88 @@ fn a_varied_application_and_faults_of_a_station_give_jobs_of_a_cell() {
     let rerun = study(place, &format!("rerun rows {job}"));
     assert_eq!(rerun.code, Some(0), "{}", rerun.stderr);
 }
+
+#[test]
+fn the_place_of_an_arm_and_its_own_application_are_varied_and_a_bad_one_is_refused_with_its_key() {
+    // Each arm has work of its own, far from the other one.
+    let setup =
+        include_str!("../../../cell/setups/F.toml").replacen("application = \"carry-plate\"\n", "", 1);
+    let setup = setup.replacen("application = \"left-edge\"", "application = \"own.toml\"", 1);
+    let setup = setup.replacen("application = \"right-edge\"", "application = \"gluing\"", 1);
+    let text = "[study]\nsetup = \"cell/cell.toml\"\ntypes = [\"cm\"]\nreps = 1\n\
+                 [[vary]]\nkey = \"station.right.root_mm_deg.x\"\nvalues = [5000, 0]\n\
+                 [[vary]]\nkey = \"station.right.application\"\nvalues = [\"gluing\", \"mine.toml\", \"none\"]\n\
+                 [[vary]]\nkey = \"station.left.root_mm_deg\"\nvalues = [[0, 0, 0, 0, 0, 0], [10.5, 0, 0, 0, 0, 0]]\n";
+    let place = place(text);
+    let place = place.path();
+    fs::create_dir(place.join("cell")).unwrap();
+    fs::write(place.join("cell/cell.toml"), setup).unwrap();
+    let gluing = include_str!("../../../cell/applications/gluing.toml");
+    fs::write(place.join("cell/own.toml"), gluing).unwrap();
+    fs::write(place.join("mine.toml"), gluing).unwrap();
+    let ran = study(place, "run study.toml --out rows --quiet");
+    assert_eq!(ran.code, Some(4), "{}{}", ran.stdout, ran.stderr);
+    let jobs = read(place, "rows/jobs.csv");
+    let reasons: Vec<&str> = jobs.lines().skip(1).map(|line| line.split_once(',').unwrap().1).collect();
+    assert_eq!(reasons.len(), 12, "{jobs}");
+    let with =
+        |begin: &str| reasons.iter().filter(|line| line.starts_with(begin)).copied().collect::<Vec<_>>();
+    for taken in ["5000,gluing,", "5000,mine.toml,"] {
+        assert!(with(taken).len() == 2 && with(taken).iter().all(|line| line.ends_with("\",")), "{jobs}");
+    }
+    for (refused, key) in
+        [("0,gluing,\"[0,", "station.right.root_mm_deg"), ("5000,none,", "station.right.application")]
+    {
+        assert!(with(refused).iter().all(|line| line.contains(key)) && !with(refused).is_empty(), "{jobs}");
+    }
+    // Beside the rows, all applications are found without their files.
+    let whole = merged(place, "rows", "merged");
+    fs::remove_file(place.join("mine.toml")).unwrap();
+    fs::remove_dir_all(place.join("cell")).unwrap();
+    let again = study(place, "run rows/study.toml --out again --quiet");
+    assert_eq!(again.code, Some(4), "{}{}", again.stdout, again.stderr);
+    assert_eq!(merged(place, "again", "merged-again"), whole);
+}
+
+#[test]
+fn the_position_of_a_robot_in_its_line_and_its_arm_of_an_application_are_varied() {
+    let text = "[study]\nsetup = \"line.toml\"\ntypes = [\"cm\"]\nreps = 1\n\
+                 [[vary]]\nkey = \"station.left.position\"\nvalues = [1, 0, 7]\n\
+                 [[vary]]\nkey = \"station.right.position\"\nvalues = [0, 1]\n\
+                 [[vary]]\nkey = \"station.left.application\"\nvalues = [\"left-edge\", \"right-edge\"]\n";
+    let place = place(text);
+    let place = place.path();
+    let line =
+        include_str!("../../../cell/setups/F.toml").replacen("kind = \"profinet\"", "kind = \"ethercat\"", 1);
+    fs::write(place.join("line.toml"), line).unwrap();
+    let ran = study(place, "run study.toml --out rows --quiet");
+    assert_eq!(ran.code, Some(4), "{}{}", ran.stdout, ran.stderr);
+    let jobs = read(place, "rows/jobs.csv");
+    let mut passed = 0;
+    for line in jobs.lines().skip(1) {
+        let fields: Vec<&str> = line.splitn(5, ',').collect();
+        match (fields[1], fields[2], fields[3]) {
+            ("1", "0", "left-edge") | ("0", "1", "left-edge") => {
+                assert_eq!(fields[4], "", "{line}");
+                passed += 1;
+            }
+            ("7", ..) | ("0", "0", _) | ("1", "1", _) => assert!(fields[4].contains(".position"), "{line}"),
+            _ => assert!(fields[4].contains("station.right.application"), "{line}"),
+        }
+    }
+    assert_eq!(passed, 2, "{jobs}");
+    for (key, values) in [
+        ("root_mm_deg", "[[0, 0, 0]]"),
+        ("root_mm_deg", "[1.0]"),
+        ("root_mm_deg.x", "[\"far\"]"),
+        ("position", "[0.5]"),
+        ("application", "[3]"),
+    ] {
+        let text =
+            format!("[study]\nsetup = \"F\"\n[[vary]]\nkey = \"station.left.{key}\"\nvalues = {values}\n");
+        fs::write(place.join("wrong.toml"), text).unwrap();
+        let refused = study(place, "run wrong.toml --out wrong --quiet");
+        assert_eq!(refused.code, Some(2), "{key}: {}", refused.stdout);
+        assert!(refused.stderr.contains(&format!("`station.left.{key}` = ")), "{}", refused.stderr);
+    }
+}

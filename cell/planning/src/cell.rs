@@ -9,6 +9,7 @@ use setup::{Cell, Setup, Station};
 
 use crate::application::Application;
 use crate::arms::{ArmsApplication, Mark};
+use crate::compact_form::check_alone;
 use crate::error::Error;
 use crate::load::{ARMS_APPLICATIONS, Found, application};
 use crate::mark_outputs::{self, outputs_of_waits};
@@ -166,6 +167,11 @@ impl FoundCell {
         }
         let stations = cell.stations.iter().zip(&self.stations).map(|(station, found)| {
             let setup = cell.setup_of(station);
+            check_alone(&found.application, &setup, &self.marks).map_err(|refused| Error::Unplannable {
+                origin: found.origin.clone(),
+                setup: setup.name.clone(),
+                refused: Box::new(refused.into()),
+            })?;
             let plan = found.plan(&setup)?;
             let reached = found.reach(&plan, &setup)?;
             let (name, application) = (station.name.clone(), found.application.clone());
@@ -181,6 +187,12 @@ impl FoundCell {
         mark_outputs::assign(&mut stations.iter_mut().map(|station| &mut station.plan).collect::<Vec<_>>());
         let zones = cell.shared_zones.iter().map(|zone| zone.name.clone()).collect();
         Ok(PlannedCell { marks: self.marks.clone(), zones, stations })
+    }
+
+    /// Returns the name of the application of all stations, or those of each, one after the other.
+    #[must_use]
+    pub fn application_name(&self, cell: &Cell) -> String {
+        name_for_all(cell, self.stations.iter().map(|found| &found.application))
     }
 
     /// Returns the text of the application of all stations, or those of each with its station's name in a comment before it.
@@ -297,6 +309,17 @@ fn check_places(cell: &Cell, stations: &[PlannedStation]) -> Result<(), NoTurns>
     Ok(())
 }
 
+/// Returns the name of the application of all stations, given the part of each, or those of each, one after the other.
+fn name_for_all<'a>(cell: &Cell, mut applications: impl Iterator<Item = &'a Application>) -> String {
+    if cell.application.is_none() {
+        return applications.map(|application| application.name.as_str()).collect::<Vec<_>>().join(", ");
+    }
+    // The part of an arm is named by the application and the arm.
+    let part = applications.next().map_or("", |application| &application.name);
+    let arm = cell.stations.first().map_or("", |station| &station.application);
+    part.strip_suffix(arm).and_then(|name| name.strip_suffix('-')).unwrap_or(part).to_owned()
+}
+
 impl PlannedStation {
     /// Returns the numbers of the tools of its motions, in ascending order.
     fn tools(&self) -> Vec<u8> {
@@ -312,6 +335,12 @@ impl PlannedCell {
     #[must_use]
     pub fn station(&self, name: &str) -> Option<&PlannedStation> {
         self.stations.iter().find(|station| station.name == name)
+    }
+
+    /// Returns the name of the application of all stations, or those of each, one after the other.
+    #[must_use]
+    pub fn application_name(&self, cell: &Cell) -> String {
+        name_for_all(cell, self.stations.iter().map(|station| &station.application))
     }
 
     /// Returns the stations that wait at a mark, with how many motions each has executed there.

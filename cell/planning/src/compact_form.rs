@@ -3,6 +3,8 @@
 use protocol::image::Motion;
 use setup::{Setup, SlotForm};
 
+use crate::application::Application;
+use crate::arms::Mark;
 use crate::plan::Plan;
 use crate::points::{CompactError, CompactPath};
 
@@ -35,6 +37,14 @@ pub enum NotCompact {
         /// The field that differs.
         what: &'static str,
     },
+    /// The arm moves together with others.
+    #[error(
+        "the arm moves together with others from mark `{mark}`: their master counts the law of full motions, which compact points do not share; leave plc.form out, or `together` of the mark"
+    )]
+    MovesTogether {
+        /// The mark's name.
+        mark: String,
+    },
     /// A motion that is to end in a configuration of the arm.
     #[error("motion {motion} has a configuration, which compact points do not carry: leave it out")]
     Configuration {
@@ -44,6 +54,22 @@ pub enum NotCompact {
     /// A target that no difference carries.
     #[error(transparent)]
     Point(#[from] CompactError),
+}
+
+/// Checks that an arm moves together with nobody, where its setup's PLC sends compact points.
+pub(crate) fn check_alone(
+    application: &Application,
+    setup: &Setup,
+    marks: &[Mark],
+) -> Result<(), NotCompact> {
+    let waits = |mark: &Mark| application.waits.iter().any(|wait| wait.mark == mark.number);
+    let is_here = |mark: &&Mark| mark.together && waits(mark);
+    match marks.iter().find(is_here) {
+        Some(mark) if setup.plc.sends_in_form() == SlotForm::Compact => {
+            Err(NotCompact::MovesTogether { mark: mark.name.clone() })
+        }
+        _ => Ok(()),
+    }
 }
 
 impl Plan {
@@ -59,13 +85,16 @@ impl Plan {
         }
         let start = self.to_start.from_anywhere.as_ref().ok_or(NotCompact::NoStart)?;
         let motions: Vec<_> = self.motions.iter().map(|motion| motion.wire(setup)).collect();
-        let first = motions.first().ok_or(NotCompact::Empty)?;
         let count = motions.len();
+        // The list ends at its last point, and the arm rests at a mark, whatever the zone there.
+        let rests =
+            |index: usize| index + 1 == count || self.waits.iter().any(|wait| wait.after == index + 1);
+        let passing = motions.iter().enumerate().find(|(index, _)| !rests(*index)).map(|(_, motion)| motion);
+        let first = passing.or_else(|| motions.first()).ok_or(NotCompact::Empty)?;
         if let Some(stop) = self.continuous.iter().map(|it| it.motions.end).find(|end| *end < count) {
             return Err(NotCompact::Stops { after: stop, motions: count });
         }
         for (index, motion) in motions.iter().enumerate() {
-            let is_last = index + 1 == count;
             if motion.configuration != Motion::EMPTY.configuration {
                 return Err(NotCompact::Configuration { motion: index + 1 });
             }
@@ -75,8 +104,7 @@ impl Plan {
                 ("acceleration", motion.acceleration != first.acceleration),
                 ("tool", motion.tool != first.tool),
                 ("base", motion.base != first.base),
-                // The list ends at its last point whatever that one's zone.
-                ("zone", motion.approximation != first.approximation && !is_last),
+                ("zone", motion.approximation != first.approximation && !rests(index)),
             ];
             if let Some((what, _)) = differing.into_iter().find(|(_, differs)| *differs) {
                 return Err(NotCompact::Differs { motion: index + 1, what });

@@ -8,6 +8,9 @@ use setup::Setup;
 
 const CIRCLE: &str = include_str!("circle.toml");
 
+/// The same for two arms, which meet half-way.
+const TWO_CIRCLES: &str = include_str!("two-circles.toml");
+
 fn compact() -> Setup {
     setup::setup("A").unwrap().with_queue_motions(64).with_form_compact()
 }
@@ -55,5 +58,53 @@ fn a_plan_without_a_compact_form_is_refused_with_its_first_motion_that_differs()
     plc.form = "compact": point 0: x is 400 mm from the point before: a difference carries at most 327.67 mm; choose a coarser resolution or a closer spacing
     plc.form = "compact": the arm stops after motion 60 of 62: compact points are one continuous motion, so leave out its stops
     plc.form = "compact": motion 2 has a configuration, which compact points do not carry: leave it out
+    "#);
+}
+
+/// Plans an application for two arms on Setup F, whose PLC sends compact points.
+fn planned_cell(text: &str) -> Result<planning::PlannedCell, String> {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("task.toml"), text).unwrap();
+    let (mut cell, _) = setup::cell("F").unwrap();
+    cell.application = Some("task.toml".to_owned());
+    for station in &mut cell.stations {
+        station.application = format!("{}-circle", station.name);
+    }
+    let cell = cell.with_each_station(|setup| setup.with_queue_motions(64).with_form_compact());
+    setup::check_cell(&cell).unwrap();
+    let found = planning::applications_of("F", &cell, Some(place.path())).unwrap();
+    let shown = place.path().display().to_string();
+    found.plan(&cell).map_err(|error| error.to_string().replace(&shown, "DIR"))
+}
+
+#[test]
+fn each_arm_of_a_cell_has_points_of_its_own_and_rests_at_marks_among_them() {
+    let planned = planned_cell(TWO_CIRCLES).unwrap();
+    for station in &planned.stations {
+        let path = station.plan.wire_points(&station.setup).unwrap().unwrap();
+        assert_eq!(path.differences.len(), 60);
+        assert_eq!(station.plan.waits.iter().map(|wait| wait.after).collect::<Vec<_>>(), [30]);
+        // The zone of the point at the mark is that of the others: the arm rests there since no point follows.
+        let zones: Vec<u16> =
+            station.plan.wire_motions(&station.setup).iter().map(|motion| motion.approximation).collect();
+        assert!(zones.iter().all(|zone| *zone == zones[0] && *zone > 0), "{zones:?}");
+    }
+}
+
+#[test]
+fn an_arm_of_a_cell_whose_motions_have_no_compact_form_is_refused_with_its_station() {
+    let led = TWO_CIRCLES.replace(
+        "name = \"half-way\"",
+        "name = \"half-way\"\ntogether = true\n\n[[mark]]\nnumber = 2\nname = \"end\"",
+    );
+    let led = led
+        .replace("[[arm.step]]\nname = \"back\"", "[[arm.step]]\nmark = 2\n\n[[arm.step]]\nname = \"back\"");
+    let mark = "[[arm.step]]\nmark = 1\n";
+    let (left, right) = TWO_CIRCLES.rsplit_once(mark).unwrap();
+    let slower = format!("{left}{mark}{}", right.replace("speed_mm_s = 100.0", "speed_mm_s = 50.0"));
+    let refusals = [led, slower].map(|text| planned_cell(&text).unwrap_err());
+    insta::assert_snapshot!(refusals.join("\n"), @r#"
+    DIR/task.toml on setup F-left: plc.form = "compact": the arm moves together with others from mark `half-way`: their master counts the law of full motions, which compact points do not share; leave plc.form out, or `together` of the mark
+    DIR/task.toml on setup F-right: plc.form = "compact": motion 31 has another velocity than motion 1: compact points are alike but for their targets
     "#);
 }

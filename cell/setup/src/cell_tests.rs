@@ -303,6 +303,18 @@ fn a_study_changes_one_station_or_each_and_says_that_its_numbers_are_assumed() {
     assert_eq!(each.plc.queue_depth.unwrap().note, "varied for a study, from 5");
 }
 
+#[test]
+fn compact_points_need_every_robot_of_a_cell_to_take_them() {
+    let (shipped, _) = cell("F").unwrap();
+    let compact = shipped.with_each_station(|setup| setup.with_queue_motions(30).with_form_compact());
+    crate::check_cell(&compact).unwrap();
+    let written = cell_from_text("my", &cell_to_toml(&compact).unwrap()).unwrap();
+    assert_eq!(written, compact);
+    let mut one = compact;
+    one.stations[1].robot.compact_points = None;
+    insta::assert_snapshot!(crate::check_cell(&one).unwrap_err(), @r#"setup F: `station.right.robot.compact_points`: plc.form = "compact" needs robots that take compact points; set it to true, or leave plc.form out"#);
+}
+
 /// `INSTA_UPDATE=always` writes it again, as for snapshots.
 #[test]
 fn the_committed_schema_of_cells_is_that_of_the_types() {

@@ -138,6 +138,10 @@ impl ControllerBus for EthercatMainDevice {
         self.stations.connection(station).map_or(Ok(()), |device| self.main.explain(device, words))
     }
 
+    fn write_identity(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.stations.connection(station).map_or(Ok(()), |device| self.main.write_identity(device, words))
+    }
+
     fn counters(&self, station: StationId) -> Counters {
         let Some(device) = self.stations.connection(station) else { return Counters::default() };
         let own = self.main.counters(device);

@@ -4,7 +4,7 @@ use protocol::image::{Command, CompactPoints, Control, Feedback, Services, Skill
 use setup::Refill;
 
 use super::skill::{SkillCall, serves_refill, skill_outputs};
-use super::{BlockError, BufferMode, Outputs};
+use super::{BlockError, BufferMode, Outputs, Tally};
 use crate::{AxesGroup, MotionSource};
 
 /// Drives a path through compact points as one skill. Only robots with the service `COMPACT` have it.
@@ -25,6 +25,11 @@ impl MoveTrajectory {
     pub const fn refilled_by(mut self, refill: Refill) -> Self {
         self.refill = refill;
         self
+    }
+
+    /// Returns up to which point of its skill it writes, by the robot's counts, into images that hold `capacity` points.
+    pub(crate) const fn writes_to(&self, tally: &Tally, capacity: u32) -> u32 {
+        tally.freed(self.refill).saturating_add(capacity)
     }
 
     /// Runs one scan. `mode`, the number of points and their head are read at the rising edge of `execute`; the points are read

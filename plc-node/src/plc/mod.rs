@@ -250,6 +250,14 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         self.bus_of(station).map_or(Ok(()), |(bus, id)| bus.remark(id, words))
     }
 
+    /// Writes what the device of a station says of itself.
+    ///
+    /// # Errors
+    /// That of the writer.
+    pub fn write_identity(&self, station: usize, words: &mut dyn std::fmt::Write) -> std::fmt::Result {
+        self.bus_of(station).map_or(Ok(()), |(bus, id)| bus.write_identity(id, words))
+    }
+
     /// Returns the buses, in the order of the interfaces.
     #[must_use]
     pub fn buses(&self) -> &[B] {

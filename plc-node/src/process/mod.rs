@@ -191,6 +191,10 @@ where
         Self::remark(self, report.station.unwrap_or_default(), words)
     }
 
+    fn write_identity(&self, report: &PlcReport, words: &mut dyn fmt::Write) -> fmt::Result {
+        Self::write_identity(self, report.station.unwrap_or_default(), words)
+    }
+
     fn disconnect(&mut self, now: Instant) {
         Self::disconnect(self, now);
     }

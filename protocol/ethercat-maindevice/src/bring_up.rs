@@ -46,6 +46,7 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<(
         Err(error) => return Err(of_start(main, config, error).await),
     };
     check_devices(config, &found)?;
+    PROCESS.with_borrow_mut(|process| process.describe(found.first().cloned()));
     let watchdog = config.watchdog.as_nanos().div_ceil(WATCHDOG_STEP.as_nanos());
     let watchdog = u16::try_from(watchdog).unwrap_or(u16::MAX);
     for device in group.iter(main) {

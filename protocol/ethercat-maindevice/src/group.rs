@@ -94,6 +94,15 @@ impl GroupMainDevice {
         self.process.explain(words)
     }
 
+    /// Writes what the first device says of itself in its EEPROM; nothing before it was found.
+    ///
+    /// # Errors
+    ///
+    /// That of the writer.
+    pub fn write_identity(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.process.device().map_or(Ok(()), |device| write!(words, "{device}"))
+    }
+
     /// Returns whether the last event `Down` was about a device that is not there.
     pub(crate) fn is_missing(&self) -> bool {
         self.process.is_missing()

@@ -253,6 +253,16 @@ impl MainDevice {
         }
     }
 
+    /// Writes what a device says of itself in its EEPROM; nothing before it was found.
+    ///
+    /// # Errors
+    ///
+    /// That of the writer.
+    pub fn write_identity(&self, id: SubDeviceId, words: &mut dyn fmt::Write) -> fmt::Result {
+        let device = self.devices.get(usize::from(id.0));
+        device.map_or(Ok(()), |device| device.main.write_identity(words))
+    }
+
     /// Calls a device, and notes what it has to send and to report, and when it is due next.
     fn serve(&mut self, index: u16, call: impl FnOnce(&mut GroupMainDevice)) {
         let Some(Device { main, is_up, .. }) = self.devices.get_mut(usize::from(index)) else { return };

@@ -8,7 +8,7 @@ use machine::{Counters, Down, DownCause, Duration, Instant, LinkEvent};
 
 use crate::commissioning::Commissioning;
 use crate::lend::Place;
-use crate::problem::Problem;
+use crate::problem::{FoundDevice, Problem};
 use crate::slot::Slot;
 
 /// Largest number of events that wait for the owner, who takes them after each call.
@@ -42,6 +42,8 @@ pub(crate) struct Process {
     pub(crate) leaving: bool,
     /// Wishes of a tool for commissioning. They are elsewhere, since a process is moved in each cycle.
     commissioning: Option<Box<Commissioning>>,
+    /// The first device as its EEPROM describes it, since the last start.
+    device: Option<Box<FoundDevice>>,
     events: VecDeque<LinkEvent>,
     /// Last problem that was reported since the connection was up.
     reported: Option<Problem>,
@@ -68,6 +70,7 @@ impl Process {
             up: false,
             leaving: false,
             commissioning: None,
+            device: None,
             events: VecDeque::new(),
             reported: None,
             failing_since: None,
@@ -82,6 +85,16 @@ impl Process {
             events: VecDeque::with_capacity(EVENTS),
             ..Self::none()
         }
+    }
+
+    /// Notes how the first device describes itself.
+    pub(crate) fn describe(&mut self, device: Option<FoundDevice>) {
+        self.device = device.map(Box::new);
+    }
+
+    /// Returns how the first device describes itself; `None` before it was found.
+    pub(crate) fn device(&self) -> Option<&FoundDevice> {
+        self.device.as_deref()
     }
 
     /// Returns the wishes of a tool for commissioning.

@@ -133,6 +133,11 @@ impl ControllerBus for EthernetIpScanner {
         self.connection(station).map_or(Ok(()), |connection| connection.remark(words))
     }
 
+    fn write_identity(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        let identity = self.connection(station).and_then(Connection::identity);
+        identity.map_or(Ok(()), |identity| write!(words, "{identity}"))
+    }
+
     fn counters(&self, station: StationId) -> Counters {
         let own = self.connection(station).map(Connection::counters).unwrap_or_default();
         if station == StationId::FIRST { own + self.scanner.counters() } else { own }

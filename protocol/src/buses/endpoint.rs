@@ -202,6 +202,10 @@ impl<P: ControllerBus, E: ControllerBus, C: ControllerBus> ControllerBus for End
         on!(self, bus => bus.remark(station, words))
     }
 
+    fn write_identity(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        on!(self, bus => bus.write_identity(station, words))
+    }
+
     fn counters(&self, station: StationId) -> Counters {
         on!(self, bus => bus.counters(station))
     }

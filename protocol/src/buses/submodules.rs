@@ -86,6 +86,10 @@ impl ControllerBus for ProfinetController {
         self.ar(station).map_or(Ok(()), |ar| ar.explain(words))
     }
 
+    fn write_identity(&self, station: StationId, words: &mut dyn fmt::Write) -> fmt::Result {
+        self.ar(station).map_or(Ok(()), |ar| ar.write_identity(words))
+    }
+
     fn counters(&self, station: StationId) -> Counters {
         let own = self.ar(station).map(Ar::counters).unwrap_or_default();
         if station == StationId::FIRST { own + self.controller.counters() } else { own }

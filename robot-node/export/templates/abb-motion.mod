@@ -80,7 +80,7 @@
     VAR num w;
     VAR num at;
     VAR num share;
-    VAR num distance;
+    VAR num zone_mm;
     VAR dnum slower;
     t:=DnumToNum(frames DIV 16);
     w:=DnumToNum(frames MOD 16);
@@ -114,8 +114,8 @@
       ENDIF
       PathAccLim TRUE\AccMax:=DnumToNum(acceleration)/1000,TRUE\DecelMax:=DnumToNum(slower)/1000;
     ENDIF
-    distance:=DnumToNum(approximation)/100;
-    sb_zone_now:=[approximation=0,distance,1.5*distance,1.5*distance,0.15*distance,1.5*distance,0.15*distance];
+    zone_mm:=DnumToNum(approximation)/100;
+    sb_zone_now:=[approximation=0,zone_mm,1.5*zone_mm,1.5*zone_mm,0.15*zone_mm,1.5*zone_mm,0.15*zone_mm];
   ENDPROC
 
   FUNC robtarget sb_target(num x,num y,num z,num a,num b,num c)

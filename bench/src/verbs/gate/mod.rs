@@ -65,9 +65,9 @@ pub fn run(options: &GateOptions) -> Result<Exit, Failure> {
     }
     if options.setup.of_several().is_some() {
         let (cell, found) = planning::cell_with_applications(options.setup.name())?;
-        let application = cell.application.as_deref().unwrap_or_default();
+        let application = found.application_name(&cell);
         check_exports(options, &cell.name, found.stations.iter().map(|station| station.path.as_deref()))?;
-        return compare(options, &cell.name, application, |schedule| {
+        return compare(options, &cell.name, &application, |schedule| {
             Ok(baseline::figures_of_cell(&whole(&cell, &found, schedule)?))
         });
     }

@@ -126,7 +126,8 @@ impl Rig {
     /// Returns where the nodes of a pair are; `None` if this rig started them.
     pub(super) fn attached_nodes(&self) -> Option<Attached> {
         let robot = self.attached_at(RigNode::Robot(0));
-        Some(Attached { plc: self.attached_at(RigNode::Plc)?, robot })
+        let identity = self.robots.first().and_then(|robot| robot.identity.clone());
+        Some(Attached { plc: self.attached_at(RigNode::Plc)?, robot, identity })
     }
 
     /// Checks what answers: at an address may be another node, or a node with another setup or application.

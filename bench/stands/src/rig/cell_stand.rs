@@ -51,7 +51,8 @@ impl CellStand for Rig {
     fn attached(&self) -> Option<CellAttached> {
         let plc = self.attached_at(RigNode::Plc)?;
         let robots = (0..self.robots.len()).filter_map(|station| self.attached_at(RigNode::Robot(station)));
-        Some(CellAttached { plc, robots: robots.collect() })
+        let identities = self.robots.iter().map(|robot| robot.identity.clone()).collect();
+        Some(CellAttached { plc, robots: robots.collect(), identities })
     }
 
     async fn execute(&mut self, step: Step) -> anyhow::Result<CellMeasured> {

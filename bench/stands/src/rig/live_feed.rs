@@ -75,6 +75,7 @@ fn forward<M: std::fmt::Display>(
         | Message::Busy { .. }
         | Message::Denied { .. } => Some(true),
         Message::Hello(hello) => hello.warning.as_ref().map(|_| true),
+        Message::Identity { .. } => Some(false),
         Message::Report(_) => None,
         Message::Farewell { problem, .. } => problem.as_ref().map(|_| true),
         Message::Node(message) => is_alarm(message),

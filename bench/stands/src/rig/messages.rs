@@ -265,6 +265,7 @@ impl Rig {
                     self.remarks.push(remark);
                 }
             }
+            Message::Identity { text } => concerned.for_each(|robot| robot.identity = Some(text.clone())),
             Message::LinkUp => concerned.for_each(|robot| robot.is_up_by_plc = true),
             Message::LinkDown { .. } => {
                 concerned.for_each(|robot| robot.is_up_by_plc = false);

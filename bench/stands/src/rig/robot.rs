@@ -20,6 +20,8 @@ pub(super) struct RigRobot {
     pub(super) is_up_by_plc: bool,
     /// The connection is up by the robot.
     pub(super) is_up: bool,
+    /// Identity that the robot reported, by the PLC.
+    pub(super) identity: Option<String>,
     /// The robot node's reports on its skills in the current run, or in the last one.
     pub(super) skills: ToldSkills,
     /// Marks that the arm passed in it.

@@ -5,7 +5,7 @@ use anyhow::Context as _;
 use plc_node::{ExecutionType, TogetherSection};
 use protocol::image::{Digest, Sum};
 use robot_node::arm::Joints;
-use robot_node::rehearsal::{Calls, Rehearsed, rehearse, rehearse_program};
+use robot_node::rehearsal::{Calls, Rehearsed, rehearse, rehearse_points, rehearse_program};
 use robot_node::{Account, Program};
 
 use super::{
@@ -173,6 +173,9 @@ impl StationVerification {
             return self.rehearse_programs(start, percent);
         }
         let planned = &self.station.planned;
+        if let Some(points) = planned.points.as_ref().filter(|_| execution_type == ExecutionType::Cm) {
+            return Ok(rehearse_points(&planned.robot, start, points, percent)?);
+        }
         let calls = if execution_type == ExecutionType::Sm { Calls::Singles } else { Calls::Continuous };
         Ok(rehearse(&planned.robot, start, &planned.motions, &planned.stops, calls, percent)?)
     }

@@ -8,7 +8,7 @@ use machine::ethernet::Mac;
 use machine::{Instant, InterfaceId};
 use planning::PROGRAM;
 use plc_node::bus::PlcBus;
-use plc_node::{MotionList, PlacedStation, PlcConfig, PlcNode, Scan, Sequences};
+use plc_node::{PlacedStation, PlcConfig, PlcNode, Scan, Sequences, motion_source};
 use protocol::fieldbus::StationId;
 use records::faults::{self, Fault};
 use robot_node::arm::Joints;
@@ -125,9 +125,9 @@ fn new_plc(
     for (index, station) in stations.iter().enumerate() {
         let Some((number, id)) = place_of(new_buses, index) else { bail!("a station has no bus") };
         let PlannedStation { name, setup, planned, waits, visits, zones, .. } = station;
-        let PlannedCell { motions, stops, to_start, .. } = planned.clone();
+        let PlannedCell { motions, points, stops, to_start, .. } = planned.clone();
         let config = PlcConfig {
-            motions: Box::new(MotionList::from(motions)),
+            motions: motion_source(motions, points),
             to_start,
             stops,
             ..PlcConfig::from_setup(setup, Vec::new(), PROGRAM)

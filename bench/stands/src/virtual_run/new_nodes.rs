@@ -129,3 +129,24 @@ impl Restart {
         Self { plc, robot }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::virtual_run::VirtualRun;
+
+    #[test]
+    fn the_plc_hears_from_the_robot_on_each_bus_what_device_it_is() {
+        let said = ["A", "B", "C"].map(|name| {
+            let (setup, found) = planning::setup_with_application(name).unwrap();
+            let run = VirtualRun::start(&setup, &found.application, 1).unwrap();
+            let mut words = String::new();
+            run.nodes.cell.plc().write_identity(0, &mut words).unwrap();
+            words
+        });
+        let [profinet, ethernet_ip, ethercat] = &said;
+        assert!(profinet.starts_with("`skillbench-robot` (02:"), "{said:?}");
+        assert!(profinet.ends_with("VendorID 0xFFFF, DeviceID 0x0001"), "{said:?}");
+        assert!(ethernet_ip.starts_with("vendor 65535, device type 43, product code 1"), "{said:?}");
+        assert!(ethercat.contains("vendor 0x") && ethercat.contains("revision 0x"), "{said:?}");
+    }
+}

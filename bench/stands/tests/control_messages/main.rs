@@ -57,6 +57,7 @@ fn common<M: Clone>() -> Vec<Message<M>> {
         Message::Address { address: [10, 0, 0, 1].into(), problem: None },
         Message::Address { address: [10, 0, 0, 1].into(), problem: Some(text()) },
         Message::Waiting { seconds: 10, reason: text(), is_owed: true },
+        Message::Identity { text: text() },
         Message::Remark { text: text() },
         Message::Foreign { request: text() },
         Message::Owner { owner: text() },
@@ -73,6 +74,7 @@ fn common<M: Clone>() -> Vec<Message<M>> {
         match message {
             Message::Hello(_) | Message::LinkUp | Message::LinkDown { .. } | Message::Address { .. } => {}
             Message::Waiting { .. } | Message::Remark { .. } | Message::Foreign { .. } => {}
+            Message::Identity { .. } => {}
             Message::Owner { .. } | Message::Conflict { .. } | Message::Report(_) => {}
             Message::Farewell { .. } | Message::Busy { .. } | Message::Denied { .. } | Message::Node(_) => {}
         }

@@ -77,6 +77,14 @@ pub(super) fn axes(file: &StudyFile, keys: &SetupKeys) -> anyhow::Result<Vec<Axi
         if axes.iter().any(|other| other.path == axis.path) {
             anyhow::bail!("[[vary]] `{}`: varied twice; put all its values into one section", axis.path);
         }
+        let within = |part: &Axis, whole: &Axis| {
+            part.path.strip_prefix(&whole.path).is_some_and(|rest| rest.starts_with('.'))
+        };
+        if let Some(other) = axes.iter().find(|other| within(other, &axis) || within(&axis, other)) {
+            let [part, whole] =
+                if within(other, &axis) { [&other.path, &axis.path] } else { [&axis.path, &other.path] };
+            anyhow::bail!("[[vary]] `{part}`: a part of `{whole}`, which is varied too; remove one of them");
+        }
         if axis.key.is_none() {
             let texts = variation.values.iter().flatten().filter_map(Scalar::text);
             texts.map(parsed_faults).try_for_each(|faults| faults.map(drop))?;

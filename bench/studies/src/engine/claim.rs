@@ -8,7 +8,7 @@ use records::run_directory::{Durability, replace};
 use sha2::{Digest as _, Sha256};
 
 use super::folder::{self, Manifest, of_host};
-use super::plan::hex;
+use super::hex::hex;
 use crate::outputs;
 use crate::study_files::{JOBS, MANIFEST, ROWS};
 

@@ -98,7 +98,7 @@ impl From<TypeName> for ExecutionType {
 #[serde(deny_unknown_fields)]
 pub struct Variation {
     /// A key of the setup, such as `robot.path_acceleration_mm_s2` (docs/keys.md), or `faults`. A key of one of several stations has its
-    /// name: `station.left.robot.cycle_us`.
+    /// name: `station.left.robot.cycle_us`, and its place in the cell has components: `station.left.root_mm_deg.x`.
     pub key: String,
     /// These values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -127,6 +127,8 @@ pub enum Scalar {
     Number(f64),
     /// A text, such as the name of a bus.
     Text(String),
+    /// Numbers, such as the place of an arm in the cell.
+    Numbers(Vec<f64>),
 }
 
 impl Scalar {
@@ -145,6 +147,10 @@ impl std::fmt::Display for Scalar {
             // The fewest digits that give the same number back.
             Self::Number(value) => write!(f, "{value}"),
             Self::Text(value) => f.write_str(value),
+            Self::Numbers(numbers) => {
+                let texts: Vec<String> = numbers.iter().map(ToString::to_string).collect();
+                write!(f, "[{}]", texts.join(", "))
+            }
         }
     }
 }

@@ -17,7 +17,8 @@ use records::run_directory::{Durability, make_for_study, replace};
 
 use super::RerunOptions;
 use super::file::StudyFile;
-use super::plan::{JobAddress, StudyPlan, hex};
+use super::hex::hex;
+use super::plan::{JobAddress, StudyPlan};
 use super::rows::Columns;
 use super::shard::Shard;
 use crate::outputs;
@@ -150,14 +151,14 @@ pub(super) fn prepare(directory: &Path, plan: &StudyPlan, manifest: &Manifest) -
     }
     let study = toml::to_string(&StudyFile { study: section(plan), ..plan.file.clone() });
     let study = study.context("cannot write the study as TOML")?;
+    let (cell, varied) = plan.saved_applications().unwrap_or_else(|| (plan.base.clone(), Vec::new()));
     let executed = match &plan.application {
         Some(found) => executed(&plan.base, found)?,
-        None => vec![(SETUP.to_owned(), setup::cell_to_toml(&plan.base)?)],
+        None => vec![(SETUP.to_owned(), setup::cell_to_toml(&cell)?)],
     };
     let schema = format!("{:#}\n", frictionless(&Columns::of(plan)));
     let described = outputs::json(manifest)?;
     let mut inputs = vec![(ROWS_SCHEMA, schema.as_str()), (MANIFEST, &described)];
-    let varied = plan.varied_applications();
     inputs.extend(executed.iter().chain(&varied).map(|(name, text)| (name.as_str(), text.as_str())));
     // What is looked for may change from call to call.
     let files = Files { inputs: &inputs, results: &[ROWS, JOBS] };

@@ -26,6 +26,8 @@ pub enum ValueKind {
     Text,
     /// True or false.
     Truth,
+    /// Six numbers.
+    Place,
 }
 
 /// A key of a setup.
@@ -43,10 +45,31 @@ const STATION: &str = "station";
 /// Sections of a setup of one robot that each station of a cell has.
 const OF_STATION: [&str; 3] = ["bus", "robot", "motions"];
 
+/// Keys of a station besides these sections: all of them are in no setup of one robot.
+const ALONE: [(&str, SetupKey); 3] = [
+    (APPLICATION, SetupKey { kind: ValueKind::Text, is_sourced: false }),
+    ("position", SetupKey { kind: ValueKind::Integer, is_sourced: false }),
+    (ROOT, SetupKey { kind: ValueKind::Place, is_sourced: true }),
+];
+
+/// The place of an arm, by which it is varied as a whole or by one of its components.
+const ROOT: &str = "root_mm_deg";
+
+/// The key of applications: of the only robot, of all stations, or at a station.
+pub(super) const APPLICATION: &str = "application";
+
+/// Components of a place, as a study names them.
+pub(super) const COMPONENTS: [&str; 6] = ["x", "y", "z", "a", "b", "c"];
+
+/// Returns the path of the application of a station.
+pub(super) fn application_of(station: &str) -> String {
+    format!("{STATION}.{station}.{APPLICATION}")
+}
+
 /// All keys of a setup that a study can vary, by their path.
 #[derive(Clone, Debug)]
 pub struct SetupKeys {
-    keys: BTreeMap<String, SetupKey>,
+    pub(super) keys: BTreeMap<String, SetupKey>,
     /// The setup's name, for messages.
     setup: String,
     /// The stations of a setup of several; none of one robot.
@@ -94,11 +117,13 @@ const fn expected(kind: &ValueKind) -> &'static str {
         ValueKind::Number => "a number",
         ValueKind::Text => "a text in quotes",
         ValueKind::Truth => "true or false",
+        ValueKind::Place => "a list of six numbers: x, y, z in mm, and a, b, c in degrees",
     }
 }
 
 impl SetupKeys {
-    /// Reads the keys of a setup from the schema of setups. With several stations, bus, robot and motions are those of a station.
+    /// Reads the keys of a setup from the schema of setups. With several stations, bus, robot and motions are those of a station, which
+    /// has an application, a place in the cell and a position in its line too.
     ///
     /// # Errors
     ///
@@ -117,7 +142,14 @@ impl SetupKeys {
             let at = |station: &String| (format!("{STATION}.{station}.{path}"), key);
             if is_of_station { stations.iter().map(at).collect() } else { vec![(path, key)] }
         };
-        Ok(Self { keys: keys.into_iter().flat_map(at_stations).collect(), setup, stations })
+        let mut keys: BTreeMap<_, _> = keys.into_iter().flat_map(at_stations).collect();
+        let component = SetupKey { kind: ValueKind::Number, is_sourced: true };
+        for station in &stations {
+            let own = |key: &str| format!("{STATION}.{station}.{key}");
+            keys.extend(ALONE.map(|(name, key)| (own(name), key)));
+            keys.extend(COMPONENTS.map(|name| (own(&format!("{ROOT}.{name}")), component)));
+        }
+        Ok(Self { keys, setup, stations })
     }
 
     /// Finds a key.
@@ -233,6 +265,11 @@ impl SetupKey {
             (ValueKind::Integer, Scalar::Integer(_))
             | (ValueKind::Text, Scalar::Text(_))
             | (ValueKind::Truth, Scalar::Truth(_)) => Some(value.clone()),
+            (ValueKind::Place, Scalar::Numbers(numbers))
+                if numbers.len() == COMPONENTS.len() && numbers.iter().all(|number| number.is_finite()) =>
+            {
+                Some(value.clone())
+            }
             // The steps of a range are numbers.
             (ValueKind::Integer, Scalar::Number(number)) if libm::trunc(*number) == *number => {
                 Some(Scalar::Integer(*number as i64))
@@ -247,133 +284,12 @@ impl SetupKey {
     }
 }
 
-/// A setup as a table, of which single keys are changed.
-#[derive(Clone, Debug)]
-pub struct SetupTable {
-    table: toml::Table,
-    name: String,
-}
-
-impl SetupTable {
-    /// Takes a setup.
-    ///
-    /// # Errors
-    ///
-    /// It cannot be written as a table.
-    pub fn of(cell: &Cell) -> Result<Self, setup::Error> {
-        Ok(Self { table: setup::cell_to_table(cell)?, name: cell.name.clone() })
-    }
-
-    /// Returns the setup with other values of some keys. A changed number is `assumed`, as in every study.
-    ///
-    /// # Errors
-    ///
-    /// The setup with these values is invalid; the error names the key.
-    pub fn with<'a>(
-        &self,
-        changes: impl IntoIterator<Item = (&'a str, SetupKey, &'a Scalar)>,
-    ) -> Result<Cell, setup::Error> {
-        let mut table = self.table.clone();
-        for (path, key, value) in changes {
-            set(&mut table, path, key, value);
-        }
-        setup::cell_from_table(&format!("setup {}", self.name), table)
-    }
-}
-
-fn set(table: &mut toml::Table, path: &str, key: SetupKey, value: &Scalar) {
-    let value = match value {
-        Scalar::Truth(value) => toml::Value::Boolean(*value),
-        Scalar::Integer(value) => toml::Value::Integer(*value),
-        Scalar::Number(value) => toml::Value::Float(*value),
-        Scalar::Text(value) => toml::Value::String(value.clone()),
-    };
-    match path.split_once('.') {
-        Some((section, rest)) => {
-            let section = table.entry(section).or_insert_with(|| toml::Value::Table(toml::Table::new()));
-            match section {
-                toml::Value::Table(section) => set(section, rest, key, &Scalar::from(value)),
-                toml::Value::Array(stations) => {
-                    if let Some((station, rest)) = station_of(stations, rest) {
-                        set(station, rest, key, &Scalar::from(value));
-                    }
-                }
-                _ => {}
-            }
-        }
-        None if key.is_sourced => {
-            let before = table.get(path).and_then(|sourced| sourced.get("value"));
-            let note = before.map_or_else(
-                || "varied for a study".to_owned(),
-                |before| format!("varied for a study, from {before}"),
-            );
-            let sourced = [("value", value), ("from", "assumed".into()), ("note", note.into())];
-            let sourced = sourced.map(|(name, value)| (name.to_owned(), value));
-            table.insert(path.to_owned(), toml::Value::Table(sourced.into_iter().collect()));
-        }
-        None => {
-            table.insert(path.to_owned(), value);
-        }
-    }
-}
-
-/// Returns the station that a path begins with, and the rest of the path.
-fn station_of<'t, 'p>(
-    stations: &'t mut [toml::Value],
-    path: &'p str,
-) -> Option<(&'t mut toml::Table, &'p str)> {
-    let (name, rest) = path.split_once('.')?;
-    let mut stations = stations.iter_mut().filter_map(toml::Value::as_table_mut);
-    let is_named =
-        |station: &&mut toml::Table| station.get("name").and_then(toml::Value::as_str) == Some(name);
-    stations.find(is_named).map(|station| (station, rest))
-}
-
-impl From<toml::Value> for Scalar {
-    fn from(value: toml::Value) -> Self {
-        match value {
-            toml::Value::Boolean(value) => Self::Truth(value),
-            toml::Value::Integer(value) => Self::Integer(value),
-            toml::Value::Float(value) => Self::Number(value),
-            other => Self::Text(other.as_str().unwrap_or_default().to_owned()),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn keys(setup: &str) -> SetupKeys {
         SetupKeys::of(&setup::cell(setup).unwrap().0).unwrap()
-    }
-
-    #[test]
-    fn each_key_of_the_built_in_setups_is_found_and_setting_it_to_its_own_value_changes_only_its_source() {
-        let mut found = 0;
-        for (name, _) in [setup::SETUPS, setup::CELLS].concat() {
-            let (cell, _) = setup::cell(name).unwrap();
-            let table = SetupTable::of(&cell).unwrap();
-            for (path, key) in &SetupKeys::of(&cell).unwrap().keys {
-                let mut place = Some(toml::Value::Table(table.table.clone()));
-                for part in path.split('.') {
-                    let is_named =
-                        |station: &&toml::Value| station.get("name").unwrap().as_str() == Some(part);
-                    place = place.and_then(|value| match value.as_array() {
-                        Some(stations) => stations.iter().find(is_named).cloned(),
-                        None => value.get(part).cloned(),
-                    });
-                }
-                let Some(value) = place else { continue };
-                let value = if key.is_sourced { value.get("value").cloned().unwrap() } else { value };
-                let value = Scalar::from(value);
-                let same = table.with([(path.as_str(), *key, &value)]).unwrap();
-                assert_eq!(same.name, cell.name, "{path}");
-                assert_eq!(key.value(path, &value).unwrap(), value, "{path}");
-                found += 1;
-            }
-        }
-        assert!(found > 200, "{found}");
     }
 
     #[test]
@@ -395,22 +311,15 @@ mod tests {
         insta::assert_snapshot!(refused("E", "station.third.robot.cycle_us"), @"`station.third.robot.cycle_us`: setup E has no station `third`; there is left, right");
         insta::assert_snapshot!(refused("E", "station.right.robot.cycl_us"), @"`station.right.robot.cycl_us`: not a number, text or truth of a setup; did you mean `station.right.robot.cycle_us`?");
         insta::assert_snapshot!(refused("E", "robot.cycle_us"), @"`robot.cycle_us`: not a number, text or truth of a setup; did you mean `station.left.robot.cycle_us`?");
-        insta::assert_snapshot!(refused("E", "station.left"), @"`station.left`: not a number, text or truth of a setup; did you mean `station.left.bus.kind`?");
+        insta::assert_snapshot!(refused("E", "station.left"), @"`station.left`: not a number, text or truth of a setup; docs/keys.md lists all");
         insta::assert_snapshot!(refused("A", "station.left.robot.cycle_us"), @"`station.left.robot.cycle_us`: not a number, text or truth of a setup; did you mean `robot.cycle_us`?");
         assert_eq!(keys("E").find("plc.queue_depth").unwrap().kind, ValueKind::Integer);
         assert_eq!(keys("E").find("station.right.bus.kind").unwrap().kind, ValueKind::Text);
-    }
-
-    #[test]
-    fn changing_a_key_of_a_station_changes_that_station_alone() {
-        let (cell, _) = setup::cell("E").unwrap();
-        let (path, key) =
-            ("station.left.robot.cycle_us", keys("E").find("station.left.robot.cycle_us").unwrap());
-        let changed = SetupTable::of(&cell).unwrap().with([(path, key, &Scalar::Integer(8_000))]).unwrap();
-        let varied = cell.stations[0].robot.cycle_us.varied(8_000);
-        let mut wanted = cell;
-        wanted.stations[0].robot.cycle_us = varied;
-        assert_eq!(changed, wanted);
+        for key in ["station.left.root_mm_deg.w", "station.left.applications", "station.left.root_mm_deg.x.y"]
+        {
+            assert!(refused("E", key).starts_with(&format!("`{key}`: not a number, text or truth")), "{key}");
+        }
+        assert!(refused("A", "station.left.root_mm_deg").starts_with("`station.left.root_mm_deg`: not a"));
     }
 
     #[test]
@@ -423,5 +332,13 @@ mod tests {
         assert_eq!(number.value("x", &Scalar::Integer(20)), Ok(Scalar::Number(20.0)));
         assert!(number.value("x", &Scalar::Text("20".into())).is_err());
         assert!(number.value("x", &Scalar::Number(f64::NAN)).is_err());
+        let keys = self::keys("E");
+        let root = keys.find("station.left.root_mm_deg").unwrap();
+        for values in [vec![0.0; 5], vec![0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0]] {
+            let refused = root.value("station.left.root_mm_deg", &Scalar::Numbers(values)).unwrap_err();
+            let wanted = "must be a list of six numbers: x, y, z in mm, and a, b, c in degrees";
+            assert!(refused.to_string().ends_with(wanted), "{refused}");
+        }
+        assert!(root.value("station.left.root_mm_deg", &Scalar::Number(0.0)).is_err());
     }
 }

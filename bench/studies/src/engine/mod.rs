@@ -5,7 +5,8 @@
 //! key        the keys of a setup, which a study varies
 //! axis       the values of one key: a list, a range, or draws from a distribution
 //! checks     the values of the file
-//! application  of the only robot, or of all stations
+//! application  of the only robot, or of all stations, and those that a study varies
+//! setup_table  the setup with other values of some keys; hex: bytes as text
 //! plan       the jobs of a study, each made from its number; point is one of its grid, job executes one
 //! figure     the value of a row's figure, of one robot or of several stations
 //! rows       rows.csv and jobs.csv, appended job by job, and read back
@@ -30,6 +31,7 @@ mod figure;
 pub mod file;
 mod finding;
 pub(crate) mod folder;
+mod hex;
 mod identify;
 pub mod job;
 pub mod key;
@@ -43,6 +45,7 @@ pub mod point;
 mod report;
 mod rows;
 mod run;
+mod setup_table;
 mod shard;
 mod status;
 mod submit;

@@ -1,12 +1,11 @@
 //! A study that was read and checked: its jobs, each made from its number, without a list of them.
 
-use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context as _, anyhow};
-use planning::{Found, FoundCell};
+use planning::FoundCell;
 use plc_node::ExecutionType;
 use sha2::{Digest as _, Sha256};
 
@@ -14,12 +13,14 @@ use records::exit::{Exit, Failure};
 use records::faults::Fault;
 use setup::Cell;
 
-use super::application::{application_name, nameless, text_of, with_application};
+use super::application::{VariedApplications, nameless, text_of, with_application};
 use super::axis::Axis;
 use super::checks::{axes, check, check_faults, figures, parsed_faults, seeds};
 use super::file::{RowFigure, Scalar, StudyFile, TypeName};
-use super::key::{SetupKeys, SetupTable};
+use super::hex::hex;
+use super::key::{APPLICATION, SetupKeys};
 use super::point::{GridPoint, MadePoint};
+use super::setup_table::SetupTable;
 
 /// Address of a job: the first 64 bits of the SHA-256 of everything that its rows depend on.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
@@ -62,17 +63,13 @@ pub struct StudyPlan {
     /// Digest of all that determines the jobs besides the program.
     pub identity: String,
     table: SetupTable,
-    /// The setup as given, for messages.
-    name: String,
-    /// Directory to which the names of varied applications are relative.
-    directory: Option<PathBuf>,
+    varied: Option<VariedApplications>,
     faults: Vec<Fault>,
     seeds: (u64, u64),
     /// Digest of what all jobs have in common.
     common: Sha256,
     /// The point of the grid that was used last: all its seeds use the same plan.
     last: Mutex<Option<Arc<GridPoint>>>,
-    varied_applications: Mutex<BTreeMap<String, Arc<Result<FoundCell, String>>>>,
 }
 
 /// A job, made from its number.
@@ -118,17 +115,16 @@ impl StudyPlan {
         let (base, of_setup) = setup::cell(&name)?;
         let keys = SetupKeys::of(&base)?;
         let axes = axes(&file, &keys).map_err(usage)?;
-        let is_application_varied = axes.iter().any(|axis| axis.path == "application");
-        let (base, directory_of_application) = match &section.application {
-            Some(_) if is_application_varied => {
+        let (base, of_applications) = match &section.application {
+            Some(_) if axes.iter().any(|axis| axis.path == APPLICATION) => {
                 return Err(usage(anyhow!("`study.application` is given and varied; remove one of them")));
             }
             Some(name) => (with_application(base, name), directory),
             None => (base, of_setup.as_deref()),
         };
-        let application = (!is_application_varied)
-            .then(|| planning::applications_of(&name, &base, directory_of_application))
-            .transpose()?;
+        let varied = VariedApplications::of(&name, &axes, &base, [directory, of_applications]);
+        let read = || planning::applications_of(&name, &base, of_applications);
+        let application = varied.is_none().then(read).transpose()?;
         let faults = parsed_faults(&section.faults.join(" ")).map_err(usage)?;
         check_faults(&faults, &base).map_err(usage)?;
         let seeds = seeds(&section.seeds).map_err(usage)?;
@@ -151,13 +147,11 @@ impl StudyPlan {
             program,
             identity,
             table,
-            name,
-            directory: directory.map(Path::to_owned),
+            varied,
             faults,
             seeds,
             common,
             last: Mutex::new(None),
-            varied_applications: Mutex::new(BTreeMap::new()),
             file,
         })
     }
@@ -169,18 +163,11 @@ impl StudyPlan {
         self.axes.iter().try_fold(seeds, |product, axis| product.checked_mul(axis.len()))
     }
 
-    /// Returns the texts of varied applications that are files, each with the name of its copy beside the rows.
+    /// Returns the setup as it stands beside the rows of a study that varies applications, and those that are files, each with the name
+    /// of its copy there; `None` for one that varies none.
     #[must_use]
-    pub fn varied_applications(&self) -> Vec<(String, String)> {
-        let varied = self.axes.iter().filter(|axis| axis.path == "application");
-        let names = varied.flat_map(|axis| (0..axis.len()).map(|number| axis.value(number, 0).to_string()));
-        let copy =
-            |name: String| match self.varied_application(&name).as_ref().as_ref().ok()?.stations.first()? {
-                Found { path: Some(_), text, .. } => Some((varied_copy(&name), text.clone())),
-                // Built-in ones belong to the program; one that cannot be read is refused in its jobs.
-                _ => None,
-            };
-        names.filter_map(copy).collect()
+    pub fn saved_applications(&self) -> Option<(Cell, Vec<(String, String)>)> {
+        self.varied.as_ref().map(|varied| varied.saved(&self.base, &self.axes))
     }
 
     /// Returns the number of rows of each job.
@@ -249,36 +236,18 @@ impl StudyPlan {
             }
         }
         check_faults(&faults, &cell).map_err(|error| error.to_string())?;
-        let application = match (&self.application, application_name(&cell)) {
-            (Some(application), _) => application.clone(),
-            (None, name) => {
-                let found = self.varied_application(name.unwrap_or_default());
+        let application = match (&self.application, &self.varied) {
+            (None, Some(varied)) => {
+                let found = varied.find(&cell);
                 let found = found.as_ref().as_ref().map_err(Clone::clone)?;
                 digest.update(text_of(&cell, found));
                 found.clone()
             }
+            (Some(application), _) => application.clone(),
+            (None, None) => return Err("the study has no application".to_owned()),
         };
         MadePoint::new(cell, application, faults)
     }
-
-    fn varied_application(&self, name: &str) -> Arc<Result<FoundCell, String>> {
-        let mut known = self.varied_applications.lock().unwrap_or_else(PoisonError::into_inner);
-        let read = || {
-            let directory = self.directory.as_deref();
-            // Beside rows, applications have names of their own.
-            let copy = varied_copy(name);
-            let is_copied = directory.is_some_and(|directory| directory.join(&copy).is_file());
-            let cell = with_application(self.base.clone(), if is_copied { &copy } else { name });
-            let found = planning::applications_of(&self.name, &cell, directory);
-            Arc::new(found.map_err(|error| error.to_string()))
-        };
-        Arc::clone(known.entry(name.to_owned()).or_insert_with(read))
-    }
-}
-
-/// Returns the name of a varied application's file beside the rows.
-fn varied_copy(name: &str) -> String {
-    format!("application-{}.toml", &hex(&Sha256::digest(name))[..JobAddress::DIGITS])
 }
 
 /// Returns a name as given, or the path of a file relative to `directory`.
@@ -318,15 +287,6 @@ fn identity(file: &StudyFile, common: &Sha256) -> anyhow::Result<String> {
     let mut digest = common.clone();
     digest.update(toml::to_string(&file)?);
     Ok(hex(&digest.finalize()))
-}
-
-/// Formats bytes in hexadecimal.
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a string never fails.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }
 
 #[cfg(test)]

@@ -28,9 +28,6 @@ pub(crate) fn check_cell(cell: &Cell) -> Check {
         return Err(problem("name", text));
     }
     number_of_stations(cell.stations.len())?;
-    if cell.plc.sends_in_form() == SlotForm::Compact {
-        return Err(problem("plc.form", "`compact` is for setups of one station; leave it out"));
-    }
     super::shared_zone::check(cell)?;
     cell.stations.iter().enumerate().try_for_each(|(index, station)| station_name(index, &station.name))?;
     for (index, station) in cell.stations.iter().enumerate() {
@@ -78,6 +75,10 @@ fn station_name(index: usize, name: &str) -> Check {
 /// Checks what is in one station.
 fn alone(cell: &Cell, station: &Station) -> Check {
     let key = |key: &str| format!("station.{}.{key}", station.name);
+    if cell.plc.sends_in_form() == SlotForm::Compact && !station.robot.takes_compact_points() {
+        let text = "plc.form = \"compact\" needs robots that take compact points; set it to true, or leave plc.form out";
+        return Err(problem(key("robot.compact_points"), text));
+    }
     super::parts(&cell.setup_of(station)).map_err(|Problem { key: of_setup, text }| {
         let is_shared = of_setup.starts_with("plc.");
         Problem { key: if is_shared { of_setup } else { key(&of_setup) }, text }

@@ -6,11 +6,13 @@
 //!   robot    the foreign robot, seen from an idle PLC
 //!   plc      the foreign PLC, seen from a robot without an arm
 //! plugged    the modules and the version that a PROFINET robot reports without a connection
+//! assemblies the sizes of the assemblies of an EtherNet/IP robot, read without a connection
 //!   images   what the images that arrive show
 //! ```
 //!
 //! Nothing moves: a robot is sent neither enable nor a command, and a PLC finds a robot that holds its first skill suspended.
 
+mod assemblies;
 mod images;
 mod look;
 mod plc;
@@ -197,6 +199,9 @@ fn look_at(role: PeerRole, place: &PeerStation, name: &str, wait: Duration) -> a
         PeerRole::Robot => driven(idle_plc(place, &interface, start)?, &interface, deadline)?,
         PeerRole::Plc => driven(robot_without_arm(place, &interface, start), &interface, deadline)?,
     });
+    if role == PeerRole::Robot {
+        findings.extend(assemblies::findings(bus, &findings));
+    }
     if let (PeerRole::Robot, Ok(found)) = (role, &searched) {
         findings.extend(plugged::findings(found, bus, &interface, &findings));
     }

@@ -186,7 +186,7 @@ fn adapter(
     let of_identity = if fits && is_serial {
         Finding::good(IDENTITY, text(device))
     } else {
-        let fix = "write the key of the real device into [bus.ethernet-ip.adapter], or connect the robot of the setup";
+        let fix = "write the key of the real device into [bus.ethernet_ip.adapter], or connect the robot of the setup";
         let wanted = match (is_serial, serial, wanted) {
             (false, Some(serial), _) => format!("serial number 0x{serial:08X}"),
             (_, _, Some(key)) => format!(

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::*;
 use plc_node::ExecutionType;
+use setup::SlotForm;
 
 impl CellRun {
     /// Executes one step of a schedule like [`execute`](Self::execute), and has `look` look at the cell in each half cycle.
@@ -42,6 +43,69 @@ fn start_with(name: &str, faults: &[Fault]) -> (Vec<PlannedStation>, CellRun) {
     let stations = PlannedStation::all(&found.plan(&cell).unwrap()).unwrap();
     let run = CellRun::start_with(&stations, 1, faults).unwrap();
     (stations, run)
+}
+
+/// Returns Setup F with two arms on circles of sixty points, as compact points or as full motions.
+fn two_circles(form: SlotForm) -> Vec<PlannedStation> {
+    let place = tempfile::tempdir().unwrap();
+    let text = include_str!("../../../../../cell/planning/tests/two-circles.toml");
+    std::fs::write(place.path().join("task.toml"), text).unwrap();
+    let (mut cell, _) = setup::cell("F").unwrap();
+    cell.application = Some("task.toml".to_owned());
+    for station in &mut cell.stations {
+        station.application = format!("{}-circle", station.name);
+    }
+    let cell = cell.with_each_station(|setup| {
+        let setup = setup.with_queue_motions(64).with_refill(setup::Refill::Accepted);
+        if form == SlotForm::Compact { setup.with_form_compact() } else { setup }
+    });
+    let found = planning::applications_of("F", &cell, Some(place.path())).unwrap();
+    PlannedStation::all(&found.plan(&cell).unwrap()).unwrap()
+}
+
+#[test]
+fn arms_that_get_compact_points_meet_at_their_marks_and_take_no_longer_than_with_full_motions() {
+    let mut times = Vec::new();
+    for form in [SlotForm::Full, SlotForm::Compact] {
+        let stations = two_circles(form);
+        assert!(stations.iter().all(|it| it.planned.points.is_some() == (form == SlotForm::Compact)));
+        let mut run = CellRun::start_with(&stations, 1, &[]).unwrap();
+        for execution_type in ExecutionType::ALL {
+            let mut waited = [0; 2];
+            let measured = run
+                .execute_watched(step(execution_type), |run| {
+                    let executed = [0, 1].map(|station| run.executed(station));
+                    for one in 0..2 {
+                        // Beyond its mark an arm is only with the other one there.
+                        assert!(executed[one] <= 30 || executed[1 - one] >= 30, "{form:?} {executed:?}");
+                        waited[one] += u32::from(executed[one] == 30);
+                    }
+                })
+                .unwrap();
+            assert!(waited.iter().all(|waited| *waited > 0), "{form:?} {execution_type}: {waited:?}");
+            let stations = &measured.sample.stations;
+            // All points have one zone, so that a rest at a mark counts as a stop on a path that was to go on.
+            let stops = u32::from(form == SlotForm::Compact && execution_type == ExecutionType::Cm);
+            assert!(stations.iter().all(|it| it.blends_suppressed == stops), "{form:?}: {stations:?}");
+            times.push(measured.sample.execution.as_secs_f64());
+        }
+    }
+    let [rc, sm, cm, compact_rc, compact_sm, compact_cm] = times[..] else { panic!("{times:?}") };
+    // Targets are rounded to whole steps, and nothing else changes but the skill of CM.
+    assert!((compact_rc - rc).abs() < 0.009 && (compact_sm - sm).abs() < 0.1, "{times:?}");
+    assert!(compact_cm < cm + 0.009, "{times:?}");
+}
+
+#[test]
+fn compact_points_to_one_arm_outlive_lost_frames_and_a_cut_of_the_other_one_ends_the_run() {
+    let stations = two_circles(SlotForm::Compact);
+    let faults = ["left/loss=0.02", "right/loss=0.02"].map(|fault| fault.parse().unwrap());
+    let mut run = CellRun::start_with(&stations, 1, &faults).unwrap();
+    run.execute(step(ExecutionType::Cm)).unwrap();
+    let cut = ["right/cut-at=1500ms..9s".parse().unwrap()];
+    let mut run = CellRun::start_with(&stations, 1, &cut).unwrap();
+    let error = format!("{:#}", run.execute(step(ExecutionType::Cm)).unwrap_err());
+    assert!(error.starts_with("station right"), "{error}");
 }
 
 fn step(execution_type: ExecutionType) -> Step {

@@ -135,6 +135,16 @@ impl Discovery {
         self.answer.map(|answer| answer.mac)
     }
 
+    /// Returns the name to which the station answered.
+    pub(super) fn name(&self) -> &[u8] {
+        &self.wanted.name
+    }
+
+    /// Returns the VendorID and the DeviceID that the station reported, if it did.
+    pub(super) fn identity(&self) -> Option<(u16, u16)> {
+        self.answer?.identity
+    }
+
     /// Returns whether the station reported that another one has its address.
     pub(super) fn has_conflict(&self) -> bool {
         self.answer.is_some_and(|answer| answer.has_conflict)

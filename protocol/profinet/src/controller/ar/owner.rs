@@ -1,5 +1,7 @@
 //! The methods for the owner of an AR: its data, its state, its end.
 
+use core::fmt;
+
 use machine::{Counters, Instant};
 
 use super::Ar;
@@ -19,6 +21,22 @@ impl Ar {
     #[must_use]
     pub fn module_diff(&self) -> &[DiffModule] {
         &self.diff
+    }
+
+    /// Writes what the device says of itself by DCP: its name, MAC address and identity; nothing before it was found.
+    ///
+    /// # Errors
+    ///
+    /// That of the writer.
+    pub fn write_identity(&self, words: &mut dyn fmt::Write) -> fmt::Result {
+        let Some(mac) = self.discovery.device() else { return Ok(()) };
+        write!(words, "`{}` ({mac})", self.discovery.name().escape_ascii())?;
+        match self.discovery.identity() {
+            Some((vendor, device)) => {
+                write!(words, ", VendorID 0x{vendor:04X}, DeviceID 0x{device:04X}")
+            }
+            None => words.write_str(", which reports no VendorID and DeviceID"),
+        }
     }
 
     /// Returns the numbers of frames of this AR since its start.
