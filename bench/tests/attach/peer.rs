@@ -66,7 +66,6 @@ pub(crate) fn the_doctor_sees_every_step_of_a_robot_that_runs_on_each_bus() {
 }
 
 pub(crate) fn the_doctor_names_assemblies_whose_size_or_number_is_not_that_of_the_setup() {
-    let _host = HOST.lock().unwrap_or_else(PoisonError::into_inner);
     let place = tempfile::tempdir().unwrap();
     let path = place.path().join("other.toml");
     // The image, and 8 bytes more; and an assembly that our robot does not have.
