@@ -118,7 +118,7 @@ impl Law {
         if self.duration() < (1.0 - LEAST_GAIN) * duration { Progress::Faster } else { Progress::Useless }
     }
 
-    /// Whether the law is slower than it is to be, and the last step made it slower by about as much as the one before.
+    /// True where the law is slower than it is to be, and the last step made it slower by about as much as the one before.
     fn grows_on(&mut self) -> bool {
         self.find_paces();
         let now = self.duration();

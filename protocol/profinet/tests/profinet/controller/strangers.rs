@@ -56,7 +56,7 @@ fn a_configuration_that_cannot_work_is_refused_with_what_to_change() {
     assert!(long.contains("10000 cycles is 10000 ms; choose 1 to 7680 cycles"), "{long}");
     assert!(refused(|config| config.address = Ipv4Addr::new(10, 0, 0, 1)).contains("not in one subnet"));
     assert!(refused(|config| config.station_name.clear()).contains("station name"));
-    assert!(refused(|config| config.parameters[0].data = vec![0; 5_000]).contains("shorten it"));
+    assert!(refused(|config| config.parameters[0].data = vec![0; 70_000]).contains("shorten it"));
 }
 
 /// Generates bytes that resemble frames often enough to pass the first checks.

@@ -356,15 +356,28 @@ fn refined(bent: &Bent, what: &str) -> (Progress, usize, f64) {
 
 #[test]
 fn a_refined_law_keeps_its_limits_and_is_nearly_optimal() {
+    let (mut ended, mut refined_to_the_end) = (0, 0);
     for seed in 0..SEEDS {
         let bent = Bent::random(seed).even();
         let (progress, steps, share) = refined(&bent, &format!("seed {seed}"));
+        let passes = duration(&bent.law()) / least(&[bent.part(0.0, 1.0)]);
+        if steps == 2 {
+            // The law of the passes stays.
+            assert!(
+                progress == Progress::Useless && (0.998..1.012).contains(&passes),
+                "{passes} of the optimum with seed {seed}"
+            );
+            ended += 1;
+            continue;
+        }
         // Without repairs.
         assert_eq!(steps, 8, "seed {seed}");
         assert!(progress == Progress::Faster || share >= 0.99, "{share} of the time with seed {seed}");
-        let ratio = share * duration(&bent.law()) / least(&[bent.part(0.0, 1.0)]);
+        let ratio = share * passes;
         assert!((0.998..1.0065).contains(&ratio), "{ratio} of the optimum with seed {seed}");
+        refined_to_the_end += 1;
     }
+    assert!(ended >= 1 && refined_to_the_end >= 1, "{ended} ended soon, {refined_to_the_end} did not");
 }
 
 #[test]
