@@ -116,6 +116,10 @@ impl Site<'_> {
         let slowed = if slows { self.ramps.deceleration } else { 1.0 };
         let Slopes { slope, bend, twist, tool: [along, across, around] } = self.slopes;
         for axis in 0..AXES {
+            // A joint that stands, or that the arm does not have.
+            if [slope, bend, twist].iter().all(|by| by[axis].abs() <= 0.0) {
+                continue;
+            }
             let [one, other] = loads([slope[axis], bend[axis], twist[axis]], pace, speeds(ramp_s[axis]));
             each(&[one], accelerated * slowed * slowed);
             each(&[other], jerked);
