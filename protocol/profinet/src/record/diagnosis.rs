@@ -9,7 +9,7 @@
 
 use alloc::vec::Vec;
 
-use crate::block::{BlockReader, BlockType, BlockWriter, HEAD_LEN};
+use crate::block::{self, BlockReader, BlockType, BlockWriter, HEAD_LEN};
 use crate::connect::API;
 
 /// Diagnosis of a channel, or of the submodule as a whole.
@@ -34,6 +34,9 @@ pub struct Diagnosis {
 /// Bits 9 and 10 of ChannelProperties: maintenance required, maintenance demanded.
 const MAINTENANCE: [u16; 2] = [1 << 9, 1 << 10];
 
+/// BlockVersionLow of a block with an API.
+const WITH_API: u8 = 1;
+
 /// First UserStructureIdentifier of diagnosis by channel, and its last one.
 const CHANNEL_CODING: core::ops::RangeInclusive<u16> = 0x8000..=0x8003;
 
@@ -57,22 +60,15 @@ impl Diagnosis {
 
     /// Writes it, as a block of version 1.1.
     pub fn emit(&self, writer: &mut BlockWriter<'_>) {
-        let start = writer.len();
-        writer.u16(BlockType::DiagnosisData.into());
-        writer.u16(0);
-        writer.bytes(&[1, 1]);
-        writer.u32(self.api);
-        for word in [self.slot, self.subslot, self.channel, self.properties, self.identifier] {
-            writer.u16(word);
-        }
-        writer.bytes(&self.data);
-        let length = writer.len() - start - LENGTH_END;
-        writer.patch_u16(start + 2, u16::try_from(length).unwrap_or(u16::MAX));
+        block::write_version(writer, BlockType::DiagnosisData, WITH_API, |w| {
+            w.u32(self.api);
+            for word in [self.slot, self.subslot, self.channel, self.properties, self.identifier] {
+                w.u16(word);
+            }
+            w.bytes(&self.data);
+        });
     }
 }
-
-/// End of BlockLength, from which it counts.
-const LENGTH_END: usize = 4;
 
 /// Reads the diagnosis of a record; `None` if it is not one. Blocks of other types are left out.
 #[must_use]
@@ -90,7 +86,7 @@ pub fn parse_diagnosis(record: &[u8]) -> Option<Vec<Diagnosis>> {
         }
         let api = match version {
             (1, 0) => API,
-            (1, 1) => block.u32().ok()?,
+            (1, WITH_API) => block.u32().ok()?,
             _ => return None,
         };
         let mut word = || block.u16().ok();
