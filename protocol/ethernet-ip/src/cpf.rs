@@ -13,6 +13,9 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use super::{Reader, Writer};
 use machine::wire::{BigEndian, Truncated};
 
+/// Bytes of interface handle and timeout, in front of the items of a SendRRData (volume 2, table 2-4.16).
+const RR_HEAD_LEN: usize = 6;
+
 /// Item types (volume 2, table 2-6.2).
 pub mod kind {
     /// Null address: for unconnected messages.
@@ -123,6 +126,13 @@ pub struct Packet<'a> {
 }
 
 impl<'a> Packet<'a> {
+    /// Parses the data of a SendRRData: interface handle and timeout, which do not matter, and all items.
+    pub fn parse_unconnected(data: &'a [u8]) -> Result<Self, Truncated> {
+        let mut reader = Reader::new(data);
+        reader.skip(RR_HEAD_LEN)?;
+        Self::parse(reader)
+    }
+
     /// Parses all items. Items of unknown types behind the first two are skipped.
     pub fn parse(reader: Reader<'a>) -> Result<Self, Truncated> {
         let mut packet = Self::default();
@@ -165,6 +175,14 @@ pub fn write_item(writer: &mut Writer<'_>, kind: u16, data: impl FnOnce(&mut Wri
     let start = writer.len();
     data(writer);
     writer.patch_u16(length_at, u16::try_from(writer.len() - start).unwrap_or(u16::MAX));
+}
+
+/// Writes the data of a SendRRData: an unconnected message, which `message` writes.
+pub fn write_unconnected(writer: &mut Writer<'_>, message: impl FnOnce(&mut Writer<'_>)) {
+    writer.zeros(RR_HEAD_LEN);
+    writer.u16(2);
+    write_item(writer, kind::NULL_ADDRESS, |_| {});
+    write_item(writer, kind::UNCONNECTED_DATA, message);
 }
 
 #[cfg(test)]

@@ -6,11 +6,11 @@ use std::time::Duration;
 
 use ethernet_ip::ENCAPSULATION_PORT;
 use ethernet_ip::cip::{Logical, Reply, Request, class, service, write_logical};
-use ethernet_ip::cpf::{Item, Packet, kind, write_item};
+use ethernet_ip::cpf::{Item, Packet, write_unconnected};
 use ethernet_ip::encapsulation::{
     Command, HEADER_LEN, Header, MAX_MESSAGE_LEN, Message, PROTOCOL_VERSION, Reassembly, Status,
 };
-use machine::wire::{LittleEndian, Overflow, Reader};
+use machine::wire::{LittleEndian, Overflow};
 use protocol::image::IMAGE_LEN;
 use protocol::stations::{COMMAND, FEEDBACK};
 use setup::{Bus, BusKind, EthernetIp};
@@ -223,11 +223,7 @@ impl Dialogue {
 
 /// Writes the request for an attribute of an assembly.
 fn emit_read(writer: &mut Writer<'_>, instance: u32, attribute: u32) {
-    writer.u32(0);
-    writer.u16(0);
-    writer.u16(2);
-    write_item(writer, kind::NULL_ADDRESS, |_| {});
-    write_item(writer, kind::UNCONNECTED_DATA, |writer| {
+    write_unconnected(writer, |writer| {
         let path = |writer: &mut Writer<'_>| {
             write_logical(writer, Logical::Class, class::ASSEMBLY);
             write_logical(writer, Logical::Instance, instance);
@@ -239,9 +235,7 @@ fn emit_read(writer: &mut Writer<'_>, instance: u32, attribute: u32) {
 
 /// Returns the size in an answer to the request for an attribute.
 fn size_in(attribute: u32, data: &[u8]) -> std::io::Result<AssemblySize> {
-    let mut reader = Reader::<LittleEndian>::new(data);
-    // Interface handle and timeout (volume 2, table 2-4.16).
-    let packet = reader.skip(6).and_then(|()| Packet::parse(reader));
+    let packet = Packet::parse_unconnected(data);
     let Ok(Some(Item::UnconnectedData(message))) = packet.map(|packet| packet.data) else {
         return Err(malformed("its answer has no message"));
     };
@@ -271,11 +265,7 @@ mod tests {
     fn answered(service: u8, general: u8, data: &[u8]) -> Vec<u8> {
         let mut buf = [0; 600];
         let mut writer = Writer::new(&mut buf);
-        writer.u32(0);
-        writer.u16(0);
-        writer.u16(2);
-        write_item(&mut writer, kind::NULL_ADDRESS, |_| {});
-        write_item(&mut writer, kind::UNCONNECTED_DATA, |writer| {
+        write_unconnected(&mut writer, |writer| {
             writer.bytes(&[service | 0x80, 0, general, 0]);
             writer.bytes(data);
         });

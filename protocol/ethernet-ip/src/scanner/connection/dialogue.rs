@@ -3,7 +3,7 @@
 use crate::Writer;
 use crate::cip::{ElectronicKey, Path, Reply, Request, Revision, class, service};
 use crate::connection::{CloseRequest, OpenRequest, Triad};
-use crate::cpf::{Item, Packet, kind, write_item};
+use crate::cpf::{Item, Packet, write_unconnected};
 use crate::description::Identity;
 use crate::encapsulation::{Command, Header, PROTOCOL_VERSION};
 use crate::{Reader, cip};
@@ -78,13 +78,7 @@ fn emit_unconnected(
     let mut header = Header::request(Command::SendRRData, session);
     let [a, b, c, d] = number.to_le_bytes();
     header.context = [a, b, c, d, 0, 0, 0, 0];
-    header.emit(buf, |writer| {
-        writer.u32(0);
-        writer.u16(0);
-        writer.u16(2);
-        write_item(writer, kind::NULL_ADDRESS, |_| {});
-        write_item(writer, kind::UNCONNECTED_DATA, request);
-    })
+    header.emit(buf, |writer| write_unconnected(writer, request))
 }
 
 /// Writes an explicit request; along a route, if there is one, so that the adapter answers it and not the bridge. Routers wait
@@ -181,9 +175,7 @@ pub(super) struct Sockets {
 
 /// Reads the CIP reply in the data of a SendRRData, and the address to which the adapter wants its data.
 pub(super) fn read_reply(data: &[u8]) -> Option<(Reply<'_>, Sockets)> {
-    let mut reader = Reader::new(data);
-    reader.skip(6).ok()?;
-    let packet = Packet::parse(reader).ok()?;
+    let packet = Packet::parse_unconnected(data).ok()?;
     let Some(Item::UnconnectedData(reply)) = packet.data else { return None };
     let sockets = Sockets { o_t: packet.socket_o_t, t_o: packet.socket_t_o };
     Some((Reply::parse(reply).ok()?, sockets))
