@@ -55,7 +55,7 @@ impl Digests {
     /// Computes the digests of files, each with its name and content.
     #[must_use]
     pub fn of_files(files: &[(&str, &str)]) -> Self {
-        let digest = |(name, content): &(&str, &str)| ((*name).to_owned(), hex(Sha256::digest(content)));
+        let digest = |(name, content): &(&str, &str)| ((*name).to_owned(), digest_of(content));
         Self(files.iter().map(digest).collect())
     }
 
@@ -76,7 +76,7 @@ impl Digests {
         for (name, saved) in self.0.iter().filter(|(name, _)| is_file(name)) {
             // Who reads a run notices a missing file; a changed one looks like that of the run.
             let Some(content) = read(name) else { continue };
-            let found = hex(Sha256::digest(content));
+            let found = digest_of(content);
             if found != *saved {
                 return Err(Mismatch::File { name: name.clone(), found, saved: saved.clone() });
             }
@@ -122,7 +122,7 @@ fn values(results: &Value) -> impl Iterator<Item = (String, &Value)> {
 fn of_value(value: &Value) -> String {
     let mut text = String::new();
     write_value(&mut text, value);
-    hex(Sha256::digest(text))
+    digest_of(text)
 }
 
 /// Writes a value in a form that does not depend on spaces, on the order of keys, or on whether a whole number is written with
@@ -156,8 +156,10 @@ fn write_value(text: &mut String, value: &Value) {
     };
 }
 
-fn hex(digest: impl AsRef<[u8]>) -> String {
-    digest.as_ref().iter().take(KEPT_BYTES).fold(String::new(), |mut text, byte| {
+/// Returns the digest of a content: the beginning of its SHA-256, as 16 hexadecimal digits.
+#[must_use]
+pub fn digest_of(content: impl AsRef<[u8]>) -> String {
+    Sha256::digest(content).iter().take(KEPT_BYTES).fold(String::new(), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");
         text
     })

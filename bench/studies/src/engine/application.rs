@@ -5,15 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use planning::{APPLICATIONS, ARMS_APPLICATIONS, FoundCell};
+use records::digest::digest_of;
 use setup::Cell;
-use sha2::{Digest as _, Sha256};
 
 use super::axis::Axis;
-use super::hex::hex;
 use super::key::{APPLICATION, application_of};
-
-/// Digits of the digest in the name of a copy.
-const COPY_DIGITS: usize = 16;
 
 /// Returns the setup with an application in place of its own: of the only robot, or one of all stations.
 pub(super) fn with_application(mut cell: Cell, name: &str) -> Cell {
@@ -75,8 +71,7 @@ const fn built_in(cell: &Cell) -> &'static [(&'static str, &'static str)] {
 
 /// Returns the name of a varied application's file beside the rows.
 fn copy_of(name: &str) -> String {
-    let digest = hex(&Sha256::digest(name));
-    format!("application-{}.toml", digest.get(..COPY_DIGITS).unwrap_or(&digest))
+    format!("application-{}.toml", digest_of(name))
 }
 
 fn within(directory: Option<&Path>, name: &str) -> PathBuf {
