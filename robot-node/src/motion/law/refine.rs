@@ -98,8 +98,11 @@ impl Law {
         self.step(FIRST, weight);
         self.refinement.steps += 1;
         let steps = self.refinement.steps;
-        if steps <= TRIED_STEPS && self.grows_on() && steps == TRIED_STEPS {
-            return Progress::Useless;
+        if steps <= TRIED_STEPS {
+            let grows_on = self.compare_with_last_step();
+            if steps == TRIED_STEPS && grows_on {
+                return Progress::Useless;
+            }
         }
         if steps < STEPS {
             self.refinement.weight *= SHARPER;
@@ -118,8 +121,9 @@ impl Law {
         if self.duration() < (1.0 - LEAST_GAIN) * duration { Progress::Faster } else { Progress::Useless }
     }
 
-    /// True where the law is slower than it is to be, and the last step made it slower by about as much as the one before.
-    fn grows_on(&mut self) -> bool {
+    /// Notes the duration after this step. Returns true where the law is slower than it is to be, and this step made it slower by about
+    /// as much as the one before.
+    fn compare_with_last_step(&mut self) -> bool {
         self.find_paces();
         let now = self.duration();
         let Refinement { duration, tried, grown, .. } = &mut self.refinement;
