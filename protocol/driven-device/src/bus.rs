@@ -6,7 +6,7 @@ use machine::Instant;
 use crate::config::{BusConfig, DriveError};
 use crate::device::DrivenDevice;
 use crate::file_device::FileDevice;
-use crate::stack::{Stack, open};
+use crate::stack::{Stack, named, open};
 
 /// A controller and its devices. Its events have the number of their device, from 0.
 #[derive(Debug)]
@@ -28,13 +28,10 @@ impl DrivenBus {
     pub fn new(devices: Vec<FileDevice>, bus: &BusConfig, now: Instant) -> Result<Self, DriveError> {
         check_names(&devices)?;
         let (stack, opened) = open(&devices, bus, now)?;
-        let is_alone = devices.len() == 1;
+        let count = devices.len();
         let made = devices.into_iter().zip(opened).map(|(device, opened)| {
             let name = device.name.clone();
-            DrivenDevice::new(device, opened, now).map_err(|error| match is_alone {
-                true => error,
-                false => DriveError::Device { device: excerpt(&name), error: Box::new(error) },
-            })
+            DrivenDevice::new(device, opened, now).map_err(|error| named(count, &name, error))
         });
         Ok(Self { devices: made.collect::<Result<_, _>>()?, stack, next_tick: now, is_touched: false })
     }

@@ -46,7 +46,7 @@ pub(crate) fn open(
             device.config.output_interval.is_some() || device.config.input_interval.is_some();
         if has_two_intervals && !matches!(device.file, DeviceFile::Eds(_)) {
             let fault = "an interval for each direction: only EtherNet/IP has it; give one interval for both";
-            return Err(named(devices, device, DriveError::Bus(fault.to_owned())));
+            return Err(named(devices.len(), &device.name, DriveError::Bus(fault.to_owned())));
         }
         if std::mem::discriminant(&device.file) != std::mem::discriminant(&first.file) {
             return Err(DriveError::Bus(format!(
@@ -102,12 +102,12 @@ fn of_another_file() -> DriveError {
     DriveError::File("the chosen device is of another file".to_owned())
 }
 
-/// Adds the device's name to its error, where there are several devices.
-fn named(devices: &[FileDevice], device: &FileDevice, error: DriveError) -> DriveError {
-    if devices.len() < 2 {
+/// Adds the name of a device to its error, where there are `count` of them.
+pub(crate) fn named(count: usize, name: &str, error: DriveError) -> DriveError {
+    if count < 2 {
         return error;
     }
-    DriveError::Device { device: device_files::excerpt(&device.name), error: Box::new(error) }
+    DriveError::Device { device: device_files::excerpt(name), error: Box::new(error) }
 }
 
 /// Makes something of each device. The error names its device.
@@ -115,7 +115,8 @@ fn each<'d, T>(
     devices: &'d [FileDevice],
     mut make: impl FnMut(&'d FileDevice) -> Result<T, DriveError>,
 ) -> Result<Vec<T>, DriveError> {
-    let made = devices.iter().map(|device| make(device).map_err(|error| named(devices, device, error)));
+    let made =
+        devices.iter().map(|device| make(device).map_err(|error| named(devices.len(), &device.name, error)));
     made.collect()
 }
 
