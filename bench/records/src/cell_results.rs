@@ -193,7 +193,15 @@ impl CellTypeResult {
     /// Returns the longest time between the arrivals at a mark, in µs.
     #[must_use]
     pub fn worst_mark_skew_us(&self) -> Option<f64> {
-        self.marks.iter().flat_map(|mark| &mark.skew_us).copied().reduce(f64::max)
+        self.mark_skews_us().into_iter().reduce(f64::max)
+    }
+
+    /// Returns the longest time between the arrivals at a mark in each repetition, in µs.
+    #[must_use]
+    pub fn mark_skews_us(&self) -> Vec<f64> {
+        let repetitions = self.marks.iter().map(|mark| mark.skew_us.len()).max().unwrap_or_default();
+        let of = |repetition| self.marks.iter().filter_map(move |mark| mark.skew_us.get(repetition).copied());
+        (0..repetitions).filter_map(|repetition| of(repetition).reduce(f64::max)).collect()
     }
 
     /// Returns the largest difference of the arms' relative pose from the plan, in mm.

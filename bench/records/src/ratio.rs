@@ -90,14 +90,20 @@ impl Ratio {
     #[must_use]
     pub fn median_of_pairs(pairs: &[(f64, f64)], seed: u64) -> Option<Self> {
         let usable = pairs.iter().filter(|(a, b)| *a > 0.0 && *b > 0.0);
-        let ratios: Vec<f64> = usable.map(|(a, b)| a / b).collect();
-        if ratios.len() < FEWEST {
+        Self::median_of(&usable.map(|(a, b)| a / b).collect::<Vec<_>>(), seed)
+    }
+
+    /// Returns the median of samples, as a ratio by one of their unit. A stall of the host moves it no further than any other
+    /// outlier. `None` with fewer than five samples.
+    #[must_use]
+    pub fn median_of(samples: &[f64], seed: u64) -> Option<Self> {
+        if samples.len() < FEWEST {
             return None;
         }
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let resample =
-            || median(draws(ratios.len(), &mut random).filter_map(|index| ratios.get(index).copied()));
-        Self::with_interval(median(ratios.iter().copied()), RESAMPLES, resample)
+            || median(draws(samples.len(), &mut random).filter_map(|index| samples.get(index).copied()));
+        Self::with_interval(median(samples.iter().copied()), RESAMPLES, resample)
     }
 
     fn with_interval(ratio: f64, resamples: usize, mut resample: impl FnMut() -> f64) -> Option<Self> {

@@ -197,10 +197,16 @@ values = [1000]
 
 /// Columns that mean something else in the table of a verb.
 const EXCEPTIONS: &[(&str, &str, &str, &str)] = &[
-    ("bench gate --run", "baseline", "1", "ratio in the baseline"),
-    ("bench gate --run", "now", "1", "ratio of this run"),
-    ("bench gate --run", "low", "1", "lower end of the 95 % interval of the ratio"),
-    ("bench gate --run", "high", "1", "upper end of this interval"),
+    ("bench gate --run", "unit", "", "unit of the next five columns; empty for a ratio"),
+    ("bench gate --run", "baseline", "unit of the row", "value in the baseline"),
+    ("bench gate --run", "now", "unit of the row", "value of this run; the median of a skew"),
+    (
+        "bench gate --run",
+        "low",
+        "unit of the row",
+        "lower end of the 95 % interval of the value; 0 where the run has fewer than five samples of a skew or pose",
+    ),
+    ("bench gate --run", "high", "unit of the row", "upper end of this interval"),
     ("bench calibrate", "name", "", "key of a number of the setup, or name of a figure"),
     ("bench calibrate", "difference", "unit of the row", "the figure minus the paper's"),
     ("bench calibrate", "error", "unit of the row", "standard error of the figure over the seeds"),

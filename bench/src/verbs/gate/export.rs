@@ -23,7 +23,7 @@ pub(super) enum GateExport<'a> {
     Real {
         /// Version of this format; it counts changes that break a reader.
         schema_version: u32,
-        /// Each ratio with its baseline.
+        /// Each ratio, and each skew and pose of a run of several stations, with its baseline.
         ratios: &'a [RatioRow<'a>],
     },
 }
@@ -32,17 +32,19 @@ pub(super) enum GateExport<'a> {
 #[derive(Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(super) struct RatioRow<'a> {
-    /// The two types whose AETs are divided.
+    /// The two types whose AETs are divided; or type and name of a skew or pose, of which the figures are medians.
     pub(super) ratio: &'a str,
-    /// Ratio in the baseline.
+    /// Unit; empty for a ratio.
+    pub(super) unit: &'a str,
+    /// Value in the baseline.
     pub(super) baseline: f64,
-    /// Ratio of this run.
+    /// Value of this run.
     pub(super) now: f64,
-    /// Lower end of the 95 % interval of the ratio.
+    /// Lower end of the 95 % interval of the value.
     pub(super) low: f64,
     /// Upper end of this interval.
     pub(super) high: f64,
-    /// Ratio above which the gate fails.
+    /// Value above which the gate fails.
     pub(super) at_most: f64,
     /// `within`, `beyond` or `inconclusive`.
     pub(super) verdict: &'static str,
