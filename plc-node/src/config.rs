@@ -6,7 +6,7 @@ use protocol::image;
 use setup::{Refill, Setup};
 
 use crate::motion_source::motion_source;
-use crate::{MotionList, MotionSource, StationConfig, StationWork, WaitLimits};
+use crate::{DescribedArm, MotionList, MotionSource, StationConfig, StationWork, WaitLimits};
 
 /// Time that a working robot may take to accept a command, in addition to the time in its setup. Assumed, since no source
 /// states it: long enough for any controller, short enough for a person who waits.
@@ -37,6 +37,8 @@ pub struct PlcConfig {
     pub program: u16,
     /// The motions that SM and CM run.
     pub motions: Box<dyn MotionSource>,
+    /// The arm that the robot should be; `None` if that is not known.
+    pub arm: Option<DescribedArm>,
     /// How the arm moves to where they begin. Without a motion, a run begins where the arm stands.
     pub to_start: ToStart<image::Motion>,
     /// Where their continuous motions end, in order, and what the PLC switches there. Without any, CM runs all motions
@@ -65,6 +67,7 @@ impl PlcConfig {
             refill: setup.plc.refills_by(),
             program,
             motions: Box::new(MotionList::from(motions)),
+            arm: DescribedArm::from_setup(setup),
             to_start: ToStart::default(),
             stops: Vec::new(),
         }
@@ -94,11 +97,12 @@ impl PlcConfig {
     #[must_use]
     pub fn into_station(self, name: &str, waits: &[WaitAt]) -> (StationConfig, StationWork) {
         let wait_limits = self.wait_limits();
-        let Self { answer_timeout, robot_cycle, to_start, .. } = self;
+        let Self { answer_timeout, robot_cycle, arm, to_start, .. } = self;
         let Self { program, queue_depth, refill, motions, stops, .. } = self;
         let longest_stop = StationConfig::longest_of(&stops);
         let name = name.to_owned();
-        let config = StationConfig { name, wait_limits, answer_timeout, robot_cycle, to_start, longest_stop };
+        let config =
+            StationConfig { name, wait_limits, answer_timeout, robot_cycle, arm, to_start, longest_stop };
         let (waits, visits) = (waits.to_vec(), Vec::new());
         (config, StationWork { program, queue_depth, refill, motions, stops, waits, visits, zones: None })
     }

@@ -76,6 +76,6 @@ pub use sample::Sample;
 pub use scan::Scan;
 pub use sequences::{MarkPassage, Sequences, StationWork, ZoneWait};
 pub use speed_override::{Override, OverrideError, OverrideSchedule, OverrideStep, ScheduleError};
-pub use station::{Station, StationConfig};
+pub use station::{DescribedArm, PoseDifference, Station, StationConfig};
 pub use waiting::WaitingFor;
 pub use zones::Zones;

@@ -6,6 +6,8 @@ use machine::Duration;
 use protocol::fieldbus::Down;
 use protocol::image::{ErrorNumber, State};
 
+use crate::PoseDifference;
+
 /// Time after which the PLC reports what it waits for; a robot that works needs less to get ready. Assumed.
 const FIRST_REPORT: Duration = Duration::from_secs(2);
 
@@ -44,6 +46,8 @@ pub enum WaitingFor {
         /// Images refused so far, because their check is wrong.
         altered: u64,
     },
+    /// A robot whose joints and pose are those of the setup's arm.
+    Arm(PoseDifference),
     /// The robot's state `Ready`.
     Ready {
         /// The robot's state.
@@ -88,6 +92,11 @@ impl fmt::Display for WaitingFor {
                 )?;
                 f.write_str("look whether the robot's program runs and fills the image")
             }
+            Self::Arm(PoseDifference { mm, deg }) => write!(
+                f,
+                "the arm of the setup: this robot is another one, {mm:.0} mm and {deg:.0}° off where its joints would bring the setup's \
+                 arm; look which robot has this name and address, or correct robot.kinematics, robot.tools and robot.bases"
+            ),
             Self::Ready { state, error, is_enabled } => {
                 let drives = if *is_enabled { "on" } else { "off" };
                 write!(f, "the robot's state Ready: it is {state:?}, drives {drives}, error: {error}; ")?;

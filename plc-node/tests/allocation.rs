@@ -68,6 +68,7 @@ fn with_one_station() -> PlcNode<OneStation<Direct>> {
         refill: setup::Refill::Executed,
         program: 1,
         motions: Box::new(MotionList::from(vec![MOTION; 13])),
+        arm: plc_node::DescribedArm::from_setup(&setup::setup("A").unwrap()),
         to_start: ToStart { from_anywhere: Some(MOTION), from_end: vec![MOTION; 2] },
         stops: stops(),
     };
@@ -84,6 +85,7 @@ fn with_two_stations() -> PlcNode<OneStation<Direct>> {
             wait_limits: WaitLimits { answer_scans: 100, silent_scans: 100 },
             answer_timeout: MS * 100,
             robot_cycle: MS,
+            arm: plc_node::DescribedArm::from_setup(&setup::setup("B").unwrap()),
             to_start: ToStart { from_anywhere: Some(MOTION), from_end: vec![MOTION; 2] },
             longest_stop: MS,
         },

@@ -350,7 +350,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         self.stations.iter_mut().for_each(Station::emit);
     }
 
-    /// Moves on each arm that moves to where a run starts. None sets out before all robots are connected.
+    /// Moves on each arm that moves to where a run starts. None sets out before all robots are connected and are the arms of the setup.
     fn go_on_to_start(&mut self, now: Instant) {
         for index in 0..self.stations.len() {
             let Some(station) = self.stations.get(index) else { return };
@@ -359,10 +359,10 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             }
             let set_out = if !station.is_to_set_out() {
                 SetOut::Now
-            } else if self.is_connected() {
+            } else if self.is_connected() && self.stations.iter().all(Station::is_arm_of_setup) {
                 self.program.set_out(index, &self.stations)
             } else {
-                // The missing robot is reported by its own station.
+                // The missing or other robot is reported by its own station.
                 SetOut::Wait
             };
             let Some(station) = self.stations.get_mut(index) else { return };

@@ -4,11 +4,13 @@
 //! clock       the robot's clock, by the instants at which its frames arrive
 //! inputs      the robot's image: taken over, or refused
 //! readiness   leads the robot to Ready, and the arm to where a run starts
+//! described_arm   whether the robot is the arm of the setup
 //! start_position  where that is, and how the PLC knows
 //! silence     what the PLC waits for, and when it gives up a robot that shows no progress
 //! ```
 
 mod clock;
+mod described_arm;
 mod inputs;
 mod readiness;
 mod silence;
@@ -22,6 +24,7 @@ use protocol::image::{
 };
 
 use clock::StationClock;
+pub use described_arm::{DescribedArm, PoseDifference};
 pub(crate) use inputs::RobotImage;
 use readiness::Readiness;
 pub(crate) use readiness::WayToStart;
@@ -43,6 +46,8 @@ pub struct StationConfig {
     pub answer_timeout: Duration,
     /// The robot's cycle, in which it counts its life counter up.
     pub robot_cycle: Duration,
+    /// The arm that the robot should be; `None` if that is not known.
+    pub arm: Option<DescribedArm>,
     /// How the arm moves to where a run begins. Without a motion, a run begins where the arm stands.
     pub to_start: ToStart<Motion>,
     /// Where its continuous motions end: its robot may be silent for as long as it waits there.
@@ -76,6 +81,12 @@ pub struct Station {
     name: String,
     order: Order,
     group: AxesGroup,
+    /// The arm that the robot should be; `None` if that is not known.
+    arm: Option<DescribedArm>,
+    /// Whether the robot has shown on this connection that it is that arm.
+    is_arm_known: bool,
+    /// Difference to a robot that is another arm.
+    other_arm: Option<PoseDifference>,
     start_position: StartPosition,
     pub(crate) state: StationState,
     readiness: Readiness,
@@ -119,6 +130,7 @@ impl StationConfig {
             wait_limits: WaitLimits { answer_scans: scans, silent_scans: scans },
             answer_timeout: Duration::from_secs(1),
             robot_cycle: Duration::from_millis(4),
+            arm: None,
             to_start: ToStart::default(),
             longest_stop: Duration::ZERO,
         }
@@ -127,12 +139,16 @@ impl StationConfig {
 
 impl Station {
     pub(crate) fn new(index: usize, config: StationConfig, order: Order, scan_cycle: Duration) -> Self {
-        let StationConfig { name, wait_limits, answer_timeout, robot_cycle, to_start, longest_stop } = config;
+        let StationConfig { name, wait_limits, answer_timeout, robot_cycle, arm, to_start, longest_stop } =
+            config;
         Self {
             index,
             name,
             order,
             group: AxesGroup::new(wait_limits),
+            arm,
+            is_arm_known: false,
+            other_arm: None,
             start_position: StartPosition::new(to_start),
             state: StationState::Preparing,
             readiness: Readiness::default(),
@@ -177,6 +193,11 @@ impl Station {
     #[must_use]
     pub const fn is_connected(&self) -> bool {
         self.is_connected
+    }
+
+    /// Returns whether the robot has shown on this connection that it is the arm of the setup, or nobody knows that arm.
+    pub(crate) const fn is_arm_of_setup(&self) -> bool {
+        self.arm.is_none() || self.is_arm_known
     }
 
     /// Returns whether the robot is ready for a run, and the arm where it starts.
@@ -312,6 +333,7 @@ impl Station {
     /// Removes every command from the image, because the bus repeats its last image on the next connection.
     pub(crate) fn disarm(&mut self) {
         self.is_connected = false;
+        (self.is_arm_known, self.other_arm) = (false, None);
         self.forget_images();
         self.forget_clock();
         self.state = StationState::Preparing;

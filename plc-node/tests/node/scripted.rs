@@ -118,6 +118,14 @@ impl ScriptedRobot {
         self.feedback.joints = joints;
     }
 
+    pub(crate) const fn report(&mut self, joints: [f32; 6], pose: [f32; 6]) {
+        (self.feedback.joints, self.feedback.pose) = (joints, pose);
+    }
+
+    pub(crate) const fn is_enabled(&self) -> bool {
+        self.feedback.status.contains(Status::ENABLED)
+    }
+
     fn end(&mut self, status: Status, state: State) {
         self.feedback.status = status | Status::AT_REST | Status::ENABLED;
         self.feedback.state = state;
@@ -320,6 +328,7 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
         refill: setup::Refill::Executed,
         program: 1,
         motions: Box::new(MotionList::from(motions)),
+        arm: None,
         to_start: ToStart::default(),
         stops: Vec::new(),
     }

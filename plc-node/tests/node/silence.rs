@@ -1,9 +1,9 @@
 //! Waits: the PLC says what it waits for, and gives up a robot that owes progress and shows none.
 
 use machine::Duration;
-use planning::{Stop, Switch};
+use planning::{Stop, Switch, ToStart};
 use plc_node::ExecutionType::{self, Cm, Rc};
-use plc_node::{FailureCause, Override, PlcEvent, PlcReport, WaitingFor};
+use plc_node::{DescribedArm, FailureCause, Override, PlcConfig, PlcEvent, PlcReport, WaitingFor};
 use protocol::fieldbus::DownCause;
 use protocol::image::State;
 use virtual_time::Event;
@@ -47,6 +47,28 @@ fn a_plc_without_a_robot_says_every_ten_seconds_that_it_waits_for_the_connection
     let (said, _) = reports(&mut cell, Duration::from_secs(15));
     let [(10, WaitingFor::Connection { last: Some(down) })] = said[..] else { panic!("{said:?}") };
     assert_eq!(down.cause, DownCause::Watchdog);
+}
+
+#[test]
+fn a_robot_that_is_another_arm_than_the_setups_is_named_and_neither_enabled_nor_moved_until_it_is_replaced() {
+    let to_start = ToStart { from_anywhere: Some(motions(1)[0]), from_end: Vec::new() };
+    let arm = DescribedArm::from_setup(&setup::setup("A").unwrap());
+    let mut cell =
+        cell_with(PlcConfig { arm, to_start, ..config(motions(13)) }, Phases([0, 300, 700, 1_900]));
+    cell.command_b(|robot, _| {
+        robot.report([10.0, 20.0, 30.0, 40.0, 0.0, 0.0], [0.0, 0.0, 900.0, 0.0, 0.0, 0.0])
+    });
+    let (said, failed) = reports(&mut cell, Duration::from_secs(15));
+    let [(2, WaitingFor::Arm(_)), (10, what)] = said[..] else { panic!("{said:?}") };
+    assert!(what.to_string().contains("this robot is another one, 364 mm and 180° off"), "{what}");
+    assert_eq!(failed, None);
+    assert!(!cell.a().is_ready() && cell.b().taken.is_empty() && !cell.b().is_enabled());
+    cell.set_cut(true);
+    pause(&mut cell, Duration::from_millis(100));
+    cell.command_b(|robot, _| robot.report([0.0; 6], [0.0; 6]));
+    cell.set_cut(false);
+    until_ready(&mut cell);
+    assert_eq!(cell.b().taken.len(), 1);
 }
 
 #[test]

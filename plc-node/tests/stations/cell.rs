@@ -56,6 +56,7 @@ pub(crate) fn placed(bus: usize, id: u16, name: &str) -> PlacedStation {
         wait_limits: WaitLimits { answer_scans: 300, silent_scans: 600 },
         answer_timeout: MS * 300,
         robot_cycle: CYCLE,
+        arm: None,
         to_start: ToStart::default(),
         longest_stop: MS * 100,
     };
