@@ -33,7 +33,7 @@ const MOST_ACCESSES: usize = 4;
 const MOST_EMERGENCIES: usize = 16;
 
 /// A MainDevice and its SubDevice.
-struct Cable {
+struct MailboxRig {
     main: MainDevice,
     segment: Segment,
     now: Instant,
@@ -46,33 +46,33 @@ struct Cable {
 /// Answers accesses to objects.
 pub(crate) fn mailbox(data: &[u8]) {
     let mut script = Script::new(data);
-    let mut cable = Cable::new();
+    let mut rig = MailboxRig::new();
     let id = SubDeviceId(0);
-    cable.run(None, Instant::from_millis(3_000), |cable| cable.is_up);
-    assert!(cable.is_up, "the device does not come to OP");
+    rig.run(None, Instant::from_millis(3_000), |rig| rig.is_up);
+    assert!(rig.is_up, "the device does not come to OP");
     for _ in 0..MOST_ACCESSES {
         if script.is_over() {
             break;
         }
         let (index, subindex, is_complete, written) = ACCESSES[script.below(ACCESSES.len())];
         let data = written.map(|len| vec![7; len]);
-        let answer = cable.access(Some(&mut script), SdoRequest { index, subindex, is_complete, data });
+        let answer = rig.access(Some(&mut script), SdoRequest { index, subindex, is_complete, data });
         match answer {
             Ok(read) => assert!(read.len() <= LONGEST_OBJECT, "{} bytes", read.len()),
             Err(reason) => assert!(!reason.is_empty()),
         }
-        let emergencies = std::iter::from_fn(|| cable.main.poll_emergency(id)).count();
+        let emergencies = std::iter::from_fn(|| rig.main.poll_emergency(id)).count();
         assert!(emergencies <= MOST_EMERGENCIES, "{emergencies} emergencies are kept");
     }
     // The device itself is well: the next access succeeds.
     let (index, subindex) = (0x1018, 1);
     let request = || SdoRequest { index, subindex, is_complete: false, data: None };
     let vendor = devices::BRIDGE.vendor_id.to_le_bytes().to_vec();
-    assert_eq!(cable.access(None, request()), Ok(vendor));
-    assert!(cable.is_up, "answers by the mailbox ended the connection");
+    assert_eq!(rig.access(None, request()), Ok(vendor));
+    assert!(rig.is_up, "answers by the mailbox ended the connection");
 }
 
-impl Cable {
+impl MailboxRig {
     fn new() -> Self {
         let device = &devices::BRIDGE;
         let mut segment = Segment::new();
@@ -107,8 +107,8 @@ impl Cable {
         let mut answer = None;
         // Each part of an access may take a second, and a script has parts for some.
         let until = self.now + Duration::from_secs(600);
-        self.run(script, until, |cable| {
-            answer = cable.main.take_sdo(SubDeviceId(0));
+        self.run(script, until, |rig| {
+            answer = rig.main.take_sdo(SubDeviceId(0));
             answer.is_some()
         });
         answer.unwrap_or_else(|| panic!("an access without an end"))

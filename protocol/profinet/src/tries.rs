@@ -40,7 +40,7 @@ impl Tries {
         core::mem::replace(&mut self.is_to_send, false)
     }
 
-    /// Returns whether a try was made: what comes before is no answer.
+    /// Returns whether a try was made: an answer cannot come before.
     pub(crate) const fn are_begun(&self) -> bool {
         self.made > 0
     }
