@@ -169,11 +169,9 @@ impl LiveView {
         match key {
             Key::Enter => return self.finish(&typed),
             Key::Escape => return KeyAction::None,
-            Key::Backspace => {
-                if text.pop().is_none() {
-                    return KeyAction::None;
-                }
-            }
+            // Before the first letter it leaves the line.
+            Key::Backspace if text.is_empty() => return KeyAction::None,
+            Key::Backspace => drop(text.pop()),
             Key::Char(letter) if !letter.is_control() => text.push(*letter),
             _ => {}
         }

@@ -30,7 +30,6 @@ pub(super) struct ConnectionFigures {
 
 /// Line that is printed.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "a report of inputs is made without an allocation")]
 pub(super) enum Report {
     /// An event of the device of a number.
     Event(usize, DriveEvent),

@@ -1,6 +1,6 @@
 //! Choices from our own files and from made-up ones: a device is made, written and made again to the same.
 
-#![expect(clippy::panic, clippy::unwrap_used, reason = "a test")]
+#![expect(clippy::unwrap_used, reason = "a test")]
 
 use device_files::{ChosenDevice, DeviceChoice, DeviceFile, choose, read};
 

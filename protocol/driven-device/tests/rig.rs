@@ -15,7 +15,7 @@ use networked_tests::{End, cable};
 use protocol_linux::namespace::NetworkNamespace;
 use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock, macvlan};
 
-#[allow(dead_code, reason = "the tests in virtual time use the others")]
+#[expect(dead_code, reason = "the tests in virtual time use the others")]
 #[path = "drive/cell.rs"]
 mod cell;
 

@@ -32,7 +32,7 @@ pub struct EmulationConfig {
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum EmulationError {
     /// An adapter needs an address before it starts.
-    #[error("EtherNet/IP needs an IPv4 address; give the interface one")]
+    #[error("EtherNet/IP needs an IPv4 address; give the interface one, and each of several devices its own")]
     NoAddress,
     /// A submodule belongs to a profile.
     #[error(

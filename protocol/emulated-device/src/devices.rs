@@ -181,6 +181,7 @@ impl Multihomed for EmulatedDevices {
             let device = self.devices.get_mut(usize::from(index))?;
             if let Some(transmit) = Machine::poll_transmit(device, now, buf) {
                 self.deadlines.set(index, Machine::poll_timeout(device));
+                self.reporting.push(index);
                 return Some((InterfaceId(u8::try_from(index).ok()?), transmit));
             }
             self.sending.pop();

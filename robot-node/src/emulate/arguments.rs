@@ -40,6 +40,55 @@ impl Grouped for EmulatedArguments {
     const WRITTEN: &'static str = "FILE";
 }
 
+/// Arguments that do not fit together.
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+pub(super) enum ArgumentError {
+    /// The choice of several devices is to be printed.
+    #[error("--print-config: several devices; print the choice of one device at a time")]
+    SeveralConfigs,
+    /// A SubDevice is to have an IP address.
+    #[error("--address {0}: a device on EtherCAT has no IP address; leave it out")]
+    OnEthercat(Ipv4Addr),
+    /// The addresses of several devices leave their subnet.
+    #[error(
+        "--address: device {number} would have {address}, which is not one of a station in the subnet with mask {mask}; begin lower"
+    )]
+    OutsideSubnet {
+        /// Number of the device, from 1.
+        number: usize,
+        /// Its address.
+        address: Ipv4Addr,
+        /// Mask of the interface.
+        mask: Ipv4Addr,
+    },
+    /// Two devices have one address.
+    #[error("--address: devices {0} and {1} would have {2}; give each its own")]
+    Twice(usize, usize, Ipv4Addr),
+}
+
+/// Checks that the addresses of several devices are of stations in one subnet, each of one device.
+///
+/// # Errors
+///
+/// One is not.
+pub(super) fn check_addresses(configs: &[EmulationConfig]) -> Result<(), ArgumentError> {
+    let mut known: Vec<(usize, Ipv4Addr)> = Vec::new();
+    for (number, config) in (1..).zip(configs) {
+        let (Some(address), mask) = (config.address, config.mask) else { continue };
+        if let Some((other, _)) = known.iter().find(|(_, known)| *known == address) {
+            return Err(ArgumentError::Twice(*other, number, address));
+        }
+        let host_part = address & !mask;
+        let is_station = mask.to_bits().count_ones() > 30 || host_part.to_bits() != 0 && host_part != !mask;
+        let is_beside = known.first().is_none_or(|(_, first)| *first & mask == address & mask);
+        if !is_station || !is_beside {
+            return Err(ArgumentError::OutsideSubnet { number, address, mask });
+        }
+        known.push((number, address));
+    }
+    Ok(())
+}
+
 /// All devices of the command line.
 pub(super) type AllDevices = Groups<EmulatedArguments>;
 
@@ -65,8 +114,12 @@ pub(super) fn groups(devices: &AllDevices) -> anyhow::Result<Vec<DeviceGroup>> {
     let mut first = 1;
     let group = |of: &EmulatedArguments| {
         let count = of.count.map_or(1, usize::from);
+        let chosen = of.device.choose()?;
+        if let (ChosenDevice::Esi(_), Some(address)) = (&chosen, of.address) {
+            return Err(ArgumentError::OnEthercat(address).into());
+        }
         let group = DeviceGroup {
-            chosen: of.device.choose()?,
+            chosen,
             script: read_toml(of.script.as_deref(), DeviceScript::from_toml)?,
             first,
             count,
@@ -164,7 +217,7 @@ mod tests {
 
     #[test]
     fn each_of_several_devices_has_its_own_name_addresses_and_serial_number() {
-        let line = "@GSDML-V2.35-made-up-io-20260101.xml --module 1=M_8DI --count 2 --address 192.168.64.254 \
+        let line = "@GSDML-V2.35-made-up-io-20260101.xml --module 1=M_8DI --count 2 --address 192.168.64.253 \
                     @GSDML-V2.35-made-up-io-20260101.xml --module 2=M_2AO --station-name valve --count 2 --serial-number 70";
         let groups = parsed(line);
         let configs: Vec<_> = groups
@@ -175,12 +228,39 @@ mod tests {
             configs.iter().map(|it| String::from_utf8(it.station_name.clone().unwrap()).unwrap()).collect();
         assert_eq!(names, ["made-up-io", "made-up-io-2", "valve", "valve-2"]);
         assert_eq!(configs.iter().map(|it| it.serial_number).collect::<Vec<_>>(), [1, 2, 70, 71]);
-        assert_eq!(configs[1].address, Some(Ipv4Addr::new(192, 168, 64, 255)));
+        assert_eq!(configs[1].address, Some(Ipv4Addr::new(192, 168, 64, 254)));
+        assert_eq!(check_addresses(&configs), Ok(()));
         assert_eq!(configs[2].address, None, "DCP gives it one");
         let mut macs: Vec<_> = configs.iter().map(|it| it.mac.0).collect();
         assert!(macs.iter().all(|mac| mac[0] & 3 == 2), "locally administered, of one station: {macs:?}");
         macs.sort_unstable();
         macs.dedup();
         assert_eq!(macs.len(), 4);
+    }
+
+    #[test]
+    fn addresses_that_leave_the_subnet_or_belong_to_two_devices_are_refused() {
+        let said = |line: &str| {
+            let groups = parsed(line);
+            let configs = groups.iter().flat_map(|group| {
+                (0..group.count).map(|index| group.config(index, false, &common())).collect::<Vec<_>>()
+            });
+            check_addresses(&configs.collect::<Vec<_>>()).unwrap_err().to_string()
+        };
+        assert_eq!(
+            said("@made-up-adapter.eds --count 3 --address 192.168.64.253"),
+            "--address: device 3 would have 192.168.64.255, which is not one of a station in the subnet with mask 255.255.255.0; begin lower"
+        );
+        assert_eq!(
+            said(
+                "@made-up-adapter.eds --count 2 --address 192.168.64.9 @made-up-adapter.eds --address 192.168.64.10"
+            ),
+            "--address: devices 2 and 3 would have 192.168.64.10; give each its own"
+        );
+        let files = format!("{}/../scripts/interop/files/", env!("CARGO_MANIFEST_DIR"));
+        let words = ["emulate", &format!("{files}made-up-coupler.xml"), "--address", "192.168.64.9"];
+        let devices = TestCommandLine::try_parse_from(words).unwrap().devices;
+        let error = groups(&devices).unwrap_err().to_string();
+        assert_eq!(error, "--address 192.168.64.9: a device on EtherCAT has no IP address; leave it out");
     }
 }

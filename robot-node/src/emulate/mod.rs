@@ -25,7 +25,7 @@ use node::errln;
 use node::output::to_stdout;
 use protocol_linux::{Driver, FormerAddress, Interface, Notifier, StopSignals, clock};
 
-use self::arguments::{AllDevices, DeviceGroup, groups};
+use self::arguments::{AllDevices, ArgumentError, DeviceGroup, check_addresses, groups};
 use self::network::DeviceNetwork;
 use self::owner::{AddressedInstruction, EmulationOwner, Report};
 
@@ -60,17 +60,12 @@ Examples:
 Repeat FILE for several devices of one bus; the options of a device are those after its FILE. Instructions for one of several devices
 name it: {\"device\": 2, \"set\": ...}.";
 
-/// Error: the choice of several devices is to be printed.
-#[derive(Debug, thiserror::Error)]
-#[error("--print-config: several devices; print the choice of one device at a time")]
-struct SeveralConfigs;
-
 /// Returns true for an error that the user corrects in file, choice or script.
 pub fn is_usage(error: &anyhow::Error) -> bool {
     let needs_address = matches!(error.downcast_ref(), Some(EmulationError::NoAddress));
     is_of_file(error)
         || error.is::<ScriptError>()
-        || error.is::<SeveralConfigs>()
+        || error.is::<ArgumentError>()
         || error.is::<EmulationError>() && !needs_address
 }
 
@@ -86,7 +81,7 @@ impl EmulateCommand {
     pub fn execute(self) -> anyhow::Result<Outcome> {
         let groups = groups(&self.devices)?;
         if self.devices.0.iter().any(|of| of.device.choice.print_config) {
-            let [group] = groups.as_slice() else { return Err(SeveralConfigs.into()) };
+            let [group] = groups.as_slice() else { return Err(ArgumentError::SeveralConfigs.into()) };
             to_stdout(format_args!("{}", group.chosen.choice().to_toml()))?;
             return Ok(Outcome::Done);
         }
@@ -97,6 +92,7 @@ impl EmulateCommand {
         host.set_up()?;
         let is_several = groups.iter().map(|group| group.count).sum::<usize>() > 1;
         let configs = configs(&groups, &host, is_several);
+        check_addresses(&configs)?;
         // All devices of an EtherCAT cable are at one interface.
         let is_line = groups.iter().any(|group| matches!(group.chosen, ChosenDevice::Esi(_)));
         let has_own = !is_line && configs.iter().any(|config| config.mac != host.mac());
