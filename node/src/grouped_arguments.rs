@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 
-/// What one thing is told, such as a device by its file.
+/// Options of one thing, such as a device by its file.
 pub trait Grouped: Args {
     /// The argument with which a thing begins: its name in the struct.
     const FIRST: &'static str;
@@ -27,7 +27,7 @@ fn takes_value(argument: &Arg) -> bool {
 
 /// Words of one thing: its options, and then what stands without an option.
 #[derive(Clone, Default)]
-struct Line {
+struct GroupWords {
     options: Vec<OsString>,
     plain: Vec<OsString>,
 }
@@ -54,7 +54,7 @@ impl<G: Grouped> FromArgMatches for Groups<G> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let indices = |id: &str| matches.indices_of(id).into_iter().flatten();
         let starts: Vec<usize> = indices(G::FIRST).collect();
-        let mut lines = vec![Line::default(); starts.len()];
+        let mut lines = vec![GroupWords::default(); starts.len()];
         let own = one::<G>();
         for argument in own.get_arguments() {
             let id = argument.get_id().as_str();
@@ -93,7 +93,7 @@ impl<G: Grouped> FromArgMatches for Groups<G> {
                 line.options.push(one);
             }
         }
-        let groups = lines.into_iter().map(|Line { options, plain }| {
+        let groups = lines.into_iter().map(|GroupWords { options, plain }| {
             let end_of_options = (!plain.is_empty()).then(|| OsString::from("--"));
             let words = options.into_iter().chain(end_of_options).chain(plain);
             let matched = own.clone().try_get_matches_from(words).map_err(|error| first_line(&error))?;
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[derive(Parser)]
-    struct TestCommandLine {
+    struct FruitCommandLine {
         #[command(flatten)]
         fruits: Groups<Fruit>,
         #[arg(long)]
@@ -149,7 +149,7 @@ mod tests {
 
     fn parsed(line: &str) -> Result<Vec<Fruit>, String> {
         let words = std::iter::once("eat").chain(line.split_whitespace());
-        TestCommandLine::try_parse_from(words).map(|line| line.fruits.0).map_err(|error| error.to_string())
+        FruitCommandLine::try_parse_from(words).map(|line| line.fruits.0).map_err(|error| error.to_string())
     }
 
     fn fruit(kind: &str, colour: Option<&str>, seeds: &[u8]) -> Fruit {

@@ -31,7 +31,7 @@ pub(super) enum TypedLine {
     Instruction(String),
 }
 
-/// What a key asks for.
+/// Request of a key.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) enum KeyAction {
     /// Nothing but another screen.

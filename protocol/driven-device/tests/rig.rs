@@ -32,7 +32,7 @@ fn main() -> std::process::ExitCode {
 const ROUNDS: u16 = 20;
 
 /// Owner of the controller: gives each device the next value once the last one has come back.
-struct Comparison {
+struct EchoOwner {
     /// Output and input of each device by name, and the bytes of the value at the output.
     signals: Vec<(String, String)>,
     /// Rounds that each device has done.
@@ -42,7 +42,7 @@ struct Comparison {
     seen: Vec<String>,
 }
 
-impl Comparison {
+impl EchoOwner {
     fn value(&self, number: usize) -> [u8; 2] {
         let value = 0x0100 * self.rounds[number] + number as u16 + 1;
         if self.is_little_endian { value.to_le_bytes() } else { value.to_be_bytes() }
@@ -53,7 +53,7 @@ fn digits(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-impl Owner<DrivenBus> for Comparison {
+impl Owner<DrivenBus> for EchoOwner {
     fn wake(&mut self, _: Instant, bus: &mut DrivenBus, _: &Statistics) -> ControlFlow<()> {
         for number in 0..self.rounds.len() {
             if self.rounds[number] == ROUNDS || !bus.devices()[number].is_up() {
@@ -141,8 +141,8 @@ fn compare(
     (devices, device_interfaces): (&NetworkNamespace, Vec<Interface>),
     driven: impl FnOnce() -> DrivenBus + Send,
     emulated: impl FnOnce() -> EmulatedDevices + Send,
-    mut comparison: Comparison,
-) -> (Vec<machine::Counters>, Statistics, Comparison) {
+    mut comparison: EchoOwner,
+) -> (Vec<machine::Counters>, Statistics, EchoOwner) {
     let is_over = Arc::new(AtomicBool::new(false));
     let notifier = Notifier::new().unwrap();
     let mut emulation = Emulation { interfaces: device_interfaces.clone(), is_over: Arc::clone(&is_over) };
@@ -197,7 +197,7 @@ fn two_sub_devices_of_one_cable_send_back_what_each_of_them_gets() {
         });
         EmulatedDevices::new(devices.collect()).unwrap()
     };
-    let comparison = Comparison {
+    let comparison = EchoOwner {
         signals: vec![("Outputs/Output".to_owned(), "Inputs/Value".to_owned()); 2],
         rounds: vec![0; 2],
         is_sent: vec![false; 2],
@@ -262,7 +262,7 @@ fn sixty_four_io_devices_at_one_interface_send_back_every_4_ms_what_each_of_them
         });
         EmulatedDevices::new(devices.collect()).unwrap()
     };
-    let comparison = Comparison {
+    let comparison = EchoOwner {
         signals: vec![("2.1".to_owned(), "2.1".to_owned()); DEVICES],
         rounds: vec![0; DEVICES],
         is_sent: vec![false; DEVICES],

@@ -65,7 +65,7 @@ impl EmulatedDevices {
         &self.devices
     }
 
-    /// Changes a device. Returns `None` if there is no such device.
+    /// Changes a device. Returns `None` for a number beyond the last one.
     pub fn change<T>(&mut self, number: usize, change: impl FnOnce(&mut EmulatedDevice) -> T) -> Option<T> {
         let device = self.devices.get_mut(number)?;
         let changed = change(device);

@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     #[derive(Parser)]
-    struct TestCommandLine {
+    struct EmulateLine {
         #[command(flatten)]
         devices: AllDevices,
     }
@@ -191,7 +191,7 @@ mod tests {
         let files = format!("{}/../scripts/interop/files/", env!("CARGO_MANIFEST_DIR"));
         let line = line.replace("@", &files);
         let words = std::iter::once("emulate").chain(line.split_whitespace());
-        groups(&TestCommandLine::try_parse_from(words).unwrap().devices).unwrap()
+        groups(&EmulateLine::try_parse_from(words).unwrap().devices).unwrap()
     }
 
     fn common() -> EmulationConfig {
@@ -259,7 +259,7 @@ mod tests {
         );
         let files = format!("{}/../scripts/interop/files/", env!("CARGO_MANIFEST_DIR"));
         let words = ["emulate", &format!("{files}made-up-coupler.xml"), "--address", "192.168.64.9"];
-        let devices = TestCommandLine::try_parse_from(words).unwrap().devices;
+        let devices = EmulateLine::try_parse_from(words).unwrap().devices;
         let error = groups(&devices).unwrap_err().to_string();
         assert_eq!(error, "--address 192.168.64.9: a device on EtherCAT has no IP address; leave it out");
     }

@@ -48,7 +48,7 @@ pub(super) fn detected(chosen: &ChosenSubDevice, subindex: u8, bytes: &[u8]) -> 
     Earlier { differences, ..Earlier::default() }
 }
 
-/// Returns in what a slot differs; the ident 0 is no module.
+/// Returns in what a slot differs; the ident 0 means an empty slot.
 fn difference(chosen: &ChosenSubDevice, slot: u8, found: u32) -> Option<String> {
     let expected = chosen.modules.iter().find(|module| module.slot == slot);
     let expected_words = expected.map_or_else(

@@ -1,4 +1,4 @@
-//! Modules of an ESI in their slots: chosen, emulated, told to the device, and compared with those that it reports.
+//! Modules of an ESI in their slots: chosen, emulated, written to the device, and compared with those that it reports.
 
 use crate::cell::{Chosen, DrivenPair, chosen, drive_config, driven, emulated};
 
