@@ -7,7 +7,7 @@ use virtual_time::hostile::{Choices as _, Script};
 
 #[allow(dead_code, unreachable_pub, reason = "the tests use the others")]
 #[path = "../../protocol/ethercat/tests/ethercat/devices.rs"]
-mod devices;
+pub(crate) mod devices;
 
 /// What each of three devices may add to a working counter: one that reads and writes counts three times.
 const MOST_COUNTED: u16 = 9;
@@ -78,7 +78,7 @@ fn datagram(script: &mut Script) -> Vec<u8> {
 }
 
 /// Sends a frame; returns the one that comes back.
-fn exchange(segment: &mut Segment, now: &mut Instant, frame: &[u8]) -> Option<Vec<u8>> {
+pub(crate) fn exchange(segment: &mut Segment, now: &mut Instant, frame: &[u8]) -> Option<Vec<u8>> {
     segment.handle_frame(*now, Source { port: Port::Ethernet, peer: None }, frame);
     let mut buf = vec![0; FRAME_CAPACITY];
     let mut sent = None;

@@ -13,6 +13,7 @@ mod ethercat;
 mod ethernet_ip;
 mod files;
 mod lone;
+mod mailbox;
 mod profinet;
 mod robot;
 
@@ -26,15 +27,18 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 23] = [
+pub const TARGETS: [(&str, Target); 26] = [
     ("device", profinet::device),
     ("controller", profinet::controller),
     ("adapter", ethernet_ip::adapter),
     ("scanner", ethernet_ip::scanner),
+    ("blocks", profinet::blocks),
     ("subdevice", ethercat::subdevice),
+    ("mailbox", mailbox::mailbox),
     ("dcp", lone::dcp),
     ("discovery", lone::discovery),
     ("reader", lone::reader),
+    ("setter", lone::setter),
     ("robot", robot::robot),
     ("trajectory", robot::trajectory),
     ("setup", files::setup),

@@ -5,8 +5,12 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use machine::ethernet::Mac;
 use machine::wire::FRAME_CAPACITY;
 use machine::{Allowed, Duration, Instant, Machine, Port, Source};
+use profinet::dcp::IpSuite;
 use profinet::rpc::{self, Header, Kind, Operation};
-use profinet::{Device, DeviceConfig, RPC_PORT, RecordPlace, RecordReader, RecordReaderConfig, Uuid, record};
+use profinet::{
+    Device, DeviceConfig, RPC_PORT, RecordPlace, RecordReader, RecordReaderConfig, StationChange,
+    StationSetter, StationSetterConfig, Uuid, record,
+};
 use protocol::search::Search;
 use virtual_time::hostile::{Choices as _, Script};
 
@@ -89,6 +93,35 @@ pub(crate) fn reader(data: &[u8]) {
         let written = Header { kind, flags, ..call }.emit(&body, &mut frame);
         frame.truncate(written.unwrap_or(0));
         (Source { port: Port::Udp(PORT), peer: Some(SocketAddrV4::new(address, RPC_PORT)) }, frame)
+    });
+}
+
+/// Answers a tool that sets a station. The head of an answer is mostly that of its request.
+pub(crate) fn setter(data: &[u8]) {
+    const XID: u32 = 77;
+    let mut choices = Script::new(data);
+    let suite = IpSuite { address: STATIONS[1].1, mask: MASK, gateway: STATIONS[1].1 };
+    let change = match choices.below(3) {
+        0 => StationChange::Name(b"device".to_vec()),
+        1 => StationChange::Address(suite),
+        _ => StationChange::Flash,
+    };
+    let is_permanent = choices.below(2) == 0;
+    let config =
+        StationSetterConfig { mac: STATIONS[0].0, station: STATIONS[1].0, xid: XID, change, is_permanent };
+    let rest = choices.take(data.len());
+    feed(StationSetter::new(config, Instant::ZERO), &rest, |script| {
+        let mut frame = [STATIONS[0].0.0, STATIONS[1].0.0].concat();
+        // DCP-Get-Set, service Set, a response, or one that says that it is not supported.
+        frame.extend([0x88, 0x92, 0xFE, 0xFD, 4, [1, 5][script.below(2)]]);
+        let xid = if script.below(8) == 0 { script.below(256) as u32 } else { XID };
+        frame.extend(xid.to_be_bytes());
+        let len = script.below(128);
+        let length = if script.below(8) == 0 { script.below(65_536) } else { len };
+        frame.extend([0, 0]);
+        frame.extend((length as u16).to_be_bytes());
+        frame.extend(script.take(len));
+        (Source { port: Port::Ethernet, peer: None }, frame)
     });
 }
 

@@ -27,9 +27,9 @@ pub struct ChoiceOptions {
     /// GSDML: the access point.
     #[arg(long, value_name = "ID")]
     access_point: Option<String>,
-    /// GSDML: a module in a slot, or a submodule in a subslot.
+    /// GSDML and ESI: a module in a slot; GSDML: a submodule in a subslot.
     ///
-    /// `none` leaves it empty. Repeat it for each.
+    /// `none` leaves it empty. Repeat it for each. Slots of an ESI count from 1.
     #[arg(long = "module", value_name = "SLOT[.SUBSLOT]=ID", value_parser = module)]
     modules: Vec<(ModulePlace, String)>,
     /// EDS: the connection, by name or number.

@@ -16,7 +16,7 @@
 //! output      printing to a reader that may be gone; screen makes tables and text fit it
 //! arguments   the command line, parsed; list has options with several values, duration times with units,
 //!             interface_option an interface for each bus
-//! device_options  a device from its file, and what is chosen from it
+//! device_options  a device from its file, and what is chosen from it; grouped_arguments the options of several devices
 //! outcome     how a program ended, as its exit code
 //! ```
 
@@ -36,6 +36,7 @@ mod control;
 mod cyclic_task;
 pub mod device_options;
 mod duration;
+pub mod grouped_arguments;
 #[cfg(all(feature = "real", target_os = "linux"))]
 mod inbox;
 #[cfg(all(feature = "real", target_os = "linux"))]

@@ -54,29 +54,9 @@ with open(sys.argv[1], "w") as out:
 END
 
 # The first robot's cable, and one more for each other, on a bridge: the PLC is at the bridge.
-ip link add name switch type bridge
-ip address add "$PLC_ADDRESS/24" dev switch
-ip link set switch up
-ip link set plc master switch
-for number in 3 4 5; do
-    unshare --net --mount sh -c 'mount -t sysfs sysfs /sys; echo there; exec sleep infinity' >"$OUT/namespace-$number.log" &
-    namespaces[number]=$!
-    until grep -sq there "$OUT/namespace-$number.log"; do sleep 0.02; done
-    ip link add name "port$number" type veth peer name robot netns "${namespaces[number]}"
-    ip link set "port$number" master switch up
-done
-namespaces[2]=$robot_namespace
-
-# at NUMBER COMMAND...: runs a command at the robot with this address.
-at() {
-    local number=$1
-    shift
-    nsenter --net --mount --target "${namespaces[number]}" -- "$@"
-}
-for number in 3 4 5; do
-    at "$number" ip link set lo up
-    at "$number" ip link set robot up
-done
+# shellcheck source=scripts/interop/switch.sh
+. scripts/interop/switch.sh
+for number in 3 4 5; do add_station "$number"; done
 for number in 2 4; do at "$number" ip address add "192.168.64.$number/24" dev robot; done
 
 start pnio at 2 "$PEERS/pnio-robot" robot pnio-robot 192.168.64.2

@@ -35,7 +35,18 @@ gate_ethernet_ip() {
 
 # EtherCAT gate: no malformed or short frame, no error, no cut datagram, every request came back, and no process data
 # passed all devices without being counted. SOEM sends from a group address, which is a warning of Ethernet's.
-ETHERCAT_FAULTS='_ws.malformed || _ws.short || (_ws.expert.severity >= 0x00600000 && !eth.src_not_group) || ecat_mailbox.invalid || ecat_mailbox.coe.invalid || ecat_mailbox.foe.invalid || ecatf.type != 1 || ecatf.length + 16 > frame.len || ecat.cmd > 14 || ecat.sub1.cmd > 14 || ecat.sub2.cmd > 14 || ecat.sub3.cmd > 14 || (eth.src.lg == 1 && ecat.cmd in {10 .. 12} && ecat.cnt == 0)'
+ETHERCAT_FAULTS='_ws.malformed || _ws.short || (_ws.expert.severity >= 0x00600000 && !eth.src_not_group) || ecat_mailbox.invalid || ecat_mailbox.coe.invalid || ecat_mailbox.foe.invalid || ecatf.type != 1 || ecatf.length + 16 > frame.len || ecat.cmd > 14 || ecat.sub1.cmd > 14 || ecat.sub2.cmd > 14 || ecat.sub3.cmd > 14'
+
+# unprocessed_data CAPTURE: prints the replies in which no device processed a datagram of process data (LRD, LWR, LRW). Commands and
+# working counters are compared datagram by datagram: a filter would take them from different ones.
+unprocessed_data() {
+    tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 1' -T fields -e frame.number -e ecat.cmd -e ecat.cnt 2>/dev/null | awk -F '\t' '{
+        count = split($2, commands, ","); split($3, counters, ",")
+        for (at = 1; at <= count; at++)
+            if (commands[at] ~ /^0x0[abc]$/ && counters[at] == 0) { print "frame " $1 ": process data without a working counter"; break }
+    }'
+}
+
 gate_ethercat() {
     local requests replies faults answered early=0
     requests=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 0' 2>/dev/null | wc -l)
@@ -47,6 +58,7 @@ gate_ethercat() {
         early=$((early > 0 ? early - 1 : 0))
     fi
     faults=$(tshark -n -r "$1" -Y "$ETHERCAT_FAULTS" 2>/dev/null | tee >(cat >&2) | wc -l)
+    faults=$((faults + $(unprocessed_data "$1" | tee >(cat >&2) | wc -l)))
     [ "$requests" -eq $((replies + early)) ] || faults=$((faults + 1))
     echo "$1: $requests EtherCAT frames, $replies replies, $early before the first reply, $faults faults"
     [ "$requests" -gt 0 ] && [ "$faults" -eq 0 ]

@@ -72,8 +72,17 @@ fn list_device(text: &mut String, device: &EsiDevice) -> fmt::Result {
     for slot in &device.slots {
         let idents: Vec<_> = slot.module_idents.iter().map(|ident| format!("0x{ident:08X}")).collect();
         let modules = [idents, slot.module_classes.clone()].concat().join(" ");
+        let default = slot.default_ident.map(|ident| format!("; default 0x{ident:08X}")).unwrap_or_default();
+        let (index, pdo) = (slot.index_increment, slot.pdo_increment);
         let (name, least, most) = (FileText(&slot.name), slot.min_instances, slot.max_instances);
-        line(text, 2, format_args!("slot {name}: {least} to {most} modules of {}", FileText(&modules)))?;
+        line(
+            text,
+            2,
+            format_args!(
+                "slot {name}: {least} to {most} modules of {}{default}; each moves objects by 0x{index:X} and PDOs by 0x{pdo:X}",
+                FileText(&modules)
+            ),
+        )?;
     }
     if let Some(eeprom) = &device.eeprom {
         let (size, config) = (eeprom.byte_size, Digits(&eeprom.config_data));

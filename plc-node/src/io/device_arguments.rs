@@ -1,13 +1,11 @@
 //! The devices of the command line: each `--device` with the options after it.
 
-use std::ffi::OsString;
 use std::net::Ipv4Addr;
 use std::path::PathBuf;
 
-use clap::error::ErrorKind;
-use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use machine::Duration;
 use node::device_options::ChoiceOptions;
+use node::grouped_arguments::{Grouped, Groups};
 
 /// A device, and what is said of it.
 #[derive(clap::Args, Clone, Debug)]
@@ -42,98 +40,13 @@ pub(super) struct DeviceArguments {
     pub(super) rpi_in: Option<Duration>,
 }
 
+impl Grouped for DeviceArguments {
+    const FIRST: &'static str = "device";
+    const WRITTEN: &'static str = "--device";
+}
+
 /// All devices of the command line.
-#[derive(Clone, Debug)]
-pub(super) struct AllDevices(pub(super) Vec<DeviceArguments>);
-
-/// The option with which a device begins.
-const FIRST: &str = "device";
-
-fn one_device() -> Command {
-    DeviceArguments::augment_args(Command::new("device").no_binary_name(true).disable_help_flag(true))
-}
-
-fn takes_value(argument: &Arg) -> bool {
-    matches!(argument.get_action(), ArgAction::Set | ArgAction::Append)
-}
-
-impl Args for AllDevices {
-    fn augment_args(command: Command) -> Command {
-        let own = one_device();
-        let arguments = own.get_arguments().cloned().map(|argument| match takes_value(&argument) {
-            true => argument.action(ArgAction::Append),
-            false => argument,
-        });
-        command.args(arguments)
-    }
-
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl FromArgMatches for AllDevices {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let indices = |id: &str| matches.indices_of(id).into_iter().flatten();
-        let starts: Vec<usize> = indices(FIRST).collect();
-        let mut lines: Vec<Vec<OsString>> = vec![Vec::new(); starts.len()];
-        let own = one_device();
-        for argument in own.get_arguments() {
-            let id = argument.get_id().as_str();
-            let option = OsString::from(format!("--{}", argument.get_long().unwrap_or(id)));
-            if !takes_value(argument) {
-                if matches.get_flag(id) {
-                    lines.iter_mut().for_each(|line| line.push(option.clone()));
-                }
-                continue;
-            }
-            let values = matches.get_raw(id).into_iter().flatten();
-            for (index, value) in indices(id).zip(values) {
-                let place = starts.iter().filter(|start| **start <= index).count();
-                // With one device the order does not matter.
-                let line = match (place, lines.as_mut_slice()) {
-                    (0, [line]) => line,
-                    (0, _) => {
-                        let option = option.to_string_lossy();
-                        return Err(refused(&format!(
-                            "{option} in front of the first of several --device: put it after the --device that it is for"
-                        )));
-                    }
-                    (place, lines) => match lines.get_mut(place - 1) {
-                        Some(line) => line,
-                        None => continue,
-                    },
-                };
-                // A value may begin with a dash.
-                let mut one = option.clone();
-                one.push("=");
-                one.push(value);
-                line.push(one);
-            }
-        }
-        let devices = lines.into_iter().map(|line| {
-            let matched = own.clone().try_get_matches_from(line).map_err(|error| first_line(&error))?;
-            DeviceArguments::from_arg_matches(&matched).map_err(|error| first_line(&error))
-        });
-        Ok(Self(devices.collect::<Result<_, _>>()?))
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
-}
-
-/// Returns the error without the usage of a device, which is not that of the command.
-fn first_line(error: &clap::Error) -> clap::Error {
-    let text = error.render().to_string();
-    let first = text.lines().next().unwrap_or_default();
-    refused(first.trim_start_matches("error: "))
-}
-
-fn refused(text: &str) -> clap::Error {
-    clap::Error::raw(ErrorKind::ArgumentConflict, format!("{text}\n"))
-}
+pub(super) type AllDevices = Groups<DeviceArguments>;
 
 #[cfg(test)]
 mod tests {

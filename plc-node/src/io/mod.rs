@@ -8,10 +8,13 @@
 
 mod answers;
 mod device_arguments;
+mod live_screen;
+mod live_view;
 mod owner;
 mod report;
 mod target;
 mod target_error;
+mod terminal;
 
 use std::io::BufRead as _;
 use std::net::Ipv4Addr;
@@ -31,10 +34,12 @@ use node::output::to_stdout;
 use protocol_linux::{Driver, Interface, Notifier, clock};
 
 use self::device_arguments::{AllDevices, DeviceArguments};
+use self::live_view::LiveView;
 use self::owner::{IoInstruction, IoOwner};
 use self::report::{Printer, Report};
-use self::target::DeviceTarget;
+use self::target::{DeviceTarget, NetworkSearch};
 use self::target_error::TargetError;
+use self::terminal::{TerminalSettings, read_keys, show};
 
 /// The controller of devices of files.
 #[derive(clap::Args, Clone, Debug)]
@@ -80,7 +85,8 @@ Examples:
   plc-node io --device terminal.xml --interface eth1 --at 3 --for 30s --json   the third device on the cable
   plc-node io --interface eth1 --device valve.eds --at 192.168.0.2 --name left --device valve.eds --at 192.168.0.3 --name right --set left/Valve=1
 
-Standard input takes `run`, `stop`, `set NAME=VALUE`, `read NAME` and `write NAME=VALUE`, one per line; `run NAME` and `stop NAME`
+On a terminal inputs and outputs are shown live: r runs and stops the outputs, up and down select one, Enter or a number sets it, `:` takes
+an instruction, q ends. Elsewhere standard input takes `run`, `stop`, `set NAME=VALUE`, `read NAME` and `write NAME=VALUE`, one per line; `run NAME` and `stop NAME`
 are for one of several devices.
 Exit codes: 4 if a device differs from its file or refuses, or a connection is lost at the end; 5 if a device does not answer.";
 
@@ -113,9 +119,10 @@ impl IoCommand {
         let interface = Interface::find(self.interface.as_deref().unwrap_or_default())?;
         interface.set_up()?;
         let bus = bus_config(&interface);
+        let search = NetworkSearch::new(&interface);
         let (mut devices, mut has_unknown) = (Vec::new(), false);
         for of in &self.devices.0 {
-            let (device, unknown) = self.find_device(of, &interface, &bus, &devices)?;
+            let (device, unknown) = self.find_device(of, (&interface, &search), &bus, &devices)?;
             let name = device_files::excerpt(&device.name);
             unknown.iter().for_each(|difference| errln!("warning: {name}: {difference}"));
             has_unknown |= !unknown.is_empty();
@@ -142,14 +149,14 @@ impl IoCommand {
     fn find_device(
         &self,
         of: &DeviceArguments,
-        interface: &Interface,
+        (interface, search): (&Interface, &NetworkSearch<'_>),
         bus: &BusConfig,
         before: &[FileDevice],
     ) -> anyhow::Result<(FileDevice, Vec<String>)> {
         let file = read_device_file(&of.device)?;
         let choice = of.choice.to_choice()?;
         let script = read_toml(of.script.as_deref(), OutputScript::from_toml)?;
-        let target = DeviceTarget::find(&file, &choice, interface, of.at.as_deref(), of.address)?;
+        let target = DeviceTarget::find(&file, &choice, search, of.at.as_deref(), of.address)?;
         let config = DriveConfig {
             device_address: target.address,
             station_name: target.station_name.clone(),
@@ -172,15 +179,24 @@ impl IoCommand {
             ),
             None => None,
         };
+        let settings = if self.json { None } else { TerminalSettings::of_terminal() };
+        let is_live = settings.is_some();
         let mut printer = Printer::new(&bus, self.json, record);
-        printer.list(&bus)?;
+        printer.list(&bus, is_live)?;
         let (reports, printed) = sync_channel(REPORTS);
         let (instructions, taken) = sync_channel(REPORTS);
-        let printing = std::thread::spawn(move || print(&printed, printer));
-        let refusals = reports.clone();
-        std::thread::spawn(move || read_instructions(&instructions, &refusals));
-        let end = self.length.map(|length| clock::now() + length);
-        let mut owner = IoOwner::new(reports, taken, end);
+        let input = reports.clone();
+        let printing = if is_live {
+            let view = LiveView::new(&bus, self.run);
+            std::thread::spawn(move || read_keys(&input));
+            std::thread::spawn(move || show(&printed, printer, view, &instructions))
+        } else {
+            std::thread::spawn(move || read_instructions(&instructions, &input));
+            std::thread::spawn(move || print(&printed, printer))
+        };
+        let now = clock::now();
+        let end = self.length.map(|length| now + length);
+        let mut owner = IoOwner::new(reports, taken, end, is_live.then_some(now));
         let mut driver = Driver::new(bus, interface.clone(), Notifier::new()?)?;
         driver.run(&mut owner)?;
         let bus = driver.machine();
@@ -188,6 +204,7 @@ impl IoCommand {
         drop(owner);
         // The thread of standard input may wait for a line for ever; the printer ends with the last report.
         let _ = printing.join();
+        drop(settings);
         Ok(outcome(bus, has_unknown))
     }
 }

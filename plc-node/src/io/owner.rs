@@ -13,6 +13,9 @@ use super::report::{ConnectionFigures, MOST_INPUTS, Report};
 /// Time for the device to confirm the end of the connection.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
+/// Time from one report of the outputs to the next.
+const OUTPUTS_EVERY: Duration = Duration::from_millis(100);
+
 /// Instruction from standard input.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(super) enum IoInstruction {
@@ -24,6 +27,8 @@ pub(super) enum IoInstruction {
     Read(String),
     /// Writes a parameter.
     Write(String, String),
+    /// Ends the program; only a key asks for it.
+    End,
 }
 
 impl IoInstruction {
@@ -55,6 +60,8 @@ pub(super) struct IoOwner {
     end: Option<Instant>,
     /// Time at which the program ends without a confirmation.
     gone_at: Option<Instant>,
+    /// When the outputs are reported next; never without a live view.
+    outputs_at: Option<Instant>,
 }
 
 impl IoOwner {
@@ -62,8 +69,21 @@ impl IoOwner {
         reports: SyncSender<Report>,
         instructions: Receiver<IoInstruction>,
         end: Option<Instant>,
+        outputs_at: Option<Instant>,
     ) -> Self {
-        Self { reports, instructions, end, gone_at: None }
+        Self { reports, instructions, end, gone_at: None, outputs_at }
+    }
+
+    /// Reports the outputs of all devices from time to time.
+    fn report_outputs(&mut self, now: Instant, bus: &DrivenBus) {
+        if self.outputs_at.is_none_or(|at| now < at) {
+            return;
+        }
+        self.outputs_at = Some(now + OUTPUTS_EVERY);
+        for (number, device) in bus.devices().iter().enumerate() {
+            let bytes = device.outputs().bytes().iter().copied().take(MOST_INPUTS).collect();
+            self.report(Report::Outputs(number, bytes));
+        }
     }
 
     /// Passes a report on. One that finds no room is lost, so that the data go on.
@@ -91,11 +111,16 @@ impl Owner<DrivenBus> for IoOwner {
                 IoInstruction::Set(name, value) => bus.set(&name, &value),
                 IoInstruction::Read(name) => bus.read_parameter(&name),
                 IoInstruction::Write(name, value) => bus.write_parameter(&name, &value),
+                IoInstruction::End => {
+                    self.end = self.end.map_or(Some(now), |end| Some(end.min(now)));
+                    Ok(())
+                }
             };
             if let Err(error) = done {
                 self.report(Report::Refused(error.to_string()));
             }
         }
+        self.report_outputs(now, bus);
         if self.end.is_some_and(|end| end <= now) && self.gone_at.is_none() {
             self.gone_at = Some(now + END_WITHIN);
             self.end = None;

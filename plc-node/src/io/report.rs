@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::Write as _;
 
 use arrayvec::ArrayVec;
+use console::Key;
 use driven_device::{
     Arrivals, DeviceParameter, DriveEvent, DrivenBus, ParameterAnswer, ParameterValue, ScaledValue, Signal,
     SignalTable, SignalValue,
@@ -29,12 +30,15 @@ pub(super) struct ConnectionFigures {
 
 /// Line that is printed.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "a report of inputs is made without an allocation")]
 pub(super) enum Report {
     /// An event of the device of a number.
     Event(usize, DriveEvent),
     /// The bytes of all inputs of a device.
     Inputs(usize, ArrayVec<u8, MOST_INPUTS>),
+    /// The bytes of all outputs of a device, for the live view.
+    Outputs(usize, ArrayVec<u8, MOST_INPUTS>),
+    /// A key of the live view.
+    Key(Key),
     /// An instruction that was refused.
     Refused(String),
     /// The end, with the figures of each connection.
@@ -69,8 +73,8 @@ impl Printer {
         Self { devices: devices.collect(), is_json, record }
     }
 
-    /// Lists signals and parameters by name.
-    pub(super) fn list(&mut self, bus: &DrivenBus) -> anyhow::Result<()> {
+    /// Lists signals and parameters by name; with a live view in the record alone.
+    pub(super) fn list(&mut self, bus: &DrivenBus, is_live: bool) -> anyhow::Result<()> {
         let mut text = String::new();
         for (number, device) in bus.devices().iter().enumerate() {
             let (inputs, outputs) = device.signals();
@@ -94,7 +98,7 @@ impl Printer {
                 .iter()
                 .for_each(|it: &DeviceParameter| text.push_str(&line("parameter", &prefix, &it.signal)));
         }
-        if self.is_json {
+        if self.is_json || is_live {
             return Ok(());
         }
         Ok(to_stdout(format_args!("{text}{}: connects\n", bus.bus()))?)
@@ -135,23 +139,36 @@ impl Printer {
 
     /// Prints a report.
     pub(super) fn print(&mut self, report: &Report) -> std::io::Result<()> {
+        self.made_of(report).iter().try_for_each(|(value, text)| self.write(value, text))
+    }
+
+    /// Keeps a report in the record without printing it. Returns its lines.
+    pub(super) fn note(&mut self, report: &Report) -> Vec<String> {
+        let made = self.made_of(report).into_iter().filter(|(_, text)| !text.is_empty());
+        made.inspect(|(value, _)| self.keep(value)).map(|(_, text)| text).collect()
+    }
+
+    /// Makes the objects of a report with their text; one without text is not printed.
+    fn made_of(&mut self, report: &Report) -> Vec<(Value, String)> {
         match report {
             Report::Inputs(number, bytes) => {
                 let prefix = self.prefix(*number);
-                let Some(device) = self.devices.get_mut(*number) else { return Ok(()) };
+                let Some(device) = self.devices.get_mut(*number) else { return Vec::new() };
                 let (value, text) = device.changed(&prefix, bytes);
-                self.write(&self.named(*number, value), &text)
+                vec![(self.named(*number, value), text)]
             }
             Report::Event(number, event) => {
-                self.write(&self.named(*number, of_event(event)), &self.said(*number, in_words(event)))
+                vec![(self.named(*number, of_event(event)), self.said(*number, in_words(event)))]
             }
-            Report::Refused(reason) => {
-                self.write(&json!({ "refused": reason }), &format!("refused: {reason}"))
+            Report::Refused(reason) => vec![(json!({ "refused": reason }), format!("refused: {reason}"))],
+            Report::Ended(figures) => {
+                let figures = figures.iter().enumerate();
+                let of = |(number, figures): (usize, &ConnectionFigures)| {
+                    (self.named(number, figures.to_json()), self.said(number, figures.to_string()))
+                };
+                figures.map(of).collect()
             }
-            Report::Ended(figures) => figures.iter().enumerate().try_for_each(|(number, figures)| {
-                let text = self.said(number, figures.to_string());
-                self.write(&self.named(number, figures.to_json()), &text)
-            }),
+            Report::Outputs(..) | Report::Key(_) => Vec::new(),
         }
     }
 
@@ -186,12 +203,17 @@ impl ShownDevice {
     }
 }
 
-fn with_unit(value: &impl std::fmt::Display, unit: &str) -> String {
+pub(super) fn with_unit(value: &impl std::fmt::Display, unit: &str) -> String {
     if unit.is_empty() { value.to_string() } else { format!("{value} {}", printable(unit.as_bytes())) }
 }
 
 /// Returns a value with its unit, and after it the raw value of a scaled one and the text of the file.
-fn in_units(raw: &SignalValue, scaled: Option<ScaledValue>, text: Option<&str>, unit: &str) -> String {
+pub(super) fn in_units(
+    raw: &SignalValue,
+    scaled: Option<ScaledValue>,
+    text: Option<&str>,
+    unit: &str,
+) -> String {
     let number = scaled.map_or_else(|| with_unit(raw, unit), |scaled| with_unit(&scaled, unit));
     let beside = scaled.map(|_| format!(" (raw {raw})")).unwrap_or_default();
     let text = text.map(|text| format!(" ({})", printable(text.as_bytes()))).unwrap_or_default();

@@ -1,5 +1,6 @@
 //! The device on the wire: found by name, address or position, or as the only one of the file's identity.
 
+use std::cell::OnceCell;
 use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 
@@ -10,7 +11,10 @@ use driven_device::{
     BusConfig, DriveConfig, DriveEvent, DrivenBus, FileDevice, MODULES_RECORD, OutputScript, ParameterAnswer,
     SignalValue, found_modules,
 };
+use ethercat_maindevice::FoundSubDevice;
+use ethernet_ip::FoundDevice;
 use machine::{Duration, Instant};
+use profinet::FoundStation;
 use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock};
 
 use super::Choice;
@@ -34,24 +38,59 @@ pub(super) struct DeviceTarget {
     pub(super) position: Option<u16>,
 }
 
+/// Searches on the network of an interface, each of them once for all devices.
+#[derive(Debug)]
+pub(super) struct NetworkSearch<'i> {
+    interface: &'i Interface,
+    stations: OnceCell<Vec<FoundStation>>,
+    adapters: OnceCell<Vec<FoundDevice>>,
+    sub_devices: OnceCell<Vec<FoundSubDevice>>,
+}
+
+/// Returns what was found, or finds it.
+fn once<T>(cell: &OnceCell<Vec<T>>, find: impl FnOnce() -> anyhow::Result<Vec<T>>) -> anyhow::Result<&[T]> {
+    if let Some(found) = cell.get() {
+        return Ok(found);
+    }
+    let found = find()?;
+    Ok(cell.get_or_init(|| found))
+}
+
+impl<'i> NetworkSearch<'i> {
+    pub(super) const fn new(interface: &'i Interface) -> Self {
+        Self { interface, stations: OnceCell::new(), adapters: OnceCell::new(), sub_devices: OnceCell::new() }
+    }
+
+    fn stations(&self) -> anyhow::Result<&[FoundStation]> {
+        once(&self.stations, || find_stations(self.interface, SEARCH))
+    }
+
+    fn adapters(&self) -> anyhow::Result<&[FoundDevice]> {
+        once(&self.adapters, || find_adapters(self.interface, SEARCH))
+    }
+
+    fn sub_devices(&self) -> anyhow::Result<&[FoundSubDevice]> {
+        once(&self.sub_devices, || Ok(find_sub_devices(self.interface, SEARCH)?.devices))
+    }
+}
+
 impl DeviceTarget {
     pub(super) fn find(
         file: &DeviceFile,
         choice: &DeviceChoice,
-        interface: &Interface,
+        search: &NetworkSearch<'_>,
         at: Option<&str>,
         address: Option<Ipv4Addr>,
     ) -> anyhow::Result<Self> {
         match (file, at) {
-            (DeviceFile::Gsdml(gsdml), at) => Self::station(gsdml, interface, at, address),
+            (DeviceFile::Gsdml(gsdml), at) => Self::station(gsdml, search, at, address),
             (DeviceFile::Eds(_), Some(at)) => {
                 let parsed = at.parse().ok();
                 let wrong = || TargetError::At(printable(at.as_bytes()), "an IPv4 address, as 192.168.0.2");
                 Ok(Self { address: Some(parsed.ok_or_else(wrong)?), ..Self::default() })
             }
             (DeviceFile::Eds(eds), None) => {
-                let found = find_adapters(interface, SEARCH)?;
-                let address = adapter_among(&found, eds.vendor_id, eds.product_code)?;
+                let address = adapter_among(search.adapters()?, eds.vendor_id, eds.product_code)?;
                 Ok(Self { address: Some(address), ..Self::default() })
             }
             (DeviceFile::Esi(_), Some(at)) => {
@@ -62,8 +101,7 @@ impl DeviceTarget {
             }
             (DeviceFile::Esi(_), None) => {
                 let ChosenDevice::Esi(chosen) = choose(file, choice)? else { return Ok(Self::default()) };
-                let found = find_sub_devices(interface, SEARCH)?;
-                let position = position_among(&found.devices, chosen.vendor_id, chosen.product_code)?;
+                let position = position_among(search.sub_devices()?, chosen.vendor_id, chosen.product_code)?;
                 Ok(Self { position, ..Self::default() })
             }
         }
@@ -81,15 +119,15 @@ impl DeviceTarget {
 
     fn station(
         gsdml: &Gsdml,
-        interface: &Interface,
+        search: &NetworkSearch<'_>,
         at: Option<&str>,
         address: Option<Ipv4Addr>,
     ) -> anyhow::Result<Self> {
-        let found = find_stations(interface, SEARCH)?;
-        let station = station_among(&found, (gsdml.vendor_id, gsdml.device_id), at)?;
+        let found = search.stations()?;
+        let station = station_among(found, (gsdml.vendor_id, gsdml.device_id), at)?;
         let its_address = station.ip.map(|ip| ip.address).filter(|address| !address.is_unspecified());
         if address.is_none() {
-            alone_at_its_address(&found, station)?;
+            alone_at_its_address(found, station)?;
         }
         let no_address = || TargetError::NoStationAddress(printable(&station.name));
         let address = address.or(its_address).ok_or_else(no_address)?;

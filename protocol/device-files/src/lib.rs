@@ -26,9 +26,9 @@ mod xml;
 use serde::Serialize;
 
 pub use crate::choice::{
-    ChoiceError, ChoiceFileError, ChoiceOption, ChosenAdapter, ChosenAssembly, ChosenDevice, ChosenIoDevice,
-    ChosenModule, ChosenPdo, ChosenSubDevice, ChosenSubmodule, DeviceChoice, FoundModule, HeartbeatUse,
-    ModulePlace, PlaceError, choose, choose_found, choose_head,
+    ChoiceError, ChoiceFileError, ChoiceOption, ChosenAdapter, ChosenAssembly, ChosenDevice, ChosenEsiModule,
+    ChosenIoDevice, ChosenModule, ChosenPdo, ChosenSubDevice, ChosenSubmodule, DeviceChoice, FoundModule,
+    HeartbeatUse, ModulePlace, PlaceError, choose, choose_found, choose_head,
 };
 pub use crate::eds::{
     CapacityLimit, ConnectionEnd, ConnectionUse, Eds, EdsAssembly, EdsConnection, EdsMember, EdsParameter,

@@ -1,5 +1,7 @@
 //! EtherCAT: from ESIs and the chosen SubDevices to a MainDevice, their signals and their objects.
 
+mod modules;
+
 use device_files::{ChosenPdo, ChosenSubDevice};
 use ethercat_maindevice::{
     Config, ExpectedDevice, LONGEST_OBJECT, MAX_PROCESS_DATA, MainDevice, SdoRequest, StartupWrite,
@@ -12,6 +14,8 @@ use crate::file_device::OpenedDevice;
 use crate::parameter::{DeviceParameter, Earlier, ParameterAccess, ParameterTarget};
 use crate::signal::{Signal, SignalType};
 use crate::table::SignalTable;
+
+pub(crate) use self::modules::DETECTED_COUNT;
 
 /// Interval where the user gives none.
 const DEFAULT_INTERVAL: Duration = Duration::from_millis(2);
@@ -123,6 +127,7 @@ pub(crate) fn startup(chosen: &ChosenSubDevice) -> Result<Vec<StartupWrite>, Dri
             data: it.data.clone(),
         })
         .collect();
+    writes.extend(modules::list(chosen));
     if coe.has_pdo_assign {
         for pdos in [&chosen.outputs, &chosen.inputs] {
             writes.extend(assignment(pdos));
@@ -257,7 +262,7 @@ const MESSAGES: std::ops::RangeInclusive<u8> = 6..=255;
 const MOST_EARLIER: u8 = 8;
 
 /// Says what an object of diagnosis has, and which ones are to be read after it.
-pub(crate) fn earlier(index: u16, subindex: u8, bytes: &[u8]) -> Earlier {
+pub(crate) fn earlier(chosen: &ChosenSubDevice, index: u16, subindex: u8, bytes: &[u8]) -> Earlier {
     let read = |index: u16, subindex: u8| {
         let place = format!("0x{index:04X}:{subindex:02X}");
         by_place(&place).map(ParameterAccess::of_diagnosis)
@@ -266,7 +271,7 @@ pub(crate) fn earlier(index: u16, subindex: u8, bytes: &[u8]) -> Earlier {
     match (index, subindex) {
         (ERRORS, 0) => {
             let reads = (1..=number.min(MOST_EARLIER)).filter_map(|entry| read(ERRORS, entry)).collect();
-            Earlier { words: Vec::new(), reads }
+            Earlier { reads, ..Earlier::default() }
         }
         (ERRORS, _) => match bytes.first_chunk::<4>() {
             // The code is in the lower half; the upper one is the maker's.
@@ -277,11 +282,12 @@ pub(crate) fn earlier(index: u16, subindex: u8, bytes: &[u8]) -> Earlier {
             _ => Earlier::default(),
         },
         (HISTORY, 2) if MESSAGES.contains(&number) => {
-            Earlier { words: Vec::new(), reads: read(HISTORY, number).into_iter().collect() }
+            Earlier { reads: read(HISTORY, number).into_iter().collect(), ..Earlier::default() }
         }
         (HISTORY, entry) if MESSAGES.contains(&entry) => {
             message(bytes).into_iter().collect::<Vec<_>>().into()
         }
+        (modules::DETECTED, slot) => modules::detected(chosen, slot, bytes),
         _ => Earlier::default(),
     }
 }

@@ -41,16 +41,17 @@ pub(crate) struct ParameterAccess {
     pub(crate) is_diagnosis: bool,
 }
 
-/// Faults that an answer to a read of the controller's own reports, and the reads that follow it.
+/// Faults and differences that an answer to a read of the controller's own reports, and the reads that follow it.
 #[derive(Default, Debug)]
 pub(crate) struct Earlier {
     pub(crate) words: Vec<String>,
+    pub(crate) differences: Vec<String>,
     pub(crate) reads: Vec<ParameterAccess>,
 }
 
 impl From<Vec<String>> for Earlier {
     fn from(words: Vec<String>) -> Self {
-        Self { words, reads: Vec::new() }
+        Self { words, ..Self::default() }
     }
 }
 

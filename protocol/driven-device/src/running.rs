@@ -94,8 +94,12 @@ impl DrivenDevice {
     /// Notes the answer to a read of what was wrong before the connection. A device need not have it, so a refusal is nothing.
     fn note_earlier(&mut self, asked: &ParameterAccess, result: Result<Vec<u8>, String>) {
         let Ok(bytes) = result else { return };
-        let earlier = earlier::read(&self.file, &asked.parameter.target, &bytes);
+        let earlier = earlier::read(&self.file, &self.chosen, &asked.parameter.target, &bytes);
         earlier.words.into_iter().for_each(|words| self.report(DriveEvent::Earlier(words)));
+        for difference in earlier.differences {
+            self.differs = true;
+            self.report(DriveEvent::Difference(difference));
+        }
         earlier.reads.into_iter().rev().for_each(|read| self.accesses.push_front(read));
     }
 

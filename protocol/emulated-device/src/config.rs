@@ -32,7 +32,7 @@ pub struct EmulationConfig {
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum EmulationError {
     /// An adapter needs an address before it starts.
-    #[error("EtherNet/IP needs an IPv4 address; give the interface one")]
+    #[error("EtherNet/IP needs an IPv4 address; give the interface one, and each of several devices its own")]
     NoAddress,
     /// A submodule belongs to a profile.
     #[error(
@@ -74,6 +74,12 @@ pub enum EmulationError {
     /// The sync managers are of a form that the stack does not have.
     #[error("{0}; choose other process data or another device")]
     SyncManagers(String),
+    /// Another number of devices than one process has.
+    #[error("{0} devices: one process has 1 to {most}", most = crate::MOST_DEVICES)]
+    Count(usize),
+    /// Devices of different buses.
+    #[error("devices of {0} and of {1}: one process has one bus; start another process for the other")]
+    SeveralBuses(&'static str, &'static str),
     /// The script does not fit the device.
     #[error(transparent)]
     Script(#[from] ScriptError),

@@ -48,6 +48,8 @@ pub struct EmulatedDevice {
     pub(crate) events: VecDeque<DeviceEvent>,
     pub(crate) streams: Vec<StreamId>,
     pub(crate) closing: VecDeque<StreamId>,
+    /// EtherCAT: true if another SubDevice comes after this one.
+    pub(crate) leads_on: bool,
 }
 
 impl EmulatedDevice {
@@ -80,6 +82,7 @@ impl EmulatedDevice {
             events: VecDeque::new(),
             streams: Vec::new(),
             closing: VecDeque::new(),
+            leads_on: false,
         };
         script.inputs.into_iter().try_for_each(|input| device.set_input(input))?;
         script.faults.into_iter().try_for_each(|fault| device.add_fault(fault, now))?;

@@ -20,6 +20,10 @@ const MAILBOX_LENGTHS: std::ops::RangeInclusive<u16> = 32..=1486;
 /// Objects that the stack makes itself (ETG.1000.6, CoE communication area).
 const OWN_OBJECTS: [u16; 7] = [0x1000, 0x1001, 0x1008, 0x1009, 0x100A, 0x1018, 0x1C00];
 
+/// Objects with the configured and the detected ModuleIdent of each slot (ETG.5001.1).
+const CONFIGURED_MODULES: u16 = 0xF030;
+const DETECTED_MODULES: u16 = 0xF050;
+
 /// Makes the segment of one chosen device.
 pub(crate) fn open(
     chosen: &ChosenSubDevice,
@@ -222,6 +226,7 @@ fn objects(chosen: &ChosenSubDevice) -> &'static [Object] {
         let is_named = object.index == 0x1008 && !object.default.is_empty();
         let is_own = OWN_OBJECTS.contains(&object.index) && !is_named
             || matches!(object.index, 0x1600..=0x17FF | 0x1A00..=0x1BFF | 0x1C10..=0x1C33)
+            || chosen.slot_count > 0 && [CONFIGURED_MODULES, DETECTED_MODULES].contains(&object.index)
             || objects.iter().any(|known| known.index == object.index);
         // Entries that process data map are the stack's, with the value in the process data.
         let is_mapped = || {
@@ -232,11 +237,46 @@ fn objects(chosen: &ChosenSubDevice) -> &'static [Object] {
             objects.extend(object_of(object));
         }
     }
+    objects.extend(module_lists(chosen));
     leak::list(objects)
 }
 
 /// Longest value that is kept of an object, in bytes.
 const LONGEST_VALUE: u32 = 4096;
+
+/// Returns the lists of modules of a device with slots: the controller may write the configured ones, and the detected ones are those
+/// that were chosen.
+fn module_lists(chosen: &ChosenSubDevice) -> Vec<Object> {
+    if chosen.slot_count == 0 {
+        return Vec::new();
+    }
+    let last = chosen.modules.last().map_or(0, |module| module.slot);
+    let ident = |slot: u8| chosen.modules.iter().find(|it| it.slot == slot).map_or(0, |it| it.ident);
+    let list = |index, name: &'static str, slots: u8, access, count: u8, is_detected: bool| {
+        let count = Entry {
+            subindex: 0,
+            name: "Number of modules",
+            data_type: DataType::Unsigned8,
+            access,
+            capacity: 1,
+            default: leak::list(vec![count]),
+        };
+        let entries = (1..=slots).map(|slot| Entry {
+            subindex: slot,
+            name: "ModuleIdent",
+            data_type: DataType::Unsigned32,
+            access,
+            capacity: 4,
+            default: leak::list(if is_detected { ident(slot).to_le_bytes().to_vec() } else { vec![0; 4] }),
+        });
+        let entries = leak::list(std::iter::once(count).chain(entries).collect());
+        Object { index, name, code: ObjectCode::Record, entries }
+    };
+    vec![
+        list(CONFIGURED_MODULES, "Configured modules", chosen.slot_count, Access::ReadWrite, 0, false),
+        list(DETECTED_MODULES, "Detected modules", last, Access::ReadOnly, last, true),
+    ]
+}
 
 fn object_of(object: &DictionaryObject) -> Option<Object> {
     let name = leak::text(&leak::ascii(&object.name), 255);

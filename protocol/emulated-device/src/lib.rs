@@ -2,6 +2,7 @@
 //! and faults from a script.
 //!
 //! ```text
+//! devices       several devices of one process: a line of EtherCAT, or each at its own interface
 //! device        the device and what its owner asks it; running is its time: script, faults and frames
 //! ├─ stack      the stack of its bus: opened, given inputs and asked for outputs
 //! ├─ profinet, ethernet_ip, ethercat   from the chosen device to the description that the stack takes
@@ -15,6 +16,7 @@
 
 mod config;
 mod device;
+mod devices;
 mod ethercat;
 mod ethernet_ip;
 mod faults;
@@ -28,6 +30,7 @@ mod stack;
 
 pub use config::{EmulationConfig, EmulationError};
 pub use device::{DeviceEvent, EmulatedDevice};
+pub use devices::{EmulatedDevices, MOST_DEVICES};
 pub use image::DataPlace;
 pub use script::{
     CounterSource, DeviceScript, EchoSource, FaultKind, RampSource, ScriptError, ScriptedFault,

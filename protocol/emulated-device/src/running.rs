@@ -2,7 +2,7 @@
 
 use std::net::Ipv4Addr;
 
-use ethercat_subdevice::{AlState, AlStatusCode, Emergency};
+use ethercat_subdevice::{AlState, AlStatusCode, Emergency, SegmentEnd};
 use machine::ethernet::Mac;
 use machine::{
     Duration, Instant, Machine, Port, PortRequest, Source, StreamChange, StreamId, StreamRequest, Transmit,
@@ -156,6 +156,9 @@ impl EmulatedDevice {
         // The changed device has the form of the first one.
         let Ok((stack, inputs, outputs)) = open(&self.chosen, &wanted, &self.config, now) else { return };
         self.stack = stack;
+        if self.leads_on {
+            self.lead_on();
+        }
         self.keep_lasting();
         self.closing.extend(self.streams.drain(..));
         self.alteration = wanted;
@@ -177,6 +180,36 @@ impl EmulatedDevice {
         match self.delay() {
             Some(delay) => self.held.hold(now + delay, from, frame, is_broadcast),
             None => self.deliver(now, from, frame, is_broadcast),
+        }
+    }
+
+    /// Connects the port after this SubDevice to the next one of its line.
+    pub(crate) fn lead_on(&mut self) {
+        self.leads_on = true;
+        if let Stack::Ethercat(segment, _) = &mut self.stack {
+            segment.lead_on();
+        }
+    }
+
+    /// Takes a frame that the SubDevices after this one sent back.
+    pub(crate) fn handle_returned(&mut self, now: Instant, frame: &[u8]) {
+        let is_silent = self.is_active(FaultKind::Silent);
+        if let Stack::Ethercat(segment, _) = &mut self.stack
+            && !is_silent
+        {
+            segment.handle_returned(now, frame);
+        }
+    }
+
+    /// Writes the next frame of a SubDevice in a line, and returns by which end it leaves.
+    pub(crate) fn poll_frame(&mut self, now: Instant, buf: &mut [u8]) -> Option<(SegmentEnd, Transmit)> {
+        let is_silent = self.is_active(FaultKind::Silent);
+        let Stack::Ethercat(segment, _) = &mut self.stack else { return None };
+        loop {
+            let frame = segment.poll_frame(now, buf)?;
+            if !is_silent {
+                return Some(frame);
+            }
         }
     }
 

@@ -11,6 +11,7 @@ mod foreign;
 mod frames;
 mod group;
 mod held;
+mod incoming_mailbox;
 mod lend;
 mod mailbox;
 mod main_device;

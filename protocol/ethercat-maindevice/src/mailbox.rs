@@ -4,15 +4,16 @@ use std::future::poll_fn;
 use std::pin::{Pin, pin};
 use std::task::Poll;
 
+use ethercrab::MainDevice;
 use ethercrab::error::Error;
-use ethercrab::{Command, MainDevice};
 use machine::Duration;
 
 use crate::bring_up::Group;
-use crate::coe::{self, Mail, SdoObject};
+use crate::coe::SdoObject;
 use crate::commissioning::{SdoAnswer, SdoRequest};
+use crate::incoming_mailbox::IncomingMailbox;
 use crate::process::{PROCESS, Process};
-use crate::sdo::{FULL, IN_STATUS, LONGEST_MAILBOX, access, keep};
+use crate::sdo::access;
 use crate::sdo_fault::SdoFault;
 use crate::time;
 
@@ -65,17 +66,9 @@ async fn answer(main: &MainDevice<'_>, group: &Group, request: &SdoRequest) -> S
 
 /// Reads the mailbox if it is full, and keeps an emergency in it.
 async fn read_emergency(main: &MainDevice<'_>, group: &Group) -> Result<(), Error> {
-    let Some((start, len)) = PROCESS.with_borrow(Process::mailbox) else {
+    let Some(place) = PROCESS.with_borrow(Process::mailbox) else {
         return Ok(());
     };
     let station = group.subdevice(main, 0)?.configured_address();
-    let status = Command::fprd(station, IN_STATUS).receive::<u8>(main).await?;
-    if status & FULL == 0 {
-        return Ok(());
-    }
-    let mail = Command::fprd(station, start).receive_slice(main, len.min(LONGEST_MAILBOX)).await?;
-    if let Some(Mail::Emergency(emergency)) = coe::parse(&mail) {
-        keep(emergency);
-    }
-    Ok(())
+    IncomingMailbox { main, station, place }.take_unasked().await.map(drop)
 }

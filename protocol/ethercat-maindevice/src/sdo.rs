@@ -6,27 +6,19 @@ use machine::{Duration, Instant};
 
 use crate::coe::{self, Mail, Sdo, SdoObject};
 use crate::commissioning::LONGEST_OBJECT;
-use crate::process::PROCESS;
+use crate::incoming_mailbox::{IncomingMailbox, LONGEST_MAILBOX, is_full, keep};
 use crate::sdo_fault::{ANSWER_WITHIN, SdoFault};
 use crate::time;
 
 /// Time between two looks at the mailbox while an answer is awaited.
 const LOOK_FOR_ANSWER: Duration = Duration::from_millis(1);
 
-/// Emergencies that wait for the owner; later ones are lost.
-const MOST_EMERGENCIES: usize = 16;
-
 /// Messages of earlier accesses that are taken out of the mailbox before the next access.
 const MOST_STALE: usize = 8;
 
-/// Sync managers 0 and 1, the mailboxes: start, length, control, status (ETG.1000.4, sync manager); bit of a full mailbox.
+/// Sync managers 0 and 1, the mailboxes: start, length, control, status (ETG.1000.4, sync manager).
 const SYNC_MANAGERS: u16 = 0x0800;
 const OUT_STATUS: u16 = 0x0805;
-pub(crate) const IN_STATUS: u16 = 0x080D;
-pub(crate) const FULL: u8 = 0x08;
-
-/// Longest mailbox that is read or written.
-pub(crate) const LONGEST_MAILBOX: u16 = 1486;
 
 /// Abort code of an access that took too long (ETG.1000.6, table 41).
 const ABORT_TIMEOUT: u32 = 0x0504_0000;
@@ -50,14 +42,13 @@ pub(crate) async fn access(
     result
 }
 
-/// Keeps an emergency for the owner.
-pub(crate) fn keep(emergency: [u8; 8]) {
-    PROCESS.with_borrow_mut(|process| {
-        let emergencies = &mut process.commissioning().emergencies;
-        if emergencies.len() < MOST_EMERGENCIES {
-            emergencies.push_back(emergency);
-        }
-    });
+/// Waits until the next look at a mailbox. Returns false if it is too late for one.
+async fn look_again(until: Instant) -> bool {
+    if time::now() >= until {
+        return false;
+    }
+    time::wait_until(time::now() + LOOK_FOR_ANSWER).await;
+    true
 }
 
 /// Mailboxes of a device.
@@ -66,8 +57,7 @@ struct SdoClient<'a> {
     station: u16,
     /// Start and length in bytes of the mailbox to the device.
     out: (u16, u16),
-    /// Start and length in bytes of the mailbox to the MainDevice.
-    back: (u16, u16),
+    back: IncomingMailbox<'a>,
 }
 
 impl<'a> SdoClient<'a> {
@@ -81,27 +71,31 @@ impl<'a> SdoClient<'a> {
         if !fits(out) || !fits(back) {
             return Err(SdoFault::NoMailbox);
         }
-        Ok(Self { main, station, out, back })
+        Ok(Self { main, station, out, back: IncomingMailbox { main, station, place: back } })
     }
 
-    async fn is_full(&self, status: u16) -> Result<bool, SdoFault> {
-        let status = Command::fprd(self.station, status).receive::<u8>(self.main).await?;
-        Ok(status & FULL != 0)
-    }
-
-    /// Waits for a state of a mailbox. Returns false once it is too late.
-    async fn wait(&self, status: u16, is_full: bool, until: Instant) -> Result<bool, SdoFault> {
-        while self.is_full(status).await? != is_full {
-            if time::now() >= until {
+    /// Waits until the device has taken the last message. Returns false once it is too late.
+    async fn wait_until_taken(&self, until: Instant) -> Result<bool, SdoFault> {
+        while is_full(self.main, self.station, OUT_STATUS).await? {
+            if !look_again(until).await {
                 return Ok(false);
             }
-            time::wait_until(time::now() + LOOK_FOR_ANSWER).await;
+        }
+        Ok(true)
+    }
+
+    /// Waits for a message. Returns false once it is too late.
+    async fn wait_for_mail(&self, until: Instant) -> Result<bool, SdoFault> {
+        while !self.back.is_full().await? {
+            if !look_again(until).await {
+                return Ok(false);
+            }
         }
         Ok(true)
     }
 
     async fn send(&self, mail: &[u8]) -> Result<(), SdoFault> {
-        if !self.wait(OUT_STATUS, false, time::now() + ANSWER_WITHIN).await? {
+        if !self.wait_until_taken(time::now() + ANSWER_WITHIN).await? {
             return Err(SdoFault::NoAnswer);
         }
         // The last byte makes the mailbox full.
@@ -110,20 +104,11 @@ impl<'a> SdoClient<'a> {
         Ok(())
     }
 
-    /// Takes a message out of the mailbox, which is full.
-    async fn take(&self) -> Result<Vec<u8>, SdoFault> {
-        let (start, len) = self.back;
-        Ok(Command::fprd(self.station, start).receive_slice(self.main, len).await?.to_vec())
-    }
-
     /// Takes out of the mailbox what is left of earlier accesses.
     async fn drain(&self) -> Result<(), SdoFault> {
         for _ in 0..MOST_STALE {
-            if !self.is_full(IN_STATUS).await? {
+            if !self.back.take_unasked().await? {
                 break;
-            }
-            if let Some(Mail::Emergency(emergency)) = coe::parse(&self.take().await?) {
-                keep(emergency);
             }
         }
         Ok(())
@@ -138,8 +123,8 @@ impl<'a> SdoClient<'a> {
     ) -> Result<T, SdoFault> {
         self.send(request).await?;
         let until = time::now() + ANSWER_WITHIN;
-        while self.wait(IN_STATUS, true, until).await? {
-            match coe::parse(&self.take().await?) {
+        while self.wait_for_mail(until).await? {
+            match coe::parse(&self.back.take().await?) {
                 Some(Mail::Emergency(emergency)) => keep(emergency),
                 Some(Mail::Fault(detail)) => return Err(SdoFault::NotUnderstood(detail)),
                 Some(Mail::Sdo(Sdo::Aborted { index, subindex, code }))

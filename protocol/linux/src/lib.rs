@@ -4,6 +4,7 @@
 //! knows as a [`machine::Port`]; a [`Driver`] is the loop that gives one machine, on one interface or several, time and
 //! frames; a [`CyclicThread`] runs that loop on a thread of its own, with real-time scheduling where the host allows it, and talks to other threads over
 //! wait-free rings. [`namespace`], [`veth`] and [`bridge`] make cables and switches between processes of one host, also for an ordinary user;
+//! [`macvlan`] gives an interface further MAC addresses, for several stations of one process;
 //! [`impaired`] makes a cable that loses, delays, duplicates or corrupts frames. [`Recorder`] writes the frames that pass
 //! an interface into a capture.
 //!
@@ -30,6 +31,7 @@ pub mod impaired;
 mod interface;
 mod interfaces;
 mod link_changes;
+pub mod macvlan;
 pub mod namespace;
 mod neighbours;
 mod notifier;

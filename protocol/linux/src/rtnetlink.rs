@@ -21,6 +21,7 @@ const NEW: u16 = 0x0200 | 0x0400;
 pub(crate) const IFLA_IFNAME: u16 = 3;
 pub(crate) const IFLA_MASTER: u16 = 10;
 pub(crate) const IFLA_LINKINFO: u16 = 18;
+pub(crate) const IFLA_NET_NS_FD: u16 = 28;
 pub(crate) const IFLA_INFO_KIND: u16 = 1;
 pub(crate) const IFLA_INFO_DATA: u16 = 2;
 

@@ -9,10 +9,10 @@ use rustix::io::Errno;
 
 use crate::namespace::{NamespaceError, NetworkNamespace};
 use crate::rtnetlink::{
-    IFINFOMSG, IFLA_IFNAME, IFLA_INFO_DATA, IFLA_INFO_KIND, IFLA_LINKINFO, attribute, create, name,
+    IFINFOMSG, IFLA_IFNAME, IFLA_INFO_DATA, IFLA_INFO_KIND, IFLA_LINKINFO, IFLA_NET_NS_FD, attribute, create,
+    name,
 };
 
-const IFLA_NET_NS_FD: u16 = 28;
 const VETH_INFO_PEER: u16 = 1;
 
 /// Creates a cable: interface `a_name` in namespace `a` and `b_name` in `b`, both down. It is removed with either

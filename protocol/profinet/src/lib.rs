@@ -25,6 +25,7 @@ mod station;
 mod station_setter;
 pub mod status;
 pub mod tag;
+mod tries;
 mod uuid;
 
 pub use controller::{

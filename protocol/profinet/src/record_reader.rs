@@ -13,6 +13,7 @@ use crate::rpc::{
     DEVICE_INTERFACE, FRAGMENT_LEN, Header, INSTANCE, Kind, Operation, RequestArgs, ResponseArgs, object,
 };
 use crate::status::Status;
+use crate::tries::Tries;
 use crate::{RPC_PORT, Uuid};
 
 /// Time after which a request is repeated. A device answers a Read within its cycle, or says that it works on it.
@@ -73,9 +74,7 @@ pub struct RecordReader {
     port: PortRequest,
     config: RecordReaderConfig,
     answers: Vec<Result<Vec<u8>, RecordReadError>>,
-    tries: u32,
-    send: bool,
-    repeat_at: Instant,
+    tries: Tries,
     ended: bool,
 }
 
@@ -84,7 +83,8 @@ impl RecordReader {
     #[must_use]
     pub fn new(config: RecordReaderConfig, start: Instant) -> Self {
         let port = PortRequest::Udp(config.local_port);
-        Self { port, config, answers: Vec::new(), tries: 0, send: false, repeat_at: start, ended: false }
+        let tries = Tries::new(TRIES, REPEAT_AFTER, start);
+        Self { port, config, answers: Vec::new(), tries, ended: false }
     }
 
     /// Returns the records in the order of the configuration, as far as they were read.
@@ -105,7 +105,7 @@ impl RecordReader {
 
     fn finish(&mut self, now: Instant, answer: Result<Vec<u8>, RecordReadError>) {
         self.answers.push(answer);
-        (self.tries, self.send, self.repeat_at) = (0, false, now);
+        self.tries.restart(now);
     }
 }
 
@@ -142,7 +142,7 @@ impl Machine for RecordReader {
         }
         let Some((place, sequence)) = self.present() else { return };
         let Ok((header, body)) = Header::parse(frame) else { return };
-        if !header.is_same_call(&self.header(sequence)) || self.tries == 0 {
+        if !header.is_same_call(&self.header(sequence)) || !self.tries.are_begun() {
             return;
         }
         match header.kind {
@@ -154,18 +154,13 @@ impl Machine for RecordReader {
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        if self.present().is_none() || now < self.repeat_at {
-            return;
-        }
-        if self.tries == TRIES {
+        if self.present().is_some() && self.tries.handle_timeout(now) {
             self.finish(now, Err(RecordReadError::NoAnswer));
-            return;
         }
-        (self.tries, self.send, self.repeat_at) = (self.tries + 1, true, now + REPEAT_AFTER);
     }
 
     fn poll_transmit(&mut self, _now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        if !core::mem::take(&mut self.send) {
+        if !self.tries.take_request() {
             return None;
         }
         let (RecordPlace { slot, subslot, index }, sequence) = self.present()?;
@@ -186,7 +181,7 @@ impl Machine for RecordReader {
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        self.present().map(|_| self.repeat_at)
+        self.present().map(|_| self.tries.poll_timeout())
     }
 }
 

@@ -7,6 +7,7 @@ use machine::search::SearchEnded;
 use machine::{Duration, Instant, Machine, Port, PortRequest, Source, Transmit};
 
 use crate::dcp::{self, Block, BlockError, Code, Content, IpSuite, Pdu, Service};
+use crate::tries::Tries;
 use crate::{ETHER_TYPE, ETHERNET};
 
 /// Time after which a request is repeated: a station answers a Set within a second.
@@ -81,9 +82,7 @@ const fn in_words(error: BlockError) -> &'static str {
 #[derive(Debug)]
 pub struct StationSetter {
     config: StationSetterConfig,
-    tries: u32,
-    send: bool,
-    repeat_at: Instant,
+    tries: Tries,
     result: Option<Result<(), StationSetError>>,
     is_reported: bool,
 }
@@ -92,7 +91,8 @@ impl StationSetter {
     /// Creates a setter that sends its first request at `start`.
     #[must_use]
     pub const fn new(config: StationSetterConfig, start: Instant) -> Self {
-        Self { config, tries: 0, send: false, repeat_at: start, result: None, is_reported: false }
+        let tries = Tries::new(TRIES, REPEAT_AFTER, start);
+        Self { config, tries, result: None, is_reported: false }
     }
 
     /// Returns what the station answered; `None` before.
@@ -145,24 +145,19 @@ impl Machine for StationSetter {
         let is_its = header.source == self.config.station
             && header.destination == self.config.mac
             && header.ether_type == ETHER_TYPE;
-        if is_its && self.tries > 0 && self.result.is_none() {
+        if is_its && self.tries.are_begun() && self.result.is_none() {
             self.result = self.answer_in(payload);
         }
     }
 
     fn handle_timeout(&mut self, now: Instant) {
-        if self.result.is_some() || now < self.repeat_at {
-            return;
-        }
-        if self.tries == TRIES {
+        if self.result.is_none() && self.tries.handle_timeout(now) {
             self.result = Some(Err(StationSetError::NoAnswer));
-            return;
         }
-        (self.tries, self.send, self.repeat_at) = (self.tries + 1, true, now + REPEAT_AFTER);
     }
 
     fn poll_transmit(&mut self, _now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        if !core::mem::take(&mut self.send) {
+        if !self.tries.take_request() {
             return None;
         }
         let header = EthernetHeader {
@@ -184,7 +179,7 @@ impl Machine for StationSetter {
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        self.result.is_none().then_some(self.repeat_at)
+        self.result.is_none().then_some(self.tries.poll_timeout())
     }
 }
 

@@ -1,12 +1,13 @@
-//! `robot-node emulate`: the device of a GSDML, EDS or ESI on a real network.
+//! `robot-node emulate`: devices of GSDML, EDS or ESI files on a real network.
 
-#![expect(clippy::disallowed_methods, reason = "this is the process of an emulated device, with its threads")]
+#![expect(clippy::disallowed_methods, reason = "this is the process of emulated devices, with its threads")]
 
+mod arguments;
+mod network;
 mod owner;
 
 use std::io::BufRead as _;
 use std::net::Ipv4Addr;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -14,36 +15,29 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use anyhow::Context as _;
 use device_files::ChosenDevice;
 use emulated_device::{
-    DataPlace, DeviceScript, EmulatedDevice, EmulationConfig, EmulationError, ScriptError,
+    DataPlace, EmulatedDevice, EmulatedDevices, EmulationConfig, EmulationError, ScriptError,
 };
 use machine::Duration;
 use node::Outcome;
 use node::address_check::{AddressCheckError, check_address};
-use node::device_options::{DeviceOptions, is_usage as is_of_file, read_toml};
+use node::device_options::is_usage as is_of_file;
 use node::errln;
 use node::output::to_stdout;
 use protocol_linux::{Driver, FormerAddress, Interface, Notifier, StopSignals, clock};
 
-use self::owner::{EmulationInstruction, EmulationOwner, Report};
+use self::arguments::{AllDevices, ArgumentError, DeviceGroup, check_addresses, groups};
+use self::network::DeviceNetwork;
+use self::owner::{AddressedInstruction, EmulationOwner, Report};
 
-/// The device of a file.
+/// Devices of files.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct EmulateCommand {
     #[command(flatten)]
-    device: DeviceOptions,
+    devices: AllDevices,
     /// The network interface.
     #[arg(long, value_name = "IF", required_unless_present = "print_config")]
     interface: Option<String>,
-    /// Inputs and faults over time, a TOML file.
-    #[arg(long, value_name = "FILE.toml")]
-    script: Option<PathBuf>,
-    /// PROFINET: the station name; without it, that of the file.
-    #[arg(long, value_name = "NAME")]
-    station_name: Option<String>,
-    /// The serial number.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    serial_number: u32,
     /// End after this time.
     #[arg(long = "for", value_name = "TIME", value_parser = node::duration_argument)]
     length: Option<Duration>,
@@ -59,73 +53,115 @@ Examples:
   robot-node emulate device.eds --interface eth1
   robot-node emulate GSDML-V2.35-Maker-Device-20230101.xml --module 1=ID_8DI --print-config >device.toml
   robot-node emulate GSDML-V2.35-Maker-Device-20230101.xml --config device.toml --interface eth1 --script script.toml
-  echo '{\"set\": {\"place\": \"100\", \"type\": \"uint16\", \"value\": 5}}' | robot-node emulate device.eds --interface eth1 --json";
+  robot-node emulate device.eds --count 64 --address 192.168.0.10 --interface eth1   64 of them, each with a MAC address of its own
+  robot-node emulate terminal.xml --device-name EL1 drive.xml --interface eth1   one after the other on an EtherCAT cable
+  echo '{\"set\": {\"place\": \"100\", \"type\": \"uint16\", \"value\": 5}}' | robot-node emulate device.eds --interface eth1 --json
+
+Repeat FILE for several devices of one bus; the options of a device are those after its FILE. Instructions for one of several devices
+name it: {\"device\": 2, \"set\": ...}.";
 
 /// Returns true for an error that the user corrects in file, choice or script.
 pub fn is_usage(error: &anyhow::Error) -> bool {
     let needs_address = matches!(error.downcast_ref(), Some(EmulationError::NoAddress));
-    is_of_file(error) || error.is::<ScriptError>() || error.is::<EmulationError>() && !needs_address
+    is_of_file(error)
+        || error.is::<ScriptError>()
+        || error.is::<ArgumentError>()
+        || error.is::<EmulationError>() && !needs_address
 }
 
 /// Reports that wait to be printed. More are lost; the cycle goes on.
 const REPORTS: usize = 256;
 
 impl EmulateCommand {
-    /// Emulates the device until the time is over or the program is ended.
+    /// Emulates the devices until the time is over or the program is ended.
     ///
     /// # Errors
     ///
     /// File, choice or script make no device, or the network cannot be used.
     pub fn execute(self) -> anyhow::Result<Outcome> {
-        let chosen = self.device.choose()?;
-        if self.device.choice.print_config {
-            to_stdout(format_args!("{}", chosen.choice().to_toml()))?;
+        let groups = groups(&self.devices)?;
+        if self.devices.0.iter().any(|of| of.device.choice.print_config) {
+            let [group] = groups.as_slice() else { return Err(ArgumentError::SeveralConfigs.into()) };
+            to_stdout(format_args!("{}", group.chosen.choice().to_toml()))?;
             return Ok(Outcome::Done);
         }
-        let script = read_toml(self.script.as_deref(), DeviceScript::from_toml)?;
-        let interface = Interface::find(self.interface.as_deref().unwrap_or_default())?;
+        let host = Interface::find(self.interface.as_deref().unwrap_or_default())?;
         // Other threads inherit that the signals are blocked.
         let signals = StopSignals::block().context("taking over SIGINT and SIGTERM")?;
-        let former_address = FormerAddress::of(&interface);
-        let start = clock::now();
-        let config = EmulationConfig {
-            mac: interface.mac(),
-            address: interface.address(),
-            mask: interface.mask().unwrap_or(Ipv4Addr::new(255, 255, 255, 0)),
-            gateway: interface.gateway().unwrap_or(Ipv4Addr::UNSPECIFIED),
-            station_name: self.station_name.map(String::into_bytes),
-            permanent: None,
-            serial_number: self.serial_number,
-            // Frames of a connection from before a restart are not taken for those of a new one.
-            first_id: start.as_nanos() as u32,
+        let former_address = FormerAddress::of(&host);
+        host.set_up()?;
+        let is_several = groups.iter().map(|group| group.count).sum::<usize>() > 1;
+        let configs = configs(&groups, &host, is_several);
+        check_addresses(&configs)?;
+        // All devices of an EtherCAT cable are at one interface.
+        let is_line = groups.iter().any(|group| matches!(group.chosen, ChosenDevice::Esi(_)));
+        let has_own = !is_line && configs.iter().any(|config| config.mac != host.mac());
+        let network = has_own.then(|| DeviceNetwork::set_up(&host, &configs)).transpose()?;
+        let interfaces = network.as_ref().map_or_else(|| vec![host.clone()], |own| own.interfaces.clone());
+        groups.iter().for_each(|group| introduce(&group.chosen));
+        let prepared = || -> anyhow::Result<EmulatedDevices> {
+            for (interface, config) in interfaces.iter().zip(&configs).filter(|_| !is_line) {
+                find_twin(interface, config.address)?;
+            }
+            let chosen = groups.iter().flat_map(|group| std::iter::repeat_n(group, group.count));
+            let now = clock::now();
+            let devices = chosen.zip(&configs).map(|(group, config)| {
+                EmulatedDevice::new(group.chosen.clone(), group.script.clone(), config.clone(), now)
+            });
+            Ok(EmulatedDevices::new(devices.collect::<Result<_, _>>()?)?)
         };
-        interface.set_up()?;
-        find_twin(&chosen, &interface)?;
-        introduce(&chosen);
-        let device = EmulatedDevice::new(chosen, script, config, clock::now())?;
-        list(&device, self.json)?;
+        let devices = within(network.as_ref(), prepared)?;
+        list(&devices, &groups, self.json)?;
         let (reports, printed) = sync_channel(REPORTS);
         let (instructions, taken) = sync_channel(REPORTS);
         let is_json = self.json;
-        std::thread::spawn(move || print(&printed, is_json));
+        std::thread::spawn(move || print(&printed, is_json, is_several));
         let errors = reports.clone();
         if is_json {
             std::thread::spawn(move || read_instructions(&instructions, &errors));
         }
-        let end = self.length.map(|length| clock::now() + length);
         let notifier = Notifier::new()?;
         let mut owner = EmulationOwner {
-            interface: interface.clone(),
+            interfaces: interfaces.clone(),
             reports,
             instructions: taken,
             is_stopped: stop_at_signal(signals, notifier.clone()),
             outcome: Outcome::Done,
-            end,
+            end: self.length.map(|length| clock::now() + length),
         };
-        let mut driver = Driver::new(device, interface, notifier)?;
-        driver.run(&mut owner)?;
+        within(network.as_ref(), || Ok(Driver::new(devices, interfaces, notifier)?.run(&mut owner)?))?;
         drop(former_address);
         Ok(owner.outcome)
+    }
+}
+
+/// Returns the settings of all devices.
+fn configs(groups: &[DeviceGroup], host: &Interface, is_several: bool) -> Vec<EmulationConfig> {
+    let common = EmulationConfig {
+        mac: host.mac(),
+        address: host.address(),
+        mask: host.mask().unwrap_or(Ipv4Addr::new(255, 255, 255, 0)),
+        gateway: host.gateway().unwrap_or(Ipv4Addr::UNSPECIFIED),
+        station_name: None,
+        permanent: None,
+        serial_number: 0,
+        // Frames of a connection from before a restart are not taken for those of a new one.
+        first_id: clock::now().as_nanos() as u32,
+    };
+    let of_group = |group: &DeviceGroup| {
+        (0..group.count).map(|index| group.config(index, !is_several, &common)).collect::<Vec<_>>()
+    };
+    groups.iter().flat_map(of_group).collect()
+}
+
+/// Runs something in the network of the devices, or in that of this thread.
+fn within<T: Send>(
+    network: Option<&DeviceNetwork>,
+    work: impl FnOnce() -> anyhow::Result<T> + Send,
+) -> anyhow::Result<T> {
+    match network {
+        Some(own) => own.network.run(work)?,
+        None => work(),
     }
 }
 
@@ -152,10 +188,8 @@ fn introduce(chosen: &ChosenDevice) {
 }
 
 /// Looks for a station that has the same address.
-fn find_twin(chosen: &ChosenDevice, interface: &Interface) -> anyhow::Result<()> {
-    let Some(address) = interface.address().filter(|_| !matches!(chosen, ChosenDevice::Esi(_))) else {
-        return Ok(());
-    };
+fn find_twin(interface: &Interface, address: Option<Ipv4Addr>) -> anyhow::Result<()> {
+    let Some(address) = address else { return Ok(()) };
     match check_address(interface, address) {
         Err(taken @ AddressCheckError::Taken(_)) => Err(taken.into()),
         Err(error) => {
@@ -167,37 +201,69 @@ fn find_twin(chosen: &ChosenDevice, interface: &Interface) -> anyhow::Result<()>
 }
 
 /// Lists the places that a script may name.
-fn list(device: &EmulatedDevice, is_json: bool) -> anyhow::Result<()> {
-    let (inputs, outputs) = device.places();
-    if is_json {
-        let started =
-            serde_json::json!({ "started": { "bus": device.bus(), "inputs": inputs, "outputs": outputs } });
-        return Ok(to_stdout(format_args!("{started}\n"))?);
-    }
+fn list(devices: &EmulatedDevices, groups: &[DeviceGroup], is_json: bool) -> anyhow::Result<()> {
+    let is_several = devices.devices().len() > 1;
     let mut text = String::new();
-    for (direction, places) in [("inputs", inputs), ("outputs", outputs)] {
-        for DataPlace { place, name, bits, .. } in places {
-            let size = if bits % 8 == 0 { format!("{} bytes", bits / 8) } else { format!("{bits} bits") };
-            let name: String = name.chars().map(|it| if it.is_control() { '\u{FFFD}' } else { it }).collect();
-            text.push_str(&format!("{direction} {place}: {size} {}\n", name.trim_end()));
+    for DeviceGroup { first, count, .. } in groups {
+        let Some(device) = devices.devices().get(first - 1) else { continue };
+        let last = first + count - 1;
+        let (inputs, outputs) = device.places();
+        if is_json {
+            for number in *first..=last {
+                let started =
+                    serde_json::json!({ "bus": device.bus(), "inputs": inputs, "outputs": outputs });
+                let line = numbered(serde_json::json!({ "started": started }), is_several.then_some(number));
+                text.push_str(&format!("{line}\n"));
+            }
+            continue;
+        }
+        match count {
+            _ if !is_several => {}
+            1 => text.push_str(&format!("device {first}\n")),
+            _ => text.push_str(&format!("devices {first} to {last}\n")),
+        }
+        for (direction, places) in [("inputs", inputs), ("outputs", outputs)] {
+            for DataPlace { place, name, bits, .. } in places {
+                let size = if bits % 8 == 0 { format!("{} bytes", bits / 8) } else { format!("{bits} bits") };
+                let name: String =
+                    name.chars().map(|it| if it.is_control() { '\u{FFFD}' } else { it }).collect();
+                text.push_str(&format!("{direction} {place}: {size} {}\n", name.trim_end()));
+            }
         }
     }
-    to_stdout(format_args!("{text}{} device waits for a controller\n", device.bus()))?;
+    let bus = devices.devices().first().map_or("", EmulatedDevice::bus);
+    match (is_json, is_several) {
+        (true, _) => {}
+        (false, false) => text.push_str(&format!("{bus} device waits for a controller\n")),
+        (false, true) => {
+            text.push_str(&format!("{} {bus} devices wait for a controller\n", devices.devices().len()));
+        }
+    }
+    to_stdout(format_args!("{text}"))?;
     Ok(())
 }
 
-/// Prints reports until the program ends.
-fn print(reports: &Receiver<Report>, is_json: bool) {
-    for report in reports {
-        let printed = if is_json {
-            to_stdout(format_args!("{}\n", report.to_json()))
-        } else {
-            to_stdout(format_args!("{report}\n"))
+/// Prints reports until the program ends, with the number of the device where there are several.
+fn print(reports: &Receiver<(usize, Report)>, is_json: bool, is_several: bool) {
+    for (number, report) in reports {
+        let number = is_several.then_some(number + 1);
+        let printed = match (is_json, number) {
+            (true, _) => to_stdout(format_args!("{}\n", numbered(report.to_json(), number))),
+            (false, Some(number)) => to_stdout(format_args!("device {number}: {report}\n")),
+            (false, None) => to_stdout(format_args!("{report}\n")),
         };
         if printed.is_err() {
             return;
         }
     }
+}
+
+/// Adds the number of a device to an object.
+fn numbered(mut object: serde_json::Value, number: Option<usize>) -> serde_json::Value {
+    if let (Some(number), Some(object)) = (number, object.as_object_mut()) {
+        object.insert("device".to_owned(), number.into());
+    }
+    object
 }
 
 /// Waits for a signal in a thread of its own: to ask for one costs a system call, and the device has each cycle to itself. Returns
@@ -215,11 +281,11 @@ fn stop_at_signal(signals: StopSignals, notifier: Notifier) -> Arc<AtomicBool> {
 }
 
 /// Reads instructions from standard input, one JSON object per line.
-fn read_instructions(instructions: &SyncSender<EmulationInstruction>, errors: &SyncSender<Report>) {
+fn read_instructions(instructions: &SyncSender<AddressedInstruction>, errors: &SyncSender<(usize, Report)>) {
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-        let sent = match serde_json::from_str::<EmulationInstruction>(&line) {
+        let sent = match serde_json::from_str::<AddressedInstruction>(&line) {
             Ok(instruction) => instructions.send(instruction).is_ok(),
-            Err(error) => errors.send(Report::Refused(error.to_string())).is_ok(),
+            Err(error) => errors.send((0, Report::Refused(error.to_string()))).is_ok(),
         };
         if !sent {
             return;

@@ -1,4 +1,4 @@
-//! The owner of an emulated device: passes its events to the printer, and instructions to the device.
+//! The owner of emulated devices: passes their events to the printer, and instructions to the devices.
 
 use std::fmt;
 use std::net::Ipv4Addr;
@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender};
 
 use arrayvec::ArrayVec;
-use emulated_device::{DeviceEvent, EmulatedDevice, ScriptedFault, ScriptedInput};
+use emulated_device::{DeviceEvent, EmulatedDevice, EmulatedDevices, ScriptedFault, ScriptedInput};
 use machine::{Instant, LinkEvent};
 use node::Outcome;
 use protocol_linux::{Interface, Owner, Statistics};
@@ -28,6 +28,15 @@ pub(super) enum EmulationInstruction {
     Fault(ScriptedFault),
 }
 
+/// Instruction, and the device that it is for.
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct AddressedInstruction {
+    /// Number of the device, from 1; the only one needs none.
+    device: Option<usize>,
+    #[serde(flatten)]
+    instruction: EmulationInstruction,
+}
+
 /// Line that is printed.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "a report is made without an allocation")]
@@ -43,33 +52,49 @@ pub(super) enum Report {
 }
 
 pub(super) struct EmulationOwner {
-    pub(super) interface: Interface,
-    pub(super) reports: SyncSender<Report>,
-    pub(super) instructions: Receiver<EmulationInstruction>,
-    /// Set by a signal that asks the device to end.
+    /// Interfaces of the devices; one for all devices of an EtherCAT cable.
+    pub(super) interfaces: Vec<Interface>,
+    /// Reports with the number of their device, from 0.
+    pub(super) reports: SyncSender<(usize, Report)>,
+    pub(super) instructions: Receiver<AddressedInstruction>,
+    /// Set by a signal that asks the devices to end.
     pub(super) is_stopped: Arc<AtomicBool>,
-    /// How the device ended.
+    /// How the devices ended.
     pub(super) outcome: Outcome,
     pub(super) end: Option<Instant>,
 }
 
 impl EmulationOwner {
-    /// Passes a report on. One that finds no room is lost, so that the device goes on.
-    fn report(&self, report: Report) {
-        let _ = self.reports.try_send(report);
+    /// Passes a report on. One that finds no room is lost, so that the devices go on.
+    fn report(&self, number: usize, report: Report) {
+        let _ = self.reports.try_send((number, report));
+    }
+
+    fn instruct(&self, now: Instant, devices: &mut EmulatedDevices, addressed: AddressedInstruction) {
+        let AddressedInstruction { device, instruction } = addressed;
+        let count = devices.devices().len();
+        let number = match device {
+            Some(number @ 1..) if number <= count => number - 1,
+            None if count == 1 => 0,
+            _ => {
+                let reason = format!("`device` must be the number of a device, 1 to {count}");
+                return self.report(0, Report::Refused(reason));
+            }
+        };
+        let done = devices.change(number, |device| match instruction {
+            EmulationInstruction::Set(input) => device.set_input(input),
+            EmulationInstruction::Fault(fault) => device.add_fault(fault, now),
+        });
+        if let Some(Err(error)) = done {
+            self.report(number, Report::Refused(error.to_string()));
+        }
     }
 }
 
-impl Owner<EmulatedDevice> for EmulationOwner {
-    fn wake(&mut self, now: Instant, device: &mut EmulatedDevice, _: &Statistics) -> ControlFlow<()> {
+impl Owner<EmulatedDevices> for EmulationOwner {
+    fn wake(&mut self, now: Instant, devices: &mut EmulatedDevices, _: &Statistics) -> ControlFlow<()> {
         while let Ok(instruction) = self.instructions.try_recv() {
-            let done = match instruction {
-                EmulationInstruction::Set(input) => device.set_input(input),
-                EmulationInstruction::Fault(fault) => device.add_fault(fault, now),
-            };
-            if let Err(error) = done {
-                self.report(Report::Refused(error.to_string()));
-            }
+            self.instruct(now, devices, instruction);
         }
         if self.is_stopped.load(Ordering::Relaxed) {
             self.outcome = Outcome::Interrupted;
@@ -81,20 +106,29 @@ impl Owner<EmulatedDevice> for EmulationOwner {
         }
     }
 
-    fn event(&mut self, now: Instant, device: &mut EmulatedDevice, event: DeviceEvent) -> ControlFlow<()> {
+    fn event(
+        &mut self,
+        now: Instant,
+        devices: &mut EmulatedDevices,
+        (number, event): (usize, DeviceEvent),
+    ) -> ControlFlow<()> {
         match event {
             DeviceEvent::Link(LinkEvent::SetAddress { address, mask, .. }) => {
-                let done = self.interface.set_address(address, mask).is_ok();
-                device.address_set(now, done.then_some(address), mask);
-                self.report(Report::Address(address, done));
+                let interface = self.interfaces.get(number);
+                let done = interface.is_some_and(|interface| interface.set_address(address, mask).is_ok());
+                devices.change(number, |device| device.address_set(now, done.then_some(address), mask));
+                self.report(number, Report::Address(address, done));
             }
-            DeviceEvent::Link(LinkEvent::Store) => device.keep(now),
+            DeviceEvent::Link(LinkEvent::Store) => {
+                devices.change(number, |device| device.keep(now));
+            }
             DeviceEvent::Outputs => {
-                let (outputs, is_valid) = device.outputs();
+                let outputs = devices.devices().get(number).map(EmulatedDevice::outputs);
+                let Some((outputs, is_valid)) = outputs else { return ControlFlow::Continue(()) };
                 let shown = outputs.iter().copied().take(MOST_SHOWN).collect();
-                self.report(Report::Outputs(shown, outputs.len(), is_valid));
+                self.report(number, Report::Outputs(shown, outputs.len(), is_valid));
             }
-            event => self.report(Report::Event(event)),
+            event => self.report(number, Report::Event(event)),
         }
         ControlFlow::Continue(())
     }

@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use super::config::DeviceChoice;
+use super::config::{DeviceChoice, ModulePlace};
 use super::error::{ChoiceError, refuse};
+use super::esi_modules::{self, ChosenEsiModule};
 use crate::esi::{
     DcMode, EepromContent, Esi, EsiDevice, EsiMailbox, EsiPdo, EsiSyncManager, ObjectDictionary,
 };
@@ -30,9 +31,15 @@ pub struct ChosenSubDevice {
     pub outputs: Vec<ChosenPdo>,
     /// Data from the device, in the order of their bytes.
     pub inputs: Vec<ChosenPdo>,
-    /// Mailbox, if it has one.
+    /// Number of its slots for modules.
+    pub slot_count: u8,
+    /// Modules in its slots.
+    pub modules: Vec<ChosenEsiModule>,
+    /// True if the controller writes the list of modules into object 0xF030.
+    pub takes_module_list: bool,
+    /// Mailbox, if it has one; with the commands of the modules.
     pub mailbox: Option<EsiMailbox>,
-    /// Object dictionary, if the file has it.
+    /// Object dictionary, if the file has it; with the objects of the modules.
     pub dictionary: Option<ObjectDictionary>,
     /// Content of the EEPROM, if the file describes it.
     pub eeprom: Option<EepromContent>,
@@ -61,10 +68,15 @@ impl ChosenSubDevice {
 
     pub(super) fn choice(&self) -> DeviceChoice {
         let pdos = self.outputs.iter().chain(&self.inputs).map(|chosen| chosen.pdo.index);
+        let modules = self.modules.iter().map(|module| {
+            let place = ModulePlace { slot: module.slot.into(), subslot: None };
+            (place, format!("0x{:08X}", module.ident))
+        });
         DeviceChoice {
             device_name: Some(self.kind.clone()),
             revision: Some(self.revision),
             pdos: Some(pdos.collect()),
+            modules: modules.collect(),
             ..DeviceChoice::default()
         }
     }
@@ -82,17 +94,28 @@ pub(super) fn choose(esi: &Esi, choice: &DeviceChoice) -> Result<ChosenSubDevice
     refuse("--access-point", choice.access_point.is_some(), FORMAT)?;
     refuse("--connection", choice.connection.is_some(), FORMAT)?;
     let device = find(esi, choice)?;
-    if !choice.modules.is_empty() {
-        let fault = "modules of an ESI are not supported; choose process data by --pdo";
-        return Err(ChoiceError::new("--module", fault));
+    let modules = esi_modules::choose(esi, device, choice)?;
+    let mut offered = OfferedPdos { rx: device.rx_pdos.clone(), tx: device.tx_pdos.clone() };
+    let mut mailbox = device.mailbox.clone();
+    let mut dictionary = device.dictionary.clone();
+    for module in &modules {
+        offered.rx.extend(module.pdos(&module.module.rx_pdos)?);
+        offered.tx.extend(module.pdos(&module.module.tx_pdos)?);
+        if let Some(coe) = mailbox.as_mut().and_then(|it| it.coe.as_mut()) {
+            coe.init_commands.extend(module.commands()?);
+        }
+        let objects = module.objects()?;
+        if !objects.is_empty() {
+            dictionary.get_or_insert_default().objects.extend(objects);
+        }
     }
     let pdos = choice.pdos.as_deref();
-    if let Some(unknown) = pdos.into_iter().flatten().find(|index| pdo(device, **index).is_none()) {
+    if let Some(unknown) = pdos.into_iter().flatten().find(|index| !offered.has(**index)) {
         let fault = format!("0x{unknown:04X} is not in the file; choose from these");
-        return Err(ChoiceError::new(PDO, fault).with(list_pdos(device)));
+        return Err(ChoiceError::new(PDO, fault).with(offered.list()));
     }
-    let outputs = assigned(device, &device.rx_pdos, "Outputs", pdos)?;
-    let inputs = assigned(device, &device.tx_pdos, "Inputs", pdos)?;
+    let outputs = assigned(device, &offered, &offered.rx, "Outputs", pdos)?;
+    let inputs = assigned(device, &offered, &offered.tx, "Inputs", pdos)?;
     let chosen = ChosenSubDevice {
         kind: device.kind.clone(),
         name: device.name.clone(),
@@ -103,13 +126,36 @@ pub(super) fn choose(esi: &Esi, choice: &DeviceChoice) -> Result<ChosenSubDevice
         sync_managers: device.sync_managers.clone(),
         outputs,
         inputs,
-        mailbox: device.mailbox.clone(),
-        dictionary: device.dictionary.clone(),
+        slot_count: esi_modules::slot_count(device),
+        modules: modules.iter().map(esi_modules::PlacedModule::chosen).collect(),
+        takes_module_list: device.takes_module_list,
+        mailbox,
+        dictionary,
         eeprom: device.eeprom.clone(),
         dc_modes: device.dc_modes.clone(),
     };
-    check(&chosen).map_err(|fault| ChoiceError::new(PDO, fault).with(list_pdos(device)))?;
+    check(&chosen).map_err(|fault| ChoiceError::new(PDO, fault).with(offered.list()))?;
     Ok(chosen)
+}
+
+/// PDOs that may be assigned: those of the device, and those of its modules in their slots.
+struct OfferedPdos {
+    rx: Vec<EsiPdo>,
+    tx: Vec<EsiPdo>,
+}
+
+impl OfferedPdos {
+    fn all(&self) -> impl Iterator<Item = &EsiPdo> {
+        self.rx.iter().chain(&self.tx)
+    }
+
+    fn has(&self, index: u16) -> bool {
+        self.all().any(|pdo| pdo.index == index)
+    }
+
+    fn list(&self) -> Vec<(String, String)> {
+        self.all().map(|pdo| (format!("0x{:04X}", pdo.index), pdo.name.clone())).collect()
+    }
 }
 
 /// Finds the device by type or name and by revision, where these leave only one.
@@ -152,23 +198,15 @@ fn find<'e>(esi: &'e Esi, choice: &DeviceChoice) -> Result<&'e EsiDevice, Choice
     }
 }
 
-fn pdo(device: &EsiDevice, index: u16) -> Option<&EsiPdo> {
-    device.rx_pdos.iter().chain(&device.tx_pdos).find(|pdo| pdo.index == index)
-}
-
-fn list_pdos(device: &EsiDevice) -> Vec<(String, String)> {
-    let all = device.rx_pdos.iter().chain(&device.tx_pdos);
-    all.map(|pdo| (format!("0x{:04X}", pdo.index), pdo.name.clone())).collect()
-}
-
 /// Returns the process data of a direction: the chosen ones, or those that the file assigns.
 fn assigned(
     device: &EsiDevice,
+    offered: &OfferedPdos,
     pdos: &[EsiPdo],
     usage: &str,
     chosen: Option<&[u16]>,
 ) -> Result<Vec<ChosenPdo>, ChoiceError> {
-    let fault = |text: String| ChoiceError::new(PDO, text).with(list_pdos(device));
+    let fault = |text: String| ChoiceError::new(PDO, text).with(offered.list());
     let default = || pdos.iter().filter(|pdo| pdo.sync_manager.is_some()).collect::<Vec<_>>();
     let found: Vec<&EsiPdo> = match chosen {
         Some(indices) => {

@@ -19,6 +19,7 @@ mod config;
 mod eds;
 mod error;
 mod esi;
+mod esi_modules;
 mod found;
 mod gsdml;
 mod path;
@@ -27,6 +28,7 @@ pub use self::config::{ChoiceFileError, DeviceChoice, ModulePlace, PlaceError};
 pub use self::eds::{ChosenAdapter, ChosenAssembly, HeartbeatUse};
 pub use self::error::{ChoiceError, ChoiceOption};
 pub use self::esi::{ChosenPdo, ChosenSubDevice};
+pub use self::esi_modules::ChosenEsiModule;
 pub use self::found::{FoundModule, choose_found, choose_head};
 pub use self::gsdml::{ChosenIoDevice, ChosenModule, ChosenSubmodule};
 

@@ -39,6 +39,8 @@ pub struct EsiDevice {
     pub dc_modes: Vec<DcMode>,
     /// Slots for modules.
     pub slots: Vec<EsiSlot>,
+    /// True if the controller writes the list of modules into object 0xF030.
+    pub takes_module_list: bool,
     /// EEPROM, if the file describes it.
     pub eeprom: Option<EepromContent>,
     /// Object dictionary, if the file has it.
@@ -101,6 +103,12 @@ pub struct EsiSlot {
     pub min_instances: u16,
     /// Most modules.
     pub max_instances: u16,
+    /// Step of the indices of objects from one slot to the next.
+    pub index_increment: u16,
+    /// Step of the indices of PDOs from one slot to the next.
+    pub pdo_increment: u16,
+    /// Module that is there by default, by ident.
+    pub default_ident: Option<u32>,
     /// Modules that fit, by ident.
     pub module_idents: Vec<u32>,
     /// Modules that fit, by class.
@@ -154,8 +162,12 @@ impl EsiDevice {
                 None => Vec::new(),
             },
             slots: match device.child("Slots") {
-                Some(slots) => slots.list("Slot", EsiSlot::read)?,
+                Some(slots) => slots.list("Slot", |slot| EsiSlot::read(slots, slot))?,
                 None => Vec::new(),
+            },
+            takes_module_list: match device.child("Slots") {
+                Some(slots) => slots.is("DownloadModuleIdentList")?,
+                None => false,
             },
             eeprom: device.child("Eeprom").map(EepromContent::read).transpose()?,
             dictionary: dictionary.map(|it| ObjectDictionary::read(it, warnings)).transpose()?,
@@ -197,12 +209,23 @@ impl DcMode {
 }
 
 impl EsiSlot {
-    fn read(slot: Element<'_>) -> Result<Self, FileFault> {
+    fn read(slots: Element<'_>, slot: Element<'_>) -> Result<Self, FileFault> {
         let idents = slot.list("ModuleIdent", Element::text_number)?;
+        // What a slot does not say is that of all slots.
+        let increment = |name: &str| Ok(slot.number(name)?.or(slots.number(name)?).unwrap_or(0));
+        let mut default_ident = None;
+        for ident in slot.children_named("ModuleIdent") {
+            if default_ident.is_none() && ident.is("Default")? {
+                default_ident = ident.text_number()?;
+            }
+        }
         Ok(Self {
             name: name_of(slot)?,
             min_instances: slot.number("MinInstances")?.unwrap_or(0),
             max_instances: slot.number("MaxInstances")?.unwrap_or(1),
+            index_increment: increment("SlotIndexIncrement")?,
+            pdo_increment: increment("SlotPdoIncrement")?,
+            default_ident,
             module_idents: idents.into_iter().flatten().collect(),
             module_classes: slot.list("ModuleClass", class_of)?,
         })

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::mailbox::hex_bytes;
 use super::names::{Warnings, name_of};
+use super::pdo::depends_on_slot;
 use crate::fault::{FileFault, excerpt};
 use crate::xml::{Element, number};
 
@@ -23,6 +24,8 @@ pub struct ObjectDictionary {
 pub struct DictionaryObject {
     /// Index.
     pub index: u16,
+    /// True if the index of a module's object moves with its slot.
+    pub depends_on_slot: bool,
     /// Name.
     pub name: String,
     /// Data type; that of its own, if it has entries.
@@ -103,6 +106,7 @@ impl ObjectDictionary {
             let index = object.child_number("Index")?;
             Ok(DictionaryObject {
                 index: index.ok_or_else(|| object.finding("element Index is missing; add it"))?,
+                depends_on_slot: depends_on_slot(object)?,
                 name: name_of(object)?,
                 data_type: object.keep(name)?,
                 bits: own.or(data_type.and_then(|it| it.bits)).unwrap_or(0),

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::pdo::depends_on_slot;
 use crate::fault::{FileFault, excerpt};
 use crate::xml::Element;
 
@@ -43,6 +44,8 @@ pub struct StartupCommand {
     pub transitions: Vec<String>,
     /// Index.
     pub index: u16,
+    /// True if the index of a module's object moves with its slot.
+    pub depends_on_slot: bool,
     /// Subindex.
     pub subindex: u8,
     /// True if all entries are written at once.
@@ -90,6 +93,7 @@ impl StartupCommand {
         Ok(Self {
             transitions: command.list("Transition", |transition| transition.keep(transition.text()))?,
             index: index.ok_or_else(|| command.finding("element Index is missing; add it"))?,
+            depends_on_slot: depends_on_slot(command)?,
             subindex: command.child_number("SubIndex")?.unwrap_or(0),
             is_complete_access: command.is("CompleteAccess")?,
             data: data.map_or(Ok(Vec::new()), hex_bytes)?,

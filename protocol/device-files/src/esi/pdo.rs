@@ -12,6 +12,8 @@ use crate::xml::Element;
 pub struct EsiPdo {
     /// Index, such as 0x1A00.
     pub index: u16,
+    /// True if the index of a module's PDO moves with its slot.
+    pub depends_on_slot: bool,
     /// Name.
     pub name: String,
     /// Sync manager to which it is assigned in a new configuration; none if the user assigns it.
@@ -36,6 +38,8 @@ pub struct EsiPdo {
 pub struct EsiPdoEntry {
     /// Index of the object; 0 for bits without meaning.
     pub index: u16,
+    /// True if the index of a module's object moves with its slot.
+    pub depends_on_slot: bool,
     /// Subindex.
     pub subindex: u8,
     /// Bits.
@@ -72,6 +76,7 @@ impl EsiPdo {
             let data_type = entry.child_text("DataType").unwrap_or_default();
             Ok(EsiPdoEntry {
                 index: entry.child_number("Index")?.unwrap_or(0),
+                depends_on_slot: depends_on_slot(entry)?,
                 subindex: entry.child_number("SubIndex")?.unwrap_or(0),
                 bits: bits.ok_or_else(|| entry.finding("element BitLen is missing; add it"))?,
                 name: name_of(entry)?,
@@ -81,6 +86,7 @@ impl EsiPdo {
         let index = pdo.child_number("Index")?;
         Ok(Self {
             index: index.ok_or_else(|| pdo.finding("element Index is missing; add it"))?,
+            depends_on_slot: depends_on_slot(pdo)?,
             name: name_of(pdo)?,
             sync_manager: pdo.number("Sm")?,
             is_fixed: pdo.is("Fixed")?,
@@ -91,6 +97,11 @@ impl EsiPdo {
             entries,
         })
     }
+}
+
+/// Returns whether the index of a PDO, entry, object or command moves with the slot of its module (ETG.2000, DependOnSlot).
+pub(super) fn depends_on_slot(within: Element<'_>) -> Result<bool, FileFault> {
+    within.child("Index").map_or(Ok(false), |index| index.is("DependOnSlot"))
 }
 
 fn numbers<N: TryFrom<i64>>(pdo: Element<'_>, name: &str) -> Result<Vec<N>, FileFault> {

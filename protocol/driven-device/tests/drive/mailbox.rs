@@ -23,6 +23,17 @@ fn terminal(coe: &str) -> Chosen {
         entry(1, "Gain", "UINT", 16, 16),
         entry(2, "Offset", "UDINT", 32, 32),
     );
+    let types = types.replace(
+        "</DataTypes>",
+        &format!(
+            "<DataType><Name>STRING(16)</Name><BitSize>128</BitSize></DataType>\
+             <DataType><Name>DT10F3</Name><BitSize>288</BitSize>{}{}{}{}</DataType></DataTypes>",
+            entry(0, "Count", "USINT", 8, 0),
+            entry(2, "Newest message", "USINT", 8, 16),
+            entry(6, "Message 1", "STRING(16)", 128, 32),
+            entry(7, "Message 2", "STRING(16)", 128, 160),
+        ),
+    );
     let value = |name: &str, data: &str| {
         format!("<SubItem><Name>{name}</Name><Info><DefaultData>{data}</DefaultData></Info></SubItem>")
     };
@@ -30,12 +41,19 @@ fn terminal(coe: &str) -> Chosen {
     let objects = format!(
         "<Object><Index>#x1003</Index><Name>Errors</Name><Type>DT1003</Type><BitSize>48</BitSize><Info>{}{}</Info>\
          <Flags><Access>rw</Access></Flags></Object>\
+         <Object><Index>#x10F3</Index><Name>Diagnosis history</Name><Type>DT10F3</Type><BitSize>288</BitSize>\
+         <Info>{}{}{}{}</Info><Flags><Access>rw</Access></Flags></Object>\
          <Object><Index>#x8001</Index><Name>Settings</Name><Type>DT8001</Type><BitSize>64</BitSize><Info>{}{}{}</Info>\
          <Flags><Access>rw</Access></Flags></Object>\
          <Object><Index>#x8002</Index><Name>Label</Name><Type>STRING(300)</Type><BitSize>2400</BitSize>\
          <Info><DefaultData>{long}</DefaultData></Info><Flags><Access>rw</Access></Flags></Object></Objects>",
         value("Count", "01"),
         value("Newest", "10420000"),
+        value("Count", "07"),
+        value("Newest message", "07"),
+        // Code, flags, number of the text, time.
+        value("Message 1", "00E8105400000A000000000000000000"),
+        value("Message 2", "00E8104202000B000000000000000000"),
         value("Count", "02"),
         value("Gain", "0500"),
         value("Offset", "07000000"),
@@ -90,6 +108,20 @@ fn errors_that_the_device_stored_before_the_connection_are_said() {
     cell.run_to(3_000);
     let said = "earlier stored error 0x4210: temperature";
     assert!(cell.texts().iter().any(|text| text == said), "{:?}", cell.texts());
+    assert!(answers(&cell).is_empty(), "the controller's own reads are no answers: {:?}", cell.texts());
+}
+
+#[test]
+fn the_newest_message_of_the_diagnosis_history_is_said_and_no_older_one() {
+    let mut cell = DrivenPair::of(&terminal(PLAIN), "", "", &drive_config());
+    cell.run_to(3_000);
+    let said: Vec<_> = cell.texts().into_iter().filter(|text| text.contains("message")).collect();
+    assert_eq!(
+        said,
+        ["earlier diagnosis message 0x4210E800: error, temperature; text 0x000B of its ESI"],
+        "{:?}",
+        cell.texts()
+    );
     assert!(answers(&cell).is_empty(), "the controller's own reads are no answers: {:?}", cell.texts());
 }
 

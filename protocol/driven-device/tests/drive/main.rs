@@ -7,6 +7,7 @@ mod cell;
 mod exchange;
 mod intervals;
 mod mailbox;
+mod modules;
 mod parameters;
 mod positions;
 mod records;

@@ -31,6 +31,13 @@ fn device(records: &[(u16, usize)], multiple: bool) -> Chosen {
 
 /// Connects, and returns the index of each Write that the controller called.
 fn writes(chosen: &Chosen) -> (DrivenPair, Vec<u16>) {
+    let (cell, written) = connected(chosen);
+    let written = written.borrow().clone();
+    (cell, written)
+}
+
+/// Connects, and keeps the index of each Write that the controller calls.
+fn connected(chosen: &Chosen) -> (DrivenPair, Rc<RefCell<Vec<u16>>>) {
     let mut cell = DrivenPair::of(chosen, "", "", &drive_config());
     let written = Rc::new(RefCell::new(Vec::new()));
     let kept = Rc::clone(&written);
@@ -42,7 +49,6 @@ fn writes(chosen: &Chosen) -> (DrivenPair, Vec<u16>) {
         }
     });
     cell.run_to(5_000);
-    let written = written.borrow().clone();
     (cell, written)
 }
 
@@ -100,6 +106,23 @@ fn records_of_up_to_64_kib_are_written_at_the_start_and_later() {
     let (cell, written) = writes(&device(&[(100, 2), (101, 65_400), (102, 2), (103, 2)], true));
     assert!(cell.pair.a().devices()[0].is_up(), "{:?}", cell.texts());
     assert_eq!(written, [MULTIPLE_WRITE, 101, MULTIPLE_WRITE]);
+}
+
+#[test]
+fn a_record_that_is_too_long_for_a_call_is_refused_in_words_before_anything_is_sent() {
+    let (mut cell, written) = connected(&device(&[(100, 2)], false));
+    let before = written.borrow().len();
+    let value = "5a".repeat(65_453);
+    cell.pair.command_a(|bus, _| bus.write_parameter("2.1:200", &value)).unwrap();
+    cell.run_to(7_000);
+    let answer = cell.texts().into_iter().find(|text| text.starts_with("answer")).unwrap();
+    assert_eq!(answer, "answer 2.1:200: 65453 bytes: a record has at most 65452; shorten it");
+    assert_eq!(written.borrow().len(), before, "nothing is sent");
+    // The connection goes on, and takes the longest that fits.
+    cell.pair.command_a(|bus, _| bus.write_parameter("2.1:200", &value[2..])).unwrap();
+    cell.run_to(9_000);
+    assert!(cell.pair.a().devices()[0].is_up(), "{:?}", cell.texts());
+    assert_eq!(written.borrow()[before..], [200]);
 }
 
 #[test]

@@ -44,7 +44,7 @@ pub enum RecordError {
     #[error("the device is answering an earlier request; ask again after that answer")]
     Busy,
     /// The record is too long.
-    #[error("{0} bytes: a record has at most {1}")]
+    #[error("{0} bytes: a record has at most {1}; shorten it")]
     TooLong(usize, usize),
 }
 
