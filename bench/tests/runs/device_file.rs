@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use stands::capture::{PLC_FILE, ROBOT_FILE};
+use stands::virtual_run::VirtualRun;
 
 use crate::captures::{Seen, read};
 use crate::foreign_devices::{self, CHOICES, EDS, ESI, GSDML, with_lines};
@@ -72,6 +73,20 @@ fn a_foreign_device_of_a_file_carries_the_image_in_its_layout_and_the_saved_setu
         let [first, second] = ["run", "again"].map(|out| read(&place.path().join(out), ROBOT_FILE));
         assert_eq!(first.len(), second.len(), "{name}");
         assert!(first == second, "{name}: the copy of the setup makes the same run");
+    }
+}
+
+#[test]
+fn a_robot_goes_on_whose_process_data_are_assigned_in_any_phase_of_its_cycle() {
+    let place = tempfile::tempdir().unwrap();
+    let (name, config) = CHOICES[2];
+    fs::write(place.path().join("device"), foreign_devices::file(name)).unwrap();
+    fs::write(place.path().join("choice.toml"), config).unwrap();
+    write_setup(place.path(), name, "device = \"device\"\nconfig = \"choice.toml\"");
+    let path = place.path().join("my.toml");
+    let (setup, found) = planning::setup_with_application(path.to_str().unwrap()).unwrap();
+    for seed in 0..48 {
+        VirtualRun::start(&setup, &found.application, seed).unwrap();
     }
 }
 
