@@ -311,7 +311,7 @@ verb_ci() { #: all of it but setup, timing and release; ends with the seconds of
     beside=$!
     # shellcheck disable=SC2064 # the process of now
     trap "pkill --parent $beside; kill $beside" ERR
-    for verb in wire user examples interop; do
+    for verb in wire user examples wheel interop; do
         ci_begin "$verb"
         case $verb in
             # What a test does to a process needs no privilege; the workflow `deep` has these tests too.

@@ -111,7 +111,7 @@ impl Inbox {
     fn poll(&mut self) -> std::io::Result<()> {
         let stdin = std::io::stdin();
         let mut time_left = self.link.as_ref().map(|(_, at)| at.saturating_duration_since(Instant::now()));
-        let [notices, stop, carrier, commands] = {
+        let [notices, stop, carrier, commands, is_timeout] = {
             let notices = PollFd::new(&self.notices, PollFlags::IN);
             let stop = PollFd::new(&self.signals, PollFlags::IN);
             let commands = match &self.commands {
@@ -135,7 +135,7 @@ impl Inbox {
             let [notices, stop] = [0, 1].map(|index| waits.get(index).is_some_and(is_ready));
             let carrier = before_commands > 2 && waits.get(2).is_some_and(is_ready);
             let is_any = waits.iter().skip(before_commands).any(is_ready);
-            [notices, stop, carrier, ready == 0 || is_any]
+            [notices, stop, carrier, is_any, ready == 0]
         };
         // Notices from before a stop are returned before the stop.
         if notices {
@@ -149,8 +149,9 @@ impl Inbox {
             self.carrier.iter_mut().for_each(CarrierReport::note_change);
         }
         match &mut self.commands {
+            // Reading after a timeout would wait for a line, and hold back all events until it comes.
             Commands::Stdin if commands => self.read_stdin(&stdin)?,
-            Commands::Control(port) if commands => port.handle(),
+            Commands::Control(port) if commands || is_timeout => port.handle(),
             _ => {}
         }
         Ok(())

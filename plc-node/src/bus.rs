@@ -2,6 +2,7 @@
 
 mod ethercat;
 
+use device_files::ChosenDevice;
 use ethernet_ip::cip::{ElectronicKey, Revision};
 use ethernet_ip::connection::{RealTimeFormat, TimeoutMultiplier};
 use ethernet_ip::{ConnectionConfig, ScannerConfig};
@@ -31,6 +32,9 @@ pub enum BusError {
     /// There are more stations on a bus than it has.
     #[error("bus: {0}")]
     TooMany(String),
+    /// A device cannot be started as its file says.
+    #[error("bus.device: {0}")]
+    Device(String),
     /// An EtherNet/IP connection cannot have such a long timeout.
     #[error(
         "bus.watchdog_cycles is {intervals}, but an EtherNet/IP connection waits for 512 packet intervals at most"
@@ -102,7 +106,7 @@ pub fn open_all(
         }
         BusKind::Ethercat(_) => {
             let devices = all().filter_map(|bus| match &bus.kind {
-                BusKind::Ethercat(ethercat) => Some(ethercat::expected(ethercat)),
+                BusKind::Ethercat(ethercat) => Some((ethercat::expected(ethercat), bus.device.as_deref())),
                 BusKind::Profinet(..) | BusKind::EthernetIp(..) => None,
             });
             Endpoint::Ethercat(EthercatMainDevice::new(first, devices.collect(), mac, start)?)
@@ -139,12 +143,16 @@ fn io_device(bus: &Bus, addresses: &Addresses, profinet: &Profinet) -> ArConfig 
     let description = expected_device(profinet);
     // Devices may refuse a record for a subslot that they do not have.
     let has_interface = description.submodule(0, INTERFACE_SUBSLOT).is_some();
+    let parameters = match bus.device.as_deref() {
+        Some(ChosenDevice::Gsdml(device)) => driven_device::startup_records(device),
+        _ => has_interface.then(Parameter::interface_adjust).into_iter().collect(),
+    };
     ArConfig {
         station_name: profinet.robot_station_name.clone(),
         mac: bus.robot.and_then(|robot| robot.mac),
         address: addresses.robot,
         description,
-        parameters: has_interface.then(Parameter::interface_adjust).into_iter().collect(),
+        parameters,
         transport: match profinet.cyclic {
             Cyclic::Udp => Transport::Udp,
             Cyclic::Rt1 => Transport::Rt1,
@@ -235,6 +243,7 @@ fn of_adapter(adapter: &EthernetIpAdapter, config: ConnectionConfig) -> Connecti
             compatible: key.compatible,
         }),
         configuration: adapter.configuration_assembly,
+        configuration_data: adapter.configuration_data.clone(),
         consumed: adapter.consumed_assembly,
         produced: adapter.produced_assembly,
         o_t_size: adapter.consumed_bytes,
@@ -296,6 +305,7 @@ mod tests {
             consumed_format: EthernetIpFormat::ZeroLength,
             produced_format: EthernetIpFormat::RunIdleHeader,
             configuration_assembly: None,
+            configuration_data: vec![1, 2],
             route: Vec::new(),
             key: Some(key),
         };
@@ -303,5 +313,6 @@ mod tests {
         let config = of_adapter(&adapter, config);
         assert_eq!((config.o_t().size, config.t_o().size), (34, 70), "with sequence count and header");
         assert!(config.key.is_some_and(|key| key.compatible));
+        assert_eq!(config.configuration_data, [1, 2]);
     }
 }

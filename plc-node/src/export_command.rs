@@ -9,10 +9,9 @@ use node::planned_station::plan_station;
 use node::{Outcome, errln};
 use planning::Plan;
 use plc_export::{Application, ExportError, Maker, br};
-use setup::{BusKind, Refill, Setup, SlotForm};
+use setup::{BusKind, Refill, Setup, SlotForm, UnfitRobotFile, ways_to_plug};
 
 use crate::PlcConfig;
-use crate::robot_file::{UnfitRobotFile, ways_to_plug};
 
 /// A maker's language.
 #[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
@@ -104,7 +103,7 @@ pub(crate) struct ExportCommand {
     /// The application, instead of that of the setup.
     #[arg(long, value_name = "NAME|FILE")]
     application: Option<String>,
-    /// The robot's device file, a GSDML or an EDS: refuses one that does not carry the image, and prints the modules to plug.
+    /// The robot's device file, a GSDML, an EDS or an ESI: refuses one that does not carry the image, and prints the modules to plug.
     #[arg(long, value_name = "FILE")]
     device: Option<PathBuf>,
     /// The directory for the files, new or empty.

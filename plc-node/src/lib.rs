@@ -46,7 +46,6 @@ pub mod process;
 mod program;
 mod program_file;
 pub mod robot_clock;
-mod robot_file;
 mod sample;
 mod scan;
 mod sequence;

@@ -2,7 +2,9 @@
 
 use core::net::Ipv4Addr;
 
+use emulated_device::DeviceDescription;
 use ethercat_subdevice::DeviceConfig as SubDeviceConfig;
+use ethernet_ip::description::Description;
 use ethernet_ip::{Adapter, AdapterConfig};
 use machine::ethernet::Mac;
 use machine::{Allowed, Instant};
@@ -52,27 +54,41 @@ pub fn open_station(
     seed: u64,
     start: impl FnOnce() -> Instant,
 ) -> RobotBus {
+    // A setup is refused with a device that has no description, so this is that of our robot without a file only.
+    let described = bus.device.as_deref().and_then(|device| emulated_device::describe(device).ok());
     match &bus.kind {
         BusKind::Profinet(addresses, profinet) => {
+            let description = match described {
+                Some(DeviceDescription::Profinet(description)) => description,
+                _ => PROFINET_ROBOT,
+            };
             let config = DeviceConfig {
                 mac,
                 station_name: profinet.robot_station_name.clone().into_bytes(),
                 permanent: stored.map(permanent),
                 address,
                 mask: addresses.mask,
-                description: PROFINET_ROBOT,
+                description,
                 controllers: bus.allowed(),
             };
             Endpoint::Profinet(Device::new(config, start()))
         }
         BusKind::EthernetIp(addresses, _) => {
-            let adapter = ethernet_ip_adapter(addresses, bus.allowed(), (mac, gateway), seed);
+            let description = match described {
+                Some(DeviceDescription::EthernetIp(description)) => description,
+                _ => &ETHERNET_IP_ROBOT,
+            };
+            let adapter = ethernet_ip_adapter(description, addresses, bus.allowed(), (mac, gateway), seed);
             Endpoint::EthernetIp(adapter.with_conflict_detection(Instant::ZERO))
         }
         BusKind::Ethercat(_) => {
             let Mac([_, _, serial @ ..]) = mac;
             let serial_number = u32::from_be_bytes(serial);
-            let config = SubDeviceConfig { serial_number, ..SubDeviceConfig::new(&ETHERCAT_ROBOT) };
+            let config = match described {
+                Some(DeviceDescription::Ethercat(config)) => config,
+                _ => SubDeviceConfig::new(&ETHERCAT_ROBOT),
+            };
+            let config = SubDeviceConfig { serial_number, ..config };
             Endpoint::Ethercat(EthercatSubDevice::new(&config))
         }
     }
@@ -108,6 +124,7 @@ fn permanent(Station { name, address, maintenance }: Station) -> Permanent {
 }
 
 fn ethernet_ip_adapter(
+    description: &'static Description,
     addresses: &Addresses,
     originators: Allowed,
     (mac, gateway): (Mac, Option<Ipv4Addr>),
@@ -115,7 +132,7 @@ fn ethernet_ip_adapter(
 ) -> Adapter {
     let Mac([_, _, serial @ ..]) = mac;
     Adapter::new(AdapterConfig {
-        description: &ETHERNET_IP_ROBOT,
+        description,
         serial_number: u32::from_be_bytes(serial),
         address: addresses.robot,
         mask: addresses.mask,

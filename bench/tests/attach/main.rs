@@ -9,6 +9,7 @@
 
 mod by_hand;
 mod cell;
+mod device_file;
 mod peer;
 mod stations;
 
@@ -48,6 +49,7 @@ fn main() -> ExitCode {
         another_value_anywhere_in_setup_or_application_is_refused_and_its_key_named,
         a_wrong_value_in_an_instruction_is_refused_and_the_run_goes_on,
         nodes_end_with_130_at_ctrl_c_and_sigterm_whatever_they_do,
+        device_file::a_bench_measures_on_nodes_of_the_same_device_file_and_refuses_those_of_another,
         cell::two_robots_on_two_buses_and_one_switch_work_with_one_plc,
         cell::a_plc_that_sends_json_names_the_station_of_each_message,
         cell::a_robot_that_is_missing_or_another_than_described_is_named_and_the_other_arm_does_not_move,
@@ -76,12 +78,17 @@ impl Cell {
 
     /// Starts a cell whose robot node gets further arguments.
     fn start_with(robot_args: &[&str]) -> Self {
+        Self::start_of("A", robot_args)
+    }
+
+    /// Starts a cell of another setup on PROFINET.
+    fn start_of(setup: &str, robot_args: &[&str]) -> Self {
         let [plc, robot, control] = [(); 3].map(|()| NetworkNamespace::new().unwrap());
         cable((&plc, "plc0", None), (&robot, "robot0", None));
         cable((&plc, "plc", Some([10, 77, 0, 1])), (&control, "c0", Some([10, 77, 0, 2])));
         cable((&robot, "robot", Some([10, 77, 1, 1])), (&control, "c1", Some([10, 77, 1, 2])));
         let node = |network: &NetworkNamespace, name, interface, address, more: &[&str]| {
-            let mut command = node(network, name, interface);
+            let mut command = node_of(setup, network, name, interface);
             command.args(["--control", address]).args(more).env("SKILLBENCH_CONTROL_TOKEN", TOKEN);
             command.stdout(Stdio::null()).spawn().unwrap()
         };
@@ -150,8 +157,13 @@ fn cable(a: (&NetworkNamespace, &str, Option<[u8; 4]>), b: (&NetworkNamespace, &
 
 /// Returns the command that starts a node of Setup A in a network.
 fn node(network: &NetworkNamespace, name: &str, interface: &str) -> Command {
+    node_of("A", network, name, interface)
+}
+
+/// Returns the command that starts a node of a setup in a network.
+fn node_of(setup: &str, network: &NetworkNamespace, name: &str, interface: &str) -> Command {
     let mut command = bench();
-    command.args([name, "run", "--setup", "A", "--interface", interface]);
+    command.args([name, "run", "--setup", setup, "--interface", interface]);
     // A directory that cannot be read, as where `HOME` is another user's: the node starts all the same.
     command.env_remove("STATE_DIRECTORY").env("XDG_STATE_HOME", "/dev/null");
     network.confine(&mut command).unwrap();

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod cells;
+mod device_file;
 mod process;
 
 use std::fs;
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
         a_run_of_setup_c_passes_and_loses_no_frame,
         exported_code_runs_on_every_bus_in_the_place_of_the_function_blocks,
         compact_points_are_driven_in_a_real_run_on_every_bus,
+        device_file::a_foreign_device_of_a_file_carries_the_image_in_a_real_run_on_every_bus,
         a_killed_node_fails_the_run_at_once_and_is_named,
         a_node_that_hangs_fails_the_run,
         nodes_that_both_hang_fail_the_run_and_are_named_with_what_they_sent_last,

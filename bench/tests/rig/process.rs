@@ -105,6 +105,21 @@ impl Bench {
         Self::start_in(place, &setup, &args, &[])
     }
 
+    /// Starts one CM likewise, with the robot's device from a file.
+    pub(crate) fn start_with_device(setup: &str, device: &str, choice: &str) -> Self {
+        let place = tempfile::tempdir().unwrap();
+        let setup = patient(setup, place.path());
+        let text = fs::read_to_string(&setup).unwrap();
+        let lines = "device = \"device\"\nconfig = \"choice.toml\"";
+        fs::write(&setup, crate::device_file::with_lines(&text, lines)).unwrap();
+        fs::write(place.path().join("device"), device).unwrap();
+        fs::write(place.path().join("choice.toml"), choice).unwrap();
+        let short = place.path().join("short.toml");
+        fs::write(&short, include_str!("../../studies/src/explore/short.toml")).unwrap();
+        let args = ["--application", short.to_str().unwrap(), "--types", "cm", "--reps", "1"];
+        Self::start_in(place, &setup, &args, &[])
+    }
+
     /// Starts it likewise, it and its nodes with a UTC that steps by hours.
     pub(crate) fn start_with_a_stepping_clock(setup: &str, args: &[&str]) -> Self {
         let place = tempfile::tempdir().unwrap();

@@ -13,14 +13,15 @@ use stands::capture::{PLC_FILE, ROBOT_FILE};
 use stands::virtual_run::{Extras, VirtualRun};
 
 #[derive(Clone, PartialEq, Debug)]
-struct Seen {
-    at_ns: u128,
+pub(crate) struct Seen {
+    pub(crate) at_ns: u128,
     sent: bool,
     comment: Option<String>,
-    data: Vec<u8>,
+    pub(crate) data: Vec<u8>,
 }
 
-fn read(directory: &Path, file: &str) -> Vec<Seen> {
+/// Returns the packets of a capture.
+pub(crate) fn read(directory: &Path, file: &str) -> Vec<Seen> {
     let mut reader = PcapNgReader::new(File::open(directory.join(file)).unwrap()).unwrap();
     let mut packets = Vec::new();
     while let Some(block) = reader.next_block() {

@@ -145,6 +145,7 @@ impl<'a> Reference<'a> {
                     _ => format!("list of: {item}"),
                 }
             }
+            "object" if value["additionalProperties"] == true => "table".to_owned(),
             "object" => format!("table; each key a name: {}", self.kind(&value["additionalProperties"])),
             "string" => "text".to_owned(),
             "boolean" => "true or false".to_owned(),

@@ -3,9 +3,10 @@
 use std::net::Ipv4Addr;
 use std::time::Duration;
 
+use device_files::ChosenDevice;
 use serde::{Deserialize, Serialize};
 
-use crate::{Peer, Sourced};
+use crate::{DevicePaths, Peer, Sourced};
 
 /// The fieldbus.
 #[derive(Clone, PartialEq, Debug)]
@@ -24,6 +25,10 @@ pub struct Bus {
     pub allowed_plcs: Vec<Peer>,
     /// Properties that the PLC node checks besides the name or address of the robot.
     pub robot: Option<Peer>,
+    /// Files that describe the robot's device, until they are read.
+    pub device_paths: Option<DevicePaths>,
+    /// Device that was chosen from such a file: the robot node is that device, and the PLC node starts it as the file says.
+    pub device: Option<Box<ChosenDevice>>,
 }
 
 impl Bus {
@@ -221,6 +226,9 @@ pub struct EthernetIpAdapter {
     pub produced_format: EthernetIpFormat,
     /// Configuration assembly, where the adapter has one.
     pub configuration_assembly: Option<u32>,
+    /// Configuration data that the Forward_Open carries, at most 400 bytes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub configuration_data: Vec<u8>,
     /// Port segments to the adapter behind a bridge, as a padded path.
     #[serde(default)]
     pub route: Vec<u8>,

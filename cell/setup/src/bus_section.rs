@@ -5,11 +5,12 @@
 
 use std::net::Ipv4Addr;
 
+use device_files::ChosenDevice;
 use serde::de::{Deserializer, Error};
 use serde::ser::Serializer;
 use serde::{Deserialize, Serialize};
 
-use crate::{Addresses, Bus, BusKind, Ethercat, EthernetIp, Peer, Profinet, Sourced};
+use crate::{Addresses, Bus, BusKind, DevicePaths, Ethercat, EthernetIp, Peer, Profinet, Sourced};
 
 /// The fieldbus. Keys that only other buses need may stay in the file. The keys are written in this order.
 #[derive(Serialize, Deserialize)]
@@ -37,6 +38,14 @@ struct BusSection {
     allowed_plcs: Vec<Peer>,
     /// Properties that the PLC node checks besides the name or address of the robot.
     robot: Option<Peer>,
+    /// File of the robot's device, a GSDML, EDS or ESI: identity, lengths and start-up come from it, and the robot node is that
+    /// device. The path is relative to this file's directory.
+    device: Option<String>,
+    /// Choice from `device`, a TOML file as `plc-node io --print-config` writes it. Needed where the file leaves a choice.
+    config: Option<String>,
+    /// Device that was chosen from `device`, as a run writes it into its copy of a setup.
+    #[cfg_attr(test, schemars(with = "Option<serde_json::Map<String, serde_json::Value>>"))]
+    chosen_device: Option<Box<ChosenDevice>>,
     /// Details of the PROFINET connection.
     profinet: Option<Profinet>,
     /// Optional details of the EtherNet/IP connection.
@@ -59,20 +68,21 @@ enum Kind {
 }
 
 impl Kind {
-    const fn name(self) -> &'static str {
+    /// Returns the line of this kind in a file.
+    const fn line(self) -> &'static str {
         match self {
-            Self::Profinet => "profinet",
-            Self::EthernetIp => "ethernet-ip",
-            Self::Ethercat => "ethercat",
+            Self::Profinet => "kind = \"profinet\"",
+            Self::EthernetIp => "kind = \"ethernet-ip\"",
+            Self::Ethercat => "kind = \"ethercat\"",
         }
     }
 }
 
-/// The section lacks what the bus of its kind needs.
+/// The section lacks what another key of it needs, such as the kind of the bus.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
-#[error("`kind = \"{kind}\"` needs {wanted}")]
+#[error("`{of}` needs {wanted}")]
 struct Missing {
-    kind: &'static str,
+    of: &'static str,
     wanted: &'static str,
 }
 
@@ -90,7 +100,7 @@ impl Serialize for Bus {
 
 impl BusSection {
     fn addresses(&self) -> Result<Addresses, Missing> {
-        let lacks = |wanted| Missing { kind: self.kind.name(), wanted };
+        let lacks = |wanted| Missing { of: self.kind.line(), wanted };
         Ok(Addresses {
             plc: self.plc_address.ok_or(lacks("the key `plc_address`"))?,
             robot: self.robot_address.ok_or(lacks("the key `robot_address`"))?,
@@ -99,7 +109,7 @@ impl BusSection {
     }
 
     fn resolve(self) -> Result<Bus, Missing> {
-        let lacks = |wanted| Missing { kind: self.kind.name(), wanted };
+        let lacks = |wanted| Missing { of: self.kind.line(), wanted };
         let kind = match self.kind {
             Kind::Profinet => {
                 let addresses = self.addresses()?;
@@ -110,12 +120,32 @@ impl BusSection {
         };
         let Self { cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm, allowed_plcs, robot, .. } =
             self;
-        Ok(Bus { kind, cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm, allowed_plcs, robot })
+        let device_paths = match (self.device, self.config) {
+            (Some(device), config) => Some(DevicePaths { device, config }),
+            (None, Some(_)) => {
+                return Err(Missing { of: "config", wanted: "the key `device`, a device file" });
+            }
+            (None, None) => None,
+        };
+        Ok(Bus {
+            kind,
+            cycle_us,
+            watchdog_cycles,
+            cable_delay_us,
+            clock_drift_ppm,
+            allowed_plcs,
+            robot,
+            device_paths,
+            device: self.chosen_device,
+        })
     }
 
     fn of(bus: Bus) -> Self {
-        let Bus { kind, cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm, allowed_plcs, robot } =
-            bus;
+        let Bus {
+            kind, cycle_us, watchdog_cycles, cable_delay_us, clock_drift_ppm, allowed_plcs, robot, ..
+        } = bus;
+        let (device, config) =
+            bus.device_paths.map_or((None, None), |paths| (Some(paths.device), paths.config));
         let (mut profinet, mut ethernet_ip, mut ethercat) = (None, None, None);
         let (kind, addresses) = match kind {
             BusKind::Profinet(addresses, section) => {
@@ -142,6 +172,9 @@ impl BusSection {
             subnet_mask: addresses.map(|addresses| addresses.mask),
             allowed_plcs,
             robot,
+            device,
+            config,
+            chosen_device: bus.device,
             profinet,
             ethernet_ip,
             ethercat,

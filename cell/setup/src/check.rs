@@ -10,22 +10,10 @@ use protocol::image::SLOTS;
 
 pub(crate) use cell::check_cell;
 
+use crate::problem::{Check, Problem, problem};
 use crate::{
     Drives, Figure, Frame, Kinematics, Opw, Paper, Setup, Sourced, ThreeParallel, control_character,
 };
-
-/// A key and the error in its value.
-#[derive(Debug)]
-pub(crate) struct Problem {
-    pub(crate) key: String,
-    pub(crate) text: String,
-}
-
-type Check = Result<(), Problem>;
-
-fn problem(key: impl Into<String>, text: impl Into<String>) -> Problem {
-    Problem { key: key.into(), text: text.into() }
-}
 
 /// The version of the file format that this program reads.
 const SCHEMA: u32 = 1;

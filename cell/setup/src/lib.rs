@@ -9,6 +9,7 @@ mod bus_section;
 mod cell;
 mod cell_bus;
 mod check;
+mod device_file;
 mod difference;
 mod error;
 mod exact;
@@ -19,6 +20,7 @@ mod nearest;
 mod peer;
 mod place;
 mod plain_file;
+mod problem;
 mod shared_zone;
 mod sourced;
 mod supply;
@@ -32,6 +34,7 @@ pub use bus::{
 };
 pub use cell::{Cell, Station};
 pub use cell_bus::CellBus;
+pub use device_file::{DevicePaths, UnfitRobotFile, ways_to_plug};
 pub use difference::{Difference, text_differences};
 pub use error::{Error, Figure, control_character};
 pub use load::{

@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 
 use crate::cell::CELL_SCHEMA;
-use crate::check::{self, Problem, check_setup};
+use crate::check::{self, check_setup};
+use crate::device_file;
 use crate::exact::Exact;
 use crate::place::line_of;
 use crate::plain_file::{MOST_FILE_BYTES, read_plain_file, text_of};
+use crate::problem::{Check, Problem};
 use crate::{Cell, Error, Setup};
 
 /// Setups compiled in: name and text.
@@ -35,7 +37,8 @@ pub fn setup(name: &str) -> Result<Setup, Error> {
 /// of its file, `None` for a built-in one.
 pub fn setup_with_directory(name: &str) -> Result<(Setup, Option<PathBuf>), Error> {
     let text = find_setup(name)?;
-    Ok((setup_from_text(&text.origin, &text.text)?, text.directory()))
+    let directory = text.directory();
+    Ok((setup_in(&text.origin, &text.text, directory.as_deref())?, directory))
 }
 
 /// Reads a setup from its text, which `origin` names in messages, and checks its values.
@@ -43,13 +46,19 @@ pub fn setup_with_directory(name: &str) -> Result<(Setup, Option<PathBuf>), Erro
 /// # Errors
 /// Among others [`Error::Several`]: a setup of several stations is a [`Cell`].
 pub fn setup_from_text(origin: &str, text: &str) -> Result<Setup, Error> {
+    setup_in(origin, text, None)
+}
+
+/// Reads a setup from its text, with the device file that it names relative to a directory.
+fn setup_in(origin: &str, text: &str, directory: Option<&Path>) -> Result<Setup, Error> {
     if has_stations(origin, text)? {
-        let cell = cell_of_several(origin, text)?;
+        let cell = cell_of_several(origin, text, directory)?;
         let stations = cell.names().map(str::to_owned).collect();
         return Err(Error::Several { origin: origin.to_owned(), stations });
     }
-    let setup = read::<Setup>(origin, text)?.with_servo();
-    check_setup(&setup).map_err(|problem| refuse_text(origin, text, problem))?;
+    let mut setup = read::<Setup>(origin, text)?.with_servo();
+    let of_file = directory.map_or(Ok(()), |directory| device_file::read(&mut setup.bus, directory));
+    of_file.and_then(|()| check_setup(&setup)).map_err(|problem| refuse_text(origin, text, problem))?;
     Ok(setup)
 }
 
@@ -76,22 +85,39 @@ fn from_table<T: DeserializeOwned>(table: toml::Table) -> Result<T, Problem> {
 /// [`setup_with_directory`]. A setup of one robot is a cell of one station.
 pub fn cell(name: &str) -> Result<(Cell, Option<PathBuf>), Error> {
     let text = find_setup(name)?;
-    Ok((cell_from_text(&text.origin, &text.text)?, text.directory()))
+    let directory = text.directory();
+    Ok((cell_in(&text.origin, &text.text, directory.as_deref())?, directory))
 }
 
 /// Reads a setup with any number of stations from its text, like [`setup_from_text`].
 pub fn cell_from_text(origin: &str, text: &str) -> Result<Cell, Error> {
+    cell_in(origin, text, None)
+}
+
+fn cell_in(origin: &str, text: &str, directory: Option<&Path>) -> Result<Cell, Error> {
     if has_stations(origin, text)? {
-        cell_of_several(origin, text)
+        cell_of_several(origin, text, directory)
     } else {
-        setup_from_text(origin, text).map(Cell::from)
+        setup_in(origin, text, directory).map(Cell::from)
     }
 }
 
-fn cell_of_several(origin: &str, text: &str) -> Result<Cell, Error> {
-    let cell = read::<Cell>(origin, text)?.with_servos();
-    check::check_cell(&cell).map_err(|problem| refuse_text(origin, text, problem))?;
+fn cell_of_several(origin: &str, text: &str, directory: Option<&Path>) -> Result<Cell, Error> {
+    let mut cell = read::<Cell>(origin, text)?.with_servos();
+    let of_files = directory.map_or(Ok(()), |directory| read_device_files(&mut cell, directory));
+    of_files.and_then(|()| check::check_cell(&cell)).map_err(|problem| refuse_text(origin, text, problem))?;
     Ok(cell)
+}
+
+/// Reads the device file of each station.
+fn read_device_files(cell: &mut Cell, directory: &Path) -> Check {
+    for station in &mut cell.stations {
+        device_file::read(&mut station.bus, directory).map_err(|Problem { key, text }| Problem {
+            key: format!("station.{}.{key}", station.name),
+            text,
+        })?;
+    }
+    Ok(())
 }
 
 /// Returns whether a text is a setup with sections `[[station]]`, and refuses one whose `schema` says otherwise. What cannot

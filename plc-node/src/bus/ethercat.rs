@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use device_files::ChosenDevice;
 use ethercat_maindevice::{Config, ExpectedDevice, MainDevice, SubDeviceId};
 use machine::ethernet::Mac;
 use machine::{Counters, Duration, Instant, LinkEvent, Machine, Pending, PortRequest, Source, Transmit};
@@ -41,16 +42,24 @@ pub(super) fn expected(ethercat: &Ethercat) -> ExpectedDevice {
 }
 
 impl EthercatMainDevice {
-    /// Creates the MainDevice of a bus. It looks for its SubDevices from `start` on.
+    /// Creates the MainDevice of a bus. It looks for its SubDevices from `start` on, and starts those of a file as the file says.
     pub(super) fn new(
         bus: &Bus,
-        devices: Vec<ExpectedDevice>,
+        devices: Vec<(ExpectedDevice, Option<&ChosenDevice>)>,
         mac: Mac,
         start: Instant,
     ) -> Result<Self, BusError> {
         let cycle = Duration::from_micros(bus.cycle_us.value.into());
+        let (devices, of_files): (Vec<_>, Vec<_>) = devices.into_iter().unzip();
         let config = Config { mac, devices, cycle, watchdog: bus.watchdog() };
-        let main = MainDevice::new(config, start).map_err(|error| BusError::TooMany(error.to_string()))?;
+        let mut main =
+            MainDevice::new(config, start).map_err(|error| BusError::TooMany(error.to_string()))?;
+        for (id, of_file) in main.ids().zip(of_files) {
+            if let Some(ChosenDevice::Esi(device)) = of_file {
+                let writes = driven_device::startup_writes(device);
+                main.set_startup(id, writes.map_err(|error| BusError::Device(error.to_string()))?);
+            }
+        }
         Ok(Self { stations: Stations::new(main.ids().collect()), main })
     }
 }

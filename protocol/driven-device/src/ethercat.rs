@@ -115,7 +115,11 @@ pub(crate) fn names(chosen: &ChosenSubDevice) -> OpenedDevice {
 }
 
 /// Returns what is written in PRE-OP: the init commands of the ESI, and the assignment of PDOs where it can be written.
-pub(crate) fn startup(chosen: &ChosenSubDevice) -> Result<Vec<StartupWrite>, DriveError> {
+///
+/// # Errors
+///
+/// An init command is longer than what can be written.
+pub fn startup_writes(chosen: &ChosenSubDevice) -> Result<Vec<StartupWrite>, DriveError> {
     let Some(coe) = chosen.mailbox.as_ref().and_then(|it| it.coe.as_ref()) else { return Ok(Vec::new()) };
     let to_safe_op = |transitions: &[String]| transitions.iter().any(|it| it == "PS");
     let commands = coe.init_commands.iter().filter(|it| to_safe_op(&it.transitions));

@@ -77,7 +77,7 @@ pub(crate) fn connect(
         serial_number: None,
         described: None,
         configuration: chosen.configuration.as_ref().map(|it| it.instance),
-        configuration_data: configuration(eds, connection, chosen)?,
+        configuration_data: configuration_data(eds, chosen)?,
         consumed: chosen.consumed_point,
         produced: chosen.produced.instance,
         multicast: !types.is_empty() && !types.contains(&"point to point"),
@@ -188,11 +188,11 @@ const fn format(end: &ConnectionEnd) -> RealTimeFormat {
 }
 
 /// Makes the configuration data of the parameters' defaults; none if the file has none.
-fn configuration(
-    eds: &Eds,
-    connection: &EdsConnection,
-    chosen: &ChosenAdapter,
-) -> Result<Vec<u8>, DriveError> {
+///
+/// # Errors
+///
+/// They are too long for a request, or their assembly is deeper than one of an adapter.
+pub fn configuration_data(eds: &Eds, chosen: &ChosenAdapter) -> Result<Vec<u8>, DriveError> {
     let Some(assembly) = chosen.configuration.as_ref().filter(|it| it.size > 0) else {
         return Ok(Vec::new());
     };
@@ -205,7 +205,9 @@ fn configuration(
     }
     let len = usize::from(assembly.size);
     let mut table = SignalTable::new(Vec::new(), len, false);
-    let members = match EdsReference::parse(&connection.configuration_format) {
+    let connection = eds.connections.iter().find(|it| it.number == chosen.connection);
+    let format = connection.and_then(|it| EdsReference::parse(&it.configuration_format));
+    let members = match format {
         Some(reference) => members(eds, reference, "")?,
         None => Vec::new(),
     };

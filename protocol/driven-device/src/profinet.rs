@@ -72,7 +72,7 @@ pub(crate) fn connect(
         address: device_address,
         mac: None,
         description,
-        parameters: records(chosen),
+        parameters: startup_records(chosen),
         transport: Transport::Rt1,
         cycle,
         watchdog_cycles: watchdog as u16,
@@ -133,7 +133,8 @@ fn description(chosen: &ChosenIoDevice) -> Result<Description, DriveError> {
 }
 
 /// Returns the start-up records with their defaults. Those of PROFIsafe are not made.
-fn records(chosen: &ChosenIoDevice) -> Vec<Record> {
+#[must_use]
+pub fn startup_records(chosen: &ChosenIoDevice) -> Vec<Record> {
     let has_interface = submodules(chosen).any(|(_, it)| it.subslot == INTERFACE_SUBSLOT);
     let mut records: Vec<_> = has_interface.then(Record::interface_adjust).into_iter().collect();
     for (slot, submodule) in submodules(chosen) {

@@ -86,7 +86,7 @@ pub(crate) fn open(
                     chosen,
                     config: &device.config,
                     expected: ethercat::expected(chosen)?,
-                    startup: ethercat::startup(chosen)?,
+                    startup: ethercat::startup_writes(chosen)?,
                 }),
                 _ => Err(of_another_file()),
             })?;

@@ -30,21 +30,31 @@ pub(crate) fn open(
     alteration: &Alteration,
     config: &EmulationConfig,
 ) -> Result<(Segment, DeviceId, Image, Image), EmulationError> {
-    let description = describe(chosen, alteration)?;
-    let (inputs, outputs) = (description.inputs, description.outputs);
-    let sync_managers = places(chosen, byte_len(outputs), byte_len(inputs))?;
+    let device = configure(chosen, alteration, config.serial_number)?;
+    let (inputs, outputs) = (device.description.inputs, device.description.outputs);
     let (input_image, output_image) =
         (image(&chosen.inputs, inputs, "inputs"), image(&chosen.outputs, outputs, "outputs"));
-    let assigns =
-        chosen.mailbox.as_ref().and_then(|it| it.coe.as_ref()).is_some_and(|coe| coe.has_pdo_assign);
     let mut segment = Segment::new();
-    let id = segment.add(&DeviceConfig {
-        serial_number: config.serial_number,
+    let id = segment.add(&device);
+    Ok((segment, id, input_image, output_image))
+}
+
+/// Makes the configuration of one chosen device.
+pub(crate) fn configure(
+    chosen: &ChosenSubDevice,
+    alteration: &Alteration,
+    serial_number: u32,
+) -> Result<DeviceConfig, EmulationError> {
+    let description = describe(chosen, alteration)?;
+    let sync_managers = places(chosen, byte_len(description.outputs), byte_len(description.inputs))?;
+    let coe = chosen.mailbox.as_ref().and_then(|it| it.coe.as_ref());
+    let assigns = coe.is_some_and(|coe| coe.has_pdo_assign);
+    Ok(DeviceConfig {
+        serial_number,
         pdo_configuration: if assigns { PdoConfiguration::Assignable } else { PdoConfiguration::Fixed },
         sync_managers,
         ..DeviceConfig::new(Box::leak(Box::new(description)))
-    });
-    Ok((segment, id, input_image, output_image))
+    })
 }
 
 /// Makes the description of one chosen device.

@@ -26,6 +26,31 @@ pub(crate) fn open(
     config: &EmulationConfig,
 ) -> Result<(Adapter, Image, Image), EmulationError> {
     let address = config.address.ok_or(EmulationError::NoAddress)?;
+    let description = describe(chosen, alteration);
+    let produced = altered(&chosen.produced, alteration.extra_input_bytes());
+    let adapter = Adapter::new(AdapterConfig {
+        description: Box::leak(Box::new(description)),
+        serial_number: config.serial_number,
+        address,
+        mask: config.mask,
+        gateway: config.gateway,
+        mac: config.mac.0,
+        first_id: config.first_id.wrapping_add(alteration.generation << 16),
+        originators: alteration.peers(),
+    });
+    let place = |it: &ChosenAssembly| DataPlace {
+        place: it.instance.to_string(),
+        name: it.name.clone(),
+        bit: 0,
+        bits: 8 * usize::from(it.size),
+    };
+    let inputs = Image::new(vec![place(&produced)], false);
+    let outputs = Image::new(chosen.consumed.iter().map(place).collect(), false);
+    Ok((adapter, inputs, outputs))
+}
+
+/// Makes the description of a chosen device.
+pub(crate) fn describe(chosen: &ChosenAdapter, alteration: &Alteration) -> Description {
     let produced = altered(&chosen.produced, alteration.extra_input_bytes());
     let role = if produced.has_header { Role::ProducedWithHeader } else { Role::Produced };
     let mut assemblies = vec![assembly(&produced, role)];
@@ -49,7 +74,7 @@ pub(crate) fn open(
             true
         }
     });
-    let description = Description {
+    Description {
         vendor: chosen.vendor_id,
         vendor_name: leak::text(&chosen.vendor, usize::MAX),
         device_type: chosen.device_type,
@@ -64,26 +89,7 @@ pub(crate) fn open(
         listen_only: 8,
         explicit: 8,
         sessions: 16,
-    };
-    let adapter = Adapter::new(AdapterConfig {
-        description: Box::leak(Box::new(description)),
-        serial_number: config.serial_number,
-        address,
-        mask: config.mask,
-        gateway: config.gateway,
-        mac: config.mac.0,
-        first_id: config.first_id.wrapping_add(alteration.generation << 16),
-        originators: alteration.peers(),
-    });
-    let place = |it: &ChosenAssembly| DataPlace {
-        place: it.instance.to_string(),
-        name: it.name.clone(),
-        bit: 0,
-        bits: 8 * usize::from(it.size),
-    };
-    let inputs = Image::new(vec![place(&produced)], false);
-    let outputs = Image::new(chosen.consumed.iter().map(place).collect(), false);
-    Ok((adapter, inputs, outputs))
+    }
 }
 
 fn altered(assembly: &ChosenAssembly, extra: u16) -> ChosenAssembly {

@@ -9,12 +9,14 @@
 //! ├─ image      inputs and outputs as bytes, and the places that a script names
 //! ├─ playback   values of the script over time
 //! ├─ faults     begin, end and effect of each fault
+//! ├─ description   the same description for an owner with a stack of its own
 //! └─ script     the form of the script
 //! ```
 //!
 //! An emulated device claims no conformance: it has the identity of another maker's device and behaves as our stack does.
 
 mod config;
+mod description;
 mod device;
 mod devices;
 mod ethercat;
@@ -29,6 +31,7 @@ mod script;
 mod stack;
 
 pub use config::{EmulationConfig, EmulationError};
+pub use description::{DeviceDescription, describe};
 pub use device::{DeviceEvent, EmulatedDevice};
 pub use devices::{EmulatedDevices, MOST_DEVICES};
 pub use image::DataPlace;

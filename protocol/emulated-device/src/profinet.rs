@@ -17,30 +17,7 @@ pub(crate) fn open(
     config: &EmulationConfig,
     now: Instant,
 ) -> Result<(Device, Image, Image), EmulationError> {
-    let present = |module: &&ChosenModule| alteration.missing_slot != Some(module.slot) || module.slot == 0;
-    let mut extra = alteration.extra_input_bytes();
-    let mut modules = Vec::new();
-    for module in chosen.modules.iter().filter(present) {
-        let mut submodules = Vec::new();
-        for submodule in &module.submodules {
-            let longer = if submodule.input_length > 0 { std::mem::take(&mut extra) } else { 0 };
-            submodules.push(part(module.slot, submodule, longer)?);
-        }
-        modules.push(Module { slot: module.slot, ident: module.ident, submodules: leak::list(submodules) });
-    }
-    let description = Description {
-        identity: Identity {
-            vendor: chosen.vendor_id,
-            device: chosen.device_id.wrapping_add(u16::from(alteration.is_other_identity)),
-        },
-        station_type: leak::text(&leak::ascii(&chosen.name), 25),
-        order_id: leak::text(&leak::ascii(&chosen.order_number), 20),
-        serial_number: leak::text(&config.serial_number.to_string(), 16),
-        hardware_revision: first_number(&chosen.hardware_release),
-        software_revision: release(&chosen.software_release),
-        min_device_interval: chosen.min_device_interval,
-        modules: leak::list(modules),
-    };
+    let description = describe(chosen, alteration, config.serial_number)?;
     let image = |length: fn(&Submodule) -> u16| {
         let mut places = Vec::new();
         let mut bit = 0;
@@ -69,6 +46,38 @@ pub(crate) fn open(
     );
     device.accept_long_records();
     Ok((device, inputs, outputs))
+}
+
+/// Makes the description of a chosen device.
+pub(crate) fn describe(
+    chosen: &ChosenIoDevice,
+    alteration: &Alteration,
+    serial_number: u32,
+) -> Result<Description, EmulationError> {
+    let present = |module: &&ChosenModule| alteration.missing_slot != Some(module.slot) || module.slot == 0;
+    let mut extra = alteration.extra_input_bytes();
+    let mut modules = Vec::new();
+    for module in chosen.modules.iter().filter(present) {
+        let mut submodules = Vec::new();
+        for submodule in &module.submodules {
+            let longer = if submodule.input_length > 0 { std::mem::take(&mut extra) } else { 0 };
+            submodules.push(part(module.slot, submodule, longer)?);
+        }
+        modules.push(Module { slot: module.slot, ident: module.ident, submodules: leak::list(submodules) });
+    }
+    Ok(Description {
+        identity: Identity {
+            vendor: chosen.vendor_id,
+            device: chosen.device_id.wrapping_add(u16::from(alteration.is_other_identity)),
+        },
+        station_type: leak::text(&leak::ascii(&chosen.name), 25),
+        order_id: leak::text(&leak::ascii(&chosen.order_number), 20),
+        serial_number: leak::text(&serial_number.to_string(), 16),
+        hardware_revision: first_number(&chosen.hardware_release),
+        software_revision: release(&chosen.software_release),
+        min_device_interval: chosen.min_device_interval,
+        modules: leak::list(modules),
+    })
 }
 
 /// Returns the station name: the given one, or the maker's, if it is one; else none.

@@ -4,6 +4,7 @@ use alloc::vec::Vec;
 use core::fmt;
 use core::net::Ipv4Addr;
 
+use ethernet_ip::description::Role;
 use ethernet_ip::{
     Adapter, Connection, ConnectionConfig, ConnectionId, Scanner, ScannerConfig, TooManyConnections,
 };
@@ -13,7 +14,6 @@ use machine::{Counters, Instant, LinkStatus};
 use super::{Stations, machine_with_stations};
 use crate::fieldbus::{ControllerBus, Fieldbus, StationId};
 use crate::image::{IMAGE_LEN, Image, Order};
-use crate::stations::{COMMAND, FEEDBACK};
 
 /// A scanner with a connection to each station.
 #[derive(Debug)]
@@ -75,6 +75,12 @@ impl EthernetIpScanner {
     fn connection_mut(&mut self, station: StationId) -> Option<&mut Connection> {
         self.scanner.connection_mut(self.stations.connection(station)?)
     }
+}
+
+/// Returns the first assembly of an adapter with a role of this kind.
+fn assembly(adapter: &Adapter, is_wanted: impl Fn(Role) -> bool) -> Option<u32> {
+    let all = adapter.description().assemblies.iter();
+    all.filter(|assembly| is_wanted(assembly.role)).map(|assembly| assembly.instance).next()
 }
 
 machine_with_stations!(EthernetIpScanner, scanner);
@@ -149,23 +155,27 @@ impl ControllerBus for EthernetIpScanner {
     }
 }
 
-/// An adapter that is described by [`ETHERNET_IP_ROBOT`](crate::stations::ETHERNET_IP_ROBOT).
+/// An adapter that is described by [`ETHERNET_IP_ROBOT`](crate::stations::ETHERNET_IP_ROBOT), or by another description with at
+/// least an image each way.
 impl Fieldbus for Adapter {
     fn byte_order(&self) -> Order {
         Order::LittleEndian
     }
 
+    /// The assembly may be longer than the image.
     fn set_output(&mut self, image: &Image) {
-        let taken = self.set_produced(FEEDBACK, image);
-        debug_assert!(taken.is_ok(), "an adapter with another description: {taken:?}");
+        let instance = assembly(self, Role::is_produced);
+        let taken = instance.map(|instance| self.set_produced_start(instance, image));
+        debug_assert!(matches!(taken, Some(Ok(()))), "an adapter with another description: {taken:?}");
     }
 
     fn input(&self) -> Option<Image> {
-        self.consumed(COMMAND)?.try_into().ok()
+        self.consumed(assembly(self, Role::is_consumed)?)?.first_chunk::<IMAGE_LEN>().copied()
     }
 
     fn has_input(&self) -> bool {
-        self.consumed(COMMAND).is_some_and(|data| data.len() == IMAGE_LEN)
+        let data = assembly(self, Role::is_consumed).and_then(|instance| self.consumed(instance));
+        data.is_some_and(|data| data.len() >= IMAGE_LEN)
     }
 
     fn disconnect(&mut self, now: Instant) {

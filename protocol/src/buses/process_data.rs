@@ -1,8 +1,13 @@
 //! EtherCAT: the image is the process data of one SubDevice in its direction.
 
+use alloc::vec;
+use alloc::vec::Vec;
 use core::fmt;
 
-use ethercat_subdevice::{AlState, AlStatusCode, DeviceConfig, DeviceId, Event, Segment, SegmentEnd};
+use ethercat_subdevice::description::process_data_len;
+use ethercat_subdevice::{
+    AlState, AlStatusCode, DataError, DeviceConfig, DeviceId, Event, Segment, SegmentEnd,
+};
 use machine::{
     Counters, Down, DownCause, Instant, LinkEvent, Machine, Pending, PortRequest, Source, Transmit,
 };
@@ -19,16 +24,19 @@ pub struct EthercatSubDevice {
     /// Whether this side ended the connection.
     left: bool,
     counters: Counters,
+    /// Inputs as they are sent: the image, and zeros beyond it.
+    inputs: Vec<u8>,
 }
 
 impl EthercatSubDevice {
     /// Creates a SubDevice that is described by [`ETHERCAT_ROBOT`](crate::stations::ETHERCAT_ROBOT), or by another
-    /// description with an image each way.
+    /// description with at least an image each way.
     #[must_use]
     pub fn new(config: &DeviceConfig) -> Self {
         let mut segment = Segment::new();
+        let inputs = vec![0; process_data_len(config.description.inputs).into()];
         let device = segment.add(config);
-        Self { segment, device, up: false, left: false, counters: Counters::default() }
+        Self { segment, device, up: false, left: false, counters: Counters::default(), inputs }
     }
 
     /// Connects its port 1 to the next SubDevice of the line, as [`Segment::lead_on`].
@@ -126,13 +134,18 @@ impl Fieldbus for EthercatSubDevice {
         Order::LittleEndian
     }
 
+    /// The process data may be longer than the image.
     fn set_output(&mut self, image: &Image) {
-        let taken = self.segment.set_inputs(self.device, image);
-        debug_assert!(taken.is_ok(), "a device with another description: {taken:?}");
+        if let Some(place) = self.inputs.first_chunk_mut() {
+            *place = *image;
+        }
+        // While a MainDevice assigns PDOs the device has other process data, or none. The next image is set once it is done.
+        let taken = self.segment.set_inputs(self.device, &self.inputs);
+        debug_assert!(!matches!(taken, Err(DataError::NoDevice(_))), "the segment has the device");
     }
 
     fn input(&self) -> Option<Image> {
-        <[u8; IMAGE_LEN]>::try_from(self.segment.outputs(self.device)?).ok()
+        self.segment.outputs(self.device)?.first_chunk::<IMAGE_LEN>().copied()
     }
 
     /// A SubDevice cannot end a connection. It falls to SAFE-OP and says that there is an error.

@@ -196,6 +196,7 @@ fn foreign_adapter(setup: &Setup) -> Setup {
             consumed_format: EthernetIpFormat::RunIdleHeader,
             produced_format: EthernetIpFormat::Modeless,
             configuration_assembly: Some(151),
+            configuration_data: Vec::new(),
             route: Vec::new(),
             key: None,
         };

@@ -9,6 +9,7 @@ use protocol::stations::{ETHERNET_IP_ROBOT, PROFINET_ROBOT, is_station_name};
 use super::{Check, cycle, problem};
 use crate::{
     Addresses, Bus, BusKind, Cyclic, Ethercat, EthernetIp, EthernetIpFormat, Profinet, ProfinetDevice,
+    device_file,
 };
 
 /// Cycles that a MainDevice on Linux can keep.
@@ -17,6 +18,9 @@ const ETHERCAT_CYCLES_US: std::ops::RangeInclusive<u32> = 250..=100_000;
 const ETHERCAT_LONGEST_WATCHDOG: Duration = Duration::from_micros(6_553_500);
 /// Process data each way that fit one frame together with those of the other direction.
 const ETHERCAT_MAX_BYTES: u16 = 700;
+
+/// Configuration data in bytes that a Forward_Open carries.
+const MOST_CONFIGURATION: usize = 400;
 
 pub(super) fn check(bus: &Bus) -> Check {
     cycle("bus.cycle_us", &bus.cycle_us)?;
@@ -34,6 +38,7 @@ pub(super) fn check(bus: &Bus) -> Check {
         return Err(problem("bus.cable_delay_us", "more than 100 ms is no cable"));
     }
     check_peers(bus)?;
+    device_file::check(bus)?;
     match &bus.kind {
         BusKind::Profinet(addresses, profinet) => {
             check_addresses(addresses)?;
@@ -152,6 +157,11 @@ fn check_ethernet_ip(bus: &Bus, ethernet_ip: &EthernetIp) -> Check {
     if adapter.is_some_and(|adapter| adapter.route.len() % 2 != 0) {
         let text = "a padded path has an even number of bytes";
         return Err(problem("bus.ethernet_ip.adapter.route", text));
+    }
+    let configuration = adapter.map_or(0, |adapter| adapter.configuration_data.len());
+    if configuration > MOST_CONFIGURATION {
+        let text = format!("{configuration} bytes: at most {MOST_CONFIGURATION} fit into a Forward_Open");
+        return Err(problem("bus.ethernet_ip.adapter.configuration_data", text));
     }
     if covering.is_none() {
         let text =

@@ -1,6 +1,6 @@
 //! The adapter of an EDS: one connection with data, and what else may be opened beside it.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::config::DeviceChoice;
 use super::error::{ChoiceError, refuse};
@@ -9,7 +9,7 @@ use crate::eds::{ConnectionEnd, ConnectionUse, Eds, EdsConnection, RealTimeForma
 use crate::fault::excerpt;
 
 /// EtherNet/IP adapter with one connection.
-#[derive(Clone, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ChosenAdapter {
     /// Number of the connection in the file.
     pub connection: u32,
@@ -42,7 +42,7 @@ pub struct ChosenAdapter {
 }
 
 /// Use of a connection without outputs.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HeartbeatUse {
     /// Receives inputs.
@@ -52,7 +52,7 @@ pub enum HeartbeatUse {
 }
 
 /// Assembly of a connection.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct ChosenAssembly {
     /// Instance, which is the connection point too.
     pub instance: u32,

@@ -1,6 +1,6 @@
 //! The SubDevice of an ESI: a revision, and the process data that are assigned.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::config::{DeviceChoice, ModulePlace};
 use super::error::{ChoiceError, refuse};
@@ -11,7 +11,7 @@ use crate::esi::{
 use crate::fault::excerpt;
 
 /// EtherCAT SubDevice with its process data.
-#[derive(Clone, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ChosenSubDevice {
     /// Type, such as the order number.
     pub kind: String,
@@ -48,7 +48,7 @@ pub struct ChosenSubDevice {
 }
 
 /// Process data object that is assigned.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct ChosenPdo {
     /// Sync manager.
     pub sync_manager: u8,

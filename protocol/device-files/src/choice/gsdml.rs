@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::config::{DeviceChoice, ModulePlace};
 use super::error::{ChoiceError, refuse};
@@ -12,7 +12,7 @@ use crate::gsdml::{
 };
 
 /// PROFINET IO-Device with its modules.
-#[derive(Clone, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ChosenIoDevice {
     /// ID of the access point.
     pub access_point: String,
@@ -39,7 +39,7 @@ pub struct ChosenIoDevice {
 }
 
 /// Module in a slot.
-#[derive(Clone, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ChosenModule {
     /// Slot.
     pub slot: u16,
@@ -54,7 +54,7 @@ pub struct ChosenModule {
 }
 
 /// Submodule in a subslot.
-#[derive(Clone, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ChosenSubmodule {
     /// Subslot.
     pub subslot: u16,

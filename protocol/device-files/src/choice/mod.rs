@@ -32,12 +32,12 @@ pub use self::esi_modules::ChosenEsiModule;
 pub use self::found::{FoundModule, choose_found, choose_head};
 pub use self::gsdml::{ChosenIoDevice, ChosenModule, ChosenSubmodule};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::DeviceFile;
 
 /// Device that was chosen from a file.
-#[derive(Clone, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(tag = "format", rename_all = "snake_case")]
 pub enum ChosenDevice {
     /// PROFINET IO-Device.

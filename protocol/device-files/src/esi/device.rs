@@ -1,6 +1,6 @@
 //! Devices: identity, sync managers, FMMUs, clocks, slots, EEPROM.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::dictionary::ObjectDictionary;
 use super::mailbox::{EsiMailbox, hex_bytes};
@@ -50,7 +50,7 @@ pub struct EsiDevice {
 }
 
 /// Sync manager.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct EsiSyncManager {
     /// Use: `MBoxOut`, `MBoxIn`, `Outputs`, `Inputs`; empty for an unused one.
@@ -70,7 +70,7 @@ pub struct EsiSyncManager {
 }
 
 /// Mode of a distributed clock.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct DcMode {
     /// Name.
@@ -116,21 +116,21 @@ pub struct EsiSlot {
 }
 
 /// Content of the EEPROM.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct EepromContent {
     /// Bytes.
     pub byte_size: u32,
     /// First 14 bytes, which configure the chip.
-    #[serde(serialize_with = "crate::hex::serialize")]
+    #[serde(with = "crate::hex")]
     #[cfg_attr(test, schemars(with = "String"))]
     pub config_data: Vec<u8>,
     /// Mailbox of the bootstrap: offsets and sizes.
-    #[serde(serialize_with = "crate::hex::serialize")]
+    #[serde(with = "crate::hex")]
     #[cfg_attr(test, schemars(with = "String"))]
     pub bootstrap: Vec<u8>,
     /// Whole content, if the file gives it.
-    #[serde(serialize_with = "crate::hex::serialize")]
+    #[serde(with = "crate::hex")]
     #[cfg_attr(test, schemars(with = "String"))]
     pub data: Vec<u8>,
 }

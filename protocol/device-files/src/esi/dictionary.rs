@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::mailbox::hex_bytes;
 use super::names::{Warnings, name_of};
@@ -11,7 +11,7 @@ use crate::fault::{FileFault, excerpt};
 use crate::xml::{Element, number};
 
 /// Object dictionary of a device.
-#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ObjectDictionary {
     /// Objects.
@@ -19,7 +19,7 @@ pub struct ObjectDictionary {
 }
 
 /// Object of a dictionary.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct DictionaryObject {
     /// Index.
@@ -35,7 +35,7 @@ pub struct DictionaryObject {
     /// Access, such as `ro`; empty if each entry has its own.
     pub access: String,
     /// Default, in the byte order of the wire; empty if the file gives none.
-    #[serde(serialize_with = "crate::hex::serialize")]
+    #[serde(with = "crate::hex")]
     #[cfg_attr(test, schemars(with = "String"))]
     pub default: Vec<u8>,
     /// Entries.
@@ -43,7 +43,7 @@ pub struct DictionaryObject {
 }
 
 /// Entry of an object.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct DictionaryEntry {
     /// Subindex.
@@ -57,7 +57,7 @@ pub struct DictionaryEntry {
     /// Access, such as `rw`.
     pub access: String,
     /// Default, in the byte order of the wire; empty if the file gives none.
-    #[serde(serialize_with = "crate::hex::serialize")]
+    #[serde(with = "crate::hex")]
     #[cfg_attr(test, schemars(with = "String"))]
     pub default: Vec<u8>,
 }

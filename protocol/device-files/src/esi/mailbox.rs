@@ -1,13 +1,13 @@
 //! Mailbox protocols, and commands for the start of a device.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::pdo::depends_on_slot;
 use crate::fault::{FileFault, excerpt};
 use crate::xml::Element;
 
 /// Mailbox of a device.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct EsiMailbox {
     /// True if the data link layer repeats lost mail.
@@ -19,7 +19,7 @@ pub struct EsiMailbox {
 }
 
 /// CANopen over EtherCAT.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CoeService {
     /// True if the device lists its objects.
@@ -37,7 +37,7 @@ pub struct CoeService {
 }
 
 /// SDO that the controller writes on a transition.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct StartupCommand {
     /// Transitions, such as `PS`.
@@ -51,7 +51,7 @@ pub struct StartupCommand {
     /// True if all entries are written at once.
     pub is_complete_access: bool,
     /// Data.
-    #[serde(serialize_with = "crate::hex::serialize")]
+    #[serde(with = "crate::hex")]
     #[cfg_attr(test, schemars(with = "String"))]
     pub data: Vec<u8>,
     /// Comment.

@@ -1,13 +1,13 @@
 //! Process data objects.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::names::{Warnings, name_of};
 use crate::fault::{FileFault, excerpt};
 use crate::xml::Element;
 
 /// Process data object.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct EsiPdo {
     /// Index, such as 0x1A00.
@@ -33,7 +33,7 @@ pub struct EsiPdo {
 }
 
 /// Entry of a process data object.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct EsiPdoEntry {
     /// Index of the object; 0 for bits without meaning.

@@ -1,6 +1,6 @@
 //! Parameter records with their defaults.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::data::fixed_length;
 use super::names::GsdmlNames;
@@ -8,7 +8,7 @@ use crate::fault::{FileFault, excerpt};
 use crate::xml::{Element, number};
 
 /// Record that the controller writes at start-up.
-#[derive(Clone, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ParameterRecord {
     /// Index.
@@ -18,7 +18,7 @@ pub struct ParameterRecord {
     /// Position among the records of the submodule; records of 0 may come in any order.
     pub transfer_sequence: u16,
     /// Content with the defaults of all values.
-    #[serde(serialize_with = "crate::hex::serialize")]
+    #[serde(with = "crate::hex")]
     #[cfg_attr(test, schemars(with = "String"))]
     pub default: Vec<u8>,
     /// Values that the user may change.
@@ -28,7 +28,7 @@ pub struct ParameterRecord {
 }
 
 /// Value in a record.
-#[derive(Clone, PartialEq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct RecordValue {
     /// Name.

@@ -362,6 +362,24 @@ impl Adapter {
         Ok(())
     }
 
+    /// Sets the first data of such an assembly, which may be longer; the rest keeps its value, at first zeros.
+    ///
+    /// # Errors
+    ///
+    /// No assembly of this instance is sent, or it is shorter.
+    pub fn set_produced_start(&mut self, instance: u32, data: &[u8]) -> Result<(), DataError> {
+        if self.state.device.assemblies.set_start(instance, data)? {
+            self.state.io.data_changed(instance);
+        }
+        Ok(())
+    }
+
+    /// Returns what the adapter is.
+    #[must_use]
+    pub const fn description(&self) -> &'static Description {
+        self.state.device.description
+    }
+
     /// Returns the newest data of an assembly of the role [`Role::Consumed`](super::description::Role::Consumed); `None`
     /// while its owner does not send data or does not report that it runs. Each such assembly has its own owner; the link is
     /// up while at least one owner runs.

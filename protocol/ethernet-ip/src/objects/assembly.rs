@@ -10,6 +10,13 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
 
+/// Replaces data by others of the same length. Returns whether they changed.
+fn replace(place: &mut [u8], data: &[u8]) -> bool {
+    let is_changed = *place != *data;
+    place.copy_from_slice(data);
+    is_changed
+}
+
 /// Data of the assemblies that connections carry, and of those that configure the device.
 #[derive(Debug)]
 pub(in super::super) struct AssemblyData {
@@ -46,14 +53,25 @@ impl AssemblyData {
 
     /// Sets the data of an assembly that is sent. Returns whether they changed.
     pub(in super::super) fn set(&mut self, instance: u32, data: &[u8]) -> Result<bool, DataError> {
+        let found = self.produced(instance)?;
+        if found.len() != data.len() {
+            return Err(DataError::Length { expected: found.len(), found: data.len() });
+        }
+        Ok(replace(found, data))
+    }
+
+    /// Sets the first data of an assembly that the device produces. Returns whether they changed.
+    pub(in super::super) fn set_start(&mut self, instance: u32, data: &[u8]) -> Result<bool, DataError> {
+        let found = self.produced(instance)?;
+        let expected = found.len();
+        let start = found.get_mut(..data.len()).ok_or(DataError::Length { expected, found: data.len() })?;
+        Ok(replace(start, data))
+    }
+
+    fn produced(&mut self, instance: u32) -> Result<&mut [u8], DataError> {
         let is_it = |found: &&mut CarriedAssembly| found.instance == instance && found.role.is_produced();
         let found = self.all.iter_mut().find(is_it).ok_or(DataError::NotProduced { instance })?;
-        if found.data.len() != data.len() {
-            return Err(DataError::Length { expected: found.data.len(), found: data.len() });
-        }
-        let changed = *found.data != *data;
-        found.data.copy_from_slice(data);
-        Ok(changed)
+        Ok(&mut found.data)
     }
 
     /// Returns the data of a configuration assembly.

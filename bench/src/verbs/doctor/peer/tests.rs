@@ -201,6 +201,7 @@ fn a_plc_with_other_sizes_is_refused_with_what_it_asked_for() {
             consumed_format: EthernetIpFormat::RunIdleHeader,
             produced_format: EthernetIpFormat::Modeless,
             configuration_assembly: None,
+            configuration_data: Vec::new(),
             route: Vec::new(),
             key: None,
         });

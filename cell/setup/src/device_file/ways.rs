@@ -1,17 +1,19 @@
 //! Modules or connections of a robot's device file that carry the process image: 256 bytes each way.
 
-use device_files::{AccessPoint, ConnectionUse, DeviceFile, Eds, Gsdml, GsdmlModule, Placement};
+use device_files::{
+    AccessPoint, ChosenDevice, ConnectionUse, DeviceChoice, DeviceFile, Eds, Esi, Gsdml, GsdmlModule,
+    Placement, choose, excerpt,
+};
 use protocol::image::IMAGE_LEN;
-use setup::BusKind;
 
-use crate::printable::FileText;
+use crate::BusKind;
 
 /// Most ways that are listed: a catalogue may have hundreds of modules that fit.
 const MOST_LISTED: usize = 20;
 
 /// Why the robot of a file cannot exchange the image.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-pub(crate) enum UnfitRobotFile {
+pub enum UnfitRobotFile {
     /// The file is of another bus than the setup.
     #[error(
         "the file describes a device of {found}, and the setup has {wanted}; use the robot's file for {wanted}"
@@ -22,9 +24,16 @@ pub(crate) enum UnfitRobotFile {
         /// Bus of the setup.
         wanted: &'static str,
     },
-    /// The file's bus is not served.
-    #[error("--device reads a GSDML or an EDS; the modules of an ESI are not read")]
-    Esi,
+    /// No device of an ESI is long enough.
+    #[error(
+        "no device with its default process data carries {IMAGE_LEN} bytes each way: at most {inputs} from and {outputs} to the robot; choose longer process data, or use another file"
+    )]
+    ShortProcessData {
+        /// Longest data from the robot in bytes.
+        inputs: u32,
+        /// Longest data to the robot.
+        outputs: u32,
+    },
     /// No module of a GSDML is long enough.
     #[error(
         "no module carries {IMAGE_LEN} bytes each way: at most {inputs} from and {outputs} to the robot; use a file or option of the robot with longer modules"
@@ -52,11 +61,11 @@ pub(crate) enum UnfitRobotFile {
 /// # Errors
 ///
 /// The file is of another bus, or nothing in it carries the image.
-pub(crate) fn ways_to_plug(file: &DeviceFile, bus: &BusKind) -> Result<Vec<String>, UnfitRobotFile> {
+pub fn ways_to_plug(file: &DeviceFile, bus: &BusKind) -> Result<Vec<String>, UnfitRobotFile> {
     match (file, bus) {
         (DeviceFile::Gsdml(gsdml), BusKind::Profinet(..)) => of_gsdml(gsdml).map(listed),
         (DeviceFile::Eds(eds), BusKind::EthernetIp(..)) => of_eds(eds).map(listed),
-        (DeviceFile::Esi(_), BusKind::Ethercat(_)) => Err(UnfitRobotFile::Esi),
+        (DeviceFile::Esi(esi), BusKind::Ethercat(_)) => of_esi(file, esi).map(listed),
         _ => Err(UnfitRobotFile::OtherBus { found: file.bus(), wanted: bus.name() }),
     }
 }
@@ -103,7 +112,7 @@ fn carrying(gsdml: &Gsdml, module: &GsdmlModule, slots: &str) -> Vec<CarryingSub
             outputs: submodule.outputs.length,
             names: format!(
                 "`{}` (module 0x{:08X}, submodule 0x{:08X}{subslot})",
-                FileText(&module.name),
+                excerpt(&module.name),
                 module.ident,
                 submodule.ident
             ),
@@ -126,7 +135,7 @@ fn of_gsdml(gsdml: &Gsdml) -> Result<Vec<String>, UnfitRobotFile> {
         if exceeds(point) {
             continue;
         }
-        let name = FileText(&point.module.name);
+        let name = excerpt(&point.module.name);
         ways.extend(ways_of(&all).into_iter().map(|way| format!("{name}: {way}")));
     }
     if ways.is_empty() { Err(UnfitRobotFile::ShortModules { inputs, outputs }) } else { Ok(ways) }
@@ -178,12 +187,35 @@ fn of_eds(eds: &Eds) -> Result<Vec<String>, UnfitRobotFile> {
             ways.push(format!(
                 "connection {} `{}`, path {}: {} bytes from and {} to the robot",
                 connection.number,
-                FileText(&connection.name),
-                FileText(&connection.path),
+                excerpt(&connection.name),
+                excerpt(&connection.path),
                 bytes(from),
                 bytes(to)
             ));
         }
     }
     if ways.is_empty() { Err(UnfitRobotFile::ShortConnections { inputs, outputs }) } else { Ok(ways) }
+}
+
+/// Returns the devices whose default process data carry both directions. Those of modules are not read.
+fn of_esi(file: &DeviceFile, esi: &Esi) -> Result<Vec<String>, UnfitRobotFile> {
+    let mut ways = Vec::new();
+    let (mut inputs, mut outputs) = (0, 0);
+    for device in &esi.devices {
+        let choice = DeviceChoice {
+            device_name: Some(device.kind.clone()),
+            revision: Some(device.revision),
+            ..DeviceChoice::default()
+        };
+        let Ok(ChosenDevice::Esi(chosen)) = choose(file, &choice) else { continue };
+        let (to, from) = chosen.lengths();
+        (inputs, outputs) = (inputs.max(from), outputs.max(to));
+        if from >= LEN && to >= LEN {
+            let (kind, revision) = (excerpt(&device.kind), device.revision);
+            ways.push(format!(
+                "device `{kind}`, revision 0x{revision:08X}: {from} bytes from and {to} to the robot"
+            ));
+        }
+    }
+    if ways.is_empty() { Err(UnfitRobotFile::ShortProcessData { inputs, outputs }) } else { Ok(ways) }
 }
