@@ -60,9 +60,10 @@ fn a_robot_that_is_another_arm_than_the_setups_is_named_and_neither_enabled_nor_
     });
     let (said, failed) = reports(&mut cell, Duration::from_secs(15));
     let [(2, WaitingFor::Arm(_)), (10, what)] = said[..] else { panic!("{said:?}") };
-    assert!(what.to_string().contains("this robot is another one, 364 mm and 180° off"), "{what}");
+    assert!(what.to_string().contains("this robot is another one, 966 mm and 180° off"), "{what}");
     assert_eq!(failed, None);
-    assert!(!cell.a().is_ready() && cell.b().taken.is_empty() && !cell.b().is_enabled());
+    assert!(!cell.a().is_ready() && cell.b().taken.is_empty());
+    assert!(!cell.b().is_enabled(), "{:?}", cell.b());
     cell.set_cut(true);
     pause(&mut cell, Duration::from_millis(100));
     cell.command_b(|robot, _| robot.report([0.0; 6], [0.0; 6]));
@@ -143,7 +144,7 @@ fn a_program_that_waits_at_a_stop_of_the_plan_is_not_given_up_and_one_that_waits
     let ten_at_a_stop = |cycles| {
         let switch = Switch { output: 0, set: true, wait: Duration::from_secs(10) };
         let stops = vec![Stop { after: 7, then: Some(switch) }];
-        let config = plc_node::PlcConfig { stops, ..config(motions(13)) };
+        let config = PlcConfig { stops, ..config(motions(13)) };
         let mut cell = cell_with(config, Phases([0, 300, 700, 1_900]));
         until_ready(&mut cell);
         cell.command_b(|robot, _| robot.fault = Fault::Pauses { cycles });

@@ -122,6 +122,14 @@ fn carries_image(chosen: &ChosenDevice) -> Result<(), String> {
             return Err(format!("`{name}` is PROFIsafe, which is not made; leave its module out"));
         }
     }
+    if let ChosenDevice::Esi(device) = chosen
+        && let Some(module) = device.modules.first()
+    {
+        let name = excerpt(&module.name);
+        return Err(format!(
+            "`{name}` is a module of an ESI, which a setup does not have yet; leave it out, or drive the device by `plc-node io`"
+        ));
+    }
     let (from, to) = lengths(chosen);
     if from.min(to) >= IMAGE_LEN as u32 {
         return Ok(());

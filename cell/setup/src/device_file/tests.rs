@@ -134,6 +134,16 @@ fn a_file_that_does_not_fit_the_setup_is_refused_with_what_would() {
 }
 
 #[test]
+fn modules_of_an_esi_are_refused_by_name() {
+    let coupler = include_str!("../../../../scripts/interop/files/made-up-coupler.xml");
+    let said = read("C", "device = \"d\"", &[("d", coupler)]).unwrap_err();
+    assert!(
+        said.contains("`Power with a status` is a module of an ESI, which a setup does not have yet"),
+        "{said}"
+    );
+}
+
+#[test]
 fn a_copy_in_which_somebody_changed_one_of_two_descriptions_is_refused() {
     for (name, kind) in KINDS {
         let setup = read(name, "device = \"d\"", &[("d", &file_of(kind).1)]).unwrap();

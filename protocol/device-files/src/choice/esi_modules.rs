@@ -1,6 +1,6 @@
 //! Modules of an ESI: which one is in which slot, and what it adds to its device (ETG.5001.1, modular device profile).
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::config::{DeviceChoice, ModulePlace};
 use super::error::ChoiceError;
@@ -9,7 +9,7 @@ use crate::fault::excerpt;
 use crate::xml::number;
 
 /// Module in a slot of a SubDevice.
-#[derive(Clone, PartialEq, Eq, Debug, Serialize)]
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct ChosenEsiModule {
     /// Slot, from 1: its entry in the objects 0xF030 and 0xF050.
     pub slot: u8,
