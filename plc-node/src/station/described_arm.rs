@@ -20,7 +20,7 @@ pub struct DescribedArm {
     bases: Frames,
 }
 
-/// How far a robot's pose is from where its joints would bring the arm of the setup.
+/// Distance and angle between a robot's pose and the one to which its joints would bring the arm of the setup.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PoseDifference {
     /// Distance of the positions in mm.
