@@ -1,4 +1,4 @@
-//! Whether a robot is the arm that the setup describes: by its joints, of which the setup knows where they bring the tool. A name and
+//! The arm that the setup describes, and how a robot shows that it is that arm: the setup knows where joints bring the tool. A name and
 //! an address do not tell, since any robot can have them, and those of one maker share an identity.
 
 use arm::{Arm, Frame, Frames, Installation, Joints, distance};

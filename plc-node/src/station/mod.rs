@@ -83,7 +83,7 @@ pub struct Station {
     group: AxesGroup,
     /// The arm that the robot should be; `None` if that is not known.
     arm: Option<DescribedArm>,
-    /// Whether the robot has shown on this connection that it is that arm.
+    /// True once the robot has shown on this connection that it is that arm.
     is_arm_known: bool,
     /// Difference to a robot that is another arm.
     other_arm: Option<PoseDifference>,

@@ -15,6 +15,7 @@ mod points;
 mod rules;
 
 use std::collections::HashSet;
+use std::sync::OnceLock;
 
 use core::time::Duration;
 
@@ -224,7 +225,13 @@ impl Skills {
     }
 }
 
+/// Returns the robot of Setup A, which is read once: a restart in each state would read it as often.
 fn config() -> RobotConfig {
+    static CONFIG: OnceLock<RobotConfig> = OnceLock::new();
+    CONFIG.get_or_init(read_config).clone()
+}
+
+fn read_config() -> RobotConfig {
     let setup = setup::setup("A").unwrap();
     let mut config = RobotConfig {
         interpreter_quantum: Duration::ZERO,
