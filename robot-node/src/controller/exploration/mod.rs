@@ -190,7 +190,7 @@ impl Skills {
     /// Returns for which share of the states, one in so many, the way back to `Ready` is tried. With a deep queue it takes long.
     const fn steps_between_ways_back(self) -> usize {
         match self {
-            Self::Points(..) => 32,
+            Self::Points(..) => 8,
             _ => 1,
         }
     }
