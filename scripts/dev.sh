@@ -81,7 +81,7 @@ verb_modules() { #: fail where modules of one folder import each other in a circ
     python3 scripts/module-graph.py
 }
 
-verb_portable() { #: virtual mode without Linux: its tests, and whether its sources name what only Linux has
+verb_portable() { #: virtual mode without Linux: its tests, and whether its sources name what only Linux has; --skip NAME
     local target=${CARGO_TARGET_DIR:-target}/portable
     if cargo tree -p bench --no-default-features --target x86_64-pc-windows-msvc -e normal --prefix none --locked |
         grep -E '^(protocol-linux|rustix) '; then
@@ -90,7 +90,7 @@ verb_portable() { #: virtual mode without Linux: its tests, and whether its sour
     fi
     cargo clippy --quiet -p bench --no-default-features --locked --target-dir "$target" -- -D warnings
     python3 scripts/portable.py "$target"
-    cargo test -p bench --no-default-features --locked --no-fail-fast
+    cargo test -p bench --no-default-features --locked --no-fail-fast -- "$@"
 }
 
 # build: builds every program with the options of the tests, so that after `test` nothing is left to build.
@@ -294,13 +294,16 @@ verb_ci() { #: all of it but setup, timing and release; ends with the seconds of
     CI_SECONDS=$(realpath "${CARGO_TARGET_DIR:-target}")/ci-seconds.txt
     : >"$CI_SECONDS"
     trap ci_seconds EXIT
-    for verb in format spelling words unused lint modules purity portable package test docs grammars browser vendor gate optimum bits instructions; do
+    for verb in format spelling words unused lint modules purity portable package test; do
         ci_begin "$verb"
-        ("verb_$verb")
+        case $verb in
+            # What these compute does not depend on Linux, and `test` has them; the workflow `deep` has them here too.
+            portable) (verb_portable --skip applications --skip calibrate --skip corrupted --skip drives --skip explore --skip stud) ;;
+            *) ("verb_$verb") ;;
+        esac
         ci_end
     done
-    ci_begin studies; (verb_studies); ci_end
-    # These compile everything once more, beside what waits for frames most of the time.
+    # These compile everything once more, beside what uses one core or waits for frames.
     (
         for verb in fresh demo; do
             ci_begin "$verb" "beside others"
@@ -311,7 +314,7 @@ verb_ci() { #: all of it but setup, timing and release; ends with the seconds of
     beside=$!
     # shellcheck disable=SC2064 # the process of now
     trap "pkill --parent $beside; kill $beside" ERR
-    for verb in wire user examples wheel interop; do
+    for verb in docs grammars browser vendor gate optimum bits instructions studies wheel wire user examples interop; do
         ci_begin "$verb"
         case $verb in
             # What a test does to a process needs no privilege; the workflow `deep` has these tests too.
