@@ -80,6 +80,12 @@ impl Rotation {
         Self { w: self.w, v: self.v.map(|part| -part) }
     }
 
+    /// Returns the angle in degrees, 0…180, from this orientation to another one.
+    #[must_use]
+    pub fn turn_to(self, other: Self) -> f64 {
+        (self.inverse() * other).axis_angle().1
+    }
+
     /// Returns unit axis and angle in degrees, 0…180, of the shorter rotation.
     #[must_use]
     pub fn axis_angle(self) -> ([f64; 3], f64) {
@@ -182,6 +188,12 @@ impl Frame {
     #[inline]
     pub fn origin_of(&self, inner: &Self) -> [f64; 3] {
         if *inner == Self::IDENTITY { self.position } else { self.point(inner.position) }
+    }
+
+    /// Returns the distance in mm and the angle in degrees, 0…180, from this pose to another one.
+    #[must_use]
+    pub fn offset_to(&self, other: &Self) -> [f64; 2] {
+        [distance(self.position, other.position), self.rotation.turn_to(other.rotation)]
     }
 
     /// Returns the pose of the outer frame in this one.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::Path;
 
-use ::arm::{Frame, Joints, distance};
+use ::arm::{Frame, Joints};
 use protocol::image::MotionKind;
 use setup::{Cell, Setup, Station};
 
@@ -224,8 +224,7 @@ impl FoundCell {
                 first = Some((&station.name, place));
                 continue;
             };
-            let (_, turn_deg) = (there.rotation.inverse() * place.rotation).axis_angle();
-            let off = [distance(there.position, place.position), turn_deg.abs()];
+            let off = there.offset_to(&place);
             if off[0] > SAME_BASE[0] || off[1] > SAME_BASE[1] {
                 let key = format!("station.{}.robot.bases", station.name);
                 let problem = format!(

@@ -5,7 +5,7 @@
 //! error. Where on a path that is, only planning says, and follows the refused path again.
 
 use arm::motion::{Curve, Programmed, Robot, Segment};
-use arm::{Arm, Frame, Frames, Installation, Joints, Violation, distance};
+use arm::{Arm, Frame, Frames, Installation, Joints, Violation};
 use protocol::image::{self, PathForm};
 use setup::Setup;
 
@@ -153,8 +153,7 @@ impl<'a> Walk<'a> {
         };
         let is = base.inverse() * self.arm().forward(joints) * tool;
         let wanted = Frame::from_mm_deg(motion.target.mm_deg());
-        let (_, off_deg) = (wanted.rotation.inverse() * is.rotation).axis_angle();
-        let off = [distance(wanted.position, is.position), off_deg];
+        let off = wanted.offset_to(&is);
         if off[0] <= SAME_PLACE[0] && off[1] <= SAME_PLACE[1] {
             return Ok(());
         }

@@ -231,7 +231,7 @@ impl Curve {
         match self {
             Self::Line(line) => line.angle,
             Self::Arc(arc) => arc.turn_deg(),
-            Self::Spline(spline) => (spline.from().rotation.inverse() * spline.to().rotation).axis_angle().1,
+            Self::Spline(spline) => spline.from().rotation.turn_to(spline.to().rotation),
             Self::Axes(_) => 0.0,
         }
     }
