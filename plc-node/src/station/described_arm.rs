@@ -1,9 +1,11 @@
 //! The arm that the setup describes, and how a robot shows that it is that arm: the setup knows where joints bring the tool. A name and
 //! an address do not tell, since any robot can have them, and those of one maker share an identity.
 
-use arm::{Arm, Frame, Frames, Installation, Joints, distance};
+use arm::{Arm, Frame, Frames, Installation, Joints};
 use protocol::image::Feedback;
 use setup::Setup;
+
+use crate::function_blocks::{is_at_rest, is_ready};
 
 /// Distance that a robot's own figures may be from those of a setup, in mm. Assumed: lengths of datasheets are rounded, and tools are
 /// measured anew on each robot.
@@ -39,7 +41,7 @@ impl DescribedArm {
 
     /// Returns the difference to a robot that is another arm, with the tool and base for which it is least. `None` if the robot fits,
     /// or does not report joints or a pose.
-    pub(super) fn difference(&self, feedback: &Feedback) -> Option<PoseDifference> {
+    fn difference(&self, feedback: &Feedback) -> Option<PoseDifference> {
         let Feedback { joints, pose, .. } = feedback;
         if [joints, pose].into_iter().any(|values| values.iter().all(|value| *value == 0.0)) {
             return None;
@@ -50,7 +52,8 @@ impl DescribedArm {
         let mut nearest: Option<PoseDifference> = None;
         for base in self.bases.iter().flatten() {
             for tool in self.tools.iter().flatten() {
-                let difference = PoseDifference::between(&reported, &(base.inverse() * (flange * *tool)));
+                let [mm, deg] = reported.offset_to(&(base.inverse() * (flange * *tool)));
+                let difference = PoseDifference { mm, deg };
                 if difference.is_allowed() {
                     return None;
                 }
@@ -64,14 +67,59 @@ impl DescribedArm {
 }
 
 impl PoseDifference {
-    fn between(reported: &Frame, expected: &Frame) -> Self {
-        let (_, angle) = (expected.inverse() * *reported).rotation.axis_angle();
-        Self { mm: distance(reported.position, expected.position), deg: angle.abs() }
-    }
-
     /// Returns whether the figures of one arm may differ so far. What is not a number may not.
     fn is_allowed(self) -> bool {
         self.mm <= ALLOWED_MM && self.deg <= ALLOWED_DEG
+    }
+}
+
+/// The check of a station's robot against the arm of the setup.
+#[derive(Debug)]
+pub(super) struct ArmCheck {
+    /// The arm that the robot should be; `None` if that is not known.
+    described: Option<DescribedArm>,
+    found: FoundArm,
+}
+
+/// Result of the check on this connection.
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum FoundArm {
+    Nothing,
+    /// It is the arm of the setup.
+    Described,
+    /// It is another one.
+    Other(PoseDifference),
+}
+
+impl ArmCheck {
+    pub(super) const fn new(described: Option<DescribedArm>) -> Self {
+        Self { described, found: FoundArm::Nothing }
+    }
+
+    /// Begins anew: the next robot may be another one.
+    pub(super) const fn forget(&mut self) {
+        self.found = FoundArm::Nothing;
+    }
+
+    /// Returns whether the robot has shown that it is the arm of the setup, or nobody knows that arm.
+    pub(super) fn is_passed(&self) -> bool {
+        self.described.is_none() || self.found == FoundArm::Described
+    }
+
+    /// Returns the difference to a robot that is another arm.
+    pub(super) const fn other(&self) -> Option<PoseDifference> {
+        match self.found {
+            FoundArm::Other(difference) => Some(difference),
+            FoundArm::Nothing | FoundArm::Described => None,
+        }
+    }
+
+    /// Looks at a robot that stands, until it is the arm of the setup: while one moves, joints and pose may be of different instants.
+    pub(super) fn look(&mut self, feedback: Option<&Feedback>) {
+        let resting = feedback.filter(|feedback| is_at_rest(feedback) || is_ready(feedback));
+        if let (false, Some(described), Some(feedback)) = (self.is_passed(), &self.described, resting) {
+            self.found = described.difference(feedback).map_or(FoundArm::Described, FoundArm::Other);
+        }
     }
 }
 

@@ -24,6 +24,7 @@ use protocol::image::{
 };
 
 use clock::StationClock;
+use described_arm::ArmCheck;
 pub use described_arm::{DescribedArm, PoseDifference};
 pub(crate) use inputs::RobotImage;
 use readiness::Readiness;
@@ -81,12 +82,7 @@ pub struct Station {
     name: String,
     order: Order,
     group: AxesGroup,
-    /// The arm that the robot should be; `None` if that is not known.
-    arm: Option<DescribedArm>,
-    /// True once the robot has shown on this connection that it is that arm.
-    is_arm_known: bool,
-    /// Difference to a robot that is another arm.
-    other_arm: Option<PoseDifference>,
+    arm: ArmCheck,
     start_position: StartPosition,
     pub(crate) state: StationState,
     readiness: Readiness,
@@ -146,9 +142,7 @@ impl Station {
             name,
             order,
             group: AxesGroup::new(wait_limits),
-            arm,
-            is_arm_known: false,
-            other_arm: None,
+            arm: ArmCheck::new(arm),
             start_position: StartPosition::new(to_start),
             state: StationState::Preparing,
             readiness: Readiness::default(),
@@ -196,8 +190,8 @@ impl Station {
     }
 
     /// Returns whether the robot has shown on this connection that it is the arm of the setup, or nobody knows that arm.
-    pub(crate) const fn is_arm_of_setup(&self) -> bool {
-        self.arm.is_none() || self.is_arm_known
+    pub(crate) fn is_arm_of_setup(&self) -> bool {
+        self.arm.is_passed()
     }
 
     /// Returns whether the robot is ready for a run, and the arm where it starts.
@@ -333,7 +327,7 @@ impl Station {
     /// Removes every command from the image, because the bus repeats its last image on the next connection.
     pub(crate) fn disarm(&mut self) {
         self.is_connected = false;
-        (self.is_arm_known, self.other_arm) = (false, None);
+        self.arm.forget();
         self.forget_images();
         self.forget_clock();
         self.state = StationState::Preparing;

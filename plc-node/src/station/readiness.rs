@@ -5,7 +5,7 @@ use protocol::image::{Control, ErrorNumber, State, Status};
 
 use super::{Station, StationState};
 use crate::event::Events;
-use crate::function_blocks::{GroupReset, GroupStop, is_at_rest, is_executing, is_ready};
+use crate::function_blocks::{GroupReset, GroupStop, is_executing, is_ready};
 use crate::program::Led;
 use crate::sequence::SkillProgress;
 use crate::{AxesGroup, FailureCause, PlcEvent, SetOut, StartError};
@@ -122,7 +122,8 @@ impl Station {
             return false;
         }
         self.state = StationState::Preparing;
-        if self.is_another_arm() {
+        self.arm.look(self.group.feedback());
+        if self.arm.other().is_some() {
             self.group.set_control(Control::ENABLE, false);
             return false;
         }
@@ -136,17 +137,6 @@ impl Station {
         }
         self.move_to_start(false);
         false
-    }
-
-    /// Returns whether the robot is another arm than the one of the setup. One that moves is looked at once it stands: joints and pose may
-    /// be of different instants.
-    fn is_another_arm(&mut self) -> bool {
-        let resting = self.group.feedback().filter(|feedback| is_at_rest(feedback) || is_ready(feedback));
-        if let (false, Some(arm), Some(feedback)) = (self.is_arm_known, &self.arm, resting) {
-            self.other_arm = arm.difference(feedback);
-            self.is_arm_known = self.other_arm.is_none();
-        }
-        self.other_arm.is_some()
     }
 
     /// Takes over how far a program that leads the station has come with it.

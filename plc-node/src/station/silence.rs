@@ -171,7 +171,7 @@ impl Station {
         if self.group.is_silent() {
             return WaitingFor::Life { received, life: feedback.life, altered };
         }
-        if let Some(difference) = self.other_arm {
+        if let Some(difference) = self.arm.other() {
             return WaitingFor::Arm(difference);
         }
         let is_error = feedback.status.contains(Status::ERROR) || feedback.status.contains(Status::WARNING);
