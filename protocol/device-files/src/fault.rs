@@ -44,10 +44,19 @@ pub fn excerpt(value: &str) -> String {
     shortened(value, 48)
 }
 
+/// Replaces what a terminal would not print in a text of any length.
+#[must_use]
+pub fn without_controls(text: &str) -> String {
+    text.chars().map(shown).collect()
+}
+
+fn shown(letter: char) -> char {
+    if letter.is_control() { char::REPLACEMENT_CHARACTER } else { letter }
+}
+
 /// Shortens a value that the user is to type to so many characters, and replaces what a terminal would not print.
 pub(crate) fn shortened(value: &str, most: usize) -> String {
-    let mut short: String =
-        value.chars().take(most).map(|it| if it.is_control() { '\u{FFFD}' } else { it }).collect();
+    let mut short: String = value.chars().take(most).map(shown).collect();
     if value.chars().nth(most).is_some() {
         short.push('…');
     }

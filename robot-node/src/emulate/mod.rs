@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use anyhow::Context as _;
-use device_files::ChosenDevice;
+use device_files::{ChosenDevice, without_controls};
 use emulated_device::{
     DataPlace, EmulatedDevice, EmulatedDevices, EmulationConfig, EmulationError, ScriptError,
 };
@@ -225,8 +225,7 @@ fn list(devices: &EmulatedDevices, groups: &[DeviceGroup], is_json: bool) -> any
         for (direction, places) in [("inputs", inputs), ("outputs", outputs)] {
             for DataPlace { place, name, bits, .. } in places {
                 let size = if bits % 8 == 0 { format!("{} bytes", bits / 8) } else { format!("{bits} bits") };
-                let name: String =
-                    name.chars().map(|it| if it.is_control() { '\u{FFFD}' } else { it }).collect();
+                let name = without_controls(name);
                 text.push_str(&format!("{direction} {place}: {size} {}\n", name.trim_end()));
             }
         }

@@ -12,7 +12,7 @@ use std::fmt::Display;
 use std::path::Path;
 use std::time::Duration;
 
-use device_files::{ChoiceError, ChosenDevice, DeviceChoice, DeviceFile, excerpt};
+use device_files::{ChoiceError, ChosenDevice, DeviceChoice, DeviceFile, excerpt, without_controls};
 use protocol::image::IMAGE_LEN;
 
 pub use ways::{UnfitRobotFile, ways_to_plug};
@@ -40,7 +40,7 @@ struct FileName(String);
 pub(crate) fn read(bus: &mut Bus, directory: &Path) -> Check {
     let Some(paths) = bus.device_paths.take() else { return Ok(()) };
     let path = directory.join(&paths.device);
-    let name = FileName(excerpt_of_path(&path));
+    let name = FileName(path_in_messages(&path));
     let unreadable = |error| {
         let text = format!("cannot read {}: {error}; the path is relative to the setup's directory", name.0);
         problem("bus.device", text)
@@ -90,15 +90,15 @@ fn is_of(file: &DeviceFile, kind: &BusKind) -> bool {
     )
 }
 
-fn excerpt_of_path(path: &Path) -> String {
-    path.display().to_string().chars().map(|it| if it.is_control() { '\u{FFFD}' } else { it }).collect()
+fn path_in_messages(path: &Path) -> String {
+    without_controls(&path.display().to_string())
 }
 
 fn read_choice(path: Option<&str>, directory: &Path) -> Result<DeviceChoice, Problem> {
     let Some(path) = path else { return Ok(DeviceChoice::default()) };
     let path = directory.join(path);
     let refused = |error: &dyn Display| {
-        let text = format!("cannot read {}: {error}", excerpt_of_path(&path));
+        let text = format!("cannot read {}: {error}", path_in_messages(&path));
         problem("bus.config", text)
     };
     let text = read_plain_text_within(&path, MOST_CHOICE_BYTES).map_err(|error| refused(&error))?;
