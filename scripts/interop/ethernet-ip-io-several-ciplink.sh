@@ -19,14 +19,12 @@ start ours at 3 "$NODES/robot-node" emulate "$PWD"/scripts/interop/files/made-up
 says left listening
 says right listening
 says ours 'waits for a controller'
-# Control and the life counter, which a robot sends back in bytes 22 and 23.
-command() { printf '%s%0504d' "$1" 0; }
 files=$PWD/scripts/interop/files
 start io at_plc "$NODES/plc-node" io --interface switch --run --for 3s \
     --device "$files/ciplink-adapter.eds" --at 192.168.64.2 --name left \
     --device "$files/ciplink-adapter.eds" --at 192.168.64.4 --name right \
     --device "$files/made-up-adapter.eds" --at 192.168.64.3 --name ours \
-    --set "left/Command=$(command 01003412)" --set "right/Command=$(command 01007856)" --set ours/Outputs=0a0b0c0d
+    --set "left/Command=$(image 01003412)" --set "right/Command=$(image 01007856)" --set ours/Outputs=0a0b0c0d
 ends io 30
 for name in left right ours; do says io "$name: up: data are exchanged"; done
 says io 'input left/Feedback = 30[0-9a-f]{42}3412'

@@ -21,8 +21,6 @@ start ours at 3 "$NODES/robot-node" emulate "$files/GSDML-V2.35-made-up-io-20260
 says left listening
 says right listening
 says ours 'waits for a controller'
-# Control and the life counter, which a robot sends back in bytes 22 and 23.
-command() { printf '%s%0504d' "$1" 0; }
 pnio=$files/GSDML-V2.35-pnio-device-20260101.xml
 start cables dumpcap -q -i switch -w "$OUT/cables.pcapng"
 says cables '^File:'
@@ -30,7 +28,7 @@ start io at_plc "$NODES/plc-node" io --interface switch --run --for 4s \
     --device "$pnio" --at pnio-left --name left --module 1=M_IN --module 3=M_OUT \
     --device "$pnio" --at pnio-right --name right --module 1=M_IN --module 3=M_OUT \
     --device "$files/GSDML-V2.35-made-up-io-20260101.xml" --at ours --module 2=M_2AO \
-    --set "left/3.1=$(command 00011234)" --set "right/3.1=$(command 00015678)" --set ours/2.1=0a0b0c0d
+    --set "left/3.1=$(image 00011234)" --set "right/3.1=$(image 00015678)" --set ours/2.1=0a0b0c0d
 ends io 40
 for name in left right ours; do says io "$name: up: data are exchanged"; done
 says io 'input left/1.1 = 0030[0-9a-f]{40}1234'

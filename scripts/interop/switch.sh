@@ -23,3 +23,8 @@ at() { # at NUMBER COMMAND...: runs a command at this station
     shift
     nsenter --net --mount --target "${namespaces[$number]}" -- "$@"
 }
+
+# image CONTROL_AND_LIFE: prints a command image with these four bytes, which a peer sends back in bytes 22 and 23.
+image() {
+    printf '%s%0504d' "$1" 0
+}
