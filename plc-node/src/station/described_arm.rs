@@ -103,7 +103,7 @@ impl ArmCheck {
 
     /// Returns whether the robot has shown that it is the arm of the setup, or nobody knows that arm.
     pub(super) fn is_passed(&self) -> bool {
-        self.described.is_none() || self.found == FoundArm::Described
+        self.described.is_none() || matches!(self.found, FoundArm::Described)
     }
 
     /// Returns the difference to a robot that is another arm.
@@ -116,8 +116,11 @@ impl ArmCheck {
 
     /// Looks at a robot that stands, until it is the arm of the setup: while one moves, joints and pose may be of different instants.
     pub(super) fn look(&mut self, feedback: Option<&Feedback>) {
+        if self.is_passed() {
+            return;
+        }
         let resting = feedback.filter(|feedback| is_at_rest(feedback) || is_ready(feedback));
-        if let (false, Some(described), Some(feedback)) = (self.is_passed(), &self.described, resting) {
+        if let (Some(described), Some(feedback)) = (&self.described, resting) {
             self.found = described.difference(feedback).map_or(FoundArm::Described, FoundArm::Other);
         }
     }
