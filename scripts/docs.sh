@@ -7,13 +7,14 @@
 #   scripts/docs.sh reference  each command, option and key that there is stands on its page
 #   scripts/docs.sh commands [FILE...]
 #                              run every block tagged ```sh of README.md and docs/, or of these files, and compare the
-#                              output that they quote
+#                              output that they quote; compare the options of ```console blocks with --help
 #
 # A block tagged ```text says in the line above where it is from: <!-- printed by: COMMAND -->, <!-- tested in: FILE --> or
 # <!-- drawing -->. What a command prints, here and there shortened, is compared line by line, and so is what a test asserts.
 #
 # The blocks of one file run in order in one new copy of the repository. `cargo run -p PROGRAM -- ARGUMENT...` runs
-# PROGRAM as it is built in target/debug. A block that cannot run in CI is tagged ```console or ```text.
+# PROGRAM as it is built in target/debug. A block that cannot run in CI is tagged ```console or ```text. In a ```console block each
+# line after a prompt ($, # or name$) is a command; any other is output, and then the block says where it is from, too.
 # shellcheck disable=SC2016 # what stands in single quotes is awk, sed and Markdown
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -102,15 +103,64 @@ broken_links() {
 }
 
 # split_blocks FILE DIRECTORY: writes each block tagged `sh` to DIRECTORY/LINE.sh, where LINE is its first line, and each
-# quoted output to LINE.quote, whose first line says where it is from.
+# quoted output to LINE.quote, whose first line says where it is from; and the commands of each block tagged `console`, a line each, to
+# LINE.console.
 split_blocks() {
     awk -v directory="$2" '
-        /^ *```/ && out != "" { close(out); out = ""; next }
+        /^ *```/ && (out != "" || console != "") {
+            if (console != "") { close(console); close(quote) } else { close(out) }
+            out = console = ""; next
+        }
         /^ *```sh *$/ { out = sprintf("%s/%05d.sh", directory, NR + 1); printf "" > out; next }
         /^ *```text *$/ { out = sprintf("%s/%05d.quote", directory, NR + 1); print above > out; next }
+        /^ *```console *$/ {
+            indent = index($0, "`") - 1; goes_on = quoted = 0
+            console = sprintf("%s/%05d.console", directory, NR + 1); quote = sprintf("%s/%05d.quote", directory, NR + 1); next
+        }
+        console != "" {
+            line = substr($0, indent + 1)
+            if (goes_on || line ~ /^([a-z]*[$]|#) /) {
+                if (!goes_on) sub(/^[^ ]+ +/, "", line)
+                goes_on = sub(/ *\\$/, " ", line)
+                printf "%s%s", line, goes_on ? "" : "\n" > console
+            } else if (NF) {
+                if (!quoted++) print above > quote
+                print line > quote
+            }
+            next
+        }
         out != "" { print > out }
-        NF { above = $0 }
+        NF { above = $0; sub(/^ +/, "", above) }
     ' "$1"
+}
+
+# unknown_options COMMANDS: prints each option in these commands that --help of its program does not have; fails if there is one.
+unknown_options() {
+    local line help word status=0
+    local -a words path
+    while IFS= read -r line; do
+        path=()
+        # Without comments, quoted texts, and what stands in for a program.
+        read -ra words < <(sed -E "s/ # .*//; s/'[^']*'//g; s/\"[^\"]*\"//g; s/cargo run -p ([a-z-]+) --( |$)/\1 /" <<<"$line")
+        for word in "${words[@]}"; do
+            if [ ${#path[@]} -eq 0 ]; then
+                [[ $word =~ ^(bench|plc-node|robot-node)$ ]] || continue
+                path=("$word")
+            elif [[ $word =~ ^[|\;\&] ]]; then
+                path=()
+                continue
+            elif [[ $word == -* ]]; then
+                grep -qE -- "(^|[ ,])${word%%=*}([ ,=[]|$)" <<<"$help" || { echo "${path[*]} has no option ${word%%=*}"; status=1; }
+                continue
+            elif [[ $help == *$'\n'"  $word "* ]]; then
+                path+=("$word")
+            else
+                continue
+            fi
+            help=$("$PROGRAMS/${path[0]}" "${path[@]:1}" --help)
+        done
+    done <"$1"
+    return "$status"
 }
 
 # wrong_quote QUOTE DIRECTORY: prints the first line of a quoted output that is not printed, or not in that order; fails if there
@@ -170,6 +220,13 @@ failing_blocks() {
     for block in "$blocks"/*; do
         [ -e "$block" ] || continue
         line=$(basename "${block%.*}")
+        if [[ $block == *.console ]]; then
+            if ! unknown_options "$block" >"$blocks/output"; then
+                echo "$1:$((10#$line)): $(cat "$blocks/output")"
+                status=1
+            fi
+            continue
+        fi
         if [[ $block == *.quote ]]; then
             if ! wrong_quote "$block" "$2" >"$blocks/output"; then
                 echo "$1:$((10#$line)): the quoted output is not what the program prints: $(cat "$blocks/output")"
@@ -332,7 +389,7 @@ self_test() {
     expect "keys of a file" "a_b frames note on part.of value" "$(file_keys "$here/file.toml" | paste -sd ' ')"
 
     export -f cargo
-    printf '%s\n' '```sh' 'echo one >file' '```' '```console' 'false' '```' '```sh' 'test "$(cat file)" = one' '```' >"$here/runs.md"
+    printf '%s\n' '```sh' 'echo one >file' '```' '```console' '$ false' '```' '```sh' 'test "$(cat file)" = one' '```' >"$here/runs.md"
     found=$(failing_blocks "$here/runs.md" "$here") || true
     expect "good blocks run in one directory, and no other block runs" "$here/runs.md: 2 blocks run" "$found"
     local -A bad=(
@@ -350,6 +407,16 @@ self_test() {
     found=$(failing_blocks "$here/stale.md" "$here") || true
     expect "a stale quote is named by its line, and so is one from nowhere" "$here/stale.md:3 $here/stale.md:8" \
         "$(sed -E 's/^([^:]*:[0-9]+):.*/\1/' <<<"$found" | paste -sd ' ')"
+    # shellcheck disable=SC1003 # a line that goes on
+    printf '%s\n' '1. item' '' '   <!-- printed by: echo up; seq 3 -->' '   ```console' '   # plc-node io --device "a b.eds" \\' '       --at "x"' '   up' '   3' \
+        '   ```' '```console' 'plc$  plc-node run --setup A' '$ bench study run a.toml --out b | head -n 3 # --no' '```' >"$here/console.md"
+    found=$(failing_blocks "$here/console.md" "$here") || true
+    expect "output in a console block is compared, and its commands have options that exist" "$here/console.md: 0 blocks run" "$found"
+    printf '%s\n' '```console' '$ echo' 'from nowhere' '```' '' '<!-- printed by: echo down -->' '```console' '$ bench --stup A' 'up' '```' \
+        >"$here/console.md"
+    found=$(failing_blocks "$here/console.md" "$here") || true
+    expect "stale output, output from nowhere and an option that is gone are named by the line of their block" \
+        "$here/console.md:2 $here/console.md:8 $here/console.md:8" "$(sed -E 's/^([^:]*:[0-9]+):.*/\1/' <<<"$found" | paste -sd ' ')"
     local name
     for name in "${!bad[@]}"; do
         printf '%s\n' '```sh' 'true' '```' 'text' '```sh' "${bad[$name]}" '```' >"$here/$name.md"

@@ -68,6 +68,7 @@ pub mod token;
 mod trace_file;
 pub mod trace_row;
 mod version;
+pub mod wait_lines;
 
 #[cfg(all(feature = "real", target_os = "linux"))]
 pub use control::{ControlError, ControlPort};

@@ -15,6 +15,7 @@ use crate::message::{Hello, Instruction, Message};
 use crate::output::to_stdout;
 use crate::station_file::{Station, StationFile};
 use crate::station_message::{Console, StationMessage};
+use crate::wait_lines::WaitLines;
 use crate::{Command, Input, Node, NodeError, NodeProcess, Notice, Outcome, ProcessEvent, ShortText, errln};
 
 /// What one kind of node adds to the supervision of a node, with or without instructions.
@@ -103,6 +104,7 @@ pub fn supervise<N: Node, C: OperatingMode<N>>(
         links: (0..stations.len().max(1)).map(|_| Link::default()).collect(),
         stations,
         explanation: None,
+        wait_lines: WaitLines::default(),
     };
     let result = supervisor.run();
     let (snapshot, ended) = match result {
@@ -136,6 +138,7 @@ struct Supervisor<'a, N: Node, C: OperatingMode<N>> {
     links: Vec<Link>,
     /// The node's text about the next event.
     explanation: Option<ShortText>,
+    wait_lines: WaitLines,
 }
 
 impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
@@ -360,10 +363,24 @@ impl<N: Node, C: OperatingMode<N>> Supervisor<'_, N, C> {
     /// also printed.
     fn send(&mut self, station: Option<usize>, message: Message<C::Message>) {
         let message = self.about(station, message);
-        let Some(port) = self.process.control() else { return self.console.print(&message) };
-        port.send(&message.to_json());
-        if !matches!(message.message, Message::Node(_) | Message::Report(_)) {
+        let port = self.process.control();
+        let is_for_console =
+            port.is_none() || !matches!(message.message, Message::Node(_) | Message::Report(_));
+        if let Some(port) = port {
+            port.send(&message.to_json());
+        }
+        if is_for_console && (self.console == Console::Json || self.is_due(&message)) {
             self.console.print(&message);
+        }
+    }
+
+    /// Returns whether a person is to see the message: of a long wait only some.
+    fn is_due(&mut self, message: &StationMessage<C::Message>) -> bool {
+        match &message.message {
+            Message::Waiting { seconds, reason, .. } => {
+                self.wait_lines.is_due(message.station.as_deref(), *seconds, reason)
+            }
+            _ => true,
         }
     }
 }

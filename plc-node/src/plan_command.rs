@@ -20,6 +20,9 @@ pub(crate) struct PlanCommand {
     all: bool,
 }
 
+/// Blanks before the rest of a line about marks and zones that is wider than the terminal.
+const HANGING: usize = 8;
+
 /// Warnings that are printed of a plan unless all are asked for: the cycles of a grid repeat theirs.
 const WARNINGS: usize = 10;
 
@@ -51,7 +54,10 @@ impl PlanCommand {
             }
         }
         if !planned.marks.is_empty() {
-            to_stdout(format_args!("{planned}"))?;
+            for line in planned.to_string().lines() {
+                let line = screen::wrapped_within(line, 0, HANGING, screen::table_width());
+                to_stdout(format_args!("{line}\n"))?;
+            }
         }
         Ok(Outcome::Done)
     }

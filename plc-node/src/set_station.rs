@@ -29,7 +29,7 @@ struct StationOptions {
     #[arg(long, value_name = "IF")]
     interface: String,
     /// The station: its name, its IP address or its MAC address.
-    #[arg(long, value_name = "NAME|ADDRESS|MAC")]
+    #[arg(long, value_name = "STATION")]
     at: String,
 }
 
@@ -67,7 +67,7 @@ pub(crate) struct SetIpCommand {
     /// Subnet mask; without it, that of the interface.
     #[arg(long, value_name = "MASK")]
     mask: Option<Ipv4Addr>,
-    /// Gateway; without it, none.
+    /// Gateway, 0.0.0.0 for none; without it, the one that the station has, if the new address can reach it.
     #[arg(long, value_name = "ADDRESS")]
     gateway: Option<Ipv4Addr>,
     #[command(flatten)]
@@ -167,10 +167,21 @@ impl SetIpCommand {
             return Err(StationError::Taken(format!("the address {address}"), own).into());
         }
         let mask = self.mask.or_else(|| interface.mask()).unwrap_or(Ipv4Addr::new(255, 255, 255, 0));
-        // A station without a gateway has its own address there (IEC 61158-6-10, IPParameter).
-        let suite = IpSuite { address, mask, gateway: self.gateway.unwrap_or(address) };
-        self.change.ask(&format!("Give {} the address {address}, mask {mask}?", describe(station)))?;
+        let suite = self.suite(station, mask);
+        self.change.ask(&format!("Give {} the address {}?", describe(station), in_words(suite)))?;
         set(&interface, station, StationChange::Address(suite), !self.change.temporary)
+    }
+}
+
+impl SetIpCommand {
+    /// Returns the address, mask and gateway that the station gets. One without a gateway has its own address there (IEC 61158-6-10,
+    /// IPParameter).
+    fn suite(&self, station: &FoundStation, mask: Ipv4Addr) -> IpSuite {
+        let address = self.address;
+        let former = station.ip.and_then(gateway_of);
+        let kept = former.filter(|gateway| *gateway & mask == address & mask);
+        let gateway = self.gateway.or(kept).filter(|gateway| !gateway.is_unspecified());
+        IpSuite { address, mask, gateway: gateway.unwrap_or(address) }
     }
 }
 
@@ -207,6 +218,17 @@ impl ChangeOptions {
             _ => Err(StationError::NotAgreed.into()),
         }
     }
+}
+
+/// Returns the gateway of a station; `None` for 0.0.0.0 and its own address.
+fn gateway_of(ip: IpSuite) -> Option<Ipv4Addr> {
+    Some(ip.gateway).filter(|gateway| !gateway.is_unspecified() && *gateway != ip.address)
+}
+
+fn in_words(ip: IpSuite) -> String {
+    let gateway =
+        gateway_of(ip).map_or_else(|| "no gateway".to_owned(), |gateway| format!("gateway {gateway}"));
+    format!("{}, mask {}, {gateway}", ip.address, ip.mask)
 }
 
 fn describe(station: &FoundStation) -> String {
@@ -277,7 +299,9 @@ fn set(
 fn confirm(interface: &Interface, mac: Mac) -> anyhow::Result<Outcome> {
     match find_stations(interface, SEARCH)?.iter().find(|station| station.mac == mac) {
         Some(station) => {
-            to_stdout(format_args!("now {}\n", describe(station)))?;
+            let ip = station.ip.filter(|ip| !ip.address.is_unspecified());
+            let rest = ip.map_or_else(String::new, |ip| format!(": {}", in_words(ip)));
+            to_stdout(format_args!("now {}{rest}\n", describe(station)))?;
             Ok(Outcome::Done)
         }
         None => {
@@ -323,5 +347,25 @@ mod tests {
             said,
             "no station is `pump`; stations that answer: valve (02:00:00:00:00:01, 192.168.0.7)"
         );
+    }
+
+    #[test]
+    fn a_new_address_keeps_the_gateway_that_it_can_reach() {
+        let mut valve = station(1, "valve", 7);
+        let suite = |valve: &FoundStation, options: &[&str]| {
+            let command = ["set-ip", "--interface", "eth1", "--at", "valve"];
+            let matches = <SetIpCommand as clap::Args>::augment_args(clap::Command::new("set-ip"))
+                .get_matches_from(command.iter().chain(options));
+            let command = <SetIpCommand as clap::FromArgMatches>::from_arg_matches(&matches).unwrap();
+            in_words(command.suite(valve, Ipv4Addr::new(255, 255, 255, 0)))
+        };
+        assert_eq!(suite(&valve, &["192.168.0.9"]), "192.168.0.9, mask 255.255.255.0, no gateway");
+        valve.ip.as_mut().unwrap().gateway = Ipv4Addr::new(192, 168, 0, 1);
+        assert_eq!(suite(&valve, &["192.168.0.9"]), "192.168.0.9, mask 255.255.255.0, gateway 192.168.0.1");
+        assert_eq!(suite(&valve, &["192.168.5.9"]), "192.168.5.9, mask 255.255.255.0, no gateway");
+        let other = suite(&valve, &["192.168.0.9", "--gateway", "192.168.0.2"]);
+        assert_eq!(other, "192.168.0.9, mask 255.255.255.0, gateway 192.168.0.2");
+        let none = suite(&valve, &["192.168.0.9", "--gateway", "0.0.0.0"]);
+        assert_eq!(none, "192.168.0.9, mask 255.255.255.0, no gateway");
     }
 }

@@ -39,7 +39,7 @@ use stands::virtual_run::{Extras, VirtualRun};
 
 /// Faults of a cell in the soak: more of each than any plant has.
 const BACKGROUND: &str =
-    "loss=0.001,duplicate=0.0005,jitter=100us,reorder=0.0005@2ms,corrupt=0.0001@memory,corrupt=0.0001@wire";
+    "loss=0.001 duplicate=0.0005 jitter=100us reorder=0.0005@2ms corrupt=0.0001@memory corrupt=0.0001@wire";
 
 /// Mean time between two faults of drives in a life.
 const DRIVE_FAULT_EVERY: Duration = Duration::from_secs(30);
@@ -355,7 +355,7 @@ mod tests {
     /// Lives for a minute of the plant.
     fn minute_of(setup: &Setup, application: &planning::Application) -> Counts {
         let planned = PlannedCell::of(setup, application).unwrap();
-        let faults: Vec<Fault> = BACKGROUND.split(',').map(|fault| fault.parse().unwrap()).collect();
+        let faults: Vec<Fault> = BACKGROUND.split(' ').map(|fault| fault.parse().unwrap()).collect();
         let go_on = AtomicBool::new(false);
         let counts = live(setup, &planned, &faults, 1, Duration::from_secs(60), &go_on).unwrap();
         assert!(counts.plant >= Duration::from_secs(60) && counts.passed > 5, "{counts:?}");

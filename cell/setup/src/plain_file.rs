@@ -72,6 +72,9 @@ pub(crate) fn text_of(bytes: Vec<u8>) -> std::result::Result<String, String> {
     let start = bytes.get(..ENCODING_BYTES).unwrap_or(&bytes);
     let nuls = start.iter().filter(|byte| **byte == 0).count();
     let has_mark = start.starts_with(&[0xFF, 0xFE]) || start.starts_with(&[0xFE, 0xFF]);
+    if nuls > start.len() * 5 / 8 {
+        return Err("the file is in UTF-32: save it as UTF-8".to_owned());
+    }
     if has_mark || nuls > start.len() / 4 {
         return Err("the file is in UTF-16: save it as UTF-8".to_owned());
     }
@@ -82,10 +85,13 @@ pub(crate) fn text_of(bytes: Vec<u8>) -> std::result::Result<String, String> {
     };
     let text = String::from_utf8(bytes)
         .map_err(|error| at_fault(error.as_bytes(), error.utf8_error().valid_up_to(), "UTF-8"))?;
-    match text.find('\0') {
-        Some(at) => Err(at_fault(text.as_bytes(), at, "text")),
-        None => Ok(text),
+    if let Some(at) = text.find('\0') {
+        return Err(at_fault(text.as_bytes(), at, "text"));
     }
+    if text.contains('\r') && !text.contains('\n') {
+        return Err("its lines end with CR alone: save the file with line ends LF or CRLF".to_owned());
+    }
+    Ok(text)
 }
 
 #[cfg(test)]
@@ -106,6 +112,16 @@ mod tests {
             fs::write(&path, wide).unwrap();
             assert_eq!(said(&path), "the file is in UTF-16: save it as UTF-8");
         }
+        for to_bytes in [u32::to_le_bytes, u32::to_be_bytes] {
+            let wide: Vec<u8> =
+                "schema = 1\n# 15 mm²\n".chars().flat_map(|letter| to_bytes(letter.into())).collect();
+            fs::write(&path, wide).unwrap();
+            assert_eq!(said(&path), "the file is in UTF-32: save it as UTF-8");
+        }
+        fs::write(&path, "schema = 1\r\nname = \"A\"\r\n").unwrap();
+        assert!(read_plain_text(&path).is_ok(), "CRLF is a line end");
+        fs::write(&path, "schema = 1\rname = \"A\"\r").unwrap();
+        assert_eq!(said(&path), "its lines end with CR alone: save the file with line ends LF or CRLF");
         fs::write(&path, "schema = 1\nname = \"A\0\"\n").unwrap();
         assert_eq!(said(&path), "line 2 has the byte 0x00, which is not text: save the file as UTF-8");
         fs::File::create(&path).unwrap().set_len(MOST_FILE_BYTES + 1).unwrap();

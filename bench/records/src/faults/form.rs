@@ -102,6 +102,16 @@ pub enum FaultError {
         /// Examples of the key's forms.
         examples: Vec<&'static str>,
     },
+    /// What stands before the fault is not a direction.
+    #[error(
+        "invalid direction `{direction}` in `{text}`: write to-robot or to-plc, as in to-robot:loss=0.001"
+    )]
+    Direction {
+        /// The user's text.
+        text: String,
+        /// The part that is not a direction.
+        direction: String,
+    },
     /// It is not a share of the frames.
     #[error("invalid share of frames `{0}`: write a number from 0 to 1, such as 0.001, or 0.1%")]
     Share(String),
@@ -128,7 +138,10 @@ impl FaultError {
     pub(super) fn form(text: &str) -> Self {
         let fault = text.rsplit_once('/').map_or(text, |(_, fault)| fault);
         let fault = fault.split_once('=').map_or(fault, |(key, _)| key);
-        let key = fault.rsplit_once(':').map_or(fault, |(_, key)| key);
+        let (direction, key) = fault.rsplit_once(':').unwrap_or(("to-robot", fault));
+        if !["to-robot", "to-plc"].contains(&direction) {
+            return Self::Direction { text: text.to_owned(), direction: direction.to_owned() };
+        }
         let examples: Vec<_> = forms().filter(|form| form.key == key).map(|form| form.example).collect();
         if !examples.is_empty() {
             return Self::Form { text: text.to_owned(), examples };
@@ -172,6 +185,7 @@ mod tests {
         insta::assert_snapshot!(said("loss"), @"invalid fault `loss`: write it as loss=0.001");
         insta::assert_snapshot!(said("flip-frame=3.1@memory"), @"invalid fault `flip-frame=3.1@memory`: write it as to-robot:flip-frame=17.93@memory or to-robot:flip-frame=17@wire");
         insta::assert_snapshot!(said("to-robot:cut-at=1s..2s"), @"invalid fault `to-robot:cut-at=1s..2s`: write it as cut-at=2s..2.1s");
-        insta::assert_snapshot!(said("to-rbot:loss=0.1"), @"invalid fault `to-rbot:loss=0.1`: write it as loss=0.001");
+        insta::assert_snapshot!(said("to-rbot:loss=0.1"), @"invalid direction `to-rbot` in `to-rbot:loss=0.1`: write to-robot or to-plc, as in to-robot:loss=0.001");
+        insta::assert_snapshot!(said("left/robot:cut-frame=3@1ms"), @"invalid direction `robot` in `left/robot:cut-frame=3@1ms`: write to-robot or to-plc, as in to-robot:loss=0.001");
     }
 }

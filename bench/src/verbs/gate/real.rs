@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::anyhow;
+use node::screen;
 use plc_node::ExecutionType;
 
 use super::export::{GateExport, RatioRow};
@@ -171,18 +172,15 @@ fn compare_in_step(baseline: &Baseline, cell: &CellResults) -> Vec<Compared> {
 }
 
 fn render(results: &Results, compared: &[Compared]) -> String {
-    let mut text = format!(
-        "Gate: setup {}, {}, a real run{}; ratios of AETs within it{}\n\n{:<24}{:>10}{:>10}{:>24}{:>10}\n",
+    let about = format!(
+        "Gate: setup {}, {}, a real run{}; ratios of AETs within it{}",
         results.setup,
         results.application,
         if results.is_of_older_version() { ", written by an older version" } else { "" },
         if compared.iter().any(|compared| !compared.unit.is_empty()) { ", and medians" } else { "" },
-        "",
-        "baseline",
-        "now",
-        "95 % interval",
-        "at most"
     );
+    let mut table = screen::ruled();
+    table.set_header(["", "baseline", "now", "95 % interval", "at most", ""]);
     for ratio in compared {
         let Compared { name, unit, expected, found, at_most } = ratio;
         let name = [name.as_str(), unit].join(" ");
@@ -193,19 +191,19 @@ fn render(results: &Results, compared: &[Compared]) -> String {
             RatioVerdict::Beyond => "BEYOND",
             RatioVerdict::Inconclusive => "inconclusive",
         };
-        let _ = writeln!(
-            text,
-            "{name:<24}{expected:>10.4}{:>10.4}{interval:>24}{at_most:>10.4}  {verdict}",
-            found.ratio,
-        );
+        let [expected, now, at_most] =
+            [*expected, found.ratio, *at_most].map(|number| format!("{number:.4}"));
+        table.add_row([name.trim_end().to_owned(), expected, now, interval, at_most, verdict.to_owned()]);
     }
+    let table = screen::drawn(&screen::numbers_right(table));
+    let mut text = format!("{}\n\n{table}\n", screen::wrapped(&about, 0, 2));
     for (over, under) in RATIOS {
         let name = format!("{} / {}", label(over), label(under));
         if !compared.iter().any(|ratio| ratio.name == name) {
             let fewest = records::ratio::FEWEST;
             let _ = writeln!(
                 text,
-                "{name:<24}not compared: it takes {fewest} repetitions of each, and a baseline of both"
+                "{name} not compared: it takes {fewest} repetitions of each, and a baseline of both"
             );
         }
     }

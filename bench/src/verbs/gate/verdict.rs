@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::baseline::{self, Baseline, Expected};
+use node::screen;
 use records::results::Results;
 use records::schedule::repetitions;
 use report::export_text::quoted;
@@ -33,7 +34,8 @@ impl Change {
         self.difference().zip(self.expected.as_ref()).is_some_and(|(by, expected)| within(by, expected))
     }
 
-    fn line(&self) -> String {
+    /// Returns the row of the printed table.
+    fn cells(&self) -> [String; 6] {
         let side = |side: &Option<Expected>| {
             side.as_ref().map_or_else(|| "–".to_owned(), |side| format!("{:.3}", side.value))
         };
@@ -42,12 +44,8 @@ impl Change {
         let difference = self.difference().map_or_else(|| "–".to_owned(), |by| signed_to(by, 3));
         let tolerance = self.expected.as_ref().map_or_else(String::new, |any| format!("± {}", any.tolerance));
         let verdict = if self.is_within() { "ok" } else { "CHANGED" };
-        format!(
-            "{:<28}{:>12}{:>12}{difference:>12}{tolerance:>9}  {verdict}",
-            [name.0, name.1].join(" ").trim_end(),
-            side(&self.expected),
-            side(&self.found),
-        )
+        let name = [name.0, name.1].join(" ").trim_end().to_owned();
+        [name, side(&self.expected), side(&self.found), difference, tolerance, verdict.to_owned()]
     }
 
     fn sentence(&self) -> String {
@@ -160,19 +158,15 @@ impl Verdict {
     #[must_use]
     pub fn render(&self, baseline: &Baseline, origin: &str) -> String {
         let Baseline { setup, application, reps, seed, .. } = baseline;
-        let mut text = format!(
-            "Gate: setup {setup}, {application}, {} of each type in virtual time, seed {seed}\n\
-             Baseline: {origin}\n\n{:<28}{:>12}{:>12}{:>12}{:>9}\n",
-            repetitions(*reps),
-            "",
-            "baseline",
-            "now",
-            "difference",
-            "allowed"
+        let about = format!(
+            "Gate: setup {setup}, {application}, {} of each type in virtual time, seed {seed}",
+            repetitions(*reps)
         );
-        for change in &self.changes {
-            let _ = writeln!(text, "{}", change.line());
-        }
+        let mut table = screen::ruled();
+        table.set_header(["", "baseline", "now", "difference", "allowed", ""]);
+        table.add_rows(self.changes.iter().map(Change::cells));
+        let table = screen::drawn(&screen::numbers_right(table));
+        let mut text = format!("{}\nBaseline: {origin}\n\n{table}\n", screen::wrapped(&about, 0, 2));
         let beyond: Vec<_> = self.changes.iter().filter(|change| !change.is_within()).collect();
         if beyond.is_empty() {
             let _ = writeln!(text, "\nPass: all {} figures are within their tolerances.", self.changes.len());

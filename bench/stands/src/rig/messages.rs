@@ -204,13 +204,20 @@ impl Rig {
             NodeEvent::UnreadableLine { node, line } => (*node, Some(line.clone())),
             NodeEvent::Ended(_) => return,
         };
-        let is_for_user = matches!(
-            event,
-            NodeEvent::Plc(_, Message::Waiting { .. } | Message::Remark { .. })
-                | NodeEvent::Robot(_, Message::Waiting { .. } | Message::Remark { .. })
-        );
+        let name = self.name(id).to_string();
+        let is_for_user = match event {
+            NodeEvent::Plc(_, Message::Remark { .. }) | NodeEvent::Robot(_, Message::Remark { .. }) => true,
+            NodeEvent::Plc(station, Message::Waiting { seconds, reason, .. }) => {
+                let who = format!("{name} {}", station.as_deref().unwrap_or_default());
+                self.wait_lines.is_due(Some(&who), *seconds, reason)
+            }
+            NodeEvent::Robot(_, Message::Waiting { seconds, reason, .. }) => {
+                self.wait_lines.is_due(Some(&name), *seconds, reason)
+            }
+            _ => false,
+        };
         if let (true, Some(voice), Some(news)) = (is_for_user, &self.voice, &news) {
-            voice.say(&format!("{}: {news}", self.name(id)));
+            voice.say(&format!("{name}: {news}"));
         }
         self.silence.hear(id, news.and_then(|news| news.lines().next().map(str::to_owned)));
     }

@@ -75,6 +75,7 @@ use rig_node::RigNode;
 use robot::RigRobot;
 use silence::Silence;
 
+use ::node::wait_lines::WaitLines;
 use records::faults::{Change, FaultReport};
 use records::feed::Feed;
 use records::trace::Window;
@@ -148,6 +149,8 @@ pub struct Rig {
     remarks: Vec<String>,
     /// Prints lines beside the progress; `None` where nobody reads them.
     voice: Option<Voice>,
+    /// Which reports of the nodes' waits it prints.
+    wait_lines: WaitLines,
     /// Reports asked for and not received, of each node.
     awaited: Vec<u32>,
     traced: Vec<Window>,
@@ -251,6 +254,7 @@ impl Rig {
             silence,
             remarks: Vec::new(),
             voice: None,
+            wait_lines: WaitLines::default(),
             traced: Vec::new(),
             recording: false,
             trace_directory: None,
