@@ -37,6 +37,15 @@ impl Bus {
     pub fn allowed(&self) -> machine::Allowed {
         machine::Allowed(self.allowed_plcs.iter().copied().map(Into::into).collect())
     }
+
+    /// Returns the product name in the EDS of the robot's device; `None` if the setup names none.
+    #[must_use]
+    pub fn product_name(&self) -> Option<&str> {
+        match self.device.as_deref()? {
+            ChosenDevice::Eds(adapter) => Some(&adapter.product_name),
+            ChosenDevice::Gsdml(_) | ChosenDevice::Esi(_) => None,
+        }
+    }
 }
 
 /// Which fieldbus.

@@ -1,39 +1,21 @@
 //! Assemblies of an EtherNet/IP robot, read without a connection: their sizes against those of the setup.
 
-use std::io::{ErrorKind, Read as _, Write as _};
-use std::net::{Ipv4Addr, SocketAddrV4, TcpStream};
-use std::time::Duration;
+use std::net::{Ipv4Addr, SocketAddrV4};
 
 use ethernet_ip::ENCAPSULATION_PORT;
-use ethernet_ip::cip::{Logical, Reply, Request, class, service, write_logical};
-use ethernet_ip::cpf::{Item, Packet, write_unconnected};
-use ethernet_ip::encapsulation::{
-    Command, HEADER_LEN, Header, MAX_MESSAGE_LEN, Message, PROTOCOL_VERSION, Reassembly, Status,
-};
-use machine::wire::{LittleEndian, Overflow};
+use ethernet_ip::cip::class;
 use protocol::image::IMAGE_LEN;
 use protocol::stations::{COMMAND, FEEDBACK};
 use setup::{Bus, BusKind, EthernetIp};
 
-use crate::verbs::doctor::finding::{Finding, Verdict};
-
-type Writer<'a> = machine::wire::Writer<'a, LittleEndian>;
+use super::dialogue::{AttributeAnswer, Dialogue, malformed, unreachable};
+use crate::verbs::doctor::finding::Finding;
 
 const ASSEMBLIES: &str = "assembly sizes";
 
 /// Attributes of an assembly (volume 1, table 5-5.3): its data, and their number in bytes.
 const DATA: u32 = 3;
 const SIZE: u32 = 4;
-
-/// General status of a path that leads to no object, and of an object that is not there (volume 1, appendix B).
-const PATH_UNKNOWN: u8 = 0x05;
-const NO_OBJECT: u8 = 0x16;
-
-/// Longest wait for a connection and for each answer.
-const PATIENCE: Duration = Duration::from_secs(2);
-
-/// Messages of a device that are passed over until its answer comes.
-const MOST_OTHERS: u32 = 16;
 
 /// An assembly that a connection of the setup uses.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -59,14 +41,8 @@ enum AssemblySize {
 /// Reads the sizes of the robot's assemblies and judges them; nothing on another bus.
 pub(super) fn findings(bus: &Bus, seen: &[Finding]) -> Vec<Finding> {
     let BusKind::EthernetIp(addresses, ethernet_ip) = &bus.kind else { return Vec::new() };
-    let answers = seen.iter().any(|it| it.what == "address" && it.verdict == Verdict::Good);
-    if !answers {
-        return vec![Finding::not_seen(ASSEMBLIES, "no such device", "see the step `address`")];
-    }
-    if ethernet_ip.adapter.as_ref().is_some_and(|adapter| !adapter.route.is_empty()) {
-        let found =
-            "the robot sits beyond a bridge (bus.ethernet_ip.adapter.route), where this look does not read";
-        return vec![Finding::limited(ASSEMBLIES, found, "the step `connection` decides")];
+    if let Some(reason) = unreachable(ethernet_ip, seen) {
+        return vec![reason.finding(ASSEMBLIES)];
     }
     let wanted = wanted(ethernet_ip);
     vec![match read(addresses.robot, &wanted) {
@@ -131,135 +107,50 @@ fn judged(wanted: &[WantedAssembly], sizes: &[AssemblySize]) -> Finding {
 /// Reads the size of each assembly over a session of its own.
 fn read(robot: Ipv4Addr, wanted: &[WantedAssembly]) -> std::io::Result<Vec<AssemblySize>> {
     let mut dialogue = Dialogue::open(SocketAddrV4::new(robot, ENCAPSULATION_PORT))?;
-    wanted.iter().map(|assembly| dialogue.size_of(assembly.instance)).collect()
+    wanted.iter().map(|assembly| size_of(&mut dialogue, assembly.instance)).collect()
 }
 
-/// A session with a device.
-struct Dialogue {
-    stream: TcpStream,
-    session: u32,
-    number: u64,
-    received: Reassembly,
-}
-
-fn malformed(what: &str) -> std::io::Error {
-    std::io::Error::new(ErrorKind::InvalidData, what.to_owned())
-}
-
-impl Dialogue {
-    fn open(device: SocketAddrV4) -> std::io::Result<Self> {
-        let stream = TcpStream::connect_timeout(&device.into(), PATIENCE)?;
-        stream.set_read_timeout(Some(PATIENCE))?;
-        stream.set_write_timeout(Some(PATIENCE))?;
-        let mut dialogue = Self { stream, session: 0, number: 0, received: Reassembly::default() };
-        let (header, _) = dialogue.ask(Command::RegisterSession, |writer| {
-            writer.u16(PROTOCOL_VERSION);
-            writer.u16(0);
-        })?;
-        if header.status != Status::Success {
-            return Err(malformed(&format!("it refuses a session: {}", header.status.text())));
-        }
-        dialogue.session = header.session;
-        Ok(dialogue)
-    }
-
-    /// Reads attribute 4 of an assembly, or counts the bytes of attribute 3 where the device does not have it.
-    fn size_of(&mut self, instance: u32) -> std::io::Result<AssemblySize> {
-        let answer = self.attribute(instance, SIZE)?;
-        match size_in(SIZE, &answer)? {
-            AssemblySize::Bytes(bytes) => Ok(AssemblySize::Bytes(bytes)),
-            _ => {
-                let answer = self.attribute(instance, DATA)?;
-                size_in(DATA, &answer)
-            }
-        }
-    }
-
-    fn attribute(&mut self, instance: u32, attribute: u32) -> std::io::Result<Vec<u8>> {
-        let (header, data) =
-            self.ask(Command::SendRRData, |writer| emit_read(writer, instance, attribute))?;
-        if header.status != Status::Success {
-            return Err(malformed(&format!("it refuses a message: {}", header.status.text())));
-        }
-        Ok(data)
-    }
-
-    /// Sends a message and returns the answer with the same number; others are passed over.
-    fn ask(
-        &mut self,
-        command: Command,
-        body: impl FnOnce(&mut Writer<'_>),
-    ) -> std::io::Result<(Header, Vec<u8>)> {
-        self.number += 1;
-        let mut header = Header::request(command, self.session);
-        header.context = self.number.to_le_bytes();
-        let mut buf = [0; HEADER_LEN + 64];
-        let len =
-            header.emit(&mut buf, body).map_err(|Overflow { .. }| malformed("a request is too long"))?;
-        self.stream.write_all(buf.get(..len).unwrap_or_default())?;
-        let mut others = 0;
-        let mut bytes = [0; MAX_MESSAGE_LEN];
-        while others < MOST_OTHERS {
-            match self.received.next_message() {
-                Some(Message::Whole(found, data))
-                    if (found.command, found.context) == (command, header.context) =>
-                {
-                    return Ok((found, data.to_vec()));
-                }
-                Some(_) => others += 1,
-                None => {
-                    let count = self.stream.read(&mut bytes)?;
-                    if count == 0 {
-                        return Err(ErrorKind::UnexpectedEof.into());
-                    }
-                    let new = bytes.get(..count).unwrap_or_default();
-                    self.received.push(new).map_err(|_| malformed("its answer is too long"))?;
-                }
-            }
-        }
-        Err(malformed("it answers other questions"))
+/// Reads attribute 4 of an assembly, or counts the bytes of attribute 3 where the device does not have it.
+fn size_of(dialogue: &mut Dialogue, instance: u32) -> std::io::Result<AssemblySize> {
+    match size_in(SIZE, dialogue.attribute(class::ASSEMBLY, instance, SIZE)?)? {
+        AssemblySize::Bytes(bytes) => Ok(AssemblySize::Bytes(bytes)),
+        _ => size_in(DATA, dialogue.attribute(class::ASSEMBLY, instance, DATA)?),
     }
 }
 
-/// Writes the request for an attribute of an assembly.
-fn emit_read(writer: &mut Writer<'_>, instance: u32, attribute: u32) {
-    write_unconnected(writer, |writer| {
-        let path = |writer: &mut Writer<'_>| {
-            write_logical(writer, Logical::Class, class::ASSEMBLY);
-            write_logical(writer, Logical::Instance, instance);
-            write_logical(writer, Logical::Attribute, attribute);
-        };
-        Request::emit(writer, service::GET_ATTRIBUTE_SINGLE, path, |_| {});
-    });
-}
-
-/// Returns the size in an answer to the request for an attribute.
-fn size_in(attribute: u32, data: &[u8]) -> std::io::Result<AssemblySize> {
-    let packet = Packet::parse_unconnected(data);
-    let Ok(Some(Item::UnconnectedData(message))) = packet.map(|packet| packet.data) else {
-        return Err(malformed("its answer has no message"));
-    };
-    let reply = Reply::parse(message).map_err(|_| malformed("its answer is cut off"))?;
-    if reply.service != service::GET_ATTRIBUTE_SINGLE {
-        return Err(malformed("its answer is to another service"));
-    }
-    match (u8::from(reply.general), reply.data) {
-        (0, [low, high]) if attribute == SIZE => {
-            Ok(AssemblySize::Bytes(usize::from(u16::from_le_bytes([*low, *high]))))
-        }
-        (0, _) if attribute == SIZE => {
-            Err(malformed("attribute 4 of its assembly is not a number of 16 bits"))
-        }
-        (0, bytes) => Ok(AssemblySize::Bytes(bytes.len())),
-        (PATH_UNKNOWN | NO_OBJECT, _) => Ok(AssemblySize::Unknown),
-        (status, _) => Ok(AssemblySize::Unreported(status)),
+/// Returns the size in an answer to the question for an attribute.
+fn size_in(attribute: u32, answer: AttributeAnswer) -> std::io::Result<AssemblySize> {
+    match answer {
+        AttributeAnswer::Bytes(bytes) if attribute == SIZE => match bytes.as_slice() {
+            [low, high] => Ok(AssemblySize::Bytes(usize::from(u16::from_le_bytes([*low, *high])))),
+            _ => Err(malformed("attribute 4 of its assembly is not a number of 16 bits")),
+        },
+        AttributeAnswer::Bytes(bytes) => Ok(AssemblySize::Bytes(bytes.len())),
+        AttributeAnswer::NoObject => Ok(AssemblySize::Unknown),
+        AttributeAnswer::Refused(status) => Ok(AssemblySize::Unreported(status)),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verbs::doctor::peer::dialogue::parse;
+    use ethernet_ip::cip::service;
+    use ethernet_ip::cpf::write_unconnected;
+    use ethernet_ip::encapsulation::{Command, Header, Message, Reassembly, Status};
+    use machine::wire::{LittleEndian, Writer as WireWriter};
+    use std::io::{Read as _, Write as _};
     use std::net::TcpListener;
+
+    type Writer<'a> = WireWriter<'a, LittleEndian>;
+
+    const PATH_UNKNOWN: u8 = 0x05;
+    const NO_OBJECT: u8 = 0x16;
+
+    /// Returns the size in the bytes of an answer.
+    fn size_in(attribute: u32, data: &[u8]) -> std::io::Result<AssemblySize> {
+        parse(data).and_then(|answer| super::size_in(attribute, answer))
+    }
 
     /// Returns an answer to SendRRData with the reply of an object.
     fn answered(service: u8, general: u8, data: &[u8]) -> Vec<u8> {
@@ -346,7 +237,7 @@ mod tests {
                     }
                 }
             });
-            let found = Dialogue::open(device).and_then(|mut dialogue| dialogue.size_of(100));
+            let found = Dialogue::open(device).and_then(|mut dialogue| size_of(&mut dialogue, 100));
             server.join().unwrap();
             found
         }

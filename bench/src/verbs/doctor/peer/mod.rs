@@ -7,18 +7,22 @@
 //!   plc      the foreign PLC, seen from a robot without an arm
 //! plugged    the modules and the version that a PROFINET robot reports without a connection
 //! assemblies the sizes of the assemblies of an EtherNet/IP robot, read without a connection
+//! version    the version of an EtherNet/IP robot and of its parts, read in the same way
+//!   dialogue a session with the robot for both
 //!   images   what the images that arrive show
 //! ```
 //!
 //! Nothing moves: a robot is sent neither enable nor a command, and a PLC finds a robot that holds its first skill suspended.
 
 mod assemblies;
+mod dialogue;
 mod images;
 mod look;
 mod plc;
 mod plugged;
 mod robot;
 mod stations;
+mod version;
 
 use std::ops::ControlFlow;
 
@@ -201,6 +205,7 @@ fn look_at(role: PeerRole, place: &PeerStation, name: &str, wait: Duration) -> a
     });
     if role == PeerRole::Robot {
         findings.extend(assemblies::findings(bus, &findings));
+        findings.extend(version::findings(bus, &findings));
     }
     if let (PeerRole::Robot, Ok(found)) = (role, &searched) {
         findings.extend(plugged::findings(found, bus, &interface, &findings));
