@@ -133,8 +133,12 @@ impl CaptureObserver {
             if stations.is_empty() && !all.is_empty() {
                 return Err(Unmeasurable::OtherRobots { wanted, found: all });
             }
-        } else if all.len() > 1 {
+        } else if all.iter().any(|robot| Some(robot) != all.first()) {
             return Err(Unmeasurable::SeveralRobots(all));
+        }
+        if let [first, _, ..] = stations.as_slice() {
+            let buses = stations.iter().map(|station| station.bus).collect();
+            return Err(Unmeasurable::SharedAddress { robot: first.robot, buses });
         }
         let station = stations.pop().ok_or(Unmeasurable::NoImage { frames: self.traffic.counts.cyclic })?;
         let (to_robot, to_plc) = ("to the robot", "to the PLC");

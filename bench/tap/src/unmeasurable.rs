@@ -2,7 +2,7 @@
 
 use records::counted::counted;
 
-use crate::address::EndAddress;
+use crate::address::{CyclicBus, EndAddress};
 
 /// Reason why a capture cannot be measured.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
@@ -37,6 +37,18 @@ pub enum Unmeasurable {
     /// Several robots.
     #[error("{} robots are in the capture, {}: choose one by --robot", .0.len(), listed(.0))]
     SeveralRobots(Vec<EndAddress>),
+    /// Robots on several buses have one address, so that none can be chosen by it.
+    #[error(
+        "{} robots in the capture have the address {robot}, over {}: leave the frames of one bus out of the capture",
+        buses.len(),
+        buses.iter().map(ToString::to_string).collect::<Vec<_>>().join(" and over ")
+    )]
+    SharedAddress {
+        /// The address.
+        robot: EndAddress,
+        /// The buses.
+        buses: Vec<CyclicBus>,
+    },
     /// The chosen robot is not there.
     #[error("no robot {wanted} in the capture: it has {}", listed(found))]
     OtherRobots {
