@@ -258,9 +258,12 @@ mod tests {
         insta::assert_snapshot!(verdict([3_720.0, 6_480.0, 3_760.0], 6.0), @"
         Gate: setup A, pick-and-place, a real run; ratios of AETs within it
 
-                                  baseline       now           95 % interval   at most
-        CM / RC                     1.0000    1.0108         1.0099 … 1.0117    1.0050  SLOWER
-        SM / RC                     1.7419    1.7419         1.7406 … 1.7432    1.7506  ok
+        ──────────────────────────────────────────────────────────────────
+                   baseline      now     95 % interval   at most
+        ──────────────────────────────────────────────────────────────────
+         CM / RC     1.0000   1.0108   1.0099 … 1.0117    1.0050   SLOWER
+         SM / RC     1.7419   1.7419   1.7406 … 1.7432    1.7506       ok
+        ──────────────────────────────────────────────────────────────────
 
         Fail: the run is slower than its baseline by more than the interval can explain.
         ");
@@ -295,10 +298,13 @@ mod tests {
         insta::assert_snapshot!(render(&results([3_720.0, 6_480.0, 3_720.0], 6.0), &[two]), @"
         Gate: setup A, pick-and-place, a real run; ratios of AETs within it, and medians
 
-                                  baseline       now           95 % interval   at most
-        CM mark skew ms             3.0000   11.0000       10.5000 … 11.5000    7.0000  BEYOND
-        CM / RC                 not compared: it takes 5 repetitions of each, and a baseline of both
-        SM / RC                 not compared: it takes 5 repetitions of each, and a baseline of both
+        ─────────────────────────────────────────────────────────────────────────────
+                           baseline       now       95 % interval   at most
+        ─────────────────────────────────────────────────────────────────────────────
+         CM mark skew ms     3.0000   11.0000   10.5000 … 11.5000    7.0000   BEYOND
+        ─────────────────────────────────────────────────────────────────────────────
+        CM / RC not compared: it takes 5 repetitions of each, and a baseline of both
+        SM / RC not compared: it takes 5 repetitions of each, and a baseline of both
 
         Fail: the arms are farther apart than in the baseline by more than the interval can explain.
         ");

@@ -223,15 +223,18 @@ mod tests {
         Gate: setup A, pick-and-place, 2 repetitions of each type in virtual time, seed 7
         Baseline: bench/baselines/A.json
 
-                                        baseline         now  difference  allowed
-        RC AET ms                       3725.000    3725.000      +0.000    ± 0.5  ok
-        RC MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
-        SM AET ms                       6477.000    6477.000      +0.000    ± 0.5  ok
-        SM MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
-        CM AET ms                       3729.000    3729.000      +0.000    ± 0.5  ok
-        CM MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
-        CM − RC ms                         4.000       4.000      +0.000    ± 0.5  ok
-        cyclic frames a repetition     12954.000   12954.000      +0.000      ± 1  ok
+        ────────────────────────────────────────────────────────────────────────────────
+                                       baseline         now   difference   allowed
+        ────────────────────────────────────────────────────────────────────────────────
+         RC AET ms                     3725.000    3725.000       +0.000     ± 0.5   ok
+         RC MAD ms                        3.000       3.000       +0.000     ± 0.5   ok
+         SM AET ms                     6477.000    6477.000       +0.000     ± 0.5   ok
+         SM MAD ms                        3.000       3.000       +0.000     ± 0.5   ok
+         CM AET ms                     3729.000    3729.000       +0.000     ± 0.5   ok
+         CM MAD ms                        3.000       3.000       +0.000     ± 0.5   ok
+         CM − RC ms                       4.000       4.000       +0.000     ± 0.5   ok
+         cyclic frames a repetition   12954.000   12954.000       +0.000       ± 1   ok
+        ────────────────────────────────────────────────────────────────────────────────
 
         Pass: all 8 figures are within their tolerances.
         ");
@@ -250,16 +253,19 @@ mod tests {
         Gate: setup A, pick-and-place, 2 repetitions of each type in virtual time, seed 7
         Baseline: the one built in
 
-                                        baseline         now  difference  allowed
-        RC AET ms                       3725.000    3725.000      +0.000    ± 0.5  ok
-        RC MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
-        SM AET ms                       6477.000    6490.000     +13.000    ± 0.5  CHANGED
-        SM MAD ms                          3.000       3.000      +0.000    ± 0.5  ok
-        CM AET ms                       3729.000    3729.000      +0.000    ± 0.5  ok
-        CM − RC ms                         4.000       4.000      +0.000    ± 0.5  ok
-        cyclic frames a repetition     12954.000   12980.000     +26.000      ± 1  CHANGED
-        blends                         12954.000           –           –      ± 1  CHANGED
-        CM MAD ms                              –       3.000           –           CHANGED
+        ─────────────────────────────────────────────────────────────────────────────────────
+                                       baseline         now   difference   allowed
+        ─────────────────────────────────────────────────────────────────────────────────────
+         RC AET ms                     3725.000    3725.000       +0.000     ± 0.5        ok
+         RC MAD ms                        3.000       3.000       +0.000     ± 0.5        ok
+         SM AET ms                     6477.000    6490.000      +13.000     ± 0.5   CHANGED
+         SM MAD ms                        3.000       3.000       +0.000     ± 0.5        ok
+         CM AET ms                     3729.000    3729.000       +0.000     ± 0.5        ok
+         CM − RC ms                       4.000       4.000       +0.000     ± 0.5        ok
+         cyclic frames a repetition   12954.000   12980.000      +26.000       ± 1   CHANGED
+         blends                       12954.000           –            –       ± 1   CHANGED
+         CM MAD ms                            –       3.000            –             CHANGED
+        ─────────────────────────────────────────────────────────────────────────────────────
 
         Fail: 4 of 9 figures differ by more than their tolerance.
           SM AET: 13.000 ms more (6490.000 instead of 6477.000 ms, tolerance 0.5 ms)

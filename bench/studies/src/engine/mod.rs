@@ -105,6 +105,9 @@ pub struct StudyRunOptions {
 
 /// Options of handing a study to an engine.
 #[derive(Args, Debug)]
+#[command(
+    override_usage = "bench study submit [OPTIONS] --engine <ENGINE> --shards <N>\n           --out <DIR> <FILE>"
+)]
 pub struct SubmitOptions {
     /// The study's file.
     #[arg(value_name = "FILE")]
