@@ -13,7 +13,7 @@ pub struct WaitLines {
 #[derive(Clone, Debug)]
 struct Printed {
     station: Option<String>,
-    /// The reason without its digits: a count in it is no news.
+    /// The reason without its digits: another count in it is the same reason.
     reason: String,
     /// Length of the wait in the last line, in s.
     at_s: u32,

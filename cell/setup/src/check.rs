@@ -55,11 +55,8 @@ pub(crate) fn check_setup(setup: &Setup) -> Check {
 
 /// Checks what stands on top of the file.
 fn head(setup_name: &str, title: &str, paper: Option<&Paper>) -> Check {
-    for (key, text) in [("name", setup_name), ("title", title)] {
-        if let Some(text) = control_character(text) {
-            return Err(problem(key, text));
-        }
-    }
+    printable("name", setup_name)?;
+    printable("title", title)?;
     name(setup_name)?;
     if let Some(paper) = paper {
         for (name, figure) in [("rc", paper.rc), ("sm", paper.sm), ("cm", paper.cm)] {
@@ -72,6 +69,7 @@ fn head(setup_name: &str, title: &str, paper: Option<&Paper>) -> Check {
 
 /// Checks the PLC, the bus, the robot and its motions.
 fn parts(setup: &Setup) -> Check {
+    printable("robot.model", &setup.robot.model)?;
     plc(setup)?;
     bus::check(&setup.bus)?;
     robot(setup)?;
@@ -80,6 +78,10 @@ fn parts(setup: &Setup) -> Check {
     share("motions.acceleration_percent", motions.acceleration_percent.value)?;
     not_negative("motions.approximation_mm", motions.approximation_mm.value)?;
     at_most("motions.approximation_mm", motions.approximation_mm.value, MAX_APPROXIMATION_MM, "mm")
+}
+
+fn printable(key: &str, text: &str) -> Check {
+    control_character(text).map_or(Ok(()), |found| Err(problem(key, found)))
 }
 
 fn name(name: &str) -> Check {

@@ -180,7 +180,7 @@ pub fn control_character(text: &str) -> Option<String> {
 
 /// Returns a message of the TOML parser in the words of the documentation: the parser's own are those of Rust.
 fn in_words(message: &str) -> String {
-    const BEGINNINGS: [(&str, &str); 9] = [
+    const BEGINNINGS: [(&str, &str); 10] = [
         ("unknown field ", "unknown key "),
         ("missing field ", "missing key "),
         ("unknown variant ", "unknown value "),
@@ -189,6 +189,7 @@ fn in_words(message: &str) -> String {
         ("invalid type: string ", "invalid type: text "),
         ("invalid type: sequence", "invalid type: list"),
         ("invalid type: map", "invalid type: table"),
+        ("invalid IPv4 address syntax", "not an IPv4 address: expected four numbers of 0 to 255"),
         ("wanted exactly 1 element, more than 1 element", "invalid table: more than one key, expected one"),
     ];
     const EXPECTED: [(&str, &str); 6] = [

@@ -117,7 +117,7 @@ fn the_error_for_a_value_of_the_wrong_type_gives_its_key() {
        30 | cyclic = "tcp"
     "#);
     insta::assert_snapshot!(refusal(&changed("192.168.64.2", "192.168.64.256")), @r#"
-    DIR/my.toml:26: in `bus.robot_address`: invalid IPv4 address syntax
+    DIR/my.toml:26: in `bus.robot_address`: not an IPv4 address: expected four numbers of 0 to 255
        26 | robot_address = "192.168.64.256"
     "#);
 }
@@ -178,6 +178,7 @@ fn wrong_values_are_refused_with_their_key() {
         ("number = 1", "number = 16"),
         ("acceleration_percent = { value = 50.0", "acceleration_percent = { value = 1e308"),
         ("title = \"", "title = \"\\u001b[2J"),
+        ("model = \"", "model = \"\\u0007"),
         ("\nname = \"A\"", "\nname = \" - \""),
         (
             "\nname = \"A\"",
@@ -209,6 +210,7 @@ fn wrong_values_are_refused_with_their_key() {
     DIR/my.toml:83: `robot.bases[0].number`: 16 is not the number of a frame that can be listed: 1 to 15
     DIR/my.toml:79: `motions.acceleration_percent`: 1e308 is not a share: above 0, at most 100 %
     DIR/my.toml:6: `title`: has the control character U+001B; names and titles are printable text
+    DIR/my.toml:35: `robot.model`: has the control character U+0007; names and titles are printable text
     DIR/my.toml:5: `name`: ` - `; give it up to 64 characters, of which one is a letter or a digit
     DIR/my.toml:5: `name`: 72 characters; give it up to 64 characters, of which one is a letter or a digit
     "#);

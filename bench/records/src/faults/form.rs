@@ -102,7 +102,7 @@ pub enum FaultError {
         /// Examples of the key's forms.
         examples: Vec<&'static str>,
     },
-    /// What stands before the fault is not a direction.
+    /// The part before the fault is not a direction.
     #[error(
         "invalid direction `{direction}` in `{text}`: write to-robot or to-plc, as in to-robot:loss=0.001"
     )]
