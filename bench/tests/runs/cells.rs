@@ -218,6 +218,11 @@ fn a_run_of_a_cell_has_pages_traces_and_captures_of_each_station() {
     for part in ["left waits, ms", "gripped, together from here", "relative pose off, mm", "race.html"] {
         assert!(report.contains(part), "{part}");
     }
+    let is_hyphen = |(at, _): (usize, &str)| report[at + 2..].starts_with(|next: char| next.is_ascii_digit());
+    assert!(
+        !report.match_indices(">-").any(is_hyphen),
+        "no figure has a hyphen for its sign, or is a negative zero"
+    );
     assert!(race.contains("CM left") && race.contains("CM right"));
     assert!(timeline.contains("robot right") && timeline.contains("waits at mark 1"));
     fs::remove_file(path.join("report.html")).unwrap();

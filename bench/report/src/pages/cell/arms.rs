@@ -4,6 +4,7 @@ use plc_node::ExecutionType;
 use plotters::element::{PathElement, Rectangle};
 use plotters::prelude::Color;
 
+use crate::figures::rounded;
 use crate::html::chart::{self, Axes, Format, INK, Panels, colour, px, stroke};
 use crate::html::figure::Data;
 use crate::progress::label;
@@ -71,7 +72,10 @@ fn recorded(trace: &CellTrace) -> Vec<(ExecutionType, Vec<&Recording>)> {
 
 /// Returns how long each arm moves and waits.
 pub(super) fn data(results: &CellResults, trace: &CellTrace) -> Data {
-    let sum = |all: Vec<Stretch>| format!("{:.2}", all.iter().map(|(from, to)| to - from).sum::<f64>());
+    let sum = |all: Vec<Stretch>| {
+        let seconds: f64 = all.iter().map(|(from, to)| to - from).sum();
+        format!("{:.2}", rounded(seconds, 2))
+    };
     let rows = recorded(trace).into_iter().flat_map(|(execution_type, recordings)| {
         let rows = results.stations.iter().zip(recordings).map(move |(station, recording)| {
             let name = format!("{} {}", label(execution_type), station.name);
