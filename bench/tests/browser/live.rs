@@ -110,6 +110,11 @@ fn a_page_follows_a_real_run_through_reloads_until_ctrl_c() {
     assert!(said.starts_with("Interrupted, ") && said.ends_with(&named), "{said}");
     assert!(report.is_file());
     assert_eq!(ended.code(), Some(130));
+    wait(&mut browser, "document.querySelector('#state a')?.textContent === 'Open the report'");
+    let link = browser.eval("document.querySelector('#state a').href").as_str().unwrap().to_owned();
+    assert!(link.starts_with("blob:"), "{link}");
+    browser.open_address(&link, Screen::wide(1400));
+    wait(&mut browser, "document.querySelector('h1') && document.querySelector('a[href^=\"blob:\"]')");
     assert!(browser.console().is_empty(), "{:?}", browser.console());
 }
 

@@ -135,7 +135,9 @@ pub(crate) fn the_live_view_of_a_cell_shows_both_arms_their_marks_and_the_figure
     for node in ["plc", "robot-0", "robot-1"] {
         assert!(parts.iter().any(|part| part["nodes"][node]["summary"].is_string()), "{node}");
     }
-    let last = parts.last().unwrap();
+    let [.., last, report] = parts.as_slice() else { panic!("{parts:?}") };
+    assert!(report["report"]["page"].as_str().unwrap().contains("hand-over"), "{report}");
+    assert!(report["report"]["race"].as_str().unwrap().contains("CM left"), "{report}");
     assert_eq!(last["table"]["rows"][0]["cells"][0], "1 of 1");
-    assert!(last["ended"]["text"].as_str().unwrap().starts_with("Done: 1 repetitions"), "{last}");
+    assert!(last["ended"]["text"].as_str().unwrap().starts_with("Done: 1 repetition,"), "{last}");
 }

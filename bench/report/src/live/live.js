@@ -296,6 +296,15 @@ class Now {
     find("#log .note").hidden = list.children.length > 0;
   };
 
+  // The bench is gone when somebody reads the report, so the page keeps it. Its link to the race leads to another such page.
+  const link = ({ page, race }) => {
+    const address = text => URL.createObjectURL(new Blob([text], { type: "text/html" }));
+    const report = element("a", "Open the report");
+    report.href = address(race ? page.replace('href="race.html"', `href="${address(race)}"`) : page);
+    report.target = "_blank";
+    find("#state code")?.previousSibling.replaceWith(" ", report, ": ");
+  };
+
   const add = part => {
     if (part.is_whole) find("#log ol").replaceChildren();
     if (part.repetition) showRepetition(part.repetition);
@@ -310,8 +319,8 @@ class Now {
         find("#state").append(" Open the report: ", element("code", part.ended.report));
       }
       document.body.classList.add("is-ended");
-      source.close();
     }
+    if (part.report) link(part.report);
   };
 
   const source = new EventSource("/events");
@@ -320,6 +329,7 @@ class Now {
   source.addEventListener("other-run", () => location.reload());
   source.addEventListener("open", () => { if (find("#state").dataset.isLost) { delete find("#state").dataset.isLost; say("Connected again.", false); } });
   source.addEventListener("error", () => {
+    if (document.body.classList.contains("is-ended")) return source.close();
     find("#state").dataset.isLost = "yes";
     say(source.readyState === EventSource.CLOSED
       ? "The bench refuses more pages: close one of them and load this one again."

@@ -28,7 +28,7 @@ use std::path::Path;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::mpsc;
 use tokio::time::MissedTickBehavior;
 
 pub use address::{AddressError, DEFAULT, LiveAddress};
@@ -37,11 +37,12 @@ pub use page::{About, AboutArms};
 use connection::LimitedListener;
 use frames::Frames;
 use records::cell_results::CellResults;
+use records::counted::counted;
 use records::feed::{Feed, FeedEvent};
 use records::results::{Results, Status};
 use rows::{Rows, RowsError};
 use server::Served;
-use state::{Ended, Frame, Line, Part, Repetition};
+use state::{Ended, Frame, Line, Part, Repetition, ReportText};
 
 /// Interval at which rows are read: 30 times a second.
 const EVERY: Duration = Duration::from_millis(33);
@@ -103,7 +104,7 @@ pub struct SavedRun<'a> {
 #[derive(Debug)]
 pub struct Live {
     feed: Feed,
-    last: oneshot::Sender<Part>,
+    last: mpsc::UnboundedSender<Part>,
     address: SocketAddr,
     thread: JoinHandle<()>,
 }
@@ -119,7 +120,7 @@ impl Live {
         let (page, axes) = page::render(about)?;
         let served = Served::new(&page);
         let (feed, events) = Feed::new();
-        let (last, ended) = oneshot::channel();
+        let (last, ended) = mpsc::unbounded_channel();
         let stations = about.arms.stations();
         let is_only = stations.len() == 1;
         let arm = |(index, (axes, station)): (usize, (&usize, &String))| ViewedArm {
@@ -155,13 +156,8 @@ impl Live {
         self.feed.clone()
     }
 
-    /// Stops serving, without a last word.
-    pub fn stop(self) {
-        self.end_with(Part::default());
-    }
-
-    /// Sends the pages how the run ended, and stops serving.
-    pub fn end(self, results: Result<&Results, &anyhow::Error>, saved: SavedRun<'_>) {
+    /// Sends the pages how the run ended. It is served until [`Self::close`].
+    pub fn end(&self, results: Result<&Results, &anyhow::Error>, saved: SavedRun<'_>) {
         let of_results = |results: &Results| Part {
             ended: Some(ended(results.status, results.saved_of_all(), saved)),
             ..parts::table(results)
@@ -170,7 +166,7 @@ impl Live {
     }
 
     /// Does the same with the results of a cell with several stations.
-    pub fn end_cell(self, results: Result<&CellResults, &anyhow::Error>, saved: SavedRun<'_>) {
+    pub fn end_cell(&self, results: Result<&CellResults, &anyhow::Error>, saved: SavedRun<'_>) {
         let of_results = |results: &CellResults| Part {
             ended: Some(ended(results.status, results.saved_of_all(), saved)),
             ..parts::cell_table(results)
@@ -178,18 +174,25 @@ impl Live {
         self.end_with(results.map_or_else(broke_off, of_results));
     }
 
-    fn end_with(self, last: Part) {
-        let Self { feed, last: sender, thread, .. } = self;
-        // The thread ends with it, also where a feed is still open.
-        let _ = sender.send(last);
-        drop(feed);
+    fn end_with(&self, last: Part) {
+        let _ = self.last.send(last);
+    }
+
+    /// Sends the pages the report of the run in this directory, if it has one, and stops serving.
+    pub fn close(self, directory: Option<&Path>) {
+        let Self { feed, last, thread, .. } = self;
+        if let Some(report) = directory.and_then(ReportText::read) {
+            let _ = last.send(Part { report: Some(report), ..Part::default() });
+        }
+        // The thread ends with the sender, also where a feed is still open.
+        drop((last, feed));
         // It can only have panicked, which it has said; the run's results do not depend on it.
         let _ = thread.join();
     }
 }
 
-/// Returns the path of the report in the directory of a run. It is written just after the end of the run, when this page has no server any
-/// more; and a browser follows no link from a served page to a file.
+/// Returns the path of the report in the directory of a run. It is written just after the end of the run; a browser follows no link from a
+/// served page to a file, so the page gets its text, too.
 fn report_path(saved: &Path) -> Option<String> {
     let path = saved.canonicalize().ok()?.join(crate::pages::FILE);
     Some(path.display().to_string())
@@ -204,7 +207,9 @@ fn broke_off(error: &anyhow::Error) -> Part {
 fn ended(status: Status, (done, all): (usize, usize), saved: SavedRun<'_>) -> Ended {
     let shown = saved.directory.display();
     let (is_problem, text) = match status {
-        Status::Complete | Status::Running => (false, format!("Done: {all} repetitions, saved in {shown}.")),
+        Status::Complete | Status::Running => {
+            (false, format!("Done: {}, saved in {shown}.", counted(all, "repetition")))
+        }
         Status::Failed => (true, format!("A repetition failed; {done} of {all} are saved in {shown}.")),
         Status::Interrupted => (true, format!("Interrupted, {done} of {all} repetitions saved in {shown}.")),
     };
@@ -214,8 +219,8 @@ fn ended(status: Status, (done, all): (usize, usize), saved: SavedRun<'_>) -> En
 /// What the view's thread has.
 struct View {
     events: mpsc::Receiver<FeedEvent>,
-    /// How the run ended; nothing follows.
-    ended: oneshot::Receiver<Part>,
+    /// How the run ended, and its report; closed when nothing follows.
+    ended: mpsc::UnboundedReceiver<Part>,
     served: Served,
     arms: Vec<ViewedArm>,
     reps: u32,
@@ -250,21 +255,28 @@ impl View {
         let server = tokio::spawn(axum::serve(listener, server::routes(self.served.clone())).into_future());
         let mut ticks = tokio::time::interval(EVERY);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let last = loop {
+        loop {
             tokio::select! {
-                last = &mut self.ended => break last.unwrap_or_default(),
+                last = self.ended.recv() => match last {
+                    Some(last) => self.publish_last(last),
+                    None => break,
+                },
                 Some(event) = self.events.recv() => self.handle(event),
                 _ = ticks.tick() => self.read_rows(),
             }
-        };
+        }
+        self.served.hub().close();
+        tokio::time::sleep(LAST_EVENTS).await;
+        server.abort();
+    }
+
+    /// Publishes everything that was before the end, then the end.
+    fn publish_last(&mut self, last: Part) {
         while let Ok(event) = self.events.try_recv() {
             self.handle(event);
         }
         self.read_rows();
         self.served.hub().publish(last);
-        self.served.hub().close();
-        tokio::time::sleep(LAST_EVENTS).await;
-        server.abort();
     }
 
     fn handle(&mut self, event: FeedEvent) {

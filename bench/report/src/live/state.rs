@@ -2,12 +2,18 @@
 //! one, a page that opens now gets their sum as one part.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
 
 use protocol::image::SLOTS;
 use serde::Serialize;
 
+use crate::pages;
+
 /// Frames that are kept of a repetition: its last two minutes at 30 Hz, over all arms.
 const FRAMES: usize = 3_600;
+
+/// Longest page that a page gets, in bytes.
+const MOST_PAGE_BYTES: u64 = 64 << 20;
 
 /// Lines of the log that are kept.
 const LINES: usize = 200;
@@ -33,6 +39,9 @@ pub(super) struct Part {
     pub(super) nodes: BTreeMap<String, Node>,
     #[serde(skip_serializing_if = "VecDeque::is_empty")]
     pub(super) log: VecDeque<Line>,
+    /// The report, drawn after the end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) report: Option<ReportText>,
     /// How the run ended.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) ended: Option<Ended>,
@@ -123,6 +132,24 @@ pub(super) struct Ended {
     pub(super) report: Option<String>,
 }
 
+/// The pages of the report, for a link that needs neither a server nor the file.
+#[derive(Clone, PartialEq, Eq, Serialize, Debug)]
+pub(super) struct ReportText {
+    pub(super) page: String,
+    /// The race; none where it was left out or could not be drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) race: Option<String>,
+}
+
+impl ReportText {
+    /// Reads the report in the directory of a run; none if there is none, or one that is too long for an event.
+    pub(super) fn read(directory: &Path) -> Option<Self> {
+        let read = |file| setup::read_plain_file(&directory.join(file), MOST_PAGE_BYTES).ok();
+        let read = |file| String::from_utf8(read(file)?).ok();
+        Some(Self { page: read(pages::FILE)?, race: read(pages::race::FILE) })
+    }
+}
+
 impl Part {
     /// Returns whether nothing changed.
     pub(super) fn is_empty(&self) -> bool {
@@ -131,7 +158,7 @@ impl Part {
 
     /// Adds a later part.
     pub(super) fn add(&mut self, part: Self) {
-        let Self { is_whole, repetition, end_ms, frames, table, nodes, log, ended } = part;
+        let Self { is_whole, repetition, end_ms, frames, table, nodes, log, ended, report } = part;
         if is_whole {
             *self = Self::default();
         }
@@ -146,6 +173,7 @@ impl Part {
         self.nodes.extend(nodes);
         extend(&mut self.log, log, LINES);
         self.ended = ended.or(self.ended.take());
+        self.report = report.or(self.report.take());
     }
 
     /// Returns the sum as the first part of a page that opens now.

@@ -68,8 +68,8 @@ pub(super) struct Measurement<'a> {
 }
 
 impl Measurement<'_> {
-    /// Runs the measurement; returns its results and the directory with its files.
-    pub(super) async fn run(mut self) -> Result<(Ended, PathBuf), Failure> {
+    /// Runs the measurement; returns its results, the directory with its files, and the live view, which waits for the report.
+    pub(super) async fn run(mut self) -> Result<(Ended, PathBuf, Option<Live>), Failure> {
         let started = SystemTime::now();
         let path = self.options.out.clone().unwrap_or_else(|| {
             run_directory::default_path(&self.setup.name, self.options.mode.name(), started)
@@ -116,13 +116,15 @@ impl Measurement<'_> {
             #[cfg(not(all(feature = "real", target_os = "linux")))]
             Mode::Real => Err(super::no_real_mode()),
         };
-        if let Some(live) = session.live.take() {
+        let live = session.live.take();
+        if let Some(live) = &live {
             let saved = SavedRun { directory: &path, has_report: !self.options.leaves_out(RunPart::Report) };
             live.end(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), saved);
         }
         let ended = match ran {
             Ok(ended) => ended,
             Err(failure) => {
+                live.into_iter().for_each(|live| live.close(None));
                 session.directory.discard();
                 return Err(failure);
             }
@@ -142,7 +144,7 @@ impl Measurement<'_> {
         // If the disk was full before, the files there are complete, and stay so if this does not fit either.
         let saved = session.finish(&ended.results);
         let saved = if ended.exit == Exit::Internal { Ok(()) } else { saved };
-        Ok((ended.and_saved(saved), path))
+        Ok((ended.and_saved(saved), path, live))
     }
 
     fn empty_results(&self) -> Results {

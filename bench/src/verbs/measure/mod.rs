@@ -85,7 +85,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         code,
     };
     let runtime = event_loop()?;
-    let (ended, directory) = runtime.block_on(measurement.run())?;
+    let (ended, directory, live) = runtime.block_on(measurement.run())?;
     if options.quiet && ended.exit == Exit::Pass {
         outln!("{}", table::figures(&ended.results));
         write_quietly(&directory, options.pages());
@@ -93,6 +93,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         outln!("{}", table::render(&ended.results));
         print_where(&ended, &directory, options.pages());
     }
+    live.into_iter().for_each(|live| live.close(Some(&directory)));
     ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
 }

@@ -62,7 +62,7 @@ impl Watched {
 
     /// Ends the view; an error if the page received too little.
     pub(super) fn end(self) -> anyhow::Result<()> {
-        self.live.stop();
+        self.live.close(None);
         let bytes = self.page.join().unwrap_or_default();
         ensure!(
             bytes >= FEWEST,

@@ -34,7 +34,7 @@ use lane::{Lane, UNITS, Units};
 pub(crate) use scene::Scene;
 
 /// The page, in the run directory.
-pub(super) const FILE: &str = "race.html";
+pub(crate) const FILE: &str = "race.html";
 
 const TEMPLATE: &str = include_str!("race.html");
 const STYLE: &str = include_str!("race.css");

@@ -50,7 +50,7 @@ pub(super) struct CellMeasurement<'a> {
 
 impl CellMeasurement<'_> {
     /// Runs the measurement; returns its results and the directory with its files.
-    pub(super) async fn run(mut self) -> Result<(CellEnded, PathBuf), Failure> {
+    pub(super) async fn run(mut self) -> Result<(CellEnded, PathBuf, Option<Live>), Failure> {
         let address = self.live.take();
         let Self { options, cell, schedule, .. } = &self;
         let started = SystemTime::now();
@@ -84,13 +84,15 @@ impl CellMeasurement<'_> {
             #[cfg(not(all(feature = "real", target_os = "linux")))]
             Mode::Real => Err(super::super::no_real_mode()),
         };
-        if let Some(live) = session.live.take() {
+        let live = session.live.take();
+        if let Some(live) = &live {
             let saved = SavedRun { directory: &path, has_report: !self.options.leaves_out(RunPart::Report) };
             live.end_cell(ran.as_ref().map_err(|failure| &failure.error).map(|ended| &ended.results), saved);
         }
         let mut ended = match ran {
             Ok(ended) => ended,
             Err(failure) => {
+                live.into_iter().for_each(|live| live.close(None));
                 session.directory.discard();
                 return Err(failure);
             }
@@ -102,7 +104,7 @@ impl CellMeasurement<'_> {
         {
             ended.and_failure(error, Exit::Internal);
         }
-        Ok((ended, path))
+        Ok((ended, path, live))
     }
 
     /// Executes the schedule on a stand, from its start to its end.

@@ -83,7 +83,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         token,
         live,
     };
-    let (ended, directory) = event_loop()?.block_on(measurement.run())?;
+    let (ended, directory, live) = event_loop()?.block_on(measurement.run())?;
     if options.quiet && ended.exit == Exit::Pass {
         outln!("{}", cell_table::figures(&ended.results));
         super::write_quietly(&directory, options.pages());
@@ -91,6 +91,7 @@ pub fn run(options: &RunOptions) -> Result<Exit, Failure> {
         outln!("{}", cell_table::render(&ended.results));
         print_where(&ended, &directory, options.pages());
     }
+    live.into_iter().for_each(|live| live.close(Some(&directory)));
     ended.failures.iter().for_each(|error| errln!("error: {error:#}"));
     Ok(ended.exit)
 }
