@@ -80,7 +80,7 @@ impl Part {
 #[derive(Clone, Copy, Debug)]
 struct WantedVersion<'a> {
     revision: Revision,
-    /// Whether a newer minor revision fits, too.
+    /// True if a newer minor revision fits, too.
     compatible: bool,
     /// The name in its device file, if the setup names one.
     product_name: Option<&'a str>,
