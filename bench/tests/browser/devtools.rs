@@ -171,7 +171,7 @@ impl Browser {
 
     /// Evaluates an expression in the page; a promise until it is fulfilled.
     pub(crate) fn eval(&mut self, expression: &str) -> Value {
-        let parameters = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});
+        let parameters = json!({"expression": expression, "returnByValue": true, "awaitPromise": true, "userGesture": true});
         let found = self.call("Runtime.evaluate", parameters);
         assert!(found["exceptionDetails"].is_null(), "{expression}: {}", found["exceptionDetails"]);
         found["result"]["value"].clone()

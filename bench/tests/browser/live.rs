@@ -113,8 +113,14 @@ fn a_page_follows_a_real_run_through_reloads_until_ctrl_c() {
     wait(&mut browser, "document.querySelector('#state a')?.textContent === 'Open the report'");
     let link = browser.eval("document.querySelector('#state a').href").as_str().unwrap().to_owned();
     assert!(link.starts_with("blob:"), "{link}");
-    browser.open_address(&link, Screen::wide(1400));
-    wait(&mut browser, "document.querySelector('h1') && document.querySelector('a[href^=\"blob:\"]')");
+    assert_eq!(
+        browser.eval("!!(window.opened = window.open(document.querySelector('#state a').href))"),
+        true
+    );
+    wait(
+        &mut browser,
+        "opened.document.querySelector('h1') && opened.document.querySelector('a[href^=\"blob:\"]')",
+    );
     assert!(browser.console().is_empty(), "{:?}", browser.console());
 }
 

@@ -225,7 +225,7 @@ fn a_capture_that_cannot_be_measured_is_refused_in_words_and_nothing_is_written(
         feedbacks only: only frames to the PLC are in the capture, none to the robot: mirror both directions of the port
         start only: no complete repetition in the capture: 1 skill done; 1 single motion not in the plan, such as a move to the start; --application chooses another plan
         empty: no cyclic frame of PROFINET or EtherNet/IP among 0 packets: capture on the cable between PLC and robot, or at a mirror port
-        two buses: 2 robots in the capture have the address 192.168.64.2, over PROFINET RT over UDP and over EtherNet/IP: leave the frames of one bus out of the capture
+        two buses: 2 robots in the capture have the address 192.168.64.2, over EtherNet/IP and over PROFINET RT over UDP: leave the frames of one bus out of the capture
         cut: no cyclic frame of PROFINET or EtherNet/IP among 1 packet: capture on the cable between PLC and robot, or at a mirror port; the capture is cut at byte 400, in the middle of a packet; what comes before is measured
         compressed: the capture is compressed: unpack it by `gunzip` first
         text: not a capture: expected pcap or pcapng, found the bytes [6E, 6F, 20, 63]

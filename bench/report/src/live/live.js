@@ -301,7 +301,8 @@ class Now {
     const address = text => URL.createObjectURL(new Blob([text], { type: "text/html" }));
     const report = element("a", "Open the report");
     report.href = address(race ? page.replace('href="race.html"', `href="${address(race)}"`) : page);
-    report.target = "_blank";
+    // This page has to stay: its texts end with it.
+    [report.target, report.rel] = ["_blank", "opener"];
     find("#state code")?.previousSibling.replaceWith(" ", report, ": ");
   };
 

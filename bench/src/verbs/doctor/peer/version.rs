@@ -24,14 +24,14 @@ const MOST_PARTS: u32 = 32;
 
 /// Instance of the Identity object: the device, or a part of it. What it does not say is `None`.
 #[derive(Clone, PartialEq, Eq, Default, Debug)]
-struct Part {
+struct DevicePart {
     instance: u32,
     revision: Option<(u8, u8)>,
     serial_number: Option<u32>,
     name: Option<Vec<u8>>,
 }
 
-impl Part {
+impl DevicePart {
     fn read(dialogue: &mut Dialogue, instance: u32) -> std::io::Result<Option<Self>> {
         let mut ask = |attribute| dialogue.attribute(class::IDENTITY, instance, attribute);
         let revision = ask(REVISION)?;
@@ -113,7 +113,7 @@ pub(super) fn findings(bus: &Bus, seen: &[Finding]) -> Vec<Finding> {
 }
 
 /// Reads the device, then its parts, over a session of its own.
-fn read(robot: SocketAddrV4) -> std::io::Result<Vec<Part>> {
+fn read(robot: SocketAddrV4) -> std::io::Result<Vec<DevicePart>> {
     let mut dialogue = Dialogue::open(robot)?;
     let largest = match dialogue.attribute(class::IDENTITY, 0, LARGEST_INSTANCE)? {
         AttributeAnswer::Bytes(bytes) => <[u8; 2]>::try_from(bytes).map_or(1, u16::from_le_bytes),
@@ -121,13 +121,13 @@ fn read(robot: SocketAddrV4) -> std::io::Result<Vec<Part>> {
     };
     let mut parts = Vec::new();
     for instance in 1..=u32::from(largest).clamp(1, MOST_PARTS) {
-        parts.extend(Part::read(&mut dialogue, instance)?);
+        parts.extend(DevicePart::read(&mut dialogue, instance)?);
     }
     Ok(parts)
 }
 
 /// Compares the device with the setup, and lists its parts.
-fn judged(wanted: &WantedVersion<'_>, parts: &[Part]) -> [Finding; 2] {
+fn judged(wanted: &WantedVersion<'_>, parts: &[DevicePart]) -> [Finding; 2] {
     let others: Vec<_> = parts.iter().filter(|part| part.instance != 1).collect();
     let listed = others.iter().map(|part| format!("{}: {}", part.instance, part.shown()));
     let of_parts = if others.is_empty() {
@@ -142,7 +142,7 @@ fn judged(wanted: &WantedVersion<'_>, parts: &[Part]) -> [Finding; 2] {
     [version(wanted, device), of_parts]
 }
 
-fn version(wanted: &WantedVersion<'_>, device: &Part) -> Finding {
+fn version(wanted: &WantedVersion<'_>, device: &DevicePart) -> Finding {
     let shown = device.shown();
     let Some((major, minor)) = device.revision else {
         return Finding::limited(VERSION, shown, "note the firmware by hand");
@@ -174,8 +174,8 @@ mod tests {
         AttributeAnswer::Bytes(bytes.to_vec())
     }
 
-    fn arm(instance: u32, revision: [u8; 2]) -> Part {
-        Part::of(instance, [bytes(&revision), bytes(&[0x2A, 0, 0, 0xC0]), bytes(b"\x03arm")])
+    fn arm(instance: u32, revision: [u8; 2]) -> DevicePart {
+        DevicePart::of(instance, [bytes(&revision), bytes(&[0x2A, 0, 0, 0xC0]), bytes(b"\x03arm")])
     }
 
     fn wanted(major: u8, minor: u8, compatible: bool) -> WantedVersion<'static> {
@@ -220,11 +220,11 @@ mod tests {
             [AttributeAnswer::Refused(0x14), AttributeAnswer::NoObject, AttributeAnswer::Refused(8)],
         ];
         for answers in odd {
-            let part = Part::of(1, answers);
-            assert_eq!(part, Part { instance: 1, ..Part::default() });
+            let part = DevicePart::of(1, answers);
+            assert_eq!(part, DevicePart { instance: 1, ..DevicePart::default() });
             assert_eq!(super::version(&wanted(1, 1, false), &part).verdict, Limited);
         }
-        let hostile = Part::of(2, [bytes(&[1, 1]), bytes(&[0; 4]), bytes(b"\x02\x1b[")]);
+        let hostile = DevicePart::of(2, [bytes(&[1, 1]), bytes(&[0; 4]), bytes(b"\x02\x1b[")]);
         assert!(hostile.shown().starts_with("`\\x1b[`"), "{}", hostile.shown());
     }
 }
