@@ -14,6 +14,9 @@ use crate::leak;
 /// Bytes of memory that the emulated chip has, registers included.
 const MEMORY_LEN: u32 = 0x3000;
 
+/// First address of process data: digital outputs (ESC datasheet section II, 0x0F00). What is before it are registers of the chip.
+const FIRST_DATA: u16 = 0x0F00;
+
 /// Lengths of a mailbox that the stack has.
 const MAILBOX_LENGTHS: std::ops::RangeInclusive<u16> = 32..=1486;
 
@@ -95,11 +98,22 @@ fn byte_len(pdos: &[Pdo]) -> u16 {
     ethercat_subdevice::description::process_data_len(pdos)
 }
 
+/// Returns the PDOs of a direction. Those of each sync manager are whole bytes.
 fn pdos(chosen: &[ChosenPdo]) -> Result<Vec<Pdo>, EmulationError> {
-    chosen.iter().map(|it| pdo(&it.pdo)).collect()
+    let mut pdos = Vec::new();
+    let mut bits = 0_u32;
+    for (it, next) in chosen.iter().zip(chosen.iter().skip(1).map(Some).chain([None])) {
+        bits = bits.saturating_add(it.pdo.bits);
+        let ends = next.is_some_and(|next| next.sync_manager != it.sync_manager);
+        let gap = if ends { bits.div_ceil(8) * 8 - bits } else { 0 };
+        bits = bits.saturating_add(gap);
+        pdos.push(pdo(&it.pdo, gap)?);
+    }
+    Ok(pdos)
 }
 
-fn pdo(pdo: &device_files::EsiPdo) -> Result<Pdo, EmulationError> {
+/// Returns a PDO with so many bits of a gap at its end.
+fn pdo(pdo: &device_files::EsiPdo, gap: u32) -> Result<Pdo, EmulationError> {
     let mut entries = Vec::new();
     for entry in &pdo.entries {
         // An entry of a mapping object has eight bits for its length; a gap may be cut.
@@ -123,6 +137,10 @@ fn pdo(pdo: &device_files::EsiPdo) -> Result<Pdo, EmulationError> {
             });
         }
     }
+    if gap > 0 {
+        let bits = u8::try_from(gap).unwrap_or(0);
+        entries.push(PdoEntry { bits, data_type: data_type("", gap), name: "", ..GAP });
+    }
     Ok(Pdo { index: pdo.index, name: leak::text(&leak::ascii(&pdo.name), 255), entries: leak::list(entries) })
 }
 
@@ -138,8 +156,12 @@ fn image(chosen: &[ChosenPdo], pdos: &[Pdo], whole: &str) -> Image {
         };
         places.push(all);
     }
-    let mut bit = 0;
+    let mut bit: usize = 0;
+    let mut manager = None;
     for chosen in chosen {
+        if manager.replace(chosen.sync_manager).is_some_and(|before| before != chosen.sync_manager) {
+            bit = bit.next_multiple_of(8);
+        }
         for entry in &chosen.pdo.entries {
             if entry.index != 0 {
                 let place = format!("0x{:04X}:{:02X}", entry.index, entry.subindex);
@@ -185,21 +207,38 @@ fn places(
             }
             return Err(EmulationError::SyncManagers(format!("SM{number} is unused between others")));
         };
-        if places.iter().any(|place| place.usage == usage) {
-            let is_needed =
-                |pdos: &[ChosenPdo]| pdos.iter().any(|pdo| usize::from(pdo.sync_manager) == number);
-            if is_needed(&chosen.inputs) || is_needed(&chosen.outputs) {
-                return Err(EmulationError::SyncManagers(format!(
-                    "SM{number} is the second of its kind with data"
-                )));
+        let own = |pdos: &[ChosenPdo]| {
+            let own = pdos.iter().filter(|pdo| usize::from(pdo.sync_manager) == number);
+            let bits = own.map(|pdo| pdo.pdo.bits).fold(0, u32::saturating_add);
+            u16::try_from(bits.div_ceil(8)).unwrap_or(u16::MAX)
+        };
+        let is_second = places.iter().any(|place| place.usage == usage);
+        if is_second && chosen.mailbox.is_some() {
+            // The objects 0x1C12 and 0x1C13 of the stack are those of one sync manager each.
+            if own(&chosen.inputs) > 0 || own(&chosen.outputs) > 0 {
+                let fault = format!("SM{number} is the second of its kind with data, beside a mailbox");
+                return Err(EmulationError::SyncManagers(fault));
             }
             continue;
         }
         let len = match usage {
-            Usage::Outputs => outputs,
-            Usage::Inputs => inputs,
+            Usage::Outputs if chosen.mailbox.is_some() => outputs,
+            Usage::Inputs if chosen.mailbox.is_some() => inputs,
+            Usage::Outputs => own(&chosen.outputs),
+            // A fault of the script may make the inputs longer than those of the file.
+            Usage::Inputs if chosen.lengths().1 < inputs.into() && !is_second => {
+                own(&chosen.inputs) + (inputs - chosen.lengths().1 as u16)
+            }
+            Usage::Inputs => own(&chosen.inputs),
             Usage::MailboxReceive | Usage::MailboxSend => manager.default_size.unwrap_or(0),
         };
+        if len > 0 && manager.start_address < FIRST_DATA {
+            let start = manager.start_address;
+            let fault = format!(
+                "SM{number} shows registers from 0x{start:04X} on, which are not emulated; leave out its PDOs with --pdo"
+            );
+            return Err(EmulationError::SyncManagers(fault));
+        }
         let buffers = if manager.control & 0x03 == 0 { 3 } else { 1 };
         let end = u32::from(manager.start_address) + buffers * u32::from(len);
         if end > MEMORY_LEN {

@@ -18,8 +18,9 @@ pub struct DeviceConfig {
     pub alias: u16,
     /// Which parts of its process data the MainDevice may choose.
     pub pdo_configuration: PdoConfiguration,
-    /// Where its sync managers are, in the order of their numbers and at most one for each use; empty for places that follow
-    /// from the description. Their lengths are those of mailbox and process data.
+    /// Where its sync managers are, in the order of their numbers; empty for places that follow from the description. Their
+    /// lengths are those of mailbox and process data. Several of one direction of process data have these one after another; this
+    /// is for devices without a mailbox, as the object dictionary has one sync manager for each direction.
     pub sync_managers: &'static [SyncManagerLayout],
     /// Time that its application takes to follow a request for a state.
     pub answer_delay: Duration,

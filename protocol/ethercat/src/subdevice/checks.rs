@@ -68,13 +68,15 @@ impl SubDevice {
     }
 
     fn check_process_data(&self, usage: Usage) -> Result<(), ()> {
-        let Some((index, layout)) = self.layout.find(usage) else { return Ok(()) };
-        let unit = self.esc.sync_manager(index);
-        if layout.len == 0 {
-            return (!unit.guards()).then_some(()).ok_or(());
-        }
-        let fits = unit.guards() && unit.len == layout.len && self.is_as_planned(index, layout);
-        fits.then_some(()).ok_or(())
+        let mut managers = self.layout.iter().enumerate().filter(|(_, layout)| layout.usage == usage);
+        let all_fit = managers.all(|(index, layout)| {
+            let unit = self.esc.sync_manager(index);
+            match layout.len {
+                0 => !unit.guards(),
+                len => unit.guards() && unit.len == len && self.is_as_planned(index, layout),
+            }
+        });
+        all_fit.then_some(()).ok_or(())
     }
 
     /// Returns whether a sync manager has the start, mode and direction that the EEPROM names.
