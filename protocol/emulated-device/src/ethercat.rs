@@ -56,8 +56,21 @@ pub(crate) fn configure(
         serial_number,
         pdo_configuration: if assigns { PdoConfiguration::Assignable } else { PdoConfiguration::Fixed },
         sync_managers,
+        checks_modules: chosen.takes_module_list,
+        eeprom: eeprom(chosen, alteration),
         ..DeviceConfig::new(Box::leak(Box::new(description)))
     })
+}
+
+/// Returns the EEPROM of a dump, with another product code where a fault wants it; empty for a device of an ESI.
+fn eeprom(chosen: &ChosenSubDevice, alteration: &Alteration) -> &'static [u8] {
+    // The data of an ESI may be cut. A fault that changes the process data changes the EEPROM, too.
+    let dump = chosen.eeprom.as_ref().filter(|eeprom| eeprom.is_dump && alteration.extra_input_bytes() == 0);
+    let Some(mut data) = dump.map(|eeprom| eeprom.data.clone()) else { return &[] };
+    if let Some(product) = data.get_mut(0x14..0x18).filter(|_| alteration.is_other_identity) {
+        product.copy_from_slice(&chosen.product_code.wrapping_add(1).to_le_bytes());
+    }
+    leak::list(data)
 }
 
 /// Makes the description of one chosen device.

@@ -23,6 +23,7 @@ use crate::sii_image::image_of;
 #[derive(Debug)]
 pub(crate) struct SubDevice {
     description: &'static Description,
+    checks_modules: bool,
     layout: Layout,
     pub(crate) esc: Esc,
     al: StateMachine,
@@ -51,11 +52,15 @@ impl SubDevice {
         let description = config.description;
         let layout = Layout::new(description, config.sync_managers);
         let names = (config.serial_number, config.alias);
-        let image = image_of(description, names, config.pdo_configuration, config.sync_managers);
+        let image = match config.eeprom {
+            [] => image_of(description, names, config.pdo_configuration, config.sync_managers),
+            given => given.to_vec(),
+        };
         let len = |usage| layout.len(usage);
         let clock = description.has_clocks().then_some(config.clock);
         let mut device = Self {
             description,
+            checks_modules: config.checks_modules,
             layout,
             esc: Esc::new(image, config.eeprom_delay, clock),
             al: StateMachine::new(),
