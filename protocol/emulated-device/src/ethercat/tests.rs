@@ -90,26 +90,24 @@ fn the_name_object_is_that_of_the_file() {
 #[test]
 fn a_dump_of_an_eeprom_is_the_device_that_has_it() {
     let text = include_str!("../../../../scripts/interop/files/made-up-terminal.xml");
-    let choice = device_files::DeviceChoice::from_toml("device_name = \"MU2004\"").unwrap();
-    let file = device_files::read("a.xml", text.into()).unwrap();
-    let Ok(device_files::ChosenDevice::Esi(chosen)) = device_files::choose(&file, &choice) else { panic!() };
+    let choice = DeviceChoice::from_toml("device_name = \"MU2004\"").unwrap();
+    let file = read("a.xml", text.into()).unwrap();
+    let Ok(ChosenDevice::Esi(chosen)) = choose(&file, &choice) else { panic!() };
     let description = describe(&chosen, &Alteration::default()).unwrap();
-    let dump = ethercat_subdevice::sii_image(&description, 7, 0);
-    let file = device_files::read("dump.bin", dump.clone()).unwrap();
-    let Ok(device_files::ChosenDevice::Esi(read)) = device_files::choose(&file, &Default::default()) else {
-        panic!()
-    };
-    assert_eq!((&read.kind, &read.name, read.lengths()), (&chosen.kind, &chosen.name, (1, 0)));
-    assert_eq!((read.vendor_id, read.product_code), (chosen.vendor_id, chosen.product_code));
+    let dump = sii_image(&description, 7, 0);
+    let file = read("dump.bin", dump.clone()).unwrap();
+    let Ok(ChosenDevice::Esi(found)) = choose(&file, &Default::default()) else { panic!() };
+    assert_eq!((&found.kind, &found.name, found.lengths()), (&chosen.kind, &chosen.name, (1, 0)));
+    assert_eq!((found.vendor_id, found.product_code), (chosen.vendor_id, chosen.product_code));
     let entries =
         |it: &ChosenSubDevice| it.outputs[0].pdo.entries.iter().map(|it| it.bits).collect::<Vec<_>>();
-    assert_eq!(entries(&read), entries(&chosen));
-    assert_eq!(configure(&read, &Alteration::default(), 1).unwrap().eeprom, dump);
+    assert_eq!(entries(&found), entries(&chosen));
+    assert_eq!(configure(&found, &Alteration::default(), 1).unwrap().eeprom, dump);
     // Whatever is cut or changed, nothing panics.
     for at in 0..dump.len().min(512) {
         let mut changed = dump.clone();
         changed[at] = changed[at].wrapping_add(0x81);
-        let _ = device_files::read("dump.bin", changed);
-        let _ = device_files::read("dump.bin", dump[..at].to_vec());
+        let _ = read("dump.bin", changed);
+        let _ = read("dump.bin", dump[..at].to_vec());
     }
 }
