@@ -107,6 +107,9 @@ pub fn read(name: &str, bytes: Vec<u8>) -> Result<DeviceFile, ReadError> {
 }
 
 fn read_file(name: &str, bytes: Vec<u8>) -> Result<DeviceFile, FileFault> {
+    if esi::is_eeprom(&bytes) {
+        return esi::read_eeprom(bytes).map(DeviceFile::Esi);
+    }
     let text = encoding::decode(bytes)?;
     if !text.trim_start().starts_with('<') {
         if eds::is_canopen(&text) {

@@ -405,10 +405,10 @@ impl<'d> Element<'d> {
     }
 }
 
-/// Parses a number as GSDML (`0x1A`), ESI (`#x1A`) and both (`26`, `-1`) write it.
+/// Parses a number as GSDML (`0x1A`), ESI (`#x1A`) and both (`26`, `-1`) write it; some ESIs have `#x0x1A`.
 pub(crate) fn number<N: TryFrom<i64>>(text: &str) -> Option<N> {
     let (sign, digits) = text.strip_prefix('-').map_or((1, text), |digits| (-1, digits));
-    let hex = ["0x", "0X", "#x", "#X"].iter().find_map(|prefix| digits.strip_prefix(prefix));
+    let hex = ["#x0x", "0x", "0X", "#x", "#X"].iter().find_map(|prefix| digits.strip_prefix(prefix));
     let value = match hex {
         Some(digits) if digits.bytes().all(|it| it.is_ascii_hexdigit()) => {
             i64::from_str_radix(digits, 16).ok()?

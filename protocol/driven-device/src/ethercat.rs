@@ -169,8 +169,13 @@ fn assignment(pdos: &[ChosenPdo]) -> Vec<StartupWrite> {
 
 fn table(pdos: &[ChosenPdo], len: usize) -> SignalTable {
     let mut signals = Vec::new();
-    let mut bit = 0;
-    for ChosenPdo { pdo, .. } in pdos {
+    let mut bit: usize = 0;
+    let mut manager = None;
+    for ChosenPdo { pdo, sync_manager } in pdos {
+        // The data of each sync manager are whole bytes.
+        if manager.replace(*sync_manager).is_some_and(|before| before != *sync_manager) {
+            bit = bit.next_multiple_of(8);
+        }
         for entry in &pdo.entries {
             let bits = usize::from(entry.bits);
             if entry.index != 0 {

@@ -94,7 +94,8 @@ pub(crate) fn connect(
 /// Makes the description that the stack takes. It lives as long as the program, which drives the same devices from its start to its end.
 fn description(chosen: &ChosenIoDevice) -> Result<Description, DriveError> {
     let mut modules = Vec::new();
-    for module in &chosen.modules {
+    // A module whose subslots are all empty has no part in the connection (IEC 61158-6-10, NumberOfSubmodules is at least 1).
+    for module in chosen.modules.iter().filter(|module| !module.submodules.is_empty()) {
         let mut submodules = Vec::new();
         for submodule in &module.submodules {
             let place = format!("subslot {}.{}", module.slot, submodule.subslot);

@@ -39,7 +39,6 @@ pub struct EmulatedDevice {
     pub(crate) alteration: Alteration,
     pub(crate) inputs: Image,
     pub(crate) outputs: Image,
-    pub(crate) has_outputs: bool,
     pub(crate) playback: Vec<PlacedInput>,
     pub(crate) faults: Vec<TimedFault>,
     pub(crate) held: HeldFrames,
@@ -73,7 +72,6 @@ impl EmulatedDevice {
             alteration,
             inputs,
             outputs,
-            has_outputs: false,
             playback: Vec::new(),
             faults: Vec::new(),
             held: HeldFrames::default(),
@@ -173,13 +171,13 @@ impl EmulatedDevice {
     /// Returns the newest bytes of an output place; `None` while the controller sends none that count.
     #[must_use]
     pub fn output(&self, place: &str) -> Option<&[u8]> {
-        self.outputs.of_place(place).filter(|_| self.has_outputs)
+        self.outputs.of_place(place).filter(|_| self.outputs.does_count(place))
     }
 
-    /// Returns all outputs, one place after another, and whether they count.
+    /// Returns all outputs, one place after another, and whether those of any place count.
     #[must_use]
     pub fn outputs(&self) -> (&[u8], bool) {
-        (&self.outputs.bytes, self.has_outputs)
+        (&self.outputs.bytes, self.outputs.has_data())
     }
 
     /// Returns the station name of PROFINET now.

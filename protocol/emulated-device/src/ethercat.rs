@@ -1,18 +1,19 @@
 //! From the SubDevice of an ESI to the description that the stack takes.
 
-use device_files::{ChosenPdo, ChosenSubDevice, DcMode, DictionaryEntry, DictionaryObject, EsiSyncManager};
+mod sync_managers;
+
+use device_files::{ChosenPdo, ChosenSubDevice, DcMode, DictionaryEntry, DictionaryObject};
 use ethercat_subdevice::description::{
     Access, ClockMode, DataType, Description, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry,
 };
-use ethercat_subdevice::{DeviceConfig, DeviceId, PdoConfiguration, Segment, SyncManagerLayout, Usage};
+use ethercat_subdevice::{DeviceConfig, DeviceId, PdoConfiguration, Segment};
 
 use crate::config::{EmulationConfig, EmulationError};
 use crate::faults::Alteration;
 use crate::image::{DataPlace, Image};
 use crate::leak;
 
-/// Bytes of memory that the emulated chip has, registers included.
-const MEMORY_LEN: u32 = 0x3000;
+use self::sync_managers::places;
 
 /// Lengths of a mailbox that the stack has.
 const MAILBOX_LENGTHS: std::ops::RangeInclusive<u16> = 32..=1486;
@@ -53,8 +54,21 @@ pub(crate) fn configure(
         serial_number,
         pdo_configuration: if assigns { PdoConfiguration::Assignable } else { PdoConfiguration::Fixed },
         sync_managers,
+        checks_modules: chosen.takes_module_list,
+        eeprom: eeprom(chosen, alteration),
         ..DeviceConfig::new(Box::leak(Box::new(description)))
     })
+}
+
+/// Returns the EEPROM of a dump, with another product code where a fault wants it; empty for a device of an ESI.
+fn eeprom(chosen: &ChosenSubDevice, alteration: &Alteration) -> &'static [u8] {
+    // The data of an ESI may be cut. A fault that changes the process data changes the EEPROM, too.
+    let dump = chosen.eeprom.as_ref().filter(|eeprom| eeprom.is_dump && alteration.extra_input_bytes() == 0);
+    let Some(mut data) = dump.map(|eeprom| eeprom.data.clone()) else { return &[] };
+    if let Some(product) = data.get_mut(0x14..0x18).filter(|_| alteration.is_other_identity) {
+        product.copy_from_slice(&chosen.product_code.wrapping_add(1).to_le_bytes());
+    }
+    leak::list(data)
 }
 
 /// Makes the description of one chosen device.
@@ -95,11 +109,22 @@ fn byte_len(pdos: &[Pdo]) -> u16 {
     ethercat_subdevice::description::process_data_len(pdos)
 }
 
+/// Returns the PDOs of a direction. Those of each sync manager are whole bytes.
 fn pdos(chosen: &[ChosenPdo]) -> Result<Vec<Pdo>, EmulationError> {
-    chosen.iter().map(|it| pdo(&it.pdo)).collect()
+    let mut pdos = Vec::new();
+    let mut bits = 0_u32;
+    for (it, next) in chosen.iter().zip(chosen.iter().skip(1).map(Some).chain([None])) {
+        bits = bits.saturating_add(it.pdo.bits);
+        let ends = next.is_some_and(|next| next.sync_manager != it.sync_manager);
+        let gap = if ends { bits.div_ceil(8) * 8 - bits } else { 0 };
+        bits = bits.saturating_add(gap);
+        pdos.push(pdo(&it.pdo, gap)?);
+    }
+    Ok(pdos)
 }
 
-fn pdo(pdo: &device_files::EsiPdo) -> Result<Pdo, EmulationError> {
+/// Returns a PDO with so many bits of a gap at its end.
+fn pdo(pdo: &device_files::EsiPdo, gap: u32) -> Result<Pdo, EmulationError> {
     let mut entries = Vec::new();
     for entry in &pdo.entries {
         // An entry of a mapping object has eight bits for its length; a gap may be cut.
@@ -123,6 +148,10 @@ fn pdo(pdo: &device_files::EsiPdo) -> Result<Pdo, EmulationError> {
             });
         }
     }
+    if gap > 0 {
+        let bits = u8::try_from(gap).unwrap_or(0);
+        entries.push(PdoEntry { bits, data_type: data_type("", gap), name: "", ..GAP });
+    }
     Ok(Pdo { index: pdo.index, name: leak::text(&leak::ascii(&pdo.name), 255), entries: leak::list(entries) })
 }
 
@@ -138,8 +167,12 @@ fn image(chosen: &[ChosenPdo], pdos: &[Pdo], whole: &str) -> Image {
         };
         places.push(all);
     }
-    let mut bit = 0;
+    let mut bit: usize = 0;
+    let mut manager = None;
     for chosen in chosen {
+        if manager.replace(chosen.sync_manager).is_some_and(|before| before != chosen.sync_manager) {
+            bit = bit.next_multiple_of(8);
+        }
         for entry in &chosen.pdo.entries {
             if entry.index != 0 {
                 let place = format!("0x{:04X}:{:02X}", entry.index, entry.subindex);
@@ -168,63 +201,6 @@ fn mailbox(chosen: &ChosenSubDevice) -> Result<Option<Mailbox>, EmulationError> 
     }
     let file_capacity = if mailbox.protocols.iter().any(|it| it == "FoE") { 1 << 20 } else { 0 };
     Ok(Some(Mailbox { len: out, file_capacity }))
-}
-
-/// Returns the sync managers as the file has them, with the lengths of the process data.
-fn places(
-    chosen: &ChosenSubDevice,
-    outputs: u16,
-    inputs: u16,
-) -> Result<&'static [SyncManagerLayout], EmulationError> {
-    let mut places: Vec<SyncManagerLayout> = Vec::new();
-    for (number, manager) in chosen.sync_managers.iter().enumerate() {
-        let Some(usage) = usage(manager) else {
-            // Unused ones at the end are not configured.
-            if chosen.sync_managers.iter().skip(number).all(|rest| usage(rest).is_none()) {
-                break;
-            }
-            return Err(EmulationError::SyncManagers(format!("SM{number} is unused between others")));
-        };
-        if places.iter().any(|place| place.usage == usage) {
-            let is_needed =
-                |pdos: &[ChosenPdo]| pdos.iter().any(|pdo| usize::from(pdo.sync_manager) == number);
-            if is_needed(&chosen.inputs) || is_needed(&chosen.outputs) {
-                return Err(EmulationError::SyncManagers(format!(
-                    "SM{number} is the second of its kind with data"
-                )));
-            }
-            continue;
-        }
-        let len = match usage {
-            Usage::Outputs => outputs,
-            Usage::Inputs => inputs,
-            Usage::MailboxReceive | Usage::MailboxSend => manager.default_size.unwrap_or(0),
-        };
-        let buffers = if manager.control & 0x03 == 0 { 3 } else { 1 };
-        let end = u32::from(manager.start_address) + buffers * u32::from(len);
-        if end > MEMORY_LEN {
-            let fault =
-                format!("SM{number} ends at 0x{end:04X}, beyond the emulated memory to 0x{MEMORY_LEN:04X}");
-            return Err(EmulationError::SyncManagers(fault));
-        }
-        let (start, control) = (manager.start_address, manager.control);
-        places.push(SyncManagerLayout { usage, start, len, control });
-    }
-    let has = |wanted| places.iter().any(|place| place.usage == wanted);
-    if outputs > 0 && !has(Usage::Outputs) || inputs > 0 && !has(Usage::Inputs) {
-        return Err(EmulationError::SyncManagers("process data without a sync manager".to_owned()));
-    }
-    Ok(leak::list(places))
-}
-
-fn usage(manager: &EsiSyncManager) -> Option<Usage> {
-    match manager.usage.as_str() {
-        "MBoxOut" => Some(Usage::MailboxReceive),
-        "MBoxIn" => Some(Usage::MailboxSend),
-        "Outputs" => Some(Usage::Outputs),
-        "Inputs" => Some(Usage::Inputs),
-        _ => None,
-    }
 }
 
 /// Returns the objects of the file that the stack does not make itself.

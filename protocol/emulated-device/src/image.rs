@@ -20,6 +20,8 @@ pub struct DataPlace {
 pub(crate) struct Image {
     pub(crate) places: Vec<DataPlace>,
     pub(crate) bytes: Box<[u8]>,
+    /// Whether the data of each place count now; those of one whose provider status is bad do not.
+    pub(crate) counts: Box<[bool]>,
     /// True if numbers have their highest byte first.
     pub(crate) is_big_endian: bool,
 }
@@ -28,7 +30,31 @@ impl Image {
     /// Makes an image of zeros for these places.
     pub(crate) fn new(places: Vec<DataPlace>, is_big_endian: bool) -> Self {
         let bits = places.iter().map(|place| place.bit + place.bits).max().unwrap_or(0);
-        Self { places, bytes: vec![0; bits.div_ceil(8)].into_boxed_slice(), is_big_endian }
+        let counts = vec![false; places.len()].into_boxed_slice();
+        Self { places, bytes: vec![0; bits.div_ceil(8)].into_boxed_slice(), counts, is_big_endian }
+    }
+
+    /// Returns whether the data of any place count.
+    pub(crate) fn has_data(&self) -> bool {
+        self.counts.contains(&true)
+    }
+
+    /// Returns whether the data of a place count.
+    pub(crate) fn does_count(&self, name: &str) -> bool {
+        let number = self.places.iter().position(|place| place.place == name);
+        number.and_then(|number| self.counts.get(number)).is_some_and(|counts| *counts)
+    }
+
+    /// Takes over the data of all places, or notes that none count. Returns whether anything has changed.
+    pub(crate) fn set_all(&mut self, data: Option<&[u8]>) -> bool {
+        let counts = data.is_some();
+        let mut is_changed = self.counts.contains(&!counts);
+        self.counts.fill(counts);
+        if let Some(data) = data {
+            let len = data.len();
+            is_changed |= self.bytes.get_mut(..len).is_some_and(|to| copy(to, data));
+        }
+        is_changed
     }
 
     pub(crate) fn place(&self, name: &str) -> Option<&DataPlace> {
@@ -51,4 +77,13 @@ impl Image {
             }
         }
     }
+}
+
+/// Copies data of this length. Returns whether they differ.
+pub(crate) fn copy(to: &mut [u8], from: &[u8]) -> bool {
+    let is_changed = to.len() == from.len() && to != from;
+    if is_changed {
+        to.copy_from_slice(from);
+    }
+    is_changed
 }

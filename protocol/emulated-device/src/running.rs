@@ -39,9 +39,7 @@ impl EmulatedDevice {
 
     fn tick(&mut self, now: Instant) {
         self.follow_faults(now);
-        let (has_outputs, is_changed) = self.stack.read_outputs(&mut self.outputs);
-        if is_changed || has_outputs != self.has_outputs {
-            self.has_outputs = has_outputs;
+        if self.stack.read_outputs(&mut self.outputs) {
             self.report(DeviceEvent::Outputs);
         }
         if !self.is_active(FaultKind::StuckInputs) {

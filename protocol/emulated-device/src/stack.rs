@@ -10,7 +10,7 @@ use profinet::record::Diagnosis;
 
 use crate::config::{EmulationConfig, EmulationError};
 use crate::faults::Alteration;
-use crate::image::Image;
+use crate::image::{Image, copy};
 use crate::script::ScriptedFault;
 use crate::{ethercat, ethernet_ip as adapter, profinet as io_device};
 
@@ -34,47 +34,35 @@ macro_rules! stack {
 pub(crate) use stack;
 
 impl Stack {
-    /// Copies the outputs. Returns whether they count, and whether they changed.
-    pub(crate) fn read_outputs(&self, outputs: &mut Image) -> (bool, bool) {
-        let mut has_outputs = false;
-        let mut is_changed = false;
-        let mut copy = |to: &mut [u8], from: &[u8]| {
-            if to.len() == from.len() && to != from {
-                to.copy_from_slice(from);
-                is_changed = true;
-            }
-        };
+    /// Copies the outputs, and notes which of them count. Returns whether either has changed.
+    pub(crate) fn read_outputs(&self, outputs: &mut Image) -> bool {
         match self {
             Stack::Profinet(device) => {
-                has_outputs = device.outputs().next().is_some();
-                let mut at = 0;
-                for (_, data) in device.outputs() {
-                    has_outputs &= data.is_some();
-                    let Some(data) = data else { continue };
-                    if let Some(to) = outputs.bytes.get_mut(at..at + data.len()) {
-                        copy(to, data);
+                let mut own = device.outputs();
+                let mut is_changed = false;
+                for (place, counts) in outputs.places.iter().zip(&mut outputs.counts) {
+                    // The places are the submodules with outputs, in the order of the frame.
+                    let data = own.next().and_then(|(_, data)| data);
+                    is_changed |= *counts != data.is_some();
+                    *counts = data.is_some();
+                    let to = outputs.bytes.get_mut(place.bit / 8..(place.bit + place.bits) / 8);
+                    if let (Some(to), Some(data)) = (to, data) {
+                        is_changed |= copy(to, data);
                     }
-                    at += data.len();
                 }
+                is_changed
             }
             Stack::EthernetIp(adapter) => {
                 let instance = outputs.places.first().and_then(|place| place.place.parse().ok());
-                if let Some(data) = instance.and_then(|instance| adapter.consumed(instance)) {
-                    has_outputs = true;
-                    copy(&mut outputs.bytes, data);
-                }
+                let data = instance.and_then(|instance| adapter.consumed(instance));
+                outputs.set_all(data)
             }
             Stack::Ethercat(segment, id) => {
-                if let Some(data) = segment.outputs(*id) {
-                    has_outputs = true;
-                    let most = data.len().min(outputs.bytes.len());
-                    if let (Some(to), Some(from)) = (outputs.bytes.get_mut(..most), data.get(..most)) {
-                        copy(to, from);
-                    }
-                }
+                let data = segment.outputs(*id);
+                let most = outputs.bytes.len();
+                outputs.set_all(data.map(|data| data.get(..most).unwrap_or(data)))
             }
         }
-        (has_outputs, is_changed)
     }
 
     /// Gives the inputs to the stack.
@@ -110,6 +98,7 @@ impl Stack {
         }
     }
 }
+
 /// Opens the stack of a chosen device, changed by faults.
 pub(crate) fn open(
     chosen: &ChosenDevice,

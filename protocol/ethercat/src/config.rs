@@ -18,9 +18,14 @@ pub struct DeviceConfig {
     pub alias: u16,
     /// Which parts of its process data the MainDevice may choose.
     pub pdo_configuration: PdoConfiguration,
-    /// Where its sync managers are, in the order of their numbers and at most one for each use; empty for places that follow
-    /// from the description. Their lengths are those of mailbox and process data.
+    /// Where its sync managers are, in the order of their numbers; empty for places that follow from the description. Their
+    /// lengths are those of mailbox and process data. Several of one direction of process data have these one after another; this
+    /// is for devices without a mailbox, as the object dictionary has one sync manager for each direction.
     pub sync_managers: &'static [SyncManagerLayout],
+    /// True if it refuses SAFE-OP after another list of modules in object 0xF030 than that in 0xF050.
+    pub checks_modules: bool,
+    /// Content of its EEPROM; empty for one that follows from the description.
+    pub eeprom: &'static [u8],
     /// Time that its application takes to follow a request for a state.
     pub answer_delay: Duration,
     /// Time that a command to its EEPROM takes.
@@ -46,6 +51,8 @@ impl DeviceConfig {
             alias: 0,
             pdo_configuration: PdoConfiguration::Fixed,
             sync_managers: &[],
+            checks_modules: false,
+            eeprom: &[],
             answer_delay: Duration::ZERO,
             eeprom_delay: Duration::ZERO,
             forwarding_delay: Duration::ZERO,

@@ -1,6 +1,7 @@
 //! Where a device's sync managers are in its memory. The MainDevice reads this from the EEPROM and configures them accordingly.
 
 use alloc::vec::Vec;
+use core::ops::Range;
 
 use crate::description::{Description, Pdo, PdoEntry, process_data_len};
 
@@ -9,6 +10,9 @@ pub(crate) const RAM_START: u16 = 0x1000;
 
 /// Bytes of process data RAM: as much as the ET1100 has and twice 256 bytes in three buffers need.
 pub(crate) const RAM_LEN: u16 = 0x2000;
+
+/// Sync managers of the chip.
+const UNITS: usize = 8;
 
 /// What a sync manager is for (ETG.1000.6, SII category 41).
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -63,14 +67,14 @@ pub fn sync_managers(description: &Description) -> Vec<SyncManagerLayout> {
 /// The sync managers of a device, by their numbers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layout {
-    sync_managers: [Option<SyncManagerLayout>; 4],
+    sync_managers: [Option<SyncManagerLayout>; UNITS],
 }
 
 impl Layout {
     /// Places the sync managers where `given` has them, if it has any.
     pub(crate) fn new(description: &Description, given: &[SyncManagerLayout]) -> Self {
         if !given.is_empty() {
-            let mut sync_managers = [None; 4];
+            let mut sync_managers = [None; UNITS];
             sync_managers.iter_mut().zip(given).for_each(|(place, layout)| *place = Some(*layout));
             return Self { sync_managers };
         }
@@ -84,7 +88,7 @@ impl Layout {
         };
         let outputs = process_data_len(description.outputs);
         let inputs = process_data_len(description.inputs);
-        let sync_managers = match description.mailbox {
+        let placed = match description.mailbox {
             Some(mailbox) => [
                 place(Usage::MailboxReceive, mailbox.len, 1, 0x26),
                 place(Usage::MailboxSend, mailbox.len, 1, 0x22),
@@ -99,6 +103,8 @@ impl Layout {
                 None,
             ],
         };
+        let mut sync_managers = [None; UNITS];
+        sync_managers.iter_mut().zip(placed).for_each(|(place, layout)| *place = layout);
         Self { sync_managers }
     }
 
@@ -115,7 +121,25 @@ impl Layout {
         self.sync_managers.iter().flatten().copied()
     }
 
-    /// Returns the sync manager for this use, and its number.
+    /// Returns the sync managers of a direction by their numbers, each with the range of its data among those of the direction: one
+    /// after another.
+    pub(crate) fn parts(&self, usage: Usage) -> impl Iterator<Item = (usize, Range<usize>)> + '_ {
+        let mut at = 0;
+        self.iter().enumerate().filter(move |(_, layout)| layout.usage == usage).map(
+            move |(index, layout)| {
+                let start = at;
+                at += usize::from(layout.len);
+                (index, start..at)
+            },
+        )
+    }
+
+    /// Returns the bytes of a direction.
+    pub(crate) fn len(&self, usage: Usage) -> usize {
+        self.parts(usage).last().map_or(0, |(_, range)| range.end)
+    }
+
+    /// Returns the sync manager for this use, the first of several, and its number.
     pub(crate) fn find(&self, usage: Usage) -> Option<(usize, SyncManagerLayout)> {
         self.iter().enumerate().find(|(_, layout)| layout.usage == usage)
     }

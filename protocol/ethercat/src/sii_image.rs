@@ -60,7 +60,7 @@ pub(crate) fn image_of(
     header(&mut writer, description, &layout, serial_number, alias);
     let mut strings = Strings::default();
     let general = general(description, pdo_configuration, &mut strings);
-    let mut pdos_of = |pdos, usage| pdo_category(description, pdos, number(&layout, usage), &mut strings);
+    let mut pdos_of = |pdos, usage| pdo_category(description, pdos, (&layout, usage), &mut strings);
     let tx = pdos_of(description.inputs, Usage::Inputs);
     let rx = pdos_of(description.outputs, Usage::Outputs);
     let clock = clock_modes(description.clock_modes, &mut strings);
@@ -123,8 +123,11 @@ fn header(
     writer.u16(1);
 }
 
-fn number(layout: &Layout, usage: Usage) -> u8 {
-    layout.find(usage).map_or(0, |(number, _)| number as u8)
+/// Returns the sync manager of the data from this bit of a direction on.
+fn number(layout: &Layout, usage: Usage, bit: usize) -> u8 {
+    let mut parts = layout.parts(usage);
+    let found = parts.find(|(_, range)| bit / 8 < range.end).or_else(|| layout.parts(usage).last());
+    found.map_or(0, |(number, _)| number as u8)
 }
 
 fn category(writer: &mut Writer<'_>, kind: u16, data: &[u8]) {
@@ -202,8 +205,15 @@ fn general(
 /// not used.
 fn fmmus(layout: &Layout) -> Vec<u8> {
     let uses = [(Usage::Outputs, 1), (Usage::Inputs, 2), (Usage::MailboxSend, 3)];
+    // Without a mailbox, FMMU n is that of sync manager n; some MainDevices take that for granted.
+    if layout.find(Usage::MailboxSend).is_none() {
+        let number = |layout: SyncManagerLayout| if layout.usage == Usage::Outputs { 1 } else { 2 };
+        let mut fmmus: Vec<u8> = layout.iter().map(number).collect();
+        fmmus.resize(fmmus.len().next_multiple_of(2), 0);
+        return fmmus;
+    }
     let mut fmmus: Vec<u8> =
-        uses.iter().filter(|(usage, _)| layout.find(*usage).is_some()).map(|(_, number)| *number).collect();
+        uses.iter().flat_map(|(usage, number)| layout.parts(*usage).map(|_| *number)).collect();
     fmmus.resize(fmmus.len().next_multiple_of(2), 0);
     fmmus
 }
@@ -247,11 +257,14 @@ fn sync_manager(layout: SyncManagerLayout) -> [u8; 8] {
 fn pdo_category(
     description: &Description,
     pdos: &'static [Pdo],
-    sync_manager: u8,
+    (layout, usage): (&Layout, Usage),
     strings: &mut Strings,
 ) -> Vec<u8> {
     let mut bytes = Vec::new();
+    let mut bit = 0;
     for pdo in pdos {
+        let sync_manager = number(layout, usage, bit);
+        bit += pdo.entries.iter().map(|entry| usize::from(entry.bits)).sum::<usize>();
         bytes.extend_from_slice(&pdo.index.to_le_bytes());
         bytes.push(pdo.entries.len().min(255) as u8);
         bytes.push(sync_manager);

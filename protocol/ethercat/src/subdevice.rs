@@ -23,6 +23,7 @@ use crate::sii_image::image_of;
 #[derive(Debug)]
 pub(crate) struct SubDevice {
     description: &'static Description,
+    checks_modules: bool,
     layout: Layout,
     pub(crate) esc: Esc,
     al: StateMachine,
@@ -51,11 +52,15 @@ impl SubDevice {
         let description = config.description;
         let layout = Layout::new(description, config.sync_managers);
         let names = (config.serial_number, config.alias);
-        let image = image_of(description, names, config.pdo_configuration, config.sync_managers);
-        let len = |usage| layout.find(usage).map_or(0, |(_, layout)| usize::from(layout.len));
+        let image = match config.eeprom {
+            [] => image_of(description, names, config.pdo_configuration, config.sync_managers),
+            given => given.to_vec(),
+        };
+        let len = |usage| layout.len(usage);
         let clock = description.has_clocks().then_some(config.clock);
         let mut device = Self {
             description,
+            checks_modules: config.checks_modules,
             layout,
             esc: Esc::new(image, config.eeprom_delay, clock),
             al: StateMachine::new(),
@@ -151,10 +156,11 @@ impl SubDevice {
 
     /// Passes the inputs to the chip.
     pub(crate) fn publish_inputs(&mut self) {
-        if self.al.state() >= AlState::SafeOp
-            && let Some((index, _)) = self.layout.find(Usage::Inputs)
-        {
-            self.esc.put(index, &self.inputs);
+        if self.al.state() < AlState::SafeOp {
+            return;
+        }
+        for (index, range) in self.layout.parts(Usage::Inputs) {
+            self.esc.put(index, self.inputs.get(range).unwrap_or_default());
         }
     }
 
@@ -172,8 +178,8 @@ impl SubDevice {
     /// (ETG.1020). A device that has none shows its error by the inputs.
     fn stop_outputs(&mut self) {
         self.is_stopped = true;
-        let outputs = self.layout.find(Usage::Outputs).filter(|(_, layout)| layout.len > 0);
-        if let Some((index, _)) = outputs.or_else(|| self.layout.find(Usage::Inputs)) {
+        let has_outputs = self.layout.len(Usage::Outputs) > 0;
+        for (index, _) in self.layout.parts(if has_outputs { Usage::Outputs } else { Usage::Inputs }) {
             self.esc.lock(index, true);
         }
     }
@@ -203,13 +209,16 @@ impl SubDevice {
         if changes.sync_managers {
             self.repeat_mail();
         }
-        if let Some((index, _)) = self.layout.find(Usage::Outputs)
-            && changes.written & (1 << index) != 0
-            && self.al.state() == AlState::Op
-            && let Some(data) = self.esc.take(index).filter(|data| data.len() == self.outputs.len())
-        {
-            self.outputs.copy_from_slice(data);
-            self.has_outputs = true;
+        if self.al.state() == AlState::Op {
+            for (index, range) in self.layout.parts(Usage::Outputs) {
+                if changes.written & (1 << index) != 0
+                    && let Some(data) = self.esc.take(index)
+                    && let Some(own) = self.outputs.get_mut(range).filter(|own| own.len() == data.len())
+                {
+                    own.copy_from_slice(data);
+                    self.has_outputs = true;
+                }
+            }
         }
         self.advance(now, sink);
     }
@@ -308,9 +317,11 @@ impl SubDevice {
     /// Returns whether the MainDevice lets the outputs trigger the watchdog. Outputs without a length, whose sync manager
     /// is off, trigger nothing, whatever its control register says.
     fn heeds_watchdog(&self) -> bool {
-        let outputs = self.layout.find(Usage::Outputs).filter(|(_, layout)| layout.len > 0);
-        let unit = outputs.map(|(index, _)| self.esc.sync_manager(index));
-        unit.is_some_and(|unit| unit.guards() && unit.triggers_watchdog)
+        let mut outputs = self.layout.parts(Usage::Outputs).filter(|(_, range)| !range.is_empty());
+        outputs.any(|(index, _)| {
+            let unit = self.esc.sync_manager(index);
+            unit.guards() && unit.triggers_watchdog
+        })
     }
 
     /// Returns when the SYNC signals will have stayed away for too long: two periods after the last one, or after the first
@@ -327,7 +338,7 @@ impl SubDevice {
 
     fn lock(&mut self, usages: [Usage; 2], locked: bool) {
         for usage in usages {
-            if let Some((index, _)) = self.layout.find(usage) {
+            for (index, _) in self.layout.parts(usage) {
                 self.esc.lock(index, locked);
             }
         }

@@ -57,11 +57,15 @@ pub struct ChosenPdo {
 }
 
 impl ChosenSubDevice {
-    /// Returns the bytes of the data to the device and from it.
+    /// Returns the bytes of the data to the device and from it: those of each sync manager are whole bytes, one after another.
     #[must_use]
     pub fn lengths(&self) -> (u32, u32) {
         let bytes = |pdos: &[ChosenPdo]| {
-            pdos.iter().map(|chosen| chosen.pdo.bits).fold(0, u32::saturating_add).div_ceil(8)
+            let managers = pdos.chunk_by(|one, next| one.sync_manager == next.sync_manager);
+            let of_manager = |pdos: &[ChosenPdo]| {
+                pdos.iter().map(|chosen| chosen.pdo.bits).fold(0, u32::saturating_add).div_ceil(8)
+            };
+            managers.map(of_manager).fold(0, u32::saturating_add)
         };
         (bytes(&self.outputs), bytes(&self.inputs))
     }
@@ -207,7 +211,12 @@ fn assigned(
     chosen: Option<&[u16]>,
 ) -> Result<Vec<ChosenPdo>, ChoiceError> {
     let fault = |text: String| ChoiceError::new(PDO, text).with(offered.list());
-    let default = || pdos.iter().filter(|pdo| pdo.sync_manager.is_some()).collect::<Vec<_>>();
+    // A file may have several forms of one PDO: the first one counts.
+    let is_first = |number: usize, pdo: &EsiPdo| pdos.iter().take(number).all(|it| it.index != pdo.index);
+    let default = || {
+        let numbered = pdos.iter().enumerate().filter(|(number, pdo)| is_first(*number, pdo));
+        numbered.map(|(_, pdo)| pdo).filter(|pdo| pdo.sync_manager.is_some()).collect::<Vec<_>>()
+    };
     let found: Vec<&EsiPdo> = match chosen {
         Some(indices) => {
             indices.iter().filter_map(|index| pdos.iter().find(|pdo| pdo.index == *index)).collect()
@@ -236,6 +245,8 @@ fn assigned(
         };
         assigned.push(ChosenPdo { sync_manager, pdo: pdo.clone() });
     }
+    // The data of one sync manager lie together.
+    assigned.sort_by_key(|pdo| pdo.sync_manager);
     Ok(assigned)
 }
 

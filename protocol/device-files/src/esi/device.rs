@@ -129,6 +129,9 @@ pub struct EepromContent {
     #[serde(with = "crate::hex")]
     #[cfg_attr(test, schemars(with = "String"))]
     pub bootstrap: Vec<u8>,
+    /// True if the file is a dump of an EEPROM.
+    #[serde(default)]
+    pub is_dump: bool,
     /// Whole content, if the file gives it.
     #[serde(with = "crate::hex")]
     #[cfg_attr(test, schemars(with = "String"))]
@@ -244,6 +247,7 @@ impl EepromContent {
             byte_size: eeprom.child_number("ByteSize")?.unwrap_or(0),
             config_data: bytes("ConfigData")?,
             bootstrap: bytes("BootStrap")?,
+            is_dump: false,
             data: bytes("Data")?,
         })
     }

@@ -100,7 +100,7 @@ impl ObjectDictionary {
             let mut entries = Vec::new();
             if let Some(data_type) = data_type {
                 entries = sub_items(data_type, &types, warnings)?;
-                set_defaults(object, &mut entries)?;
+                set_defaults(object, &mut entries, warnings)?;
             }
             let own = object.child_number("BitSize")?;
             let index = object.child_number("Index")?;
@@ -111,7 +111,7 @@ impl ObjectDictionary {
                 data_type: object.keep(name)?,
                 bits: own.or(data_type.and_then(|it| it.bits)).unwrap_or(0),
                 access: access(object)?,
-                default: default_data(object, own.unwrap_or(0))?,
+                default: default_data(object, own.unwrap_or(0), warnings)?,
                 entries,
             })
         })?;
@@ -124,14 +124,19 @@ fn access(element: Element<'_>) -> Result<String, FileFault> {
 }
 
 /// Returns the default of an object or an entry.
-fn default_data(element: Element<'_>, bits: u32) -> Result<Vec<u8>, FileFault> {
+fn default_data(element: Element<'_>, bits: u32, warnings: &mut Warnings) -> Result<Vec<u8>, FileFault> {
     let Some(info) = element.child("Info") else { return Ok(Vec::new()) };
     for name in ["DefaultData", "DefaultString", "DefaultValue"] {
         let Some(given) = info.child(name).filter(|given| !given.text().is_empty()) else { continue };
         let text = given.text();
         given.charge(text.len())?;
         return match name {
-            "DefaultData" => hex_bytes(given),
+            // Files of several makers have half a byte here. The device has its own default anyway.
+            "DefaultData" => hex_bytes(given).or_else(|fault| {
+                warnings
+                    .add(FileFault { fault: format!("{}; the default is left out", fault.fault), ..fault });
+                Ok(Vec::new())
+            }),
             "DefaultValue" => match number::<i64>(text) {
                 Some(value) => {
                     let width = (bits.div_ceil(8) as usize).min(8);
@@ -176,7 +181,7 @@ fn sub_items(
             data_type: item.keep(name)?,
             bits: item.child_number("BitSize")?.unwrap_or(0),
             access: access(item)?,
-            default: default_data(item, item.child_number("BitSize")?.unwrap_or(0))?,
+            default: default_data(item, item.child_number("BitSize")?.unwrap_or(0), warnings)?,
         });
     }
     Ok(entries)
@@ -226,13 +231,17 @@ fn array(
 }
 
 /// Takes names and defaults over that the object gives for its entries, in their order.
-fn set_defaults(object: Element<'_>, entries: &mut [DictionaryEntry]) -> Result<(), FileFault> {
+fn set_defaults(
+    object: Element<'_>,
+    entries: &mut [DictionaryEntry],
+    warnings: &mut Warnings,
+) -> Result<(), FileFault> {
     let Some(info) = object.child("Info") else { return Ok(()) };
     for (entry, item) in entries.iter_mut().zip(info.children_named("SubItem")) {
         if let Some(name) = item.child_text("Name") {
             entry.name = item.keep(name)?;
         }
-        let default = default_data(item, entry.bits)?;
+        let default = default_data(item, entry.bits, warnings)?;
         if !default.is_empty() {
             entry.default = default;
         }

@@ -6,6 +6,7 @@ mod mailbox;
 mod names;
 mod pdo;
 mod read;
+mod sii;
 
 use serde::Serialize;
 
@@ -14,6 +15,7 @@ pub use self::dictionary::{DictionaryEntry, DictionaryObject, ObjectDictionary};
 pub use self::mailbox::{CoeService, EsiMailbox, StartupCommand};
 pub use self::pdo::{EsiPdo, EsiPdoEntry};
 pub(crate) use self::read::read;
+pub(crate) use self::sii::{is_eeprom, read as read_eeprom};
 
 use crate::fault::FileFault;
 

@@ -12,3 +12,4 @@ mod parameters;
 mod positions;
 mod records;
 mod several;
+mod shapes;

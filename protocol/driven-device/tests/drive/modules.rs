@@ -38,7 +38,9 @@ fn modules_bring_their_process_data_and_objects_to_the_places_of_their_slots() {
 fn modules_other_than_the_expected_ones_are_told_slot_by_slot() {
     // The same sizes, so that the data run.
     let expected = coupler("2 = \"MU-8DI\"\n3 = \"MU-2A\"\n");
-    let there = COUPLER.replace("ModuleIdent=\"#x20\"", "ModuleIdent=\"#x22\"");
+    let there = COUPLER
+        .replace("ModuleIdent=\"#x20\"", "ModuleIdent=\"#x22\"")
+        .replace("DownloadModuleIdentList=\"1\"", "DownloadModuleIdentList=\"0\"");
     let there = chosen("other.xml", &there, "[modules]\n2 = \"MU-8DI\"\n3 = \"MU-2A\"\n");
     let mut cell = DrivenPair::between(driven(&expected, "", &drive_config()), emulated(there.device, ""));
     cell.run_to(4_000);
@@ -60,4 +62,15 @@ fn a_module_that_is_missing_at_the_device_changes_its_process_data_and_is_refuse
     let mut cell = DrivenPair::between(driven(&expected, "", &drive_config()), emulated(there.device, ""));
     cell.run_to(4_000);
     assert!(!cell.device().has_been_up() && cell.device().differs(), "{:?}", cell.texts());
+}
+
+#[test]
+fn a_device_that_takes_a_list_of_modules_refuses_another_one_than_its_own() {
+    let expected = coupler("2 = \"MU-8DI\"\n3 = \"MU-2A\"\n");
+    let there = COUPLER.replace("ModuleIdent=\"#x20\"", "ModuleIdent=\"#x22\"");
+    let there = chosen("other.xml", &there, "[modules]\n2 = \"MU-8DI\"\n3 = \"MU-2A\"\n");
+    let mut cell = DrivenPair::between(driven(&expected, "", &drive_config()), emulated(there.device, ""));
+    cell.run_to(4_000);
+    assert!(!cell.device().has_been_up() && cell.device().differs(), "{:?}", cell.texts());
+    assert!(cell.texts().iter().any(|text| text.contains("0x0070")), "{:?}", cell.texts());
 }

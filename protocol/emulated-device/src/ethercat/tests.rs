@@ -86,3 +86,28 @@ fn the_name_object_is_that_of_the_file() {
     let [name] = description.objects else { panic!("{:?}", description.objects) };
     assert_eq!((name.index, name.entries[0].default), (0x1008, &b"EX1 model"[..]));
 }
+
+#[test]
+fn a_dump_of_an_eeprom_is_the_device_that_has_it() {
+    let text = include_str!("../../../../scripts/interop/files/made-up-terminal.xml");
+    let choice = DeviceChoice::from_toml("device_name = \"MU2004\"").unwrap();
+    let file = read("a.xml", text.into()).unwrap();
+    let Ok(ChosenDevice::Esi(chosen)) = choose(&file, &choice) else { panic!() };
+    let description = describe(&chosen, &Alteration::default()).unwrap();
+    let dump = sii_image(&description, 7, 0);
+    let file = read("dump.bin", dump.clone()).unwrap();
+    let Ok(ChosenDevice::Esi(found)) = choose(&file, &Default::default()) else { panic!() };
+    assert_eq!((&found.kind, &found.name, found.lengths()), (&chosen.kind, &chosen.name, (1, 0)));
+    assert_eq!((found.vendor_id, found.product_code), (chosen.vendor_id, chosen.product_code));
+    let entries =
+        |it: &ChosenSubDevice| it.outputs[0].pdo.entries.iter().map(|it| it.bits).collect::<Vec<_>>();
+    assert_eq!(entries(&found), entries(&chosen));
+    assert_eq!(configure(&found, &Alteration::default(), 1).unwrap().eeprom, dump);
+    // Whatever is cut or changed, nothing panics.
+    for at in 0..dump.len().min(512) {
+        let mut changed = dump.clone();
+        changed[at] = changed[at].wrapping_add(0x81);
+        let _ = read("dump.bin", changed);
+        let _ = read("dump.bin", dump[..at].to_vec());
+    }
+}

@@ -35,13 +35,15 @@ impl AlStatusCode {
     pub const INVALID_SYNC: Self = Self(0x0030);
     /// The device's EEPROM is damaged.
     pub const EEPROM_ERROR: Self = Self(0x0051);
+    /// The controller's list of modules in object 0xF030 is not that of the detected ones in 0xF050 (ETG.5001.1).
+    pub const OTHER_MODULES: Self = Self(0x0070);
 
     /// Returns the highest state in which a device can be that indicates this error (ETG.1020, AL status codes). None is in
     /// OP, not even after a request that it only refused: Beckhoff's SSC, SOES and KickCAT go to SAFE-OP, too.
     pub(crate) const fn highest_state(self) -> AlState {
         match self {
             Self::INVALID_MAILBOX | Self::INVALID_BOOT_MAILBOX => AlState::Init,
-            Self::INVALID_OUTPUTS | Self::INVALID_INPUTS => AlState::PreOp,
+            Self::INVALID_OUTPUTS | Self::INVALID_INPUTS | Self::OTHER_MODULES => AlState::PreOp,
             _ => AlState::SafeOp,
         }
     }
@@ -70,6 +72,7 @@ impl AlStatusCode {
             Self::NO_SYNC_ERROR => "no sync signal",
             Self::INVALID_SYNC => "invalid DC SYNC configuration",
             Self::EEPROM_ERROR => "EEPROM error",
+            Self::OTHER_MODULES => "detected and configured lists of modules do not match",
             _ => "a code that is not in the standard's table",
         }
     }

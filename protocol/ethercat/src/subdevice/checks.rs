@@ -7,6 +7,10 @@ use crate::al::{AlState, AlStatusCode};
 use crate::event::{Event, Sink};
 use crate::layout::{SyncManagerLayout, Usage};
 
+/// Objects with the list of modules that the controller expects, and with that of the detected ones.
+const CONFIGURED_MODULES: u16 = 0xF030;
+const DETECTED_MODULES: u16 = 0xF050;
+
 impl SubDevice {
     /// Leaves a state whose sync managers are no longer as the state needs them.
     pub(super) fn watch_sync_managers(&mut self, now: Instant, sink: &mut Sink<'_>) {
@@ -25,6 +29,9 @@ impl SubDevice {
     /// Returns whether the MainDevice has configured the device for a state.
     pub(super) fn check(&self, state: AlState) -> Result<(), AlStatusCode> {
         self.check_sync_managers(state)?;
+        if state == AlState::SafeOp && self.al.state() < AlState::SafeOp {
+            self.check_modules()?;
+        }
         match (state, self.esc.sync_signals()) {
             (AlState::SafeOp, (true, false)) if self.al.state() < AlState::SafeOp => {
                 Err(AlStatusCode::INVALID_SYNC)
@@ -52,6 +59,20 @@ impl SubDevice {
         }
     }
 
+    /// Compares the controller's list of modules with the detected one, if it wrote one (ETG.5001.1, objects F030 and F050).
+    fn check_modules(&self) -> Result<(), AlStatusCode> {
+        let count = |index| self.dictionary.get(index, 0).and_then(<[u8]>::first).copied().unwrap_or(0);
+        let (configured, detected) = (count(CONFIGURED_MODULES), count(DETECTED_MODULES));
+        let ident = |index, slot, count| {
+            let entry = self.dictionary.get(index, slot).filter(|_| slot <= count);
+            entry.and_then(<[u8]>::first_chunk).map_or(0, |ident| u32::from_le_bytes(*ident))
+        };
+        let is_same =
+            |slot| ident(CONFIGURED_MODULES, slot, configured) == ident(DETECTED_MODULES, slot, detected);
+        let matches = !self.checks_modules || configured == 0 || (1..=configured.max(detected)).all(is_same);
+        if matches { Ok(()) } else { Err(AlStatusCode::OTHER_MODULES) }
+    }
+
     fn check_mailbox(&self) -> Result<(), ()> {
         for usage in [Usage::MailboxReceive, Usage::MailboxSend] {
             let Some((index, layout)) = self.layout.find(usage) else { continue };
@@ -68,13 +89,15 @@ impl SubDevice {
     }
 
     fn check_process_data(&self, usage: Usage) -> Result<(), ()> {
-        let Some((index, layout)) = self.layout.find(usage) else { return Ok(()) };
-        let unit = self.esc.sync_manager(index);
-        if layout.len == 0 {
-            return (!unit.guards()).then_some(()).ok_or(());
-        }
-        let fits = unit.guards() && unit.len == layout.len && self.is_as_planned(index, layout);
-        fits.then_some(()).ok_or(())
+        let mut managers = self.layout.iter().enumerate().filter(|(_, layout)| layout.usage == usage);
+        let all_fit = managers.all(|(index, layout)| {
+            let unit = self.esc.sync_manager(index);
+            match layout.len {
+                0 => !unit.guards(),
+                len => unit.guards() && unit.len == len && self.is_as_planned(index, layout),
+            }
+        });
+        all_fit.then_some(()).ok_or(())
     }
 
     /// Returns whether a sync manager has the start, mode and direction that the EEPROM names.

@@ -124,10 +124,11 @@ impl ProcessData {
         })
     }
 
-    /// Returns whether data are exchanged with this frame from the controller: it marks all that it has as good. For a device
-    /// with inputs only, it has none.
+    /// Returns whether data are exchanged with this frame from the controller: it marks some of them as good, as each submodule has
+    /// a provider status of its own. For a device with inputs only, it has none.
     pub(super) fn is_good(&self, c_sdu: &[u8]) -> bool {
-        !self.lacks_data && self.all_data(c_sdu).all(|(_, data)| data.is_some())
+        let mut data = self.all_data(c_sdu).map(|(_, data)| data.is_some());
+        !self.lacks_data && (self.from_controller.is_empty() || data.any(|is_good| is_good))
     }
 }
 
