@@ -47,6 +47,7 @@ impl Instant {
 
     /// Returns the earlier of two deadlines, each of which may be unset.
     #[must_use]
+    #[inline]
     pub fn earlier(a: Option<Self>, b: Option<Self>) -> Option<Self> {
         match (a, b) {
             (Some(a), Some(b)) => Some(a.min(b)),

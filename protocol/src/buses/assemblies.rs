@@ -96,8 +96,8 @@ impl ControllerBus for EthernetIpScanner {
 
     /// The assembly may be shorter or longer than the image.
     fn set_output(&mut self, station: StationId, image: &Image) {
-        if let Some(connection) = self.connection_mut(station) {
-            let output = connection.output_mut();
+        let connection = self.stations.connection(station);
+        if let Some(output) = connection.and_then(|connection| self.scanner.output_mut(connection)) {
             let len = output.len().min(IMAGE_LEN);
             if let (Some(place), Some(bytes)) = (output.get_mut(..len), image.get(..len)) {
                 place.copy_from_slice(bytes);

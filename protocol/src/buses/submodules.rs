@@ -58,8 +58,8 @@ impl ControllerBus for ProfinetController {
     }
 
     fn set_output(&mut self, station: StationId, image: &Image) {
-        if let Some(ar) = self.ar_mut(station) {
-            ar.set_outputs(split(image));
+        if let Some(ar) = self.stations.connection(station) {
+            self.controller.set_outputs(ar, split(image));
         }
     }
 

@@ -105,7 +105,11 @@ pub(super) struct Grid {
 
 /// Adds an item; none if there are `most` already.
 fn push<T>(items: &mut Vec<T>, item: T, most: usize) -> Option<()> {
-    (items.len() < most).then(|| items.push(item))
+    if items.len() >= most {
+        return None;
+    }
+    items.push(item);
+    Some(())
 }
 
 impl Grid {

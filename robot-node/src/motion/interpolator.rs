@@ -198,24 +198,24 @@ impl Interpolator {
             self.stand_still();
             return Ok(Step { suppressed: None, ended: None });
         }
-        let (place, left, joints) = self.next_place();
-        self.go_if_allowed(joints)?;
+        let ((place, left, joints), keeps_ratings) = self.next_place();
+        self.go_if_allowed(joints, keeps_ratings)?;
         self.omitted_s = 0.0;
         let suppressed = self.path.go_to(place);
         self.path.refine(self.cycle_s);
         Ok(Step { suppressed, ended: self.path.is_finished().then_some(left) })
     }
 
-    /// Returns what is ahead, with the cycle corrected where an axis would not keep its ratings; what that cannot mend stays as
-    /// planned.
-    fn next_place(&mut self) -> Ahead {
+    /// Returns what is ahead, with the cycle corrected where an axis would not keep its ratings, and whether all axes keep them; what
+    /// cannot be mended stays as planned.
+    fn next_place(&mut self) -> (Ahead, bool) {
         let planned = self.no_faster_than_programmed();
         let (mut correction, mut next) = planned;
         for _ in 0..=CORRECTIONS {
             let (_, _, Ok(joints)) = &next else { break };
             if self.axes.keeps_ratings(joints, &self.arm, ROUNDING).is_ok() {
                 self.correction = correction;
-                return next;
+                return (next, true);
             }
             let probe = PROBE * self.cycle_s;
             let (_, _, Ok(later)) = self.place_with(correction.plus(probe)) else { break };
@@ -227,7 +227,7 @@ impl Interpolator {
             }
             next = self.place_with(correction);
         }
-        planned.1
+        (planned.1, false)
     }
 
     /// Returns the correction that fades, and what is ahead with it. One that hurries ends where the arm would be faster than
@@ -267,12 +267,20 @@ impl Interpolator {
             self.stand_still();
             return Ok(());
         }
-        self.go_if_allowed(joints)
+        self.go_if_allowed(joints, false)
     }
 
-    /// Goes to these joints, or leaves the path and brakes.
-    fn go_if_allowed(&mut self, joints: Result<Joints, Violation>) -> Result<(), Violation> {
-        let allowed = joints.and_then(|joints| self.axes.check(&joints, &self.arm).map(|()| joints));
+    /// Goes to these joints, or leaves the path and brakes. `keeps_ratings` says that the axes are known to keep their ratings.
+    fn go_if_allowed(
+        &mut self,
+        joints: Result<Joints, Violation>,
+        keeps_ratings: bool,
+    ) -> Result<(), Violation> {
+        let check = |joints: &Joints| match keeps_ratings {
+            true => self.arm.within_range(joints),
+            false => self.axes.check(joints, &self.arm),
+        };
+        let allowed = joints.and_then(|joints| check(&joints).map(|()| joints));
         match allowed {
             Ok(joints) => {
                 self.go_to(&joints);

@@ -148,27 +148,27 @@ impl Knot {
             let factor = self.slopes.slope[axis] * slope + self.slopes.bend[axis] * weight;
             let rest = (self.slopes.bend[axis] * (1.0 - weight) - self.slopes.slope[axis] * slope) * known;
             let x = (left - rest * 1.0_f64.copysign(factor)) / factor.abs();
-            most = if x < most { x } else { most };
+            most = smaller(most, x);
         }
         let left = self.tightness[0] * bent_tool;
         let [along, bend, _] = &self.slopes.tool;
         let factor: Vector<f64> = core::array::from_fn(|i| along[i] * slope + bend[i] * weight);
         let rest: Vector<f64> =
             core::array::from_fn(|i| (bend[i] * (1.0 - weight) - along[i] * slope) * known);
-        most = most.min(largest(square(factor), dot(factor, rest), square(rest) - left * left));
+        most = smaller(most, largest(square(factor), dot(factor, rest), square(rest) - left * left));
         if tool < 1.0 {
             let [by_square, by_acceleration, _] = self.slopes.along_path();
             let factor = by_acceleration * slope + by_square * weight;
             let rest = (by_square * (1.0 - weight) - by_acceleration * slope) * known;
             if factor < 0.0 {
-                most = most.min(((self.tightness[0] * tool + rest) / -factor).max(0.0));
+                most = smaller(most, ((self.tightness[0] * tool + rest) / -factor).max(0.0));
             }
         }
         // The jerk that turning takes.
         let [bend, twist] = self.most_turning;
         let speed = known.sqrt();
         let turning = TURNING * (self.tightness[1] - twist * known * speed).max(0.0) / (3.0 * bend * speed);
-        most.min(known + 2.0 * distance * turning)
+        smaller(most, known + 2.0 * distance * turning)
     }
 
     /// Returns how fast the acceleration may grow (`sign` 1) or fall (−1) with the way.
@@ -180,7 +180,7 @@ impl Knot {
             // For a joint that stands this is no number, and does not count.
             let flatness = self.flatness[axis];
             let x = whole * self.rates.quickness[axis] * flatness.abs() - sign * taken * flatness;
-            least = if x < least { x } else { least };
+            least = smaller(least, x);
         }
         let ramp = self.rates.ramps.tool_ramp_s;
         if ramp > 0.0 {
@@ -188,10 +188,17 @@ impl Knot {
             let taken: Vector<f64> =
                 core::array::from_fn(|i| sign * (3.0 * bend[i] * acceleration + twist[i] * square_speed));
             let whole = whole / ramp;
-            least = least.min(largest(square(*along), dot(*along, taken), square(taken) - whole * whole));
+            let most = largest(square(*along), dot(*along, taken), square(taken) - whole * whole);
+            least = smaller(least, most);
         }
         least.max(0.0)
     }
+}
+
+/// Returns the smaller one, and `least` if the other is not a number: with one instruction, where `f64::min` takes five.
+#[inline]
+fn smaller(least: f64, other: f64) -> f64 {
+    if other < least { other } else { least }
 }
 
 /// Returns the largest x ≥ 0 with square·x² + 2·along·x + rest ≤ 0, or the nearest to that; infinite where nothing

@@ -84,13 +84,19 @@ impl Load {
     /// Returns the largest share of an acceleration, and of a jerk.
     pub(super) fn most(&self, slows: bool, ramps: &Ramps) -> [f64; 2] {
         let [mut accelerated, jerked] =
-            self.joints.map(|joints| joints.into_iter().fold(0.0_f64, |most, load| most.max(load.abs())));
+            self.joints.map(|joints| joints.into_iter().fold(0.0, |most, load| larger(most, load.abs())));
         let [mut tool, tool_jerk] = self.tool;
         if slows {
             accelerated /= ramps.deceleration;
             tool /= ramps.bent_tool_deceleration();
         }
-        let tool = tool.max(-self.tangential / ramps.tool_deceleration);
-        [accelerated.max(tool), jerked.max(tool_jerk)]
+        let tool = larger(tool, -self.tangential / ramps.tool_deceleration);
+        [larger(accelerated, tool), larger(jerked, tool_jerk)]
     }
+}
+
+/// Returns the larger one, and `most` if the other is not a number: with one instruction, where `f64::max` takes five.
+#[inline]
+pub(super) fn larger(most: f64, other: f64) -> f64 {
+    if other > most { other } else { most }
 }

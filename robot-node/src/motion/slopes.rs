@@ -19,19 +19,24 @@ pub(super) struct Slopes {
 impl Slopes {
     /// Those of a node, whose unit grows by `unit` for each unit of the stretch.
     pub(super) fn of(node: &Node, unit: f64) -> Self {
-        let mut slopes = Self {
-            slope: node.slope.map(f64::from),
-            bend: node.bend.map(f64::from),
-            twist: node.twist.map(f64::from),
-            tool: node.tool.map(|vector| vector.map(f64::from)),
-        };
+        let mut slopes = Self::in_own_unit(node);
         slopes.by_unit(unit);
         slopes
     }
 
+    /// Those of a node in its own unit.
+    fn in_own_unit(node: &Node) -> Self {
+        Self {
+            slope: node.slope.map(f64::from),
+            bend: node.bend.map(f64::from),
+            twist: node.twist.map(f64::from),
+            tool: node.tool.map(|vector| vector.map(f64::from)),
+        }
+    }
+
     /// Those between two nodes, at a share of the way from the first to the second.
     pub(super) fn between(one: &Node, other: &Node, share: f64, unit: f64) -> Self {
-        let [from, to] = [one, other].map(|node| Self::of(node, 1.0));
+        let [from, to] = [one, other].map(Self::in_own_unit);
         let mut slopes = from.toward(&to, other.way - one.way, share);
         slopes.by_unit(unit);
         slopes

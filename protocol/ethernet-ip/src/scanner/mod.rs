@@ -121,6 +121,12 @@ impl Scanner {
         self.connections.get_mut(id.0)
     }
 
+    /// Returns the data of a connection's O→T assembly, to be changed in place; `None` once it was removed. Data alone change nothing that
+    /// the scanner is polled for, so it need not be polled afterwards.
+    pub fn output_mut(&mut self, id: ConnectionId) -> Option<&mut [u8]> {
+        self.connections.output_mut(id.0)
+    }
+
     /// Returns every connection that was not removed.
     pub fn connections(&self) -> impl Iterator<Item = (ConnectionId, &Connection)> {
         self.connections.iter().map(|(number, connection)| (ConnectionId(number), connection))

@@ -107,6 +107,11 @@ impl Roster {
         Some(connection)
     }
 
+    /// Returns the O→T data of a connection, for its owner: they change neither its deadline nor what it has to send or to report.
+    pub(super) fn output_mut(&mut self, number: u16) -> Option<&mut [u8]> {
+        Some(self.slots.get_mut(usize::from(number))?.connection.as_mut()?.output_mut())
+    }
+
     /// Returns all connections with their numbers.
     pub(super) fn iter(&self) -> impl Iterator<Item = (u16, &Connection)> {
         self.slots.iter().zip(0..).filter_map(|(slot, number)| Some((number, slot.connection.as_ref()?)))
@@ -126,7 +131,7 @@ impl Roster {
             if self.get(number).is_some_and(is_more) {
                 self.note(number);
             } else {
-                // At most its deadline has changed, as by new outputs nothing has.
+                // At most its deadline has changed.
                 self.serve_io(number, |_| ());
             }
         }
@@ -158,23 +163,22 @@ impl Roster {
     }
 
     fn note(&mut self, number: u16) {
-        if let Some(deadline) = self.note_all_but_deadline(number) {
+        self.note_all_but_deadline(number);
+        if let Some(deadline) = self.get(number).map(Connection::poll_timeout) {
             self.deadlines.set(number, deadline);
         }
     }
 
-    /// Returns the deadline, if there is such a connection.
-    fn note_all_but_deadline(&mut self, number: u16) -> Option<Option<Instant>> {
+    fn note_all_but_deadline(&mut self, number: u16) {
         let Some(Slot { connection: Some(connection), keys }) = self.slots.get_mut(usize::from(number))
         else {
-            return None;
+            return;
         };
         let now = Keys {
             frames: connection.consumed().map(key),
             stream: connection.stream(),
             group: connection.group(),
         };
-        let deadline = connection.poll_timeout();
         if connection.has_message() {
             self.messages.push(number);
         }
@@ -188,7 +192,6 @@ impl Roster {
         if before != now {
             self.replace(number, before, now);
         }
-        Some(deadline)
     }
 
     /// Calls the connections that take cyclic frames with this number from this station. Returns whether there is one.

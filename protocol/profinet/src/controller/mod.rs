@@ -103,6 +103,12 @@ impl Controller {
         self.ars.get_mut(ar.0)
     }
 
+    /// Sets the output data of all submodules of an AR like [`Ar::set_outputs`]. Data alone change nothing that the controller is polled
+    /// for, so it need not be polled afterwards.
+    pub fn set_outputs(&mut self, ar: ArId, write: impl FnMut(u16, u16, &mut [u8])) {
+        self.ars.set_outputs(ar.0, write);
+    }
+
     /// Returns every AR that was not removed.
     pub fn ars(&self) -> impl Iterator<Item = (ArId, &Ar)> {
         self.ars.iter().map(|(number, ar)| (ArId(number), ar))

@@ -115,6 +115,14 @@ impl Roster {
         Some(ar)
     }
 
+    /// Sets the output data of an AR: they change neither its deadline nor what it has to send or to report.
+    pub(super) fn set_outputs(&mut self, number: u16, write: impl FnMut(u16, u16, &mut [u8])) {
+        let slot = self.slots.get_mut(usize::from(number));
+        if let Some(ar) = slot.and_then(|slot| slot.ar.as_mut()) {
+            ar.set_outputs(write);
+        }
+    }
+
     /// Returns all ARs with their numbers.
     pub(super) fn iter(&self) -> impl Iterator<Item = (u16, &Ar)> {
         self.slots.iter().zip(0..).filter_map(|(slot, number)| Some((number, slot.ar.as_ref()?)))

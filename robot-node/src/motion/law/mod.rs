@@ -18,6 +18,7 @@
 //! it exceeds them, they are reduced and the passes are repeated.
 
 mod newton;
+mod recalled;
 mod refine;
 mod round;
 mod tighten;
@@ -27,6 +28,7 @@ use super::cell::Cell;
 use super::grid::{Grid, Part};
 use super::knot::Knot;
 use super::node::Pace;
+use recalled::{LastRound, Pass};
 
 pub(super) use refine::{MOST_STEPS, Progress};
 
@@ -71,6 +73,7 @@ pub(super) struct Law {
     assumed: List,
     added: List,
     hull: Vec<u16>,
+    last_round: LastRound,
     refinement: refine::Refinement,
     /// What a step of Newton's method solves: its matrix, and then the change of the values.
     rows: Vec<[f64; 3]>,
@@ -101,6 +104,7 @@ impl Law {
             assumed: list(),
             added: list(),
             hull: Vec::with_capacity(capacity.knots),
+            last_round: LastRound::with_room(capacity.knots),
             refinement: refine::Refinement::default(),
             rows: Vec::with_capacity(capacity.knots),
             change: list(),
@@ -167,6 +171,7 @@ impl Law {
             self.places[0] = knots[0].way + 0.25 * length(0);
         }
         self.places[cells - 1] = knots[cells].way - 0.25 * length(cells - 1);
+        self.last_round.forget(cells);
         self.grid.middles.clear();
         self.tops.clear();
         for cell in 0..cells {
@@ -212,13 +217,20 @@ impl Law {
 
     /// Returns the highest square of the speed at a neighbour of the knot after a cell, within the limits of both parts
     /// that meet there; see [`Knot::reach`].
-    #[inline]
-    fn reach(&self, cell: usize, known: f64, distance: f64, weight: f64, sign: f64) -> f64 {
-        let most = self.grid.knots[cell + 1].reach(known, distance, weight, sign);
-        match self.other_side(cell) {
+    fn reach(&mut self, cell: usize, known: f64, [distance, weight]: [f64; 2], pass: Pass) -> f64 {
+        let (knot, sign) = (&self.grid.knots[cell + 1], pass.sign());
+        // The limits of both parts are reduced together.
+        let from = [known, knot.tightness[0], knot.tightness[1]];
+        if let Some(most) = self.last_round.reach(pass, cell, from) {
+            return most;
+        }
+        let most = knot.reach(known, distance, weight, sign);
+        let most = match self.other_side(cell) {
             None => most,
             Some(other) => most.min(other.reach(known, distance, weight, sign)),
-        }
+        };
+        self.last_round.note_reach(pass, cell, from, most);
+        most
     }
 
     /// Keeps a low speed where the reduced limits leave none: from rest there is always a law.
@@ -293,13 +305,22 @@ impl Law {
         root * root
     }
 
-    /// Returns how much the acceleration may change over a cell that is driven with these paces at its ends.
-    fn change_room(&self, cell: usize, [from, to]: [Pace; 2], sign: f64) -> f64 {
-        let room = |knot: &Knot, pace: Pace| knot.bend_room(pace.square, pace.acceleration, sign);
-        self.least_change(cell, [room(&self.grid.knots[cell], from), room(self.end_of(cell), to)])
+    /// Returns how much the acceleration may grow over a cell that is driven with this pace at both ends.
+    fn change_room(&mut self, cell: usize, pace: Pace, pass: Pass) -> f64 {
+        let Pace { square, acceleration } = pace;
+        let [one, other] = [cell, cell + 1].map(|knot| self.grid.knots[knot].tightness[1]);
+        let from = [square, acceleration, one, other];
+        if let Some(room) = self.last_round.room(pass, cell, from) {
+            return room;
+        }
+        let rooms = [&self.grid.knots[cell], self.end_of(cell)];
+        let rooms = rooms.map(|knot| knot.bend_room(square, acceleration, 1.0));
+        let room = self.least_change(cell, rooms);
+        self.last_round.note_room(pass, cell, from, room);
+        room
     }
 
-    /// Returns the same of the rooms at both ends of the cell.
+    /// Returns how much the acceleration may change over a cell by how fast it may change at both ends.
     fn least_change(&self, cell: usize, [one_room, other_room]: [f64; 2]) -> f64 {
         let (one, other) = (&self.grid.knots[cell], self.end_of(cell));
         let length = self.length(cell);
@@ -315,11 +336,11 @@ impl Law {
             let (knot, next) = (cell + 1, self.values[cell + 1]);
             let distance = self.places[knot] - self.places[cell];
             let weight = (self.places[knot] - self.grid.knots[knot].way) / distance;
-            let mut most = self.reach(cell, next, distance, weight, -1.0);
+            let mut most = self.reach(cell, next, [distance, weight], Pass::Backward);
             if knot == last {
                 most = most.min(self.highest_beside_rest(knot + 1, knot, knot) / weight);
             } else {
-                let room = self.change_room(knot, [Pace { square: next, acceleration: after }; 2], 1.0);
+                let room = self.change_room(knot, Pace { square: next, acceleration: after }, Pass::Backward);
                 most = most.min(next + 2.0 * distance * (room - f64::min(after, room / 2.0)));
             }
             if most < self.values[cell] {
@@ -339,11 +360,12 @@ impl Law {
             let (knot, known) = (cell, self.values[cell - 1]);
             let distance = self.places[cell] - self.places[cell - 1];
             let weight = (self.grid.knots[knot].way - self.places[cell - 1]) / distance;
-            let mut most = self.reach(cell - 1, known, distance, weight, 1.0);
+            let mut most = self.reach(cell - 1, known, [distance, weight], Pass::Forward);
             if cell == 1 && self.start.is_rest() {
                 most = most.min(self.highest_beside_rest(0, 1, 0) / weight);
             } else {
-                let room = self.change_room(cell - 1, [Pace { square: known, acceleration: before }; 2], 1.0);
+                let room =
+                    self.change_room(cell - 1, Pace { square: known, acceleration: before }, Pass::Forward);
                 let change = room + before;
                 is_slowing = is_slowing && change < 0.0;
                 most = most.min(known + 2.0 * distance * if is_slowing { change } else { change.max(0.0) });

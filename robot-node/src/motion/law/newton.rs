@@ -5,7 +5,7 @@
 //! for one step. Each cell depends on three values, so the matrix has two bands beside its diagonal.
 
 use super::super::knot::{Knot, largest};
-use super::super::load::Ramps;
+use super::super::load::{Ramps, larger};
 use super::super::slopes::Slopes;
 use super::Law;
 use crate::arm::{AXES, dot};
@@ -27,8 +27,14 @@ type Vector = [f64; 3];
 /// The square of the speed, the acceleration and its growth with the way, by the value before a cell, in it and behind it.
 type Map = [Vector; 3];
 
-/// A load, and how it changes with the three figures of a [`Map`].
-type Load = (f64, Vector);
+/// A load, and how it changes with the first `BY` figures of a [`Map`]; with the others it does not change.
+type Load<const BY: usize> = (f64, [f64; BY]);
+
+/// Receiver of each limit of a place.
+trait Limits {
+    /// Looks at the limit that the squares of these loads together come to at most `whole`.
+    fn limit<const LOADS: usize, const BY: usize>(&mut self, loads: [Load<BY>; LOADS], whole: f64);
+}
 
 /// The barrier before the limits at a place: its slope by the three figures of a [`Map`], and how it bends. Of the matrix
 /// only what is not above the diagonal counts.
@@ -38,32 +44,41 @@ struct Barrier {
     bend: [Vector; 3],
 }
 
-impl Barrier {
-    /// Adds the limit that the squares of some loads together come to at most `whole`.
-    fn add(&mut self, loads: &[Load], whole: f64) {
+impl Limits for Barrier {
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "the indices of a matrix and of a vector, as one writes them"
+    )]
+    #[inline]
+    fn limit<const LOADS: usize, const BY: usize>(&mut self, loads: [Load<BY>; LOADS], whole: f64) {
         let used: f64 = loads.iter().map(|(load, _)| load * load).sum();
         let left = whole - used;
-        let weight = 2.0 / left.max(LEAST_LEFT);
         // A limit that is exceeded is to be kept after one step, not to give way by what is left of it.
-        let softness = if left < LEAST_LEFT { LEAST_LEFT / (2.0 * LEAST_LEFT - left) } else { 1.0 };
-        let mut slope = [0.0; 3];
+        let (left, softness) = match left >= LEAST_LEFT {
+            true => (left, 1.0),
+            false => (LEAST_LEFT, LEAST_LEFT / (2.0 * LEAST_LEFT - left)),
+        };
+        let weight = 2.0 / left;
+        let mut slope = [0.0; BY];
         for (load, by) in loads {
             let (first, second) = (weight * load, by.map(|factor| weight * factor));
-            for i in 0..3 {
+            for i in 0..BY {
                 slope[i] += first * by[i];
-                for (bend, factor) in self.bend[i].iter_mut().zip(by).take(i + 1) {
-                    *bend += second[i] * factor;
+                for j in 0..=i {
+                    self.bend[i][j] += second[i] * by[j];
                 }
             }
         }
-        for i in 0..3 {
+        for i in 0..BY {
             self.slope[i] += slope[i];
             for j in 0..=i {
                 self.bend[i][j] += softness * slope[i] * slope[j];
             }
         }
     }
+}
 
+impl Barrier {
     fn row(&self, i: usize) -> Vector {
         core::array::from_fn(|j| if j <= i { self.bend[i][j] } else { self.bend[j][i] })
     }
@@ -71,13 +86,13 @@ impl Barrier {
 
 /// Returns the loads of a joint or of a coordinate of the tool: acceleration and jerk.
 #[inline]
-fn loads([slope, bend, twist]: Vector, pace: Vector, [fast, half]: [f64; 2]) -> [Load; 2] {
+fn loads([slope, bend, twist]: Vector, pace: Vector, [fast, half]: [f64; 2]) -> (Load<2>, Load<3>) {
     let [square, acceleration, growth] = pace;
     let jerk = slope * growth + 3.0 * bend * acceleration + twist * square;
-    [
-        (slope * acceleration + bend * square, [bend, slope, 0.0]),
+    (
+        (slope * acceleration + bend * square, [bend, slope]),
         (jerk * fast, [twist * fast + jerk * half, 3.0 * bend * fast, slope * fast]),
-    ]
+    )
 }
 
 /// A place of a cell with the shares of its limits that may be used.
@@ -96,19 +111,19 @@ impl Site<'_> {
         self.map.map(|row| dot(row, values))
     }
 
-    /// Calls `each` with the loads of each limit at these values, and with what their squares come to at most.
+    /// Passes each limit to `limits`, with its loads at these values.
     #[inline]
-    fn each_limit(&self, values: Vector, mut each: impl FnMut(&[Load], f64)) {
+    fn each_limit(&self, values: Vector, limits: &mut impl Limits) {
         let pace = self.figures(values);
-        self.each_load(pace, &mut each);
+        self.each_load(pace, limits);
         if self.top.is_finite() {
-            each(&[(pace[0] / self.top, [1.0 / self.top, 0.0, 0.0])], 1.0);
+            limits.limit([(pace[0] / self.top, [1.0 / self.top])], 1.0);
         }
     }
 
     /// The same with the accelerations and jerks, by turns.
     #[inline]
-    fn each_load(&self, pace: Vector, mut each: impl FnMut(&[Load], f64)) {
+    fn each_load(&self, pace: Vector, limits: &mut impl Limits) {
         let speed = pace[0].max(f64::MIN_POSITIVE).sqrt();
         let speeds = |ramp_s: f64| [speed * ramp_s, 0.5 * ramp_s / speed];
         let (slows, Ramps { ramp_s, tool_ramp_s, .. }) = (pace[1] < 0.0, self.ramps);
@@ -120,22 +135,49 @@ impl Site<'_> {
             if [slope, bend, twist].iter().all(|by| by[axis].abs() <= 0.0) {
                 continue;
             }
-            let [one, other] = loads([slope[axis], bend[axis], twist[axis]], pace, speeds(ramp_s[axis]));
-            each(&[one], accelerated * slowed * slowed);
-            each(&[other], jerked);
+            let (one, other) = loads([slope[axis], bend[axis], twist[axis]], pace, speeds(ramp_s[axis]));
+            limits.limit([one], accelerated * slowed * slowed);
+            limits.limit([other], jerked);
         }
         let slowed = if slows { self.ramps.bent_tool_deceleration() } else { 1.0 };
         let fast = speeds(*tool_ramp_s);
         let tool: [_; 3] = core::array::from_fn(|i| loads([along[i], across[i], around[i]], pace, fast));
-        each(&tool.map(|[one, _]| one), accelerated * slowed * slowed);
-        each(&tool.map(|[_, other]| other), jerked);
+        limits.limit(tool.map(|(one, _)| one), accelerated * slowed * slowed);
+        limits.limit(tool.map(|(_, other)| other), jerked);
         let slowed = self.ramps.tool_deceleration;
         if slowed < 1.0 {
             let by = self.slopes.along_path();
             let load = dot(by, pace);
             if load < 0.0 {
-                each(&[(load, by)], accelerated * slowed * slowed);
+                let [by_square, by_acceleration, _] = by;
+                limits.limit([(load, [by_square, by_acceleration])], accelerated * slowed * slowed);
             }
+        }
+    }
+}
+
+/// The share of a change up to which all limits are kept.
+struct Share {
+    /// Change of the three figures of a [`Map`].
+    change: Vector,
+    share: f64,
+}
+
+impl Limits for Share {
+    #[expect(clippy::needless_range_loop, reason = "a scalar product without its first term")]
+    #[inline]
+    fn limit<const LOADS: usize, const BY: usize>(&mut self, loads: [Load<BY>; LOADS], whole: f64) {
+        let (mut used, mut along, mut square) = (0.0, 0.0, 0.0);
+        for (load, by) in loads {
+            let mut changed = by[0] * self.change[0];
+            for i in 1..BY {
+                changed += by[i] * self.change[i];
+            }
+            (used, along, square) = (used + load * load, along + load * changed, square + changed * changed);
+        }
+        let left = USED * larger(whole - used, LEAST_LEFT);
+        if square + 2.0 * along > left {
+            self.share = self.share.min(largest(square, along, -left));
         }
     }
 }
@@ -209,7 +251,7 @@ impl Law {
         let (mut slope, mut bend) = ([0.0; 3], [[0.0; 3]; 3]);
         for site in self.sites(cell) {
             let mut barrier = Barrier::default();
-            site.each_limit(values, |loads, whole| barrier.add(loads, whole));
+            site.each_limit(values, &mut barrier);
             let rows = [0, 1, 2].map(|i| barrier.row(i));
             let columns: [Vector; 3] = core::array::from_fn(|i| site.map.map(|row| row[i]));
             for i in 0..3 {
@@ -271,18 +313,9 @@ impl Law {
         for cell in first - 1..=end {
             let (values, change) = (around(&self.values, cell), around(&self.change, cell));
             for site in self.sites(cell) {
-                let change = site.figures(change);
-                site.each_limit(values, |loads, whole| {
-                    let (mut used, mut along, mut square) = (0.0, 0.0, 0.0);
-                    for (load, by) in loads {
-                        let by = dot(*by, change);
-                        (used, along, square) = (used + load * load, along + load * by, square + by * by);
-                    }
-                    let left = USED * (whole - used).max(LEAST_LEFT);
-                    if square + 2.0 * along > left {
-                        share = share.min(largest(square, along, -left));
-                    }
-                });
+                let mut limits = Share { change: site.figures(change), share };
+                site.each_limit(values, &mut limits);
+                share = limits.share;
             }
         }
         share

@@ -1,8 +1,9 @@
 //! How much of the limits a law uses, and reduced limits where that is too much.
 
-use super::super::load::Load;
+use super::super::load::{Load, larger};
 use super::super::node::Pace;
 use super::super::slopes::Slopes;
+use super::recalled::Loads;
 use super::{EXACT, Law};
 use crate::arm::dot;
 
@@ -11,6 +12,11 @@ const TIGHTEST: f64 = 0.2;
 
 /// Shares of the square of the speed and of the acceleration half-way to or from a rest: ½^(4/3) and ½^(1/3).
 const HALF_WAY: [f64; 2] = [0.396_850_262_992_049_86, 0.793_700_525_984_099_7];
+
+/// Returns the larger one of each.
+fn larger_of_each(one: [f64; 2], other: [f64; 2]) -> [f64; 2] {
+    [larger(one[0], other[0]), larger(one[1], other[1])]
+}
 
 /// Number of parts of a cell at whose borders the deceleration along the path is looked at.
 const PLACES: u32 = 16;
@@ -23,11 +29,11 @@ impl Law {
         let mut most = [0.0_f64; 2];
         let mut before = [0.0_f64; 2];
         for cell in 0..cells {
-            let [start, middle, end] = self.loads_of(cell);
+            let [start, middle, end] = self.loads_again(cell);
             for loads in [start, middle, end] {
-                most = [most[0].max(loads[0]), most[1].max(loads[1])];
+                most = larger_of_each(most, loads);
             }
-            self.draw(cell..=cell, [before[0].max(start[0]), before[1].max(start[1])], power);
+            self.draw(cell..=cell, larger_of_each(before, start), power);
             self.draw(cell..=cell + 1, middle, power);
             before = end;
         }
@@ -35,8 +41,24 @@ impl Law {
         (most[0].max(most[1]), most[0].sqrt().max(libm::cbrt(most[1])))
     }
 
+    /// Returns the same as [`loads_of`](Self::loads_of): what the last round found, if the law is the same in the cell.
+    fn loads_again(&mut self, cell: usize) -> Loads {
+        let [from, to] = [self.paces[cell], self.paces[cell + 1]];
+        // The jerk beside a rest depends on the reduced limits too.
+        if from.is_rest() || to.is_rest() {
+            return self.loads_of(cell);
+        }
+        let paces = [from.square, from.acceleration, to.square, to.acceleration];
+        if let Some(loads) = self.last_round.loads(cell, paces) {
+            return loads;
+        }
+        let loads = self.loads_of(cell);
+        self.last_round.note_loads(cell, paces, loads);
+        loads
+    }
+
     /// Returns the shares of the limits that the law uses in a cell: at its start, in between and at its end.
-    fn loads_of(&self, cell: usize) -> [[f64; 2]; 3] {
+    fn loads_of(&self, cell: usize) -> Loads {
         let [from, to] = [self.paces[cell], self.paces[cell + 1]];
         let [start, end] = [&self.grid.knots[cell], self.end_of(cell)];
         let (between, length) = (&self.grid.middles[cell], self.length(cell));

@@ -15,17 +15,33 @@ fn slack_law(bent: &Bent, share: f64) -> Box<Law> {
     law
 }
 
+/// For each limit what the squares of the loads come to, and what they may.
+struct Used(Vec<(f64, f64)>);
+
+impl Limits for Used {
+    fn limit<const LOADS: usize, const BY: usize>(&mut self, loads: [super::Load<BY>; LOADS], whole: f64) {
+        self.0.push((loads.iter().map(|(load, _)| load * load).sum(), whole));
+    }
+}
+
+/// The sum of the logarithms of what is left of limits.
+struct LogarithmsLeft(f64);
+
+impl Limits for LogarithmsLeft {
+    fn limit<const LOADS: usize, const BY: usize>(&mut self, loads: [super::Load<BY>; LOADS], whole: f64) {
+        let left = whole - loads.iter().map(|(load, _)| load * load).sum::<f64>();
+        assert!(left > LEAST_LEFT, "{left} of {whole} is left");
+        self.0 += libm::log(left);
+    }
+}
+
 /// The sum of the logarithms of what is left of the limits in a cell.
 fn room(law: &Law, cell: usize) -> f64 {
-    let mut sum = 0.0;
+    let mut room = LogarithmsLeft(0.0);
     for site in law.sites(cell) {
-        site.each_limit(around(&law.values, cell), |loads, whole| {
-            let left = whole - loads.iter().map(|(load, _)| load * load).sum::<f64>();
-            assert!(left > LEAST_LEFT, "{left} of {whole} is left in cell {cell}");
-            sum += libm::log(left);
-        });
+        site.each_limit(around(&law.values, cell), &mut room);
     }
-    sum
+    room.0
 }
 
 /// The slope of a figure of a law by one of its values.
@@ -97,13 +113,14 @@ fn the_loads_of_a_place_are_those_that_a_law_is_compared_with() {
                 let pace = Pace { square, acceleration };
                 let load = Load::new(site.slopes, [square, acceleration, growth * square.sqrt()], site.ramps);
                 let expected = load.most(pace.acceleration < 0.0, site.ramps);
+                let mut used = Used(Vec::new());
+                site.each_load(figures, &mut used);
                 // One after the other: accelerations and jerks.
-                let (mut most, mut order) = ([0.0_f64; 2], 0);
-                site.each_load(figures, |loads, whole| {
-                    let used: f64 = loads.iter().map(|(load, _)| load * load).sum();
+                let mut most = [0.0_f64; 2];
+                for (limit, (used, whole)) in used.0.into_iter().enumerate() {
+                    let order = limit % 2;
                     most[order] = most[order].max((used / whole).sqrt() * site.tightness[order]);
-                    order = 1 - order;
-                });
+                }
                 for (found, expected) in most.into_iter().zip(expected) {
                     assert!(is_near(found, expected, 1e-6), "{found} for {expected} in cell {cell}");
                 }
@@ -117,11 +134,11 @@ fn reduced_limits_leave_as_much_less() {
     let mut law = slack_law(&Bent::random(1).even(), 0.5);
     let cell = law.cells() / 2;
     let wholes = |law: &Law| {
-        let mut wholes = Vec::new();
+        let mut used = Used(Vec::new());
         for site in law.sites(cell) {
-            site.each_load(site.figures(around(&law.values, cell)), |_, whole| wholes.push(whole));
+            site.each_load(site.figures(around(&law.values, cell)), &mut used);
         }
-        wholes
+        used.0.into_iter().map(|(_, whole)| whole).collect::<Vec<_>>()
     };
     let before = wholes(&law);
     law.grid.knots[cell].tightness = [0.9, 0.8];
@@ -176,7 +193,7 @@ fn a_limit_that_is_exceeded_is_kept_after_one_step() {
     for used in [1.0, 1.01, 1.1, 1.3] {
         let load = f64::sqrt(used);
         let mut barrier = Barrier::default();
-        barrier.add(&[(load, [1.0, 0.0, 0.0])], 1.0);
+        barrier.limit([(load, [1.0])], 1.0);
         let rest = load - barrier.slope[0] / barrier.row(0)[0];
         assert!(
             (0.99..1.0 + 0.15 * (used - 1.0) + 1e-9).contains(&(rest * rest)),
@@ -240,6 +257,24 @@ fn steps_come_to_where_no_value_is_better() {
     }
 }
 
+/// The largest share that a change takes of what a step may use of a limit.
+struct Taken {
+    change: Vector,
+    most: f64,
+}
+
+impl Limits for Taken {
+    fn limit<const LOADS: usize, const BY: usize>(&mut self, loads: [super::Load<BY>; LOADS], whole: f64) {
+        let [used, then] = [0.0, 1.0].map(|share| {
+            let changed =
+                |by: [f64; BY]| by.iter().zip(self.change).map(|(by, change)| by * change).sum::<f64>();
+            let loads = loads.iter().map(|(load, by)| load + share * changed(*by));
+            loads.map(|load| load * load).sum::<f64>()
+        });
+        self.most = self.most.max((then - used) / (USED * (whole - used)));
+    }
+}
+
 /// The largest share that a step takes of what it may, where the values from `first` on change.
 fn share_of_step(bent: &Bent, first: usize, weight: f64) -> f64 {
     let (before, mut law) = (slack_law(bent, 0.6), slack_law(bent, 0.6));
@@ -254,14 +289,9 @@ fn share_of_step(bent: &Bent, first: usize, weight: f64) -> f64 {
     for cell in first - 1..=end {
         let change: Vector = core::array::from_fn(|i| law.values[cell - 1 + i] - before.values[cell - 1 + i]);
         for site in before.sites(cell) {
-            let change = site.figures(change);
-            site.each_limit(around(&before.values, cell), |loads, whole| {
-                let [used, then] = [0.0, 1.0].map(|share| {
-                    let loads = loads.iter().map(|(load, by)| load + share * dot(*by, change));
-                    loads.map(|load| load * load).sum::<f64>()
-                });
-                most = most.max((then - used) / (USED * (whole - used)));
-            });
+            let mut taken = Taken { change: site.figures(change), most };
+            site.each_limit(around(&before.values, cell), &mut taken);
+            most = taken.most;
         }
     }
     most

@@ -37,6 +37,35 @@ fn so_has_one_that_is_refined() {
     }
 }
 
+/// Finds a law of these limits in one round; returns the bits of its values, and what it uses of its limits.
+fn round(law: &mut Law, tightness: &[[f64; 2]]) -> (Vec<u64>, (f64, f64)) {
+    for (knot, tightness) in law.grid.knots.iter_mut().zip(tightness) {
+        knot.tightness = *tightness;
+    }
+    law.limit().expect("it begins at rest");
+    law.backward();
+    law.forward();
+    law.find_paces();
+    let used = law.tighten(1.0);
+    (law.values.iter().map(|value| value.to_bits()).collect(), used)
+}
+
+#[test]
+fn a_round_that_recalls_the_last_one_finds_the_same_bits_as_one_that_recalls_nothing() {
+    for seed in 0..SEEDS {
+        let mut law = Bent::random(seed).law();
+        let cells = law.cells();
+        let mut tightness = vec![[1.0; 2]; cells + 1];
+        round(&mut law, &tightness);
+        for knot in (1..cells).step_by(3) {
+            tightness[knot][knot % 2] *= 0.8;
+            let recalled = round(&mut law, &tightness);
+            law.last_round.forget(cells);
+            assert_eq!(recalled, round(&mut law, &tightness), "knot {knot} with seed {seed}");
+        }
+    }
+}
+
 #[test]
 fn on_a_circle_a_constant_speed_has_the_whole_acceleration() {
     let circle = Bent::circle().even();
