@@ -82,14 +82,13 @@ verb_modules() { #: fail where modules of one folder import each other in a circ
 }
 
 verb_portable() { #: virtual mode without Linux: its tests, and whether its sources name what only Linux has; --skip NAME
-    local target=${CARGO_TARGET_DIR:-target}/portable
     if cargo tree -p bench --no-default-features --target x86_64-pc-windows-msvc -e normal --prefix none --locked |
         grep -E '^(protocol-linux|rustix) '; then
         echo "the bench without real mode depends on what only Linux has" >&2
         exit 1
     fi
-    cargo clippy --quiet -p bench --no-default-features --locked --target-dir "$target" -- -D warnings
-    python3 scripts/portable.py "$target"
+    cargo clippy --quiet -p bench --no-default-features --locked --message-format json-render-diagnostics -- -D warnings |
+        python3 scripts/portable.py
     cargo test -p bench --no-default-features --locked --no-fail-fast -- "$@"
 }
 
@@ -294,11 +293,12 @@ verb_ci() { #: all of it but setup, timing and release; ends with the seconds of
     CI_SECONDS=$(realpath "${CARGO_TARGET_DIR:-target}")/ci-seconds.txt
     : >"$CI_SECONDS"
     trap ci_seconds EXIT
-    for verb in format spelling words unused lint modules purity portable package test; do
+    for verb in format spelling words unused lint modules purity portable package build; do
         ci_begin "$verb"
         case $verb in
             # What these compute does not depend on Linux, and `test` has them; the workflow `deep` has them here too.
             portable) (verb_portable --skip applications --skip calibrate --skip corrupted --skip drives --skip explore --skip stud) ;;
+            build) (build) ;;
             *) ("verb_$verb") ;;
         esac
         ci_end
@@ -314,7 +314,7 @@ verb_ci() { #: all of it but setup, timing and release; ends with the seconds of
     beside=$!
     # shellcheck disable=SC2064 # the process of now
     trap "pkill --parent $beside; kill $beside" ERR
-    for verb in docs grammars browser vendor gate optimum bits instructions studies wheel wire user examples interop; do
+    for verb in test docs grammars browser vendor gate optimum bits instructions studies wheel wire user examples interop; do
         ci_begin "$verb"
         case $verb in
             # What a test does to a process needs no privilege; the workflow `deep` has these tests too.

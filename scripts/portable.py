@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """Finds what would keep the bench without real mode from being built on another system than Linux.
 
-Reads which sources of this repository a build went into (Cargo's dep-info), and looks in them for what only Linux or Unix
-has. Items under a `cfg` that names the system, and tests, do not count.
+Reads from standard input what Cargo says of a build (`--message-format json`), and from Cargo's dep-info which sources of this
+repository went into it, and looks in them for what only Linux or Unix has. Items under a `cfg` that names the system, and tests, do
+not count.
 
-usage: scripts/portable.py TARGET_DIRECTORY   of `cargo clippy -p bench --no-default-features`
+usage: cargo check -p bench --no-default-features --message-format json | scripts/portable.py
 """
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -15,10 +17,20 @@ NOT_PORTABLE = re.compile(r"std::os::(?:unix|linux|fd)\b|signal::unix|\brustix::
 CONDITION = re.compile(r"#\[cfg\((?:test|unix|target_os = \"linux\"|all\([^\]]*target_os = \"linux\"\))\)\]\s*")
 
 
-def sources(target):
+def listings(messages):
+    """The dep-info of each library and program that was built: `NAME-HASH.d` beside `libNAME-HASH.rmeta`."""
+    for message in map(json.loads, messages):
+        if message["reason"] == "compiler-artifact":
+            for built in map(Path, message["filenames"]):
+                listing = built.with_name(built.stem.removeprefix("lib") + ".d")
+                if listing.is_file():
+                    yield listing
+
+
+def sources(messages):
     """The sources of this repository that the build read, without generated and vendored ones."""
     root = Path.cwd()
-    for listing in (target / "debug" / "deps").glob("*.d"):
+    for listing in listings(messages):
         for line in listing.read_text().splitlines():
             path = Path(line.removesuffix(":"))
             if line.endswith(".rs:") and not path.is_absolute() and (root / path).is_file():
@@ -47,9 +59,9 @@ def without_conditional_items(text):
 
 
 def main():
-    found = sorted(set(sources(Path(sys.argv[1]))))
+    found = sorted(set(sources(sys.stdin)))
     if len(found) < 100:
-        sys.exit(f"only {len(found)} sources of the build are known: is {sys.argv[1]} its target directory?")
+        sys.exit(f"only {len(found)} sources of the build are known: does Cargo write its messages as JSON?")
     wrong = 0
     for path in found:
         text = without_conditional_items(without_comments(path.read_text()))

@@ -70,6 +70,19 @@ fn no_list_of_compact_points_breaks_a_law_that_deep_queues_keep() {
 }
 
 #[test]
+fn lists_of_compact_points_that_broke_a_law_of_the_tool_break_none_any_more() {
+    let setup = setup::setup("A").unwrap().with_queue_motions(64).with_compact_points();
+    for refill in [Refill::Executed, Refill::Accepted] {
+        let setup = setup.clone().with_refill(refill);
+        for (seed, number) in [(7, 1211), (11, 1177)] {
+            let found =
+                hunt(generator::any_case, &setup, seed, number..number + 1, &Class::ALL).unwrap().found;
+            assert!(found.is_empty(), "list {number} of seed {seed}: {}", found[0].1);
+        }
+    }
+}
+
+#[test]
 fn no_list_breaks_a_law_on_an_arm_without_a_spherical_wrist() {
     no_list_of(&setup::setup("D").unwrap(), 1, LISTS_OF_D);
 }

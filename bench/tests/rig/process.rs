@@ -1,9 +1,9 @@
 //! The bench as a process on a real rig, and how it ends.
 
 use std::ffi::OsStr;
-use std::fs;
+use std::fs::{self, File};
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -144,7 +144,7 @@ impl Bench {
             .args(args)
             .envs(environment.iter().copied())
             .stdin(Stdio::null())
-            .stdout(fs::File::create(place.path().join("printed")).unwrap())
+            .stdout(File::create(place.path().join("printed")).unwrap())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
@@ -249,9 +249,18 @@ fn node_of(bench: u32, name: &str) -> Option<Pid> {
     Pid::from_raw(pid.parse().ok()?)
 }
 
-/// Returns the network of a process.
-fn network(pid: Pid) -> String {
-    fs::read_link(format!("/proc/{pid}/ns/net")).unwrap().to_string_lossy().into_owned()
+/// The network of a node. While the file is open, no other network can get its number.
+pub(crate) struct HeldNetwork {
+    number: PathBuf,
+    _held: File,
+}
+
+impl HeldNetwork {
+    /// Returns the network of a process.
+    fn of(pid: Pid) -> Self {
+        let path = format!("/proc/{pid}/ns/net");
+        Self { number: fs::read_link(&path).unwrap(), _held: File::open(path).unwrap() }
+    }
 }
 
 impl Ended {
@@ -275,14 +284,14 @@ impl Ended {
     }
 
     /// Checks that neither nodes nor other processes in their networks are left; then the networks and their
-    /// interfaces are gone too.
-    pub(crate) fn nothing_is_left(&self, networks: &[String]) {
+    /// interfaces go too.
+    pub(crate) fn nothing_is_left(&self, networks: &[HeldNetwork]) {
         let start = Instant::now();
         loop {
             let left: Vec<_> = fs::read_dir("/proc")
                 .unwrap()
                 .filter_map(|entry| fs::read_link(entry.unwrap().path().join("ns/net")).ok())
-                .filter(|link| networks.contains(&link.to_string_lossy().into_owned()))
+                .filter(|link| networks.iter().any(|network| network.number == *link))
                 .collect();
             if left.is_empty() {
                 return;
@@ -293,9 +302,10 @@ impl Ended {
     }
 }
 
-pub(crate) fn networks(nodes: [Pid; 2]) -> [String; 2] {
-    let networks = nodes.map(network);
-    let own = fs::read_link("/proc/self/ns/net").unwrap().to_string_lossy().into_owned();
-    assert!(networks[0] != networks[1] && !networks.contains(&own), "each node has a network of its own");
+pub(crate) fn networks(nodes: [Pid; 2]) -> [HeldNetwork; 2] {
+    let networks = nodes.map(HeldNetwork::of);
+    let own = fs::read_link("/proc/self/ns/net").unwrap();
+    let [plc, robot] = networks.each_ref().map(|network| &network.number);
+    assert!(plc != robot && ![plc, robot].contains(&&own), "each node has a network of its own");
     networks
 }

@@ -1,5 +1,5 @@
-//! Thinning of the nodes of a part where a stretch has many parts: one in some becomes a knot, and each at which a limit is more
-//! demanding than at the knots beside it.
+//! Thinning of the nodes of a part where a stretch has many parts: one in some becomes a knot, and each at which a limit is most more
+//! demanding than between the knots beside it.
 
 use super::node::{Node, square};
 
@@ -7,8 +7,15 @@ use super::node::{Node, square};
 /// speed, largest bend and twist of a joint, bend and twist of the tool's path, all over the limits.
 type Demand = [f64; 5];
 
-/// Factor by which a demand must exceed those beside it.
-const EXCESS: f64 = 1.01;
+/// Factor by which a demand must exceed the line between those beside it.
+const EXCESS: f64 = 1.02;
+
+/// A place of a part with its demands.
+#[derive(Clone, Copy)]
+struct Place {
+    way: f64,
+    demand: Demand,
+}
 
 /// Nodes of a part at which knots are placed.
 #[derive(Clone, Copy)]
@@ -31,13 +38,13 @@ impl<'n> Thinning<'n> {
         let begin = self.nodes.partition_point(|node| node.way <= from);
         let end = self.nodes.partition_point(|node| node.way < to).max(begin);
         let mut at = begin;
-        let mut before = self.demand_at(from);
+        let mut before = Place { way: from, demand: self.demand_at(from) };
         while at < end {
             // The next node that stays in any case, or the end of the part.
             let next = at.next_multiple_of(self.stride).min(end);
             let after = match self.nodes.get(next) {
-                Some(node) if next < end => demand(node),
-                _ => self.demand_at(to),
+                Some(node) if next < end => Place { way: node.way, demand: demand(node) },
+                _ => Place { way: to, demand: self.demand_at(to) },
             };
             self.each_peak(at..next, [&before, &after], &mut take)?;
             if next < end {
@@ -48,29 +55,32 @@ impl<'n> Thinning<'n> {
         Some(())
     }
 
-    /// Calls `take` with the nodes of a span at which a demand is highest, if it exceeds those on both sides.
+    /// Calls `take` with the nodes of a span that stay: that at which a demand exceeds most the line between those on both sides, and
+    /// likewise in the spans before and after it.
     fn each_peak(
         &self,
         span: core::ops::Range<usize>,
-        [before, after]: [&Demand; 2],
+        [before, after]: [&Place; 2],
         take: &mut impl FnMut(&'n Node) -> Option<()>,
     ) -> Option<()> {
-        let mut highest: Demand = core::array::from_fn(|index| EXCESS * before[index].max(after[index]));
-        let mut peaks = [usize::MAX; 5];
+        let (mut highest, mut peak) = (EXCESS, None);
         for index in span.clone() {
-            let here = demand(self.nodes.get(index)?);
-            for ((most, peak), value) in highest.iter_mut().zip(&mut peaks).zip(here) {
-                if value > *most {
-                    (*most, *peak) = (value, index);
+            let node = self.nodes.get(index)?;
+            let here = Place { way: node.way, demand: demand(node) };
+            let share = (here.way - before.way) / (after.way - before.way);
+            let line = between([&before.demand, &after.demand], share);
+            for (here, line) in here.demand.into_iter().zip(line) {
+                if here > highest * line {
+                    (highest, peak) = (here / line, Some(index));
                 }
             }
         }
-        for index in span {
-            if peaks.contains(&index) {
-                take(self.nodes.get(index)?)?;
-            }
-        }
-        Some(())
+        let Some(peak) = peak else { return Some(()) };
+        let node = self.nodes.get(peak)?;
+        let place = Place { way: node.way, demand: demand(node) };
+        self.each_peak(span.start..peak, [before, &place], take)?;
+        take(node)?;
+        self.each_peak(peak + 1..span.end, [&place, after], take)
     }
 
     /// Returns the demand at a place between two nodes.
@@ -81,8 +91,13 @@ impl<'n> Thinning<'n> {
         };
         let share = ((way - one.way) / (other.way - one.way)).clamp(0.0, 1.0);
         let [from, to] = [one, other].map(demand);
-        core::array::from_fn(|index| from[index] + share * (to[index] - from[index]))
+        between([&from, &to], share)
     }
+}
+
+/// Returns the demands on the line between two places.
+fn between([from, to]: [&Demand; 2], share: f64) -> Demand {
+    core::array::from_fn(|index| from[index] + share * (to[index] - from[index]))
 }
 
 fn demand(node: &Node) -> Demand {

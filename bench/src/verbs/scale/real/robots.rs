@@ -5,14 +5,12 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 use std::process::{Child, Command, ExitCode, Stdio};
+use std::time::Duration;
 
 use anyhow::{Context as _, anyhow, bail};
 use clap::ValueEnum as _;
 use machine::ethernet::Mac;
-use machine::{
-    Instant, InterfaceId, LinkEvent, Machine, Multihomed, Port, PortRequest, Source, StreamChange, StreamId,
-    StreamRequest, Transmit,
-};
+use machine::{Instant, LinkEvent, Machine, Machines, Multihomed, PortRequest, Source, Transmit};
 use protocol::fieldbus::Fieldbus as _;
 use protocol_linux::{CyclicThread, Driver, Interface, NoticeSender, Notifier, Task, clock};
 use report::{errln, outln};
@@ -31,6 +29,10 @@ const READY: &str = "ready";
 
 /// Seed of the robots' connection numbers.
 const SEED: u64 = 1;
+
+/// The robots of a process send at multiples of this time, as many together as there are: else each of them would wake the process in
+/// each cycle.
+const GRID: Duration = Duration::from_micros(250);
 
 type Robot = RobotNode<RobotBus>;
 
@@ -110,13 +112,24 @@ fn serve(arguments: impl Iterator<Item = OsString>) -> anyhow::Result<()> {
     let interfaces = interfaces.collect::<Result<Vec<_>, _>>()?;
     let macs = interfaces.iter().map(Interface::mac).cycle();
     let robots = numbers.clone().zip(macs).map(|(number, mac)| robot(&plant, number, mac));
-    let machine = Robots::new(robots.collect(), in_line);
+    let task = ServePlc { addresses: numbers.clone().map(address).collect() };
+    if in_line {
+        run(RobotLine::new(robots.collect()), interfaces, task)
+    } else {
+        run(Machines::new(robots.collect()).on_grid(GRID), interfaces, task)
+    }
+}
+
+/// Runs a machine until the standard input ends: the bench ends the process by closing it.
+fn run<M>(machine: M, interfaces: Vec<Interface>, task: ServePlc) -> anyhow::Result<()>
+where
+    M: Multihomed<Event: Send> + Send + 'static,
+    ServePlc: Task<M, Command = (), Notice = ()>,
+{
     let (waker, reader) = (Notifier::new()?, Notifier::new()?);
     let driver = Driver::new(machine, interfaces, waker.clone())?;
-    let task = ServePlc { addresses: numbers.map(address).collect() };
     let mut thread = CyclicThread::start(driver, task, waker, reader)?;
     outln!("{READY}");
-    // The bench ends the process by closing it.
     let _ = std::io::stdin().read(&mut [0])?;
     thread.send(())?;
     let finished = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
@@ -131,144 +144,62 @@ fn robot(plant: &ScalePlant, number: u8, mac: Mac) -> Robot {
     RobotNode::new(station.planned.robot, store, bus, seed, clock::now())
 }
 
-/// Robot nodes as one machine with an interface for each, or in line at one interface.
+/// Robot nodes in line at one interface, as one machine.
 #[derive(Debug)]
-struct Robots {
-    robots: Vec<Robot>,
-    in_line: bool,
-    /// When each has something to do.
-    deadlines: Vec<Option<Instant>>,
-    /// Robots that may have something to send or to report, the next one last.
-    pending: Vec<u8>,
-}
+struct RobotLine(Vec<Robot>);
 
-impl Robots {
-    fn new(mut robots: Vec<Robot>, in_line: bool) -> Self {
+impl RobotLine {
+    fn new(mut robots: Vec<Robot>) -> Self {
         let before_the_last = robots.len().saturating_sub(1);
         for robot in robots.iter_mut().take(before_the_last) {
             if let RobotBus::Ethercat(sub_device) = robot.bus_mut() {
                 sub_device.lead_on();
             }
         }
-        let deadlines = robots.iter().map(Machine::poll_timeout).collect();
-        let pending = Vec::with_capacity(robots.len());
-        Self { robots, in_line, deadlines, pending }
+        Self(robots)
     }
+}
 
-    fn get(&self, InterfaceId(number): InterfaceId) -> Option<&Robot> {
-        self.robots.get(usize::from(number))
-    }
+impl Machine for RobotLine {
+    type Event = RobotEvent;
 
-    /// Changes a robot, and looks at what it has to do then.
-    fn change(&mut self, number: u8, change: impl FnOnce(&mut Robot)) {
-        let Some(robot) = self.robots.get_mut(usize::from(number)) else { return };
-        change(robot);
-        if let Some(deadline) = self.deadlines.get_mut(usize::from(number)) {
-            *deadline = Machine::poll_timeout(robot);
-        }
-        if !self.pending.contains(&number) {
-            self.pending.push(number);
+    fn handle_frame(&mut self, now: Instant, from: Source, frame: &[u8]) {
+        if let Some(first) = self.0.first_mut() {
+            Machine::handle_frame(first, now, from, frame);
         }
     }
 
-    /// Gives each robot in line what the one before it sends, and returns what the last one sends.
-    fn pass_along(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
-        let mut sent = None;
-        for number in 0..u8::try_from(self.robots.len()).unwrap_or(u8::MAX) {
-            if let Some(Transmit { port, len, .. }) = sent.take() {
-                let frame = buf.get(..len).unwrap_or_default();
-                self.change(number, |robot| {
-                    Machine::handle_frame(robot, now, Source { port, peer: None }, frame);
-                });
+    fn ports(&self) -> &[PortRequest] {
+        self.0.first().map_or(&[], Machine::ports)
+    }
+
+    fn handle_timeout(&mut self, now: Instant) {
+        for robot in &mut self.0 {
+            if Machine::poll_timeout(robot).is_some_and(|due| due <= now) {
+                Machine::handle_timeout(robot, now);
             }
-            self.change(number, |robot| sent = Machine::poll_transmit(robot, now, buf));
+        }
+    }
+
+    /// Gives each robot what the one before it sends, and returns what the last one sends.
+    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<Transmit> {
+        let mut sent: Option<Transmit> = None;
+        for robot in &mut self.0 {
+            if let Some(Transmit { port, len, .. }) = sent.take() {
+                let from = Source { port, peer: None };
+                Machine::handle_frame(robot, now, from, buf.get(..len).unwrap_or_default());
+            }
+            sent = Machine::poll_transmit(robot, now, buf);
         }
         sent
     }
 
-    /// Returns what the next robot has of something. A robot that has nothing is not asked again until it changes.
-    fn next<T>(&mut self, mut poll: impl FnMut(&mut Robot) -> Option<T>) -> Option<(u8, T)> {
-        self.pending
-            .iter()
-            .rev()
-            .find_map(|number| Some((*number, poll(self.robots.get_mut(usize::from(*number))?)?)))
-    }
-}
-
-impl Multihomed for Robots {
-    type Event = (u8, RobotEvent);
-
-    fn interfaces(&self) -> u8 {
-        if self.in_line { 1 } else { u8::try_from(self.robots.len()).unwrap_or(u8::MAX) }
-    }
-
-    fn handle_frame(&mut self, now: Instant, on: InterfaceId, from: Source, frame: &[u8]) {
-        self.change(on.0, |robot| Machine::handle_frame(robot, now, from, frame));
-    }
-
-    fn handle_broadcast(&mut self, now: Instant, on: InterfaceId, from: Source, frame: &[u8]) {
-        self.change(on.0, |robot| Machine::handle_broadcast(robot, now, from, frame));
-    }
-
-    fn handle_stream(&mut self, now: Instant, on: InterfaceId, stream: StreamId, change: StreamChange) {
-        self.change(on.0, |robot| Machine::handle_stream(robot, now, stream, change));
-    }
-
-    fn handle_wrong_neighbour(&mut self, now: Instant, on: InterfaceId, address: Ipv4Addr, found: Mac) {
-        self.change(on.0, |robot| Machine::handle_wrong_neighbour(robot, now, address, found));
-    }
-
-    fn ports(&self, on: InterfaceId) -> &[PortRequest] {
-        self.get(on).map_or(&[], Machine::ports)
-    }
-
-    fn listen_port(&self, on: InterfaceId) -> Option<u16> {
-        Machine::listen_port(self.get(on)?)
-    }
-
-    fn poll_stream(&mut self) -> Option<(InterfaceId, StreamRequest)> {
-        self.next(Machine::poll_stream).map(|(number, request)| (InterfaceId(number), request))
-    }
-
-    fn dscp(&self, on: InterfaceId, port: Port) -> u8 {
-        self.get(on).map_or(0, |robot| Machine::dscp(robot, port))
-    }
-
-    fn group(&self, on: InterfaceId, port: Port, index: usize) -> Option<Ipv4Addr> {
-        Machine::group(self.get(on)?, port, index)
-    }
-
-    fn neighbour(&self, on: InterfaceId, address: Ipv4Addr) -> Option<Mac> {
-        Machine::neighbour(self.get(on)?, address)
-    }
-
-    fn handle_timeout(&mut self, now: Instant) {
-        for number in 0..u8::try_from(self.robots.len()).unwrap_or(u8::MAX) {
-            if self.deadlines.get(usize::from(number)).copied().flatten().is_some_and(|due| due <= now) {
-                self.change(number, |robot| Machine::handle_timeout(robot, now));
-            }
-        }
-    }
-
-    fn poll_transmit(&mut self, now: Instant, buf: &mut [u8]) -> Option<(InterfaceId, Transmit)> {
-        if self.in_line {
-            return Some((InterfaceId::FIRST, self.pass_along(now, buf)?));
-        }
-        self.next(|robot| Machine::poll_transmit(robot, now, buf))
-            .map(|(number, transmit)| (InterfaceId(number), transmit))
-    }
-
-    fn poll_event(&mut self) -> Option<(u8, RobotEvent)> {
-        let event = self.next(Machine::poll_event);
-        if event.is_none() {
-            // Frames and requests were taken before.
-            self.pending.clear();
-        }
-        event
+    fn poll_event(&mut self) -> Option<RobotEvent> {
+        self.0.iter_mut().find_map(Machine::poll_event)
     }
 
     fn poll_timeout(&self) -> Option<Instant> {
-        self.deadlines.iter().copied().flatten().min()
+        self.0.iter().filter_map(Machine::poll_timeout).min()
     }
 }
 
@@ -278,22 +209,37 @@ struct ServePlc {
     addresses: Vec<Ipv4Addr>,
 }
 
-impl Task<Robots> for ServePlc {
+impl Task<Machines<Robot>> for ServePlc {
     type Command = ();
     type Notice = ();
 
     fn event(
         &mut self,
         now: Instant,
-        robots: &mut Robots,
-        (number, event): (u8, RobotEvent),
+        robots: &mut Machines<Robot>,
+        (number, event): (usize, RobotEvent),
         _: &mut NoticeSender<()>,
     ) -> ControlFlow<()> {
         if let RobotEvent::Link(LinkEvent::SetAddress { address, .. }) = event {
             // The cables' ends have their addresses from the start.
-            let is_own = self.addresses.get(usize::from(number)) == Some(&address);
+            let is_own = self.addresses.get(number) == Some(&address);
             robots.change(number, |robot| robot.bus_mut().address_set(now, is_own));
         }
+        ControlFlow::Continue(())
+    }
+}
+
+impl Task<RobotLine> for ServePlc {
+    type Command = ();
+    type Notice = ();
+
+    fn event(
+        &mut self,
+        _: Instant,
+        _: &mut RobotLine,
+        _: RobotEvent,
+        _: &mut NoticeSender<()>,
+    ) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
 }
