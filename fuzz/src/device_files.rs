@@ -25,6 +25,26 @@ pub(crate) fn esi(data: &[u8]) {
     attack("fuzz.xml", data, |file| matches!(file, DeviceFile::Esi(_)));
 }
 
+/// Reads the dump of an EEPROM whose checksum is put right, and chooses its device.
+pub(crate) fn eeprom(data: &[u8]) {
+    let mut dump = data.to_vec();
+    let Some([head @ .., sum, zero]) = dump.first_chunk_mut::<16>() else { return };
+    (*sum, *zero) = (sii_checksum(head), 0);
+    attack("fuzz.bin", &dump, |file| matches!(file, DeviceFile::Esi(_)));
+    if let Ok(file) = read("fuzz.bin", dump)
+        && let Err(error) = choose(&file, &DeviceChoice::default())
+    {
+        assert!(!error.to_string().is_empty());
+    }
+}
+
+/// Returns the checksum of an EEPROM's first words (ETG.1000.4, 6.4): polynomial x^8 + x^2 + x + 1, initial value 0xFF.
+fn sii_checksum(head: &[u8]) -> u8 {
+    head.iter().fold(0xFF, |sum, byte| {
+        (0..8).fold(sum ^ byte, |sum: u8, _| if sum & 0x80 == 0 { sum << 1 } else { sum << 1 ^ 0x07 })
+    })
+}
+
 /// Returns the text before the first zero, and the file after it if it is one.
 fn text_and_file(data: &[u8]) -> Option<(&[u8], DeviceFile)> {
     let end = data.iter().position(|byte| *byte == 0).unwrap_or(0);

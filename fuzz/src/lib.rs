@@ -27,7 +27,7 @@ static ALLOCATOR: AllocationCounter = AllocationCounter;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 26] = [
+pub const TARGETS: [(&str, Target); 27] = [
     ("device", profinet::device),
     ("controller", profinet::controller),
     ("adapter", ethernet_ip::adapter),
@@ -49,6 +49,7 @@ pub const TARGETS: [(&str, Target); 26] = [
     ("gsdml", device_files::gsdml),
     ("eds", device_files::eds),
     ("esi", device_files::esi),
+    ("eeprom", device_files::eeprom),
     ("choice", device_files::choice),
     ("found", device_files::found),
     ("driven", device_files::driven),

@@ -48,7 +48,7 @@ unprocessed_data() {
 }
 
 gate_ethercat() {
-    local requests replies faults answered early=0
+    local requests replies faults answered last early=0 open=0
     requests=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 0' 2>/dev/null | wc -l)
     replies=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 1' 2>/dev/null | wc -l)
     # The MainDevice may look before the device's process listens: those frames get no reply.
@@ -57,9 +57,12 @@ gate_ethercat() {
         early=$(tshark -n -r "$1" -Y "ecatf && eth.src.lg == 0 && frame.number < $answered" 2>/dev/null | wc -l)
         early=$((early > 0 ? early - 1 : 0))
     fi
+    # The capture may end between a frame and its reply.
+    last=$(tshark -n -r "$1" -Y ecatf -T fields -e eth.src.lg 2>/dev/null | tail -n 1)
+    case $last in 0 | False) open=1 ;; esac
     faults=$(tshark -n -r "$1" -Y "$ETHERCAT_FAULTS" 2>/dev/null | tee >(cat >&2) | wc -l)
     faults=$((faults + $(unprocessed_data "$1" | tee >(cat >&2) | wc -l)))
-    [ "$requests" -eq $((replies + early)) ] || faults=$((faults + 1))
+    [ "$requests" -eq $((replies + early + open)) ] || faults=$((faults + 1))
     echo "$1: $requests EtherCAT frames, $replies replies, $early before the first reply, $faults faults"
     [ "$requests" -gt 0 ] && [ "$faults" -eq 0 ]
 }

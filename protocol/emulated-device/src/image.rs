@@ -20,7 +20,7 @@ pub struct DataPlace {
 pub(crate) struct Image {
     pub(crate) places: Vec<DataPlace>,
     pub(crate) bytes: Box<[u8]>,
-    /// Whether the data of each place count now; those of one whose provider status is bad do not.
+    /// True for each place whose data count now; those of one whose provider status is bad do not.
     pub(crate) counts: Box<[bool]>,
     /// True if numbers have their highest byte first.
     pub(crate) is_big_endian: bool,

@@ -197,16 +197,16 @@ impl<M: Machine> Multihomed for Machines<M> {
 mod tests {
     use super::*;
 
-    /// Sends the frames that it is told to, each at its deadline, and reports that it did.
+    /// Sends a frame so many ms after each that it gets, and reports it.
     #[derive(Debug)]
-    struct Sender {
+    struct Talker {
         due: Option<Instant>,
         frames: u8,
         events: u8,
         polls: u32,
     }
 
-    impl Machine for Sender {
+    impl Machine for Talker {
         type Event = u8;
 
         fn handle_frame(&mut self, now: Instant, _: Source, frame: &[u8]) {
@@ -244,12 +244,12 @@ mod tests {
         Instant::ZERO + Duration::from_millis(millis)
     }
 
-    fn senders(count: usize) -> Machines<Sender> {
-        Machines::new((0..count).map(|_| Sender { due: None, frames: 0, events: 0, polls: 0 }).collect())
+    fn talkers(count: usize) -> Machines<Talker> {
+        Machines::new((0..count).map(|_| Talker { due: None, frames: 0, events: 0, polls: 0 }).collect())
     }
 
     /// Returns the interfaces of all frames, and the numbers of all events.
-    fn drain(machines: &mut Machines<Sender>, now: Instant) -> (Vec<u8>, Vec<usize>) {
+    fn drain(machines: &mut Machines<Talker>, now: Instant) -> (Vec<u8>, Vec<usize>) {
         let (mut sent, mut reported) = (Vec::new(), Vec::new());
         while let Some((on, _)) = machines.poll_transmit(now, &mut []) {
             sent.push(on.0);
@@ -260,14 +260,14 @@ mod tests {
         (sent, reported)
     }
 
-    fn tell(machines: &mut Machines<Sender>, on: u8, after: u8) {
+    fn tell(machines: &mut Machines<Talker>, on: u8, after: u8) {
         let from = Source { port: Port::Ethernet, peer: None };
         machines.handle_frame(at(0), InterfaceId(on), from, &[after]);
     }
 
     #[test]
     fn each_machine_sends_at_its_own_interface_when_it_is_due() {
-        let mut machines = senders(3);
+        let mut machines = talkers(3);
         tell(&mut machines, 2, 5);
         tell(&mut machines, 0, 5);
         tell(&mut machines, 1, 9);
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn deadlines_on_a_grid_are_met_together() {
-        let mut machines = senders(3).on_grid(Duration::from_millis(4));
+        let mut machines = talkers(3).on_grid(Duration::from_millis(4));
         for (on, after) in [(0, 5), (1, 8), (2, 9)] {
             tell(&mut machines, on, after);
         }
@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_frame_for_an_interface_without_a_machine_changes_nothing() {
-        let mut machines = senders(2);
+        let mut machines = talkers(2);
         tell(&mut machines, 2, 0);
         machines.handle_timeout(at(1));
         assert_eq!(drain(&mut machines, at(1)), (vec![], vec![]));
@@ -303,12 +303,12 @@ mod tests {
 
     #[test]
     fn a_machine_that_did_not_change_is_not_asked_again() {
-        let mut machines = senders(100);
+        let mut machines = talkers(100);
         drain(&mut machines, at(0));
         tell(&mut machines, 7, 0);
         machines.handle_timeout(at(0));
         drain(&mut machines, at(0));
-        let polls: Vec<u32> = machines.as_slice().iter().map(|sender| sender.polls).collect();
+        let polls: Vec<u32> = machines.as_slice().iter().map(|talker| talker.polls).collect();
         // Once at the start; machine 7 again for its frame, and once more for the next one.
         assert!(polls.iter().enumerate().all(|(number, polls)| *polls == if number == 7 { 3 } else { 1 }));
     }

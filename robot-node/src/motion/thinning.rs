@@ -12,7 +12,7 @@ const EXCESS: f64 = 1.02;
 
 /// A place of a part with its demands.
 #[derive(Clone, Copy)]
-struct Place {
+struct DemandAt {
     way: f64,
     demand: Demand,
 }
@@ -38,13 +38,13 @@ impl<'n> Thinning<'n> {
         let begin = self.nodes.partition_point(|node| node.way <= from);
         let end = self.nodes.partition_point(|node| node.way < to).max(begin);
         let mut at = begin;
-        let mut before = Place { way: from, demand: self.demand_at(from) };
+        let mut before = DemandAt { way: from, demand: self.demand_at(from) };
         while at < end {
             // The next node that stays in any case, or the end of the part.
             let next = at.next_multiple_of(self.stride).min(end);
             let after = match self.nodes.get(next) {
-                Some(node) if next < end => Place { way: node.way, demand: demand(node) },
-                _ => Place { way: to, demand: self.demand_at(to) },
+                Some(node) if next < end => DemandAt { way: node.way, demand: demand(node) },
+                _ => DemandAt { way: to, demand: self.demand_at(to) },
             };
             self.each_peak(at..next, [&before, &after], &mut take)?;
             if next < end {
@@ -60,13 +60,13 @@ impl<'n> Thinning<'n> {
     fn each_peak(
         &self,
         span: core::ops::Range<usize>,
-        [before, after]: [&Place; 2],
+        [before, after]: [&DemandAt; 2],
         take: &mut impl FnMut(&'n Node) -> Option<()>,
     ) -> Option<()> {
         let (mut highest, mut peak) = (EXCESS, None);
         for index in span.clone() {
             let node = self.nodes.get(index)?;
-            let here = Place { way: node.way, demand: demand(node) };
+            let here = DemandAt { way: node.way, demand: demand(node) };
             let share = (here.way - before.way) / (after.way - before.way);
             let line = between([&before.demand, &after.demand], share);
             for (here, line) in here.demand.into_iter().zip(line) {
@@ -77,7 +77,7 @@ impl<'n> Thinning<'n> {
         }
         let Some(peak) = peak else { return Some(()) };
         let node = self.nodes.get(peak)?;
-        let place = Place { way: node.way, demand: demand(node) };
+        let place = DemandAt { way: node.way, demand: demand(node) };
         self.each_peak(span.start..peak, [before, &place], take)?;
         take(node)?;
         self.each_peak(peak + 1..span.end, [&place, after], take)
