@@ -14,8 +14,8 @@ use profinet::{ArConfig, ControllerConfig, Parameter};
 use protocol::buses::{Endpoint, EthernetIpScanner, ProfinetController};
 use protocol::stations::{ETHERNET_IP_ROBOT, ETHERNET_IP_VENDOR, PROFINET_PLC, PROFINET_ROBOT};
 use setup::{
-    Addresses, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpFormat, Profinet,
-    ProfinetDevice,
+    Addresses, Bus, BusKind, Cyclic, EthernetIp, EthernetIpAdapter, EthernetIpFormat, EthernetIpKey,
+    Profinet, ProfinetDevice,
 };
 
 pub use ethercat::EthercatMainDevice;
@@ -235,13 +235,7 @@ fn connection(
 fn of_adapter(adapter: &EthernetIpAdapter, config: ConnectionConfig) -> ConnectionConfig {
     ConnectionConfig {
         route: adapter.route.clone(),
-        key: adapter.key.map(|key| ElectronicKey {
-            vendor: key.vendor,
-            device_type: key.device_type,
-            product_code: key.product_code,
-            revision: Revision { major: key.major_revision, minor: key.minor_revision },
-            compatible: key.compatible,
-        }),
+        key: adapter.key.map(electronic_key),
         configuration: adapter.configuration_assembly,
         configuration_data: adapter.configuration_data.clone(),
         consumed: adapter.consumed_assembly,
@@ -251,6 +245,25 @@ fn of_adapter(adapter: &EthernetIpAdapter, config: ConnectionConfig) -> Connecti
         consumed_format: format_of(adapter.consumed_format),
         produced_format: format_of(adapter.produced_format),
         ..config
+    }
+}
+
+/// Returns the key that the PLC sends to the robot's adapter; `None` if it sends none and takes any device.
+#[must_use]
+pub fn expected_key(ethernet_ip: &EthernetIp) -> Option<ElectronicKey> {
+    match &ethernet_ip.adapter {
+        Some(adapter) => adapter.key.map(electronic_key),
+        None => Some(ETHERNET_IP_ROBOT.key()),
+    }
+}
+
+const fn electronic_key(key: EthernetIpKey) -> ElectronicKey {
+    ElectronicKey {
+        vendor: key.vendor,
+        device_type: key.device_type,
+        product_code: key.product_code,
+        revision: Revision { major: key.major_revision, minor: key.minor_revision },
+        compatible: key.compatible,
     }
 }
 
@@ -266,7 +279,7 @@ const fn format_of(format: EthernetIpFormat) -> RealTimeFormat {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use setup::{EthernetIpKey, ProfinetModule, ProfinetSubmodule};
+    use setup::{ProfinetModule, ProfinetSubmodule};
 
     #[test]
     fn a_device_of_the_setup_takes_the_place_of_our_robot() {

@@ -135,7 +135,7 @@ fn size_in(attribute: u32, answer: AttributeAnswer) -> std::io::Result<AssemblyS
 mod tests {
     use super::*;
     use crate::verbs::doctor::peer::dialogue::parse;
-    use ethernet_ip::cip::service;
+    use ethernet_ip::cip::{General, service};
     use ethernet_ip::cpf::write_unconnected;
     use ethernet_ip::encapsulation::{Command, Header, Message, Reassembly, Status};
     use machine::wire::{LittleEndian, Writer as WireWriter};
@@ -143,9 +143,6 @@ mod tests {
     use std::net::TcpListener;
 
     type Writer<'a> = WireWriter<'a, LittleEndian>;
-
-    const PATH_UNKNOWN: u8 = 0x05;
-    const NO_OBJECT: u8 = 0x16;
 
     /// Returns the size in the bytes of an answer.
     fn size_in(attribute: u32, data: &[u8]) -> std::io::Result<AssemblySize> {
@@ -172,8 +169,8 @@ mod tests {
         assert_eq!(of(SIZE, 0, &[0x00, 0x01]), AssemblySize::Bytes(256));
         assert_eq!(of(DATA, 0, &[7; 64]), AssemblySize::Bytes(64));
         assert_eq!(of(DATA, 0, &[]), AssemblySize::Bytes(0));
-        assert_eq!(of(SIZE, PATH_UNKNOWN, &[]), AssemblySize::Unknown);
-        assert_eq!(of(SIZE, NO_OBJECT, &[]), AssemblySize::Unknown);
+        assert_eq!(of(SIZE, General::PathDestinationUnknown.into(), &[]), AssemblySize::Unknown);
+        assert_eq!(of(SIZE, General::ObjectDoesNotExist.into(), &[]), AssemblySize::Unknown);
         assert_eq!(of(SIZE, 0x14, &[]), AssemblySize::Unreported(0x14));
         let whole = answered(service::GET_ATTRIBUTE_SINGLE, 0, &[0x00, 0x01]);
         for len in 0..whole.len() - 2 {

@@ -4,7 +4,7 @@ use std::io::{ErrorKind, Read as _, Result, Write as _};
 use std::net::{SocketAddrV4, TcpStream};
 use std::time::Duration;
 
-use ethernet_ip::cip::{Logical, Reply, Request, service, write_logical};
+use ethernet_ip::cip::{General, Logical, Reply, Request, service, write_logical};
 use ethernet_ip::cpf::{Item, Packet, write_unconnected};
 use ethernet_ip::encapsulation::{
     Command, HEADER_LEN, Header, MAX_MESSAGE_LEN, Message, PROTOCOL_VERSION, Reassembly, Status,
@@ -21,10 +21,6 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Messages of a device that are passed over until its answer comes.
 const MOST_OTHERS: u32 = 16;
-
-/// General status of a path that leads to no object, and of an object that is not there (volume 1, appendix B).
-const PATH_UNKNOWN: u8 = 0x05;
-const NO_OBJECT: u8 = 0x16;
 
 /// Why a device is not asked.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -163,9 +159,9 @@ pub(super) fn parse(data: &[u8]) -> Result<AttributeAnswer> {
     if reply.service != service::GET_ATTRIBUTE_SINGLE {
         return Err(malformed("its answer is to another service"));
     }
-    Ok(match (u8::from(reply.general), reply.data) {
-        (0, bytes) => AttributeAnswer::Bytes(bytes.to_vec()),
-        (PATH_UNKNOWN | NO_OBJECT, _) => AttributeAnswer::NoObject,
-        (status, _) => AttributeAnswer::Refused(status),
+    Ok(match reply.general {
+        General::Success => AttributeAnswer::Bytes(reply.data.to_vec()),
+        General::PathDestinationUnknown | General::ObjectDoesNotExist => AttributeAnswer::NoObject,
+        status => AttributeAnswer::Refused(status.into()),
     })
 }

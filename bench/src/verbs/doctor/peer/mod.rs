@@ -5,11 +5,11 @@
 //! look       a machine that is one end of the bus and exchanges images without a command
 //!   robot    the foreign robot, seen from an idle PLC
 //!   plc      the foreign PLC, seen from a robot without an arm
+//!   images   what the images that arrive show
 //! plugged    the modules and the version that a PROFINET robot reports without a connection
 //! assemblies the sizes of the assemblies of an EtherNet/IP robot, read without a connection
 //! version    the version of an EtherNet/IP robot and of its parts, read in the same way
 //!   dialogue a session with the robot for both
-//!   images   what the images that arrive show
 //! ```
 //!
 //! Nothing moves: a robot is sent neither enable nor a command, and a PLC finds a robot that holds its first skill suspended.

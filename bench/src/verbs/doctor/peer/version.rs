@@ -3,8 +3,8 @@
 use std::net::SocketAddrV4;
 
 use ethernet_ip::ENCAPSULATION_PORT;
-use ethernet_ip::cip::{Revision, class};
-use protocol::stations::ETHERNET_IP_ROBOT;
+use ethernet_ip::cip::{ElectronicKey, Revision, class};
+use plc_node::bus::expected_key;
 use setup::{Bus, BusKind};
 
 use super::dialogue::{AttributeAnswer, Dialogue, unreachable};
@@ -26,7 +26,7 @@ const MOST_PARTS: u32 = 32;
 #[derive(Clone, PartialEq, Eq, Default, Debug)]
 struct DevicePart {
     instance: u32,
-    revision: Option<(u8, u8)>,
+    revision: Option<Revision>,
     serial_number: Option<u32>,
     name: Option<Vec<u8>>,
 }
@@ -55,7 +55,7 @@ impl DevicePart {
         });
         Self {
             instance,
-            revision: revision.map(|[major, minor]| (major, minor)),
+            revision: revision.map(|[major, minor]| Revision { major, minor }),
             serial_number: serial_number.map(u32::from_le_bytes),
             name,
         }
@@ -66,9 +66,10 @@ impl DevicePart {
             .name
             .as_ref()
             .map_or_else(|| "no product name".to_owned(), |name| format!("`{}`", name.escape_ascii()));
-        let revision = self
-            .revision
-            .map_or_else(|| "no revision".to_owned(), |(major, minor)| format!("revision {major}.{minor}"));
+        let revision = self.revision.map_or_else(
+            || "no revision".to_owned(),
+            |Revision { major, minor }| format!("revision {major}.{minor}"),
+        );
         let serial = self
             .serial_number
             .map_or_else(|| "no serial number".to_owned(), |number| format!("serial number 0x{number:08X}"));
@@ -79,9 +80,8 @@ impl DevicePart {
 /// What a setup expects of the device.
 #[derive(Clone, Copy, Debug)]
 struct WantedVersion<'a> {
-    revision: Revision,
-    /// True if a newer minor revision fits, too.
-    compatible: bool,
+    /// The key that the PLC sends, if it does not take any device.
+    key: Option<ElectronicKey>,
     /// The name in its device file, if the setup names one.
     product_name: Option<&'a str>,
 }
@@ -92,15 +92,7 @@ pub(super) fn findings(bus: &Bus, seen: &[Finding]) -> Vec<Finding> {
     if let Some(reason) = unreachable(ethernet_ip, seen) {
         return [VERSION, PARTS].map(|what| reason.finding(what)).to_vec();
     }
-    let key = match &ethernet_ip.adapter {
-        None => Some((ETHERNET_IP_ROBOT.key().revision, false)),
-        Some(adapter) => adapter
-            .key
-            .map(|key| (Revision { major: key.major_revision, minor: key.minor_revision }, key.compatible)),
-    };
-    // A setup without a key takes any device.
-    let (revision, compatible) = key.unwrap_or((Revision { major: 0, minor: 0 }, true));
-    let wanted = WantedVersion { revision, compatible, product_name: bus.product_name() };
+    let wanted = WantedVersion { key: expected_key(ethernet_ip), product_name: bus.product_name() };
     match read(SocketAddrV4::new(addresses.robot, ENCAPSULATION_PORT)) {
         Ok(parts) => judged(&wanted, &parts).to_vec(),
         Err(error) => [VERSION, PARTS]
@@ -144,16 +136,17 @@ fn judged(wanted: &WantedVersion<'_>, parts: &[DevicePart]) -> [Finding; 2] {
 
 fn version(wanted: &WantedVersion<'_>, device: &DevicePart) -> Finding {
     let shown = device.shown();
-    let Some((major, minor)) = device.revision else {
+    let Some(revision) = device.revision else {
         return Finding::limited(VERSION, shown, "note the firmware by hand");
     };
-    let Revision { major: wanted_major, minor: wanted_minor } = wanted.revision;
-    let is_minor =
-        wanted_minor == 0 || if wanted.compatible { wanted_minor <= minor } else { wanted_minor == minor };
-    if wanted_major != 0 && !(wanted_major == major && is_minor) {
+    // Only the revision is judged here: the rest of the device is as the key wants it.
+    if let Some(key) = wanted.key
+        && key.check(&ElectronicKey { revision, ..key }).is_err()
+    {
         let fix = "install that firmware, or take the device file of this revision and write it into [bus.ethernet_ip.adapter.key]";
-        let newer = if wanted.compatible { " or a newer minor one" } else { "" };
-        let found = format!("{shown}; the setup expects revision {wanted_major}.{wanted_minor}{newer}");
+        let newer = if key.compatible { " or a newer minor one" } else { "" };
+        let Revision { major, minor } = key.revision;
+        let found = format!("{shown}; the setup expects revision {major}.{minor}{newer}");
         return Finding::missing(VERSION, found, fix);
     }
     match wanted.product_name {
@@ -179,7 +172,9 @@ mod tests {
     }
 
     fn wanted(major: u8, minor: u8, compatible: bool) -> WantedVersion<'static> {
-        WantedVersion { revision: Revision { major, minor }, compatible, product_name: Some("arm") }
+        let revision = Revision { major, minor };
+        let key = ElectronicKey { vendor: 1, device_type: 2, product_code: 3, revision, compatible };
+        WantedVersion { key: Some(key), product_name: Some("arm") }
     }
 
     #[test]
