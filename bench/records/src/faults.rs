@@ -72,6 +72,9 @@ impl FromStr for Fault {
             None => (None, of_station),
             Some(("to-robot", rest)) => (Some(Side::A), rest),
             Some(("to-plc", rest)) => (Some(Side::B), rest),
+            Some((direction, _)) if !direction.contains('=') => {
+                return Err(FaultError::Direction { text: text.to_owned(), direction: direction.to_owned() });
+            }
             Some(_) => return Err(form()),
         };
         let (key, value) = rest.split_once('=').ok_or_else(form)?;

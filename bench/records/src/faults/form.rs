@@ -138,10 +138,7 @@ impl FaultError {
     pub(super) fn form(text: &str) -> Self {
         let fault = text.rsplit_once('/').map_or(text, |(_, fault)| fault);
         let fault = fault.split_once('=').map_or(fault, |(key, _)| key);
-        let (direction, key) = fault.rsplit_once(':').unwrap_or(("to-robot", fault));
-        if !["to-robot", "to-plc"].contains(&direction) {
-            return Self::Direction { text: text.to_owned(), direction: direction.to_owned() };
-        }
+        let key = fault.rsplit_once(':').map_or(fault, |(_, key)| key);
         let examples: Vec<_> = forms().filter(|form| form.key == key).map(|form| form.example).collect();
         if !examples.is_empty() {
             return Self::Form { text: text.to_owned(), examples };
