@@ -48,18 +48,14 @@ unprocessed_data() {
 }
 
 gate_ethercat() {
-    local requests replies faults answered last early=0 open=0
-    requests=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 0' 2>/dev/null | wc -l)
-    replies=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 1' 2>/dev/null | wc -l)
-    # The MainDevice may look before the device's process listens: those frames get no reply.
-    answered=$(tshark -n -r "$1" -Y 'ecatf && eth.src.lg == 1' -T fields -e frame.number 2>/dev/null | sed -n 1p)
-    if [ -n "$answered" ]; then
-        early=$(tshark -n -r "$1" -Y "ecatf && eth.src.lg == 0 && frame.number < $answered" 2>/dev/null | wc -l)
-        early=$((early > 0 ? early - 1 : 0))
-    fi
-    # The capture may end between a frame and its reply.
-    last=$(tshark -n -r "$1" -Y ecatf -T fields -e eth.src.lg 2>/dev/null | tail -n 1)
-    case $last in 0 | False) open=1 ;; esac
+    local requests replies early open faults
+    # Devices set a bit of the source address. The MainDevice may look before the device's process listens, so that all frames but one
+    # before the first reply get none; and the capture may end between a frame and its reply.
+    read -r requests replies early open < <(tshark -n -r "$1" -Y ecatf -T fields -e eth.src.lg 2>/dev/null | awk '
+        { is_reply = $1 ~ /^(1|True)$/ }
+        is_reply { if (!replies++ && requests) early = requests - 1 }
+        !is_reply { requests++ }
+        END { print requests + 0, replies + 0, early + 0, replies && !is_reply ? 1 : 0 }')
     faults=$(tshark -n -r "$1" -Y "$ETHERCAT_FAULTS" 2>/dev/null | tee >(cat >&2) | wc -l)
     faults=$((faults + $(unprocessed_data "$1" | tee >(cat >&2) | wc -l)))
     [ "$requests" -eq $((replies + early + open)) ] || faults=$((faults + 1))
