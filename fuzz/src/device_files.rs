@@ -6,6 +6,7 @@ use ::device_files::{
     ChosenDevice, DeviceChoice, DeviceFile, FoundModule, choose, choose_found, choose_head, read,
 };
 use driven_device::{BusConfig, DriveConfig, DrivenBus, FileDevice, OutputScript, found_modules};
+use ethercat_subdevice::sii_checksum;
 use machine::ethernet::Mac;
 use machine::wire::FRAME_CAPACITY;
 use machine::{Duration, Instant, Machine as _};
@@ -36,13 +37,6 @@ pub(crate) fn eeprom(data: &[u8]) {
     {
         assert!(!error.to_string().is_empty());
     }
-}
-
-/// Returns the checksum of an EEPROM's first words (ETG.1000.4, 6.4): polynomial x^8 + x^2 + x + 1, initial value 0xFF.
-fn sii_checksum(head: &[u8]) -> u8 {
-    head.iter().fold(0xFF, |sum, byte| {
-        (0..8).fold(sum ^ byte, |sum: u8, _| if sum & 0x80 == 0 { sum << 1 } else { sum << 1 ^ 0x07 })
-    })
 }
 
 /// Returns the text before the first zero, and the file after it if it is one.

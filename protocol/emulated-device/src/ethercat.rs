@@ -4,7 +4,8 @@ mod sync_managers;
 
 use device_files::{ChosenPdo, ChosenSubDevice, DcMode, DictionaryEntry, DictionaryObject};
 use ethercat_subdevice::description::{
-    Access, ClockMode, DataType, Description, Entry, Mailbox, Object, ObjectCode, Pdo, PdoEntry,
+    Access, CONFIGURED_MODULES, ClockMode, DETECTED_MODULES, DataType, Description, Entry, Mailbox, Object,
+    ObjectCode, Pdo, PdoEntry,
 };
 use ethercat_subdevice::{DeviceConfig, DeviceId, PdoConfiguration, Segment};
 
@@ -20,10 +21,6 @@ const MAILBOX_LENGTHS: std::ops::RangeInclusive<u16> = 32..=1486;
 
 /// Objects that the stack makes itself (ETG.1000.6, CoE communication area).
 const OWN_OBJECTS: [u16; 7] = [0x1000, 0x1001, 0x1008, 0x1009, 0x100A, 0x1018, 0x1C00];
-
-/// Objects with the configured and the detected ModuleIdent of each slot (ETG.5001.1).
-const CONFIGURED_MODULES: u16 = 0xF030;
-const DETECTED_MODULES: u16 = 0xF050;
 
 /// Makes the segment of one chosen device.
 pub(crate) fn open(

@@ -4,6 +4,12 @@
 use alloc::borrow::Cow;
 use alloc::format;
 
+/// Object with the ModuleIdent that the controller expects in each slot (ETG.5001.1).
+pub const CONFIGURED_MODULES: u16 = 0xF030;
+
+/// Object with the ModuleIdent of the module in each slot (ETG.5001.1).
+pub const DETECTED_MODULES: u16 = 0xF050;
+
 /// A kind of SubDevice. Every emulated one of that kind reads the same description.
 #[derive(Clone, Copy, Debug)]
 pub struct Description {

@@ -23,7 +23,7 @@ pub use al::{AlState, AlStatusCode};
 pub use config::DeviceConfig;
 pub use description::Description;
 pub use dictionary::PdoConfiguration;
-pub use esc::LocalClock;
+pub use esc::{LocalClock, checksum as sii_checksum};
 pub use event::{DeviceId, Event};
 pub use layout::{SyncManagerLayout, Usage, sync_managers};
 pub use mailbox::{Emergency, MailFault};

@@ -36,7 +36,7 @@ pub(crate) use fmmu::copy_bits;
 use memory::Memory;
 use registers::RegisterMap;
 use sii::Sii;
-pub(crate) use sii::checksum;
+pub use sii::checksum;
 use sync_manager::SyncManager;
 use watchdog::Watchdog;
 

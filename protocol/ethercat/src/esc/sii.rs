@@ -150,7 +150,8 @@ impl Sii {
 }
 
 /// Returns the checksum over the configuration of the chip: CRC with polynomial 0x07, starting at 0xFF.
-pub(crate) fn checksum(configuration: &[u8]) -> u8 {
+#[must_use]
+pub fn checksum(configuration: &[u8]) -> u8 {
     configuration.iter().fold(0xFF, |crc, byte| {
         (0..8).fold(crc ^ byte, |crc: u8, _| if crc & 0x80 != 0 { (crc << 1) ^ 0x07 } else { crc << 1 })
     })

@@ -4,12 +4,9 @@ use machine::Instant;
 
 use super::SubDevice;
 use crate::al::{AlState, AlStatusCode};
+use crate::description::{CONFIGURED_MODULES, DETECTED_MODULES};
 use crate::event::{Event, Sink};
 use crate::layout::{SyncManagerLayout, Usage};
-
-/// Objects with the list of modules that the controller expects, and with that of the detected ones.
-const CONFIGURED_MODULES: u16 = 0xF030;
-const DETECTED_MODULES: u16 = 0xF050;
 
 impl SubDevice {
     /// Leaves a state whose sync managers are no longer as the state needs them.
