@@ -1,5 +1,5 @@
-//! Thinning of the nodes of a part where a stretch has many parts: one in some becomes a knot, and each at which a limit is most more
-//! demanding than between the knots beside it.
+//! Thinning of the nodes of a part where a stretch has many parts: one in some becomes a knot, and each at which a limit is more
+//! demanding than the line between the knots beside it.
 
 use super::node::{Node, square};
 
@@ -69,18 +69,16 @@ impl<'n> Thinning<'n> {
             let here = DemandAt { way: node.way, demand: demand(node) };
             let share = (here.way - before.way) / (after.way - before.way);
             let line = between([&before.demand, &after.demand], share);
-            for (here, line) in here.demand.into_iter().zip(line) {
-                if here > highest * line {
-                    (highest, peak) = (here / line, Some(index));
+            for (demand, line) in here.demand.into_iter().zip(line) {
+                if demand > highest * line {
+                    (highest, peak) = (demand / line, Some((index, node, here)));
                 }
             }
         }
-        let Some(peak) = peak else { return Some(()) };
-        let node = self.nodes.get(peak)?;
-        let place = DemandAt { way: node.way, demand: demand(node) };
-        self.each_peak(span.start..peak, [before, &place], take)?;
+        let Some((index, node, peak)) = peak else { return Some(()) };
+        self.each_peak(span.start..index, [before, &peak], take)?;
         take(node)?;
-        self.each_peak(peak + 1..span.end, [&place, after], take)
+        self.each_peak(index + 1..span.end, [&peak, after], take)
     }
 
     /// Returns the demand at a place between two nodes.

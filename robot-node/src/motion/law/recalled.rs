@@ -53,7 +53,7 @@ struct CellFound {
     loads: Recalled<4, Loads>,
 }
 
-/// Figures found for the cells of a law. A figure that was found from others is `None`.
+/// Figures found for the cells of a law. What was found from other figures is not returned.
 #[derive(Debug)]
 pub(super) struct LastRound {
     cells: Vec<CellFound>,
