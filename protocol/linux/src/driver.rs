@@ -28,7 +28,7 @@ use crate::interfaces::{InterfacePort, Interfaces};
 use crate::neighbours::Neighbours;
 use crate::pace::Pace;
 use crate::stream::{StreamEvent, Streams};
-use crate::wait::WaitSet;
+use crate::wait::{Awaited, SocketSet, Waits};
 use crate::{Interface, Notifier, Owner, PortError, Received, Statistics, allocation, clock};
 
 /// Frames taken from one port before the other ports get their turn: more than arrive during a host stall of 40 ms from a
@@ -45,6 +45,9 @@ const EARLY: Duration = Duration::from_micros(30);
 
 /// A wake up to this late counts as on time: frames that arrived meanwhile wait until what is due was sent.
 const ON_TIME: Duration = Duration::from_micros(200);
+
+/// Entry of the notifier among the sockets that are no ports; those of TCP follow it.
+const NOTIFIER: usize = 0;
 
 /// Why the loop ended without its owner ending it.
 #[derive(Debug, thiserror::Error)]
@@ -130,13 +133,18 @@ impl<M: Multihomed> Driver<M> {
             neighbours,
             statistics,
         } = self;
-        // The ports and the notifier keep their places; those of TCP after them change.
         let ports = interfaces.ports();
-        let mut waits = WaitSet::new(ports.len() + 1 + streams.waits());
-        for (index, port) in ports.iter().enumerate() {
-            waits.set(index, Some((port.open.as_fd(), PollFlags::IN)));
-        }
-        waits.set(ports.len(), Some((notifier.as_fd(), PollFlags::IN)));
+        let open = || -> Result<Waits, Errno> {
+            let mut waits =
+                Waits { ports: SocketSet::new(ports.len())?, others: SocketSet::new(1 + streams.waits())? };
+            let for_frames = |socket| Some(Awaited { socket, events: PollFlags::IN, id: 0 });
+            for (index, port) in ports.iter().enumerate() {
+                waits.ports.set(index, for_frames(port.open.as_fd()))?;
+            }
+            waits.others.set(NOTIFIER, for_frames(notifier.as_fd()))?;
+            Ok(waits)
+        };
+        let mut waits = open().map_err(DriverError::Poll)?;
         let send_buffer = &mut **send_buffer;
         let mut run = Run {
             machine,
@@ -194,18 +202,17 @@ struct Run<'a, M, O> {
 impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
     fn until_the_end(
         &mut self,
-        waits: &mut WaitSet,
+        waits: &mut Waits,
         notifier: &Notifier,
         buf: &mut [u8],
     ) -> Result<(), DriverError> {
-        let ports = self.interfaces.ports().len();
         let mut deadline = None;
         loop {
             let (taken, sent) = (self.statistics.taken(), self.statistics.sent);
             if (is_on_time(deadline) && self.timeout(deadline.take())?.is_break())
-                || self.frames(deadline, waits, buf)?.is_break()
+                || self.frames(deadline, &waits.ports, buf)?.is_break()
                 || self.timeout(deadline)?.is_break()
-                || self.streams(waits, buf)?.is_break()
+                || self.streams(&waits.others, buf)?.is_break()
                 || self.wake()?.is_break()
             {
                 return Ok(());
@@ -221,16 +228,16 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
                 let groups = (0..).map_while(|index| self.machine.group(*on, open.port(), index));
                 open.update_groups(groups);
             }
-            self.streams.await_in(waits, ports + 1);
+            self.streams.await_in(&mut waits.others, NOTIFIER + 1).map_err(DriverError::Poll)?;
             let now = clock::now();
             let early = wake.map(|wake| wake.since(now).saturating_sub(EARLY));
             let limit = early.into_iter().chain(pause.map(|until| until.since(now))).min();
-            match waits.wait_beyond(if pause.is_some() { ports } else { 0 }, limit) {
+            match waits.wait(pause.is_some(), limit) {
                 Ok(()) | Err(Errno::INTR) => {}
                 Err(error) => return Err(DriverError::Poll(error)),
             }
             self.statistics.wakeups += 1;
-            if !waits.ready(ports).is_empty() {
+            if !waits.others.ready(NOTIFIER).is_empty() {
                 notifier.clear();
             }
             spin_until(wake);
@@ -242,7 +249,7 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
     fn frames(
         &mut self,
         waited_for: Option<Instant>,
-        waits: &WaitSet,
+        waits: &SocketSet,
         buf: &mut [u8],
     ) -> Result<ControlFlow<()>, DriverError> {
         let (mut was_stalled, mut batch) = (None, BATCH);
@@ -314,8 +321,8 @@ impl<M: Multihomed, O: Owner<M>> Run<'_, M, O> {
     }
 
     /// Handles each TCP connection that is ready, and accepts clients.
-    fn streams(&mut self, waits: &WaitSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
-        self.streams.begin_round(clock::now(), waits, self.interfaces.ports().len() + 1);
+    fn streams(&mut self, waits: &SocketSet, buf: &mut [u8]) -> Result<ControlFlow<()>, DriverError> {
+        self.streams.begin_round(clock::now(), waits, NOTIFIER + 1);
         loop {
             let now = clock::now();
             match self.streams.next_event(now, buf) {

@@ -24,8 +24,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
-use machine::Instant;
-use rustix::event::PollFlags;
+use machine::{Duration, Instant};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use socket2::Socket;
 use virtual_time::{ImpairmentPlan, LinkCounters, Side};
@@ -34,7 +34,6 @@ use crate::handover::{EndRequest, Ending};
 use crate::packet_socket::{self, FrameBuffer};
 use crate::recorder::RecorderError;
 use crate::socket_option::{self, ON};
-use crate::wait::WaitSet;
 use crate::{Interface, Notifier, PortError, allocation, clock, scheduling};
 use capture_file::CableEvent;
 
@@ -203,25 +202,17 @@ struct ForwardingThread {
 impl ForwardingThread {
     /// Passes frames on until it is stopped; returns how often it allocated.
     fn run(&mut self) -> u64 {
-        let mut waits = WaitSet::new(3);
-        waits.set(0, Some((self.notifier.as_fd(), PollFlags::IN)));
-        for (index, socket) in self.sockets.iter().enumerate() {
-            waits.set(1 + index, Some((socket.as_fd(), PollFlags::IN)));
-        }
         let mut buffer = FrameBuffer::new();
         allocation::arm();
         while self.shared.end.get().is_none() {
             let limit = self.forwarder.deadline().map(|due| due.since(clock::now()));
-            // An interrupted wait is an early end of the wait.
-            if !matches!(waits.wait(limit), Ok(()) | Err(Errno::INTR)) {
-                break;
-            }
+            let Ok([is_notified, from_a, from_b]) = self.wait(limit) else { break };
             self.listen();
-            if !waits.ready(0).is_empty() {
+            if is_notified {
                 self.notifier.clear();
             }
-            for from in [Side::A, Side::B] {
-                if !waits.ready(1 + from.index()).is_empty() {
+            for (from, is_ready) in [(Side::A, from_a), (Side::B, from_b)] {
+                if is_ready {
                     self.take(from, &mut buffer);
                 }
             }
@@ -231,6 +222,19 @@ impl ForwardingThread {
         let allocations = allocation::count();
         allocation::disarm();
         allocations
+    }
+
+    /// Waits for the notifier and both ends, and returns which are ready. An interruption is an early end of the wait.
+    fn wait(&self, limit: Option<Duration>) -> Result<[bool; 3], Errno> {
+        let [a, b] = &self.sockets;
+        let mut awaited = [self.notifier.as_fd(), a.as_fd(), b.as_fd()]
+            .map(|socket| PollFd::from_borrowed_fd(socket, PollFlags::IN));
+        let limit = limit.and_then(|limit| Timespec::try_from(limit).ok());
+        match poll(&mut awaited, limit.as_ref()) {
+            Ok(_) => Ok(awaited.map(|socket| !socket.revents().is_empty())),
+            Err(Errno::INTR) => Ok([false; 3]),
+            Err(error) => Err(error),
+        }
     }
 
     /// Applies what other threads asked for.

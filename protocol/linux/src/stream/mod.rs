@@ -15,6 +15,7 @@ use std::time::Duration;
 
 use machine::{Attempt, Instant, InterfaceId, Multihomed, Port, StreamChange, StreamId};
 use rustix::event::PollFlags;
+use rustix::io::Errno;
 use socket2::{Domain, Protocol, Socket, Type};
 
 pub(crate) use place::StreamEvent;
@@ -23,7 +24,7 @@ use place::{Connection, Overflow, Place, State};
 use crate::dscp::Marking;
 use crate::interfaces::Interfaces;
 use crate::port_holders::Transport;
-use crate::wait::WaitSet;
+use crate::wait::{Awaited, SocketSet};
 use crate::{Interface, PortError};
 
 /// Number of places from the start. Clients that find none free are accepted and disconnected at once.
@@ -121,7 +122,7 @@ impl Streams {
         })
     }
 
-    /// Returns the number of entries in the [`WaitSet`] for the listeners and the connections, at first.
+    /// Returns the number of entries in the [`SocketSet`] for the listeners and the connections, at first.
     pub(crate) const fn waits(&self) -> usize {
         self.interfaces.len() + PLACES
     }
@@ -131,14 +132,17 @@ impl Streams {
     }
 
     /// Writes the sockets to wait for into the set, from entry `first` on.
-    pub(crate) fn await_in(&self, waits: &mut WaitSet, first: usize) {
+    pub(crate) fn await_in(&self, waits: &mut SocketSet, first: usize) -> Result<(), Errno> {
+        let events = if self.accept_again_at.is_none() { PollFlags::IN } else { PollFlags::empty() };
         for (index, interface) in self.interfaces.iter().enumerate() {
-            let listener = interface.listener.as_ref().filter(|_| self.accept_again_at.is_none());
-            waits.set(first + index, listener.map(|listener| (listener.as_fd(), PollFlags::IN)));
+            let listener = interface.listener.as_ref();
+            let awaited = listener.map(|listener| Awaited { socket: listener.as_fd(), events, id: 0 });
+            waits.set(first + index, awaited)?;
         }
         for (index, place) in self.places.iter().enumerate() {
-            waits.set(first + self.interfaces.len() + index, place.wait_for());
+            waits.set(first + self.interfaces.len() + index, place.wait_for())?;
         }
+        Ok(())
     }
 
     /// Port that stands for connections without a number; no connection has this number.
@@ -162,7 +166,7 @@ impl Streams {
     }
 
     /// Takes the result of a wait. Each connection then has one turn.
-    pub(crate) fn begin_round(&mut self, now: Instant, waits: &WaitSet, first: usize) {
+    pub(crate) fn begin_round(&mut self, now: Instant, waits: &SocketSet, first: usize) {
         self.accept_again_at = self.accept_again_at.filter(|until| *until > now);
         for (index, interface) in self.interfaces.iter_mut().enumerate() {
             interface.accepts = if waits.ready(first + index).is_empty() { 0 } else { ACCEPTS };

@@ -1,7 +1,7 @@
 //! One connection and its place: received bytes, bytes waiting to be sent, and how it is closed.
 
 use std::net::Shutdown;
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::AsFd;
 use std::time::Duration;
 
 use machine::wire::FRAME_CAPACITY;
@@ -12,6 +12,7 @@ use rustix::net::{RecvFlags, SendFlags, recv, send};
 use socket2::Socket;
 
 use crate::dscp::Marking;
+use crate::wait::Awaited;
 
 /// Largest number of bytes that wait for a peer, besides those in the kernel's buffer.
 const ROOM: usize = 4 * FRAME_CAPACITY;
@@ -84,16 +85,16 @@ impl Place {
         self.waiting = 0;
     }
 
-    pub(super) fn wait_for(&self) -> Option<(BorrowedFd<'_>, PollFlags)> {
-        let connection = self.connection.as_ref()?;
+    pub(super) fn wait_for(&self) -> Option<Awaited<'_>> {
+        let Connection { id, socket, state, .. } = self.connection.as_ref()?;
         let to_send = if self.waiting > 0 { PollFlags::OUT } else { PollFlags::empty() };
-        let events = match connection.state {
+        let events = match state {
             State::Connecting(_) => PollFlags::OUT,
             State::Open | State::Ending { peer_ended: false, .. } => PollFlags::IN | to_send,
             State::Ending { peer_ended: true, .. } => to_send,
-            State::Lost => return None,
+            State::Lost => PollFlags::empty(),
         };
-        Some((connection.socket.as_fd(), events))
+        Some(Awaited { socket: socket.as_fd(), events, id: id.0 })
     }
 
     pub(super) fn ending_until(&self) -> Option<Instant> {

@@ -1,6 +1,6 @@
 //! The cost of a cycle on a real network: the PLC on one core of this process, the robots in processes on another one.
 //!
-//! A switch has a cable to the PLC and one to each robot, whose ends are in one network namespace; robots on EtherCAT are in line, in one
+//! One cable leads from the PLC to the robots, each with an interface of its own at its end; robots on EtherCAT are in line, in one
 //! process. In turns of a second the PLC
 //! connects to all of them and executes CM, or a bare loop sleeps on the same core while the robots wait.
 
