@@ -9,7 +9,7 @@ use planning::{Plan, Reached};
 /// An application and a setup to plan it for.
 #[derive(clap::Args, Debug)]
 pub(crate) struct PlanCommand {
-    /// A built-in application's name, or the path of a .toml file. A setup of several stations needs none: its own is planned.
+    /// A built-in application's name, or the path of a .toml file. Without it the setup's own is planned.
     #[arg(value_name = "NAME|FILE")]
     application: Option<String>,
     /// The setup to plan for: a built-in one's name, or the path of a .toml file.
@@ -29,7 +29,10 @@ const WARNINGS: usize = 10;
 impl PlanCommand {
     /// Prints the plan to standard output and its warnings to standard error; then whether the arm reaches it.
     pub(crate) fn execute(self) -> anyhow::Result<Outcome> {
-        let Some(application) = &self.application else { return self.execute_for_all_stations() };
+        let (cell, _) = setup::cell(&self.setup)?;
+        let Some(application) = self.application.as_deref().filter(|_| cell.is_one()) else {
+            return self.execute_for_all_stations();
+        };
         let setup = setup::setup(&self.setup)?;
         let application = planning::application(application, None)?;
         let plan = application.plan(&setup)?;
@@ -39,9 +42,9 @@ impl PlanCommand {
         Ok(Outcome::Done)
     }
 
-    /// Prints the plan of the setup's own application: of each station, with the marks at which they wait for each other.
+    /// Prints the plan of the named application for all arms, or of the setup's own: of each station, with the marks at which they wait for each other.
     fn execute_for_all_stations(self) -> anyhow::Result<Outcome> {
-        let (cell, found) = planning::cell_with_applications(&self.setup)?;
+        let (cell, found) = planning::cell_and_application(&self.setup, self.application.as_deref())?;
         let planned = found.plan(&cell)?;
         for station in &planned.stations {
             if !cell.is_one() {

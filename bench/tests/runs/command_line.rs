@@ -411,6 +411,47 @@ fn a_new_cell_runs_as_it_is_and_is_not_written_over() {
 }
 
 #[test]
+fn a_new_cell_of_several_stations_runs_as_it_is_and_so_does_its_study() {
+    for setup in ["E", "F", "G"] {
+        let directory = tempfile::tempdir().unwrap();
+        let finished = bench(directory.path(), ["new", "mine", "--setup", setup]);
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+        let run = [
+            "--setup",
+            "mine/setup.toml",
+            "--mode",
+            "virtual",
+            "--types",
+            "cm",
+            "--reps",
+            "1",
+            "--out",
+            "run",
+        ];
+        let finished = bench(directory.path(), run);
+        assert_eq!(finished.code, Some(0), "{setup}: {}", finished.stderr);
+        let finished = bench(directory.path(), ["study", "run", "mine/study.toml", "--shard", "0/15"]);
+        assert_eq!(finished.code, Some(0), "{setup}: {}", finished.stderr);
+    }
+}
+
+#[test]
+fn a_new_cell_takes_an_application_for_as_many_arms_as_its_setup_has() {
+    let directory = tempfile::tempdir().unwrap();
+    let refused = [("G", "gluing"), ("A", "hand-over")].map(|(setup, application)| {
+        let arguments = ["new", "mine", "--setup", setup, "--application", application];
+        let finished = bench(directory.path(), arguments);
+        assert_eq!(finished.code, Some(2));
+        finished.stderr
+    });
+    assert!(!directory.path().join("mine").exists());
+    insta::assert_snapshot!(refused.concat(), @r"
+    error: there is no built-in application for several arms `gluing`; there are hand-over, carry-plate, take-turns
+    error: there is no built-in application for one arm `hand-over`; there are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force
+    ");
+}
+
+#[test]
 fn an_application_takes_the_place_of_the_setups() {
     let directory = tempfile::tempdir().unwrap();
     let own = planning::APPLICATIONS.iter().find(|(name, _)| *name == "gluing").unwrap().1;

@@ -10,8 +10,11 @@ pub(super) const SETUPS: &str = include_str!("../../../../docs/setups.md");
 /// Where the keys of an application are explained.
 pub(super) const APPLICATIONS: &str = include_str!("../../../../docs/applications.md");
 
-/// Heading of the keys above the first table.
-const TOP: &str = "## Top level";
+/// Headings of the keys above the first table: of a file for several stations or arms, and of any file.
+const TOPS: [&str; 3] = ["## Several stations", "## Several arms", "## Top level"];
+
+/// Tables of a station or an arm have the keys of those of the one robot, and some of their own.
+const OF_ONE_OF_SEVERAL: [&str; 2] = ["station.", "arm."];
 
 /// Width of the comments, in characters.
 const WIDTH: usize = 100;
@@ -42,12 +45,13 @@ pub(super) fn explained(toml: &str, reference: &str) -> String {
     let mut text = String::new();
     let mut header = "";
     let mut told = BTreeSet::new();
+    let is_of_several = toml.lines().any(|line| ["[[station]]", "[[arm]]"].contains(&header_of(line)));
     for line in toml.lines().filter(|line| !line.starts_with('#')).skip_while(|line| line.is_empty()) {
         if line.starts_with('[') {
             header = header_of(line);
             push_line(&mut text, line);
             // Where the keys are names that the user gives, what belongs to each of them is explained once.
-            let (rows, keys) = (rows(section(reference, header)), keys_below(toml, header));
+            let (rows, keys) = (rows_about(reference, header, is_of_several), keys_below(toml, header));
             let is_about_keys = rows.iter().any(|row| keys.iter().any(|key| row.is_about(key)));
             if !is_about_keys && told.insert((header, String::new())) {
                 rows.iter().for_each(|row| push_line(&mut text, &row.comment()));
@@ -55,7 +59,8 @@ pub(super) fn explained(toml: &str, reference: &str) -> String {
             continue;
         }
         if let Some(key) = key(line).filter(|key| !told.contains(&(header, (*key).to_owned())))
-            && let Some(row) = rows(section(reference, header)).iter().find(|row| row.is_about(key))
+            && let Some(row) =
+                rows_about(reference, header, is_of_several).iter().find(|row| row.is_about(key))
         {
             push_line(&mut text, &row.comment());
             told.extend(row.keys.iter().map(|key| (header, key.clone())));
@@ -66,7 +71,7 @@ pub(super) fn explained(toml: &str, reference: &str) -> String {
 }
 
 /// Returns the header of a table without the comment behind it.
-fn header_of(line: &str) -> &str {
+pub(super) fn header_of(line: &str) -> &str {
     line.split(" #").next().unwrap_or(line).trim_end()
 }
 
@@ -96,13 +101,24 @@ fn keys_below<'a>(toml: &'a str, header: &str) -> Vec<&'a str> {
     keys
 }
 
-/// Returns the section of the reference about the table with this header; the empty header is that of the keys above the
-/// first table.
-fn section<'a>(reference: &'a str, header: &str) -> &'a str {
-    let quoted = format!("`{header}`");
-    let is_it = |line: &str| {
-        if header.is_empty() { line == TOP } else { line.starts_with('#') && line.contains(&quoted) }
+/// Returns the rows about the keys of the table with this header, those that it shares before those of its own; the empty header is
+/// that of the keys above the first table.
+fn rows_about(reference: &str, header: &str, is_of_several: bool) -> Vec<Row> {
+    let of_table = |header: &str| {
+        let quoted = format!("`{header}`");
+        rows(section(reference, |line| line.starts_with('#') && line.contains(&quoted)))
     };
+    if header.is_empty() {
+        let tops = TOPS.iter().skip(if is_of_several { 0 } else { TOPS.len() - 1 });
+        return tops.flat_map(|top| rows(section(reference, |line| line == *top))).collect();
+    }
+    let shared = OF_ONE_OF_SEVERAL.iter().find(|prefix| header.contains(**prefix));
+    let shared = shared.map(|prefix| header.replace(prefix, ""));
+    shared.iter().flat_map(|header| of_table(header)).chain(of_table(header)).collect()
+}
+
+/// Returns the section of the reference below the first heading that `is_it`.
+fn section(reference: &str, is_it: impl Fn(&str) -> bool) -> &str {
     let mut start = None;
     let mut offset = 0;
     for line in reference.split_inclusive('\n') {

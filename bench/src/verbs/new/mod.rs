@@ -22,16 +22,65 @@ const APPLICATION: &str = "application.toml";
 /// A study of the cell.
 const STUDY: &str = "study.toml";
 
-/// The files' schemas beside them, for editors, each with its text. The first line of a file names its own.
-const SCHEMAS: [(&str, &str); 3] = [
-    ("setup.schema.json", include_str!("../../../../cell/schemas/setup.schema.json")),
-    ("application.schema.json", include_str!("../../../../cell/schemas/application.schema.json")),
-    ("study.schema.json", include_str!("../../../schemas/study.schema.json")),
-];
+/// A file's schema beside it, for editors: its name and text.
+type Schema = (&'static str, &'static str);
 
-/// The example that a new study begins with, and its name in its comments.
-const STUDY_OF_ZONES: &str = EXAMPLES[1].1;
-const ZONES_FILE: &str = "approximation-zones.toml";
+const STUDY_SCHEMA: Schema = ("study.schema.json", include_str!("../../../schemas/study.schema.json"));
+
+/// What the files of a cell are made of.
+struct Kind {
+    setups: &'static [(&'static str, &'static str)],
+    setup_schema: Schema,
+    applications: &'static [(&'static str, &'static str)],
+    application_schema: Schema,
+    /// How many arms an application is for, in messages.
+    arms: &'static str,
+    /// The example that a new study begins with, and what it shows.
+    study: (&'static str, &'static str),
+    shows: &'static str,
+}
+
+const ONE_ARM: Kind = Kind {
+    setups: setup::SETUPS,
+    setup_schema: ("setup.schema.json", include_str!("../../../../cell/schemas/setup.schema.json")),
+    applications: planning::APPLICATIONS,
+    application_schema: (
+        "application.schema.json",
+        include_str!("../../../../cell/schemas/application.schema.json"),
+    ),
+    arms: "one arm",
+    study: EXAMPLES[1],
+    shows: "how much later each type ends with other zones",
+};
+
+const SEVERAL_ARMS: Kind = Kind {
+    setups: setup::CELLS,
+    setup_schema: ("cell.schema.json", include_str!("../../../../cell/schemas/cell.schema.json")),
+    applications: planning::ARMS_APPLICATIONS,
+    application_schema: (
+        "arms-application.schema.json",
+        include_str!("../../../../cell/schemas/arms-application.schema.json"),
+    ),
+    arms: "several arms",
+    study: EXAMPLES[4],
+    shows: "how much later all arms end if one of them has a slower controller",
+};
+
+impl Kind {
+    fn schemas(&self) -> [Schema; 3] {
+        [self.setup_schema, self.application_schema, STUDY_SCHEMA]
+    }
+
+    /// Returns a study of the setup beside it.
+    fn own_study(&self) -> String {
+        let (name, text) = self.study;
+        let is_built_in = |line: &str| line.starts_with("setup = ");
+        let line = |line: &str| {
+            if is_built_in(line) { format!("setup = \"{SETUP}\"\n") } else { format!("{line}\n") }
+        };
+        text.replace(&format!("{name}.toml"), STUDY).lines().map(line).collect()
+    }
+}
 
 /// Options of a new cell.
 #[derive(Args, Debug)]
@@ -39,7 +88,7 @@ pub struct NewOptions {
     /// The directory to write setup.toml, application.toml and study.toml into; its name is the cell's.
     #[arg(value_name = "DIR")]
     pub directory: PathBuf,
-    /// The built-in setup to begin with.
+    /// The built-in setup to begin with, also one of several stations.
     #[arg(long, value_name = "NAME", default_value = "A")]
     pub setup: String,
     /// The built-in application to begin with [default: the setup's].
@@ -56,13 +105,20 @@ pub fn run(options: &NewOptions) -> Result<Exit, Failure> {
     let directory = &options.directory;
     let name = directory.file_name().map(|name| name.to_string_lossy().into_owned());
     let name = name.ok_or_else(|| usage(format!("{} names no directory", directory.display())))?;
-    let setup = built_in("setup", setup::SETUPS, &options.setup)?;
-    let of_setup = setup::setup(&options.setup)?.application;
-    let application = options.application.as_deref().unwrap_or(&of_setup);
-    let application = built_in("application", planning::APPLICATIONS, application)?;
+    let kind = if setup::built_in(setup::CELLS, &options.setup).is_some() { SEVERAL_ARMS } else { ONE_ARM };
+    let setup = setup::built_in(kind.setups, &options.setup).map(|(_, text)| text).ok_or_else(|| {
+        let known = [setup::SETUPS, setup::CELLS].concat();
+        unknown("setup", &known, &options.setup)
+    })?;
+    let (cell, _) = setup::cell(&options.setup)?;
+    let of_setup = cell.application.or(cell.stations.into_iter().next().map(|station| station.application));
+    let application = options.application.clone().or(of_setup).unwrap_or_default();
+    let application = setup::built_in(kind.applications, &application)
+        .ok_or_else(|| unknown(&format!("application for {}", kind.arms), kind.applications, &application))?
+        .1;
     let setup = comments::explained(&own_setup(setup, &name, &options.setup), comments::SETUPS);
     let application = comments::explained(&named(application, &name), comments::APPLICATIONS);
-    for file in [SETUP, APPLICATION, STUDY].into_iter().chain(SCHEMAS.map(|(schema, _)| schema)) {
+    for file in [SETUP, APPLICATION, STUDY].into_iter().chain(kind.schemas().map(|(schema, _)| schema)) {
         if directory.join(file).exists() {
             return Err(usage(format!(
                 "{} holds a cell already; name another directory",
@@ -71,9 +127,8 @@ pub fn run(options: &NewOptions) -> Result<Exit, Failure> {
         }
     }
     directory::make(directory)?;
-    for (file, text, (schema, schema_text)) in
-        [(SETUP, setup, SCHEMAS[0]), (APPLICATION, application, SCHEMAS[1]), (STUDY, own_study(), SCHEMAS[2])]
-    {
+    let texts = [(SETUP, setup), (APPLICATION, application), (STUDY, kind.own_study())];
+    for ((file, text), (schema, schema_text)) in texts.into_iter().zip(kind.schemas()) {
         write(&directory.join(file), &format!("#:schema {schema}\n{text}"))?;
         write(&directory.join(schema), schema_text)?;
     }
@@ -83,43 +138,36 @@ pub fn run(options: &NewOptions) -> Result<Exit, Failure> {
     let (setup, application) = (in_shell(&setup), in_shell(&application));
     outln!("  bench --setup {setup} --mode virtual     checks both and measures");
     let study = in_shell(directory.join(STUDY).display());
-    outln!("  bench study run {study}     varies it: how much later each type ends with other zones");
+    outln!("  bench study run {study}     varies it: {}", kind.shows);
     outln!(
         "  plc-node plan {application} --setup {setup}     shows the motions, and whether the arm reaches them"
     );
     Ok(Exit::Pass)
 }
 
-/// Returns a study of the setup beside it.
-fn own_study() -> String {
-    STUDY_OF_ZONES.replace("setup = \"A\"", &format!("setup = \"{SETUP}\"")).replace(ZONES_FILE, STUDY)
-}
-
 fn usage(problem: String) -> Failure {
     Failure::new(Exit::Usage, anyhow!(problem))
 }
 
-fn built_in<'a>(what: &str, all: &[(&'static str, &'a str)], name: &str) -> Result<&'a str, Failure> {
-    setup::built_in(all, name).map(|(_, text)| text).ok_or_else(|| {
-        let known: Vec<_> = all.iter().map(|(known, _)| *known).collect();
-        usage(format!("there is no built-in {what} `{name}`; there are {}", known.join(", ")))
-    })
+fn unknown(what: &str, all: &[(&str, &str)], name: &str) -> Failure {
+    let known: Vec<_> = all.iter().map(|(known, _)| *known).collect();
+    usage(format!("there is no built-in {what} `{name}`; there are {}", known.join(", ")))
 }
 
 /// Returns the setup under another name, with the application beside it, and without what the paper says of the built-in
 /// cell: its figures, and numbers that were calibrated to them.
 fn own_setup(setup: &str, name: &str, from: &str) -> String {
-    let mut is_paper = false;
+    let (mut is_top, mut is_paper) = (true, false);
     let mut text = String::new();
     for line in named(setup, name).lines() {
         if line.starts_with('[') {
-            is_paper = line.starts_with("[paper]");
+            (is_top, is_paper) = (false, line.starts_with("[paper]"));
         }
         if is_paper {
             continue;
         }
         match (comments::key(line), line.split_once("from = \"calibrated\"")) {
-            (Some("application"), _) => text.push_str(&format!("application = \"{APPLICATION}\"")),
+            (Some("application"), _) if is_top => text.push_str(&format!("application = \"{APPLICATION}\"")),
             (_, Some((value, _))) => {
                 text.push_str(&format!("{value}from = \"assumed\", note = \"taken from Setup {from}\" }}"));
             }
@@ -164,7 +212,7 @@ mod tests {
         let mut explained = std::collections::BTreeSet::new();
         for line in text.lines() {
             if line.starts_with('[') {
-                header = line;
+                header = comments::header_of(line);
             } else if let Some((keys, _)) = line.strip_prefix("# ").and_then(|line| line.split_once(':')) {
                 explained.extend(keys.split([',', ' ']).map(|key| (header, key)));
             } else if let Some(key) = comments::key(line).filter(|key| !explained.contains(&(header, *key))) {
@@ -176,7 +224,7 @@ mod tests {
 
     #[test]
     fn every_key_of_a_new_setup_is_explained_and_nothing_is_left_of_the_paper() {
-        for (name, text) in setup::SETUPS {
+        for (name, text) in setup::SETUPS.iter().chain(setup::CELLS) {
             let own = own_setup(text, "mine", name);
             let explained = comments::explained(&own, comments::SETUPS);
             assert_eq!(not_explained(&explained), Vec::<String>::new(), "{explained}");
@@ -186,7 +234,7 @@ mod tests {
 
     #[test]
     fn every_step_of_a_new_application_is_explained() {
-        for (_, text) in planning::APPLICATIONS {
+        for (_, text) in planning::APPLICATIONS.iter().chain(planning::ARMS_APPLICATIONS) {
             let explained = comments::explained(&named(text, "mine"), comments::APPLICATIONS);
             let missing = not_explained(&explained);
             // The user gives the names of frames, tools and the like; what belongs to them is explained at their header.
