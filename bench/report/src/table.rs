@@ -7,6 +7,7 @@ use crate::figures::{self, CALIBRATED, Figures};
 use crate::quality;
 use crate::verdicts;
 use records::calibrated::figure;
+use records::counted::counted;
 use records::disturbances::Images;
 use records::lateness::CycleLateness;
 use records::origin::OriginKind;
@@ -144,10 +145,10 @@ pub(super) fn cyclic_frames(bus: &Frames) -> String {
         "Cyclic frames of the PLC: {frames_sent} sent to the robot, {frames_received} received from it; lost in both directions: {lost}"
     );
     if skipped > 0 {
-        text += &format!("; {skipped} cycles skipped by a node that its host delayed");
+        text += &format!("; {} skipped by a node that its host delayed", counted(skipped, "cycle"));
     }
     if foreign > 0 {
-        text += &format!("; {foreign} frames of another connection ignored");
+        text += &format!("; {} of another connection ignored", counted(foreign, "frame"));
     }
     text + "."
 }
@@ -310,9 +311,9 @@ mod tests {
             cyclic_frames(&bus),
             "Cyclic frames of the PLC: 100 sent to the robot, 102 received from it; lost in both directions: 0."
         );
-        let disturbed = cyclic_frames(&Frames { skipped: 2, lost: 1, foreign: 3, ..bus });
+        let disturbed = cyclic_frames(&Frames { skipped: 2, lost: 1, foreign: 1, ..bus });
         assert!(disturbed.ends_with(
-            "lost in both directions: 1; 2 cycles skipped by a node that its host delayed; 3 frames of another connection ignored."
+            "lost in both directions: 1; 2 cycles skipped by a node that its host delayed; 1 frame of another connection ignored."
         ), "{disturbed}");
     }
 
