@@ -83,6 +83,9 @@ mod tests {
         assert_eq!(fitting_unit(Milliseconds, 3_700_000.0, 3_700.0), Some(Microseconds));
         // Times of another application: too short even in the longest unit, and between the units where none fits.
         assert_eq!(fitting_unit(Seconds, 50.0, 3_700.0), None);
-        assert!((1.0 / FACTOR..FACTOR).contains(&(1_000.0 / FACTOR / FACTOR)), "units cover all between them");
+        assert!(
+            (1.0 / FACTOR..FACTOR).contains(&(1_000.0 / FACTOR / FACTOR)),
+            "units cover all between them"
+        );
     }
 }
