@@ -146,7 +146,8 @@ pub(crate) fn records(data: &[u8]) {
 pub(crate) fn samples(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     match imported_samples::parse(text) {
-        Ok(types) => {
+        Ok(samples) => {
+            let types = samples.types;
             let all = [types.rc, types.sm, types.cm].into_iter().flatten();
             for repetition in all.flat_map(|measured| measured.repetitions) {
                 assert!(

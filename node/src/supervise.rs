@@ -394,6 +394,10 @@ fn is_json(line: &str) -> bool {
 fn in_one_line(error: &serde_json::Error) -> String {
     let (text, place) = (error.to_string(), format!(" at line {} column {}", error.line(), error.column()));
     match text.strip_suffix(&place) {
+        // serde_json's words where neither a name nor an object with one name comes.
+        Some("expected value") => {
+            r#"expected an instruction, such as "report" or {"node":"abort"}"#.to_owned()
+        }
         Some(reason) => format!("{reason} (before column {})", error.column()),
         None => text,
     }

@@ -145,7 +145,7 @@ impl fmt::Display for RobotMessage {
 
 /// What only a robot is told.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum RobotInstruction {
     /// Something happens to a drive. A robot without it does nothing.
     Disturb {

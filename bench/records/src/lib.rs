@@ -71,6 +71,7 @@ pub mod replacement;
 pub mod results;
 pub mod run_directory;
 mod sample_rows;
+pub mod sample_unit;
 pub mod schedule;
 pub mod statistics;
 pub mod trace;

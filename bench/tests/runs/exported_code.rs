@@ -146,6 +146,16 @@ fn edited_code_that_stops_in_a_run_fails_that_repetition_alone_and_the_robot_is_
 }
 
 #[test]
+fn edited_code_that_stops_between_two_repetitions_fails_the_next_one_with_file_line_and_scan() {
+    let directory = tempfile::tempdir().unwrap();
+    let to = "was_start := start; IF done AND NOT start THEN remaining := remaining - UINT#1; END_IF;";
+    let Finished { code, stderr, .. } = run_edited(directory.path(), "rc,cm", "was_start := start;", to);
+    assert_eq!(code, Some(4), "{stderr}");
+    assert!(stderr.contains("repetition cm 1 of 1 failed: cm failed"), "{stderr}");
+    assert!(stderr.contains("skillbench.st:") && stderr.contains(": scan "), "{stderr}");
+}
+
+#[test]
 fn code_that_sends_another_motion_is_found_by_the_comparison_with_the_plan() {
     let directory = tempfile::tempdir().unwrap();
     let from = "latched[index] := motions[first + index];\n    END_FOR;";

@@ -45,3 +45,21 @@ fn samples_with_a_gap_are_refused_and_nothing_is_written() {
     );
     assert!(!place.path().join("run").exists());
 }
+
+#[test]
+fn times_in_another_unit_than_their_column_says_are_refused_with_the_column_that_fits() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("ms.csv"), "type,repetition,sample_us\nrc,1,3725\nrc,2,3726\n").unwrap();
+    let import = ["import-samples", "ms.csv", "--setup", "A", "--out", "run"];
+    let finished = bench(place.path(), import);
+    assert_eq!(finished.code, Some(2));
+    let reason = "error: ms.csv: RC sample 1 is 3.725 ms by the column sample_us, and 3720 ms in a virtual run of this setup: if its column has another unit, name it sample_ms; --any-times takes the times as they are\n";
+    assert_eq!(finished.stderr, reason);
+    assert!(!place.path().join("run").exists());
+    let taken = bench(place.path(), [&import[..], &["--any-times"]].concat());
+    assert_eq!(taken.code, Some(0), "{}", taken.stderr);
+    fs::write(place.path().join("ms.csv"), "type,repetition,sample_ms\nrc,1,3725\nrc,2,3726.5\n").unwrap();
+    let finished = bench(place.path(), ["import-samples", "ms.csv", "--setup", "A", "--out", "other"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    assert!(finished.stdout.contains("3725.8"), "{}", finished.stdout);
+}

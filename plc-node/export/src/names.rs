@@ -12,6 +12,12 @@ const STANDARD: &str = "ABS ACOS ADD ADD_TIME ASIN ATAN ATAN2 CHAR CLASS CONCAT 
     REF_TO REPLACE RIGHT ROL ROR RS RTC R_TRIG SEL SEMA SHL SHR SIN SQRT SR STRING SUB TAN THIS TIME TOD TOF TON TP TRUNC ULINT USING \
     WSTRING XOR";
 
+/// Macros of the headers of C. Compilers that make C or C++ of the code write its names in capitals, and include such headers.
+const C_MACROS: &str = "BIG_ENDIAN BUFSIZ BYTE_ORDER CHAR_BIT CLOCKS_PER_SEC DOMAIN EAGAIN EBUSY EDOM EILSEQ EINTR EINVAL EIO ENOMEM EOF EPERM \
+    ERANGE ERRNO EXIT_FAILURE EXIT_SUCCESS FD_SET FD_ZERO HUGE HUGE_VAL INFINITY INT_MAX INT_MIN LITTLE_ENDIAN LONG_MAX LONG_MIN \
+    L_TMPNAM MAXFLOAT M_E M_PI NAN NDEBUG NSIG OFFSETOF OVERFLOW PATH_MAX PLOSS RAND_MAX SEEK_CUR SEEK_END SEEK_SET SING SIG_DFL SIG_ERR \
+    SIG_IGN STDERR STDIN STDOUT TLOSS TMP_MAX UINT_MAX UNDERFLOW VA_ARG VA_END VA_START";
+
 /// Splits a maker's code and checks its names.
 ///
 /// # Errors
@@ -36,6 +42,7 @@ fn check(parts: &Parts<'_>, maker: &'static str, words: &[&str]) -> Result<(), R
             .iter()
             .copied()
             .chain(STANDARD.split_ascii_whitespace())
+            .chain(C_MACROS.split_ascii_whitespace())
             .any(|word| word.eq_ignore_ascii_case(name))
     };
     let mut of_all = HashMap::new();

@@ -97,15 +97,17 @@ fn stop_words(stop: &StopData) -> [u32; STOP_WORDS] {
     }
 }
 
+/// Returns the elements of an array of UDINT. Each has its type: some compilers give a number from 2³¹ on another type than those
+/// beside it.
 fn list(values: &[u32]) -> String {
-    let mut text = String::with_capacity(values.len() * 12);
+    let mut text = String::with_capacity(values.len() * 19);
     for (index, value) in values.iter().enumerate() {
         let before = match index {
             0 => "",
             index if index.is_multiple_of(PER_LINE) => ",\n        ",
             _ => ", ",
         };
-        let _ = write!(text, "{before}{value}");
+        let _ = write!(text, "{before}UDINT#{value}");
     }
     text
 }

@@ -94,7 +94,7 @@ impl fmt::Display for PlcMessage {
 
 /// An instruction that only a PLC receives.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PlcInstruction {
     /// Run the sequence once.
     Start {
@@ -175,9 +175,28 @@ pub(super) fn message(event: &PlcEvent) -> Option<PlcMessage> {
 
 pub(super) fn refusal(refusal: PlcRefusal) -> PlcMessage {
     match refusal {
+        // The run under way has not failed: it continues.
+        PlcRefusal::Start { error: error @ StartError::Running(_), .. } => {
+            PlcMessage::Refused { reason: error.to_string() }
+        }
         PlcRefusal::Start { execution_type, error, .. } => {
             PlcMessage::Failed { execution_type, reason: error.to_string() }
         }
         PlcRefusal::Override(error) => PlcMessage::Refused { reason: error.to_string() },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_start_during_a_run_is_refused_and_any_other_start_that_is_not_possible_has_failed() {
+        let start = |error| PlcRefusal::Start { execution_type: ExecutionType::Cm, error, station: None };
+        let during = refusal(start(StartError::Running(ExecutionType::Sm)));
+        let reason = "a run of sm is under way; wait for its end or abort it".to_owned();
+        assert_eq!(during, PlcMessage::Refused { reason });
+        let unconnected = refusal(start(StartError::NotConnected));
+        assert!(matches!(unconnected, PlcMessage::Failed { execution_type: ExecutionType::Cm, .. }));
     }
 }

@@ -290,7 +290,7 @@ impl Nodes {
     ) -> anyhow::Result<Measured> {
         self.until_at_start()?;
         let start = self.cell.now() + step.pause;
-        while self.next_event(start).is_some() {}
+        self.pause(start, step.execution_type)?;
         self.cell.command_plc(|plc, _| plc.schedule_overrides(step.overrides));
         let before = self.counts();
         self.start_run(step.execution_type)?;

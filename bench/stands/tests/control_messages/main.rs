@@ -243,6 +243,26 @@ fn every_instruction_is_in_the_schema_of_the_control_port_and_what_it_allows_is_
     }
 }
 
+#[test]
+fn an_instruction_with_a_key_that_the_schema_does_not_have_is_not_read() {
+    for line in [
+        r#"{"node":{"start":{"execution_type":"rc","overide":"50"}}}"#,
+        r#"{"node":{"set_override":{"percent":50,"seconds":2}}}"#,
+        r#"{"node":"abort","report":null}"#,
+    ] {
+        assert!(branches_of("plc_instruction", line).is_empty(), "{line}");
+        assert!(serde_json::from_str::<Instruction<PlcInstruction>>(line).is_err(), "{line}");
+    }
+    let line = r#"{"node":{"disturb":{"axis":1,"disturbance":"stop","seconds":2}}}"#;
+    assert!(branches_of("robot_instruction", line).is_empty());
+    assert!(serde_json::from_str::<Instruction<RobotInstruction>>(line).is_err());
+}
+
+fn branches_of(definition: &str, line: &str) -> Vec<usize> {
+    let root: Value = serde_json::from_str(SCHEMA).expect("the schema is JSON");
+    Schema::new(&root).branches(definition, &serde_json::from_str(line).expect("JSON"))
+}
+
 fn check_one(definition: &str, line: &str) {
     let root: Value = serde_json::from_str(SCHEMA).expect("the schema is JSON");
     let value = serde_json::from_str(line).expect("JSON");

@@ -157,8 +157,8 @@ fn a_name_that_is_a_word_of_the_maker_is_refused() {
         ("B&R", ["volatile", "Signed", "TASKNAME"]),
     ];
     for (maker, words) in own {
-        // Of a variable, and standard functions, which every compiler has.
-        for word in words.into_iter().chain(["limit", "Ton", "LREAL"]) {
+        // Of a variable, and standard functions, which every compiler has, and macros of C, which some have.
+        for word in words.into_iter().chain(["limit", "Ton", "LREAL", "Big_Endian", "overflow"]) {
             assert_eq!(refused(maker, "begins_way", word), Some(Refused::Word { name: word.into(), maker }));
         }
     }

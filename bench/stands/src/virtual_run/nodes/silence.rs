@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use ::node::role::NodeRole;
 use anyhow::bail;
-use plc_node::PlcEvent;
+use machine::Instant;
+use plc_node::{ExecutionType, Failure, PlcEvent};
 
 use super::Nodes;
 use records::not_ready::NotReady;
@@ -38,7 +39,19 @@ impl Nodes {
                 {
                     return Err(NotReady::Waiting { seconds, for_what: for_what.to_string() }.into());
                 }
+                PlcEvent::Failed(failure) => return Err(failure.into()),
                 _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Lets the time until the start of a run of this type pass. A failure meanwhile is that of exported code which stopped: no further
+    /// run can start.
+    pub(super) fn pause(&mut self, until: Instant, execution_type: ExecutionType) -> anyhow::Result<()> {
+        while let Some(event) = self.next_event(until) {
+            if let PlcEvent::Failed(failure) = event {
+                return Err(Failure { execution_type, ..failure }.into());
             }
         }
         Ok(())
