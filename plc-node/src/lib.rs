@@ -58,6 +58,8 @@ mod set_adapter;
 mod set_station;
 mod speed_override;
 mod station;
+#[cfg(all(feature = "real", target_os = "linux"))]
+mod station_error;
 mod waiting;
 mod zones;
 

@@ -12,7 +12,7 @@ use protocol_linux::Interface;
 use crate::dialogue::{DeviceReply, Dialogue};
 use crate::discover::find_adapters;
 use crate::printable::printable;
-use crate::set_station::StationError;
+use crate::station_error::StationError;
 
 /// Time for the answers of devices to a question to all of them.
 const SEARCH: Duration = Duration::from_millis(1_000);
