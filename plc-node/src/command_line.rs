@@ -16,7 +16,8 @@ use crate::plan_command::PlanCommand;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::process::Run;
 #[cfg(all(feature = "real", target_os = "linux"))]
-use crate::set_station::{FlashCommand, SetIpCommand, SetNameCommand, is_usage as is_usage_of_station};
+use crate::set_station::{FlashCommand, SetIpCommand, SetNameCommand};
+use crate::station_error::is_usage as is_usage_of_station;
 
 /// The PLC of a setup on a real bus: connects to the robot and runs the application.
 #[derive(Parser, Debug)]

@@ -28,6 +28,8 @@ pub mod command_line;
 mod config;
 mod describe;
 #[cfg(all(feature = "real", target_os = "linux"))]
+pub mod dialogue;
+#[cfg(all(feature = "real", target_os = "linux"))]
 pub mod discover;
 mod event;
 mod export;
@@ -51,9 +53,13 @@ mod scan;
 mod sequence;
 mod sequences;
 #[cfg(all(feature = "real", target_os = "linux"))]
+mod set_adapter;
+#[cfg(all(feature = "real", target_os = "linux"))]
 mod set_station;
 mod speed_override;
 mod station;
+#[cfg(all(feature = "real", target_os = "linux"))]
+mod station_error;
 mod waiting;
 mod zones;
 

@@ -1,4 +1,5 @@
-//! `plc-node set-name`, `set-ip` and `flash`: name, address and lamp of a PROFINET station, for commissioning.
+//! `plc-node set-name`, `set-ip` and `flash`: name, address and lamp of a PROFINET station, for commissioning; the address also of an
+//! EtherNet/IP adapter.
 
 use std::io::{BufRead as _, IsTerminal as _};
 use std::net::Ipv4Addr;
@@ -15,6 +16,8 @@ use protocol_linux::{Interface, clock};
 
 use crate::discover::{find_stations, set_station};
 use crate::printable::printable;
+use crate::set_adapter::{AdapterChange, set_address};
+use crate::station_error::StationError;
 
 /// Time for the answers of stations to a question to all of them.
 const SEARCH: Duration = Duration::from_millis(1_000);
@@ -56,7 +59,16 @@ pub(crate) struct SetNameCommand {
     change: ChangeOptions,
 }
 
-/// A new IP address for a PROFINET station.
+/// Bus of a device that gets an address.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
+enum AddressedBus {
+    /// DCP Set.
+    Profinet,
+    /// Set_Attribute_Single of the TCP/IP Interface object.
+    EthernetIp,
+}
+
+/// A new IP address for a PROFINET station or an EtherNet/IP adapter.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct SetIpCommand {
@@ -70,6 +82,12 @@ pub(crate) struct SetIpCommand {
     /// Gateway, 0.0.0.0 for none; without it, the one that the station has, if the new address can reach it.
     #[arg(long, value_name = "ADDRESS")]
     gateway: Option<Ipv4Addr>,
+    /// The bus of the device. On EtherNet/IP --at is the IP address of an adapter.
+    #[arg(long, value_enum, default_value_t = AddressedBus::Profinet)]
+    bus: AddressedBus,
+    /// Reset an EtherNet/IP adapter that takes a new address only then.
+    #[arg(long)]
+    reset: bool,
     #[command(flatten)]
     change: ChangeOptions,
 }
@@ -86,42 +104,12 @@ const EXAMPLES: &str = "\
 Examples:
   plc-node set-name --interface eth1 --at 28:63:36:00:00:07 valve-7
   plc-node set-ip --interface eth1 --at valve-7 192.168.0.7 --mask 255.255.255.0
+  plc-node set-ip --bus ethernet-ip --interface eth1 --at 192.168.0.2 192.168.0.7
   plc-node flash --interface eth1 --at valve-7
 
-For PROFINET only. EtherNet/IP has neither names nor lamps for this, and addresses are set by DHCP or the maker's tool; devices on
-EtherCAT have a position on the cable in their place. Needs raw sockets (root, or the capability CAP_NET_RAW).
+For PROFINET; set-ip also for EtherNet/IP, which has neither names nor lamps for this. Devices on EtherCAT have a position on the cable in
+their place. PROFINET needs raw sockets (root, or the capability CAP_NET_RAW).
 Exit codes: 2 if no station or several are meant, or nobody said yes; 4 if the station refuses; 5 if it does not answer.";
-
-/// Reason why no station is changed.
-#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
-pub(crate) enum StationError {
-    /// No station is meant.
-    #[error("no station is `{0}`; stations that answer: {1}")]
-    None(String, String),
-    /// Several stations are meant.
-    #[error("{0} stations are `{1}`: {2}; give the MAC address of one with --at")]
-    Several(usize, String, String),
-    /// The name is not one of a station.
-    #[error(
-        "`{0}` is not a station name: allowed are lower-case letters, digits and hyphens, in parts of up to 63 characters separated by \
-         dots, 240 in all"
-    )]
-    Name(String),
-    /// Another station has the name or the address.
-    #[error("station {1} already has {0}; rename it or choose another one")]
-    Taken(String, String),
-    /// The address is none of a station.
-    #[error("{0} is not an address of a station: choose one of the subnet")]
-    Address(Ipv4Addr),
-    /// Nobody agreed.
-    #[error("nothing was changed: nobody said yes; give --yes to change without a question")]
-    NotAgreed,
-}
-
-/// Returns true for an error that the user corrects on the command line.
-pub(crate) fn is_usage(error: &anyhow::Error) -> bool {
-    error.is::<StationError>()
-}
 
 impl SetNameCommand {
     /// Gives a station its name, and says what it has then.
@@ -154,6 +142,12 @@ impl SetIpCommand {
         {
             return Err(StationError::Address(address).into());
         }
+        if self.bus == AddressedBus::EthernetIp {
+            return self.set_adapter();
+        }
+        if self.reset {
+            return Err(StationError::OtherBus("--reset is for --bus ethernet-ip; leave it out").into());
+        }
         let (interface, found) = self.station.search()?;
         let station = station_among(&found, &self.station.at)?;
         let is_its = |other: &&FoundStation| {
@@ -174,6 +168,21 @@ impl SetIpCommand {
 }
 
 impl SetIpCommand {
+    /// Gives an adapter its address, and says what it has then.
+    fn set_adapter(&self) -> anyhow::Result<Outcome> {
+        if self.change.temporary {
+            return Err(StationError::OtherBus("--temporary is for --bus profinet; leave it out").into());
+        }
+        let interface = Interface::find(&self.station.interface)?;
+        if interface.address() == Some(self.address) {
+            let own = format!("this computer ({})", interface.name());
+            return Err(StationError::Taken(format!("the address {}", self.address), own).into());
+        }
+        let mask = self.mask.or_else(|| interface.mask()).unwrap_or(Ipv4Addr::new(255, 255, 255, 0));
+        let change = AdapterChange { address: self.address, mask, gateway: self.gateway, resets: self.reset };
+        set_address(&interface, &self.station.at, change, |question| self.change.ask(question))
+    }
+
     /// Returns the address, mask and gateway that the station gets. One without a gateway has its own address there (IEC 61158-6-10,
     /// IPParameter).
     fn suite(&self, station: &FoundStation, mask: Ipv4Addr) -> IpSuite {

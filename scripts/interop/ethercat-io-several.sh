@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # `plc-node io` drives two SubDevices of one EtherCAT cable, each by its position, beside a third one that it leaves as it is. They are
-# emulated in one process: a coupler with modules, a terminal with digital outputs and one with analog values.
+# emulated in one process: a coupler with modules, which nobody names: it detects them, a terminal with digital outputs and one with analog values.
 # shellcheck source=scripts/interop/cell.sh
 . scripts/interop/cell.sh
 
@@ -22,7 +22,7 @@ start devices at_robot "$NODES/robot-node" emulate --interface robot \
 says devices '3 EtherCAT devices wait for a controller'
 at_plc "$NODES/plc-node" discover --interface plc >"$OUT/discover.log"
 start io at_plc "$NODES/plc-node" io --interface plc --run --for 3s \
-    --device "$files/made-up-coupler.xml" --at 1 --name coupler --module 3=MU-2A \
+    --device "$files/made-up-coupler.xml" --at 1 --name coupler \
     --device "$files/made-up-terminal.xml" --at 3 --name analog --device-name MU1002 \
     --set coupler/Analog/Output=258 --set analog/Outputs/Output=-2 \
     --read coupler/0xF030:03 --read coupler/Filter
@@ -30,6 +30,7 @@ ends io 30
 for name in MU3000 MU2004 MU1002; do
     grep -q "$name" "$OUT/discover.log" || fail "$name is not listed: $(cat "$OUT/discover.log")"
 done
+says io 'MU3000: modules detected: .*slot 3 MU-2A \(0x00000031\)'
 for name in coupler analog; do says io "$name: up: data are exchanged"; done
 says io 'input coupler/Analog/Input = 258$'
 says io 'input analog/Inputs/Value = -2$'

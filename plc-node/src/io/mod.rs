@@ -7,6 +7,7 @@
 )]
 
 mod answers;
+mod detected;
 mod device_arguments;
 mod live_screen;
 mod live_view;

@@ -5,7 +5,8 @@ use std::net::Ipv4Addr;
 use std::ops::ControlFlow;
 
 use device_files::{
-    ChosenDevice, DeviceChoice, DeviceFile, FoundModule, Gsdml, choose, choose_found, choose_head,
+    ChosenDevice, DeviceChoice, DeviceFile, FoundModule, Gsdml, choose, choose_detected, choose_found,
+    choose_head, sub_device_head,
 };
 use driven_device::{
     BusConfig, DriveConfig, DriveEvent, DrivenBus, FileDevice, MODULES_RECORD, OutputScript, ParameterAnswer,
@@ -14,11 +15,13 @@ use driven_device::{
 use ethercat_maindevice::FoundSubDevice;
 use ethernet_ip::FoundDevice;
 use machine::{Duration, Instant};
+use node::errln;
 use profinet::FoundStation;
 use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock};
 
 use super::Choice;
 use super::answers::{adapter_among, alone_at_its_address, position_among, station_among};
+use super::detected::{detect_modules, list_modules};
 use super::target_error::TargetError;
 use crate::discover::{find_adapters, find_stations, find_sub_devices};
 use crate::printable::printable;
@@ -99,9 +102,9 @@ impl DeviceTarget {
                 let position = at.parse().ok().filter(|position| *position > 0).ok_or_else(wrong)?;
                 Ok(Self { position: Some(position), ..Self::default() })
             }
-            (DeviceFile::Esi(_), None) => {
-                let ChosenDevice::Esi(chosen) = choose(file, choice)? else { return Ok(Self::default()) };
-                let position = position_among(search.sub_devices()?, chosen.vendor_id, chosen.product_code)?;
+            (DeviceFile::Esi(esi), None) => {
+                let head = sub_device_head(esi, choice)?;
+                let position = position_among(search.sub_devices()?, head.vendor_id, head.product_code)?;
                 Ok(Self { position, ..Self::default() })
             }
         }
@@ -136,7 +139,7 @@ impl DeviceTarget {
     }
 }
 
-/// Makes the device of the choice; on PROFINET without chosen modules, of those that it reports.
+/// Makes the device of the choice; without chosen modules, on PROFINET and EtherCAT, of those that it reports.
 pub(super) fn choose_device(
     file: &DeviceFile,
     choice: &DeviceChoice,
@@ -150,6 +153,25 @@ pub(super) fn choose_device(
             let found = read_modules(file, head, interface, (bus, config))?;
             let (device, unknown) = choose_found(gsdml, choice, &found)?;
             Ok((ChosenDevice::Gsdml(device), unknown))
+        }
+        DeviceFile::Esi(esi) if choice.modules.is_empty() => {
+            let head = sub_device_head(esi, choice)?;
+            if !head.lists_modules {
+                return Ok((choose(file, choice)?, Vec::new()));
+            }
+            match detect_modules(head, interface, bus.mac, config.position, MODULES_WITHIN)? {
+                Ok(detected) => {
+                    let (device, unknown) = choose_detected(esi, choice, &detected)?;
+                    let name = printable(device.kind.as_bytes());
+                    errln!("{name}: modules detected: {}", list_modules(&device));
+                    Ok((ChosenDevice::Esi(device), unknown))
+                }
+                Err(reason) => {
+                    let device = choose(file, choice)?;
+                    errln!("it does not list its modules: {reason}; those that the file requires are taken");
+                    Ok((device, Vec::new()))
+                }
+            }
         }
         _ => Ok((choose(file, choice)?, Vec::new())),
     }

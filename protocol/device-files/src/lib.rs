@@ -28,7 +28,8 @@ use serde::Serialize;
 pub use crate::choice::{
     ChoiceError, ChoiceFileError, ChoiceOption, ChosenAdapter, ChosenAssembly, ChosenDevice, ChosenEsiModule,
     ChosenIoDevice, ChosenModule, ChosenPdo, ChosenSubDevice, ChosenSubmodule, DeviceChoice, FoundModule,
-    HeartbeatUse, ModulePlace, PlaceError, choose, choose_found, choose_head,
+    HeartbeatUse, ModulePlace, PlaceError, SubDeviceHead, choose, choose_detected, choose_found, choose_head,
+    sub_device_head,
 };
 pub use crate::eds::{
     CapacityLimit, ConnectionEnd, ConnectionUse, Eds, EdsAssembly, EdsConnection, EdsMember, EdsParameter,

@@ -1,5 +1,6 @@
 //! From the SubDevice of an ESI to the description that the stack takes.
 
+mod startup;
 mod sync_managers;
 
 use device_files::{ChosenPdo, ChosenSubDevice, DcMode, DictionaryEntry, DictionaryObject};
@@ -202,9 +203,8 @@ fn mailbox(chosen: &ChosenSubDevice) -> Result<Option<Mailbox>, EmulationError> 
 
 /// Returns the objects of the file that the stack does not make itself.
 fn objects(chosen: &ChosenSubDevice) -> &'static [Object] {
-    let dictionary = chosen.dictionary.iter().flat_map(|dictionary| &dictionary.objects);
     let mut objects: Vec<Object> = Vec::new();
-    for object in dictionary {
+    for object in &startup::with_commanded(chosen) {
         // The device's name is that of the file, where it has one; else it is the type.
         let is_named = object.index == 0x1008 && !object.default.is_empty();
         let is_own = OWN_OBJECTS.contains(&object.index) && !is_named

@@ -5,11 +5,12 @@ use ethercrab::subdevice_group::{PreOp, PreOpPdi};
 use ethercrab::{DefaultLock, MainDevice, RegisterAddress, SubDevice, SubDeviceGroup, SubDeviceState};
 use machine::{Duration, Instant};
 
-use crate::al::{self, REQUEST_OP, REQUEST_SAFE_OP, Status};
+use crate::al::{self, REQUEST_INIT, REQUEST_OP, REQUEST_SAFE_OP, Status};
 use crate::coe::SdoObject;
-use crate::commissioning::StartupWrite;
+use crate::commissioning::{ModuleList, StartupWrite};
 use crate::config::{Config, MAX_DEVICES, MAX_PROCESS_DATA};
 use crate::held::HeldStage;
+use crate::module_list;
 use crate::problem::{FoundDevice, Problem};
 use crate::process::{PROCESS, Process};
 use crate::recovery::TO_OP;
@@ -54,6 +55,9 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<(
         let _ = device.register_write(RegisterAddress::WatchdogDivider, WATCHDOG_DIVIDER).await;
         let _ = device.register_write(RegisterAddress::SyncManagerWatchdog, watchdog).await;
     }
+    if PROCESS.with_borrow_mut(|process| matches!(process.commissioning().modules, ModuleList::Wanted)) {
+        read_modules(main, &group).await?;
+    }
     write_startup(main, &group).await?;
     let in_words = |error| Problem::of_start(error, config.devices.len());
     let group = group.into_pre_op_pdi(main).await.map_err(in_words)?;
@@ -73,6 +77,20 @@ pub(crate) async fn bring_up(main: &MainDevice<'_>, config: &Config) -> Result<(
         al::request(main, index, REQUEST_OP).await.map_err(in_words)?;
     }
     Ok((group, HeldStage::Op))
+}
+
+/// Reads the modules of the first device for an owner who wants only these, takes it to INIT, and waits for the owner to end.
+async fn read_modules(main: &MainDevice<'_>, group: &GroupIn<PreOp>) -> Result<(), Problem> {
+    let device = group.subdevice(main, 0).map_err(|error| Problem::of_start(error, 1))?;
+    let found = match module_list::read(main, device.configured_address()).await {
+        // A lost frame is not an answer of the device.
+        Err(SdoFault::Cable(error)) => return Err(Problem::of_start(error, 1)),
+        found => found.map_err(|fault| fault.to_string()),
+    };
+    PROCESS.with_borrow_mut(|process| process.commissioning().modules = ModuleList::Read(found));
+    // Whether it arrives does not matter: the next MainDevice takes the device to INIT, too.
+    let _ = al::request(main, 0, REQUEST_INIT).await;
+    std::future::pending().await
 }
 
 /// Writes what the owner wants in PRE-OP to the first device.

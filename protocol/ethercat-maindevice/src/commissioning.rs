@@ -71,12 +71,34 @@ impl fmt::Display for SdoRefusal {
 
 impl std::error::Error for SdoRefusal {}
 
+/// Module that a device detects.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct DetectedModule {
+    /// Slot, from 1.
+    pub slot: u8,
+    /// ModuleIdent.
+    pub ident: u32,
+}
+
+/// List of the modules that a device detects.
+#[derive(Default, Debug)]
+pub(crate) enum ModuleList {
+    /// Nobody wants it.
+    #[default]
+    None,
+    /// It is to be read in PRE-OP, where the device then stays.
+    Wanted,
+    /// Modules, or why they cannot be read.
+    Read(Result<Vec<DetectedModule>, String>),
+}
+
 /// Wishes of the owner, and what came of them.
 #[derive(Default, Debug)]
 pub(crate) struct Commissioning {
     pub(crate) startup: Vec<StartupWrite>,
     pub(crate) holds_safe_op: bool,
     pub(crate) mailbox: Option<(u16, u16)>,
+    pub(crate) modules: ModuleList,
     sdo: SdoAccess,
     pub(crate) emergencies: VecDeque<[u8; 8]>,
 }

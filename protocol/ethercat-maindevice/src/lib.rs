@@ -15,6 +15,7 @@ mod incoming_mailbox;
 mod lend;
 mod mailbox;
 mod main_device;
+mod module_list;
 mod operation;
 mod problem;
 mod process;
@@ -28,7 +29,7 @@ mod slot;
 mod survey;
 pub mod time;
 
-pub use commissioning::{LONGEST_OBJECT, SdoAnswer, SdoRefusal, SdoRequest, StartupWrite};
+pub use commissioning::{DetectedModule, LONGEST_OBJECT, SdoAnswer, SdoRefusal, SdoRequest, StartupWrite};
 pub use config::{Config, ExpectedDevice, MAX_PROCESS_DATA};
 pub use ethercrab;
 pub use group::GroupMainDevice;

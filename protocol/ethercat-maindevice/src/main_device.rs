@@ -18,7 +18,7 @@ use machine::{
 
 use crate::ETHER_TYPE;
 use crate::cable::{Cable, Reply};
-use crate::commissioning::{SdoAnswer, SdoRefusal, SdoRequest, StartupWrite};
+use crate::commissioning::{DetectedModule, ModuleList, SdoAnswer, SdoRefusal, SdoRequest, StartupWrite};
 use crate::config::Config;
 use crate::foreign::{self, Foreign};
 use crate::group::GroupMainDevice;
@@ -203,6 +203,24 @@ impl MainDevice {
     /// Sets what is written to a device's objects in PRE-OP, before its process data are configured. Call it at the start.
     pub fn set_startup(&mut self, id: SubDeviceId, writes: Vec<StartupWrite>) {
         self.serve(id.0, |main| main.commissioning_mut().startup = writes);
+    }
+
+    /// Reads which modules a device detects (object 0xF050) once it is in PRE-OP, in place of exchanging process data: for an owner who
+    /// does not know their size yet. The device returns to INIT. Call it at the start.
+    pub fn read_modules(&mut self, id: SubDeviceId) {
+        self.serve(id.0, |main| main.commissioning_mut().modules = ModuleList::Wanted);
+    }
+
+    /// Returns the modules of a device that were read, once, or why it does not list them.
+    pub fn take_modules(&mut self, id: SubDeviceId) -> Option<Result<Vec<DetectedModule>, String>> {
+        let modules = &mut self.devices.get_mut(usize::from(id.0))?.main.commissioning_mut().modules;
+        match std::mem::take(modules) {
+            ModuleList::Read(found) => Some(found),
+            other => {
+                *modules = other;
+                None
+            }
+        }
     }
 
     /// Holds a device in SAFE-OP, where it sends inputs and ignores outputs, or lets it go to OP. A device that is held counts

@@ -11,6 +11,9 @@ pub(crate) const RAM_START: u16 = 0x1000;
 /// Bytes of process data RAM: as much as the ET1100 has and twice 256 bytes in three buffers need.
 pub(crate) const RAM_LEN: u16 = 0x2000;
 
+/// Bytes of the longest process data RAM: that of an FPGA with the whole address space (ESC datasheet section II, 0x0006).
+pub(crate) const LONGEST_RAM: u16 = 0xF000;
+
 /// Sync managers of the chip.
 const UNITS: usize = 8;
 
@@ -132,6 +135,14 @@ impl Layout {
                 (index, start..at)
             },
         )
+    }
+
+    /// Returns the bytes of process data RAM that the sync managers need, in whole KiB. Process data may have three buffers.
+    pub(crate) fn ram(&self) -> u16 {
+        let end = |layout: SyncManagerLayout| u32::from(layout.start) + 3 * u32::from(layout.len);
+        let end = self.iter().map(end).max().unwrap_or(0);
+        let ram = end.saturating_sub(RAM_START.into()).next_multiple_of(0x400);
+        u16::try_from(ram).unwrap_or(LONGEST_RAM)
     }
 
     /// Returns the bytes of a direction.

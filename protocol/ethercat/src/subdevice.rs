@@ -58,11 +58,12 @@ impl SubDevice {
         };
         let len = |usage| layout.len(usage);
         let clock = description.has_clocks().then_some(config.clock);
+        let ram = layout.ram();
         let mut device = Self {
             description,
             checks_modules: config.checks_modules,
             layout,
-            esc: Esc::new(image, config.eeprom_delay, clock),
+            esc: Esc::new(image, config.eeprom_delay, clock, ram),
             al: StateMachine::new(),
             inputs: vec![0; len(Usage::Inputs)].into_boxed_slice(),
             outputs: vec![0; len(Usage::Outputs)].into_boxed_slice(),

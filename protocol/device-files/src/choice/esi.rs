@@ -9,12 +9,15 @@ use crate::esi::{
     DcMode, EepromContent, Esi, EsiDevice, EsiMailbox, EsiPdo, EsiSyncManager, ObjectDictionary,
 };
 use crate::fault::excerpt;
+use crate::xml::number;
 
 /// EtherCAT SubDevice with its process data.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ChosenSubDevice {
     /// Type, such as the order number.
     pub kind: String,
+    /// Type, or the product code where several devices of the file have one type and revision.
+    pub id: String,
     /// Name.
     pub name: String,
     /// Group in which it is shown.
@@ -77,7 +80,7 @@ impl ChosenSubDevice {
             (place, format!("0x{:08X}", module.ident))
         });
         DeviceChoice {
-            device_name: Some(self.kind.clone()),
+            device_name: Some(self.id.clone()),
             revision: Some(self.revision),
             pdos: Some(pdos.collect()),
             modules: modules.collect(),
@@ -122,6 +125,7 @@ pub(super) fn choose(esi: &Esi, choice: &DeviceChoice) -> Result<ChosenSubDevice
     let inputs = assigned(device, &offered, &offered.tx, "Inputs", pdos)?;
     let chosen = ChosenSubDevice {
         kind: device.kind.clone(),
+        id: id_of(esi, device),
         name: device.name.clone(),
         group: device.group.clone(),
         vendor_id: esi.vendor_id,
@@ -140,6 +144,47 @@ pub(super) fn choose(esi: &Esi, choice: &DeviceChoice) -> Result<ChosenSubDevice
     };
     check(&chosen).map_err(|fault| ChoiceError::new(PDO, fault).with(offered.list()))?;
     Ok(chosen)
+}
+
+/// SubDevice of a file before its modules are chosen.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct SubDeviceHead {
+    /// Vendor ID.
+    pub vendor_id: u32,
+    /// Product code.
+    pub product_code: u32,
+    /// True if it has slots for modules, and a mailbox by which it lists those that it detects.
+    pub lists_modules: bool,
+}
+
+/// Returns the device of a choice, whatever its modules are.
+///
+/// # Errors
+///
+/// The choice leaves no device or several.
+pub fn sub_device_head(esi: &Esi, choice: &DeviceChoice) -> Result<SubDeviceHead, ChoiceError> {
+    let device = find(esi, choice)?;
+    let has_objects = device.mailbox.as_ref().is_some_and(|mailbox| mailbox.coe.is_some());
+    Ok(SubDeviceHead {
+        vendor_id: esi.vendor_id,
+        product_code: device.product_code,
+        lists_modules: has_objects && esi_modules::slot_count(device) > 0,
+    })
+}
+
+/// Makes the SubDevice of the modules that it detects, by slot and ModuleIdent, and says which of them the file does not have; these
+/// are left out.
+///
+/// # Errors
+///
+/// The modules do not fit together by the file.
+pub fn choose_detected(
+    esi: &Esi,
+    choice: &DeviceChoice,
+    detected: &[(u8, u32)],
+) -> Result<(ChosenSubDevice, Vec<String>), ChoiceError> {
+    let (choice, unknown) = esi_modules::with_detected(esi, find(esi, choice)?, choice, detected);
+    Ok((choose(esi, &choice)?, unknown))
 }
 
 /// PDOs that may be assigned: those of the device, and those of its modules in their slots.
@@ -162,18 +207,31 @@ impl OfferedPdos {
     }
 }
 
-/// Finds the device by type or name and by revision, where these leave only one.
+/// Returns what names a device: its type, or its product code where another device has this type and revision, too.
+fn id_of(esi: &Esi, device: &EsiDevice) -> String {
+    let is_twin = |it: &&EsiDevice| it.kind == device.kind && it.revision == device.revision;
+    match esi.devices.iter().filter(is_twin).count() {
+        0 | 1 => device.kind.clone(),
+        _ => format!("0x{:08X}", device.product_code),
+    }
+}
+
+/// Finds the device by type, name or product code and by revision, where these leave only one.
 fn find<'e>(esi: &'e Esi, choice: &DeviceChoice) -> Result<&'e EsiDevice, ChoiceError> {
     let is_named = |device: &&EsiDevice| {
-        choice.device_name.as_ref().is_none_or(|name| [&device.kind, &device.name].contains(&name))
+        choice.device_name.as_ref().is_none_or(|name| {
+            let code = name.strip_prefix("0x").and_then(|_| number::<u32>(name));
+            [&device.kind, &device.name].contains(&name) || code == Some(device.product_code)
+        })
     };
     let named: Vec<_> = esi.devices.iter().filter(is_named).collect();
     let is_wanted = |device: &&&EsiDevice| choice.revision.is_none_or(|revision| device.revision == revision);
     let wanted: Vec<_> = named.iter().filter(is_wanted).copied().collect();
     let list = |devices: &[&EsiDevice]| -> Vec<_> {
         let value = |device: &&EsiDevice| {
-            let quote = if device.kind.contains(' ') { "'" } else { "" };
-            let value = format!("{quote}{}{quote} --revision 0x{:08X}", device.kind, device.revision);
+            let id = id_of(esi, device);
+            let quote = if id.contains(' ') { "'" } else { "" };
+            let value = format!("{quote}{id}{quote} --revision 0x{:08X}", device.revision);
             (value, device.name.clone())
         };
         devices.iter().map(value).collect()

@@ -93,6 +93,40 @@ impl NumberedSlot<'_> {
     }
 }
 
+/// Returns the choice with the modules that a device detects, by slot and ModuleIdent, and says which of them the file does not have
+/// there; these are left out.
+pub(super) fn with_detected(
+    esi: &Esi,
+    device: &EsiDevice,
+    choice: &DeviceChoice,
+    detected: &[(u8, u32)],
+) -> (DeviceChoice, Vec<String>) {
+    let mut choice = choice.clone();
+    let mut unknown = Vec::new();
+    for slot in slots(device) {
+        let place = ModulePlace { slot: slot.number.into(), subslot: None };
+        let ident = detected.iter().find(|(number, _)| *number == slot.number).map(|(_, ident)| *ident);
+        let is_known = |ident: &u32| esi.modules.iter().any(|it| it.ident == *ident && slot.fits(it));
+        match ident {
+            None => choice.modules.insert(place, DeviceChoice::EMPTY.to_owned()),
+            Some(ident) if is_known(&ident) => choice.modules.insert(place, format!("0x{ident:08X}")),
+            Some(ident) => {
+                unknown.push(foreign_module(slot.number, ident));
+                choice.modules.insert(place, DeviceChoice::EMPTY.to_owned())
+            }
+        };
+    }
+    let last = slot_count(device);
+    unknown.extend(detected.iter().filter(|(slot, _)| *slot > last).map(|it| foreign_module(it.0, it.1)));
+    (choice, unknown)
+}
+
+fn foreign_module(slot: u8, ident: u32) -> String {
+    format!(
+        "slot {slot}: the device has module 0x{ident:08X}, which the file does not have there; it is left out"
+    )
+}
+
 /// Chooses the modules of a device.
 pub(super) fn choose<'e>(
     esi: &'e Esi,

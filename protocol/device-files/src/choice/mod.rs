@@ -27,7 +27,7 @@ mod path;
 pub use self::config::{ChoiceFileError, DeviceChoice, ModulePlace, PlaceError};
 pub use self::eds::{ChosenAdapter, ChosenAssembly, HeartbeatUse};
 pub use self::error::{ChoiceError, ChoiceOption};
-pub use self::esi::{ChosenPdo, ChosenSubDevice};
+pub use self::esi::{ChosenPdo, ChosenSubDevice, SubDeviceHead, choose_detected, sub_device_head};
 pub use self::esi_modules::ChosenEsiModule;
 pub use self::found::{FoundModule, choose_found, choose_head};
 pub use self::gsdml::{ChosenIoDevice, ChosenModule, ChosenSubmodule};

@@ -1,6 +1,11 @@
 //! Modules of an ESI in their slots: chosen, emulated, written to the device, and compared with those that it reports.
 
-use crate::cell::{Chosen, DrivenPair, chosen, drive_config, driven, emulated};
+use device_files::{ChosenDevice, DeviceChoice, DeviceFile, choose_detected, read, sub_device_head};
+use ethercat_maindevice::{Config, ExpectedDevice, MainDevice, SubDeviceId};
+use machine::{Duration, Instant};
+use virtual_time::Pair;
+
+use crate::cell::{Chosen, DrivenPair, bus_config, chosen, drive_config, driven, emulated, pair_config};
 
 const COUPLER: &str = include_str!("../../../../scripts/interop/files/made-up-coupler.xml");
 
@@ -73,4 +78,56 @@ fn a_device_that_takes_a_list_of_modules_refuses_another_one_than_its_own() {
     cell.run_to(4_000);
     assert!(!cell.device().has_been_up() && cell.device().differs(), "{:?}", cell.texts());
     assert!(cell.texts().iter().any(|text| text.contains("0x0070")), "{:?}", cell.texts());
+}
+
+/// Reads which modules a device detects.
+fn detected(device: ChosenDevice) -> Result<Vec<(u8, u32)>, String> {
+    let ChosenDevice::Esi(chosen) = &device else { panic!("{device:?}") };
+    let expected = ExpectedDevice {
+        vendor: chosen.vendor_id,
+        product: chosen.product_code,
+        revision: None,
+        output_bytes: 0,
+        input_bytes: 0,
+    };
+    let time = Duration::from_millis(100);
+    let config = Config { mac: bus_config().mac, devices: vec![expected], cycle: time, watchdog: time };
+    let mut machine = MainDevice::new(config, Instant::ZERO).unwrap();
+    machine.read_modules(SubDeviceId(0));
+    let mut pair = Pair::new(machine, emulated(device, ""), pair_config());
+    while pair.next_event(Instant::from_millis(3_000)).is_some() {}
+    let found = pair.command_a(|machine, _| machine.take_modules(SubDeviceId(0))).expect("the list is read");
+    found.map(|modules| modules.iter().map(|it| (it.slot, it.ident)).collect())
+}
+
+#[test]
+fn modules_that_nobody_named_are_those_that_the_device_detects() {
+    let there = coupler("2 = \"MU-2A\"\n4 = \"0x31\"\n");
+    let found = detected(there.device.clone()).unwrap();
+    assert_eq!(found.iter().map(|it| it.0).collect::<Vec<_>>(), [1, 2, 4]);
+    let DeviceFile::Esi(esi) = read("made-up-coupler.xml", COUPLER.into()).unwrap() else { unreachable!() };
+    let choice = DeviceChoice::default();
+    assert!(sub_device_head(&esi, &choice).unwrap().lists_modules);
+    let (device, unknown) = choose_detected(&esi, &choice, &found).unwrap();
+    assert_eq!((ChosenDevice::Esi(device), unknown), (there.device, Vec::new()));
+}
+
+#[test]
+fn detected_modules_that_the_file_does_not_have_are_said_and_left_out() {
+    let DeviceFile::Esi(esi) = read("made-up-coupler.xml", COUPLER.into()).unwrap() else { unreachable!() };
+    let found = [(1, 0x10), (2, 0x20), (3, 0x9999), (200, 1)];
+    let (device, unknown) = choose_detected(&esi, &DeviceChoice::default(), &found).unwrap();
+    assert_eq!(
+        device.modules.iter().map(|it| (it.slot, it.ident)).collect::<Vec<_>>(),
+        [(1, 0x10), (2, 0x20)]
+    );
+    assert_eq!(unknown.len(), 2, "{unknown:?}");
+    assert!(unknown[0].starts_with("slot 3: the device has module 0x00009999, which the file does not have"));
+}
+
+#[test]
+fn a_device_without_a_list_of_modules_says_so() {
+    let device = chosen("made-up-terminal.xml", crate::cell::ESI, "device_name = \"MU1002\"").device;
+    let reason = detected(device).unwrap_err();
+    assert!(reason.starts_with("the device"), "{reason}");
 }

@@ -87,3 +87,116 @@ fn numbers_with_two_prefixes_and_defaults_of_half_a_byte_are_read() {
     assert!(warning.to_string().ends_with("such as 0800; the default is left out"), "{warning}");
     assert!(choose(&file, &DeviceChoice::default()).is_ok());
 }
+
+/// Returns a device with a mailbox whose process data are entries of their own mapping objects.
+fn mapped_into_itself() -> String {
+    let pdo = |kind: &str, manager: u8, index: &str, name: &str| {
+        format!(
+            "<{kind} Sm=\"{manager}\" Fixed=\"1\"><Index>{index}</Index><Name>{name}</Name><Entry><Index>{index}</Index><SubIndex>1</SubIndex>\
+             <BitLen>16</BitLen><Name>Value</Name><DataType>UINT</DataType></Entry></{kind}>"
+        )
+    };
+    let managers = [
+        ("#x1000", "#x26", "MBoxOut"),
+        ("#x1080", "#x22", "MBoxIn"),
+        ("#x1100", "#x64", "Outputs"),
+        ("#x1180", "#x20", "Inputs"),
+    ];
+    let managers = managers.map(|(start, control, name)| {
+        format!("<Sm DefaultSize=\"128\" StartAddress=\"{start}\" ControlByte=\"{control}\" Enable=\"1\">{name}</Sm>")
+    });
+    format!(
+        "<EtherCATInfo><Vendor><Id>#x2</Id></Vendor><Descriptions><Devices><Device><Type ProductCode=\"8\" RevisionNo=\"1\">MU-SELF</Type>\
+         <Name>maps itself</Name><Fmmu>Outputs</Fmmu><Fmmu>Inputs</Fmmu>{}{}{}<Mailbox DataLinkLayer=\"1\"><CoE SdoInfo=\"1\"/></Mailbox>\
+         </Device></Devices></Descriptions></EtherCATInfo>",
+        managers.concat(),
+        pdo("RxPdo", 2, "#x1600", "Out"),
+        pdo("TxPdo", 3, "#x1A00", "In"),
+    )
+}
+
+/// Expects that a device takes an output of 16 bits and returns it.
+fn exchanges_sixteen_bits(text: &str) {
+    let device = chosen("a.xml", text, "");
+    let echo = "[[inputs]]\nplace = \"0x1A00:01\"\necho = { place = \"0x1600:01\" }\n";
+    let mut cell = DrivenPair::of(&device, echo, "", &drive_config());
+    cell.pair.command_a(|bus, _| bus.set("Out/Value", "4660")).unwrap();
+    cell.run_to(3_000);
+    assert!(cell.device().is_up(), "{:?}", cell.texts());
+    assert_eq!(cell.output("outputs").as_deref(), Some(&[0x34, 0x12][..]));
+    assert_eq!(cell.input("In/Value").as_deref(), Some("4660"));
+}
+
+#[test]
+fn process_data_whose_entries_are_their_own_mapping_objects_are_exchanged() {
+    exchanges_sixteen_bits(&mapped_into_itself());
+}
+
+#[test]
+fn sync_managers_with_names_of_the_makers_have_the_direction_of_their_process_data() {
+    exchanges_sixteen_bits(
+        &mapped_into_itself()
+            .replace(">Outputs</Sm>", ">Setpoints</Sm>")
+            .replace(">Inputs</Sm>", ">Feedback</Sm>"),
+    );
+}
+
+#[test]
+fn process_data_may_lie_anywhere_in_the_address_space_of_a_chip() {
+    let text = mapped_into_itself().replace("#x1100", "#x8000").replace("#x1180", "#xFFFA");
+    exchanges_sixteen_bits(&text);
+    let text = text.replace("#xFFFA", "#xFFFC");
+    let said = refusal(&text);
+    assert!(said.starts_with("SM3 ends at 0x10002, beyond the memory of a chip"), "{said}");
+}
+
+#[test]
+fn a_mailbox_with_the_control_byte_of_process_data_is_refused() {
+    let said = refusal(&mapped_into_itself().replace("#x22", "#x44"));
+    assert!(
+        said.starts_with("SM1 is MBoxIn with ControlByte 0x44, by which no chip has a mailbox"),
+        "{said}"
+    );
+}
+
+/// Returns why a device is not emulated.
+fn refusal(text: &str) -> String {
+    let device = chosen("a.xml", text, "").device;
+    let emulated = EmulatedDevice::new(device, DeviceScript::default(), emulation_config(), Instant::ZERO);
+    emulated.map(drop).unwrap_err().to_string()
+}
+
+#[test]
+fn twins_of_type_and_revision_are_chosen_by_product_code() {
+    let text = mapped_into_itself();
+    let (start, end) = (text.find("<Device>").unwrap(), text.find("</Devices>").unwrap());
+    let twin = text[start..end].replace("ProductCode=\"8\"", "ProductCode=\"9\"");
+    let text = text.replace("</Devices>", &format!("{twin}</Devices>"));
+    let file = read("a.xml", text.clone().into()).unwrap();
+    let said = choose(&file, &DeviceChoice::default()).unwrap_err().to_string();
+    assert!(said.contains("0x00000008 --revision 0x00000001") && said.contains("0x00000009"), "{said}");
+    let twin = chosen("a.xml", &text, "device_name = \"0x00000009\"").device;
+    assert_eq!(twin, choose(&file, &twin.choice()).unwrap(), "the printed choice makes the same device");
+}
+
+#[test]
+fn an_emulated_device_takes_the_start_up_commands_of_its_file_without_a_dictionary() {
+    let command = |index: &str, subindex: u8| {
+        format!(
+            "<InitCmd><Transition>PS</Transition><Index>{index}</Index><SubIndex>{subindex}</SubIndex><Data>3412</Data></InitCmd>"
+        )
+    };
+    let commands = [command("#x8000", 1), command("#x8000", 3), command("#x8001", 0)].concat();
+    let text =
+        mapped_into_itself().replace("<CoE SdoInfo=\"1\"/>", &format!("<CoE SdoInfo=\"1\">{commands}</CoE>"));
+    exchanges_sixteen_bits(&text);
+    let device = chosen("a.xml", &text, "");
+    let mut cell = DrivenPair::of(&device, "", "", &drive_config());
+    cell.pair.command_a(|bus, _| bus.read_parameter("0x8000:03:2")).unwrap();
+    cell.run_to(3_000);
+    assert!(
+        cell.texts().iter().any(|text| text.contains("0x8000:03") && text.contains("4660")),
+        "{:?}",
+        cell.texts()
+    );
+}

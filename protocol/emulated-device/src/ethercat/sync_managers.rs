@@ -6,8 +6,8 @@ use ethercat_subdevice::{SyncManagerLayout, Usage};
 use crate::config::EmulationError;
 use crate::leak;
 
-/// Bytes of memory that the emulated chip has, registers included.
-const MEMORY_LEN: u32 = 0x3000;
+/// Bytes of memory that a chip has at most, registers included.
+const MEMORY_LEN: u32 = 0x1_0000;
 
 /// First address of process data: digital outputs (ESC datasheet section II, 0x0F00). What is before it are registers of the chip.
 const FIRST_DATA: u16 = 0x0F00;
@@ -20,13 +20,28 @@ pub(super) fn places(
 ) -> Result<&'static [SyncManagerLayout], EmulationError> {
     let mut places: Vec<SyncManagerLayout> = Vec::new();
     for (number, manager) in chosen.sync_managers.iter().enumerate() {
-        let Some(usage) = usage(manager) else {
+        let Some(usage) = usage(chosen, number, manager) else {
             // Unused ones at the end are not configured.
-            if chosen.sync_managers.iter().skip(number).all(|rest| usage(rest).is_none()) {
+            let mut rest = chosen.sync_managers.iter().enumerate().skip(number);
+            if rest.all(|(number, rest)| usage(chosen, number, rest).is_none()) {
                 break;
             }
             return Err(EmulationError::SyncManagers(format!("SM{number} is unused between others")));
         };
+        // Bits 0 to 3: a mailbox that the MainDevice writes, or reads (ETG.1000.4, sync manager control).
+        let mailbox_control = match usage {
+            Usage::MailboxReceive => Some(0x06),
+            Usage::MailboxSend => Some(0x02),
+            _ => None,
+        };
+        if let Some(mode) = mailbox_control.filter(|mode| manager.control & 0x0F != *mode) {
+            let (name, found) = (device_files::excerpt(&manager.usage), manager.control);
+            let fault = format!(
+                "SM{number} is {name} with ControlByte 0x{found:02X}, by which no chip has a mailbox: correct it to 0x{:02X} in a copy of the file",
+                0x20 | mode
+            );
+            return Err(EmulationError::SyncManagers(fault));
+        }
         let own = |pdos: &[ChosenPdo]| {
             let own = pdos.iter().filter(|pdo| usize::from(pdo.sync_manager) == number);
             let bits = own.map(|pdo| pdo.pdo.bits).fold(0, u32::saturating_add);
@@ -62,8 +77,7 @@ pub(super) fn places(
         let buffers = if manager.control & 0x03 == 0 { 3 } else { 1 };
         let end = u32::from(manager.start_address) + buffers * u32::from(len);
         if end > MEMORY_LEN {
-            let fault =
-                format!("SM{number} ends at 0x{end:04X}, beyond the emulated memory to 0x{MEMORY_LEN:04X}");
+            let fault = format!("SM{number} ends at 0x{end:04X}, beyond the memory of a chip");
             return Err(EmulationError::SyncManagers(fault));
         }
         let (start, control) = (manager.start_address, manager.control);
@@ -76,12 +90,16 @@ pub(super) fn places(
     Ok(leak::list(places))
 }
 
-fn usage(manager: &EsiSyncManager) -> Option<Usage> {
+/// Returns what a sync manager is for: by its name in the file, or with a name of the maker's by the PDOs that it has.
+fn usage(chosen: &ChosenSubDevice, number: usize, manager: &EsiSyncManager) -> Option<Usage> {
+    let has = |pdos: &[ChosenPdo]| pdos.iter().any(|pdo| usize::from(pdo.sync_manager) == number);
     match manager.usage.as_str() {
         "MBoxOut" => Some(Usage::MailboxReceive),
         "MBoxIn" => Some(Usage::MailboxSend),
         "Outputs" => Some(Usage::Outputs),
         "Inputs" => Some(Usage::Inputs),
+        _ if has(&chosen.outputs) => Some(Usage::Outputs),
+        _ if has(&chosen.inputs) => Some(Usage::Inputs),
         _ => None,
     }
 }

@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::{Dictionary, DictionaryEntry, DictionaryObject, PdoConfiguration, Value};
+use super::{Dictionary, DictionaryEntry, DictionaryObject, PdoConfiguration, Value, configures};
 use crate::description::{Access, DataType, ObjectCode, PdoEntry};
 use crate::esc::copy_bits;
 use crate::layout::Usage;
@@ -71,8 +71,8 @@ impl Dictionary {
         let outputs = usage == Usage::Outputs;
         let access = if outputs { Access::ReadWrite } else { Access::ReadOnly };
         let bits = usize::from(entry.bits);
-        // Index 0 is a gap.
-        if entry.index == 0 {
+        // Index 0 is a gap. Files that map a mapping object into itself mean data without an object: the MainDevice reads the mapping.
+        if entry.index == 0 || configures(entry.index) {
             return;
         }
         let position = self.objects.iter().position(|object| object.index == entry.index);
@@ -142,6 +142,9 @@ impl Dictionary {
                 let value =
                     if usage == Usage::Outputs { Value::Output { bit } } else { Value::Input { bit } };
                 bit += usize::from(mapping.bits);
+                if configures(mapping.index) {
+                    continue;
+                }
                 if let Some(entry) = self.entry_mut(mapping.index, mapping.subindex) {
                     (entry.value, entry.bits) = (value, mapping.bits.into());
                 }

@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     fn fmmu(bytes: [u8; 16]) -> Fmmu {
-        let mut memory = Memory::new();
+        let mut memory = Memory::new(0);
         memory.set(registers::FMMU, &bytes);
         Fmmu::read(&memory, 0)
     }

@@ -4,15 +4,17 @@ use alloc::boxed::Box;
 use alloc::vec;
 
 use super::registers;
-use crate::layout::{RAM_LEN, RAM_START};
+use crate::layout::{LONGEST_RAM, RAM_LEN, RAM_START};
 
 /// The bytes. An access beyond them has no effect.
 #[derive(Debug)]
 pub(crate) struct Memory(Box<[u8]>);
 
 impl Memory {
-    pub(crate) fn new() -> Self {
-        Self(vec![0; usize::from(RAM_START) + usize::from(RAM_LEN)].into_boxed_slice())
+    /// Creates a memory whose process data RAM has this many bytes, [`RAM_LEN`] at least.
+    pub(crate) fn new(ram: u16) -> Self {
+        let ram = ram.clamp(RAM_LEN, LONGEST_RAM);
+        Self(vec![0; usize::from(RAM_START) + usize::from(ram)].into_boxed_slice())
     }
 
     /// Sets what is there after power-on.
@@ -21,6 +23,9 @@ impl Memory {
         for (address, bytes) in registers::POWER_ON {
             self.set(*address, bytes);
         }
+        // In KiB.
+        let ram = self.0.len().saturating_sub(usize::from(RAM_START)) >> 10;
+        self.set(registers::RAM_SIZE, &[ram as u8]);
     }
 
     /// Returns the length in bytes.

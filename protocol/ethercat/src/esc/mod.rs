@@ -91,9 +91,9 @@ const EVENT_DL_STATUS: u16 = 0x0004;
 const EVENT_AL_STATUS: u16 = 0x0008;
 
 impl Esc {
-    pub(crate) fn new(image: Vec<u8>, sii_delay: Duration, clock: Option<LocalClock>) -> Self {
+    pub(crate) fn new(image: Vec<u8>, sii_delay: Duration, clock: Option<LocalClock>, ram: u16) -> Self {
         let mut esc = Self {
-            memory: Memory::new(),
+            memory: Memory::new(ram),
             map: RegisterMap::new(clock.is_some()),
             fmmus: Default::default(),
             sync_managers: Default::default(),

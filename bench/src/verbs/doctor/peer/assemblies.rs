@@ -4,11 +4,12 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 use ethernet_ip::ENCAPSULATION_PORT;
 use ethernet_ip::cip::class;
+use plc_node::dialogue::{AttributeAnswer, Dialogue, malformed};
 use protocol::image::IMAGE_LEN;
 use protocol::stations::{COMMAND, FEEDBACK};
 use setup::{Bus, BusKind, EthernetIp};
 
-use super::dialogue::{AttributeAnswer, Dialogue, malformed, unreachable};
+use super::unreachable::unreachable;
 use crate::verbs::doctor::finding::Finding;
 
 const ASSEMBLIES: &str = "assembly sizes";
@@ -134,11 +135,11 @@ fn size_in(attribute: u32, answer: AttributeAnswer) -> std::io::Result<AssemblyS
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verbs::doctor::peer::dialogue::parse;
     use ethernet_ip::cip::{General, service};
     use ethernet_ip::cpf::write_unconnected;
     use ethernet_ip::encapsulation::{Command, Header, Message, Reassembly, Status};
     use machine::wire::{LittleEndian, Writer as WireWriter};
+    use plc_node::dialogue::parse;
     use std::io::{Read as _, Write as _};
     use std::net::TcpListener;
 

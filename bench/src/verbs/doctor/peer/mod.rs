@@ -9,19 +9,19 @@
 //! plugged    the modules and the version that a PROFINET robot reports without a connection
 //! assemblies the sizes of the assemblies of an EtherNet/IP robot, read without a connection
 //! version    the version of an EtherNet/IP robot and of its parts, read in the same way
-//!   dialogue a session with the robot for both
+//!   unreachable why the robot is not asked for either
 //! ```
 //!
 //! Nothing moves: a robot is sent neither enable nor a command, and a PLC finds a robot that holds its first skill suspended.
 
 mod assemblies;
-mod dialogue;
 mod images;
 mod look;
 mod plc;
 mod plugged;
 mod robot;
 mod stations;
+mod unreachable;
 mod version;
 
 use std::ops::ControlFlow;

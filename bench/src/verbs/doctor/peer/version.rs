@@ -5,9 +5,10 @@ use std::net::SocketAddrV4;
 use ethernet_ip::ENCAPSULATION_PORT;
 use ethernet_ip::cip::{ElectronicKey, Revision, class};
 use plc_node::bus::expected_key;
+use plc_node::dialogue::{AttributeAnswer, Dialogue};
 use setup::{Bus, BusKind};
 
-use super::dialogue::{AttributeAnswer, Dialogue, unreachable};
+use super::unreachable::unreachable;
 use crate::verbs::doctor::finding::Finding;
 
 const VERSION: &str = "version";

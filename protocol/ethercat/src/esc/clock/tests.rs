@@ -8,7 +8,7 @@ fn at(ns: u64) -> Instant {
 
 /// A clock that is as exact as its local clock, with the registers after power-on.
 fn clock(start_ns: u64, error_ppb: i64) -> (Clock, Memory) {
-    let mut memory = Memory::new();
+    let mut memory = Memory::new(0);
     memory.reset();
     (Clock::new(Instant::ZERO, LocalClock { start_ns, error_ppb }), memory)
 }

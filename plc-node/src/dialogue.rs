@@ -1,5 +1,10 @@
 //! A session with an EtherNet/IP device, for questions outside of any connection.
 
+#![expect(
+    clippy::disallowed_types,
+    reason = "a tool asks a device by a socket of its own; no node runs in its process"
+)]
+
 use std::io::{ErrorKind, Read as _, Result, Write as _};
 use std::net::{SocketAddrV4, TcpStream};
 use std::time::Duration;
@@ -10,9 +15,6 @@ use ethernet_ip::encapsulation::{
     Command, HEADER_LEN, Header, MAX_MESSAGE_LEN, Message, PROTOCOL_VERSION, Reassembly, Status,
 };
 use machine::wire::{LittleEndian, Overflow};
-use setup::EthernetIp;
-
-use crate::verbs::doctor::finding::{Finding, Verdict};
 
 type Writer<'a> = machine::wire::Writer<'a, LittleEndian>;
 
@@ -22,49 +24,32 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Messages of a device that are passed over until its answer comes.
 const MOST_OTHERS: u32 = 16;
 
-/// Why a device is not asked.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Unreachable {
-    /// Nothing has its address.
-    NoDevice,
-    /// It sits beyond a bridge.
-    BeyondBridge,
-}
-
-impl Unreachable {
-    /// Returns the finding of a step that asks the device.
-    pub(super) fn finding(self, what: &'static str) -> Finding {
-        match self {
-            Self::NoDevice => Finding::not_seen(what, "no such device", "see the step `address`"),
-            Self::BeyondBridge => {
-                let found = "the robot sits beyond a bridge (bus.ethernet_ip.adapter.route), where this look does not read";
-                Finding::limited(what, found, "the step `connection` decides")
-            }
-        }
-    }
-}
-
-/// Returns why the robot is not asked, after what was seen of it.
-pub(super) fn unreachable(ethernet_ip: &EthernetIp, seen: &[Finding]) -> Option<Unreachable> {
-    if !seen.iter().any(|it| it.what == "address" && it.verdict == Verdict::Good) {
-        return Some(Unreachable::NoDevice);
-    }
-    let is_beyond = ethernet_ip.adapter.as_ref().is_some_and(|adapter| !adapter.route.is_empty());
-    is_beyond.then_some(Unreachable::BeyondBridge)
-}
+/// Bytes of the longest request after its header.
+const LONGEST_REQUEST: usize = 256;
 
 /// A session with a device.
 #[derive(Debug)]
-pub(super) struct Dialogue {
+pub struct Dialogue {
     stream: TcpStream,
     session: u32,
     number: u64,
     received: Reassembly,
 }
 
+/// Answer of a device to a request.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct DeviceReply {
+    /// Result.
+    pub status: General,
+    /// Additional status word, where there is one.
+    pub additional: Option<u16>,
+    /// Data of the answer.
+    pub data: Vec<u8>,
+}
+
 /// Answer of a device to the question for an attribute.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub(super) enum AttributeAnswer {
+pub enum AttributeAnswer {
     /// The attribute's bytes.
     Bytes(Vec<u8>),
     /// The device has no such object.
@@ -73,12 +58,19 @@ pub(super) enum AttributeAnswer {
     Refused(u8),
 }
 
-pub(super) fn malformed(what: &str) -> std::io::Error {
+/// Returns the error of an answer that cannot be read.
+#[must_use]
+pub fn malformed(what: &str) -> std::io::Error {
     std::io::Error::new(ErrorKind::InvalidData, what.to_owned())
 }
 
 impl Dialogue {
-    pub(super) fn open(device: SocketAddrV4) -> Result<Self> {
+    /// Connects to a device, and registers a session.
+    ///
+    /// # Errors
+    ///
+    /// Nothing answers, or the device refuses.
+    pub fn open(device: SocketAddrV4) -> Result<Self> {
         let stream = TcpStream::connect_timeout(&device.into(), PATIENCE)?;
         stream.set_read_timeout(Some(PATIENCE))?;
         stream.set_write_timeout(Some(PATIENCE))?;
@@ -95,13 +87,33 @@ impl Dialogue {
     }
 
     /// Reads an attribute of an object; instance 0 is the class itself.
-    pub(super) fn attribute(&mut self, class: u32, instance: u32, attribute: u32) -> Result<AttributeAnswer> {
-        let emit = |writer: &mut Writer<'_>| emit_read(writer, [class, instance, attribute]);
+    ///
+    /// # Errors
+    ///
+    /// The connection ends, or the answer is malformed.
+    pub fn attribute(&mut self, class: u32, instance: u32, attribute: u32) -> Result<AttributeAnswer> {
+        let path = [class, instance, attribute];
+        let emit = |writer: &mut Writer<'_>| emit_request(writer, service::GET_ATTRIBUTE_SINGLE, &path, &[]);
         let (header, data) = self.ask(Command::SendRRData, emit)?;
-        if header.status != Status::Success {
-            return Err(malformed(&format!("it refuses a message: {}", header.status.text())));
-        }
+        check(header)?;
         parse(&data)
+    }
+
+    /// Asks an object for a service. `path` is class, instance and, where the service is of an attribute, that.
+    ///
+    /// # Errors
+    ///
+    /// The connection ends, or the answer is malformed.
+    pub fn request(&mut self, service: u8, path: &[u32], data: &[u8]) -> Result<DeviceReply> {
+        let emit = |writer: &mut Writer<'_>| emit_request(writer, service, path, data);
+        let (header, answer) = self.ask(Command::SendRRData, emit)?;
+        check(header)?;
+        let reply = reply_in(&answer)?;
+        if reply.service != service {
+            return Err(malformed("its answer is to another service"));
+        }
+        let additional = reply.additional_status(0);
+        Ok(DeviceReply { status: reply.general, additional, data: reply.data.to_vec() })
     }
 
     /// Sends a message and returns the answer with the same number; others are passed over.
@@ -109,7 +121,7 @@ impl Dialogue {
         self.number += 1;
         let mut header = Header::request(command, self.session);
         header.context = self.number.to_le_bytes();
-        let mut buf = [0; HEADER_LEN + 64];
+        let mut buf = [0; HEADER_LEN + LONGEST_REQUEST];
         let len =
             header.emit(&mut buf, body).map_err(|Overflow { .. }| malformed("a request is too long"))?;
         self.stream.write_all(buf.get(..len).unwrap_or_default())?;
@@ -137,25 +149,40 @@ impl Dialogue {
     }
 }
 
-/// Writes the request for an attribute.
-fn emit_read(writer: &mut Writer<'_>, [class, instance, attribute]: [u32; 3]) {
+fn check(header: Header) -> Result<()> {
+    match header.status {
+        Status::Success => Ok(()),
+        status => Err(malformed(&format!("it refuses a message: {}", status.text()))),
+    }
+}
+
+/// Writes a request to an object.
+fn emit_request(writer: &mut Writer<'_>, service: u8, path: &[u32], data: &[u8]) {
     write_unconnected(writer, |writer| {
-        let path = |writer: &mut Writer<'_>| {
-            write_logical(writer, Logical::Class, class);
-            write_logical(writer, Logical::Instance, instance);
-            write_logical(writer, Logical::Attribute, attribute);
+        let segments = |writer: &mut Writer<'_>| {
+            let kinds = [Logical::Class, Logical::Instance, Logical::Attribute];
+            kinds.into_iter().zip(path).for_each(|(kind, number)| write_logical(writer, kind, *number));
         };
-        Request::emit(writer, service::GET_ATTRIBUTE_SINGLE, path, |_| {});
+        Request::emit(writer, service, segments, |writer| writer.bytes(data));
     });
 }
 
-/// Parses the answer to the request for an attribute.
-pub(super) fn parse(data: &[u8]) -> Result<AttributeAnswer> {
+/// Returns the reply in an answer.
+fn reply_in(data: &[u8]) -> Result<Reply<'_>> {
     let packet = Packet::parse_unconnected(data);
     let Ok(Some(Item::UnconnectedData(message))) = packet.map(|packet| packet.data) else {
         return Err(malformed("its answer has no message"));
     };
-    let reply = Reply::parse(message).map_err(|_| malformed("its answer is cut off"))?;
+    Reply::parse(message).map_err(|_| malformed("its answer is cut off"))
+}
+
+/// Parses the answer to the request for an attribute.
+///
+/// # Errors
+///
+/// It is cut off, or the answer to something else.
+pub fn parse(data: &[u8]) -> Result<AttributeAnswer> {
+    let reply = reply_in(data)?;
     if reply.service != service::GET_ATTRIBUTE_SINGLE {
         return Err(malformed("its answer is to another service"));
     }
