@@ -8,7 +8,7 @@ use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
 use clap::error::{ContextKind, ErrorKind};
 use clap::{Command, Error, Parser};
 
-use crate::output;
+use crate::{output, screen};
 
 /// Width of help where standard output is not a terminal and COLUMNS is not set, in characters.
 const HELP_WIDTH: usize = 80;
@@ -28,7 +28,8 @@ pub fn parse_with<C: Parser>(
     adapt: impl FnOnce(Command) -> Command,
 ) -> C {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let command = within_terminal(adapt(numbers_may_be_negative(C::command())));
+    let command =
+        usage_within(within_terminal(adapt(numbers_may_be_negative(C::command()))), terminal_width());
     parsed(&command, &arguments).unwrap_or_else(|error| {
         // The parser repeats arguments as they are, and drops control characters without a word.
         let shown = |text: &OsString| OsString::from(output::shown(&text.to_string_lossy()));
@@ -48,6 +49,40 @@ fn parsed<C: Parser>(command: &Command, arguments: &[OsString]) -> Result<C, Err
 fn within_terminal(command: Command) -> Command {
     let has_width = std::io::stdout().is_terminal() || std::env::var_os("COLUMNS").is_some();
     if has_width { command.max_term_width(WIDEST_HELP) } else { command.term_width(HELP_WIDTH) }
+}
+
+/// Returns the width of the help in characters.
+fn terminal_width() -> usize {
+    if std::io::stdout().is_terminal() {
+        return screen::text_width();
+    }
+    let columns = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
+    columns.unwrap_or(HELP_WIDTH).min(WIDEST_HELP)
+}
+
+/// Breaks the usage of a command, and of those below it, into lines of at most `width` characters: the parser leaves it on one
+/// line.
+#[must_use]
+pub fn usage_within(mut command: Command, width: usize) -> Command {
+    // Only then do the commands below know the program's name.
+    command.build();
+    broken_usage(command, width)
+}
+
+fn broken_usage(mut command: Command, width: usize) -> Command {
+    let usage = command.render_usage().to_string();
+    if usage.lines().any(|line| line.chars().count() > width) {
+        let lines: Vec<_> = usage.lines().map(|line| usage_line_within(line, width)).collect();
+        command = command.override_usage(lines.join("\n").trim_start().to_owned());
+    }
+    command.mut_subcommands(|below| broken_usage(below, width))
+}
+
+/// Breaks a line of usage. An option stays beside its value.
+fn usage_line_within(line: &str, width: usize) -> String {
+    const HEADING: &str = "Usage: ";
+    let text = line.strip_prefix(HEADING).unwrap_or(line).trim_start().replace(" <", "\u{A0}<");
+    screen::wrapped_within(&text, HEADING.len(), HEADING.len() + 2, width).replace('\u{A0}', " ")
 }
 
 /// Returns the error for a value that is not a number in words: the parser's own say "invalid digit found in string".

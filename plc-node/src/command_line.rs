@@ -17,6 +17,7 @@ use crate::plan_command::PlanCommand;
 use crate::process::Run;
 #[cfg(all(feature = "real", target_os = "linux"))]
 use crate::set_station::{FlashCommand, SetIpCommand, SetNameCommand};
+#[cfg(all(feature = "real", target_os = "linux"))]
 use crate::station_error::is_usage as is_usage_of_station;
 
 /// The PLC of a setup on a real bus: connects to the robot and runs the application.
@@ -65,8 +66,8 @@ pub fn command_line() -> clap::Command {
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     #[cfg(all(feature = "real", target_os = "linux"))]
     node::run::exit_on_stop();
-    let cli: Cli = arguments::parse(args);
     screen::fit_terminal();
+    let cli: Cli = arguments::parse(args);
     match cli.command {
         Subcommand::Plan(plan) => node::exit_code(plan.execute(), |_| false),
         Subcommand::Describe(file) => node::exit_code(file.execute(), node::device_options::is_usage),

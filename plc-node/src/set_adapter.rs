@@ -51,7 +51,7 @@ impl std::fmt::Display for AdapterAddress {
     }
 }
 
-/// What an adapter says of its address, before it is changed.
+/// Values of an adapter's TCP/IP Interface object before the change.
 #[derive(Clone, PartialEq, Eq, Debug)]
 struct TcpIpInterface {
     /// `None` where the device does not have the attribute.
@@ -149,7 +149,7 @@ impl TcpIpInterface {
     }
 }
 
-/// What a device answered.
+/// Answer of a device to the change.
 #[derive(Clone, PartialEq, Eq, Debug)]
 enum SetAnswer {
     Taken,

@@ -20,7 +20,7 @@ use node::role::NodeRole;
 use node::run::{Prepared, RunOptions};
 use node::station_file::{Address, Station, StationFile, StationFileError};
 use node::supervise::{Next, OperatingMode};
-use node::{Node, Waiting, arguments};
+use node::{Node, Waiting, arguments, screen};
 use protocol::fieldbus::{Counters, Fieldbus, LinkEvent, ToStore};
 use protocol::image::Checks;
 use protocol_linux::OpenPort;
@@ -165,6 +165,7 @@ pub fn command_line() -> clap::Command {
 /// Runs the process: parses `args`, with the program's name first, and runs until it is ended.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     node::run::exit_on_stop();
+    screen::fit_terminal();
     let cli: Cli = arguments::parse(args);
     let run = match cli.command {
         Subcommand::Run(run) => run,

@@ -446,8 +446,8 @@ fn a_new_cell_takes_an_application_for_as_many_arms_as_its_setup_has() {
     });
     assert!(!directory.path().join("mine").exists());
     insta::assert_snapshot!(refused.concat(), @r"
-    error: there is no built-in application for several arms `gluing`; there are hand-over, carry-plate, take-turns
-    error: there is no built-in application for one arm `hand-over`; there are pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force
+    error: no built-in application for several arms is named `gluing`; choose one of hand-over, carry-plate, take-turns
+    error: no built-in application for one arm is named `hand-over`; choose one of pick-and-place, pick-and-place-gripper, gluing, palletising, engraving, insertion-with-force
     ");
 }
 

@@ -208,9 +208,9 @@ fn exchange(file: &DeviceFile, choice: &DeviceChoice, seconds: u64) -> Result<St
             return Err(format!("after {second} s the device gave {given:02x?}, and {inputs:02x?} came"));
         }
         let sent = pair.device().outputs().bytes().to_vec();
-        let (received, counts) = pair.pair.b().outputs();
         // Data of PROFIsafe alone never count.
         let has_plain = pair.device().signals().1.iter().any(|signal| !signal.is_safety);
+        let (received, counts) = pair.pair.b().outputs();
         if !sent.is_empty() && (received != sent || has_plain && !counts) {
             return Err(format!(
                 "after {second} s {sent:02x?} were sent, and the device has {received:02x?}"

@@ -15,7 +15,7 @@ use rustix::io::Errno;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Awaited<'a> {
     pub(crate) socket: BorrowedFd<'a>,
-    /// What to wait for. Errors and hang-ups are always included.
+    /// Events to wait for. Errors and hang-ups are always included.
     pub(crate) events: PollFlags,
     /// Another one for each socket of an entry: the kernel gives a new socket the number of a closed one.
     pub(crate) id: u32,
@@ -24,18 +24,18 @@ pub(crate) struct Awaited<'a> {
 /// Entries for sockets, each with what occurred there last.
 pub(crate) struct SocketSet {
     epoll: OwnedFd,
-    entries: Vec<Entry>,
+    entries: Vec<WaitEntry>,
     found: Vec<epoll::Event>,
 }
 
 #[derive(Clone)]
-struct Entry {
+struct WaitEntry {
     /// Number of the socket that the kernel has in its list, and what it waits for.
     listed: Option<(u32, PollFlags)>,
     ready: PollFlags,
 }
 
-const VACANT: Entry = Entry { listed: None, ready: PollFlags::empty() };
+const VACANT: WaitEntry = WaitEntry { listed: None, ready: PollFlags::empty() };
 
 impl SocketSet {
     /// Creates a set of vacant entries.
@@ -101,7 +101,7 @@ impl SocketSet {
 pub(crate) struct Waits {
     /// Those of the ports, in their order.
     pub(crate) ports: SocketSet,
-    /// The notifier, and behind it those of TCP.
+    /// The notifier and the sockets of TCP, in this order.
     pub(crate) others: SocketSet,
 }
 
@@ -128,7 +128,7 @@ mod tests {
 
     use super::*;
 
-    /// Of waits that end at once.
+    /// Limit of waits that end at once.
     const LIMIT: Option<Duration> = Some(Duration::from_secs(10));
     const AT_ONCE: Option<Duration> = Some(Duration::ZERO);
 

@@ -27,20 +27,20 @@ type Schema = (&'static str, &'static str);
 
 const STUDY_SCHEMA: Schema = ("study.schema.json", include_str!("../../../schemas/study.schema.json"));
 
-/// What the files of a cell are made of.
-struct Kind {
+/// Built-in files that cells of one kind begin with.
+struct CellKind {
     setups: &'static [(&'static str, &'static str)],
     setup_schema: Schema,
     applications: &'static [(&'static str, &'static str)],
     application_schema: Schema,
-    /// How many arms an application is for, in messages.
+    /// Number of arms that an application is for, in messages.
     arms: &'static str,
     /// The example that a new study begins with, and what it shows.
     study: (&'static str, &'static str),
     shows: &'static str,
 }
 
-const ONE_ARM: Kind = Kind {
+const ONE_ARM: CellKind = CellKind {
     setups: setup::SETUPS,
     setup_schema: ("setup.schema.json", include_str!("../../../../cell/schemas/setup.schema.json")),
     applications: planning::APPLICATIONS,
@@ -53,7 +53,7 @@ const ONE_ARM: Kind = Kind {
     shows: "how much later each type ends with other zones",
 };
 
-const SEVERAL_ARMS: Kind = Kind {
+const SEVERAL_ARMS: CellKind = CellKind {
     setups: setup::CELLS,
     setup_schema: ("cell.schema.json", include_str!("../../../../cell/schemas/cell.schema.json")),
     applications: planning::ARMS_APPLICATIONS,
@@ -66,7 +66,7 @@ const SEVERAL_ARMS: Kind = Kind {
     shows: "how much later all arms end if one of them has a slower controller",
 };
 
-impl Kind {
+impl CellKind {
     fn schemas(&self) -> [Schema; 3] {
         [self.setup_schema, self.application_schema, STUDY_SCHEMA]
     }
@@ -151,7 +151,7 @@ fn usage(problem: String) -> Failure {
 
 fn unknown(what: &str, all: &[(&str, &str)], name: &str) -> Failure {
     let known: Vec<_> = all.iter().map(|(known, _)| *known).collect();
-    usage(format!("there is no built-in {what} `{name}`; there are {}", known.join(", ")))
+    usage(format!("no built-in {what} is named `{name}`; choose one of {}", known.join(", ")))
 }
 
 /// Returns the setup under another name, with the application beside it, and without what the paper says of the built-in

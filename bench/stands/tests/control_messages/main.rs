@@ -246,7 +246,7 @@ fn every_instruction_is_in_the_schema_of_the_control_port_and_what_it_allows_is_
 #[test]
 fn an_instruction_with_a_key_that_the_schema_does_not_have_is_not_read() {
     for line in [
-        r#"{"node":{"start":{"execution_type":"rc","overide":"50"}}}"#,
+        r#"{"node":{"start":{"execution_type":"rc","speed":"50"}}}"#,
         r#"{"node":{"set_override":{"percent":50,"seconds":2}}}"#,
         r#"{"node":"abort","report":null}"#,
     ] {

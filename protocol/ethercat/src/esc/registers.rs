@@ -180,10 +180,10 @@ impl RegisterMap {
     }
 }
 
-/// Values at power-on that are not zero: address and bytes.
 /// Size of the process data RAM in KiB.
 pub(crate) const RAM_SIZE: u16 = 0x0006;
 
+/// Values at power-on that are not zero: address and bytes.
 pub(crate) const POWER_ON: &[(u16, &[u8])] = &[
     // Type ET1100, revision 0, build 2; FMMUs, sync managers.
     (0x0000, &[0x11, 0x00, 0x02, 0x00, UNITS, UNITS]),
