@@ -73,11 +73,24 @@ fn without_an_application_that_of_the_setup_is_planned_for_each_of_its_stations(
 }
 
 #[test]
+fn an_application_for_several_arms_is_planned_on_a_setup_that_does_not_name_it() {
+    let named = plan(&["take-turns", "--setup", "G"]);
+    let own = plan(&["--setup", "G"]);
+    assert_eq!((named.code, &named.stdout, &named.stderr), (Some(0), &own.stdout, &own.stderr));
+    let another = plan(&["carry-plate", "--setup", "G"]);
+    assert_eq!(another.code, Some(2));
+    assert!(another.stderr.contains("left-edge"), "{}", another.stderr);
+}
+
+#[test]
 fn a_setup_of_several_stations_is_not_planned_for_one_arm() {
     let finished = plan(&["pick-and-place", "--setup", "E"]);
     assert_eq!(finished.code, Some(2));
-    assert!(finished.stderr.contains("has 2 stations (left, right)"), "{}", finished.stderr);
-    assert!(finished.stderr.contains("plc-node plan --setup"), "{}", finished.stderr);
+    assert!(
+        finished.stderr.contains("built in are hand-over, carry-plate, take-turns"),
+        "{}",
+        finished.stderr
+    );
     let finished = plan(&["hand-over"]);
     assert_eq!(finished.code, Some(2));
     assert!(finished.stderr.contains("2 arms (giver, taker)"), "{}", finished.stderr);

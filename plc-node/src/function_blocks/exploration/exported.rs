@@ -26,7 +26,7 @@ group.halting := FALSE; group.f_valid := FALSE; group.still_scans := 0; group.mo
 IF group.stopping THEN group.stopping_since := 1; END_IF;
 IF is_connected THEN
     received := feedback_bytes;
-    take(big_endian := TRUE, image := received, group := group);
+    take(high_first := TRUE, image := received, group := group);
 END_IF;
 CASE block OF
     10: single(execute := execute, clear := FALSE, aborting := TRUE, motion := 6, answer_scans := 3, group := group, motions := motions);
@@ -44,7 +44,7 @@ ELSE
     busy := change.busy; active := change.active; done := change.done; aborted := change.command_aborted; error := change.error;
     error_id := change.error_id;
 END_CASE;
-write(big_endian := TRUE, with_check := FALSE, image := command, group := group);
+write(high_first := TRUE, with_check := FALSE, image := command, group := group);
 command_bytes := command;
 END_FUNCTION_BLOCK
 ";

@@ -96,7 +96,7 @@ fn detected(device: ChosenDevice) -> Result<Vec<(u8, u32)>, String> {
     machine.read_modules(SubDeviceId(0));
     let mut pair = Pair::new(machine, emulated(device, ""), pair_config());
     while pair.next_event(Instant::from_millis(3_000)).is_some() {}
-    let found = pair.command_a(|machine, _| machine.take_modules(SubDeviceId(0))).expect("the list is read");
+    let found = pair.command_a(|machine, _| machine.take_modules(SubDeviceId(0))).unwrap();
     found.map(|modules| modules.iter().map(|it| (it.slot, it.ident)).collect())
 }
 
