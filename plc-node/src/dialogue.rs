@@ -93,10 +93,7 @@ impl Dialogue {
     /// The connection ends, or the answer is malformed.
     pub fn attribute(&mut self, class: u32, instance: u32, attribute: u32) -> Result<AttributeAnswer> {
         let path = [class, instance, attribute];
-        let emit = |writer: &mut Writer<'_>| emit_request(writer, service::GET_ATTRIBUTE_SINGLE, &path, &[]);
-        let (header, data) = self.ask(Command::SendRRData, emit)?;
-        check(header)?;
-        parse(&data)
+        self.request(service::GET_ATTRIBUTE_SINGLE, &path, &[]).map(AttributeAnswer::from)
     }
 
     /// Asks an object for a service. `path` is class, instance and, where the service is of an attribute, that.
@@ -107,13 +104,10 @@ impl Dialogue {
     pub fn request(&mut self, service: u8, path: &[u32], data: &[u8]) -> Result<DeviceReply> {
         let emit = |writer: &mut Writer<'_>| emit_request(writer, service, path, data);
         let (header, answer) = self.ask(Command::SendRRData, emit)?;
-        check(header)?;
-        let reply = reply_in(&answer)?;
-        if reply.service != service {
-            return Err(malformed("its answer is to another service"));
+        if header.status != Status::Success {
+            return Err(malformed(&format!("it refuses a message: {}", header.status.text())));
         }
-        let additional = reply.additional_status(0);
-        Ok(DeviceReply { status: reply.general, additional, data: reply.data.to_vec() })
+        reply_to(service, &answer)
     }
 
     /// Sends a message and returns the answer with the same number; others are passed over.
@@ -149,13 +143,6 @@ impl Dialogue {
     }
 }
 
-fn check(header: Header) -> Result<()> {
-    match header.status {
-        Status::Success => Ok(()),
-        status => Err(malformed(&format!("it refuses a message: {}", status.text()))),
-    }
-}
-
 /// Writes a request to an object.
 fn emit_request(writer: &mut Writer<'_>, service: u8, path: &[u32], data: &[u8]) {
     write_unconnected(writer, |writer| {
@@ -167,13 +154,28 @@ fn emit_request(writer: &mut Writer<'_>, service: u8, path: &[u32], data: &[u8])
     });
 }
 
-/// Returns the reply in an answer.
-fn reply_in(data: &[u8]) -> Result<Reply<'_>> {
-    let packet = Packet::parse_unconnected(data);
+/// Returns the reply to a service in an answer.
+fn reply_to(service: u8, answer: &[u8]) -> Result<DeviceReply> {
+    let packet = Packet::parse_unconnected(answer);
     let Ok(Some(Item::UnconnectedData(message))) = packet.map(|packet| packet.data) else {
         return Err(malformed("its answer has no message"));
     };
-    Reply::parse(message).map_err(|_| malformed("its answer is cut off"))
+    let reply = Reply::parse(message).map_err(|_| malformed("its answer is cut off"))?;
+    if reply.service != service {
+        return Err(malformed("its answer is to another service"));
+    }
+    let additional = reply.additional_status(0);
+    Ok(DeviceReply { status: reply.general, additional, data: reply.data.to_vec() })
+}
+
+impl From<DeviceReply> for AttributeAnswer {
+    fn from(reply: DeviceReply) -> Self {
+        match reply.status {
+            General::Success => Self::Bytes(reply.data),
+            General::PathDestinationUnknown | General::ObjectDoesNotExist => Self::NoObject,
+            status => Self::Refused(status.into()),
+        }
+    }
 }
 
 /// Parses the answer to the request for an attribute.
@@ -182,13 +184,5 @@ fn reply_in(data: &[u8]) -> Result<Reply<'_>> {
 ///
 /// It is cut off, or the answer to something else.
 pub fn parse(data: &[u8]) -> Result<AttributeAnswer> {
-    let reply = reply_in(data)?;
-    if reply.service != service::GET_ATTRIBUTE_SINGLE {
-        return Err(malformed("its answer is to another service"));
-    }
-    Ok(match reply.general {
-        General::Success => AttributeAnswer::Bytes(reply.data.to_vec()),
-        General::PathDestinationUnknown | General::ObjectDoesNotExist => AttributeAnswer::NoObject,
-        status => AttributeAnswer::Refused(status.into()),
-    })
+    reply_to(service::GET_ATTRIBUTE_SINGLE, data).map(AttributeAnswer::from)
 }
