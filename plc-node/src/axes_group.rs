@@ -238,7 +238,7 @@ impl AxesGroup {
         }
     }
 
-    /// Asks the robot to cancel its skill while a `GroupHalt` is busy. What a block starts meanwhile is not given up.
+    /// Asks the robot to cancel its skill while a `GroupHalt` is busy. What a block starts meanwhile is not aborted.
     pub(crate) fn halt(&mut self, is_busy: bool) {
         if is_busy && !self.halting {
             self.give_up();
@@ -247,7 +247,7 @@ impl AxesGroup {
         self.set_control(Control::CANCEL, is_busy);
     }
 
-    /// Ends the claim of the skill with this number, which is done, has failed or was given up.
+    /// Ends the claim of the skill with this number, which is done, has failed or was aborted.
     pub(crate) const fn release(&mut self, number: u16, is_done: bool) {
         if self.command.number == number {
             self.command.control.set(Control::EXECUTE, false);

@@ -18,7 +18,7 @@ const LATEST: Duration = Duration::from_secs(3_600);
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub struct Override(u8);
 
-/// A number that is no override.
+/// A number that is not an override.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 #[error("an override of {} % was asked for; it is 0 (the arm stops on its path) to 100 %", Figure(*.0))]
 pub struct OverrideError(pub f64);
@@ -91,7 +91,7 @@ pub struct OverrideSchedule {
 pub enum ScheduleError {
     /// A step is none.
     #[error(
-        "`{0}` is no override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s"
+        "`{0}`: invalid override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s"
     )]
     Form(String),
     /// The percent are out of their range.
@@ -265,7 +265,7 @@ mod tests {
             .map(|text| text.parse::<OverrideSchedule>().unwrap_err().to_string())
             .collect();
         insta::assert_snapshot!(told.join("\n"), @"
-        `fast` is no override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s
+        `fast`: invalid override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s
         `50@2`: invalid time after @; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
         `50@1h`: invalid time after @; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
         `50@3601s`: invalid time after @; write a number of us, ms or s, at most 3600s, such as 2.5ms or 2s
@@ -279,7 +279,7 @@ mod tests {
         `60` does not come after the step before it; write the steps in the order of their times
         `0` leaves the arm standing for ever; let a later step raise the override, as in 0,100@10s
         `80,0@2s` leaves the arm standing for ever; let a later step raise the override, as in 0,100@10s
-        `` is no override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s
+        ``: invalid override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s
         there are 17 changes of the override; a run takes 16
         ");
     }

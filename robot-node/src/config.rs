@@ -135,7 +135,7 @@ impl RobotConfig {
             return error("path_jerk_mm_s3", format!("{jerk} is not a jerk above 0"));
         }
         if robot.cycle_us.value == 0 {
-            return error("cycle_us", "0 is no cycle; a controller interpolates every 1000 to 12000 µs");
+            return error("cycle_us", "0 µs: must be 1000 to 12000 µs, as controllers interpolate");
         }
         let micros = |value: u32| Duration::from_micros(u64::from(value));
         Ok(Self {

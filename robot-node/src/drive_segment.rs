@@ -1,4 +1,4 @@
-//! The drives behind the robot controller: emulated ones on an EtherCAT cable of their own, and the MainDevice that drives
+//! The drives of the robot controller: emulated ones on an EtherCAT cable of their own, and the MainDevice that drives
 //! them.
 //!
 //! ```text

@@ -383,7 +383,7 @@ impl<N: Node<Event = RobotEvent, Order = RobotInstruction, Answer = Infallible>>
                 executed,
                 ..
             } => {
-                let reason = format!("given up after {executed} motions: the PLC halted it, or is gone");
+                let reason = format!("aborted after {executed} motions: the PLC halted it, or is gone");
                 Some(RobotMessage::Trouble { number, reason })
             }
             RobotEvent::SkillFinished {

@@ -1,4 +1,4 @@
-//! Hot paths, each told once and measured two ways.
+//! Hot paths, defined once, run by criterion and by callgrind.
 //!
 //! `cargo bench` times them by criterion. `cargo run -p hot-path` counts their instructions by callgrind, which on a
 //! shared host says more: the same program takes the same number, where its time is ± 17 %. A bench program is

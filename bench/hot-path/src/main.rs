@@ -152,7 +152,7 @@ fn compare(committed: &BTreeMap<String, u64>, found: &BTreeMap<String, u64>) -> 
                 format!("{percent:+.2} %")
             }
             (Some(_), None) => {
-                wrong.push(format!("{name} is no hot path any more, but has a committed count"));
+                wrong.push(format!("{name} is not a hot path any more, but has a committed count"));
                 "gone".to_owned()
             }
             _ => {
@@ -292,7 +292,7 @@ mod tests {
             wrong,
             [
                 "new is a new hot path without a committed count",
-                "old is no hot path any more, but has a committed count"
+                "old is not a hot path any more, but has a committed count"
             ]
         );
     }

@@ -29,7 +29,7 @@ pub struct Outcome {
     pub plant: Duration,
     /// Motions that were executed.
     pub motions: u64,
-    /// Skills that ended as wanted, were given up, ended by an error.
+    /// Skills that ended as wanted, were aborted, ended by an error.
     pub ended: [u64; 3],
 }
 

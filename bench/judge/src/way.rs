@@ -148,7 +148,7 @@ impl Way {
                 let share = (dot(difference(self.start.at, tool.at), along) / square).clamp(0.0, 1.0);
                 let share_of_way = if square > 0.0 { share } else { 1.0 };
                 let foot: Vector = core::array::from_fn(|i| self.start.at[i] + share_of_way * along[i]);
-                // Of one that only turns, the place does not tell how far.
+                // For a pure rotation the position does not give the progress.
                 let share = if square > 1e-6 { share } else { f64::NAN };
                 (distance(foot, tool.at), share)
             }

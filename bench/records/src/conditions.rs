@@ -61,13 +61,13 @@ struct SkillReport {
 /// A robot node's reports on its skills since a run was asked for. A run may begin with a move to the start, which is not
 /// part of it.
 #[derive(Debug, Default)]
-pub struct ToldSkills {
+pub struct ReportedSkills {
     reports: Vec<SkillReport>,
     /// Number of the last command before those of the run, if the run has begun.
     after: Option<u16>,
 }
 
-impl ToldSkills {
+impl ReportedSkills {
     /// The PLC began the run: its skills have the numbers after this one.
     pub fn begin_after(&mut self, number: u16) {
         self.after = Some(number);
@@ -227,7 +227,7 @@ mod tests {
         let (quality, account) = (Quality::default(), Account::default());
         for (moved, run) in [(7, 8), (u16::MAX, 0)] {
             for is_late in [false, true] {
-                let mut skills = ToldSkills::default();
+                let mut skills = ReportedSkills::default();
                 if !is_late {
                     skills.add(moved, 1, None, quality, account);
                 }

@@ -107,7 +107,7 @@ fn other_than_the_paper(setup: &Setup, application: &Application) -> Option<Stri
         let has_paper = |name: &str| built_in(name).is_some_and(|setup| setup.paper.is_some());
         let known: Vec<_> =
             setup::SETUPS.iter().map(|(name, _)| *name).filter(|name| has_paper(name)).collect();
-        return Some(format!("`{name}` is no setup of the paper; those are {}", known.join(" and ")));
+        return Some(format!("`{name}` is not a setup of the paper; those are {}", known.join(" and ")));
     };
     let differences = match setup.differences(&shipped) {
         Ok(differences) => differences,
@@ -188,7 +188,7 @@ mod tests {
         insta::assert_snapshot!(reason(&setup, &application), @"paper.cm.aet_ms is 1.0 and in the paper's setup A 3729.0");
         let mut setup = shipped;
         setup.name = "my-cell".to_owned();
-        insta::assert_snapshot!(reason(&setup, &application), @"`my-cell` is no setup of the paper; those are A and B");
+        insta::assert_snapshot!(reason(&setup, &application), @"`my-cell` is not a setup of the paper; those are A and B");
         setup.paper = None;
         assert_eq!(PaperComparison::of(&setup, &application, None, &[]), PaperComparison::NoPaper);
     }

@@ -252,7 +252,7 @@ pub fn saved(directory: &Path) -> anyhow::Result<SavedResults> {
         Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
     };
     let value: serde_json::Value =
-        serde_json::from_str(&text).with_context(|| format!("{} is no results file", path.display()))?;
+        serde_json::from_str(&text).with_context(|| format!("{} is not a results file", path.display()))?;
     match value.get("schema_version").and_then(serde_json::Value::as_u64) {
         Some(version) if version == u64::from(SCHEMA_VERSION) => {}
         Some(version) if version == u64::from(CELL_SCHEMA_VERSION) => {
@@ -264,7 +264,7 @@ pub fn saved(directory: &Path) -> anyhow::Result<SavedResults> {
             "{} has schema version {version}, and this program reads {SCHEMA_VERSION}; use the version of skillbench that wrote it, or run again",
             path.display()
         ),
-        None => anyhow::bail!("{} has no schema version, so it is no results file", path.display()),
+        None => anyhow::bail!("{} has no schema version, so it is not a results file", path.display()),
     }
     let results = parse(&path, &text)?;
     agreement::check(directory, &value, &results)?;

@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn every_reaction_over_every_bus_is_within_what_the_cycles_allow() {
-        // The robot's cycle of 4 ms is so much longer by the PLC's clock.
+        // Drift: how much longer 4 ms of the robot are on the PLC's clock.
         let drift = Duration::from_micros(1);
         let near = Duration::from_millis(1);
         for (bus, setup) in over_each_bus(&setup::setup("A").unwrap()).unwrap() {

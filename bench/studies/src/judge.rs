@@ -253,14 +253,14 @@ fn in_words(plant: Duration) -> String {
 }
 
 fn print(tally: &TotalTally, options: &JudgeOptions, setup: &Setup) {
-    let TotalTally { lists, cycles, plant, motions, ended: [done, given_up, failed], .. } = *tally;
+    let TotalTally { lists, cycles, plant, motions, ended: [done, aborted, failed], .. } = *tally;
     outln!("Setup {}: {}", setup.name, setup.title);
     outln!(
         "{lists} lists of seed {}, {motions} motions, {cycles} robot cycles: {}",
         options.seed,
         in_words(plant)
     );
-    outln!("skills: {done} done, {given_up} given up, {failed} ended by an error");
+    outln!("skills: {done} done, {aborted} aborted, {failed} ended by an error");
 }
 
 fn print_laws(tally: &TotalTally) {

@@ -171,7 +171,7 @@ fn the_error_for_a_wrong_override_shows_a_correct_one() {
         ),
         (
             "half",
-            "`half` is no override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s",
+            "`half`: invalid override; write percent, and a time after the start of each repetition: 50, 50@2s or 80,0@2s,100@3s",
         ),
     ] {
         let finished = refused(&["--mode", "virtual", "--override", text]);

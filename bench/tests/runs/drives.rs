@@ -53,7 +53,7 @@ fn a_drive_that_stops_the_arm_is_named_by_the_plc_with_axis_and_code() {
     let blocked = failure_with_drives("A", "drive-block=1@1s..9s");
     assert!(blocked.contains("following error") && blocked.contains("(axis 1 is "), "{blocked}");
     let stopped = failure_with_drives("B", "drive-stop=6@1500ms");
-    assert!(stopped.contains("the drive of an axis stopped though nobody told it to (axis 6)"), "{stopped}");
+    assert!(stopped.contains("the drive of an axis stopped without a command (axis 6)"), "{stopped}");
 }
 
 #[test]

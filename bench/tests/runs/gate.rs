@@ -120,9 +120,9 @@ fn a_baseline_of_another_setup_or_version_and_a_broken_one_are_refused_and_kept(
     }
     let older = good.to_json().unwrap().replace("\"schema_version\": 1", "\"schema_version\": 0");
     insta::assert_snapshot!(refused(&older, &[]), @"error: cannot use b.json: it has schema version 0, and this program reads 1; move it away and make a new one by --update");
-    insta::assert_snapshot!(refused("{}", &[]), @"error: cannot use b.json: it is no baseline: missing field `schema_version` at line 1 column 2; make a new one by --update after moving this file away");
+    insta::assert_snapshot!(refused("{}", &[]), @"error: cannot use b.json: it is not a baseline: missing field `schema_version` at line 1 column 2; make a new one by --update after moving this file away");
     let senseless = good.to_json().unwrap().replace("\"tolerance\": 0.5", "\"tolerance\": -0.5");
-    insta::assert_snapshot!(refused(&senseless, &[]), @"error: cannot use b.json: its figure `RC AET` has a value or a tolerance that is no number from zero up; correct it by hand");
+    insta::assert_snapshot!(refused(&senseless, &[]), @"error: cannot use b.json: the value and the tolerance of its figure `RC AET` must be numbers from zero up; correct it by hand");
 }
 
 #[test]

@@ -352,7 +352,7 @@ fn a_missing_run_and_one_of_another_version_are_refused_with_a_reason() {
     std::fs::write(run.join("results.json"), "{\"schema_version\": 0}").unwrap();
     insta::assert_snapshot!(refused(), @"error: run/results.json has schema version 0, and this program reads 1; use the version of skillbench that wrote it, or run again");
     std::fs::write(run.join("results.json"), "{\"schema_version\": 1").unwrap();
-    insta::assert_snapshot!(refused(), @"error: run/results.json is no results file: EOF while parsing an object at line 1 column 20");
+    insta::assert_snapshot!(refused(), @"error: run/results.json is not a results file: EOF while parsing an object at line 1 column 20");
 }
 
 #[test]

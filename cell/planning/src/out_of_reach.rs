@@ -74,7 +74,7 @@ impl fmt::Display for OutOfReach {
             }
         };
         if matches!(violation, Violation::TurnTooFast { .. }) {
-            // It says itself what helps; the frame is where it is to be.
+            // This violation already names its remedy.
             return Ok(());
         }
         match violation.missing() {
@@ -138,7 +138,7 @@ pub(crate) struct Missing(pub(crate) (f64, &'static str));
 impl fmt::Display for Missing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (missing, unit) = self.0;
-        // What is hardly missing is told with the digits that show it.
+        // More digits for a tiny shortfall.
         let digits = if missing < 0.1 { 6 } else { 1 };
         write!(f, "{missing:.digits$} {unit} are missing")
     }

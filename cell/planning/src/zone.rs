@@ -114,7 +114,7 @@ impl fmt::Display for Why {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let corner = |f: &mut fmt::Formatter<'_>, angle: &Option<f64>| match angle {
             Some(angle) => write!(f, "a corner of {angle:.0}°"),
-            None => f.write_str("a junction whose directions only the robot knows"),
+            None => f.write_str("the direction depends on the arm"),
         };
         match self {
             Self::AccurateStop { then: Some(then) } => write!(f, "{then} happens here"),
@@ -127,14 +127,16 @@ impl fmt::Display for Why {
             Self::Shrunk { wanted_mm, .. } => {
                 write!(f, "{wanted_mm} mm wanted: half of a short motion")
             }
-            Self::Collinear { halved: false } => f.write_str("straight on: the path is kept"),
-            Self::Collinear { halved: true } => {
-                f.write_str("straight on: the path is kept; half of a short motion")
+            Self::Collinear { halved: false } => {
+                f.write_str("the next motion continues straight, so blending stays on the path")
             }
+            Self::Collinear { halved: true } => f.write_str(
+                "the next motion continues straight, so blending stays on the path; half of a short motion",
+            ),
             Self::Tangent => f.write_str("smooth: within path_tolerance_mm"),
             Self::SplinePoint => f.write_str("the spline passes through the point"),
             Self::PathEnd { corner_deg } => {
-                f.write_str("not blended on the path: ")?;
+                f.write_str("no blending: ")?;
                 corner(f, corner_deg)
             }
             Self::PathCorner { corner_deg } => {

@@ -84,7 +84,7 @@ impl Setup {
         self
     }
 
-    /// Returns the setup with these drives behind the robot controller.
+    /// Returns the setup with these drives of the robot controller.
     #[must_use]
     pub fn with_drives(mut self, drives: Drives) -> Self {
         self.robot.drives = Some(drives);

@@ -1,7 +1,7 @@
 //! Whose turn it is: which block's skill comes after the one that is under way.
 //!
 //! One skill may wait. It starts once the block of the skill under way has seen its end; that block need not know of it.
-//! If the skill under way is given up or fails, the waiting one fails too, unless the waiting one gave it up.
+//! If the skill under way is aborted or fails, the waiting one fails too, unless the waiting one aborted it.
 
 use protocol::image::Control;
 
@@ -29,7 +29,7 @@ pub(crate) enum Turn {
     Cancelling,
     /// It starts its skill in this scan.
     Now,
-    /// It lost its place: the skill under way failed or was given up, or a third block aborts it.
+    /// It lost its place: the skill under way failed or was aborted, or a third block aborts it.
     Lost,
 }
 
@@ -59,7 +59,7 @@ impl AxesGroup {
             self.withdraw();
             return Ok(Turn::Now);
         }
-        // A command that the robot has not accepted yet would be lost instead of given up.
+        // A command that the robot has not accepted yet would be lost instead of aborted.
         if waiting.aborts && feedback.number == self.command.number {
             self.set_control(Control::CANCEL, true);
             return Ok(Turn::Cancelling);

@@ -51,7 +51,7 @@ Examples:
 
 PROFINET and EtherCAT need raw sockets (root, or the capability CAP_NET_RAW); EtherNet/IP needs an IPv4 address on the
 interface. SubDevices of EtherCAT stay in their states; do not search where a MainDevice of this host uses the interface.
-A bus that cannot be asked is skipped with a warning. `!` marks names, addresses and serial numbers that several devices have. A search that finds nothing is no failure: exit code 0.";
+A bus that cannot be asked is skipped with a warning. `!` marks names, addresses and serial numbers that several devices have. A search that finds nothing ends with exit code 0 too.";
 
 /// Which devices to look for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]

@@ -7,7 +7,7 @@ pub enum BufferMode {
     /// Cancels the skill that is under way, and the one that waits; starts once the arm stands.
     #[default]
     Aborting = 0,
-    /// Waits until the skill that is under way is done. If that one is given up or fails, so is this one.
+    /// Waits until the skill that is under way is done. If that one is aborted or fails, so is this one.
     Buffered = 1,
     /// Refused, as all that blend: the robot blends motions of one skill, and a block is a skill of its own.
     BlendingLow = 2,

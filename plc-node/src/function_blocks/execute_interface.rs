@@ -14,7 +14,7 @@ pub struct Outputs {
     pub command_interrupted: bool,
     /// The skill ended as wanted.
     pub done: bool,
-    /// The skill was given up.
+    /// The skill was aborted.
     pub command_aborted: bool,
     /// Something is wrong.
     pub error: bool,
@@ -31,7 +31,7 @@ pub enum SkillState {
     Running,
     /// It waits on its path: `CommandInterrupted`.
     Suspended,
-    /// It was given up or failed: `CommandAborted` or `Error`. When `Execute` falls the block is `Ready` again.
+    /// It was aborted or failed: `CommandAborted` or `Error`. When `Execute` falls the block is `Ready` again.
     Halted,
 }
 

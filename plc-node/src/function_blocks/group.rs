@@ -7,8 +7,8 @@
 //! | [`GroupEnable`] | `ENABLE` set, `RESET` where it stood still without an error | `Ready` |
 //! | [`GroupDisable`] | `ENABLE` cleared | `Halted`, not enabled |
 //! | [`GroupReset`] | `RESET` | `Ready` |
-//! | [`GroupHalt`] | `CANCEL` | `Ready`; the skill is given up |
-//! | [`GroupStop`] | `HALT` | `Halted`: a reset is needed; the skill is given up |
+//! | [`GroupHalt`] | `CANCEL` | `Ready`; the skill is aborted |
+//! | [`GroupStop`] | `HALT` | `Halted`: a reset is needed; the skill is aborted |
 //! | [`GroupInterrupt`] | `SUSPEND` | `Suspended` |
 //! | [`GroupContinue`] | `RESUME` | `Running` |
 //!
@@ -144,7 +144,7 @@ group_blocks! {
     /// Acknowledges an error and leads the robot out of `Halted` to `Ready`.
     GroupReset (Unmoved): |_| Ok(()), |feedback| is_ready(feedback).then_some(End::Done),
         |group, is_busy| group.set_control(Control::RESET, is_busy);
-    /// Stops the robot on its path; a skill under way is given up, and the next one may start at once. A robot that is
+    /// Stops the robot on its path; a skill under way is aborted, and the next one may start at once. A robot that is
     /// stopped otherwise meanwhile, and so needs a reset, aborts the block.
     GroupHalt (Moving): |feedback| match feedback.state {
         State::Halted => Err(BlockError::NothingToDo("running or ready")),
@@ -153,7 +153,7 @@ group_blocks! {
         State::Halted => Some(End::Aborted),
         _ => is_at_rest(feedback).then_some(End::Done),
     }, |group, is_busy| group.halt(is_busy);
-    /// Stops the robot on its path; a skill under way is given up. No skill starts before a reset.
+    /// Stops the robot on its path; a skill under way is aborted. No skill starts before a reset.
     GroupStop (Moving): |_| Ok(()), |feedback| is_at_rest(feedback).then_some(End::Done),
         |group, is_busy| {
             if is_busy {

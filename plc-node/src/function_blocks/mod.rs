@@ -6,7 +6,7 @@
 //! | `Active` | the robot executes the skill; only together with `Busy` |
 //! | `CommandInterrupted` | the skill waits on its path; only together with `Busy`, never with `Active` |
 //! | `Done` | the skill ended as wanted |
-//! | `CommandAborted` | the skill was given up |
+//! | `CommandAborted` | the skill was aborted |
 //! | `Error` | something is wrong; `ErrorID` says what |
 //!
 //! PLCopen, Function blocks for motion control, Part 1, general rules: `Busy`, `Done`, `Error` and `CommandAborted`
@@ -15,7 +15,7 @@
 //! if `Execute` fell before the end, they show for one scan. PLCopen lets a second rising edge restart a busy block
 //! with new parameters; a robot that executes a skill takes up no other one, so here that edge is ignored.
 //!
-//! A block is called once a scan, whatever `Execute` is. A skill is given up by [`GroupHalt`] or [`GroupStop`], or by another
+//! A block is called once a scan, whatever `Execute` is. A skill is aborted by [`GroupHalt`] or [`GroupStop`], or by another
 //! block whose [`BufferMode`] is `Aborting`, not by its own block. A block that waits for another one is `Busy` and not
 //! `Active`; whatever gives up the skill under way gives up the one that waits for it, but for the one that did so. The inputs of a
 //! block of one motion have [engineering units](MotionInputs); [`MoveContinuous`] takes motions of the image, which

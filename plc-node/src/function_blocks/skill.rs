@@ -139,7 +139,7 @@ impl<P: Copy> SkillCall<P> {
         }
     }
 
-    /// Waits until the robot has given up the skill under way, and stops a robot that does not.
+    /// Waits until the robot has aborted the skill under way, and stops a robot that does not.
     fn wait_for_cancel(&mut self, group: &mut AxesGroup) {
         self.interface.wait();
         self.waited = group.count_wait(self.waited);

@@ -8,7 +8,7 @@ use crate::event::Events;
 use crate::{FailureCause, PlcEvent};
 
 /// Number of scans that is longer than any robot cycle: then the robot's image should have changed.
-pub(super) const STILL: u32 = 20;
+pub(super) const STALE_IMAGE_SCANS: u32 = 20;
 
 /// Time with nothing but old images of the robot after which the connection counts as lost: a usual watchdog.
 const OUTDATED_FOR: Duration = Duration::from_millis(100);
@@ -63,7 +63,7 @@ impl Station {
         if has_image && self.life.take_still(now) {
             events.push(self.index, PlcEvent::LifeStill);
         }
-        if self.group.still_scans() == STILL {
+        if self.group.still_scans() == STALE_IMAGE_SCANS {
             self.received_still = received;
             self.altered_still = self.checker.checks().altered;
         }

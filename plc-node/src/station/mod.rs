@@ -93,9 +93,9 @@ pub struct Station {
     is_connected: bool,
     /// Whether the owner knows that the robot marks its data as bad.
     image_bad: bool,
-    /// Frames received when the robot's image had not changed for [`STILL`](inputs::STILL) scans.
+    /// Frames received when the robot's image had not changed for [`STALE_IMAGE_SCANS`](inputs::STALE_IMAGE_SCANS) scans.
     received_still: u64,
-    /// Images refused when the robot's image had not changed for [`STILL`](inputs::STILL) scans.
+    /// Images refused when the robot's image had not changed for [`STALE_IMAGE_SCANS`](inputs::STALE_IMAGE_SCANS) scans.
     altered_still: u64,
     /// The image that the group's feedback was read from: a robot that is slower than the scan repeats it.
     inputs: Image,
@@ -241,7 +241,7 @@ impl Station {
 
     /// Sets the image that goes to the robot after this scan as it is, in place of the axes group's command. The check in it is
     /// the program's too, and so are the command number, which must be new to the robot, and the life counter: continue from that
-    /// of the axes group's command, which counts on meanwhile. In the scan in which the run ends otherwise than done the image
+    /// of the axes group's command, which counts on meanwhile. In the scan in which the run fails or is aborted the image
     /// does not go out.
     pub fn set_image(&mut self, image: &Image) {
         (self.outputs, self.is_image_set, self.emitted) = (*image, true, None);

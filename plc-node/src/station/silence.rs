@@ -98,7 +98,7 @@ pub(crate) enum Work {
 }
 
 impl Station {
-    /// Reports what the PLC waits for at this station. Returns why the robot is given up, if it owes progress and shows none.
+    /// Reports what the PLC waits for at this station. Returns the reason to fail the run, if the robot owes progress and shows none.
     pub(crate) fn watch_silence(
         &mut self,
         work: Work,

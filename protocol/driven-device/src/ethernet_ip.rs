@@ -89,7 +89,7 @@ pub(crate) fn connect(
         t_o_rpi_us,
         // At least 100 ms without a frame: hosts stall for 10 to 20 ms.
         multiplier: TimeoutMultiplier::at_least(100_000_u32.div_ceil(o_t_rpi_us.min(t_o_rpi_us).max(1)))
-            .unwrap_or(TimeoutMultiplier::CODE_5),
+            .unwrap_or(TimeoutMultiplier::TIMES_128),
         request_timeout: Duration::from_secs(1),
         open_timeout: Duration::from_secs(5),
         retry_after: Duration::from_secs(1),

@@ -20,7 +20,7 @@ pub enum Cause {
     SwitchedOff,
 }
 
-/// An axis that stopped by itself.
+/// An axis that stopped without a command.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct AxisError {
     /// Which axis, from 1.
@@ -34,7 +34,7 @@ impl fmt::Display for AxisError {
         let Self { axis, cause } = self;
         match cause {
             Cause::Fault(code) => write!(f, "drive of axis {axis}: {code}"),
-            Cause::QuickStop => write!(f, "drive of axis {axis}: it stopped by itself"),
+            Cause::QuickStop => write!(f, "drive of axis {axis}: it stopped without a command"),
             Cause::SwitchedOff => write!(f, "drive of axis {axis}: it switched itself off"),
         }
     }
@@ -75,7 +75,7 @@ impl Axes {
         self.axes.iter().all(|axis| axis.power() == Power::Off)
     }
 
-    /// Returns the first axis that stopped by itself since the last reset.
+    /// Returns the first axis that stopped without a command since the last reset.
     #[must_use]
     pub const fn error(&self) -> Option<AxisError> {
         self.error
@@ -99,7 +99,7 @@ impl Axes {
         self.send(targets, outputs);
     }
 
-    /// Takes the inputs of all drives. If one of them stopped by itself, the others get a quick stop from
+    /// Takes the inputs of all drives. If one of them stopped without a command, the others get a quick stop from
     /// now on.
     pub fn receive(&mut self, inputs: &[u8]) {
         let was_on = self.were_on;

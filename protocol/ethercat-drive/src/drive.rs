@@ -248,7 +248,7 @@ impl Drive {
         let reset_before = core::mem::replace(&mut self.reset_before, reset);
         let edge = reset && !reset_before;
         let command = Command::of(outputs.control_word);
-        // A drive that stopped by itself does not go on with the command that it had.
+        // A drive that stopped without a command does not go on with the command that it had.
         let is_new = core::mem::replace(&mut self.command, command) != command;
         self.state = match (self.state, command) {
             (State::NotReadyToSwitchOn, _) => State::SwitchOnDisabled,

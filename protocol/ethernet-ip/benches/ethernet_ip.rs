@@ -69,7 +69,7 @@ fn forward_open(mut buffer: Buffer) -> (Buffer, usize) {
         o_t_id: 1,
         t_o_id: 0x5C00_0001,
         triad: Triad { connection_serial: 1, vendor: 0xFFFF, originator_serial: 1 },
-        multiplier: TimeoutMultiplier::CODE_5.code(),
+        multiplier: TimeoutMultiplier::TIMES_128.code(),
         o_t_rpi_us: 1_000,
         o_t: parameters(262),
         t_o_rpi_us: 1_000,

@@ -39,7 +39,7 @@ pub enum FrameError {
     #[error("the frame's items are not a sequenced address and connected data")]
     WrongItems,
     /// The datagram continues behind its items.
-    #[error("the datagram goes on behind the frame")]
+    #[error("the datagram continues after the frame")]
     TrailingBytes,
 }
 

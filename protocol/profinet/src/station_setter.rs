@@ -142,10 +142,10 @@ impl Machine for StationSetter {
 
     fn handle_frame(&mut self, _now: Instant, _from: Source, frame: &[u8]) {
         let Ok((header, payload)) = EthernetHeader::parse(frame) else { return };
-        let is_its = header.source == self.config.station
+        let is_answer = header.source == self.config.station
             && header.destination == self.config.mac
             && header.ether_type == ETHER_TYPE;
-        if is_its && self.tries.are_begun() && self.result.is_none() {
+        if is_answer && self.tries.are_begun() && self.result.is_none() {
             self.result = self.answer_in(payload);
         }
     }

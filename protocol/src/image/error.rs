@@ -136,7 +136,7 @@ impl fmt::Display for ErrorNumber {
             Self::JerkOutOfRange => "the jerk is above the limit of its motion kind",
             Self::WrongCheck => "the checks of the command images are wrong: bytes are altered on the way, or the PLC computes them otherwise",
             Self::DriveFault => "the drive of an axis has a fault",
-            Self::DriveStopped => "the drive of an axis stopped though nobody told it to",
+            Self::DriveStopped => "the drive of an axis stopped without a command",
             Self::DrivesLost => "the robot controller lost the connection to its drives",
             Self::TurnTooFast => "the motion turns the tool too far on its way for its velocity",
             Self::ForceUnsteady => "the contact force swings and does not settle",

@@ -51,7 +51,7 @@ const STEPS_AHEAD: i64 = 2;
 const MEMORY: Duration = Duration::from_secs(10);
 
 /// Time without a movement of the counter after which a sender is named that has never moved it.
-const STILL: Duration = Duration::from_secs(1);
+const STALE_COUNTER_TIME: Duration = Duration::from_secs(1);
 
 /// What the life counter of an image says.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -177,7 +177,8 @@ impl LifeMonitor {
 
     /// Returns, once for each connection, that the sender's counter has never moved although its images arrive.
     pub fn take_still(&mut self, now: Instant) -> bool {
-        let is_still = self.last.is_some() && !self.has_moved && now.since(self.first_at) >= STILL;
+        let is_still =
+            self.last.is_some() && !self.has_moved && now.since(self.first_at) >= STALE_COUNTER_TIME;
         is_still && !core::mem::replace(&mut self.is_named, true)
     }
 

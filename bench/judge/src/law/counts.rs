@@ -11,9 +11,9 @@ use crate::violation::{Broken, Class};
 const IDLE: u32 = 500;
 
 impl Law {
-    pub(super) fn look_at_counts(&mut self, seen: &Seen<'_>) {
+    pub(super) fn check_counts(&mut self, seen: &Seen<'_>) {
         let feedback = seen.feedback;
-        self.look_at_state(feedback);
+        self.check_state(feedback);
         if feedback.number != self.skill.number || self.skill.has_ended {
             return;
         }
@@ -29,13 +29,13 @@ impl Law {
         }
         let is_one = executed == self.skill.executed + 1;
         while self.skill.executed < executed {
-            self.look_at_executed(self.skill.executed as usize, is_one, feedback);
+            self.check_executed(self.skill.executed as usize, is_one, feedback);
             self.skill.executed += 1;
         }
-        self.look_at_standing(feedback);
+        self.check_standing(feedback);
         let ended = Status::DONE.0 | Status::ABORTED.0 | Status::ERROR.0;
         if feedback.status.0 & ended != 0 {
-            self.look_at_end(seen);
+            self.check_end(seen);
             self.skill.has_ended = true;
             self.pace.settle();
         }
@@ -43,12 +43,12 @@ impl Law {
 
     /// The motion of this index was executed in the last cycle, which `is_one` says of no other: the tool came to its zone,
     /// or passed or stopped at its target.
-    fn look_at_executed(&mut self, index: usize, is_one: bool, feedback: &Feedback) {
+    fn check_executed(&mut self, index: usize, is_one: bool, feedback: &Feedback) {
         let Some(way) = self.ways.get(index) else { return };
         let (kind, target, zone_mm) = (way.kind, way.target, way.zone_mm);
         self.skill.holds = kind.has_force();
         if kind.has_force() {
-            return self.look_at_force(way.force_n, feedback);
+            return self.check_force(way.force_n, feedback);
         }
         let [now, before, ..] = self.tools(&way.tool);
         let step = length(difference(before, now));
@@ -87,7 +87,7 @@ impl Law {
         }
     }
 
-    fn look_at_force(&mut self, wanted: f64, feedback: &Feedback) {
+    fn check_force(&mut self, wanted: f64, feedback: &Feedback) {
         let found = f64::from(feedback.contact_force);
         if (found - wanted).abs() > self.force_tolerance_n + 1e-3 {
             let what = "the force of a LIN force that is done";
@@ -95,8 +95,8 @@ impl Law {
         }
     }
 
-    /// An arm that runs and stands, stands at the end of a motion.
-    fn look_at_standing(&mut self, feedback: &Feedback) {
+    /// A running arm rests only at the end of a motion.
+    fn check_standing(&mut self, feedback: &Feedback) {
         let is_free = !self.pace.holds && !self.pace.is_led;
         let may_move = is_free && self.pace.wanted() > 0.0 && self.cycle > self.pace.changed_in + 2;
         let presses = self.ways.get(self.skill.executed as usize).is_some_and(|way| way.kind.has_force());
@@ -117,7 +117,7 @@ impl Law {
         }
     }
 
-    fn look_at_state(&mut self, feedback: &Feedback) {
+    fn check_state(&mut self, feedback: &Feedback) {
         let before = self.before.map(|before| before.state);
         let stands = matches!(feedback.state, State::Suspended)
             || (matches!(feedback.state, State::Ready | State::Halted) && !self.skill.holds);
@@ -127,17 +127,14 @@ impl Law {
     }
 
     /// The skill has ended.
-    fn look_at_end(&mut self, seen: &Seen<'_>) {
+    fn check_end(&mut self, seen: &Seen<'_>) {
         let feedback = seen.feedback;
         let status = feedback.status;
         if status.contains(Status::DONE) {
-            return self.look_at_done(seen);
+            return self.check_done(seen);
         }
         if feedback.state != State::Halted {
-            return self.report(
-                Class::State,
-                Broken::Words("a skill ended otherwise than as wanted, and the robot is not halted"),
-            );
+            return self.report(Class::State, Broken::Words("a skill failed, and the robot is not halted"));
         }
         let is_commanded = matches!(feedback.error, ErrorNumber::ConnectionLost | ErrorNumber::Disabled);
         if status.contains(Status::ABORTED) || is_commanded {
@@ -158,7 +155,7 @@ impl Law {
         }
     }
 
-    fn look_at_done(&mut self, seen: &Seen<'_>) {
+    fn check_done(&mut self, seen: &Seen<'_>) {
         let feedback = seen.feedback;
         let total = self.ways.len() as u32;
         let problem = if feedback.executed != total || feedback.accepted != total {
@@ -185,7 +182,7 @@ const fn late(error: ErrorNumber) -> &'static str {
         ErrorNumber::Unreachable => "an unreachable point was met in the middle of a motion",
         ErrorNumber::Singular => "a singular position was met in the middle of a motion",
         ErrorNumber::ConfigurationChange => "a change of configuration was met in the middle of a motion",
-        ErrorNumber::QueueOverrun => "the queue is said to be overrun, and was not",
+        ErrorNumber::QueueOverrun => "the robot reported QueueOverrun without an overrun",
         _ => "an error ended the skill in the middle of a motion",
     }
 }

@@ -5,7 +5,7 @@ use crate::kinematics::distance;
 use crate::violation::Class;
 
 impl Law {
-    pub(super) fn look_at_course(&mut self) {
+    pub(super) fn check_course(&mut self) {
         let sample = &self.samples[0];
         if !sample.among.is_one() || self.skill.has_ended {
             return;

@@ -16,7 +16,7 @@ const ANGLES_DEG: f64 = 5e-5;
 const LAW_PER_CYCLE: f64 = 1.11;
 
 impl Law {
-    pub(super) fn look_at_feedback(&mut self, seen: &Seen<'_>) {
+    pub(super) fn check_feedback(&mut self, seen: &Seen<'_>) {
         let feedback = seen.feedback;
         for axis in 0..self.axes {
             let figure = f64::from(feedback.joints[axis]);
@@ -60,7 +60,7 @@ impl Law {
             return self.report_figure(Class::Feedback, what, [told, limit], "mm/s");
         }
         if !self.surfaces.is_empty() {
-            self.look_at_contact(feedback);
+            self.check_contact(feedback);
         }
     }
 
@@ -91,7 +91,7 @@ impl Law {
         found.is_some()
     }
 
-    fn look_at_contact(&mut self, feedback: &Feedback) {
+    fn check_contact(&mut self, feedback: &Feedback) {
         let told = f64::from(feedback.contact_force);
         let force = length(self.contact(&self.shown.0));
         if (told - force).abs() > SINGLE * force + 1e-4 {

@@ -15,7 +15,7 @@ const ORDERS: [(Class, [&str; 2]); 3] = [
 ];
 
 impl Law {
-    pub(super) fn look_at_joints(&mut self) {
+    pub(super) fn check_joints(&mut self) {
         let joints = self.samples[0].joints;
         for (axis, place) in joints.into_iter().enumerate().take(self.axes) {
             let (lower, upper) = (self.lower[axis], self.upper[axis]);

@@ -274,11 +274,11 @@ impl Law {
         self.samples[0] = Sample { joints, flange, among };
         self.samples_of_skill = self.samples_of_skill.saturating_add(1);
         self.pace.command(self.cycle, seen.command);
-        self.look_at_joints();
-        self.look_at_course();
-        self.look_at_pace();
-        self.look_at_counts(seen);
-        self.look_at_feedback(seen);
+        self.check_joints();
+        self.check_course();
+        self.check_pace();
+        self.check_counts(seen);
+        self.check_feedback(seen);
         self.before = Some(*seen.feedback);
     }
 

@@ -126,7 +126,7 @@ impl Pace {
 }
 
 impl Law {
-    pub(super) fn look_at_pace(&mut self) {
+    pub(super) fn check_pace(&mut self) {
         if self.skill.has_ended || self.ways.is_empty() {
             return;
         }
@@ -134,19 +134,19 @@ impl Law {
         let ways = self.ways_among(among);
         let Some(first) = ways.first() else { return };
         if ways.iter().all(|way| way.kind.is_point_to_point()) {
-            self.look_at_shares(among);
+            self.check_shares(among);
         } else if ways.iter().all(|way| !way.kind.is_point_to_point() && way.tool == first.tool) {
-            self.look_at_tool(among);
+            self.check_tool(among);
         }
     }
 
     /// The tool on lines, circles and splines.
-    fn look_at_tool(&mut self, among: Among) {
+    fn check_tool(&mut self, among: Among) {
         let Some(&Way { tool, kind, .. }) = self.ways.get(among.first) else { return };
         let chords = self.chords(&tool);
         let velocity = self.most(among, |way| way.velocity);
         let (step, step_before) = (length(chords[0]), length(chords[1]));
-        self.look_at_speed(among, step, step_before, velocity * self.cycle_s);
+        self.check_speed(among, step, step_before, velocity * self.cycle_s);
         let limit = velocity * self.pace.allowed();
         let is_spline = self.ways_among(among).iter().any(|way| way.kind == Kind::Spline);
         let share = if is_spline { QUADRATURE } else { SHARE };
@@ -183,7 +183,7 @@ impl Law {
     }
 
     /// The joints point to point.
-    fn look_at_shares(&mut self, among: Among) {
+    fn check_shares(&mut self, among: Among) {
         let [q0, q1, q2, q3] = self.samples.map(|sample| sample.joints);
         let (speeds, accelerations) = (self.differences[0], self.differences[1]);
         let shares = [(q0, q1), (q1, q2), (q2, q3)].map(|(to, from)| {
@@ -191,7 +191,7 @@ impl Law {
         });
         let [share, share_before, _] = shares;
         let velocity = self.most(among, |way| way.velocity);
-        self.look_at_speed(among, share, share_before, velocity);
+        self.check_speed(among, share, share_before, velocity);
         let limit = velocity * self.pace.allowed();
         for axis in 0..self.axes {
             let share = (q0[axis] - q1[axis]).abs() / speeds[axis];
@@ -216,7 +216,7 @@ impl Law {
     /// A motion that is faster than wanted does not become faster than it was.
     ///
     /// A LIN force is led by the force as well.
-    fn look_at_speed(&mut self, among: Among, step: f64, before: f64, programmed: f64) {
+    fn check_speed(&mut self, among: Among, step: f64, before: f64, programmed: f64) {
         let is_led = self.ways_among(among).iter().any(|way| way.kind.has_force());
         if !among.is_one() || programmed <= 0.0 || is_led {
             return;

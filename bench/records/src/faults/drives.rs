@@ -1,4 +1,4 @@
-//! Faults of the drives behind the robot controller.
+//! Faults of the robot controller's drives.
 
 use std::time::Duration;
 

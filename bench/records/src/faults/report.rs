@@ -23,7 +23,7 @@ pub struct FaultReport {
     pub duplicated: u64,
     /// Frames that were held back.
     pub reordered: u64,
-    /// Frames in which a bit flipped behind the checksums of Ethernet and UDP, so that it reached a node.
+    /// Frames in which a bit flipped after the checksums of Ethernet and UDP, so that it reached a node.
     pub corrupted: u64,
     /// Frames in which a bit flipped on the wire, before these checksums; they count as lost as well.
     #[serde(default)]
@@ -90,7 +90,7 @@ impl fmt::Display for FaultReport {
             write!(
                 f,
                 "Faults put in ({}): {lost} frames lost, {duplicated} twice, {reordered} held back, {corrupted} corrupted \
-                 behind the checksums of Ethernet and UDP",
+                 after the checksums of Ethernet and UDP",
                 put_in.join(", ")
             )?;
             if *corrupted_on_wire > 0 {

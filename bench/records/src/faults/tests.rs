@@ -137,7 +137,7 @@ fn a_fault_that_the_run_ended_before_never_came_to_pass() {
     let counters = |sent| LinkCounters { sent, lost: 5, ..LinkCounters::default() };
     let links = [counters(100), counters(99)];
     let report = FaultReport::new(&faults(&asked), links, Some(Duration::from_secs(2)));
-    insta::assert_snapshot!(report, @"Faults put in (loss=0.1, cut-at=2s..3s, to-robot:lose-frame=100, to-plc:cut-frame=99@1ms): 10 frames lost, 0 twice, 0 held back, 0 corrupted behind the checksums of Ethernet and UDP. Never came to pass, because the run ended before: kill-robot-at=3000s, drive-stop=1@3000s, to-plc:lose-frame=100, to-robot:restart-plc=101@1ms.");
+    insta::assert_snapshot!(report, @"Faults put in (loss=0.1, cut-at=2s..3s, to-robot:lose-frame=100, to-plc:cut-frame=99@1ms): 10 frames lost, 0 twice, 0 held back, 0 corrupted after the checksums of Ethernet and UDP. Never came to pass, because the run ended before: kill-robot-at=3000s, drive-stop=1@3000s, to-plc:lose-frame=100, to-robot:restart-plc=101@1ms.");
     let before_ready = FaultReport::new(&faults(&["cut-at=0s..3s"]), links, None);
     insta::assert_snapshot!(before_ready, @"Never came to pass, because the run ended before: cut-at=0s..3s.");
 }

@@ -25,7 +25,7 @@ impl fmt::Display for LiveAddress {
     }
 }
 
-/// Why a text is no address of the live view.
+/// Invalid `--live` address.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum AddressError {
     /// It has another form.

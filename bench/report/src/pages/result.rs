@@ -78,12 +78,12 @@ fn against_program(difference: Mean, rc_ms: f64) -> String {
             signed_range((low, high))
         );
     }
-    let (way, ends) = if low > 0.0 { ("more", (low, high)) } else { ("less", (-high, -low)) };
+    let (way, ends) = if low > 0.0 { ("longer", (low, high)) } else { ("less", (-high, -low)) };
     format!(
-        "Than RC it takes {:.1}\u{a0}ms {way} ({}\u{a0}ms), which is {:.2}\u{a0}%.",
+        "CM takes {:.1}\u{a0}ms ({:.2}\u{a0}%) {way} than RC (95\u{a0}% interval {}\u{a0}ms).",
         difference.ms.abs(),
-        range(ends),
-        (difference.ms / rc_ms * 100.0).abs()
+        (difference.ms / rc_ms * 100.0).abs(),
+        range(ends)
     )
 }
 
@@ -102,9 +102,9 @@ mod tests {
         let same = plain(against_program(mean(&near).less(mean(&[2.0, 3.0, 4.0, 5.0, 6.0])), 100.0));
         assert_eq!(same, "Between CM and RC it shows no difference: CM − RC is −3.3 to +1.3 ms.");
         let more = plain(against_program(mean(&far).less(mean(&near)), 100.0));
-        assert_eq!(more, "Than RC it takes 10.0 ms more (7.7 to 12.3 ms), which is 10.00 %.");
+        assert_eq!(more, "CM takes 10.0 ms (10.00 %) longer than RC (95 % interval 7.7 to 12.3 ms).");
         let less = plain(against_program(mean(&near).less(mean(&far)), 100.0));
-        assert_eq!(less, "Than RC it takes 10.0 ms less (7.7 to 12.3 ms), which is 10.00 %.");
+        assert_eq!(less, "CM takes 10.0 ms (10.00 %) less than RC (95 % interval 7.7 to 12.3 ms).");
         let ratio = |ratio, low, high| plain(against_single_skills(Ratio { ratio, low, high }, Some(42.4)));
         assert_eq!(
             ratio(0.6, 0.55, 0.65),

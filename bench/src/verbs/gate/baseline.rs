@@ -77,7 +77,7 @@ pub struct Expected {
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
     /// It is no baseline.
-    #[error("it is no baseline: {0}; make a new one by --update after moving this file away")]
+    #[error("it is not a baseline: {0}; make a new one by --update after moving this file away")]
     Unreadable(serde_json::Error),
     /// Another version of the program wrote it.
     #[error(
@@ -99,7 +99,7 @@ pub enum Refusal {
     },
     /// A value or a tolerance is no number to compare with.
     #[error(
-        "its figure `{figure}` has a value or a tolerance that is no number from zero up; correct it by hand"
+        "the value and the tolerance of its figure `{figure}` must be numbers from zero up; correct it by hand"
     )]
     Senseless {
         /// The figure's name.

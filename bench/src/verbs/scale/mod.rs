@@ -3,7 +3,7 @@
 //! ```text
 //! plant         the stations of a measurement
 //! virtual_time  PLC, network and robots on one thread
-//! real          a PLC on one core, the robots in processes on another one, a switch between them
+//! real          a PLC on one core, the robots in processes on another one, one cable between them
 //! measured      what is saved
 //! table, chart  what is shown
 //! ```

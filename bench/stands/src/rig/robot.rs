@@ -4,7 +4,7 @@ use ::node::role::NodeRole;
 use machine::Instant;
 use plc_node::{Execution, MarkPassage};
 use protocol::fieldbus::Counters;
-use records::conditions::ToldSkills;
+use records::conditions::ReportedSkills;
 
 use super::node::Node;
 use super::rig_node::NodeName;
@@ -23,7 +23,7 @@ pub(super) struct RigRobot {
     /// Identity that the robot reported, by the PLC.
     pub(super) identity: Option<String>,
     /// The robot node's reports on its skills in the current run, or in the last one.
-    pub(super) skills: ToldSkills,
+    pub(super) skills: ReportedSkills,
     /// Marks that the arm passed in it.
     pub(super) passages: Vec<MarkPassage>,
     /// The PLC's report of it.
@@ -50,7 +50,7 @@ impl RigRobot {
 
     /// Forgets the last run.
     pub(super) fn begin_run(&mut self) {
-        (self.skills, self.finished) = (ToldSkills::default(), None);
+        (self.skills, self.finished) = (ReportedSkills::default(), None);
         self.passages.clear();
     }
 

@@ -127,7 +127,7 @@ pub enum Difference {
         *found_ns as f64 / 1e6, allowed_ns[0] as f64 / 1e6, allowed_ns[1] as f64 / 1e6
     )]
     Times {
-        /// The PLC's execution time less the robot's.
+        /// The PLC's execution time minus the robot's.
         found_ns: i64,
         /// Least and most.
         allowed_ns: [i64; 2],

@@ -58,8 +58,8 @@ pub enum DriveDeviation {
         /// Rehearsed time, in ms.
         planned_ms: f64,
     },
-    /// A joint exceeded its rating behind the drives.
-    #[error("behind its drive {0}")]
+    /// A joint exceeded its rating after the drives.
+    #[error("after its drive {0}")]
     Rating(RatingExceeded),
 }
 

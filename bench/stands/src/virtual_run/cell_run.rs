@@ -210,8 +210,8 @@ impl CellRun {
         loop {
             self.faults.stop_at_frames(&mut self.cell);
             let now = self.cell.now();
-            let look_at_laws = self.laws.as_ref().map(|laws| laws.next_look(now));
-            let stops = [self.watch.next_look(now), look_at_laws, self.faults.next()];
+            let check_laws = self.laws.as_ref().map(|laws| laws.next_look(now));
+            let stops = [self.watch.next_look(now), check_laws, self.faults.next()];
             let event = self.cell.next_event(stops.into_iter().flatten().fold(until, Instant::min));
             self.watch.look(&self.cell);
             if let Some(laws) = &mut self.laws {

@@ -23,7 +23,7 @@ pub(super) fn into_file(path: &Path, calibration: &Calibration) -> anyhow::Resul
 
 /// Returns the text of a setup with the numbers.
 fn into_text(text: &str, calibration: &Calibration) -> anyhow::Result<String> {
-    let mut document: DocumentMut = text.parse().context("it is no TOML")?;
+    let mut document: DocumentMut = text.parse().context("it is not TOML")?;
     for found in calibration.found.iter().filter(|found| found.from == Provenance::Calibrated) {
         let key = found.number.key();
         let (table, name) = key.split_once('.').context("a key without its table")?;

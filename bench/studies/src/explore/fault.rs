@@ -68,7 +68,7 @@ impl What {
         Self::DriveStop,
     ];
 
-    /// Returns whether it needs drives behind the robot controller.
+    /// Returns whether it needs drives of the robot controller.
     pub(super) const fn is_of_drives(self) -> bool {
         matches!(self, Self::DriveBlock | Self::DriveFault | Self::DriveStop)
     }

@@ -62,7 +62,7 @@ pub struct Case {
     pub times: f64,
 }
 
-/// What is run for a case.
+/// Inputs of one case's run.
 pub(super) struct Job {
     pub(super) setup: Setup,
     pub(super) application: Application,

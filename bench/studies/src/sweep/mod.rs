@@ -82,7 +82,7 @@ pub struct SweepOptions {
 
 fn depth(text: &str) -> Result<u32, String> {
     let depth = text.parse().ok().filter(|depth| (1..=5).contains(depth));
-    depth.ok_or_else(|| format!("`{text}` is no number of slots; the image has 1 to 5"))
+    depth.ok_or_else(|| format!("`{text}`: must be a number of slots, 1 to 5"))
 }
 
 /// Parses a bus cycle in ms and returns it in µs.

@@ -31,11 +31,14 @@ pub(super) fn check(bus: &Bus) -> Check {
         ));
     }
     if bus.clock_drift_ppm.value > 1_000 {
-        let text = format!("{} ppm is no quartz; at most 1000", bus.clock_drift_ppm.value);
+        let text = format!(
+            "{} ppm: must be at most 1000, which even a poor quartz keeps",
+            bus.clock_drift_ppm.value
+        );
         return Err(problem("bus.clock_drift_ppm", text));
     }
     if bus.cable_delay_us.value > 100_000 {
-        return Err(problem("bus.cable_delay_us", "more than 100 ms is no cable"));
+        return Err(problem("bus.cable_delay_us", "must be at most 100 ms"));
     }
     check_peers(bus)?;
     device_file::check(bus)?;

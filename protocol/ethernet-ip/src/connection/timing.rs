@@ -8,7 +8,7 @@ pub struct TimeoutMultiplier(u8);
 
 impl TimeoutMultiplier {
     /// 128 packet intervals: enough for a host that stalls for 100 intervals.
-    pub const CODE_5: Self = Self(5);
+    pub const TIMES_128: Self = Self(5);
 
     /// Returns the multiplier of this code, if it is defined.
     #[must_use]

@@ -95,7 +95,7 @@ impl ConnectionConfig {
             produced_format: RealTimeFormat::Modeless,
             o_t_rpi_us: rpi_us,
             t_o_rpi_us: rpi_us,
-            multiplier: TimeoutMultiplier::CODE_5,
+            multiplier: TimeoutMultiplier::TIMES_128,
             request_timeout: Duration::from_secs(1),
             open_timeout: Duration::from_secs(5),
             retry_after: Duration::from_secs(1),

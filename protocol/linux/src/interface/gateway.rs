@@ -9,8 +9,8 @@ use rustix::io::Errno;
 
 use super::{Interface, InterfaceError, socket_address};
 
-/// Metric of the route. By it the route is told from those that others made, which stay; and theirs come first, since the
-/// lowest metric does: who sets a gateway over the bus must not redirect what the host sends elsewhere.
+/// Metric of the route. It marks our route, so that only ours is removed. Routes with a lower metric take precedence, as those of
+/// others have: who sets a gateway over the bus must not redirect what the host sends elsewhere.
 const METRIC: c_short = 30_000;
 
 impl Interface {

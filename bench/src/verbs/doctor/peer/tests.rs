@@ -36,7 +36,7 @@ fn plc_bus(setup: &Setup) -> PlcBus {
 }
 
 /// Looks at the robot of one setup from the PLC of another.
-fn look_at_robot(expected: &Setup, real: &Setup) -> Vec<Finding> {
+fn check_robot(expected: &Setup, real: &Setup) -> Vec<Finding> {
     let bus = plc_bus(expected);
     let robot_cycle = Duration::from_micros(expected.robot.cycle_us.value.into());
     let watch = RobotWatch::new(&bus, StationId::FIRST, robot_cycle);
@@ -62,7 +62,7 @@ fn look_at_robot(expected: &Setup, real: &Setup) -> Vec<Finding> {
 }
 
 /// Looks at the PLC of one setup from the robot of another.
-fn look_at_plc(real: &Setup, expected: &Setup) -> Vec<Finding> {
+fn check_plc(real: &Setup, expected: &Setup) -> Vec<Finding> {
     let application = planning::setup_and_application("A", None).unwrap().1;
     let plan = application.plan(real).unwrap();
     let start = Instant::from_micros(100);
@@ -110,7 +110,7 @@ fn setup_of(name: &str) -> Setup {
 fn every_step_of_our_robot_is_seen_on_every_bus_and_nothing_moves() {
     for name in ["A", "B", "C"] {
         let setup = setup_of(name);
-        let findings = look_at_robot(&setup, &setup);
+        let findings = check_robot(&setup, &setup);
         let wrong: Vec<_> = findings.iter().filter(|finding| finding.verdict != Good).collect();
         assert!(wrong.is_empty(), "{name}: {wrong:#?}");
         assert!(finding(&findings, "state").found.starts_with("Halted"), "{findings:#?}");
@@ -121,7 +121,7 @@ fn every_step_of_our_robot_is_seen_on_every_bus_and_nothing_moves() {
 fn every_step_of_our_plc_is_seen_on_every_bus_up_to_its_first_command() {
     for name in ["A", "B", "C"] {
         let setup = setup_of(name);
-        let findings = look_at_plc(&setup, &setup);
+        let findings = check_plc(&setup, &setup);
         let wrong: Vec<_> = findings.iter().filter(|finding| finding.verdict != Good).collect();
         assert!(wrong.is_empty(), "{name}: {wrong:#?}");
         let command = &finding(&findings, "first command").found;
@@ -135,7 +135,7 @@ fn a_plc_that_asks_for_another_name_is_named_with_it() {
     if let BusKind::Profinet(_, profinet) = &mut expected.bus.kind {
         profinet.robot_station_name = "arm-12".into();
     }
-    let findings = look_at_plc(&real, &expected);
+    let findings = check_plc(&real, &expected);
     let name = finding(&findings, "name");
     assert_eq!(name.verdict, Missing);
     assert!(
@@ -170,11 +170,11 @@ fn expecting(ident: u32, input_bytes: u16) -> Setup {
 #[test]
 fn another_module_is_named_by_both_looks_with_what_is_there_and_what_is_expected() {
     let (wrong, right) = (expecting(0x222, 256), setup_of("A"));
-    let findings = look_at_robot(&wrong, &right);
+    let findings = check_robot(&wrong, &right);
     let module = finding(&findings, "module");
     assert_eq!((module.verdict, &*module.found), (Missing, "slot 1 has another module, 0x00000100"));
     assert_eq!(finding(&findings, "connection").verdict, Missing);
-    let findings = look_at_plc(&wrong, &right);
+    let findings = check_plc(&wrong, &right);
     let asked = &finding(&findings, "connection").found;
     assert!(asked.contains("slot 1 expects module 0x00000222, this device has 0x00000100"), "{asked}");
 }
@@ -182,7 +182,7 @@ fn another_module_is_named_by_both_looks_with_what_is_there_and_what_is_expected
 #[test]
 fn a_plc_with_other_sizes_is_refused_with_what_it_asked_for() {
     let right = setup_of("A");
-    let findings = look_at_plc(&expecting(0x100, 64), &right);
+    let findings = check_plc(&expecting(0x100, 64), &right);
     let connection = finding(&findings, "connection");
     assert_eq!(connection.verdict, Missing);
     assert!(
@@ -206,14 +206,14 @@ fn a_plc_with_other_sizes_is_refused_with_what_it_asked_for() {
             key: None,
         });
     }
-    let findings = look_at_plc(&wrong, &right);
+    let findings = check_plc(&wrong, &right);
     let connection = finding(&findings, "connection");
     assert_eq!(connection.verdict, Missing);
     for text in ["O→T assembly 150, connection size 134", "refused: ", "this adapter has connection size 262"]
     {
         assert!(connection.found.contains(text), "{text}: {}", connection.found);
     }
-    let findings = look_at_robot(&wrong, &right);
+    let findings = check_robot(&wrong, &right);
     let connection = finding(&findings, "connection");
     assert!(
         connection.verdict == Missing && connection.found.contains("256 bytes of data"),

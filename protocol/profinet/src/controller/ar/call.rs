@@ -1,4 +1,4 @@
-//! A call to the device: one RPC at a time, repeated until it is answered or given up (C706, chapter 10).
+//! A call to the device: one RPC at a time, repeated until it is answered or abandoned (C706, chapter 10).
 
 use crate::Uuid;
 use crate::rpc::{
@@ -11,12 +11,12 @@ use machine::{Duration, Instant};
 const REPEAT_AFTER: Duration = Duration::from_millis(200);
 /// The longest pause between repetitions.
 const REPEAT_AT_MOST: Duration = Duration::from_millis(800);
-/// Time after which the first unanswered call is given up. It doubles up to [`UNHEARD_AT_MOST`] with each call that was given
-/// up, since the device may be slow and not say so.
+/// Time after which the first unanswered call is abandoned. It doubles up to [`UNHEARD_AT_MOST`] with each call that was abandoned,
+/// since the device may be slow and not say so.
 const UNHEARD_FOR: Duration = Duration::from_secs(3);
-/// The longest time after which an unanswered call is given up.
+/// The longest time after which an unanswered call is abandoned.
 const UNHEARD_AT_MOST: Duration = Duration::from_secs(12);
-/// Time after which a call is given up even if the device reports that it is still working on it.
+/// Time after which a call is abandoned even if the device reports that it is still working on it.
 const UNFINISHED_FOR: Duration = Duration::from_secs(30);
 
 /// ArgsMaximum: the longest answer, in bytes of blocks, that we accept.
@@ -173,7 +173,7 @@ impl Caller {
         }
     }
 
-    /// Repeats the call if it is time to. Returns whether the call had to be given up.
+    /// Repeats the call if it is time to. Returns whether the call had to be abandoned.
     pub(super) fn handle_timeout(&mut self, now: Instant) -> bool {
         let Some(wait) = &mut self.wait else { return false };
         if now >= wait.give_up_at {
@@ -202,7 +202,7 @@ impl Caller {
         self.request.poll(datagram)
     }
 
-    /// Returns when the call is repeated or given up; none without a call.
+    /// Returns when the call is repeated or abandoned; none without a call.
     pub(super) fn poll_timeout(&self) -> Option<Instant> {
         self.wait.map(|wait| wait.repeat_at.min(wait.give_up_at))
     }
