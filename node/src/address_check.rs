@@ -34,7 +34,7 @@ pub fn check_address(interface: &Interface, address: Ipv4Addr) -> Result<(), Add
     let mut claim = AddressClaim::new(interface.mac());
     claim.probe(clock::now(), address);
     let mut driver = Driver::new(claim, interface.clone(), Notifier::new()?)?;
-    let mut verdict = Verdict(None);
+    let mut verdict = AddressVerdict(None);
     driver.run(&mut verdict)?;
     verdict.0.map_or(Ok(()), |conflict| Err(AddressCheckError::Taken(conflict)))
 }
@@ -105,9 +105,9 @@ impl Owner<HolderSearch> for UntilDone {
 }
 
 /// Ends the driver with the first event of the claim.
-struct Verdict(Option<AddressConflict>);
+struct AddressVerdict(Option<AddressConflict>);
 
-impl Owner<AddressClaim> for Verdict {
+impl Owner<AddressClaim> for AddressVerdict {
     fn wake(
         &mut self,
         _now: Instant,

@@ -2,7 +2,7 @@
 
 use machine::Duration;
 use planning::Switch;
-use plc_export::{Application, Maker, StopData};
+use plc_export::{ExportedApplication, Maker, StopData};
 
 use crate::waiting::longest_silence;
 use crate::{PlcConfig, StationConfig};
@@ -11,13 +11,13 @@ impl PlcConfig {
     /// Returns what the exported code needs of this configuration, with the check of the image or without.
     ///
     /// The motions are read from their source. An empty list is exported as well: then only RC runs.
-    pub fn exported(&mut self, with_check: bool) -> Application {
+    pub fn exported(&mut self, with_check: bool) -> ExportedApplication {
         let limits = self.wait_limits();
         let progress = longest_silence(self.answer_timeout, StationConfig::longest_of(&self.stops));
         let progress_scans = progress.as_nanos().div_ceil(self.scan_cycle.as_nanos().max(1));
         let micros = |duration: Duration| u32::try_from(duration.as_micros()).unwrap_or(u32::MAX);
         let switch = |Switch { output, set, wait }| (output, set, micros(wait));
-        Application {
+        ExportedApplication {
             motions: (0..self.motions.total()).map_while(|index| self.motions.get(index)).collect(),
             from_anywhere: self.to_start.from_anywhere,
             from_end: self.to_start.from_end.clone(),

@@ -8,7 +8,7 @@ use node::device_options::{self, read_device_file};
 use node::planned_station::plan_station;
 use node::{Outcome, errln};
 use planning::Plan;
-use plc_export::{Application, ExportError, Maker, br};
+use plc_export::{ExportError, ExportedApplication, Maker, br};
 use setup::{BusKind, Refill, Setup, SlotForm, UnfitRobotFile, ways_to_plug};
 
 use crate::PlcConfig;
@@ -138,7 +138,7 @@ impl ExportCommand {
             None => Vec::new(),
         };
         let memory = self.memory.map_or(maker.memory_kib(), |memory| memory as usize);
-        let exported = Application {
+        let exported = ExportedApplication {
             big_endian: matches!(setup.bus.kind, BusKind::Profinet(..)),
             most_motions: Maker::most_motions(memory),
             ..PlcConfig::of_plan(&setup, &plan).exported(self.check == Check::On)

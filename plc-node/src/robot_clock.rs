@@ -69,12 +69,12 @@ pub struct Estimate {
 
 /// A stamp, and how much later it was seen.
 #[derive(Clone, Copy, PartialEq, Debug)]
-struct Point {
+struct ClockPoint {
     stamp: u64,
     offset: i64,
 }
 
-impl Point {
+impl ClockPoint {
     /// Returns the robot's time from an earlier stamp to this one, in ns.
     const fn since(&self, earlier: &Self) -> f64 {
         self.stamp.wrapping_sub(earlier.stamp).cast_signed() as f64
@@ -103,8 +103,8 @@ impl Rates {
 
 /// The least delayed image of a window that has ended.
 #[derive(Clone, Copy, PartialEq, Debug)]
-struct Window {
-    best: Point,
+struct ClockWindow {
+    best: ClockPoint,
     /// Distance between both limits, in ns.
     width: f64,
     /// Rates that it allows together with each later one.
@@ -117,14 +117,14 @@ struct Open {
     since: Instant,
     images: u32,
     /// The least delayed one at the middle of the rates that were known when the window began.
-    best: Point,
+    best: ClockPoint,
     rates: Rates,
 }
 
 /// All lines of offsets that the kept windows allow, from the newest of them on.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Lines {
-    newest: Point,
+    newest: ClockPoint,
     /// The lowest and the highest of them at the newest point, in ns above its offset.
     range: [f64; 2],
     rates: Rates,
@@ -144,7 +144,7 @@ pub struct RobotClock {
     least_ns: i64,
     /// Distance between both limits of a window, in ns.
     width: f64,
-    windows: VecDeque<Window>,
+    windows: VecDeque<ClockWindow>,
     open: Option<Open>,
     lines: Option<Lines>,
     last_stamp: Option<u64>,
@@ -183,7 +183,7 @@ impl RobotClock {
             return;
         }
         let offset = seen_at.as_nanos().wrapping_sub(clock_ns).cast_signed().wrapping_sub(self.least_ns);
-        let point = Point { stamp: clock_ns, offset };
+        let point = ClockPoint { stamp: clock_ns, offset };
         if self.is_jump(&point) {
             self.jumped_images += 1;
             if self.jumped_images < JUMPED_IMAGES {
@@ -228,7 +228,7 @@ impl RobotClock {
     }
 
     /// Returns whether an image's offset is farther from the others' than drift and delays explain.
-    fn is_jump(&self, point: &Point) -> bool {
+    fn is_jump(&self, point: &ClockPoint) -> bool {
         let known = self.open.map(|open| open.best).or(self.lines.map(|lines| lines.newest));
         known.is_some_and(|known| {
             point.above(&known).abs() > JUMP_NS + self.width + MOST_DRIFT * point.since(&known).abs()
@@ -236,7 +236,7 @@ impl RobotClock {
     }
 
     /// Takes over the best image of a window, unless all its images were late.
-    fn close(&mut self, best: Point, width: f64) {
+    fn close(&mut self, best: ClockPoint, width: f64) {
         let is_late = self.lines.is_some_and(|lines| {
             best.above(&lines.newest) - width > lines.after(best.since(&lines.newest))[1]
         });
@@ -254,11 +254,11 @@ impl RobotClock {
     }
 
     /// Keeps a window, and what rates it allows together with each one before.
-    fn keep(&mut self, best: Point, width: f64) {
+    fn keep(&mut self, best: ClockPoint, width: f64) {
         if self.windows.len() == WINDOWS {
             self.windows.pop_front();
         }
-        for Window { best: before, width: before_width, rates } in &mut self.windows {
+        for ClockWindow { best: before, width: before_width, rates } in &mut self.windows {
             let (since, above) = (best.since(before), best.above(before));
             if since > 0.0 {
                 let per = 1.0 / since;
@@ -266,14 +266,14 @@ impl RobotClock {
                 *rates = rates.and(both);
             }
         }
-        self.windows.push_back(Window { best, width, rates: Rates::ANY });
+        self.windows.push_back(ClockWindow { best, width, rates: Rates::ANY });
     }
 
     /// Drops the oldest windows that no line allows together with the newer ones: the rate has changed since, or all
     /// their images were late.
     fn drop_contradicted(&mut self) {
         let mut rates = Rates::ANY;
-        let fits = |window: &&Window| {
+        let fits = |window: &&ClockWindow| {
             rates = rates.and(window.rates);
             rates.least <= rates.most
         };
@@ -282,10 +282,10 @@ impl RobotClock {
     }
 
     fn find_lines(&mut self) {
-        let Some(Window { best: newest, width, .. }) = self.windows.back().copied() else { return };
+        let Some(ClockWindow { best: newest, width, .. }) = self.windows.back().copied() else { return };
         let rates = self.windows.iter().fold(Rates::ANY, |rates, window| rates.and(window.rates));
         let mut range = [-width, 0.0];
-        for Window { best, width, .. } in &self.windows {
+        for ClockWindow { best, width, .. } in &self.windows {
             let (since, above) = (newest.since(best), best.above(&newest));
             range[0] = range[0].max(above - width + rates.least * since);
             range[1] = range[1].min(above + rates.most * since);

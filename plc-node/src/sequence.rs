@@ -33,7 +33,7 @@ struct Blocks {
 
 /// Outputs of a block after its call.
 #[derive(Clone, Copy, Debug)]
-struct Answer {
+struct BlockAnswer {
     outputs: Outputs,
     error: Option<BlockError>,
     tally: Tally,
@@ -268,7 +268,7 @@ impl Sequence {
 
     fn advance(
         &mut self,
-        Answer { outputs, error, tally }: Answer,
+        BlockAnswer { outputs, error, tally }: BlockAnswer,
         total: u32,
         stops: &[Stop],
     ) -> SkillProgress {
@@ -327,7 +327,7 @@ impl Sequence {
     }
 
     /// Calls the block of the stored program; if it ran the previous section, with a falling edge first.
-    fn stored_program(&mut self, section_end: u32, group: &mut AxesGroup) -> Answer {
+    fn stored_program(&mut self, section_end: u32, group: &mut AxesGroup) -> BlockAnswer {
         let block = &mut self.blocks.run_program;
         if self.step > 0 && !self.is_called {
             block.call(false, self.program, MODE, group);
@@ -336,17 +336,17 @@ impl Sequence {
             (self.is_called, self.section_end) = (true, section_end);
         }
         let outputs = block.call(true, self.program, MODE, group);
-        Answer { outputs, error: block.error(), tally: block.tally() }
+        BlockAnswer { outputs, error: block.error(), tally: block.tally() }
     }
 
     /// Calls the block of the current continuous motion; if it ran the previous one, with a falling edge first.
-    fn continuous_motion(&mut self, motions: &mut Section<'_>, group: &mut AxesGroup) -> Answer {
+    fn continuous_motion(&mut self, motions: &mut Section<'_>, group: &mut AxesGroup) -> BlockAnswer {
         if motions.point_head().is_some() {
             // It is the only one of its run.
             self.is_called = true;
             let block = &mut self.blocks.move_trajectory;
             let outputs = block.call(true, motions, MODE, group);
-            return Answer { outputs, error: block.error(), tally: block.tally() };
+            return BlockAnswer { outputs, error: block.error(), tally: block.tally() };
         }
         let block = &mut self.blocks.move_continuous;
         if self.step > 0 && !self.is_called {
@@ -354,7 +354,7 @@ impl Sequence {
         }
         self.is_called = true;
         let outputs = block.call(true, motions, MODE, group);
-        Answer { outputs, error: block.error(), tally: block.tally() }
+        BlockAnswer { outputs, error: block.error(), tally: block.tally() }
     }
 
     /// Calls the block of the current step. A step first calls its block with a falling edge, since the previous step
@@ -363,7 +363,7 @@ impl Sequence {
         &mut self,
         motions: &mut dyn MotionSource,
         group: &mut AxesGroup,
-    ) -> Result<Answer, BlockError> {
+    ) -> Result<BlockAnswer, BlockError> {
         if let Some((kind, inputs)) = self.motion {
             return self.call(true, kind, &inputs, group);
         }
@@ -381,12 +381,12 @@ impl Sequence {
         kind: MotionKind,
         inputs: &MotionInputs,
         group: &mut AxesGroup,
-    ) -> Result<Answer, BlockError> {
+    ) -> Result<BlockAnswer, BlockError> {
         macro_rules! call {
             ($block:ident) => {{
                 let block = &mut self.blocks.$block;
                 let outputs = block.call(execute, inputs, MODE, group);
-                Ok(Answer { outputs, error: block.error(), tally: block.tally() })
+                Ok(BlockAnswer { outputs, error: block.error(), tally: block.tally() })
             }};
         }
         match kind {

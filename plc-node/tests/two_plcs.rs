@@ -81,14 +81,14 @@ impl Cell {
         Self { plcs: [first, second], _switch: switch, robot: Some(robot) }
     }
 
-    fn start(&self, number: usize) -> Plc {
+    fn start(&self, number: usize) -> RivalPlc {
         let mut command = Command::new(env!("CARGO_BIN_EXE_plc-node"));
         command.args(["run", "--setup", "C", "--interface", "plc0"]);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
         self.plcs[number].confine(&mut command).unwrap();
         let mut process = command.spawn().unwrap();
         let lines = BufReader::new(process.stdout.take().unwrap());
-        Plc { process, lines, said: Vec::new() }
+        RivalPlc { process, lines, said: Vec::new() }
     }
 
     fn mac(&self, number: usize) -> [u8; 6] {
@@ -108,13 +108,13 @@ fn ip(arguments: &str) {
     assert!(Command::new("ip").args(arguments.split(' ')).status().unwrap().success(), "ip {arguments}");
 }
 
-struct Plc {
+struct RivalPlc {
     process: Child,
     lines: BufReader<ChildStdout>,
     said: Vec<String>,
 }
 
-impl Plc {
+impl RivalPlc {
     /// Reads lines until one of them contains these words.
     fn says(&mut self, words: &str) -> String {
         loop {

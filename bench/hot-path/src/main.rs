@@ -35,7 +35,7 @@ struct Cli {
 /// Counts, with the compiler and library that they depend on.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Counts {
+struct InstructionCounts {
     /// Output of `rustc --version`.
     compiler: String,
     /// The C library, which contains the copy and sine functions.
@@ -59,7 +59,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
         said("valgrind", &["--version"]).is_ok(),
         "valgrind is not there: `apt-get install valgrind`, or leave the counts to CI"
     );
-    let found = Counts {
+    let found = InstructionCounts {
         compiler: said("rustc", &["--version"])?,
         libc: said("getconf", &["GNU_LIBC_VERSION"])?,
         instructions: count_all()?,
@@ -72,7 +72,7 @@ fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
     }
     let text = std::fs::read_to_string(&cli.baseline)
         .with_context(|| format!("reading {}; --update writes it", cli.baseline.display()))?;
-    let committed: Counts =
+    let committed: InstructionCounts =
         serde_json::from_str(&text).with_context(|| format!("reading {}", cli.baseline.display()))?;
     let (table, mut worst) = compare(&committed.instructions, &found.instructions);
     println!("{table}\n");

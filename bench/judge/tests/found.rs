@@ -8,13 +8,13 @@ use judge::{Broken, Class, generator};
 use protocol::image::{Digest, Feedback, State, Status};
 
 /// An arm that somebody moves by hand, and its judge.
-struct Watched {
+struct WatchedRun {
     law: Law,
     joints: Joints,
     feedback: Feedback,
 }
 
-impl Watched {
+impl WatchedRun {
     /// Setup A's own arm, stretched half out, asked for two lines.
     fn new(class: Class) -> Self {
         Self::with_acceleration(class, 1_500.0)
@@ -56,7 +56,7 @@ impl Watched {
 
 #[test]
 fn a_joint_that_jumps_is_found_with_its_figures() {
-    let mut arm = Watched::new(Class::JointSpeed);
+    let mut arm = WatchedRun::new(Class::JointSpeed);
     assert_eq!(arm.look(), None);
     arm.joints[3] += 360.0;
     let (class, what) = arm.look().unwrap();
@@ -68,7 +68,7 @@ fn a_joint_that_jumps_is_found_with_its_figures() {
 
 #[test]
 fn an_arm_that_stops_dead_breaks_the_law_of_acceleration() {
-    let mut arm = Watched::new(Class::JointAcceleration);
+    let mut arm = WatchedRun::new(Class::JointAcceleration);
     // 1500 °/s² are 0.024° a cycle and cycle; the arm speeds up with half of it, and then stands.
     for cycle in 0..10 {
         arm.joints[0] += 0.012 * f64::from(cycle);
@@ -87,7 +87,7 @@ fn a_limit_itself_is_kept_and_a_hundred_thousandth_more_is_not() {
     let powers = [cycle_s, cycle_s * cycle_s, cycle_s * cycle_s * cycle_s];
     for (power, (class, limit)) in powers.into_iter().zip(limits) {
         for (share, is_kept) in [(1.0, true), (1.00001, false)] {
-            let mut arm = Watched::new(class);
+            let mut arm = WatchedRun::new(class);
             // The difference of this order in the first cycle is the limit; the lower ones follow.
             arm.joints[0] += share * limit * power;
             assert_eq!(arm.look().is_none(), is_kept, "{class:?}, {share} of the limit");
@@ -98,7 +98,7 @@ fn a_limit_itself_is_kept_and_a_hundred_thousandth_more_is_not() {
 #[test]
 fn an_arm_that_becomes_faster_after_it_began_to_slow_down_is_found() {
     let found_when_turned_by = |faster_deg: f64| {
-        let mut arm = Watched::new(Class::ToolSpeed);
+        let mut arm = WatchedRun::new(Class::ToolSpeed);
         // Without a command it is to stop.
         for cycle in 0..60 {
             arm.joints[0] += if cycle < 40 { 0.02 } else { faster_deg };
@@ -122,7 +122,7 @@ fn an_arm_that_becomes_faster_after_it_began_to_slow_down_is_found() {
 fn a_tool_may_become_faster_while_a_joint_brakes_with_all_that_it_has() {
     // Axis 1 comes to rest while axis 2 swings out.
     let is_found = |braking_share: f64| {
-        let mut arm = Watched::with_acceleration(Class::ToolSpeed, 15.0);
+        let mut arm = WatchedRun::with_acceleration(Class::ToolSpeed, 15.0);
         let (mut step, mut out) = (0.02, 0.0);
         for cycle in 0..60 {
             if cycle >= 40 {
@@ -143,14 +143,14 @@ fn a_tool_may_become_faster_while_a_joint_brakes_with_all_that_it_has() {
 
 #[test]
 fn a_joint_beyond_its_range_is_found() {
-    let mut arm = Watched::new(Class::Range);
+    let mut arm = WatchedRun::new(Class::Range);
     arm.joints[2] = 200.001;
     assert_eq!(arm.look().unwrap().0, Class::Range);
 }
 
 #[test]
 fn a_tool_beside_its_line_is_found() {
-    let mut arm = Watched::new(Class::Course);
+    let mut arm = WatchedRun::new(Class::Course);
     assert_eq!(arm.look(), None, "at the start of the line");
     arm.joints[2] += 0.01;
     let (_, what) = arm.look().unwrap();
@@ -160,7 +160,7 @@ fn a_tool_beside_its_line_is_found() {
 
 #[test]
 fn a_count_that_falls_is_found() {
-    let mut arm = Watched::new(Class::Count);
+    let mut arm = WatchedRun::new(Class::Count);
     arm.feedback.executed = 1;
     assert_eq!(arm.look(), None);
     arm.feedback.executed = 0;
@@ -169,14 +169,14 @@ fn a_count_that_falls_is_found() {
 
 #[test]
 fn a_target_that_the_tool_never_came_to_does_not_count_as_executed() {
-    let mut arm = Watched::new(Class::Executed);
+    let mut arm = WatchedRun::new(Class::Executed);
     arm.feedback.executed = 1;
     assert_eq!(arm.look().unwrap().0, Class::Executed);
 }
 
 #[test]
 fn done_without_all_motions_is_found() {
-    let mut arm = Watched::new(Class::Done);
+    let mut arm = WatchedRun::new(Class::Done);
     (arm.feedback.executed, arm.feedback.state) = (1, State::Ready);
     arm.feedback.status.set(Status::DONE, true);
     assert_eq!(arm.look().unwrap().0, Class::Done);
@@ -184,7 +184,7 @@ fn done_without_all_motions_is_found() {
 
 #[test]
 fn an_error_in_the_middle_of_a_motion_is_found() {
-    let mut arm = Watched::new(Class::LateError);
+    let mut arm = WatchedRun::new(Class::LateError);
     for _ in 0..3 {
         arm.joints[0] += 0.01;
         arm.look();
@@ -197,7 +197,7 @@ fn an_error_in_the_middle_of_a_motion_is_found() {
 
 #[test]
 fn a_feedback_of_other_joints_is_found() {
-    let mut arm = Watched::new(Class::Feedback);
+    let mut arm = WatchedRun::new(Class::Feedback);
     arm.feedback.joints = [10.0, 60.0, 100.5, 0.0, 0.0, 0.0];
     assert_eq!(arm.look().unwrap().0, Class::Feedback);
 }

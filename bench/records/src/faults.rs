@@ -20,7 +20,7 @@ use drives::DriveFault;
 pub use drives::NoSuchDrive;
 pub use form::{FaultError, help};
 pub use limits::{
-    NotReal, Repeated, TooManyFrameFaults, Unfit, UnfitForCell, WrongStation, check, check_cell,
+    NotReal, Repeated, TooManyFrameFaults, UnfitFault, UnfitForCell, WrongStation, check, check_cell,
     check_one_robot, check_real,
 };
 pub use report::FaultReport;

@@ -71,16 +71,16 @@ fn inodes(files: &Path) -> BTreeSet<u64> {
     files.flatten().filter_map(|file| inode(&file.path())).collect()
 }
 
-struct Row<'a> {
+struct ListenedRow<'a> {
     state: &'a str,
 }
 
 /// Returns the local addresses in a table of /proc/net, of the wanted rows that have one of these inodes.
-fn rows(table: &str, inodes: &BTreeSet<u64>, wanted: impl Fn(&Row<'_>) -> bool) -> Vec<SocketAddrV4> {
+fn rows(table: &str, inodes: &BTreeSet<u64>, wanted: impl Fn(&ListenedRow<'_>) -> bool) -> Vec<SocketAddrV4> {
     let row = |line: &str| {
         let fields: Vec<_> = line.split_whitespace().collect();
         let [_, local, _, state, _, _, _, _, _, inode, ..] = fields[..] else { return None };
-        let is_wanted = inodes.contains(&inode.parse().ok()?) && wanted(&Row { state });
+        let is_wanted = inodes.contains(&inode.parse().ok()?) && wanted(&ListenedRow { state });
         let (ip, port) = local.split_once(':')?;
         // The address is a number in the order of this processor's memory.
         let ip = Ipv4Addr::from(u32::from_str_radix(ip, 16).ok()?.to_ne_bytes());

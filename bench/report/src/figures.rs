@@ -18,7 +18,7 @@ pub(super) struct Figures {
     has_h0: bool,
     /// Whether there are columns of the paper.
     has_paper: bool,
-    rows: Vec<Row>,
+    rows: Vec<FigureRow>,
     improvement: ImprovementRow,
 }
 
@@ -31,7 +31,7 @@ struct Measured {
 
 /// The row of a type. Times are in ms; AET stands before MAD.
 #[derive(Serialize)]
-struct Row {
+struct FigureRow {
     name: String,
     how: &'static str,
     aet: Measured,
@@ -56,7 +56,7 @@ impl Figures {
         Self {
             has_h0: results.without_skill_overhead.is_some(),
             has_paper: results.paper.is_some(),
-            rows: results.figures().iter().map(Row::of).collect(),
+            rows: results.figures().iter().map(FigureRow::of).collect(),
             improvement: ImprovementRow::of(results.improvement()),
         }
     }
@@ -96,7 +96,7 @@ impl Measured {
     }
 }
 
-impl Row {
+impl FigureRow {
     fn of(figures: &TypeFigures<'_>) -> Self {
         let or_none = |value: Option<f64>| value.map_or_else(none, millis);
         let difference = figures.aet_minus_paper_ms();

@@ -128,14 +128,14 @@ pub struct Claim {
     /// The claim, in the paper's words.
     pub claim: &'static str,
     /// What the run says about it.
-    pub verdict: Verdict,
+    pub verdict: PaperVerdict,
     /// The figures behind the verdict.
     pub figures: String,
 }
 
 /// What the figures of a run say about a claim; serialised as the report shows it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
-pub enum Verdict {
+pub enum PaperVerdict {
     /// They agree with it.
     #[serde(rename = "supports it")]
     Supported,
@@ -147,7 +147,7 @@ pub enum Verdict {
     NotSupported,
 }
 
-impl Verdict {
+impl PaperVerdict {
     const fn of(is_supported: bool) -> Self {
         if is_supported { Self::Supported } else { Self::NotSupported }
     }
@@ -169,7 +169,7 @@ fn energy(sm: &MotionQuality, cm: &MotionQuality) -> Claim {
     let [sm_ms, cm_ms] = [sm, cm].map(|quality| quality.energy_proxy_s * 1e3);
     Claim {
         claim: "Without stops the robot uses less energy.",
-        verdict: Verdict::of(cm_ms < sm_ms),
+        verdict: PaperVerdict::of(cm_ms < sm_ms),
         figures: format!(
             "Energy proxy of CM {cm_ms:.0} ms, of SM {sm_ms:.0} ms. It knows neither friction nor what a drive feeds back."
         ),
@@ -184,9 +184,9 @@ fn stress(sm: &MotionQuality, cm: &MotionQuality) -> Claim {
     Claim {
         claim: "Without stops there is less mechanical stress.",
         verdict: match (rms(cm) < rms(sm) && joint(cm) < joint(sm), peak(cm) < peak(sm)) {
-            (true, true) => Verdict::Supported,
-            (true, false) => Verdict::ByTheMeanOnly,
-            (false, _) => Verdict::NotSupported,
+            (true, true) => PaperVerdict::Supported,
+            (true, false) => PaperVerdict::ByTheMeanOnly,
+            (false, _) => PaperVerdict::NotSupported,
         },
         figures: format!(
             "Jerk of the tool while it moves, root mean square: CM {:.0} m/s³, SM {:.0}; peak: CM {:.0}, SM {:.0}. Jerk of the \
@@ -207,7 +207,7 @@ fn kinematics(arms: &Arms) -> Claim {
     let [as_a, as_b] = shares.map(|share| format!("{:.0}\u{a0}%", share * 100.0).replace('-', "−"));
     Claim {
         claim: "The setups' AETs differ because of the kinematics of the robots.",
-        verdict: Verdict::of(shares.iter().all(|share| *share > 0.5)),
+        verdict: PaperVerdict::of(shares.iter().all(|share| *share > 0.5)),
         figures: format!(
             "RC takes {a_ms:.0} ms on Setup A and {b_ms:.0} ms on Setup B. With A's programmed motions B's arm takes \
              {b_as_a_ms:.0} ms: {as_a} of the difference is left. With B's, A's arm takes {a_as_b_ms:.0} ms: {as_b} is left. \
@@ -292,10 +292,10 @@ mod tests {
         };
         let sm = moving(97.0, 610.0);
         let verdict = |rms, peak| stress(&sm, &moving(rms, peak)).verdict;
-        assert_eq!(verdict(92.0, 653.0), Verdict::ByTheMeanOnly);
-        assert_eq!(verdict(92.0, 609.9), Verdict::ByTheMeanOnly, "shown as the same");
-        assert_eq!(verdict(92.0, 600.0), Verdict::Supported);
-        assert_eq!(verdict(98.0, 600.0), Verdict::NotSupported);
+        assert_eq!(verdict(92.0, 653.0), PaperVerdict::ByTheMeanOnly);
+        assert_eq!(verdict(92.0, 609.9), PaperVerdict::ByTheMeanOnly, "shown as the same");
+        assert_eq!(verdict(92.0, 600.0), PaperVerdict::Supported);
+        assert_eq!(verdict(98.0, 600.0), PaperVerdict::NotSupported);
         let shown = serde_json::to_value(stress(&sm, &moving(92.0, 653.0))).unwrap();
         assert_eq!(shown["verdict"], "supports it by the mean only");
     }

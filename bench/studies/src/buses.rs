@@ -70,7 +70,7 @@ pub const CSV_HEADER: &str = "bus,rc_ms,sm_ms,cm_ms,reaction_min_ms,reaction_mea
 const SCHEMA_VERSION: u32 = 1;
 
 /// Figures of one bus.
-struct Row {
+struct BusRow {
     bus: &'static str,
     /// Mean execution times of RC, SM and CM in ms.
     aet_ms: [f64; 3],
@@ -108,7 +108,7 @@ struct BusFigures {
 }
 
 impl BusFigures {
-    fn of(row: &Row) -> Self {
+    fn of(row: &BusRow) -> Self {
         let [rc_ms, sm_ms, cm_ms] = row.aet_ms.map(|aet| Some(aet).filter(|aet| aet.is_finite()));
         let [reaction_min_ms, reaction_mean_ms, reaction_max_ms] = row.reaction.map(millis);
         Self { bus: row.bus, rc_ms, sm_ms, cm_ms, reaction_min_ms, reaction_mean_ms, reaction_max_ms }
@@ -162,7 +162,7 @@ pub fn run(options: &BusesOptions, commit: &str) -> Result<Exit, Failure> {
         variants.iter().zip(executed).filter_map(|(variant, rows)| Some((variant, rows?))).collect();
     let measure = |((bus, setup), rows): &(&(&'static str, Setup), JobRows)| row(bus, setup, rows, options);
     let rows = jobs::run("reactions", options.quiet, &is_interrupted, &measured, measure)?;
-    let rows: Vec<Row> = rows.into_iter().flatten().collect();
+    let rows: Vec<BusRow> = rows.into_iter().flatten().collect();
     if !rows.is_empty() {
         outln!("{}", render(&setup, &found.application.name, options, &rows));
         export(&setup, &found.application.name, options, (&rows, variants.len()))?;
@@ -178,7 +178,7 @@ fn listed(setup: &Setup, application: &Application, options: &BusesOptions) -> a
     Ok(ListedJob { setup: setup.clone(), planned: PlannedCell::of(setup, application)?, schedule })
 }
 
-fn row(bus: &'static str, setup: &Setup, rows: &JobRows, options: &BusesOptions) -> anyhow::Result<Row> {
+fn row(bus: &'static str, setup: &Setup, rows: &JobRows, options: &BusesOptions) -> anyhow::Result<BusRow> {
     let aet_ms = ExecutionType::ALL
         .map(|execution_type| rows.aet_mad(execution_type).map_or(f64::NAN, |figure| figure.aet_ms));
     let mut times = Vec::new();
@@ -189,7 +189,7 @@ fn row(bus: &'static str, setup: &Setup, rows: &JobRows, options: &BusesOptions)
     let mean = sum / u32::try_from(times.len()).unwrap_or(u32::MAX).max(1);
     let shortest = times.iter().min().copied().unwrap_or_default();
     let longest = times.iter().max().copied().unwrap_or_default();
-    Ok(Row { bus, aet_ms, reaction: [shortest, mean, longest] })
+    Ok(BusRow { bus, aet_ms, reaction: [shortest, mean, longest] })
 }
 
 /// Writes the requested files.
@@ -197,7 +197,7 @@ fn export(
     setup: &Setup,
     application: &str,
     options: &BusesOptions,
-    (rows, planned): (&[Row], usize),
+    (rows, planned): (&[BusRow], usize),
 ) -> anyhow::Result<()> {
     let (shortest, longest) = reaction_limits(setup);
     let export = BusesExport {
@@ -215,11 +215,11 @@ fn export(
     options.exports.write(&outputs::json(&export)?, &format!("{CSV_HEADER}\n{lines}"))
 }
 
-fn render(setup: &Setup, application: &str, options: &BusesOptions, rows: &[Row]) -> String {
+fn render(setup: &Setup, application: &str, options: &BusesOptions, rows: &[BusRow]) -> String {
     let mut table = screen::ruled();
     table.set_header(["bus", "RC\nms", "SM\nms", "CM\nms", "reaction\nleast ms", "mean\nms", "most\nms"]);
     let ms = |time: Duration| format!("{:.3}", millis(time));
-    for Row { bus, aet_ms, reaction } in rows {
+    for BusRow { bus, aet_ms, reaction } in rows {
         let [rc, sm, cm] = aet_ms.map(|aet| format!("{aet:.1}"));
         let [least, mean, most] = reaction.map(ms);
         table.add_row([(*bus).to_owned(), rc, sm, cm, least, mean, most]);

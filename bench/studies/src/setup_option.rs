@@ -71,7 +71,7 @@ impl From<Drives> for setup::Drives {
 /// What moves the joints of the setup's robot.
 #[derive(Args, Debug)]
 pub struct DrivesOption {
-    /// What moves the robot's joints, instead of what the setup says: emulated CiA 402 drives behind an EtherCAT segment of
+    /// What moves the robot's joints, instead of what the setup says: emulated CiA 402 drives on an EtherCAT segment of
     /// the robot controller.
     #[arg(long, value_enum)]
     drives: Option<Drives>,

@@ -8,7 +8,7 @@ use std::process::{Child, Output, Stdio};
 use protocol_linux::namespace::NetworkNamespace;
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::stations::{Node, Switch};
+use crate::stations::{Node, TestSwitch};
 use crate::{TOKEN, bench, cable, results, text};
 
 const STATIONS: [&str; 2] = ["left", "right"];
@@ -16,13 +16,13 @@ const STATIONS: [&str; 2] = ["left", "right"];
 const BOTH_BUSES: &str = "profinet=eth0,ethernet-ip=eth0";
 
 /// Starts both robots, each at an end of its own.
-fn robots(switch: &Switch) -> [Node; 2] {
+fn robots(switch: &TestSwitch) -> [Node; 2] {
     let start = |end, station| switch.node(end, "__robot-node", "E", &["--station", station]);
     [start(1, STATIONS[0]), start(2, STATIONS[1])]
 }
 
 pub(crate) fn two_robots_on_two_buses_and_one_switch_work_with_one_plc() {
-    let switch = Switch::new();
+    let switch = TestSwitch::new();
     let robots = robots(&switch);
     let mut plc = switch.command(0, "__plc-node", "E", BOTH_BUSES);
     plc.args(["--reps", "1", "--types", "cm"]).stdin(Stdio::null()).stderr(Stdio::piped());
@@ -47,7 +47,7 @@ pub(crate) fn two_robots_on_two_buses_and_one_switch_work_with_one_plc() {
 }
 
 pub(crate) fn a_plc_that_sends_json_names_the_station_of_each_message() {
-    let switch = Switch::new();
+    let switch = TestSwitch::new();
     let [left, right] = robots(&switch);
     let mut plc = switch.command(0, "__plc-node", "E", BOTH_BUSES);
     let mut plc = plc.arg("--json").stdin(Stdio::piped()).spawn().unwrap();
@@ -150,7 +150,7 @@ pub(crate) fn a_robot_that_is_missing_or_another_than_described_is_named_and_the
         (&other_adapter, Some("E"), "right", "the electronic key does not fit the device"),
     ];
     for (setup, right, missing, why) in cases {
-        let switch = Switch::new();
+        let switch = TestSwitch::new();
         let robot = |end, setup, station| {
             let mut robot = switch.node(end, "__robot-node", setup, &["--station", station]);
             robot.read_to(" on eth0 ");
@@ -181,14 +181,14 @@ struct Attachable {
     /// The PLC, the left robot and the right one.
     nodes: [Child; 3],
     place: tempfile::TempDir,
-    _switch: Switch,
+    _switch: TestSwitch,
 }
 
 const ALL: &str = "plc=10.77.0.1:7700,left=10.77.1.1:7700,right=10.77.2.1:7700";
 
 impl Attachable {
     fn start() -> Self {
-        let (switch, control) = (Switch::new(), NetworkNamespace::new().unwrap());
+        let (switch, control) = (TestSwitch::new(), NetworkNamespace::new().unwrap());
         let start = |end: u8, name: &str, interface: &str, station: &[&str]| {
             let of_control = format!("c{end}");
             let far = (&switch.ends[usize::from(end)], "control", Some([10, 77, end, 1]));

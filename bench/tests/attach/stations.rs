@@ -14,7 +14,7 @@ const OLD: &str = "old-robot";
 const ROBOT: &str = "192.168.64.2/24";
 
 /// A switch with four ends: the PLC, two robots and a stranger.
-pub(crate) struct Switch {
+pub(crate) struct TestSwitch {
     network: NetworkNamespace,
     pub(crate) ends: [NetworkNamespace; 4],
 }
@@ -26,7 +26,7 @@ fn ip(network: &NetworkNamespace, arguments: &str) {
     assert!(command.status().unwrap().success(), "ip {arguments}");
 }
 
-impl Switch {
+impl TestSwitch {
     pub(crate) fn new() -> Self {
         let network = NetworkNamespace::new().unwrap();
         let open = |name: &str| Interface::open(name).unwrap();
@@ -106,7 +106,7 @@ pub(crate) fn a_robot_that_kept_the_address_of_another_one_is_not_connected_to()
     let place = tempfile::tempdir().unwrap();
     let (old, new) = (setup(&place, "old.toml", OLD), setup(&place, "new.toml", "arm-7"));
     for cyclic in ["udp", "rt1"] {
-        let switch = Switch::new();
+        let switch = TestSwitch::new();
         ip(&switch.ends[1], &format!("addr add {ROBOT} dev eth0"));
         let mut old_robot = switch.node(1, "__robot-node", &old, &[]);
         old_robot.read_to("IO-Device");
@@ -132,7 +132,7 @@ pub(crate) fn a_robot_that_kept_the_address_of_another_one_is_not_connected_to()
 pub(crate) fn a_stranger_that_takes_the_address_of_the_robot_is_named_by_both_nodes() {
     let place = tempfile::tempdir().unwrap();
     let new = setup(&place, "new.toml", "arm-7");
-    let switch = Switch::new();
+    let switch = TestSwitch::new();
     let mut robot = switch.node(1, "__robot-node", &new, &[]);
     robot.read_to("IO-Device");
     let mut plc = switch.node(0, "__plc-node", &new, &["--reps", "1000"]);

@@ -13,7 +13,7 @@ use stands::capture::{PLC_FILE, ROBOT_FILE};
 use stands::virtual_run::{Extras, VirtualRun};
 
 #[derive(Clone, PartialEq, Debug)]
-pub(crate) struct Seen {
+pub(crate) struct SeenFrame {
     pub(crate) at_ns: u128,
     sent: bool,
     comment: Option<String>,
@@ -21,12 +21,12 @@ pub(crate) struct Seen {
 }
 
 /// Returns the packets of a capture.
-pub(crate) fn read(directory: &Path, file: &str) -> Vec<Seen> {
+pub(crate) fn read(directory: &Path, file: &str) -> Vec<SeenFrame> {
     let mut reader = PcapNgReader::new(File::open(directory.join(file)).unwrap()).unwrap();
     let mut packets = Vec::new();
     while let Some(block) = reader.next_block() {
         let Block::EnhancedPacket(packet) = block.unwrap().into_owned() else { continue };
-        let mut seen = Seen {
+        let mut seen = SeenFrame {
             at_ns: packet.timestamp.as_nanos(),
             sent: false,
             comment: None,
@@ -45,7 +45,7 @@ pub(crate) fn read(directory: &Path, file: &str) -> Vec<Seen> {
 }
 
 /// Returns what both ends saw of one CM, and how many frames the faults hit.
-fn capture(setup: &str, faults: &[&str]) -> ([Vec<Seen>; 2], Option<records::faults::FaultReport>) {
+fn capture(setup: &str, faults: &[&str]) -> ([Vec<SeenFrame>; 2], Option<records::faults::FaultReport>) {
     let place = tempfile::tempdir().unwrap();
     let (setup, found) = planning::setup_with_application(setup).unwrap();
     let extras = Extras {
@@ -94,7 +94,7 @@ fn each_end_receives_what_the_other_sends_byte_for_byte_with_correct_checksums()
         assert_eq!(faults, None);
         plc.iter().for_each(|packet| check_headers(&packet.data));
         for (from, to) in [(&plc, &robot), (&robot, &plc)] {
-            let bytes = |packets: &[Seen], sent| {
+            let bytes = |packets: &[SeenFrame], sent| {
                 let chosen = packets.iter().filter(|packet| packet.sent == sent);
                 let mut bytes: Vec<_> = chosen.map(|packet| packet.data.clone()).collect();
                 bytes.sort();
@@ -118,7 +118,7 @@ fn the_bytes_of_a_tcp_connection_are_in_sequence_and_acknowledged() {
     for sent in [true, false] {
         let mut next = None;
         let mut bytes = 0;
-        for Seen { data, .. } in segments().filter(|packet| packet.sent == sent) {
+        for SeenFrame { data, .. } in segments().filter(|packet| packet.sent == sent) {
             let takes = u32::from(data[47] & 0x03 != 0);
             let payload = data.len() as u32 - 34 - u32::from(data[46] >> 4) * 4;
             let sequence = number(data, 38);

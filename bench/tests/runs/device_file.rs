@@ -7,7 +7,7 @@ use std::path::Path;
 use stands::capture::{PLC_FILE, ROBOT_FILE};
 use stands::virtual_run::VirtualRun;
 
-use crate::captures::{Seen, read};
+use crate::captures::{SeenFrame, read};
 use crate::foreign_devices::{self, CHOICES, EDS, ESI, GSDML, with_lines};
 use crate::program::{Finished, bench};
 use crate::study_calls::study;
@@ -38,7 +38,7 @@ fn through_their_own_files_a_to_d_send_the_same_frames_at_the_same_times() {
             assert!(without.len() > 10_000, "RC, SM and CM of {name}: {}", without.len());
             assert_eq!(without.len(), with.len(), "{name}");
             let different = without.iter().zip(&with).position(|(one, other)| one != other);
-            let shown = |packets: &[Seen]| different.and_then(|at| packets.get(at).cloned());
+            let shown = |packets: &[SeenFrame]| different.and_then(|at| packets.get(at).cloned());
             assert_eq!(shown(&without), shown(&with), "{name}: frame {different:?} at {end}");
         }
     }

@@ -1,4 +1,4 @@
-//! Runs of a robot whose axes are emulated drives behind an EtherCAT segment of its controller.
+//! Runs of a robot whose axes are emulated drives on an EtherCAT segment of its controller.
 
 use std::process::Command;
 

@@ -3,9 +3,9 @@
 use std::sync::atomic::AtomicBool;
 
 use studies::engine::listed::ListedStudy;
-use studies::sweep::{Grid, Predicted, Sweep, csv, render};
+use studies::sweep::{Predicted, Sweep, SweepGrid, csv, render};
 
-fn sweep(name: &str, grid: &Grid) -> Sweep {
+fn sweep(name: &str, grid: &SweepGrid) -> Sweep {
     let (setup, found) = planning::setup_with_application(name).unwrap();
     Sweep::new(
         &setup,
@@ -15,8 +15,8 @@ fn sweep(name: &str, grid: &Grid) -> Sweep {
     )
 }
 
-fn grid() -> Grid {
-    Grid {
+fn grid() -> SweepGrid {
+    SweepGrid {
         depths: vec![1, 2, 5],
         bus_cycles_us: vec![1_000, 16_000, 64_000],
         lengths_mm: vec![1.0, 20.0],

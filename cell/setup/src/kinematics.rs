@@ -39,7 +39,7 @@ impl Kind {
 
 /// The section as it was read.
 #[derive(Default)]
-struct Section {
+struct KinematicsSection {
     kind: Option<Kind>,
     numbers: BTreeMap<String, Sourced<f64>>,
     offsets_deg: Option<Sourced<[f64; 6]>>,
@@ -57,14 +57,14 @@ impl<'de> Deserialize<'de> for Kinematics {
 struct SectionVisitor;
 
 impl<'de> Visitor<'de> for SectionVisitor {
-    type Value = Section;
+    type Value = KinematicsSection;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("a table with the key `kind`")
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Section, A::Error> {
-        let mut section = Section::default();
+    fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<KinematicsSection, A::Error> {
+        let mut section = KinematicsSection::default();
         while let Some(key) = table.next_key::<String>()? {
             match key.as_str() {
                 "kind" => {
@@ -84,7 +84,7 @@ impl<'de> Visitor<'de> for SectionVisitor {
     }
 }
 
-impl Section {
+impl KinematicsSection {
     fn resolve<E: Error>(mut self) -> Result<Kinematics, E> {
         let kind = self.kind.ok_or_else(|| E::missing_field("kind"))?;
         if let Some(other) = self.keys.iter().find(|key| !kind.keys().contains(&key.as_str())) {

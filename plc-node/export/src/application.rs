@@ -13,7 +13,7 @@ pub struct StopData {
 
 /// What is exported.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Application {
+pub struct ExportedApplication {
     /// Motions of SM and CM.
     pub motions: Vec<Motion>,
     /// Motion to the start from anywhere. Without it a run begins where the arm stands.
@@ -128,7 +128,7 @@ const LONGEST_CYCLE_US: u32 = 15_000;
 /// Longest scan, in us: 400 of them fit a UDINT, and a PLC of a robot scans faster than ten times a second.
 const LONGEST_SCAN_US: u32 = 100_000;
 
-impl Application {
+impl ExportedApplication {
     /// Returns all motions as the data hold them: those of the run, from anywhere to the start, from the end to the start.
     pub(crate) fn all_motions(&self) -> impl Iterator<Item = &Motion> + Clone {
         self.motions.iter().chain(&self.from_anywhere).chain(&self.from_end)

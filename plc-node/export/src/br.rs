@@ -4,7 +4,7 @@ use ::structured_text::pieces;
 
 use crate::names::check_length;
 use crate::parts::{CodePart, Parts, Unit, joined};
-use crate::{Application, ExportFile, Refused};
+use crate::{ExportFile, ExportedApplication, Refused};
 
 /// The maker in messages.
 const MAKER: &str = "B&R";
@@ -100,7 +100,7 @@ pub const CPU_SW: &str = "  <TaskClass Name=\"Cyclic#1\">\n    <Task Name=\"SBPr
 ///
 /// # Errors
 /// The first thing that does not fit.
-pub(crate) fn br(application: &Application, text: &str) -> Result<Vec<ExportFile>, Refused> {
+pub(crate) fn br(application: &ExportedApplication, text: &str) -> Result<Vec<ExportFile>, Refused> {
     let mut files = library(text)?;
     let file = |path: String, text: String| ExportFile { path, text };
     let big_endian = if application.big_endian { "TRUE" } else { "FALSE" };

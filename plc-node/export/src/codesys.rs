@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use ::structured_text::{Piece, pieces};
 
 use crate::parts::{CodePart, Parts, Unit, joined};
-use crate::{Application, ExportFile, Refused};
+use crate::{ExportFile, ExportedApplication, Refused};
 
 /// The maker in messages.
 const MAKER: &str = "CODESYS";
@@ -63,7 +63,7 @@ const ADAPTER: &str = include_str!("../templates/codesys-adapter.st");
 ///
 /// # Errors
 /// The first thing that does not fit.
-pub(crate) fn codesys(application: &Application, text: &str) -> Result<Vec<ExportFile>, Refused> {
+pub(crate) fn codesys(application: &ExportedApplication, text: &str) -> Result<Vec<ExportFile>, Refused> {
     let mut blocks = String::new();
     for block in ADAPTER.split("====\n") {
         let Some((interface, body)) = block.split_once("----\n") else { continue };

@@ -6,7 +6,7 @@ use std::{fs, io};
 use crate::br::br;
 use crate::codesys::codesys;
 use crate::siemens::siemens;
-use crate::{Application, FILE, Maker, Refused, VECTORS, VectorsError, structured_text, vectors};
+use crate::{ExportedApplication, FILE, Maker, Refused, VECTORS, VectorsError, structured_text, vectors};
 
 /// A file of an export.
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -51,7 +51,7 @@ impl ExportError {
 ///
 /// # Errors
 /// The first thing that does not fit.
-pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>, ExportError> {
+pub fn files(application: &ExportedApplication, maker: Maker) -> Result<Vec<ExportFile>, ExportError> {
     let text = structured_text(application)?;
     let vectors = ExportFile { path: VECTORS.into(), text: vectors(&text, application)? };
     let mut files = match maker {
@@ -71,7 +71,7 @@ pub fn files(application: &Application, maker: Maker) -> Result<Vec<ExportFile>,
 ///
 /// # Errors
 /// The first thing that does not fit, or the directory cannot be written; then nothing is left.
-pub fn export(application: &Application, maker: Maker, directory: &Path) -> Result<(), ExportError> {
+pub fn export(application: &ExportedApplication, maker: Maker, directory: &Path) -> Result<(), ExportError> {
     let files = files(application, maker)?;
     let failed = |error| ExportError::Write { path: directory.into(), error };
     if fs::read_dir(directory).is_ok_and(|mut entries| entries.next().is_some()) {

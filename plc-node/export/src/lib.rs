@@ -27,7 +27,7 @@ mod structured_text;
 mod vectors;
 mod words;
 
-pub use application::{Application, Refused, StopData};
+pub use application::{ExportedApplication, Refused, StopData};
 pub use directory::{ExportError, ExportFile, export, files};
 pub use maker::Maker;
 pub use structured_text::{FILE, structured_text};

@@ -3,7 +3,7 @@
 use ::structured_text::{Piece, PieceKind};
 
 use crate::parts::{CodePart, Parts, Unit};
-use crate::{Application, ExportFile, Refused};
+use crate::{ExportFile, ExportedApplication, Refused};
 
 /// The maker in messages.
 const MAKER: &str = "Siemens";
@@ -55,7 +55,7 @@ const ADAPTER_FILE: &str = "skillbench_adapter.scl";
 ///
 /// # Errors
 /// The first thing that does not fit.
-pub(crate) fn siemens(application: &Application, text: &str) -> Result<Vec<ExportFile>, Refused> {
+pub(crate) fn siemens(application: &ExportedApplication, text: &str) -> Result<Vec<ExportFile>, Refused> {
     let mut files = rewritten(text)?;
     let big_endian = if application.big_endian { "TRUE" } else { "FALSE" };
     let adapter =

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::words::{WORDS, words};
-use crate::{Application, Refused, StopData};
+use crate::{ExportedApplication, Refused, StopData};
 
 /// Name of the file.
 pub const FILE: &str = "skillbench.st";
@@ -33,7 +33,7 @@ const PER_LINE: usize = WORDS;
 ///
 /// # Errors
 /// What does not fit.
-pub fn structured_text(application: &Application) -> Result<String, Refused> {
+pub fn structured_text(application: &ExportedApplication) -> Result<String, Refused> {
     application.check()?;
     let mut text = TEMPLATES.join("\n");
     for (place, value) in places(application) {
@@ -42,7 +42,7 @@ pub fn structured_text(application: &Application) -> Result<String, Refused> {
     Ok(text)
 }
 
-fn places(application: &Application) -> Vec<(&'static str, String)> {
+fn places(application: &ExportedApplication) -> Vec<(&'static str, String)> {
     let mut motions: Vec<u32> = application.all_motions().flat_map(words).collect();
     let mut stops: Vec<u32> = application.stops.iter().flat_map(stop_words).collect();
     // An array has at least one element.
@@ -81,12 +81,12 @@ fn places(application: &Application) -> Vec<(&'static str, String)> {
 }
 
 /// Returns the joints of the start, where the application names the start by these.
-fn known_start(application: &Application) -> Option<[f32; 6]> {
+fn known_start(application: &ExportedApplication) -> Option<[f32; 6]> {
     let motion = application.from_anywhere.as_ref()?;
     (motion.kind == protocol::image::MotionKind::PtpJoint).then_some(motion.target)
 }
 
-fn start_joints(application: &Application) -> String {
+fn start_joints(application: &ExportedApplication) -> String {
     list(&known_start(application).unwrap_or_default().map(f32::to_bits))
 }
 

@@ -9,7 +9,7 @@ use protocol::image::{
     Command, Control, Feedback, FeedbackSealer, IMAGE_LEN, Image, Order, Skill, State, Status,
 };
 
-use crate::{Application, FILE};
+use crate::{ExportedApplication, FILE};
 
 /// Name of the file.
 pub const VECTORS: &str = "vectors.jsonl";
@@ -42,7 +42,7 @@ pub enum VectorsError {
 ///
 /// # Errors
 /// The text does not compile or goes wrong; never for a text of [`structured_text`](crate::structured_text()).
-pub fn vectors(text: &str, application: &Application) -> Result<String, VectorsError> {
+pub fn vectors(text: &str, application: &ExportedApplication) -> Result<String, VectorsError> {
     let program = Program::compile(&[Source { file: FILE, text }])?;
     let mut lines = String::new();
     for order in [Order::BigEndian, Order::LittleEndian] {
@@ -55,7 +55,7 @@ pub fn vectors(text: &str, application: &Application) -> Result<String, VectorsE
 
 fn one_run(
     program: &Program,
-    application: &Application,
+    application: &ExportedApplication,
     order: Order,
     execution_type: i64,
     lines: &mut String,

@@ -15,7 +15,7 @@ use protocol::search::Search;
 use protocol_linux::{Interface, clock};
 use setup::BusKind;
 
-use super::{UntilEnd, UntilFound, ethernet_ip_search, searched};
+use super::{UntilFound, UntilSearchEnded, ethernet_ip_search, searched};
 
 /// The devices that answered on a bus.
 #[derive(Clone, Debug)]
@@ -56,7 +56,7 @@ pub(crate) fn find_stations(interface: &Interface, length: Duration) -> anyhow::
     let first_xid = (start.as_nanos() >> 10) as u32;
     let config = profinet::SearchConfig { mac: interface.mac(), first_xid, length };
     let search = Search::new(Some(profinet::Search::new(config, start)), None);
-    let (search, _) = searched(search, interface, UntilEnd)?;
+    let (search, _) = searched(search, interface, UntilSearchEnded)?;
     let stations = search.profinet().map(|search| search.answers().devices().to_vec());
     Ok(stations.unwrap_or_default())
 }
@@ -66,7 +66,7 @@ pub(crate) fn find_adapters(interface: &Interface, length: Duration) -> anyhow::
     let start = clock::now();
     let config = ethernet_ip_search(interface, length)?;
     let search = Search::new(None, Some(ethernet_ip::Search::new(config, start)));
-    let (search, _) = searched(search, interface, UntilEnd)?;
+    let (search, _) = searched(search, interface, UntilSearchEnded)?;
     let devices = search.ethernet_ip().map(|search| search.answers().devices().to_vec());
     Ok(devices.unwrap_or_default())
 }
@@ -76,7 +76,7 @@ pub(crate) fn set_station(
     setter: StationSetter,
     interface: &Interface,
 ) -> anyhow::Result<Result<(), StationSetError>> {
-    let (setter, _) = searched(setter, interface, UntilEnd)?;
+    let (setter, _) = searched(setter, interface, UntilSearchEnded)?;
     Ok(setter.result().unwrap_or(Err(StationSetError::NoAnswer)))
 }
 
@@ -96,6 +96,6 @@ pub fn read_records(
     let activity = Uuid((u128::from(start.as_nanos()) << 64 | 0x8001).to_be_bytes());
     // The kernel chooses the port.
     let config = RecordReaderConfig { address, identity, local_port: 0, activity, records: records.to_vec() };
-    let (reader, _) = searched(RecordReader::new(config, start), interface, UntilEnd)?;
+    let (reader, _) = searched(RecordReader::new(config, start), interface, UntilSearchEnded)?;
     Ok(reader.answers().to_vec())
 }

@@ -137,7 +137,7 @@ impl DiscoverCommand {
             return Ok(None);
         }
         let search = Search::new(profinet, ethernet_ip);
-        Ok(Some(searched(search, interface, UntilEnd)?.0))
+        Ok(Some(searched(search, interface, UntilSearchEnded)?.0))
     }
 
     /// Looks for SubDevices on EtherCAT; `None` if they are not looked for.
@@ -177,7 +177,7 @@ fn ask_hosts(interface: &Interface, search: &Search) -> anyhow::Result<Option<Ho
     }
     let (mac, own) = (interface.mac(), interface.address());
     let search = HolderSearch::new(mac, own, addresses, clock::now());
-    let (search, _) = searched(search, interface, UntilEnd)?;
+    let (search, _) = searched(search, interface, UntilSearchEnded)?;
     let mut hosts: Hosts = search.found().collect();
     // A device may have the address of this interface.
     if let Some(macs) = own.and_then(|own| hosts.get_mut(&own)) {
@@ -217,9 +217,9 @@ fn ethernet_ip_search(interface: &Interface, length: Duration) -> anyhow::Result
 }
 
 /// Waits for the search to end.
-struct UntilEnd;
+struct UntilSearchEnded;
 
-impl<M: Machine<Event = SearchEnded>> Owner<M> for UntilEnd {
+impl<M: Machine<Event = SearchEnded>> Owner<M> for UntilSearchEnded {
     fn wake(&mut self, _: Instant, _: &mut M, _: &Statistics) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

@@ -255,8 +255,8 @@ mod tests {
     fn a_source_is_asked_for_each_motion_once_and_in_order_so_that_it_can_stream() {
         const TOTAL: u32 = 1_000_000;
         #[derive(Debug)]
-        struct Stream(u32);
-        impl MotionSource for Stream {
+        struct MotionStream(u32);
+        impl MotionSource for MotionStream {
             fn total(&self) -> u32 {
                 TOTAL
             }
@@ -265,7 +265,7 @@ mod tests {
                 Some(Motion::EMPTY)
             }
         }
-        let mut source = Stream(0);
+        let mut source = MotionStream(0);
         let mut group = AxesGroup::new(WaitLimits { answer_scans: 10, silent_scans: 10 });
         let mut block = MoveContinuous::default();
         group.read(Some(Feedback::default()));

@@ -4,7 +4,7 @@ use machine::Instant;
 use protocol::fieldbus::ControllerBus;
 use protocol::image::Digest;
 
-use super::{Mode, PlcNode, the_station};
+use super::{PlcNode, ScanMode, the_station};
 use crate::program::{Led, PlcProgram};
 use crate::sequences::Sequences;
 use crate::station::Station;
@@ -41,7 +41,7 @@ impl<B: ControllerBus> PlcNode<B, AnyProgram> {
 impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Has a program that leads the stations do so.
     pub(super) fn lead(&mut self, now: Instant) {
-        if self.mode == Mode::Running {
+        if self.mode == ScanMode::Running {
             return;
         }
         let led = self.program.lead(now, &mut self.stations);
@@ -51,15 +51,15 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         }
         match led {
             Led::Ready if !was_ready => self.report_ready(),
-            Led::Preparing if was_ready && self.mode != Mode::Idle => {
+            Led::Preparing if was_ready && self.mode != ScanMode::Idle => {
                 self.fail(Some(0), FailureCause::RobotHalted);
             }
             Led::Ended(cause) => {
                 let execution_type = match self.mode {
-                    Mode::Starting(execution_type) => execution_type,
-                    Mode::Idle | Mode::Running => self.run.execution_type,
+                    ScanMode::Starting(execution_type) => execution_type,
+                    ScanMode::Idle | ScanMode::Running => self.run.execution_type,
                 };
-                self.mode = Mode::Idle;
+                self.mode = ScanMode::Idle;
                 self.report_failure(Some(0), execution_type, 0, cause);
             }
             Led::Ready | Led::Preparing | Led::MovingToStart => {}

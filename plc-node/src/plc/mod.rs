@@ -51,7 +51,7 @@ pub struct PlcNode<B, P = Sequences> {
     scans: u64,
     /// When the last scan began.
     scanned_at: Instant,
-    mode: Mode,
+    mode: ScanMode,
     run: Run,
     /// Changes of the override in the runs that start from now on; `None` leaves it unchanged.
     overrides: Option<OverrideSchedule>,
@@ -60,7 +60,7 @@ pub struct PlcNode<B, P = Sequences> {
 
 /// What the PLC does in a scan, besides what each station does.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Mode {
+enum ScanMode {
     /// No run is wanted.
     Idle,
     /// A run starts once every arm is where it begins.
@@ -133,7 +133,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             scan,
             scans: 0,
             scanned_at: Instant::ZERO,
-            mode: Mode::Idle,
+            mode: ScanMode::Idle,
             run: Run::none(count),
             overrides: None,
             events: Events::for_stations(count),
@@ -148,9 +148,9 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// A robot is not connected or not ready, a run is under way, or there is nothing to run.
     pub fn start(&mut self, _now: Instant, execution_type: ExecutionType) -> Result<(), StartError> {
         match self.mode {
-            Mode::Running => return Err(StartError::Running(self.run.execution_type)),
-            Mode::Starting(other) => return Err(StartError::Running(other)),
-            Mode::Idle => {}
+            ScanMode::Running => return Err(StartError::Running(self.run.execution_type)),
+            ScanMode::Starting(other) => return Err(StartError::Running(other)),
+            ScanMode::Idle => {}
         }
         if self.stations.iter().any(|station| !station.is_connected()) {
             return Err(StartError::NotConnected);
@@ -159,7 +159,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             return Err(station.not_ready());
         }
         self.program.check(execution_type, &self.stations)?;
-        self.mode = Mode::Starting(execution_type);
+        self.mode = ScanMode::Starting(execution_type);
         Ok(())
     }
 
@@ -196,7 +196,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Returns whether a run may start.
     #[must_use]
     pub fn is_ready(&self) -> bool {
-        self.mode == Mode::Idle && self.stations.iter().all(Station::is_ready)
+        self.mode == ScanMode::Idle && self.stations.iter().all(Station::is_ready)
     }
 
     /// Returns whether the connections of all stations are up.
@@ -332,9 +332,9 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         self.scanned_at = now;
         self.read_inputs(now);
         match self.mode {
-            Mode::Starting(execution_type) => self.start_when_ready(now, execution_type),
-            Mode::Running => self.run(now),
-            Mode::Idle => {}
+            ScanMode::Starting(execution_type) => self.start_when_ready(now, execution_type),
+            ScanMode::Running => self.run(now),
+            ScanMode::Idle => {}
         }
         let leads = self.program.leads();
         if !leads {
@@ -354,7 +354,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     fn go_on_to_start(&mut self, now: Instant) {
         for index in 0..self.stations.len() {
             let Some(station) = self.stations.get(index) else { return };
-            if self.mode == Mode::Running || station.state != StationState::MovingToStart {
+            if self.mode == ScanMode::Running || station.state != StationState::MovingToStart {
                 continue;
             }
             let set_out = if !station.is_to_set_out() {
@@ -383,9 +383,9 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     fn watch_silence(&mut self) {
         for index in 0..self.stations.len() {
             let work = match self.mode {
-                Mode::Running if self.run.is_lost(index) => Work::None,
-                Mode::Running => Work::Run { waits: self.program.waits(index) },
-                Mode::Idle | Mode::Starting(_) => Work::None,
+                ScanMode::Running if self.run.is_lost(index) => Work::None,
+                ScanMode::Running => Work::Run { waits: self.program.waits(index) },
+                ScanMode::Idle | ScanMode::Starting(_) => Work::None,
             };
             let received = self.received_of(index);
             let Some(station) = self.stations.get_mut(index) else { return };
@@ -398,7 +398,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     /// Does the work of a scan at each station that no run has.
     fn prepare(&mut self) {
         for index in 0..self.stations.len() {
-            let is_run = self.mode == Mode::Running;
+            let is_run = self.mode == ScanMode::Running;
             let is_lost = is_run && self.run.is_lost(index);
             let Some(station) = self.stations.get_mut(index) else { return };
             if is_run && !is_lost || station.state == StationState::MovingToStart {
@@ -409,7 +409,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
             let is_new = station.prepare(!is_lost);
             if is_new {
                 self.report_ready();
-            } else if let (true, false, Mode::Starting(_)) =
+            } else if let (true, false, ScanMode::Starting(_)) =
                 (was_ready, self.stations.get(index).is_some_and(Station::is_ready), self.mode)
             {
                 self.fail(Some(index), FailureCause::RobotHalted);
@@ -428,8 +428,8 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     fn fail(&mut self, station: Option<usize>, cause: FailureCause) {
         match self.mode {
             // It belongs to the run no more, and gets ready for the next one.
-            Mode::Running if station.is_some_and(|index| self.run.is_lost(index)) => {}
-            Mode::Running => {
+            ScanMode::Running if station.is_some_and(|index| self.run.is_lost(index)) => {}
+            ScanMode::Running => {
                 let after = station.map_or(AfterLoss::EndRun, |station| self.program.lose(station, cause));
                 match (after, station) {
                     (AfterLoss::GoOn, Some(index)) => self.run.lose(index, cause),
@@ -439,15 +439,15 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
                     lost.prepare_again(false);
                 }
             }
-            Mode::Starting(execution_type) => {
-                self.mode = Mode::Idle;
+            ScanMode::Starting(execution_type) => {
+                self.mode = ScanMode::Idle;
                 for index in station.map_or(0..self.stations.len(), |index| index..index + 1) {
                     let Some(station) = self.stations.get_mut(index) else { continue };
                     station.prepare_again(station.state == StationState::MovingToStart);
                 }
                 self.report_failure(station, execution_type, 0, cause);
             }
-            Mode::Idle => {
+            ScanMode::Idle => {
                 // Nobody waits for it: the next run tries again and says what is wrong.
                 let Some(station) = station.and_then(|index| self.stations.get_mut(index)) else { return };
                 if station.state == StationState::MovingToStart {

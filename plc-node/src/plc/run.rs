@@ -4,7 +4,7 @@ use machine::Instant;
 use protocol::fieldbus::{ControllerBus, Counters};
 use protocol::image::Control;
 
-use super::{Mode, PlcNode};
+use super::{PlcNode, ScanMode};
 use crate::function_blocks::BlockError;
 use crate::program::{PlcProgram, Progress};
 use crate::robot_clock::CLOCK_WAIT;
@@ -121,7 +121,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
         // What resumed a skill of the run before has done so.
         self.stations.iter_mut().for_each(|station| station.group_mut().set_control(Control::RESUME, false));
         self.program.begin(now, execution_type);
-        self.mode = Mode::Running;
+        self.mode = ScanMode::Running;
         let after = self.command().number;
         self.events.push_for_all(PlcEvent::Started { execution_type, at: now, after });
         self.run(now);
@@ -180,7 +180,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
     }
 
     fn finish(&mut self, now: Instant) {
-        self.mode = Mode::Idle;
+        self.mode = ScanMode::Idle;
         let measured = || now.as_nanos().saturating_sub(self.run.started_at.as_nanos());
         let by_program = self.program.execution_time_us().map(|micros| micros.saturating_mul(1_000));
         let execution_time_ns = by_program.unwrap_or_else(measured);
@@ -239,7 +239,7 @@ impl<B: ControllerBus, P: PlcProgram> PlcNode<B, P> {
 
     /// Ends a run as failed: the next scans halt the robots and lead them to `Ready` again.
     pub(super) fn end_run(&mut self, station: Option<usize>, cause: FailureCause) {
-        self.mode = Mode::Idle;
+        self.mode = ScanMode::Idle;
         for index in 0..self.stations.len() {
             let is_lost = self.run.is_lost(index);
             let Some(station) = self.stations.get_mut(index) else { return };

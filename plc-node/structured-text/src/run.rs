@@ -2,7 +2,8 @@
 
 use crate::compile::MOST_ARGUMENTS;
 use crate::compile::code::{
-    Address, Argument, Arithmetic, Bitwise, Code, Comparison, Element, Function, Instruction, Located,
+    Argument, Arithmetic, Bitwise, Code, ComparisonOperator, Element, Function, Instruction, Located,
+    VariableAddress,
 };
 use crate::{Place, Program, RunError, Scalar, Trap, Variable};
 
@@ -277,11 +278,11 @@ impl Instance {
     }
 
     #[inline(always)]
-    pub(crate) fn slot(&mut self, program: &Program, address: &Address, this: usize) -> Run<usize> {
+    pub(crate) fn slot(&mut self, program: &Program, address: &VariableAddress, this: usize) -> Run<usize> {
         match address {
-            Address::Local(offset) => Ok(this + *offset as usize),
-            Address::Through(slot, offset) => Ok(self.through(*slot, *offset, this)),
-            Address::Element(element) => self.element(program, element, this),
+            VariableAddress::Local(offset) => Ok(this + *offset as usize),
+            VariableAddress::Through(slot, offset) => Ok(self.through(*slot, *offset, this)),
+            VariableAddress::Element(element) => self.element(program, element, this),
         }
     }
 
@@ -297,9 +298,9 @@ impl Instance {
             return self.trap(Trap::Index, element.place);
         }
         let base = match &element.base {
-            Address::Local(offset) => this + *offset as usize,
-            Address::Through(slot, offset) => self.through(*slot, *offset, this),
-            Address::Element(outer) => self.element(program, outer, this)?,
+            VariableAddress::Local(offset) => this + *offset as usize,
+            VariableAddress::Through(slot, offset) => self.through(*slot, *offset, this),
+            VariableAddress::Element(outer) => self.element(program, outer, this)?,
         };
         Ok(base + index as usize * element.stride as usize + element.offset as usize)
     }
@@ -316,8 +317,10 @@ impl Instance {
     fn value(&mut self, program: &Program, code: &Code, this: usize) -> Run<i64> {
         match code {
             Code::Constant(value) => Ok(*value),
-            Code::Load(Address::Local(offset)) => Ok(self.memory[this + *offset as usize]),
-            Code::Load(Address::Through(slot, offset)) => Ok(self.memory[self.through(*slot, *offset, this)]),
+            Code::Load(VariableAddress::Local(offset)) => Ok(self.memory[this + *offset as usize]),
+            Code::Load(VariableAddress::Through(slot, offset)) => {
+                Ok(self.memory[self.through(*slot, *offset, this)])
+            }
             code => self.compound(program, code, this),
         }
     }
@@ -435,13 +438,13 @@ fn real(slot: i64) -> f32 {
 }
 
 #[inline(always)]
-fn compare<T: PartialOrd>(comparison: Comparison, left: &T, right: &T) -> bool {
+fn compare<T: PartialOrd>(comparison: ComparisonOperator, left: &T, right: &T) -> bool {
     match comparison {
-        Comparison::Equal => left == right,
-        Comparison::NotEqual => left != right,
-        Comparison::Less => left < right,
-        Comparison::LessOrEqual => left <= right,
-        Comparison::Greater => left > right,
-        Comparison::GreaterOrEqual => left >= right,
+        ComparisonOperator::Equal => left == right,
+        ComparisonOperator::NotEqual => left != right,
+        ComparisonOperator::Less => left < right,
+        ComparisonOperator::LessOrEqual => left <= right,
+        ComparisonOperator::Greater => left > right,
+        ComparisonOperator::GreaterOrEqual => left >= right,
     }
 }

@@ -1,7 +1,7 @@
 //! Loops that look for the first element that differs, executed at once: a scan compares images of 256 bytes.
 
 use crate::Program;
-use crate::compile::code::{Address, Code, Comparison, Element, For, Instruction};
+use crate::compile::code::{Code, ComparisonOperator, Element, For, Instruction, VariableAddress};
 use crate::run::{Instance, Run};
 
 /// The other side of the comparison.
@@ -68,11 +68,11 @@ impl Instance {
 
 /// Returns what a loop compares, if it does nothing but that while they are equal.
 fn search(of: &For) -> Option<(&Element, Sought<'_>)> {
-    let Address::Local(variable) = of.variable else { return None };
+    let VariableAddress::Local(variable) = of.variable else { return None };
     let Code::Constant(1) = of.by else { return None };
     let [only] = of.body.as_slice() else { return None };
     let Instruction::If(branches, otherwise) = &only.instruction else { return None };
-    let ([(Code::Compare(Comparison::NotEqual, operands), _)], []) =
+    let ([(Code::Compare(ComparisonOperator::NotEqual, operands), _)], []) =
         (branches.as_slice(), otherwise.as_slice())
     else {
         return None;
@@ -87,8 +87,8 @@ fn search(of: &For) -> Option<(&Element, Sought<'_>)> {
 
 /// Returns the element of an array of elementary values that has this variable as its index.
 fn element_of(code: &Code, variable: u32) -> Option<&Element> {
-    let Code::Load(Address::Element(element)) = code else { return None };
-    let Code::Load(Address::Local(index)) = element.index else { return None };
-    let is_flat = matches!(element.base, Address::Local(_) | Address::Through(..));
+    let Code::Load(VariableAddress::Element(element)) = code else { return None };
+    let Code::Load(VariableAddress::Local(index)) = element.index else { return None };
+    let is_flat = matches!(element.base, VariableAddress::Local(_) | VariableAddress::Through(..));
     (index == variable && is_flat && (element.stride, element.offset) == (1, 0)).then_some(element)
 }

@@ -91,10 +91,10 @@ impl Scalar {
 #[derive(Clone, Debug)]
 pub(crate) enum Type {
     Scalar(Scalar),
-    Structure(Arc<Layout>),
+    Structure(Arc<TypeLayout>),
     Array(Arc<Array>),
     /// An instance of a function block.
-    Instance(Arc<Layout>),
+    Instance(Arc<TypeLayout>),
 }
 
 /// An array of one dimension.
@@ -107,7 +107,7 @@ pub(crate) struct Array {
 
 /// The members of a structure, or the variables of a unit.
 #[derive(Clone, Default, Debug)]
-pub(crate) struct Layout {
+pub(crate) struct TypeLayout {
     pub(crate) name: String,
     /// Number of the unit in the program; of a structure unused.
     pub(crate) unit: usize,
@@ -129,7 +129,7 @@ pub(crate) struct Member {
 /// Most slots of a program's memory: 128 MiB.
 pub(crate) const LARGEST: usize = 16 << 20;
 
-impl Layout {
+impl TypeLayout {
     pub(crate) fn new(name: &str, unit: usize) -> Self {
         Self { name: name.into(), unit, ..Self::default() }
     }

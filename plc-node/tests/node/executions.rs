@@ -1,7 +1,7 @@
 //! RC, SM and CM in virtual time against a robot whose skills take the times that the test sets.
 
 use crate::scripted::{
-    BUS, CABLE, COST, Phases, ROBOT, SCAN, cell, cell_with, config, motions, pause, run, until_ready,
+    BUS, CABLE, COST, ROBOT, SCAN, ScriptPhases, cell, cell_with, config, motions, pause, run, until_ready,
 };
 use machine::Duration;
 use plc_node::ExecutionType::{self, Cm, Rc, Sm};
@@ -19,8 +19,12 @@ fn each_execution_type_takes_the_robots_time_and_the_handshake_in_every_phase() 
     let (least, most) = handshake();
     let mut seen = Vec::new();
     for phase in 0..40 {
-        let phases =
-            Phases([phase * 137 % 1_000, phase * 311 % 1_000, phase * 613 % 1_000, phase * 977 % 4_000]);
+        let phases = ScriptPhases([
+            phase * 137 % 1_000,
+            phase * 311 % 1_000,
+            phase * 613 % 1_000,
+            phase * 977 % 4_000,
+        ]);
         let mut cell = cell_with(config(motions(13)), phases);
         until_ready(&mut cell);
         for execution_type in ExecutionType::ALL {
@@ -49,7 +53,7 @@ fn each_execution_type_takes_the_robots_time_and_the_handshake_in_every_phase() 
 
 #[test]
 fn with_known_phases_the_execution_time_is_known_to_the_nanosecond() {
-    let mut cell = cell_with(config(motions(13)), Phases([0, 300, 700, 1_900]));
+    let mut cell = cell_with(config(motions(13)), ScriptPhases([0, 300, 700, 1_900]));
     until_ready(&mut cell);
     let execution = run(&mut cell, Rc);
     // The scan that reports `Ready` is at 3 ms, so the one with the start edge is at 4 ms. Its outputs are written at

@@ -10,7 +10,7 @@ use protocol::one_station::OneStation;
 use virtual_time::{Event, Side};
 
 use crate::scripted::{
-    BUS, Cell, Fault, Phases, WATCHDOG, cell, cell_with_watchdog, config, motions, pause, run,
+    BUS, Cell, Fault, ScriptPhases, WATCHDOG, cell, cell_with_watchdog, config, motions, pause, run,
     run_to_failure, start, until_ready, wait_for, wait_for_failure,
 };
 
@@ -119,7 +119,7 @@ fn a_life_counter_that_stands_still_fails_the_run_after_the_set_time() {
 
 #[test]
 fn a_cable_that_is_cut_for_less_than_the_watchdog_is_not_called_a_controller_that_does_not_run() {
-    let mut cell = cell_with_watchdog(config(motions(13)), Phases([0, 300, 700, 1_900]), WATCHDOG * 20);
+    let mut cell = cell_with_watchdog(config(motions(13)), ScriptPhases([0, 300, 700, 1_900]), WATCHDOG * 20);
     until_ready(&mut cell);
     start(&mut cell, Cm);
     pause(&mut cell, Duration::from_millis(100));

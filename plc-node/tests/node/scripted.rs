@@ -295,7 +295,7 @@ impl Machine for ScriptedRobot {
 
 /// When each cycle starts, in µs after the origin: PLC's scan, PLC's bus, robot's bus, robot.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Phases(pub(crate) [u64; 4]);
+pub(crate) struct ScriptPhases(pub(crate) [u64; 4]);
 
 pub(crate) const SCAN: Duration = Duration::from_millis(1);
 pub(crate) const BUS: Duration = Duration::from_millis(1);
@@ -334,11 +334,11 @@ pub(crate) fn config(motions: Vec<Motion>) -> PlcConfig {
     }
 }
 
-pub(crate) fn cell_with(config: PlcConfig, phases: Phases) -> Cell {
+pub(crate) fn cell_with(config: PlcConfig, phases: ScriptPhases) -> Cell {
     cell_with_watchdog(config, phases, WATCHDOG)
 }
 
-pub(crate) fn cell_with_watchdog(config: PlcConfig, phases: Phases, watchdog: Duration) -> Cell {
+pub(crate) fn cell_with_watchdog(config: PlcConfig, phases: ScriptPhases, watchdog: Duration) -> Cell {
     let [scan, plc_bus, robot_bus, robot] = phases.0.map(Instant::from_micros);
     let plc = PlcNode::new(config, OneStation::new(Direct::new(plc_bus, BUS, watchdog)), scan);
     let robot = ScriptedRobot::new(Direct::new(robot_bus, BUS, watchdog), robot, ROBOT);
@@ -349,7 +349,7 @@ pub(crate) fn cell_with_watchdog(config: PlcConfig, phases: Phases, watchdog: Du
 }
 
 pub(crate) fn cell(motion_count: u16) -> Cell {
-    cell_with(config(motions(motion_count)), Phases([0, 300, 700, 1_900]))
+    cell_with(config(motions(motion_count)), ScriptPhases([0, 300, 700, 1_900]))
 }
 
 /// Runs until the PLC has this event, for at most ten seconds.

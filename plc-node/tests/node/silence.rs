@@ -9,7 +9,8 @@ use protocol::image::State;
 use virtual_time::Event;
 
 use crate::scripted::{
-    Cell, Fault, Phases, cell, cell_with, config, motions, pause, run, run_to_failure, start, until_ready,
+    Cell, Fault, ScriptPhases, cell, cell_with, config, motions, pause, run, run_to_failure, start,
+    until_ready,
 };
 
 /// Lets time pass; returns the PLC's reports of what it waits for, with their seconds, and whether a run failed.
@@ -54,7 +55,7 @@ fn a_robot_that_is_another_arm_than_the_setups_is_named_and_neither_enabled_nor_
     let to_start = ToStart { from_anywhere: Some(motions(1)[0]), from_end: Vec::new() };
     let arm = DescribedArm::from_setup(&setup::setup("A").unwrap());
     let mut cell =
-        cell_with(PlcConfig { arm, to_start, ..config(motions(13)) }, Phases([0, 300, 700, 1_900]));
+        cell_with(PlcConfig { arm, to_start, ..config(motions(13)) }, ScriptPhases([0, 300, 700, 1_900]));
     cell.command_b(|robot, _| {
         robot.report([10.0, 20.0, 30.0, 40.0, 0.0, 0.0], [0.0, 0.0, 900.0, 0.0, 0.0, 0.0])
     });
@@ -145,7 +146,7 @@ fn a_program_that_waits_at_a_stop_of_the_plan_is_not_given_up_and_one_that_waits
         let switch = Switch { output: 0, set: true, wait: Duration::from_secs(10) };
         let stops = vec![Stop { after: 7, then: Some(switch) }];
         let config = PlcConfig { stops, ..config(motions(13)) };
-        let mut cell = cell_with(config, Phases([0, 300, 700, 1_900]));
+        let mut cell = cell_with(config, ScriptPhases([0, 300, 700, 1_900]));
         until_ready(&mut cell);
         cell.command_b(|robot, _| robot.fault = Fault::Pauses { cycles });
         cell

@@ -1,7 +1,7 @@
 //! Where the arm stands before a run: the PLC moves it there, and counts that in nothing.
 
 use crate::scripted::{
-    Cell, Fault, Phases, ROBOT, cell, cell_with, config, motions, pause, run, run_to_failure, start,
+    Cell, Fault, ROBOT, ScriptPhases, cell, cell_with, config, motions, pause, run, run_to_failure, start,
     until_ready, wait_for,
 };
 use planning::ToStart;
@@ -26,7 +26,7 @@ fn cell_that_ends_at(end: [f32; 6], way_back: &[[f32; 6]]) -> Cell {
     sequence[12].target = end;
     let from_end = way_back.iter().copied().map(point_to_point).collect();
     let to_start = ToStart { from_anywhere: Some(point_to_point(START)), from_end };
-    let mut cell = cell_with(PlcConfig { to_start, ..config(sequence) }, Phases([0, 300, 700, 1_900]));
+    let mut cell = cell_with(PlcConfig { to_start, ..config(sequence) }, ScriptPhases([0, 300, 700, 1_900]));
     cell.command_b(|robot, _| robot.program_end = end);
     cell
 }
@@ -74,7 +74,7 @@ fn an_arm_that_is_switched_on_at_the_start_is_moved_there_once_for_the_tool_and_
     let to_start = ToStart { from_anywhere: Some(there), from_end: Vec::new() };
     let mut sequence = motions(13);
     sequence[12].target = START;
-    let mut cell = cell_with(PlcConfig { to_start, ..config(sequence) }, Phases([0, 300, 700, 1_900]));
+    let mut cell = cell_with(PlcConfig { to_start, ..config(sequence) }, ScriptPhases([0, 300, 700, 1_900]));
     cell.command_b(|robot, _| {
         robot.program_end = START;
         robot.place_at(START);

@@ -1,7 +1,7 @@
 //! A plan of several continuous motions: between them the PLC stops, switches its outputs and waits.
 
 use crate::scripted::{
-    Cell, Fault, Phases, SCAN, cell, cell_with, config, motions, run, run_to_failure, until_ready,
+    Cell, Fault, SCAN, ScriptPhases, cell, cell_with, config, motions, run, run_to_failure, until_ready,
 };
 use machine::{Duration, Instant};
 use planning::{Stop, Switch};
@@ -24,7 +24,7 @@ fn stops() -> Vec<Stop> {
 }
 
 fn with_stops(stops: Vec<Stop>) -> Cell {
-    let mut cell = cell_with(PlcConfig { stops, ..config(motions(13)) }, Phases([0, 300, 700, 1_900]));
+    let mut cell = cell_with(PlcConfig { stops, ..config(motions(13)) }, ScriptPhases([0, 300, 700, 1_900]));
     until_ready(&mut cell);
     cell
 }

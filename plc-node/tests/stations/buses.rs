@@ -19,7 +19,7 @@ use virtual_time::{
 
 use crate::cell::{LEFT, MS, RIGHT, motions, placed, scan, work};
 use crate::line::Line;
-use crate::robot::{Robot, Script};
+use crate::robot::{Robot, RobotScript};
 
 type RobotBus = Endpoint<Device, Adapter, EthercatSubDevice>;
 type Plc = PlcNode<PlcBus>;
@@ -82,7 +82,7 @@ fn robot_on(bus: &Bus, station: usize) -> Robot<RobotBus> {
         ),
         BusKind::Ethercat(_) => panic!("its robots are in line"),
     };
-    Robot { script: Script::new(Instant::from_micros(1_300 + 900 * station as u64)), bus: end }
+    Robot { script: RobotScript::new(Instant::from_micros(1_300 + 900 * station as u64)), bus: end }
 }
 
 struct Cell {
@@ -135,7 +135,7 @@ fn on_switch(setups: [&str; 2], change: impl Fn(usize, &mut Bus), with_ethercat:
         robots.push((network.add_station(SwitchId::FIRST, NAMES[station], robot, host), 0));
     }
     if with_ethercat {
-        let line = Line::new(vec![Script::new(Instant::from_micros(2_100))]);
+        let line = Line::new(vec![RobotScript::new(Instant::from_micros(2_100))]);
         let line = network.add_node("line", Either::B(Either::B(line)), Clock::default());
         let ours = network.add_nic(plc, &[ethercat], None, None);
         let its = network.add_nic(line, &[InterfaceId::FIRST], None, None);
@@ -152,7 +152,7 @@ fn in_line() -> Cell {
     let mut network = Network::new(1);
     let plc = plc(opens, vec![placed(0, 0, "left"), placed(0, 1, "right")]);
     let plc = network.add_node("plc", Either::A(plc), Clock::default());
-    let scripts = [1_300, 2_200].map(|first| Script::new(Instant::from_micros(first)));
+    let scripts = [1_300, 2_200].map(|first| RobotScript::new(Instant::from_micros(first)));
     let line = network.add_node("line", Either::B(Either::B(Line::new(scripts.into()))), Clock::default());
     let ours = network.add_nic(plc, &[InterfaceId::FIRST], None, None);
     let its = network.add_nic(line, &[InterfaceId::FIRST], None, None);
@@ -170,7 +170,7 @@ impl Cell {
         self.network.command(self.plc, call).unwrap()
     }
 
-    fn script<R>(&mut self, station: usize, call: impl FnOnce(&mut Script) -> R) -> R {
+    fn script<R>(&mut self, station: usize, call: impl FnOnce(&mut RobotScript) -> R) -> R {
         let (node, place) = self.robots[station];
         let call = |node: &mut Node, _| match node {
             Either::A(_) => panic!("the PLC"),
@@ -306,7 +306,7 @@ fn a_robot_lost_on_a_bus_leaves_the_others_of_the_bus_in_their_run_and_comes_bac
         cell.until_ready();
         for station in 0..cell.robots.len() {
             cell.script(station, |script| script.motion_cycles = if station == lost { 200 } else { 100 });
-            cell.script(station, Script::clear);
+            cell.script(station, RobotScript::clear);
         }
         cell.plc(|plc, now| plc.start(now, ExecutionType::Cm)).unwrap();
         cell.until(MS * 300, |_| None::<()>);

@@ -12,7 +12,7 @@ use protocol::image::{Motion, MotionKind};
 use protocol::one_station::OneStation;
 use virtual_time::{CableId, Clock, Either, Event, Impairment, Network, NodeId, Plug};
 
-use crate::robot::{CYCLE, Robot, Script};
+use crate::robot::{CYCLE, Robot, RobotScript};
 
 pub(crate) const MS: Duration = Duration::from_millis(1);
 const WATCHDOG: Duration = Duration::from_millis(20);
@@ -145,7 +145,7 @@ fn cell_of<P: PlcProgram>(plc: Plc<P>, clocks: [Clock; 2], link: Impairment) -> 
     let robots = [LEFT, RIGHT].map(|station| {
         let clock = clocks[station];
         let first_us = clock.offset_ns / 1_000;
-        let script = Script::new(Instant::from_micros(first_us + 1_900 + 700 * station as u64));
+        let script = RobotScript::new(Instant::from_micros(first_us + 1_900 + 700 * station as u64));
         let robot = Robot { script, bus: end(first_us + 700 + 50 * station as u64) };
         let robot = network.add_node("robot", Either::B(robot), clock);
         let ours = network.add_nic(plc, &[InterfaceId(station as u8)], None, None);
@@ -169,7 +169,7 @@ impl<P: PlcProgram> Cell<P> {
         self.network.command(self.plc, call).unwrap()
     }
 
-    pub(crate) fn robot<R>(&mut self, station: usize, call: impl FnOnce(&mut Script) -> R) -> R {
+    pub(crate) fn robot<R>(&mut self, station: usize, call: impl FnOnce(&mut RobotScript) -> R) -> R {
         let call = |node: &mut Node<P>, _| match node {
             Either::A(_) => panic!("the PLC"),
             Either::B(robot) => call(&mut robot.script),
@@ -216,7 +216,7 @@ impl<P: PlcProgram> Cell<P> {
 
     pub(crate) fn start(&mut self, execution_type: ExecutionType) {
         self.until_ready();
-        [LEFT, RIGHT].into_iter().for_each(|station| self.robot(station, Script::clear));
+        [LEFT, RIGHT].into_iter().for_each(|station| self.robot(station, RobotScript::clear));
         self.plc(|plc, now| plc.start(now, execution_type)).unwrap();
     }
 

@@ -6,17 +6,17 @@ use protocol::fieldbus::LinkEvent;
 use protocol::image::Order;
 use protocol::stations::ETHERCAT_ROBOT;
 
-use crate::robot::Script;
+use crate::robot::RobotScript;
 
 /// SubDevices in line, each of a robot.
 #[derive(Debug)]
 pub(crate) struct Line {
     pub(crate) segment: Segment,
-    pub(crate) scripts: Vec<Script>,
+    pub(crate) scripts: Vec<RobotScript>,
 }
 
 impl Line {
-    pub(crate) fn new(scripts: Vec<Script>) -> Self {
+    pub(crate) fn new(scripts: Vec<RobotScript>) -> Self {
         let mut segment = Segment::new();
         for serial_number in 1..=scripts.len() as u32 {
             segment.add(&DeviceConfig { serial_number, ..DeviceConfig::new(&ETHERCAT_ROBOT) });

@@ -14,7 +14,7 @@ pub(crate) const CYCLE: Duration = Duration::from_millis(4);
 
 /// What the robot does, without its bus.
 #[derive(Debug)]
-pub(crate) struct Script {
+pub(crate) struct RobotScript {
     cycle: Cycle,
     /// Robot cycles that a motion takes.
     pub(crate) motion_cycles: u32,
@@ -43,7 +43,7 @@ pub(crate) struct Script {
     pub(crate) halts: u32,
 }
 
-impl Script {
+impl RobotScript {
     pub(crate) fn new(first: Instant) -> Self {
         Self {
             cycle: Cycle::new(first, CYCLE),
@@ -229,7 +229,7 @@ impl Script {
 /// The robot with a bus end of its own.
 #[derive(Debug)]
 pub(crate) struct Robot<B> {
-    pub(crate) script: Script,
+    pub(crate) script: RobotScript,
     pub(crate) bus: B,
 }
 

@@ -21,7 +21,7 @@ const CYCLE: Duration = Duration::from_millis(1);
 /// Increments in a cycle.
 const SPEEDS: [i32; AXES] = [1, -20, 300, -400, 500, 600];
 
-struct Controller {
+struct DriveController {
     main: GroupMainDevice,
     axes: Axes,
     targets: [i32; AXES],
@@ -31,7 +31,7 @@ struct Controller {
     worst_following_error: u32,
 }
 
-impl Controller {
+impl DriveController {
     fn new(mac: Mac, start: Instant) -> Self {
         let drive = ExpectedDevice {
             vendor: DRIVE.vendor_id,
@@ -76,7 +76,7 @@ impl Controller {
     }
 }
 
-impl Machine for Controller {
+impl Machine for DriveController {
     type Event = LinkEvent;
 
     fn ports(&self) -> &[PortRequest] {
@@ -113,8 +113,8 @@ struct Run {
     before: Option<Counters>,
 }
 
-impl Owner<Controller> for Run {
-    fn wake(&mut self, now: Instant, controller: &mut Controller, _: &Statistics) -> ControlFlow<()> {
+impl Owner<DriveController> for Run {
+    fn wake(&mut self, now: Instant, controller: &mut DriveController, _: &Statistics) -> ControlFlow<()> {
         if let Some(error) = controller.axes.error() {
             println!("{error}");
             return ControlFlow::Break(());
@@ -129,7 +129,7 @@ impl Owner<Controller> for Run {
         }
     }
 
-    fn event(&mut self, _: Instant, controller: &mut Controller, event: LinkEvent) -> ControlFlow<()> {
+    fn event(&mut self, _: Instant, controller: &mut DriveController, event: LinkEvent) -> ControlFlow<()> {
         println!("{event:?}");
         if event == LinkEvent::Up {
             controller.axes.want(Wanted::On);
@@ -150,7 +150,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("warning: {refused}");
     }
     let interface = Interface::open(&interface)?;
-    let controller = Controller::new(interface.mac(), clock::now());
+    let controller = DriveController::new(interface.mac(), clock::now());
     let mut driver = Driver::new(controller, interface, Notifier::new()?)?;
     let mut run = Run { length: Duration::from_secs(seconds), end: None, before: None };
     driver.run(&mut run)?;

@@ -12,9 +12,9 @@ use machine::{Duration, Instant};
 use protocol_linux::{Driver, Interface, Notifier, Owner, Statistics, clock};
 
 /// Prints what happens. A node would not print on its cyclic thread.
-struct Watch;
+struct DriveWatch;
 
-impl Owner<Drives> for Watch {
+impl Owner<Drives> for DriveWatch {
     fn wake(&mut self, _: Instant, _: &mut Drives, _: &Statistics) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -34,5 +34,5 @@ fn main() -> Result<(), Box<dyn Error>> {
     let drives = Drives::new(&configs, Duration::from_millis(1), clock::now());
     let mut driver = Driver::new(drives, Interface::open(&interface)?, Notifier::new()?)?;
     println!("{} drives wait for a controller at {interface}", configs.len());
-    Ok(driver.run(&mut Watch)?)
+    Ok(driver.run(&mut DriveWatch)?)
 }

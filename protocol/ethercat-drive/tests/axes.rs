@@ -17,7 +17,7 @@ const MS: Duration = Duration::from_millis(1);
 const AXES: usize = 6;
 
 /// The part of a robot controller that moves the drives: each exchange of process data is a cycle.
-struct Controller {
+struct DriveController {
     main: GroupMainDevice,
     axes: Axes,
     targets: [i32; AXES],
@@ -28,7 +28,7 @@ struct Controller {
     worst_following_error: i32,
 }
 
-impl Controller {
+impl DriveController {
     fn new() -> Self {
         let drive = ExpectedDevice {
             vendor: DRIVE.vendor_id,
@@ -70,7 +70,7 @@ impl Controller {
     }
 }
 
-impl Machine for Controller {
+impl Machine for DriveController {
     type Event = LinkEvent;
 
     fn ports(&self) -> &[PortRequest] {
@@ -99,7 +99,7 @@ impl Machine for Controller {
     }
 }
 
-type Cell = Pair<Controller, Drives>;
+type Cell = Pair<DriveController, Drives>;
 
 fn cell() -> Cell {
     let configs: Vec<_> = (0..AXES as u32)
@@ -109,7 +109,7 @@ fn cell() -> Cell {
     // Half a ms of phase between the controller's cycle and the drives', and clocks that drift.
     let clocks = [Clock { drift_ppb: 30_000, ..Clock::default() }, Clock::default()];
     let config = PairConfig { seed: 1, clocks, links: [cable; 2], addresses: [None; 2] };
-    Pair::new(Controller::new(), Drives::new(&configs, MS, Instant::ZERO + MS / 4), config)
+    Pair::new(DriveController::new(), Drives::new(&configs, MS, Instant::ZERO + MS / 4), config)
 }
 
 fn run(cell: &mut Cell, time: Duration) -> Vec<LinkEvent> {

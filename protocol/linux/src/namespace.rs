@@ -48,19 +48,19 @@ impl NamespaceError {
 }
 
 /// A kernel setting that keeps an ordinary user from creating namespaces.
-struct Switch {
+struct KernelSwitch {
     name: &'static str,
     shut: u64,
     open: u64,
 }
 
-const SWITCHES: [Switch; 3] = [
-    Switch { name: "kernel.unprivileged_userns_clone", shut: 0, open: 1 },
-    Switch { name: "user.max_user_namespaces", shut: 0, open: 10_000 },
-    Switch { name: "kernel.apparmor_restrict_unprivileged_userns", shut: 1, open: 0 },
+const SWITCHES: [KernelSwitch; 3] = [
+    KernelSwitch { name: "kernel.unprivileged_userns_clone", shut: 0, open: 1 },
+    KernelSwitch { name: "user.max_user_namespaces", shut: 0, open: 10_000 },
+    KernelSwitch { name: "kernel.apparmor_restrict_unprivileged_userns", shut: 1, open: 0 },
 ];
 
-impl Switch {
+impl KernelSwitch {
     fn is_shut(&self) -> bool {
         let file = format!("/proc/sys/{}", self.name.replace('.', "/"));
         std::fs::read_to_string(file).is_ok_and(|value| value.trim().parse() == Ok(self.shut))
@@ -72,10 +72,11 @@ fn advice() -> String {
     let shut: Vec<_> = SWITCHES
         .iter()
         .filter(|switch| switch.is_shut())
-        .map(|Switch { name, open, .. }| format!("`sudo sysctl -w {name}={open}`"))
+        .map(|KernelSwitch { name, open, .. }| format!("`sudo sysctl -w {name}={open}`"))
         .collect();
     if shut.is_empty() {
-        let all: Vec<_> = SWITCHES.iter().map(|Switch { name, open, .. }| format!("{name}={open}")).collect();
+        let all: Vec<_> =
+            SWITCHES.iter().map(|KernelSwitch { name, open, .. }| format!("{name}={open}")).collect();
         format!(
             "look at the sysctls {}, in a container at its seccomp profile, or run as root",
             all.join(", ")

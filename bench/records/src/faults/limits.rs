@@ -12,7 +12,7 @@ use super::{Fault, Kind, NoSuchDrive, links};
 /// # Errors
 ///
 /// The first of them that cannot be.
-pub fn check(faults: &[Fault], setup: &Setup) -> Result<(), Unfit> {
+pub fn check(faults: &[Fault], setup: &Setup) -> Result<(), UnfitFault> {
     check_drives(faults, setup)?;
     check_repeated(faults)?;
     Ok(check_frame_faults(faults)?)
@@ -21,7 +21,7 @@ pub fn check(faults: &[Fault], setup: &Setup) -> Result<(), Unfit> {
 /// Faults that a setup or a cable cannot have.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(transparent)]
-pub enum Unfit {
+pub enum UnfitFault {
     /// The robot does not have the drive.
     Drive(#[from] NoSuchDrive),
     /// Two set the same number.
@@ -78,7 +78,7 @@ pub enum UnfitForCell {
     /// They are at no station of it.
     Station(#[from] WrongStation),
     /// A station cannot have them.
-    Unfit(#[from] Unfit),
+    UnfitFault(#[from] UnfitFault),
 }
 
 /// A fault that is not at a station where it can be.

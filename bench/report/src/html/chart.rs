@@ -153,7 +153,7 @@ impl Panels {
         all: &[T],
         draw: impl Fn(&Area<'_>, &Panel<'_>, &T) -> anyhow::Result<()>,
     ) -> anyhow::Result<String> {
-        let height = all.len() as f64 * (self.title + self.panel) + Axes::below(true);
+        let height = all.len() as f64 * (self.title + self.panel) + ChartAxes::below(true);
         figure(format, height, |whole| {
             for (index, one) in all.iter().enumerate() {
                 let is_last = index + 1 == all.len();
@@ -172,7 +172,7 @@ impl Panels {
 type Write<'a> = &'a dyn Fn(&f64) -> String;
 
 /// Axes of a panel.
-pub struct Axes<'a> {
+pub struct ChartAxes<'a> {
     /// Range of the horizontal axis.
     pub x: (f64, f64),
     /// Range of the vertical axis.
@@ -189,7 +189,7 @@ pub struct Axes<'a> {
     pub write: (Write<'a>, Write<'a>),
 }
 
-impl Axes<'_> {
+impl ChartAxes<'_> {
     /// Width in pixels right of the axes: half of a label is there.
     pub const RIGHT: f64 = 20.0;
 

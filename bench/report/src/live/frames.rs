@@ -16,7 +16,7 @@ const WAITING: usize = 4_096;
 
 /// Puts the robot's cycles and the PLC's scans of one repetition side by side.
 #[derive(Debug)]
-pub(super) struct Frames {
+pub(super) struct LiveFrames {
     /// Index of the arm.
     arm: usize,
     axes: usize,
@@ -37,7 +37,7 @@ pub(super) struct Frames {
     marks: [u32; 2],
 }
 
-impl Frames {
+impl LiveFrames {
     pub(super) fn new(arm: usize, axes: usize) -> Self {
         Self {
             arm,
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_frame_has_the_slots_of_its_time_and_the_motions_of_its_repetition() {
-        let mut frames = Frames::new(0, 4);
+        let mut frames = LiveFrames::new(0, 4);
         frames.start(1_000_000_000);
         // The robot's rows are flushed first: they wait for those of the PLC.
         let cycles = [cycle(996, 6, 13), cycle(1_000, 6, 13), cycle(1_040, 7, 1), cycle(1_080, 8, 1)];
@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_frame_of_a_cell_names_its_arm_and_the_marks_that_it_has_come_to_and_passed() {
-        let mut frames = Frames::new(1, 6);
+        let mut frames = LiveFrames::new(1, 6);
         frames.start(1_000_000_000);
         let at_mark = |at_ms: u64, come: u32, passed: u32| {
             let (at, sample) = scan(at_ms, 7, 2, 1);
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn there_are_thirty_frames_a_second_and_none_before_the_first_start_edge() {
-        let mut frames = Frames::new(0, 4);
+        let mut frames = LiveFrames::new(0, 4);
         let second = |from: u64| {
             let at = move |index: u64| from + index * 4;
             (
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_plc_that_writes_nothing_holds_no_memory_back() {
-        let mut frames = Frames::new(0, 4);
+        let mut frames = LiveFrames::new(0, 4);
         frames.start(0);
         let given = frames.add([], (0..100_000).map(|index| cycle(index * 4, 1, 0)));
         assert!(!given.is_empty() && frames.robot.len() <= WAITING);

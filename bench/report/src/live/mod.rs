@@ -35,7 +35,7 @@ pub use address::{AddressError, DEFAULT, LiveAddress};
 pub use page::{About, AboutArms};
 
 use connection::LimitedListener;
-use frames::Frames;
+use frames::LiveFrames;
 use records::cell_results::CellResults;
 use records::counted::counted;
 use records::feed::{Feed, FeedEvent};
@@ -125,7 +125,7 @@ impl Live {
         let is_only = stations.len() == 1;
         let arm = |(index, (axes, station)): (usize, (&usize, &String))| ViewedArm {
             rows: directory.map(|directory| Rows::of_station(directory, station, is_only)),
-            frames: Frames::new(index, *axes),
+            frames: LiveFrames::new(index, *axes),
         };
         let view = View {
             events,
@@ -234,7 +234,7 @@ struct View {
 struct ViewedArm {
     /// Rows of the PLC and of the robot.
     rows: Option<[Rows; 2]>,
-    frames: Frames,
+    frames: LiveFrames,
 }
 
 impl ViewedArm {

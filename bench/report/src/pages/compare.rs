@@ -122,14 +122,14 @@ fn differs(own: &Conditions, first: &Conditions) -> Option<String> {
 }
 
 /// The difference of a run's AET and that of the first run.
-enum Difference {
+enum ShownDifference {
     /// With its confidence interval.
     Known(Mean),
     /// A run has too few samples for an interval, in ms.
     Open(f64),
 }
 
-impl Difference {
+impl ShownDifference {
     fn of(run: &Run, first: &Run, execution_type: ExecutionType) -> Option<Self> {
         let samples =
             |run: &Run| run.results.results.get(execution_type).map(|result| result.samples_ms.clone());
@@ -167,7 +167,7 @@ fn columns(runs: &[Run]) -> Vec<Column> {
             let figures = run.results.type_figures(execution_type);
             let aet_ms = figures.and_then(|figures| figures.aet_ms);
             let first_run = runs.first().filter(|_| index > 0);
-            let difference = first_run.and_then(|first| Difference::of(run, first, execution_type));
+            let difference = first_run.and_then(|first| ShownDifference::of(run, first, execution_type));
             cells.push(millis(aet_ms));
             cells.push(millis(figures.and_then(|figures| figures.mad_ms)));
             cells.push(difference.map_or_else(String::new, |difference| difference.text()));

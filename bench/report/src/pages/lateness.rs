@@ -3,7 +3,7 @@
 use plotters::element::Rectangle;
 use plotters::prelude::{Color, RGBColor};
 
-use crate::html::chart::{Axes, Format, INK, Panels, px, text};
+use crate::html::chart::{ChartAxes, Format, INK, Panels, px, text};
 use records::lateness::CycleLateness;
 use records::results::Cycles;
 
@@ -36,7 +36,7 @@ pub(super) fn draw(cycles: &Cycles, format: Format) -> anyhow::Result<Option<Str
             format!("{name}: p50 {p50_us:.0}, p99 {p99_us:.0}, max {max_us:.0} µs"),
         );
         whole.draw_text(&about, &text(format.pick(13.0, 12.0), INK), (px(2.0), px(panel.top + 8.0)))?;
-        let axes = Axes {
+        let axes = ChartAxes {
             x: (0.0, libm::log10(latest * 1.2)),
             y: (0.0, libm::log10(most * 1.6)),
             x_title: panel.is_last.then_some("late by, in µs"),

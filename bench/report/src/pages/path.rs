@@ -13,7 +13,7 @@ use protocol::image::Motion;
 use setup::Setup;
 
 use super::race::numbering::Numbering;
-use crate::html::chart::{self, Axes, Format, INK, MUTED, PAPER, colour, px, stroke, text};
+use crate::html::chart::{self, ChartAxes, Format, INK, MUTED, PAPER, colour, px, stroke, text};
 use crate::html::figure::Data;
 use labels::{Placed, labels, written};
 use records::trace::{Recording, Trace};
@@ -45,7 +45,7 @@ const TITLE: f64 = 54.0;
 const LEAST: f64 = 40.0;
 
 /// A target and its approximation distance, in mm.
-struct Target {
+struct DrawnTarget {
     number: usize,
     at: [f64; 3],
     approximation: f64,
@@ -53,7 +53,7 @@ struct Target {
 
 /// Returns the targets and their approximation distances, in mm.
 pub(super) fn data(setup: Option<&Setup>, application: Option<&Application>) -> Data {
-    let row = |Target { number, at, approximation }: Target| {
+    let row = |DrawnTarget { number, at, approximation }: DrawnTarget| {
         let figures = at.into_iter().chain([approximation]).map(|value| chart::short(&value));
         std::iter::once(number.to_string()).chain(figures).collect()
     };
@@ -77,19 +77,21 @@ pub(super) fn draw(
     if content.paths.iter().all(|(_, path)| path.is_empty()) {
         return Ok(None);
     }
-    let inner = format.width() - format.margin() - Axes::RIGHT;
+    let inner = format.width() - format.margin() - ChartAxes::RIGHT;
     let extents: Vec<_> =
         VIEWS.iter().map(|view| (content.extent(view.x.0), content.extent(view.y.0))).collect();
     // The same scale on both axes, so that angles are shown correctly.
-    let heights: Vec<f64> =
-        extents.iter().map(|(x, y)| (y.1 - y.0) / (x.1 - x.0) * inner + Axes::below(true) + 6.0).collect();
+    let heights: Vec<f64> = extents
+        .iter()
+        .map(|(x, y)| (y.1 - y.0) / (x.1 - x.0) * inner + ChartAxes::below(true) + 6.0)
+        .collect();
     let height = heights.iter().sum::<f64>() + TITLE * VIEWS.len() as f64;
     let svg = chart::figure(format, height, |area| {
         let mut top = 0.0;
         for ((view, (x, y)), panel) in VIEWS.iter().zip(&extents).zip(&heights) {
             area.draw_text(view.title, &text(14.0, INK), (px(2.0), px(top + 14.0)))?;
             let part = area.clone().shrink((0, px(top + TITLE)), (area.dim_in_pixel().0, stroke(*panel)));
-            let axes = Axes {
+            let axes = ChartAxes {
                 x: *x,
                 y: *y,
                 x_title: Some(view.x.1),
@@ -162,7 +164,7 @@ fn length(from: [f64; 3], to: [f64; 3]) -> f64 {
 /// What both views show, in mm.
 struct Content {
     paths: [(ExecutionType, Vec<Vec<[f64; 3]>>); 3],
-    targets: Vec<Target>,
+    targets: Vec<DrawnTarget>,
 }
 
 impl Content {
@@ -234,19 +236,19 @@ impl Content {
     }
 }
 
-fn targets(setup: Option<&Setup>, application: Option<&Application>) -> Vec<Target> {
+fn targets(setup: Option<&Setup>, application: Option<&Application>) -> Vec<DrawnTarget> {
     let (Some(setup), Some(application)) = (setup, application) else { return Vec::new() };
     let Ok(plan) = planning::plan(application, setup) else { return Vec::new() };
     let motions = plan.wire_motions(setup);
     let target = |(index, motion): (usize, &Motion)| {
         let [x, y, z, ..] = motion.target.map(f64::from);
-        Target { number: index + 1, at: [x, y, z], approximation: motion.approximation_mm() }
+        DrawnTarget { number: index + 1, at: [x, y, z], approximation: motion.approximation_mm() }
     };
     motions.iter().enumerate().map(target).collect()
 }
 
 /// Returns where a view shows targets, each place once, with the largest approximation distance there, in mm.
-fn places(targets: &[Target], view: &View) -> Vec<((f64, f64), f64)> {
+fn places(targets: &[DrawnTarget], view: &View) -> Vec<((f64, f64), f64)> {
     // Targets that are less than a hundredth of a millimetre apart are at one place.
     let hundredths = |mm: f64| (mm * 100.0).round() as i64;
     let mut places: BTreeMap<(i64, i64), ((f64, f64), f64)> = BTreeMap::new();
@@ -294,8 +296,8 @@ mod tests {
     use records::results::PerType;
     use records::trace::{PlcScan, RobotTick};
 
-    fn target(number: usize, at: [f64; 3], approximation: f64) -> Target {
-        Target { number, at, approximation }
+    fn target(number: usize, at: [f64; 3], approximation: f64) -> DrawnTarget {
+        DrawnTarget { number, at, approximation }
     }
 
     #[test]

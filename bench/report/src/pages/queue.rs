@@ -4,7 +4,7 @@ use plc_node::ExecutionType;
 use plotters::element::{PathElement, Polygon};
 use plotters::prelude::Color;
 
-use crate::html::chart::{self, Axes, Format, INK, Panels, colour, px, stroke};
+use crate::html::chart::{self, ChartAxes, Format, INK, Panels, colour, px, stroke};
 use crate::html::figure::Data;
 use crate::progress::label;
 use records::trace::{Recording, Trace};
@@ -61,7 +61,7 @@ pub(super) fn draw(trace: &Trace, format: Format) -> anyhow::Result<Option<Strin
             &chart::name(15.0, colour(*execution_type)),
             (px(2.0), px(panel.top + 8.0)),
         )?;
-        let axes = Axes {
+        let axes = ChartAxes {
             x: (0.0, longest_s * 1.01),
             y: (0.0, most + 0.08 * SLOTS),
             x_title: panel.is_last.then_some("time since the PLC's start edge in s"),

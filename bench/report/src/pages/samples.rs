@@ -3,7 +3,7 @@
 use plotters::element::{Circle, PathElement};
 use plotters::prelude::{Color, RGBColor};
 
-use crate::html::chart::{self, Axes, Format, INK, MUTED, Panels, px, stroke, text};
+use crate::html::chart::{self, ChartAxes, Format, INK, MUTED, Panels, px, stroke, text};
 use crate::html::figure::Data;
 
 /// Height of a row's strip and box, and of the text above them, in pixels.
@@ -47,7 +47,7 @@ pub(super) fn draw(rows: &[Row], x_title: &str, format: Format) -> anyhow::Resul
         whole.draw_text(&row.name, &chart::name(15.0, row.colour), (px(2.0), px(panel.top + 8.0)))?;
         let after = 12.0 + 11.5 * row.name.chars().count() as f64;
         whole.draw_text(&row.about, &text(format.pick(13.0, 12.0), INK), (px(after), px(panel.top + 9.5)))?;
-        let axes = Axes {
+        let axes = ChartAxes {
             x: (low - room, high + room),
             y: (0.0, 1.0),
             x_title: panel.is_last.then_some(x_title),

@@ -6,7 +6,7 @@ use plotters::prelude::Color;
 
 use super::end::End;
 use super::first_look;
-use crate::html::chart::{self, Axes, Format, INK, MUTED, Panels, colour, px, stroke, text};
+use crate::html::chart::{self, ChartAxes, Format, INK, MUTED, Panels, colour, px, stroke, text};
 use crate::html::figure::Data;
 use crate::progress::label;
 use records::results::Results;
@@ -62,7 +62,7 @@ pub(super) fn draw(
         let how = format!("{}: {said}", how(*execution_type, continuous, format));
         title(whole, *execution_type, &how, panel.top, format)?;
         let ticks = recording.robot_ticks();
-        let axes = Axes {
+        let axes = ChartAxes {
             x: (0.0, longest_s * 1.01),
             y: (0.0, (fastest * 1.08).max(1.0)),
             x_title: panel.is_last.then_some("time since the PLC's start edge in s"),

@@ -35,7 +35,7 @@ use robot_node::arm::{Frame, Rotation};
 use setup::{Kinematics, Setup};
 
 use records::trace::{RobotTick, Trace};
-use ros2::{Joint, Message, Pose};
+use ros2::{Joint, Message, RosPose};
 
 /// The file, in the run directory.
 pub const FILE: &str = "motion.mcap";
@@ -80,7 +80,8 @@ pub fn bytes_of(setup: &str, stations: &[PlaybackStation<'_>]) -> McapResult<Vec
         .compression(None)
         .profile("ros2")
         .library(concat!("skillbench ", env!("CARGO_PKG_VERSION")));
-    let mut file = File { writer: options.create(Cursor::new(Vec::new()))?, sequences: BTreeMap::new() };
+    let mut file =
+        PlaybackFile { writer: options.create(Cursor::new(Vec::new()))?, sequences: BTreeMap::new() };
     file.say_what_is_lacking(setup, stations)?;
     let arms: Vec<_> = stations.iter().map(|station| Arm::of(station.setup)).collect();
     let mut moments = Vec::new();
@@ -134,11 +135,11 @@ impl PlaybackStation<'_> {
         if self.placed.is_some() { CELL_FRAME } else { FRAME }
     }
 
-    fn pose(&self, tick: &RobotTick) -> Pose {
+    fn pose(&self, tick: &RobotTick) -> RosPose {
         let [x, y, z, a, b, c] = tick.sample.pose.map(f64::from);
         let tool = Frame { position: [x, y, z], rotation: Rotation::from_angles([a, b, c]) };
         let tool = self.placed.map_or(tool, |(_, base)| base * tool);
-        Pose { position_m: tool.position.map(|mm| mm / 1e3), orientation: tool.rotation.quaternion() }
+        RosPose { position_m: tool.position.map(|mm| mm / 1e3), orientation: tool.rotation.quaternion() }
     }
 
     /// Returns the tool's position x, y, z in m and its speed in m/s.
@@ -210,7 +211,7 @@ struct Channels {
 
 impl Channels {
     fn open(
-        file: &mut File,
+        file: &mut PlaybackFile,
         execution_type: ExecutionType,
         station: &PlaybackStation<'_>,
     ) -> McapResult<Self> {
@@ -227,13 +228,13 @@ impl Channels {
     }
 }
 
-struct File {
+struct PlaybackFile {
     writer: Writer<Cursor<Vec<u8>>>,
     /// Sequence number of each channel's next message.
     sequences: BTreeMap<u16, u32>,
 }
 
-impl File {
+impl PlaybackFile {
     /// Writes the metadata, and the warning if the recordings are not complete.
     fn say_what_is_lacking(&mut self, setup: &str, stations: &[PlaybackStation<'_>]) -> McapResult<()> {
         let said = stations.iter().filter_map(|station| {

@@ -79,7 +79,7 @@ pub(super) const LOG: Schema = Schema {
 
 /// Pose of the tool.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pose {
+pub(super) struct RosPose {
     /// x, y, z in m.
     pub(super) position_m: [f64; 3],
     /// The unit quaternion w, x, y, z.
@@ -117,14 +117,14 @@ impl Message {
     }
 
     /// Encodes a [`POSE_STAMPED`].
-    pub(super) fn pose(at: Duration, frame: &str, pose: &Pose) -> Self {
+    pub(super) fn pose(at: Duration, frame: &str, pose: &RosPose) -> Self {
         let mut message = Self::new();
         message.pose_stamped(at, frame, pose);
         message
     }
 
     /// Encodes a [`PATH`] of timed poses.
-    pub(super) fn path(frame: &str, way: &[(Duration, Pose)]) -> Self {
+    pub(super) fn path(frame: &str, way: &[(Duration, RosPose)]) -> Self {
         let mut message = Self::new();
         message.header(Duration::ZERO, frame);
         message.u32(way.len() as u32);
@@ -186,7 +186,7 @@ impl Message {
         self.string(frame);
     }
 
-    fn pose_stamped(&mut self, at: Duration, frame: &str, pose: &Pose) {
+    fn pose_stamped(&mut self, at: Duration, frame: &str, pose: &RosPose) {
         self.header(at, frame);
         let [w, x, y, z] = pose.orientation;
         pose.position_m.into_iter().chain([x, y, z, w]).for_each(|value| self.f64(value));

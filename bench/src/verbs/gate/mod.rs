@@ -18,7 +18,7 @@ use setup::Setup;
 
 pub use baseline::{BASELINES, Baseline, Expected, Refusal};
 pub use real::CSV_HEADER as RATIO_CSV_HEADER;
-pub use verdict::{CSV_HEADER, Change, Verdict};
+pub use verdict::{CSV_HEADER, FigureChange, Verdict};
 
 use self::export::GateExport;
 use crate::verbs::measure::cell::whole;

@@ -12,14 +12,14 @@ use studies::outputs::csv_number;
 
 /// How one figure compares.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Change {
+pub struct FigureChange {
     /// The baseline's value; `None` for a figure that the baseline does not have.
     pub expected: Option<Expected>,
     /// The run's value; `None` for a figure that the run does not have. Its tolerance is not used.
     pub found: Option<Expected>,
 }
 
-impl Change {
+impl FigureChange {
     /// Returns the run's value minus the baseline's, in the figure's unit.
     #[must_use]
     pub fn difference(&self) -> Option<f64> {
@@ -94,7 +94,7 @@ pub const CSV_HEADER: &str = "figure,unit,baseline,now,difference,tolerance,is_w
 #[derive(Clone, PartialEq, Debug)]
 pub struct Verdict {
     /// All figures of either side, in the baseline's order.
-    pub changes: Vec<Change>,
+    pub changes: Vec<FigureChange>,
 }
 
 impl Verdict {
@@ -108,24 +108,24 @@ impl Verdict {
     #[must_use]
     pub fn of(baseline: &Baseline, found: &[Expected]) -> Self {
         let found_figure = |name: &str| found.iter().find(|found| found.figure == name).cloned();
-        let known = baseline.figures.iter().map(|expected| Change {
+        let known = baseline.figures.iter().map(|expected| FigureChange {
             found: found_figure(&expected.figure),
             expected: Some(expected.clone()),
         });
         let unknown = found.iter().filter(|found| baseline.get(&found.figure).is_none());
-        let unknown = unknown.map(|found| Change { expected: None, found: Some(found.clone()) });
+        let unknown = unknown.map(|found| FigureChange { expected: None, found: Some(found.clone()) });
         Self { changes: known.chain(unknown).collect() }
     }
 
     /// Returns whether every figure is within its tolerance.
     #[must_use]
     pub fn is_pass(&self) -> bool {
-        self.changes.iter().all(Change::is_within)
+        self.changes.iter().all(FigureChange::is_within)
     }
 
     /// Returns each figure with its baseline.
     pub(super) fn rows(&self) -> Vec<GateRow<'_>> {
-        fn row(change: &Change) -> GateRow<'_> {
+        fn row(change: &FigureChange) -> GateRow<'_> {
             let any = change.expected.as_ref().or(change.found.as_ref());
             GateRow {
                 figure: any.map_or("", |any| any.figure.as_str()),
@@ -164,7 +164,7 @@ impl Verdict {
         );
         let mut table = screen::ruled();
         table.set_header(["", "baseline", "now", "difference", "allowed", ""]);
-        table.add_rows(self.changes.iter().map(Change::cells));
+        table.add_rows(self.changes.iter().map(FigureChange::cells));
         let table = screen::drawn(&screen::numbers_right(table));
         let mut text = format!("{}\nBaseline: {origin}\n\n{table}\n", screen::wrapped(&about, 0, 2));
         let beyond: Vec<_> = self.changes.iter().filter(|change| !change.is_within()).collect();
@@ -281,7 +281,7 @@ mod tests {
         let expected =
             |value| Expected { figure: "RC AET".to_owned(), unit: "ms".to_owned(), value, tolerance: 0.5 };
         let change =
-            |by: f64| Change { expected: Some(expected(3725.1)), found: Some(expected(3725.1 + by)) };
+            |by: f64| FigureChange { expected: Some(expected(3725.1)), found: Some(expected(3725.1 + by)) };
         assert!(change(0.5).is_within() && change(-0.5).is_within());
         assert!(!change(0.501).is_within() && !change(-0.501).is_within());
     }

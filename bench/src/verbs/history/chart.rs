@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::Entry;
 use report::figures::signed;
 use report::html::chart::{
-    self, Area, Axes, Chart, Format, INK, MUTED, PAPER, Panel, Panels, colour, px, stroke, text,
+    self, Area, Chart, ChartAxes, Format, INK, MUTED, PAPER, Panel, Panels, colour, px, stroke, text,
 };
 use report::progress::label;
 
@@ -38,7 +38,7 @@ impl Run<'_> {
 
 /// A run's AET of a type, as it is drawn.
 #[derive(Clone, Copy)]
-struct Point<'a> {
+struct HistoryPoint<'a> {
     run: Run<'a>,
     aet_ms: f64,
     /// Ends of its interval, in ms.
@@ -49,19 +49,19 @@ struct Point<'a> {
     last_ms: f64,
 }
 
-impl Point<'_> {
+impl HistoryPoint<'_> {
     /// Returns all points of a type.
-    fn all<'a>(runs: &[Run<'a>], execution_type: ExecutionType) -> Vec<Point<'a>> {
-        let mut points: Vec<Point<'a>> = Vec::new();
+    fn all<'a>(runs: &[Run<'a>], execution_type: ExecutionType) -> Vec<HistoryPoint<'a>> {
+        let mut points: Vec<HistoryPoint<'a>> = Vec::new();
         for run in runs {
             let Some((aet_ms, ends_ms)) = run.figures(execution_type) else { continue };
             let name = run.entry.compared_with.get(execution_type);
             let before = points.iter().rposition(|point| Some(&point.run.entry.run) == name);
-            points.push(Point { run: *run, aet_ms, ends_ms, before, last_ms: aet_ms });
+            points.push(HistoryPoint { run: *run, aet_ms, ends_ms, before, last_ms: aet_ms });
         }
         // The last point of a line leads to all others, from each to the one before.
         for index in (0..points.len()).rev() {
-            let Some(Point { before: Some(before), last_ms, .. }) = points.get(index).copied() else {
+            let Some(HistoryPoint { before: Some(before), last_ms, .. }) = points.get(index).copied() else {
                 continue;
             };
             if let Some(before) = points.get_mut(before) {
@@ -89,7 +89,7 @@ pub(super) fn draw(runs: &[Run<'_>], format: Format) -> anyhow::Result<Option<St
     let runs = runs.get(runs.len().saturating_sub(MOST)..).unwrap_or(runs);
     let types: Vec<_> = ExecutionType::ALL
         .into_iter()
-        .map(|execution_type| (execution_type, Point::all(runs, execution_type)))
+        .map(|execution_type| (execution_type, HistoryPoint::all(runs, execution_type)))
         .filter(|(_, points)| !points.is_empty())
         .collect();
     if types.is_empty() {
@@ -99,7 +99,7 @@ pub(super) fn draw(runs: &[Run<'_>], format: Format) -> anyhow::Result<Option<St
     let svg = layout.figure(format, &types, |whole, panel, (execution_type, points)| {
         draw_type(whole, panel, runs, (*execution_type, points), format)
     })?;
-    let of_type = |(execution_type, points): &(ExecutionType, Vec<Point<'_>>)| {
+    let of_type = |(execution_type, points): &(ExecutionType, Vec<HistoryPoint<'_>>)| {
         points.iter().flat_map(|point| tooltips(point, *execution_type)).collect::<Vec<_>>()
     };
     Ok(Some(chart::with_tooltips(&svg, types.iter().flat_map(of_type))))
@@ -109,7 +109,7 @@ fn draw_type(
     whole: &Area<'_>,
     panel: &Panel<'_>,
     runs: &[Run<'_>],
-    (execution_type, points): (ExecutionType, &[Point<'_>]),
+    (execution_type, points): (ExecutionType, &[HistoryPoint<'_>]),
     format: Format,
 ) -> anyhow::Result<()> {
     let ink = colour(execution_type);
@@ -119,13 +119,13 @@ fn draw_type(
 
     let (low, high) = points
         .iter()
-        .map(Point::ends)
+        .map(HistoryPoint::ends)
         .fold((0.0_f64, 0.0_f64), |(low, high), ends| (low.min(ends.0), high.max(ends.1)));
     let span = (high - low).max(1.0);
     // Above the highest interval there is room for the labels.
     let (bottom, top) = (low - 0.1 * span, high + 0.3 * span);
     let number = |run: Option<&Run<'_>>| run.map_or(1.0, |run| run.number as f64);
-    let axes = Axes {
+    let axes = ChartAxes {
         x: (number(runs.first()) - 0.5, number(runs.last()) + 0.5),
         y: (bottom, top),
         x_title: panel.is_last.then_some("run"),
@@ -167,7 +167,7 @@ fn draw_changes(
     format: Format,
 ) -> anyhow::Result<()> {
     let size = format.pick(12.0, 11.0);
-    let room = format.width() - format.margin() - Axes::RIGHT;
+    let room = format.width() - format.margin() - ChartAxes::RIGHT;
     let first = runs.first().map_or(0, |run| run.number);
     let mut free_from = 0.0;
     for run in runs {
@@ -193,8 +193,8 @@ fn draw_changes(
 }
 
 /// Returns a tooltip for each circle of a point.
-fn tooltips(point: &Point<'_>, execution_type: ExecutionType) -> Vec<String> {
-    let Point { run, aet_ms, ends_ms: (low, high), .. } = point;
+fn tooltips(point: &HistoryPoint<'_>, execution_type: ExecutionType) -> Vec<String> {
+    let HistoryPoint { run, aet_ms, ends_ms: (low, high), .. } = point;
     let count = run.entry.repetitions.get(execution_type).copied().unwrap_or_default();
     let interval = if low < high { format!(" ± {:.1}", (high - low) / 2.0) } else { String::new() };
     let change = run.entry.change(execution_type).map(|(ms, _)| format!("; change {} ms", signed(ms)));

@@ -20,18 +20,18 @@ const TEMPLATE: &str = include_str!("page.html");
 const NONE: &str = "–";
 
 #[derive(Serialize)]
-struct Page {
+struct HistoryPage {
     directory: String,
     conditions: Option<String>,
     summary: String,
-    sections: Vec<Section>,
+    sections: Vec<HistorySection>,
     hosts: Vec<String>,
     unreadable: Vec<String>,
 }
 
 /// The runs of one setup, application and mode.
 #[derive(Serialize)]
-struct Section {
+struct HistorySection {
     id: String,
     title: String,
     about: String,
@@ -40,11 +40,11 @@ struct Section {
     shown: Option<String>,
     /// Newest first.
     changes: Vec<String>,
-    rows: Vec<Row>,
+    rows: Vec<HistoryRow>,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct HistoryRow {
     number: usize,
     name: String,
     /// Address of the report; none if there is no report.
@@ -85,7 +85,7 @@ pub(super) fn page(history: &History, directory: &Path, path: &Path) -> anyhow::
     });
     let dates: Vec<_> = history.entries.iter().filter_map(|entry| entry.date.as_deref()).collect();
     let span = dates.first().zip(dates.last());
-    let page = Page {
+    let page = HistoryPage {
         directory: directory.display().to_string(),
         conditions: span.map(|(first, last)| format!("{} to {}", readable(first), readable(last))),
         summary: summary(history),
@@ -141,7 +141,7 @@ fn summary(history: &History) -> String {
 }
 
 /// A change of an AET.
-struct Change<'a> {
+struct HistoryChange<'a> {
     name: String,
     ms: f64,
     interval_ms: (f64, f64),
@@ -149,11 +149,11 @@ struct Change<'a> {
     before: &'a str,
 }
 
-fn changes(entry: &Entry) -> Vec<Change<'_>> {
+fn changes(entry: &Entry) -> Vec<HistoryChange<'_>> {
     let change = |execution_type| {
         let (ms, interval_ms) = entry.change(execution_type)?;
         let before = entry.compared_with.get(execution_type)?;
-        Some(Change { name: label(execution_type), ms, interval_ms, before })
+        Some(HistoryChange { name: label(execution_type), ms, interval_ms, before })
     };
     ExecutionType::ALL.into_iter().filter_map(change).collect()
 }
@@ -164,14 +164,14 @@ fn section(
     entries: &[&Entry],
     hosts: &[String],
     report: &dyn Fn(&Entry) -> Option<String>,
-) -> anyhow::Result<Section> {
+) -> anyhow::Result<HistorySection> {
     let numbered: Vec<_> =
         entries.iter().enumerate().map(|(index, entry)| Run { number: index + 1, entry }).collect();
     let changed = numbered.iter().rev().filter_map(|run| {
         let all = changes(run.entry);
         let found = |name: &str| numbered.iter().find(|earlier| earlier.entry.run == name);
         let before = found(all.first()?.before)?;
-        let text = |Change { name, ms, interval_ms: (low, high), before }: &Change<'_>| {
+        let text = |HistoryChange { name, ms, interval_ms: (low, high), before }: &HistoryChange<'_>| {
             let against = found(before).map_or(0, |run| run.number);
             let interval = format!("{} to {}", signed(*low), signed(*high));
             format!("{name} {} ms against run {against} (95\u{a0}% interval {interval})", signed(*ms))
@@ -181,7 +181,7 @@ fn section(
     });
     let number_of_changes = numbered.iter().filter(|run| !changes(run.entry).is_empty()).count();
     let is_cut_off = entries.len() > chart::MOST;
-    Ok(Section {
+    Ok(HistorySection {
         id: format!("kind-{}", index + 1),
         title: format!("Setup {setup}, {application}, {mode} mode"),
         about: format!("{}, {number_of_changes} with a change", counted(entries.len(), "run")),
@@ -219,7 +219,7 @@ fn others(entry: &Entry, run: &Run<'_>) -> String {
     }
 }
 
-fn row(run: Run<'_>, hosts: &[String], report: Option<String>) -> Row {
+fn row(run: Run<'_>, hosts: &[String], report: Option<String>) -> HistoryRow {
     let Run { number, entry } = run;
     let host = hosts.iter().position(|host| Some(host) == entry.host.as_ref());
     let made = [
@@ -233,7 +233,7 @@ fn row(run: Run<'_>, hosts: &[String], report: Option<String>) -> Row {
         entry.differs.as_ref().map(|reason| format!("Not compared with the run before: {reason}.")),
     ];
     let improvement = entry.aet_improvement.map(|share| format!("{:.1}\u{a0}%", share * 100.0));
-    Row {
+    HistoryRow {
         number,
         name: entry.run.clone(),
         report,

@@ -237,13 +237,13 @@ mod tests {
         }
     }
 
-    struct Outcome {
+    struct SessionOutcome {
         ended: Ended,
         samples: String,
         saved: Results,
     }
 
-    fn run(mut stand: Scripted, interrupt: impl Future<Output = ()>) -> Outcome {
+    fn run(mut stand: Scripted, interrupt: impl Future<Output = ()>) -> SessionOutcome {
         let place = tempfile::tempdir().unwrap();
         let (setup, found) = planning::setup_with_application("A").unwrap();
         let schedule = Schedule::new(&ExecutionType::ALL, 2, 1);
@@ -261,7 +261,7 @@ mod tests {
             .unwrap();
         let read = |name| std::fs::read_to_string(place.path().join(name)).unwrap();
         assert_eq!(read("results.json"), read("exported.json"));
-        Outcome {
+        SessionOutcome {
             ended,
             samples: read("samples.csv"),
             saved: serde_json::from_str(&read("results.json")).unwrap(),

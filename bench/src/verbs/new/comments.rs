@@ -20,13 +20,13 @@ const OF_ONE_OF_SEVERAL: [&str; 2] = ["station.", "arm."];
 const WIDTH: usize = 100;
 
 /// Keys that a row of the reference explains, with their unit and meaning.
-struct Row {
+struct KeyRow {
     keys: Vec<String>,
     unit: String,
     meaning: String,
 }
 
-impl Row {
+impl KeyRow {
     fn is_about(&self, key: &str) -> bool {
         self.keys.iter().any(|known| known == key)
     }
@@ -103,7 +103,7 @@ fn keys_below<'a>(toml: &'a str, header: &str) -> Vec<&'a str> {
 
 /// Returns the rows about the keys of the table with this header, those that it shares before those of its own; the empty header is
 /// that of the keys above the first table.
-fn rows_about(reference: &str, header: &str, is_of_several: bool) -> Vec<Row> {
+fn rows_about(reference: &str, header: &str, is_of_several: bool) -> Vec<KeyRow> {
     let of_table = |header: &str| {
         let quoted = format!("`{header}`");
         rows(section(reference, |line| line.starts_with('#') && line.contains(&quoted)))
@@ -133,7 +133,7 @@ fn section(reference: &str, is_it: impl Fn(&str) -> bool) -> &str {
 }
 
 /// Returns the rows of the tables in a section that have columns `key` and `meaning`.
-fn rows(section: &str) -> Vec<Row> {
+fn rows(section: &str) -> Vec<KeyRow> {
     let mut rows = Vec::new();
     let mut columns: Option<(usize, Option<usize>)> = None;
     for line in section.lines().filter(|line| !line.starts_with("|--")) {
@@ -147,7 +147,7 @@ fn rows(section: &str) -> Vec<Row> {
                 let column = |name| cells.iter().position(|cell| cell == name);
                 columns = column("meaning").map(|meaning| (meaning, column("unit")));
             }
-            Some((meaning, unit)) => rows.push(Row {
+            Some((meaning, unit)) => rows.push(KeyRow {
                 keys: cell(0).split('`').skip(1).step_by(2).map(str::to_owned).collect(),
                 unit: unit.map_or("", cell).to_owned(),
                 meaning: cell(meaning).to_owned(),

@@ -178,7 +178,7 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
     };
     directory::make(&directory)?;
     let runtime = event_loop()?;
-    let mut seen = Seen::default();
+    let mut seen = SeenOverhead::default();
     let ended = runtime.block_on(async {
         let interrupt = interrupt()?;
         tokio::select! {
@@ -201,14 +201,14 @@ pub fn run(options: &OverheadOptions) -> Result<Exit, Failure> {
 
 /// The pairs so far.
 #[derive(Default)]
-struct Seen {
+struct SeenOverhead {
     plc: Vec<Pair>,
     robot: Vec<Pair>,
     /// Number of pairs left out.
     left_out: u32,
 }
 
-impl Seen {
+impl SeenOverhead {
     fn pairs(&self) -> usize {
         self.plc.len() + self.left_out as usize
     }
@@ -242,7 +242,7 @@ async fn measure(
     setup: &Setup,
     found: &Found,
     directory: &Path,
-    seen: &mut Seen,
+    seen: &mut SeenOverhead,
 ) -> Result<(), Failure> {
     let unusable = |error: RigError| Failure::new(error.exit(), error);
     let watched = || Watched::start(setup, found, options.execution_type, directory);

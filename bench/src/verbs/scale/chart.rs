@@ -3,7 +3,7 @@
 use plotters::element::{Circle, PathElement};
 use plotters::prelude::Color;
 use report::html::chart::{
-    self, Area, Axes, Format, INK, Panel, Panels, colour, px, short, stroke, text, whole,
+    self, Area, ChartAxes, Format, INK, Panel, Panels, colour, px, short, stroke, text, whole,
 };
 use report::html::document::fill;
 use report::html::figure::{Data, Figure};
@@ -80,7 +80,7 @@ fn draw_bus(
     let about = "cost of a cycle, µs";
     area.draw_text(about, &text(format.pick(13.0, 12.0), INK), (px(120.0), px(panel.top + 9.5)))?;
     let highest = rows.iter().map(|row| row.cost_us).fold(1.0, f64::max);
-    let axes = Axes {
+    let axes = ChartAxes {
         x: (0.0, f64::from(most) * 1.04),
         y: (0.0, highest * 1.15),
         x_title: panel.is_last.then_some("stations"),

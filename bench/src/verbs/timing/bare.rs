@@ -37,7 +37,7 @@ pub(super) enum Wire {
 
 /// When the robot's end sends.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Answers {
+pub(super) enum AnswerTime {
     /// In cycles of its own, this time before the PLC's.
     InItsCycle(Duration),
     /// At once, as a frame returns to a MainDevice.
@@ -52,22 +52,22 @@ pub(super) struct Exchanged {
 }
 
 /// Sends in both directions for a turn.
-pub(super) fn exchange(cable: &Cable, wire: Wire, answers: Answers) -> anyhow::Result<Exchanged> {
+pub(super) fn exchange(cable: &Cable, wire: Wire, answers: AnswerTime) -> anyhow::Result<Exchanged> {
     let start = clock::now() + LEAD;
     let macs = (cable.plc.run(|plc| Ok(plc.mac()))?, cable.robot.run(|robot| Ok(robot.mac()))?);
     let end = start + SETTLE + TURN;
     let round_trips = std::thread::scope(|scope| {
         let robot = scope.spawn(|| {
             cable.robot.run(|interface| {
-                let due = (answers != Answers::AtOnce).then_some(start);
+                let due = (answers != AnswerTime::AtOnce).then_some(start);
                 let end = Loop { due, end, ..Loop::open(&interface, wire, macs.0, PLC)? };
                 end.answer()
             })
         });
         let plc = cable.plc.run(|interface| {
             let phase = match answers {
-                Answers::InItsCycle(phase) => phase,
-                Answers::AtOnce => Duration::ZERO,
+                AnswerTime::InItsCycle(phase) => phase,
+                AnswerTime::AtOnce => Duration::ZERO,
             };
             let end = Loop { due: Some(start + phase), end, ..Loop::open(&interface, wire, macs.1, ROBOT)? };
             end.ask()

@@ -14,7 +14,7 @@ pub(super) const MASK: Ipv4Addr = Ipv4Addr::new(255, 255, 255, 0);
 
 /// Direction of frames.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Way {
+pub(super) enum TimedWay {
     /// T→O.
     ToPlc,
     /// O→T.
@@ -85,10 +85,10 @@ pub(super) struct Arrivals {
 }
 
 impl Arrivals {
-    pub(super) fn of(&self, way: Way) -> &[Arrival] {
+    pub(super) fn of(&self, way: TimedWay) -> &[Arrival] {
         match way {
-            Way::ToPlc => &self.at_plc,
-            Way::ToRobot => &self.at_robot,
+            TimedWay::ToPlc => &self.at_plc,
+            TimedWay::ToRobot => &self.at_robot,
         }
     }
 }

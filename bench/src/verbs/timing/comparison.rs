@@ -41,7 +41,7 @@ pub(super) struct Comparison {
 }
 
 /// A limit, and whether it is kept.
-struct Check {
+struct RatioCheck {
     what: &'static str,
     figure: String,
     limit: f64,
@@ -54,7 +54,7 @@ impl Comparison {
         self.checks().iter().any(|check| check.verdict == RatioVerdict::Beyond)
     }
 
-    fn checks(&self) -> Vec<Check> {
+    fn checks(&self) -> Vec<RatioCheck> {
         let Self { ours, bare, .. } = self;
         let p99 = |what, ours: &Evenness, theirs: &Evenness, limit| {
             ratio(what, 0.99, &ours.turns_us, &theirs.turns_us, limit)
@@ -72,26 +72,26 @@ impl Comparison {
     }
 }
 
-fn mean(what: &'static str, evenness: &Evenness) -> Check {
+fn mean(what: &'static str, evenness: &Evenness) -> RatioCheck {
     let within = evenness.mean_ppm.abs() <= MEAN_PPM;
     let verdict = if within { RatioVerdict::Within } else { RatioVerdict::Beyond };
-    Check { what, figure: format!("{:.1}", evenness.mean_ppm.abs()), limit: MEAN_PPM, verdict }
+    RatioCheck { what, figure: format!("{:.1}", evenness.mean_ppm.abs()), limit: MEAN_PPM, verdict }
 }
 
 /// Returns the ratio of a quantile of all figures. Whole turns are resampled, the same ones of both: a stall of the
 /// host is in one turn, at the same time for both.
-fn ratio(what: &'static str, share: f64, ours: &[Vec<f64>], theirs: &[Vec<f64>], limit: f64) -> Check {
+fn ratio(what: &'static str, share: f64, ours: &[Vec<f64>], theirs: &[Vec<f64>], limit: f64) -> RatioCheck {
     let quantile = |turns: &[&Vec<f64>]| quantile(turns, share).unwrap_or(f64::NAN);
     let turns: Vec<_> = ours.iter().cloned().zip(theirs.iter().cloned()).collect();
     match Ratio::of_pairs(&turns, RESAMPLES, SEED, quantile) {
         Some(found) if found.ratio.is_finite() => {
             let Ratio { ratio, low, high } = found;
             let figure = format!("{ratio:.2} ({low:.2} to {high:.2})");
-            Check { what, figure, limit, verdict: found.against(limit) }
+            RatioCheck { what, figure, limit, verdict: found.against(limit) }
         }
         _ => {
             let figure = "too few frames".to_owned();
-            Check { what, figure, limit, verdict: RatioVerdict::Inconclusive }
+            RatioCheck { what, figure, limit, verdict: RatioVerdict::Inconclusive }
         }
     }
 }
@@ -157,7 +157,7 @@ fn verdicts(comparisons: &[Comparison]) -> String {
     let mut table = screen::ruled();
     table.set_header(["bus", "figure", "found", "limit", "verdict"]);
     for comparison in comparisons {
-        for Check { what, figure, limit, verdict } in comparison.checks() {
+        for RatioCheck { what, figure, limit, verdict } in comparison.checks() {
             let verdict = match verdict {
                 RatioVerdict::Within => "pass",
                 RatioVerdict::Beyond => "FAIL",

@@ -31,7 +31,7 @@ const RUNNING: Duration = Duration::from_millis(20);
 
 /// The device at the other end.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Peer {
+pub(super) enum TimedPeer {
     /// This project's.
     Ours,
     /// Anybody else's, which runs there already.
@@ -41,7 +41,7 @@ pub(super) enum Peer {
 /// A connection that is up.
 #[derive(Debug)]
 pub(super) struct Connection {
-    plc: CyclicThread<Stopwatch<FirstStation<PlcBus>>, Call>,
+    plc: CyclicThread<Stopwatch<FirstStation<PlcBus>>, TimedCall>,
     robot: Option<CyclicThread<Stopwatch<RobotBus>, Serve>>,
     times: Arc<Times>,
     up_at: Instant,
@@ -49,12 +49,12 @@ pub(super) struct Connection {
 
 impl Connection {
     /// Connects. `turn` makes the connection's numbers its own.
-    pub(super) fn open(cable: &Cable, bus: &Bus, peer: Peer, turn: u32) -> anyhow::Result<Self> {
+    pub(super) fn open(cable: &Cable, bus: &Bus, peer: TimedPeer, turn: u32) -> anyhow::Result<Self> {
         let times = Arc::new(Times::default());
         let seed = u64::from(turn) << 8;
         let robot = match peer {
-            Peer::Foreign => None,
-            Peer::Ours => Some(cable.robot.run(|interface| {
+            TimedPeer::Foreign => None,
+            TimedPeer::Ours => Some(cable.robot.run(|interface| {
                 let endpoint = robot_node::bus::open(bus, interface.mac(), Some(ROBOT), seed, clock::now);
                 start(Stopwatch::of_robot(endpoint, Arc::clone(&times)), interface, Serve)
             })?),
@@ -62,7 +62,7 @@ impl Connection {
         let plc = cable.plc.run(|interface| {
             let bus = plc_node::bus::open(bus, interface.mac(), seed, clock::now())?;
             let endpoint = FirstStation { bus };
-            start(Stopwatch::of_plc(endpoint, Arc::clone(&times)), interface, Call::default())
+            start(Stopwatch::of_plc(endpoint, Arc::clone(&times)), interface, TimedCall::default())
         })?;
         let mut own = Self { plc, robot, times, up_at: Instant::ZERO };
         if let (0, Some(warning)) = (turn, own.plc.warning()) {
@@ -163,7 +163,7 @@ enum Notice {
 
 /// Keeps a connection until the command to close it.
 #[derive(Default, Debug)]
-struct Call {
+struct TimedCall {
     up: bool,
     /// When to give up waiting for the end.
     deadline: Option<Instant>,
@@ -171,7 +171,7 @@ struct Call {
     down: Option<Down>,
 }
 
-impl Task<Stopwatch<FirstStation<PlcBus>>> for Call {
+impl Task<Stopwatch<FirstStation<PlcBus>>> for TimedCall {
     type Command = ();
     type Notice = Notice;
 

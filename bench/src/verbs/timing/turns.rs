@@ -6,10 +6,10 @@ use machine::Instant;
 use protocol_linux::clock;
 use setup::{BusKind, Setup};
 
-use super::bare::{self, Answers, Wire};
-use super::cable::{Arrivals, Cable, Way};
+use super::bare::{self, AnswerTime, Wire};
+use super::cable::{Arrivals, Cable, TimedWay};
 use super::comparison::{Comparison, Ends};
-use super::connection::{Connection, Peer};
+use super::connection::{Connection, TimedPeer};
 use super::evenness::{Evenness, Window};
 use super::stopwatch::RoundTrip;
 use super::{INTERVAL, SETTLE, TURN};
@@ -54,14 +54,14 @@ impl Turns {
         turn: u32,
         foreign: Option<(&Cable, Setup)>,
     ) -> anyhow::Result<()> {
-        let ours = Connection::open(&self.ours, &measurement.setup.bus, Peer::Ours, turn)?;
+        let ours = Connection::open(&self.ours, &measurement.setup.bus, TimedPeer::Ours, turn)?;
         let foreign = match &foreign {
-            Some((cable, setup)) => Some(Connection::open(cable, &setup.bus, Peer::Foreign, turn)?),
+            Some((cable, setup)) => Some(Connection::open(cable, &setup.bus, TimedPeer::Foreign, turn)?),
             None => None,
         };
         let answers = match measurement.setup.bus.kind {
-            BusKind::Ethercat(_) => Answers::AtOnce,
-            BusKind::Profinet(..) | BusKind::EthernetIp(..) => Answers::InItsCycle(ours.phase()),
+            BusKind::Ethercat(_) => AnswerTime::AtOnce,
+            BusKind::Profinet(..) | BusKind::EthernetIp(..) => AnswerTime::InItsCycle(ours.phase()),
         };
         let bare = bare::exchange(&self.bare, measurement.wire, answers)?;
         let start = (bare.start + SETTLE).max(ours.up_at() + SETTLE);
@@ -91,14 +91,14 @@ impl Turns {
             let evenness =
                 |arrivals: &Arrivals, way| Evenness::of(arrivals.of(way), &measurement.windows, INTERVAL);
             let ends = |arrivals, round_trips_us| Ends {
-                to_plc: evenness(arrivals, Way::ToPlc),
-                to_robot: evenness(arrivals, Way::ToRobot),
+                to_plc: evenness(arrivals, TimedWay::ToPlc),
+                to_robot: evenness(arrivals, TimedWay::ToRobot),
                 round_trips_us,
             };
             let has_peer = matches!(measurement.setup.bus.kind, BusKind::EthernetIp(..));
             Comparison {
                 bus: measurement.name,
-                peer: foreign.filter(|_| has_peer).map(|arrivals| evenness(arrivals, Way::ToPlc)),
+                peer: foreign.filter(|_| has_peer).map(|arrivals| evenness(arrivals, TimedWay::ToPlc)),
                 bare: ends(&bare, measurement.bare_us.clone()),
                 ours: ends(&ours, measurement.ours_us.clone()),
                 reactions_us: measurement.reactions_us.clone(),

@@ -64,7 +64,7 @@ pub fn reactions(setup: &Setup, seed: u64, count: usize) -> anyhow::Result<Vec<D
 }
 
 /// What a node does in its cycle.
-trait Task<B> {
+trait ReactionTask<B> {
     fn run(&mut self, now: Instant, bus: &mut B);
 }
 
@@ -80,7 +80,7 @@ struct Asker {
     reactions: Vec<Duration>,
 }
 
-impl<B: ControllerBus> Task<B> for Asker {
+impl<B: ControllerBus> ReactionTask<B> for Asker {
     fn run(&mut self, now: Instant, bus: &mut B) {
         let Some(input) = bus.input(StationId::FIRST) else { return };
         if let Some(asked_at) = self.asked_at {
@@ -107,7 +107,7 @@ impl<B: ControllerBus> Task<B> for Asker {
 #[derive(Debug)]
 struct Copier;
 
-impl<B: Fieldbus> Task<B> for Copier {
+impl<B: Fieldbus> ReactionTask<B> for Copier {
     fn run(&mut self, _now: Instant, bus: &mut B) {
         if let Some(image) = bus.input() {
             bus.set_output(&image);
@@ -122,7 +122,7 @@ struct Periodic<B, T> {
     task: T,
 }
 
-impl<B: Machine, T: Task<B>> Machine for Periodic<B, T> {
+impl<B: Machine, T: ReactionTask<B>> Machine for Periodic<B, T> {
     type Event = B::Event;
 
     machine::forward_ports!(bus);

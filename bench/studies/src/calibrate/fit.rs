@@ -34,7 +34,7 @@ const ROUNDS: usize = 12;
 
 /// A figure with its wanted value and the error of that.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Target {
+pub(super) struct FitTarget {
     /// The figure.
     pub(super) figure: Metric,
     /// The wanted value.
@@ -72,7 +72,7 @@ impl Fit {
     /// A measurement fails.
     pub(super) fn measured(
         &self,
-        target: Target,
+        target: FitTarget,
         own: f64,
         finest: f64,
         mut measure: impl FnMut(f64) -> anyhow::Result<f64>,
@@ -144,7 +144,7 @@ fn shorter_and_shorter(finest: f64) -> impl Iterator<Item = Step> {
 ///
 /// A measurement fails, or the targets are out of reach.
 pub(super) fn fit(
-    targets: &[Target],
+    targets: &[FitTarget],
     start: f64,
     (lowest, highest, finest): (f64, f64, f64),
     mut measure: impl FnMut(f64) -> anyhow::Result<Vec<Estimate>>,
@@ -163,8 +163,8 @@ pub(super) fn fit(
         for offset in &offsets {
             measured.push(measure(middle + offset)?);
         }
-        let lines: Vec<Line> =
-            (0..targets.len()).map(|index| Line::through(&offsets, &measured, index)).collect();
+        let lines: Vec<FittedLine> =
+            (0..targets.len()).map(|index| FittedLine::through(&offsets, &measured, index)).collect();
         let Some((offset, error)) = best(targets, &lines) else {
             bail!("the figure does not depend on the number around {middle}");
         };
@@ -196,14 +196,14 @@ pub(super) fn fit(
 ///
 /// A measurement fails, or the figures do not depend on the number.
 pub(super) fn fit_from_zero(
-    targets: &[Target],
+    targets: &[FitTarget],
     (lowest, highest, finest): (f64, f64, f64),
     mut measure: impl FnMut(f64) -> anyhow::Result<Vec<Estimate>>,
 ) -> anyhow::Result<Fit> {
     let offsets = [0.0, finest];
     let measured = [measure(lowest)?, measure(lowest + finest)?];
-    let lines: Vec<Line> =
-        (0..targets.len()).map(|index| Line::through(&offsets, &measured, index)).collect();
+    let lines: Vec<FittedLine> =
+        (0..targets.len()).map(|index| FittedLine::through(&offsets, &measured, index)).collect();
     let Some((offset, known_to)) = best(targets, &lines) else {
         bail!("the figure does not depend on the number");
     };
@@ -213,7 +213,7 @@ pub(super) fn fit_from_zero(
 
 /// A straight line through what was measured.
 #[derive(Clone, Copy, Debug)]
-struct Line {
+struct FittedLine {
     /// Value at offset 0.
     at_zero: f64,
     slope: f64,
@@ -223,7 +223,7 @@ struct Line {
     scatter: f64,
 }
 
-impl Line {
+impl FittedLine {
     /// Returns the line with the least squares through column `index` of what was measured at these offsets.
     fn through(offsets: &[f64], measured: &[Vec<Estimate>], index: usize) -> Self {
         let count = offsets.len() as f64;
@@ -244,16 +244,16 @@ impl Line {
 }
 
 /// Returns how far a value may be off because the figures go up in steps, which the lines do not show.
-fn scatter(lines: &[Line]) -> f64 {
+fn scatter(lines: &[FittedLine]) -> f64 {
     let by_number = lines.iter().filter(|line| line.slope != 0.0).map(|line| line.scatter / line.slope.abs());
     by_number.fold(f64::INFINITY, f64::min).min(f64::MAX)
 }
 
 /// Returns the offset with the least squared errors, and how far from it these grow by one; `None` if no figure depends on
 /// the number.
-fn best(targets: &[Target], lines: &[Line]) -> Option<(f64, f64)> {
+fn best(targets: &[FitTarget], lines: &[FittedLine]) -> Option<(f64, f64)> {
     let (mut weight, mut pull) = (0.0, 0.0);
-    for (Target { wanted, .. }, line) in targets.iter().zip(lines) {
+    for (FitTarget { wanted, .. }, line) in targets.iter().zip(lines) {
         let square = wanted.error_ms * wanted.error_ms + line.error * line.error;
         weight += line.slope * line.slope / square;
         pull += line.slope * (wanted.ms - line.at_zero) / square;
@@ -266,8 +266,8 @@ mod tests {
     use super::*;
     use plc_node::ExecutionType;
 
-    fn target(ms: f64, error_ms: f64) -> Target {
-        Target { figure: Metric::Aet(ExecutionType::Rc), wanted: Estimate { ms, error_ms } }
+    fn target(ms: f64, error_ms: f64) -> FitTarget {
+        FitTarget { figure: Metric::Aet(ExecutionType::Rc), wanted: Estimate { ms, error_ms } }
     }
 
     fn exact(ms: f64) -> Estimate {

@@ -38,7 +38,7 @@ use crate::outputs::{self, FigureExports, Own};
 use crate::setup_option::SetupOption;
 use crate::study_files::CLAIMED_FILES;
 use findings::Conditions;
-use fit::Target;
+use fit::FitTarget;
 use metric::Interrupted;
 use records::distance::Estimate;
 use records::exit::{Exit, Failure};
@@ -199,7 +199,7 @@ impl<P: FnMut(Parameter, String)> Search<'_, P> {
     /// than are known. `None` if the setup does not have the number.
     fn settle(&mut self, number: Parameter, as_known: bool) -> anyhow::Result<Option<Found>> {
         let Some((own, from)) = number.of(&self.setup) else { return Ok(None) };
-        let targets: Vec<Target> =
+        let targets: Vec<FitTarget> =
             number.figures(&self.setup).iter().map(|figure| self.target(*figure)).collect();
         let measure = |value: f64| self.measure(number, &targets, value);
         let fit = fit_of(number, &targets, own, measure)
@@ -222,27 +222,27 @@ impl<P: FnMut(Parameter, String)> Search<'_, P> {
     }
 
     /// Returns the targets' figures with a value of a number.
-    fn measure(&self, number: Parameter, targets: &[Target], value: f64) -> anyhow::Result<Vec<Estimate>> {
+    fn measure(&self, number: Parameter, targets: &[FitTarget], value: f64) -> anyhow::Result<Vec<Estimate>> {
         let figures: Vec<Metric> = targets.iter().map(|target| target.figure).collect();
         let setup = number.put(value, self.setup.clone());
         self.seeds.measure(&setup, &figures)
     }
 
     /// Returns the paper's figure with its error. An AET ends with a robot cycle, so that it is met to the scatter of one.
-    fn target(&self, figure: Metric) -> Target {
+    fn target(&self, figure: Metric) -> FitTarget {
         let Estimate { ms, error_ms } = figure.of_paper(&self.paper);
         let cycle_ms = f64::from(self.setup.robot.cycle_us.value) / 1e3;
         let error_ms = match figure {
             Metric::Aet(_) => libm::hypot(error_ms, cycle_ms / 12.0_f64.sqrt()),
             Metric::Mad(_) | Metric::CmMinusRc => error_ms,
         };
-        Target { figure, wanted: Estimate { ms, error_ms } }
+        FitTarget { figure, wanted: Estimate { ms, error_ms } }
     }
 }
 
 fn fit_of(
     number: Parameter,
-    targets: &[Target],
+    targets: &[FitTarget],
     own: f64,
     measure: impl Fn(f64) -> anyhow::Result<Vec<Estimate>> + Copy,
 ) -> anyhow::Result<Fit> {

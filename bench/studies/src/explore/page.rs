@@ -27,14 +27,14 @@ struct Page {
     title: String,
     conditions: String,
     verdict: String,
-    sections: Vec<Section>,
+    sections: Vec<ExploreSection>,
     head: Vec<&'static str>,
     rows: Vec<Vec<String>>,
     reasons: Vec<ReasonRow>,
 }
 
 #[derive(Serialize)]
-struct Section {
+struct ExploreSection {
     name: String,
     figure: Option<Figure>,
 }
@@ -65,7 +65,7 @@ impl Exploration<'_> {
         };
         let sections = self.clean_runs.iter().enumerate().map(|(type_index, clean)| {
             let name = label(clean.execution_type());
-            Ok(Section { name, figure: self.figure(type_index)? })
+            Ok(ExploreSection { name, figure: self.figure(type_index)? })
         });
         let options = self.options;
         let page = Page {

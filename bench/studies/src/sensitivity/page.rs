@@ -31,7 +31,7 @@ struct Page {
 }
 
 /// A case that moves AETi.
-struct Change {
+struct ShownChange {
     name: String,
     value: String,
     /// In percentage points.
@@ -46,7 +46,7 @@ struct Change {
 pub(super) fn page(study: &Sensitivity) -> anyhow::Result<String> {
     let changes = changes(study);
     let head = ["case", "value", "change of AETi, points"].map(str::to_owned);
-    let line = |change: &Change| vec![change.name.clone(), change.value.clone(), points(change.points)];
+    let line = |change: &ShownChange| vec![change.name.clone(), change.value.clone(), points(change.points)];
     let data = Data::new(head.into(), changes.iter().map(line).collect());
     let refused = study.rows.iter().filter_map(|row| Some((name(row), row.refused.as_ref()?)));
     let refused = refused.map(|(name, reason)| format!("{name} is refused: {reason}"));
@@ -73,17 +73,17 @@ pub(super) fn page(study: &Sensitivity) -> anyhow::Result<String> {
     fill(TEMPLATE, &page)
 }
 
-fn changes(study: &Sensitivity) -> Vec<Change> {
+fn changes(study: &Sensitivity) -> Vec<ShownChange> {
     let base = study.rows.first().and_then(|row| row.calibrated.aet_improvement);
     let change = |row: &Row| {
         row.factor?;
         let points = (row.calibrated.aet_improvement? - base?) * 100.0;
-        Some(Change { name: name(row), value: row.value.clone(), points })
+        Some(ShownChange { name: name(row), value: row.value.clone(), points })
     };
     study.rows.iter().filter_map(change).collect()
 }
 
-fn summary(study: &Sensitivity, changes: &[Change]) -> Option<String> {
+fn summary(study: &Sensitivity, changes: &[ShownChange]) -> Option<String> {
     let base = study.rows.first()?.calibrated.aet_improvement? * 100.0;
     let most = changes.iter().max_by(|one, other| one.points.abs().total_cmp(&other.points.abs()))?;
     Some(format!(
@@ -116,7 +116,7 @@ fn cells(row: &Row) -> Vec<String> {
 }
 
 /// Draws a bar for each case, from no change on; none without a case.
-fn draw(changes: &[Change], format: Format) -> anyhow::Result<Option<String>> {
+fn draw(changes: &[ShownChange], format: Format) -> anyhow::Result<Option<String>> {
     if changes.is_empty() {
         return Ok(None);
     }
@@ -128,7 +128,7 @@ fn draw(changes: &[Change], format: Format) -> anyhow::Result<Option<String>> {
     let x = |points: f64| px(left + beside + (points - low) / (high - low).max(1.0) * room);
     let height = changes.len() as f64 * LINE + 8.0;
     let svg = chart::figure(format, height, |area| {
-        for (index, Change { name, points: change, .. }) in changes.iter().enumerate() {
+        for (index, ShownChange { name, points: change, .. }) in changes.iter().enumerate() {
             let top = index as f64 * LINE + 4.0;
             let middle = px(top + LINE / 2.0);
             let anchored = |h, ink| text(size, ink).pos(Pos::new(h, VPos::Center));

@@ -1,7 +1,7 @@
 //! The results of a sweep as sentences.
 
 use super::table::{depths, percent, slots};
-use super::{Point, Sweep};
+use super::{Sweep, SweepPoint};
 use records::counted::counted;
 
 /// Returns sentences on why this number of slots suffices, and up to where.
@@ -10,12 +10,12 @@ pub fn sentences(sweep: &Sweep) -> Vec<String> {
     [threshold(sweep), reach(sweep), first_loss(sweep), short_sight(sweep)].into_iter().flatten().collect()
 }
 
-fn motion_ms(sweep: &Sweep, point: &Point) -> f64 {
+fn motion_ms(sweep: &Sweep, point: &SweepPoint) -> f64 {
     point.rc_ms / f64::from(sweep.motions)
 }
 
 /// Returns the points of the deepest queue.
-fn deepest(sweep: &Sweep) -> impl Iterator<Item = &Point> {
+fn deepest(sweep: &Sweep) -> impl Iterator<Item = &SweepPoint> {
     let deepest = depths(sweep).into_iter().max();
     sweep.points.iter().filter(move |point| Some(point.depth) == deepest)
 }
@@ -23,9 +23,9 @@ fn deepest(sweep: &Sweep) -> impl Iterator<Item = &Point> {
 /// Returns a sentence on the shortest motion that the round trip allows.
 fn threshold(sweep: &Sweep) -> Option<String> {
     let of_setup = deepest(sweep).filter(|point| point.bus_cycle_ms == sweep.bus_cycle_ms);
-    let points: Vec<&Point> = of_setup.collect();
+    let points: Vec<&SweepPoint> = of_setup.collect();
     let shortest = points.iter().min_by(|a, b| a.rc_ms.total_cmp(&b.rc_ms))?;
-    let Point { depth, round_trip_ms, bus_cycle_ms, length_mm, .. } = shortest;
+    let SweepPoint { depth, round_trip_ms, bus_cycle_ms, length_mm, .. } = shortest;
     let ahead = depth.checked_sub(2).filter(|ahead| *ahead > 0)?;
     Some(format!(
         "At this setup's bus cycle of {bus_cycle_ms} ms a slot has its next motion at most {round_trip_ms:.1} ms after the one \
@@ -84,7 +84,7 @@ fn first_loss(sweep: &Sweep) -> Option<String> {
 fn short_sight(sweep: &Sweep) -> Option<String> {
     let short = || sweep.points.iter().filter(|point| point.looks_too_short());
     let deepest = short().map(|point| point.depth).max()?;
-    let most = short().map(Point::loss).fold(0.0, f64::max);
+    let most = short().map(SweepPoint::loss).fold(0.0, f64::max);
     let points = counted(short().count(), "point");
     Some(format!(
         "At {points}, with at most {}, CM loses up to {} but no blend: the robot plans for a stop at the end of the \

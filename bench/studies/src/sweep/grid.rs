@@ -23,7 +23,7 @@ const SLOWER: f64 = 0.01;
 
 /// What is varied.
 #[derive(Clone, PartialEq, Debug)]
-pub struct Grid {
+pub struct SweepGrid {
     /// Slots of the image in use.
     pub depths: Vec<u32>,
     /// Bus cycles, in µs.
@@ -40,7 +40,7 @@ pub struct Grid {
 
 /// The result of one point of the grid.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Point {
+pub struct SweepPoint {
     /// Slots in use.
     pub depth: u32,
     /// Bus cycle in ms.
@@ -71,7 +71,7 @@ pub enum Predicted {
     Starves,
 }
 
-impl Point {
+impl SweepPoint {
     /// Returns the time that CM takes longer than RC, as a share of RC's time.
     #[must_use]
     pub fn loss(&self) -> f64 {
@@ -101,12 +101,12 @@ struct Job {
 
 /// The result of a run.
 #[derive(Clone, Copy)]
-struct Outcome {
+struct SweepOutcome {
     path_ms: f64,
     blends_suppressed: f64,
 }
 
-impl Grid {
+impl SweepGrid {
     /// Returns the number of points.
     #[must_use]
     pub fn points(&self) -> usize {
@@ -123,7 +123,7 @@ impl Grid {
         setup: &Setup,
         application: &Application,
         study: &ListedStudy<'_>,
-    ) -> anyhow::Result<Vec<Point>> {
+    ) -> anyhow::Result<Vec<SweepPoint>> {
         let job = |depth, bus_cycle_us, length_mm| Job { depth, bus_cycle_us, length_mm };
         let of_cells = |depth: Option<u32>| {
             self.bus_cycles_us
@@ -138,7 +138,7 @@ impl Grid {
         let listed = jobs.iter().map(|job| self.listed(setup, application, job));
         let rows = study.measured(&listed.collect::<anyhow::Result<Vec<_>>>()?)?;
         let outcome = |(job, rows): (&Job, &Option<JobRows>)| Some(job.outcome(rows.as_ref()?));
-        let outcomes: Vec<Option<Outcome>> = jobs.iter().zip(&rows).map(outcome).collect();
+        let outcomes: Vec<Option<SweepOutcome>> = jobs.iter().zip(&rows).map(outcome).collect();
         let (rc, cm) = outcomes.split_at(cells.min(outcomes.len()));
         let of_rc = rc.iter().cycle();
         let points = jobs.iter().skip(cells).zip(cm).zip(of_rc).filter_map(|((job, cm), rc)| {
@@ -146,7 +146,7 @@ impl Grid {
             let depth = job.depth.unwrap_or_default();
             let trip = RoundTrip::of(&setup.clone().with_bus_cycle(job.bus_cycle_us));
             let motion = Duration::from_secs_f64(rc.path_ms / 1e3 / f64::from(self.motions));
-            Some(Point {
+            Some(SweepPoint {
                 depth,
                 bus_cycle_ms: f64::from(job.bus_cycle_us) / 1e3,
                 length_mm: job.length_mm,
@@ -189,10 +189,10 @@ impl Job {
         if self.depth.is_none() { ExecutionType::Rc } else { ExecutionType::Cm }
     }
 
-    fn outcome(&self, rows: &JobRows) -> Outcome {
+    fn outcome(&self, rows: &JobRows) -> SweepOutcome {
         // By the robot, which the call's overhead precedes.
         let mean = |figure| rows.mean(self.execution_type(), figure).unwrap_or(f64::NAN);
         let [_, robot_ns, blends_suppressed] = [0, 1, 2].map(mean);
-        Outcome { path_ms: robot_ns / 1e6 - f64::from(OVERHEAD_US) / 1e3, blends_suppressed }
+        SweepOutcome { path_ms: robot_ns / 1e6 - f64::from(OVERHEAD_US) / 1e3, blends_suppressed }
     }
 }

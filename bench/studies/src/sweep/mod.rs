@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use setup::Setup;
 
 pub use found::sentences;
-pub use grid::{Grid, Point, Predicted};
+pub use grid::{Predicted, SweepGrid, SweepPoint};
 pub use round_trip::RoundTrip;
 pub use table::{CSV_HEADER, csv, render};
 
@@ -126,13 +126,13 @@ pub struct Sweep {
     /// Points of the whole grid.
     pub planned: usize,
     /// The points: depth is the slowest to change, length the fastest. An interrupt leaves out the last ones.
-    pub points: Vec<Point>,
+    pub points: Vec<SweepPoint>,
 }
 
 impl Sweep {
     /// Collects the points of a grid that was run on a setup.
     #[must_use]
-    pub fn new(setup: &Setup, grid: &Grid, points: Vec<Point>) -> Self {
+    pub fn new(setup: &Setup, grid: &SweepGrid, points: Vec<SweepPoint>) -> Self {
         Self {
             schema_version: SCHEMA_VERSION,
             setup: setup.name.clone(),
@@ -156,7 +156,7 @@ impl Sweep {
 pub fn run(options: &SweepOptions, commit: &str) -> Result<Exit, Failure> {
     let started = SystemTime::now();
     let (setup, found) = options.study.setup.load()?;
-    let grid = Grid {
+    let grid = SweepGrid {
         depths: flat(&options.depths),
         bus_cycles_us: flat(&options.cycles),
         lengths_mm: flat(&options.lengths),

@@ -6,7 +6,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use serde::Serialize;
 
 use super::table::{cell, depths, percent, rows, slots};
-use super::{Point, Predicted, Sweep, sentences};
+use super::{Predicted, Sweep, SweepPoint, sentences};
 use crate::study::part;
 use records::schedule::repetitions;
 use report::html::chart::{self, Area, Format, GRID, INK, MUTED, colour, px, stroke, text};
@@ -34,11 +34,11 @@ struct Page {
     sentences: Vec<String>,
     blends: u32,
     figure: Option<Figure>,
-    blocks: Vec<Block>,
+    blocks: Vec<SweepBlock>,
 }
 
 #[derive(Serialize)]
-struct Block {
+struct SweepBlock {
     title: String,
     cycles: Vec<String>,
     rows: Vec<Vec<String>>,
@@ -74,17 +74,17 @@ pub(super) fn page(sweep: &Sweep) -> anyhow::Result<String> {
     fill(TEMPLATE, &page)
 }
 
-fn block(sweep: &Sweep, depth: u32) -> Block {
+fn block(sweep: &Sweep, depth: u32) -> SweepBlock {
     let rows = rows(sweep, depth);
     let cycles = rows.first().into_iter().flatten().map(|point| format!("{} ms", point.bus_cycle_ms));
-    let row = |row: &Vec<Point>| {
+    let row = |row: &Vec<SweepPoint>| {
         let first = row.first().map(|first| {
             let takes = first.rc_ms / f64::from(sweep.motions);
             [format!("{} mm", first.length_mm), format!("{takes:.0} ms")]
         });
         first.into_iter().flatten().chain(row.iter().map(cell)).collect()
     };
-    Block { title: slots(depth), cycles: cycles.collect(), rows: rows.iter().map(row).collect() }
+    SweepBlock { title: slots(depth), cycles: cycles.collect(), rows: rows.iter().map(row).collect() }
 }
 
 /// Draws all panels, as many in a row as there is room for; none without a point.
@@ -147,7 +147,7 @@ fn draw_panel(
     Ok(())
 }
 
-fn draw_cell(area: &Area<'_>, point: &Point, corners: [(i32, i32); 2]) -> anyhow::Result<()> {
+fn draw_cell(area: &Area<'_>, point: &SweepPoint, corners: [(i32, i32); 2]) -> anyhow::Result<()> {
     let loses = point.loses();
     if loses {
         let share = (point.loss() / FULL).clamp(0.0, 1.0);
@@ -168,7 +168,7 @@ type Border = [(usize, usize); 2];
 
 /// Returns the borders between cells that are sure to keep up and others, for neighbours side by side and one above the
 /// other.
-fn borders(rows: &[Vec<Point>]) -> Vec<Border> {
+fn borders(rows: &[Vec<SweepPoint>]) -> Vec<Border> {
     let sure = |row: usize, column: usize| {
         rows.get(row).and_then(|row| row.get(column)).map(|point| point.predicted == Predicted::KeepsUp)
     };
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn the_line_runs_between_cells_that_are_sure_to_keep_up_and_others() {
-        let point = |predicted| Point {
+        let point = |predicted| SweepPoint {
             depth: 5,
             bus_cycle_ms: 1.0,
             length_mm: 2.0,

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use node::screen;
 
-use super::{Point, Sweep, sentences};
+use super::{Sweep, SweepPoint, sentences};
 use records::counted::counted;
 use records::schedule::repetitions;
 
@@ -42,8 +42,8 @@ pub(crate) fn depths(sweep: &Sweep) -> Vec<u32> {
 }
 
 /// Returns the points of a depth as rows, one for each length of motion, the longest first.
-pub(crate) fn rows(sweep: &Sweep, depth: u32) -> Vec<Vec<Point>> {
-    let mut rows: Vec<Vec<Point>> = Vec::new();
+pub(crate) fn rows(sweep: &Sweep, depth: u32) -> Vec<Vec<SweepPoint>> {
+    let mut rows: Vec<Vec<SweepPoint>> = Vec::new();
     for point in sweep.points.iter().filter(|point| point.depth == depth) {
         match rows.iter_mut().find(|row| row.first().is_some_and(|first| first.length_mm == point.length_mm))
         {
@@ -83,7 +83,7 @@ fn block(sweep: &Sweep, depth: u32) -> String {
     screen::drawn(&screen::numbers_right(table))
 }
 
-pub(crate) fn cell(point: &Point) -> String {
+pub(crate) fn cell(point: &SweepPoint) -> String {
     if !point.loses() {
         return "·".to_owned();
     }
@@ -105,7 +105,7 @@ pub const CSV_HEADER: &str =
 pub fn csv(sweep: &Sweep) -> String {
     let mut text = format!("{CSV_HEADER}\n");
     for point in &sweep.points {
-        let Point {
+        let SweepPoint {
             depth,
             bus_cycle_ms,
             length_mm,

@@ -4,7 +4,7 @@ use plotters::element::PathElement;
 use plotters::prelude::Color;
 
 use records::trace::RobotTick;
-use report::html::chart::{self, Axes, Format, INK, MUTED, stroke};
+use report::html::chart::{self, ChartAxes, Format, INK, MUTED, stroke};
 
 use super::figures::{on_path, ways};
 
@@ -19,7 +19,7 @@ pub(super) fn draw(ticks: &[RobotTick], programmed_mm_s: f64) -> anyhow::Result<
     let curve: Vec<(f64, f64)> = ways.iter().copied().zip(speeds).collect();
     let whole = ways.last().copied().unwrap_or(0.0).max(1.0);
     chart::figure(Format::Wide, HEIGHT, |area| {
-        let axes = Axes {
+        let axes = ChartAxes {
             x: (0.0, whole),
             y: (0.0, 1.08 * programmed_mm_s),
             x_title: Some("way of the tool in mm"),

@@ -338,12 +338,12 @@ impl Bed {
 }
 
 /// Returns the application of setup A.
-pub(crate) fn exported_a() -> plc_export::Application {
+pub(crate) fn exported_a() -> plc_export::ExportedApplication {
     exported("A", None)
 }
 
 /// Returns an application of a setup, or the one of the setup.
-pub(crate) fn exported(setup: &str, application: Option<&str>) -> plc_export::Application {
+pub(crate) fn exported(setup: &str, application: Option<&str>) -> plc_export::ExportedApplication {
     let (setup, application) = setup_and_application(setup, application).unwrap();
     let plan = application.plan(&setup).unwrap();
     PlcConfig::of_plan(&setup, &plan).exported(true)

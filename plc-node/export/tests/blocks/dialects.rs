@@ -1,6 +1,8 @@
 //! Each maker's files say what the neutral file says: they are read back to the same tree.
 
-use plc_export::{Application, ExportFile, Maker, Refused, br, codesys, files, siemens, structured_text};
+use plc_export::{
+    ExportFile, ExportedApplication, Maker, Refused, br, codesys, files, siemens, structured_text,
+};
 use structured_text::Tree;
 
 use crate::bed::{exported, exported_a};
@@ -189,7 +191,7 @@ fn an_application_beyond_the_makers_memory_is_refused_with_what_fits() {
     let motions = a.motions.iter().copied().cycle().take(1_000).collect();
     let most_motions = Maker::most_motions(256 + 40);
     assert_eq!(most_motions, 930);
-    let too_long = Application { motions, most_motions, ..a };
+    let too_long = ExportedApplication { motions, most_motions, ..a };
     for maker in [Maker::St, Maker::Siemens, Maker::Codesys, Maker::Br] {
         let error = files(&too_long, maker).unwrap_err().to_string();
         assert!(error.contains("holds at most 930"), "{error}");

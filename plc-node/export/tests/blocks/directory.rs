@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use plc_export::{Application, ExportError, FILE, Maker, Refused, VECTORS, export, structured_text};
+use plc_export::{ExportError, ExportedApplication, FILE, Maker, Refused, VECTORS, export, structured_text};
 
 use crate::bed::{exported, exported_a};
 
@@ -30,9 +30,9 @@ fn what_exceeds_a_plc_is_refused_with_the_size_that_fits() {
     let a = exported_a();
     let motions = a.motions.iter().copied().cycle().take(100_000).collect();
     let found = 100_000 + a.from_end.len() + usize::from(a.from_anywhere.is_some());
-    let refused = structured_text(&Application { motions, ..a.clone() }).unwrap_err();
+    let refused = structured_text(&ExportedApplication { motions, ..a.clone() }).unwrap_err();
     assert_eq!(refused, Refused::TooManyMotions { found, most: 100_000 });
-    let refused = structured_text(&Application { robot_cycle_us: 15_001, ..a }).unwrap_err();
+    let refused = structured_text(&ExportedApplication { robot_cycle_us: 15_001, ..a }).unwrap_err();
     assert_eq!(refused, Refused::LongCycle { found: 15_001, most: 15_000 });
 }
 

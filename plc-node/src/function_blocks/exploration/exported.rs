@@ -1,6 +1,6 @@
 //! The exported blocks beside those that are explored: each input steps both, and their bytes, outputs and ErrorIDs are compared.
 
-use plc_export::{Application, Maker};
+use plc_export::{ExportedApplication, Maker};
 use protocol::image::{IMAGE_LEN, Image, Motion, MotionKind, Order};
 use structured_text::{Instance, Program, Source, Variable};
 
@@ -70,7 +70,7 @@ impl ExportedBlocks {
         let mut list = super::blocks::list();
         let mut motions: Vec<Motion> = (0..list.total()).filter_map(|index| list.get(index)).collect();
         motions.push(Motion { kind: MotionKind::LinCartesian, ..Motion::EMPTY });
-        let application = Application {
+        let application = ExportedApplication {
             motions,
             from_anywhere: None,
             from_end: Vec::new(),

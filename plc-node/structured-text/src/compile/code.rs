@@ -4,7 +4,7 @@ use crate::{Place, Scalar};
 
 /// Where a variable is.
 #[derive(Debug)]
-pub(crate) enum Address {
+pub(crate) enum VariableAddress {
     /// In this unit.
     Local(u32),
     /// In what an IN_OUT refers to: the slot with its first slot, and the offset there.
@@ -16,7 +16,7 @@ pub(crate) enum Address {
 /// An element of an array, or a member of one.
 #[derive(Debug)]
 pub(crate) struct Element {
-    pub(crate) base: Address,
+    pub(crate) base: VariableAddress,
     pub(crate) index: Code,
     pub(crate) low: i64,
     pub(crate) len: u32,
@@ -25,7 +25,7 @@ pub(crate) struct Element {
     pub(crate) place: Place,
 }
 
-impl Address {
+impl VariableAddress {
     /// Returns the address of what is `by` slots farther.
     pub(crate) fn plus(self, by: u32) -> Self {
         match self {
@@ -50,7 +50,7 @@ pub(crate) enum Arithmetic {
 
 /// A comparison.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Comparison {
+pub(crate) enum ComparisonOperator {
     Equal,
     NotEqual,
     Less,
@@ -71,15 +71,15 @@ pub(crate) enum Bitwise {
 #[derive(Debug)]
 pub(crate) enum Code {
     Constant(i64),
-    Load(Address),
+    Load(VariableAddress),
     /// Flips these bits.
     Flip(Box<Code>, i64),
     Negate(Box<Code>, Scalar, Place),
     Absolute(Box<Code>, Scalar, Place),
     Integer(Arithmetic, Scalar, Box<[Code; 2]>, Place),
     Real(Arithmetic, Box<[Code; 2]>, Place),
-    Compare(Comparison, Box<[Code; 2]>),
-    CompareReal(Comparison, Box<[Code; 2]>),
+    Compare(ComparisonOperator, Box<[Code; 2]>),
+    CompareReal(ComparisonOperator, Box<[Code; 2]>),
     Bits(Bitwise, Box<[Code; 2]>),
     /// Shifts left (or right) within the type's bits.
     Shift(bool, Scalar, Box<[Code; 2]>, Place),
@@ -99,16 +99,16 @@ pub(crate) struct Function {
 pub(crate) enum Argument {
     Value(u32, Code),
     /// A structure or an array, which is copied.
-    Copy(u32, Address, u32),
-    Reference(u32, Address),
+    Copy(u32, VariableAddress, u32),
+    Reference(u32, VariableAddress),
 }
 
 /// A statement.
 #[derive(Debug)]
 pub(crate) enum Instruction {
-    Store(Address, Code),
-    Copy(Address, Address, u32),
-    Call(usize, Address, Vec<Argument>),
+    Store(VariableAddress, Code),
+    Copy(VariableAddress, VariableAddress, u32),
+    Call(usize, VariableAddress, Vec<Argument>),
     If(Vec<(Code, Vec<Located>)>, Vec<Located>),
     Case(Code, Vec<(Vec<i64>, Vec<Located>)>, Vec<Located>),
     For(Box<For>),
@@ -121,7 +121,7 @@ pub(crate) enum Instruction {
 /// A FOR.
 #[derive(Debug)]
 pub(crate) struct For {
-    pub(crate) variable: Address,
+    pub(crate) variable: VariableAddress,
     pub(crate) scalar: Scalar,
     pub(crate) from: Code,
     pub(crate) to: Code,

@@ -6,7 +6,7 @@ use super::Compiler;
 use crate::syntax::{
     Declared, Expression, ExpressionKind, Initial, Role, TypeBody, TypeDeclaration, TypeName, Unit,
 };
-use crate::types::{Array, LARGEST, Layout, Type};
+use crate::types::{Array, LARGEST, Type, TypeLayout};
 use crate::{Mistake, Place, Scalar};
 
 impl Compiler {
@@ -16,7 +16,7 @@ impl Compiler {
         let of_type = match body {
             TypeBody::Alias(alias) => self.type_of(&alias)?,
             TypeBody::Structure(members) => {
-                let mut layout = Layout::new(&name, 0);
+                let mut layout = TypeLayout::new(&name, 0);
                 for member in &members {
                     self.check_variable(&member.name, member.place)?;
                     let of_type = self.type_of(&member.of_type)?;
@@ -63,8 +63,12 @@ impl Compiler {
     }
 
     /// Returns the layout of a unit's variables, and the type of a function's result. A constant has its value as initial one.
-    pub(super) fn layout_of(&self, unit: &Unit, index: usize) -> Result<(Layout, Option<Scalar>), Mistake> {
-        let mut layout = Layout::new(&unit.name, index);
+    pub(super) fn layout_of(
+        &self,
+        unit: &Unit,
+        index: usize,
+    ) -> Result<(TypeLayout, Option<Scalar>), Mistake> {
+        let mut layout = TypeLayout::new(&unit.name, index);
         let result = match &unit.result {
             None => None,
             Some(name) => match self.type_of(name)? {

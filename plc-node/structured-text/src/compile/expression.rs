@@ -1,6 +1,8 @@
 //! Expressions and paths. A literal without a type takes the one that its context expects.
 
-use super::code::{Address, Argument, Arithmetic, Bitwise, Code, Comparison, Element, Function};
+use super::code::{
+    Argument, Arithmetic, Bitwise, Code, ComparisonOperator, Element, Function, VariableAddress,
+};
 use super::declare::constant;
 use super::names::conversion;
 use super::statement::Body;
@@ -104,7 +106,8 @@ impl Body<'_> {
         if compares {
             let comparison = comparison(operator);
             let is_ordered = scalar.is_integer() || scalar == Scalar::Real;
-            if !is_ordered && !matches!(comparison, Comparison::Equal | Comparison::NotEqual) {
+            if !is_ordered && !matches!(comparison, ComparisonOperator::Equal | ComparisonOperator::NotEqual)
+            {
                 return Err(bad());
             }
             let code = if scalar == Scalar::Real {
@@ -233,11 +236,11 @@ impl Body<'_> {
     }
 
     /// Returns the address and type of a path.
-    pub(super) fn address(&self, path: &Path) -> Checked<(Address, Type)> {
+    pub(super) fn address(&self, path: &Path) -> Checked<(VariableAddress, Type)> {
         let member = self.layout.member(&path.name).ok_or_else(|| undeclared(path))?;
         let mut address = match member.role {
-            Role::InOut => Address::Through(member.offset, 0),
-            _ => Address::Local(member.offset),
+            Role::InOut => VariableAddress::Through(member.offset, 0),
+            _ => VariableAddress::Local(member.offset),
         };
         let mut of_type = member.of_type.clone();
         for step in &path.steps {
@@ -273,7 +276,7 @@ impl Body<'_> {
                         offset: 0,
                         place: index.place,
                     };
-                    (Address::Element(Box::new(element)), array.element.clone())
+                    (VariableAddress::Element(Box::new(element)), array.element.clone())
                 }
                 (_, of_type) => {
                     return Err(Mistake::new(
@@ -291,14 +294,14 @@ fn undeclared(path: &Path) -> Mistake {
     Mistake::new(path.place, format!("`{}` is not declared", path.name))
 }
 
-fn comparison(operator: &str) -> Comparison {
+fn comparison(operator: &str) -> ComparisonOperator {
     match operator {
-        "=" => Comparison::Equal,
-        "<>" => Comparison::NotEqual,
-        "<" => Comparison::Less,
-        "<=" => Comparison::LessOrEqual,
-        ">" => Comparison::Greater,
-        _ => Comparison::GreaterOrEqual,
+        "=" => ComparisonOperator::Equal,
+        "<>" => ComparisonOperator::NotEqual,
+        "<" => ComparisonOperator::Less,
+        "<=" => ComparisonOperator::LessOrEqual,
+        ">" => ComparisonOperator::Greater,
+        _ => ComparisonOperator::GreaterOrEqual,
     }
 }
 

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use crate::syntax::{Declaration, Role, TypeDeclaration, Unit};
 use crate::tree::{joined, parse_all};
-use crate::types::{LARGEST, Layout, Type};
+use crate::types::{LARGEST, Type, TypeLayout};
 use crate::{Dialect, Instance, Mistake, Place, Scalar};
 use code::Located;
 pub(crate) use expression::MOST_ARGUMENTS;
@@ -32,7 +32,7 @@ pub struct Source<'a> {
 #[derive(Debug)]
 pub(crate) struct CompiledUnit {
     pub(crate) file: Arc<str>,
-    pub(crate) layout: Arc<Layout>,
+    pub(crate) layout: Arc<TypeLayout>,
     /// First slot of a function's variables.
     pub(crate) frame: usize,
     /// Slot of a function's result there, and its type.

@@ -1,16 +1,16 @@
 //! Statements and calls of function blocks.
 
 use super::Compiler;
-use super::code::{Address, Argument, Code, For, Instruction, Located};
+use super::code::{Argument, Code, For, Instruction, Located, VariableAddress};
 use super::declare::constant;
 use crate::syntax::{Expression, ExpressionKind, Path, Role, Statement, StatementKind};
-use crate::types::{Layout, Type};
+use crate::types::{Type, TypeLayout};
 use crate::{Mistake, Place, Scalar};
 
 /// The body of a unit under way.
 pub(super) struct Body<'a> {
     pub(super) compiler: &'a Compiler,
-    pub(super) layout: &'a Layout,
+    pub(super) layout: &'a TypeLayout,
     pub(super) loops: u32,
 }
 
@@ -111,7 +111,7 @@ impl Body<'_> {
     }
 
     /// Returns the address of a variable that this unit may change.
-    fn target(&self, path: &Path) -> Checked<(Address, Type)> {
+    fn target(&self, path: &Path) -> Checked<(VariableAddress, Type)> {
         match self.layout.member(&path.name).map(|member| member.role) {
             Some(Role::Input) => {
                 Err(Mistake::new(path.place, format!("input `{}` cannot be assigned", path.name)))
@@ -150,7 +150,12 @@ impl Body<'_> {
     }
 
     /// Checks that each IN_OUT is given.
-    pub(super) fn check_references(&self, layout: &Layout, given: &[String], place: Place) -> Checked<()> {
+    pub(super) fn check_references(
+        &self,
+        layout: &TypeLayout,
+        given: &[String],
+        place: Place,
+    ) -> Checked<()> {
         let is_missing = |name: &str| !given.contains(&name.to_ascii_lowercase());
         let mut members = layout.members.iter();
         match members.find(|member| member.role == Role::InOut && is_missing(&member.name)) {
@@ -164,7 +169,7 @@ impl Body<'_> {
 
     pub(super) fn argument(
         &self,
-        layout: &Layout,
+        layout: &TypeLayout,
         name: &str,
         place: Place,
         value: &Expression,

@@ -18,7 +18,7 @@ pub(super) const ROOM: usize = 1_536;
 
 /// A frame on the cable; ordered by arrival, then by the order in which frames were sent.
 #[derive(PartialEq, Eq, PartialOrd, Ord, Debug)]
-struct UnderWay {
+struct FrameUnderWay {
     arrives: Instant,
     number: u64,
     to: Side,
@@ -29,7 +29,7 @@ struct UnderWay {
 
 /// What is due.
 #[derive(Debug)]
-pub(super) enum Due<'a> {
+pub(super) enum DueWork<'a> {
     /// The cable's state changes.
     Change(CableEvent),
     /// A frame arrives.
@@ -41,7 +41,7 @@ pub(super) struct Forwarder {
     links: [Link; 2],
     /// Delay of the hosts' own traffic, per sender.
     delays: [Duration; 2],
-    under_way: BinaryHeap<Reverse<UnderWay>>,
+    under_way: BinaryHeap<Reverse<FrameUnderWay>>,
     places: Box<[[u8; ROOM]]>,
     free: Vec<usize>,
     next_number: u64,
@@ -98,7 +98,7 @@ impl Forwarder {
             put_in(copy, &contents, seen);
             *next_number += 1;
             let (number, to, len) = (*next_number, from.other(), frame.len());
-            under_way.push(Reverse(UnderWay { arrives, number, to, effect, place, len }));
+            under_way.push(Reverse(FrameUnderWay { arrives, number, to, effect, place, len }));
         };
         let mut effect = match &contents {
             Contents::Machine { seen, .. } => {
@@ -126,15 +126,15 @@ impl Forwarder {
     }
 
     /// Returns the next thing that is due by now.
-    pub(super) fn next_due(&mut self, now: Instant) -> Option<Due<'_>> {
+    pub(super) fn next_due(&mut self, now: Instant) -> Option<DueWork<'_>> {
         let due = self.deadline().filter(|due| *due <= now)?;
         if let Some((_, cut)) = self.cut_due().filter(|(at, _)| *at <= due) {
             self.next_cut += 1;
-            return Some(Due::Change(self.set_cut(cut)));
+            return Some(DueWork::Change(self.set_cut(cut)));
         }
-        let Reverse(UnderWay { to, effect, place, len, .. }) = self.under_way.pop()?;
+        let Reverse(FrameUnderWay { to, effect, place, len, .. }) = self.under_way.pop()?;
         self.free.push(place);
-        Some(Due::Frame { to, effect, frame: self.places.get(place)?.get(..len)? })
+        Some(DueWork::Frame { to, effect, frame: self.places.get(place)?.get(..len)? })
     }
 
     fn cut_due(&self) -> Option<(Instant, bool)> {
@@ -149,7 +149,7 @@ impl Forwarder {
             return CableEvent::Mended;
         }
         let lost_under_way = self.under_way.len() as u64;
-        for Reverse(UnderWay { to, place, .. }) in self.under_way.drain() {
+        for Reverse(FrameUnderWay { to, place, .. }) in self.under_way.drain() {
             self.links[to.other().index()].lose_in_flight();
             self.free.push(place);
         }
@@ -178,8 +178,8 @@ mod tests {
         let mut found = Vec::new();
         while let Some(due) = forwarder.next_due(until) {
             found.push(match due {
-                Due::Change(note) => note.to_string(),
-                Due::Frame { to, effect, frame } => {
+                DueWork::Change(note) => note.to_string(),
+                DueWork::Frame { to, effect, frame } => {
                     format!("{to:?} {} {effect}", frame[20]).trim_end().to_owned()
                 }
             });

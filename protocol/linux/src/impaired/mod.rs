@@ -39,7 +39,7 @@ use capture_file::CableEvent;
 
 pub use observer::{FrameCallback, Observer};
 
-use forwarder::{Due, Forwarder};
+use forwarder::{DueWork, Forwarder};
 use observer::{ObservedFrame, ObserverSender, Writer};
 
 /// Frames taken from one end before the other end gets its turn.
@@ -268,11 +268,11 @@ impl ForwardingThread {
             let now = clock::now();
             match self.forwarder.next_due(now) {
                 None => return,
-                Some(Due::Change(note)) => {
+                Some(DueWork::Change(note)) => {
                     self.switch_ends(note == CableEvent::Mended);
                     self.observers.note(note);
                 }
-                Some(Due::Frame { to, effect, frame }) => {
+                Some(DueWork::Frame { to, effect, frame }) => {
                     let since_1970 = clock::utc();
                     // A frame that the kernel refuses is lost on the cable; the receiver's counters show it.
                     let _ = self.sockets[to.index()].send(frame);

@@ -52,14 +52,14 @@ pub(super) struct ObservedFrame {
 }
 
 #[expect(clippy::large_enum_variant, reason = "a box would be an allocation on the cyclic thread")]
-enum Entry {
+enum ObservedEntry {
     ObservedFrame { passed: ObservedFrame, len: usize, frame: [u8; ROOM] },
     CableEvent(CableEvent),
 }
 
 /// The cyclic thread's end of the ring; without a ring if there is no observer.
 pub(super) struct ObserverSender {
-    entries: Option<Sender<Entry>>,
+    entries: Option<Sender<ObservedEntry>>,
     shared: Arc<Shared>,
 }
 
@@ -75,13 +75,13 @@ impl ObserverSender {
         if let (Some(to), Some(from)) = (frame.get_mut(..len), bytes.get(..len)) {
             to.copy_from_slice(from);
         }
-        let _ = entries.send(Entry::ObservedFrame { passed, len, frame });
+        let _ = entries.send(ObservedEntry::ObservedFrame { passed, len, frame });
     }
 
     /// Adds a comment to the next frames. If the ring is full, it is left out and counts as a frame.
     pub(super) fn note(&mut self, note: CableEvent) {
         if let Some(entries) = &mut self.entries {
-            let _ = entries.send(Entry::CableEvent(note));
+            let _ = entries.send(ObservedEntry::CableEvent(note));
         }
     }
 }
@@ -150,16 +150,20 @@ struct End {
     note: Option<String>,
 }
 
-fn record(ends: &mut [End; 2], entry: &Entry) -> Result<(), RecorderError> {
+fn record(ends: &mut [End; 2], entry: &ObservedEntry) -> Result<(), RecorderError> {
     match entry {
-        Entry::CableEvent(note) => {
+        ObservedEntry::CableEvent(note) => {
             for end in ends {
                 let before = end.note.take().map_or_else(String::new, |before| before + "; ");
                 end.note = Some(before + &note.to_string());
             }
             Ok(())
         }
-        Entry::ObservedFrame { passed: ObservedFrame { at, since_1970, end, sent, effect }, len, frame } => {
+        ObservedEntry::ObservedFrame {
+            passed: ObservedFrame { at, since_1970, end, sent, effect },
+            len,
+            frame,
+        } => {
             let End { observer, note } = &mut ends[end.index()];
             let fault = (!effect.is_clean()).then(|| effect.to_string());
             let data = frame.get(..*len).unwrap_or_default();

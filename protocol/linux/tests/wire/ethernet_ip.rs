@@ -97,7 +97,7 @@ fn set_scheduled_dscp(network: &TestNetwork, dscp: u8) {
 
 /// An IPv4 packet of the capture: sender, receiver, DSCP and kind.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
-struct Packet {
+struct SentPacket {
     from: Ipv4Addr,
     to: Ipv4Addr,
     dscp: u8,
@@ -110,7 +110,7 @@ enum Kind {
     Explicit,
 }
 
-fn packets(capture: File) -> Vec<Packet> {
+fn packets(capture: File) -> Vec<SentPacket> {
     let mut reader = PcapNgReader::new(BufReader::new(capture)).unwrap();
     let mut packets = Vec::new();
     while let Some(block) = reader.next_block() {
@@ -132,7 +132,7 @@ fn packets(capture: File) -> Vec<Packet> {
             _ => continue,
         };
         assert_eq!(frame[15] & 3, 0, "the two bits below the DSCP are not ours");
-        packets.push(Packet { from: address(26), to: address(30), dscp: frame[15] >> 2, kind });
+        packets.push(SentPacket { from: address(26), to: address(30), dscp: frame[15] >> 2, kind });
     }
     packets
 }
@@ -153,10 +153,10 @@ pub(crate) fn cyclic_packets_carry_the_dscp_of_the_qos_object_and_a_changed_one_
     let capture = File::open(&place).unwrap();
 
     let packets = packets(capture);
-    let of_kind = |packets: &[Packet], kind| {
+    let of_kind = |packets: &[SentPacket], kind| {
         packets.iter().copied().filter(|p| p.kind == kind).collect::<BTreeSet<_>>()
     };
-    let packet = |from, to, dscp, kind| Packet { from, to, dscp, kind };
+    let packet = |from, to, dscp, kind| SentPacket { from, to, dscp, kind };
     let commands = packet(PLC, ROBOT, 47, Kind::Cyclic);
     let first_multicast = packets.iter().position(|packet| packet.to == GROUP).unwrap();
     let (before, after) = packets.split_at(first_multicast);

@@ -38,7 +38,7 @@ const FIRST_REPETITION: Duration = Duration::from_millis(200);
 
 /// State of the connection.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Phase {
+pub(super) enum RelationPhase {
     /// Parameters may be written, until PrmEnd.
     Parameters,
     /// ApplicationReady was sent; the controller has not confirmed it.
@@ -69,7 +69,7 @@ pub(super) struct Relation {
     pub(super) initiator_mac: Mac,
     pub(super) initiator_object: Uuid,
     pub(super) controller: Ipv4Addr,
-    pub(super) phase: Phase,
+    pub(super) phase: RelationPhase,
     /// Whether the exchange of data was reported.
     pub(super) is_up: bool,
     pub(super) sender: CyclicSender,
@@ -138,7 +138,7 @@ impl Relation {
             initiator_mac: ar.initiator_mac,
             initiator_object: ar.initiator_object,
             controller,
-            phase: Phase::Parameters,
+            phase: RelationPhase::Parameters,
             is_up: false,
             sender,
             receiver,
@@ -237,7 +237,7 @@ impl Relation {
         if received == Received::New {
             self.is_output_good =
                 self.receiver.usable_data().is_some_and(|c_sdu| self.process.is_good(c_sdu));
-            if self.phase == Phase::Data {
+            if self.phase == RelationPhase::Data {
                 self.step_deadline = None;
             }
         }
@@ -252,7 +252,7 @@ impl Relation {
 
     /// Returns once that data are exchanged: `true` at the first call after it has begun.
     pub(super) fn take_up(&mut self) -> bool {
-        let comes_up = !self.is_up && self.phase == Phase::Data && self.is_output_good;
+        let comes_up = !self.is_up && self.phase == RelationPhase::Data && self.is_output_good;
         self.is_up |= comes_up;
         comes_up
     }
@@ -263,17 +263,17 @@ impl Relation {
 
     /// Restarts the controller's activity timeout: its next request has arrived.
     pub(super) fn restart_step_timeout(&mut self, now: Instant) {
-        if self.phase != Phase::Data {
+        if self.phase != RelationPhase::Data {
             self.step_deadline = Some(now + self.step_time);
         }
     }
 
     /// Handles PrmEnd: all parameters are written. The caller sends [`ready`](Self::ready).
     pub(super) fn prm_end(&mut self, now: Instant) -> Result<(), Violation> {
-        if self.phase != Phase::Parameters {
+        if self.phase != RelationPhase::Parameters {
             return Err(Violation::StateConflict);
         }
-        self.phase = Phase::Ready { repeat: now + FIRST_REPETITION, interval: FIRST_REPETITION };
+        self.phase = RelationPhase::Ready { repeat: now + FIRST_REPETITION, interval: FIRST_REPETITION };
         self.restart_step_timeout(now);
         self.process.write_statuses(true, self.sender.c_sdu_mut());
         Ok(())
@@ -281,10 +281,10 @@ impl Relation {
 
     /// Handles PrmBegin: parameters will be written again.
     pub(super) fn prm_begin(&mut self, now: Instant) -> Result<(), Violation> {
-        if self.phase != Phase::Data {
+        if self.phase != RelationPhase::Data {
             return Err(Violation::StateConflict);
         }
-        self.phase = Phase::Parameters;
+        self.phase = RelationPhase::Parameters;
         self.restart_step_timeout(now);
         Ok(())
     }
@@ -292,7 +292,7 @@ impl Relation {
     /// Handles the controller's confirmation that the device is ready.
     pub(super) fn handle_confirmation(&mut self, now: Instant) {
         self.restart_step_timeout(now);
-        self.phase = Phase::Data;
+        self.phase = RelationPhase::Data;
         if self.receiver.received() > 0 {
             self.step_deadline = None;
         }
@@ -306,7 +306,7 @@ impl Relation {
     /// Returns whether ApplicationReady is to be repeated now.
     pub(super) fn must_repeat(&mut self, now: Instant) -> bool {
         match &mut self.phase {
-            Phase::Ready { repeat, interval } if *repeat <= now => {
+            RelationPhase::Ready { repeat, interval } if *repeat <= now => {
                 *interval = interval.saturating_mul(2);
                 *repeat = now + *interval;
                 true
@@ -322,8 +322,8 @@ impl Relation {
         }
         let late = self.step_deadline.is_some_and(|deadline| deadline <= now);
         late.then_some(match self.phase {
-            Phase::Ready { .. } => Violation::ApplicationReadyTimeout,
-            Phase::Parameters | Phase::Data => Violation::InitiatorTimeout,
+            RelationPhase::Ready { .. } => Violation::ApplicationReadyTimeout,
+            RelationPhase::Parameters | RelationPhase::Data => Violation::InitiatorTimeout,
         })
     }
 
@@ -332,7 +332,7 @@ impl Relation {
         if self.receiver.received() > 0 {
             next = next.min(self.receiver.poll_timeout());
         }
-        if let Phase::Ready { repeat, .. } = self.phase {
+        if let RelationPhase::Ready { repeat, .. } = self.phase {
             next = next.min(repeat);
         }
         if let Some(repeat) = self.alarms.poll_timeout() {

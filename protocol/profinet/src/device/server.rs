@@ -7,7 +7,7 @@ use super::admission::{Admission, admit};
 use super::answers::{Call, RequestStatus};
 use super::connect_report::ConnectReport;
 use super::records::{Change, RECORD_CAPACITY, Records, Written, emit_write_answer};
-use super::relation::{ALARM_REFERENCE, Endpoints, Phase, Relation};
+use super::relation::{ALARM_REFERENCE, Endpoints, Relation, RelationPhase};
 use super::{Core, closed_by_peer};
 use crate::block::BlockReader;
 use crate::connect::{
@@ -419,7 +419,7 @@ impl Core {
             return;
         };
         let is_ours = self.call.header().is_some_and(|call| call.is_same_call(header));
-        if !is_ours || !matches!(relation.phase, Phase::Ready { .. }) {
+        if !is_ours || !matches!(relation.phase, RelationPhase::Ready { .. }) {
             self.counters.foreign += 1;
             return;
         }

@@ -155,8 +155,8 @@ impl Lookup {
     fn answer(&self, endpoint: &Endpoint<'_>, writer: &mut Writer<'_, BigEndian>) {
         let Endpoint { interface, object, description, port, address } = *endpoint;
         let is_wanted = |wanted: Option<Uuid>, there| wanted.is_none_or(|wanted| wanted == there);
-        let mapper = Entry { object: Uuid::NIL, interface: ENDPOINT_MAPPER_INTERFACE, version: 3 };
-        let entries = [mapper, Entry { object, interface, version: 1 }];
+        let mapper = EndpointEntry { object: Uuid::NIL, interface: ENDPOINT_MAPPER_INTERFACE, version: 3 };
+        let entries = [mapper, EndpointEntry { object, interface, version: 1 }];
         let mut wanted = (1..).zip(entries).filter(|(_, entry)| {
             is_wanted(self.interface, entry.interface) && is_wanted(self.object, entry.object)
         });
@@ -186,7 +186,7 @@ impl Lookup {
 
 /// What the endpoint mapper knows.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct EndpointEntry {
     object: Uuid,
     interface: Uuid,
     /// Major version of the interface.
@@ -231,7 +231,7 @@ fn write_number<const LEN: usize>(number: u16, writer: &mut Writer<'_, BigEndian
     writer.bytes(&digits);
 }
 
-fn write_tower(entry: &Entry, port: u16, address: Ipv4Addr, writer: &mut Writer<'_, BigEndian>) {
+fn write_tower(entry: &EndpointEntry, port: u16, address: Ipv4Addr, writer: &mut Writer<'_, BigEndian>) {
     const TOWER_LEN: u32 = 2 + 2 * (2 + 19 + 2 + 2) + 2 * (2 + 1 + 2 + 2) + (2 + 1 + 2 + 4);
     writer.u32(TOWER_LEN);
     writer.u32(TOWER_LEN);

@@ -30,12 +30,12 @@ const CABLE: Impairment = Impairment {
 type Reported = Event<(ArId, LinkEvent), LinkEvent>;
 
 /// A controller with one AR, and its device.
-struct Bus {
+struct PairBus {
     pair: Pair<Controller, Device>,
     ar: ArId,
 }
 
-impl Bus {
+impl PairBus {
     fn ar(&self) -> &Ar {
         self.pair.a().ar(self.ar).unwrap()
     }
@@ -47,7 +47,7 @@ impl Bus {
 }
 
 /// Returns a controller and a device that does not have an address yet.
-fn bus(transport: Transport, watchdog_cycles: u16, seed: u64) -> Bus {
+fn bus(transport: Transport, watchdog_cycles: u16, seed: u64) -> PairBus {
     let clocks = [
         Clock { offset_ns: 3_000_000_000, drift_ppb: 30_000 },
         Clock { offset_ns: 7_123_456_789, drift_ppb: -30_000 },
@@ -87,7 +87,7 @@ fn bus(transport: Transport, watchdog_cycles: u16, seed: u64) -> Bus {
     );
     let config = PairConfig { seed, clocks, links: [CABLE; 2], addresses: [Some(CONTROLLER), None] };
     device.set_input(1, 1, &data(0x22)).unwrap();
-    Bus { pair: Pair::new(controller, device, config), ar }
+    PairBus { pair: Pair::new(controller, device, config), ar }
 }
 
 fn data(fill: u8) -> [u8; LEN] {
@@ -95,7 +95,7 @@ fn data(fill: u8) -> [u8; LEN] {
 }
 
 /// Returns the next event of either side. Meanwhile it sets the address that DCP requests on the device's interface.
-fn next_event(bus: &mut Bus, within: Duration) -> Option<Reported> {
+fn next_event(bus: &mut PairBus, within: Duration) -> Option<Reported> {
     let until = bus.pair.now() + within;
     while let Some(event) = bus.pair.next_event(until) {
         let Event::B(LinkEvent::SetAddress { address, .. }) = event else { return Some(event) };
@@ -106,7 +106,7 @@ fn next_event(bus: &mut Bus, within: Duration) -> Option<Reported> {
 }
 
 /// Runs until both sides are up, and returns how long that took.
-fn connect(bus: &mut Bus, within: Duration) -> Option<Duration> {
+fn connect(bus: &mut PairBus, within: Duration) -> Option<Duration> {
     let start = bus.pair.now();
     let until = start + within;
     let (mut a, mut b) = (false, false);
@@ -119,7 +119,7 @@ fn connect(bus: &mut Bus, within: Duration) -> Option<Duration> {
     Some(bus.pair.now().since(start))
 }
 
-fn run(bus: &mut Bus, for_: Duration) -> Vec<Reported> {
+fn run(bus: &mut PairBus, for_: Duration) -> Vec<Reported> {
     let until = bus.pair.now() + for_;
     std::iter::from_fn(|| next_event(bus, until.since(bus.pair.now()))).collect()
 }
@@ -290,7 +290,7 @@ fn both_ends_of_the_cable_know_each_other_at_once_and_forget_each_other_when_it_
     for transport in BOTH {
         let mut bus = bus(transport, 20, 1);
         connect(&mut bus, Duration::from_secs(1)).expect("a connection");
-        let neighbours = |bus: &Bus| {
+        let neighbours = |bus: &PairBus| {
             [bus.pair.a().neighbour(), bus.pair.b().neighbour()].map(|neighbour| {
                 neighbour.map(|one| (String::from_utf8_lossy(one.alias()).into_owned(), one.mac()))
             })

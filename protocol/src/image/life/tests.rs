@@ -4,14 +4,14 @@ use super::*;
 use proptest::prelude::*;
 
 /// A sender and the way to the receiver, both in ns of the receiver's clock.
-struct Sender {
+struct LifeSender {
     /// Its cycle on the receiver's clock.
     cycle_ns: u64,
     start_ns: u64,
     first: u16,
 }
 
-impl Sender {
+impl LifeSender {
     fn of(cycle_us: u64, ppm: i64) -> Self {
         let cycle_ns = (cycle_us as i64 * (1_000_000 + ppm) / 1_000) as u64;
         Self { cycle_ns, start_ns: 77_000_000_000, first: 65_000 }
@@ -31,7 +31,7 @@ fn monitor(cycle_us: u64) -> LifeMonitor {
 }
 
 /// A receiver that acts after 20 images without a delay. Returns the number of the next one.
-fn settled(monitor: &mut LifeMonitor, sender: &Sender) -> u64 {
+fn settled(monitor: &mut LifeMonitor, sender: &LifeSender) -> u64 {
     for count in 0..20 {
         let at = Instant::from_nanos(sender.sent_at(count));
         assert_eq!(monitor.judge(at, sender.life(count)), Age::New);
@@ -41,7 +41,7 @@ fn settled(monitor: &mut LifeMonitor, sender: &Sender) -> u64 {
 }
 
 /// Receives every tenth image until this one.
-fn receive_until(monitor: &mut LifeMonitor, sender: &Sender, from: u64, until: u64) {
+fn receive_until(monitor: &mut LifeMonitor, sender: &LifeSender, from: u64, until: u64) {
     for count in (from..until).step_by(10) {
         let at = Instant::from_nanos(sender.sent_at(count));
         assert_eq!(monitor.judge(at, sender.life(count)), Age::New);
@@ -56,7 +56,7 @@ fn ages_ms() -> impl Iterator<Item = u64> {
 #[test]
 fn an_image_that_was_held_back_is_outdated_and_changes_nothing_for_those_after_it() {
     for cycle_us in [500, 1_000, 4_000] {
-        let sender = Sender::of(cycle_us, 0);
+        let sender = LifeSender::of(cycle_us, 0);
         for age_ms in ages_ms().filter(|age_ms| age_ms * 1_000 < 65_000 * cycle_us) {
             let mut monitor = monitor(cycle_us);
             let first = settled(&mut monitor, &sender);
@@ -76,7 +76,7 @@ fn an_image_that_was_held_back_is_outdated_and_changes_nothing_for_those_after_i
 
 #[test]
 fn an_image_of_65_and_a_half_seconds_is_the_limit_of_a_counter_of_16_bits_at_1_ms() {
-    let sender = Sender::of(1_000, 0);
+    let sender = LifeSender::of(1_000, 0);
     let age = |age: u64| {
         let mut monitor = monitor(1_000);
         let first = settled(&mut monitor, &sender);
@@ -94,7 +94,7 @@ fn images_that_arrive_in_a_burst_after_a_stall_are_not_refused() {
     for stall_ms in [3_u64, 30, 300, 3_000, 9_000] {
         // All at one instant as from a receiver's queue, or at ten times the pace as from a cable's.
         for pace in [0_u64, 1, 5] {
-            let sender = Sender::of(1_000, 0);
+            let sender = LifeSender::of(1_000, 0);
             let mut monitor = monitor(1_000);
             let first = settled(&mut monitor, &sender);
             let end_ns = sender.sent_at(first + stall_ms);
@@ -115,7 +115,7 @@ fn images_that_arrive_in_a_burst_after_a_stall_are_not_refused() {
 #[test]
 fn a_program_that_counts_in_steps_may_shift_against_its_bus_at_once() {
     for (before_ms, after_ms) in [(15, 0), (12, 2), (0, 15), (3, 8)] {
-        let sender = Sender::of(1_000, 0);
+        let sender = LifeSender::of(1_000, 0);
         let mut monitor = monitor(1_000);
         for image in 1..200 {
             let wait_ms = if image < 100 { before_ms } else { after_ms };
@@ -136,7 +136,7 @@ fn a_program_that_counts_in_steps_may_shift_against_its_bus_at_once() {
 fn an_hour_with_a_clock_that_is_200_ppm_fast_or_slow_refuses_nothing_and_hides_nothing() {
     for ppm in [-500, -200, 0, 200, 500] {
         for cycle_us in [1_000, 4_000] {
-            let sender = Sender::of(cycle_us, ppm);
+            let sender = LifeSender::of(cycle_us, ppm);
             let mut monitor = monitor(cycle_us);
             settled(&mut monitor, &sender);
             let last = 3_600_000_000 / cycle_us;
@@ -156,7 +156,7 @@ fn an_hour_with_a_clock_that_is_200_ppm_fast_or_slow_refuses_nothing_and_hides_n
 
 #[test]
 fn a_first_image_that_is_late_sets_no_start_for_those_that_are_acted_on() {
-    let sender = Sender::of(1_000, 0);
+    let sender = LifeSender::of(1_000, 0);
     let mut monitor = monitor(1_000);
     let late = Instant::from_nanos(sender.sent_at(80));
     for count in 0..=80 {
@@ -182,7 +182,7 @@ fn a_first_image_that_is_late_sets_no_start_for_those_that_are_acted_on() {
 #[test]
 fn a_sender_that_counts_slower_than_its_setup_says_is_accepted_and_a_faster_one_is_not() {
     for cycle_us in [1_000, 1_500, 10_000] {
-        let sender = Sender::of(cycle_us, 0);
+        let sender = LifeSender::of(cycle_us, 0);
         let mut monitor = monitor(1_000);
         settled(&mut monitor, &sender);
         for count in 20..120_000 {
@@ -192,7 +192,7 @@ fn a_sender_that_counts_slower_than_its_setup_says_is_accepted_and_a_faster_one_
         let now = Instant::from_nanos(sender.sent_at(119_999));
         assert_eq!(monitor.judge(now, sender.life(119_999 - 2_046_000 / cycle_us)), Age::Outdated);
     }
-    let (sender, mut monitor) = (Sender::of(250, 0), monitor(1_000));
+    let (sender, mut monitor) = (LifeSender::of(250, 0), monitor(1_000));
     settled(&mut monitor, &sender);
     let judged = (24..400)
         .step_by(4)
@@ -202,7 +202,7 @@ fn a_sender_that_counts_slower_than_its_setup_says_is_accepted_and_a_faster_one_
 
 #[test]
 fn a_sender_that_paused_for_longer_than_its_counter_wraps_is_judged_as_strictly_as_before() {
-    let sender = Sender::of(1_000, 0);
+    let sender = LifeSender::of(1_000, 0);
     let mut monitor = monitor(1_000);
     let first = settled(&mut monitor, &sender);
     let later = |count: u64| Instant::from_nanos(sender.sent_at(count) + 100_000_000_000);
@@ -262,7 +262,7 @@ proptest! {
         age in 1..65_000_u64,
         ppm in -500..500_i64,
     ) {
-        let sender = Sender::of(1_000, ppm);
+        let sender = LifeSender::of(1_000, ppm);
         let mut monitor = monitor(1_000);
         let mut count = settled(&mut monitor, &sender);
         let mut now = 0;

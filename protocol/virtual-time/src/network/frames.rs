@@ -6,7 +6,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 use super::Network;
 use super::hosts::{self, Nic};
 use super::ids::{CableId, NicId, NodeId, Plug};
-use super::in_flight::{Arrival, Frame, InFlight, holding, new_buf};
+use super::in_flight::{Frame, FrameArrival, InFlight, holding, new_buf};
 use super::tap::{Carrier, Label};
 use crate::link::{LinkEffect, flip};
 use crate::side::Side;
@@ -27,9 +27,9 @@ impl<M: Multihomed> Network<M> {
     pub(super) fn deliver(&mut self) {
         let Some(InFlight { arrival, .. }) = self.in_flight.pop() else { return };
         let (cable, to, frame) = match arrival {
-            Arrival::Frame { cable, to, frame } => (cable, to, frame),
-            Arrival::Part { stream, to, part } => return self.deliver_part(stream, to, part),
-            Arrival::StreamTimeout(stream) => return self.give_up_stream(stream),
+            FrameArrival::Frame { cable, to, frame } => (cable, to, frame),
+            FrameArrival::Part { stream, to, part } => return self.deliver_part(stream, to, part),
+            FrameArrival::StreamTimeout(stream) => return self.give_up_stream(stream),
         };
         self.tap_arrival(self.now, (cable, to), frame.label, frame.buf.get(..frame.len).unwrap_or_default());
         match self.plug(cable, to) {
@@ -153,9 +153,9 @@ impl<M: Multihomed> Network<M> {
         }
         let to = from.other();
         let second = effect.duplicated.then(|| self.copy(&frame));
-        self.in_flight.push(arrives, Arrival::Frame { cable, to, frame });
+        self.in_flight.push(arrives, FrameArrival::Frame { cable, to, frame });
         if let Some(frame) = second {
-            self.in_flight.push(arrives, Arrival::Frame { cable, to, frame });
+            self.in_flight.push(arrives, FrameArrival::Frame { cable, to, frame });
         }
     }
 

@@ -8,7 +8,7 @@ use core::net::Ipv4Addr;
 
 use super::Network;
 use super::ids::{CableId, NicId, NodeId, Plug};
-use super::in_flight::{Arrival, Frame, new_buf};
+use super::in_flight::{Frame, FrameArrival, new_buf};
 use super::tap::{Carrier, Label};
 use crate::link::LinkEffect;
 use crate::side::Side;
@@ -131,7 +131,7 @@ impl<M: Multihomed> Network<M> {
         self.tap_departure(self.now, (cable, side), label, buf.get(..len).unwrap_or_default());
         let Some(arrives) = arrives else { return };
         let frame = Frame { port: Port::Ethernet, peer: None, label, hop: None, buf, len };
-        self.in_flight.push(arrives, Arrival::Frame { cable, to: side.other(), frame });
+        self.in_flight.push(arrives, FrameArrival::Frame { cable, to: side.other(), frame });
     }
 
     /// Returns the MAC address to which a host on a switch sends a datagram; `None` if it sends nothing.

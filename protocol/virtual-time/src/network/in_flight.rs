@@ -16,11 +16,11 @@ use machine::{Instant, Port, StreamId};
 #[derive(Debug)]
 pub(super) struct InFlight {
     pub(super) arrives: Instant,
-    pub(super) arrival: Arrival,
+    pub(super) arrival: FrameArrival,
 }
 
 #[derive(Debug)]
-pub(super) enum Arrival {
+pub(super) enum FrameArrival {
     /// A frame at this end of a cable.
     Frame { cable: CableId, to: Side, frame: Frame },
     /// A part of a stream at one of its ends.
@@ -82,7 +82,7 @@ pub(super) struct InFlights(VecDeque<InFlight>);
 
 impl InFlights {
     #[inline]
-    pub(super) fn push(&mut self, arrives: Instant, arrival: Arrival) {
+    pub(super) fn push(&mut self, arrives: Instant, arrival: FrameArrival) {
         let passing = InFlight { arrives, arrival };
         match self.0.iter().rev().take_while(|other| other.arrives > arrives).count() {
             0 => self.0.push_back(passing),

@@ -7,7 +7,7 @@ use core::net::{Ipv4Addr, SocketAddrV4};
 
 use super::Network;
 use super::ids::{CableId, NicId, NodeId, Plug, SwitchId};
-use super::in_flight::{Arrival, InFlight, Part, Role, holding};
+use super::in_flight::{FrameArrival, InFlight, Part, Role, holding};
 use super::tap::{Label, Segment};
 use crate::link::{LinkEffect, SentPiece, flip};
 use crate::side::Side;
@@ -29,7 +29,7 @@ const EPHEMERAL_PORTS: u32 = 10_000;
 
 /// The way of a stream's segments in one direction: the sender's cable, and the one behind the switch if there is one.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct StreamWay {
     first: (CableId, Side),
     second: Option<(SwitchId, (CableId, Side))>,
     receiver: NodeId,
@@ -57,7 +57,7 @@ impl<M: Multihomed> Network<M> {
         let id = self.streams.open(from, asked, attempt);
         let Some(source) = source.filter(|_| answers) else {
             // No host is there to refuse it, so the attempt times out.
-            let closed = Arrival::Part { stream: id, to: Role::Connector, part: Part::Closed };
+            let closed = FrameArrival::Part { stream: id, to: Role::Connector, part: Part::Closed };
             return self.in_flight.push(self.now + TIMEOUT, closed);
         };
         let peer = self.name_stream(id, source, to);
@@ -129,7 +129,7 @@ impl<M: Multihomed> Network<M> {
     }
 
     /// Returns the way of what an end of a stream sends; `None` if nobody is at the other one.
-    fn way(&self, id: StreamId, from: Role) -> Option<Way> {
+    fn way(&self, id: StreamId, from: Role) -> Option<StreamWay> {
         let [sender, receiver] = self.streams.find(id)?.ends_from(from);
         let (first, last) = (self.nics.get(sender?.nic.0)?.cable?, self.nics.get(receiver?.nic.0)?);
         let (cable, side) = last.cable?;
@@ -137,7 +137,7 @@ impl<M: Multihomed> Network<M> {
             Plug::Switch(switch) => Some((switch, (cable, side.other()))),
             Plug::Nic(_) => None,
         };
-        Some(Way { first, second, receiver: last.node })
+        Some(StreamWay { first, second, receiver: last.node })
     }
 
     fn pass_stream(&mut self, (cable, from): (CableId, Side), at: Instant, len: usize) -> Option<SentPiece> {
@@ -170,14 +170,14 @@ impl<M: Multihomed> Network<M> {
             Some(arrival) if stream.held.iter().all(|(held_for, _)| *held_for != to) => {
                 let last = stream.last_arrival(to);
                 *last = arrival.max(*last);
-                self.in_flight.push(*last, Arrival::Part { stream: id, to, part });
+                self.in_flight.push(*last, FrameArrival::Part { stream: id, to, part });
             }
             _ => {
                 let first = stream.held.is_empty();
                 stream.held.push((to, part));
                 if first {
                     stream.held_since = now;
-                    self.in_flight.push(now + TIMEOUT, Arrival::StreamTimeout(id));
+                    self.in_flight.push(now + TIMEOUT, FrameArrival::StreamTimeout(id));
                 }
             }
         }
@@ -187,11 +187,11 @@ impl<M: Multihomed> Network<M> {
     pub(super) fn hold_streams(&mut self, cut: CableId) {
         for InFlight { arrives, arrival } in self.in_flight.take() {
             match arrival {
-                Arrival::Frame { cable, to, frame } if cable == cut => {
+                FrameArrival::Frame { cable, to, frame } if cable == cut => {
                     self.lose_in_flight(cable, to.other());
                     self.spare_bufs.push(frame.buf);
                 }
-                Arrival::Part { stream, to, part } if self.is_by(stream, to.other(), cut) => {
+                FrameArrival::Part { stream, to, part } if self.is_by(stream, to.other(), cut) => {
                     self.push_stream(to.other(), stream, part);
                 }
                 arrival => self.in_flight.push(arrives, arrival),
@@ -201,7 +201,7 @@ impl<M: Multihomed> Network<M> {
 
     /// Returns whether what an end of a stream sends passes a cable.
     fn is_by(&self, id: StreamId, from: Role, cable: CableId) -> bool {
-        let Some(Way { first, second, .. }) = self.way(id, from) else { return false };
+        let Some(StreamWay { first, second, .. }) = self.way(id, from) else { return false };
         first.0 == cable || second.is_some_and(|(_, second)| second.0 == cable)
     }
 

@@ -126,6 +126,13 @@ fn compact_points_keep_all_rules_in_every_order_of_commands_losses_old_images_an
 }
 
 #[test]
+fn so_do_those_that_are_refilled_by_what_was_accepted() {
+    let Found { ends, states, .. } = explore(Skills::Points(Refill::Accepted, None));
+    assert!(ends.iter().any(|end| end.done) && ends.iter().any(|end| end.command_aborted));
+    assert_eq!(states.len(), 3, "Halted, Ready and Running turn up");
+}
+
+#[test]
 #[should_panic(expected = "at 174.")]
 fn a_plc_that_refills_a_place_before_it_is_free_breaks_a_rule() {
     explore(Skills::Points(Refill::Accepted, Some(PlantedFault::RefillsEarly)));

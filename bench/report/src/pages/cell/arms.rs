@@ -5,7 +5,7 @@ use plotters::element::{PathElement, Rectangle};
 use plotters::prelude::Color;
 
 use crate::figures::rounded;
-use crate::html::chart::{self, Axes, Format, INK, Panels, colour, px, stroke};
+use crate::html::chart::{self, ChartAxes, Format, INK, Panels, colour, px, stroke};
 use crate::html::figure::Data;
 use crate::progress::label;
 use records::cell_results::CellResults;
@@ -118,7 +118,7 @@ pub(super) fn draw(
             &chart::name(15.0, colour(*execution_type)),
             (px(2.0), px(panel.top + 8.0)),
         )?;
-        let axes = Axes {
+        let axes = ChartAxes {
             x: (0.0, longest_s * 1.01),
             y: (-0.6, arms - 0.4),
             x_title: panel.is_last.then_some("time since the PLC's start edge in s"),

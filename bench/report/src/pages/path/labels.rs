@@ -1,7 +1,7 @@
 //! The motion numbers beside the targets: numbers at one place are combined, and a label that would cover another one is left
 //! out.
 
-use super::Target;
+use super::DrawnTarget;
 
 /// Longest label in characters: a longer one ends with [`MORE`].
 const LONGEST: usize = 12;
@@ -15,7 +15,7 @@ const LINE: f64 = 1.2;
 
 /// Returns the targets' numbers and positions; numbers at the same position are combined.
 pub(super) fn labels(
-    targets: &[Target],
+    targets: &[DrawnTarget],
     flat: impl Fn(&[f64; 3]) -> (f64, f64),
     near: f64,
 ) -> Vec<(Vec<usize>, (f64, f64))> {

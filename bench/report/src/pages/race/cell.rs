@@ -15,14 +15,14 @@ const TARGETS: usize = 200;
 pub(super) struct Cell {
     /// Frame of the obstacles.
     base: Placed,
-    pub(super) obstacles: Vec<Obstacle>,
+    pub(super) obstacles: Vec<SceneObstacle>,
     /// Programmed targets, each position once.
     pub(super) targets: Vec<[f64; 3]>,
 }
 
 /// A box along the axes of the base.
 #[derive(Serialize, Debug)]
-pub(super) struct Obstacle {
+pub(super) struct SceneObstacle {
     lower_mm: [f64; 3],
     upper_mm: [f64; 3],
     /// Its corners in the root's frame.
@@ -38,7 +38,7 @@ impl Cell {
                 let pick = |bit: usize, low: f64, high: f64| if index >> bit & 1 == 0 { low } else { high };
                 base.point([pick(0, lower.x, upper.x), pick(1, lower.y, upper.y), pick(2, lower.z, upper.z)])
             };
-            Obstacle {
+            SceneObstacle {
                 lower_mm: [lower.x, lower.y, lower.z],
                 upper_mm: [upper.x, upper.y, upper.z],
                 corners: std::array::from_fn(corner),

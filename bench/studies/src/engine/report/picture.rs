@@ -4,7 +4,7 @@ use plc_node::ExecutionType;
 use plotters::element::{Circle, PathElement};
 use plotters::prelude::Color;
 use plotters::style::RGBColor;
-use report::html::chart::{self, Axes, Format, INK, MUTED, Panels, colour, px, short, stroke, text};
+use report::html::chart::{self, ChartAxes, Format, INK, MUTED, Panels, colour, px, short, stroke, text};
 use report::html::figure::Figure;
 
 use super::effects::FigureEffect;
@@ -80,7 +80,7 @@ fn draw_levels(
         let margin = level.mean.margin.unwrap_or_default();
         [level.mean.value - margin, level.mean.value + margin]
     });
-    let axes = Axes {
+    let axes = ChartAxes {
         x: range(places.iter().copied()),
         y: range(ends),
         x_title: title,
@@ -149,7 +149,7 @@ pub(super) fn pair(
         let svg = chart::figure(format, 280.0, |area| {
             area.draw_text(&second.key, &text(12.0, MUTED), (px(2.0), px(2.0)))?;
             let inner = area.clone().shrink((0, px(18.0)), (area.dim_in_pixel().0, stroke(262.0)));
-            let axes = Axes {
+            let axes = ChartAxes {
                 x: (first.min, first.max),
                 y: (second.min, second.max),
                 x_title: Some(&first.key),

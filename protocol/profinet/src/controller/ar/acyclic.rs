@@ -2,7 +2,7 @@
 
 use core::net::SocketAddrV4;
 
-use super::{Ar, Phase, down_reasons};
+use super::{Ar, ArPhase, down_reasons};
 use crate::RPC_PORT;
 use crate::status::{Service, Violation};
 use machine::{Down, DownCause};
@@ -49,8 +49,8 @@ impl Ar {
     /// Returns when something besides cyclic frames is due, in either direction.
     pub(super) fn acyclic_timeout(&self) -> Option<Instant> {
         let of_phase = match self.phase {
-            Phase::Pausing { until } | Phase::Releasing { until } => Some(until),
-            Phase::AwaitingReady { .. } => self.ready_until(),
+            ArPhase::Pausing { until } | ArPhase::Releasing { until } => Some(until),
+            ArPhase::AwaitingReady { .. } => self.ready_until(),
             _ => None,
         };
         let of_alarms = self.link.as_ref().and_then(|link| link.alarms.poll_timeout());
@@ -69,13 +69,13 @@ impl Ar {
             self.give_up_call(now);
         }
         match self.phase {
-            Phase::Pausing { until } if now >= until => self.start_attempt(now),
-            Phase::AwaitingReady { .. } if self.ready_until().is_some_and(|until| now >= until) => {
+            ArPhase::Pausing { until } if now >= until => self.start_attempt(now),
+            ArPhase::AwaitingReady { .. } if self.ready_until().is_some_and(|until| now >= until) => {
                 let status = Violation::ApplicationReadyTimeout.status(Service::Abort);
                 let down = Down { cause: DownCause::NoAnswer, code: 0, text: down_reasons::NOT_READY };
                 self.fail(now, down, Some(status));
             }
-            Phase::Releasing { until } if now >= until => self.stop(),
+            ArPhase::Releasing { until } if now >= until => self.stop(),
             _ => {}
         }
         if self.silent_at.is_some_and(|at| now >= at) {
@@ -85,7 +85,7 @@ impl Ar {
 
     /// Returns until when the device may prepare itself.
     fn ready_until(&self) -> Option<Instant> {
-        let Phase::AwaitingReady { until, silent_until } = self.phase else { return None };
+        let ArPhase::AwaitingReady { until, silent_until } = self.phase else { return None };
         let sends = self.link.as_ref().is_some_and(|link| self.is_monitored(link));
         Some(if sends { until } else { silent_until })
     }

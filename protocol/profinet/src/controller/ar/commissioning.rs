@@ -5,7 +5,7 @@ use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 
 use super::call::{Caller, LONGEST_ANSWER};
-use super::{Ar, Phase, Refusal, link};
+use super::{Ar, ArPhase, Refusal, link};
 use crate::alarm::{Alarm, AlarmHead, Rta};
 use crate::block::BlockReader;
 use crate::connect;
@@ -190,7 +190,7 @@ impl Ar {
     }
 
     fn record_address(&self, slot: u16, subslot: u16, index: u16) -> Result<Address, RecordError> {
-        if self.phase != Phase::Exchanging {
+        if self.phase != ArPhase::Exchanging {
             return Err(RecordError::NotConnected);
         }
         if !matches!(self.commissioning.record, RecordAccess::None) || !self.plugs.is_empty() {
@@ -207,7 +207,7 @@ impl Ar {
 
     /// Returns whether a record of the owner is being read or written.
     pub(super) fn awaits_record(&self) -> bool {
-        self.phase == Phase::Exchanging && matches!(self.commissioning.record, RecordAccess::Called)
+        self.phase == ArPhase::Exchanging && matches!(self.commissioning.record, RecordAccess::Called)
     }
 
     pub(super) fn record_answered(&mut self, now: Instant, result: Result<Vec<u8>, Status>) {

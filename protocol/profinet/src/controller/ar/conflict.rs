@@ -6,7 +6,7 @@ use core::net::Ipv4Addr;
 use super::acyclic::Acyclic;
 use super::discovery::Progress;
 use super::obstacle::Obstacle;
-use super::{Ar, PAUSE, Phase, Refusal, down_reasons};
+use super::{Ar, ArPhase, PAUSE, Refusal, down_reasons};
 use machine::arp::{AddressConflict, ArpPacket};
 use machine::ethernet::Mac;
 use machine::{Down, DownCause, Instant, LinkEvent, StationConflict};
@@ -52,7 +52,7 @@ impl Ar {
     /// Handles an ARP packet.
     pub(in super::super) fn handle_arp(&mut self, now: Instant, packet: &ArpPacket) {
         let Some(other) = packet.claimant(self.config.address).filter(|mac| *mac != self.own) else {
-            if self.phase == Phase::Searching {
+            if self.phase == ArPhase::Searching {
                 self.acyclic = Acyclic::Active;
                 let progress = self.discovery.handle_arp(packet);
                 self.progress(now, progress);
@@ -61,14 +61,14 @@ impl Ar {
         };
         self.acyclic = Acyclic::Active;
         match self.phase {
-            Phase::Stopped | Phase::Releasing { .. } => {}
-            Phase::Searching => {
+            ArPhase::Stopped | ArPhase::Releasing { .. } => {}
+            ArPhase::Searching => {
                 let progress = self.discovery.handle_arp(packet);
                 self.progress(now, progress);
             }
             // A station has come up with the address; however many come, a pause is not shorter than the first one.
-            Phase::Pausing { until } => {
-                self.phase = Phase::Pausing { until: until.min(now + PAUSE) };
+            ArPhase::Pausing { until } => {
+                self.phase = ArPhase::Pausing { until: until.min(now + PAUSE) };
             }
             _ => {
                 // RFC 5227, 2.4: the sender claims the address. The host may send to it from now on.
@@ -91,20 +91,20 @@ impl Ar {
     /// Handles that another station has the controller's IP address.
     pub(in super::super) fn own_address_taken(&mut self, now: Instant, conflict: AddressConflict) {
         let AddressConflict { address, mac: other } = conflict;
-        if self.phase != Phase::Searching && !self.is_idle() {
+        if self.phase != ArPhase::Searching && !self.is_idle() {
             self.obstruct(now, Obstacle::OwnAddress { address, other });
         }
     }
 
     const fn is_idle(&self) -> bool {
-        matches!(self.phase, Phase::Stopped | Phase::Releasing { .. } | Phase::Pausing { .. })
+        matches!(self.phase, ArPhase::Stopped | ArPhase::Releasing { .. } | ArPhase::Pausing { .. })
     }
 
     /// Takes the next step of the search. Returns whether what was received belongs to it.
     pub(super) fn progress(&mut self, now: Instant, progress: Progress) -> bool {
         match progress {
-            Progress::Found(_) if self.phase == Phase::Searching => self.connect(now),
-            Progress::Refused(refusal) if self.phase == Phase::Searching => self.refuse(now, refusal),
+            Progress::Found(_) if self.phase == ArPhase::Searching => self.connect(now),
+            Progress::Refused(refusal) if self.phase == ArPhase::Searching => self.refuse(now, refusal),
             Progress::Pending | Progress::Found(_) => {}
             Progress::Ignored(mac) => {
                 self.report_ignored(mac);
@@ -115,7 +115,7 @@ impl Ar {
                 self.fail(now, down, None);
             }
             // Data are exchanged with the station that was found: another one of its name is only named.
-            Progress::Obstructed(Obstacle::Twins([_, other])) if self.phase == Phase::Exchanging => {
+            Progress::Obstructed(Obstacle::Twins([_, other])) if self.phase == ArPhase::Exchanging => {
                 if self.discovery.ignore(other) {
                     self.report_ignored(other);
                 }

@@ -38,7 +38,7 @@ pub(super) struct ConnectPlan {
 
 /// What was changed in the Connect of one attempt because the device refused it.
 #[derive(Clone, Copy, PartialEq, Eq, Default, Debug)]
-pub(super) struct Changes {
+pub(super) struct PlanChanges {
     startup_mode: bool,
     rt_class: bool,
 }
@@ -96,7 +96,7 @@ impl ConnectPlan {
     /// Changes the Connect if a device may have refused it because its stack is older than what we ask for: advanced startup
     /// mode becomes legacy, RT_CLASS_1 gets its former number and FrameIDs, or each the other way round. `changes` are those
     /// of this attempt; each is made once. Returns whether the Connect is to be called again.
-    pub(super) fn change(&mut self, changes: &mut Changes, refusal: Status) -> bool {
+    pub(super) fn change(&mut self, changes: &mut PlanChanges, refusal: Status) -> bool {
         let refused = |violation: Violation| violation.status(Service::Connect) == refusal;
         let ConnectRequest { ar, iocrs, .. } = &mut self.connect;
         if refused(Violation::ArProperties) && !core::mem::replace(&mut changes.startup_mode, true) {

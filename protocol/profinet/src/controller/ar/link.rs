@@ -14,7 +14,7 @@ use machine::ethernet::Mac;
 
 /// A connected AR.
 #[derive(Debug)]
-pub(super) struct Link {
+pub(super) struct CyclicLink {
     /// The device's MAC address in cyclic frames and alarms.
     pub(super) device: Mac,
     pub(super) sender: CyclicSender,
@@ -22,7 +22,7 @@ pub(super) struct Link {
     pub(super) alarms: Alarms,
 }
 
-impl Link {
+impl CyclicLink {
     /// Creates the AR that the device granted, if its answer fits the request. The MAC addresses are those of the
     /// controller and of the station that was found, which is also the one that answered.
     pub(super) fn new(

@@ -51,9 +51,9 @@ use acyclic::Acyclic;
 use alarms::{FinalError, Outcome};
 use call::Caller;
 use commissioning::Commissioning;
-use connect_plan::{Changes, ConnectPlan};
+use connect_plan::{ConnectPlan, PlanChanges};
 use discovery::{Discovery, WantedStation};
-use link::Link;
+use link::CyclicLink;
 use object::Instance;
 use obstacle::Obstacle;
 use plug::Plugs;
@@ -81,7 +81,7 @@ struct Refusal {
 
 /// State of the AR.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum Phase {
+enum ArPhase {
     /// The owner ended it; it does not start again.
     Stopped,
     /// It waits before it tries again.
@@ -110,13 +110,13 @@ pub struct Ar {
     config: ArConfig,
     plan: ConnectPlan,
     random: Pcg64Mcg,
-    phase: Phase,
+    phase: ArPhase,
     pause: Duration,
     discovery: Discovery,
     caller: Caller,
     instance: Instance,
-    changes: Changes,
-    link: Option<Link>,
+    changes: PlanChanges,
+    link: Option<CyclicLink>,
     final_error: Option<FinalError>,
     plugs: Plugs,
     output: Provided,
@@ -166,12 +166,12 @@ impl Ar {
             own: own.mac,
             plan,
             random,
-            phase: Phase::Pausing { until: start },
+            phase: ArPhase::Pausing { until: start },
             pause: PAUSE,
             discovery,
             caller: Caller::new(DEVICE_INTERFACE, capacity),
             instance: Instance::new(),
-            changes: Changes::default(),
+            changes: PlanChanges::default(),
             link: None,
             final_error: None,
             plugs: Plugs::new(config.description.submodules().count()),
@@ -232,7 +232,7 @@ impl Ar {
         let Some(link) = &mut self.link else { return false };
         if frame_id == link.receiver.frame_id() {
             match link.receiver.handle_frame(now, payload) {
-                Received::New if self.phase == Phase::Exchanging && !self.up => self.go_up(),
+                Received::New if self.phase == ArPhase::Exchanging && !self.up => self.go_up(),
                 Received::New | Received::Late => {}
                 Received::Ignored => return false,
                 Received::Malformed => self.counters.malformed += 1,
@@ -273,7 +273,7 @@ impl Ar {
         self.give_up_record();
         self.caller.cancel();
         self.discovery.stop();
-        self.phase = Phase::Pausing { until: now + self.pause };
+        self.phase = ArPhase::Pausing { until: now + self.pause };
         self.pause = self.pause.saturating_mul(2).min(PAUSE_AT_MOST);
         let was_up = core::mem::take(&mut self.up);
         let same = |reported: Down| reported == down;
@@ -314,10 +314,10 @@ impl Ar {
 
     /// Returns whether the connection ends if no cyclic frame comes within the data hold time: while data are exchanged, and
     /// before, from the device's first frame on.
-    fn is_monitored(&self, link: &Link) -> bool {
+    fn is_monitored(&self, link: &CyclicLink) -> bool {
         match self.phase {
-            Phase::Exchanging => true,
-            Phase::AwaitingReady { .. } => link.receiver.received() > 0,
+            ArPhase::Exchanging => true,
+            ArPhase::AwaitingReady { .. } => link.receiver.received() > 0,
             _ => false,
         }
     }
@@ -325,10 +325,12 @@ impl Ar {
     /// Returns a hint for the user if the device stays silent in this phase.
     fn reason_for_silence(&self) -> &'static str {
         match self.phase {
-            Phase::Connecting | Phase::Writing { .. } | Phase::EndingParameters { .. } => self.no_answer(),
-            Phase::AwaitingReady { .. } => down_reasons::NOT_READY,
-            Phase::Exchanging => down_reasons::NO_CYCLIC,
-            Phase::Pausing { .. } => self.words,
+            ArPhase::Connecting | ArPhase::Writing { .. } | ArPhase::EndingParameters { .. } => {
+                self.no_answer()
+            }
+            ArPhase::AwaitingReady { .. } => down_reasons::NOT_READY,
+            ArPhase::Exchanging => down_reasons::NO_CYCLIC,
+            ArPhase::Pausing { .. } => self.words,
             _ if self.discovery.is_resolving() => down_reasons::NO_ARP,
             _ if self.discovery.has_found() => down_reasons::NO_SET,
             _ => down_reasons::NO_STATION,

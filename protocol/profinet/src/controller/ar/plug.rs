@@ -10,7 +10,7 @@
 
 use alloc::collections::VecDeque;
 
-use super::{Ar, Phase};
+use super::{Ar, ArPhase};
 use crate::alarm::Notification;
 use crate::connect::API;
 use crate::control::Command;
@@ -104,7 +104,7 @@ impl Ar {
     pub(super) fn continue_plug(&mut self, now: Instant) {
         let acknowledged = self.link.as_ref().is_some_and(|link| link.alarms.are_acknowledged());
         let is_free = self.plugs.step.is_none() && !self.awaits_record();
-        if self.phase == Phase::Exchanging && acknowledged && is_free {
+        if self.phase == ArPhase::Exchanging && acknowledged && is_free {
             self.next_plug_step(now, 0);
         }
     }

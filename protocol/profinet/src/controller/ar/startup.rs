@@ -6,10 +6,10 @@ use rand_core::Rng;
 
 use super::acyclic::Acyclic;
 use super::call::{AnswerOutcome, LONGEST_ANSWER};
-use super::connect_plan::Changes;
-use super::link::Link;
+use super::connect_plan::PlanChanges;
+use super::link::CyclicLink;
 use super::{
-    Ar, PAUSE, Phase, READY_WITHIN, RELEASED_WITHIN, Refusal, SILENT_READY_WITHIN, commissioning,
+    Ar, ArPhase, PAUSE, READY_WITHIN, RELEASED_WITHIN, Refusal, SILENT_READY_WITHIN, commissioning,
     down_reasons, multiple_write, random_uuid,
 };
 use crate::Uuid;
@@ -28,10 +28,10 @@ use machine::{Down, DownCause, LinkEvent};
 impl Ar {
     /// Starts an attempt to connect: searches for the device.
     pub(super) fn start_attempt(&mut self, now: Instant) {
-        self.phase = Phase::Searching;
+        self.phase = ArPhase::Searching;
         self.diff.clear();
         self.instance.begin();
-        self.changes = Changes::default();
+        self.changes = PlanChanges::default();
         self.discovery.begin(now, self.random.next_u32());
     }
 
@@ -47,7 +47,7 @@ impl Ar {
 
     /// Handles the Hello of a station of the device's name: it has come up, and can be searched for.
     fn handle_hello(&mut self, now: Instant, from: Mac) -> bool {
-        let is_other = self.phase == Phase::Exchanging && self.discovery.device() != Some(from);
+        let is_other = self.phase == ArPhase::Exchanging && self.discovery.device() != Some(from);
         if self.discovery.is_excluded(from) || is_other {
             if self.discovery.ignore(from) {
                 self.report_ignored(from);
@@ -55,7 +55,7 @@ impl Ar {
             return false;
         }
         // However many Hellos come, a pause is not shorter than the first one.
-        if let Phase::Pausing { until } = &mut self.phase {
+        if let ArPhase::Pausing { until } = &mut self.phase {
             *until = (*until).min(now + PAUSE);
         }
         true
@@ -72,7 +72,7 @@ impl Ar {
         let called = self.caller.call(now, Operation::Connect, |body| {
             RequestArgs::emit(LONGEST_ANSWER, body, |writer| request.emit(writer))
         });
-        self.phase = Phase::Connecting;
+        self.phase = ArPhase::Connecting;
         if called.is_err() {
             self.refuse(now, Refusal { code: 0, text: down_reasons::TOO_LONG });
         }
@@ -87,7 +87,7 @@ impl Ar {
             AnswerOutcome::Foreign => return false,
             // Whatever the answer, the connection has ended.
             AnswerOutcome::Refused(_) | AnswerOutcome::Answer(..)
-                if matches!(self.phase, Phase::Releasing { .. }) =>
+                if matches!(self.phase, ArPhase::Releasing { .. }) =>
             {
                 self.stop();
                 return true;
@@ -103,12 +103,12 @@ impl Ar {
                 self.record_answered(now, record);
                 return true;
             }
-            AnswerOutcome::Refused(_) | AnswerOutcome::Answer(..) if self.phase == Phase::Exchanging => {
+            AnswerOutcome::Refused(_) | AnswerOutcome::Answer(..) if self.phase == ArPhase::Exchanging => {
                 self.plug_answered(now);
                 return true;
             }
             AnswerOutcome::Refused(code)
-                if self.phase == Phase::Connecting
+                if self.phase == ArPhase::Connecting
                     && self.instance.reject(code, self.discovery.instance()) =>
             {
                 self.connect(now);
@@ -120,7 +120,7 @@ impl Ar {
                     read(self.phase, args.blocks, &self.plan.connect.ar).map_err(Some)
                 }
                 Ok(args)
-                    if self.phase == Phase::Connecting
+                    if self.phase == ArPhase::Connecting
                         && self.plan.change(&mut self.changes, args.status) =>
                 {
                     // An analyser reports another FrameID under the same ARUUID as a fault.
@@ -135,7 +135,7 @@ impl Ar {
         match answered {
             Ok(answer) => self.continue_startup(now, answer),
             // A device that is ready has executed PrmEnd. It refuses a repetition, since its answer was lost.
-            Err(_) if self.phase == (Phase::EndingParameters { ready: true }) => self.exchange(now),
+            Err(_) if self.phase == (ArPhase::EndingParameters { ready: true }) => self.exchange(now),
             Err(Some(refusal)) if self.goes_on_without_record(now, refusal) => {}
             Err(refusal) => {
                 let unfit = Refusal { code: 0, text: down_reasons::UNFIT_ANSWER };
@@ -149,16 +149,16 @@ impl Ar {
     /// Takes the next step after a positive answer.
     fn continue_startup(&mut self, now: Instant, answer: Answer) {
         match (self.phase, answer) {
-            (Phase::Connecting, Answer::Connected(granted)) => self.connected(now, granted),
-            (Phase::Writing { end, .. }, Answer::Done) => self.write(now, end),
-            (Phase::Writing { parameter, end }, Answer::Written(statuses)) => {
+            (ArPhase::Connecting, Answer::Connected(granted)) => self.connected(now, granted),
+            (ArPhase::Writing { end, .. }, Answer::Done) => self.write(now, end),
+            (ArPhase::Writing { parameter, end }, Answer::Written(statuses)) => {
                 match self.refused_of_several(parameter, end, &statuses) {
                     None => self.write(now, end),
                     Some(refusal) => self.refuse(now, refusal),
                 }
             }
-            (Phase::EndingParameters { ready: true }, Answer::Done) => self.exchange(now),
-            (Phase::EndingParameters { ready: false }, Answer::Done) => self.await_ready(now),
+            (ArPhase::EndingParameters { ready: true }, Answer::Done) => self.exchange(now),
+            (ArPhase::EndingParameters { ready: false }, Answer::Done) => self.await_ready(now),
             _ => {}
         }
     }
@@ -173,7 +173,7 @@ impl Ar {
             return self.refuse_responder(now, responder);
         }
         let macs = (self.own, responder);
-        let link = match Link::new(now, macs, &self.config, &self.plan, &self.output, &granted) {
+        let link = match CyclicLink::new(now, macs, &self.config, &self.plan, &self.output, &granted) {
             Ok(link) => link,
             Err(refusal) => return self.refuse(now, refusal),
         };
@@ -189,11 +189,11 @@ impl Ar {
     fn write(&mut self, now: Instant, index: usize) {
         let index = self.next_parameter(index);
         if index >= self.config.parameters.len() {
-            self.phase = Phase::EndingParameters { ready: false };
+            self.phase = ArPhase::EndingParameters { ready: false };
             return self.control(now, Operation::Control, Command::PrmEnd);
         }
         let end = self.together_from(index);
-        self.phase = Phase::Writing { parameter: index, end };
+        self.phase = ArPhase::Writing { parameter: index, end };
         let called = if end > index + 1 {
             self.call_multiple_write(now, index, end)
         } else {
@@ -207,7 +207,7 @@ impl Ar {
     /// Goes on after a Write that the device refused as a whole, if it can: records that were written together are written one by
     /// one, and a single one may not be needed.
     fn goes_on_without_record(&mut self, now: Instant, refusal: Refusal) -> bool {
-        let Phase::Writing { parameter, end } = self.phase else { return false };
+        let ArPhase::Writing { parameter, end } = self.phase else { return false };
         if end > parameter + 1 {
             self.commissioning.writes_together = false;
             self.write(now, parameter);
@@ -261,7 +261,7 @@ impl Ar {
         let ar = &self.plan.connect.ar;
         let expects = matches!(
             self.phase,
-            Phase::EndingParameters { .. } | Phase::AwaitingReady { .. } | Phase::Exchanging
+            ArPhase::EndingParameters { .. } | ArPhase::AwaitingReady { .. } | ArPhase::Exchanging
         );
         expects.then_some((ar.uuid, ar.session))
     }
@@ -269,7 +269,7 @@ impl Ar {
     /// Handles ApplicationReady: the device is ready for cyclic data. `blocks` are those of the call.
     pub(in super::super) fn application_ready(&mut self, now: Instant, blocks: &[u8]) {
         self.acyclic = Acyclic::Active;
-        if matches!(self.phase, Phase::EndingParameters { .. } | Phase::AwaitingReady { .. }) {
+        if matches!(self.phase, ArPhase::EndingParameters { .. } | ArPhase::AwaitingReady { .. }) {
             // What the device says of its modules now counts, and not what it said in its answer to Connect.
             match connect::parse_module_diff(blocks) {
                 Ok(Some(diff)) => self.diff = diff,
@@ -281,22 +281,22 @@ impl Ar {
             }
         }
         match self.phase {
-            Phase::EndingParameters { .. } => self.phase = Phase::EndingParameters { ready: true },
-            Phase::AwaitingReady { .. } => self.exchange(now),
+            ArPhase::EndingParameters { .. } => self.phase = ArPhase::EndingParameters { ready: true },
+            ArPhase::AwaitingReady { .. } => self.exchange(now),
             _ => {}
         }
     }
 
     fn await_ready(&mut self, now: Instant) {
         self.phase =
-            Phase::AwaitingReady { until: now + READY_WITHIN, silent_until: now + SILENT_READY_WITHIN };
+            ArPhase::AwaitingReady { until: now + READY_WITHIN, silent_until: now + SILENT_READY_WITHIN };
         if let Some(link) = &mut self.link {
             link.receiver.restart_watchdog(now);
         }
     }
 
     fn exchange(&mut self, now: Instant) {
-        self.phase = Phase::Exchanging;
+        self.phase = ArPhase::Exchanging;
         if let Some(link) = &mut self.link {
             link.accept_input(&self.plan);
             link.receiver.restart_watchdog(now);
@@ -306,16 +306,16 @@ impl Ar {
 
     /// Handles a call that the device did not answer.
     pub(super) fn give_up_call(&mut self, now: Instant) {
-        if matches!(self.phase, Phase::Releasing { .. }) {
+        if matches!(self.phase, ArPhase::Releasing { .. }) {
             return self.stop();
         }
-        if self.phase == (Phase::EndingParameters { ready: true }) {
+        if self.phase == (ArPhase::EndingParameters { ready: true }) {
             return self.exchange(now);
         }
         if self.awaits_record() {
             return self.record_answered(now, Err(Status(0)));
         }
-        if self.phase == Phase::Exchanging {
+        if self.phase == ArPhase::Exchanging {
             return self.plug_answered(now);
         }
         let down = Down { cause: DownCause::NoAnswer, code: 0, text: self.no_answer() };
@@ -330,7 +330,7 @@ impl Ar {
 
     /// Ends the AR as the standard requires.
     pub(super) fn release(&mut self, now: Instant) {
-        if matches!(self.phase, Phase::Stopped | Phase::Releasing { .. }) {
+        if matches!(self.phase, ArPhase::Stopped | ArPhase::Releasing { .. }) {
             return;
         }
         self.up = false;
@@ -342,13 +342,13 @@ impl Ar {
             return self.stop();
         }
         self.drop_link();
-        self.phase = Phase::Releasing { until: now + RELEASED_WITHIN };
+        self.phase = ArPhase::Releasing { until: now + RELEASED_WITHIN };
         self.control(now, Operation::Release, Command::Release);
     }
 
     pub(super) fn stop(&mut self) {
         self.caller.cancel();
-        self.phase = Phase::Stopped;
+        self.phase = ArPhase::Stopped;
         let down = Down { cause: DownCause::ClosedHere, code: 0, text: "" };
         self.events.push_back(LinkEvent::Down(down));
     }
@@ -363,7 +363,7 @@ enum Answer {
 }
 
 /// Reads the blocks of an answer in this phase, and checks that they are about this AR.
-fn read(phase: Phase, blocks: &[u8], ar: &connect::Ar) -> Result<Answer, Refusal> {
+fn read(phase: ArPhase, blocks: &[u8], ar: &connect::Ar) -> Result<Answer, Refusal> {
     let unfit = Refusal { code: 0, text: down_reasons::UNFIT_ANSWER };
     let control = |command| match Control::parse_response(blocks) {
         Ok(done) if (done.command, done.ar, done.session) == (command, ar.uuid, ar.session) => {
@@ -372,8 +372,8 @@ fn read(phase: Phase, blocks: &[u8], ar: &connect::Ar) -> Result<Answer, Refusal
         _ => Err(unfit),
     };
     match phase {
-        Phase::Connecting => ConnectResponse::parse(blocks).map(Answer::Connected).map_err(|_| unfit),
-        Phase::Writing { .. } => match WriteResponse::parse(&mut BlockReader::new(blocks)) {
+        ArPhase::Connecting => ConnectResponse::parse(blocks).map(Answer::Connected).map_err(|_| unfit),
+        ArPhase::Writing { .. } => match WriteResponse::parse(&mut BlockReader::new(blocks)) {
             Ok(written) if written.address.ar != ar.uuid => Err(unfit),
             Ok(written) if written.status.is_ok() && written.address.index == index::MULTIPLE_WRITE => {
                 multiple_write::statuses(blocks, ar.uuid).map(Answer::Written).ok_or(unfit)
@@ -382,7 +382,7 @@ fn read(phase: Phase, blocks: &[u8], ar: &connect::Ar) -> Result<Answer, Refusal
             Ok(written) => Err(Refusal { code: written.status.0, text: written.status.text() }),
             Err(_) => Err(unfit),
         },
-        Phase::EndingParameters { .. } => control(Command::PrmEnd),
+        ArPhase::EndingParameters { .. } => control(Command::PrmEnd),
         _ => Ok(Answer::Done),
     }
 }

@@ -59,7 +59,7 @@ const UNFIT: (DownCause, u32, &str) =
 #[test]
 fn the_answer_to_a_write_counts_only_if_it_is_about_this_ar_and_positive() {
     let written = |change: fn(&mut WriteResponse)| {
-        let mut cell = Cell::new(Transport::Rt1, Script::default());
+        let mut cell = Cell::new(Transport::Rt1, PeerScript::default());
         connect(&mut cell, Operation::Write, |blocks| {
             let request = WriteRequest::parse(&mut Reader::new(blocks)).unwrap();
             let mut answer = WriteResponse { address: request.address, length: 0, status: Status::OK };
@@ -72,14 +72,14 @@ fn the_answer_to_a_write_counts_only_if_it_is_about_this_ar_and_positive() {
     let refusal = Violation::WriteLength.status(Service::Write);
     let refused = written(|answer| answer.status = Violation::WriteLength.status(Service::Write));
     assert_eq!(down(&refused), (DownCause::Refused, refusal.0, refusal.text()));
-    let mut cell = Cell::new(Transport::Rt1, Script::default());
+    let mut cell = Cell::new(Transport::Rt1, PeerScript::default());
     assert_eq!(down(&connect(&mut cell, Operation::Write, |_| positive(|_| {}))), UNFIT);
 }
 
 #[test]
 fn the_answer_to_prm_end_counts_only_if_it_is_about_this_connection() {
     let ended = |change: fn(&mut Control)| {
-        let script = Script { never_ready: true, ..Script::default() };
+        let script = PeerScript { never_ready: true, ..PeerScript::default() };
         let mut cell = Cell::new(Transport::Rt1, script);
         connect(&mut cell, Operation::Control, |blocks| {
             let mut control = Control::parse_request(blocks).unwrap();
@@ -96,7 +96,7 @@ fn the_answer_to_prm_end_counts_only_if_it_is_about_this_connection() {
 #[test]
 fn an_answer_that_breaks_the_format_is_counted_and_refused() {
     for operation in [Operation::Connect, Operation::Write, Operation::Control] {
-        let mut cell = Cell::new(Transport::Rt1, Script::default());
+        let mut cell = Cell::new(Transport::Rt1, PeerScript::default());
         let events = connect(&mut cell, operation, |_| vec![0; 7]);
         assert_eq!((down(&events), cell.ar().counters().malformed), (UNFIT, 1), "{operation:?}");
     }
@@ -104,7 +104,7 @@ fn an_answer_that_breaks_the_format_is_counted_and_refused() {
 
 #[test]
 fn differences_of_modules_that_break_the_format_are_counted_and_the_device_is_ready_all_the_same() {
-    let mut cell = Cell::new(Transport::Rt1, Script { never_ready: true, ..Script::default() });
+    let mut cell = Cell::new(Transport::Rt1, PeerScript { never_ready: true, ..PeerScript::default() });
     assert_eq!(cell.run(50), []);
     let (_, call) = cell.peer.application_ready();
     let (header, body) = Header::parse(&call).unwrap();
@@ -138,7 +138,7 @@ fn connects(cell: &Cell) -> Vec<ConnectRequest> {
 /// Returns the forms in which a device is asked for its data that refuses each Connect with this status, for so many ms.
 fn forms(transport: Transport, violation: Violation, millis: u64) -> Vec<[(RtClass, u16); 2]> {
     let refuses_connect = Some(violation.status(Service::Connect));
-    let mut cell = Cell::new(transport, Script { refuses_connect, ..Script::default() });
+    let mut cell = Cell::new(transport, PeerScript { refuses_connect, ..PeerScript::default() });
     cell.run(millis);
     let form =
         |connect: ConnectRequest| [0, 1].map(|n| (connect.iocrs[n].rt_class, connect.iocrs[n].frame_id));
@@ -161,7 +161,7 @@ fn only_a_device_that_refuses_the_class_of_its_data_is_asked_for_another_one() {
 fn the_uuid_of_each_ar_is_random_in_all_bits_besides_version_and_variant() {
     let (mut ones, mut zeros) = (0, 0);
     for seed in 0..64 {
-        let mut cell = Cell::new(Transport::Rt1, Script::default());
+        let mut cell = Cell::new(Transport::Rt1, PeerScript::default());
         cell.controller = controller_with(seed);
         cell.ar = cell.controller.connect(ar(Transport::Rt1), Instant::ZERO).unwrap();
         cell.now = Instant::ZERO;

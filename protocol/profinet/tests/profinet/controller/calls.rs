@@ -27,7 +27,7 @@ fn third(cell: &mut Cell, station: u8, fragment: u16, more_flags: u8) -> Option<
 }
 
 fn idle() -> Cell {
-    let mut cell = Cell::new(Transport::Rt1, Script { silent: true, ..Script::default() });
+    let mut cell = Cell::new(Transport::Rt1, PeerScript { silent: true, ..PeerScript::default() });
     cell.run(10);
     cell
 }

@@ -19,7 +19,7 @@ const FOREIGN: (u64, u64) = (0, 1);
 type Frame = (Source, Vec<u8>);
 
 fn connected(transport: Transport) -> Cell {
-    let mut cell = Cell::new(transport, Script::default());
+    let mut cell = Cell::new(transport, PeerScript::default());
     assert_eq!(cell.run(50), [LinkEvent::Up]);
     cell
 }

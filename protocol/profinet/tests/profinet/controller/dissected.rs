@@ -32,7 +32,7 @@ fn control_blocks(cell: &Cell) -> Vec<[String; 6]> {
 #[test]
 fn a_start_and_a_plugged_submodule_have_their_control_blocks() {
     for transport in [Transport::Rt1, Transport::Udp] {
-        let mut cell = Cell::new(transport, Script::default());
+        let mut cell = Cell::new(transport, PeerScript::default());
         assert_eq!(cell.run(10), [LinkEvent::Up]);
         life::alarm(&mut cell, 4, 0xA123, 0xFFFF);
         cell.run(10);
@@ -57,7 +57,7 @@ fn a_start_and_a_plugged_submodule_have_their_control_blocks() {
 
 #[test]
 fn the_connect_to_an_old_stack_has_no_faults() {
-    let mut cell = Cell::new(Transport::Rt1, Script { is_old: true, ..Script::default() });
+    let mut cell = Cell::new(Transport::Rt1, PeerScript { is_old: true, ..PeerScript::default() });
     assert_eq!(cell.run(10), [LinkEvent::Up]);
     assert_eq!(control_blocks(&cell).len(), 4);
 }
@@ -92,7 +92,7 @@ fn look_up(
 
 #[test]
 fn the_endpoint_mapper_names_the_controller_to_everyone() {
-    let mut cell = Cell::new(Transport::Rt1, Script::default());
+    let mut cell = Cell::new(Transport::Rt1, PeerScript::default());
     assert_eq!(cell.run(10), [LinkEvent::Up]);
     // All objects of the interface of a controller.
     let mut wanted = [0; 76];

@@ -9,7 +9,7 @@ use profinet::status::{Service, Status, Violation};
 use super::*;
 #[test]
 fn the_watchdog_ends_the_ar_tells_the_device_and_the_controller_reconnects() {
-    let mut cell = Cell::new(Transport::Rt1, Script::default());
+    let mut cell = Cell::new(Transport::Rt1, PeerScript::default());
     assert_eq!(cell.run(50), [LinkEvent::Up]);
     let first = cell.peer.connect.clone().unwrap();
     cell.peer.script.no_cyclic = true;
@@ -28,7 +28,7 @@ fn the_watchdog_ends_the_ar_tells_the_device_and_the_controller_reconnects() {
 #[test]
 fn an_error_pdu_of_the_device_ends_the_ar_and_is_told_in_words() {
     for transport in [Transport::Rt1, Transport::Udp] {
-        let mut cell = Cell::new(transport, Script::default());
+        let mut cell = Cell::new(transport, PeerScript::default());
         cell.run(50);
         let rta = Rta {
             destination: 0,
@@ -55,7 +55,7 @@ fn an_error_pdu_of_the_device_ends_the_ar_and_is_told_in_words() {
 
 #[test]
 fn an_alarm_is_acknowledged_and_data_go_on() {
-    let mut cell = Cell::new(Transport::Udp, Script::default());
+    let mut cell = Cell::new(Transport::Udp, PeerScript::default());
     cell.run(50);
     let rta = Rta {
         destination: 0,
@@ -126,7 +126,7 @@ fn a_submodule_that_is_plugged_gets_its_parameters_while_data_go_on() {
     const RELEASED: u16 = 9;
     for transport in [Transport::Rt1, Transport::Udp] {
         for alarm_type in [PLUG, RELEASED] {
-            let mut cell = Cell::new(transport, Script::default());
+            let mut cell = Cell::new(transport, PeerScript::default());
             cell.run(50);
             cell.peer.written.clear();
             alarm(&mut cell, alarm_type, 0xA123, 0xFFFF);
@@ -143,7 +143,7 @@ fn a_submodule_that_is_plugged_gets_its_parameters_while_data_go_on() {
 fn alarms_of_other_kinds_write_no_parameters() {
     // Diagnosis, process, pull, update, plug of a wrong submodule, return, diagnosis disappears, pull of a module.
     for alarm_type in [1, 2, 3, 6, 0xA, 0xB, 0xC, 0x1F] {
-        let mut cell = Cell::new(Transport::Udp, Script::default());
+        let mut cell = Cell::new(Transport::Udp, PeerScript::default());
         cell.run(50);
         alarm(&mut cell, alarm_type, 0, 0xFFFF);
         assert_eq!(cell.run(100), []);
@@ -154,7 +154,8 @@ fn alarms_of_other_kinds_write_no_parameters() {
 #[test]
 fn a_device_that_refuses_or_ignores_the_parameters_of_a_plugged_submodule_keeps_its_ar() {
     let conflict = Violation::StateConflict.status(Service::Control);
-    let mut cell = Cell::new(Transport::Udp, Script { refuses_plug: Some(conflict), ..Script::default() });
+    let mut cell =
+        Cell::new(Transport::Udp, PeerScript { refuses_plug: Some(conflict), ..PeerScript::default() });
     cell.run(50);
     alarm(&mut cell, 4, 1, 0xFFFF);
     assert_eq!(cell.run(10_000), []);
@@ -165,7 +166,7 @@ fn a_device_that_refuses_or_ignores_the_parameters_of_a_plugged_submodule_keeps_
     alarm(&mut cell, 4, 2, 0);
     assert_eq!(cell.run(10_000), []);
     assert_eq!(cell.peer.plug_ends, []);
-    cell.peer.script = Script::default();
+    cell.peer.script = PeerScript::default();
     alarm(&mut cell, 4, 3, 1);
     assert_eq!(cell.peer.plug_ends, [3], "the next one is served again");
 }
@@ -193,7 +194,7 @@ fn all_submodules_that_are_plugged_at_the_same_time_get_their_parameters_one_aft
     let parameter = |subslot| Parameter { slot: 1, subslot, index: 1, data: vec![subslot as u8] };
     let parameters = (1..=34).map(parameter).collect();
     let config = ArConfig { description, parameters, ..ar(Transport::Udp) };
-    let mut cell = Cell::with(config, Script::default());
+    let mut cell = Cell::with(config, PeerScript::default());
     cell.run(50);
     cell.peer.written.clear();
     plug_at_the_same_time(&mut cell, &(1..=34).map(|subslot| (1, subslot)).collect::<Vec<_>>());
@@ -203,7 +204,7 @@ fn all_submodules_that_are_plugged_at_the_same_time_get_their_parameters_one_aft
 
 #[test]
 fn a_submodule_that_is_plugged_again_before_its_turn_gets_its_parameters_once() {
-    let mut cell = Cell::new(Transport::Udp, Script::default());
+    let mut cell = Cell::new(Transport::Udp, PeerScript::default());
     cell.run(50);
     // The first alarm is served while the others come.
     plug_at_the_same_time(&mut cell, &[(1, 1); 34]);
@@ -212,7 +213,7 @@ fn a_submodule_that_is_plugged_again_before_its_turn_gets_its_parameters_once() 
 
 #[test]
 fn a_plugged_submodule_that_is_not_of_the_ar_gets_nothing() {
-    let mut cell = Cell::new(Transport::Udp, Script::default());
+    let mut cell = Cell::new(Transport::Udp, PeerScript::default());
     cell.run(50);
     plug_at_the_same_time(&mut cell, &[(1, 7), (77, 1), (1, 1)]);
     assert_eq!(cell.peer.plug_ends, [3]);
@@ -220,14 +221,14 @@ fn a_plugged_submodule_that_is_not_of_the_ar_gets_nothing() {
 
 #[test]
 fn a_submodule_that_was_plugged_before_the_connection_ended_is_not_served_by_the_next_one() {
-    let mut cell = Cell::new(Transport::Udp, Script::default());
+    let mut cell = Cell::new(Transport::Udp, PeerScript::default());
     cell.run(50);
     cell.peer.script.deaf_to_rpc = true;
     alarm(&mut cell, 4, 1, 0xFFFF);
     alarm(&mut cell, 4, 2, 0);
     cell.peer.script.silent = true;
     cell.run(50);
-    cell.peer.script = Script::default();
+    cell.peer.script = PeerScript::default();
     assert_eq!(cell.run(500), [LinkEvent::Up]);
     assert_eq!(cell.peer.plug_ends, []);
     alarm(&mut cell, 4, 3, 0xFFFF);
@@ -236,7 +237,7 @@ fn a_submodule_that_was_plugged_before_the_connection_ended_is_not_served_by_the
 
 #[test]
 fn a_repeated_application_ready_is_answered_again_while_data_go() {
-    let mut cell = Cell::new(Transport::Udp, Script::default());
+    let mut cell = Cell::new(Transport::Udp, PeerScript::default());
     cell.run(50);
     let again = cell.peer.application_ready();
     cell.deliver(again);
@@ -246,7 +247,7 @@ fn a_repeated_application_ready_is_answered_again_while_data_go() {
 
 #[test]
 fn disconnect_releases_the_ar_and_nothing_is_sent_afterwards() {
-    let mut cell = Cell::new(Transport::Udp, Script::default());
+    let mut cell = Cell::new(Transport::Udp, PeerScript::default());
     cell.run(50);
     let now = cell.now;
     cell.ar().disconnect(now);
@@ -260,7 +261,7 @@ fn disconnect_releases_the_ar_and_nothing_is_sent_afterwards() {
 
 #[test]
 fn a_device_that_refuses_the_release_or_answers_late_is_left_all_the_same() {
-    let mut cell = Cell::new(Transport::Udp, Script::default());
+    let mut cell = Cell::new(Transport::Udp, PeerScript::default());
     cell.run(50);
     cell.peer.script.deaf_to_rpc = true;
     let now = cell.now;
@@ -271,7 +272,8 @@ fn a_device_that_refuses_the_release_or_answers_late_is_left_all_the_same() {
     assert!(cell.peer.released, "by the repetition after 0.6 s");
 
     let refusal = Violation::ReleaseSessionKey.status(Service::Release);
-    let mut cell = Cell::new(Transport::Udp, Script { refuses_release: Some(refusal), ..Script::default() });
+    let mut cell =
+        Cell::new(Transport::Udp, PeerScript { refuses_release: Some(refusal), ..PeerScript::default() });
     cell.run(50);
     let now = cell.now;
     cell.ar().disconnect(now);
@@ -282,7 +284,7 @@ fn a_device_that_refuses_the_release_or_answers_late_is_left_all_the_same() {
 
 #[test]
 fn disconnect_ends_within_a_second_without_an_answer() {
-    let mut cell = Cell::new(Transport::Udp, Script::default());
+    let mut cell = Cell::new(Transport::Udp, PeerScript::default());
     cell.run(50);
     cell.peer.script.silent = true;
     let now = cell.now;

@@ -22,7 +22,7 @@ use profinet::rt::Transport;
 use profinet::{Ar, ArConfig, ArId, Controller, ControllerConfig, Parameter};
 
 use crate::{is_arp, is_lldp, samples, tshark};
-use peer::{Peer, Script};
+use peer::{PeerScript, ScriptedPeer};
 
 const CONTROLLER: Mac = Mac([2, 0, 0, 0, 0, 1]);
 const DEVICE: Mac = Mac([2, 0, 0, 0, 0, 2]);
@@ -65,7 +65,7 @@ fn ar(transport: Transport) -> ArConfig {
 struct Cell {
     controller: Controller,
     ar: ArId,
-    peer: Peer,
+    peer: ScriptedPeer,
     now: Instant,
     events: Vec<LinkEvent>,
     frames: usize,
@@ -74,17 +74,17 @@ struct Cell {
 }
 
 impl Cell {
-    fn new(transport: Transport, script: Script) -> Self {
+    fn new(transport: Transport, script: PeerScript) -> Self {
         Self::with(ar(transport), script)
     }
 
-    fn with(config: ArConfig, script: Script) -> Self {
+    fn with(config: ArConfig, script: PeerScript) -> Self {
         let mut controller = controller();
         let ar = controller.connect(config, Instant::ZERO).unwrap();
         let mut cell = Self {
             controller,
             ar,
-            peer: Peer::new(script),
+            peer: ScriptedPeer::new(script),
             now: Instant::ZERO,
             events: Vec::new(),
             frames: 0,

@@ -27,7 +27,7 @@ use crate::samples;
 
 /// What the peer leaves out or does otherwise.
 #[derive(Default)]
-pub(super) struct Script {
+pub(super) struct PeerScript {
     pub(super) silent: bool,
     pub(super) deaf_to_rpc: bool,
     /// It does not answer when its address is set.
@@ -61,8 +61,8 @@ pub(super) struct Script {
 }
 
 /// The device.
-pub(super) struct Peer {
-    pub(super) script: Script,
+pub(super) struct ScriptedPeer {
+    pub(super) script: PeerScript,
     pub(super) connect: Option<ConnectRequest>,
     pub(super) written: Vec<Vec<u8>>,
     pub(super) released: bool,
@@ -111,8 +111,8 @@ fn answer_arp(question: &ArpPacket) -> Frames {
     if is_asked { vec![(ETHERNET, buf[..len].to_vec())] } else { Vec::new() }
 }
 
-impl Peer {
-    pub(super) fn new(script: Script) -> Self {
+impl ScriptedPeer {
+    pub(super) fn new(script: PeerScript) -> Self {
         Self {
             script,
             connect: None,

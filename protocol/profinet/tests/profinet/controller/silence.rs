@@ -14,26 +14,26 @@ fn a_device_that_comes_late_and_then_does_not_answer_calls_is_reported_3_s_after
         (false, "the device is there but does not answer calls"),
         (true, "the device does not answer calls, and"),
     ] {
-        let script = Script { silent: true, ..Script::default() };
+        let script = PeerScript { silent: true, ..PeerScript::default() };
         let mut cell = Cell::new(Transport::Rt1, script);
         assert_eq!(cell.run(1_000), []);
-        cell.peer.script = Script { deaf_to_rpc: true, address_conflict, ..Script::default() };
+        cell.peer.script = PeerScript { deaf_to_rpc: true, address_conflict, ..PeerScript::default() };
         cell.goes_down(2_000, &[(DownCause::NoAnswer, 0, words)]);
     }
 }
 
 #[test]
 fn a_device_that_does_not_answer_when_its_address_is_set_is_reported_as_such() {
-    let mut cell = Cell::new(Transport::Rt1, Script { silent: true, ..Script::default() });
+    let mut cell = Cell::new(Transport::Rt1, PeerScript { silent: true, ..PeerScript::default() });
     assert_eq!(cell.run(100), []);
-    cell.peer.script = Script { ignores_set: true, ..Script::default() };
+    cell.peer.script = PeerScript { ignores_set: true, ..PeerScript::default() };
     cell.goes_down(2_900, &[(DownCause::NoAnswer, 0, "the device is there but does not answer when its IP")]);
 }
 
 #[test]
 fn a_device_that_sends_no_data_is_reported_after_3_s_even_if_its_watchdog_takes_longer() {
     let config = ArConfig { cycle: Duration::from_millis(512), ..ar(Transport::Udp) };
-    let mut cell = Cell::with(config, Script { no_cyclic: true, ..Script::default() });
+    let mut cell = Cell::with(config, PeerScript { no_cyclic: true, ..PeerScript::default() });
     cell.goes_down(3_000, &[(DownCause::NoAnswer, 0, "the device is connected but sends no cyclic frames")]);
     cell.goes_down(
         8_000,
@@ -44,7 +44,7 @@ fn a_device_that_sends_no_data_is_reported_after_3_s_even_if_its_watchdog_takes_
 #[test]
 fn another_reason_to_refuse_is_reported_again_and_silence_after_it_is_not() {
     let status = |violation: Violation| violation.status(Service::Connect);
-    let mut cell = Cell::new(Transport::Udp, Script::default());
+    let mut cell = Cell::new(Transport::Udp, PeerScript::default());
     for violation in [Violation::OutOfArResources, Violation::ArUuidUnknown, Violation::OutOfArResources] {
         cell.peer.script.refuses_connect = Some(status(violation));
         cell.goes_down(10_000, &[(DownCause::Refused, status(violation).0, violation.text())]);
@@ -55,7 +55,7 @@ fn another_reason_to_refuse_is_reported_again_and_silence_after_it_is_not() {
 
 #[test]
 fn a_controller_that_is_called_late_does_what_was_due() {
-    let mut cell = Cell::new(Transport::Udp, Script { silent: true, ..Script::default() });
+    let mut cell = Cell::new(Transport::Udp, PeerScript { silent: true, ..PeerScript::default() });
     assert_eq!((cell.run(0), cell.frames), (Vec::new(), 1));
     // It is due at 200, 450 and 700 ms.
     for (at, frames) in [(250, 2), (449, 2), (500, 3)] {
@@ -89,7 +89,7 @@ fn found(cell: &Cell, from: Mac, address: Ipv4Addr) -> (Source, Vec<u8>) {
 #[test]
 fn an_answer_that_comes_after_the_search_was_given_up_neither_starts_a_connection_nor_sets_an_address() {
     for address in [DEVICE_ADDRESS, Ipv4Addr::UNSPECIFIED] {
-        let mut cell = Cell::new(Transport::Rt1, Script { silent: true, ..Script::default() });
+        let mut cell = Cell::new(Transport::Rt1, PeerScript { silent: true, ..PeerScript::default() });
         assert_eq!(cell.run(10), []);
         let now = cell.now;
         cell.ar().disconnect(now);
@@ -103,7 +103,7 @@ fn an_answer_that_comes_after_the_search_was_given_up_neither_starts_a_connectio
 
 #[test]
 fn a_second_station_of_the_name_does_not_end_a_connection() {
-    let mut cell = Cell::new(Transport::Rt1, Script::default());
+    let mut cell = Cell::new(Transport::Rt1, PeerScript::default());
     assert_eq!(cell.run(50), [LinkEvent::Up]);
     let second = found(&cell, Mac([2, 0, 0, 0, 0, 9]), DEVICE_ADDRESS);
     cell.deliver(second);

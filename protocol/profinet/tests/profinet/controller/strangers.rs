@@ -10,7 +10,7 @@ use super::peer::{ETHERNET, ethernet, udp};
 use super::*;
 #[test]
 fn an_engineering_system_finds_the_controller_but_cannot_rename_it() {
-    let script = Script { silent: true, ..Script::default() };
+    let script = PeerScript { silent: true, ..PeerScript::default() };
     let mut cell = Cell::new(Transport::Udp, script);
     let mut ask = |service, blocks: &[dcp::Block<'_>]| {
         let frame = ethernet(|w| dcp::emit(w, service, 77, 1, blocks.iter().copied()));
@@ -93,7 +93,7 @@ proptest! {
         over_udp in any::<bool>(),
     ) {
         let transport = if over_udp { Transport::Udp } else { Transport::Rt1 };
-        let mut script = Script::default();
+        let mut script = PeerScript::default();
         match phase {
             0 => script.silent = true,
             1 => script.deaf_to_rpc = true,
@@ -108,7 +108,7 @@ proptest! {
             cell.deliver(frame);
             cell.run(1);
         }
-        cell.peer.script = Script::default();
+        cell.peer.script = PeerScript::default();
         let ready = cell.peer.connect.is_some().then(|| cell.peer.application_ready());
         if let Some(ready) = ready.filter(|_| phase == 2) {
             cell.deliver(ready);
@@ -120,7 +120,7 @@ proptest! {
     /// A device's answer with one byte changed leads to a connection, or to none, but never to a panic or a stall.
     #[test]
     fn a_damaged_answer_does_no_harm(nth in 0_usize..7, at in any::<proptest::sample::Index>(), value in any::<u8>()) {
-        let mut cell = Cell::new(Transport::Udp, Script::default());
+        let mut cell = Cell::new(Transport::Udp, PeerScript::default());
         let mut buf = [0; FRAME_CAPACITY];
         let mut seen = 0;
         while seen <= nth {

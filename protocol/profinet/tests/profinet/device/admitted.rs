@@ -7,7 +7,7 @@ use super::*;
 fn connected(change: impl FnOnce(&mut ConnectRequest)) -> (Status, Option<ConnectResponse>) {
     let mut request = connect_request(RtClass::Class1, true);
     change(&mut request);
-    Rig::new().connect(&request)
+    DeviceRig::new().connect(&request)
 }
 
 fn over_udp(iocr: &mut Iocr) {
@@ -50,7 +50,7 @@ fn the_frame_id_that_the_device_chooses_is_the_second_of_its_range_unless_the_in
 
 #[test]
 fn data_of_ports_and_interfaces_are_read_at_their_own_subslots_only() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let (port, interface) = (index::PD_PORT_DATA_REAL, index::PD_INTERFACE_DATA_REAL);
     for (index, slot, subslot, is_there) in [
         (port, 0, 0x8001, true),

@@ -6,19 +6,19 @@ use profinet::rpc::{ENDPOINT_MAPPER_INTERFACE, LOOKUP, read_rpc_status};
 use super::*;
 
 /// A station that reads without an AR.
-struct Reader {
+struct AnswerReader {
     number: u8,
     sequence: u32,
 }
 
-impl Reader {
+impl AnswerReader {
     fn new(number: u8) -> Self {
         Self { number, sequence: 0 }
     }
 
     /// Makes the call with the number of the reader. Returns the serial number of the answer: 0 if the call was executed, 1 if
     /// it was answered before; `None` without an answer.
-    fn call(&self, rig: &mut Rig) -> Option<u16> {
+    fn call(&self, rig: &mut DeviceRig) -> Option<u16> {
         let address = Address {
             sequence: 0,
             ar: Uuid::NIL,
@@ -47,8 +47,8 @@ fn serial(sent: &Sent) -> Option<u16> {
 
 #[test]
 fn the_answer_that_is_the_oldest_makes_room_for_that_of_a_new_caller() {
-    let mut rig = Rig::new();
-    let mut readers = [1, 2, 3, 4, 5].map(Reader::new);
+    let mut rig = DeviceRig::new();
+    let mut readers = [1, 2, 3, 4, 5].map(AnswerReader::new);
     for reader in &readers[..4] {
         assert_eq!(reader.call(&mut rig), Some(0));
     }
@@ -63,22 +63,22 @@ fn the_answer_that_is_the_oldest_makes_room_for_that_of_a_new_caller() {
 
 #[test]
 fn the_controllers_newest_answer_stays_however_many_others_read() {
-    let mut rig = Rig::new();
-    assert_eq!(Reader::new(1).call(&mut rig), Some(0), "is there before the controller");
+    let mut rig = DeviceRig::new();
+    assert_eq!(AnswerReader::new(1).call(&mut rig), Some(0), "is there before the controller");
     let connect =
         rig.datagram(Operation::Connect, &emitted(|w| connect_request(RtClass::Class1, true).emit(w)));
     assert_eq!(serial(&rig.receive(Port::Udp(RPC_PORT), &connect)), Some(0));
     for number in 2..20 {
-        Reader::new(number).call(&mut rig);
+        AnswerReader::new(number).call(&mut rig);
     }
     assert_eq!(serial(&rig.receive(Port::Udp(RPC_PORT), &connect)), Some(1));
 }
 
 #[test]
 fn the_controller_numbers_its_calls_upwards_and_every_other_caller_as_it_likes() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     for sequence in [7, 3, 0x8000_0000, 3] {
-        let reader = Reader { number: 1, sequence };
+        let reader = AnswerReader { number: 1, sequence };
         assert_eq!(reader.call(&mut rig), Some(0), "number {sequence}");
     }
     let mut prm_begin = |sequence| {
@@ -93,7 +93,7 @@ fn the_controller_numbers_its_calls_upwards_and_every_other_caller_as_it_likes()
 
 #[test]
 fn a_ping_gets_the_answer_of_its_own_call_only() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     rig.connect(&connect_request(RtClass::Class1, true));
     let mut ping = |from, activity, sequence| {
         let header = Header { kind: Kind::Ping, activity, sequence, ..rig.header(Operation::Connect) };
@@ -114,7 +114,7 @@ fn a_ping_gets_the_answer_of_its_own_call_only() {
 
 #[test]
 fn a_fragment_is_acknowledged_by_its_number_unless_its_sender_wants_none() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let mut fragment = |fragment, more| {
         let header = rig.header(Operation::Connect);
         let header = Header { fragment, flags: flags::FRAGMENT | more, ..header };
@@ -134,7 +134,7 @@ fn a_fragment_is_acknowledged_by_its_number_unless_its_sender_wants_none() {
 
 #[test]
 fn the_endpoint_mapper_refuses_in_the_terms_of_rpc() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let mut refusal = |operation, body: &[u8]| {
         let header = rig.header(Operation::Unknown(operation));
         let mut buf = [0; 200];

@@ -6,11 +6,11 @@ use crate::captured::{self, datagram, frame};
 const P_NET_MAC: Mac = Mac([0x8C, 0xF3, 0x19, 0xCD, 0x19, 0xF8]);
 const CPU: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(172, 16, 2, 100), 0xD5EE);
 
-fn p_net() -> Rig {
+fn p_net() -> DeviceRig {
     p_net_with(Some(Ipv4Addr::new(172, 16, 2, 10)))
 }
 
-fn p_net_with(address: Option<Ipv4Addr>) -> Rig {
+fn p_net_with(address: Option<Ipv4Addr>) -> DeviceRig {
     let config = DeviceConfig {
         mac: P_NET_MAC,
         station_name: b"rt-labs-dev".to_vec(),
@@ -20,10 +20,10 @@ fn p_net_with(address: Option<Ipv4Addr>) -> Rig {
         description: samples::P_NET,
         controllers: machine::Allowed::default(),
     };
-    Rig::around(Device::new(config, Instant::ZERO))
+    DeviceRig::around(Device::new(config, Instant::ZERO))
 }
 
-impl Rig {
+impl DeviceRig {
     fn cpu_sends(&mut self, text: &str) -> Sent {
         self.cpu_sends_datagram(&datagram(text))
     }

@@ -20,13 +20,13 @@ use Raised::{Foreign, Late, Malformed};
 
 /// Gives the device a frame, and asserts that it raises this counter by one and no other.
 fn assert_raised(
-    rig: &mut Rig,
+    rig: &mut DeviceRig,
     what: &str,
     from: SocketAddrV4,
     (port, frame): (Port, Vec<u8>),
     raised: Raised,
 ) {
-    let count = |rig: &Rig| {
+    let count = |rig: &DeviceRig| {
         let counters = rig.device.counters();
         [counters.malformed, counters.foreign, counters.late]
     };
@@ -37,9 +37,9 @@ fn assert_raised(
     assert_eq!([0, 1, 2].map(|index| after[index] - before[index]), wanted, "{what}");
 }
 
-type Frame = fn(&mut Rig) -> (Port, Vec<u8>);
+type Frame = fn(&mut DeviceRig) -> (Port, Vec<u8>);
 
-fn assert_each(rig: &mut Rig, cases: &[(&str, Raised, Frame)]) {
+fn assert_each(rig: &mut DeviceRig, cases: &[(&str, Raised, Frame)]) {
     for (what, raised, frame) in cases {
         let frame = frame(rig);
         assert_raised(rig, what, CONTROLLER, frame, *raised);
@@ -54,15 +54,15 @@ fn rpc(header: Header, body: &[u8]) -> (Port, Vec<u8>) {
     (Port::Udp(RPC_PORT), buf[..len].to_vec())
 }
 
-fn of_kind(rig: &Rig, kind: Kind) -> (Port, Vec<u8>) {
+fn of_kind(rig: &DeviceRig, kind: Kind) -> (Port, Vec<u8>) {
     rpc(Header { kind, ..rig.header(Operation::Read) }, &[])
 }
 
-fn call(rig: &Rig, operation: Operation, emit: impl FnOnce(&mut BlockWriter<'_>)) -> (Port, Vec<u8>) {
+fn call(rig: &DeviceRig, operation: Operation, emit: impl FnOnce(&mut BlockWriter<'_>)) -> (Port, Vec<u8>) {
     (Port::Udp(RPC_PORT), rig.datagram(operation, &emitted(emit)))
 }
 
-fn to_mapper(rig: &Rig, operation: u16, body: &[u8]) -> (Port, Vec<u8>) {
+fn to_mapper(rig: &DeviceRig, operation: u16, body: &[u8]) -> (Port, Vec<u8>) {
     let header = rig.header(Operation::Unknown(operation));
     rpc(Header { interface: ENDPOINT_MAPPER_INTERFACE, ..header }, body)
 }
@@ -166,7 +166,7 @@ fn every_frame_that_is_ignored_or_refused_while_data_go_raises_one_counter() {
             rpc(Header { sequence: 0, ..rig.header(Operation::Read) }, Header::parse(&datagram).unwrap().1)
         }),
     ];
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     assert_each(&mut rig, cases);
     assert!(rig.device.has_controller() && rig.device.output(1, 1).is_some(), "none ends the connection");
 }
@@ -187,7 +187,7 @@ fn response(blocks: impl FnOnce(&mut BlockWriter<'_>)) -> Vec<u8> {
 
 #[test]
 fn what_does_not_confirm_application_ready_is_counted_and_the_device_goes_on_waiting() {
-    let mut rig = Rig { rt_class: RtClass::Udp, ..Rig::new() };
+    let mut rig = DeviceRig { rt_class: RtClass::Udp, ..DeviceRig::new() };
     rig.connect(&connect_request(RtClass::Udp, true));
     let (_, sent) = rig.prm_end();
     let ready = &sent[0].1;
@@ -220,7 +220,7 @@ fn what_does_not_confirm_application_ready_is_counted_and_the_device_goes_on_wai
 
 #[test]
 fn an_alarm_of_either_priority_is_acknowledged_and_counts_nothing() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     for (frame_id, priority) in [(FRAME_ID_HIGH, Priority::High), (FRAME_ID_LOW, Priority::Low)] {
         let notification = Alarm::Notification(Notification { priority, ..samples::DIAGNOSIS });
         let (port, frame) = alarm(frame_id, RTA, |w| notification.emit(w));
@@ -240,7 +240,7 @@ fn an_alarm_of_either_priority_is_acknowledged_and_counts_nothing() {
 
 #[test]
 fn cycles_for_which_the_device_was_called_too_late_are_counted_once_also_after_the_connection() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     rig.advance(Duration::from_millis(2));
     let before = rig.device.counters();
     rig.now += Duration::from_millis(4);
@@ -254,7 +254,7 @@ fn cycles_for_which_the_device_was_called_too_late_are_counted_once_also_after_t
 
 #[test]
 fn events_that_the_owner_does_not_take_do_not_pile_up() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     for session in 1..=20 {
         let mut request = connect_request(RtClass::Class1, true);
         request.ar.session = session;
@@ -270,7 +270,7 @@ fn a_set_of_a_station_that_is_not_listed_is_refused_and_counted_and_one_that_is_
     use machine::Peer;
     use profinet::dcp::{BlockError, Code};
     let listed = Peer { address: None, mac: Some(CONTROLLER_MAC), serial_number: None };
-    let mut rig = Rig::around(Device::new(
+    let mut rig = DeviceRig::around(Device::new(
         DeviceConfig { controllers: Allowed(vec![listed]), ..config() },
         Instant::ZERO,
     ));

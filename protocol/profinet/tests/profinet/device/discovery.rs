@@ -49,7 +49,7 @@ fn it_answers_who_asks_for_it_and_nobody_else() {
         (vec![Content::DeviceInstance(2)], false),
         (vec![Content::AliasName(b"port-001.plc")], false),
     ] {
-        let mut rig = Rig::new();
+        let mut rig = DeviceRig::new();
         let sent = rig.receive(Port::Ethernet, &identify(blocks.iter().copied()));
         assert_eq!(!sent.is_empty(), answers, "{blocks:?}");
         if let [(_, frame)] = &sent[..] {
@@ -65,7 +65,7 @@ fn it_answers_who_asks_for_it_and_nobody_else() {
 
 #[test]
 fn answers_to_many_stations_are_spread_by_the_delay_factor() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let blocks = [Content::All.into()];
     let request = request(dcp::IDENTIFY_MULTICAST, |w| emit(w, Dcp::IdentifyRequest, 7, 100, blocks));
     assert!(rig.receive(Port::Ethernet, &request).is_empty());
@@ -75,7 +75,7 @@ fn answers_to_many_stations_are_spread_by_the_delay_factor() {
 
 #[test]
 fn get_tells_values_and_what_is_not_there() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let wanted = [Code::NAME_OF_STATION, Code::ALIAS_NAME, Code(0x8001)];
     let sent = rig.receive(Port::Ethernet, &request(MAC, |w| emit_get_request(w, 9, &wanted)));
     let (_, payload) = EthernetHeader::parse(&sent[0].1).unwrap();
@@ -92,7 +92,7 @@ fn get_tells_values_and_what_is_not_there() {
 
 #[test]
 fn a_get_that_asks_for_the_longest_name_again_and_again_is_answered_once_for_each_option() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let name = [[b'a'; 60]; 4].join(&b'.')[..240].to_vec();
     rig.receive(Port::Ethernet, &set([Content::NameOfStation(&name)]));
     assert_eq!(rig.device.station_name(), name);
@@ -105,7 +105,7 @@ fn a_get_that_asks_for_the_longest_name_again_and_again_is_answered_once_for_eac
 
 #[test]
 fn a_name_is_set_if_it_is_one() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     for (name, error) in [
         (&b"cell-1.robot"[..], BlockError::None),
         (b"Robot", BlockError::SuboptionNotSet),
@@ -138,7 +138,7 @@ fn while_a_connection_runs_name_and_address_stay_and_a_reset_is_refused_and_afte
         Content::FactoryReset,
         Content::ResetToFactory,
     ];
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     for change in changes {
         let sent = rig.receive(Port::Ethernet, &set([change]));
         assert_eq!(results(&sent)[0].1, BlockError::InOperation, "{change:?}");
@@ -160,7 +160,7 @@ fn while_a_connection_runs_name_and_address_stay_and_a_reset_is_refused_and_afte
 #[test]
 fn an_address_that_was_being_set_when_the_controller_connected_ends_the_connection() {
     let suite = IpSuite { address: Ipv4Addr::new(192, 168, 64, 3), mask: MASK, gateway: ADDRESS };
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     rig.receive(Port::Ethernet, &set([Content::Ip(suite)]));
     assert_eq!(rig.events().len(), 1, "the owner is asked first");
     rig.establish(&connect_request(RtClass::Class1, true));
@@ -171,7 +171,7 @@ fn an_address_that_was_being_set_when_the_controller_connected_ends_the_connecti
 
 #[test]
 fn an_address_that_no_host_has_or_that_the_owner_cannot_set_is_refused() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let ip = |address: [u8; 4], mask: [u8; 4]| {
         Content::Ip(IpSuite { address: address.into(), mask: mask.into(), gateway: address.into() })
     };
@@ -198,7 +198,7 @@ fn an_address_that_no_host_has_or_that_the_owner_cannot_set_is_refused() {
 
 #[test]
 fn signal_and_reset_are_answered_and_unknown_options_and_lengths_refused_one_by_one() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let blocks = [
         Content::Start,
         Content::Signal(0x0100),
@@ -221,7 +221,7 @@ fn signal_and_reset_are_answered_and_unknown_options_and_lengths_refused_one_by_
 
 #[test]
 fn identify_requests_with_the_longest_delay_keep_nobody_from_an_answer() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let slow = request(dcp::IDENTIFY_MULTICAST, |w| {
         emit(w, Dcp::IdentifyRequest, 6, 6_400, [Content::All.into()]);
     });
@@ -246,7 +246,7 @@ fn identify_requests_with_the_longest_delay_keep_nobody_from_an_answer() {
 
 #[test]
 fn a_flood_of_requests_fills_the_queue_and_no_more() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let source = Source { port: Port::Ethernet, peer: None };
     for _ in 0..1_000 {
         rig.device.handle_frame(rig.now, source, &identify([Content::All]));
@@ -268,7 +268,7 @@ fn who_changed_something_keeps_others_from_it_for_3_s_and_nobody_from_asking() {
         from(source, &move |w| emit(w, Dcp::SetRequest, 8, 0, [content.into()]))
     };
     let name = |source, name| set(source, Content::NameOfStation(name));
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     // Who asks, or sets what is so already, keeps nobody from anything.
     for request in [get(other), name(other, b"device"), set(other, Content::Signal(0x0100))] {
         assert_eq!(rig.receive(Port::Ethernet, &request).len(), 1);

@@ -27,7 +27,7 @@ pub(super) fn dissected(exchanges: &[Exchange], fields: &[&str]) -> Vec<Vec<Stri
 }
 
 /// Makes a request and returns it with its answer.
-pub(super) fn exchange(rig: &mut Rig, request: Vec<u8>) -> Exchange {
+pub(super) fn exchange(rig: &mut DeviceRig, request: Vec<u8>) -> Exchange {
     rig.sequence += 1;
     let sent = rig.receive(Port::Udp(RPC_PORT), &request);
     let answer = sent.into_iter().find(|(transmit, _)| transmit.to == Some(CONTROLLER));
@@ -35,7 +35,7 @@ pub(super) fn exchange(rig: &mut Rig, request: Vec<u8>) -> Exchange {
 }
 
 /// Reads a record of the AR at this place.
-pub(super) fn read(rig: &mut Rig, index: u16, slot: u16, subslot: u16) -> Exchange {
+pub(super) fn read(rig: &mut DeviceRig, index: u16, slot: u16, subslot: u16) -> Exchange {
     let address = Address { sequence: 0, ar: AR, api: 0, slot, subslot, index };
     let request = ReadRequest { address, most: 4_000, target_ar: Uuid::NIL };
     let datagram = rig.datagram(Operation::Read, &emitted(|w| request.emit(w)));
@@ -43,7 +43,7 @@ pub(super) fn read(rig: &mut Rig, index: u16, slot: u16, subslot: u16) -> Exchan
 }
 
 /// Asserts that tshark reads these values in the record: those of its head, which repeats the address, come first.
-pub(super) fn assert_records(rig: &mut Rig, fields: &[&str], cases: &[(u16, u16, u16, &[&str])]) {
+pub(super) fn assert_records(rig: &mut DeviceRig, fields: &[&str], cases: &[(u16, u16, u16, &[&str])]) {
     let answers: Vec<_> =
         cases.iter().map(|(index, slot, subslot, _)| read(rig, *index, *slot, *subslot)).collect();
     let found = dissected(&answers, fields);
@@ -69,7 +69,7 @@ const MODULES: [&str; 9] = [
 
 #[test]
 fn real_and_expected_identification_have_the_modules_that_were_asked_for() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let whole = |block_type, slot, subslot| {
         [
             block_type,
@@ -130,7 +130,7 @@ fn real_and_expected_identification_have_the_modules_that_were_asked_for() {
 
 #[test]
 fn im0_filter_data_name_the_access_point_at_all_three_levels() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let wanted = [
         "0x8009,0x0030,0x0031,0x0032",
         "0,0,0,0",
@@ -168,7 +168,7 @@ fn the_ar_data_are_those_of_the_connect_and_of_the_last_frames() {
         (RtClass::Class1, "0x00000002,0x00000002", "0x8001,0x8002"),
         (RtClass::Udp, "0x00000004,0x00000004", "0xc001,0xc002"),
     ] {
-        let mut rig = Rig::connected(rt_class);
+        let mut rig = DeviceRig::connected(rt_class);
         rig.advance(Duration::from_millis(2));
         rig.send_data(&[1; LEN]);
         // At any slot, and by its API.
@@ -186,7 +186,7 @@ fn the_ar_data_are_those_of_the_connect_and_of_the_last_frames() {
         let output = [counter[0], counter[1], status, 0];
         assert!(read(&mut rig, 0xF820, 0, 0)[1].windows(4).any(|window| window == output));
     }
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let none = ReadRequest {
         address: Address { sequence: 0, ar: Uuid::NIL, api: 0, slot: 0, subslot: 0, index: 0xF820 },
         most: 4_000,
@@ -199,7 +199,7 @@ fn the_ar_data_are_those_of_the_connect_and_of_the_last_frames() {
 
 #[test]
 fn identification_and_maintenance_and_the_apis_are_those_of_the_description() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let fields = [
         "pn_io.block_type",
         "pn_io.api",
@@ -241,7 +241,7 @@ fn identification_and_maintenance_and_the_apis_are_those_of_the_description() {
 
 #[test]
 fn interface_and_ports_are_those_of_the_station() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let fields = [
         "pn_io.block_type",
         "pn_io.slot_nr",
@@ -277,7 +277,7 @@ fn interface_and_ports_are_those_of_the_station() {
 
 #[test]
 fn the_data_of_a_submodule_are_those_of_the_last_frames_with_their_statuses() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     rig.device.set_input(1, 1, &[0x33; LEN]).unwrap();
     rig.establish(&connect_request(RtClass::Class1, true));
     let fields = [
@@ -297,7 +297,7 @@ fn the_data_of_a_submodule_are_those_of_the_last_frames_with_their_statuses() {
         &fields,
         &[(0x8028, 0, 0x8000, &none), (0x8028, 1, 1, &input), (0x8029, 1, 1, &output("0x0000", "0x80"))],
     );
-    let holds = |rig: &mut Rig, index, data: &[u8]| {
+    let holds = |rig: &mut DeviceRig, index, data: &[u8]| {
         read(rig, index, 1, 1)[1].windows(data.len()).any(|window| window == data)
     };
     assert!(holds(&mut rig, 0x8028, &[0x33; LEN]));
@@ -312,8 +312,8 @@ fn the_data_of_a_submodule_are_those_of_the_last_frames_with_their_statuses() {
 
 #[test]
 fn there_are_data_of_a_submodule_only_in_the_directions_that_the_controller_connected() {
-    let mut rig = Rig::new();
-    let missing = |rig: &mut Rig, index, slot, subslot| {
+    let mut rig = DeviceRig::new();
+    let missing = |rig: &mut DeviceRig, index, slot, subslot| {
         let address = Address { sequence: 0, ar: Uuid::NIL, api: 0, slot, subslot, index };
         let request = ReadRequest { address, most: 4_000, target_ar: Uuid::NIL };
         let (status, ..) = rig.call(Operation::ReadImplicit, &emitted(|w| request.emit(w)));
@@ -340,7 +340,7 @@ fn port_data_check() -> Vec<u8> {
 fn what_is_written_to_interface_and_port_is_expected_until_the_connection_ends() {
     const ADJUST: u16 = index::PD_INTERFACE_ADJUST;
     const CHECK: u16 = index::PD_PORT_DATA_CHECK;
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let fields = [
         "pn_io.block_type",
         "pn_io.slot_nr",
@@ -357,7 +357,7 @@ fn what_is_written_to_interface_and_port_is_expected_until_the_connection_ends()
     ];
     assert_records(&mut rig, &fields, &nothing);
 
-    let write = |rig: &mut Rig, subslot, index, record: &[u8]| {
+    let write = |rig: &mut DeviceRig, subslot, index, record: &[u8]| {
         let address = Address { sequence: 0, ar: AR, api: 0, slot: 0, subslot, index };
         rig.call(Operation::Write, &emitted(|w| WriteRequest { address, record }.emit(w))).0
     };
@@ -409,7 +409,7 @@ fn what_is_written_to_interface_and_port_is_expected_until_the_connection_ends()
 
 #[test]
 fn the_module_diff_and_the_log_book_tell_what_was_wrong() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let mut refused = connect_request(RtClass::Class1, true);
     refused.iocrs[0].phase = 7;
     let (status, _) = rig.connect(&refused);
@@ -452,7 +452,7 @@ fn the_module_diff_and_the_log_book_tell_what_was_wrong() {
 
 #[test]
 fn the_answer_to_a_connect_has_its_numbers() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let datagram =
         rig.datagram(Operation::Connect, &emitted(|w| connect_request(RtClass::Class1, true).emit(w)));
     let connected = exchange(&mut rig, datagram);
@@ -484,7 +484,7 @@ fn the_answer_to_a_connect_has_its_numbers() {
 
 #[test]
 fn the_endpoint_mapper_lists_itself_and_the_device_with_annotation_port_and_address() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     // Both pointers, and at most one entry.
     let mut body = [0; 76];
     (body[7], body[27], body[75]) = (1, 2, 1);
@@ -518,7 +518,7 @@ fn the_endpoint_mapper_lists_itself_and_the_device_with_annotation_port_and_addr
 
 #[test]
 fn the_answer_to_identify_has_every_block_that_it_lists() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let identify = discovery::request(dcp::IDENTIFY_MULTICAST, |w| {
         dcp::emit(w, dcp::Service::IdentifyRequest, 7, 1, [dcp::Content::All.into()]);
     });

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 /// Returns frames of every kind that the device accepts, to be altered.
 fn seeds() -> Vec<(Port, Vec<u8>)> {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let mut seeds = Vec::new();
     for rt_class in [RtClass::Class1, RtClass::Udp] {
         rig.rt_class = rt_class;
@@ -30,7 +30,7 @@ fn seeds() -> Vec<(Port, Vec<u8>)> {
         seeds.push((Port::Ethernet, frame));
     }
     // The announcement of a neighbour.
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     rig.advance(Duration::ZERO);
     let (_, mut frame) = rig.announced.remove(0);
     frame[6..12].copy_from_slice(&CONTROLLER_MAC.0);
@@ -64,7 +64,7 @@ fn bad_frame() -> impl Strategy<Value = (Port, Vec<u8>)> {
 }
 
 /// Connects a good controller, with an activity, session and AR of its own, after an old AR has timed out.
-fn a_good_controller_connects(mut rig: Rig) {
+fn a_good_controller_connects(mut rig: DeviceRig) {
     rig.advance(Duration::from_secs(200));
     rig.events();
     rig.device.address_set(rig.now, false);
@@ -90,7 +90,7 @@ proptest! {
 
     #[test]
     fn no_frames_stop_a_device_without_a_connection(frames in prop::collection::vec(bad_frame(), 0..12)) {
-        let mut rig = Rig::new();
+        let mut rig = DeviceRig::new();
         for (port, frame) in &frames {
             rig.receive(*port, frame);
             rig.advance(Duration::from_micros(500));
@@ -100,7 +100,7 @@ proptest! {
 
     #[test]
     fn no_frames_stop_a_device_with_a_connection(frames in prop::collection::vec(bad_frame(), 0..12)) {
-        let mut rig = Rig::connected(RtClass::Class1);
+        let mut rig = DeviceRig::connected(RtClass::Class1);
         for (port, frame) in &frames {
             rig.receive(*port, frame);
             rig.advance(Duration::from_micros(500));
@@ -110,7 +110,7 @@ proptest! {
 
     #[test]
     fn good_requests_in_any_order_and_number_leave_the_device_fit(order in prop::collection::vec(0..64_usize, 0..40)) {
-        let mut rig = Rig::new();
+        let mut rig = DeviceRig::new();
         let seeds = seeds();
         for index in order {
             let (port, frame) = &seeds[index % seeds.len()];
@@ -125,7 +125,7 @@ proptest! {
 fn every_cut_of_every_request_is_counted_and_answered_or_dropped() {
     for (port, frame) in seeds() {
         for len in 0..frame.len() {
-            let mut rig = Rig::connected(RtClass::Class1);
+            let mut rig = DeviceRig::connected(RtClass::Class1);
             rig.receive(port, &frame[..len]);
             let counters = rig.device.counters();
             let taken = counters.malformed + counters.foreign + counters.late;
@@ -138,7 +138,7 @@ fn every_cut_of_every_request_is_counted_and_answered_or_dropped() {
 
 #[test]
 fn an_unsolicited_confirmation_is_foreign() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     rig.receive(Port::Udp(RPC_PORT), &captured::datagram(captured::APPREADY_RES));
     assert_eq!(rig.device.counters().foreign, 1);
     assert_eq!(rig.events(), []);
@@ -146,7 +146,7 @@ fn an_unsolicited_confirmation_is_foreign() {
 
 #[test]
 fn fragments_that_never_end_do_not_keep_others_out() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     for sequence in 0..100 {
         let header = Header { flags: flags::FRAGMENT, sequence, ..rig.header(Operation::Connect) };
         let mut buf = [0; 1500];

@@ -21,7 +21,7 @@ pub(super) fn cyclic_frames(sent: &[(Transmit, Vec<u8>)], rt_class: RtClass) -> 
 fn both_styles_of_connect_get_data_both_ways_over_each_class() {
     for rt_class in EACH_WAY {
         for with_access_point in [true, false] {
-            let mut rig = Rig::new();
+            let mut rig = DeviceRig::new();
             rig.device.set_input(1, 1, &[0x33; LEN]).unwrap();
             rig.establish(&connect_request(rt_class, with_access_point));
             assert_eq!(rig.device.output(1, 1), Some(&[0x5A; LEN][..]));
@@ -39,7 +39,7 @@ fn both_styles_of_connect_get_data_both_ways_over_each_class() {
 
 #[test]
 fn statuses_are_bad_until_the_parameters_are_there() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     rig.connect(&connect_request(RtClass::Class1, true));
     let frames = cyclic_frames(&rig.advance(Duration::from_millis(2)), RtClass::Class1);
     assert_eq!(CyclicFrame::parse(&frames[0], 261).unwrap().c_sdu[256..], [0x40; 5]);
@@ -50,7 +50,7 @@ fn statuses_are_bad_until_the_parameters_are_there() {
 
 #[test]
 fn the_output_holds_only_while_the_controller_calls_it_good() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let data = [7; LEN];
     for (iops, data_status, good) in [
         (0x80, DataStatus::RUNNING, true),
@@ -68,7 +68,7 @@ fn the_output_holds_only_while_the_controller_calls_it_good() {
 
 #[test]
 fn a_frame_of_another_station_or_frame_id_or_by_another_way_is_foreign() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let (port, frame) = rig.cyclic(&[7; LEN], 0x80, DataStatus::RUNNING);
     let mut other_station = frame.clone();
     other_station[11] ^= 1;
@@ -92,7 +92,7 @@ fn a_frame_of_another_station_or_frame_id_or_by_another_way_is_foreign() {
 #[test]
 fn without_a_frame_within_the_data_hold_time_the_device_aborts() {
     for rt_class in EACH_WAY {
-        let mut rig = Rig::connected(rt_class);
+        let mut rig = DeviceRig::connected(rt_class);
         assert!(rig.advance(Duration::from_micros(9_999)).len() >= 9);
         assert!(rig.device.output(1, 1).is_some());
         let sent = rig.advance(Duration::from_millis(1));
@@ -112,7 +112,7 @@ fn without_a_frame_within_the_data_hold_time_the_device_aborts() {
 
 #[test]
 fn a_controller_that_stops_half_way_is_given_up_after_its_activity_timeout() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     rig.connect(&connect_request(RtClass::Udp, true));
     rig.advance(Duration::from_millis(1_900));
     assert_eq!(rig.events(), []);
@@ -123,7 +123,7 @@ fn a_controller_that_stops_half_way_is_given_up_after_its_activity_timeout() {
 
 #[test]
 fn application_ready_is_repeated_until_it_is_confirmed_or_too_late() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     rig.connect(&connect_request(RtClass::Udp, true));
     let (_, first) = rig.prm_end();
     let (_, first) = &first[0];
@@ -146,7 +146,7 @@ fn application_ready_is_repeated_until_it_is_confirmed_or_too_late() {
 
 #[test]
 fn a_refused_application_ready_ends_the_connection() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     rig.connect(&connect_request(RtClass::Udp, true));
     let (_, sent) = rig.prm_end();
     let (header, _) = Header::parse(&sent[0].1).unwrap();
@@ -162,7 +162,7 @@ fn a_refused_application_ready_ends_the_connection() {
 
 #[test]
 fn a_release_is_answered_and_the_ar_is_gone() {
-    let mut rig = Rig::connected(RtClass::Udp);
+    let mut rig = DeviceRig::connected(RtClass::Udp);
     let (status, _) = rig.control(Operation::Release, control(Command::Release));
     assert_eq!(status, Status::OK);
     let [LinkEvent::Down(down)] = rig.events()[..] else { panic!("the connection is over") };
@@ -177,7 +177,7 @@ fn a_release_is_answered_and_the_ar_is_gone() {
 #[test]
 fn an_error_pdu_from_the_controller_ends_the_connection_without_one_from_us() {
     for rt_class in [RtClass::Class1, RtClass::Udp] {
-        let mut rig = Rig { rt_class, ..Rig::new() };
+        let mut rig = DeviceRig { rt_class, ..DeviceRig::new() };
         let mut request = connect_request(rt_class, true);
         if rt_class == RtClass::Udp {
             let alarm_cr = request.alarm_cr.as_mut().unwrap();
@@ -215,7 +215,7 @@ fn an_error_pdu_from_the_controller_ends_the_connection_without_one_from_us() {
 
 #[test]
 fn a_repeated_request_gets_the_same_answer_and_is_not_carried_out_twice() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let connect =
         rig.datagram(Operation::Connect, &emitted(|w| connect_request(RtClass::Class1, true).emit(w)));
     let first = rig.receive(Port::Udp(RPC_PORT), &connect);
@@ -233,8 +233,8 @@ fn a_repeated_request_gets_the_same_answer_and_is_not_carried_out_twice() {
 
 #[test]
 fn a_ping_gets_the_answer_again_or_hears_that_there_is_none() {
-    let mut rig = Rig::new();
-    let ping = |rig: &Rig| {
+    let mut rig = DeviceRig::new();
+    let ping = |rig: &DeviceRig| {
         let header = Header { kind: Kind::Ping, ..rig.header(Operation::Connect) };
         let mut buf = [0; 100];
         let len = header.emit(&[], &mut buf).unwrap();
@@ -251,7 +251,7 @@ fn a_ping_gets_the_answer_again_or_hears_that_there_is_none() {
 
 #[test]
 fn the_same_controller_that_starts_anew_takes_its_old_place_and_another_one_waits() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let mut request = connect_request(RtClass::Class1, true);
     request.ar.initiator_mac = Mac([2, 0, 0, 0, 0, 9]);
     request.ar.uuid = Uuid([1; 16]);
@@ -267,7 +267,7 @@ fn the_same_controller_that_starts_anew_takes_its_old_place_and_another_one_wait
 #[test]
 fn a_long_request_is_taken_in_fragments_each_is_acknowledged_and_the_last_one_answered_as_often_as_it_comes()
 {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let connect =
         rig.datagram(Operation::Connect, &emitted(|w| connect_request(RtClass::Class1, true).emit(w)));
     let (header, body) = Header::parse(&connect).unwrap();
@@ -292,7 +292,7 @@ fn a_long_request_is_taken_in_fragments_each_is_acknowledged_and_the_last_one_an
 
 #[test]
 fn a_controller_that_only_reads_while_it_prepares_keeps_its_connection() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let (status, _) = rig.connect(&connect_request(RtClass::Class1, true));
     assert_eq!(status, Status::OK);
     // The activity timeout of this Connect is 2 s.

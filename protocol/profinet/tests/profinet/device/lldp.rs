@@ -13,7 +13,7 @@ use crate::tshark;
 const NEIGHBOUR: Mac = Mac([2, 0, 0, 0, 0, 9]);
 
 /// Lets time pass; returns what is announced meanwhile, with its ms.
-fn announced(rig: &mut Rig, by: Duration) -> Vec<(u128, Vec<u8>)> {
+fn announced(rig: &mut DeviceRig, by: Duration) -> Vec<(u128, Vec<u8>)> {
     rig.announced.clear();
     rig.advance(by);
     let ms = |at: Instant| at.since(Instant::ZERO).as_millis();
@@ -21,7 +21,7 @@ fn announced(rig: &mut Rig, by: Duration) -> Vec<(u128, Vec<u8>)> {
 }
 
 /// Returns what the device has announced last. It must have.
-fn last(rig: &mut Rig) -> Vec<u8> {
+fn last(rig: &mut DeviceRig) -> Vec<u8> {
     rig.advance(Duration::ZERO);
     rig.announced.drain(..).next_back().expect("an announcement").1
 }
@@ -31,7 +31,7 @@ fn named(value: &[u8]) -> Id<'_> {
 }
 
 /// Gives the device an announcement of the port 2 of this station.
-fn hear(rig: &mut Rig, station: &[u8], ttl: u16) -> Sent {
+fn hear(rig: &mut DeviceRig, station: &[u8], ttl: u16) -> Sent {
     let pdu = Pdu { chassis_mac: Some(NEIGHBOUR), ..Pdu::new(named(station), named(b"port-002"), ttl) };
     let header = EthernetHeader {
         destination: lldp::MULTICAST,
@@ -44,7 +44,7 @@ fn hear(rig: &mut Rig, station: &[u8], ttl: u16) -> Sent {
     rig.receive(Port::Ethernet, &buf[..len])
 }
 
-fn write_interface_adjust(rig: &mut Rig) -> Status {
+fn write_interface_adjust(rig: &mut DeviceRig) -> Status {
     let Parameter { slot, subslot, index, data } = Parameter::interface_adjust();
     let address = Address { sequence: 0, ar: AR, api: 0, slot, subslot, index };
     rig.call(Operation::Write, &emitted(|w| WriteRequest { address, record: &data }.emit(w))).0
@@ -79,9 +79,9 @@ fn an_announcement_is_read_by_a_dissector_field_by_field() {
         "lldp.ieee.802_3.mac_phy_auto_neg_status",
         "lldp.ieee.802_3.pmd_mau_type",
     ];
-    let named = last(&mut Rig::new());
-    let unnamed = last(&mut Rig::around(device_named(b"")));
-    let mut rig = Rig::connected(RtClass::Class1);
+    let named = last(&mut DeviceRig::new());
+    let unnamed = last(&mut DeviceRig::around(device_named(b"")));
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     assert_eq!(write_interface_adjust(&mut rig), Status::OK);
     let of_device = last(&mut rig);
     let found = tshark::dissected(&[named, unnamed, of_device], &fields);
@@ -112,14 +112,14 @@ fn an_announcement_is_read_by_a_dissector_field_by_field() {
 
 #[test]
 fn it_announces_itself_every_five_seconds_while_data_go_or_not() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let times: Vec<_> = announced(&mut rig, Duration::from_secs(21)).iter().map(|(ms, _)| *ms).collect();
     assert_eq!(times, [10, 5_010, 10_010, 15_010, 20_010]);
 }
 
 #[test]
 fn a_new_name_a_new_address_and_another_kind_of_name_are_announced_at_once() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     last(&mut rig);
     let chassis = |frame: &[u8]| {
         let (_, payload) = EthernetHeader::parse(frame).unwrap();
@@ -139,7 +139,7 @@ fn a_new_name_a_new_address_and_another_kind_of_name_are_announced_at_once() {
     rig.drain();
     assert_eq!(chassis(&last(&mut rig)), (b"other".to_vec(), Some(address)));
 
-    let mut rig = Rig::connected(RtClass::Udp);
+    let mut rig = DeviceRig::connected(RtClass::Udp);
     rig.announced.clear();
     write_interface_adjust(&mut rig);
     assert_eq!(chassis(&last(&mut rig)).0, SYSTEM.as_bytes());
@@ -152,7 +152,7 @@ fn a_new_name_a_new_address_and_another_kind_of_name_are_announced_at_once() {
 
 #[test]
 fn it_is_found_by_the_name_of_its_neighbours_port() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let alias = Content::AliasName(b"port-002.plc");
     assert!(rig.receive(Port::Ethernet, &identify([alias])).is_empty(), "no neighbour yet");
     assert!(hear(&mut rig, b"plc", 20).is_empty());
@@ -179,7 +179,7 @@ fn it_is_found_by_the_name_of_its_neighbours_port() {
 
 #[test]
 fn a_get_is_answered_by_what_was_so_when_it_came() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let get = request(MAC, |w| dcp::emit_get_request(w, 9, &[dcp::Code::ALIAS_NAME]));
     rig.device.handle_frame(rig.now, Source { port: Port::Ethernet, peer: None }, &get);
     let error = dcp::BlockError::SuboptionNotSupported;
@@ -189,7 +189,7 @@ fn a_get_is_answered_by_what_was_so_when_it_came() {
 
 #[test]
 fn the_records_of_the_port_name_the_neighbour_as_long_as_it_is_heard() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let fields = [
         "pn_io.block_type",
         "pn_io.number_of_peers",
@@ -215,7 +215,7 @@ fn the_records_of_the_port_name_the_neighbour_as_long_as_it_is_heard() {
 
 #[test]
 fn a_neighbour_that_is_not_heard_for_its_time_is_forgotten() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     hear(&mut rig, b"plc", 7);
     announced(&mut rig, Duration::from_millis(6_999));
     assert!(rig.device.neighbour().is_some());
@@ -225,7 +225,7 @@ fn a_neighbour_that_is_not_heard_for_its_time_is_forgotten() {
 
 #[test]
 fn a_malformed_announcement_is_counted_and_one_of_a_third_station_ignored() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let header = EthernetHeader {
         destination: lldp::MULTICAST,
         source: CONTROLLER_MAC,

@@ -31,15 +31,15 @@ const fn address(index: u16) -> Address {
     Address { sequence: 0, ar: AR, api: 0, slot: 0, subslot: 1, index }
 }
 
-fn write_at(rig: &mut Rig, address: Address, record: &[u8]) -> Status {
+fn write_at(rig: &mut DeviceRig, address: Address, record: &[u8]) -> Status {
     rig.call(Operation::Write, &emitted(|w| WriteRequest { address, record }.emit(w))).0
 }
 
-fn write(rig: &mut Rig, index: u16) -> Status {
+fn write(rig: &mut DeviceRig, index: u16) -> Status {
     write_at(rig, address(index), &emitted(|w| written().emit(index, w)))
 }
 
-fn read(rig: &mut Rig, index: u16) -> Result<Vec<u8>, Status> {
+fn read(rig: &mut DeviceRig, index: u16) -> Result<Vec<u8>, Status> {
     let read = ReadRequest { address: address(index), most: 4_000, target_ar: Uuid::NIL };
     let (status, blocks, _) = rig.call(Operation::Read, &emitted(|w| read.emit(w)));
     if !status.is_ok() {
@@ -49,7 +49,7 @@ fn read(rig: &mut Rig, index: u16) -> Result<Vec<u8>, Status> {
 }
 
 /// Returns a device with a controller, whose owner stored this.
-fn connected(permanent: Option<Permanent>) -> Rig {
+fn connected(permanent: Option<Permanent>) -> DeviceRig {
     let mut rig = with(permanent);
     rig.establish(&connect_request(RtClass::Class1, true));
     rig

@@ -169,7 +169,7 @@ fn connect_request(rt_class: RtClass, with_access_point: bool) -> ConnectRequest
 type Sent = Vec<(Transmit, Vec<u8>)>;
 
 /// A controller that says exactly what a test wants it to.
-struct Rig {
+struct DeviceRig {
     device: Device,
     now: Instant,
     activity: Uuid,
@@ -182,7 +182,7 @@ struct Rig {
     probes: bool,
 }
 
-impl Rig {
+impl DeviceRig {
     fn new() -> Self {
         Self::around(device())
     }

@@ -22,7 +22,7 @@ const fn suite(last: u8) -> IpSuite {
 fn it_is_found_by_everything_that_it_tells_of_itself() {
     let options = [1, 1, 1, 2, 2, 1, 2, 2, 2, 3, 2, 4, 2, 5, 2, 6, 2, 7, 5, 1, 5, 2, 5, 3, 5, 5, 5, 6];
     let gateway = Ipv4Addr::new(192, 168, 64, 1);
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     for (content, is_found) in [
         (Content::TypeOfStation(b"sample device"), true),
         (Content::TypeOfStation(b"sample"), false),
@@ -41,7 +41,7 @@ fn it_is_found_by_everything_that_it_tells_of_itself() {
     }
 }
 
-fn get(rig: &mut Rig, code: Code) -> (u16, String) {
+fn get(rig: &mut DeviceRig, code: Code) -> (u16, String) {
     let sent = rig.receive(Port::Ethernet, &request(MAC, |w| emit_get_request(w, 9, &[code])));
     let (_, payload) = EthernetHeader::parse(&sent[0].1).unwrap();
     let block = Pdu::parse(payload).unwrap().blocks().next().unwrap().unwrap();
@@ -50,7 +50,7 @@ fn get(rig: &mut Rig, code: Code) -> (u16, String) {
 
 #[test]
 fn it_tells_its_mac_address_and_whether_it_has_an_ip_address() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     assert_eq!(get(&mut rig, Code::MAC_ADDRESS), (0, format!("{:?}", Content::MacAddress(MAC))));
     assert_eq!(get(&mut rig, Code::IP), (1, format!("{:?}", Content::Ip(suite(2)))));
     let none = Ipv4Addr::UNSPECIFIED;
@@ -60,7 +60,7 @@ fn it_tells_its_mac_address_and_whether_it_has_an_ip_address() {
 
 #[test]
 fn a_get_or_set_to_a_group_is_for_nobody() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let to_all = dcp::IDENTIFY_MULTICAST;
     let name = || [Content::NameOfStation(b"other").into()];
     for frame in [
@@ -74,7 +74,7 @@ fn a_get_or_set_to_a_group_is_for_nobody() {
 
 #[test]
 fn an_owner_that_cannot_set_the_address_spoils_the_result_of_the_address_alone() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     assert!(
         set(&mut rig, &[(FOR_NOW, Content::NameOfStation(b"a")), (FOR_NOW, Content::Ip(suite(3)))])
             .is_empty()
@@ -157,7 +157,7 @@ fn a_connection_goes_on_when_what_the_device_is_called_and_where_is_only_stored(
 
 #[test]
 fn a_connection_goes_on_when_the_present_address_is_stored() {
-    let mut rig = Rig::around(Device::new(
+    let mut rig = DeviceRig::around(Device::new(
         DeviceConfig { permanent: Some(Permanent::default()), ..config() },
         Instant::ZERO,
     ));

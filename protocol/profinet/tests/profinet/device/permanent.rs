@@ -16,23 +16,23 @@ const fn suite(last: u8) -> IpSuite {
 }
 
 /// Returns a device whose owner stored this.
-pub(super) fn with(permanent: Option<Permanent>) -> Rig {
+pub(super) fn with(permanent: Option<Permanent>) -> DeviceRig {
     let address = permanent.as_ref().and_then(|permanent| permanent.address).map(|suite| suite.address);
-    Rig::around(Device::new(
+    DeviceRig::around(Device::new(
         DeviceConfig { station_name: b"factory".to_vec(), permanent, address, ..config() },
         Instant::ZERO,
     ))
 }
 
 /// Sends a Set; returns what is answered at once.
-pub(super) fn set(rig: &mut Rig, blocks: &[(u16, Content<'_>)]) -> Sent {
+pub(super) fn set(rig: &mut DeviceRig, blocks: &[(u16, Content<'_>)]) -> Sent {
     let blocks = blocks.iter().map(|(qualifier, content)| Block { qualifier: *qualifier, content: *content });
     let frame = request(MAC, |w| emit(w, Dcp::SetRequest, 8, 0, blocks));
     rig.receive(Port::Ethernet, &frame)
 }
 
 /// Does what the owner does, and returns the answer and what it stored last.
-pub(super) fn own(rig: &mut Rig, mut stored: Permanent, works: bool) -> (Sent, Permanent) {
+pub(super) fn own(rig: &mut DeviceRig, mut stored: Permanent, works: bool) -> (Sent, Permanent) {
     let mut sent = rig.drain();
     sent.extend(rig.probe());
     while let Some(event) = rig.device.poll_event() {

@@ -8,7 +8,7 @@ use profinet::status::{Block, HeadField};
 
 /// Connects with a request that `spoil` has changed; returns the status.
 fn refused(rt_class: RtClass, spoil: impl FnOnce(&mut ConnectRequest)) -> Status {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let mut request = connect_request(rt_class, true);
     spoil(&mut request);
     let (status, _) = rig.connect(&request);
@@ -132,7 +132,7 @@ fn over_udp_the_bounds_are_wider_and_the_port_must_be_a_free_one() {
 fn a_frame_id_that_the_controller_leaves_open_is_chosen() {
     for (rt_class, chosen) in [(RtClass::Class1, 0x8000), (RtClass::Legacy1, 0xC000), (RtClass::Udp, 0xC000)]
     {
-        let mut rig = Rig::new();
+        let mut rig = DeviceRig::new();
         let mut request = connect_request(rt_class, true);
         request.iocrs[1].frame_id = 0xFFFF;
         let (_, response) = rig.connect(&request);
@@ -142,7 +142,7 @@ fn a_frame_id_that_the_controller_leaves_open_is_chosen() {
 
 #[test]
 fn wrong_modules_are_told_and_the_rest_works() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let mut request = connect_request(RtClass::Class1, true);
     request.expected[0].submodules[2].ident = 0x9999;
     request.expected.push(ExpectedModule {
@@ -171,7 +171,7 @@ fn wrong_modules_are_told_and_the_rest_works() {
     rig.send_data(&[1; LEN]);
     assert_eq!(rig.events(), [LinkEvent::Up]);
 
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let mut request = connect_request(RtClass::Class1, true);
     request.expected[1].ident = 0x9999;
     let (_, response) = rig.connect(&request);
@@ -185,7 +185,7 @@ fn wrong_modules_are_told_and_the_rest_works() {
 
 #[test]
 fn requests_for_another_ar_or_session_or_out_of_turn_are_refused_and_the_ar_stays() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let other_ar = Control { ar: Uuid([1; 16]), ..control(Command::PrmEnd) };
     let other_session = |command| Control { session: 9, ..control(command) };
     let cases = [
@@ -210,7 +210,7 @@ fn requests_for_another_ar_or_session_or_out_of_turn_are_refused_and_the_ar_stay
 
 #[test]
 fn parameters_can_be_written_anew_and_then_the_device_is_ready_again() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     assert!(rig.control(Operation::Control, control(Command::PrmBegin)).0.is_ok());
     let (status, sent) = rig.prm_end();
     assert!(status.is_ok());
@@ -223,7 +223,7 @@ const ADDRESS_OF_RECORD: Address = Address { sequence: 0, ar: AR, api: 0, slot: 
 
 #[test]
 fn writes_are_refused_by_reason() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let address = ADDRESS_OF_RECORD;
     for (address, status) in [
         (address, 0xDF80_B000),
@@ -246,7 +246,7 @@ fn writes_are_refused_by_reason() {
 
 #[test]
 fn each_write_of_a_multiple_write_has_its_own_status_and_one_that_is_cut_fails_them_all() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let adjust = Address { slot: 0, subslot: 0x8000, index: 0x8071, ..ADDRESS_OF_RECORD };
     let parts = emitted(|w| {
         let record = [&Parameter::interface_adjust().data[..], &[0; 3]].concat();
@@ -270,7 +270,7 @@ fn each_write_of_a_multiple_write_has_its_own_status_and_one_that_is_cut_fails_t
 
 #[test]
 fn reads_are_answered_or_refused_by_reason() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let address = ADDRESS_OF_RECORD;
     let im0 = index::IDENTIFICATION_AND_MAINTENANCE_0;
     let cases = [
@@ -320,7 +320,7 @@ fn reads_are_answered_or_refused_by_reason() {
 
 #[test]
 fn an_unknown_operation_or_interface_is_rejected_in_the_terms_of_rpc() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let mut reject = |header: Header| {
         let mut buf = [0; 200];
         let len = header.emit(&[0; 20], &mut buf).unwrap();
@@ -329,14 +329,14 @@ fn an_unknown_operation_or_interface_is_rejected_in_the_terms_of_rpc() {
         assert_eq!(header.kind, Kind::Reject);
         profinet::rpc::read_rpc_status(&header, body)
     };
-    let header = Rig::new().header(Operation::Unknown(9));
+    let header = DeviceRig::new().header(Operation::Unknown(9));
     assert_eq!(reject(header), Some(rpc_status::OPERATION_RANGE));
     assert_eq!(reject(Header { interface: AR, ..header }), Some(rpc_status::UNKNOWN_INTERFACE));
 }
 
 #[test]
 fn a_write_of_more_records_than_fit_into_a_call_is_rejected_and_the_connection_stays() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let header = rig.header(Operation::Write);
     let mut answers = Vec::new();
     // A MultipleWrite of 10 kB, and the same once more.
@@ -376,7 +376,7 @@ fn block_lengths_of_zero_or_past_the_end_name_their_block() {
         for length in [0_u16, 1, 5, 0xFFFF] {
             let mut blocks = blocks.clone();
             blocks[start + 2..start + 4].copy_from_slice(&length.to_be_bytes());
-            let (status, ..) = Rig::new().call(Operation::Connect, &blocks);
+            let (status, ..) = DeviceRig::new().call(Operation::Connect, &blocks);
             let wanted = Violation::Head(block, HeadField::Length).status(Service::Connect);
             assert_eq!(status, wanted, "block at {start}, length {length}");
         }

@@ -4,7 +4,7 @@ use super::*;
 use profinet::record::{Address, ReadRequest, index};
 
 /// Returns the status of a Connect of a session, whose call has this number; `None` if it is not answered.
-fn connect(rig: &mut Rig, sequence: u32, session: u16) -> Option<Status> {
+fn connect(rig: &mut DeviceRig, sequence: u32, session: u16) -> Option<Status> {
     let mut request = connect_request(RtClass::Class1, true);
     request.ar.session = session;
     rig.sequence = sequence;
@@ -16,8 +16,8 @@ fn connect(rig: &mut Rig, sequence: u32, session: u16) -> Option<Status> {
 }
 
 /// Returns a device whose controller has called often.
-fn after_many_calls() -> Rig {
-    let mut rig = Rig::new();
+fn after_many_calls() -> DeviceRig {
+    let mut rig = DeviceRig::new();
     rig.sequence = 1_000;
     rig.establish(&connect_request(RtClass::Class1, true));
     rig
@@ -49,7 +49,7 @@ fn a_controller_that_restarts_connects_after_its_watchdog_ended_the_old_connecti
 
 #[test]
 fn a_connect_with_the_number_of_an_earlier_one_gets_an_answer_of_its_own() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     assert_eq!(connect(&mut rig, 0, 1), Some(Status::OK));
     assert_eq!(connect(&mut rig, 0, 2), Some(Status::OK), "another session, so it is no repetition");
     let [LinkEvent::Down(_)] = rig.events()[..] else { panic!("the first connection is over") };
@@ -63,12 +63,12 @@ fn a_connect_with_the_number_of_an_earlier_one_gets_an_answer_of_its_own() {
 
 #[test]
 fn a_read_with_the_same_bytes_gets_the_same_answer_while_it_may_be_a_repetition_and_then_the_data_of_now() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     // The log book, which begins with the time of the read.
     let address = Address { sequence: 0, ar: Uuid::NIL, api: 0, slot: 0, subslot: 0, index: index::LOG_BOOK };
     let read = ReadRequest { address, most: 4_000, target_ar: Uuid::NIL };
     let read = rig.datagram(Operation::ReadImplicit, &emitted(|w| read.emit(w)));
-    let answer = |rig: &mut Rig| {
+    let answer = |rig: &mut DeviceRig| {
         let sent = rig.receive(Port::Udp(RPC_PORT), &read);
         Header::parse(&sent[0].1).unwrap().1.to_vec()
     };

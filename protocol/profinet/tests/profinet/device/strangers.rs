@@ -7,7 +7,7 @@ use profinet::record::{Address, ReadRequest, WriteRequest, index};
 const STRANGER: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 64, 66), 49_152);
 
 /// Asserts that the connection is unchanged, and that the owner was told of foreign requests at most.
-fn nothing_changed(rig: &mut Rig) {
+fn nothing_changed(rig: &mut DeviceRig) {
     let events = rig.events();
     assert!(events.iter().all(|event| matches!(event, LinkEvent::Foreign(_))), "{events:?}");
     assert_eq!(rig.device.output(1, 1), Some(&[0x5A; LEN][..]));
@@ -16,7 +16,7 @@ fn nothing_changed(rig: &mut Rig) {
 #[test]
 fn a_connect_with_the_controllers_mac_from_another_address_does_not_take_the_connection_over() {
     for rt_class in [RtClass::Class1, RtClass::Udp] {
-        let mut rig = Rig::connected(rt_class);
+        let mut rig = DeviceRig::connected(rt_class);
         for (uuid, session) in [(AR, 1), (AR, 2), (Uuid([1; 16]), 1)] {
             let mut request = connect_request(rt_class, true);
             (request.ar.uuid, request.ar.session) = (uuid, session);
@@ -30,7 +30,7 @@ fn a_connect_with_the_controllers_mac_from_another_address_does_not_take_the_con
 
 #[test]
 fn release_control_write_and_read_with_the_right_uuids_from_another_address_find_no_connection() {
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let controls = [
         (Operation::Release, Command::Release),
         (Operation::Control, Command::PrmBegin),
@@ -72,7 +72,7 @@ fn release_control_write_and_read_with_the_right_uuids_from_another_address_find
 
 #[test]
 fn a_write_from_another_address_does_not_prolong_the_controllers_time() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     rig.connect(&connect_request(RtClass::Udp, true));
     rig.advance(Duration::from_millis(1_900));
     let address = Address { sequence: 0, ar: AR, api: 0, slot: 0, subslot: 0x8000, index: 0x8071 };
@@ -84,7 +84,7 @@ fn a_write_from_another_address_does_not_prolong_the_controllers_time() {
 #[test]
 fn application_ready_is_confirmed_and_refused_by_the_controller_alone() {
     for status in [Status::OK, Violation::StateConflict.status(Service::Control)] {
-        let mut rig = Rig::new();
+        let mut rig = DeviceRig::new();
         rig.connect(&connect_request(RtClass::Udp, true));
         let (_, sent) = rig.prm_end();
         let (header, body) = Header::parse(&sent[0].1).unwrap();
@@ -106,7 +106,7 @@ fn application_ready_is_confirmed_and_refused_by_the_controller_alone() {
 
 #[test]
 fn requests_of_others_displace_neither_the_controllers_last_answer_nor_its_unfinished_request() {
-    let mut rig = Rig::new();
+    let mut rig = DeviceRig::new();
     let own = rig.activity;
     let connect =
         rig.datagram(Operation::Connect, &emitted(|w| connect_request(RtClass::Class1, true).emit(w)));
@@ -157,7 +157,7 @@ fn requests_of_others_displace_neither_the_controllers_last_answer_nor_its_unfin
 #[test]
 fn the_alarm_connection_takes_pdus_of_the_controllers_station_alone() {
     use profinet::alarm::{FRAME_ID_LOW, PduType, Rta};
-    let mut rig = Rig::connected(RtClass::Class1);
+    let mut rig = DeviceRig::connected(RtClass::Class1);
     let rta = Rta {
         destination: 0,
         source: 5,
@@ -187,7 +187,7 @@ fn a_device_with_a_list_of_controllers_is_connected_to_and_addressed_by_these_al
         mac: Some(CONTROLLER_MAC),
         serial_number: None,
     }]);
-    let mut rig = Rig::around(Device::new(DeviceConfig { controllers, ..config() }, Instant::ZERO));
+    let mut rig = DeviceRig::around(Device::new(DeviceConfig { controllers, ..config() }, Instant::ZERO));
     let connect = connect_request(RtClass::Class1, true);
     let (status, ..) = rig.call_from(STRANGER, Operation::Connect, &emitted(|w| connect.emit(w)));
     assert_eq!(status, Violation::InitiatorMac.status(Service::Connect));
