@@ -25,7 +25,7 @@ impl Slopes {
     }
 
     /// Those of a node in its own unit.
-    fn in_own_unit(node: &Node) -> Self {
+    pub(super) fn in_own_unit(node: &Node) -> Self {
         Self {
             slope: node.slope.map(f64::from),
             bend: node.bend.map(f64::from),
