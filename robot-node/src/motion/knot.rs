@@ -47,9 +47,9 @@ impl Rates {
         Self { ramps: Ramps::of(ratings), quickness, speed_s }
     }
 
-    /// The square of the speed at which the first joint has its rated speed.
-    pub(super) fn highest(&self, slopes: &Slopes) -> f64 {
-        let speeds = zip(&self.speed_s, &slopes.slope).map(|(speed_s, slope)| speed_s / slope.abs());
+    /// The square of the speed at which the first joint has its rated speed, by the joints' first derivatives.
+    pub(super) fn highest(&self, slope: &Joints) -> f64 {
+        let speeds = zip(&self.speed_s, slope).map(|(speed_s, slope)| speed_s / slope.abs());
         let least = speeds.fold(f64::INFINITY, |least, speed| if speed < least { speed } else { least });
         least * least
     }
