@@ -2,6 +2,7 @@
 
 use core::iter::zip;
 
+use super::extremes::smaller;
 use super::load::Ramps;
 use super::node::{Node, Ratings, Vector, square};
 use super::slopes::Slopes;
@@ -193,12 +194,6 @@ impl Knot {
         }
         least.max(0.0)
     }
-}
-
-/// Returns the smaller one, and `least` if the other is not a number: with one instruction, where `f64::min` takes five.
-#[inline]
-fn smaller(least: f64, other: f64) -> f64 {
-    if other < least { other } else { least }
 }
 
 /// Returns the largest x ≥ 0 with square·x² + 2·along·x + rest ≤ 0, or the nearest to that; infinite where nothing

@@ -1,6 +1,6 @@
 //! The derivatives of joints and tool at a place of a stretch.
 
-use super::load::larger;
+use super::extremes::larger;
 use super::node::{Node, Vector, square};
 use crate::arm::{AXES, Joints, dot};
 

@@ -3,7 +3,7 @@
 
 use core::iter::zip;
 
-use super::load::larger;
+use super::extremes::larger;
 use super::node::{Node, Ratings, square};
 use super::slopes::Slopes;
 

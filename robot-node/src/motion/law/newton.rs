@@ -4,8 +4,9 @@
 //! at the knots and in the middles of the cells. Speed and acceleration are linear in the values; a jerk is taken as linear
 //! for one step. Each cell depends on three values, so the matrix has two bands beside its diagonal.
 
+use super::super::extremes::larger;
 use super::super::knot::{Knot, largest};
-use super::super::load::{Ramps, larger};
+use super::super::load::Ramps;
 use super::super::slopes::Slopes;
 use super::Law;
 use crate::arm::{AXES, dot};

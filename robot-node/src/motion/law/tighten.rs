@@ -1,6 +1,7 @@
 //! How much of the limits a law uses, and reduced limits where that is too much.
 
-use super::super::load::{Load, larger};
+use super::super::extremes::larger;
+use super::super::load::Load;
 use super::super::node::Pace;
 use super::super::slopes::Slopes;
 use super::recalled::Loads;
@@ -55,7 +56,7 @@ impl Law {
         let ([from, to], length) = ([self.paces[cell], self.paces[cell + 1]], self.length(cell));
         let is_beside_rest = from.is_rest() || to.is_rest();
         let change = (to.acceleration - from.acceleration) / length;
-        // A parabola is not higher than the control point between its ends, nor than those.
+        // A parabola is nowhere above its highest control point.
         let between = from.square + from.acceleration * length;
         let highest = if is_beside_rest { 0.0 } else { between };
         if from.square.max(to.square).max(highest) <= self.calm[cell] || (cell == 0 && !from.is_rest()) {
