@@ -50,8 +50,7 @@ impl Law {
         (most[0].max(most[1]).max(fastest), ratio)
     }
 
-    /// Returns the largest share of a joint's rated speed that the law uses within a cell; 0 where surely none reaches it. The speed at the
-    /// start of the first cell is given.
+    /// Returns the largest share of a joint's rated speed that the law uses within a cell; 0 where surely none reaches it.
     fn speed_between(&self, cell: usize) -> f64 {
         let ([from, to], length) = ([self.paces[cell], self.paces[cell + 1]], self.length(cell));
         let is_beside_rest = from.is_rest() || to.is_rest();
@@ -59,7 +58,7 @@ impl Law {
         // A parabola is nowhere above its highest control point.
         let between = from.square + from.acceleration * length;
         let highest = if is_beside_rest { 0.0 } else { between };
-        if from.square.max(to.square).max(highest) <= self.calm[cell] || (cell == 0 && !from.is_rest()) {
+        if from.square.max(to.square).max(highest) <= self.calm[cell] {
             return 0.0;
         }
         let (start, end) = (&self.grid.knots[cell], self.end_of(cell));
@@ -79,14 +78,13 @@ impl Law {
         shares.fold(0.0, larger).sqrt()
     }
 
-    /// Lowers the squares of the highest speeds in a cell by that of a ratio, where it is above 1. The speed in a cell beside a rest
-    /// follows from that in the next one.
+    /// Lowers the squares of the highest speeds in a cell by that of a ratio, where it is above 1. The speed in the first and in the
+    /// last cell follows from that in the next one to it.
     fn lower_top(&mut self, cell: usize, ratio: f64) {
         if ratio <= 1.0 + EXACT {
             return;
         }
-        let first = usize::from(self.start.is_rest());
-        let top = cell.clamp(first, self.cells() - 2);
+        let top = cell.clamp(1, self.cells() - 2);
         if let Some(top) = self.tops.get_mut(top) {
             *top /= ratio * ratio;
         }
