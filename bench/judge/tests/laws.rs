@@ -69,16 +69,37 @@ fn no_list_of_compact_points_breaks_a_law_that_deep_queues_keep() {
     }
 }
 
+#[track_caller]
+fn no_list_breaks_a_law_of(setup: &Setup, seed: u64, numbers: &[u64]) {
+    for number in numbers {
+        let found = hunt(generator::any_case, setup, seed, *number..number + 1, &Class::ALL).unwrap().found;
+        assert!(found.is_empty(), "{}, list {number} of seed {seed}: {}", setup.name, found[0].1);
+    }
+}
+
 #[test]
 fn lists_of_compact_points_that_broke_a_law_of_the_tool_break_none_any_more() {
     let setup = setup::setup("A").unwrap().with_queue_motions(64).with_compact_points();
     for refill in [Refill::Executed, Refill::Accepted] {
         let setup = setup.clone().with_refill(refill);
-        for (seed, number) in [(7, 1211), (11, 1177)] {
-            let found =
-                hunt(generator::any_case, &setup, seed, number..number + 1, &Class::ALL).unwrap().found;
-            assert!(found.is_empty(), "list {number} of seed {seed}: {}", found[0].1);
+        for (seed, number) in [(7, 1211), (11, 1177), (22, 2678)] {
+            no_list_breaks_a_law_of(&setup, seed, &[number]);
         }
+    }
+}
+
+#[test]
+fn points_that_turn_back_do_not_hide_the_jerk_of_a_slow_joint_from_a_law_with_few_knots() {
+    let setup = setup::setup("B").unwrap().with_queue_motions(64).with_compact_points();
+    for refill in [Refill::Executed, Refill::Accepted] {
+        no_list_breaks_a_law_of(&setup.clone().with_refill(refill), 24, &[1155]);
+    }
+}
+
+#[test]
+fn joints_keep_their_rated_speed_between_the_knots_of_a_law() {
+    for (name, seed, number) in [("B", 4711, 4144), ("D", 4711, 19_441), ("B", 6101, 4281)] {
+        no_list_breaks_a_law_of(&setup::setup(name).unwrap(), seed, &[number]);
     }
 }
 

@@ -194,7 +194,7 @@ impl Grid {
             if is_inner { self.add_place((part, rates), begin, longest, (way, Some(node))) } else { Some(()) }
         };
         if is_thinned {
-            Thinning::new(part.nodes, stride, [part.from, part.to]).each(add_node)?;
+            Thinning::new(part.nodes, part.ratings, stride, [part.from, part.to]).each(add_node)?;
         } else {
             part.nodes.iter().step_by(stride).try_for_each(add_node)?;
         }

@@ -2,6 +2,7 @@
 
 use core::iter::zip;
 
+use super::extremes::smaller;
 use super::load::Ramps;
 use super::node::{Node, Ratings, Vector, square};
 use super::slopes::Slopes;
@@ -47,9 +48,9 @@ impl Rates {
         Self { ramps: Ramps::of(ratings), quickness, speed_s }
     }
 
-    /// The square of the speed at which the first joint has its rated speed.
-    pub(super) fn highest(&self, slopes: &Slopes) -> f64 {
-        let speeds = zip(&self.speed_s, &slopes.slope).map(|(speed_s, slope)| speed_s / slope.abs());
+    /// The square of the speed at which the first joint has its rated speed, by the joints' first derivatives.
+    pub(super) fn highest(&self, slope: &Joints) -> f64 {
+        let speeds = zip(&self.speed_s, slope).map(|(speed_s, slope)| speed_s / slope.abs());
         let least = speeds.fold(f64::INFINITY, |least, speed| if speed < least { speed } else { least });
         least * least
     }
@@ -193,12 +194,6 @@ impl Knot {
         }
         least.max(0.0)
     }
-}
-
-/// Returns the smaller one, and `least` if the other is not a number: with one instruction, where `f64::min` takes five.
-#[inline]
-fn smaller(least: f64, other: f64) -> f64 {
-    if other < least { other } else { least }
 }
 
 /// Returns the largest x ≥ 0 with square·x² + 2·along·x + rest ≤ 0, or the nearest to that; infinite where nothing

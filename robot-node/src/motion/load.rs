@@ -1,5 +1,6 @@
 //! The shares of their limits that joints and tool use at a place of a law.
 
+use super::extremes::larger;
 use super::node::Ratings;
 use super::slopes::Slopes;
 use crate::arm::{AXES, Joints, dot};
@@ -93,10 +94,4 @@ impl Load {
         let tool = larger(tool, -self.tangential / ramps.tool_deceleration);
         [larger(accelerated, tool), larger(jerked, tool_jerk)]
     }
-}
-
-/// Returns the larger one, and `most` if the other is not a number: with one instruction, where `f64::max` takes five.
-#[inline]
-pub(super) fn larger(most: f64, other: f64) -> f64 {
-    if other > most { other } else { most }
 }

@@ -12,6 +12,7 @@ mod batch;
 mod capacity;
 mod cell;
 mod correction;
+mod extremes;
 mod grid;
 mod interpolator;
 mod knot;

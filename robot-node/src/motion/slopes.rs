@@ -1,5 +1,6 @@
 //! The derivatives of joints and tool at a place of a stretch.
 
+use super::extremes::larger;
 use super::node::{Node, Vector, square};
 use crate::arm::{AXES, Joints, dot};
 
@@ -25,7 +26,7 @@ impl Slopes {
     }
 
     /// Those of a node in its own unit.
-    fn in_own_unit(node: &Node) -> Self {
+    pub(super) fn in_own_unit(node: &Node) -> Self {
         Self {
             slope: node.slope.map(f64::from),
             bend: node.bend.map(f64::from),
@@ -107,6 +108,24 @@ impl Slopes {
                 let [one, two] = [self, other].map(|at| [at.tool[order][i], at.tool[order + 1][i]]);
                 hermite(one, two, length, share)
             })
+        })
+    }
+
+    /// Returns the joints' first derivatives at a share of the way to others, which are `length` away.
+    pub(super) fn slope_toward(&self, other: &Self, length: f64, share: f64) -> Joints {
+        core::array::from_fn(|axis| {
+            let [one, two] = [self, other].map(|at| [at.slope[axis], at.bend[axis]]);
+            hermite(one, two, length, share)
+        })
+    }
+
+    /// Returns for each joint a first derivative that none on the way to others exceeds in size, by the control points of the cubic.
+    pub(super) fn steepest_toward(&self, other: &Self, length: f64) -> Joints {
+        let third = length / 3.0;
+        core::array::from_fn(|axis| {
+            let [one, two] = [self.slope[axis], other.slope[axis]];
+            let inner = larger((one + third * self.bend[axis]).abs(), (two - third * other.bend[axis]).abs());
+            larger(larger(one.abs(), two.abs()), inner)
         })
     }
 

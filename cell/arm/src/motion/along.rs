@@ -17,6 +17,11 @@ use crate::{Arm, Joints, SINGULAR_SHARE, TURN_SHARE, TURNED_OVER_DEG, Violation,
 pub(super) const AXIS_RESERVE: f64 = 0.955;
 pub(super) const TOOL_RESERVE: f64 = 0.965;
 
+/// The same of the joints' speeds: less, since a cycle's way is never longer than its highest speed allows, and samples give a first
+/// derivative better than a third one. Six tenths are for the error of the samples, as below; the law may exceed what is left of a
+/// speed by 0.8 % of it.
+pub(super) const AXIS_SPEED_RESERVE: f64 = 0.98;
+
 /// Shares of those reserves that the error of the samples may use. The rest is for the places between the nodes; near a singular
 /// position joints change fast there.
 const AXIS_LEFT_OUT: f64 = 0.6;
@@ -240,10 +245,10 @@ pub(super) fn is_resolved(
     let allowed = nodes.iter().map(|node| node.most_along(ratings));
     let allowed = allowed.fold([0.0; 2], |most: [f64; 2], node| [most[0].max(node[0]), most[1].max(node[1])]);
     let [acceleration, jerk] = [most[0].min(allowed[0]), most[1].min(allowed[1])];
-    let reserve = AXIS_LEFT_OUT * (1.0 - AXIS_RESERVE);
+    let [slow, reserve] = [AXIS_SPEED_RESERVE, AXIS_RESERVE].map(|reserve| AXIS_LEFT_OUT * (1.0 - reserve));
     let of_joints = piece.joints().iter().enumerate().take(axes).all(|(axis, joint)| {
         let [slope, bend, twist] = joint.off;
-        slope * speed <= reserve * ratings.speed[axis]
+        slope * speed <= slow * ratings.speed[axis]
             && slope * acceleration + bend * square <= reserve * ratings.acceleration[axis]
             && slope * jerk + 3.0 * bend * speed * acceleration + twist * speed * square
                 <= reserve * jerks[axis]

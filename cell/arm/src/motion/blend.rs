@@ -16,7 +16,7 @@
 //! Its speed passes from that of the first motion to that of the second: neither motion is faster than it is programmed, nor is the
 //! tool faster than the faster of the two.
 
-use super::along::{AXIS_RESERVE, is_resolved};
+use super::along::{AXIS_RESERVE, AXIS_SPEED_RESERVE, is_resolved};
 use super::chebyshev::{POINT_SHARES, SHARES, place_of};
 use super::derivatives::{Derivatives, Samples};
 use super::flange::Flange;
@@ -279,7 +279,7 @@ fn both(first: &Segment, second: &Segment, arm: &Arm) -> Ratings {
         least(|ratings| ratings.tool_acceleration * ratings.tool_deceleration) / tool_acceleration;
     let tool_jerk = least(Ratings::tool_jerk);
     Ratings {
-        speed: rated.speed.map(|speed| AXIS_RESERVE * speed),
+        speed: rated.speed.map(|speed| AXIS_SPEED_RESERVE * speed),
         ramp_s: core::array::from_fn(|axis| ramp_s(acceleration[axis], jerk[axis])),
         acceleration,
         tool_acceleration,

@@ -2,7 +2,7 @@
 
 use protocol::image::{ErrorNumber, Motion, MotionKind, PathForm};
 
-use super::along::{AXIS_RESERVE, Followed, TOOL_RESERVE, along};
+use super::along::{AXIS_RESERVE, AXIS_SPEED_RESERVE, Followed, TOOL_RESERVE, along};
 use super::arc::Arc;
 use super::chebyshev::POINT_SHARES;
 use super::curve::{AxisLine, Curve, Line};
@@ -382,7 +382,8 @@ fn path_ratings(programmed: &Programmed, arm: &Arm) -> Ratings {
     let Programmed { acceleration, deceleration, jerk, .. } = *programmed;
     let ratings =
         Ratings::of_axes(arm.limits(), 1.0, AXIS_RESERVE).with_tool(acceleration, jerk, TOOL_RESERVE);
-    Ratings { tool_deceleration: deceleration / acceleration, ..ratings }
+    let speed = arm.limits().speed.map(|speed| AXIS_SPEED_RESERVE * speed);
+    Ratings { speed, tool_deceleration: deceleration / acceleration, ..ratings }
 }
 
 /// Returns the limits of the joints point to point, and the nodes: the slowest axis determines the speed of all.

@@ -23,6 +23,8 @@ mod refine;
 mod round;
 mod tighten;
 
+use core::iter::zip;
+
 use super::capacity::Capacity;
 use super::cell::Cell;
 use super::grid::{Grid, Part};
@@ -62,6 +64,8 @@ pub(super) struct Law {
     values: List,
     /// The squares of the highest speeds that the joints allow in the middles of the cells.
     tops: List,
+    /// Squares of speeds up to which no joint reaches its rated speed anywhere in a cell.
+    calm: List,
     /// Reciprocals of twice the distance from each of these ways to the next.
     steps: List,
     /// Speed and acceleration at the knots.
@@ -97,6 +101,7 @@ impl Law {
             places: list(),
             values: list(),
             tops: list(),
+            calm: list(),
             steps: list(),
             paces: Vec::with_capacity(capacity.knots + 1),
             best: list(),
@@ -173,15 +178,24 @@ impl Law {
         self.places[cells - 1] = knots[cells].way - 0.25 * length(cells - 1);
         self.last_round.forget(cells);
         self.grid.middles.clear();
-        self.tops.clear();
+        self.calm.clear();
         for cell in 0..cells {
             let (start, end) = (&self.grid.knots[cell], self.end_of(cell));
             let between = start.slopes.half_way(&end.slopes, end.way - start.way);
-            self.tops.push(start.rates.highest(&between));
+            let calm = start.rates.highest(&start.slopes.steepest_toward(&end.slopes, end.way - start.way));
+            self.calm.push(calm);
             self.grid.middles.push(between);
         }
+        self.find_tops();
         self.steps.clear();
         self.steps.extend(self.places.windows(2).map(|pair| 0.5 / (pair[1] - pair[0])));
+    }
+
+    /// Finds the squares of the highest speeds that the joints allow in the middles of the cells.
+    fn find_tops(&mut self) {
+        let Self { tops, grid, .. } = self;
+        tops.clear();
+        tops.extend(zip(&grid.knots, &grid.middles).map(|(knot, middle)| knot.rates.highest(&middle.slope)));
     }
 
     /// Returns true if the last stretch had no law because it is too large for the room.

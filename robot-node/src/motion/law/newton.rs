@@ -4,8 +4,9 @@
 //! at the knots and in the middles of the cells. Speed and acceleration are linear in the values; a jerk is taken as linear
 //! for one step. Each cell depends on three values, so the matrix has two bands beside its diagonal.
 
+use super::super::extremes::larger;
 use super::super::knot::{Knot, largest};
-use super::super::load::{Ramps, larger};
+use super::super::load::Ramps;
 use super::super::slopes::Slopes;
 use super::Law;
 use crate::arm::{AXES, dot};
@@ -225,16 +226,16 @@ impl Law {
         let middle = [core::array::from_fn(between), core::array::from_fn(|i| (first[i] + last[i]) / 2.0)];
         let (one, other) = (&self.grid.knots[cell], self.end_of(cell));
         let both = core::array::from_fn(|i| one.tightness[i].min(other.tightness[i]));
-        // The values are limited by what the joints allow in the middles. At a knot that matters only where they allow less there
-        // than what the values let expect.
+        // The values are limited by what the joints allow in the middles. At a place that matters only where they allow less there
+        // than what the values let expect: at a knot, and in a middle where the squares of the speeds lie above their polygon.
         let highest = around(&self.tops, cell);
-        let top = |knot: &Knot, at: Vector| {
-            let top = knot.rates.highest(&knot.slopes);
+        let below = |top: f64, at: Vector| {
             if top < (1.0 - LEAST_BELOW) * dot(at, highest) { top } else { f64::INFINITY }
         };
+        let top = |knot: &Knot, at: Vector| below(knot.rates.highest(&knot.slopes.slope), at);
         let tops = [
             top(one, start),
-            f64::INFINITY,
+            below(self.tops[cell], middle[0]),
             self.other_side(cell).map_or(f64::INFINITY, |end_of_part| top(end_of_part, end)),
         ];
         let site =

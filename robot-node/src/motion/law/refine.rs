@@ -75,17 +75,16 @@ impl Law {
         if self.cells() < FIRST + 3 {
             return None;
         }
-        // What the joints allow at the knots is looked at there: the value of a cell may be above that of one end of it.
+        // What the joints allow at the knots is looked at there: the value of a cell may be above that of one end of it. What the
+        // passes lowered was for their law.
+        self.find_tops();
         for cell in 0..self.cells() {
             self.tops[cell] = self.top(cell);
         }
         for knot in self.grid.knots.iter_mut().chain(&mut self.grid.ends) {
             knot.tightness = [1.0; 2];
         }
-        // No step exceeds a speed; it begins a little below.
-        for cell in FIRST..self.cells() - 2 {
-            self.values[cell] = self.values[cell].min((1.0 - LEAST_LEFT) * self.tops[cell]);
-        }
+        self.keep_below_tops();
         let weight = WEIGHT * self.cells() as f64 / self.duration();
         self.find_paces();
         self.refinement = Refinement { steps: 0, weight, duration, tried: self.duration(), grown: 0.0 };
@@ -115,6 +114,7 @@ impl Law {
         let allowed = if self.start.is_rest() { EXACT } else { SLACK };
         let (most, _) = self.tighten(1.0);
         if most > 1.0 + allowed {
+            self.keep_below_tops();
             self.refinement.weight *= BLUNTER;
             return if steps < MOST_STEPS { Progress::Unfinished } else { Progress::Useless };
         }
@@ -138,6 +138,13 @@ impl Law {
         let ends = [&self.grid.knots[cell], &self.grid.knots[cell + 1], self.end_of(cell)]
             .map(|knot| knot.programmed);
         ends.into_iter().fold(self.tops[cell], f64::min)
+    }
+
+    /// Brings the values a little below the highest speeds, which no step exceeds.
+    fn keep_below_tops(&mut self) {
+        for cell in FIRST..self.cells() - 2 {
+            self.values[cell] = self.values[cell].min((1.0 - LEAST_LEFT) * self.tops[cell]);
+        }
     }
 
     fn duration(&self) -> f64 {

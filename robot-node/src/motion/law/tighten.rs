@@ -1,6 +1,7 @@
 //! How much of the limits a law uses, and reduced limits where that is too much.
 
-use super::super::load::{Load, larger};
+use super::super::extremes::larger;
+use super::super::load::Load;
 use super::super::node::Pace;
 use super::super::slopes::Slopes;
 use super::recalled::Loads;
@@ -21,14 +22,21 @@ fn larger_of_each(one: [f64; 2], other: [f64; 2]) -> [f64; 2] {
 /// Number of parts of a cell at whose borders the deceleration along the path is looked at.
 const PLACES: u32 = 16;
 
+/// The same for the speeds of joints.
+const SPEED_PLACES: u32 = 8;
+
 impl Law {
-    /// Reduces the limits where the law exceeds them. Returns the largest used share of a limit, and the ratio by which
-    /// the law is too fast.
+    /// Reduces the limits where the law exceeds them, and lowers the tops of cells in which a joint is too fast. Returns the largest
+    /// used share of a limit, and the ratio by which the law is too fast.
     pub(super) fn tighten(&mut self, power: f64) -> (f64, f64) {
         let cells = self.cells();
         let mut most = [0.0_f64; 2];
         let mut before = [0.0_f64; 2];
+        let mut fastest = 0.0;
         for cell in 0..cells {
+            let speed = self.speed_between(cell);
+            fastest = larger(fastest, speed);
+            self.lower_top(cell, speed);
             let [start, middle, end] = self.loads_again(cell);
             for loads in [start, middle, end] {
                 most = larger_of_each(most, loads);
@@ -38,7 +46,48 @@ impl Law {
             before = end;
         }
         self.draw(cells..=cells, before, power);
-        (most[0].max(most[1]), most[0].sqrt().max(libm::cbrt(most[1])))
+        let ratio = most[0].sqrt().max(libm::cbrt(most[1])).max(fastest);
+        (most[0].max(most[1]).max(fastest), ratio)
+    }
+
+    /// Returns the largest share of a joint's rated speed that the law uses within a cell; 0 where surely none reaches it.
+    fn speed_between(&self, cell: usize) -> f64 {
+        let ([from, to], length) = ([self.paces[cell], self.paces[cell + 1]], self.length(cell));
+        let is_beside_rest = from.is_rest() || to.is_rest();
+        let change = (to.acceleration - from.acceleration) / length;
+        // A parabola is nowhere above its highest control point.
+        let between = from.square + from.acceleration * length;
+        let highest = if is_beside_rest { 0.0 } else { between };
+        if from.square.max(to.square).max(highest) <= self.calm[cell] {
+            return 0.0;
+        }
+        let (start, end) = (&self.grid.knots[cell], self.end_of(cell));
+        let square_at = |share: f64| {
+            let (way, left) = (share * length, 1.0 - share);
+            match (from.is_rest(), to.is_rest()) {
+                (false, false) => from.square + way * (2.0 * from.acceleration + way * change),
+                (true, _) => to.square * share * libm::cbrt(share),
+                (false, true) => from.square * left * libm::cbrt(left),
+            }
+        };
+        let shares = (1..SPEED_PLACES).map(|place| {
+            let share = f64::from(place) / f64::from(SPEED_PLACES);
+            let slope = start.slopes.slope_toward(&end.slopes, length, share);
+            square_at(share) / start.rates.highest(&slope)
+        });
+        shares.fold(0.0, larger).sqrt()
+    }
+
+    /// Lowers the squares of the highest speeds in a cell by that of a ratio, where it is above 1. The speed in the first and in the
+    /// last cell follows from that in the next one to it.
+    fn lower_top(&mut self, cell: usize, ratio: f64) {
+        if ratio <= 1.0 + EXACT {
+            return;
+        }
+        let top = cell.clamp(1, self.cells() - 2);
+        if let Some(top) = self.tops.get_mut(top) {
+            *top /= ratio * ratio;
+        }
     }
 
     /// Returns the same as [`loads_of`](Self::loads_of): what the last round found, if the law is the same in the cell.

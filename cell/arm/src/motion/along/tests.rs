@@ -267,8 +267,8 @@ fn a_piece_is_resolved_while_its_errors_take_no_more_than_their_share_of_the_res
     let limits = ratings(&arm());
     let (v, [a, j]) = (150.0, [2_500.0, 50_000.0]);
     let reserve = AXIS_LEFT_OUT * (1.0 - AXIS_RESERVE);
-    let [speed, acceleration, jerk] =
-        [limits.speed[1], limits.acceleration[1], limits.jerk()[1]].map(|all| reserve * all);
+    let speed = AXIS_LEFT_OUT * (1.0 - AXIS_SPEED_RESERVE) * limits.speed[1];
+    let [acceleration, jerk] = [limits.acceleration[1], limits.jerk()[1]].map(|all| reserve * all);
     let joint = |off: [f64; 3], speed: f64, most: [f64; 2]| Case { channel: 1, off, bends: 0.0, speed, most };
     joint([speed / v, 0.0, 0.0], v, [1.0, 1.0]).is_at_the_border("a speed");
     joint([acceleration / a, 0.0, 0.0], 1.0, [a, 1.0]).is_at_the_border("an acceleration along");
@@ -298,7 +298,7 @@ fn a_piece_is_resolved_while_its_errors_take_no_more_than_their_share_of_the_res
 #[test]
 fn the_highest_speed_and_the_least_turn_of_the_nodes_count() {
     let limits = ratings(&arm());
-    let speed = AXIS_LEFT_OUT * (1.0 - AXIS_RESERVE) * limits.speed[1];
+    let speed = AXIS_LEFT_OUT * (1.0 - AXIS_SPEED_RESERVE) * limits.speed[1];
     let node = |programmed: f64, highest: f64, slope: f64| {
         let mut node = Node { highest, ..Node::of_axes(0.0, programmed, &[0.0; AXES], &limits) };
         node.slope[0] = slope as f32;

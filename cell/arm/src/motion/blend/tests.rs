@@ -121,7 +121,7 @@ fn the_limits_of_a_corner_are_the_lower_ones_of_both_motions_with_the_reserve() 
             assert!(near(found.acceleration[axis], least), "acceleration of {axis}");
             let least = one.jerk()[axis].min(other.jerk()[axis]).min(AXIS_RESERVE * rated.jerk[axis]);
             assert!(near(found.jerk()[axis], least), "jerk of {axis}");
-            assert!(near(found.speed[axis], AXIS_RESERVE * rated.speed[axis]), "speed of {axis}");
+            assert!(near(found.speed[axis], AXIS_SPEED_RESERVE * rated.speed[axis]), "speed of {axis}");
             let slows = one.joints_slow()[axis].min(other.joints_slow()[axis]).min(reserved);
             assert!(found.joints_slow()[axis] <= slows * (1.0 + 1e-9), "deceleration of {axis}");
         }
