@@ -191,6 +191,21 @@ where
         Self::remark(self, report.station.unwrap_or_default(), words)
     }
 
+    /// A device may report a fault at any time, so it is also asked whenever a run or a wait is reported.
+    fn may_remark(report: &PlcReport) -> bool {
+        match &report.event {
+            PlcEvent::Waiting { for_what, .. } => !matches!(for_what, WaitingFor::Connection { .. }),
+            event => matches!(
+                event,
+                PlcEvent::Link(LinkEvent::Up)
+                    | PlcEvent::Ready
+                    | PlcEvent::Started { .. }
+                    | PlcEvent::Finished(_)
+                    | PlcEvent::Failed(_)
+            ),
+        }
+    }
+
     fn write_identity(&self, report: &PlcReport, words: &mut dyn fmt::Write) -> fmt::Result {
         Self::write_identity(self, report.station.unwrap_or_default(), words)
     }

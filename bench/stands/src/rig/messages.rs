@@ -202,7 +202,7 @@ impl Rig {
             NodeEvent::Plc(Some(station), message) => (RigNode::Plc, Some(format!("{station}: {message}"))),
             NodeEvent::Robot(station, message) => (RigNode::Robot(*station), Some(message.to_string())),
             NodeEvent::UnreadableLine { node, line } => (*node, Some(line.clone())),
-            NodeEvent::Ended(_) => return,
+            NodeEvent::OtherProtocol { .. } | NodeEvent::Ended(_) => return,
         };
         let name = self.name(id).to_string();
         let is_for_user = match event {
@@ -309,7 +309,9 @@ impl Rig {
         let id = match event {
             NodeEvent::Robot(station, _) => RigNode::Robot(*station),
             NodeEvent::Plc(..) => RigNode::Plc,
-            NodeEvent::Ended(node) | NodeEvent::UnreadableLine { node, .. } => *node,
+            NodeEvent::Ended(node)
+            | NodeEvent::UnreadableLine { node, .. }
+            | NodeEvent::OtherProtocol { node, .. } => *node,
         };
         let name = || self.name(id);
         match event {
@@ -338,6 +340,9 @@ impl Rig {
             }
             NodeEvent::UnreadableLine { line, .. } => {
                 Some(RigError::UnreadableLine { node: name(), line: line.clone() })
+            }
+            NodeEvent::OtherProtocol { protocol, .. } => {
+                Some(RigError::OtherProtocol { node: name(), protocol: *protocol })
             }
             NodeEvent::Plc(..) | NodeEvent::Robot(..) => None,
         }
