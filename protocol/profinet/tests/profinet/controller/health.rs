@@ -35,7 +35,7 @@ impl Ill {
         self.remark()
     }
 
-    fn remark(&self) -> String {
+    fn remark(&mut self) -> String {
         let mut words = String::new();
         self.cell.ar().remark(&mut words).unwrap();
         words
@@ -76,7 +76,8 @@ fn more_faults_than_are_named_are_counted_and_cut_ones_do_no_harm() {
     for channel in 0..11 {
         ill.after(DIAGNOSIS, (1, 1), &[0x8000, channel, APPEARS, 1]);
     }
-    assert!(ill.remark().ends_with("channel 7: short circuit (0x0001); 3 more faults"), "{}", ill.remark());
+    let words = ill.remark();
+    assert!(words.ends_with("channel 7: short circuit (0x0001); 3 more faults"), "{words}");
     for channel in 0..11 {
         ill.after(DIAGNOSIS, (1, 1), &[0x8000, channel, DISAPPEARS, 1]);
     }
