@@ -160,7 +160,7 @@ impl Rig {
             self.feed_live(&event);
             match self.failure(&event).await {
                 // The PLC sees it too, and says what becomes of the others.
-                Some(error) if self.is_running && self.robots.len() > 1 && is_end_of_robot(&event) => {
+                Some(error) if self.is_running && self.robots.len() > 1 && event.is_end_of_robot() => {
                     self.lost.get_or_insert(error);
                 }
                 Some(error) => return Err(error),
@@ -443,9 +443,4 @@ impl Rig {
     fn kill_node(&mut self, id: RigNode) {
         self.node(id).into_iter().for_each(Node::kill);
     }
-}
-
-/// Returns whether the process of a robot has ended.
-const fn is_end_of_robot(event: &NodeEvent) -> bool {
-    matches!(event, NodeEvent::Ended(RigNode::Robot(_)))
 }

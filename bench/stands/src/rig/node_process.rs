@@ -46,6 +46,13 @@ pub(super) enum NodeEvent {
     Ended(RigNode),
 }
 
+impl NodeEvent {
+    /// Returns whether the process of a robot has ended.
+    pub(super) const fn is_end_of_robot(&self) -> bool {
+        matches!(self, Self::Ended(RigNode::Robot(_)))
+    }
+}
+
 #[derive(Debug)]
 pub(super) struct NodeProcess {
     name: NodeName,
