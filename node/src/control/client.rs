@@ -136,7 +136,7 @@ pub(super) struct DismissedClient {
     client: Client,
     pub(super) until: Instant,
     dropped: usize,
-    /// Whether our end of the connection is closed.
+    /// True once our end of the connection is closed.
     has_ended: bool,
 }
 

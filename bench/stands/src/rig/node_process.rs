@@ -190,15 +190,15 @@ mod tests {
     #[test]
     fn a_first_message_of_a_later_version_is_named_by_its_version_whatever_else_is_in_it() {
         let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
-        let told = |line: &str| {
+        let event_of = |line: &str| {
             let (sender, mut events) = mpsc::channel(4);
             runtime.block_on(forward(RigNode::Plc, line.as_bytes(), sender));
             runtime.block_on(events.recv()).unwrap()
         };
         let later = "{\"hello\":{\"protocol\":2,\"node\":{\"kind\":\"plc\"}}}\n\"link_up\"\n";
-        let event = told(later);
+        let event = event_of(later);
         assert!(matches!(event, NodeEvent::OtherProtocol { protocol: 2, .. }), "{event:?}");
-        let event = told("{\"hello\":{\"protocol\":1}}\n");
+        let event = event_of("{\"hello\":{\"protocol\":1}}\n");
         assert!(matches!(event, NodeEvent::UnreadableLine { .. }), "{event:?}");
     }
 }
