@@ -234,3 +234,26 @@ where
         (now, self.sample_of(station))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::buses::ProfinetController;
+
+    #[test]
+    fn the_bus_is_asked_for_remarks_with_each_report_of_a_connected_robot() {
+        let waiting = |for_what| PlcEvent::Waiting { for_what, seconds: 2 };
+        for (event, is_asked) in [
+            (PlcEvent::Link(LinkEvent::Up), true),
+            (PlcEvent::Ready, true),
+            (waiting(WaitingFor::Resume), true),
+            // Without a connection nothing is remarkable about it, and nothing has ended either.
+            (waiting(WaitingFor::Connection { last: None }), false),
+            (PlcEvent::MovingToStart, false),
+        ] {
+            let report = PlcReport { station: Some(0), event };
+            let may_remark = <PlcNode<ProfinetController, AnyProgram> as Node>::may_remark(&report);
+            assert_eq!(may_remark, is_asked, "{report:?}");
+        }
+    }
+}
